@@ -1,0 +1,1 @@
+"""Hardware in the loop: the firmware that is flashed, on a simulated chip in a simulated world."""

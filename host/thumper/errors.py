@@ -1,0 +1,13 @@
+"""The one exception that a user may see: it says what is wrong and what cures it, in one line."""
+
+
+class ThumperError(Exception):
+    """A fault that the user can mend. The message is one line: the thing, then the cure.
+
+    The command line prints it without a traceback and leaves with `exit_code`
+    (1 failure, 2 usage, 3 hardware not found, 4 check failed).
+    """
+
+    def __init__(self, message: str, *, exit_code: int = 1) -> None:
+        super().__init__(message)
+        self.exit_code = exit_code

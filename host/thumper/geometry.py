@@ -1,0 +1,63 @@
+"""Planar poses and speeds. SI units, REP-103: x forward, y left, counter-clockwise positive.
+
+A pose that is also a transform is named `target_from_source`, so that neighbours cancel:
+`map_from_base = map_from_odom @ odom_from_base`.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+def wrap_angle(angle_rad: float) -> float:
+    """Return the same angle in [-pi, pi]."""
+    return math.remainder(angle_rad, math.tau)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pose2:
+    """A pose in the plane, or the rigid transform that takes the body's points to the frame it is given in."""
+
+    x_m: float = 0.0
+    y_m: float = 0.0
+    theta_rad: float = 0.0
+
+    def __matmul__(self, other: "Pose2") -> "Pose2":
+        """Compose: `a_from_b @ b_from_c` is `a_from_c`."""
+        cos, sin = math.cos(self.theta_rad), math.sin(self.theta_rad)
+        return Pose2(
+            x_m=self.x_m + cos * other.x_m - sin * other.y_m,
+            y_m=self.y_m + sin * other.x_m + cos * other.y_m,
+            theta_rad=wrap_angle(self.theta_rad + other.theta_rad),
+        )
+
+    def inverse(self) -> "Pose2":
+        """Return `b_from_a` for `a_from_b`."""
+        cos, sin = math.cos(self.theta_rad), math.sin(self.theta_rad)
+        return Pose2(
+            x_m=-cos * self.x_m - sin * self.y_m,
+            y_m=sin * self.x_m - cos * self.y_m,
+            theta_rad=wrap_angle(-self.theta_rad),
+        )
+
+    def apply(self, points_m: FloatArray) -> FloatArray:
+        """Take points, shape (n, 2) [m], from the source frame to the target frame."""
+        cos, sin = math.cos(self.theta_rad), math.sin(self.theta_rad)
+        rotation = np.array([[cos, sin], [-sin, cos]])
+        return points_m @ rotation + (self.x_m, self.y_m)
+
+    def distance_m(self, other: "Pose2") -> float:
+        """Euclidean distance between the two origins [m]."""
+        return math.hypot(self.x_m - other.x_m, self.y_m - other.y_m)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Twist2:
+    """Speed of a body that cannot move sideways: forward [m/s] and counter-clockwise [rad/s]."""
+
+    v_m_s: float = 0.0
+    w_rad_s: float = 0.0

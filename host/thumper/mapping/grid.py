@@ -1,0 +1,41 @@
+"""The occupancy grid that mappers make and planners read."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+UNKNOWN, FREE, OCCUPIED = -1, 0, 100
+
+CellArray = NDArray[np.int8]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OccupancyGrid:
+    """Cells, shape (rows, columns), int8: -1 unknown, else occupancy in percent (0 free ... 100 occupied).
+
+    Row 0 is the smallest y, column 0 the smallest x: cell [row, col] covers
+    x in origin_x_m + resolution_m * [col, col + 1), y likewise with row. The frame is `map`.
+    """
+
+    cells: CellArray
+    resolution_m: float
+    origin_x_m: float
+    origin_y_m: float
+
+    def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
+        """(row, col) of the cell that holds the point; may lie outside the grid."""
+        col = int(np.floor((x_m - self.origin_x_m) / self.resolution_m))
+        row = int(np.floor((y_m - self.origin_y_m) / self.resolution_m))
+        return row, col
+
+    def centre_of(self, row: int, col: int) -> tuple[float, float]:
+        """(x_m, y_m) of the cell's centre."""
+        return (
+            self.origin_x_m + (col + 0.5) * self.resolution_m,
+            self.origin_y_m + (row + 0.5) * self.resolution_m,
+        )
+
+    def contains(self, row: int, col: int) -> bool:
+        """Whether [row, col] is a cell of this grid."""
+        return 0 <= row < self.cells.shape[0] and 0 <= col < self.cells.shape[1]
