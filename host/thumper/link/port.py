@@ -1,0 +1,57 @@
+"""Open a serial port by URL: `/dev/ttyUSB0`, `socket://host:port`, or any protocol that a plug-in registers."""
+
+import time
+from collections.abc import Callable
+from importlib.metadata import entry_points
+from typing import cast
+
+import serial
+
+from thumper.errors import ThumperError
+
+EXIT_NO_HARDWARE = 3
+
+
+def open_port(url: str, *, baud: int, name: str) -> serial.SerialBase:
+    """Open `url`; `name` says in errors what should be on it ("board", "lidar").
+
+    Raises
+    ------
+    ThumperError
+        The port is missing, not permitted or busy; the message names the cure.
+    """
+    _register_plugins()
+    options: dict[str, object] = {"baudrate": baud, "timeout": 0.02, "write_timeout": 0.5}
+    if "://" not in url:
+        options["exclusive"] = True  # two programs on one motor board would be dangerous
+    try:
+        return cast("serial.SerialBase", serial.serial_for_url(url, **options))
+    except (serial.SerialException, ValueError, OSError) as error:
+        raise ThumperError(
+            f"cannot open the {name} port {url}: {_cause_and_cure(error)}", exit_code=EXIT_NO_HARDWARE
+        ) from error
+
+
+def clock_of(port: serial.SerialBase) -> Callable[[], float]:
+    """Return the clock [s] of the world that the port lives in: a simulated port brings its own."""
+    clock: Callable[[], float] = getattr(port, "clock_s", time.monotonic)
+    return clock
+
+
+def _register_plugins() -> None:
+    for plugin in entry_points(group="thumper.serial_protocols"):
+        if plugin.value not in serial.protocol_handler_packages:
+            serial.protocol_handler_packages.append(plugin.value)
+
+
+def _cause_and_cure(error: Exception) -> str:
+    text = str(error)
+    if isinstance(error, FileNotFoundError) or "No such file" in text:
+        return "there is no such port; is it plugged in? `thumper doctor` lists the ports that exist"
+    if isinstance(error, PermissionError) or "Permission denied" in text:
+        return "not permitted; add yourself to its group: sudo usermod -aG dialout $USER, then log in again"
+    if "exclusively lock" in text or "busy" in text:
+        return "another program has it open; close that program first"
+    if "unknown protocol" in text or "invalid URL" in text:
+        return "no such kind of port; give a device such as /dev/ttyUSB0 or a URL such as sim://robot/board"
+    return " ".join(text.split())
