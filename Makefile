@@ -1,0 +1,67 @@
+# Two commands matter: `make demo` (see the robot drive) and `make test`. Both install what is missing.
+.PHONY: help demo test lint format firmware chip protocol bench clean
+
+PYTHON ?=
+VENV := .venv
+BIN := $(VENV)/bin
+PACKAGES := gcc-avr avr-libc binutils-avr libsimavr-dev libelf-dev g++ python3-venv
+TEST_PACKAGES := clang-format simavr
+
+help:
+	@echo "make demo      install what is missing, build, and drive the two missions in simulation (results in out/)"
+	@echo "make test      install what is missing, build, and run every test"
+	@echo "make lint      ruff, mypy --strict, clang-format"
+	@echo "make firmware  build firmware/build/thumper.elf and .hex, print their size"
+	@echo "make bench     run the benchmarks"
+
+demo: firmware chip
+	@$(BIN)/thumper demo
+
+test: firmware chip $(VENV)/.dev
+	@$(BIN)/python -m pytest
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	clang-format --dry-run --Werror $$(git ls-files '*.cpp' '*.hpp' '*.c' '*.h')
+
+format: $(VENV)/.dev
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+	clang-format -i $$(git ls-files '*.cpp' '*.hpp' '*.c' '*.h')
+
+firmware: $(VENV)/.packages
+	@$(MAKE) --no-print-directory -C firmware
+
+chip: $(VENV)/.run $(VENV)/.packages
+	@$(MAKE) --no-print-directory -C hil/thumper_hil/chip
+
+protocol: $(VENV)/.run
+	$(BIN)/python firmware/protocol/generate.py
+
+bench: firmware chip $(VENV)/.run
+	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
+
+clean:
+	rm -rf firmware/build hil/thumper_hil/chip/build out
+
+# Stamps: set-up is repeated only when what it depends on has changed.
+$(VENV)/.packages: scripts/install-packages Makefile
+	@scripts/install-packages $(PACKAGES)
+	@mkdir -p $(VENV) && touch $@
+
+$(BIN)/python: | $(VENV)/.packages
+	@PYTHON="$(PYTHON)" scripts/find-python >/dev/null
+	@"$$(PYTHON="$(PYTHON)" scripts/find-python)" -m venv $(VENV)
+
+$(VENV)/.run: pyproject.toml | $(BIN)/python
+	@echo "installing Python packages into $(VENV)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+$(VENV)/.dev: pyproject.toml | $(BIN)/python
+	@scripts/install-packages $(TEST_PACKAGES)
+	@echo "installing Python packages for the tests into $(VENV)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $(VENV)/.run $@

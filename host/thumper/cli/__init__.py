@@ -1,0 +1,50 @@
+"""The `thumper` command. Each command imports what it needs when it runs, so that `--help` is quick."""
+
+import sys
+from importlib.metadata import entry_points
+
+import typer
+
+from thumper import __version__
+from thumper.cli.doctor import doctor
+from thumper.cli.map_log import map_log
+from thumper.cli.run import run
+from thumper.errors import ThumperError
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"thumper {__version__}")
+        raise typer.Exit
+
+
+def _build() -> typer.Typer:
+    app = typer.Typer(
+        help="A brain for differential-drive robots: holds wheel speeds, maps, and drives to a goal.",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+
+    @app.callback()
+    def _options(
+        version: bool = typer.Option(
+            False, "--version", callback=_show_version, is_eager=True, help="Print the version and leave."
+        ),
+    ) -> None:
+        pass
+
+    for plugin in sorted(entry_points(group="thumper.commands"), key=lambda point: point.name):
+        app.command(plugin.name)(plugin.load())  # demo, sim: from the simulator, where it is installed
+    for command in (run, map_log, doctor):
+        app.command(command.__name__.replace("_", "-"))(command)
+    return app
+
+
+def main() -> None:
+    """Run the command line; a fault that the user can mend is one line on stderr, never a traceback."""
+    try:
+        _build()()
+    except ThumperError as error:
+        print(f"thumper: {error}", file=sys.stderr)
+        sys.exit(error.exit_code)

@@ -1,0 +1,21 @@
+"""The folder that a command writes to: checked before the work starts."""
+
+import os
+import tempfile
+from pathlib import Path
+
+from thumper.errors import ThumperError
+
+
+def prepare_output(folder: Path) -> Path:
+    """Create `folder` if need be and prove that it can be written to; `ThumperError` says what is in the way."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise ThumperError(
+            f"cannot write to {folder}: {os.strerror(error.errno or 0)}; choose another folder with --out",
+            exit_code=2,
+        ) from error
+    return folder

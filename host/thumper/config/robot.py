@@ -1,0 +1,102 @@
+"""Read the robot's TOML and check every key, type and range. Nothing unknown is ignored."""
+
+import difflib
+import json
+import math
+import tomllib
+from dataclasses import dataclass, field, is_dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, cast, get_type_hints
+
+from annotated_types import Ge, Gt, Le
+from pydantic import TypeAdapter, ValidationError
+
+from thumper.errors import ThumperError
+from thumper.geometry import Pose2
+from thumper.kinematics import DriveGeometry
+from thumper.mapping.grid_mapper import GridMapperOptions
+from thumper.navigation.options import NavigationOptions
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoardConfig:
+    """Where the motor board is."""
+
+    port: str = "/dev/ttyUSB0"
+    baud: Literal[250_000, 500_000] = 500_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LidarConfig:
+    """Where the lidar is: on which port, and on the robot (base_link: between the middle wheels)."""
+
+    port: str = "/dev/ttyACM0"
+    baud: Annotated[int, Gt(0)] = 115_200  # ignored by USB lidars
+    x_m: float = 0.12
+    y_m: float = 0.0
+    yaw_deg: Annotated[float, Ge(-180), Le(180)] = 0.0
+
+    @property
+    def base_from_laser(self) -> Pose2:
+        """The mounting as a transform."""
+        return Pose2(x_m=self.x_m, y_m=self.y_m, theta_rad=math.radians(self.yaw_deg))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveConfig(DriveGeometry):
+    """Geometry of the drive, and the fastest wheel speed to ask for."""
+
+    max_wheel_rad_s: Annotated[float, Gt(0), Le(17)] = 13.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotConfig:
+    """Everything that `thumper` needs to know of one robot; the defaults are the Wild Thumper's."""
+
+    name: str = "thumper"
+    board: BoardConfig = field(default_factory=BoardConfig)
+    lidar: LidarConfig = field(default_factory=LidarConfig)
+    drive: DriveConfig = field(default_factory=DriveConfig)
+    mapping: GridMapperOptions = field(default_factory=GridMapperOptions)
+    navigation: NavigationOptions = field(default_factory=NavigationOptions)
+
+
+_ADAPTER = TypeAdapter(RobotConfig)
+
+
+def load_config(path: Path | None) -> RobotConfig:
+    """Read `path`, or give the defaults for None.
+
+    Raises
+    ------
+    ThumperError
+        The file cannot be read, is no TOML, or holds a key, type or value that is wrong: named with the file.
+    """
+    if path is None:
+        return RobotConfig()
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ThumperError(f"{path}: cannot read the configuration: {error.strerror}", exit_code=2) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ThumperError(f"{path}: not valid TOML: {error}", exit_code=2) from error
+    _refuse_unknown_keys(data, RobotConfig, path, "")
+    try:
+        # By way of JSON: in strict mode pydantic takes tables for dataclasses only from there.
+        return _ADAPTER.validate_json(json.dumps(data, default=str), strict=True)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise ThumperError(f"{path}: {key} = {first['input']!r}: {first['msg']}", exit_code=2) from error
+
+
+def _refuse_unknown_keys(table: dict[str, Any], of: type, path: Path, prefix: str) -> None:
+    """pydantic ignores what a plain dataclass does not know; a typing error must not pass unseen."""
+    types = get_type_hints(of)
+    for key, value in table.items():
+        if key not in types:
+            close = difflib.get_close_matches(key, types, n=1)
+            hint = f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(sorted(types))}"
+            raise ThumperError(f"{path}: unknown key {prefix}{key}; {hint}", exit_code=2)
+        if isinstance(value, dict) and is_dataclass(types[key]):
+            _refuse_unknown_keys(value, cast("type", types[key]), path, f"{prefix}{key}.")

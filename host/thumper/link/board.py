@@ -1,0 +1,198 @@
+"""The motor board: typed requests with retries, and the telemetry stream, over one serial port."""
+
+from collections import deque
+from dataclasses import dataclass
+
+import serial
+
+from thumper.errors import ThumperError
+from thumper.kinematics import WheelSpeeds
+from thumper.link.clock import ClockFit
+from thumper.link.framing import DELIMITER, Frame, FrameDecoder, encode_frame
+from thumper.link.messages import (
+    MESSAGES,
+    PARAMETERS,
+    SCHEMA_HASH,
+    Ack,
+    AckStatus,
+    Command,
+    CommandRequest,
+    Identify,
+    Identity,
+    Message,
+    SetParameter,
+    SetWheelSpeeds,
+    Telemetry,
+)
+from thumper.link.port import EXIT_NO_HARDWARE, clock_of, open_port
+
+REPLY_TIMEOUT_S = 0.1
+REQUEST_TRIES = 5
+BOOT_TIMEOUT_S = 4.0  # opening the port resets the board; its bootloader waits 1.3 s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TelemetrySample:
+    """One telemetry message and when the board took it, on the host's clock [s]."""
+
+    time_s: float
+    telemetry: Telemetry
+
+
+class Board:
+    """A board that answered the handshake. Use `Board.open`; `close` disarms it first."""
+
+    def __init__(self, port: serial.SerialBase, name: str) -> None:
+        self._port = port
+        self._name = name
+        self._clock = clock_of(port)
+        self._decoder = FrameDecoder()
+        self._fit = ClockFit(tick_s=1e-6, wrap_ticks=2**32)
+        self._sequence = 0
+        self._samples: deque[TelemetrySample] = deque()
+        self._replies: list[Message] = []
+        self._schema_hash: int | None = None
+        self.identity = self._handshake()
+
+    @classmethod
+    def open(cls, url: str, *, baud: int) -> "Board":
+        """Open the port and shake hands.
+
+        Raises
+        ------
+        ThumperError
+            No such port, nobody answers, or the firmware speaks another version of the protocol.
+        """
+        port = open_port(url, baud=baud, name="board")
+        try:
+            return cls(port, url)
+        except BaseException:
+            port.close()
+            raise
+
+    @property
+    def receive_errors(self) -> int:
+        """Frames from the board that did not check."""
+        return self._decoder.errors
+
+    def poll(self, timeout_s: float) -> list[TelemetrySample]:
+        """Return the telemetry since the last call, oldest first; wait for some up to `timeout_s`."""
+        deadline_s = self._clock() + timeout_s
+        while not self._samples and self._clock() < deadline_s:
+            self._receive(deadline_s - self._clock())
+        samples = list(self._samples)
+        self._samples.clear()
+        return samples
+
+    def set_wheel_speeds(self, speeds: WheelSpeeds) -> None:
+        """Send the set-points; the board stops by itself when none comes for 300 ms."""
+        self._send(
+            SetWheelSpeeds(
+                left_mrad_s=_int16(1000.0 * speeds.left_rad_s), right_mrad_s=_int16(1000.0 * speeds.right_rad_s)
+            )
+        )
+
+    def command(self, command: Command) -> None:
+        """Have the board change its state; raises `ThumperError` when it refuses or does not answer."""
+        self._acknowledged(CommandRequest(command=command), f"{command.name.lower()} command")
+
+    def set_parameter(self, name: str, value: float) -> None:
+        """Set a parameter in the unit that `docs/protocol.md` gives; the board checks the range as well."""
+        spec = next((spec for spec in PARAMETERS if spec.name == name), None)
+        if spec is None:
+            names = ", ".join(spec.name for spec in PARAMETERS)
+            raise ThumperError(f"the board has no parameter {name!r}; it has {names}")
+        self._acknowledged(
+            SetParameter(index=spec.index, value=round(value * spec.scale)),
+            f"parameter {name} = {value:g} (allowed {spec.minimum:g}...{spec.maximum:g} {spec.unit})",
+        )
+
+    def close(self) -> None:
+        """Stop the motors, then close the port. Never raises: the board's own time-out is the second line."""
+        try:
+            self.set_wheel_speeds(WheelSpeeds())
+            self.command(Command.DISARM)
+        except (ThumperError, serial.SerialException, OSError):
+            pass
+        finally:
+            self._port.close()
+
+    def _handshake(self) -> Identity:
+        deadline_s = self._clock() + BOOT_TIMEOUT_S
+        heard_bytes = 0
+        while self._clock() < deadline_s:
+            self._port.write(DELIMITER)  # ends whatever noise the line's opening made
+            reply, received = self._request(Identify(), Identity)
+            heard_bytes += received
+            if self._schema_hash not in (None, SCHEMA_HASH):
+                raise ThumperError(
+                    f"the firmware on {self._name} speaks another protocol version ({self._schema_hash:08x}, "
+                    f"this program {SCHEMA_HASH:08x}); flash the firmware that belongs to this program",
+                    exit_code=EXIT_NO_HARDWARE,
+                )
+            if isinstance(reply, Identity):
+                return reply
+        what = "what it sends is not the Thumper protocol" if heard_bytes else "it stays silent"
+        raise ThumperError(
+            f"no Thumper board answers on {self._name}: {what}; is it the right port, flashed and powered?",
+            exit_code=EXIT_NO_HARDWARE,
+        )
+
+    def _acknowledged(self, request: Message, what: str) -> None:
+        for _ in range(REQUEST_TRIES):
+            reply, _ = self._request(request, Ack)
+            if isinstance(reply, Ack):
+                if reply.status != AckStatus.OK:
+                    raise ThumperError(f"the board refused the {what}: {AckStatus(reply.status).name.lower()}")
+                return
+        raise ThumperError(f"the board did not answer the {what}; is the cable loose?")
+
+    def _request(self, request: Message, reply_type: type[Message]) -> tuple[Message | None, int]:
+        """Send once and wait; return the reply that belongs to this request, and how many bytes came."""
+        sequence = self._send(request)
+        self._replies.clear()
+        received = 0
+        deadline_s = self._clock() + REPLY_TIMEOUT_S
+        while self._clock() < deadline_s:
+            received += self._receive(deadline_s - self._clock())
+            for reply in self._replies:
+                if isinstance(reply, Ack):
+                    if (reply.request_id, reply.request_seq) == (request.ID, sequence):
+                        return reply, received
+                elif isinstance(reply, reply_type):
+                    return reply, received
+        return None, received
+
+    def _send(self, message: Message) -> int:
+        self._sequence = (self._sequence + 1) % 256
+        self._port.write(encode_frame(message.ID, self._sequence, message.pack()))
+        return self._sequence
+
+    def _receive(self, timeout_s: float) -> int:
+        """Read what is there, or wait for the first byte; sort what it completes. Returns the bytes read."""
+        self._port.timeout = max(timeout_s, 0.0)
+        data = self._port.read(max(1, self._port.in_waiting))
+        received_s = self._clock()
+        for frame in self._decoder.feed(data):
+            self._sort(frame, received_s)
+        return len(data)
+
+    def _sort(self, frame: Frame, received_s: float) -> None:
+        if frame.message_id == Identity.ID:  # its first field is the hash in every version
+            self._schema_hash = int.from_bytes(frame.payload[:4], "little")
+        message_type = MESSAGES.get(frame.message_id)
+        if message_type is None:
+            return
+        try:
+            message = message_type.unpack(frame.payload)
+        except ValueError:  # another protocol version: the handshake will say so
+            return
+        if isinstance(message, Telemetry):
+            time_s = self._fit.host_time_s(message.time_us, received_s)
+            self._samples.append(TelemetrySample(time_s=time_s, telemetry=message))
+        else:
+            self._replies.append(message)
+
+
+def _int16(value: float) -> int:
+    return max(-32768, min(32767, round(value)))
