@@ -1,0 +1,150 @@
+"""Read a world's TOML: polylines of wall, boxes and circles. Nothing unknown is ignored."""
+
+import math
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thumper.errors import ThumperError
+from thumper.geometry import FloatArray
+
+WORLDS = Path(__file__).resolve().parent.parent / "worlds"
+
+WALL_KEYS = frozenset({"name", "points_m", "closed"})
+BOX_KEYS = frozenset({"name", "x_m", "y_m", "length_m", "width_m", "yaw_deg"})
+CIRCLE_KEYS = frozenset({"name", "x_m", "y_m", "radius_m"})
+TABLE_KEYS = {"wall": WALL_KEYS, "box": BOX_KEYS, "circle": CIRCLE_KEYS}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WorldShapes:
+    """What a world file holds: wall segments (n, 4), circles (m, 3), boxes as (x, y, length, width, yaw_deg)."""
+
+    segments: FloatArray
+    circles: FloatArray
+    boxes: tuple[tuple[float, float, float, float, float], ...]
+
+
+class _BadWorldError(ValueError):
+    """A wrong key or value; the caller adds the file's name."""
+
+
+def read_world_file(name_or_path: str | Path) -> WorldShapes:
+    """Read `worlds/NAME.toml`, or the file at a path that ends in `.toml`; a file may build on `base = "NAME"`.
+
+    Raises
+    ------
+    ThumperError
+        No such world, no TOML, or a key or value that is wrong: named with the file.
+    """
+    given = Path(name_or_path)
+    path = given if given.suffix == ".toml" else WORLDS / f"{given}.toml"
+    return _read(path, asked_by=())
+
+
+def _read(path: Path, asked_by: tuple[Path, ...]) -> WorldShapes:
+    if path in asked_by:
+        raise ThumperError(f"{path}: base: builds on itself; name another world", exit_code=2)
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        known = ", ".join(sorted(file.stem for file in WORLDS.glob("*.toml")))
+        raise ThumperError(f"{path}: no such world; there are: {known}", exit_code=2) from error
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ThumperError(f"{path}: cannot read the world: {error}", exit_code=2) from error
+    try:
+        own = _parse(data)
+    except _BadWorldError as error:
+        raise ThumperError(f"{path}: {error}", exit_code=2) from error
+    if "base" not in data:
+        return own
+    base = _read(path.parent / f"{data['base']}.toml", (*asked_by, path))
+    return WorldShapes(
+        segments=np.vstack([base.segments, own.segments]),
+        circles=np.vstack([base.circles, own.circles]),
+        boxes=base.boxes + own.boxes,
+    )
+
+
+def _parse(data: dict[str, Any]) -> WorldShapes:
+    _refuse_unknown(data, frozenset(TABLE_KEYS) | {"base", "description"}, "")
+    for key in ("base", "description"):
+        if not isinstance(data.get(key, ""), str):
+            raise _BadWorldError(f"{key} = {data[key]!r}: must be a text")
+    segments = [segment for where, wall in _tables(data, "wall") for segment in _wall_segments(where, wall)]
+    boxes = tuple(
+        (
+            _number(box, "x_m", where),
+            _number(box, "y_m", where),
+            _positive(box, "length_m", where),
+            _positive(box, "width_m", where),
+            _number({"yaw_deg": 0.0, **box}, "yaw_deg", where),
+        )
+        for where, box in _tables(data, "box")
+    )
+    circles = [
+        (_number(circle, "x_m", where), _number(circle, "y_m", where), _positive(circle, "radius_m", where))
+        for where, circle in _tables(data, "circle")
+    ]
+    if not (segments or boxes or circles or "base" in data):
+        raise _BadWorldError("the world is empty; add a [[wall]], [[box]] or [[circle]]")
+    return WorldShapes(
+        segments=np.array(segments, np.float64).reshape(-1, 4),
+        circles=np.array(circles, np.float64).reshape(-1, 3),
+        boxes=boxes,
+    )
+
+
+def _tables(data: dict[str, Any], kind: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    tables = data.get(kind, [])
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        raise _BadWorldError(f"{kind}: write each one as [[{kind}]]")
+    for index, table in enumerate(tables):
+        where = f"{kind}[{index}]."
+        _refuse_unknown(table, TABLE_KEYS[kind], where)
+        if not isinstance(table.get("name", ""), str):
+            raise _BadWorldError(f"{where}name = {table['name']!r}: must be a text")
+        yield where, table
+
+
+def _wall_segments(where: str, wall: dict[str, Any]) -> Iterator[tuple[float, float, float, float]]:
+    points = wall.get("points_m")
+    if not isinstance(points, list) or len(points) < 2:
+        raise _BadWorldError(f"{where}points_m: give two or more points [x, y]")
+    if not all(isinstance(point, list) and len(point) == 2 and all(map(_finite, point)) for point in points):
+        raise _BadWorldError(f"{where}points_m: every point must be two finite numbers [x, y]")
+    closed = wall.get("closed", False)
+    if not isinstance(closed, bool):
+        raise _BadWorldError(f"{where}closed = {closed!r}: must be true or false")
+    following = [*points[1:], points[0]] if closed else points[1:]
+    for (x0, y0), (x1, y1) in zip(points, following, strict=False):
+        yield float(x0), float(y0), float(x1), float(y1)
+
+
+def _number(table: dict[str, Any], key: str, where: str) -> float:
+    if key not in table:
+        raise _BadWorldError(f"{where}{key}: missing; give a number")
+    if not _finite(table[key]):
+        raise _BadWorldError(f"{where}{key} = {table[key]!r}: must be a finite number")
+    return float(table[key])
+
+
+def _positive(table: dict[str, Any], key: str, where: str) -> float:
+    value = _number(table, key, where)
+    if value <= 0.0:
+        raise _BadWorldError(f"{where}{key} = {value}: must be above 0")
+    return value
+
+
+def _finite(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _refuse_unknown(table: dict[str, Any], known: frozenset[str], where: str) -> None:
+    for key in table:
+        if key not in known:
+            raise _BadWorldError(f"unknown key {where}{key}; known here: {', '.join(sorted(known))}")
