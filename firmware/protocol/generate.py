@@ -1,0 +1,153 @@
+"""Write the C++ header, the Python codec and docs/protocol.md from messages.toml.
+
+Run `python firmware/protocol/generate.py` after editing messages.toml; `--check` only tells
+whether they are fresh.
+"""
+
+import argparse
+import json
+import sys
+import textwrap
+import tomllib
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+HERE = Path(__file__).resolve().parent
+REPO = HERE.parents[1]
+SCHEMA = HERE / "messages.toml"
+OUTPUTS = {
+    "messages.hpp.jinja": REPO / "firmware/core/messages.hpp",
+    "messages.py.jinja": REPO / "host/thumper/link/messages.py",
+    "protocol.md.jinja": REPO / "docs/protocol.md",
+}
+# wire type: (bytes, struct character, C++ type, lowest, highest)
+TYPES = {
+    "u8": (1, "B", "uint8_t", 0, 2**8 - 1),
+    "i16": (2, "h", "int16_t", -(2**15), 2**15 - 1),
+    "u16": (2, "H", "uint16_t", 0, 2**16 - 1),
+    "i32": (4, "i", "int32_t", -(2**31), 2**31 - 1),
+    "u32": (4, "I", "uint32_t", 0, 2**32 - 1),
+}
+
+Schema = dict[str, Any]  # parsed TOML: its shape is what check_schema enforces
+
+
+def load_schema(path: Path = SCHEMA) -> Schema:
+    """Read and check a schema.
+
+    Raises
+    ------
+    ValueError
+        Names, ids or values clash, a type or enum is unknown, or a parameter's numbers do not fit.
+    """
+    with path.open("rb") as file:
+        schema: Schema = tomllib.load(file)
+    for message in schema["message"]:
+        message["fields"] = [{"unit": "", "enum": "", **field} for field in message["fields"]]
+    check_schema(schema)
+    return schema
+
+
+def check_schema(schema: Schema) -> None:
+    """Raise ValueError naming the first entry that cannot be generated."""
+    enums = {enum["name"]: enum for enum in schema["enum"]}
+    for what, keys in {
+        "enum name": [e["name"] for e in schema["enum"]],
+        "message name": [m["name"] for m in schema["message"]],
+        "message id": [m["id"] for m in schema["message"]],
+        "parameter name": [p["name"] for p in schema["parameter"]],
+    }.items():
+        if len(set(keys)) != len(keys):
+            raise ValueError(f"the same {what} is used twice in {keys}")
+    for enum in schema["enum"]:
+        values = [v["value"] for v in enum["values"]]
+        if len(set(values)) != len(values) or not all(0 <= v <= 255 for v in values):
+            raise ValueError(f"enum {enum['name']}: values must be distinct and within 0..255")
+    for message in schema["message"]:
+        if (message["id"] >= 0x80) != (message["from"] == "firmware") or not 0 < message["id"] <= 0xFF:
+            raise ValueError(f"message {message['name']}: firmware ids start at 0x80, the host's are below")
+        for field in message["fields"]:
+            if field["type"] not in TYPES:
+                raise ValueError(f"{message['name']}.{field['name']}: no type {field['type']}")
+            if field["enum"] and (field["enum"] not in enums or field["type"] != "u8"):
+                raise ValueError(f"{message['name']}.{field['name']}: needs a known enum and type u8")
+    identity = next(m for m in schema["message"] if m["name"] == "identity")
+    if identity["fields"][0]["name"] != "schema_hash" or identity["fields"][0]["type"] != "u32":
+        raise ValueError("identity must begin with schema_hash, u32: it is how a mismatch is reported")
+    for spec in schema["parameter"]:
+        if not spec["minimum"] <= spec["default"] <= spec["maximum"]:
+            raise ValueError(f"parameter {spec['name']}: default outside its range")
+        if max(abs(spec["minimum"]), abs(spec["maximum"])) * spec["scale"] >= 2**31:
+            raise ValueError(f"parameter {spec['name']}: range does not fit int32")
+
+
+def schema_hash(schema: Schema) -> int:
+    """CRC-32 (zlib) of the schema as canonical JSON without its `doc` texts."""
+
+    def bare(node: Any) -> Any:
+        if isinstance(node, Mapping):
+            return {key: bare(value) for key, value in node.items() if key != "doc"}
+        return [bare(item) for item in node] if isinstance(node, list) else node
+
+    return zlib.crc32(json.dumps(bare(schema), sort_keys=True, separators=(",", ":")).encode())
+
+
+def camel(name: str) -> str:
+    """`set_wheel_speeds` and `E_STOP` to `SetWheelSpeeds` and `EStop`."""
+    return "".join(part.capitalize() for part in name.lower().split("_"))
+
+
+def payload_size(message: Schema) -> int:
+    """Bytes of a message's payload."""
+    return sum(TYPES[field["type"]][0] for field in message["fields"])
+
+
+def wrap(text: str, prefix: str, width: int = 100) -> str:
+    """Fill `text` behind a comment prefix."""
+    return "\n".join(textwrap.wrap(text, width=width, initial_indent=prefix, subsequent_indent=prefix))
+
+
+def render(schema: Schema) -> dict[Path, str]:
+    """Return the text of every generated file."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(HERE),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    environment.filters.update(camel=camel, size=payload_size, wrap=wrap)
+    context = {
+        "schema": schema,
+        "types": TYPES,
+        "hash": schema_hash(schema),
+        "largest_from_host": max(payload_size(m) for m in schema["message"] if m["from"] == "host"),
+        "largest": max(payload_size(m) for m in schema["message"]),
+    }
+    return {path: environment.get_template(name).render(context) for name, path in OUTPUTS.items()}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--check", action="store_true", help="write nothing; fail if a file is stale")
+    check = parser.parse_args().check
+    stale = [
+        (path, text)
+        for path, text in render(load_schema()).items()
+        if not path.exists() or path.read_text(encoding="utf-8") != text
+    ]
+    for path, text in stale:
+        print(f"{'stale' if check else 'wrote'}: {path.relative_to(REPO)}")
+        if not check:
+            path.write_text(text, encoding="utf-8")
+    if check and stale:
+        print("run: python firmware/protocol/generate.py")
+    return 1 if check and stale else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

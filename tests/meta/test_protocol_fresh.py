@@ -1,0 +1,38 @@
+"""The generated header, codec and protocol page say what messages.toml says, and a stale one is noticed."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+REPO = Path(__file__).parents[2]
+GENERATE = REPO / "firmware/protocol/generate.py"
+
+
+def check(script: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, str(script), "--check"], capture_output=True, text=True, check=False
+    )
+
+
+def test_generated_files_are_fresh() -> None:
+    result = check(GENERATE)
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+def test_check_notices_a_changed_schema(tmp_path: Path) -> None:
+    """A copy of the tree whose schema moved on: `--check` fails, names the files and writes nothing."""
+    names = ("firmware/core/messages.hpp", "host/thumper/link/messages.py", "docs/protocol.md")
+    sources = [path.relative_to(REPO).as_posix() for path in GENERATE.parent.iterdir() if path.is_file()]
+    for name in (*names, *sources):
+        target = tmp_path / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes((REPO / name).read_bytes())
+    schema = tmp_path / "firmware/protocol/messages.toml"
+    schema.write_text(schema.read_text().replace("id = 0x84", "id = 0x85"))
+
+    result = check(tmp_path / "firmware/protocol/generate.py")
+
+    assert result.returncode == 1
+    for name in names:
+        assert f"stale: {name}" in result.stdout
+        assert (tmp_path / name).read_bytes() == (REPO / name).read_bytes()
