@@ -38,4 +38,5 @@ class OccupancyGrid:
 
     def contains(self, row: int, col: int) -> bool:
         """Whether [row, col] is a cell of this grid."""
-        return 0 <= row < self.cells.shape[0] and 0 <= col < self.cells.shape[1]
+        rows, cols = self.cells.shape
+        return bool(0 <= row < rows and 0 <= col < cols)

@@ -1,0 +1,127 @@
+"""The cells of a map in the making: counts, distance field, and an array that grows with the known world."""
+
+import math
+
+import numpy as np
+
+from thumper.geometry import FloatArray, Pose2
+from thumper.mapping.distance_field import mark
+from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from thumper.mapping.integrate import integrate
+from thumper.mapping.scan_points import SILENT, ScanPoints
+
+BLOCK = 64  # the array grows by multiples of this many cells
+
+
+class Cells:
+    """Hit and miss counts on a grid that is fixed to the map frame, and the distances to its occupied cells.
+
+    `corner_m` is the map's (x, y) at the corner of cell [0, 0]; it moves by whole cells when the array grows.
+    """
+
+    def __init__(self, resolution_m: float, reach_m: float, occupied_fraction: float) -> None:
+        """Start without cells; distances are cut off at `reach_m`, at most 127 cells."""
+        self.resolution_m = resolution_m
+        self.reach = max(1, min(127, round(reach_m / resolution_m)))
+        self.occupied_fraction = occupied_fraction
+        self._first_row = self._first_col = 0
+        self._stamp = 0
+        self._allocate(0, 0)
+
+    @property
+    def reach_m(self) -> float:
+        """Largest distance the field tells [m]."""
+        return float(np.float32(self.reach * self.resolution_m))
+
+    @property
+    def corner_m(self) -> tuple[float, float]:
+        """(x, y) of the corner of cell [0, 0] in the map."""
+        return self._first_col * self.resolution_m, self._first_row * self.resolution_m
+
+    def integrate(self, map_from_base: Pose2, points: ScanPoints) -> None:
+        """Enter a scan that was taken at the pose."""
+        said = points.kinds != SILENT
+        if not said.any():
+            return
+        origins_m = map_from_base.apply(points.origins_m[said])
+        ends_m = map_from_base.apply(points.ends_m[said])
+        self._cover(np.concatenate((origins_m, ends_m)))
+        corner = np.array(self.corner_m)
+        self._stamp += 1
+        integrate(
+            (origins_m - corner) / self.resolution_m,
+            (ends_m - corner) / self.resolution_m,
+            points.kinds[said],
+            self._stamp,
+            self._stamps,
+            self.hits,
+            self.misses,
+            self.distance_m,
+            self.nearest,
+            self.resolution_m,
+            self.reach,
+            self.occupied_fraction,
+        )
+
+    def occupied(self) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
+        """Mask of the occupied cells, shape (rows, columns)."""
+        hits = self.hits.astype(np.float64)
+        return (self.hits > 0) & (hits >= self.occupied_fraction * (hits + self.misses))
+
+    def field_from_scratch(self) -> np.ndarray[tuple[int, int], np.dtype[np.float32]]:
+        """The distance field computed anew, which `distance_m` must equal at any time."""
+        rows, cols = self.hits.shape
+        distance_m = np.full((rows, cols), self.reach_m, dtype=np.float32)
+        nearest = np.zeros((rows, cols, 2), dtype=np.int8)
+        for row, col in np.argwhere(self.occupied()):
+            mark(int(row), int(col), distance_m, nearest, self.resolution_m, self.reach)
+        return distance_m
+
+    def grid(self, *, percent: bool) -> OccupancyGrid:
+        """A copy as free, occupied or unknown, or with the share of hits in percent."""
+        total = self.hits.astype(np.int64) + self.misses
+        if percent:
+            known = np.rint(100.0 * self.hits / np.maximum(total, 1)).astype(np.int8)
+        else:
+            known = np.where(self.occupied(), OCCUPIED, FREE).astype(np.int8)
+        x_m, y_m = self.corner_m
+        return OccupancyGrid(
+            cells=np.where(total > 0, known, UNKNOWN).astype(np.int8),
+            resolution_m=self.resolution_m,
+            origin_x_m=x_m,
+            origin_y_m=y_m,
+        )
+
+    def _allocate(self, rows: int, cols: int) -> None:
+        self.hits = np.zeros((rows, cols), dtype=np.uint16)
+        self.misses = np.zeros((rows, cols), dtype=np.uint16)
+        self.distance_m = np.full((rows, cols), self.reach_m, dtype=np.float32)
+        self.nearest = np.zeros((rows, cols, 2), dtype=np.int8)
+        self._stamps = np.zeros((rows, cols), dtype=np.int32)
+
+    def _cover(self, points_m: FloatArray) -> None:
+        """Grow the arrays so that the points, and the field's reach around them, lie inside."""
+        margin = self.reach + 2
+        low = np.floor(points_m.min(axis=0) / self.resolution_m) - margin
+        high = np.floor(points_m.max(axis=0) / self.resolution_m) + margin + 1
+        rows, cols = self.hits.shape
+        first_row, last_row = self._first_row, self._first_row + rows
+        first_col, last_col = self._first_col, self._first_col + cols
+        if rows and (
+            low[0] >= first_col and low[1] >= first_row and high[0] <= last_col and high[1] <= last_row
+        ):
+            return
+        if not rows:
+            first_col = last_col = int(low[0])
+            first_row = last_row = int(low[1])
+        top = first_row - BLOCK * max(0, math.ceil((first_row - low[1]) / BLOCK))
+        left = first_col - BLOCK * max(0, math.ceil((first_col - low[0]) / BLOCK))
+        bottom = last_row + BLOCK * max(0, math.ceil((high[1] - last_row) / BLOCK))
+        right = last_col + BLOCK * max(0, math.ceil((high[0] - last_col) / BLOCK))
+        window = np.s_[first_row - top : first_row - top + rows, first_col - left : first_col - left + cols]
+        hits, misses, distance_m = self.hits, self.misses, self.distance_m
+        nearest, stamps = self.nearest, self._stamps
+        self._allocate(bottom - top, right - left)
+        self.hits[window], self.misses[window], self.distance_m[window] = hits, misses, distance_m
+        self.nearest[window], self._stamps[window] = nearest, stamps
+        self._first_row, self._first_col = top, left

@@ -1,0 +1,186 @@
+"""Mapping with one hypothesis: match each scan to the map, enter it when the robot has moved."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Interval
+
+from thumper.geometry import FloatArray, Pose2, Twist2, wrap_angle
+from thumper.lidar.scan import Scan
+from thumper.mapping.cells import Cells
+from thumper.mapping.correlative import correlative_search
+from thumper.mapping.grid import OccupancyGrid
+from thumper.mapping.mapper import MapperUpdate
+from thumper.mapping.scan_match import MatchOptions, match, score
+from thumper.mapping.scan_points import scan_points
+
+MIN_HITS = 10  # a scan of fewer cannot fix three unknowns against noise
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GridMapperOptions:
+    """Options of `GridMapper`."""
+
+    resolution_m: Annotated[float, Gt(0)] = 0.05  # side of a cell
+    usable_range_m: Annotated[float, Gt(0)] = (
+        5.5  # beams count up to here; the URG-04LX is specified to 5.6 m
+    )
+    integrate_distance_m: Annotated[float, Ge(0)] = 0.1  # enter a scan after this much way ...
+    integrate_angle_rad: Annotated[float, Ge(0)] = 0.1  # ... or this much turn
+    occupied_fraction: Annotated[float, Interval(gt=0, lt=1)] = (
+        0.25  # share of hits that makes a cell occupied
+    )
+    reach_m: Annotated[float, Gt(0)] = 0.5  # how far the distance field looks: the basin of the matcher
+    score_std_m: Annotated[float, Gt(0)] = 0.1  # width of the beam likelihood that the score is made of
+    search_below: Annotated[float, Interval(ge=0, le=1)] = 0.5  # a score below this starts the window search
+    search_window_m: Annotated[float, Gt(0)] = 0.5  # half side of the search window
+    search_window_rad: Annotated[float, Gt(0)] = 0.4  # and its half angle
+    search_gain: Annotated[float, Interval(ge=0, le=1)] = 0.1  # a found pose must score this much better
+    matching: MatchOptions = field(default_factory=MatchOptions)
+
+
+class GridMapper:
+    """Scan-matching SLAM behind the `Mapper` protocol.
+
+    Each scan is matched, so the pose follows even a robot that is pushed; only a scan taken after some motion
+    is entered, so standing still neither changes the map nor lets the pose creep along with it.
+    """
+
+    def __init__(
+        self,
+        options: GridMapperOptions | None = None,
+        *,
+        base_from_laser: Pose2 | None = None,
+        map_from_base: Pose2 | None = None,
+    ) -> None:
+        """Start with an empty map; `map_from_base` is where the first scan is taken."""
+        self._options = options or GridMapperOptions()
+        self._base_from_laser = base_from_laser or Pose2()
+        self._pose = map_from_base or Pose2()
+        self._odometry: Pose2 | None = None
+        self._integrated_at: Pose2 | None = None
+        self._map_from_odom = Pose2()
+        self.cells = Cells(self._options.resolution_m, self._options.reach_m, self._options.occupied_fraction)
+
+    @property
+    def map_from_odom(self) -> Pose2:
+        """The correction that the last match found."""
+        return self._map_from_odom
+
+    def grid(self) -> OccupancyGrid:
+        """The map so far (a copy): free, occupied or unknown."""
+        return self.cells.grid(percent=False)
+
+    def grid_percent(self) -> OccupancyGrid:
+        """The map so far (a copy), each known cell with its share of hits in percent."""
+        return self.cells.grid(percent=True)
+
+    def warm_up(self) -> None:
+        """Compile the kernels (or load them from the cache) on a map that is thrown away."""
+        scratch = GridMapper(self._options)
+        scan = Scan(
+            time_s=0.0,
+            ranges_m=np.full(64, min(1.0, 0.5 * self._options.usable_range_m)),
+            angle_min_rad=-math.pi,
+            angle_increment_rad=math.tau / 64,
+        )
+        scratch.update(Pose2(), scan, Twist2())
+        points = scan_points(scan, Twist2(), Pose2(), self._options.usable_range_m)
+        scratch._match(points.hits_m(), Pose2(), Pose2())
+        scratch._search(points.hits_m(), Pose2())
+
+    def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
+        """Take the odometry pose at `scan.time_s` (beam 0) and the speed during the turn, for de-skewing.
+
+        A scan with too few usable beams moves the pose by odometry alone and leaves the map as it is.
+        """
+        options = self._options
+        points = scan_points(scan, twist, self._base_from_laser, options.usable_range_m)
+        hits_m = points.hits_m()
+        moved = Pose2() if self._odometry is None else self._odometry.inverse() @ odom_from_base
+        pose, match_score = self._pose @ moved, math.nan
+        if hits_m.shape[0] >= MIN_HITS and self._integrated_at is not None:
+            pose, match_score = self._matched(hits_m, pose, moved)
+        integrated = hits_m.shape[0] >= MIN_HITS and self._has_moved(pose)
+        if integrated:
+            self.cells.integrate(pose, points)
+            self._integrated_at = pose
+        self._pose, self._odometry = pose, odom_from_base
+        self._map_from_odom = pose @ odom_from_base.inverse()
+        return MapperUpdate(map_from_base=pose, match_score=match_score, integrated=integrated)
+
+    def _has_moved(self, pose: Pose2) -> bool:
+        last = self._integrated_at
+        return last is None or (
+            pose.distance_m(last) >= self._options.integrate_distance_m
+            or abs(wrap_angle(pose.theta_rad - last.theta_rad)) >= self._options.integrate_angle_rad
+        )
+
+    def _matched(self, hits_m: FloatArray, predicted: Pose2, moved: Pose2) -> tuple[Pose2, float]:
+        """The best pose near the prediction, or in the search window when that explains too little."""
+        pose = self._match(hits_m, predicted, moved)
+        match_score = self._score(hits_m, pose)
+        if match_score < self._options.search_below:
+            found = self._match(hits_m, self._search(hits_m, predicted), moved)
+            found_score = self._score(hits_m, found)
+            if found_score > match_score + self._options.search_gain:
+                return found, found_score
+        return pose, match_score
+
+    def _match(self, hits_m: FloatArray, start: Pose2, moved: Pose2) -> Pose2:
+        matching = self._options.matching
+        way_m, turn_rad = math.hypot(moved.x_m, moved.y_m), abs(moved.theta_rad)
+        std_m = matching.odometry_std_m + matching.slip_per_m * way_m
+        std_rad = matching.odometry_std_rad + matching.slip_per_m * way_m + matching.slip_per_rad * turn_rad
+        return self._from_corner(
+            match(
+                hits_m,
+                self._to_corner(start),
+                self._to_corner(start),
+                np.array([1.0 / std_m**2, 1.0 / std_m**2, 1.0 / std_rad**2]),
+                self.cells.distance_m,
+                self.cells.resolution_m,
+                self.cells.reach_m,
+                matching.beam_std_m,
+                matching.outlier_m,
+                matching.iterations,
+            )
+        )
+
+    def _search(self, hits_m: FloatArray, centre: Pose2) -> Pose2:
+        options, cells = self._options, self.cells
+        return self._from_corner(
+            correlative_search(
+                hits_m,
+                self._to_corner(centre),
+                options.search_window_m,
+                options.search_window_rad,
+                2.0 * options.resolution_m,
+                0.04,
+                cells.distance_m,
+                cells.resolution_m,
+                cells.reach_m,
+                2.0 * options.score_std_m,
+            )
+        )
+
+    def _score(self, hits_m: FloatArray, pose: Pose2) -> float:
+        cells = self.cells
+        return score(
+            hits_m,
+            self._to_corner(pose),
+            cells.distance_m,
+            cells.resolution_m,
+            cells.reach_m,
+            self._options.score_std_m,
+        )
+
+    def _to_corner(self, pose: Pose2) -> FloatArray:
+        x_m, y_m = self.cells.corner_m
+        return np.array([pose.x_m - x_m, pose.y_m - y_m, pose.theta_rad])
+
+    def _from_corner(self, pose: FloatArray) -> Pose2:
+        x_m, y_m = self.cells.corner_m
+        return Pose2(x_m=float(pose[0]) + x_m, y_m=float(pose[1]) + y_m, theta_rad=wrap_angle(float(pose[2])))
