@@ -20,7 +20,7 @@ def wrap_angle(angle_rad: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pose2:
-    """A pose in the plane, or the rigid transform that takes the body's points to the frame it is given in."""
+    """A pose in the plane; also the transform that takes the body's points to the frame it is given in."""
 
     x_m: float = 0.0
     y_m: float = 0.0

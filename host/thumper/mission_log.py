@@ -7,7 +7,15 @@ import numpy as np
 from thumper.geometry import FloatArray, Pose2
 from thumper.link.board import TelemetrySample
 
-SPEED_COLUMNS = ("time_s", "left_setpoint", "left_speed", "left_pwm", "right_setpoint", "right_speed", "right_pwm")
+SPEED_COLUMNS = (
+    "time_s",
+    "left_setpoint",
+    "left_speed",
+    "left_pwm",
+    "right_setpoint",
+    "right_speed",
+    "right_pwm",
+)
 
 
 @dataclass(slots=True)
@@ -25,8 +33,8 @@ class MissionLog:
     def add_speeds(self, sample: TelemetrySample) -> None:
         """Note what the wheel controllers did in this tick."""
         t = sample.telemetry
-        left = (t.left_setpoint_mrad_s / 1000, t.left_speed_mrad_s / 1000, float(t.left_pwm))
-        right = (t.right_setpoint_mrad_s / 1000, t.right_speed_mrad_s / 1000, float(t.right_pwm))
+        left = (t.left_setpoint / 1000, t.left_speed / 1000, float(t.left_pwm))
+        right = (t.right_setpoint / 1000, t.right_speed / 1000, float(t.right_pwm))
         self._speeds.append((sample.time_s, *left, *right))
 
     def add_plan(self, plan_m: FloatArray) -> None:
@@ -54,11 +62,12 @@ class SpeedError:
 
 
 def speed_errors(speeds: FloatArray) -> dict[str, SpeedError]:
-    """Return the error of each side from an array with `SPEED_COLUMNS`, as the thesis's experiment 8.2 defines it."""
+    """Return each side's error from an array with `SPEED_COLUMNS` (defined as in experiment 8.2)."""
     errors = {}
     for side in ("left", "right"):
         error = (
-            speeds[:, SPEED_COLUMNS.index(f"{side}_setpoint")] - speeds[:, SPEED_COLUMNS.index(f"{side}_speed")]
+            speeds[:, SPEED_COLUMNS.index(f"{side}_setpoint")]
+            - speeds[:, SPEED_COLUMNS.index(f"{side}_speed")]
         )
         errors[side] = SpeedError(mean_rad_s=float(error.mean()), std_rad_s=float(error.std()))
     return errors

@@ -1,10 +1,10 @@
 """`thumper doctor`: what is missing on this computer, and how to get it."""
 
-import importlib.util
 import shutil
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -44,7 +44,9 @@ def doctor(
     style = {"pass": "green", "warn": "yellow", "fail": "red"}
     for check in checks:
         cure = f": {check.cure}" if check.cure else ""
-        console.print(f"[{style[check.verdict]}]{check.verdict}[/]  {escape(check.what + cure)}", highlight=False)
+        console.print(
+            f"[{style[check.verdict]}]{check.verdict}[/]  {escape(check.what + cure)}", highlight=False
+        )
     if any(check.verdict == "fail" for check in checks):
         raise typer.Exit(4)
 
@@ -52,13 +54,10 @@ def doctor(
 def _computer() -> Iterator[Check]:
     version = ".".join(map(str, sys.version_info[:3]))
     yield Check("pass" if sys.version_info >= (3, 11) else "fail", f"Python {version}")
-    if importlib.util.find_spec("thumper_hil") is None:
-        yield Check("warn", "no simulator installed", "install the whole repository to use sim:// ports")
-    else:
-        from thumper_hil.bench import missing_parts
-
-        missing = missing_parts()
-        yield Check("fail", "simulator", missing) if missing else Check("pass", "simulator built")
+    for plugin in entry_points(group="thumper.serial_protocols"):
+        missing = plugin.load().missing_parts()
+        ports = f"simulated ports {plugin.name}://"
+        yield Check("fail", ports, missing) if missing else Check("pass", ports)
     for tool, use in (("avr-gcc", "building the firmware"), ("avrdude", "flashing a board")):
         if shutil.which(tool):
             yield Check("pass", tool)

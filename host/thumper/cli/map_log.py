@@ -8,9 +8,9 @@ import typer
 
 def map_log(
     file: Annotated[Path, typer.Argument(help="CARMEN log (.log, .clf) or MINES log (.dat), plain or .gz.")],
-    out: Annotated[Path, typer.Option(help="Folder for map.pgm, map.yaml, map.png and trajectory.csv.")] = Path(
-        "out/map-log"
-    ),
+    out: Annotated[
+        Path, typer.Option(help="Folder for map.pgm, map.yaml, map.png and trajectory.csv.")
+    ] = Path("out/map-log"),
 ) -> None:
     """Build a map from a recorded lidar log, with the odometry and the mapper that the robot uses."""
     from rich.console import Console

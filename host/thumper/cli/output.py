@@ -8,7 +8,7 @@ from thumper.errors import ThumperError
 
 
 def prepare_output(folder: Path) -> Path:
-    """Create `folder` if need be and prove that it can be written to; `ThumperError` says what is in the way."""
+    """Create `folder` if need be and prove that it can be written to; `ThumperError` says why not."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

@@ -42,7 +42,7 @@ class TelemetrySample:
 class Board:
     """A board that answered the handshake. Use `Board.open`; `close` disarms it first."""
 
-    def __init__(self, port: serial.SerialBase, name: str) -> None:
+    def __init__(self, port: serial.Serial, name: str) -> None:
         self._port = port
         self._name = name
         self._clock = clock_of(port)
@@ -87,9 +87,7 @@ class Board:
     def set_wheel_speeds(self, speeds: WheelSpeeds) -> None:
         """Send the set-points; the board stops by itself when none comes for 300 ms."""
         self._send(
-            SetWheelSpeeds(
-                left_mrad_s=_int16(1000.0 * speeds.left_rad_s), right_mrad_s=_int16(1000.0 * speeds.right_rad_s)
-            )
+            SetWheelSpeeds(left=_int16(1000.0 * speeds.left_rad_s), right=_int16(1000.0 * speeds.right_rad_s))
         )
 
     def command(self, command: Command) -> None:
@@ -143,7 +141,9 @@ class Board:
             reply, _ = self._request(request, Ack)
             if isinstance(reply, Ack):
                 if reply.status != AckStatus.OK:
-                    raise ThumperError(f"the board refused the {what}: {AckStatus(reply.status).name.lower()}")
+                    raise ThumperError(
+                        f"the board refused the {what}: {AckStatus(reply.status).name.lower()}"
+                    )
                 return
         raise ThumperError(f"the board did not answer the {what}; is the cable loose?")
 

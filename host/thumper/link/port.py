@@ -1,9 +1,9 @@
-"""Open a serial port by URL: `/dev/ttyUSB0`, `socket://host:port`, or any protocol that a plug-in registers."""
+"""Open a serial port by URL: `/dev/ttyUSB0`, `socket://host:port`, or a protocol that a plug-in registers."""
 
 import time
 from collections.abc import Callable
 from importlib.metadata import entry_points
-from typing import cast
+from typing import Any
 
 import serial
 
@@ -12,7 +12,7 @@ from thumper.errors import ThumperError
 EXIT_NO_HARDWARE = 3
 
 
-def open_port(url: str, *, baud: int, name: str) -> serial.SerialBase:
+def open_port(url: str, *, baud: int, name: str) -> serial.Serial:
     """Open `url`; `name` says in errors what should be on it ("board", "lidar").
 
     Raises
@@ -21,18 +21,18 @@ def open_port(url: str, *, baud: int, name: str) -> serial.SerialBase:
         The port is missing, not permitted or busy; the message names the cure.
     """
     _register_plugins()
-    options: dict[str, object] = {"baudrate": baud, "timeout": 0.02, "write_timeout": 0.5}
+    options: dict[str, Any] = {"baudrate": baud, "timeout": 0.02, "write_timeout": 0.5}
     if "://" not in url:
         options["exclusive"] = True  # two programs on one motor board would be dangerous
     try:
-        return cast("serial.SerialBase", serial.serial_for_url(url, **options))
+        return serial.serial_for_url(url, **options)
     except (serial.SerialException, ValueError, OSError) as error:
         raise ThumperError(
             f"cannot open the {name} port {url}: {_cause_and_cure(error)}", exit_code=EXIT_NO_HARDWARE
         ) from error
 
 
-def clock_of(port: serial.SerialBase) -> Callable[[], float]:
+def clock_of(port: serial.Serial) -> Callable[[], float]:
     """Return the clock [s] of the world that the port lives in: a simulated port brings its own."""
     clock: Callable[[], float] = getattr(port, "clock_s", time.monotonic)
     return clock

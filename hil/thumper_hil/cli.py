@@ -1,0 +1,52 @@
+"""The commands that the simulator adds to `thumper`. Heavy imports wait until a command runs."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for the map, the pictures and the figures.")] = Path(
+        "out"
+    ),
+    seed: Annotated[int, typer.Option(help="Seed of all that is random.", min=0)] = 1,
+    realtime: Annotated[bool, typer.Option(help="Run at the speed of the clock on the wall.")] = False,
+) -> None:
+    """Drive the two missions of the thesis with the real firmware on a simulated robot, and show how it went."""
+    from rich.console import Console
+
+    from thumper.cli.output import prepare_output
+    from thumper_hil.demo.run import run_demo
+
+    prepare_output(out)
+    if not run_demo(out, seed=seed, realtime=realtime, console=Console()):
+        raise typer.Exit(1)
+
+
+def sim(
+    board_pty: Annotated[Path, typer.Option(help="Path at which the simulated board shall appear.")],
+    lidar_pty: Annotated[Path, typer.Option(help="Path at which the simulated lidar shall appear.")],
+    world: Annotated[
+        str, typer.Option(help="A built-in world (lab, lab_box) or a world's TOML file.")
+    ] = "lab",
+    seed: Annotated[int, typer.Option(help="Seed of all that is random.", min=0)] = 1,
+    start: Annotated[
+        tuple[float, float, float],
+        typer.Option(help="Where the robot stands: X Y [m] HEADING [deg]."),
+    ] = (0.0, 0.0, 0.0),
+) -> None:
+    """Serve a simulated robot in real time on two pseudo-terminals, for programs that drive the hardware."""
+    from thumper_hil.bench.pty import serve
+
+    serve(
+        board_pty,
+        lidar_pty,
+        {
+            "world": world,
+            "seed": str(seed),
+            "x_m": str(start[0]),
+            "y_m": str(start[1]),
+            "yaw_deg": str(start[2]),
+        },
+    )

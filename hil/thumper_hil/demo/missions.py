@@ -1,0 +1,46 @@
+"""What the demo drives, and what the thesis reached (Svec 2019, experiments 8.2 and 8.3)."""
+
+import math
+from dataclasses import dataclass
+
+from thumper.geometry import Pose2
+
+TOLERANCE_M = 0.4
+THESIS_SPEED_ERROR_MEAN_RAD_S = -0.04
+THESIS_SPEED_ERROR_STD_RAD_S = 0.31
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mission:
+    """One drive in one world; the world's frame is the map's."""
+
+    name: str
+    title: str
+    world: str
+    start: Pose2
+    goal_x_m: float
+    goal_y_m: float
+
+
+def _facing_goal(start: tuple[float, float], goal: tuple[float, float]) -> Pose2:
+    heading_rad = math.atan2(goal[1] - start[1], goal[0] - start[0])
+    return Pose2(x_m=start[0], y_m=start[1], theta_rad=heading_rad)
+
+
+STRAIGHT = Mission(
+    name="straight",
+    title="straight run",
+    world="lab",
+    start=_facing_goal((1.73, 0.08), (-0.49, 0.02)),
+    goal_x_m=-0.49,
+    goal_y_m=0.02,
+)
+BOX = Mission(
+    name="box",
+    title="round a paper box",
+    world="lab_box",
+    start=_facing_goal((2.05, 0.64), (0.38, -0.45)),
+    goal_x_m=0.38,
+    goal_y_m=-0.45,
+)
+MISSIONS = (STRAIGHT, BOX)

@@ -1,0 +1,141 @@
+"""Write what the demo measured: summary.json, the table, the map and the pictures."""
+
+import hashlib
+import json
+import platform
+from collections.abc import Sequence
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+from rich.console import Console
+from rich.table import Table
+from thumper.mapping.map_io import save_map
+
+from thumper import __version__
+from thumper.link.messages import SCHEMA_HASH
+from thumper.mission_log import path_length_m, speed_errors
+from thumper.report import GREEN, ORANGE, draw_drive, draw_map, draw_speeds
+from thumper_hil.bench import DEFAULT_ELF
+from thumper_hil.demo.missions import (
+    STRAIGHT,
+    THESIS_SPEED_ERROR_MEAN_RAD_S,
+    THESIS_SPEED_ERROR_STD_RAD_S,
+    TOLERANCE_M,
+)
+
+
+def write_results(out: Path, outcomes: Sequence[Outcome], seed: int, console: Console) -> None:
+    """Write everything to `out`, print the table, and say where things are."""
+    summary = summarize(outcomes, seed)
+    (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    for outcome in outcomes:
+        save_map(outcome.grid, out / f"map_{outcome.mission.name}.yaml")
+    save_map(outcomes[-1].grid, out / "map.yaml")
+    _picture_of_missions(out / "missions.png", outcomes)
+    straight = next(outcome for outcome in outcomes if outcome.mission is STRAIGHT)
+    figure = Figure(figsize=(9, 6), layout="constrained")
+    draw_speeds(figure, straight.log.speeds, "wheel speed control on the straight run")
+    figure.savefig(out / "speed_control.png", dpi=130)
+    rows = table_rows(summary)
+    _print_table(rows, console)
+    (out / "table.md").write_text(_markdown(rows), encoding="utf-8")
+    console.print(f"simulated at {summary['sim_speed_x_real_time']:.1f} x real time", highlight=False)
+    console.print(f"in {out}/: map.pgm + map.yaml, missions.png, speed_control.png, table.md, summary.json")
+
+
+def summarize(outcomes: Sequence[Outcome], seed: int) -> dict[str, Any]:
+    """Return the content of summary.json; lengths in metres, times in seconds, speeds in rad/s."""
+    straight = next(outcome for outcome in outcomes if outcome.mission is STRAIGHT)
+    return {
+        "missions": [
+            {
+                "name": outcome.mission.name,
+                "reached": outcome.result.reached,
+                "reason": outcome.result.reason,
+                "goal_error_m": outcome.goal_error_m,
+                "time_s": outcome.result.time_s,
+                "collisions": outcome.collisions,
+                "path_length_m": path_length_m(outcome.truth),
+                "map_vs_truth": asdict(outcome.map_quality),
+                "wheel_speed_error": _speed_errors(outcome),
+            }
+            for outcome in outcomes
+        ],
+        "wheel_speed_error": _speed_errors(straight),
+        "map_vs_truth": asdict(outcomes[-1].map_quality),
+        "sim_speed_x_real_time": sum(o.sim_time_s for o in outcomes) / sum(o.wall_time_s for o in outcomes),
+        "seed": seed,
+        "versions": {
+            "thumper": __version__,
+            "protocol": f"{SCHEMA_HASH:08x}",
+            "firmware_elf_sha256": hashlib.sha256(DEFAULT_ELF.read_bytes()).hexdigest(),
+            "python": platform.python_version(),
+            "numpy": version("numpy"),
+            "numba": version("numba"),
+        },
+    }
+
+
+def table_rows(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """Return (what, ours, thesis) as text."""
+    rows = [
+        (
+            f"{mission['name']}: goal error",
+            f"{mission['goal_error_m']:.3f} m",
+            f"within {TOLERANCE_M} m (not stated closer)",
+        )
+        for mission in summary["missions"]
+    ]
+    rows += [
+        (f"{mission['name']}: collisions", str(mission["collisions"]), "0") for mission in summary["missions"]
+    ]
+    for side, error in summary["wheel_speed_error"].items():
+        rows.append(
+            (
+                f"{side} wheel speed error, mean",
+                f"{error['mean_rad_s']:+.3f} rad/s",
+                f"{THESIS_SPEED_ERROR_MEAN_RAD_S:+.2f} rad/s",
+            )
+        )
+        rows.append(
+            (
+                f"{side} wheel speed error, std",
+                f"{error['std_rad_s']:.3f} rad/s",
+                f"{THESIS_SPEED_ERROR_STD_RAD_S:.2f} rad/s",
+            )
+        )
+    return rows
+
+
+def _speed_errors(outcome: Outcome) -> dict[str, dict[str, float]]:
+    return {side: asdict(error) for side, error in speed_errors(outcome.log.speeds).items()}
+
+
+def _print_table(rows: list[tuple[str, str, str]], console: Console) -> None:
+    table = Table("", "ours (simulated)", "thesis (real robot)")
+    for row in rows:
+        table.add_row(*row)
+    console.print(table)
+
+
+def _markdown(rows: list[tuple[str, str, str]]) -> str:
+    lines = ["| | ours (simulated) | thesis (real robot) |", "|---|---|---|"]
+    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)]) + "\n"
+
+
+def _picture_of_missions(path: Path, outcomes: Sequence[Outcome]) -> None:
+    figure = Figure(figsize=(7 * len(outcomes), 6.5), layout="constrained")
+    for axes, outcome in zip(figure.subplots(1, len(outcomes)), outcomes, strict=True):
+        draw_map(axes, outcome.grid)
+        draw_drive(axes, outcome.log)
+        mission, truth = outcome.mission, outcome.truth
+        axes.plot(truth[:, 1], truth[:, 2], color=GREEN, linewidth=1.2, label="driven (ground truth)")
+        axes.plot(mission.start.x_m, mission.start.y_m, "o", color=GREEN, markersize=8, label="start")
+        axes.plot(mission.goal_x_m, mission.goal_y_m, "*", color=ORANGE, markersize=14, label="goal")
+        error_cm = 100 * outcome.goal_error_m
+        axes.set_title(f"{mission.title}: {error_cm:.1f} cm from the goal, {outcome.collisions} collisions")
+        axes.legend(loc="lower left", fontsize=8)
+    figure.savefig(path, dpi=110)

@@ -1,0 +1,63 @@
+"""Drive the demo's missions through the product's own loop and collect what they yield."""
+
+import math
+import time
+from pathlib import Path
+from urllib.parse import urlencode
+
+from rich.console import Console
+from thumper.navigation.navigator import Goal
+
+from thumper.assembly import open_robot, warm_up
+from thumper.cli.mission import drive_with_progress
+from thumper.config.robot import BoardConfig, LidarConfig, RobotConfig
+from thumper_hil.bench import simulation
+from thumper_hil.demo.evaluate import compare_map
+from thumper_hil.demo.missions import MISSIONS, Mission
+from thumper_hil.demo.outcome import Outcome
+from thumper_hil.demo.results import write_results
+from thumper_hil.parts.world import World
+
+
+def run_demo(out: Path, *, seed: int, realtime: bool, console: Console) -> bool:
+    """Drive, write the results to `out`, say where they are; returns whether every mission passed."""
+    with console.status("loading the compiled kernels (compiling them, the first time)"):
+        warm_up()
+    outcomes = [drive_mission(mission, seed=seed, realtime=realtime, console=console) for mission in MISSIONS]
+    write_results(out, outcomes, seed, console)
+    return all(outcome.passed for outcome in outcomes)
+
+
+def drive_mission(mission: Mission, *, seed: int, realtime: bool, console: Console) -> Outcome:
+    """Put a new robot at the mission's start, in a world that it does not know, and let it drive."""
+    options = {
+        "world": mission.world,
+        "x_m": mission.start.x_m,
+        "y_m": mission.start.y_m,
+        "yaw_deg": math.degrees(mission.start.theta_rad),
+        "seed": seed,
+    }
+    if realtime:
+        options["pace"] = "realtime"
+    config = RobotConfig(
+        board=BoardConfig(port=f"sim://{mission.name}/board?{urlencode(options)}"),
+        lidar=LidarConfig(port=f"sim://{mission.name}/lidar"),
+    )
+    goal = Goal(x_m=mission.goal_x_m, y_m=mission.goal_y_m)
+    started_s = time.perf_counter()
+    with open_robot(config, mission.start) as robot:
+        bench = simulation(mission.name)
+        result = drive_with_progress(robot, goal, mission.title, console)
+        wall_time_s = time.perf_counter() - started_s
+        grid = robot.mapper.grid()
+    return Outcome(
+        mission=mission,
+        result=result,
+        log=robot.log,
+        grid=grid,
+        truth=bench.truth(),
+        collisions=bench.contacts,
+        map_quality=compare_map(grid, World.load(mission.world)),
+        sim_time_s=bench.time_s,
+        wall_time_s=wall_time_s,
+    )

@@ -1,0 +1,51 @@
+"""Open the ports that a configuration names and wire the robot's parts to them."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from thumper.config.robot import RobotConfig
+from thumper.geometry import Pose2
+from thumper.lidar.urg04lx import Urg04LxDriver
+from thumper.link.board import Board
+from thumper.mapping import grid_mapper
+from thumper.mapping.grid_mapper import GridMapper
+from thumper.navigation import navigator
+from thumper.navigation.navigator import Navigator
+from thumper.perception import Perception
+from thumper.runtime import Runtime
+
+
+@contextmanager
+def open_robot(config: RobotConfig, map_from_base: Pose2) -> Iterator[Runtime]:
+    """Give a robot that answers, standing at `map_from_base`; on the way out stop it and close the ports.
+
+    Raises
+    ------
+    ThumperError
+        A port, the board or the lidar does not answer; the message names it and the cure.
+    """
+    warm_up()  # compiling takes seconds, and must not happen while wheels turn
+    board = Board.open(config.board.port, baud=config.board.baud)
+    try:
+        lidar = Urg04LxDriver.open(config.lidar.port, baud=config.lidar.baud)
+        try:
+            base_from_laser = config.lidar.base_from_laser
+            mapper = GridMapper(config.mapping, base_from_laser=base_from_laser, map_from_base=map_from_base)
+            yield Runtime(
+                board=board,
+                lidar=lidar,
+                perception=Perception(drive=config.drive, base_from_laser=base_from_laser, mapper=mapper),
+                navigator=Navigator(config.navigation),
+                drive=config.drive,
+                max_wheel_rad_s=config.drive.max_wheel_rad_s,
+            )
+        finally:
+            lidar.close()
+    finally:
+        board.close()
+
+
+def warm_up() -> None:
+    """Compile the kernels, or load them from the cache."""
+    grid_mapper.warm_up()
+    navigator.warm_up()

@@ -1,0 +1,87 @@
+"""From wheel counts and scans to where the robot is and what stands round it. Pure: no I/O, no clock."""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from thumper.geometry import FloatArray, Pose2, Twist2
+from thumper.kinematics import DriveGeometry
+from thumper.lidar.scan import Scan
+from thumper.link.board import TelemetrySample
+from thumper.mapping.mapper import Mapper
+from thumper.mapping.scan_points import scan_points
+from thumper.odometry.history import PoseHistory
+from thumper.odometry.odometry import Odometry, OdometrySample
+
+MAX_WAITING_SCANS = 10
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Situation:
+    """What navigation decides on: newest pose and speed, and the newest scan's obstacles."""
+
+    time_s: float
+    map_from_base: Pose2
+    twist: Twist2
+    hits_in_map_m: FloatArray  # shape (n, 2)
+    scan_age_s: float  # +inf before the first scan
+
+
+class Perception:
+    """Odometry and mapping behind two inputs and one output."""
+
+    def __init__(self, *, drive: DriveGeometry, base_from_laser: Pose2, mapper: Mapper) -> None:
+        self.mapper = mapper
+        self._base_from_laser = base_from_laser
+        self._odometry = Odometry(drive)
+        self._history = PoseHistory()
+        self._newest: OdometrySample | None = None
+        self._waiting: deque[Scan] = deque(maxlen=MAX_WAITING_SCANS)
+        self._hits_in_map_m = np.empty((0, 2))
+        self._scan_time_s = -np.inf
+        self.scans_mapped = 0
+
+    def add_telemetry(self, sample: TelemetrySample) -> None:
+        """Advance the odometry."""
+        telemetry = sample.telemetry
+        self._newest = self._odometry.update(sample.time_s, telemetry.left_count, telemetry.right_count)
+        self._history.add(self._newest)
+        self._map_what_is_covered()
+
+    def add_scan(self, scan: Scan) -> None:
+        """Queue a scan; it is mapped as soon as odometry covers its whole turn."""
+        self._waiting.append(scan)
+        self._map_what_is_covered()
+
+    def situation(self) -> Situation | None:
+        """Return the state at the newest telemetry; None before the first."""
+        if self._newest is None:
+            return None
+        return Situation(
+            time_s=self._newest.time_s,
+            map_from_base=self.mapper.map_from_odom @ self._newest.odom_from_base,
+            twist=self._newest.twist,
+            hits_in_map_m=self._hits_in_map_m,
+            scan_age_s=self._newest.time_s - self._scan_time_s,
+        )
+
+    def _map_what_is_covered(self) -> None:
+        while self._waiting and self._newest is not None:
+            scan = self._waiting[0]
+            turn_s = scan.time_increment_s * (scan.ranges_m.size - 1)
+            if scan.time_s + turn_s > self._newest.time_s:
+                return
+            self._waiting.popleft()
+            if not self._history.covers(scan.time_s):
+                continue  # older than the odometry: taken before the board was heard
+            odom_from_base = self._history.at(scan.time_s)
+            turned = odom_from_base.inverse() @ self._history.at(scan.time_s + turn_s)
+            twist = Twist2()
+            if turn_s > 0.0:
+                twist = Twist2(v_m_s=turned.x_m / turn_s, w_rad_s=turned.theta_rad / turn_s)
+            self.mapper.update(odom_from_base, scan, twist)
+            self.scans_mapped += 1
+            self._scan_time_s = scan.time_s + turn_s
+            points = scan_points(scan, twist, self._base_from_laser, scan.range_max_m)
+            self._hits_in_map_m = (self.mapper.map_from_odom @ odom_from_base).apply(points.hits_m())

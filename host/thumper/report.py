@@ -1,0 +1,106 @@
+"""Pictures and files that a run leaves behind."""
+
+import json
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from thumper.geometry import FloatArray
+from thumper.mapping.grid import OccupancyGrid
+from thumper.mapping.map_io import save_map
+from thumper.mission_log import SPEED_COLUMNS, MissionLog, speed_errors
+from thumper.runtime import MissionResult
+
+INK, BLUE, ORANGE, GREEN, GREY = "#1f2933", "#2563eb", "#ea580c", "#16a34a", "#9aa5b1"
+
+
+def draw_map(axes: Axes, grid: OccupancyGrid) -> None:
+    """Draw the grid as map viewers do: white free, black occupied, grey unknown; axes in metres."""
+    shade = np.where(grid.cells < 0, 0.82, 1.0 - grid.cells / 100.0)
+    rows, columns = grid.cells.shape
+    axes.imshow(
+        shade,
+        cmap="gray",
+        vmin=0.0,
+        vmax=1.0,
+        origin="lower",
+        interpolation="nearest",
+        extent=(
+            grid.origin_x_m,
+            grid.origin_x_m + columns * grid.resolution_m,
+            grid.origin_y_m,
+            grid.origin_y_m + rows * grid.resolution_m,
+        ),
+    )
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    axes.set_aspect("equal")
+
+
+def draw_drive(axes: Axes, log: MissionLog) -> None:
+    """Draw the first plan and the path as the robot believes to have driven it."""
+    if log.plans:
+        axes.plot(*log.plans[0].T, "--", color=ORANGE, linewidth=1.6, label="planned at the start")
+    poses = log.poses
+    axes.plot(poses[:, 1], poses[:, 2], color=BLUE, linewidth=2.0, label="driven (own estimate)")
+
+
+def draw_speeds(figure: Figure, speeds: FloatArray, title: str) -> None:
+    """Draw set-point, measured speed and PWM of both sides over time."""
+    axes = figure.subplots(3, 1, sharex=True, height_ratios=(2, 2, 1.2))
+    time_s = speeds[:, 0] - speeds[0, 0]
+    for panel, side in zip(axes, ("left", "right"), strict=False):
+        setpoint = speeds[:, SPEED_COLUMNS.index(f"{side}_setpoint")]
+        measured = speeds[:, SPEED_COLUMNS.index(f"{side}_speed")]
+        error = speed_errors(speeds)[side]
+        panel.step(time_s, setpoint, where="post", color=INK, linewidth=1.2, label="set-point")
+        panel.plot(time_s, measured, ".-", color=BLUE, linewidth=1.0, markersize=3, label="measured")
+        panel.set_ylabel(f"{side} [rad/s]")
+        panel.set_title(
+            f"error: mean {error.mean_rad_s:+.3f}, std {error.std_rad_s:.3f} rad/s", loc="right", fontsize=9
+        )
+        panel.legend(loc="upper right", fontsize=8)
+        panel.grid(alpha=0.3)
+    axes[2].step(time_s, speeds[:, SPEED_COLUMNS.index("left_pwm")], where="post", color=BLUE, label="left")
+    axes[2].step(
+        time_s, speeds[:, SPEED_COLUMNS.index("right_pwm")], where="post", color=GREEN, label="right"
+    )
+    axes[2].set_ylabel("PWM [of 255]")
+    axes[2].set_xlabel("time [s]")
+    axes[2].legend(loc="upper right", fontsize=8)
+    axes[2].grid(alpha=0.3)
+    axes[0].set_title(title, loc="left")
+
+
+def write_run(folder: Path, grid: OccupancyGrid, log: MissionLog, result: MissionResult) -> list[str]:
+    """Write map, two pictures and the summary of one run; returns the file names."""
+    save_map(grid, folder / "map.yaml")
+    picture = Figure(figsize=(8, 7), layout="constrained")
+    axes = picture.subplots()
+    draw_map(axes, grid)
+    draw_drive(axes, log)
+    axes.legend(loc="upper right", fontsize=8)
+    picture.savefig(folder / "map.png", dpi=130)
+    speeds = log.speeds
+    picture = Figure(figsize=(9, 6), layout="constrained")
+    draw_speeds(picture, speeds, "wheel speed control")
+    picture.savefig(folder / "speed_control.png", dpi=130)
+    pose = result.map_from_base
+    summary = {
+        "reached": result.reached,
+        "reason": result.reason,
+        "time_s": round(result.time_s, 2),
+        "path_length_m": round(result.path_length_m, 3),
+        "pose": {"x_m": pose.x_m, "y_m": pose.y_m, "theta_rad": pose.theta_rad},
+        "wheel_speed_error": {
+            side: {"mean_rad_s": error.mean_rad_s, "std_rad_s": error.std_rad_s}
+            for side, error in speed_errors(speeds).items()
+        },
+    }
+    (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    return ["map.pgm", "map.yaml", "map.png", "speed_control.png", "summary.json"]

@@ -1,0 +1,187 @@
+"""The one loop of the robot: board and lidar in, perception and navigation, wheel speeds out.
+
+It is single-threaded on purpose: the same bytes give the same run, and a stall of the computer is caught
+by the board's own 300 ms time-out. The board's telemetry is the heartbeat; the lidar is drained after it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import serial
+
+from thumper.errors import ThumperError
+from thumper.geometry import Pose2
+from thumper.kinematics import DriveGeometry, WheelSpeeds, limit_wheel_speeds, wheel_speeds
+from thumper.lidar.urg04lx import Urg04LxDriver
+from thumper.link.board import Board
+from thumper.link.messages import Command, Fault, State, Telemetry
+from thumper.mapping.mapper import Mapper
+from thumper.mission_log import MissionLog, path_length_m
+from thumper.navigation.navigator import Goal, NavigationState, Navigator
+from thumper.perception import Perception, Situation
+
+TELEMETRY_TIMEOUT_S = 0.5
+SCAN_TIMEOUT_S = 1.0  # without a scan for this long the robot is blind and must not move
+STOP_BEATS = 20  # the firmware's ramp needs about one second from full speed
+FIRST_LOOK_SCANS = 3
+FIRST_LOOK_TIMEOUT_S = 5.0
+
+FAULT_CURES = {
+    Fault.LINK_LOST: "it heard no command for 300 ms; is the computer overloaded or the cable loose?",
+    Fault.LOW_BATTERY: "the battery is empty; charge it",
+    Fault.E_STOP: "the emergency stop was pressed",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissionResult:
+    """How a drive to a goal ended."""
+
+    reached: bool
+    reason: str
+    time_s: float
+    path_length_m: float
+    map_from_base: Pose2  # where the robot believes it stopped
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Progress:
+    """What a display needs once a beat."""
+
+    time_s: float
+    distance_to_goal_m: float
+    reason: str
+
+
+class Runtime:
+    """The robot's parts, wired. Whatever ends a drive, the motors are stopped on the way out."""
+
+    def __init__(
+        self,
+        *,
+        board: Board,
+        lidar: Urg04LxDriver,
+        perception: Perception,
+        navigator: Navigator,
+        drive: DriveGeometry,
+        max_wheel_rad_s: float,
+    ) -> None:
+        self._board = board
+        self._lidar = lidar
+        self._perception = perception
+        self._navigator = navigator
+        self._drive = drive
+        self._max_wheel_rad_s = max_wheel_rad_s
+        self._telemetry: Telemetry | None = None
+        self.log = MissionLog()
+
+    @property
+    def mapper(self) -> Mapper:
+        """The map so far, and where it says the robot is."""
+        return self._perception.mapper
+
+    def drive_to(self, goal: Goal, on_progress: Callable[[Progress], None]) -> MissionResult:
+        """Look round, arm, drive until the goal is reached or cannot be, stop and disarm.
+
+        Raises
+        ------
+        ThumperError
+            Before anything moves: no telemetry, no scan, or a goal that makes no sense.
+        """
+        start = self._look_round()
+        self._navigator.check_goal(goal, self._perception.mapper.grid())
+        self._navigator.set_goal(goal)
+        self._board.command(Command.CLEAR_FAULT)
+        self._board.command(Command.ARM)
+        try:
+            reached, reason = self._drive_loop(goal, start.time_s, on_progress)
+        finally:
+            self._stop()
+        end = self._perception.situation() or start
+        return MissionResult(
+            reached=reached,
+            reason=reason,
+            time_s=end.time_s - start.time_s,
+            path_length_m=path_length_m(self.log.poses),
+            map_from_base=end.map_from_base,
+        )
+
+    def _look_round(self) -> Situation:
+        """Stand still until the first scans are mapped: a plan needs a map."""
+        waited_s = 0.0
+        while self._perception.scans_mapped < FIRST_LOOK_SCANS:
+            if waited_s > FIRST_LOOK_TIMEOUT_S:
+                raise ThumperError(
+                    "the lidar sends no scans; is it powered? `thumper doctor --lidar PORT` tells more"
+                )
+            before = self._perception.situation()
+            if not self._sense():
+                raise ThumperError("the board went silent before the start; is the cable loose?")
+            now = self._perception.situation()
+            if before and now:
+                waited_s += now.time_s - before.time_s
+        situation = self._perception.situation()
+        assert situation is not None  # a scan is only mapped once odometry covers it
+        return situation
+
+    def _drive_loop(
+        self, goal: Goal, start_s: float, on_progress: Callable[[Progress], None]
+    ) -> tuple[bool, str]:
+        """Beat until the end; returns whether the goal was reached, and the reason in words."""
+        while True:
+            try:
+                if not self._sense():
+                    return False, "the board went silent; it has stopped its motors by itself"
+            except (serial.SerialException, OSError) as error:
+                return False, f"a serial port failed ({error}); the board stops its motors by itself"
+            situation = self._perception.situation()
+            if situation is None or self._telemetry is None:
+                continue
+            if self._telemetry.state == State.FAULT:
+                fault = Fault(self._telemetry.fault)
+                return False, f"the board stopped the motors: {FAULT_CURES.get(fault, fault.name.lower())}"
+            if situation.scan_age_s > SCAN_TIMEOUT_S:
+                return False, "the lidar sends no more scans; is its cable loose?"
+            output = self._navigator.update(
+                situation.time_s,
+                situation.map_from_base,
+                situation.twist,
+                self._perception.mapper.grid(),
+                situation.hits_in_map_m,
+            )
+            speeds = wheel_speeds(output.command, self._drive)
+            self._board.set_wheel_speeds(limit_wheel_speeds(speeds, self._max_wheel_rad_s))
+            self.log.add_pose(situation.time_s, situation.map_from_base)
+            self.log.add_plan(output.plan)
+            on_progress(
+                Progress(
+                    time_s=situation.time_s - start_s,
+                    distance_to_goal_m=situation.map_from_base.distance_m(Pose2(x_m=goal.x_m, y_m=goal.y_m)),
+                    reason=output.reason,
+                )
+            )
+            if output.state in (NavigationState.REACHED, NavigationState.FAILED):
+                return output.state is NavigationState.REACHED, output.reason
+
+    def _sense(self) -> bool:
+        """Take in one beat of both ports; False when the board is silent."""
+        samples = self._board.poll(TELEMETRY_TIMEOUT_S)
+        for sample in samples:
+            self._telemetry = sample.telemetry
+            self._perception.add_telemetry(sample)
+            self.log.add_speeds(sample)
+        for scan in self._lidar.poll():
+            self._perception.add_scan(scan)
+        return bool(samples)
+
+    def _stop(self) -> None:
+        """Zero speed, wait until the wheels stand, disarm. Never raises: it runs on every way out."""
+        try:
+            for _ in range(STOP_BEATS):
+                self._board.set_wheel_speeds(WheelSpeeds())
+                self._sense()
+                if self._telemetry and not (self._telemetry.left_speed or self._telemetry.right_speed):
+                    break
+            self._board.command(Command.DISARM)
+        except (ThumperError, serial.SerialException, OSError):
+            pass  # the board's own time-out has stopped the motors
