@@ -1,0 +1,35 @@
+"""Decides that the robot is there: come near, stop, turn to the heading, and only then say so."""
+
+import math
+
+from thumper.geometry import Pose2
+from thumper.navigation.goal import Goal
+
+NEAR_ENOUGH = 0.5  # part of the tolerance at which the robot stops without trying to get nearer
+PASSED_M = 0.02  # inside the tolerance it also stops when it has moved away again by this much
+
+
+class Arrival:
+    """Latches once the place is reached, so that noise at the edge of the tolerance does not make the robot dance."""
+
+    def __init__(self, goal: Goal) -> None:
+        self._goal = goal
+        self.at_place = False
+        self._least_m = math.inf
+
+    def update(self, map_from_base: Pose2) -> None:
+        """Latch or, when the robot has drifted well out of the tolerance again, let go."""
+        distance_m = self._goal.distance_m(map_from_base)
+        tolerance_m = self._goal.tolerance_m
+        self._least_m = min(self._least_m, distance_m)
+        if self.at_place:
+            if distance_m > tolerance_m:
+                self.at_place, self._least_m = False, distance_m
+            return
+        passed = distance_m > self._least_m + PASSED_M
+        self.at_place = distance_m <= NEAR_ENOUGH * tolerance_m or (distance_m <= tolerance_m and passed)
+
+    def within_tolerance(self, map_from_base: Pose2) -> bool:
+        """Whether place and heading are good enough as they are."""
+        turned = abs(self._goal.heading_error_rad(map_from_base)) <= self._goal.heading_tolerance_rad
+        return turned and self._goal.distance_m(map_from_base) <= self._goal.tolerance_m

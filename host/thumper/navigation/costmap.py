@@ -1,0 +1,103 @@
+"""The grid of costs that planner and controller read: the map plus what the newest scan sees. Pure."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Gt, Interval
+from numpy.typing import NDArray
+
+from thumper.geometry import FloatArray
+from thumper.mapping.grid import OccupancyGrid
+from thumper.navigation.footprint import Footprint
+from thumper.navigation.inflation import (
+    INSCRIBED,
+    UNKNOWN,
+    ByteArray,
+    IntArray,
+    cost_table,
+    reach_cells,
+    squared_distances,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CostmapOptions:
+    """How obstacles become costs."""
+
+    # Distance from an obstacle at which its cost ends [m]; more keeps the path further away where there is
+    # room.
+    inflation_radius_m: Annotated[float, Gt(0)] = 0.55
+    # Decay of the cost with distance [1/m]; less spreads the cost further out.
+    decay_per_m: Annotated[float, Gt(0)] = 6.0
+    # Occupancy from which a map cell is an obstacle [percent].
+    lethal_percent: Annotated[int, Interval(ge=1, le=100)] = 60
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Costmap:
+    """Costs, shape (rows, cols), uint8, laid out as the `OccupancyGrid` they came from.
+
+    254 obstacle, 253 nearer than the inscribed radius, 252 ... 1 decaying, 0 free, 255 unknown.
+    `squared_cells` is the squared distance to the nearest obstacle [cells^2], capped (see
+    `squared_distances`).
+    """
+
+    costs: ByteArray
+    squared_cells: IntArray
+    resolution_m: float
+    origin_x_m: float
+    origin_y_m: float
+
+    @property
+    def origin_m(self) -> FloatArray:
+        """Corner of cell [0, 0], shape (2,) [m]."""
+        return np.array((self.origin_x_m, self.origin_y_m))
+
+    def cells_of(self, points_m: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """(rows, cols) of points, shape (n, 2); may lie outside."""
+        cells = np.floor((points_m - self.origin_m) / self.resolution_m).astype(np.int64)
+        return cells[:, 1], cells[:, 0]
+
+
+def mark(lethal: NDArray[np.bool_], points_m: FloatArray, grid: OccupancyGrid) -> None:
+    """Set the cells under the points, shape (n, 2), in place; points outside the grid or not finite are dropped."""
+    points_m = points_m[np.isfinite(points_m).all(axis=1)]
+    cells = np.floor((points_m - (grid.origin_x_m, grid.origin_y_m)) / grid.resolution_m).astype(np.int64)
+    inside = (cells >= 0).all(axis=1) & (cells[:, 0] < lethal.shape[1]) & (cells[:, 1] < lethal.shape[0])
+    cells = cells[inside]
+    lethal[cells[:, 1], cells[:, 0]] = True
+
+
+def build_costmap(
+    grid: OccupancyGrid, hits_in_map_m: FloatArray, footprint: Footprint, options: CostmapOptions
+) -> Costmap:
+    """Layer the newest scan's hits, shape (n, 2) [m], on the map and inflate the sum.
+
+    The hits are marked afresh in every call, so that an obstacle acts in the cycle it is seen in and
+    leaves no ghost of its own: forgetting is the map's business. Unknown cells stay unknown (255) unless
+    they are within the inscribed radius of an obstacle.
+    """
+    lethal = grid.cells >= options.lethal_percent
+    mark(lethal, hits_in_map_m, grid)
+    # The distance must also serve the footprint check, which needs the circumscribed radius and two half
+    # diagonals.
+    radius_m = max(options.inflation_radius_m, footprint.circumscribed_radius_m + 2.5 * grid.resolution_m)
+    reach = reach_cells(radius_m, grid.resolution_m)
+    squared = squared_distances(lethal, reach)
+    table = cost_table(
+        reach=reach,
+        resolution_m=grid.resolution_m,
+        inscribed_m=footprint.inscribed_radius_m,
+        radius_m=options.inflation_radius_m,
+        decay_per_m=options.decay_per_m,
+    )
+    costs = table[squared]
+    costs[(grid.cells < 0) & (costs < INSCRIBED)] = UNKNOWN
+    return Costmap(
+        costs=costs,
+        squared_cells=squared,
+        resolution_m=grid.resolution_m,
+        origin_x_m=grid.origin_x_m,
+        origin_y_m=grid.origin_y_m,
+    )

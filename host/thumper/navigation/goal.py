@@ -1,0 +1,35 @@
+"""Where the robot shall go, and whether that is sensible."""
+
+import math
+from dataclasses import dataclass
+
+from thumper.geometry import Pose2, wrap_angle
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Goal:
+    """A place in `map`, with a heading when it matters."""
+
+    x_m: float
+    y_m: float
+    theta_rad: float | None = None  # None: any heading will do
+    tolerance_m: float = 0.10
+    heading_tolerance_rad: float = 0.15
+
+    def __post_init__(self) -> None:
+        numbers = (self.x_m, self.y_m, 0.0 if self.theta_rad is None else self.theta_rad)
+        if not all(map(math.isfinite, numbers)):
+            raise ValueError(f"goal must be finite, got {self}")
+        if not (self.tolerance_m > 0.0 and self.heading_tolerance_rad > 0.0):
+            raise ValueError(f"goal tolerances must be positive, got {self}")
+
+    def distance_m(self, map_from_base: Pose2) -> float:
+        """Straight distance from the robot [m]."""
+        return math.hypot(self.x_m - map_from_base.x_m, self.y_m - map_from_base.y_m)
+
+    def heading_error_rad(self, map_from_base: Pose2) -> float:
+        """Turn still to be made, counter-clockwise positive; 0 when the goal has no heading."""
+        return 0.0 if self.theta_rad is None else wrap_angle(self.theta_rad - map_from_base.theta_rad)
+
+    def __str__(self) -> str:
+        return f"({self.x_m:.2f}, {self.y_m:.2f})"

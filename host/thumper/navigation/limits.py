@@ -1,0 +1,37 @@
+"""How fast the base may move, and how late it obeys. Shared by controller, monitor and recovery."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Ge, Gt
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpeedLimits:
+    """Limits of the commanded twist."""
+
+    # Fastest forward speed [m/s].
+    v_max_m_s: Annotated[float, Gt(0)] = 0.4
+    # Fastest turn [rad/s].
+    w_max_rad_s: Annotated[float, Gt(0)] = 1.2
+    # Forward acceleration and braking [m/s^2].
+    v_accel_m_s2: Annotated[float, Gt(0)] = 0.4
+    # Turn acceleration and braking [rad/s^2].
+    w_accel_rad_s2: Annotated[float, Gt(0)] = 1.5
+    # Time from a command until the base moves accordingly [s].
+    latency_s: Annotated[float, Ge(0)] = 0.2
+
+
+def stoppable_speed(distance: float, accel: float, latency_s: float) -> float:
+    """Fastest speed from which braking after `latency_s` ends within `distance` (SI; metres or radians).
+
+    Solves distance = v latency + v^2 / (2 accel).
+    """
+    delay = accel * latency_s
+    return math.sqrt(delay * delay + 2.0 * accel * max(0.0, distance)) - delay
+
+
+def step_toward(value: float, target: float, change: float) -> float:
+    """Move `value` toward `target` by at most `change`."""
+    return min(max(target, value - change), value + change)

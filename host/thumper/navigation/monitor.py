@@ -1,0 +1,103 @@
+"""The last word before the wheels: would this command touch what the scan sees right now?
+
+Works on the raw points, not on the map, so that no mapping or planning error can drive the robot into
+something.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt
+
+from thumper.geometry import FloatArray, Twist2
+from thumper.kernel import kernel
+from thumper.navigation.footprint import Footprint
+from thumper.navigation.limits import SpeedLimits
+
+DEEPER_M = (
+    0.003  # a point already inside the margin may come nearer by this much: scan noise between two steps
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MonitorOptions:
+    """How the collision monitor judges."""
+
+    # Space kept round the footprint [m].
+    margin_m: Annotated[float, Ge(0)] = 0.02
+    # Step of its simulation [s].
+    step_s: Annotated[float, Gt(0)] = 0.05
+
+
+@kernel
+def deepening_point(points_m: FloatArray, half_planes: FloatArray, margin_m: float, poses: FloatArray) -> int:
+    """Index of the first point, shape (n, 2), that a motion brings inside the footprint grown by the margin;
+    else -1.
+
+    `poses`, shape (m, 3), are base poses in the frame of the points; the base begins at the origin. A point
+    inside already at the beginning counts only when it gets deeper inside.
+    """
+    for i in range(points_m.shape[0]):
+        px, py = points_m[i]
+        allowed = 0.0
+        for j in range(-1, poses.shape[0]):
+            x, y, theta = (0.0, 0.0, 0.0) if j < 0 else (poses[j, 0], poses[j, 1], poses[j, 2])
+            cos, sin = math.cos(theta), math.sin(theta)
+            dx, dy = px - x, py - y
+            bx, by = cos * dx + sin * dy, -sin * dx + cos * dy
+            depth = np.inf
+            for k in range(half_planes.shape[0]):
+                inside = half_planes[k, 2] + margin_m - half_planes[k, 0] * bx - half_planes[k, 1] * by
+                depth = min(depth, inside)
+            if j < 0:
+                allowed = max(0.0, depth + DEEPER_M)
+            elif depth > allowed:
+                return i
+    return -1
+
+
+class CollisionMonitor:
+    """Lets a command through or says what it would touch."""
+
+    def __init__(self, options: MonitorOptions, limits: SpeedLimits, footprint: Footprint) -> None:
+        self._options = options
+        self._limits = limits
+        self._half_planes = footprint.half_planes()
+        self._radius_m = footprint.circumscribed_radius_m
+
+    def objection(self, command: Twist2, twist: Twist2, hits_in_base_m: FloatArray, period_s: float) -> str:
+        """Return what the command would touch, or an empty string.
+
+        The motion judged is: the measured twist during the latency, the command for one period, then braking
+        to a stop. `hits_in_base_m` has shape (n, 2).
+        """
+        poses = self._stopping_poses(command, twist, period_s)
+        reach_m = self._radius_m + self._options.margin_m + float(np.hypot(poses[:, 0], poses[:, 1]).max())
+        near = np.hypot(hits_in_base_m[:, 0], hits_in_base_m[:, 1]) <= reach_m
+        points_m = np.ascontiguousarray(hits_in_base_m[near])
+        index = deepening_point(points_m, self._half_planes, self._options.margin_m, poses)
+        if index < 0:
+            return ""
+        x_m, y_m = points_m[index]
+        return f"stopped before an obstacle {x_m:.2f} m ahead, {y_m:+.2f} m to the left of the robot's centre"
+
+    def _stopping_poses(self, command: Twist2, twist: Twist2, period_s: float) -> FloatArray:
+        limits, step_s = self._limits, self._options.step_s
+        braking_s = max(
+            abs(command.v_m_s) / limits.v_accel_m_s2, abs(command.w_rad_s) / limits.w_accel_rad_s2
+        )
+        times_s = np.arange(0.0, limits.latency_s + period_s + braking_s, step_s) + 0.5 * step_s
+        fading_s = np.maximum(0.0, times_s - limits.latency_s - period_s)
+        obeys = times_s > limits.latency_s
+        v = np.where(obeys, _braked(command.v_m_s, limits.v_accel_m_s2, fading_s), twist.v_m_s)
+        w = np.where(obeys, _braked(command.w_rad_s, limits.w_accel_rad_s2, fading_s), twist.w_rad_s)
+        headings_rad = np.cumsum(w) * step_s
+        middles_rad = headings_rad - 0.5 * w * step_s
+        x_m, y_m = np.cumsum(v * np.cos(middles_rad)) * step_s, np.cumsum(v * np.sin(middles_rad)) * step_s
+        return np.column_stack((x_m, y_m, headings_rad))
+
+
+def _braked(speed: float, accel: float, time_s: FloatArray) -> FloatArray:
+    return math.copysign(1.0, speed) * np.maximum(0.0, abs(speed) - accel * time_s)

@@ -1,0 +1,235 @@
+"""Drives the robot to a goal: costmap, plan, control, collision monitor, recovery; one `update` a control
+cycle.
+
+Pure: time and sensor data come in, a twist goes out. Nothing raises out of `update`: an error stops the robot
+and is told in words.
+"""
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+
+from thumper.geometry import FloatArray, Pose2, Twist2
+from thumper.mapping.grid import OccupancyGrid
+from thumper.navigation.arrival import Arrival
+from thumper.navigation.controller import ControlRequest, ControlResult
+from thumper.navigation.costmap import Costmap, build_costmap
+from thumper.navigation.footprint import Footprint
+from thumper.navigation.goal import Goal
+from thumper.navigation.limits import stoppable_speed
+from thumper.navigation.monitor import CollisionMonitor
+from thumper.navigation.options import NavigationOptions
+from thumper.navigation.progress import ProgressChecker
+from thumper.navigation.recovery import Recovery, is_still
+from thumper.navigation.registry import make_controller, make_planner
+from thumper.navigation.route import Route
+
+USUAL_PERIOD_S = 0.1
+
+
+class NavigationState(Enum):
+    """What the navigator is doing. FAILED and REACHED are final until the next goal."""
+
+    IDLE = "idle"
+    NAVIGATING = "navigating"
+    ROTATING = "rotating"
+    RECOVERING = "recovering"
+    REACHED = "reached"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NavigationOutput:
+    """What one cycle decided."""
+
+    command: Twist2 = field(default_factory=Twist2)
+    state: NavigationState = NavigationState.IDLE
+    reason: str = ""  # in words: why it stands, recovers or failed; empty when all is well
+    plan: FloatArray = field(default_factory=lambda: np.empty((0, 2)))  # (n, 2) [m] in map, from the robot on
+    local_plan: FloatArray = field(default_factory=lambda: np.empty((0, 3)))  # (m, 3) x, y, theta in map
+
+
+class Navigator:
+    """One robot on its way to one goal."""
+
+    def __init__(self, options: NavigationOptions, footprint: Footprint) -> None:
+        self._options = options
+        self._footprint = footprint
+        self._controller = make_controller(options, footprint)
+        self._route = Route(make_planner(options, footprint), options.route)
+        self._monitor = CollisionMonitor(options.monitor, options.limits, footprint)
+        self._progress = ProgressChecker(options.progress)
+        self._recovery = Recovery(options.recovery, options.limits, footprint, self._controller)
+        self._goal: Goal | None = None
+        self._state = NavigationState.IDLE
+        self._reason = ""
+        self._last_command = Twist2()
+        self._last_s: float | None = None
+        self.costmap: Costmap | None = None  # of the newest cycle, for display and record
+
+    def set_goal(self, goal: Goal) -> None:
+        """Begin the way to a goal; a goal under way is dropped."""
+        self._goal = goal
+        self._arrival = Arrival(goal)
+        self._state, self._reason = NavigationState.NAVIGATING, ""
+        self._route.clear()
+        self._controller.reset()
+        self._progress.reset()
+        self._recovery.attempts = 0
+        self._stuck_since_s: float | None = None
+
+    def cancel(self) -> None:
+        """Give the goal up; the next command is zero."""
+        self._goal = None
+        self._state, self._reason = NavigationState.IDLE, "cancelled"
+
+    def update(
+        self,
+        time_s: float,
+        map_from_base: Pose2,
+        twist: Twist2,
+        grid: OccupancyGrid,
+        hits_in_map: FloatArray,
+    ) -> NavigationOutput:
+        """Return the command for the next cycle.
+
+        Parameters
+        ----------
+        time_s : float
+            Time of the pose, on any steady clock [s].
+        map_from_base, twist : Pose2, Twist2
+            Where the robot is and how it moves (measured).
+        grid : OccupancyGrid
+            The map so far; the goal's cell may be unknown.
+        hits_in_map : ndarray, shape (n, 2)
+            End points of the newest scan's beams that hit something [m]; rows that are not finite are
+            ignored.
+        """
+        try:
+            output = self._update(time_s, map_from_base, twist, grid, hits_in_map)
+        except Exception as error:
+            # In motion every error is a stop with a reason; a traceback would leave the last command
+            # standing.
+            output = self._fail(f"internal error in navigation: {type(error).__name__}: {error}")
+        self._last_command = output.command
+        return output
+
+    def _update(
+        self, time_s: float, map_from_base: Pose2, twist: Twist2, grid: OccupancyGrid, hits_in_map: FloatArray
+    ) -> NavigationOutput:
+        period_s = USUAL_PERIOD_S if self._last_s is None else min(max(time_s - self._last_s, 0.02), 0.3)
+        self._last_s = time_s
+        goal = self._goal
+        if goal is None or self._state in (NavigationState.REACHED, NavigationState.FAILED):
+            return NavigationOutput(state=self._state, reason=self._reason)
+        numbers = (map_from_base.x_m, map_from_base.y_m, map_from_base.theta_rad, twist.v_m_s, twist.w_rad_s)
+        if not np.isfinite(numbers).all():
+            return self._fail("the robot's pose or speed is not a number")
+
+        hits_in_map = hits_in_map[np.isfinite(hits_in_map).all(axis=1)]
+        self.costmap = build_costmap(grid, hits_in_map, self._footprint, self._options.costmap)
+        self._route.update(time_s, self.costmap, map_from_base, goal)
+        self._arrival.update(map_from_base)
+        remaining_m = self._route.remaining_m(map_from_base)
+        request = ControlRequest(
+            map_from_base=map_from_base,
+            twist=twist,
+            last_command=self._last_command,
+            path_m=np.empty((0, 2)) if self._route.path_m is None else self._route.path_m,
+            costmap=self.costmap,
+            v_limit_m_s=self._speed_limit(remaining_m),
+            period_s=period_s,
+        )
+        if self._arrival.at_place and is_still(twist) and self._arrival.within_tolerance(map_from_base):
+            self._state, self._reason = NavigationState.REACHED, f"at the goal {goal}"
+            return self._output(Twist2(), request)
+
+        if self._state is NavigationState.RECOVERING:
+            result = self._recover(time_s, request)
+        else:
+            result = self._follow(time_s, request, goal, remaining_m)
+        if self._state is NavigationState.FAILED:
+            return self._fail(self._reason)
+        return self._guarded(time_s, result, request, map_from_base.inverse().apply(hits_in_map))
+
+    def _speed_limit(self, remaining_m: float) -> float:
+        limits = self._options.limits
+        stoppable_m_s = stoppable_speed(remaining_m, limits.v_accel_m_s2, limits.latency_s)
+        return min(limits.v_max_m_s, max(self._options.approach_m_s, stoppable_m_s))
+
+    def _follow(
+        self, time_s: float, request: ControlRequest, goal: Goal, remaining_m: float
+    ) -> ControlResult:
+        complaint, nearer = self._progress.update(time_s, request.map_from_base, remaining_m)
+        if nearer:
+            self._recovery.attempts = 0
+        if complaint:
+            if self._arrival.within_tolerance(request.map_from_base):
+                self._arrival.at_place = True  # as near as it gets, and near enough
+            else:
+                return self._begin_recovery(time_s, request, complaint)
+        if self._arrival.at_place:
+            turn_rad = goal.heading_error_rad(request.map_from_base)
+            turned = abs(turn_rad) <= 0.5 * goal.heading_tolerance_rad
+            return ControlResult(command=Twist2()) if turned else self._controller.turn(request, turn_rad)
+        if self._route.path_m is None:
+            return ControlResult(command=None, reason=self._route.reason)
+        return self._controller.command(request)
+
+    def _begin_recovery(self, time_s: float, request: ControlRequest, why: str) -> ControlResult:
+        self._stuck_since_s = None
+        if not self._recovery.start(time_s, request):
+            tried = f" after {self._recovery.attempts} recoveries" if self._recovery.attempts else ""
+            self._state, self._reason = NavigationState.FAILED, f"gave up{tried}: {why}"
+            return ControlResult(command=None)
+        self._state, self._reason = NavigationState.RECOVERING, f"{self._recovery.name}, because {why}"
+        return self._recover(time_s, request)
+
+    def _recover(self, time_s: float, request: ControlRequest) -> ControlResult:
+        command = self._recovery.step(time_s, request)
+        if command is not None:
+            return ControlResult(command=command)
+        self._state = NavigationState.NAVIGATING
+        self._route.clear()
+        self._controller.reset()
+        self._progress.renew()
+        return ControlResult(command=Twist2())
+
+    def _guarded(
+        self, time_s: float, result: ControlResult, request: ControlRequest, hits_in_base: FloatArray
+    ) -> NavigationOutput:
+        """Let the command through the collision monitor and keep the state and the patience."""
+        command, reason = result.command, result.reason
+        if command is not None:
+            reason = self._monitor.objection(command, request.twist, hits_in_base, request.period_s)
+        if command is None or reason:
+            if self._stuck_since_s is None:
+                self._stuck_since_s = time_s
+            if time_s - self._stuck_since_s > self._options.patience_s:
+                self._begin_recovery(time_s, request, reason)
+                if self._state is NavigationState.FAILED:
+                    return self._fail(self._reason)
+                reason = self._reason
+            self._reason = reason
+            return self._output(Twist2(), request, result.trajectory)
+        self._stuck_since_s = None
+        if self._state is not NavigationState.RECOVERING:
+            self._state = NavigationState.ROTATING if result.rotating else NavigationState.NAVIGATING
+            self._reason = self._route.reason
+        return self._output(command, request, result.trajectory)
+
+    def _output(
+        self, command: Twist2, request: ControlRequest, trajectory: FloatArray | None = None
+    ) -> NavigationOutput:
+        return NavigationOutput(
+            command=command,
+            state=self._state,
+            reason=self._reason,
+            plan=request.path_m,
+            local_plan=np.empty((0, 3)) if trajectory is None else trajectory,
+        )
+
+    def _fail(self, reason: str) -> NavigationOutput:
+        self._state, self._reason = NavigationState.FAILED, reason
+        return NavigationOutput(state=self._state, reason=reason)

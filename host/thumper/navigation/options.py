@@ -1,0 +1,37 @@
+"""All options of navigation, as the `[navigation]` table of the robot's TOML holds them."""
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from annotated_types import Gt
+
+from thumper.navigation.astar import AStarOptions
+from thumper.navigation.costmap import CostmapOptions
+from thumper.navigation.dwa import DwaOptions
+from thumper.navigation.limits import SpeedLimits
+from thumper.navigation.monitor import MonitorOptions
+from thumper.navigation.progress import ProgressOptions
+from thumper.navigation.recovery import RecoveryOptions
+from thumper.navigation.route import RouteOptions
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NavigationOptions:
+    """Which planner and controller, and the options of every part."""
+
+    # Global planner by name; see `thumper.navigation.registry`.
+    planner: str = "astar"
+    # Local controller by name.
+    controller: str = "dwa"
+    # Time without any safe motion or path before a recovery begins [s].
+    patience_s: Annotated[float, Gt(0)] = 2.0
+    # Slowest speed of the approach to the goal [m/s]; a base sticks below some speed.
+    approach_m_s: Annotated[float, Gt(0)] = 0.06
+    limits: SpeedLimits = field(default_factory=SpeedLimits)
+    costmap: CostmapOptions = field(default_factory=CostmapOptions)
+    astar: AStarOptions = field(default_factory=AStarOptions)
+    dwa: DwaOptions = field(default_factory=DwaOptions)
+    route: RouteOptions = field(default_factory=RouteOptions)
+    monitor: MonitorOptions = field(default_factory=MonitorOptions)
+    progress: ProgressOptions = field(default_factory=ProgressOptions)
+    recovery: RecoveryOptions = field(default_factory=RecoveryOptions)

@@ -1,0 +1,106 @@
+"""What the robot does when it is stuck: back up, turn, wait; each a little further than the last time."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Ge, Gt
+
+from thumper.geometry import Twist2
+from thumper.navigation.controller import Controller, ControlRequest
+from thumper.navigation.footprint import Footprint
+from thumper.navigation.limits import SpeedLimits, step_toward, stoppable_speed
+from thumper.navigation.turning import is_open, straight_poses
+
+SLOWEST_BACK_M_S = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecoveryOptions:
+    """How the robot frees itself."""
+
+    # Recoveries tried without coming nearer to the goal before it is given up; 0 gives up at once.
+    attempts: Annotated[int, Ge(0)] = 6
+    # Way back in the first back-up [m]; every further one is longer by as much.
+    back_up_m: Annotated[float, Gt(0)] = 0.20
+    # Fastest backward speed [m/s].
+    back_up_m_s: Annotated[float, Gt(0)] = 0.15
+    # Turn of a recovery turn, to see more [rad].
+    turn_rad: Annotated[float, Gt(0)] = 1.6
+    # Wait when nothing else is free: what is in the way may leave [s].
+    wait_s: Annotated[float, Gt(0)] = 2.0
+    # Longest time of one recovery [s].
+    limit_s: Annotated[float, Gt(0)] = 10.0
+
+
+class Recovery:
+    """One recovery at a time: `start`, then `step` each cycle until it returns None."""
+
+    def __init__(
+        self, options: RecoveryOptions, limits: SpeedLimits, footprint: Footprint, controller: Controller
+    ) -> None:
+        self._options = options
+        self._limits = limits
+        self._footprint = footprint
+        self._controller = controller
+        self.attempts = 0
+        self.name = ""
+
+    def start(self, time_s: float, request: ControlRequest) -> bool:
+        """Choose the next recovery; False when all attempts are used up."""
+        if self.attempts >= self._options.attempts:
+            return False
+        self.attempts += 1
+        self._begun_s = time_s
+        self._from = request.map_from_base
+        back_m = self._options.back_up_m * (1 + self.attempts // 2)
+        can_back = self._can_back_up(request, back_m)
+        can_turn = self._controller.turn(request, self._options.turn_rad).command is not None
+        prefers_turn = self.attempts % 2 == 0
+        if can_back and not (prefers_turn and can_turn):
+            self.name, self._amount = "backing up", back_m
+        elif can_turn:
+            self.name, self._amount = "turning to look round", self._options.turn_rad
+        else:
+            self.name, self._amount = "waiting for the way to clear", 0.0
+        self._target_rad = request.map_from_base.theta_rad + self._options.turn_rad
+        return True
+
+    def step(self, time_s: float, request: ControlRequest) -> Twist2 | None:
+        """Return the next twist, or None when the recovery is over."""
+        elapsed_s = time_s - self._begun_s
+        if elapsed_s > self._options.limit_s:
+            return None
+        if self.name == "backing up":
+            return self._back_up(request)
+        if self._amount > 0.0:
+            return self._turn(request)
+        return Twist2() if elapsed_s < self._options.wait_s else None
+
+    def _back_up(self, request: ControlRequest) -> Twist2 | None:
+        left_m = self._amount - self._from.distance_m(request.map_from_base)
+        if left_m <= 0.01 or not self._can_back_up(request, min(left_m, 0.15)):
+            return None
+        change = self._limits.v_accel_m_s2 * request.period_s
+        speed = min(
+            self._options.back_up_m_s,
+            stoppable_speed(left_m, self._limits.v_accel_m_s2, self._limits.latency_s),
+        )
+        return Twist2(v_m_s=step_toward(request.last_command.v_m_s, -max(speed, SLOWEST_BACK_M_S), change))
+
+    def _can_back_up(self, request: ControlRequest, distance_m: float) -> bool:
+        """Whether the ground behind is known and free: the lidar does not see there."""
+        poses = straight_poses(request.map_from_base, -distance_m)
+        start = request.map_from_base
+        return is_open(request.costmap, self._footprint, poses, start, unknown_blocks=True)
+
+    def _turn(self, request: ControlRequest) -> Twist2 | None:
+        left_rad = math.remainder(self._target_rad - request.map_from_base.theta_rad, math.tau)
+        if abs(left_rad) < 0.1:
+            return None
+        return self._controller.turn(request, left_rad).command
+
+
+def is_still(twist: Twist2) -> bool:
+    """Whether the base has as good as stopped."""
+    return abs(twist.v_m_s) < 0.03 and abs(twist.w_rad_s) < 0.10

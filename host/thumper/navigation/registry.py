@@ -1,0 +1,34 @@
+"""Planners and controllers by name. A new one is one file and one line here."""
+
+from collections.abc import Callable, Mapping
+
+from thumper.errors import ThumperError
+from thumper.navigation.astar import AStarPlanner
+from thumper.navigation.controller import Controller
+from thumper.navigation.dwa import DwaController
+from thumper.navigation.footprint import Footprint
+from thumper.navigation.options import NavigationOptions
+from thumper.navigation.planner import Planner
+
+PLANNERS: Mapping[str, Callable[[NavigationOptions, Footprint], Planner]] = {
+    "astar": lambda options, _footprint: AStarPlanner(options.astar),
+}
+CONTROLLERS: Mapping[str, Callable[[NavigationOptions, Footprint], Controller]] = {
+    "dwa": lambda options, footprint: DwaController(options.dwa, options.limits, footprint),
+}
+
+
+def make_planner(options: NavigationOptions, footprint: Footprint) -> Planner:
+    """Return the planner that the options name. Raises ThumperError for a name that there is none of."""
+    if options.planner not in PLANNERS:
+        raise ThumperError(f"no planner '{options.planner}': choose one of {', '.join(sorted(PLANNERS))}")
+    return PLANNERS[options.planner](options, footprint)
+
+
+def make_controller(options: NavigationOptions, footprint: Footprint) -> Controller:
+    """Return the controller that the options name. Raises ThumperError for a name that there is none of."""
+    if options.controller not in CONTROLLERS:
+        raise ThumperError(
+            f"no controller '{options.controller}': choose one of {', '.join(sorted(CONTROLLERS))}"
+        )
+    return CONTROLLERS[options.controller](options, footprint)

@@ -1,0 +1,156 @@
+"""Simulate many commands on the costmap and measure each. The controller's inner loop: kernels only."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thumper.geometry import FloatArray
+from thumper.kernel import kernel
+from thumper.navigation.footprint_check import lethal_count
+from thumper.navigation.inflation import ByteArray, IntArray
+
+OPEN, HITS, LEAVES_MAP = 0, 1, 2
+CLEARANCE, PATH, GOAL, FRONT = 0, 1, 2, 3
+
+
+@kernel
+def simulate(
+    pose: FloatArray, twist: FloatArray, command: FloatArray, motion: FloatArray, poses: FloatArray
+) -> None:
+    """Fill `poses`, shape (steps, 3), with where a command leads from `pose` (x, y, theta) moving at `twist`
+    (v, w).
+
+    `motion` is (v_accel, w_accel, latency_s, step_s): the twist holds during the latency, then moves to the
+    command at the accelerations. Each step is an arc driven at its mean heading.
+    """
+    x, y, theta = pose[0], pose[1], pose[2]
+    v, w = twist[0], twist[1]
+    step_s = motion[3]
+    for i in range(poses.shape[0]):
+        if (i + 0.5) * step_s > motion[2]:
+            dv, dw = motion[0] * step_s, motion[1] * step_s
+            v = min(max(command[0], v - dv), v + dv)
+            w = min(max(command[1], w - dw), w + dw)
+        x += v * step_s * math.cos(theta + 0.5 * w * step_s)
+        y += v * step_s * math.sin(theta + 0.5 * w * step_s)
+        theta += w * step_s
+        poses[i, 0], poses[i, 1], poses[i, 2] = x, y, theta
+
+
+@kernel
+def first_contact(
+    poses: FloatArray,
+    costs: ByteArray,
+    squared_cells: IntArray,
+    origin_m: FloatArray,
+    resolution_m: float,
+    outline_m: FloatArray,
+    safe_squared: float,
+    unknown_blocks: bool,
+    allowed: int,
+) -> tuple[int, int]:
+    """(status, step) of the first pose, shape (n, 3), whose outline lies on more than `allowed` obstacle
+    points.
+
+    `allowed` is the number at the pose the robot is in: a robot already touching may move out, never further
+    in. (OPEN, n) when there is none.
+    """
+    for i in range(poses.shape[0]):
+        count = lethal_count(
+            costs,
+            squared_cells,
+            origin_m,
+            resolution_m,
+            outline_m,
+            safe_squared,
+            unknown_blocks,
+            poses[i, 0],
+            poses[i, 1],
+            poses[i, 2],
+        )
+        if count < 0:
+            return LEAVES_MAP, i
+        if count > allowed:
+            return HITS, i
+        allowed = min(allowed, count)
+    return OPEN, poses.shape[0]
+
+
+@kernel
+def distance_to_path(path_m: FloatArray, x: float, y: float) -> float:
+    """Distance of a point to the nearest vertex of a path, shape (n, 2) [m]."""
+    best = np.inf
+    for i in range(path_m.shape[0]):
+        best = min(best, (path_m[i, 0] - x) ** 2 + (path_m[i, 1] - y) ** 2)
+    return math.sqrt(best)
+
+
+@kernel
+def measure(
+    commands: FloatArray,
+    pose: FloatArray,
+    twist: FloatArray,
+    motion: FloatArray,
+    steps: int,
+    costs: ByteArray,
+    squared_cells: IntArray,
+    origin_m: FloatArray,
+    resolution_m: float,
+    outline_m: FloatArray,
+    safe_squared: float,
+    path_m: FloatArray,
+    front_m: float,
+) -> tuple[NDArray[np.int64], FloatArray]:
+    """Roll out commands (v, w), shape (n, 2), over `steps` steps.
+
+    Returns
+    -------
+    status : ndarray, shape (n,)
+        OPEN, HITS (the outline meets an obstacle) or LEAVES_MAP.
+    terms : ndarray, shape (n, 4)
+        Metres: least distance of the centre from an obstacle (CLEARANCE), mean distance from the path
+        (PATH), distance of the last pose from the path's end (GOAL), distance of a point `front_m` ahead of
+        it from the path (FRONT).
+    """
+    count = commands.shape[0]
+    status = np.zeros(count, np.int64)
+    terms = np.zeros((count, 4))
+    poses = np.empty((steps, 3))
+    allowed = lethal_count(
+        costs,
+        squared_cells,
+        origin_m,
+        resolution_m,
+        outline_m,
+        safe_squared,
+        False,
+        pose[0],
+        pose[1],
+        pose[2],
+    )
+    allowed = max(0, allowed)
+    end_x, end_y = path_m[-1, 0], path_m[-1, 1]
+    for n in range(count):
+        simulate(pose, twist, commands[n], motion, poses)
+        status[n], _ = first_contact(
+            poses, costs, squared_cells, origin_m, resolution_m, outline_m, safe_squared, False, allowed
+        )
+        if status[n] != OPEN:
+            continue
+        least = np.int32(2147483647)
+        off_path = 0.0
+        for i in range(steps):
+            col = math.floor((poses[i, 0] - origin_m[0]) / resolution_m)
+            row = math.floor((poses[i, 1] - origin_m[1]) / resolution_m)
+            least = min(least, squared_cells[row, col])
+            if i % 2 == 0:
+                off_path += distance_to_path(path_m, poses[i, 0], poses[i, 1])
+        x, y, theta = poses[-1]
+        terms[n, CLEARANCE] = math.sqrt(least) * resolution_m
+        terms[n, PATH] = off_path / ((steps + 1) // 2)
+        terms[n, GOAL] = math.hypot(x - end_x, y - end_y)
+        terms[n, FRONT] = distance_to_path(
+            path_m, x + front_m * math.cos(theta), y + front_m * math.sin(theta)
+        )
+    return status, terms
