@@ -27,8 +27,8 @@ def cast_rays(
 ) -> None:
     """Write the distance along each ray to the first thing it meets, +inf for none, to `out`, shape (n,).
 
-    `origins_m` has shape (n, 2), `angles_rad` (n,). A ray along a wall meets the wall's nearer end; a ray that
-    starts inside a circle meets the circle's far side.
+    `origins_m` has shape (n, 2), `angles_rad` (n,). A ray along a wall meets the wall's nearer end; a ray
+    that starts inside a circle meets the circle's far side.
     """
     for i in range(angles_rad.size):
         x, y = origins_m[i, 0], origins_m[i, 1]
@@ -82,7 +82,7 @@ def point_segment_m(px: float, py: float, ax: float, ay: float, bx: float, by: f
 def segments_cross(
     ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float
 ) -> bool:
-    """Whether ab and cd cross at a point inside both. Mere contact is a distance of 0: `point_segment_m` sees it."""
+    """Whether ab and cd cross at a point inside both; mere contact is left to `point_segment_m`."""
     abx, aby, cdx, cdy = bx - ax, by - ay, dx - cx, dy - cy
     c_side, d_side = abx * (cy - ay) - aby * (cx - ax), abx * (dy - ay) - aby * (dx - ax)
     a_side, b_side = cdx * (ay - cy) - cdy * (ax - cx), cdx * (by - cy) - cdy * (bx - cx)
@@ -106,7 +106,7 @@ def inside_polygon(px: float, py: float, polygon_m: FloatArray) -> bool:
 
 @kernel
 def polygon_clearance_m(polygon_m: FloatArray, segments_m: FloatArray, circles_m: FloatArray) -> float:
-    """Smallest distance from the filled polygon, shape (k, 2), to any segment or filled circle; 0 if they meet."""
+    """Smallest distance from a filled polygon, shape (k, 2), to any segment or filled circle; 0 = contact."""
     nearest = math.inf
     j = polygon_m.shape[0] - 1
     for i in range(polygon_m.shape[0]):

@@ -22,7 +22,7 @@ TABLE_KEYS = {"wall": WALL_KEYS, "box": BOX_KEYS, "circle": CIRCLE_KEYS}
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class WorldShapes:
-    """What a world file holds: wall segments (n, 4), circles (m, 3), boxes as (x, y, length, width, yaw_deg)."""
+    """What a world file holds: wall segments (n, 4), circles (m, 3), boxes (x, y, length, width, yaw_deg)."""
 
     segments: FloatArray
     circles: FloatArray
@@ -34,7 +34,7 @@ class _BadWorldError(ValueError):
 
 
 def read_world_file(name_or_path: str | Path) -> WorldShapes:
-    """Read `worlds/NAME.toml`, or the file at a path that ends in `.toml`; a file may build on `base = "NAME"`.
+    """Read `worlds/NAME.toml`, or the file at a path that ends in `.toml`, and the `base` it builds on.
 
     Raises
     ------

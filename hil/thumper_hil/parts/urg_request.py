@@ -1,0 +1,97 @@
+"""Requests as a URG-04LX reads them: MDsssseeeeccinn, MS, GDsssseeeecc, GS (Hokuyo C-42-03320B)."""
+
+import re
+from dataclasses import dataclass
+from typing import Self
+
+LAST_MEASURABLE_STEP = 768
+MAX_REMARK_CHARS = 16
+
+
+class RefusedError(ValueError):
+    """A request that gets a status other than 00; the two characters are the message."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasureRequest:
+    """One order for scans, as sent: steps first..last, grouped by `cluster`, `count` scans (0: endless)."""
+
+    command: bytes
+    remark: bytes  # with its semicolon
+    first_step: int
+    last_step: int
+    cluster: int
+    skip: int = 0
+    count: int = 1
+
+    @property
+    def streams(self) -> bool:
+        """Whether this is MD or MS: scans of the future, not the latest one."""
+        return self.command[:1] == b"M"
+
+    @property
+    def chars(self) -> int:
+        """Characters a value takes: 3 for MD and GD, 2 for MS and GS."""
+        return 3 if self.command[1:] == b"D" else 2
+
+    def echo(self, remaining: int) -> bytes:
+        """The first line of a reply; in a stream it counts the scans that are left."""
+        text = b"%s%04d%04d%02d" % (self.command, self.first_step, self.last_step, self.cluster)
+        if self.streams:
+            text += b"%d%02d" % (self.skip, remaining)
+        return text + self.remark
+
+    @classmethod
+    def parse(cls, command: bytes, parameters: bytes, remark: bytes) -> Self:
+        """Read the parameters.
+
+        Raises
+        ------
+        RefusedError
+            With the status that the device answers.
+        """
+        widths = (4, 4, 2, 1, 2) if command[:1] == b"M" else (4, 4, 2)
+        if len(parameters) < sum(widths):
+            raise RefusedError("0C")
+        if len(parameters) > sum(widths):
+            raise RefusedError("0E")
+        fields, start = [], 0
+        for width, status in zip(widths, ("01", "02", "03", "06", "07"), strict=False):
+            text = parameters[start : start + width]
+            if not text.isdigit():
+                raise RefusedError(status)
+            fields.append(int(text))
+            start += width
+        first_step, last_step, cluster, *rest = fields
+        if last_step > LAST_MEASURABLE_STEP:
+            raise RefusedError("04")
+        if last_step < first_step:
+            raise RefusedError("05")
+        skip, count = rest or (0, 1)
+        return cls(
+            command=command,
+            remark=remark,
+            first_step=first_step,
+            last_step=last_step,
+            cluster=cluster,
+            skip=skip,
+            count=count,
+        )
+
+
+def split_line(line: bytes) -> tuple[bytes, bytes, bytes]:
+    """Return (command, parameters, remark with its semicolon) of a request without its line end.
+
+    Raises
+    ------
+    RefusedError
+        0D for what is no command, 0G or 0H for a bad remark.
+    """
+    body, semicolon, remark = line.partition(b";")
+    if not re.fullmatch(rb"[A-Z%]{2}[ -~]*", body):
+        raise RefusedError("0D")
+    if len(remark) > MAX_REMARK_CHARS:
+        raise RefusedError("0G")
+    if not re.fullmatch(rb"[ -~]*", remark):
+        raise RefusedError("0H")
+    return body[:2], body[2:], semicolon + remark
