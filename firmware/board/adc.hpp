@@ -1,0 +1,60 @@
+#pragma once
+#include <avr/io.h>
+
+#include "board/trex.hpp"
+#include "core/units.hpp"
+
+/// Battery and motor currents, one conversion a millisecond in turn. A PWM period is 8.2 ms, so a single
+/// sample sees either its on or its off part; each reading is a sum of 32 samples spread over 96 ms.
+class Adc {
+ public:
+  struct Sums {
+    uint16_t battery, left_current, right_current;
+  };
+
+  void Start() {
+    ADCSRA = 1 << ADEN | 1 << ADPS2 | 1 << ADPS1 | 1 << ADPS0;  // 125 kHz; a conversion takes 104 us
+    Convert();
+  }
+
+  /// Once a millisecond, from its interrupt: take the finished sample and begin the next channel's.
+  void Step() {
+    sums_[channel_] += ADC;
+    if (++channel_ == kChannels) {
+      channel_ = 0;
+      if (++samples_ == fw::kAdcSamples) {
+        samples_ = 0;
+        done_ = {sums_[0], sums_[1], sums_[2]};
+        sums_[0] = sums_[1] = sums_[2] = 0;
+        ready_ = true;
+      }
+    }
+    Convert();
+  }
+
+  /// Fetch finished sums; false if there are no new ones. Interrupts must be off.
+  bool Take(Sums* sums) {
+    if (!ready_) return false;
+    ready_ = false;
+    *sums = done_;
+    return true;
+  }
+
+ private:
+  static constexpr uint8_t kChannels = 3;
+  static_assert(kChannels * fw::kAdcSamples >= 9, "average over more than a PWM period");
+  static_assert(fw::kAdcSamples * 1023UL <= 0xFFFF, "a sum must fit 16 bits");
+
+  void Convert() {
+    const uint8_t channel = channel_ == 0   ? trex::kBatteryChannel
+                            : channel_ == 1 ? trex::kLeftCurrentChannel
+                                            : trex::kRightCurrentChannel;
+    ADMUX = 1 << REFS0 | channel;  // reference: AVCC
+    ADCSRA |= 1 << ADSC;
+  }
+
+  uint8_t channel_ = 0, samples_ = 0;
+  uint16_t sums_[kChannels] = {0, 0, 0};
+  Sums done_ = {0, 0, 0};
+  bool ready_ = false;
+};

@@ -1,0 +1,23 @@
+#pragma once
+#include <avr/io.h>
+
+/// Pin map of the DAGU T'REX DG010. Its INT0 and INT1 pins drive motors, so encoders use pin changes.
+/// Wiring: the direction pin high turns a side forward, and A leads B while it rolls forward; on a robot
+/// whose mirrored side runs backwards, swap that side's two motor wires, or its two encoder wires.
+namespace trex {
+
+// Left motor: direction D2, PWM D3 (OC2B), brake D4.
+constexpr uint8_t kLeftDirection = 1 << PD2, kLeftPwm = 1 << PD3, kLeftBrake = 1 << PD4;
+// Right motor: brake D9, direction D10, PWM D11 (OC2A).
+constexpr uint8_t kRightBrake = 1 << PB1, kRightDirection = 1 << PB2, kRightPwm = 1 << PB3;
+
+// Encoders on adjacent bits, one port and one vector a wheel. Left A/B: D5/D6, PCINT21/22; right A/B:
+// D12/D13, PCINT4/5.
+constexpr uint8_t kLeftEncoder = 1 << PD5 | 1 << PD6, kRightEncoder = 1 << PB4 | 1 << PB5;
+inline uint8_t LeftAb() { return (PIND >> PD5) & 0x3u; }
+inline uint8_t RightAb() { return (PINB >> PB4) & 0x3u; }
+
+// ADC channels: battery A3, currents A6 and A7. Some boards have the two currents swapped.
+constexpr uint8_t kBatteryChannel = 3, kLeftCurrentChannel = 6, kRightCurrentChannel = 7;
+
+}  // namespace trex

@@ -1,0 +1,34 @@
+#pragma once
+#include <stdint.h>
+
+/// Control ticks a second. 10 is the thesis's rate; 20, 50 and 100 build too (make RATE=50).
+#ifndef THUMPER_CONTROL_RATE_HZ
+#define THUMPER_CONTROL_RATE_HZ 10
+#endif
+
+namespace fw {
+
+constexpr uint8_t kVersionMajor = 0, kVersionMinor = 1, kVersionPatch = 0;
+
+constexpr uint8_t kControlRate_Hz = THUMPER_CONTROL_RATE_HZ;
+static_assert(kControlRate_Hz == 10 || kControlRate_Hz == 20 || kControlRate_Hz == 50 ||
+                  kControlRate_Hz == 100,
+              "the control loop is proven at 10, 20, 50 and 100 Hz");
+constexpr uint32_t kTick_us = 1000000UL / kControlRate_Hz;
+
+// The Wild Thumper.
+constexpr uint16_t kCountsPerRev = 1200;  // 16 state changes a motor turn, 75:1
+constexpr uint16_t kWheelRadius_mm = 62;
+constexpr uint16_t kTrack_mm = 245;
+
+constexpr int16_t kMaxSpeed_mrad_s = 17000;
+constexpr int16_t kMaxPwm = 255;
+constexpr uint16_t kLinkTimeout_ms = 300;
+
+// 2-cell LiPo.
+constexpr uint16_t kBatteryStop_mV = 6400;
+constexpr uint16_t kBatteryRearm_mV = 7000;
+constexpr uint16_t kBatteryNominal_mV = 7400;  // the feed-forward gains hold at this voltage
+constexpr uint8_t kLowBatteryBeeps = 5;
+
+}  // namespace fw

@@ -1,0 +1,93 @@
+#pragma once
+#include <stddef.h>
+#include <stdint.h>
+
+#include "core/crc.hpp"
+
+namespace fw {
+
+/// Streaming decoder of COBS(id, seq, payload, CRC) 0x00. Any bytes may come in; only whole, right frames
+/// come out.
+template <size_t kMaxPayloadSize>
+class FrameDecoder {
+ public:
+  /// Take one byte; true when it completes a good frame, which stays readable until the next call.
+  bool Push(uint8_t byte) {
+    if (byte == 0) return Finish();
+    if (finished_) {  // a new frame begins
+      finished_ = broken_ = zero_due_ = false;
+      length_ = left_ = 0;
+    }
+    if (left_ == 0) {  // a code byte: how many bytes up to the next zero
+      if (zero_due_) Append(0);
+      zero_due_ = byte != 0xFF;
+      left_ = static_cast<uint8_t>(byte - 1);
+    } else {
+      --left_;
+      Append(byte);
+    }
+    return false;
+  }
+
+  uint8_t id() const { return body_[0]; }
+  uint8_t seq() const { return body_[1]; }
+  const uint8_t* payload() const { return body_ + 2; }
+  uint8_t payload_size() const { return static_cast<uint8_t>(length_ - kOverhead); }
+  uint16_t errors() const { return errors_; }  ///< frames refused since reset; wraps
+
+ private:
+  static constexpr uint8_t kOverhead = 4;  // id, seq, CRC
+  static_assert(kMaxPayloadSize + kOverhead < 255, "lengths are kept in a byte");
+
+  void Append(uint8_t byte) {
+    if (length_ < sizeof(body_)) {
+      body_[length_++] = byte;
+    } else {
+      broken_ = true;  // longer than any frame we know
+    }
+  }
+
+  bool Finish() {
+    if (finished_) return false;  // an idle delimiter
+    finished_ = true;
+    uint16_t crc = kCrcInit;
+    for (uint8_t i = 0; i < length_; ++i) crc = Crc16(crc, body_[i]);
+    const bool good = !broken_ && left_ == 0 && length_ >= kOverhead && crc == 0;
+    if (!good) ++errors_;
+    return good;
+  }
+
+  uint8_t body_[kMaxPayloadSize + kOverhead];
+  uint8_t length_ = 0;
+  uint8_t left_ = 0;       // bytes to come before the next code byte
+  bool zero_due_ = false;  // the run that ends here stands for a zero, unless the frame ends too
+  bool broken_ = false;
+  bool finished_ = true;
+  uint16_t errors_ = 0;
+};
+
+/// Encode a message and hand the frame's bytes to `sink.Put(uint8_t)`, delimiter included.
+template <typename Message, typename Sink>
+void SendFrame(Sink& sink, uint8_t seq, const Message& message) {
+  constexpr uint8_t kLength = Message::kSize + 4;
+  static_assert(kLength < 254, "one COBS block at most");
+  uint8_t body[kLength] = {Message::kId, seq};
+  message.Pack(body + 2);
+  uint16_t crc = kCrcInit;
+  for (uint8_t i = 0; i < kLength - 2; ++i) crc = Crc16(crc, body[i]);
+  body[kLength - 2] = static_cast<uint8_t>(crc);
+  body[kLength - 1] = static_cast<uint8_t>(crc >> 8);
+
+  uint8_t start = 0;
+  for (;;) {  // one run of non-zero bytes a pass
+    uint8_t end = start;
+    while (end < kLength && body[end] != 0) ++end;
+    sink.Put(static_cast<uint8_t>(end - start + 1));
+    while (start < end) sink.Put(body[start++]);
+    if (end == kLength) break;
+    ++start;
+  }
+  sink.Put(0);
+}
+
+}  // namespace fw
