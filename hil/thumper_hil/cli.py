@@ -13,7 +13,7 @@ def demo(
     seed: Annotated[int, typer.Option(help="Seed of all that is random.", min=0)] = 1,
     realtime: Annotated[bool, typer.Option(help="Run at the speed of the clock on the wall.")] = False,
 ) -> None:
-    """Drive the two missions of the thesis with the real firmware on a simulated robot, and show how it went."""
+    """Drive two missions with the real firmware on a simulated robot, and show how it went."""
     from rich.console import Console
 
     from thumper.cli.output import prepare_output

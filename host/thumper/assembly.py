@@ -7,10 +7,8 @@ from thumper.config.robot import RobotConfig
 from thumper.geometry import Pose2
 from thumper.lidar.urg04lx import Urg04LxDriver
 from thumper.link.board import Board
-from thumper.mapping import grid_mapper
 from thumper.mapping.grid_mapper import GridMapper
-from thumper.navigation import navigator
-from thumper.navigation.navigator import Navigator
+from thumper.navigation import warm
 from thumper.perception import Perception
 from thumper.runtime import Runtime
 
@@ -24,7 +22,7 @@ def open_robot(config: RobotConfig, map_from_base: Pose2) -> Iterator[Runtime]:
     ThumperError
         A port, the board or the lidar does not answer; the message names it and the cure.
     """
-    warm_up()  # compiling takes seconds, and must not happen while wheels turn
+    warm_up(config)  # compiling takes seconds, and must not happen while wheels turn
     board = Board.open(config.board.port, baud=config.board.baud)
     try:
         lidar = Urg04LxDriver.open(config.lidar.port, baud=config.lidar.baud)
@@ -35,7 +33,8 @@ def open_robot(config: RobotConfig, map_from_base: Pose2) -> Iterator[Runtime]:
                 board=board,
                 lidar=lidar,
                 perception=Perception(drive=config.drive, base_from_laser=base_from_laser, mapper=mapper),
-                navigator=Navigator(config.navigation),
+                navigation=config.navigation,
+                footprint=config.footprint,
                 drive=config.drive,
                 max_wheel_rad_s=config.drive.max_wheel_rad_s,
             )
@@ -45,7 +44,7 @@ def open_robot(config: RobotConfig, map_from_base: Pose2) -> Iterator[Runtime]:
         board.close()
 
 
-def warm_up() -> None:
+def warm_up(config: RobotConfig) -> None:
     """Compile the kernels, or load them from the cache."""
-    grid_mapper.warm_up()
-    navigator.warm_up()
+    GridMapper(config.mapping).warm_up()
+    warm.warm_up(config.navigation, config.footprint)

@@ -15,13 +15,20 @@ from thumper.kinematics import DriveGeometry, WheelSpeeds, limit_wheel_speeds, w
 from thumper.lidar.urg04lx import Urg04LxDriver
 from thumper.link.board import Board
 from thumper.link.messages import Command, Fault, State, Telemetry
+from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.mapper import Mapper
 from thumper.mission_log import MissionLog, path_length_m
-from thumper.navigation.navigator import Goal, NavigationState, Navigator
+from thumper.navigation.footprint import Footprint
+from thumper.navigation.goal import Goal
+from thumper.navigation.navigator import NavigationState, Navigator
+from thumper.navigation.options import NavigationOptions
+from thumper.navigation.validate import validate_goal
 from thumper.perception import Perception, Situation
 
 TELEMETRY_TIMEOUT_S = 0.5
 SCAN_TIMEOUT_S = 1.0  # without a scan for this long the robot is blind and must not move
+FARTHEST_GOAL_M = 50.0  # the map of a whole drive must fit into memory and planning time
+GOAL_MARGIN_M = 1.0
 STOP_BEATS = 20  # the firmware's ramp needs about one second from full speed
 FIRST_LOOK_SCANS = 3
 FIRST_LOOK_TIMEOUT_S = 5.0
@@ -62,14 +69,17 @@ class Runtime:
         board: Board,
         lidar: Urg04LxDriver,
         perception: Perception,
-        navigator: Navigator,
+        navigation: NavigationOptions,
+        footprint: Footprint,
         drive: DriveGeometry,
         max_wheel_rad_s: float,
     ) -> None:
         self._board = board
         self._lidar = lidar
         self._perception = perception
-        self._navigator = navigator
+        self._navigation = navigation
+        self._footprint = footprint
+        self._navigator = Navigator(navigation, footprint)
         self._drive = drive
         self._max_wheel_rad_s = max_wheel_rad_s
         self._telemetry: Telemetry | None = None
@@ -89,7 +99,7 @@ class Runtime:
             Before anything moves: no telemetry, no scan, or a goal that makes no sense.
         """
         start = self._look_round()
-        self._navigator.check_goal(goal, self._perception.mapper.grid())
+        self._check_goal(goal, start)
         self._navigator.set_goal(goal)
         self._board.command(Command.CLEAR_FAULT)
         self._board.command(Command.ARM)
@@ -105,6 +115,18 @@ class Runtime:
             path_length_m=path_length_m(self.log.poses),
             map_from_base=end.map_from_base,
         )
+
+    def _check_goal(self, goal: Goal, start: Situation) -> None:
+        if goal.distance_m(start.map_from_base) > FARTHEST_GOAL_M:
+            raise ThumperError(
+                f"goal {goal} is outside any map that could be made on the way: "
+                f"choose one within {FARTHEST_GOAL_M:.0f} m of the robot"
+            )
+        validate_goal(goal, self._grid_with(goal), self._footprint, self._navigation.costmap)
+
+    def _grid_with(self, goal: Goal) -> OccupancyGrid:
+        """The map so far, grown to hold the goal: it may lie where nobody has looked yet."""
+        return self.mapper.grid().including(goal.x_m, goal.y_m, GOAL_MARGIN_M)
 
     def _look_round(self) -> Situation:
         """Stand still until the first scans are mapped: a plan needs a map."""
@@ -146,7 +168,7 @@ class Runtime:
                 situation.time_s,
                 situation.map_from_base,
                 situation.twist,
-                self._perception.mapper.grid(),
+                self._grid_with(goal),
                 situation.hits_in_map_m,
             )
             speeds = wheel_speeds(output.command, self._drive)
@@ -156,7 +178,7 @@ class Runtime:
             on_progress(
                 Progress(
                     time_s=situation.time_s - start_s,
-                    distance_to_goal_m=situation.map_from_base.distance_m(Pose2(x_m=goal.x_m, y_m=goal.y_m)),
+                    distance_to_goal_m=goal.distance_m(situation.map_from_base),
                     reason=output.reason,
                 )
             )
@@ -177,7 +199,9 @@ class Runtime:
     def _stop(self) -> None:
         """Zero speed, wait until the wheels stand, disarm. Never raises: it runs on every way out."""
         try:
-            for _ in range(STOP_BEATS):
+            for _ in range(FARTHEST_GOAL_M = 50.0  # the map of a whole drive must fit into memory and planning time
+GOAL_MARGIN_M = 1.0
+STOP_BEATS):
                 self._board.set_wheel_speeds(WheelSpeeds())
                 self._sense()
                 if self._telemetry and not (self._telemetry.left_speed or self._telemetry.right_speed):

@@ -42,7 +42,7 @@ def compare_map(grid: OccupancyGrid, world: World) -> MapQuality:
 def _sample(
     distance_m: FloatArray, truth: OccupancyGrid, grid: OccupancyGrid, chosen: np.ndarray
 ) -> FloatArray:
-    """Distances at the centres of the chosen cells; a cell beyond the truth's border counts as at the border."""
+    """Distances at the centres of the chosen cells; beyond the truth they are those at its border."""
     rows, columns = np.nonzero(chosen)
     x_m = grid.origin_x_m + (columns + 0.5) * grid.resolution_m
     y_m = grid.origin_y_m + (rows + 0.5) * grid.resolution_m

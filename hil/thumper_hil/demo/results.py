@@ -12,10 +12,10 @@ from typing import Any
 from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
-from thumper.mapping.map_io import save_map
 
 from thumper import __version__
 from thumper.link.messages import SCHEMA_HASH
+from thumper.mapping.map_io import save_map
 from thumper.mission_log import path_length_m, speed_errors
 from thumper.report import GREEN, ORANGE, draw_drive, draw_map, draw_speeds
 from thumper_hil.bench import DEFAULT_ELF
@@ -25,6 +25,7 @@ from thumper_hil.demo.missions import (
     THESIS_SPEED_ERROR_STD_RAD_S,
     TOLERANCE_M,
 )
+from thumper_hil.demo.outcome import Outcome
 
 
 def write_results(out: Path, outcomes: Sequence[Outcome], seed: int, console: Console) -> None:

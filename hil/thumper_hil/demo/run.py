@@ -6,7 +6,7 @@ from pathlib import Path
 from urllib.parse import urlencode
 
 from rich.console import Console
-from thumper.navigation.navigator import Goal
+from thumper.navigation.goal import Goal
 
 from thumper.assembly import open_robot, warm_up
 from thumper.cli.mission import drive_with_progress
@@ -22,7 +22,7 @@ from thumper_hil.parts.world import World
 def run_demo(out: Path, *, seed: int, realtime: bool, console: Console) -> bool:
     """Drive, write the results to `out`, say where they are; returns whether every mission passed."""
     with console.status("loading the compiled kernels (compiling them, the first time)"):
-        warm_up()
+        warm_up(RobotConfig())
     outcomes = [drive_mission(mission, seed=seed, realtime=realtime, console=console) for mission in MISSIONS]
     write_results(out, outcomes, seed, console)
     return all(outcome.passed for outcome in outcomes)

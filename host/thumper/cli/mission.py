@@ -4,7 +4,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from thumper.errors import ThumperError
-from thumper.navigation.navigator import Goal
+from thumper.navigation.goal import Goal
 from thumper.runtime import MissionResult, Runtime
 from thumper.runtime import Progress as Beat
 

@@ -31,7 +31,7 @@ def run(
     from thumper.cli.output import prepare_output
     from thumper.config.robot import load_config
     from thumper.geometry import Pose2
-    from thumper.navigation.navigator import Goal
+    from thumper.navigation.goal import Goal
     from thumper.report import write_run
 
     settings = load_config(config)
@@ -42,7 +42,7 @@ def run(
     prepare_output(out)
     console = Console()
     start_pose = Pose2(x_m=start[0], y_m=start[1], theta_rad=math.radians(start[2]))
-    target = Goal(x_m=goal[0], y_m=goal[1], xy_tolerance_m=tolerance)
+    target = Goal(x_m=goal[0], y_m=goal[1], tolerance_m=tolerance)
     with open_robot(settings, start_pose) as robot:
         result = drive_with_progress(robot, target, "driving", console)
         files = write_run(out, robot.mapper.grid(), robot.log, result)

@@ -15,6 +15,7 @@ from thumper.errors import ThumperError
 from thumper.geometry import Pose2
 from thumper.kinematics import DriveGeometry
 from thumper.mapping.grid_mapper import GridMapperOptions
+from thumper.navigation.footprint import Footprint
 from thumper.navigation.options import NavigationOptions
 
 
@@ -58,6 +59,7 @@ class RobotConfig:
     lidar: LidarConfig = field(default_factory=LidarConfig)
     drive: DriveConfig = field(default_factory=DriveConfig)
     mapping: GridMapperOptions = field(default_factory=GridMapperOptions)
+    footprint: Footprint = field(default_factory=Footprint)
     navigation: NavigationOptions = field(default_factory=NavigationOptions)
 
 

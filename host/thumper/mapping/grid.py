@@ -36,6 +36,22 @@ class OccupancyGrid:
             self.origin_y_m + (row + 0.5) * self.resolution_m,
         )
 
+    def including(self, x_m: float, y_m: float, margin_m: float) -> "OccupancyGrid":
+        """Return this grid, grown by unknown cells until it reaches `margin_m` beyond the point on every side."""
+        row_lo, col_lo = self.cell_of(x_m - margin_m, y_m - margin_m)
+        row_hi, col_hi = self.cell_of(x_m + margin_m, y_m + margin_m)
+        rows, cols = self.cells.shape
+        below, left = max(0, -row_lo), max(0, -col_lo)
+        above, right = max(0, row_hi + 1 - rows), max(0, col_hi + 1 - cols)
+        if not (below or left or above or right):
+            return self
+        return OccupancyGrid(
+            cells=np.pad(self.cells, ((below, above), (left, right)), constant_values=UNKNOWN),
+            resolution_m=self.resolution_m,
+            origin_x_m=self.origin_x_m - left * self.resolution_m,
+            origin_y_m=self.origin_y_m - below * self.resolution_m,
+        )
+
     def contains(self, row: int, col: int) -> bool:
         """Whether [row, col] is a cell of this grid."""
         rows, cols = self.cells.shape

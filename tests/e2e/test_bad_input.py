@@ -1,0 +1,77 @@
+"""Wrong input gets one clear line and a non-zero exit, never a traceback."""
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+SIM = ("--board", "sim://robot/board?world=lab", "--lidar", "sim://robot/lidar")
+
+
+def refused(done: subprocess.CompletedProcess[str], *named: str) -> None:
+    assert done.returncode not in (0, None)
+    assert "Traceback" not in done.stdout + done.stderr
+    lines = [line for line in done.stderr.splitlines() if line.startswith("thumper: ")]
+    assert len(lines) == 1, done.stderr
+    for part in named:
+        assert part in lines[0]
+
+
+def test_missing_board_port(thumper: Run, tmp_path: Path) -> None:
+    done = thumper("run", "--board", "/dev/ttyNONE9", "--goal", "1", "0", "--out", tmp_path)
+    refused(done, "/dev/ttyNONE9", "no such port")
+    assert done.returncode == 3
+
+
+def test_missing_lidar_port(thumper: Run, tmp_path: Path) -> None:
+    done = thumper("run", *SIM[:2], "--lidar", "/dev/ttyNONE8", "--goal", "1", "0", "--out", tmp_path)
+    refused(done, "/dev/ttyNONE8", "no such port")
+
+
+def test_board_port_is_the_lidar(thumper: Run, tmp_path: Path) -> None:
+    done = thumper("run", "--board", "sim://robot/lidar", "--goal", "1", "0", "--out", tmp_path)
+    refused(done, "sim://robot/lidar")
+
+
+@pytest.mark.parametrize(
+    "url", ["sim://robot/board?world=atlantis", "sim://robot/board?colour=red", "sim://robot/engine"]
+)
+def test_simulated_port_that_does_not_exist(thumper: Run, tmp_path: Path, url: str) -> None:
+    refused(thumper("run", "--board", url, "--goal", "1", "0", "--out", tmp_path), url)
+
+
+def test_unknown_key_in_the_configuration(thumper: Run, tmp_path: Path) -> None:
+    config = tmp_path / "robot.toml"
+    config.write_text("[navigation]\nspeeed = 3\n")
+    refused(thumper("run", *SIM, "--goal", "1", "0", "--config", config), str(config), "navigation.speeed")
+
+
+def test_output_folder_that_cannot_be_written(thumper: Run, tmp_path: Path) -> None:
+    blocker = tmp_path / "file"
+    blocker.touch()
+    for command in (("run", *SIM, "--goal", "1", "0"), ("demo",)):
+        refused(thumper(*command, "--out", blocker / "out"), str(blocker), "cannot write")
+
+
+def test_goal_inside_an_obstacle(thumper: Run, tmp_path: Path) -> None:
+    """Half a metre behind the wall that the robot looks at."""
+    board = "sim://robot/board?world=lab&x_m=2.0&y_m=0&yaw_deg=0"
+    done = thumper(
+        "run", "--board", board, "--lidar", "sim://robot/lidar", "--start", "2", "0", "0",
+        "--goal", "3.2", "0", "--tolerance", "0.05", "--out", tmp_path,
+    )  # fmt: skip
+    refused(done, "goal", "(3.20, 0.00)")
+
+
+def test_goal_far_outside_any_map(thumper: Run, tmp_path: Path) -> None:
+    refused(thumper("run", *SIM, "--goal", "4000", "0", "--out", tmp_path), "goal", "4000")
+
+
+def test_log_that_is_none(thumper: Run, tmp_path: Path) -> None:
+    log = tmp_path / "shopping.log"
+    log.write_text("milk\n")
+    refused(thumper("map-log", log, "--out", tmp_path), str(log))
+    refused(thumper("map-log", tmp_path / "none.clf", "--out", tmp_path), "none.clf")

@@ -1,0 +1,43 @@
+"""`--help` of each command is there, useful, and pulls in none of the slow libraries."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+
+import pytest
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+COMMANDS = {
+    "demo": ["--out", "--seed"],
+    "run": ["--board", "--lidar", "--goal", "--config"],
+    "sim": ["--board-pty", "--lidar-pty", "--world"],
+    "map-log": ["--out"],
+    "doctor": ["--board", "--lidar"],
+}
+
+
+def test_the_overview_names_each_command(thumper: Run) -> None:
+    done = thumper("--help")
+    assert done.returncode == 0
+    assert all(command in done.stdout for command in COMMANDS)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_each_command_explains_its_options(thumper: Run, command: str) -> None:
+    done = thumper(command, "--help")
+    assert done.returncode == 0
+    assert all(option in done.stdout for option in COMMANDS[command])
+
+
+def test_help_loads_no_slow_library() -> None:
+    """`benchmarks/cli.py` measures the time itself."""
+    code = (
+        "import sys; sys.argv = ['thumper', 'run', '--help']\n"
+        "from thumper.cli import main\n"
+        "try: main()\n"
+        "except SystemExit: pass\n"
+        "print({'numpy', 'numba', 'scipy', 'matplotlib', 'pydantic', 'serial'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "set()"

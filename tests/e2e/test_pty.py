@@ -1,0 +1,65 @@
+"""The same programs over real serial ports: `thumper sim` at one end of two ptys, `thumper run` at the other."""
+
+import json
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.conftest import THUMPER
+from thumper.link.board import Board
+from thumper.link.messages import State
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def ports(tmp_path: Path) -> Iterator[tuple[Path, Path]]:
+    """A simulated robot in the lab, served in real time."""
+    board, lidar = tmp_path / "board", tmp_path / "lidar"
+    command = [THUMPER, "sim", "--board-pty", board, "--lidar-pty", lidar, "--world", "lab"]
+    process = subprocess.Popen([*command, "--start", "0", "0", "0"])
+    try:
+        deadline = time.monotonic() + 30
+        while not (board.exists() and lidar.exists()):
+            assert process.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        yield board, lidar
+    finally:
+        process.send_signal(signal.SIGINT)
+        assert process.wait(10) in (0, 130)
+    assert not board.is_symlink()  # it cleans up after itself
+
+
+def test_run_reaches_a_goal_over_serial_ports(thumper: Run, ports: tuple[Path, Path], tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    done = thumper("run", "--board", ports[0], "--lidar", ports[1], "--goal", "0.8", "0", "--out", out)
+    assert done.returncode == 0, done.stdout + done.stderr
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["reached"]
+    assert abs(summary["pose"]["x_m"] - 0.8) <= 0.11
+    assert (out / "map.pgm").exists()
+
+
+def test_interrupt_stops_the_motors_first(ports: tuple[Path, Path], tmp_path: Path) -> None:
+    board, lidar = ports
+    command = [THUMPER, "run", "--board", board, "--lidar", lidar, "--goal", "1.5", "0", "--out", tmp_path]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    time.sleep(8)  # imports, handshake, first look, and on the way
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=10)
+    assert process.returncode == 130
+    assert "Traceback" not in stderr
+    assert "interrupted" in stderr
+    robot = Board.open(str(board), baud=500_000)
+    try:
+        telemetry = robot.poll(1.0)[-1].telemetry
+    finally:
+        robot.close()
+    assert telemetry.state is State.DISARMED
+    assert (telemetry.left_pwm, telemetry.right_pwm) == (0, 0)
+    assert telemetry.left_count > 100  # it was under way
