@@ -66,7 +66,7 @@ def scan(time_s: float, base_at: list[Pose2]) -> Scan:
 def wall_distance_m(points_m: FloatArray) -> FloatArray:
     x_lo, x_hi, y_lo, y_hi = ROOM_M
     x, y = points_m.T
-    return np.abs(np.stack([x - x_lo, x - x_hi, y - y_lo, y - y_hi])).min(axis=0)
+    return np.asarray(np.abs(np.stack([x - x_lo, x - x_hi, y - y_lo, y - y_hi])).min(axis=0))
 
 
 def perception() -> Perception:
