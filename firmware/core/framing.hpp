@@ -66,28 +66,36 @@ class FrameDecoder {
   uint16_t errors_ = 0;
 };
 
-/// Encode a message and hand the frame's bytes to `sink.Put(uint8_t)`, delimiter included.
-template <typename Message, typename Sink>
-void SendFrame(Sink& sink, uint8_t seq, const Message& message) {
-  constexpr uint8_t kLength = Message::kSize + 4;
-  static_assert(kLength < 254, "one COBS block at most");
-  uint8_t body[kLength] = {Message::kId, seq};
-  message.Pack(body + 2);
+/// Complete `body` (id, seq, payload and room for the CRC; `length` bytes in all) and hand the frame to
+/// `sink.Put(uint8_t)`, delimiter included. length < 254: one COBS block.
+template <typename Sink>
+void SendBody(Sink& sink, uint8_t* body, uint8_t length) {
   uint16_t crc = kCrcInit;
-  for (uint8_t i = 0; i < kLength - 2; ++i) crc = Crc16(crc, body[i]);
-  body[kLength - 2] = static_cast<uint8_t>(crc);
-  body[kLength - 1] = static_cast<uint8_t>(crc >> 8);
+  for (uint8_t i = 0; i < length - 2; ++i) crc = Crc16(crc, body[i]);
+  body[length - 2] = static_cast<uint8_t>(crc);
+  body[length - 1] = static_cast<uint8_t>(crc >> 8);
 
   uint8_t start = 0;
   for (;;) {  // one run of non-zero bytes a pass
     uint8_t end = start;
-    while (end < kLength && body[end] != 0) ++end;
+    while (end < length && body[end] != 0) ++end;
     sink.Put(static_cast<uint8_t>(end - start + 1));
     while (start < end) sink.Put(body[start++]);
-    if (end == kLength) break;
+    if (end == length) break;
     ++start;
   }
   sink.Put(0);
+}
+
+/// Send a message as a frame.
+template <typename Message, typename Sink>
+void SendFrame(Sink& sink, uint8_t seq, const Message& message) {
+  static_assert(Message::kSize + 4 < 254, "one COBS block at most");
+  uint8_t body[Message::kSize + 4];
+  body[0] = Message::kId;
+  body[1] = seq;
+  message.Pack(body + 2);
+  SendBody(sink, body, sizeof(body));
 }
 
 }  // namespace fw

@@ -60,22 +60,18 @@ enum class ResetCause : uint8_t {
 
 namespace wire {
 
+static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "the wire is little-endian, and so must the machine be");
+
 template <typename T>
 inline uint8_t* Put(uint8_t* out, T value) {
-  for (uint8_t i = 0; i < sizeof(T); ++i) {
-    *out++ = static_cast<uint8_t>(static_cast<uint32_t>(value) >> (8 * i));
-  }
-  return out;
+  __builtin_memcpy(out, &value, sizeof(T));
+  return out + sizeof(T);
 }
 
 template <typename T>
 inline const uint8_t* Get(const uint8_t* in, T* value) {
-  uint32_t bits = 0;
-  for (uint8_t i = 0; i < sizeof(T); ++i) {
-    bits |= static_cast<uint32_t>(*in++) << (8 * i);
-  }
-  *value = static_cast<T>(bits);
-  return in;
+  __builtin_memcpy(value, in, sizeof(T));
+  return in + sizeof(T);
 }
 
 }  // namespace wire

@@ -8,7 +8,8 @@ namespace fw {
 class QuadratureDecoder {
  public:
   /// ab: bit 0 = A, bit 1 = B, as adjacent port bits come.
-  void Step(uint8_t ab) {
+  /// Always inlined: an interrupt that calls saves every register.
+  __attribute__((always_inline)) void Step(uint8_t ab) {
     const uint8_t changed = ab ^ ab_;
     if (changed == 0) return;  // a glitch that was over before the read
     if (changed == 0x3u) {
