@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
 from annotated_types import Ge, Gt
 
 from thumper.geometry import Twist2
@@ -13,6 +14,7 @@ from thumper.navigation.limits import SpeedLimits, step_toward, stoppable_speed
 from thumper.navigation.turning import is_open, straight_poses
 
 SLOWEST_BACK_M_S = 0.05
+BACK_UP_PARTS = np.array((1.0, 0.5, 0.25))  # of the wanted way back, tried in turn
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,12 +55,13 @@ class Recovery:
         self.attempts += 1
         self._begun_s = time_s
         self._from = request.map_from_base
-        back_m = self._options.back_up_m * (1 + self.attempts // 2)
-        can_back = self._can_back_up(request, back_m)
+        longest_m = self._options.back_up_m * (1 + self.attempts // 2)
+        back_m = next((m for m in longest_m * BACK_UP_PARTS if self._can_back_up(request, float(m))), 0.0)
+        can_back = back_m > 0.0
         can_turn = self._controller.turn(request, self._options.turn_rad).command is not None
         prefers_turn = self.attempts % 2 == 0
         if can_back and not (prefers_turn and can_turn):
-            self.name, self._amount = "backing up", back_m
+            self.name, self._amount = "backing up", float(back_m)
         elif can_turn:
             self.name, self._amount = "turning to look round", self._options.turn_rad
         else:

@@ -12,6 +12,7 @@ from thumper.navigation.inflation import ByteArray, IntArray
 
 OPEN, HITS, LEAVES_MAP = 0, 1, 2
 CLEARANCE, PATH, GOAL, FRONT = 0, 1, 2, 3
+SLIDE_POINTS = 2  # extra outline points that may touch on the way out of a contact
 
 
 @kernel
@@ -48,14 +49,15 @@ def first_contact(
     outline_m: FloatArray,
     safe_squared: float,
     unknown_blocks: bool,
-    allowed: int,
+    touching: int,
 ) -> tuple[int, int]:
-    """(status, step) of the first pose, shape (n, 3), whose outline lies on more than `allowed` obstacle
-    points.
+    """(status, step) of the first pose, shape (n, 3), whose outline meets an obstacle; (OPEN, n) if none does.
 
-    `allowed` is the number at the pose the robot is in: a robot already touching may move out, never further
-    in. (OPEN, n) when there is none.
+    `touching` is the number of outline points on obstacles in the pose the robot is in. A robot that touches
+    already (a noisy cell, a graze) may slide along and move out, but must not end further in than it began.
     """
+    allowed = touching + SLIDE_POINTS if touching > 0 else 0
+    count = touching
     for i in range(poses.shape[0]):
         count = lethal_count(
             costs,
@@ -73,7 +75,8 @@ def first_contact(
             return LEAVES_MAP, i
         if count > allowed:
             return HITS, i
-        allowed = min(allowed, count)
+    if count > touching:
+        return HITS, poses.shape[0] - 1
     return OPEN, poses.shape[0]
 
 
@@ -117,7 +120,7 @@ def measure(
     status = np.zeros(count, np.int64)
     terms = np.zeros((count, 4))
     poses = np.empty((steps, 3))
-    allowed = lethal_count(
+    touching = lethal_count(
         costs,
         squared_cells,
         origin_m,
@@ -129,12 +132,12 @@ def measure(
         pose[1],
         pose[2],
     )
-    allowed = max(0, allowed)
+    touching = max(0, touching)
     end_x, end_y = path_m[-1, 0], path_m[-1, 1]
     for n in range(count):
         simulate(pose, twist, commands[n], motion, poses)
         status[n], _ = first_contact(
-            poses, costs, squared_cells, origin_m, resolution_m, outline_m, safe_squared, False, allowed
+            poses, costs, squared_cells, origin_m, resolution_m, outline_m, safe_squared, False, touching
         )
         if status[n] != OPEN:
             continue

@@ -24,8 +24,8 @@ def is_open(
     outline_m = footprint.outline_m(0.5 * costmap.resolution_m)
     safe = safe_squared_cells(footprint.circumscribed_radius_m, costmap.resolution_m)
     layers = (costmap.costs, costmap.squared_cells, costmap.origin_m, costmap.resolution_m, outline_m, safe)
-    allowed = lethal_count(*layers, False, start.x_m, start.y_m, start.theta_rad)
-    status, _ = first_contact(poses, *layers, unknown_blocks, max(0, allowed))
+    touching = lethal_count(*layers, False, start.x_m, start.y_m, start.theta_rad)
+    status, _ = first_contact(poses, *layers, unknown_blocks, max(0, touching))
     return status == OPEN
 
 
