@@ -1,0 +1,46 @@
+#pragma once
+// libsimavr's headers are C and not clean under our warnings: this is the only place that includes them.
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wpedantic"
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#pragma GCC diagnostic ignored "-Wsign-compare"
+extern "C" {
+#include <simavr/avr_adc.h>
+#include <simavr/avr_extint.h>
+#include <simavr/avr_ioport.h>
+#include <simavr/avr_uart.h>
+#include <simavr/sim_avr.h>
+#include <simavr/sim_elf.h>
+}
+#pragma GCC diagnostic pop
+
+#include <cstdint>
+#include <cstring>
+
+namespace thumper {
+
+constexpr uint32_t kCpuHz = 16'000'000;
+constexpr uint64_t kCyclesPerMs = kCpuHz / 1000;
+
+/// Addresses in the ATmega328P's data space (data sheet, register summary).
+namespace reg {
+constexpr uint16_t kPinB = 0x23, kDdrB = 0x24, kPortB = 0x25;
+constexpr uint16_t kPinD = 0x29, kDdrD = 0x2A, kPortD = 0x2B;
+constexpr uint16_t kAdcL = 0x78, kAdcH = 0x79, kAdcsrA = 0x7A, kAdmux = 0x7C;
+constexpr uint16_t kTccr2A = 0xB0, kTccr2B = 0xB1, kOcr2A = 0xB3, kOcr2B = 0xB4;
+constexpr uint16_t kUcsr0A = 0xC0, kUbrr0L = 0xC4, kUbrr0H = 0xC5;
+}  // namespace reg
+
+/// The peripheral of this kind, or null. `name` tells ports apart ('B', 'C', 'D').
+template <typename Peripheral>
+Peripheral* FindPeripheral(avr_t* avr, const char* kind, char name = 0) {
+  for (avr_io_t* io = avr->io_port; io != nullptr; io = io->next) {
+    if (std::strcmp(io->kind, kind) != 0) continue;
+    // Every simavr peripheral starts with its avr_io_t; ports have their name right behind it.
+    if (name != 0 && reinterpret_cast<avr_ioport_t*>(io)->name != name) continue;
+    return reinterpret_cast<Peripheral*>(io);
+  }
+  return nullptr;
+}
+
+}  // namespace thumper

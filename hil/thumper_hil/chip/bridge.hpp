@@ -1,0 +1,85 @@
+#pragma once
+#include "avr.hpp"
+
+namespace thumper {
+
+/// What the chip's pins tell one H-bridge, averaged over a PWM period.
+struct BridgeCommand {
+  double duty = 0.0;     // 0...1
+  bool forward = false;  // direction pin
+  bool brake = false;    // brake pin: the duty is then the strength of the brake
+};
+
+/// Reads the T'REX's motor pins: left brake/dir/PWM = D4/D2/D3 (OC2B), right = D9/D10/D11 (OC2A).
+///
+/// simavr has no phase-correct PWM, so the duty comes from Timer 2's registers. As on the chip, a new compare
+/// value takes effect when the timer reaches TOP (data sheet 17.7.4), up to one PWM period after it was
+/// written.
+class BridgePins {
+ public:
+  explicit BridgePins(avr_t* avr) : avr_(avr) {}
+
+  /// Follow the registers up to now; call it at least once a millisecond.
+  void Sample() {
+    const uint8_t mode = Mode();
+    const uint32_t prescaler = Prescaler();
+    if (prescaler != prescaler_) {
+      prescaler_ = prescaler;
+      start_cycle_ = avr_->cycle;
+    }
+    if (mode != kPhaseCorrect || prescaler == 0) {
+      compare_[kLeft] = avr_->data[reg::kOcr2B];
+      compare_[kRight] = avr_->data[reg::kOcr2A];
+      return;
+    }
+    constexpr uint64_t kPeriodTicks = 510, kTopTick = 255;
+    const uint64_t ticks = (avr_->cycle - start_cycle_) / prescaler;
+    const uint64_t tops = (ticks + kPeriodTicks - kTopTick) / kPeriodTicks;
+    if (tops != tops_) {
+      tops_ = tops;
+      compare_[kLeft] = avr_->data[reg::kOcr2B];
+      compare_[kRight] = avr_->data[reg::kOcr2A];
+    }
+  }
+
+  BridgeCommand left() const {
+    return {Duty(kLeft, reg::kPortD, reg::kDdrD, 3, 4), Driven(reg::kPortD, reg::kDdrD, 2),
+            Driven(reg::kPortD, reg::kDdrD, 4)};
+  }
+
+  BridgeCommand right() const {
+    return {Duty(kRight, reg::kPortB, reg::kDdrB, 3, 6), Driven(reg::kPortB, reg::kDdrB, 2),
+            Driven(reg::kPortB, reg::kDdrB, 1)};
+  }
+
+ private:
+  enum Side { kLeft, kRight };
+  static constexpr uint8_t kPhaseCorrect = 1, kFast = 3;
+
+  uint8_t Mode() const { return (avr_->data[reg::kTccr2A] & 3u) | ((avr_->data[reg::kTccr2B] >> 1) & 4u); }
+
+  uint32_t Prescaler() const {
+    static constexpr uint32_t kPrescaler[8] = {0, 1, 8, 32, 64, 128, 256, 1024};
+    return kPrescaler[avr_->data[reg::kTccr2B] & 7u];
+  }
+
+  bool Driven(uint16_t port, uint16_t ddr, int bit) const {
+    return ((avr_->data[ddr] & avr_->data[port]) >> bit) & 1u;
+  }
+
+  /// `com_shift`: place of the channel's compare output mode in TCCR2A.
+  double Duty(Side side, uint16_t port, uint16_t ddr, int bit, int com_shift) const {
+    if (((avr_->data[ddr] >> bit) & 1u) == 0) return 0.0;  // an input: the bridge's pull-down holds it low
+    const int output_mode = (avr_->data[reg::kTccr2A] >> com_shift) & 3;
+    if (output_mode < 2 || prescaler_ == 0) return Driven(port, ddr, bit) ? 1.0 : 0.0;
+    const double duty = Mode() == kFast ? (compare_[side] + 1) / 256.0 : compare_[side] / 255.0;
+    return output_mode == 2 ? duty : 1.0 - duty;
+  }
+
+  avr_t* avr_;
+  uint8_t compare_[2] = {0, 0};
+  uint32_t prescaler_ = 0;
+  uint64_t start_cycle_ = 0, tops_ = 0;
+};
+
+}  // namespace thumper

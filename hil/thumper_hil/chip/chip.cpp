@@ -1,0 +1,149 @@
+#include "chip.hpp"
+
+#include <algorithm>
+#include <cstdarg>
+#include <cstdio>
+#include <cstdlib>
+#include <stdexcept>
+
+namespace thumper {
+namespace {
+
+thread_local std::string last_log;  // simavr has one logger for the whole process
+
+void KeepLastError(avr_t*, const int level, const char* format, va_list arguments) {
+  if (level > LOG_ERROR) return;
+  char line[256];
+  std::vsnprintf(line, sizeof line, format, arguments);
+  last_log = line;
+}
+
+avr_cycle_count_t StopHere(avr_t*, avr_cycle_count_t, void*) { return 0; }
+
+}  // namespace
+
+Chip::Chip(const std::string& elf_path, const PlantParams* plant_params, uint64_t seed) {
+  avr_global_logger_set(KeepLastError);
+  avr_ = avr_make_mcu_by_name("atmega328p");
+  if (avr_ == nullptr) throw std::runtime_error("this libsimavr knows no atmega328p");
+  avr_init(avr_);
+  LoadFirmware(elf_path);
+  avr_->frequency = kCpuHz;
+  avr_->vcc = avr_->avcc = avr_->aref = 5000;
+  avr_->sleep = OnSleep;
+  avr_->custom.data = this;
+
+  uart_.emplace(avr_);
+  if (plant_params != nullptr) {
+    plant_.emplace(avr_, *plant_params, seed);
+    adc_.emplace(avr_, *plant_);
+  }
+  for (int i = 0; i < avr_->interrupts.vector_count; ++i) {
+    avr_int_vector_t* vector = avr_->interrupts.vector[i];
+    avr_irq_register_notify(vector->irq + AVR_INT_IRQ_RUNNING, OnInterrupt, this);
+  }
+  const avr_uart_t* uart = FindPeripheral<avr_uart_t>(avr_, "uart");
+  avr_irq_register_notify(avr_get_interrupt_irq(avr_, uart->rxc.vector) + AVR_INT_IRQ_RUNNING,
+                          OnReceiveInterrupt, this);
+
+  // Last in simavr's list, so that it runs after all peripherals have been reset.
+  reset_hook_.io.kind = "thumper";
+  reset_hook_.io.avr = avr_;
+  reset_hook_.io.reset = OnReset;
+  reset_hook_.chip = this;
+  avr_io_t* last = avr_->io_port;
+  while (last->next != nullptr) last = last->next;
+  last->next = &reset_hook_.io;
+  Rearm();
+}
+
+Chip::~Chip() {
+  avr_terminate(avr_);
+  std::free(avr_);
+}
+
+void Chip::LoadFirmware(const std::string& elf_path) {
+  elf_firmware_t firmware{};
+  const bool read = elf_read_firmware(elf_path.c_str(), &firmware) == 0 && firmware.flash != nullptr;
+  const bool fits = read && firmware.flashbase + firmware.flashsize <= avr_->flashend + 1;
+  if (fits) avr_load_firmware(avr_, &firmware);
+  std::free(firmware.flash);
+  std::free(firmware.eeprom);
+  if (!read) throw std::runtime_error("no program for an AVR in it");
+  if (!fits) throw std::runtime_error("it is larger than the flash of an ATmega328P");
+}
+
+void Chip::Rearm() {
+  avr_->run_cycle_limit = kCyclesPerMs;  // else one instruction per call
+  // D2 and D3 are INT0 and INT1. Low, they make simavr poll them every cycle, in case of a level interrupt.
+  avr_extint_set_strict_lvl_trig(avr_, EXTINT_IRQ_OUT_INT0, 0);
+  avr_extint_set_strict_lvl_trig(avr_, EXTINT_IRQ_OUT_INT1, 0);
+  uart_->Rearm();
+  if (plant_) plant_->Rearm();
+}
+
+void Chip::OnReset(avr_io_t* io) {
+  Chip* chip = reinterpret_cast<ResetHook*>(io)->chip;
+  ++chip->resets_;
+  chip->Rearm();
+}
+
+void Chip::Reset() { avr_reset(avr_); }
+
+/// simavr calls this before it jumps `how_long` ahead to the next timer.
+///
+/// An interrupt that is already pending must wake the chip at once (`sei; sleep` after a race): simavr sleeps
+/// on, and then enters the handler while still asleep. Nothing here may take real time.
+void Chip::OnSleep(avr_t* avr, avr_cycle_count_t how_long) {
+  const Chip* chip = static_cast<const Chip*>(avr->custom.data);
+  if (!chip->AnyInterruptPending()) return;
+  avr->cycle -= how_long;
+  if (avr->interrupt_state > 0) avr->state = cpu_Running;
+}
+
+bool Chip::AnyInterruptPending() const {
+  const avr_int_table_t& table = avr_->interrupts;
+  if (table.pending.read == table.pending.write) return false;
+  return std::any_of(table.vector, table.vector + table.vector_count, [this](const avr_int_vector_t* vector) {
+    return vector->pending && avr_regbit_get(avr_, vector->enable) != 0;
+  });
+}
+
+/// The chip needs four cycles from the interrupt to its vector (data sheet 7.7.1); simavr none.
+void Chip::OnInterrupt(avr_irq_t*, uint32_t running, void* self) {
+  constexpr uint64_t kResponse = 4;
+  if (running == 0) return;
+  avr_t* avr = static_cast<Chip*>(self)->avr_;
+  avr->cycle += kResponse;
+  avr->run_cycle_count = avr->run_cycle_count > kResponse ? avr->run_cycle_count - kResponse : 1;
+}
+
+void Chip::OnReceiveInterrupt(avr_irq_t*, uint32_t running, void* self) {
+  if (running == 0) static_cast<Chip*>(self)->uart_->OnReceiveDone();
+}
+
+RunStatus Chip::Run(uint64_t until_cycle, std::size_t bytes_wanted) {
+  if (bytes_wanted == 0) return RunTo(until_cycle);
+  while (avr_->cycle < until_cycle) {
+    const uint64_t next_look = (avr_->cycle / kCyclesPerMs + 1) * kCyclesPerMs;
+    const RunStatus status = RunTo(std::min(next_look, until_cycle));
+    if (status != RunStatus::kTimeReached) return status;
+    if (uart_->Available() >= bytes_wanted) return RunStatus::kBytesReady;
+  }
+  return RunStatus::kTimeReached;
+}
+
+RunStatus Chip::RunTo(uint64_t until_cycle) {
+  if (avr_->cycle >= until_cycle) return RunStatus::kTimeReached;
+  avr_cycle_timer_register(avr_, until_cycle - avr_->cycle, StopHere, nullptr);
+  while (avr_->cycle < until_cycle) {
+    const int state = avr_run(avr_);
+    if (state == cpu_Crashed || state == cpu_Stopped) return RunStatus::kCrashed;
+    if (state == cpu_Done) return RunStatus::kAsleepForEver;
+  }
+  return RunStatus::kTimeReached;
+}
+
+const std::string& Chip::last_error() const { return last_log; }
+
+}  // namespace thumper

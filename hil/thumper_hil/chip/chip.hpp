@@ -1,0 +1,67 @@
+#pragma once
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "adc_latch.hpp"
+#include "avr.hpp"
+#include "plant.hpp"
+#include "uart_line.hpp"
+
+namespace thumper {
+
+enum class RunStatus : int {
+  kTimeReached = 0,
+  kBytesReady = 1,
+  kCrashed = 2,        // an invalid instruction or a jump out of the flash
+  kAsleepForEver = 3,  // the firmware sleeps with interrupts off
+};
+
+/// An ATmega328P at 16 MHz that runs a firmware ELF, with simavr 1.6's faults mended, and the robot round it.
+///
+/// Everything that happens to the chip is a cycle timer of simavr's, so a sleeping chip jumps from event to
+/// event.
+class Chip {
+ public:
+  /// Throws std::runtime_error with one clear line when the ELF cannot be loaded.
+  Chip(const std::string& elf_path, const PlantParams* plant_params, uint64_t seed);
+  ~Chip();
+  Chip(const Chip&) = delete;
+  Chip& operator=(const Chip&) = delete;
+
+  /// Run until this cycle; or, when `bytes_wanted` > 0, until so many bytes wait for the host. The host looks
+  /// once a millisecond, as often as USB brings it anything.
+  RunStatus Run(uint64_t until_cycle, std::size_t bytes_wanted);
+
+  void Reset();  ///< the reset pin
+  uint64_t cycle() const { return avr_->cycle; }
+  uint64_t resets() const { return resets_; }
+  uint8_t data(uint16_t address) const { return avr_->data[address]; }
+  UartLine& uart() { return *uart_; }
+  Plant* plant() { return plant_ ? &*plant_ : nullptr; }
+  const std::string& last_error() const;
+
+ private:
+  struct ResetHook {
+    avr_io_t io;
+    Chip* chip;
+  };
+
+  static void OnReset(avr_io_t* io);
+  static void OnSleep(avr_t* avr, avr_cycle_count_t how_long);
+  static void OnInterrupt(avr_irq_t* irq, uint32_t running, void* self);
+  static void OnReceiveInterrupt(avr_irq_t* irq, uint32_t running, void* self);
+  RunStatus RunTo(uint64_t until_cycle);
+  void LoadFirmware(const std::string& elf_path);
+  void Rearm();
+  bool AnyInterruptPending() const;
+
+  avr_t* avr_ = nullptr;
+  ResetHook reset_hook_{};
+  std::optional<UartLine> uart_;
+  std::optional<Plant> plant_;
+  std::optional<AdcLatch> adc_;
+  uint64_t resets_ = 0;
+};
+
+}  // namespace thumper

@@ -1,0 +1,146 @@
+#include "drive_train.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace thumper {
+
+DriveTrain::DriveTrain(const PlantParams& params, uint64_t seed)
+    : params_(params),
+      random_(seed),
+      battery_(params.battery),
+      torque_noise_{{params.motor.noise_Nm, params.motor.noise_time_s},
+                    {params.motor.noise_Nm, params.motor.noise_time_s}},
+      track_noise_(params.body.track_noise_ratio, params.body.track_noise_time_s),
+      track_m_(params.body.track_m) {
+  for (int side = 0; side < 2; ++side) {
+    torque_ratio_[side] = 1.0 + params.motor.spread_ratio * random_.Normal();
+    friction_ratio_[side] = 1.0 + params.motor.spread_ratio * random_.Normal();
+    radius_m_[side] = params.body.wheel_radius_m * (1.0 + params.body.radius_spread_ratio * random_.Normal());
+  }
+}
+
+void DriveTrain::Step(const BridgeCommand (&command)[2], double dt_s) {
+  const MotorParams& motor = params_.motor;
+  const double n = motor.motors_per_side;
+  double torque_Nm[2], damping[2];  // torque at the present speed, and minus its derivative
+  double battery_A = 0.0;
+  for (int side = 0; side < 2; ++side) {
+    const BridgeCommand& bridge = command[side];
+    const double sign = bridge.forward ? 1.0 : -1.0;
+    const double w = state_.wheel_rad_s[side];
+    const double Kt = motor.torque_Nm_A * torque_ratio_[side];
+    // Driving: the mean voltage is duty * battery, the winding always in circuit. Braking: the winding is
+    // shorted for the duty's share of the time and open for the rest.
+    const double share = bridge.brake ? bridge.duty : 1.0;
+    const double source_V = bridge.brake ? 0.0 : sign * bridge.duty * battery_.voltage_V();
+    const double current_A = share * (source_V - motor.back_emf_V_s_rad * w) / motor.resistance_Ohm;
+    torque_Nm[side] = n * (Kt * current_A - motor.viscous_Nm_s_rad * w);
+    damping[side] = n * (share * Kt * motor.back_emf_V_s_rad / motor.resistance_Ohm + motor.viscous_Nm_s_rad);
+    if (w != 0.0) torque_Nm[side] += n * torque_noise_[side].Step(random_, dt_s);
+    state_.current_A[side] = n * current_A;
+    if (!bridge.brake) battery_A += sign * bridge.duty * n * current_A;
+  }
+  battery_.Step(battery_A, dt_s);
+  body_moves_ = !(held_ && PushesIntoObstacle(torque_Nm));
+  double before_rad_s[2] = {state_.wheel_rad_s[0], state_.wheel_rad_s[1]};
+  MoveWheels(torque_Nm, damping, dt_s);
+  for (int side = 0; side < 2; ++side)
+    state_.wheel_rad[side] += 0.5 * (before_rad_s[side] + state_.wheel_rad_s[side]) * dt_s;
+  if (body_moves_) MoveBody(dt_s);
+}
+
+void DriveTrain::MoveWheels(const double (&torque_Nm)[2], const double (&damping)[2], double dt_s) {
+  const BodyParams& body = params_.body;
+  const MotorParams& motor = params_.motor;
+  const double r = body.wheel_radius_m;
+  // Mass matrix: [[own, across], [across, own]] from the wheels, the body's mass and its yaw inertia.
+  const double straight = body_moves_ ? 0.25 * body.mass_kg * r * r : 0.0;
+  const double turning = body_moves_ ? body.yaw_inertia_kg_m2 * r * r / (track_m_ * track_m_) : 0.0;
+  const double own = motor.motors_per_side * motor.inertia_kg_m2 + straight + turning;
+  const double across = straight - turning;
+  const double m0 = own + damping[0] * dt_s, m1 = own + damping[1] * dt_s;
+  const double determinant = m0 * m1 - across * across;
+  const double inverse[2][2] = {{m1 / determinant, -across / determinant},
+                                {-across / determinant, m0 / determinant}};
+  double(&w)[2] = state_.wheel_rad_s;
+  const double start[2] = {w[0], w[1]};
+  for (int side = 0; side < 2; ++side)
+    w[side] += (inverse[side][0] * torque_Nm[0] + inverse[side][1] * torque_Nm[1]) * dt_s;
+
+  // Friction: three impulses, each bounded, each trying to stop its own relative motion.
+  double bound[3], impulse[3] = {0.0, 0.0, 0.0};
+  for (int side = 0; side < 2; ++side) {
+    const double stick = start[side] == 0.0 ? motor.static_ratio : 1.0;
+    const double slip_Nm = body_moves_ ? 0.0 : body.traction_Nm;
+    bound[side] = (motor.motors_per_side * motor.coulomb_Nm * friction_ratio_[side] * stick + slip_Nm) * dt_s;
+  }
+  const double yaw_per_rad_s = r / track_m_;  // yaw rate by (right - left)
+  bound[2] = body_moves_ ? body.scrub_Nm * yaw_per_rad_s * dt_s : 0.0;
+  const double yaw_inverse = inverse[0][0] + inverse[1][1] - 2.0 * inverse[0][1];
+  // The scrub moment builds up over a little slip: a soft constraint.
+  const double yaw_softness = bound[2] > 0.0 ? body.scrub_slip_rad_s / (yaw_per_rad_s * bound[2]) : 0.0;
+  constexpr int kSweeps = 8;
+  for (int sweep = 0; sweep < kSweeps; ++sweep) {
+    for (int side = 0; side < 2; ++side) {
+      const double wanted = impulse[side] - w[side] / inverse[side][side];
+      const double change = std::clamp(wanted, -bound[side], bound[side]) - impulse[side];
+      impulse[side] += change;
+      w[0] += inverse[0][side] * change;
+      w[1] += inverse[1][side] * change;
+    }
+    if (bound[2] > 0.0) {
+      const double slip = w[1] - w[0] + yaw_softness * impulse[2];
+      const double wanted = impulse[2] - slip / (yaw_inverse + yaw_softness);
+      const double change = std::clamp(wanted, -bound[2], bound[2]) - impulse[2];
+      impulse[2] += change;
+      w[0] += (inverse[0][1] - inverse[0][0]) * change;
+      w[1] += (inverse[1][1] - inverse[1][0]) * change;
+    }
+  }
+  constexpr double kStill_rad_s = 1e-6;  // what the sweeps leave of a full stop
+  for (int side = 0; side < 2; ++side)
+    if (std::abs(w[side]) < kStill_rad_s && std::abs(impulse[side]) < bound[side]) w[side] = 0.0;
+}
+
+void DriveTrain::MoveBody(double dt_s) {
+  track_m_ = params_.body.track_m * (1.0 + track_noise_.Step(random_, dt_s));
+  const double turn_rad = BodyYaw_rad_s() * dt_s;
+  const double heading_rad = state_.yaw_rad + 0.5 * turn_rad;
+  const double distance_m = BodyForward_m_s() * dt_s;
+  state_.x_m += distance_m * std::cos(heading_rad);
+  state_.y_m += distance_m * std::sin(heading_rad);
+  state_.yaw_rad = std::remainder(state_.yaw_rad + turn_rad, 2.0 * M_PI);
+}
+
+double DriveTrain::BodyForward_m_s() const {
+  return 0.5 * (radius_m_[0] * state_.wheel_rad_s[0] + radius_m_[1] * state_.wheel_rad_s[1]);
+}
+
+double DriveTrain::BodyYaw_rad_s() const {
+  return (radius_m_[1] * state_.wheel_rad_s[1] - radius_m_[0] * state_.wheel_rad_s[0]) / track_m_;
+}
+
+bool DriveTrain::PushesIntoObstacle(const double (&torque_Nm)[2]) const {
+  // The wheels' wish: their speed, or where the motors push once they have stalled.
+  constexpr double kSpeedPerTorque = 10.0;
+  double wish[2];
+  for (int side = 0; side < 2; ++side)
+    wish[side] = state_.wheel_rad_s[side] + kSpeedPerTorque * torque_Nm[side];
+  const double half_track_m = 0.5 * track_m_;
+  return held_v_m_s_ * (wish[0] + wish[1]) + half_track_m * held_w_rad_s_ * (wish[1] - wish[0]) > 0.0;
+}
+
+void DriveTrain::Place(double x_m, double y_m, double yaw_rad) {
+  state_.x_m = x_m;
+  state_.y_m = y_m;
+  state_.yaw_rad = yaw_rad;
+}
+
+void DriveTrain::Hold(double v_m_s, double w_rad_s) {
+  held_ = true;
+  held_v_m_s_ = v_m_s;
+  held_w_rad_s_ = w_rad_s;
+}
+
+}  // namespace thumper

@@ -1,0 +1,58 @@
+#pragma once
+#include "battery.hpp"
+#include "bridge.hpp"
+#include "params.hpp"
+#include "random.hpp"
+
+namespace thumper {
+
+/// Where the robot is and how it moves. The plane's frame is the world's; yaw is counter-clockwise.
+struct RobotState {
+  double x_m = 0.0, y_m = 0.0, yaw_rad = 0.0;
+  double wheel_rad[2] = {0.0, 0.0};  // travel of the left and right wheels since the start
+  double wheel_rad_s[2] = {0.0, 0.0};
+  double current_A[2] = {0.0, 0.0};  // of each side's motors, averaged over a PWM period
+};
+
+/// Motors, wheels and body of a skid-steered robot, stepped together because the body couples the sides.
+///
+/// Each side: `J dw/dt = n (Kt i - B w) - friction`, `i = (u - Kf w) / R` (inductance neglected: L/R < 1 ms).
+/// The body adds its mass to the mean of the wheel speeds and its yaw inertia to their difference. The
+/// electrical damping is taken implicitly, Coulomb friction of both sides and the tyres' scrub moment as
+/// bounded impulses (projected Gauss-Seidel), so that the robot really stands still inside the dead band.
+class DriveTrain {
+ public:
+  DriveTrain(const PlantParams& params, uint64_t seed);
+
+  /// Advance by `dt_s` (at most some ms) with constant bridge commands at the battery's present voltage.
+  void Step(const BridgeCommand (&command)[2], double dt_s);
+
+  void Place(double x_m, double y_m, double yaw_rad);
+
+  /// The hull touches something: body motion along (v, w) [m/s, rad/s] is held from now on until `Release`.
+  void Hold(double v_m_s, double w_rad_s);
+  void Release() { held_ = false; }
+
+  const RobotState& state() const { return state_; }
+  const Battery& battery() const { return battery_; }
+
+ private:
+  double BodyForward_m_s() const;
+  double BodyYaw_rad_s() const;
+  bool PushesIntoObstacle(const double (&torque_Nm)[2]) const;
+  void MoveWheels(const double (&torque_Nm)[2], const double (&damping)[2], double dt_s);
+  void MoveBody(double dt_s);
+
+  PlantParams params_;
+  Random random_;
+  Battery battery_;
+  CorrelatedNoise torque_noise_[2];
+  CorrelatedNoise track_noise_;
+  double torque_ratio_[2], friction_ratio_[2], radius_m_[2];
+  double track_m_;
+  RobotState state_;
+  bool held_ = false, body_moves_ = true;
+  double held_v_m_s_ = 0.0, held_w_rad_s_ = 0.0;
+};
+
+}  // namespace thumper

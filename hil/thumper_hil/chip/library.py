@@ -1,0 +1,55 @@
+"""The C face of libthumper_chip.so (chip/c_api.cpp), declared for ctypes."""
+
+import ctypes
+from functools import cache
+from pathlib import Path
+
+LIBRARY = Path(__file__).parent / "build" / "libthumper_chip.so"
+
+
+class CTruth(ctypes.Structure):
+    """`ThumperTruth` of c_api.cpp."""
+
+    _fields_ = (
+        ("time_s", ctypes.c_double),
+        ("x_m", ctypes.c_double),
+        ("y_m", ctypes.c_double),
+        ("yaw_rad", ctypes.c_double),
+        ("wheel_rad", ctypes.c_double * 2),
+        ("wheel_rad_s", ctypes.c_double * 2),
+        ("current_A", ctypes.c_double * 2),
+        ("encoder_count", ctypes.c_double * 2),
+        ("battery_V", ctypes.c_double),
+        ("charge", ctypes.c_double),
+    )
+
+
+@cache
+def load_library() -> ctypes.CDLL:
+    """Load the library once and declare its functions; raises OSError when it is not built."""
+    library = ctypes.CDLL(str(LIBRARY))
+    chip, number = ctypes.c_void_p, ctypes.c_double
+    size, cycle, byte = ctypes.c_size_t, ctypes.c_uint64, ctypes.c_uint8
+    signatures: dict[str, tuple[object, list[object]]] = {
+        "open": (chip, [ctypes.c_char_p, ctypes.POINTER(number), size, cycle, ctypes.c_char_p, size]),
+        "close": (None, [chip]),
+        "run": (ctypes.c_int, [chip, cycle, size]),
+        "cycle": (cycle, [chip]),
+        "resets": (cycle, [chip]),
+        "overruns": (cycle, [chip]),
+        "data": (byte, [chip, ctypes.c_uint16]),
+        "reset": (None, [chip]),
+        "last_error": (ctypes.c_char_p, [chip]),
+        "set_host_baud": (None, [chip, ctypes.c_uint32]),
+        "send": (None, [chip, ctypes.c_char_p, size]),
+        "available": (size, [chip]),
+        "receive": (size, [chip, ctypes.c_char_p, ctypes.POINTER(cycle), size]),
+        "truth": (None, [chip, ctypes.POINTER(CTruth)]),
+        "place": (None, [chip, number, number, number]),
+        "hold": (None, [chip, number, number]),
+        "release": (None, [chip]),
+    }
+    for name, (result, arguments) in signatures.items():
+        function = getattr(library, f"thumper_{name}")
+        function.restype, function.argtypes = result, arguments
+    return library

@@ -1,0 +1,64 @@
+#pragma once
+#include <cstddef>
+
+namespace thumper {
+
+// Filled from parts/wild_thumper.toml by parts/params.py, in this very order: every field is a double.
+
+struct MotorParams {        // one motor, at the wheel side of its gearbox
+  double motors_per_side;   // driven in parallel by one bridge
+  double resistance_Ohm;    // winding, with its share of bridge and wiring
+  double torque_Nm_A;       // Kt: smaller than Kf by the gearbox's loss
+  double back_emf_V_s_rad;  // Kf
+  double inertia_kg_m2;     // rotor, gear and wheel, without the body's share
+  double viscous_Nm_s_rad;
+  double coulomb_Nm;
+  double static_ratio;  // break-away torque over sliding friction
+  double noise_Nm;      // torque noise, standard deviation
+  double noise_time_s;
+  double spread_ratio;  // standard deviation of Kt and friction between the sides
+};
+
+struct BatteryParams {
+  double capacity_Ah;
+  double resistance_Ohm;
+  double state_of_charge;     // at start, 0...1
+  double idle_current_A;      // what the board draws
+  double open_circuit_V[11];  // at 0, 10, ... 100 % charge
+};
+
+struct BodyParams {
+  double mass_kg;
+  double yaw_inertia_kg_m2;
+  double wheel_radius_m;
+  double radius_spread_ratio;
+  double track_m;            // effective: what the body turns by
+  double track_noise_ratio;  // slow variation of the slip, standard deviation
+  double track_noise_time_s;
+  double scrub_Nm;          // moment about the vertical that the sideways-scrubbing tyres oppose
+  double scrub_slip_rad_s;  // yaw rate at which it is fully there
+  double traction_Nm;       // friction torque on each side's wheels when the body is held and they slip
+};
+
+struct EncoderParams {
+  double counts_per_rev;
+  double edge_error_counts;  // standard deviation of each magnet edge's place
+};
+
+struct BoardParams {
+  double battery_V_per_count;
+  double current_A_per_count;
+  double current_zero_counts;
+};
+
+struct PlantParams {
+  MotorParams motor;
+  BatteryParams battery;
+  BodyParams body;
+  EncoderParams encoder;
+  BoardParams board;
+};
+
+constexpr std::size_t kPlantParamCount = sizeof(PlantParams) / sizeof(double);
+
+}  // namespace thumper

@@ -1,0 +1,156 @@
+#include "plant.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace thumper {
+namespace {
+
+double Seconds(uint64_t cycles) { return static_cast<double>(cycles) / kCpuHz; }
+
+}  // namespace
+
+Plant::Plant(avr_t* avr, const PlantParams& params, uint64_t seed)
+    : avr_(avr),
+      params_(params),
+      bridges_(avr),
+      drive_train_(params, seed),
+      random_(~seed),
+      encoder_{
+          {this, FindPeripheral<avr_ioport_t>(avr, "port", 'D'), 5, 6, Encoder(params.encoder, random_)},
+          {this, FindPeripheral<avr_ioport_t>(avr, "port", 'B'), 4, 5, Encoder(params.encoder, random_)}},
+      planned_to_(avr->cycle),
+      planned_from_(avr->cycle),
+      before_(drive_train_) {
+  constexpr int kLeftPins[] = {2, 3, 4}, kRightPins[] = {1, 2, 3};  // of port D and of port B
+  for (const int bit : kLeftPins)
+    avr_irq_register_notify(encoder_[0].port->io.irq + IOPORT_IRQ_PIN0 + bit, OnMotorPin, this);
+  for (const int bit : kRightPins)
+    avr_irq_register_notify(encoder_[1].port->io.irq + IOPORT_IRQ_PIN0 + bit, OnMotorPin, this);
+  Rearm();
+}
+
+void Plant::Rearm() {
+  for (EncoderPins& pins : encoder_) {
+    pins.port->external.pull_mask |= (1u << pins.a_bit) | (1u << pins.b_bit);
+    DriveBoth(pins);
+    ScheduleEdge(pins);
+  }
+  const uint64_t wait = planned_to_ > avr_->cycle ? planned_to_ - avr_->cycle : 1;
+  avr_cycle_timer_register(avr_, wait, OnTick, this);
+}
+
+avr_cycle_count_t Plant::OnTick(avr_t*, avr_cycle_count_t when, void* self) {
+  Plant* plant = static_cast<Plant*>(self);
+  plant->PlanTo(when + kCyclesPerMs);
+  return plant->planned_to_;
+}
+
+void Plant::OnMotorPin(avr_irq_t*, uint32_t, void* self) {
+  Plant* plant = static_cast<Plant*>(self);
+  const uint64_t now = plant->avr_->cycle;
+  if (now >= plant->planned_to_) return;  // the tick is due: it sees to it
+  // The inputs were not constant over the step after all: take it again up to now, and plan the rest anew.
+  const uint64_t end_cycle = plant->planned_to_;
+  plant->drive_train_ = plant->before_;
+  if (now > plant->planned_from_)
+    plant->drive_train_.Step(plant->command_, Seconds(now - plant->planned_from_));
+  plant->planned_to_ = now;
+  plant->PlanTo(end_cycle);
+}
+
+void Plant::PlanTo(uint64_t end_cycle) {
+  bridges_.Sample();
+  command_[0] = bridges_.left();
+  command_[1] = bridges_.right();
+  before_ = drive_train_;
+  planned_from_ = planned_to_;
+  planned_to_ = end_cycle;
+  drive_train_.Step(command_, Seconds(planned_to_ - planned_from_));
+  for (int side = 0; side < 2; ++side) {
+    encoder_[side].encoder.Plan(before_.state().wheel_rad[side], drive_train_.state().wheel_rad[side],
+                                planned_from_, planned_to_ - planned_from_);
+    ScheduleEdge(encoder_[side]);
+  }
+}
+
+void Plant::Place(double x_m, double y_m, double yaw_rad) {
+  before_.Place(x_m, y_m, yaw_rad);
+  drive_train_.Place(x_m, y_m, yaw_rad);
+}
+
+void Plant::Hold(double v_m_s, double w_rad_s) {
+  before_.Hold(v_m_s, w_rad_s);
+  drive_train_.Hold(v_m_s, w_rad_s);
+}
+
+void Plant::Release() {
+  before_.Release();
+  drive_train_.Release();
+}
+
+void Plant::ScheduleEdge(EncoderPins& pins) {
+  const uint64_t edge = pins.encoder.NextEdge();
+  if (edge == 0) {
+    avr_cycle_timer_cancel(avr_, OnEdge, &pins);
+    return;
+  }
+  avr_cycle_timer_register(avr_, edge > avr_->cycle ? edge - avr_->cycle : 1, OnEdge, &pins);
+}
+
+avr_cycle_count_t Plant::OnEdge(avr_t* avr, avr_cycle_count_t, void* self) {
+  EncoderPins& pins = *static_cast<EncoderPins*>(self);
+  pins.encoder.PassEdge();
+  DriveBoth(pins);
+  const uint64_t next = pins.encoder.NextEdge();
+  return next == 0 ? 0 : std::max<uint64_t>(next, avr->cycle + 1);
+}
+
+void Plant::DriveBoth(EncoderPins& pins) {
+  Drive(pins.port, pins.a_bit, pins.encoder.a());
+  Drive(pins.port, pins.b_bit, pins.encoder.b());
+}
+
+/// Set an input's level so that it stays. simavr re-raises pulled-up inputs on every write to their port,
+/// unless the port knows the level as an external one; and after a reset it forgets the level but not that it
+/// told us so.
+void Plant::Drive(avr_ioport_t* port, int bit, bool level) {
+  const unsigned mask = 1u << bit;
+  port->external.pull_value =
+      static_cast<uint8_t>(level ? port->external.pull_value | mask : port->external.pull_value & ~mask);
+  avr_raise_irq(port->io.irq + IOPORT_IRQ_PIN0 + bit, level);
+  uint8_t& pin = port->io.avr->data[port->r_pin];
+  pin = static_cast<uint8_t>(level ? pin | mask : pin & ~mask);
+}
+
+double Plant::AnalogIn_V(int channel) const {
+  constexpr double kVoltPerCount = 5.0 / 1024.0;
+  if (channel == 3) {
+    return drive_train_.battery().voltage_V() / params_.board.battery_V_per_count * kVoltPerCount;
+  }
+  if (channel == 6 || channel == 7) {
+    const double current_A = drive_train_.state().current_A[channel - 6];
+    return (params_.board.current_zero_counts + current_A / params_.board.current_A_per_count) *
+           kVoltPerCount;
+  }
+  return 0.0;
+}
+
+RobotState Plant::State() const {
+  const RobotState& from = before_.state();
+  RobotState state = drive_train_.state();
+  if (avr_->cycle >= planned_to_) return state;
+  const double part =
+      static_cast<double>(avr_->cycle - planned_from_) / static_cast<double>(planned_to_ - planned_from_);
+  const auto between = [part](double a, double b) { return a + part * (b - a); };
+  state.x_m = between(from.x_m, state.x_m);
+  state.y_m = between(from.y_m, state.y_m);
+  state.yaw_rad = from.yaw_rad + part * std::remainder(state.yaw_rad - from.yaw_rad, 2.0 * M_PI);
+  for (int side = 0; side < 2; ++side) {
+    state.wheel_rad[side] = between(from.wheel_rad[side], state.wheel_rad[side]);
+    state.wheel_rad_s[side] = between(from.wheel_rad_s[side], state.wheel_rad_s[side]);
+  }
+  return state;
+}
+
+}  // namespace thumper

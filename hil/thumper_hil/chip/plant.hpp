@@ -1,0 +1,64 @@
+#pragma once
+#include "avr.hpp"
+#include "bridge.hpp"
+#include "drive_train.hpp"
+#include "encoder.hpp"
+
+namespace thumper {
+
+/// The robot round the chip: bridges and encoders on the chip's pins, battery and currents on its ADC.
+///
+/// The drive train is stepped by a cycle timer each millisecond, and at once when a motor pin changes. A step
+/// is planned ahead with the inputs held, so each encoder edge falls on its own cycle and nothing runs
+/// between events.
+class Plant {
+ public:
+  Plant(avr_t* avr, const PlantParams& params, uint64_t seed);
+
+  /// Put levels and timers back after the chip was reset (simavr wipes both).
+  void Rearm();
+
+  /// Voltage at an ADC channel: 3 battery, 6 and 7 the motor currents; nothing is wired to the others.
+  double AnalogIn_V(int channel) const;
+
+  /// The truth at this very cycle.
+  RobotState State() const;
+  double battery_V() const { return drive_train_.battery().voltage_V(); }
+  double charge() const { return drive_train_.battery().charge(); }
+
+  void Place(double x_m, double y_m, double yaw_rad);
+  void Hold(double v_m_s, double w_rad_s);  ///< see DriveTrain
+  void Release();
+
+  int32_t encoder_count(int side) const { return encoder_[side].encoder.count(); }
+
+ private:
+  struct EncoderPins {
+    Plant* plant;
+    avr_ioport_t* port;
+    int a_bit, b_bit;
+    Encoder encoder;
+  };
+
+  static avr_cycle_count_t OnTick(avr_t* avr, avr_cycle_count_t when, void* self);
+  static avr_cycle_count_t OnEdge(avr_t* avr, avr_cycle_count_t when, void* pins);
+  static void OnMotorPin(avr_irq_t* irq, uint32_t value, void* self);
+
+  void PlanTo(uint64_t end_cycle);
+  void ScheduleEdge(EncoderPins& pins);
+  static void Drive(avr_ioport_t* port, int bit, bool level);
+  static void DriveBoth(EncoderPins& pins);
+
+  avr_t* avr_;
+  PlantParams params_;
+  BridgePins bridges_;
+  DriveTrain drive_train_;
+  Random random_;
+  EncoderPins encoder_[2];
+  BridgeCommand command_[2];
+  uint64_t planned_to_;    // the end of the step that `drive_train_` has already taken
+  uint64_t planned_from_;  // and its start
+  DriveTrain before_;      // the drive train at that start: a pin that changes midway takes the step again
+};
+
+}  // namespace thumper

@@ -1,0 +1,50 @@
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+
+#include "avr.hpp"
+
+namespace thumper {
+
+/// The serial line between the chip and the host: 8N1, one byte per ten bit times, both ways.
+///
+/// Cures of simavr's UART: ten bits a byte, not eleven, whatever the order of U2X and UBRR; a received byte
+/// is there when its last bit is; a receiver that is not served overruns after two bytes and the one being
+/// shifted in.
+class UartLine {
+ public:
+  explicit UartLine(avr_t* avr);
+
+  void SetHostBaud(uint32_t baud) { host_baud_ = baud; }
+  void Send(const uint8_t* data, std::size_t count);  ///< host to chip, from now on at line rate
+  std::size_t Receive(uint8_t* data, uint64_t* cycles,
+                      std::size_t capacity);  ///< what has fully arrived by now
+  std::size_t Available() const;
+  void ClearReceived() { from_chip_.clear(); }
+  uint64_t overruns() const { return overruns_; }
+
+  void Rearm();          ///< after a reset
+  void OnReceiveDone();  ///< the receive interrupt has returned
+
+ private:
+  struct Arrival {
+    uint64_t cycle;  // when its stop bit is over
+    uint8_t byte;
+  };
+
+  static avr_cycle_count_t OnByteTime(avr_t* avr, avr_cycle_count_t when, void* self);
+  static void OnTransmit(avr_irq_t* irq, uint32_t byte, void* self);
+  uint32_t CyclesPerByte() const;
+  bool SameBaud() const;
+
+  avr_t* avr_;
+  avr_uart_t* uart_;
+  uint32_t host_baud_ = 0;  // 0: whatever the chip uses
+  std::deque<uint8_t> to_chip_;
+  std::deque<Arrival> from_chip_;
+  uint64_t line_free_cycle_ = 0;
+  uint64_t overruns_ = 0;
+};
+
+}  // namespace thumper
