@@ -37,7 +37,7 @@ class OccupancyGrid:
         )
 
     def including(self, x_m: float, y_m: float, margin_m: float) -> "OccupancyGrid":
-        """Return this grid, grown by unknown cells until it reaches `margin_m` beyond the point on every side."""
+        """Return this grid, grown by unknown cells to reach `margin_m` beyond the point on every side."""
         row_lo, col_lo = self.cell_of(x_m - margin_m, y_m - margin_m)
         row_hi, col_hi = self.cell_of(x_m + margin_m, y_m + margin_m)
         rows, cols = self.cells.shape

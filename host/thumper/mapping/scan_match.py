@@ -21,7 +21,9 @@ from thumper.mapping.distance_field import FieldArray
 class MatchOptions:
     """How beams and odometry are weighed against each other."""
 
-    beam_std_m: Annotated[float, Gt(0)] = 0.1  # error of a beam's end; correlated beams count as a larger one
+    beam_std_m: Annotated[float, Gt(0)] = (
+        0.05  # error of a beam's end; correlated beams count as a larger one
+    )
     outlier_m: Annotated[float, Gt(0)] = (
         0.15  # distance at which a beam's weight has fallen to a half (Cauchy)
     )

@@ -1,0 +1,158 @@
+"""Maps on disk: the PGM image and YAML description that ROS's map_server reads and writes.
+
+Format: http://wiki.ros.org/map_server, "trinary" mode. The description is six keys on six lines, so it is
+written and read by hand: no YAML library is needed.
+"""
+
+import math
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thumper.errors import ThumperError
+from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from thumper.mapping.pgm import decode_pgm, encode_pgm
+
+FREE_THRESH, OCCUPIED_THRESH = 0.196, 0.65
+WHITE_FREE, BLACK_OCCUPIED, GREY_UNKNOWN = 254, 0, 205
+# 0.196 is 50/255: grey 205 is exactly on it, so the comparison below must be strict for unknown to survive.
+
+ImageArray = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Description:
+    image: str
+    resolution_m: float
+    origin_x_m: float
+    origin_y_m: float
+    negate: bool
+    occupied_thresh: float
+    free_thresh: float
+
+
+def save_map(grid: OccupancyGrid, yaml_path: Path) -> Path:
+    """Write `yaml_path` and, beside it, the image of the same name with `.pgm`; return the image's path.
+
+    Each file appears whole or not at all, the image first. Cells of 65 % and more become occupied, cells
+    below 19.6 % free, the rest unknown.
+
+    Raises
+    ------
+    ThumperError
+        The folder cannot be written.
+    """
+    pgm_path = yaml_path.with_suffix(".pgm")
+    occupied = grid.cells >= 100.0 * OCCUPIED_THRESH
+    free = (grid.cells != UNKNOWN) & (grid.cells < 100.0 * FREE_THRESH)
+    image = np.full(grid.cells.shape, GREY_UNKNOWN, dtype=np.uint8)
+    image[occupied], image[free] = BLACK_OCCUPIED, WHITE_FREE
+    description = (
+        f"image: {pgm_path.name}\n"
+        f"resolution: {grid.resolution_m!r}\n"
+        f"origin: [{float(grid.origin_x_m)!r}, {float(grid.origin_y_m)!r}, 0.0]\n"
+        "negate: 0\n"
+        f"occupied_thresh: {OCCUPIED_THRESH}\n"
+        f"free_thresh: {FREE_THRESH}\n"
+    )
+    _write(pgm_path, encode_pgm(image[::-1]))  # the image's first row is the map's largest y
+    _write(yaml_path, description.encode())
+    return pgm_path
+
+
+def load_map(yaml_path: Path) -> OccupancyGrid:
+    """Read a map by its description; the image's path is relative to it.
+
+    Raises
+    ------
+    ThumperError
+        A file is missing or broken; the message names the file, the key and the value.
+    """
+    description = _parse(yaml_path, _read(yaml_path).decode("utf-8", errors="replace"))
+    pgm_path = yaml_path.parent / description.image
+    try:
+        image = decode_pgm(_read(pgm_path))
+    except ValueError as error:
+        raise ThumperError(f"{pgm_path}: {error}; save the map again, as an 8-bit PGM image") from error
+    grey = image[::-1].astype(np.float64)
+    occupancy = grey / 255.0 if description.negate else (255.0 - grey) / 255.0
+    cells = np.full(grey.shape, UNKNOWN, dtype=np.int8)
+    cells[occupancy > description.occupied_thresh] = OCCUPIED
+    cells[occupancy < description.free_thresh] = FREE
+    return OccupancyGrid(
+        cells=cells,
+        resolution_m=description.resolution_m,
+        origin_x_m=description.origin_x_m,
+        origin_y_m=description.origin_y_m,
+    )
+
+
+def _parse(path: Path, text: str) -> _Description:
+    values: dict[str, str] = {}
+    for line in text.splitlines():
+        key, colon, value = line.partition("#")[0].partition(":")
+        if colon:
+            values[key.strip()] = value.strip().strip("\"'")
+
+    def text_of(key: str) -> str:
+        if not values.get(key):
+            raise ThumperError(f"{path}: key '{key}' is missing; add it as map_server's format asks")
+        return values[key]
+
+    def number(key: str, value: str) -> float:
+        try:
+            result = float(value)
+        except ValueError:
+            result = math.nan
+        if not math.isfinite(result):
+            raise ThumperError(f"{path}: {key} = '{value}' is not a number; mend the value")
+        return result
+
+    def within(key: str, low: float, high: float) -> float:
+        result = number(key, text_of(key))
+        if not low < result < high:
+            raise ThumperError(f"{path}: {key} = {result:g} must lie between {low:g} and {high:g}")
+        return result
+
+    if values.get("mode", "trinary") != "trinary":
+        raise ThumperError(f"{path}: mode = '{values['mode']}' is not supported; save the map as 'trinary'")
+    origin = text_of("origin")
+    parts = origin.strip("[]").split(",")
+    if not (origin.startswith("[") and origin.endswith("]") and len(parts) == 3):
+        raise ThumperError(f"{path}: origin = '{origin}' is not of the form [x, y, yaw]; mend the value")
+    x_m, y_m, yaw_rad = (number("origin", part) for part in parts)
+    if yaw_rad != 0.0:
+        raise ThumperError(f"{path}: origin has the yaw {yaw_rad:g}; turn the image so that the yaw is 0")
+    free_thresh = within("free_thresh", 0.0, 1.0)
+    return _Description(
+        image=text_of("image"),
+        resolution_m=within("resolution", 0.0, 10.0),
+        origin_x_m=x_m,
+        origin_y_m=y_m,
+        negate=number("negate", text_of("negate")) != 0.0,
+        occupied_thresh=within("occupied_thresh", free_thresh, 1.0),
+        free_thresh=free_thresh,
+    )
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise ThumperError(f"{path}: cannot be read ({error.strerror}); check the path") from error
+
+
+def _write(path: Path, data: bytes) -> None:
+    """Write to a neighbour, flush to the disk, then rename: a reader never sees half a file."""
+    partial = path.with_name(path.name + ".part")
+    try:
+        with partial.open("wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        partial.replace(path)
+    except OSError as error:
+        raise ThumperError(f"{path}: cannot be written ({error.strerror}); check the folder") from error

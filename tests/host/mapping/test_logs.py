@@ -1,0 +1,96 @@
+"""Readers of recorded logs: formats, traps and broken files."""
+
+import gzip
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thumper.errors import ThumperError
+from thumper.mapping.logs.open_log import open_log
+
+FLASER = "FLASER 4 1.00 81.83 2.50 0.0 1.1 2.0 0.5 1.0 2.0 0.5 976052890.5 nohost {stamp}"
+ROBOTLASER = (
+    "ROBOTLASER1 0 -0.5 1.0 0.5 50.0 0.01 0 3 1.5 50.0 2.5 0 "
+    "0.3 0.0 0.0 0.1 0.0 0.0 0.0 0.0 0.2 0.2 1000000.0 7.25 nohost 7.5"
+)
+
+
+def mines_line(time_us: int, left: int, right: int, ranges_mm: list[int]) -> str:
+    robot_state = "0 0 0 170.1 " + "1 " * 16
+    return f"{time_us} 14710 {left} {right} {robot_state} {' '.join(map(str, ranges_mm))} 0"
+
+
+def written(path: Path, text: str) -> Path:
+    path.write_bytes(gzip.compress(text.encode()) if path.suffix == ".gz" else text.encode())
+    return path
+
+
+@pytest.mark.parametrize("name", ["a.clf", "a.log.gz"])
+def test_flaser(tmp_path: Path, name: str) -> None:
+    text = "# comment\nPARAM x 1\n" + "".join(FLASER.format(stamp=s) + "\n" for s in (1.0, 2.0))
+    log = open_log(written(tmp_path / name, text))
+    assert (log.format_name, len(log.records)) == ("CARMEN", 2)
+    record = log.records[0]
+    assert record.time_s == 976052890.5
+    assert (record.odom_from_base.x_m, record.odom_from_base.theta_rad) == (1.0, 0.5)
+    # The laser is 0.1 m along odom x from the robot, which is turned by 0.5 rad.
+    assert log.base_from_laser.x_m == pytest.approx(0.1 * math.cos(0.5))
+    assert log.base_from_laser.y_m == pytest.approx(-0.1 * math.sin(0.5))
+    # "No return" (81.83) and zero say nothing: they must not become +inf, which would clear space.
+    np.testing.assert_array_equal(record.scan.ranges_m, [1.0, np.nan, 2.5, np.nan])
+    assert record.scan.angles_rad() == pytest.approx([-math.pi / 2, -math.pi / 4, 0.0, math.pi / 4])
+
+
+def test_robotlaser(tmp_path: Path) -> None:
+    record = open_log(written(tmp_path / "a.log", ROBOTLASER + "\n")).records[0]
+    assert record.time_s == 7.25
+    assert record.odom_from_base.x_m == 0.1
+    np.testing.assert_array_equal(record.scan.ranges_m, [1.5, np.nan, 2.5])
+    assert record.scan.angles_rad() == pytest.approx([-0.5, 0.0, 0.5])
+
+
+def test_mines(tmp_path: Path) -> None:
+    ranges_mm = [0, 1, 15, 19, 20, 5562] + [1000] * 676
+    text = mines_line(212_000_000, 29_221, 25_178, ranges_mm) + "\n"
+    text += mines_line(212_100_000, 29_321, 25_278, ranges_mm) + "\n"
+    log = open_log(written(tmp_path / "a.dat.gz", text))
+    first, second = log.records
+    assert log.base_from_laser.x_m == 0.145
+    assert first.odom_from_base.x_m == 0.0  # neither counts nor clock start at 0
+    assert second.odom_from_base.x_m == pytest.approx(100 * 0.077 * math.tau / 2000)
+    assert second.twist.v_m_s == pytest.approx(10.0 * second.odom_from_base.x_m)
+    np.testing.assert_array_equal(first.scan.ranges_m[:6], [np.nan, np.nan, np.nan, np.nan, 0.02, 5.562])
+    assert first.scan.ranges_m.size == 682  # the trailing 0 is no beam
+    assert first.scan.angles_rad()[[0, -1]] == pytest.approx(
+        [-119.707, 119.707] * np.array(math.pi / 180), abs=1e-4
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "word"),
+    [
+        ("a.log", FLASER.format(stamp=1.0)[:40].encode(), "line 1"),
+        ("a.log", FLASER.format(stamp=1.0).replace("2.50", "2.x5").encode(), "2.x5"),
+        ("a.log", (ROBOTLASER[:60]).encode(), "ROBOTLASER1"),
+        ("a.dat", mines_line(1, 2, 3, [0] * 682)[:-300].encode(), "682|706"),
+        ("a.txt", b"hello\nworld\n", "unknown log format"),
+        ("a.txt", b"", "unknown log format"),
+        ("a.bin", bytes(range(256)), "not a text log"),
+        ("a.gz", gzip.compress(b"FLASER" * 1000)[:40], "cut off"),
+        ("a.gz", b"\x1f\x8b\x08\0garbage-garbage", "cut off|cannot be read"),
+    ],
+)
+def test_a_broken_file_is_one_clear_line(tmp_path: Path, name: str, data: bytes, word: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(data)
+    with pytest.raises(ThumperError, match=word) as error:
+        open_log(path)
+    assert str(path) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(ThumperError, match="no such file"):
+        open_log(tmp_path / "gone.log")
