@@ -1,0 +1,125 @@
+"""SLAM on recorded logs: CPU time a scan, and error against reference relations, beside other programs.
+
+Run: python benchmarks/slam.py [--data FOLDER]
+The folder holds the logs; by default THUMPER_DATA or ../shared/data, each with its `slam` subfolder.
+"""
+
+import argparse
+import os
+import resource
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from thumper.mapping.grid_mapper import GridMapper
+from thumper.mapping.logs.open_log import open_log
+from thumper.mapping.logs.record import RobotLog
+from thumper.mapping.map_log import default_options
+from thumper.mapping.quality import RelationErrors, load_relations, relation_errors, squareness
+
+# Others on the same log and relations, on a machine of the same kind: path error, CPU time a processed scan.
+# "Online" is the pose that was reported at the time; a path improved afterwards knows more than a robot does.
+INTEL_PEERS = (
+    ("gmapping, 30 particles", "0.027 ± 0.020", "0.96 ± 0.92", "0.097", "75-77"),
+    ("LaMa particle filter, 30, gate 0.2", "0.020 ± 0.013", "0.51 ± 0.65", "0.058", "10.5"),
+    ("LaMa single hypothesis, gate 0.1", "0.020 ± 0.016", "0.42 ± 0.47", "0.036", "0.25"),
+    ("open_karto, gate 0.2", "0.023 ± 0.024", "0.51 ± 0.63", "0.17", "35"),
+    ("BreezySLAM", "2.35 ± 3.71", "14.0 ± 21.0", "2.35", "2.0"),
+)
+MINES_PEERS = (
+    ("gmapping, 30 particles", "89-91"),
+    ("LaMa particle filter, 30", "17.4"),
+    ("open_karto", "10.6"),
+    ("BreezySLAM", "4.7"),
+    ("LaMa single hypothesis", "0.47"),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """One pass over a log."""
+
+    poses: np.ndarray[tuple[int, int], np.dtype[np.float64]]
+    cpu_ms: np.ndarray[tuple[int], np.dtype[np.float64]]
+    integrated: int
+
+
+def run(log: RobotLog) -> Run:
+    """Map the log as on the robot, timing each scan."""
+    mapper = GridMapper(default_options(log), base_from_laser=log.base_from_laser)
+    mapper.warm_up()
+    poses, cpu_ms, integrated = [], [], 0
+    for record in log.records:
+        start_s = time.process_time()
+        update = mapper.update(record.odom_from_base, record.scan, record.twist)
+        cpu_ms.append(1e3 * (time.process_time() - start_s))
+        integrated += update.integrated
+        pose = update.map_from_base
+        poses.append((pose.x_m, pose.y_m, pose.theta_rad))
+    return Run(poses=np.array(poses), cpu_ms=np.array(cpu_ms), integrated=integrated)
+
+
+def timing(name: str, result: Run) -> str:
+    """One line on the cost."""
+    quantiles = np.percentile(result.cpu_ms, [50, 99])
+    return (
+        f"{name}: {len(result.cpu_ms)} scans, all matched, {result.integrated} entered; CPU ms a scan: "
+        f"mean {result.cpu_ms.mean():.2f}, median {quantiles[0]:.2f}, 99 % {quantiles[1]:.2f}, "
+        f"worst {result.cpu_ms.max():.1f}"
+    )
+
+
+def intel_table(errors: RelationErrors, result: Run) -> Table:
+    """Ours and theirs on the Intel log."""
+    table = Table(title="Intel Research Lab, 7129 scans, relations by scan")
+    for column in ("program", "path [m]", "path [deg]", "online [m]", "CPU [ms/scan]"):
+        table.add_column(column)
+    degrees = np.degrees(errors.rotation_rad)
+    metres = errors.translation_m
+    table.add_row(
+        "thumper GridMapper",
+        f"{metres.mean():.4f} ± {metres.std():.4f}",
+        f"{degrees.mean():.3f} ± {degrees.std():.3f}",
+        f"{metres.mean():.4f}",
+        f"{result.cpu_ms.mean():.2f}",
+    )
+    for row in INTEL_PEERS:
+        table.add_row(*row)
+    return table
+
+
+def main() -> None:
+    """Print both tables."""
+    default = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2] / "shared" / "data"))
+    parser = argparse.ArgumentParser(description="SLAM benchmark on recorded logs")
+    parser.add_argument("--data", type=Path, default=default, help="folder that holds slam/")
+    folder = parser.parse_args().data / "slam"
+    console = Console()
+
+    mines = open_log(folder / "mines-exp1.dat.gz")
+    result = run(mines)
+    console.print(timing("MINES", result))
+    console.print(f"MINES: squareness {squareness(mines, result.poses):.3f}")
+    table = Table(title="MINES, URG-04LX, 682 beams")
+    table.add_column("program")
+    table.add_column("CPU [ms a processed scan]")
+    table.add_row("thumper GridMapper", f"{result.cpu_ms.mean():.2f}")
+    for row in MINES_PEERS:
+        table.add_row(*row)
+    console.print(table)
+
+    intel = open_log(folder / "intel-lab.clf.gz")
+    result = run(intel)
+    console.print(timing("Intel", result))
+    relations = load_relations(folder / "intel-lab.relations-by-scan.gz")
+    console.print(intel_table(relation_errors(result.poses, relations), result))
+    peak_MB = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    console.print(f"Peak memory with both logs loaded: {peak_MB:.0f} MB")
+
+
+if __name__ == "__main__":
+    main()
