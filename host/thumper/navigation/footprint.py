@@ -48,6 +48,13 @@ class Footprint:
         normals = np.stack((edges[:, 1], -edges[:, 0]), axis=1) / np.hypot(edges[:, 0], edges[:, 1])[:, None]
         return np.column_stack((normals, np.sum(normals * polygon, axis=1)))
 
+    def grown(self, padding_m: float) -> "Footprint":
+        """Return the polygon with every edge moved outward by `padding_m`."""
+        planes = self.half_planes()
+        normals, offsets = planes[:, :2], planes[:, 2] + padding_m
+        vertices = [np.linalg.solve(normals[[i - 1, i]], offsets[[i - 1, i]]) for i in range(len(planes))]
+        return Footprint(vertices_m=tuple((float(x_m), float(y_m)) for x_m, y_m in vertices))
+
     @property
     def inscribed_radius_m(self) -> float:
         """Radius of the largest disc round base_link inside the outline [m]."""

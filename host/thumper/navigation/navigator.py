@@ -55,10 +55,11 @@ class Navigator:
 
     def __init__(self, options: NavigationOptions, footprint: Footprint) -> None:
         self._options = options
+        self._monitor = CollisionMonitor(options.monitor, options.limits, footprint)
+        footprint = footprint.grown(options.padding_m)
         self._footprint = footprint
         self._controller = make_controller(options, footprint)
         self._route = Route(make_planner(options, footprint), options.route)
-        self._monitor = CollisionMonitor(options.monitor, options.limits, footprint)
         self._progress = ProgressChecker(options.progress)
         self._recovery = Recovery(options.recovery, options.limits, footprint, self._controller)
         self._goal: Goal | None = None

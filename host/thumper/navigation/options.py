@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from annotated_types import Gt
+from annotated_types import Ge, Gt
 
 from thumper.navigation.astar import AStarOptions
 from thumper.navigation.costmap import CostmapOptions
@@ -25,6 +25,8 @@ class NavigationOptions:
     controller: str = "dwa"
     # Time without any safe motion or path before a recovery begins [s].
     patience_s: Annotated[float, Gt(0)] = 2.0
+    # Space kept round the footprint in all planned motion [m]: the map is as coarse as its cells and noisy.
+    padding_m: Annotated[float, Ge(0)] = 0.01
     # Slowest speed of the approach to the goal [m/s]; a base sticks below some speed.
     approach_m_s: Annotated[float, Gt(0)] = 0.06
     limits: SpeedLimits = field(default_factory=SpeedLimits)
