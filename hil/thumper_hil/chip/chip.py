@@ -103,15 +103,15 @@ class Chip:
         """Bytes from the chip that have fully arrived by now."""
         return int(self._library.thumper_available(self._handle))
 
-    def run(self, until_s: float, *, bytes_wanted: int = 0) -> bool:
-        """Run until a time [s], or until so many bytes wait for the host; returns whether they do.
+    def run(self, until_cycle: int, *, bytes_wanted: int = 0) -> bool:
+        """Run until a clock cycle, or until so many bytes wait for the host; returns whether they do.
 
         Raises
         ------
         ChipError
             The firmware has crashed or will never wake up again.
         """
-        status = self._library.thumper_run(self._handle, round(until_s * CPU_HZ), bytes_wanted)
+        status = self._library.thumper_run(self._handle, until_cycle, bytes_wanted)
         if status == RunStatus.CRASHED:
             cause = self._library.thumper_last_error(self._handle).decode(errors="replace").strip()
             raise ChipError(f"{self._elf}: the firmware crashed at {self.time_s:.6f} s: {cause}")

@@ -10,7 +10,7 @@ from thumper.errors import ThumperError
 WILD_THUMPER = Path(__file__).with_name("wild_thumper.toml")
 OPEN_CIRCUIT_POINTS = 11  # at 0, 10, ... 100 % charge
 
-# Fields have the order of chip/params.hpp; what they mean, and where the numbers come from, stands in the TOML.
+# The fields have the order of chip/params.hpp; what they mean and where they come from is in the TOML.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,0 +1,154 @@
+"""The robot's bench: chip, body, world and lidar on one simulated clock."""
+
+import time
+from collections import deque
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from thumper.errors import ThumperError
+from thumper.geometry import FloatArray, Pose2
+from thumper_hil.bench.contact import HULL_M, ContactWatch
+from thumper_hil.bench.options import BenchOptions
+from thumper_hil.chip.chip import CPU_HZ, Chip
+from thumper_hil.parts.params import RobotParams
+from thumper_hil.parts.urg04lx import Urg04Lx
+from thumper_hil.parts.world import World
+
+DEFAULT_ELF = Path(__file__).resolve().parents[3] / "firmware" / "build" / "thumper.elf"
+BASE_FROM_LASER = Pose2(x_m=0.12)
+TICK_S = 0.01
+"""Ground truth is recorded, and contacts are found, this often."""
+
+TICK_CYCLES = round(TICK_S * CPU_HZ)
+LIDAR_LOOK_S = 0.001
+REMEMBERED_POSES = 64
+TRUTH_COLUMNS = ("time_s", "x_m", "y_m", "theta_rad", "left_rad_s", "right_rad_s")
+
+
+class Bench:
+    """A simulated robot at work. Time passes only in `advance...`; the same seed and bytes give the same run.
+
+    Raises
+    ------
+    ThumperError
+        Firmware or chip library are not built, there is no such world, or the robot would stand in a wall.
+    """
+
+    def __init__(self, options: BenchOptions, *, elf: Path = DEFAULT_ELF) -> None:
+        self.world = World.load(options.world)
+        if self.world.touches(options.start, HULL_M):
+            raise ThumperError(
+                f"a robot at x_m={options.x_m:g}, y_m={options.y_m:g}, yaw_deg={options.yaw_deg:g} would "
+                f"stand in an obstacle of {options.world}; start it somewhere free",
+                exit_code=2,
+            )
+        params = RobotParams.load()
+        if options.charge is not None:
+            params = replace(params, battery=replace(params.battery, state_of_charge=options.charge))
+        self.chip = Chip(elf, params=params, seed=options.seed)
+        self.chip.place(options.start)
+        self._contact = ContactWatch(self.chip, self.world)
+        self._truth: list[tuple[float, ...]] = []
+        self._poses: deque[tuple[float, ...]] = deque(maxlen=REMEMBERED_POSES)
+        self._ticks = 0
+        self._remember()
+        self._lidar = Urg04Lx(
+            world=self.world, pose_at=self._pose_at, base_from_laser=BASE_FROM_LASER, seed=options.seed
+        )
+        self._lidar_bytes = bytearray()
+        self._wall_start_s = time.monotonic() if options.realtime else None
+
+    @property
+    def time_s(self) -> float:
+        """Simulated seconds since power-on."""
+        return self.chip.time_s
+
+    @property
+    def contacts(self) -> int:
+        """How often the hull has newly touched something."""
+        return self._contact.count
+
+    def truth(self) -> FloatArray:
+        """Return the ground truth so far at 100 Hz, shape (n, 6): columns `TRUTH_COLUMNS`.
+
+        The pose is in the world's frame, the heading is in [-pi, pi]; the wheel speeds are the wheels' own, positive forward.
+        """
+        return np.array(self._truth).reshape(-1, len(TRUTH_COLUMNS))
+
+    def advance(self, until_s: float, *, board_bytes: int = 0) -> None:
+        """Let time pass until `until_s`, or until the board has sent so many bytes that are not fetched yet.
+
+        Raises
+        ------
+        ChipError
+            The firmware has crashed.
+        """
+        until_cycle = round(until_s * CPU_HZ)
+        arrived = False
+        while self.chip.cycle < until_cycle and not arrived:
+            tick_cycle = (self._ticks + 1) * TICK_CYCLES
+            arrived = self.chip.run(min(until_cycle, tick_cycle), bytes_wanted=board_bytes)
+            if self.chip.cycle >= tick_cycle:
+                self._tick()
+        self._pace()
+
+    def advance_for_lidar(self, until_s: float, lidar_bytes: int) -> None:
+        """Let time pass until `until_s`, or until so many of the lidar's bytes wait to be read."""
+        until_cycle = round(until_s * CPU_HZ)
+        while self.lidar_available() < lidar_bytes and self.chip.cycle < until_cycle:
+            self.advance(min(until_s, self.time_s + LIDAR_LOOK_S))
+
+    def lidar_write(self, data: bytes) -> None:
+        """Send bytes to the lidar, now."""
+        self._look()
+        self._lidar.write(data, self.time_s)
+
+    def lidar_available(self) -> int:
+        """Bytes from the lidar that wait to be read."""
+        self._look()
+        self._lidar.advance(self.time_s)
+        self._lidar_bytes += self._lidar.read()
+        return len(self._lidar_bytes)
+
+    def lidar_read(self, limit: int) -> bytes:
+        """Fetch up to `limit` bytes from the lidar."""
+        self.lidar_available()
+        data = bytes(self._lidar_bytes[:limit])
+        del self._lidar_bytes[:limit]
+        return data
+
+    def _tick(self) -> None:
+        self._ticks += 1
+        self._contact.check(self.chip.truth().map_from_base, TICK_S)
+        self._remember()
+        self._truth.append((*self._poses[-1], *self.chip.truth().wheel_rad_s))
+        self._lidar.advance(self.time_s)
+
+    def _look(self) -> None:
+        if self.time_s > self._poses[-1][0]:
+            self._remember()
+
+    def _remember(self) -> None:
+        truth = self.chip.truth()
+        pose = truth.map_from_base
+        self._poses.append((truth.time_s, pose.x_m, pose.y_m, pose.theta_rad))
+
+    def _pose_at(self, times_s: FloatArray) -> FloatArray:
+        """The body's pose, shape (n, 3), at times of the last tenth of a second."""
+        known = np.array(self._poses)
+        headings_rad = np.unwrap(known[:, 3])
+        return np.column_stack(
+            [
+                np.interp(times_s, known[:, 0], known[:, 1]),
+                np.interp(times_s, known[:, 0], known[:, 2]),
+                np.interp(times_s, known[:, 0], headings_rad),
+            ]
+        )
+
+    def _pace(self) -> None:
+        if self._wall_start_s is not None:
+            ahead_s = self.time_s - (time.monotonic() - self._wall_start_s)
+            if ahead_s > 0.0:
+                time.sleep(ahead_s)

@@ -1,0 +1,128 @@
+"""The simulated robot on two pseudo-terminals, in real time: for programs that expect the hardware."""
+
+import errno
+import os
+import select
+import termios
+import time
+import tty
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from thumper.errors import ThumperError
+from thumper_hil.bench.bench import Bench
+from thumper_hil.bench.options import BenchOptions
+
+STEP_S = 0.002
+"""How often bytes are carried over: about as often as a USB adapter does it."""
+
+CHUNK_BYTES = 4096
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Line:
+    """A pseudo-terminal and the device behind it."""
+
+    master: int
+    to_device: Callable[[bytes], None]
+    from_device: Callable[[], bytes]
+
+
+def serve(board_pty: Path, lidar_pty: Path, options: Mapping[str, str]) -> None:
+    """Serve a simulated robot until Ctrl-C; `options` are those of a `sim://` URL.
+
+    Symbolic links to the two terminals appear at the paths, and go again at the end. Clients may come and go: the
+    robot stays, and what it sends while nobody listens is lost, as on a wire.
+
+    Raises
+    ------
+    ThumperError
+        A path is taken or cannot be made, an option is wrong, or the firmware crashed.
+    """
+    bench = Bench(BenchOptions.parse(options))
+    with ExitStack() as stack:
+        board = stack.enter_context(_terminal(board_pty))
+        lidar = stack.enter_context(_terminal(lidar_pty))
+        lines = (
+            _Line(
+                master=board,
+                to_device=bench.chip.send,
+                from_device=lambda: bench.chip.receive(CHUNK_BYTES),
+            ),
+            _Line(
+                master=lidar,
+                to_device=bench.lidar_write,
+                from_device=lambda: bench.lidar_read(CHUNK_BYTES),
+            ),
+        )
+        print(f"board {board_pty}, lidar {lidar_pty}; Ctrl-C ends it", flush=True)
+        try:
+            _carry(bench, lines)
+        except KeyboardInterrupt:
+            print("stopped")
+
+
+def _carry(bench: Bench, lines: tuple[_Line, ...]) -> None:
+    """Keep the simulated clock at the wall's and carry bytes both ways, for ever."""
+    behind_s = time.monotonic() - bench.time_s
+    while True:
+        now_s = time.monotonic() - behind_s
+        if now_s - bench.time_s > 1.0:  # the machine slept: do not race after it
+            behind_s += now_s - bench.time_s
+            continue
+        bench.advance(now_s)
+        for line in lines:
+            if data := line.from_device():
+                _write(line.master, data)
+        readable, _, _ = select.select([line.master for line in lines], [], [], STEP_S)
+        for line in lines:
+            if line.master in readable and (data := _read(line.master)):
+                line.to_device(data)
+
+
+@contextmanager
+def _terminal(path: Path) -> Iterator[int]:
+    """Make a pseudo-terminal with a link to it at `path`; yields the side of the device."""
+    if path.is_symlink():
+        path.unlink()  # left by a run that was killed
+    elif path.exists():
+        raise ThumperError(f"{path}: there is a file that is no link; give another path or remove it")
+    master, slave = os.openpty()
+    try:
+        # Raw on both ends before anybody opens it: no echo, no translation, no line buffer. Our own end of the slave stays
+        # open, so that the terminal keeps its settings and does not hang up when a client leaves.
+        for end in (master, slave):
+            tty.setraw(end, termios.TCSANOW)
+        os.set_blocking(master, False)
+        try:
+            path.symlink_to(os.ttyname(slave))
+        except OSError as error:
+            raise ThumperError(
+                f"{path}: cannot make the link ({error.strerror}); give another path"
+            ) from error
+        try:
+            yield master
+        finally:
+            path.unlink(missing_ok=True)
+    finally:
+        os.close(slave)
+        os.close(master)
+
+
+def _read(master: int) -> bytes:
+    try:
+        return os.read(master, CHUNK_BYTES)
+    except OSError as error:
+        if error.errno in (errno.EIO, errno.EAGAIN):
+            return b""
+        raise
+
+
+def _write(master: int, data: bytes) -> None:
+    try:
+        os.write(master, data)
+    except BlockingIOError:
+        # Nobody has read for a while and the terminal is full. What a real adapter would lose is lost.
+        termios.tcflush(master, termios.TCOFLUSH)

@@ -1,0 +1,61 @@
+"""The simulated robots of this process, by the NAME in `sim://NAME/board` and `sim://NAME/lidar`."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from thumper.errors import ThumperError
+from thumper_hil.bench.bench import Bench
+from thumper_hil.bench.options import EXIT_USAGE, BenchOptions
+
+
+@dataclass(slots=True)
+class _Entry:
+    bench: Bench
+    options: Mapping[str, str]
+    open_devices: set[str] = field(default_factory=set)
+
+
+_entries: dict[str, _Entry] = {}
+
+
+def simulation(name: str) -> Bench:
+    """Return the bench of `sim://NAME/...`: its ground truth stays after the ports are closed.
+
+    Raises
+    ------
+    ThumperError
+        No port of that name was opened in this process.
+    """
+    if name not in _entries:
+        raise ThumperError(f"no simulation {name!r} is open here; open sim://{name}/board first")
+    return _entries[name].bench
+
+
+def join(name: str, device: str, options: Mapping[str, str]) -> Bench:
+    """Open one device of a robot: the first open makes it, with its options; the next one joins it.
+
+    A robot whose ports were all closed is gone: the next open makes a new one.
+
+    Raises
+    ------
+    ThumperError
+        The device is open already, the options contradict the first open's, or one of them is wrong.
+    """
+    entry = _entries.get(name)
+    if entry is None or not entry.open_devices:
+        entry = _Entry(bench=Bench(BenchOptions.parse(options)), options=dict(options))
+        _entries[name] = entry
+    elif device in entry.open_devices:
+        raise ThumperError(f"the simulated {device} {name!r} is open already; close it first")
+    elif options and options != entry.options:
+        raise ThumperError(
+            f"the simulation {name!r} runs with other options; give them once, with the first of its ports",
+            exit_code=EXIT_USAGE,
+        )
+    entry.open_devices.add(device)
+    return entry.bench
+
+
+def leave(name: str, device: str) -> None:
+    """Close one device."""
+    _entries[name].open_devices.discard(device)
