@@ -1,0 +1,84 @@
+"""Builds the firmware's core for this machine, once, and hands it to the tests as a ctypes library.
+
+Every function of the library takes and returns plain ints (see desk/desk.cpp): ctypes needs no declarations.
+"""
+
+import ctypes
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).resolve().parent
+FIRMWARE = HERE.parents[1] / "firmware"
+BUILD = HERE / "build"
+# Overflow, bad shifts and out-of-bounds indices end the run: the chip would go on with a wrong number.
+SANITIZE = ["-fsanitize=signed-integer-overflow,shift-exponent,bounds", "-fno-sanitize-recover=all"]
+
+
+def run(command: list[str]) -> None:
+    """Run a build step; its errors become the test session's."""
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    if result.returncode != 0:
+        pytest.exit(f"{' '.join(command)}\n{result.stderr}", returncode=1)
+
+
+def build(target: Path, compiler: list[str], sources: list[Path], flags: list[str]) -> Path:
+    """Compile unless the target is newer than the core, this folder and the sources."""
+    inputs = [*(FIRMWARE / "core").glob("*.hpp"), *HERE.glob("*/*.?pp"), *sources, Path(__file__)]
+    if target.exists() and target.stat().st_mtime > max(path.stat().st_mtime for path in inputs):
+        return target
+    BUILD.mkdir(exist_ok=True)
+    partial = target.with_suffix(f".{os.getpid()}")  # several test workers may build at once
+    run([*compiler, *map(str, sources), "-o", str(partial), *flags])
+    partial.replace(target)
+    return target
+
+
+@pytest.fixture(scope="session")
+def core_at_rate() -> dict[int, ctypes.CDLL]:
+    """The core by control rate [Hz]."""
+    flags = [
+        "-std=c++14",
+        "-O1",
+        "-fPIC",
+        "-shared",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        f"-I{FIRMWARE}",
+        f"-I{HERE}",
+    ]
+    return {
+        rate_Hz: ctypes.CDLL(
+            str(
+                build(
+                    BUILD / f"core{rate_Hz}.so",
+                    ["g++"],
+                    [HERE / "desk/desk.cpp"],
+                    [*flags, *SANITIZE, f"-DTHUMPER_CONTROL_RATE_HZ={rate_Hz}", f"-I{HERE / 'desk'}"],
+                )
+            )
+        )
+        for rate_Hz in (10, 100)
+    }
+
+
+@pytest.fixture(scope="session")
+def core(core_at_rate: dict[int, ctypes.CDLL]) -> ctypes.CDLL:
+    """The core at 10 Hz, as flashed."""
+    return core_at_rate[10]
+
+
+@pytest.fixture(scope="session")
+def chip_vectors() -> bytes:
+    """What the emulated chip computes for desk/vectors.hpp."""
+    elf = build(
+        BUILD / "vectors.elf",
+        ["avr-g++", "-mmcu=atmega328p", "-DF_CPU=16000000L"],
+        [HERE / "avr/vectors.cpp"],
+        ["-std=gnu++14", "-Os", "-fno-exceptions", "-fno-rtti", f"-I{FIRMWARE}", f"-I{HERE}"],
+    )
+    runner = build(BUILD / "runner", ["gcc", "-O2"], [HERE / "avr/runner.c"], ["-lsimavr", "-lelf"])
+    return subprocess.run([str(runner), str(elf)], capture_output=True, check=True).stdout

@@ -1,0 +1,93 @@
+#pragma once
+#include <stdint.h>
+
+#include "core/battery.hpp"
+#include "core/crc.hpp"
+#include "core/parameters.hpp"
+#include "core/quadrature.hpp"
+#include "core/wheel.hpp"
+
+/// The same pseudo-random run of the core on desk and chip; every result goes to `sink.Put(int32_t)`. `int`
+/// has 32 bits on one and 16 on the other, so any arithmetic left to it shows here.
+namespace vectors {
+
+class Random {
+ public:
+  /// Uniform in [low, high], high - low < 2^31.
+  int32_t Between(int32_t low, int32_t high) {
+    state_ = state_ * 1664525UL + 1013904223UL;
+    return low + static_cast<int32_t>((state_ >> 1) % (static_cast<uint32_t>(high - low) + 1));
+  }
+
+ private:
+  uint32_t state_ = 1;
+};
+
+template <typename Sink>
+void RunPi(Random& random, Sink& sink) {
+  fw::PiController pi;
+  fw::PiGains gains = {};
+  for (uint16_t i = 0; i < 3000; ++i) {
+    if (i % 100 == 0) {
+      gains.kp = static_cast<int16_t>(random.Between(0, fw::kParameterRanges[0].maximum));
+      gains.ki = static_cast<int16_t>(random.Between(0, fw::kParameterRanges[1].maximum));
+    }
+    const int32_t span = i % 7 == 0 ? 40000 : 2000;
+    const int32_t error = i % 50 == 0 ? 0 : random.Between(-span, span);
+    const int32_t feed_forward = random.Between(-fw::OutputFromPwm(300), fw::OutputFromPwm(300));
+    sink.Put(pi.Step(gains, error, feed_forward, i % 50 == 0));
+    sink.Put(pi.integral());
+  }
+}
+
+template <typename Sink>
+void RunWheel(Random& random, Sink& sink) {
+  fw::WheelController wheel;
+  fw::Parameters parameters;
+  int16_t target = 0;
+  for (uint16_t i = 0; i < 3000; ++i) {
+    if (i % 60 == 0) {
+      for (uint8_t p = 0; p < fw::kParameterCount; ++p) {
+        parameters.Set(p, random.Between(0, fw::kParameterRanges[p].maximum >> (i % 3 * 2)));
+      }
+    }
+    if (i % 15 == 0) target = static_cast<int16_t>(random.Between(-20000, 20000));
+    const int16_t counts = static_cast<int16_t>(random.Between(-400, 400));
+    const uint16_t battery_mV = static_cast<uint16_t>(random.Between(0, 9000));
+    const fw::WheelSample sample =
+        wheel.Step(parameters.Derive(), target, counts, fw::SupplyRatio(battery_mV));
+    sink.Put(sample.speed_mrad_s);
+    sink.Put(sample.setpoint_mrad_s);
+    sink.Put(sample.pwm);
+    sink.Put(wheel.integral_pwm_64());
+  }
+}
+
+template <typename Sink>
+void RunSmallParts(Random& random, Sink& sink) {
+  fw::Battery battery;
+  fw::QuadratureDecoder decoder;
+  uint16_t crc = fw::kCrcInit;
+  for (uint16_t i = 0; i < 1000; ++i) {
+    const uint16_t sum = static_cast<uint16_t>(random.Between(0, 1023 * fw::kAdcSamples));
+    sink.Put(battery.Update(fw::BatteryFromSum_mV(sum)));
+    sink.Put(battery.filtered_mV());
+    sink.Put(fw::CurrentFromSum_mA(sum));
+    sink.Put(fw::SpeedFromCounts(static_cast<int16_t>(random.Between(-32768, 32767))));
+    decoder.Step(static_cast<uint8_t>(random.Between(0, 3)));
+    sink.Put(decoder.count());
+    sink.Put(decoder.lost());
+    crc = fw::Crc16(crc, static_cast<uint8_t>(random.Between(0, 255)));
+    sink.Put(crc);
+  }
+}
+
+template <typename Sink>
+void Run(Sink& sink) {
+  Random random;
+  RunPi(random, sink);
+  RunWheel(random, sink);
+  RunSmallParts(random, sink);
+}
+
+}  // namespace vectors

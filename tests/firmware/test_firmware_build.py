@@ -1,0 +1,78 @@
+"""The core stays pure, every rate builds within budget, and PlatformIO and Makefile build the same thing."""
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+from platformio.project.config import ProjectConfig
+
+FIRMWARE = Path(__file__).parents[2] / "firmware"
+
+
+def make(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        ["make", "-C", str(FIRMWARE), *arguments], capture_output=True, text=True, check=False
+    )
+
+
+@pytest.mark.parametrize("header", sorted((FIRMWARE / "core").glob("*.hpp")), ids=lambda path: path.name)
+def test_core_includes_nothing_but_itself_and_fixed_width_types(header: Path) -> None:
+    included = re.findall(r"#include\s+(\S+)", header.read_text())
+    allowed = {"<stdint.h>", "<stddef.h>", *(f'"core/{p.name}"' for p in (FIRMWARE / "core").glob("*.hpp"))}
+    assert set(included) <= allowed
+
+
+@pytest.mark.parametrize("header", sorted((FIRMWARE / "core").glob("*.hpp")), ids=lambda path: path.name)
+def test_every_core_header_stands_alone(header: Path, tmp_path: Path) -> None:
+    source = tmp_path / "alone.cpp"
+    source.write_text(f'#include "core/{header.name}"\n')
+    command = [
+        "g++",
+        "-std=c++14",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-fsyntax-only",
+        f"-I{FIRMWARE}",
+        str(source),
+    ]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+
+
+@pytest.mark.parametrize("rate_Hz", [10, 20, 50, 100])
+def test_each_rate_builds_within_budget(rate_Hz: int, tmp_path: Path) -> None:
+    result = make(f"RATE={rate_Hz}", f"BUILD={tmp_path}")
+    assert result.returncode == 0, result.stderr
+    sizes = re.search(r"flash +(\d+) of 8192 bytes, static SRAM +(\d+) of 512 bytes", result.stdout)
+    assert sizes, result.stdout
+    assert (tmp_path / "thumper.elf").exists()
+    assert (tmp_path / "thumper.hex").exists()
+
+
+def test_a_baud_rate_off_by_two_percent_is_refused(tmp_path: Path) -> None:
+    result = make("BAUD=115200", f"BUILD={tmp_path}")
+    assert result.returncode != 0
+    assert "UART baud rate is off by more than 1 %" in result.stderr
+
+
+def test_platformio_ini_is_sound_and_shares_the_makefile_flags(tmp_path: Path) -> None:
+    path = FIRMWARE / "platformio.ini"
+    assert ProjectConfig.lint(str(path)) == {"errors": [], "warnings": []}
+    config = ProjectConfig(str(path))
+    assert config.get("env:trex", "platform") == "atmelavr"
+    assert config.get("env:trex", "board") == "nanoatmega328"
+    assert config.get("env:trex", "framework", []) == []
+    flags = config.get("env:trex", "build_flags")
+    assert {"-std=gnu++14", "-Os", "-flto", "-Wall", "-Wextra", "-Werror", "-fno-rtti"} <= set(flags)
+
+    planned = make("-n", "-B", f"BUILD={tmp_path}").stdout.splitlines()
+    compile_line = next(line for line in planned if line.startswith("avr-g++")).split()
+    start = compile_line.index(flags[0])
+    assert compile_line[start : start + len(flags)] == flags
+    sources = [part for part in compile_line if part.endswith(".cpp")]
+    assert config.get("env:trex", "build_src_filter") == ["+<app/*.cpp> +<board/*.cpp>"]
+    assert sorted(sources) == sorted(
+        p.relative_to(FIRMWARE).as_posix() for d in ("app", "board") for p in (FIRMWARE / d).glob("*.cpp")
+    )

@@ -1,0 +1,92 @@
+"""Frames against an independent COBS and CRC, and against anything a noisy line can do to them."""
+
+import ctypes
+
+from cobs import cobs
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+payloads = st.one_of(st.binary(max_size=60), st.lists(st.sampled_from([0, 1, 255]), max_size=60).map(bytes))
+
+
+def crc(data: bytes) -> int:
+    """CRC-16/MCRF4XX, bit by bit."""
+    value = 0xFFFF
+    for byte in data:
+        value ^= byte
+        for _ in range(8):
+            value = (value >> 1) ^ 0x8408 if value & 1 else value >> 1
+    return value
+
+
+def frame(body: bytes) -> bytes:
+    return bytes(cobs.encode(body + crc(body).to_bytes(2, "little"))) + b"\0"
+
+
+def push(core: ctypes.CDLL, decoder: int, data: bytes) -> list[bytes]:
+    """Feed bytes; return id, seq and payload of each frame that came out."""
+    found = []
+    out = ctypes.create_string_buffer(80)
+    for byte in data:
+        if core.decoder_push(decoder, byte):
+            size = core.decoder_frame(decoder, out)
+            found.append(out.raw[:size])
+    return found
+
+
+def test_crc_check_value(core: ctypes.CDLL) -> None:
+    """The catalogue's check value of CRC-16/MCRF4XX."""
+    assert core.crc16(b"123456789", 9) == crc(b"123456789") == 0x6F91
+
+
+@settings(max_examples=200, deadline=None)
+@given(payload=payloads, seq=st.integers(0, 255))
+def test_round_trip_with_an_independent_encoder(core: ctypes.CDLL, payload: bytes, seq: int) -> None:
+    body = bytes([0x42, seq]) + payload
+    out = ctypes.create_string_buffer(80)
+    spare = ctypes.create_string_buffer(body + b"\0\0", len(body) + 2)
+    size = core.frame_encode(spare, len(body) + 2, out)
+    assert out.raw[:size] == frame(body)
+
+    decoder = core.decoder_new()
+    assert push(core, decoder, frame(body)) == [body]
+    assert core.decoder_errors(decoder) == 0
+
+
+@settings(max_examples=200, deadline=None)
+@given(payload=payloads, cut=st.integers(0, 70))
+def test_a_cut_frame_is_refused_and_the_next_one_read(core: ctypes.CDLL, payload: bytes, cut: int) -> None:
+    body = b"\x01\x02" + payload
+    whole = frame(body)
+    kept = whole[:-1][:cut]
+    decoder = core.decoder_new()
+    expected = [body, body] if kept == whole[:-1] else [body]
+    assert push(core, decoder, kept + b"\0" + whole) == expected
+    assert core.decoder_errors(decoder) == int(0 < len(kept) < len(whole) - 1)
+
+
+@settings(max_examples=200, deadline=None)
+@given(payload=payloads, bit=st.integers(0, 8 * 70))
+def test_every_single_bit_flip_is_refused(core: ctypes.CDLL, payload: bytes, bit: int) -> None:
+    """Nothing false comes out, and the stream recovers by the frame after the next delimiter."""
+    body = b"\x01\x02" + payload
+    spoilt = bytearray(frame(body))
+    spoilt[bit // 8 % len(spoilt)] ^= 1 << bit % 8
+    decoder = core.decoder_new()
+    found = push(core, decoder, bytes(spoilt) + frame(b"\x03\x04") + frame(b"\x05\x06"))
+    assert found in ([b"\x03\x04", b"\x05\x06"], [b"\x05\x06"])
+    assert core.decoder_errors(decoder) >= 1
+
+
+@settings(max_examples=200, deadline=None)
+@given(noise=st.binary(max_size=600))
+def test_any_bytes_leave_the_decoder_ready(core: ctypes.CDLL, noise: bytes) -> None:
+    decoder = core.decoder_new()
+    push(core, decoder, noise)
+    assert push(core, decoder, b"\0" + frame(b"\x07\x08data")) == [b"\x07\x08data"]
+
+
+def test_too_long_a_frame_is_refused_without_harm(core: ctypes.CDLL) -> None:
+    decoder = core.decoder_new()
+    assert push(core, decoder, frame(bytes(range(2, 100))) + frame(b"\x01\x02")) == [b"\x01\x02"]
+    assert core.decoder_errors(decoder) == 1

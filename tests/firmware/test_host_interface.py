@@ -1,0 +1,207 @@
+"""What the firmware answers and does, message by message, spoken with the generated Python codec."""
+
+import ctypes
+
+import pytest
+from cobs import cobs
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from thumper.link import messages as m
+
+
+def crc(data: bytes) -> int:
+    value = 0xFFFF
+    for byte in data:
+        value ^= byte
+        for _ in range(8):
+            value = (value >> 1) ^ 0x8408 if value & 1 else value >> 1
+    return value
+
+
+def frame(message_id: int, payload: bytes, seq: int = 5) -> bytes:
+    body = bytes([message_id, seq]) + payload
+    return bytes(cobs.encode(body + crc(body).to_bytes(2, "little"))) + b"\0"
+
+
+class Host:
+    """The firmware's main loop on the desk."""
+
+    def __init__(self, core: ctypes.CDLL) -> None:
+        self.core, self.handle = core, core.host_new()
+
+    def feed(self, data: bytes) -> list[tuple[int, m.Message]]:
+        """Return sequence number and message of each answer."""
+        out = ctypes.create_string_buffer(30 * len(data) + 30)
+        size = self.core.host_receive(self.handle, data, len(data), out)
+        bodies = [cobs.decode(part) for part in out.raw[:size].split(b"\0")[:-1]]
+        assert all(crc(body) == 0 for body in bodies)
+        return [(body[1], m.MESSAGES[body[0]].unpack(body[2:-2])) for body in bodies]
+
+    def send(self, message: m.Message, seq: int = 5) -> list[m.Message]:
+        answers = self.feed(frame(message.ID, message.pack(), seq))
+        assert all(answered == seq for answered, _ in answers)
+        return [answer for _, answer in answers]
+
+    def command(self, command: m.Command) -> m.AckStatus:
+        (ack,) = self.send(m.CommandRequest(command=command))
+        assert isinstance(ack, m.Ack)
+        assert (ack.request_id, ack.request_seq) == (m.CommandRequest.ID, 5)
+        return ack.status
+
+    def wait(self, milliseconds: int) -> None:
+        for _ in range(milliseconds):
+            self.core.host_wait(self.handle, 1)
+
+    def status(self) -> tuple[m.State, m.Fault, int, int]:
+        """State, fault, and the values the motors follow."""
+        out = (ctypes.c_int * 5)()
+        self.core.host_status(self.handle, out)
+        assert out[0] == out[2], "the motors must follow the supervisor's state"
+        return m.State(out[0]), m.Fault(out[1]), out[3], out[4]
+
+
+@pytest.fixture
+def host(core: ctypes.CDLL) -> Host:
+    return Host(core)
+
+
+def test_identity_carries_the_schema_hash(host: Host) -> None:
+    (identity,) = host.send(m.Identify(), seq=77)
+    assert isinstance(identity, m.Identity)
+    assert identity.schema_hash == m.SCHEMA_HASH
+    assert (identity.control_rate_Hz, identity.counts_per_rev) == (10, 1200)
+    assert (identity.wheel_radius_mm, identity.track_mm) == (62, 245)
+    assert identity.reset_cause is m.ResetCause.POWER_ON
+
+
+def test_set_points_act_only_in_closed_loop(host: Host) -> None:
+    speeds = m.SetWheelSpeeds(left=1234, right=-4321)
+    assert host.send(speeds) == []
+    assert host.status() == (m.State.DISARMED, m.Fault.NONE, 0, 0)
+    assert host.command(m.Command.ARM) is m.AckStatus.OK
+    assert host.status() == (m.State.CLOSED_LOOP, m.Fault.NONE, 0, 0)
+    host.send(speeds)
+    assert host.status() == (m.State.CLOSED_LOOP, m.Fault.NONE, 1234, -4321)
+    host.command(m.Command.DISARM)
+    assert host.status() == (m.State.DISARMED, m.Fault.NONE, 0, 0)
+
+
+def test_manual_overrides_and_arm_returns_at_standstill(host: Host) -> None:
+    host.send(m.SetMotorPwm(left=50, right=50))
+    assert host.status()[0] is m.State.DISARMED, "manual needs an armed robot"
+    host.command(m.Command.ARM)
+    host.send(m.SetWheelSpeeds(left=5000, right=5000))
+    host.send(m.SetMotorPwm(left=-50, right=60))
+    assert host.status() == (m.State.MANUAL, m.Fault.NONE, -50, 60)
+    host.send(m.SetWheelSpeeds(left=5000, right=5000))
+    assert host.status() == (m.State.MANUAL, m.Fault.NONE, -50, 60)
+    host.command(m.Command.ARM)
+    assert host.status() == (m.State.CLOSED_LOOP, m.Fault.NONE, 0, 0)
+
+
+def test_silence_stops_the_motors_after_300_ms(host: Host) -> None:
+    host.command(m.Command.ARM)
+    for _ in range(5):
+        host.send(m.SetWheelSpeeds(left=1000, right=1000))
+        host.wait(299)
+        assert host.status()[0] is m.State.CLOSED_LOOP
+    host.wait(1)
+    assert host.status() == (m.State.FAULT, m.Fault.LINK_LOST, 0, 0)
+    assert host.command(m.Command.ARM) is m.AckStatus.FAULT_LATCHED
+    assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.OK
+    assert host.command(m.Command.ARM) is m.AckStatus.OK
+
+
+def test_a_planner_does_not_keep_a_dead_gamepad_alive(host: Host) -> None:
+    host.command(m.Command.ARM)
+    host.send(m.SetMotorPwm(left=100, right=100))
+    for _ in range(3):
+        host.wait(100)
+        host.send(m.SetWheelSpeeds(left=1000, right=1000))
+        host.send(m.GetParameter(index=0))
+    assert host.status() == (m.State.FAULT, m.Fault.LINK_LOST, 0, 0)
+
+
+def test_e_stop_latches_from_anywhere(host: Host) -> None:
+    host.command(m.Command.E_STOP)
+    assert host.status() == (m.State.FAULT, m.Fault.E_STOP, 0, 0)
+    host.send(m.SetMotorPwm(left=100, right=100))
+    assert host.status() == (m.State.FAULT, m.Fault.E_STOP, 0, 0)
+
+
+def test_low_battery_stops_and_holds_until_charged(core: ctypes.CDLL, host: Host) -> None:
+    host.command(m.Command.ARM)
+    host.send(m.SetWheelSpeeds(left=1000, right=1000))
+    assert core.host_battery(host.handle, 6300) == 1
+    assert host.status() == (m.State.FAULT, m.Fault.LOW_BATTERY, 0, 0)
+    assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.BATTERY_LOW
+    for _ in range(200):
+        assert core.host_battery(host.handle, 7200) == 0
+    assert host.status()[0] is m.State.FAULT, "only a command re-arms"
+    assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.OK
+    assert host.command(m.Command.ARM) is m.AckStatus.OK
+
+
+@pytest.mark.parametrize("spec", m.PARAMETERS, ids=lambda spec: spec.name)
+def test_parameters_start_at_their_default_and_keep_their_range(host: Host, spec: m.ParameterSpec) -> None:
+    def get() -> int:
+        (answer,) = host.send(m.GetParameter(index=spec.index))
+        assert isinstance(answer, m.ParameterValue)
+        assert answer.index == spec.index
+        return answer.value
+
+    def set_(value: int) -> m.AckStatus:
+        (answer,) = host.send(m.SetParameter(index=spec.index, value=value))
+        assert isinstance(answer, m.Ack)
+        return answer.status
+
+    low, high = round(spec.minimum * spec.scale), round(spec.maximum * spec.scale)
+    assert get() == round(spec.default * spec.scale)
+    for value in (low, high):
+        assert set_(value) is m.AckStatus.OK
+        assert get() == value
+    for value in (low - 1, high + 1, 2**31 - 1, -(2**31)):
+        assert set_(value) is m.AckStatus.OUT_OF_RANGE
+        assert get() == high
+
+
+def test_unknown_requests_are_refused_by_name(host: Host) -> None:
+    index = len(m.PARAMETERS)
+    for request in (m.GetParameter(index=index), m.SetParameter(index=255, value=0)):
+        (answer,) = host.send(request)
+        assert isinstance(answer, m.Ack)
+        assert (answer.request_id, answer.status) == (request.ID, m.AckStatus.UNKNOWN_PARAMETER)
+    ((_, answer),) = host.feed(frame(m.CommandRequest.ID, b"\x04"))
+    assert isinstance(answer, m.Ack)
+    assert answer.status is m.AckStatus.UNKNOWN_COMMAND
+
+
+def test_wrong_ids_and_lengths_are_counted_and_do_nothing(core: ctypes.CDLL, host: Host) -> None:
+    host.command(m.Command.ARM)
+    requests = [message for id_, message in m.MESSAGES.items() if 0x01 < id_ < 0x80]
+    bad = [frame(0x7F, b""), frame(m.Telemetry.ID, b""), *(frame(r.ID, b"\1\1\1") for r in requests)]
+    assert host.feed(b"".join(bad)) == []
+    assert core.host_rx_errors(host.handle) == len(bad)
+    assert host.status() == (m.State.CLOSED_LOOP, m.Fault.NONE, 0, 0)
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    noise=st.lists(
+        st.one_of(
+            st.binary(max_size=20),
+            st.builds(frame, st.integers(0, 255), st.binary(max_size=6)),
+        ),
+        max_size=12,
+    )
+)
+def test_no_byte_stream_moves_a_silent_robot(core: ctypes.CDLL, noise: list[bytes]) -> None:
+    """Whatever arrives, 300 ms of silence later the motors are off and `identify` is answered."""
+    host = Host(core)
+    host.feed(b"".join(noise) + b"\0")
+    host.wait(300)
+    state, _, left, right = host.status()
+    assert state in (m.State.DISARMED, m.State.FAULT)
+    assert (left, right) == (0, 0)
+    assert isinstance(host.send(m.Identify())[0], m.Identity)

@@ -1,0 +1,82 @@
+"""The fixed-point PI against the same law in float64."""
+
+import ctypes
+import random
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+Q19 = 2.0**19
+MAX_GAIN = {"kp": 31457, "ki": 15729}
+gains = st.tuples(st.integers(0, MAX_GAIN["kp"]), st.integers(0, MAX_GAIN["ki"]))
+errors = st.one_of(st.integers(-2000, 2000), st.integers(-49_767, 49_767), st.just(0))
+feed_forwards = st.integers(-1536 * 2**19, 1536 * 2**19)
+
+
+class FloatPi:
+    """u = Kp e + I; I += Ki e unless saturated and pushed further out; I clamped; cleared at rest."""
+
+    def __init__(self) -> None:
+        self.integral_pwm = 0.0
+
+    def step(self, kp: float, ki: float, error: float, feed_forward_pwm: float, idle: bool) -> float:
+        if idle and error == 0:
+            self.integral_pwm = 0.0
+        before = kp * error + feed_forward_pwm + self.integral_pwm
+        if not ((before >= 255 and error > 0) or (before <= -255 and error < 0)):
+            self.integral_pwm = min(max(self.integral_pwm + ki * error, -255.0), 255.0)
+        return min(max(kp * error + feed_forward_pwm + self.integral_pwm, -255.0), 255.0)
+
+
+@settings(max_examples=300, deadline=None)
+@given(gain=gains, inputs=st.lists(st.tuples(errors, feed_forwards, st.booleans()), max_size=60))
+def test_within_one_pwm_of_float_for_every_input(
+    core: ctypes.CDLL, gain: tuple[int, int], inputs: list[tuple[int, int, bool]]
+) -> None:
+    kp, ki = gain
+    chip, reference = core.pi_new(), FloatPi()
+    for error, feed_forward, idle in inputs:
+        pwm = core.pi_step(chip, kp, ki, error, feed_forward, int(idle))
+        exact = reference.step(kp / Q19, ki / Q19, error, feed_forward / Q19, idle)
+        assert abs(pwm - exact) <= 0.5
+        assert core.pi_integral(chip) == reference.integral_pwm * Q19, "the integral must be exact"
+
+
+def test_no_drift_in_a_long_run(core: ctypes.CDLL) -> None:
+    noise = random.Random(1)
+    chip, reference = core.pi_new(), FloatPi()
+    for _ in range(100_000):
+        error = noise.randint(-500, 500)
+        pwm = core.pi_step(chip, 6082, 4194, error, 0, 0)
+        assert abs(pwm - reference.step(6082 / Q19, 4194 / Q19, error, 0.0, False)) <= 0.5
+    assert core.pi_integral(chip) == reference.integral_pwm * Q19
+
+
+def test_reversal_at_full_speed_and_largest_gains_saturates_the_right_way(core: ctypes.CDLL) -> None:
+    """+17 -> -17 rad/s is an error of 34 rad/s: 1.07e9 in the product, with int32 only just above."""
+    chip = core.pi_new()
+    for sign in (1, -1, 1, -1):
+        assert core.pi_step(chip, MAX_GAIN["kp"], MAX_GAIN["ki"], sign * 34_000, 0, 0) == sign * 255
+    for extreme in (2**31 - 1, -(2**31)):
+        assert core.pi_step(chip, MAX_GAIN["kp"], 0, extreme, 0, 0) == (255 if extreme > 0 else -255)
+
+
+def test_only_the_integral_freezes_while_saturated(core: ctypes.CDLL) -> None:
+    """The thesis's code froze the whole output, so P went stale until the error changed sign."""
+    chip = core.pi_new()
+    kp, ki = 15729, 262  # 30 and 0.5 PWM/(rad/s)
+    assert core.pi_step(chip, kp, ki, 17_000, 0, 0) == 255
+    frozen = core.pi_integral(chip)
+    assert core.pi_step(chip, kp, ki, 17_000, 0, 0) == 255
+    assert core.pi_integral(chip) == frozen
+    assert core.pi_step(chip, kp, ki, 1_000, 0, 0) == round((frozen + (kp + ki) * 1000) / Q19)
+
+
+def test_integral_clears_only_at_rest(core: ctypes.CDLL) -> None:
+    chip = core.pi_new()
+    core.pi_step(chip, 0, 4194, 1000, 0, 0)
+    assert core.pi_integral(chip) == 4194 * 1000
+    core.pi_step(chip, 0, 4194, 0, 0, 0)  # moving with zero error: kept
+    assert core.pi_integral(chip) == 4194 * 1000
+    assert core.pi_step(chip, 0, 4194, 0, 0, 1) == 0
+    assert core.pi_integral(chip) == 0

@@ -1,0 +1,83 @@
+"""The small parts: set-point ramp, battery monitor, conversions."""
+
+import ctypes
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+setpoints = st.integers(-17_000, 17_000)
+
+
+@settings(max_examples=200, deadline=None)
+@given(start=setpoints, target=setpoints, step=st.integers(1, 20_000))
+def test_ramp_reaches_the_target_no_faster_than_allowed(
+    core: ctypes.CDLL, start: int, target: int, step: int
+) -> None:
+    after = core.ramp(start, target, step)
+    assert abs(after - start) == min(step, abs(target - start))
+    assert abs(target - after) == abs(target - start) - abs(after - start), "straight at the target"
+
+
+@given(start=setpoints, target=setpoints)
+def test_no_limit_means_at_once(core: ctypes.CDLL, start: int, target: int) -> None:
+    assert core.ramp(start, target, core.ramp_step(0)) == target
+
+
+@pytest.mark.parametrize(("acceleration", "step"), [(8000, 800), (200_000, 20_000), (1, 1), (14, 1), (15, 2)])
+def test_ramp_step_is_the_acceleration_a_tick(core: ctypes.CDLL, acceleration: int, step: int) -> None:
+    assert core.ramp_step(acceleration) == step
+
+
+@pytest.mark.parametrize("rate_Hz", [10, 100])
+def test_speed_is_the_thesis_formula_to_half_a_unit(
+    core_at_rate: dict[int, ctypes.CDLL], rate_Hz: int
+) -> None:
+    """omega = n 2 pi / (1200 T) (eq. 2.1), clamped to int16 and never wrapped."""
+    for counts in range(-700, 701):
+        exact = counts * math.tau * rate_Hz / 1200 * 1000
+        speed = core_at_rate[rate_Hz].speed_from_counts(counts)
+        if abs(exact) < 32_000:
+            assert abs(speed - exact) <= 0.51
+        assert math.copysign(1, speed) == math.copysign(1, counts)
+    assert 32_000 < core_at_rate[rate_Hz].speed_from_counts(32_767) <= 32_767
+
+
+def test_battery_and_current_scales(core: ctypes.CDLL) -> None:
+    """1007 counts are 30 V; 100 mV/A round 511 (sums of 32 samples)."""
+    assert core.battery_from_sum(1007 * 32) == pytest.approx(30_000, abs=2)
+    assert core.battery_from_sum(248 * 32) == pytest.approx(7_388, abs=2)
+    assert core.current_from_sum(511 * 32) == 0
+    assert core.current_from_sum(521 * 32) == 488
+    assert core.current_from_sum(101 * 32) == pytest.approx(-410 * 48.828, abs=1)
+
+
+def test_supply_ratio_follows_the_voltage_within_limits(core: ctypes.CDLL) -> None:
+    assert core.supply_ratio(0) == 4096
+    for battery_mV in range(5000, 14_000, 50):
+        assert core.supply_ratio(battery_mV) == pytest.approx(4096 * 7400 / battery_mV, abs=1)
+    assert core.supply_ratio(100) <= 6144
+    assert core.supply_ratio(65_535) == 2048
+
+
+def test_a_start_up_dip_is_no_empty_battery(core: ctypes.CDLL) -> None:
+    battery = core.battery_new()
+    core.battery_update(battery, 7400)
+    for _ in range(3):  # 0.3 s at 5.5 V
+        assert core.battery_update(battery, 5500) == 0
+    assert core.battery_low(battery) == 0
+
+
+def test_low_battery_trips_late_once_and_releases_above_seven_volts(core: ctypes.CDLL) -> None:
+    battery = core.battery_new()
+    core.battery_update(battery, 7400)
+    trips = [core.battery_update(battery, 6000) for _ in range(60)]
+    assert sum(trips) == 1
+    assert trips.index(1) * 0.096 >= 1.0, "filtered over at least a second"
+    for _ in range(200):
+        core.battery_update(battery, 6990)
+    assert core.battery_low(battery) == 1, "inside the hysteresis"
+    for _ in range(200):
+        core.battery_update(battery, 7050)
+    assert core.battery_low(battery) == 0

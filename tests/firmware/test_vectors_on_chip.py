@@ -1,0 +1,12 @@
+"""The chip computes what the desk computes, bit for bit: `int` has 16 bits there and 32 here."""
+
+import ctypes
+
+
+def test_chip_and_desk_agree_on_every_bit(core: ctypes.CDLL, chip_vectors: bytes) -> None:
+    words = (ctypes.c_int32 * 100_000)()
+    size = core.vectors_run(words, len(words))
+
+    assert size == 3000 * 2 + 3000 * 4 + 1000 * 7
+    assert len(set(words[:size])) > 3000, "the vectors exercise too little"
+    assert chip_vectors == bytes(words)[: 4 * size]
