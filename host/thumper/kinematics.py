@@ -14,11 +14,11 @@ class DriveGeometry:
     """What the wheels do to the body. Defaults: Dagu Wild Thumper 6WD.
 
     `track_m` is the *effective* track: a skid-steered base turns less than the distance between its wheels
-    says, because the wheels slip sideways; calibration finds it.
+    says (0.245 m), because the wheels slip sideways; turning on the spot against the lidar calibrates it.
     """
 
     wheel_radius_m: Annotated[float, Gt(0)] = 0.062
-    track_m: Annotated[float, Gt(0)] = 0.245
+    track_m: Annotated[float, Gt(0)] = 0.3675
     counts_per_rev: Annotated[int, Gt(0)] = 1200
 
     @property

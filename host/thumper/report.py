@@ -16,7 +16,8 @@ from thumper.mapping.map_io import save_map
 from thumper.mission_log import SPEED_COLUMNS, MissionLog, speed_errors
 from thumper.runtime import MissionResult
 
-INK, BLUE, ORANGE, GREEN, GREY = "#1f2933", "#2563eb", "#ea580c", "#16a34a", "#9aa5b1"
+INK, BLUE, ORANGE, GREEN = "#1f2933", "#2563eb", "#ea580c", "#16a34a"
+BORDER_M = 0.3
 
 
 def draw_map(axes: Axes, grid: OccupancyGrid) -> None:
@@ -37,6 +38,16 @@ def draw_map(axes: Axes, grid: OccupancyGrid) -> None:
             grid.origin_y_m + rows * grid.resolution_m,
         ),
     )
+    known_rows, known_columns = np.nonzero(grid.cells >= 0)
+    if known_rows.size:  # a map grows in large patches: show what is known, not the patches
+        axes.set_xlim(
+            grid.origin_x_m + known_columns.min() * grid.resolution_m - BORDER_M,
+            grid.origin_x_m + (known_columns.max() + 1) * grid.resolution_m + BORDER_M,
+        )
+        axes.set_ylim(
+            grid.origin_y_m + known_rows.min() * grid.resolution_m - BORDER_M,
+            grid.origin_y_m + (known_rows.max() + 1) * grid.resolution_m + BORDER_M,
+        )
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     axes.set_aspect("equal")
@@ -45,7 +56,11 @@ def draw_map(axes: Axes, grid: OccupancyGrid) -> None:
 def draw_drive(axes: Axes, log: MissionLog) -> None:
     """Draw the first plan and the path as the robot believes to have driven it."""
     if log.plans:
-        axes.plot(*log.plans[0].T, "--", color=ORANGE, linewidth=1.6, label="planned at the start")
+        for plan in log.plans[1:]:
+            axes.plot(*plan.T, color=ORANGE, linewidth=0.6, alpha=0.35)
+        axes.plot(
+            *log.plans[0].T, "--", color=ORANGE, linewidth=1.6, label="planned at the start (thin: later)"
+        )
     poses = log.poses
     axes.plot(poses[:, 1], poses[:, 2], color=BLUE, linewidth=2.0, label="driven (own estimate)")
 
@@ -58,7 +73,8 @@ def draw_speeds(figure: Figure, speeds: FloatArray, title: str) -> None:
         setpoint = speeds[:, SPEED_COLUMNS.index(f"{side}_setpoint")]
         measured = speeds[:, SPEED_COLUMNS.index(f"{side}_speed")]
         error = speed_errors(speeds)[side]
-        panel.step(time_s, setpoint, where="post", color=INK, linewidth=1.2, label="set-point")
+        # Set-point and speed of a row belong to the interval that ends there; the PWM to the one that begins.
+        panel.step(time_s, setpoint, where="pre", color=INK, linewidth=1.2, label="set-point")
         panel.plot(time_s, measured, ".-", color=BLUE, linewidth=1.0, markersize=3, label="measured")
         panel.set_ylabel(f"{side} [rad/s]")
         panel.set_title(

@@ -199,9 +199,7 @@ class Runtime:
     def _stop(self) -> None:
         """Zero speed, wait until the wheels stand, disarm. Never raises: it runs on every way out."""
         try:
-            for _ in range(FARTHEST_GOAL_M = 50.0  # the map of a whole drive must fit into memory and planning time
-GOAL_MARGIN_M = 1.0
-STOP_BEATS):
+            for _ in range(STOP_BEATS):
                 self._board.set_wheel_speeds(WheelSpeeds())
                 self._sense()
                 if self._telemetry and not (self._telemetry.left_speed or self._telemetry.right_speed):

@@ -86,7 +86,7 @@ def table_rows(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
         (
             f"{mission['name']}: goal error",
             f"{mission['goal_error_m']:.3f} m",
-            f"within {TOLERANCE_M} m (not stated closer)",
+            f"within {TOLERANCE_M} m",
         )
         for mission in summary["missions"]
     ]

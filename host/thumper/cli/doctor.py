@@ -110,10 +110,10 @@ def _board(url: str) -> Check:
 
 def _lidar(url: str) -> Check:
     from thumper.errors import ThumperError
-    from thumper.lidar import open_lidar
+    from thumper.lidar.urg04lx import Urg04LxDriver
 
     try:
-        with open_lidar(url, baud=115_200) as sensor:
+        with Urg04LxDriver.open(url, baud=115_200) as sensor:
             scan = sensor.wait_for_scan(timeout_s=2.0)
     except ThumperError as error:
         return Check("fail", "lidar", str(error))
