@@ -19,7 +19,18 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.footprint_check import safe_squared_cells
 from thumper.navigation.limits import SpeedLimits
 from thumper.navigation.path import arc_lengths, nearest_index
-from thumper.navigation.rollout import CLEARANCE, FRONT, GOAL, HITS, LEAVES_MAP, OPEN, PATH, measure, simulate
+from thumper.navigation.rollout import (
+    CLEARANCE,
+    CUT,
+    FRONT,
+    GOAL,
+    HITS,
+    LEAVES_MAP,
+    OPEN,
+    PATH,
+    measure,
+    simulate,
+)
 from thumper.navigation.turning import SpotTurn
 
 
@@ -50,6 +61,8 @@ class DwaOptions:
     obstacle_weight: Annotated[float, Ge(0)] = 0.15
     # Distance over which nearness decays to 1/e [m].
     obstacle_decay_m: Annotated[float, Gt(0)] = 0.08
+    # Weight of the part of the horizon that a contact cuts off (the robot can stop, but not drive on).
+    contact_weight: Annotated[float, Ge(0)] = 0.5
     # Weight of a change of turn rate against the last command [s/rad]; damps weaving.
     smooth_weight: Annotated[float, Ge(0)] = 0.02
     # Path direction off the robot's heading beyond which it turns on the spot first [rad] ...
@@ -142,6 +155,7 @@ class DwaController:
             safe_squared_cells(self._footprint.circumscribed_radius_m, costmap.resolution_m),
             ahead_m,
             options.front_m,
+            request.period_s,
         )
         open_ = status == OPEN
         if not open_.any():
@@ -152,6 +166,7 @@ class DwaController:
             + options.goal_weight * terms[:, GOAL]
             + options.front_weight * terms[:, FRONT]
             + options.obstacle_weight * np.exp(np.minimum(near, 0.0))
+            + options.contact_weight * terms[:, CUT]
             + options.smooth_weight * np.abs(commands[:, 1] - request.last_command.w_rad_s)
         )
         best = int(np.argmin(np.where(open_, score, np.inf)))

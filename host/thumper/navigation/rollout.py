@@ -11,7 +11,7 @@ from thumper.navigation.footprint_check import lethal_count
 from thumper.navigation.inflation import ByteArray, IntArray
 
 OPEN, HITS, LEAVES_MAP = 0, 1, 2
-CLEARANCE, PATH, GOAL, FRONT = 0, 1, 2, 3
+CLEARANCE, PATH, GOAL, FRONT, CUT = 0, 1, 2, 3, 4
 SLIDE_POINTS = 2  # extra outline points that may touch on the way out of a contact
 
 
@@ -104,21 +104,26 @@ def measure(
     safe_squared: float,
     path_m: FloatArray,
     front_m: float,
+    period_s: float,
 ) -> tuple[NDArray[np.int64], FloatArray]:
     """Roll out commands (v, w), shape (n, 2), over `steps` steps.
+
+    A command is open when the robot can still stop before the contact: it drives on for the latency, one period
+    and a step of reserve, and braking at constant deceleration takes half the way that driving on would. Its roll-out
+    is cut off before the contact.
 
     Returns
     -------
     status : ndarray, shape (n,)
-        OPEN, HITS (the outline meets an obstacle) or LEAVES_MAP.
-    terms : ndarray, shape (n, 4)
-        Metres: least distance of the centre from an obstacle (CLEARANCE), mean distance from the path
-        (PATH), distance of the last pose from the path's end (GOAL), distance of a point `front_m` ahead of
-        it from the path (FRONT).
+        OPEN, HITS (the outline meets an obstacle too soon) or LEAVES_MAP.
+    terms : ndarray, shape (n, 5)
+        Metres: least distance of the centre from an obstacle (CLEARANCE), mean distance from the path (PATH), distance
+        of the last pose from the path's end (GOAL), distance of a point `front_m` ahead of it from the path
+        (FRONT); and the part of the steps that a contact cuts off, 0 to 1 (CUT).
     """
     count = commands.shape[0]
     status = np.zeros(count, np.int64)
-    terms = np.zeros((count, 4))
+    terms = np.zeros((count, 5))
     poses = np.empty((steps, 3))
     touching = lethal_count(
         costs,
@@ -136,24 +141,28 @@ def measure(
     end_x, end_y = path_m[-1, 0], path_m[-1, 1]
     for n in range(count):
         simulate(pose, twist, commands[n], motion, poses)
-        status[n], _ = first_contact(
+        status[n], free = first_contact(
             poses, costs, squared_cells, origin_m, resolution_m, outline_m, safe_squared, False, touching
         )
         if status[n] != OPEN:
-            continue
+            braking_s = max(abs(commands[n, 0]) / motion[0], abs(commands[n, 1]) / motion[1])
+            if free * motion[3] < motion[2] + period_s + 0.5 * braking_s + motion[3]:
+                continue
+            status[n] = OPEN
         least = np.int32(2147483647)
         off_path = 0.0
-        for i in range(steps):
+        for i in range(free):
             col = math.floor((poses[i, 0] - origin_m[0]) / resolution_m)
             row = math.floor((poses[i, 1] - origin_m[1]) / resolution_m)
             least = min(least, squared_cells[row, col])
             if i % 2 == 0:
                 off_path += distance_to_path(path_m, poses[i, 0], poses[i, 1])
-        x, y, theta = poses[-1]
+        x, y, theta = poses[free - 1]
         terms[n, CLEARANCE] = math.sqrt(least) * resolution_m
-        terms[n, PATH] = off_path / ((steps + 1) // 2)
+        terms[n, PATH] = off_path / ((free + 1) // 2)
         terms[n, GOAL] = math.hypot(x - end_x, y - end_y)
         terms[n, FRONT] = distance_to_path(
             path_m, x + front_m * math.cos(theta), y + front_m * math.sin(theta)
         )
+        terms[n, CUT] = 1.0 - free / steps
     return status, terms
