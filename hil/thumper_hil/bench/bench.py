@@ -1,5 +1,6 @@
 """The robot's bench: chip, body, world and lidar on one simulated clock."""
 
+import math
 import time
 from collections import deque
 from dataclasses import replace
@@ -73,7 +74,8 @@ class Bench:
     def truth(self) -> FloatArray:
         """Return the ground truth so far at 100 Hz, shape (n, 6): columns `TRUTH_COLUMNS`.
 
-        The pose is in the world's frame, the heading is in [-pi, pi]; the wheel speeds are the wheels' own, positive forward.
+        The pose is in the world's frame, the heading in [-pi, pi]; the wheel speeds are the wheels' own,
+        positive forward.
         """
         return np.array(self._truth).reshape(-1, len(TRUTH_COLUMNS))
 
@@ -85,7 +87,7 @@ class Bench:
         ChipError
             The firmware has crashed.
         """
-        until_cycle = round(until_s * CPU_HZ)
+        until_cycle = math.ceil(until_s * CPU_HZ)  # never short of it: who waits would wait for ever
         arrived = False
         while self.chip.cycle < until_cycle and not arrived:
             tick_cycle = (self._ticks + 1) * TICK_CYCLES
@@ -96,7 +98,7 @@ class Bench:
 
     def advance_for_lidar(self, until_s: float, lidar_bytes: int) -> None:
         """Let time pass until `until_s`, or until so many of the lidar's bytes wait to be read."""
-        until_cycle = round(until_s * CPU_HZ)
+        until_cycle = math.ceil(until_s * CPU_HZ)  # never short of it: who waits would wait for ever
         while self.lidar_available() < lidar_bytes and self.chip.cycle < until_cycle:
             self.advance(min(until_s, self.time_s + LIDAR_LOOK_S))
 
