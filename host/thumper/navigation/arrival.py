@@ -10,7 +10,7 @@ PASSED_M = 0.02  # inside the tolerance it also stops when it has moved away aga
 
 
 class Arrival:
-    """Latches once the place is reached, so that noise at the edge of the tolerance does not make the robot dance."""
+    """Latches once the place is reached: noise at the edge of the tolerance must not make the robot dance."""
 
     def __init__(self, goal: Goal) -> None:
         self._goal = goal

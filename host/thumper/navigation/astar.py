@@ -87,7 +87,8 @@ class AStarPlanner:
         start = nearest_open(prices, start_row, start_col, self._options.escape_radius_m / resolution_m)
         if start is None:
             return PlanResult(
-                reason=f"the robot stands inside an obstacle: no free cell within {self._options.escape_radius_m} m"
+                reason="the robot stands inside an obstacle: no free cell within "
+                f"{self._options.escape_radius_m} m"
             )
         start_index, goal_index = start[0] * cols + start[1], int(goal_row) * cols + int(goal_col)
         reason = ""
@@ -123,7 +124,9 @@ class AStarPlanner:
         return path
 
     def path_cost_m(self, costmap: Costmap, path_m: FloatArray) -> float:
-        """Cost of a path on this costmap [m of free way]; inf when it enters an inscribed zone or unknown
+        """Cost of a path on this costmap [m of free way].
+
+        It is inf when the path enters an inscribed zone or unknown
         ground that the options forbid."""
         prices = cell_prices(costmap, self._options)
         cells = np.ascontiguousarray((path_m - costmap.origin_m) / costmap.resolution_m)

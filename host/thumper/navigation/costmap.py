@@ -61,7 +61,7 @@ class Costmap:
 
 
 def mark(lethal: NDArray[np.bool_], points_m: FloatArray, grid: OccupancyGrid) -> None:
-    """Set the cells under the points, shape (n, 2), in place; points outside the grid or not finite are dropped."""
+    """Set the cells under points, shape (n, 2), in place; points off the grid or not finite are dropped."""
     points_m = points_m[np.isfinite(points_m).all(axis=1)]
     cells = np.floor((points_m - (grid.origin_x_m, grid.origin_y_m)) / grid.resolution_m).astype(np.int64)
     inside = (cells >= 0).all(axis=1) & (cells[:, 0] < lethal.shape[1]) & (cells[:, 1] < lethal.shape[0])

@@ -4,6 +4,7 @@ Hart, Nilsson & Raphael, "A Formal Basis for the Heuristic Determination of Mini
 """
 
 import math
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ from thumper.navigation.inflation import IntArray
 CostArray = NDArray[np.float32]
 
 NO_GOAL = -1
+
+Number = TypeVar("Number", np.float64, np.int32)
 
 
 @kernel
@@ -53,7 +56,7 @@ def _drop_root(keys: FloatArray, items: IntArray, size: int) -> None:
 
 
 @kernel
-def _grown(array: FloatArray) -> FloatArray:
+def _grown(array: NDArray[Number]) -> NDArray[Number]:
     larger = np.empty(2 * array.size, array.dtype)
     larger[: array.size] = array
     return larger

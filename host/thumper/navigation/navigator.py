@@ -150,7 +150,7 @@ class Navigator:
             result = self._recover(time_s, request)
         else:
             result = self._follow(time_s, request, goal, remaining_m)
-        if self._state is NavigationState.FAILED:
+        if self._has_failed():
             return self._fail(self._reason)
         return self._guarded(time_s, result, request, map_from_base.inverse().apply(hits_in_map))
 
@@ -209,7 +209,7 @@ class Navigator:
                 self._stuck_since_s = time_s
             if time_s - self._stuck_since_s > self._options.patience_s:
                 self._begin_recovery(time_s, request, reason)
-                if self._state is NavigationState.FAILED:
+                if self._has_failed():
                     return self._fail(self._reason)
                 reason = self._reason
             self._reason = reason
@@ -219,6 +219,9 @@ class Navigator:
             self._state = NavigationState.ROTATING if result.rotating else NavigationState.NAVIGATING
             self._reason = self._route.reason
         return self._output(command, request, result.trajectory)
+
+    def _has_failed(self) -> bool:
+        return self._state is NavigationState.FAILED
 
     def _output(
         self, command: Twist2, request: ControlRequest, trajectory: FloatArray | None = None

@@ -13,7 +13,7 @@ SAMPLES_PER_CELL = 4
 
 @kernel
 def line_cost(prices: CostArray, x0: float, y0: float, x1: float, y1: float) -> float:
-    """Integral of the price along a line given in cells; inf when it touches an obstacle or leaves the grid."""
+    """Integral of the price along a line given in cells; inf when it meets an obstacle or leaves the grid."""
     rows, cols = prices.shape
     length = math.hypot(x1 - x0, y1 - y0)
     count = max(1, math.ceil(SAMPLES_PER_CELL * length))
@@ -30,7 +30,7 @@ def line_cost(prices: CostArray, x0: float, y0: float, x1: float, y1: float) -> 
 
 @kernel
 def pull_string(prices: CostArray, points: FloatArray, reach: int) -> FloatArray:
-    """Replace stretches of at most `reach` points, shape (n, 2) [cells], by a line where that is no dearer."""
+    """Replace stretches of up to `reach` points, shape (n, 2) [cells], by a line where that is no dearer."""
     count = points.shape[0]
     prefix = np.zeros(count)
     for i in range(1, count):
@@ -61,8 +61,7 @@ def pull_string(prices: CostArray, points: FloatArray, reach: int) -> FloatArray
 
 @kernel
 def relax(prices: CostArray, points: FloatArray, rounds: int) -> None:
-    """Round the corners of a polyline, shape (n, 2) [cells], in place; the ends stay, no point moves somewhere dear."""
-    rows, cols = prices.shape
+    """Round the corners of a polyline, shape (n, 2) [cells], in place; no point moves somewhere dear."""
     for _ in range(rounds):
         for i in range(1, points.shape[0] - 1):
             x = points[i, 0] + 0.25 * (points[i - 1, 0] + points[i + 1, 0] - 2.0 * points[i, 0])

@@ -51,7 +51,8 @@ def first_contact(
     unknown_blocks: bool,
     touching: int,
 ) -> tuple[int, int]:
-    """(status, step) of the first pose, shape (n, 3), whose outline meets an obstacle; (OPEN, n) if none does.
+    """(status, step) of the first pose, shape (n, 3), whose outline meets an obstacle; (OPEN, n) if none
+    does.
 
     `touching` is the number of outline points on obstacles in the pose the robot is in. A robot that touches
     already (a noisy cell, a graze) may slide along and move out, but must not end further in than it began.
@@ -108,18 +109,18 @@ def measure(
 ) -> tuple[NDArray[np.int64], FloatArray]:
     """Roll out commands (v, w), shape (n, 2), over `steps` steps.
 
-    A command is open when the robot can still stop before the contact: it drives on for the latency, one period
-    and a step of reserve, and braking at constant deceleration takes half the way that driving on would. Its roll-out
-    is cut off before the contact.
+    A command is open when the robot can still stop before the contact: it drives on for the latency, one
+    period and a step of reserve, and braking at constant deceleration takes half the way that driving on
+    would. Its roll-out is cut off before the contact.
 
     Returns
     -------
     status : ndarray, shape (n,)
         OPEN, HITS (the outline meets an obstacle too soon) or LEAVES_MAP.
     terms : ndarray, shape (n, 5)
-        Metres: least distance of the centre from an obstacle (CLEARANCE), mean distance from the path (PATH), distance
-        of the last pose from the path's end (GOAL), distance of a point `front_m` ahead of it from the path
-        (FRONT); and the part of the steps that a contact cuts off, 0 to 1 (CUT).
+        Metres: least distance of the centre from an obstacle (CLEARANCE), mean distance from the path
+        (PATH), distance of the last pose from the path's end (GOAL), distance of a point `front_m` ahead of
+        it from the path (FRONT); and the part of the steps that a contact cuts off, 0 to 1 (CUT).
     """
     count = commands.shape[0]
     status = np.zeros(count, np.int64)

@@ -20,7 +20,7 @@ SWEEP_STEP_M = 0.02
 def is_open(
     costmap: Costmap, footprint: Footprint, poses: FloatArray, start: Pose2, *, unknown_blocks: bool
 ) -> bool:
-    """Whether the outline can pass through all poses, shape (n, 3), touching no more than it does at `start`."""
+    """Whether the outline can pass through all poses, shape (n, 3), touching no more than at `start`."""
     outline_m = footprint.outline_m(0.5 * costmap.resolution_m)
     safe = safe_squared_cells(footprint.circumscribed_radius_m, costmap.resolution_m)
     layers = (costmap.costs, costmap.squared_cells, costmap.origin_m, costmap.resolution_m, outline_m, safe)

@@ -1,4 +1,4 @@
-"""Compile the kernels before the robot moves: the first call of each takes seconds, later ones load a cache."""
+"""Compile the kernels before the robot moves: the first call takes seconds, later ones load a cache."""
 
 import numpy as np
 

@@ -1,6 +1,7 @@
 """Navigator, simulated base and simulated lidar in one loop, with the map growing as the robot sees.
 
-The base is a unicycle with acceleration limits that obeys after a delay; pose and speed reach the navigator with errors.
+The base is a unicycle with acceleration limits that obeys after a delay; pose and speed reach the navigator
+with errors.
 """
 
 import math
@@ -9,8 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-
 from tests.host.navigation.world import World
+
 from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.kernel import kernel
 from thumper.mapping.grid import OccupancyGrid
@@ -28,7 +29,7 @@ TICK_S, CYCLE_TICKS = 0.02, 5
 def trace_beams(
     seen: IntArray, hits: IntArray, start: FloatArray, ends: FloatArray, is_hit: FloatArray, cell_m: float
 ) -> None:
-    """Count for each cell how often a beam crossed it or ended in it; positions relative to the grid's corner."""
+    """Count how often beams crossed each cell or ended in it; positions relative to the grid's corner."""
     rows, cols = seen.shape
     for i in range(ends.shape[0]):
         length = math.hypot(ends[i, 0] - start[0], ends[i, 1] - start[1])
@@ -111,7 +112,7 @@ def drive(
     limit_s: float = 60.0,
     is_there: Callable[[Pose2], bool] = lambda _pose: False,
 ) -> Run:
-    """Drive from start to goal in a world (or one that changes with time); `area` is x, y, width, height of the map."""
+    """Drive to a goal in a world, or one that changes with time; `area` is x, y, width, height of the map."""
     given, rng, footprint = conditions or Conditions(), np.random.default_rng(seed), Footprint()
     world_at = world if callable(world) else lambda _time_s: world
     navigator = Navigator(options or NavigationOptions(), footprint)

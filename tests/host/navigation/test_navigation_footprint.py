@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
 from tests.host.navigation.maps import read_pgm
+
 from thumper.geometry import FloatArray, Pose2
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.footprint_check import lethal_count, safe_squared_cells
@@ -87,7 +87,9 @@ def test_check_equals_brute_force_on_a_fine_outline(
 
 
 @settings(max_examples=60, deadline=None)
-@given(seed=st.integers(0, 10_000), x_m=st.floats(0.4, 1.6), y_m=st.floats(0.4, 1.6), theta_rad=st.floats(-3, 3))
+@given(
+    seed=st.integers(0, 10_000), x_m=st.floats(0.4, 1.6), y_m=st.floats(0.4, 1.6), theta_rad=st.floats(-3, 3)
+)
 def test_the_short_cut_by_centre_distance_changes_nothing(
     seed: int, x_m: float, y_m: float, theta_rad: float
 ) -> None:
@@ -107,7 +109,7 @@ def test_off_the_map_is_told() -> None:
 
 @pytest.mark.parametrize("name", ["open", "median", "tight"])
 def test_agrees_with_ros_footprint_cost(nav_data: Path, name: str) -> None:
-    """The ROS check walks integer lines, ours samples the true outline: they may part on clipped corners alone."""
+    """ROS walks integer lines, ours samples the true outline: they may part on clipped corners alone."""
     costs = read_pgm(nav_data / "oracle" / f"costmap_{name}.pgm")
     rows = np.loadtxt(nav_data / "oracle" / f"footprint_{name}.csv", delimiter=",", skiprows=1)
     outline_m = Footprint().outline_m(0.5 * CELL_M)

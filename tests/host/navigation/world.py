@@ -1,4 +1,4 @@
-"""A flat world of walls and posts for closed-loop tests: exact ray casting and exact clearance of the hull."""
+"""A flat world of walls and posts for closed-loop tests: exact rays and exact clearance of the hull."""
 
 import math
 from dataclasses import dataclass, field
@@ -74,7 +74,7 @@ class World:
         )
 
     def clearance_m(self, pose: Pose2, footprint: Footprint) -> float:
-        """Distance from the hull to the nearest thing, negative when it is inside (walls sampled each centimetre)."""
+        """Distance from the hull to the nearest thing, negative inside it (walls sampled each centimetre)."""
         points, radii = [self.circles_m[:, :2]], [self.circles_m[:, 2]]
         for x0, y0, x1, y1 in self.segments_m:
             count = max(2, math.ceil(math.hypot(x1 - x0, y1 - y0) / 0.01))

@@ -1,0 +1,69 @@
+"""The collision monitor alone: points against motions whose end is known in closed form."""
+
+import math
+
+import numpy as np
+import pytest
+
+from thumper.geometry import FloatArray, Twist2
+from thumper.navigation.footprint import Footprint
+from thumper.navigation.limits import SpeedLimits, stoppable_speed
+from thumper.navigation.monitor import CollisionMonitor, MonitorOptions
+
+LIMITS = SpeedLimits()
+MONITOR = CollisionMonitor(MonitorOptions(), LIMITS, Footprint())
+FRONT_M, SIDE_M, MARGIN_M = 0.21, 0.1225, 0.02
+
+
+def at(x_m: float, y_m: float) -> FloatArray:
+    return np.array(((x_m, y_m),))
+
+
+def objection(command: Twist2, twist: Twist2, hits_m: FloatArray) -> str:
+    return MONITOR.objection(command, twist, hits_m, 0.1)
+
+
+@pytest.mark.parametrize("v_m_s", [0.1, 0.25, 0.4])
+def test_stops_exactly_when_the_stopping_way_reaches_the_point(v_m_s: float) -> None:
+    """Way: latency and one period at full speed, then v^2 / 2a."""
+    way_m = v_m_s * (LIMITS.latency_s + 0.1) + v_m_s**2 / (2.0 * LIMITS.v_accel_m_s2)
+    edge_m = FRONT_M + MARGIN_M + way_m
+    moving = Twist2(v_m_s=v_m_s)
+    assert objection(moving, moving, at(edge_m - 0.02, 0.0))
+    assert not objection(moving, moving, at(edge_m + 0.02, 0.0))
+    assert not objection(moving, moving, at(FRONT_M + MARGIN_M + 0.01, SIDE_M + MARGIN_M + 0.005))
+
+
+def test_says_where_the_obstacle_is() -> None:
+    assert "0.30 m ahead, +0.05 m" in objection(Twist2(v_m_s=0.4), Twist2(), at(0.30, 0.05))
+
+
+def test_a_turn_sweeps_the_corners() -> None:
+    turning = Twist2(w_rad_s=1.0)
+    corner_m = math.hypot(FRONT_M, SIDE_M)
+    beside = at(0.0, corner_m - 0.01)
+    fast = Twist2(w_rad_s=1.2)
+    poses_needed_rad = math.pi / 2 - math.atan2(SIDE_M, FRONT_M)  # until the front left corner is abeam
+    assert not objection(turning, Twist2(), at(0.0, corner_m + 0.05))
+    ahead_of_corner = corner_m * np.array(((math.cos(0.9), math.sin(0.9)),))
+    assert poses_needed_rad > 0.9
+    assert objection(turning, turning, ahead_of_corner)
+    assert not objection(Twist2(w_rad_s=-0.3), Twist2(), ahead_of_corner)
+    assert objection(fast, fast, beside) == ""  # stops before it gets that far round
+
+
+def test_a_robot_that_touches_may_leave_but_not_press_on() -> None:
+    touching = at(FRONT_M + 0.01, 0.0)
+    assert not objection(Twist2(v_m_s=-0.1), Twist2(), touching)
+    assert not objection(Twist2(), Twist2(), touching)
+    assert objection(Twist2(v_m_s=0.1), Twist2(), touching)
+
+
+def test_nothing_seen_nothing_objected() -> None:
+    assert objection(Twist2(v_m_s=0.4), Twist2(v_m_s=0.4), np.empty((0, 2))) == ""
+
+
+@pytest.mark.parametrize("distance", [0.0, 0.05, 0.4, 3.0])
+def test_stoppable_speed_solves_its_equation(distance: float) -> None:
+    v = stoppable_speed(distance, 0.4, 0.2)
+    assert v * 0.2 + v**2 / (2 * 0.4) == pytest.approx(distance)
