@@ -16,7 +16,7 @@ NO_RETURN, NEIGHBOUR_ERROR = 0, 7
 
 BIAS_FLOOR_MM, BIAS_SHARE = 10.0, 0.01  # one sigma of the datasheet's 30 mm and 3 %
 BIAS_WIDTH_BEAMS = 60.0  # walls of the log bend by no more than 3-7 mm over 41 beams: the error is smooth
-NOISE_MM, NOISE_MM_PER_M = 2.0, 1.6  # one sigma, beam by beam
+NOISE_MM, NOISE_MM_PER_M = 2.0, 1.3  # one sigma, beam by beam
 
 SINGLE_LOSS_AT_M = np.array([0.0, 0.7, 1.5, 2.2, 3.5, 4.2, 5.0, 5.6])
 SINGLE_LOSS = np.array([0.0001, 0.001, 0.002, 0.005, 0.0065, 0.011, 0.018, 0.018])
