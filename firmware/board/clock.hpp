@@ -4,7 +4,7 @@
 /// Timer 0: the millisecond, and the motor tone.
 ///
 /// While beeping it runs at four times the rate: compare A begins a pulse in the other direction each 248 us
-/// (a tone of 2 kHz), compare B ends it after 48 us.
+/// (a tone of 2 kHz), compare B ends it 48 us after that match.
 namespace clock {
 
 constexpr uint16_t kPrescaler = 64;
