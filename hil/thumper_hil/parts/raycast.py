@@ -13,9 +13,6 @@ from thumper.kernel import kernel
 
 BoolArray = NDArray[np.bool_]
 
-GRAZE = 1e-9
-"""Slack, as a share of a segment's length, that keeps a ray from slipping through the corner of two walls."""
-
 
 @kernel
 def cast_rays(
@@ -37,10 +34,10 @@ def cast_rays(
         for k in range(segments_m.shape[0]):
             ax, ay = segments_m[k, 0] - x, segments_m[k, 1] - y
             bx, by = segments_m[k, 2] - x, segments_m[k, 3] - y
-            # Signed distances of the ends from the ray's line: no crossing while both are on one side.
+            # Signed distances of the ends from the ray's line: no crossing while both are on one side. Two walls
+            # that share a corner get the same number for it, to the last bit, so that no ray slips between them.
             side_a, side_b = dx * ay - dy * ax, dx * by - dy * bx
-            slack = GRAZE * (abs(side_a) + abs(side_b))
-            if (side_a > slack and side_b > slack) or (side_a < -slack and side_b < -slack):
+            if (side_a > 0.0 and side_b > 0.0) or (side_a < 0.0 and side_b < 0.0):
                 continue
             along_a, along_b = dx * ax + dy * ay, dx * bx + dy * by
             if abs(side_a - side_b) > 1e-12:
