@@ -2,5 +2,14 @@
 
 from thumper_hil.bench.bench import DEFAULT_ELF, Bench
 from thumper_hil.bench.registry import simulation
+from thumper_hil.chip.library import LIBRARY
 
-__all__ = ["DEFAULT_ELF", "Bench", "simulation"]
+__all__ = ["DEFAULT_ELF", "Bench", "missing_parts", "simulation"]
+
+
+def missing_parts() -> str:
+    """Say what is not built, and the cure; empty when a robot can be simulated."""
+    for path, target in ((DEFAULT_ELF, "firmware"), (LIBRARY, "chip")):
+        if not path.exists():
+            return f"{path.name} is not built; run `make {target}` in the repository"
+    return ""

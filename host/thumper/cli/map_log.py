@@ -24,5 +24,8 @@ def map_log(
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task(f"mapping {file.name}", total=None)
         summary = build(file, out, lambda done, total: progress.update(task, completed=done, total=total))
-    console.print(summary)
-    console.print(f"map, picture and trajectory are in {out}/")
+    console.print(
+        f"{summary.format_name} log: {summary.scans} scans, {summary.path_m:.1f} m driven, "
+        f"{summary.cpu_ms_per_scan:.2f} ms CPU a scan, mean match {summary.mean_score:.2f} of 1"
+    )
+    console.print(f"in {out}/: {', '.join(path.name for path in summary.files)}")

@@ -30,6 +30,14 @@ REPLY_TIMEOUT_S = 0.1
 REQUEST_TRIES = 5
 BOOT_TIMEOUT_S = 4.0  # opening the port resets the board; its bootloader waits 1.3 s
 
+REFUSALS = {
+    AckStatus.UNKNOWN_COMMAND: "it does not know it; flash the firmware that belongs to this program",
+    AckStatus.UNKNOWN_PARAMETER: "it does not know it; flash the firmware that belongs to this program",
+    AckStatus.OUT_OF_RANGE: "the value is out of range",
+    AckStatus.FAULT_LATCHED: "a fault is latched; clear it first",
+    AckStatus.BATTERY_LOW: "the battery is below 7.0 V; charge it",
+}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TelemetrySample:
@@ -141,9 +149,7 @@ class Board:
             reply, _ = self._request(request, Ack)
             if isinstance(reply, Ack):
                 if reply.status != AckStatus.OK:
-                    raise ThumperError(
-                        f"the board refused the {what}: {AckStatus(reply.status).name.lower()}"
-                    )
+                    raise ThumperError(f"the board refused the {what}: {REFUSALS[reply.status]}")
                 return
         raise ThumperError(f"the board did not answer the {what}; is the cable loose?")
 
