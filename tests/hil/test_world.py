@@ -66,7 +66,7 @@ def test_no_ray_slips_out_through_a_corner() -> None:
     ring = World(segments_m=np.hstack([corners, np.roll(corners, -1, axis=0)]), circles_m=NO_CIRCLES)
     origins = rng.uniform(-0.5, 0.5, (200_000, 2))
     aims = corners[rng.integers(0, 40, 200_000)] - origins
-    assert np.isfinite(ring.cast(*origins.T, np.arctan2(aims[:, 1], aims[:, 0]))).all()
+    assert np.isfinite(ring.cast(origins[:, 0], origins[:, 1], np.arctan2(aims[:, 1], aims[:, 0]))).all()
 
 
 def test_a_ray_along_a_wall_meets_its_nearer_end() -> None:

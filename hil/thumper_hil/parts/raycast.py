@@ -34,8 +34,8 @@ def cast_rays(
         for k in range(segments_m.shape[0]):
             ax, ay = segments_m[k, 0] - x, segments_m[k, 1] - y
             bx, by = segments_m[k, 2] - x, segments_m[k, 3] - y
-            # Signed distances of the ends from the ray's line: no crossing while both are on one side. Two walls
-            # that share a corner get the same number for it, to the last bit, so that no ray slips between them.
+            # Signed distances of the ends from the ray's line: no crossing while both are on one side. Two
+            # walls that share a corner get the same number for it, so that no ray slips between them.
             side_a, side_b = dx * ay - dy * ax, dx * by - dy * bx
             if (side_a > 0.0 and side_b > 0.0) or (side_a < 0.0 and side_b < 0.0):
                 continue
