@@ -10,7 +10,7 @@ from thumper.navigation.goal import Goal
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlanResult:
-    """A path, or None and why not. Else `reason` is empty or says where it ends if not at the goal."""
+    """A path, or None and why not. `reason` beside a path says where it ends if not at the goal."""
 
     path_m: FloatArray | None = None  # shape (n, 2), in map, from the robot to the goal
     reason: str = ""

@@ -109,8 +109,8 @@ def test_slows_down_before_a_wall_and_refuses_at_it() -> None:
     assert "147 hit an obstacle" in refused.reason
 
 
-def test_a_turn_takes_the_long_way_round_when_the_short_one_is_blocked() -> None:
-    """A post beside the nose stops half a turn either way round: the tail meets it where the nose does not."""
+def test_a_turn_that_a_post_stops_is_refused_and_a_free_one_is_not() -> None:
+    """A post beside the nose stops half a turn either way round: the tail meets it too."""
     post = np.array(((0.16, 0.18),))
     blocked = controller().turn(request(straight_path(), obstacles_m=post), math.pi)
     assert blocked.command is None
