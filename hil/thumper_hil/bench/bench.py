@@ -24,7 +24,7 @@ TICK_S = 0.01
 
 TICK_CYCLES = round(TICK_S * CPU_HZ)
 LIDAR_LOOK_S = 0.001
-REMEMBERED_POSES = 64
+REMEMBERED_POSES = 256  # a sweep of the lidar lasts 75 ms, and a busy reader looks each millisecond
 TRUTH_COLUMNS = ("time_s", "x_m", "y_m", "theta_rad", "left_rad_s", "right_rad_s")
 
 

@@ -18,14 +18,18 @@ from thumper_hil.bench.options import BenchOptions
 STEP_S = 0.002
 """How often bytes are carried over: about as often as a USB adapter does it."""
 
+BOOT_S = 0.05
+"""The firmware has started when the ports appear."""
+
 CHUNK_BYTES = 4096
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Line:
-    """A pseudo-terminal and the device behind it."""
+    """A pseudo-terminal, both its ends, and the device behind it."""
 
     master: int
+    slave: int
     to_device: Callable[[bytes], None]
     from_device: Callable[[], bytes]
 
@@ -33,8 +37,8 @@ class _Line:
 def serve(board_pty: Path, lidar_pty: Path, options: Mapping[str, str]) -> None:
     """Serve a simulated robot until Ctrl-C; `options` are those of a `sim://` URL.
 
-    Symbolic links to the two terminals appear at the paths, and go again at the end. Clients may come and go: the
-    robot stays, and what it sends while nobody listens is lost, as on a wire.
+    Symbolic links to the two terminals appear at the paths, and go again at the end. Clients may come and go:
+    the robot stays, and what it sends while nobody listens is lost, as on a wire.
 
     Raises
     ------
@@ -42,17 +46,20 @@ def serve(board_pty: Path, lidar_pty: Path, options: Mapping[str, str]) -> None:
         A path is taken or cannot be made, an option is wrong, or the firmware crashed.
     """
     bench = Bench(BenchOptions.parse(options))
+    bench.advance(BOOT_S)
     with ExitStack() as stack:
-        board = stack.enter_context(_terminal(board_pty))
-        lidar = stack.enter_context(_terminal(lidar_pty))
+        board_ends = stack.enter_context(_terminal(board_pty))
+        lidar_ends = stack.enter_context(_terminal(lidar_pty))
         lines = (
             _Line(
-                master=board,
+                master=board_ends[0],
+                slave=board_ends[1],
                 to_device=bench.chip.send,
                 from_device=lambda: bench.chip.receive(CHUNK_BYTES),
             ),
             _Line(
-                master=lidar,
+                master=lidar_ends[0],
+                slave=lidar_ends[1],
                 to_device=bench.lidar_write,
                 from_device=lambda: bench.lidar_read(CHUNK_BYTES),
             ),
@@ -75,7 +82,7 @@ def _carry(bench: Bench, lines: tuple[_Line, ...]) -> None:
         bench.advance(now_s)
         for line in lines:
             if data := line.from_device():
-                _write(line.master, data)
+                _write(line, data)
         readable, _, _ = select.select([line.master for line in lines], [], [], STEP_S)
         for line in lines:
             if line.master in readable and (data := _read(line.master)):
@@ -83,16 +90,16 @@ def _carry(bench: Bench, lines: tuple[_Line, ...]) -> None:
 
 
 @contextmanager
-def _terminal(path: Path) -> Iterator[int]:
-    """Make a pseudo-terminal with a link to it at `path`; yields the side of the device."""
+def _terminal(path: Path) -> Iterator[tuple[int, int]]:
+    """Make a pseudo-terminal with a link to it at `path`; yields its master and its slave."""
     if path.is_symlink():
         path.unlink()  # left by a run that was killed
     elif path.exists():
         raise ThumperError(f"{path}: there is a file that is no link; give another path or remove it")
     master, slave = os.openpty()
     try:
-        # Raw on both ends before anybody opens it: no echo, no translation, no line buffer. Our own end of the slave stays
-        # open, so that the terminal keeps its settings and does not hang up when a client leaves.
+        # Raw on both ends before anybody opens it: no echo, no translation, no line buffer. The slave stays
+        # open here too, so that the terminal keeps its settings and does not hang up when a client leaves.
         for end in (master, slave):
             tty.setraw(end, termios.TCSANOW)
         os.set_blocking(master, False)
@@ -103,7 +110,7 @@ def _terminal(path: Path) -> Iterator[int]:
                 f"{path}: cannot make the link ({error.strerror}); give another path"
             ) from error
         try:
-            yield master
+            yield master, slave
         finally:
             path.unlink(missing_ok=True)
     finally:
@@ -120,9 +127,8 @@ def _read(master: int) -> bytes:
         raise
 
 
-def _write(master: int, data: bytes) -> None:
+def _write(line: _Line, data: bytes) -> None:
     try:
-        os.write(master, data)
-    except BlockingIOError:
-        # Nobody has read for a while and the terminal is full. What a real adapter would lose is lost.
-        termios.tcflush(master, termios.TCOFLUSH)
+        os.write(line.master, data)
+    except BlockingIOError:  # nobody has read for a while and the terminal is full: the old goes
+        termios.tcflush(line.slave, termios.TCIFLUSH)

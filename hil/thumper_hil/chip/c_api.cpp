@@ -47,7 +47,7 @@ uint64_t thumper_resets(const Chip* chip) { return chip->resets(); }
 uint64_t thumper_overruns(Chip* chip) { return chip->uart().overruns(); }
 uint8_t thumper_data(const Chip* chip, uint16_t address) { return chip->data(address); }
 void thumper_reset(Chip* chip) { chip->Reset(); }
-const char* thumper_last_error(const Chip* chip) { return chip->last_error().c_str(); }
+uint32_t thumper_program_counter(const Chip* chip) { return chip->program_counter(); }
 
 void thumper_set_host_baud(Chip* chip, uint32_t baud) { chip->uart().SetHostBaud(baud); }
 void thumper_send(Chip* chip, const uint8_t* data, size_t count) { chip->uart().Send(data, count); }

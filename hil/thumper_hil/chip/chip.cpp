@@ -2,20 +2,15 @@
 
 #include <algorithm>
 #include <cstdarg>
-#include <cstdio>
 #include <cstdlib>
 #include <stdexcept>
 
 namespace thumper {
 namespace {
 
-thread_local std::string last_log;  // simavr has one logger for the whole process
-
-void KeepLastError(avr_t*, const int level, const char* format, va_list arguments) {
-  if (level > LOG_ERROR) return;
-  char line[256];
-  std::vsnprintf(line, sizeof line, format, arguments);
-  last_log = line;
+/// simavr says "invalid opcode" in its log and goes on with the next one. It has one logger for all chips.
+void StopAtInvalidOpcode(avr_t* avr, const int, const char* format, va_list) {
+  if (avr != nullptr && std::strstr(format, "Invalid Opcode") != nullptr) avr->state = cpu_Crashed;
 }
 
 avr_cycle_count_t StopHere(avr_t*, avr_cycle_count_t, void*) { return 0; }
@@ -23,7 +18,7 @@ avr_cycle_count_t StopHere(avr_t*, avr_cycle_count_t, void*) { return 0; }
 }  // namespace
 
 Chip::Chip(const std::string& elf_path, const PlantParams* plant_params, uint64_t seed) {
-  avr_global_logger_set(KeepLastError);
+  avr_global_logger_set(StopAtInvalidOpcode);
   avr_ = avr_make_mcu_by_name("atmega328p");
   if (avr_ == nullptr) throw std::runtime_error("this libsimavr knows no atmega328p");
   avr_init(avr_);
@@ -143,7 +138,5 @@ RunStatus Chip::RunTo(uint64_t until_cycle) {
   }
   return RunStatus::kTimeReached;
 }
-
-const std::string& Chip::last_error() const { return last_log; }
 
 }  // namespace thumper

@@ -36,10 +36,10 @@ class Chip {
   void Reset();  ///< the reset pin
   uint64_t cycle() const { return avr_->cycle; }
   uint64_t resets() const { return resets_; }
+  uint32_t program_counter() const { return avr_->pc; }  ///< [bytes]
   uint8_t data(uint16_t address) const { return avr_->data[address]; }
   UartLine& uart() { return *uart_; }
   Plant* plant() { return plant_ ? &*plant_ : nullptr; }
-  const std::string& last_error() const;
 
  private:
   struct ResetHook {

@@ -113,8 +113,10 @@ class Chip:
         """
         status = self._library.thumper_run(self._handle, until_cycle, bytes_wanted)
         if status == RunStatus.CRASHED:
-            cause = self._library.thumper_last_error(self._handle).decode(errors="replace").strip()
-            raise ChipError(f"{self._elf}: the firmware crashed at {self.time_s:.6f} s: {cause}")
+            address = self._library.thumper_program_counter(self._handle)
+            raise ChipError(
+                f"{self._elf}: the firmware crashed at {self.time_s:.6f} s: no instruction at 0x{address:04x}"
+            )
         if status == RunStatus.ASLEEP_FOR_EVER:
             raise ChipError(f"{self._elf}: asleep with interrupts off for ever, at {self.time_s:.6f} s")
         return bool(status == RunStatus.BYTES_READY)

@@ -43,11 +43,14 @@ void DriveTrain::Step(const BridgeCommand (&command)[2], double dt_s) {
   }
   battery_.Step(battery_A, dt_s);
   body_moves_ = !(held_ && PushesIntoObstacle(torque_Nm));
-  double before_rad_s[2] = {state_.wheel_rad_s[0], state_.wheel_rad_s[1]};
+  const double before_rad_s[2] = {state_.wheel_rad_s[0], state_.wheel_rad_s[1]};
   MoveWheels(torque_Nm, damping, dt_s);
-  for (int side = 0; side < 2; ++side)
-    state_.wheel_rad[side] += 0.5 * (before_rad_s[side] + state_.wheel_rad_s[side]) * dt_s;
-  if (body_moves_) MoveBody(dt_s);
+  double turn_rad[2];
+  for (int side = 0; side < 2; ++side) {
+    turn_rad[side] = 0.5 * (before_rad_s[side] + state_.wheel_rad_s[side]) * dt_s;
+    state_.wheel_rad[side] += turn_rad[side];
+  }
+  if (body_moves_) MoveBody(turn_rad, dt_s);
 }
 
 void DriveTrain::MoveWheels(const double (&torque_Nm)[2], const double (&damping)[2], double dt_s) {
@@ -59,7 +62,8 @@ void DriveTrain::MoveWheels(const double (&torque_Nm)[2], const double (&damping
   const double turning = body_moves_ ? body.yaw_inertia_kg_m2 * r * r / (track_m_ * track_m_) : 0.0;
   const double own = motor.motors_per_side * motor.inertia_kg_m2 + straight + turning;
   const double across = straight - turning;
-  const double m0 = own + damping[0] * dt_s, m1 = own + damping[1] * dt_s;
+  // Half of the damping acts at the new speed (Crank-Nicolson): stable, and second order in time.
+  const double m0 = own + 0.5 * damping[0] * dt_s, m1 = own + 0.5 * damping[1] * dt_s;
   const double determinant = m0 * m1 - across * across;
   const double inverse[2][2] = {{m1 / determinant, -across / determinant},
                                 {-across / determinant, m0 / determinant}};
@@ -103,22 +107,15 @@ void DriveTrain::MoveWheels(const double (&torque_Nm)[2], const double (&damping
     if (std::abs(w[side]) < kStill_rad_s && std::abs(impulse[side]) < bound[side]) w[side] = 0.0;
 }
 
-void DriveTrain::MoveBody(double dt_s) {
+void DriveTrain::MoveBody(const double (&wheel_turn_rad)[2], double dt_s) {
   track_m_ = params_.body.track_m * (1.0 + track_noise_.Step(random_, dt_s));
-  const double turn_rad = BodyYaw_rad_s() * dt_s;
+  const double left_m = radius_m_[0] * wheel_turn_rad[0], right_m = radius_m_[1] * wheel_turn_rad[1];
+  const double turn_rad = (right_m - left_m) / track_m_;
   const double heading_rad = state_.yaw_rad + 0.5 * turn_rad;
-  const double distance_m = BodyForward_m_s() * dt_s;
+  const double distance_m = 0.5 * (left_m + right_m);
   state_.x_m += distance_m * std::cos(heading_rad);
   state_.y_m += distance_m * std::sin(heading_rad);
   state_.yaw_rad = std::remainder(state_.yaw_rad + turn_rad, 2.0 * M_PI);
-}
-
-double DriveTrain::BodyForward_m_s() const {
-  return 0.5 * (radius_m_[0] * state_.wheel_rad_s[0] + radius_m_[1] * state_.wheel_rad_s[1]);
-}
-
-double DriveTrain::BodyYaw_rad_s() const {
-  return (radius_m_[1] * state_.wheel_rad_s[1] - radius_m_[0] * state_.wheel_rad_s[0]) / track_m_;
 }
 
 bool DriveTrain::PushesIntoObstacle(const double (&torque_Nm)[2]) const {

@@ -18,7 +18,7 @@ struct RobotState {
 ///
 /// Each side: `J dw/dt = n (Kt i - B w) - friction`, `i = (u - Kf w) / R` (inductance neglected: L/R < 1 ms).
 /// The body adds its mass to the mean of the wheel speeds and its yaw inertia to their difference. The
-/// electrical damping is taken implicitly, Coulomb friction of both sides and the tyres' scrub moment as
+/// electrical damping is taken half implicitly, Coulomb friction of both sides and the tyres' scrub moment as
 /// bounded impulses (projected Gauss-Seidel), so that the robot really stands still inside the dead band.
 class DriveTrain {
  public:
@@ -37,11 +37,9 @@ class DriveTrain {
   const Battery& battery() const { return battery_; }
 
  private:
-  double BodyForward_m_s() const;
-  double BodyYaw_rad_s() const;
   bool PushesIntoObstacle(const double (&torque_Nm)[2]) const;
   void MoveWheels(const double (&torque_Nm)[2], const double (&damping)[2], double dt_s);
-  void MoveBody(double dt_s);
+  void MoveBody(const double (&wheel_turn_rad)[2], double dt_s);
 
   PlantParams params_;
   Random random_;

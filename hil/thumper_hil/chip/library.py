@@ -39,7 +39,7 @@ def load_library() -> ctypes.CDLL:
         "overruns": (cycle, [chip]),
         "data": (byte, [chip, ctypes.c_uint16]),
         "reset": (None, [chip]),
-        "last_error": (ctypes.c_char_p, [chip]),
+        "program_counter": (ctypes.c_uint32, [chip]),
         "set_host_baud": (None, [chip, ctypes.c_uint32]),
         "send": (None, [chip, ctypes.c_char_p, size]),
         "available": (size, [chip]),

@@ -1,0 +1,7 @@
+// Sleeps with interrupts off: nothing can wake it.
+#include "bench.h"
+
+int main(void) {
+  cli();
+  sleep_mode();
+}

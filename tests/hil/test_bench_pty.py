@@ -1,0 +1,102 @@
+"""The pseudo-terminals, used from another process as the hardware is: plain pyserial on a device path."""
+
+import os
+import signal
+import stat
+import subprocess
+import sys
+import termios
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import serial
+
+from thumper.errors import ThumperError
+from thumper.link.framing import FrameDecoder, encode_frame
+from thumper.link.messages import Identify, Identity, Telemetry
+from thumper_hil.bench.pty import serve
+
+SERVE = """
+import sys
+from pathlib import Path
+from thumper_hil.bench.pty import serve
+serve(Path(sys.argv[1]), Path(sys.argv[2]), {})
+"""
+PATIENCE_S = 30.0
+
+
+class Served:
+    """A server process and its two paths."""
+
+    def __init__(self, folder: Path) -> None:
+        self.board, self.lidar = folder / "board", folder / "lidar"
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", SERVE, str(self.board), str(self.lidar)], stdout=subprocess.PIPE, text=True
+        )
+        assert self.process.stdout is not None
+        assert "Ctrl-C ends it" in self.process.stdout.readline()
+
+    def stop(self) -> int:
+        self.process.send_signal(signal.SIGINT)
+        self.process.communicate(timeout=PATIENCE_S)
+        return self.process.returncode
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[Served]:
+    """A simulated robot on ptys, in another process."""
+    server = Served(tmp_path)
+    yield server
+    if server.process.poll() is None:
+        server.stop()
+
+
+def messages(port: serial.Serial, wanted: set[int]) -> set[int]:
+    """Read until messages of all these ids have come whole."""
+    decoder, seen = FrameDecoder(), set[int]()
+    deadline = time.monotonic() + PATIENCE_S
+    while not wanted <= seen and time.monotonic() < deadline:
+        seen |= {frame.message_id for frame in decoder.feed(port.read(max(1, port.in_waiting)))}
+    return seen
+
+
+def test_a_board_and_a_lidar_as_real_ports(served: Served) -> None:
+    """Handshake and telemetry, the lidar's identity; and again after the client has come back."""
+    for _ in range(2):
+        with serial.Serial(str(served.board), 500_000, timeout=0.2, exclusive=True) as port:
+            port.write(b"\0" + encode_frame(Identify.ID, 1, b""))
+            assert {Identity.ID, Telemetry.ID} <= messages(port, {Identity.ID, Telemetry.ID})
+        with serial.Serial(str(served.lidar), 115_200, timeout=5.0) as port:
+            port.write(b"VV\n")
+            assert port.read_until(b"\n\n").startswith(b"VV\n00P\nVEND:Hokuyo")
+    assert served.stop() == 0
+    assert not served.board.is_symlink()
+    assert not served.lidar.is_symlink()
+
+
+def test_the_terminals_are_raw_before_anybody_opens_them(served: Served) -> None:
+    """A program that sets nothing must get every byte as it is, and no echo."""
+    for path in (served.board, served.lidar):
+        end = os.open(path, os.O_RDWR | os.O_NOCTTY)
+        iflag, oflag, _, lflag, *_ = termios.tcgetattr(end)
+        os.close(end)
+        assert lflag & (termios.ECHO | termios.ICANON | termios.ISIG | termios.IEXTEN) == 0
+        assert iflag & (termios.ICRNL | termios.IXON | termios.ISTRIP) == 0
+        assert oflag & termios.OPOST == 0
+        assert stat.S_ISCHR(path.stat().st_mode)
+
+
+def test_a_file_in_the_way_stays(tmp_path: Path) -> None:
+    diary = tmp_path / "diary"
+    diary.write_text("dear diary")
+    with pytest.raises(ThumperError, match="diary"):
+        serve(tmp_path / "board", diary, {})
+    assert diary.read_text() == "dear diary"
+    assert not (tmp_path / "board").is_symlink()
+
+
+def test_a_folder_that_does_not_exist(tmp_path: Path) -> None:
+    with pytest.raises(ThumperError, match="cannot make the link"):
+        serve(tmp_path / "nowhere" / "board", tmp_path / "lidar", {})

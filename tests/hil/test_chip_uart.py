@@ -1,0 +1,72 @@
+"""The simulated serial line keeps a real one's time: ten bits a byte, and a receiver can overrun."""
+
+import numpy as np
+from tests.hil.conftest import BuildAvr
+from tests.hil.rig import run_for
+
+from thumper_hil.chip.chip import Chip
+
+BYTE_CYCLES = 320  # ten bits at 500 000 baud
+BURST = 64
+
+
+def test_a_byte_takes_ten_bits_to_send(build_avr: BuildAvr) -> None:
+    """simavr alone takes eleven: 352 cycles."""
+    chip = Chip(build_avr("burst"))
+    run_for(chip, 0.01)
+    data, cycles = chip.receive_stamped(BURST)
+    assert data == bytes(range(BURST))
+    spacing = np.diff(cycles)
+    assert spacing.min() >= BYTE_CYCLES
+    assert spacing.max() <= BYTE_CYCLES + 16  # the polling loop's own time
+
+
+def test_a_byte_takes_ten_bits_to_arrive(build_avr: BuildAvr) -> None:
+    """500 bytes at line rate come back at line rate, none lost."""
+    chip = Chip(build_avr("burst"))
+    run_for(chip, 0.01)
+    chip.receive(BURST)
+    sent = bytes(i % 251 for i in range(500))
+    start = chip.cycle
+    chip.send(sent)
+    run_for(chip, 0.02)
+    data, cycles = chip.receive_stamped(1000)
+    assert data == sent
+    assert chip.overruns == 0
+    first_echo = cycles[0] - start
+    assert 2 * BYTE_CYCLES <= first_echo <= 2 * BYTE_CYCLES + 100  # there and back
+    assert abs((cycles[-1] - cycles[0]) - 499 * BYTE_CYCLES) <= 200
+
+
+def test_a_receiver_that_is_not_served_overruns(build_avr: BuildAvr) -> None:
+    """The chip holds two bytes and shifts in a third; simavr alone holds 63."""
+    chip = Chip(build_avr("deaf"))
+    run_for(chip, 0.001)
+    chip.send(bytes(10))
+    run_for(chip, 0.005)
+    count, overrun = chip.receive(2)
+    assert count == 4  # the one it took, and three
+    assert overrun != 0
+    assert chip.overruns == 6
+
+
+def test_the_wrong_baud_rate_gives_garbage_both_ways(build_avr: BuildAvr) -> None:
+    chip = Chip(build_avr("burst"))
+    chip.set_host_baud(115_200)
+    run_for(chip, 0.01)
+    data = chip.receive(BURST)
+    assert len(data) == BURST
+    assert data != bytes(range(BURST))
+    chip.set_host_baud(0)
+    chip.send(b"x")
+    run_for(chip, 0.001)
+    assert chip.receive(10) == b"x"
+
+
+def test_nothing_arrives_before_it_was_sent(build_avr: BuildAvr) -> None:
+    """A byte is there when its stop bit is over, not when the chip wrote it."""
+    chip = Chip(build_avr("burst"))
+    chip.run(BYTE_CYCLES)
+    assert chip.available == 0
+    chip.run(2 * BYTE_CYCLES)
+    assert chip.available == 1
