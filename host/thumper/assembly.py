@@ -25,7 +25,7 @@ def open_robot(config: RobotConfig, map_from_base: Pose2) -> Iterator[Runtime]:
     warm_up(config)  # compiling takes seconds, and must not happen while wheels turn
     board = Board.open(config.board.port, baud=config.board.baud)
     try:
-        lidar = Urg04LxDriver.open(config.lidar.port, baud=config.lidar.baud)
+        lidar = Urg04LxDriver.open(config.lidar.port, baud=config.lidar.baud, options=config.lidar.urg04lx)
         try:
             base_from_laser = config.lidar.base_from_laser
             mapper = GridMapper(config.mapping, base_from_laser=base_from_laser, map_from_base=map_from_base)

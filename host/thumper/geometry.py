@@ -48,7 +48,7 @@ class Pose2:
         """Take points, shape (n, 2) [m], from the source frame to the target frame."""
         cos, sin = math.cos(self.theta_rad), math.sin(self.theta_rad)
         rotation = np.array([[cos, sin], [-sin, cos]])
-        return points_m @ rotation + (self.x_m, self.y_m)
+        return np.asarray(points_m @ rotation + (self.x_m, self.y_m), dtype=np.float64)
 
     def distance_m(self, other: "Pose2") -> float:
         """Euclidean distance between the two origins [m]."""

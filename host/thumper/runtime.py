@@ -7,8 +7,6 @@ by the board's own 300 ms time-out. The board's telemetry is the heartbeat; the 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import serial
-
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
 from thumper.kinematics import DriveGeometry, WheelSpeeds, limit_wheel_speeds, wheel_speeds
@@ -29,6 +27,7 @@ TELEMETRY_TIMEOUT_S = 0.5
 SCAN_TIMEOUT_S = 1.0  # without a scan for this long the robot is blind and must not move
 FARTHEST_GOAL_M = 50.0  # the map of a whole drive must fit into memory and planning time
 GOAL_MARGIN_M = 1.0
+DISARMED_BEATS = 3  # telemetry from before ARM may still be on its way
 STOP_BEATS = 20  # the firmware's ramp needs about one second from full speed
 FIRST_LOOK_SCANS = 3
 FIRST_LOOK_TIMEOUT_S = 5.0
@@ -83,6 +82,7 @@ class Runtime:
         self._drive = drive
         self._max_wheel_rad_s = max_wheel_rad_s
         self._telemetry: Telemetry | None = None
+        self._disarmed_beats = 0
         self.log = MissionLog()
 
     @property
@@ -150,40 +150,58 @@ class Runtime:
         self, goal: Goal, start_s: float, on_progress: Callable[[Progress], None]
     ) -> tuple[bool, str]:
         """Beat until the end; returns whether the goal was reached, and the reason in words."""
-        while True:
-            try:
-                if not self._sense():
-                    return False, "the board went silent; it has stopped its motors by itself"
-            except (serial.SerialException, OSError) as error:
-                return False, f"a serial port failed ({error}); the board stops its motors by itself"
-            situation = self._perception.situation()
-            if situation is None or self._telemetry is None:
-                continue
-            if self._telemetry.state == State.FAULT:
-                fault = Fault(self._telemetry.fault)
-                return False, f"the board stopped the motors: {FAULT_CURES.get(fault, fault.name.lower())}"
-            if situation.scan_age_s > SCAN_TIMEOUT_S:
-                return False, "the lidar sends no more scans; is its cable loose?"
-            output = self._navigator.update(
-                situation.time_s,
-                situation.map_from_base,
-                situation.twist,
-                self._grid_with(goal),
-                situation.hits_in_map_m,
+        try:
+            while (ending := self._beat(goal, start_s, on_progress)) is None:
+                pass
+        except ThumperError as error:
+            return False, str(error)
+        except Exception as error:  # in motion nothing may pass the stop that follows
+            return False, f"internal error: {type(error).__name__}: {error}"
+        return ending
+
+    def _beat(
+        self, goal: Goal, start_s: float, on_progress: Callable[[Progress], None]
+    ) -> tuple[bool, str] | None:
+        """One beat: sense, decide, act. None while under way, else as `_drive_loop`."""
+        if not self._sense():
+            return False, "the board went silent; it stops its motors by itself"
+        situation = self._perception.situation()
+        if situation is None or self._telemetry is None:
+            return None
+        if objection := self._objection(self._telemetry, situation):
+            return False, objection
+        output = self._navigator.update(
+            situation.time_s,
+            situation.map_from_base,
+            situation.twist,
+            self._grid_with(goal),
+            situation.hits_in_map_m,
+        )
+        speeds = wheel_speeds(output.command, self._drive)
+        self._board.set_wheel_speeds(limit_wheel_speeds(speeds, self._max_wheel_rad_s))
+        self.log.add_pose(situation.time_s, situation.map_from_base)
+        self.log.add_plan(output.plan)
+        on_progress(
+            Progress(
+                time_s=situation.time_s - start_s,
+                distance_to_goal_m=goal.distance_m(situation.map_from_base),
+                reason=output.reason,
             )
-            speeds = wheel_speeds(output.command, self._drive)
-            self._board.set_wheel_speeds(limit_wheel_speeds(speeds, self._max_wheel_rad_s))
-            self.log.add_pose(situation.time_s, situation.map_from_base)
-            self.log.add_plan(output.plan)
-            on_progress(
-                Progress(
-                    time_s=situation.time_s - start_s,
-                    distance_to_goal_m=goal.distance_m(situation.map_from_base),
-                    reason=output.reason,
-                )
-            )
-            if output.state in (NavigationState.REACHED, NavigationState.FAILED):
-                return output.state is NavigationState.REACHED, output.reason
+        )
+        if output.state in (NavigationState.REACHED, NavigationState.FAILED):
+            return output.state is NavigationState.REACHED, output.reason
+        return None
+
+    def _objection(self, telemetry: Telemetry, situation: Situation) -> str:
+        """Why the drive cannot go on, or nothing."""
+        if telemetry.state is State.FAULT:
+            return f"the board stopped the motors: {FAULT_CURES[telemetry.fault]}"
+        self._disarmed_beats = self._disarmed_beats + 1 if telemetry.state is State.DISARMED else 0
+        if self._disarmed_beats > DISARMED_BEATS:
+            return "the board is disarmed; it has restarted, look at its supply and cable"
+        if situation.scan_age_s > SCAN_TIMEOUT_S:
+            return "the lidar sends no more scans; is its cable loose?"
+        return ""
 
     def _sense(self) -> bool:
         """Take in one beat of both ports; False when the board is silent."""
@@ -201,9 +219,12 @@ class Runtime:
         try:
             for _ in range(STOP_BEATS):
                 self._board.set_wheel_speeds(WheelSpeeds())
-                self._sense()
-                if self._telemetry and not (self._telemetry.left_speed or self._telemetry.right_speed):
+                if not self._sense() or self._stands():
                     break
             self._board.command(Command.DISARM)
-        except (ThumperError, serial.SerialException, OSError):
-            pass  # the board's own time-out has stopped the motors
+        except ThumperError:
+            pass  # the board's own time-out stops the motors
+
+    def _stands(self) -> bool:
+        telemetry = self._telemetry
+        return telemetry is not None and telemetry.left_speed == telemetry.right_speed == 0

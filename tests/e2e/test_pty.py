@@ -1,4 +1,4 @@
-"""The same programs over real serial ports: `thumper sim` at one end of two ptys, `thumper run` at the other."""
+"""The same programs over serial ports: `thumper sim` at one end of two ptys, `thumper run` at the other."""
 
 import json
 import signal
@@ -20,7 +20,7 @@ Run = Callable[..., subprocess.CompletedProcess[str]]
 def ports(tmp_path: Path) -> Iterator[tuple[Path, Path]]:
     """A simulated robot in the lab, served in real time."""
     board, lidar = tmp_path / "board", tmp_path / "lidar"
-    command = [THUMPER, "sim", "--board-pty", board, "--lidar-pty", lidar, "--world", "lab"]
+    command: list[str | Path] = [THUMPER, "sim", "--board-pty", board, "--lidar-pty", lidar, "--world", "lab"]
     process = subprocess.Popen([*command, "--start", "0", "0", "0"])
     try:
         deadline = time.monotonic() + 30
@@ -47,7 +47,19 @@ def test_run_reaches_a_goal_over_serial_ports(thumper: Run, ports: tuple[Path, P
 
 def test_interrupt_stops_the_motors_first(ports: tuple[Path, Path], tmp_path: Path) -> None:
     board, lidar = ports
-    command = [THUMPER, "run", "--board", board, "--lidar", lidar, "--goal", "1.5", "0", "--out", tmp_path]
+    command: list[str | Path] = [
+        THUMPER,
+        "run",
+        "--board",
+        board,
+        "--lidar",
+        lidar,
+        "--goal",
+        "1.5",
+        "0",
+        "--out",
+        tmp_path,
+    ]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     time.sleep(8)  # imports, handshake, first look, and on the way
     process.send_signal(signal.SIGINT)

@@ -6,11 +6,11 @@ from pathlib import Path
 from urllib.parse import urlencode
 
 from rich.console import Console
-from thumper.navigation.goal import Goal
 
 from thumper.assembly import open_robot, warm_up
 from thumper.cli.mission import drive_with_progress
 from thumper.config.robot import BoardConfig, LidarConfig, RobotConfig
+from thumper.navigation.goal import Goal
 from thumper_hil.bench import simulation
 from thumper_hil.demo.evaluate import compare_map
 from thumper_hil.demo.missions import MISSIONS, Mission

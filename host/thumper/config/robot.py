@@ -14,6 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
 from thumper.kinematics import DriveGeometry
+from thumper.lidar.urg04lx import Urg04LxOptions
 from thumper.mapping.grid_mapper import GridMapperOptions
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.options import NavigationOptions
@@ -36,6 +37,7 @@ class LidarConfig:
     x_m: float = 0.12
     y_m: float = 0.0
     yaw_deg: Annotated[float, Ge(-180), Le(180)] = 0.0
+    urg04lx: Urg04LxOptions = field(default_factory=Urg04LxOptions)
 
     @property
     def base_from_laser(self) -> Pose2:

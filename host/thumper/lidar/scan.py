@@ -12,7 +12,8 @@ class Scan:
     """Ranges in the laser frame, beam 0 first in time; beam i points at angle_min + i * angle_increment.
 
     `ranges_m` has shape (n,). NaN: invalid; +inf: nothing seen up to `range_max_m` (REP-117). A negative
-    `angle_increment_rad` is a sensor that turns clockwise. `time_s` is when beam 0 was measured, on the host's clock.
+    `angle_increment_rad` is a sensor that turns clockwise. `time_s` is when beam 0 was measured, on the
+    host's clock.
     """
 
     time_s: float
@@ -25,4 +26,5 @@ class Scan:
 
     def angles_rad(self) -> FloatArray:
         """Direction of each beam in the laser frame, shape (n,)."""
-        return self.angle_min_rad + self.angle_increment_rad * np.arange(self.ranges_m.size)
+        steps = np.arange(self.ranges_m.size, dtype=np.float64)
+        return np.asarray(self.angle_min_rad + self.angle_increment_rad * steps, dtype=np.float64)

@@ -1,6 +1,8 @@
 """The motor board: typed requests with retries, and the telemetry stream, over one serial port."""
 
 from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import serial
@@ -118,7 +120,7 @@ class Board:
         try:
             self.set_wheel_speeds(WheelSpeeds())
             self.command(Command.DISARM)
-        except (ThumperError, serial.SerialException, OSError):
+        except ThumperError:
             pass
         finally:
             self._port.close()
@@ -127,7 +129,8 @@ class Board:
         deadline_s = self._clock() + BOOT_TIMEOUT_S
         heard_bytes = 0
         while self._clock() < deadline_s:
-            self._port.write(DELIMITER)  # ends whatever noise the line's opening made
+            with self._explained():
+                self._port.write(DELIMITER)  # ends whatever noise the line's opening made
             reply, received = self._request(Identify(), Identity)
             heard_bytes += received
             if self._schema_hash not in (None, SCHEMA_HASH):
@@ -171,17 +174,30 @@ class Board:
 
     def _send(self, message: Message) -> int:
         self._sequence = (self._sequence + 1) % 256
-        self._port.write(encode_frame(message.ID, self._sequence, message.pack()))
+        with self._explained():
+            self._port.write(encode_frame(message.ID, self._sequence, message.pack()))
         return self._sequence
 
     def _receive(self, timeout_s: float) -> int:
         """Read what is there, or wait for the first byte; sort what it completes. Returns the bytes read."""
-        self._port.timeout = max(timeout_s, 0.0)
-        data = self._port.read(max(1, self._port.in_waiting))
+        with self._explained():
+            self._port.timeout = max(timeout_s, 0.0)
+            data = self._port.read(max(1, self._port.in_waiting))
         received_s = self._clock()
         for frame in self._decoder.feed(data):
             self._sort(frame, received_s)
         return len(data)
+
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        """Tell a failing port in words."""
+        try:
+            yield
+        except (serial.SerialException, OSError) as error:
+            raise ThumperError(
+                f"the board's port {self._name} fails ({error}); is the cable loose?",
+                exit_code=EXIT_NO_HARDWARE,
+            ) from error
 
     def _sort(self, frame: Frame, received_s: float) -> None:
         if frame.message_id == Identity.ID:  # its first field is the hash in every version

@@ -21,7 +21,7 @@ def open_port(url: str, *, baud: int, name: str) -> serial.Serial:
         The port is missing, not permitted or busy; the message names the cure.
     """
     _register_plugins()
-    options: dict[str, Any] = {"baudrate": baud, "timeout": 0.02, "write_timeout": 0.5}
+    options: dict[str, Any] = {"baudrate": baud, "timeout": 0.02, "write_timeout": 0.1}
     if "://" not in url:
         options["exclusive"] = True  # two programs on one motor board would be dangerous
     try:
@@ -52,6 +52,8 @@ def _cause_and_cure(error: Exception) -> str:
         return "not permitted; add yourself to its group: sudo usermod -aG dialout $USER, then log in again"
     if "exclusively lock" in text or "busy" in text:
         return "another program has it open; close that program first"
+    if "Inappropriate ioctl" in text or "not a tty" in text:
+        return "it is no serial port; `thumper doctor` lists the ports that exist"
     if "unknown protocol" in text or "invalid URL" in text:
         return "no such kind of port; give a device such as /dev/ttyUSB0 or a URL such as sim://robot/board"
     return " ".join(text.split())
