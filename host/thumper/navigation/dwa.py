@@ -12,6 +12,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt
 
+from thumper.errors import ThumperError
 from thumper.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.navigation.controller import ControlRequest, ControlResult
 from thumper.navigation.costmap import Costmap
@@ -44,7 +45,7 @@ class DwaOptions:
     w_samples: Annotated[int, Ge(3)] = 21
     # Time thought ahead, latency included [s]; must exceed the time to stop from full speed.
     horizon_s: Annotated[float, Gt(0)] = 1.7
-    # Step of the simulation [s]; speed times step must stay below a cell.
+    # Longest step of the simulation [s]; shortened so that no step is longer than a cell.
     step_s: Annotated[float, Gt(0)] = 0.1
     # Part of the path that counts: from the robot to this far ahead [m]; its end is the local goal.
     lookahead_m: Annotated[float, Gt(0)] = 0.9
@@ -75,6 +76,14 @@ class DwaController:
     """`Controller` by dynamic window."""
 
     def __init__(self, options: DwaOptions, limits: SpeedLimits, footprint: Footprint) -> None:
+        stop_s = limits.latency_s + 0.5 * max(
+            limits.v_max_m_s / limits.v_accel_m_s2, limits.w_max_rad_s / limits.w_accel_rad_s2
+        )
+        if options.horizon_s < stop_s + 4.0 * options.step_s:
+            raise ThumperError(
+                f"[navigation.dwa] horizon_s = {options.horizon_s} is too short to stop from full speed: "
+                f"use at least {stop_s + 4.0 * options.step_s:.2f}"
+            )
         self._options = options
         self._limits = limits
         self._footprint = footprint
@@ -139,8 +148,10 @@ class DwaController:
             (request.map_from_base.x_m, request.map_from_base.y_m, request.map_from_base.theta_rad)
         )
         twist = np.array((request.twist.v_m_s, request.twist.w_rad_s))
-        motion = np.array((limits.v_accel_m_s2, limits.w_accel_rad_s2, limits.latency_s, options.step_s))
-        steps = round(options.horizon_s / options.step_s)
+        # The outline check sees every obstacle only while a step is no longer than a cell.
+        step_s = min(options.step_s, costmap.resolution_m / limits.v_max_m_s)
+        motion = np.array((limits.v_accel_m_s2, limits.w_accel_rad_s2, limits.latency_s, step_s))
+        steps = round(options.horizon_s / step_s)
         status, terms = measure(
             commands,
             pose,

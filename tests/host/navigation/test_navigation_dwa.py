@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from thumper.errors import ThumperError
 from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.mapping.grid import OccupancyGrid
 from thumper.navigation.controller import ControlRequest
@@ -127,3 +128,8 @@ def test_no_window_command_exceeds_the_limits() -> None:
     assert window[:, 0].max() <= LIMITS.v_max_m_s
     assert np.abs(window[:, 1]).max() <= LIMITS.w_max_rad_s
     assert np.abs(window[:, 0] - 0.39).max() <= 0.04 + 1e-12
+
+
+def test_a_horizon_too_short_to_stop_in_is_refused() -> None:
+    with pytest.raises(ThumperError, match=r"horizon_s = 0\.8 is too short .* use at least 1\.10"):
+        DwaController(DwaOptions(horizon_s=0.8), LIMITS, Footprint())
