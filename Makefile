@@ -18,7 +18,7 @@ demo: firmware chip
 	@$(BIN)/thumper demo
 
 test: firmware chip $(VENV)/.dev
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest -n auto
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check

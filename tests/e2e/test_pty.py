@@ -67,7 +67,7 @@ def test_interrupt_stops_the_motors_first(ports: tuple[Path, Path], tmp_path: Pa
     assert process.returncode == 130
     assert "Traceback" not in stderr
     assert "interrupted" in stderr
-    robot = Board.open(str(board), baud=500_000)
+    robot = Board.open(str(ports[0]), baud=500_000)
     try:
         telemetry = robot.poll(1.0)[-1].telemetry
     finally:
