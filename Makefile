@@ -57,11 +57,11 @@ $(BIN)/python: | $(VENV)/.packages
 
 $(VENV)/.run: pyproject.toml | $(BIN)/python
 	@echo "installing Python packages into $(VENV)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable .
 	@touch $@
 
 $(VENV)/.dev: pyproject.toml | $(BIN)/python
 	@scripts/install-packages $(TEST_PACKAGES)
 	@echo "installing Python packages for the tests into $(VENV)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[dev]'
 	@touch $(VENV)/.run $@

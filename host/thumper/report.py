@@ -100,7 +100,7 @@ def write_run(folder: Path, grid: OccupancyGrid, log: MissionLog, result: Missio
     axes = picture.subplots()
     draw_map(axes, grid)
     draw_drive(axes, log)
-    axes.legend(loc="upper right", fontsize=8)
+    picture.legend(loc="outside lower center", ncols=2, fontsize=9)
     picture.savefig(folder / "map.png", dpi=130)
     speeds = log.speeds
     picture = Figure(figsize=(9, 6), layout="constrained")

@@ -138,5 +138,5 @@ def _picture_of_missions(path: Path, outcomes: Sequence[Outcome]) -> None:
         axes.plot(mission.goal_x_m, mission.goal_y_m, "*", color=ORANGE, markersize=14, label="goal")
         error_cm = 100 * outcome.goal_error_m
         axes.set_title(f"{mission.title}: {error_cm:.1f} cm from the goal, {outcome.collisions} collisions")
-        axes.legend(loc="lower left", fontsize=8)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=9)
     figure.savefig(path, dpi=110)
