@@ -22,7 +22,6 @@ sys.path.insert(0, str(ROOT))
 from tests.host.navigation.closed_loop import Conditions, drive  # noqa: E402
 from tests.host.navigation.maps import read_pgm, read_trinary  # noqa: E402
 from tests.host.navigation.world import World, box  # noqa: E402
-
 from thumper.geometry import FloatArray, Pose2, Twist2  # noqa: E402
 from thumper.mapping.grid import OccupancyGrid  # noqa: E402
 from thumper.navigation.astar import AStarOptions, AStarPlanner  # noqa: E402

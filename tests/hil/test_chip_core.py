@@ -1,12 +1,12 @@
-"""What simavr 1.6 gets wrong about the core and its converter, mended; and firmware that dies is reported."""
+"""Core and converter behave as the chip's where simavr 1.6 alone does not; and firmware that dies is reported."""
 
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+
 from tests.hil.conftest import BuildAvr
 from tests.hil.rig import run_for
-
 from thumper_hil.chip.chip import CPU_HZ, Chip, ChipError
 from thumper_hil.parts.params import RobotParams
 
@@ -31,7 +31,7 @@ def test_the_converter_samples_when_it_starts(build_avr: BuildAvr, even_params: 
 
 
 def test_a_waiting_interrupt_ends_a_sleep_at_once(build_avr: BuildAvr) -> None:
-    """simavr alone sleeps on to the next event and then dies asleep inside the handler."""
+    """`sei; sleep` with an interrupt pending must not sleep on to the next event."""
     chip = Chip(build_avr("doze"))
     run_for(chip, 0.5)
     rounds = chip.receive(1000)

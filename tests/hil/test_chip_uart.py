@@ -1,9 +1,9 @@
 """The simulated serial line keeps a real one's time: ten bits a byte, and a receiver can overrun."""
 
 import numpy as np
+
 from tests.hil.conftest import BuildAvr
 from tests.hil.rig import run_for
-
 from thumper_hil.chip.chip import Chip
 
 BYTE_CYCLES = 320  # ten bits at 500 000 baud
@@ -48,6 +48,16 @@ def test_a_receiver_that_is_not_served_overruns(build_avr: BuildAvr) -> None:
     assert count == 4  # the one it took, and three
     assert overrun != 0
     assert chip.overruns == 6
+
+
+def test_a_receiver_catches_up_after_a_pause(build_avr: BuildAvr) -> None:
+    """Interrupts off for 2.2 byte times, again and again, at full line rate: what waited is fetched at once."""
+    chip = Chip(build_avr("pause"))
+    run_for(chip, 0.001)
+    chip.send(bytes(1000))
+    run_for(chip, 0.03)
+    assert chip.overruns == 0
+    assert int.from_bytes(chip.receive(2), "little") == 1000
 
 
 def test_the_wrong_baud_rate_gives_garbage_both_ways(build_avr: BuildAvr) -> None:

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from tests.host.mapping.rooms import room_scan
 
+from tests.host.mapping.rooms import room_scan
 from thumper.geometry import Pose2, Twist2, wrap_angle
 from thumper.lidar.scan import Scan
 from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.host.mapping.rooms import room_scan
 
+from tests.host.mapping.rooms import room_scan
 from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.mapping.cells import Cells
 from thumper.mapping.correlative import correlative_search

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from tests.host.navigation.world import World
 
+from tests.host.navigation.world import World
 from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.kernel import kernel
 from thumper.mapping.grid import OccupancyGrid

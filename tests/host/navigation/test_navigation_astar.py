@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
-from tests.host.navigation.maps import read_octile
 
+from tests.host.navigation.maps import read_octile
 from thumper.geometry import FloatArray, Pose2
 from thumper.mapping.grid import OccupancyGrid
 from thumper.navigation.astar import AStarOptions, AStarPlanner, is_blocked

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from tests.host.navigation.closed_loop import Conditions, drive
 from tests.host.navigation.world import World
-
 from thumper.geometry import Pose2
 from thumper.navigation.goal import Goal
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt
-from tests.host.navigation.maps import read_pgm
 
+from tests.host.navigation.maps import read_pgm
 from thumper.mapping.grid import OccupancyGrid
 from thumper.navigation.costmap import Costmap, CostmapOptions, build_costmap
 from thumper.navigation.footprint import Footprint

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.host.navigation.maps import read_pgm
 
+from tests.host.navigation.maps import read_pgm
 from thumper.geometry import FloatArray, Pose2
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.footprint_check import lethal_count, safe_squared_cells

@@ -4,9 +4,9 @@ import math
 from collections.abc import Callable
 
 import pytest
+
 from tests.host.navigation.closed_loop import Conditions, Run, drive
 from tests.host.navigation.world import World, box
-
 from thumper.geometry import Pose2
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationState
