@@ -162,7 +162,7 @@ def test_every_encoder_edge_is_counted(
         rig.run_for(0.15)
     rig.set(255, 255, brake=True)
     rig.run_for(1.0)
-    counts = rig.set(0, 0)
+    counts = rig.set(255, 255, brake=True)  # at rest, and kept so
     truth = rig.chip.truth()
     assert counts.lost == 0
     assert [counts.left, counts.right] == [count % 2**16 for count in truth.encoder_count]

@@ -13,6 +13,8 @@ void StopAtInvalidOpcode(avr_t* avr, const int, const char* format, va_list) {
   if (avr != nullptr && std::strstr(format, "Invalid Opcode") != nullptr) avr->state = cpu_Crashed;
 }
 
+void TakeNoRealTime(avr_t*, avr_cycle_count_t) {}
+
 avr_cycle_count_t StopHere(avr_t*, avr_cycle_count_t, void*) { return 0; }
 
 }  // namespace
@@ -25,8 +27,7 @@ Chip::Chip(const std::string& elf_path, const PlantParams* plant_params, uint64_
   LoadFirmware(elf_path);
   avr_->frequency = kCpuHz;
   avr_->vcc = avr_->avcc = avr_->aref = 5000;
-  avr_->sleep = OnSleep;
-  avr_->custom.data = this;
+  avr_->sleep = TakeNoRealTime;
 
   uart_.emplace(avr_);
   if (plant_params != nullptr) {
@@ -84,25 +85,6 @@ void Chip::OnReset(avr_io_t* io) {
 }
 
 void Chip::Reset() { avr_reset(avr_); }
-
-/// simavr calls this before it jumps `how_long` ahead to the next timer.
-///
-/// An interrupt that is already pending must wake the chip at once (`sei; sleep` after a race): simavr sleeps
-/// on, and then enters the handler while still asleep. Nothing here may take real time.
-void Chip::OnSleep(avr_t* avr, avr_cycle_count_t how_long) {
-  const Chip* chip = static_cast<const Chip*>(avr->custom.data);
-  if (!chip->AnyInterruptPending()) return;
-  avr->cycle -= how_long;
-  if (avr->interrupt_state > 0) avr->state = cpu_Running;
-}
-
-bool Chip::AnyInterruptPending() const {
-  const avr_int_table_t& table = avr_->interrupts;
-  if (table.pending.read == table.pending.write) return false;
-  return std::any_of(table.vector, table.vector + table.vector_count, [this](const avr_int_vector_t* vector) {
-    return vector->pending && avr_regbit_get(avr_, vector->enable) != 0;
-  });
-}
 
 /// The chip needs four cycles from the interrupt to its vector (data sheet 7.7.1); simavr none.
 void Chip::OnInterrupt(avr_irq_t*, uint32_t running, void* self) {

@@ -48,13 +48,11 @@ class Chip {
   };
 
   static void OnReset(avr_io_t* io);
-  static void OnSleep(avr_t* avr, avr_cycle_count_t how_long);
   static void OnInterrupt(avr_irq_t* irq, uint32_t running, void* self);
   static void OnReceiveInterrupt(avr_irq_t* irq, uint32_t running, void* self);
   RunStatus RunTo(uint64_t until_cycle);
   void LoadFirmware(const std::string& elf_path);
   void Rearm();
-  bool AnyInterruptPending() const;
 
   avr_t* avr_ = nullptr;
   ResetHook reset_hook_{};
