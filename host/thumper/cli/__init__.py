@@ -35,7 +35,11 @@ def _build() -> typer.Typer:
         pass
 
     for plugin in sorted(entry_points(group="thumper.commands"), key=lambda point: point.name):
-        app.command(plugin.name)(plugin.load())  # demo, sim: from the simulator, where it is installed
+        part = plugin.load()  # a command, or a group of commands
+        if isinstance(part, typer.Typer):
+            app.add_typer(part, name=plugin.name)
+        else:
+            app.command(plugin.name)(part)
     for command in (run, map_log, doctor):
         app.command(command.__name__.replace("_", "-"))(command)
     return app
