@@ -9,9 +9,9 @@
 #include "board/clock.hpp"
 #include "board/encoders.hpp"
 #include "board/motors.hpp"
+#include "board/pins.hpp"
 #include "board/reset.hpp"
 #include "board/tick.hpp"
-#include "board/trex.hpp"
 #include "board/uart.hpp"
 #include "core/beep.hpp"
 #include "core/drive.hpp"
@@ -42,8 +42,8 @@ fw::Side left_side, right_side;
 
 }  // namespace
 
-ISR(PCINT2_vect) { left_encoder.Step(trex::LeftAb()); }
-ISR(PCINT0_vect) { right_encoder.Step(trex::RightAb()); }
+ISR(PCINT2_vect) { left_encoder.Step(pins::LeftAb()); }
+ISR(PCINT0_vect) { right_encoder.Step(pins::RightAb()); }
 ISR(USART_RX_vect) { uart.OnReceive(); }
 ISR(USART_UDRE_vect) { uart.OnReady(); }
 ISR(TIMER0_COMPB_vect) { beeper.End(); }
@@ -152,15 +152,16 @@ void Idle() {
 int main() {
   motors::Start();
   encoders::Start();
-  left_encoder.Reset(trex::LeftAb());
-  right_encoder.Reset(trex::RightAb());
+  left_encoder.Reset(pins::LeftAb());
+  right_encoder.Reset(pins::RightAb());
   adc.Start();
   uart.Start();
   clock::Start();
   tick::Start();
   set_sleep_mode(SLEEP_MODE_IDLE);
 
-  static fw::HostInterface host(ReadResetCause());  // static, so that its size shows in the budget
+  // Static, so that its size shows in the budget.
+  static fw::HostInterface host(pins::kBoard, ReadResetCause());
   static fw::BeepPattern beeps;
   Adc::Sums sums = {0, 0, 0};
   uint8_t telemetry_seq = 0;

@@ -1,7 +1,7 @@
 #pragma once
 #include <avr/io.h>
 
-#include "board/trex.hpp"
+#include "board/pins.hpp"
 #include "core/units.hpp"
 
 /// Battery and motor currents, one conversion a millisecond in turn. A PWM period is 8.2 ms, so a single
@@ -46,9 +46,9 @@ class Adc {
   static_assert(fw::kAdcSamples * 1023UL <= 0xFFFF, "a sum must fit 16 bits");
 
   void Convert() {
-    const uint8_t channel = channel_ == 0   ? trex::kBatteryChannel
-                            : channel_ == 1 ? trex::kLeftCurrentChannel
-                                            : trex::kRightCurrentChannel;
+    const uint8_t channel = channel_ == 0   ? pins::kBatteryChannel
+                            : channel_ == 1 ? pins::kLeftCurrentChannel
+                                            : pins::kRightCurrentChannel;
     ADMUX = 1 << REFS0 | channel;  // reference: AVCC
     ADCSRA |= 1 << ADSC;
   }

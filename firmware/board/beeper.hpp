@@ -3,7 +3,7 @@
 
 #include "board/clock.hpp"
 #include "board/motors.hpp"
-#include "board/trex.hpp"
+#include "board/pins.hpp"
 
 /// The motors as a loudspeaker: short pulses, forward and backward in turn, from Timer 0 (see clock.hpp).
 /// While it sounds the PWM pins are plain outputs, so Timer 2 cannot drive.
@@ -24,18 +24,18 @@ class Beeper {
 
   /// Compare A: begin a pulse in the other direction. True once a millisecond.
   bool Begin() {
-    PIND = trex::kLeftDirection;  // writing 1 toggles
-    PINB = trex::kRightDirection;
-    PORTD |= trex::kLeftPwm;
-    PORTB |= trex::kRightPwm;
+    PIND = motors::kLeftWay;  // writing 1 toggles
+    PINB = motors::kRightWay;
+    PORTD |= pins::kLeftPwm;
+    PORTB |= pins::kRightPwm;
     phase_ = static_cast<uint8_t>(phase_ + 1) % clock::kTonesPerMillisecond;
     return phase_ == 0;
   }
 
   /// Compare B: end the pulse.
   void End() {
-    PORTD &= static_cast<uint8_t>(~trex::kLeftPwm);
-    PORTB &= static_cast<uint8_t>(~trex::kRightPwm);
+    PORTD &= static_cast<uint8_t>(~pins::kLeftPwm);
+    PORTB &= static_cast<uint8_t>(~pins::kRightPwm);
   }
 
  private:

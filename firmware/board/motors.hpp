@@ -1,17 +1,20 @@
 #pragma once
 #include <avr/io.h>
 
-#include "board/trex.hpp"
+#include "board/pins.hpp"
 
 /// Both H-bridges on Timer 2, phase-correct at 122.5 Hz, the board's own choice: "good torque, low noise".
 namespace motors {
 
 constexpr uint8_t kPhaseCorrect = 1 << WGM20;
 constexpr uint8_t kOutputs = 1 << COM2A1 | 1 << COM2B1;
+/// The pins that differ between forward and reverse: toggling them turns the motor round.
+constexpr uint8_t kLeftWay = pins::kLeftForward ^ pins::kLeftReverse;
+constexpr uint8_t kRightWay = pins::kRightForward ^ pins::kRightReverse;
 
 inline void Start() {
-  DDRD |= trex::kLeftDirection | trex::kLeftPwm | trex::kLeftBrake;
-  DDRB |= trex::kRightDirection | trex::kRightPwm | trex::kRightBrake;
+  DDRD |= pins::kLeftOutputs;
+  DDRB |= pins::kRightOutputs;
   TCCR2A = kPhaseCorrect | kOutputs;
   TCCR2B = 1 << CS22 | 1 << CS21;  // 16 MHz / 256 / 510
 }
@@ -22,17 +25,23 @@ inline void Off() {
   OCR2B = 0;
 }
 
+/// One way off, then the other on: never both at once. Constants, so each is a single instruction.
+inline void Turn(volatile uint8_t& port, uint8_t off, uint8_t on) {
+  if (off != 0) port &= static_cast<uint8_t>(~off);
+  if (on != 0) port |= on;
+}
+
 /// PWM in [-255, 255], positive forward. Interrupts must be off: the ports hold other pins too.
 inline void Set(int16_t left, int16_t right) {
   if (left < 0) {
-    PORTD &= static_cast<uint8_t>(~trex::kLeftDirection);
+    Turn(PORTD, pins::kLeftForward, pins::kLeftReverse);
   } else {
-    PORTD |= trex::kLeftDirection;
+    Turn(PORTD, pins::kLeftReverse, pins::kLeftForward);
   }
   if (right < 0) {
-    PORTB &= static_cast<uint8_t>(~trex::kRightDirection);
+    Turn(PORTB, pins::kRightForward, pins::kRightReverse);
   } else {
-    PORTB |= trex::kRightDirection;
+    Turn(PORTB, pins::kRightReverse, pins::kRightForward);
   }
   OCR2B = static_cast<uint8_t>(left < 0 ? -left : left);
   OCR2A = static_cast<uint8_t>(right < 0 ? -right : right);

@@ -1,15 +1,21 @@
 #pragma once
 #include <avr/io.h>
 
+#include "core/messages.hpp"
+
 /// Pin map of the DAGU T'REX DG010. Its INT0 and INT1 pins drive motors, so encoders use pin changes.
 /// Wiring: the direction pin high turns a side forward, and A leads B while it rolls forward; on a robot
 /// whose mirrored side runs backwards, swap that side's two motor wires, or its two encoder wires.
-namespace trex {
+namespace pins {
 
-// Left motor: direction D2, PWM D3 (OC2B), brake D4.
-constexpr uint8_t kLeftDirection = 1 << PD2, kLeftPwm = 1 << PD3, kLeftBrake = 1 << PD4;
-// Right motor: brake D9, direction D10, PWM D11 (OC2A).
-constexpr uint8_t kRightBrake = 1 << PB1, kRightDirection = 1 << PB2, kRightPwm = 1 << PB3;
+constexpr fw::Board kBoard = fw::Board::kTrex;
+
+// Left motor, port D: PWM D3 (OC2B), direction D2, brake D4, which stays low.
+constexpr uint8_t kLeftPwm = 1 << PD3, kLeftOutputs = 1 << PD2 | 1 << PD3 | 1 << PD4;
+constexpr uint8_t kLeftForward = 1 << PD2, kLeftReverse = 0;
+// Right motor, port B: PWM D11 (OC2A), direction D10, brake D9, which stays low.
+constexpr uint8_t kRightPwm = 1 << PB3, kRightOutputs = 1 << PB1 | 1 << PB2 | 1 << PB3;
+constexpr uint8_t kRightForward = 1 << PB2, kRightReverse = 0;
 
 // Encoders on adjacent bits, one port and one vector a wheel. Left A/B: D5/D6, PCINT21/22; right A/B:
 // D12/D13, PCINT4/5.
@@ -20,4 +26,4 @@ inline uint8_t RightAb() { return (PINB >> PB4) & 0x3u; }
 // ADC channels: battery A3, currents A6 and A7. Some boards have the two currents swapped.
 constexpr uint8_t kBatteryChannel = 3, kLeftCurrentChannel = 6, kRightCurrentChannel = 7;
 
-}  // namespace trex
+}  // namespace pins

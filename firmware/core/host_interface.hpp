@@ -16,7 +16,7 @@ namespace fw {
 /// the motors may do.
 class HostInterface {
  public:
-  explicit HostInterface(ResetCause reset_cause) : reset_cause_(reset_cause) {}
+  HostInterface(Board board, ResetCause reset_cause) : board_(board), reset_cause_(reset_cause) {}
 
   /// Take one received byte; answers go to `sink.Put(uint8_t)`. True when a good frame was handled.
   template <typename Sink>
@@ -102,7 +102,7 @@ class HostInterface {
   }
 
   Identity MakeIdentity() const {
-    return {kSchemaHash,     kVersionMajor, kVersionMinor, kVersionPatch,   Board::kTrex,
+    return {kSchemaHash,     kVersionMajor, kVersionMinor, kVersionPatch,   board_,
             kControlRate_Hz, reset_cause_,  kCountsPerRev, kWheelRadius_mm, kTrack_mm};
   }
 
@@ -130,6 +130,7 @@ class HostInterface {
   DriveCommand command_ = {State::kDisarmed, 0, 0};
   uint16_t silence_ms_ = 0;
   uint16_t refused_ = 0;
+  Board board_;
   ResetCause reset_cause_;
 };
 

@@ -6,7 +6,7 @@
 
 namespace fw {
 
-constexpr uint32_t kSchemaHash = 0xDA7A8195UL;
+constexpr uint32_t kSchemaHash = 0x4EB3CE2CUL;
 constexpr size_t kMaxHostPayload = 5;  ///< [bytes] largest payload the host sends
 constexpr size_t kMaxPayload = 40;     ///< [bytes] largest payload of all
 
@@ -47,6 +47,7 @@ enum class AckStatus : uint8_t {
 /// The board the firmware was built for.
 enum class Board : uint8_t {
   kTrex = 1,  ///< DAGU T'REX DG010 (ATmega328P, 16 MHz).
+  kNano = 2,  ///< Arduino Nano or Uno with a TB6612 or L298N driver.
 };
 
 /// Why the board last started.

@@ -11,7 +11,7 @@ from struct import Struct
 from types import MappingProxyType
 from typing import ClassVar, Protocol, Self
 
-SCHEMA_HASH: int = 0xDA7A8195
+SCHEMA_HASH: int = 0x4EB3CE2C
 
 
 class Command(IntEnum):
@@ -56,6 +56,7 @@ class Board(IntEnum):
     """The board the firmware was built for."""
 
     TREX = 1  # DAGU T'REX DG010 (ATmega328P, 16 MHz).
+    NANO = 2  # Arduino Nano or Uno with a TB6612 or L298N driver.
 
 
 class ResetCause(IntEnum):

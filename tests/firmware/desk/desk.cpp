@@ -137,7 +137,7 @@ int battery_update(int battery, int reading) {
 int battery_filtered(int battery) { return Pool<fw::Battery>()[battery].filtered_mV(); }
 int battery_low(int battery) { return Pool<fw::Battery>()[battery].low(); }
 
-int host_new() { return New<fw::HostInterface>(fw::ResetCause::kPowerOn); }
+int host_new() { return New<fw::HostInterface>(fw::Board::kTrex, fw::ResetCause::kPowerOn); }
 /// Feed bytes; the answers' bytes go to out (room for 30 a byte fed). Returns their size.
 int host_receive(int host, const uint8_t* data, int size, uint8_t* out) {
   Bytes sink;
