@@ -76,6 +76,14 @@ def test_a_board_and_a_lidar_as_real_ports(served: Served) -> None:
     assert not served.lidar.is_symlink()
 
 
+def test_the_wrong_rate_gives_garbage(served: Served) -> None:
+    with serial.Serial(str(served.board), 115_200, timeout=0.5) as port:
+        decoder = FrameDecoder()
+        assert decoder.feed(port.read(300)) == []
+        port.baudrate = 500_000
+        assert Telemetry.ID in messages(port, {Telemetry.ID})
+
+
 def test_the_terminals_are_raw_before_anybody_opens_them(served: Served) -> None:
     """A program that sets nothing must get every byte as it is, and no echo."""
     for path in (served.board, served.lidar):

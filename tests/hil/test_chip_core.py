@@ -1,4 +1,4 @@
-"""Core and converter behave as the chip's where simavr 1.6 alone does not; and firmware that dies is reported."""
+"""Core and converter behave as the chip's where simavr alone does not; dead firmware is reported."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -37,6 +37,7 @@ def test_a_waiting_interrupt_ends_a_sleep_at_once(build_avr: BuildAvr) -> None:
     rounds = chip.receive(1000)
     expected = 0.5 / 1.2e-3  # each round is its delay and no more
     assert 0.95 * expected <= len(rounds) <= expected
+    assert chip.awake_share > 0.99
 
 
 def test_a_watchdog_reset_leaves_the_robot_in_place(build_avr: BuildAvr, even_params: RobotParams) -> None:

@@ -51,7 +51,7 @@ def test_a_receiver_that_is_not_served_overruns(build_avr: BuildAvr) -> None:
 
 
 def test_a_receiver_catches_up_after_a_pause(build_avr: BuildAvr) -> None:
-    """Interrupts off for 2.2 byte times, again and again, at full line rate: what waited is fetched at once."""
+    """Interrupts off for 2.2 byte times, again and again, at line rate: what waited is fetched at once."""
     chip = Chip(build_avr("pause"))
     run_for(chip, 0.001)
     chip.send(bytes(1000))

@@ -123,9 +123,10 @@ class Bench:
 
     def _tick(self) -> None:
         self._ticks += 1
-        self._contact.check(self.chip.truth().map_from_base, TICK_S)
-        self._remember()
-        self._truth.append((*self._poses[-1], *self.chip.truth().wheel_rad_s))
+        truth = self.chip.truth()
+        pose = self._contact.check(truth.map_from_base, TICK_S)
+        self._poses.append((truth.time_s, pose.x_m, pose.y_m, pose.theta_rad))
+        self._truth.append((*self._poses[-1], *truth.wheel_rad_s))
         self._lidar.advance(self.time_s)
 
     def _look(self) -> None:

@@ -1,7 +1,5 @@
 """What happens when the hull meets the world: the body is held, the wheels are not."""
 
-import math
-
 import numpy as np
 
 from thumper.geometry import Pose2, wrap_angle
@@ -10,6 +8,8 @@ from thumper_hil.parts.world import World
 
 HULL_M = np.array([[0.21, 0.1225], [-0.21, 0.1225], [-0.21, -0.1225], [0.21, -0.1225]])
 """Outline of the robot round `base_link`, shape (4, 2): 420 x 245 mm."""
+
+HULL_RADIUS_M = float(np.hypot(HULL_M[:, 0], HULL_M[:, 1]).max())
 
 CLEAR_M, CLEAR_RAD = 0.01, 0.05
 """The robot must back off this far before another touch is a new contact."""
@@ -23,13 +23,15 @@ class ContactWatch:
         self._chip = chip
         self._world = world
         self._free = chip.truth().map_from_base
+        self._measured_at = self._free
+        self._clearance_m = world.clearance_m(self._free, HULL_M)
         self._touched_at: Pose2 | None = None
 
     def check(self, pose: Pose2, elapsed_s: float) -> Pose2:
         """Return where the body really is at the end of an interval that free motion ends at `pose`."""
         if pose == self._free:
             return pose
-        if self._world.touches(pose, HULL_M):
+        if self._touches(pose):
             moved = self._free.inverse() @ pose
             self._chip.hold(moved.x_m / elapsed_s, moved.theta_rad / elapsed_s)
             self._chip.place(self._free)
@@ -43,9 +45,15 @@ class ContactWatch:
             self._chip.release()
         return pose
 
+    def _touches(self, pose: Pose2) -> bool:
+        """Whether the hull meets anything; measured anew only when it has moved as far as it had clearance."""
+        turned_rad = abs(wrap_angle(pose.theta_rad - self._measured_at.theta_rad))
+        if pose.distance_m(self._measured_at) + HULL_RADIUS_M * turned_rad >= self._clearance_m:
+            self._measured_at = pose
+            self._clearance_m = self._world.clearance_m(pose, HULL_M)
+        return self._clearance_m <= 0.0
+
 
 def _is_clear(pose: Pose2, touched_at: Pose2) -> bool:
     turned_rad = abs(wrap_angle(pose.theta_rad - touched_at.theta_rad))
-    return (
-        math.hypot(pose.x_m - touched_at.x_m, pose.y_m - touched_at.y_m) > CLEAR_M or turned_rad > CLEAR_RAD
-    )
+    return pose.distance_m(touched_at) > CLEAR_M or turned_rad > CLEAR_RAD

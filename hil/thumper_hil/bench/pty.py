@@ -21,6 +21,9 @@ STEP_S = 0.002
 BOOT_S = 0.05
 """The firmware has started when the ports appear."""
 
+BAUD_OF_SPEED = {
+    getattr(termios, name): int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdigit()
+}
 CHUNK_BYTES = 4096
 
 
@@ -79,6 +82,7 @@ def _carry(bench: Bench, lines: tuple[_Line, ...]) -> None:
         if now_s - bench.time_s > 1.0:  # the machine slept: do not race after it
             behind_s += now_s - bench.time_s
             continue
+        bench.chip.set_host_baud(_baud(lines[0].slave))
         bench.advance(now_s)
         for line in lines:
             if data := line.from_device():
@@ -116,6 +120,11 @@ def _terminal(path: Path) -> Iterator[tuple[int, int]]:
     finally:
         os.close(slave)
         os.close(master)
+
+
+def _baud(slave: int) -> int:
+    """The rate that the client has set: bytes pass at any on a pseudo-terminal, on a wire they do not."""
+    return BAUD_OF_SPEED.get(termios.tcgetattr(slave)[4], 0)
 
 
 def _read(master: int) -> bytes:

@@ -8,6 +8,7 @@ extern "C" {
 #include <simavr/avr_adc.h>
 #include <simavr/avr_extint.h>
 #include <simavr/avr_ioport.h>
+#include <simavr/avr_timer.h>
 #include <simavr/avr_uart.h>
 #include <simavr/sim_avr.h>
 #include <simavr/sim_elf.h>
@@ -31,12 +32,12 @@ constexpr uint16_t kTccr2A = 0xB0, kTccr2B = 0xB1, kOcr2A = 0xB3, kOcr2B = 0xB4;
 constexpr uint16_t kUcsr0A = 0xC0, kUbrr0L = 0xC4, kUbrr0H = 0xC5;
 }  // namespace reg
 
-/// The peripheral of this kind, or null. `name` tells ports apart ('B', 'C', 'D').
+/// The peripheral of this kind, or null. `name` tells ports ('B', 'C', 'D') and timers ('0', '1', '2') apart.
 template <typename Peripheral>
 Peripheral* FindPeripheral(avr_t* avr, const char* kind, char name = 0) {
   for (avr_io_t* io = avr->io_port; io != nullptr; io = io->next) {
     if (std::strcmp(io->kind, kind) != 0) continue;
-    // Every simavr peripheral starts with its avr_io_t; ports have their name right behind it.
+    // Every simavr peripheral starts with its avr_io_t; ports and timers have their name behind it.
     if (name != 0 && reinterpret_cast<avr_ioport_t*>(io)->name != name) continue;
     return reinterpret_cast<Peripheral*>(io);
   }

@@ -42,6 +42,12 @@ class BridgePins {
     }
   }
 
+  /// Whether Timer 2 has taken both PWM pins from their ports.
+  bool pwm_running() const {
+    constexpr uint8_t kBothOutputs = 0xA0;  // the higher bit of both channels' compare output mode
+    return (avr_->data[reg::kTccr2A] & kBothOutputs) == kBothOutputs;
+  }
+
   BridgeCommand left() const {
     return {Duty(kLeft, reg::kPortD, reg::kDdrD, 3, 4), Driven(reg::kPortD, reg::kDdrD, 2),
             Driven(reg::kPortD, reg::kDdrD, 4)};

@@ -44,6 +44,7 @@ int thumper_run(Chip* chip, uint64_t until_cycle, size_t bytes_wanted) {
 
 uint64_t thumper_cycle(const Chip* chip) { return chip->cycle(); }
 uint64_t thumper_resets(const Chip* chip) { return chip->resets(); }
+uint64_t thumper_slept_cycles(const Chip* chip) { return chip->slept_cycles(); }
 uint64_t thumper_overruns(Chip* chip) { return chip->uart().overruns(); }
 uint8_t thumper_data(const Chip* chip, uint16_t address) { return chip->data(address); }
 void thumper_reset(Chip* chip) { chip->Reset(); }

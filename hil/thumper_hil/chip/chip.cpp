@@ -13,7 +13,16 @@ void StopAtInvalidOpcode(avr_t* avr, const int, const char* format, va_list) {
   if (avr != nullptr && std::strstr(format, "Invalid Opcode") != nullptr) avr->state = cpu_Crashed;
 }
 
-void TakeNoRealTime(avr_t*, avr_cycle_count_t) {}
+/// simavr has no phase-correct PWM: it lets such a timer overflow on every tick, which costs most of the
+/// time. Let it overflow each 512 ticks instead (the chip: 510). The plant reads the duty from the registers.
+void MendPhaseCorrectPwm(avr_t* avr) {
+  constexpr int kPhaseCorrect = 1;
+  for (const char name : {'0', '2'}) {
+    avr_timer_wgm_t& mode = FindPeripheral<avr_timer_t>(avr, "timer", name)->wgm_op[kPhaseCorrect];
+    mode.kind = avr_timer_wgm_normal;
+    mode.size = 9;  // bits
+  }
+}
 
 avr_cycle_count_t StopHere(avr_t*, avr_cycle_count_t, void*) { return 0; }
 
@@ -27,8 +36,10 @@ Chip::Chip(const std::string& elf_path, const PlantParams* plant_params, uint64_
   LoadFirmware(elf_path);
   avr_->frequency = kCpuHz;
   avr_->vcc = avr_->avcc = avr_->aref = 5000;
-  avr_->sleep = TakeNoRealTime;
+  avr_->sleep = OnSleep;
+  avr_->custom.data = this;
 
+  MendPhaseCorrectPwm(avr_);
   uart_.emplace(avr_);
   if (plant_params != nullptr) {
     plant_.emplace(avr_, *plant_params, seed);
@@ -85,6 +96,11 @@ void Chip::OnReset(avr_io_t* io) {
 }
 
 void Chip::Reset() { avr_reset(avr_); }
+
+/// simavr calls this before it jumps ahead to the next timer; its own version waits in real time.
+void Chip::OnSleep(avr_t* avr, avr_cycle_count_t how_long) {
+  static_cast<Chip*>(avr->custom.data)->slept_cycles_ += how_long + 1;
+}
 
 /// The chip needs four cycles from the interrupt to its vector (data sheet 7.7.1); simavr none.
 void Chip::OnInterrupt(avr_irq_t*, uint32_t running, void* self) {

@@ -36,6 +36,7 @@ class Chip {
   void Reset();  ///< the reset pin
   uint64_t cycle() const { return avr_->cycle; }
   uint64_t resets() const { return resets_; }
+  uint64_t slept_cycles() const { return slept_cycles_; }
   uint32_t program_counter() const { return avr_->pc; }  ///< [bytes]
   uint8_t data(uint16_t address) const { return avr_->data[address]; }
   UartLine& uart() { return *uart_; }
@@ -48,6 +49,7 @@ class Chip {
   };
 
   static void OnReset(avr_io_t* io);
+  static void OnSleep(avr_t* avr, avr_cycle_count_t how_long);
   static void OnInterrupt(avr_irq_t* irq, uint32_t running, void* self);
   static void OnReceiveInterrupt(avr_irq_t* irq, uint32_t running, void* self);
   RunStatus RunTo(uint64_t until_cycle);
@@ -59,7 +61,7 @@ class Chip {
   std::optional<UartLine> uart_;
   std::optional<Plant> plant_;
   std::optional<AdcLatch> adc_;
-  uint64_t resets_ = 0;
+  uint64_t resets_ = 0, slept_cycles_ = 0;
 };
 
 }  // namespace thumper

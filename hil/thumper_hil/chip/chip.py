@@ -94,6 +94,11 @@ class Chip:
         return int(self._library.thumper_resets(self._handle))
 
     @property
+    def awake_share(self) -> float:
+        """The processor's load since power-on: the share of the cycles that it did not sleep, 0...1."""
+        return 1.0 - int(self._library.thumper_slept_cycles(self._handle)) / max(self.cycle, 1)
+
+    @property
     def overruns(self) -> int:
         """Bytes lost because the firmware did not fetch them in time."""
         return int(self._library.thumper_overruns(self._handle))

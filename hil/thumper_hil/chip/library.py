@@ -36,6 +36,7 @@ def load_library() -> ctypes.CDLL:
         "run": (ctypes.c_int, [chip, cycle, size]),
         "cycle": (cycle, [chip]),
         "resets": (cycle, [chip]),
+        "slept_cycles": (cycle, [chip]),
         "overruns": (cycle, [chip]),
         "data": (byte, [chip, ctypes.c_uint16]),
         "reset": (None, [chip]),

@@ -6,6 +6,8 @@
 namespace thumper {
 namespace {
 
+constexpr int kPwmBit = 3;  // of both ports
+
 double Seconds(uint64_t cycles) { return static_cast<double>(cycles) / kCpuHz; }
 
 }  // namespace
@@ -22,7 +24,7 @@ Plant::Plant(avr_t* avr, const PlantParams& params, uint64_t seed)
       planned_to_(avr->cycle),
       planned_from_(avr->cycle),
       before_(drive_train_) {
-  constexpr int kLeftPins[] = {2, 3, 4}, kRightPins[] = {1, 2, 3};  // of port D and of port B
+  constexpr int kLeftPins[] = {2, kPwmBit, 4}, kRightPins[] = {1, 2, kPwmBit};  // of port D and of port B
   for (const int bit : kLeftPins)
     avr_irq_register_notify(encoder_[0].port->io.irq + IOPORT_IRQ_PIN0 + bit, OnMotorPin, this);
   for (const int bit : kRightPins)
@@ -46,8 +48,9 @@ avr_cycle_count_t Plant::OnTick(avr_t*, avr_cycle_count_t when, void* self) {
   return plant->planned_to_;
 }
 
-void Plant::OnMotorPin(avr_irq_t*, uint32_t, void* self) {
+void Plant::OnMotorPin(avr_irq_t* irq, uint32_t, void* self) {
   Plant* plant = static_cast<Plant*>(self);
+  if (static_cast<int>(irq->irq) == kPwmBit && plant->bridges_.pwm_running()) return;  // the duty says it all
   const uint64_t now = plant->avr_->cycle;
   if (now >= plant->planned_to_) return;  // the tick is due: it sees to it
   // The inputs were not constant over the step after all: take it again up to now, and plan the rest anew.
