@@ -4,9 +4,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from thumper.config.robot import RobotConfig
+from thumper.errors import ThumperError
 from thumper.geometry import Pose2
+from thumper.kinematics import DriveGeometry
 from thumper.lidar.urg04lx import Urg04LxDriver
 from thumper.link.board import Board
+from thumper.link.messages import Identity
 from thumper.mapping.grid_mapper import GridMapper
 from thumper.navigation import warm
 from thumper.perception import Perception
@@ -25,6 +28,7 @@ def open_robot(config: RobotConfig, map_from_base: Pose2) -> Iterator[Runtime]:
     warm_up(config)  # compiling takes seconds, and must not happen while wheels turn
     board = Board.open(config.board.port, baud=config.board.baud)
     try:
+        _check_geometry(config.drive, board.identity)
         lidar = Urg04LxDriver.open(config.lidar.port, baud=config.lidar.baud, options=config.lidar.urg04lx)
         try:
             base_from_laser = config.lidar.base_from_laser
@@ -42,6 +46,17 @@ def open_robot(config: RobotConfig, map_from_base: Pose2) -> Iterator[Runtime]:
             lidar.close()
     finally:
         board.close()
+
+
+def _check_geometry(drive: DriveGeometry, identity: Identity) -> None:
+    """The board turns counts into speeds by its own geometry: another one here would drive at wrong speeds."""
+    wheel_radius_mm = round(1000.0 * drive.wheel_radius_m)
+    if (identity.counts_per_rev, identity.wheel_radius_mm) != (drive.counts_per_rev, wheel_radius_mm):
+        raise ThumperError(
+            f"the firmware was built for {identity.counts_per_rev} counts a turn and wheels of "
+            f"{identity.wheel_radius_mm} mm, the configuration says {drive.counts_per_rev} and "
+            f"{wheel_radius_mm} mm: correct [drive], or build and flash the firmware for this robot"
+        )
 
 
 def warm_up(config: RobotConfig) -> None:

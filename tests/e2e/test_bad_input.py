@@ -49,6 +49,13 @@ def test_unknown_key_in_the_configuration(thumper: Run, tmp_path: Path) -> None:
     refused(thumper("run", *SIM, "--goal", "1", "0", "--config", config), str(config), "navigation.speeed")
 
 
+def test_configuration_for_another_robot_than_the_firmware(thumper: Run, tmp_path: Path) -> None:
+    config = tmp_path / "robot.toml"
+    config.write_text("[drive]\ncounts_per_rev = 1000\n")
+    done = thumper("run", *SIM, "--goal", "1", "0", "--config", config, "--out", tmp_path)
+    refused(done, "1200 counts", "1000")
+
+
 def test_output_folder_that_cannot_be_written(thumper: Run, tmp_path: Path) -> None:
     blocker = tmp_path / "file"
     blocker.touch()
