@@ -46,7 +46,7 @@ class ContactWatch:
         return pose
 
     def _touches(self, pose: Pose2) -> bool:
-        """Whether the hull meets anything; measured anew only when it has moved as far as it had clearance."""
+        """Whether the hull meets anything; measured anew only when it may have used up its clearance."""
         turned_rad = abs(wrap_angle(pose.theta_rad - self._measured_at.theta_rad))
         if pose.distance_m(self._measured_at) + HULL_RADIUS_M * turned_rad >= self._clearance_m:
             self._measured_at = pose
