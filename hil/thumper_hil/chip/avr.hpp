@@ -6,6 +6,7 @@
 #pragma GCC diagnostic ignored "-Wsign-compare"
 extern "C" {
 #include <simavr/avr_adc.h>
+#include <simavr/avr_eeprom.h>
 #include <simavr/avr_extint.h>
 #include <simavr/avr_ioport.h>
 #include <simavr/avr_timer.h>

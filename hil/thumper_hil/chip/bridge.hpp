@@ -1,5 +1,5 @@
 #pragma once
-#include "avr.hpp"
+#include "wiring.hpp"
 
 namespace thumper {
 
@@ -10,14 +10,16 @@ struct BridgeCommand {
   bool brake = false;    // brake pin: the duty is then the strength of the brake
 };
 
-/// Reads the T'REX's motor pins: left brake/dir/PWM = D4/D2/D3 (OC2B), right = D9/D10/D11 (OC2A).
+/// Reads the motor pins; the PWM is D3 (OC2B) on the left and D11 (OC2A) on the right.
 ///
 /// simavr has no phase-correct PWM, so the duty comes from Timer 2's registers. As on the chip, a new compare
 /// value takes effect when the timer reaches TOP (data sheet 17.7.4), up to one PWM period after it was
 /// written.
 class BridgePins {
  public:
-  explicit BridgePins(avr_t* avr) : avr_(avr) {}
+  static constexpr int kPwmBit = 3;  // of both ports
+
+  BridgePins(avr_t* avr, const Wiring& wiring) : avr_(avr), wiring_(wiring) {}
 
   /// Follow the registers up to now; call it at least once a millisecond.
   void Sample() {
@@ -48,15 +50,8 @@ class BridgePins {
     return (avr_->data[reg::kTccr2A] & kBothOutputs) == kBothOutputs;
   }
 
-  BridgeCommand left() const {
-    return {Duty(kLeft, reg::kPortD, reg::kDdrD, 3, 4), Driven(reg::kPortD, reg::kDdrD, 2),
-            Driven(reg::kPortD, reg::kDdrD, 4)};
-  }
-
-  BridgeCommand right() const {
-    return {Duty(kRight, reg::kPortB, reg::kDdrB, 3, 6), Driven(reg::kPortB, reg::kDdrB, 2),
-            Driven(reg::kPortB, reg::kDdrB, 1)};
-  }
+  BridgeCommand left() const { return Command(kLeft, 4); }
+  BridgeCommand right() const { return Command(kRight, 6); }
 
  private:
   enum Side { kLeft, kRight };
@@ -69,20 +64,31 @@ class BridgePins {
     return kPrescaler[avr_->data[reg::kTccr2B] & 7u];
   }
 
-  bool Driven(uint16_t port, uint16_t ddr, int bit) const {
-    return ((avr_->data[ddr] & avr_->data[port]) >> bit) & 1u;
+  bool Driven(const MotorWiring& motor, int bit) const {
+    return bit != Wiring::kNone && ((avr_->data[motor.ddr] & avr_->data[motor.port]) >> bit & 1) != 0;
   }
 
   /// `com_shift`: place of the channel's compare output mode in TCCR2A.
-  double Duty(Side side, uint16_t port, uint16_t ddr, int bit, int com_shift) const {
-    if (((avr_->data[ddr] >> bit) & 1u) == 0) return 0.0;  // an input: the bridge's pull-down holds it low
+  BridgeCommand Command(Side side, int com_shift) const {
+    const MotorWiring& motor = wiring_.motor[side];
+    const bool forward = Driven(motor, motor.forward_bit);
+    const bool reverse = Driven(motor, motor.reverse_bit);
+    // A bridge with two inputs: both high shorts the motor, both low leaves it open, whatever the PWM.
+    if (motor.reverse_bit != Wiring::kNone && forward == reverse) return {forward ? 1.0 : 0.0, false, true};
+    return {Duty(side, com_shift), forward, Driven(motor, motor.brake_bit)};
+  }
+
+  double Duty(Side side, int com_shift) const {
+    const MotorWiring& motor = wiring_.motor[side];
+    if (((avr_->data[motor.ddr] >> kPwmBit) & 1u) == 0) return 0.0;  // an input: a pull-down holds it low
     const int output_mode = (avr_->data[reg::kTccr2A] >> com_shift) & 3;
-    if (output_mode < 2 || prescaler_ == 0) return Driven(port, ddr, bit) ? 1.0 : 0.0;
+    if (output_mode < 2 || prescaler_ == 0) return Driven(motor, kPwmBit) ? 1.0 : 0.0;
     const double duty = Mode() == kFast ? (compare_[side] + 1) / 256.0 : compare_[side] / 255.0;
     return output_mode == 2 ? duty : 1.0 - duty;
   }
 
   avr_t* avr_;
+  const Wiring& wiring_;
   uint8_t compare_[2] = {0, 0};
   uint32_t prescaler_ = 0;
   uint64_t start_cycle_ = 0, tops_ = 0;

@@ -18,9 +18,15 @@ struct ThumperTruth {
   double battery_V, charge;
 };
 
-/// `params` is null for a bare chip. Returns null and fills `error` when it fails.
-Chip* thumper_open(const char* elf_path, const double* params, size_t param_count, uint64_t seed, char* error,
-                   size_t error_size) {
+/// `params` is null for a bare chip; `board` is the number in the protocol's identity. Returns null and fills
+/// `error` when it fails.
+Chip* thumper_open(const char* elf_path, const double* params, size_t param_count, int board, uint64_t seed,
+                   char* error, size_t error_size) {
+  const thumper::Wiring* wiring = thumper::FindWiring(board);
+  if (wiring == nullptr) {
+    std::snprintf(error, error_size, "nobody has said how board %d is wired", board);
+    return nullptr;
+  }
   if (params != nullptr && param_count != thumper::kPlantParamCount) {
     std::snprintf(error, error_size, "the library takes %zu plant parameters, got %zu; build it again",
                   thumper::kPlantParamCount, param_count);
@@ -29,7 +35,7 @@ Chip* thumper_open(const char* elf_path, const double* params, size_t param_coun
   try {
     PlantParams plant{};
     if (params != nullptr) std::memcpy(&plant, params, sizeof plant);
-    return new Chip(elf_path, params != nullptr ? &plant : nullptr, seed);
+    return new Chip(elf_path, params != nullptr ? &plant : nullptr, *wiring, seed);
   } catch (const std::exception& exception) {
     std::snprintf(error, error_size, "%s", exception.what());
     return nullptr;

@@ -28,7 +28,8 @@ avr_cycle_count_t StopHere(avr_t*, avr_cycle_count_t, void*) { return 0; }
 
 }  // namespace
 
-Chip::Chip(const std::string& elf_path, const PlantParams* plant_params, uint64_t seed) {
+Chip::Chip(const std::string& elf_path, const PlantParams* plant_params, const Wiring& wiring,
+           uint64_t seed) {
   avr_global_logger_set(StopAtInvalidOpcode);
   avr_ = avr_make_mcu_by_name("atmega328p");
   if (avr_ == nullptr) throw std::runtime_error("this libsimavr knows no atmega328p");
@@ -42,7 +43,7 @@ Chip::Chip(const std::string& elf_path, const PlantParams* plant_params, uint64_
   MendPhaseCorrectPwm(avr_);
   uart_.emplace(avr_);
   if (plant_params != nullptr) {
-    plant_.emplace(avr_, *plant_params, seed);
+    plant_.emplace(avr_, *plant_params, wiring, seed);
     adc_.emplace(avr_, *plant_);
   }
   for (int i = 0; i < avr_->interrupts.vector_count; ++i) {
@@ -95,7 +96,10 @@ void Chip::OnReset(avr_io_t* io) {
   chip->Rearm();
 }
 
-void Chip::Reset() { avr_reset(avr_); }
+void Chip::Reset() {
+  avr_reset(avr_);
+  avr_regbit_set(avr_, avr_->reset_flags.extrf);  // simavr leaves MCUSR empty
+}
 
 /// simavr calls this before it jumps ahead to the next timer; its own version waits in real time.
 void Chip::OnSleep(avr_t* avr, avr_cycle_count_t how_long) {

@@ -24,7 +24,8 @@ enum class RunStatus : int {
 class Chip {
  public:
   /// Throws std::runtime_error with one clear line when the ELF cannot be loaded.
-  Chip(const std::string& elf_path, const PlantParams* plant_params, uint64_t seed);
+  /// `wiring` outlives the chip.
+  Chip(const std::string& elf_path, const PlantParams* plant_params, const Wiring& wiring, uint64_t seed);
   ~Chip();
   Chip(const Chip&) = delete;
   Chip& operator=(const Chip&) = delete;
@@ -39,6 +40,7 @@ class Chip {
   uint64_t slept_cycles() const { return slept_cycles_; }
   uint32_t program_counter() const { return avr_->pc; }  ///< [bytes]
   uint8_t data(uint16_t address) const { return avr_->data[address]; }
+  avr_t* avr() { return avr_; }  ///< for instruments: see lab_api.cpp
   UartLine& uart() { return *uart_; }
   Plant* plant() { return plant_ ? &*plant_ : nullptr; }
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
+from thumper.link.messages import Board as BoardKind
 from thumper_hil.chip.library import LIBRARY, CTruth, load_library
 from thumper_hil.parts.params import RobotParams
 
@@ -44,7 +45,8 @@ class Truth:
 
 
 class Chip:
-    """The chip, from power-on. Without `params` it is bare: nothing is wired to its pins.
+    """The chip, from power-on. Without `params` it is bare: nothing is wired to its pins;
+    otherwise the robot is, as `board` says.
 
     Raises
     ------
@@ -52,7 +54,14 @@ class Chip:
         The library or the ELF is missing or unusable; the message says what to run.
     """
 
-    def __init__(self, elf: Path, *, params: RobotParams | None = None, seed: int = 0) -> None:
+    def __init__(
+        self,
+        elf: Path,
+        *,
+        params: RobotParams | None = None,
+        board: BoardKind = BoardKind.TREX,
+        seed: int = 0,
+    ) -> None:
         self._handle: int | None = None
         _check_elf(elf)
         try:
@@ -63,7 +72,7 @@ class Chip:
         array = (ctypes.c_double * len(numbers))(*numbers) if numbers else None
         message = ctypes.create_string_buffer(256)
         self._handle = self._library.thumper_open(
-            str(elf).encode(), array, len(numbers), seed, message, len(message)
+            str(elf).encode(), array, len(numbers), board, seed, message, len(message)
         )
         if self._handle is None:
             raise ChipError(f"{elf}: {message.value.decode()}; run `make firmware chip`")

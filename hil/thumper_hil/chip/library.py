@@ -31,7 +31,10 @@ def load_library() -> ctypes.CDLL:
     chip, number = ctypes.c_void_p, ctypes.c_double
     size, cycle, byte = ctypes.c_size_t, ctypes.c_uint64, ctypes.c_uint8
     signatures: dict[str, tuple[object, list[object]]] = {
-        "open": (chip, [ctypes.c_char_p, ctypes.POINTER(number), size, cycle, ctypes.c_char_p, size]),
+        "open": (
+            chip,
+            [ctypes.c_char_p, ctypes.POINTER(number), size, ctypes.c_int, cycle, ctypes.c_char_p, size],
+        ),
         "close": (None, [chip]),
         "run": (ctypes.c_int, [chip, cycle, size]),
         "cycle": (cycle, [chip]),

@@ -3,33 +3,39 @@
 #include <algorithm>
 #include <cmath>
 
+#include "input_pin.hpp"
+
 namespace thumper {
 namespace {
-
-constexpr int kPwmBit = 3;  // of both ports
 
 double Seconds(uint64_t cycles) { return static_cast<double>(cycles) / kCpuHz; }
 
 }  // namespace
 
-Plant::Plant(avr_t* avr, const PlantParams& params, uint64_t seed)
+Plant::Plant(avr_t* avr, const PlantParams& params, const Wiring& wiring, uint64_t seed)
     : avr_(avr),
       params_(params),
-      bridges_(avr),
+      wiring_(wiring),
+      bridges_(avr, wiring),
       drive_train_(params, seed),
       random_(~seed),
-      encoder_{
-          {this, FindPeripheral<avr_ioport_t>(avr, "port", 'D'), 5, 6, Encoder(params.encoder, random_)},
-          {this, FindPeripheral<avr_ioport_t>(avr, "port", 'B'), 4, 5, Encoder(params.encoder, random_)}},
+      encoder_{Wire(0), Wire(1)},
       planned_to_(avr->cycle),
       planned_from_(avr->cycle),
       before_(drive_train_) {
-  constexpr int kLeftPins[] = {2, kPwmBit, 4}, kRightPins[] = {1, 2, kPwmBit};  // of port D and of port B
-  for (const int bit : kLeftPins)
-    avr_irq_register_notify(encoder_[0].port->io.irq + IOPORT_IRQ_PIN0 + bit, OnMotorPin, this);
-  for (const int bit : kRightPins)
-    avr_irq_register_notify(encoder_[1].port->io.irq + IOPORT_IRQ_PIN0 + bit, OnMotorPin, this);
+  for (int side = 0; side < 2; ++side) {
+    const MotorWiring& motor = wiring.motor[side];
+    for (const int bit : {motor.forward_bit, motor.reverse_bit, motor.brake_bit, BridgePins::kPwmBit})
+      if (bit != Wiring::kNone)
+        avr_irq_register_notify(encoder_[side].port->io.irq + IOPORT_IRQ_PIN0 + bit, OnMotorPin, this);
+  }
   Rearm();
+}
+
+Plant::EncoderPins Plant::Wire(int side) {
+  const EncoderWiring& pins = wiring_.encoder[side];
+  return {this, FindPeripheral<avr_ioport_t>(avr_, "port", pins.port), pins.a_bit, pins.b_bit,
+          Encoder(params_.encoder, random_)};
 }
 
 void Plant::Rearm() {
@@ -50,7 +56,8 @@ avr_cycle_count_t Plant::OnTick(avr_t*, avr_cycle_count_t when, void* self) {
 
 void Plant::OnMotorPin(avr_irq_t* irq, uint32_t, void* self) {
   Plant* plant = static_cast<Plant*>(self);
-  if (static_cast<int>(irq->irq) == kPwmBit && plant->bridges_.pwm_running()) return;  // the duty says it all
+  if (static_cast<int>(irq->irq) == BridgePins::kPwmBit && plant->bridges_.pwm_running())
+    return;  // the duty says it all
   const uint64_t now = plant->avr_->cycle;
   if (now >= plant->planned_to_) return;  // the tick is due: it sees to it
   // The inputs were not constant over the step after all: take it again up to now, and plan the rest anew.
@@ -110,29 +117,18 @@ avr_cycle_count_t Plant::OnEdge(avr_t* avr, avr_cycle_count_t, void* self) {
 }
 
 void Plant::DriveBoth(EncoderPins& pins) {
-  Drive(pins.port, pins.a_bit, pins.encoder.a());
-  Drive(pins.port, pins.b_bit, pins.encoder.b());
-}
-
-/// Set an input's level so that it stays. simavr re-raises pulled-up inputs on every write to their port,
-/// unless the port knows the level as an external one; and after a reset it forgets the level but not that it
-/// told us so.
-void Plant::Drive(avr_ioport_t* port, int bit, bool level) {
-  const unsigned mask = 1u << bit;
-  port->external.pull_value =
-      static_cast<uint8_t>(level ? port->external.pull_value | mask : port->external.pull_value & ~mask);
-  avr_raise_irq(port->io.irq + IOPORT_IRQ_PIN0 + bit, level);
-  uint8_t& pin = port->io.avr->data[port->r_pin];
-  pin = static_cast<uint8_t>(level ? pin | mask : pin & ~mask);
+  DriveInput(pins.port, pins.a_bit, pins.encoder.a());
+  DriveInput(pins.port, pins.b_bit, pins.encoder.b());
 }
 
 double Plant::AnalogIn_V(int channel) const {
   constexpr double kVoltPerCount = 5.0 / 1024.0;
-  if (channel == 3) {
+  if (channel == wiring_.battery_channel) {
     return drive_train_.battery().voltage_V() / params_.board.battery_V_per_count * kVoltPerCount;
   }
-  if (channel == 6 || channel == 7) {
-    const double current_A = drive_train_.state().current_A[channel - 6];
+  for (int side = 0; side < 2; ++side) {
+    if (channel != wiring_.current_channel[side]) continue;
+    const double current_A = drive_train_.state().current_A[side];
     return (params_.board.current_zero_counts + current_A / params_.board.current_A_per_count) *
            kVoltPerCount;
   }

@@ -13,12 +13,12 @@ namespace thumper {
 /// between events.
 class Plant {
  public:
-  Plant(avr_t* avr, const PlantParams& params, uint64_t seed);
+  Plant(avr_t* avr, const PlantParams& params, const Wiring& wiring, uint64_t seed);
 
   /// Put levels and timers back after the chip was reset (simavr wipes both).
   void Rearm();
 
-  /// Voltage at an ADC channel: 3 battery, 6 and 7 the motor currents; nothing is wired to the others.
+  /// Voltage at an ADC channel: battery and motor currents; 0 where nothing is wired.
   double AnalogIn_V(int channel) const;
 
   /// The truth at this very cycle.
@@ -44,13 +44,14 @@ class Plant {
   static avr_cycle_count_t OnEdge(avr_t* avr, avr_cycle_count_t when, void* pins);
   static void OnMotorPin(avr_irq_t* irq, uint32_t value, void* self);
 
+  EncoderPins Wire(int side);
   void PlanTo(uint64_t end_cycle);
   void ScheduleEdge(EncoderPins& pins);
-  static void Drive(avr_ioport_t* port, int bit, bool level);
   static void DriveBoth(EncoderPins& pins);
 
   avr_t* avr_;
   PlantParams params_;
+  const Wiring& wiring_;
   BridgePins bridges_;
   DriveTrain drive_train_;
   Random random_;
