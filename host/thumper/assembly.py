@@ -49,7 +49,7 @@ def open_robot(config: RobotConfig, map_from_base: Pose2) -> Iterator[Runtime]:
 
 
 def _check_geometry(drive: DriveGeometry, identity: Identity) -> None:
-    """The board turns counts into speeds by its own geometry: another one here would drive at wrong speeds."""
+    """The board turns counts into speeds by its own geometry: with another one here speeds would be wrong."""
     wheel_radius_mm = round(1000.0 * drive.wheel_radius_m)
     if (identity.counts_per_rev, identity.wheel_radius_mm) != (drive.counts_per_rev, wheel_radius_mm):
         raise ThumperError(
