@@ -10,6 +10,7 @@ import numpy as np
 
 from thumper.errors import ThumperError
 from thumper.geometry import FloatArray, Pose2
+from thumper.link.messages import Board as BoardKind
 from thumper_hil.bench.contact import HULL_M, ContactWatch
 from thumper_hil.bench.options import BenchOptions
 from thumper_hil.chip.chip import CPU_HZ, Chip
@@ -17,7 +18,9 @@ from thumper_hil.parts.params import RobotParams
 from thumper_hil.parts.urg04lx import Urg04Lx
 from thumper_hil.parts.world import World
 
-DEFAULT_ELF = Path(__file__).resolve().parents[3] / "firmware" / "build" / "thumper.elf"
+_BUILD = Path(__file__).resolve().parents[3] / "firmware" / "build"
+DEFAULT_ELF = _BUILD / "thumper.elf"
+ELF_OF_BOARD = {BoardKind.TREX: DEFAULT_ELF, BoardKind.NANO: _BUILD / "nano" / "thumper.elf"}
 BASE_FROM_LASER = Pose2(x_m=0.12)
 TICK_S = 0.01
 """Ground truth is recorded, and contacts are found, this often."""
@@ -37,7 +40,7 @@ class Bench:
         Firmware or chip library are not built, there is no such world, or the robot would stand in a wall.
     """
 
-    def __init__(self, options: BenchOptions, *, elf: Path = DEFAULT_ELF) -> None:
+    def __init__(self, options: BenchOptions, *, elf: Path | None = None) -> None:
         self.world = World.load(options.world)
         if self.world.touches(options.start, HULL_M):
             raise ThumperError(
@@ -48,7 +51,9 @@ class Bench:
         params = RobotParams.load()
         if options.charge is not None:
             params = replace(params, battery=replace(params.battery, state_of_charge=options.charge))
-        self.chip = Chip(elf, params=params, seed=options.seed)
+        self.chip = Chip(
+            elf or ELF_OF_BOARD[options.board], params=params, board=options.board, seed=options.seed
+        )
         self.chip.place(options.start)
         self._contact = ContactWatch(self.chip, self.world)
         self._truth: list[tuple[float, ...]] = []

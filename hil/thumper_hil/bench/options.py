@@ -7,6 +7,7 @@ from typing import Self
 
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
+from thumper.link.messages import Board as BoardKind
 
 EXIT_USAGE = 2
 FULL_TURN_DEG = 360.0
@@ -22,6 +23,7 @@ class BenchOptions:
     yaw_deg: float = 0.0
     seed: int = 1
     charge: float | None = None  # of the battery, 0...1; the robot's own if not given
+    board: BoardKind = BoardKind.TREX
     realtime: bool = False  # keep to the clock on the wall, for somebody who watches
 
     @property
@@ -45,6 +47,7 @@ class BenchOptions:
             "yaw_deg": _angle_deg,
             "seed": _natural,
             "charge": _share,
+            "board": _board,
             "pace": _is_realtime,
         }
         values: dict[str, object] = {}
@@ -91,6 +94,13 @@ def _share(text: str) -> float:
     if not 0.0 <= value <= 1.0:
         raise ValueError("give a share, 0...1")
     return value
+
+
+def _board(text: str) -> BoardKind:
+    try:
+        return BoardKind[text.upper()]
+    except KeyError:
+        raise ValueError(f"give {' or '.join(kind.name.lower() for kind in BoardKind)}") from None
 
 
 def _is_realtime(text: str) -> bool:

@@ -24,6 +24,52 @@ class CTruth(ctypes.Structure):
     )
 
 
+class CVectorCost(ctypes.Structure):
+    """`VectorCost` of probe.hpp."""
+
+    _fields_ = tuple((name, ctypes.c_uint64) for name in ("entries", "cycles", "least", "most"))
+
+    entries: int
+    cycles: int
+    least: int
+    most: int
+
+
+class CProbeReport(ctypes.Structure):
+    """`ProbeReport` of probe.hpp."""
+
+    _fields_ = (
+        ("vector", CVectorCost * 26),
+        *(
+            (name, ctypes.c_uint64)
+            for name in (
+                "interrupts_off",
+                "interrupts_off_address",
+                "deepest_stack",
+                "tick_least",
+                "tick_most",
+                "awake",
+                "main_awake",
+                "marks",
+                "marked",
+                "marked_most",
+            )
+        ),
+    )
+
+    vector: ctypes.Array[CVectorCost]
+    interrupts_off: int
+    interrupts_off_address: int
+    deepest_stack: int
+    tick_least: int
+    tick_most: int
+    awake: int
+    main_awake: int
+    marks: int
+    marked: int
+    marked_most: int
+
+
 @cache
 def load_library() -> ctypes.CDLL:
     """Load the library once and declare its functions; raises OSError when it is not built."""
@@ -52,6 +98,19 @@ def load_library() -> ctypes.CDLL:
         "place": (None, [chip, number, number, number]),
         "hold": (None, [chip, number, number]),
         "release": (None, [chip]),
+        "write_flash": (ctypes.c_int, [chip, ctypes.c_uint32, ctypes.c_char_p, size]),
+        "read_flash": (ctypes.c_int, [chip, ctypes.c_uint32, ctypes.c_char_p, size]),
+        "write_eeprom": (ctypes.c_int, [chip, ctypes.c_uint32, ctypes.c_char_p, size]),
+        "read_eeprom": (ctypes.c_int, [chip, ctypes.c_uint32, ctypes.c_char_p, size]),
+        "start_at": (None, [chip, ctypes.c_uint32]),
+        "edges_open": (ctypes.c_void_p, [chip, ctypes.c_char, ctypes.c_int, ctypes.c_int]),
+        "edges_start": (None, [ctypes.c_void_p, cycle, cycle, cycle]),
+        "edges_close": (None, [ctypes.c_void_p]),
+        "probe_open": (ctypes.c_void_p, [chip, ctypes.c_int]),
+        "probe_run": (ctypes.c_int, [ctypes.c_void_p, cycle]),
+        "probe_report": (None, [ctypes.c_void_p, ctypes.c_void_p]),
+        "probe_bursts": (size, [ctypes.c_void_p, ctypes.POINTER(cycle), size]),
+        "probe_close": (None, [ctypes.c_void_p]),
     }
     for name, (result, arguments) in signatures.items():
         function = getattr(library, f"thumper_{name}")

@@ -1,0 +1,44 @@
+"""Read Intel HEX, the format that programmers and boot loaders take."""
+
+from pathlib import Path
+
+from thumper.errors import ThumperError
+
+DATA, END_OF_FILE = 0, 1
+EXTENDED_SEGMENT, EXTENDED_LINEAR = 2, 4
+
+
+def read_hex(path: Path) -> tuple[int, bytes]:
+    """Return the first address and all bytes from there on; gaps are 0xFF, as in erased flash.
+
+    Raises
+    ------
+    ThumperError
+        It cannot be read, a record is damaged, it holds no data, or it lies beyond 64 KB.
+    """
+    try:
+        lines = path.read_text(encoding="ascii").split()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ThumperError(f"{path}: cannot be read as Intel HEX ({error})") from error
+    chunks: dict[int, bytes] = {}
+    for number, line in enumerate(lines, start=1):
+        try:
+            record = bytes.fromhex(line.removeprefix(":"))
+        except ValueError:
+            record = b""
+        if line[:1] != ":" or len(record) < 5 or len(record) != record[0] + 5 or sum(record) % 256 != 0:
+            raise ThumperError(f"{path}: line {number} is no Intel HEX; build it again")
+        kind, address, data = record[3], int.from_bytes(record[1:3], "big"), record[4:-1]
+        if kind == DATA:
+            chunks[address] = data
+        elif kind == END_OF_FILE:
+            break
+        elif kind in (EXTENDED_SEGMENT, EXTENDED_LINEAR) and any(data):
+            raise ThumperError(f"{path}: line {number} lies beyond 64 KB; it is for another chip")
+    if not chunks:
+        raise ThumperError(f"{path}: holds no data")
+    start = min(chunks)
+    image = bytearray(b"\xff" * (max(address + len(data) for address, data in chunks.items()) - start))
+    for address, data in chunks.items():
+        image[address - start : address - start + len(data)] = data
+    return start, bytes(image)
