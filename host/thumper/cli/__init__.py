@@ -7,7 +7,9 @@ import typer
 
 from thumper import __version__
 from thumper.cli.doctor import doctor
+from thumper.cli.flash import flash
 from thumper.cli.map_log import map_log
+from thumper.cli.plan import plan
 from thumper.cli.run import run
 from thumper.errors import ThumperError
 
@@ -40,7 +42,7 @@ def _build() -> typer.Typer:
             app.add_typer(part, name=plugin.name)
         else:
             app.command(plugin.name)(part)
-    for command in (run, map_log, doctor):
+    for command in (run, plan, map_log, flash, doctor):
         app.command(command.__name__.replace("_", "-"))(command)
     return app
 

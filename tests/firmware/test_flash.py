@@ -1,0 +1,99 @@
+"""`thumper flash`: the real avrdude, the real boot loader on the emulated chip; and every way it fails."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.firmware.boot import ATMEGABOOT, BROKEN_OPTIBOOT, HEX, chip_with_bootloader
+from thumper_hil.chip.chip import ChipError
+from thumper_hil.chip.hex_file import read_hex
+from thumper_hil.chip.pty_board import on_pty
+
+THUMPER = Path(sys.executable).with_name("thumper")
+
+
+def flash(*arguments: str | Path, path: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Run the command; `path` replaces where programs are found."""
+    environment = os.environ | ({"PATH": str(path)} if path else {})
+    return subprocess.run(
+        [THUMPER, "flash", *map(str, arguments)], capture_output=True, text=True, env=environment, check=False
+    )
+
+
+def tool(folder: Path, name: str, script: str) -> Path:
+    """Put a program that stands for a tool into `folder`."""
+    program = folder / name
+    program.write_text(f"#!/bin/sh\n{script}\n")
+    program.chmod(0o755)
+    return folder
+
+
+def one_line(result: subprocess.CompletedProcess[str]) -> str:
+    """The error: one line, and no traceback."""
+    assert result.returncode != 0
+    assert result.stderr.count("\n") == 1, result.stderr
+    return result.stderr
+
+
+def test_the_flashed_robot_answers() -> None:
+    """Written, verified, started by the boot loader, and greeted at the firmware's own rate."""
+    chip = chip_with_bootloader()
+    with on_pty(chip) as port:
+        result = flash("--port", port, "--bootloader", "old")
+    assert result.returncode == 0, result.stderr
+    assert "verified" in result.stdout
+    assert "firmware 0." in result.stdout
+    assert "TREX" in result.stdout
+    start, image = read_hex(HEX)
+    assert chip.read_flash(start, len(image)) == image
+    boot_start, boot_image = read_hex(ATMEGABOOT)
+    assert chip.read_flash(boot_start, len(boot_image)) == boot_image
+    assert chip.resets >= 3  # to install, and each time the port was opened
+
+
+def test_the_other_speed_is_found_out() -> None:
+    with on_pty(chip_with_bootloader()) as port:
+        error = one_line(flash("--port", port, "--bootloader", "new"))
+    assert "answers at 57600 baud" in error
+    assert "--bootloader old" in error
+
+
+@pytest.mark.parametrize(
+    ("says", "expected"),
+    [
+        ("avrdude: stk500_getsync() attempt 10 of 10: not in sync: resp=0x00", "no boot loader answers"),
+        ("avrdude: verification error, first mismatch at byte 0x0000", "does not read back"),
+        ("avrdude ser_open() error: cannot open port /dev/x: Permission denied", "not permitted"),
+        ("avrdude: something new", "avrdude failed: avrdude: something new"),
+    ],
+)
+def test_what_avrdude_says_becomes_one_line(says: str, expected: str, tmp_path: Path) -> None:
+    tools = tool(tmp_path, "avrdude", f"echo '{says}' >&2; exit 1")
+    assert expected in one_line(flash("--port", "/dev/null", "--hex", HEX, "--tool", "avrdude", path=tools))
+
+
+def test_missing_things_are_named(tmp_path: Path) -> None:
+    avrdude = tool(tmp_path, "avrdude", "exit 0")
+    nothing = tmp_path / "nothing"
+    assert "no such port" in one_line(flash("--port", nothing, "--hex", HEX, path=avrdude))
+    assert "make firmware" in one_line(flash("--port", "/dev/null", "--hex", nothing, path=avrdude))
+    no_tool = flash("--port", "/dev/null", "--tool", "avrdude", path=nothing)
+    assert "apt install avrdude" in one_line(no_tool)
+
+
+def test_platformio_takes_the_environment_of_board_and_boot_loader(tmp_path: Path) -> None:
+    told = tmp_path / "told"
+    tools = tool(tmp_path, "pio", f'echo "$@" > {told}; exit 1')
+    one_line(
+        flash("--port", "/dev/null", "--tool", "pio", "--board", "nano", "--bootloader", "new", path=tools)
+    )
+    assert "-e nano_new -t upload --upload-port /dev/null" in told.read_text()
+
+
+def test_a_boot_loader_that_is_too_long_is_refused() -> None:
+    chip = chip_with_bootloader()
+    with pytest.raises(ChipError, match="past the end of the flash"):
+        chip.install_bootloader(BROKEN_OPTIBOOT)
