@@ -8,8 +8,10 @@ from annotated_types import Ge, Gt
 from thumper.navigation.astar import AStarOptions
 from thumper.navigation.costmap import CostmapOptions
 from thumper.navigation.dwa import DwaOptions
+from thumper.navigation.lattice import LatticeOptions
 from thumper.navigation.limits import SpeedLimits
 from thumper.navigation.monitor import MonitorOptions
+from thumper.navigation.navfn import NavfnOptions
 from thumper.navigation.progress import ProgressOptions
 from thumper.navigation.recovery import RecoveryOptions
 from thumper.navigation.route import RouteOptions
@@ -32,6 +34,8 @@ class NavigationOptions:
     limits: SpeedLimits = field(default_factory=SpeedLimits)
     costmap: CostmapOptions = field(default_factory=CostmapOptions)
     astar: AStarOptions = field(default_factory=AStarOptions)
+    navfn: NavfnOptions = field(default_factory=NavfnOptions)
+    lattice: LatticeOptions = field(default_factory=LatticeOptions)
     dwa: DwaOptions = field(default_factory=DwaOptions)
     route: RouteOptions = field(default_factory=RouteOptions)
     monitor: MonitorOptions = field(default_factory=MonitorOptions)

@@ -4,14 +4,20 @@ from collections.abc import Callable, Mapping
 
 from thumper.errors import ThumperError
 from thumper.navigation.astar import AStarPlanner
+from thumper.navigation.carrot import CarrotPlanner
 from thumper.navigation.controller import Controller
 from thumper.navigation.dwa import DwaController
 from thumper.navigation.footprint import Footprint
+from thumper.navigation.lattice import LatticePlanner
+from thumper.navigation.navfn import NavfnPlanner
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.planner import Planner
 
 PLANNERS: Mapping[str, Callable[[NavigationOptions, Footprint], Planner]] = {
+    "carrot": lambda _options, footprint: CarrotPlanner(footprint),
+    "navfn": lambda options, _footprint: NavfnPlanner(options.navfn),
     "astar": lambda options, _footprint: AStarPlanner(options.astar),
+    "lattice": lambda options, footprint: LatticePlanner(options.lattice, footprint),
 }
 CONTROLLERS: Mapping[str, Callable[[NavigationOptions, Footprint], Controller]] = {
     "dwa": lambda options, footprint: DwaController(options.dwa, options.limits, footprint),

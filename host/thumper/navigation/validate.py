@@ -4,8 +4,9 @@ import numpy as np
 
 from thumper.errors import ThumperError
 from thumper.mapping.grid import OccupancyGrid
-from thumper.navigation.astar import AStarOptions, cell_prices, nearest_open
+from thumper.navigation.astar import AStarOptions, cell_prices
 from thumper.navigation.costmap import CostmapOptions, build_costmap
+from thumper.navigation.endpoints import nearest_open
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 

@@ -1,0 +1,173 @@
+"""`thumper plan`: the way from here to there on a saved map."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from thumper.geometry import FloatArray
+    from thumper.mapping.grid import OccupancyGrid
+    from thumper.navigation.costmap import Costmap
+    from thumper.navigation.planner import Planner
+    from thumper.navigation.queries import Query
+
+    Answer = dict[str, object]
+
+DECIMALS = 4
+
+
+def plan(
+    file: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="The map, as map_server saves it.")],
+    start: Annotated[tuple[float, float] | None, typer.Option(help="X Y in metres, in the map.")] = None,
+    goal: Annotated[tuple[float, float] | None, typer.Option(help="X Y in metres, in the map.")] = None,
+    planner: Annotated[str, typer.Option(help="carrot, navfn, astar or lattice; else the robot's.")] = "",
+    unknown: Annotated[
+        bool | None, typer.Option("--unknown/--no-unknown", help="Cross ground never seen, or do not.")
+    ] = None,
+    tolerance: Annotated[
+        float, typer.Option(help="How near to the goal is near enough [m].", min=1e-6)
+    ] = 0.1,
+    heading: Annotated[float, typer.Option(help="The robot's heading at the start [degrees].")] = 0.0,
+    batch: Annotated[Path | None, typer.Option(help="CSV of start_x, start_y, goal_x, goal_y.")] = None,
+    config: Annotated[Path | None, typer.Option(help="The robot's TOML; without it, a Wild Thumper.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON with the path.")] = False,
+    png: Annotated[Path | None, typer.Option(help="Draw map and path to this file.")] = None,
+) -> None:
+    """Plan a path and print its length; leaves with 1 when there is no way.
+
+    With --batch one line of CSV (or one JSON object) a row: found, length, milliseconds, reason.
+    """
+    import dataclasses
+    import json
+
+    from thumper.config.robot import load_config
+    from thumper.errors import ThumperError
+    from thumper.mapping.map_io import load_map
+    from thumper.navigation.queries import Query, read_queries
+    from thumper.navigation.registry import make_planner
+
+    if batch is None and (start is None or goal is None):
+        raise ThumperError(
+            "nothing to plan: give --start X Y and --goal X Y, or --batch FILE.csv", exit_code=2
+        )
+    if batch is not None and (start is not None or goal is not None or png is not None):
+        raise ThumperError(
+            "--batch brings its own starts and goals: leave --start, --goal and --png", exit_code=2
+        )
+    settings = load_config(config)
+    options = settings.navigation
+    if planner:
+        options = dataclasses.replace(options, planner=planner)
+    if unknown is not None:
+        names = ("navfn", "astar", "lattice")
+        changed = {n: dataclasses.replace(getattr(options, n), allow_unknown=unknown) for n in names}
+        options = dataclasses.replace(options, **changed)
+    chosen = make_planner(options, settings.footprint)
+    grid = load_map(file)
+    costmap = _costmap(grid, settings.footprint, options.costmap)
+    if batch is not None:
+        queries = read_queries(batch, grid)
+    else:
+        assert start is not None  # checked above
+        assert goal is not None
+        queries = [Query(start_m=start, goal_m=goal)]
+    if options.planner != "carrot":
+        _answer(
+            chosen, costmap, queries[0], tolerance, heading
+        )  # loads the kernels, so that times are honest
+    answers, paths = [], []
+    for query in queries:
+        answer, path_m = _answer(chosen, costmap, query, tolerance, heading)
+        answers.append(answer)
+        paths.append(path_m)
+    if batch is not None:
+        typer.echo(json.dumps(answers, indent=1) if as_json else _csv(answers))
+    else:
+        points = [] if paths[0] is None else paths[0].round(DECIMALS).tolist()
+        if as_json:
+            typer.echo(json.dumps({"planner": options.planner, **answers[0], "path": points}))
+        else:
+            typer.echo(_words(answers[0], len(points)))
+        if png is not None:
+            _draw(grid, paths[0], png, f"{file.name}: {options.planner}")
+    if not all(answer["found"] for answer in answers):
+        raise typer.Exit(1)
+
+
+def _costmap(grid: "OccupancyGrid", footprint: object, options: object) -> "Costmap":
+    import numpy as np
+
+    from thumper.navigation.costmap import CostmapOptions, build_costmap
+    from thumper.navigation.footprint import Footprint
+
+    assert isinstance(footprint, Footprint)
+    assert isinstance(options, CostmapOptions)
+    return build_costmap(grid, np.empty((0, 2)), footprint, options)
+
+
+def _answer(
+    planner: "Planner", costmap: "Costmap", query: "Query", tolerance_m: float, heading_deg: float
+) -> "tuple[Answer, FloatArray | None]":
+    """What one question comes to, and its path."""
+    import math
+
+    from thumper.errors import ThumperError
+    from thumper.geometry import Pose2
+    from thumper.navigation.goal import Goal
+    from thumper.navigation.path import arc_lengths
+
+    numbers = (*query.start_m, *query.goal_m, heading_deg, tolerance_m)
+    if not all(map(math.isfinite, numbers)):
+        raise ThumperError("start, goal, heading and tolerance must be finite numbers", exit_code=2)
+    start = Pose2(x_m=query.start_m[0], y_m=query.start_m[1], theta_rad=math.radians(heading_deg))
+    goal = Goal(x_m=query.goal_m[0], y_m=query.goal_m[1], tolerance_m=tolerance_m)
+    begun = time.perf_counter()
+    result = planner.plan(costmap, start, goal)
+    took_ms = 1e3 * (time.perf_counter() - begun)
+    length_m = None if result.path_m is None else round(float(arc_lengths(result.path_m)[-1]), DECIMALS)
+    answer: Answer = {
+        "start": list(query.start_m),
+        "goal": list(query.goal_m),
+        "found": result.path_m is not None,
+        "length_m": length_m,
+        "time_ms": round(took_ms, 3),
+        "reason": result.reason,
+    }
+    return answer, result.path_m
+
+
+def _words(answer: "Answer", points: int) -> str:
+    told = f"; {answer['reason']}" if answer["found"] and answer["reason"] else ""
+    if not answer["found"]:
+        return f"no path: {answer['reason']}"
+    return f"{answer['length_m']:.3f} m in {points} points, planned in {answer['time_ms']:.2f} ms{told}"
+
+
+def _csv(answers: "list[Answer]") -> str:
+    import csv
+    import io
+
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("start_x", "start_y", "goal_x", "goal_y", "found", "length_m", "time_ms", "reason"))
+    for answer in answers:
+        start, goal = answer["start"], answer["goal"]
+        assert isinstance(start, list)
+        assert isinstance(goal, list)
+        rest = (int(bool(answer["found"])), answer["length_m"], answer["time_ms"], answer["reason"])
+        writer.writerow((*start, *goal, *rest))
+    return text.getvalue().rstrip("\n")
+
+
+def _draw(grid: "OccupancyGrid", path_m: "FloatArray | None", png: Path, title: str) -> None:
+    import numpy as np
+
+    from thumper.errors import ThumperError
+    from thumper.mapping.map_plot import plot_map
+
+    try:
+        plot_map(grid, np.empty((0, 2)) if path_m is None else path_m, png, title)
+    except (OSError, ValueError) as error:
+        raise ThumperError(f"{png}: cannot be written ({error}); choose another file with --png") from error
