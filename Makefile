@@ -11,7 +11,7 @@ help:
 	@echo "make demo      install what is missing, build, and drive the two missions in simulation (results in out/)"
 	@echo "make test      install what is missing, build, and run every test"
 	@echo "make lint      ruff, mypy --strict, clang-format"
-	@echo "make firmware  build firmware/build/thumper.elf and .hex, print their size"
+	@echo "make firmware  build firmware/build/thumper.elf and .hex and those of the second board, print their size"
 	@echo "make bench     run the benchmarks"
 
 demo: firmware chip
@@ -33,6 +33,7 @@ format: $(VENV)/.dev
 
 firmware: $(VENV)/.packages
 	@$(MAKE) --no-print-directory -C firmware
+	@$(MAKE) --no-print-directory -C firmware BOARD=nano
 
 chip: $(VENV)/.run $(VENV)/.packages
 	@$(MAKE) --no-print-directory -C hil/thumper_hil/chip

@@ -1,0 +1,89 @@
+"""Every board's firmware passes the same suite on the simulated robot, wired by that board's pin map."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from thumper.errors import ThumperError
+from thumper.kinematics import WheelSpeeds
+from thumper.link.board import Board, TelemetrySample
+from thumper.link.messages import Board as BoardKind
+from thumper.link.messages import Command, Fault, State
+from thumper_hil.bench import Bench, simulation
+
+OCR2A, OCR2B = 0xB3, 0xB4
+
+
+class Robot:
+    """A simulated robot with one board, and the time that passes on it."""
+
+    def __init__(self, kind: BoardKind, options: str = "") -> None:
+        name = f"board-{kind.name.lower()}"
+        self.board = Board.open(f"sim://{name}/board?board={kind.name.lower()}{options}", baud=500_000)
+        self.bench: Bench = simulation(name)
+
+    def drive(self, left_rad_s: float, right_rad_s: float, seconds: float) -> list[TelemetrySample]:
+        """Command the speeds at each telemetry message."""
+        samples = []
+        until_s = self.bench.time_s + seconds
+        while self.bench.time_s < until_s:
+            self.board.set_wheel_speeds(WheelSpeeds(left_rad_s=left_rad_s, right_rad_s=right_rad_s))
+            samples += self.board.poll(0.5)
+        return samples
+
+
+@pytest.fixture(params=list(BoardKind), ids=lambda kind: kind.name.lower())
+def kind(request: pytest.FixtureRequest) -> BoardKind:
+    """Each board in turn."""
+    board: BoardKind = request.param
+    return board
+
+
+@pytest.fixture
+def robot(kind: BoardKind) -> Iterator[Robot]:
+    """A robot with that board and a charged battery."""
+    robot = Robot(kind)
+    yield robot
+    robot.board.close()
+
+
+def test_it_says_which_board_it_is(robot: Robot, kind: BoardKind) -> None:
+    assert robot.board.identity.board is kind
+    assert robot.board.poll(0.5)[-1].telemetry.state is State.DISARMED
+
+
+@pytest.mark.parametrize(("left_rad_s", "right_rad_s"), [(6.0, 4.0), (-3.0, 3.0)])
+def test_its_wheels_turn_as_told(robot: Robot, left_rad_s: float, right_rad_s: float) -> None:
+    """Both ways, within 2 % in the mean of a second, each edge counted; currents have the motors' sign."""
+    robot.board.command(Command.ARM)
+    robot.drive(left_rad_s, right_rad_s, 2.0)
+    last = robot.drive(left_rad_s, right_rad_s, 1.0)[-1].telemetry
+    mean = robot.bench.truth()[-100:, 4:6].mean(axis=0)
+    assert mean == pytest.approx([left_rad_s, right_rad_s], rel=0.02)
+    assert last.lost_edges == 0
+    assert last.battery_mV == pytest.approx(1000 * robot.bench.chip.truth().battery_V, abs=100)
+    assert last.left_current_mA * left_rad_s > 0
+    assert last.right_current_mA * right_rad_s > 0
+
+
+def test_a_silent_host_stops_it(robot: Robot) -> None:
+    """300 ms without a command and both PWMs are 0; the wheels stand soon after."""
+    robot.board.command(Command.ARM)
+    robot.drive(6.0, 6.0, 1.5)
+    robot.bench.advance(robot.bench.time_s + 0.45)
+    assert [robot.bench.chip.data(address) for address in (OCR2A, OCR2B)] == [0, 0]
+    robot.bench.advance(robot.bench.time_s + 1.0)
+    assert robot.bench.chip.truth().wheel_rad_s == (0.0, 0.0)
+    last = robot.board.poll(0.3)[-1].telemetry
+    assert (last.state, last.fault) == (State.FAULT, Fault.LINK_LOST)
+
+
+def test_a_low_battery_keeps_it_still(kind: BoardKind) -> None:
+    robot = Robot(kind, "&charge=0.02")
+    robot.bench.advance(robot.bench.time_s + 5.0)  # it has found out, and beeped
+    with pytest.raises(ThumperError, match=r"refused|battery"):
+        robot.board.command(Command.ARM)
+    last = robot.board.poll(0.3)[-1].telemetry
+    assert last.fault is Fault.LOW_BATTERY
+    assert abs(robot.bench.truth()[-1, 1:3]).max() < 0.01
+    robot.board.close()
