@@ -7,7 +7,7 @@ import threading
 import time
 import tty
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from thumper_hil.chip.chip import CPU_HZ
@@ -70,7 +70,5 @@ def _serve(chip: LabChip, master: int, stop: threading.Event) -> None:
 
 
 def _write(master: int, data: bytes) -> None:
-    try:
+    with suppress(BlockingIOError):  # nobody reads and the terminal is full: lost, as on a wire
         os.write(master, data)
-    except BlockingIOError:
-        pass  # nobody reads and the terminal is full: lost, as on a wire

@@ -1,0 +1,165 @@
+"""What the firmware costs and reaches, on the built ELF in the simulated chip, beside what others reach.
+
+The peers were measured the same way: libsimavr, one instruction a step, the interrupt response's four cycles
+added, gcc 5.4 -Os -flto. rosserial: float PI, Speeds and Twist in, odometry out. bridge: joshnewans'
+ros_arduino_bridge (L298, pin-change encoders). A dash: the peer has none, or it was not measured.
+"""
+
+import re
+import statistics
+import subprocess
+import tempfile
+from pathlib import Path
+
+from thumper.link.framing import FrameDecoder, encode_frame
+from thumper.link.messages import (
+    Command,
+    CommandRequest,
+    GetParameter,
+    Identify,
+    Message,
+    SetWheelSpeeds,
+    Telemetry,
+)
+from thumper_hil.bench import DEFAULT_ELF
+from thumper_hil.chip.chip import CPU_HZ
+from thumper_hil.chip.edge_rate import most_edges_per_s
+from thumper_hil.chip.lab import TICK_VECTOR, LabChip
+from thumper_hil.parts.params import RobotParams
+
+FIRMWARE = DEFAULT_ELF.parents[1]
+VECTORS = {3: "right edge", 5: "left edge", 11: "control tick", 14: "millisecond", 18: "receive", 19: "send"}
+LOAD_S = 3.0
+FLOOD = 5
+"""Requests a millisecond: with the answers, the line is full both ways."""
+
+
+def pack(message: Message, sequence: int = 0) -> bytes:
+    """Frame a message."""
+    return encode_frame(message.ID, sequence, message.pack())
+
+
+def row(what: str, here: str, aim: str, peers: str) -> None:
+    """Print one line of the table."""
+    print(f"{what:34} {here:>22}  {aim:>10}  {peers}")
+
+
+def sizes() -> None:
+    """Flash and static SRAM."""
+    text = subprocess.run(["avr-size", "-A", DEFAULT_ELF], capture_output=True, text=True, check=True).stdout
+    part = {name: int(size) for name, size in re.findall(r"^\.(\w+)\s+(\d+)", text, re.MULTILINE)}
+    flash = part["text"] + part["data"]
+    sram = part["data"] + part["bss"] + part.get("noinit", 0)
+    row("flash [bytes]", str(flash), "8192", "bridge 6102, rosserial 15720, linorobot 24362")
+    row("static SRAM [bytes]", str(sram), "512", "bridge 338, rosserial 1099, linorobot 2572")
+
+
+def load() -> None:
+    """Both wheels in closed loop at full speed and reversing, the line full both ways."""
+    chip = LabChip(DEFAULT_ELF, params=RobotParams.load(), seed=1)
+    chip.run(CPU_HZ // 2)
+    chip.send(pack(CommandRequest(command=Command.ARM)))
+    with chip.probe() as probe:
+        for millisecond in range(round(LOAD_S * 1000)):
+            if millisecond % 50 == 0:
+                way = 1 if millisecond < 1500 else -1
+                chip.send(pack(SetWheelSpeeds(left=way * 17_000, right=way * 17_000)))
+                chip.send(pack(GetParameter(index=millisecond // 50 % 6)))
+            chip.send(pack(Identify()) * FLOOD)
+            probe.run(chip.cycle + CPU_HZ // 1000)
+            chip.receive(chip.available)
+        report = probe.report()
+    edges = [report.vector[3], report.vector[5]]
+    mean = [cost.cycles / cost.entries for cost in edges]
+    most = max(cost.most for cost in edges)
+    peers = "bridge 111, rosserial 123/140, Encoder 138-152, PinChangeInterrupt 284/313"
+    row("cycles per edge, mean (most)", f"{mean[1]:.0f}, {mean[0]:.0f} ({most})", "75", peers)
+    tick = report.vector[TICK_VECTOR]
+    row("control tick, both wheels", f"{tick.cycles / tick.entries:.0f} ({tick.most})", "1500", "bridge 3206")
+    where = source_of(report.interrupts_off_address)
+    row("longest interrupts off [cycles]", str(report.interrupts_off), "150", f"here: {where}")
+    late_us = max(report.tick_most - CPU_HZ / 10, CPU_HZ / 10 - report.tick_least) / CPU_HZ * 1e6
+    row(
+        "jitter of the control period [us]", f"{late_us:.1f}", "-", "rosserial, bridge: loop() polls millis()"
+    )
+    row("deepest stack [bytes]", str(report.deepest_stack), "-", "bridge 102, rosserial 270")
+    share = report.awake / (LOAD_S * CPU_HZ)
+    row("processor load, all of it [%]", f"{100 * share:.1f}", "-", "-")
+    print("\neach interrupt under that load, response and RETI included [cycles]:")
+    for number, name in VECTORS.items():
+        cost = report.vector[number]
+        if cost.entries:
+            print(
+                f"  {name:14} least {cost.least:5}  mean {cost.cycles / cost.entries:7.1f}  most {cost.most}"
+            )
+    print()
+
+
+def source_of(address: int) -> str:
+    """Return the function that a flash address is in; a vector stands for its handler."""
+    if address < 26 * 4:
+        return f"vector {address // 4}, {VECTORS.get(address // 4, '')}"
+    command = ["avr-addr2line", "-f", "-C", "-e", str(DEFAULT_ELF), hex(address)]
+    lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    return f"from {lines[0]} on ({Path(lines[1]).name})"
+
+
+def telemetry() -> None:
+    """Bytes and cycles of a telemetry frame, link otherwise silent."""
+    chip = LabChip(DEFAULT_ELF, params=RobotParams.load(), seed=1)
+    chip.run(CPU_HZ)
+    chip.receive(chip.available)
+    with chip.probe() as probe:
+        probe.run(chip.cycle + 3 * CPU_HZ)
+        report, bursts = probe.report(), probe.tick_bursts()
+    data = chip.receive(chip.available)
+    frames = sum(frame.message_id == Telemetry.ID for frame in FrameDecoder().feed(data))
+    send = report.vector[19]
+    cycles = statistics.median(bursts) + send.cycles / frames
+    row(
+        "telemetry frame [bytes on the wire]",
+        f"{len(data) / frames:.1f}",
+        "-",
+        "rosserial odometry 24 (no battery, set-points, PWM, currents)",
+    )
+    row("  cycles to pack and to send it", f"{cycles:.0f}", "-", "rosserial 3381 to pack 24 bytes")
+
+
+def control_law(flag: str, what: str, aim: str, peers: str) -> None:
+    """Cycles of one wheel's step, call and return included where the compiler left them."""
+    flags = (FIRMWARE / "platformio.ini").read_text().split("build_flags =")[1].split("[")[0].split()
+    with tempfile.TemporaryDirectory() as folder:
+        elf = Path(folder) / "control.elf"
+        command = ["avr-g++", "-mmcu=atmega328p", "-DF_CPU=16000000L", *flags, f"-I{FIRMWARE}", *flag.split()]
+        subprocess.run([*command, Path(__file__).with_name("firmware_control.cpp"), "-o", elf], check=True)
+        chip = LabChip(elf)
+        with chip.probe() as probe:
+            probe.run(CPU_HZ // 20)
+            report = probe.report()
+    row(what, f"{report.marked / report.marks:.0f} ({report.marked_most})", aim, peers)
+
+
+def main() -> None:
+    """Print the table."""
+    row("", "here", "aim", "peers")
+    sizes()
+    load()
+    control_law(
+        "-DMEASURE_PI",
+        "PI step, mean (most)",
+        "300",
+        "FastPID 859, float PI 880, bridge 1108, Arduino-PID 1411",
+    )
+    control_law("", "ramp + feed-forward + PI", "-", "-")
+    rate = most_edges_per_s(DEFAULT_ELF)
+    row(
+        "lossless edges/s, both, link busy",
+        str(rate),
+        "100000",
+        "bridge 58200, rosserial 52600, PinChangeInterrupt 26400",
+    )
+    telemetry()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,55 @@
+// Steps of the control law between two writes to GPIOR0, over a motor that
+// answers: for firmware.py.
+#include <avr/io.h>
+#include <avr/sleep.h>
+
+#include "core/parameters.hpp"
+
+namespace {
+
+constexpr int kSteps = 200;
+volatile int16_t target_mrad_s, supply;
+volatile int32_t error_mrad_s;
+volatile int16_t sink;
+
+/// A first-order wheel, roughly: what the steps do depends on where the loop
+/// is.
+int16_t Follow(int16_t counts, int16_t pwm) { return static_cast<int16_t>(counts + (pwm - counts) / 2); }
+
+int16_t Target(int step) {
+  return static_cast<int16_t>(step < 50 ? 8000 : step < 100 ? -17000 : step < 150 ? 17000 : 0);
+}
+
+}  // namespace
+
+int main() {
+  static fw::WheelController wheel;
+  static fw::PiController pi;
+  const fw::WheelConfig config = fw::Parameters().Derive();
+  supply = 1 << 12;
+  int16_t counts = 0;
+#if defined(MEASURE_PI)
+  for (int step = 0; step < kSteps; ++step) {
+    error_mrad_s = Target(step) - fw::SpeedFromCounts(counts);
+    const int32_t error = error_mrad_s;
+    GPIOR0 = 1;
+    const int16_t pwm = pi.Step(config.pi, error, 0, false);
+    GPIOR0 = 0;
+    sink = pwm;
+    counts = Follow(counts, pwm);
+  }
+#else
+  for (int step = 0; step < kSteps; ++step) {
+    target_mrad_s = Target(step);
+    const int16_t target = target_mrad_s, ratio = supply;
+    GPIOR0 = 1;
+    const int16_t pwm = wheel.Step(config, target, counts, static_cast<uint16_t>(ratio)).pwm;
+    GPIOR0 = 0;
+    sink = pwm;
+    counts = Follow(counts, pwm);
+  }
+#endif
+  sink = static_cast<int16_t>(wheel.integral_pwm_64() + pi.integral());
+  for (;;) {
+  }
+}
