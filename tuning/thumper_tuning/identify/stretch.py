@@ -1,0 +1,90 @@
+"""A stretch of a log without a gap, as the fit sees it: what was driven, and mean speeds over windows."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thumper.geometry import FloatArray
+from thumper_tuning.log.motor_log import MotorLog
+from thumper_tuning.log.units import smallest_step
+
+SHORTEST_WINDOW_S = 0.01
+AT_REST_QUANTA = 0.6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Stretch:
+    """The drive is `drive[i]` from `change_s[i]`; window j ends at `edge_s[j + 1]` and begins at `edge_s[j]`.
+
+    `speed_rad_s[j]` is the mean over the window, or, for a log of momentary speeds, the speed at its end.
+    """
+
+    change_s: FloatArray  # (m,)
+    drive: FloatArray  # (m,)
+    before: float  # drive ahead of the stretch
+    at_rest: bool  # the motor stands at the first edge
+    edge_s: FloatArray  # (n + 1,)
+    speed_rad_s: FloatArray  # (n,)
+    quantum_rad_s: float  # what one count is in a usual window; 0 = not known
+    continues: bool  # the log goes on over a gap: what was driven before is not known
+
+    @property
+    def windows_s(self) -> FloatArray:
+        """Length of each window, shape (n,)."""
+        return np.diff(self.edge_s)
+
+
+def cut(log: MotorLog) -> list[Stretch]:
+    """The stretches of a log that are long enough to say something."""
+    found = [_stretch(log, rows, k > 0) for k, rows in enumerate(log.stretches)]
+    return [stretch for stretch in found if stretch is not None]
+
+
+def _stretch(log: MotorLog, rows: slice, continues: bool) -> Stretch | None:
+    time_s, drive = log.time_s[rows], log.drive[rows]
+    values = log.speed_rad_s if log.position_rad is None else log.position_rad
+    assert values is not None
+    known = np.flatnonzero(np.isfinite(values[rows]))
+    if len(known) < 3:
+        return None
+    y = values[rows][known]
+    if log.position_rad is not None:
+        known, y = _thin(time_s, known, y)
+        if len(known) < 3:
+            return None
+        speed = np.diff(y) / np.diff(time_s[known])
+        edge_s = time_s[known]
+        rests = (
+            abs(speed[0]) * (edge_s[1] - edge_s[0]) <= AT_REST_QUANTA * log.quantum_rad and drive[0] == 0.0
+        )
+    else:
+        # The first row's own window began one period earlier: it tells the state at the start.
+        speed, edge_s = y[1:], time_s[known]
+        rests = y[0] == 0.0
+    return Stretch(
+        change_s=time_s,
+        drive=drive,
+        before=0.0 if rests else float(drive[0]),
+        at_rest=bool(rests),
+        edge_s=edge_s,
+        speed_rad_s=speed,
+        quantum_rad_s=_quantum(log, speed),
+        continues=continues,
+    )
+
+
+def _quantum(log: MotorLog, speed: FloatArray) -> float:
+    return log.quantum_rad / log.period_s if log.quantum_rad else smallest_step(speed)
+
+
+def _thin(
+    time_s: FloatArray, known: np.ndarray[tuple[int], np.dtype[np.intp]], y: FloatArray
+) -> tuple[np.ndarray[tuple[int], np.dtype[np.intp]], FloatArray]:
+    """Leave out positions until the windows are long enough: nothing is lost, a position sums up what was."""
+    if float(np.median(np.diff(time_s[known]))) >= SHORTEST_WINDOW_S:
+        return known, y
+    keep = [0]
+    for j in range(1, len(known)):
+        if time_s[known[j]] - time_s[known[keep[-1]]] >= 2.0 * SHORTEST_WINDOW_S - 1e-9:
+            keep.append(j)
+    return known[keep], y[keep]

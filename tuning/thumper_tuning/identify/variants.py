@@ -1,0 +1,119 @@
+"""Richer motors, tried and compared by how well they predict what they were not fitted to."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thumper.geometry import FloatArray
+from thumper_tuning.identify.fit import Fit
+from thumper_tuning.identify.model import MotorModel
+from thumper_tuning.identify.predict import start_speed
+from thumper_tuning.identify.respond_two import respond_two
+from thumper_tuning.identify.solve import weights
+from thumper_tuning.identify.stretch import Stretch
+from thumper_tuning.identify.validate import blocks_of, fit_percent
+from thumper_tuning.log.motor_log import BoolArray
+
+SMALLEST_GAIN_PERCENT = 0.5  # a richer model must predict this much better to be named
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RicherModel:
+    """The base model with a second time constant, or with play before its load; unused values are 0 and 1."""
+
+    kind: str  # "second order" or "play and mass"
+    base: MotorModel
+    second_time_constant_s: float = 0.0
+    play_rad: float = 0.0
+    motor_share: float = 1.0  # of the inertia
+    fit_percent: float = 0.0  # on held-out windows
+
+
+def compare_variants(stretches: list[Stretch], fit: Fit) -> list[RicherModel]:
+    """Fit both richer motors and cross-validate them with the same blocks as the plain one."""
+    period_s = float(np.median(np.concatenate([s.windows_s for s in stretches])))
+    tau_s = fit.model.time_constant_s
+    second = RicherModel(
+        kind="second order", base=fit.model, second_time_constant_s=max(0.2 * tau_s, 0.1 * period_s)
+    )
+    played = RicherModel(kind="play and mass", base=fit.model, play_rad=0.3, motor_share=0.3)
+    return [_validated(stretches, fit, start) for start in (second, played)]
+
+
+def _validated(stretches: list[Stretch], fit: Fit, start: RicherModel) -> RicherModel:
+    use = ~fit.is_glitch
+    whole = _solve(stretches, fit, start, use)
+    blocks = blocks_of(stretches)
+    held_out = np.zeros(len(blocks))
+    for block in np.unique(blocks):
+        out = blocks == block
+        held_out[out] = _residuals(stretches, _solve(stretches, fit, whole, use & ~out))[out]
+    speed = np.concatenate([s.speed_rad_s for s in stretches])
+    counted = use & (weights(stretches) > 0.0)
+    return replace(whole, fit_percent=fit_percent(speed[counted], held_out[counted]))
+
+
+def predict_richer(s: Stretch, model: RicherModel) -> FloatArray:
+    """Mean speeds over the windows of a stretch [rad/s]."""
+    base = model.base
+    angles, _ = respond_two(
+        s.change_s,
+        s.drive,
+        s.before,
+        start_speed(s, base, momentary=False),
+        s.edge_s,
+        base.gain,
+        base.time_constant_s,
+        base.friction_forward,
+        base.friction_backward,
+        base.delay_s,
+        model.second_time_constant_s,
+        model.play_rad,
+        model.motor_share,
+    )
+    return np.diff(angles) / s.windows_s
+
+
+def _residuals(stretches: list[Stretch], model: RicherModel) -> FloatArray:
+    return np.concatenate([s.speed_rad_s - predict_richer(s, model) for s in stretches])
+
+
+def _solve(stretches: list[Stretch], fit: Fit, start: RicherModel, use: BoolArray) -> RicherModel:
+    from scipy.optimize import least_squares
+
+    drive = float(np.percentile(np.abs(np.concatenate([s.drive for s in stretches])), 95))
+    period_s = float(np.median(np.concatenate([s.windows_s for s in stretches])))
+    weight = weights(stretches)[use] / fit.scale_rad_s
+    has_lag = start.second_time_constant_s > 0.0
+
+    def model_of(x: FloatArray) -> RicherModel:
+        base = replace(
+            start.base,
+            gain=start.base.gain * float(np.exp(x[0])),
+            time_constant_s=start.base.time_constant_s * float(np.exp(x[1])),
+            friction_forward=float(x[2]) * drive,
+            friction_backward=float(x[3]) * drive,
+            delay_s=float(x[4]) * period_s,
+        )
+        if has_lag:
+            return replace(
+                start, base=base, second_time_constant_s=start.second_time_constant_s * float(np.exp(x[5]))
+            )
+        return replace(
+            start, base=base, play_rad=start.play_rad * float(np.exp(x[5])), motor_share=float(x[6])
+        )
+
+    x0 = [0.0, 0.0, start.base.friction_forward / drive, start.base.friction_backward / drive]
+    x0 += [start.base.delay_s / period_s, 0.0] + ([] if has_lag else [start.motor_share])
+    low = [-2.0, -2.0, -1.5, -1.5, 0.0, -3.0] + ([] if has_lag else [0.02])
+    high = [2.0, 2.0, 0.98, 0.98, 8.0, 3.0] + ([] if has_lag else [1.0])
+    solution = least_squares(
+        lambda x: _residuals(stretches, model_of(x))[use] * weight,
+        np.clip(x0, np.array(low) + 1e-6, np.array(high) - 1e-6),
+        bounds=(low, high),
+        loss="soft_l1",
+        x_scale=[0.1, 0.2, 0.05, 0.05, 0.2, 0.3, 0.2][: len(x0)],
+        diff_step=1e-3,
+        max_nfev=40,
+    )
+    return model_of(solution.x)

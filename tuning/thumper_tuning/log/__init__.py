@@ -1,0 +1,1 @@
+"""Anybody's motor log, read and put in order."""

@@ -1,0 +1,1 @@
+"""Experiments on a board: what is driven, recorded and written."""
