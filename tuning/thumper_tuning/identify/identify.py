@@ -57,9 +57,10 @@ def identify(logs: list[MotorLog], *, one_direction: bool = False) -> Identified
     check_after(name, fit, validation.fit_percent, f"rad/s per {logs[0].drive_unit.value}")
     notes = list(dict.fromkeys(note for log in logs for note in log.warnings))
     if flipped:
-        notes.append("the speed falls when the drive rises: encoder or motor is connected the other way
-        round; "
-                     "its sign was turned")  # fmt: skip
+        notes.append(
+            "the speed falls when the drive rises: encoder or motor is connected the other way round; "
+            "its sign was turned"
+        )
     notes += warnings_of(logs, stretches, fit, validation)
     supplies = [log.supply_V for log in logs if log.supply_V is not None]
     return Identified(
