@@ -1,0 +1,27 @@
+"""A million requests, three quarters of them damaged, through the simulated serial line to the built ELF."""
+
+from thumper_hil.bench import DEFAULT_ELF
+from thumper_hil.chip.chip import CPU_HZ, Chip
+from thumper_hil.chip.link_noise import drive
+
+FRAMES = 1_000_000
+
+
+def main() -> None:
+    """Print what became of them."""
+    chip = Chip(DEFAULT_ELF)
+    chip.run(CPU_HZ // 10)
+    chip.receive(chip.available)
+    result = drive(chip, frames=FRAMES, seed=7)
+    print(f"requests sent                        {result.frames}")
+    print(f"whole by the host's decoder          {result.whole}")
+    print(f"answers due, given, identical        {len(result.expected)}, {len(result.answers)}, ", end="")
+    print("yes" if result.answers == result.expected else "NO")
+    print(f"damaged or unknown: host's count     {result.expected_errors} = ", end="")
+    print(f"{result.expected_errors % 2**16} modulo 2^16; the board's {result.counted_errors}")
+    print(f"frames from the board that were bad  {result.host_errors}")
+    print(f"simulated time                       {chip.time_s:.0f} s, {chip.resets} resets")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,41 @@
+"""Whatever comes down the line, the flashed firmware accepts what is whole, counts the rest, and lives on."""
+
+import pytest
+
+from tests.firmware.boot import ELF
+from thumper.link.framing import FrameDecoder, encode_frame
+from thumper.link.messages import GetParameter, ParameterValue
+from thumper_hil.chip.chip import CPU_HZ, Chip
+from thumper_hil.chip.link_noise import drive
+
+OCR2A, OCR2B = 0xB3, 0xB4
+TRUNCATED = encode_frame(GetParameter.ID, 1, GetParameter(index=0).pack())
+
+
+def test_damaged_frames_are_counted_and_whole_ones_answered() -> None:
+    """Flipped bits, lost and doubled bytes, cut ends, garbage: 20 000 frames, three in four damaged."""
+    chip = Chip(ELF)
+    chip.run(CPU_HZ // 10)
+    chip.receive(chip.available)
+    result = drive(chip, frames=20_000, seed=1)
+    assert result.answers == result.expected
+    assert result.counted_errors == result.expected_errors % 2**16
+    assert result.host_errors == 0
+    assert result.whole > 5_000
+    assert result.expected_errors > 10_000
+    assert [chip.data(address) for address in (OCR2A, OCR2B)] == [0, 0]
+    assert chip.overruns == 0
+
+
+@pytest.mark.parametrize("kept", range(len(TRUNCATED)))
+def test_one_frame_after_a_cut_it_hears_again(kept: int) -> None:
+    """A frame cut at any byte can take the one behind it along, for its delimiter is gone; never another."""
+    chip = Chip(ELF)
+    chip.run(CPU_HZ // 10)
+    chip.receive(chip.available)
+    clean = [encode_frame(GetParameter.ID, sequence, GetParameter(index=0).pack()) for sequence in (2, 3)]
+    chip.send(TRUNCATED[:kept] + b"".join(clean))
+    chip.run(chip.cycle + CPU_HZ // 50)
+    frames = FrameDecoder().feed(chip.receive(chip.available))
+    heard = [frame.sequence for frame in frames if frame.message_id == ParameterValue.ID]
+    assert heard == ([2, 3] if kept == 0 else [3])
