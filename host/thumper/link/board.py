@@ -19,9 +19,13 @@ from thumper.link.messages import (
     AckStatus,
     Command,
     CommandRequest,
+    GetParameter,
     Identify,
     Identity,
     Message,
+    ParameterSpec,
+    ParameterValue,
+    SetMotorPwm,
     SetParameter,
     SetWheelSpeeds,
     Telemetry,
@@ -62,6 +66,8 @@ class Board:
         self._samples: deque[TelemetrySample] = deque()
         self._replies: list[Message] = []
         self._schema_hash: int | None = None
+        self._last_time_us: int | None = None
+        self.restarted = False  # its clock went back: what it sends no longer continues what it sent
         self.identity = self._handshake()
 
     @classmethod
@@ -100,20 +106,30 @@ class Board:
             SetWheelSpeeds(left=_int16(1000.0 * speeds.left_rad_s), right=_int16(1000.0 * speeds.right_rad_s))
         )
 
+    def set_motor_pwm(self, left: int, right: int) -> None:
+        """Drive the motors open-loop, -255...255; the board stops by itself when none comes for 300 ms."""
+        self._send(SetMotorPwm(left=_int16(left), right=_int16(right)))
+
     def command(self, command: Command) -> None:
         """Have the board change its state; raises `ThumperError` when it refuses or does not answer."""
         self._acknowledged(CommandRequest(command=command), f"{command.name.lower()} command")
 
     def set_parameter(self, name: str, value: float) -> None:
         """Set a parameter in the unit that `docs/protocol.md` gives; the board checks the range as well."""
-        spec = next((spec for spec in PARAMETERS if spec.name == name), None)
-        if spec is None:
-            names = ", ".join(spec.name for spec in PARAMETERS)
-            raise ThumperError(f"the board has no parameter {name!r}; it has {names}")
+        spec = _parameter(name)
         self._acknowledged(
             SetParameter(index=spec.index, value=round(value * spec.scale)),
             f"parameter {name} = {value:g} (allowed {spec.minimum:g}...{spec.maximum:g} {spec.unit})",
         )
+
+    def get_parameter(self, name: str) -> float:
+        """Return a parameter's present value in the unit that `docs/protocol.md` gives."""
+        spec = _parameter(name)
+        for _ in range(REQUEST_TRIES):
+            reply, _ = self._request(GetParameter(index=spec.index), ParameterValue)
+            if isinstance(reply, ParameterValue) and reply.index == spec.index:
+                return reply.value / spec.scale
+        raise ThumperError(f"the board did not tell its parameter {name}; is the cable loose?")
 
     def close(self) -> None:
         """Stop the motors, then close the port. Never raises: the board's own time-out is the second line."""
@@ -210,10 +226,22 @@ class Board:
         except ValueError:  # another protocol version: the handshake will say so
             return
         if isinstance(message, Telemetry):
+            last_us, self._last_time_us = self._last_time_us, message.time_us
+            self.restarted |= last_us is not None and (message.time_us - last_us) % 2**32 > 2**31
+            if self.restarted:
+                return
             time_s = self._fit.host_time_s(message.time_us, received_s)
             self._samples.append(TelemetrySample(time_s=time_s, telemetry=message))
         else:
             self._replies.append(message)
+
+
+def _parameter(name: str) -> ParameterSpec:
+    for spec in PARAMETERS:
+        if spec.name == name:
+            return spec
+    names = ", ".join(spec.name for spec in PARAMETERS)
+    raise ThumperError(f"the board has no parameter {name!r}; it has {names}")
 
 
 def _int16(value: float) -> int:
