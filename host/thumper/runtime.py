@@ -5,13 +5,14 @@ by the board's own 300 ms time-out. The board's telemetry is the heartbeat; the 
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
 from thumper.kinematics import DriveGeometry, WheelSpeeds, limit_wheel_speeds, wheel_speeds
 from thumper.lidar.urg04lx import Urg04LxDriver
-from thumper.link.board import Board
+from thumper.link.board import Board, TelemetrySample
 from thumper.link.messages import Command, Fault, State, Telemetry
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.mapper import Mapper
@@ -24,11 +25,12 @@ from thumper.navigation.validate import validate_goal
 from thumper.perception import Perception, Situation
 
 TELEMETRY_TIMEOUT_S = 0.5
-SCAN_TIMEOUT_S = 1.0  # without a scan for this long the robot is blind and must not move
+BLIND_S = 0.35  # without a new scan for this long (three turns) the robot must not move on
+SCAN_TIMEOUT_S = 1.0  # ... and after this long the lidar is lost
 FARTHEST_GOAL_M = 50.0  # the map of a whole drive must fit into memory and planning time
 GOAL_MARGIN_M = 1.0
 DISARMED_BEATS = 3  # telemetry from before ARM may still be on its way
-STOP_BEATS = 20  # the firmware's ramp needs about one second from full speed
+STOP_BEATS = 30  # the firmware's ramp needs two seconds from the fastest speed it takes
 FIRST_LOOK_SCANS = 3
 FIRST_LOOK_TIMEOUT_S = 5.0
 
@@ -44,6 +46,7 @@ class MissionResult:
     """How a drive to a goal ended."""
 
     reached: bool
+    interrupted: bool  # by the user, with Ctrl-C
     reason: str
     time_s: float
     path_length_m: float
@@ -83,6 +86,7 @@ class Runtime:
         self._max_wheel_rad_s = max_wheel_rad_s
         self._telemetry: Telemetry | None = None
         self._disarmed_beats = 0
+        self._interrupted = False
         self.log = MissionLog()
 
     @property
@@ -90,31 +94,49 @@ class Runtime:
         """The map so far, and where it says the robot is."""
         return self._perception.mapper
 
-    def drive_to(self, goal: Goal, on_progress: Callable[[Progress], None]) -> MissionResult:
+    def drive_to(
+        self, goal: Goal, on_progress: Callable[[Progress], None], *, clear_fault: bool = False
+    ) -> MissionResult:
         """Look round, arm, drive until the goal is reached or cannot be, stop and disarm.
+
+        A link that was lost earlier is no fault any more; any other latched fault is cleared only on request.
 
         Raises
         ------
         ThumperError
-            Before anything moves: no telemetry, no scan, or a goal that makes no sense.
+            Before anything moves: no telemetry, no scan, a latched fault, or a goal that makes no sense.
         """
         start = self._look_round()
         self._check_goal(goal, start)
         self._navigator.set_goal(goal)
-        self._board.command(Command.CLEAR_FAULT)
+        self._check_fault(clear_fault)
         self._board.command(Command.ARM)
         try:
             reached, reason = self._drive_loop(goal, start.time_s, on_progress)
         finally:
-            self._stop()
+            stopped = self._stop()
+        if not stopped:
+            reason += "; the board did not confirm the stop, it stops by itself after 300 ms without commands"
         end = self._perception.situation() or start
         return MissionResult(
             reached=reached,
+            interrupted=self._interrupted,
             reason=reason,
             time_s=end.time_s - start.time_s,
             path_length_m=path_length_m(self.log.poses),
             map_from_base=end.map_from_base,
         )
+
+    def _check_fault(self, clear_fault: bool) -> None:
+        telemetry = self._telemetry
+        if telemetry is None or telemetry.state is not State.FAULT:
+            return
+        if telemetry.fault is not Fault.LINK_LOST and not clear_fault:
+            raise ThumperError(
+                f"the board has latched a fault: {FAULT_CURES[telemetry.fault]}; "
+                "when it is safe, run again with --clear-fault"
+            )
+        self._board.command(Command.CLEAR_FAULT)
 
     def _check_goal(self, goal: Goal, start: Situation) -> None:
         if goal.distance_m(start.map_from_base) > FARTHEST_GOAL_M:
@@ -153,6 +175,9 @@ class Runtime:
         try:
             while (ending := self._beat(goal, start_s, on_progress)) is None:
                 pass
+        except KeyboardInterrupt:
+            self._interrupted = True
+            return False, "interrupted"
         except ThumperError as error:
             return False, str(error)
         except Exception as error:  # in motion nothing may pass the stop that follows
@@ -163,13 +188,19 @@ class Runtime:
         self, goal: Goal, start_s: float, on_progress: Callable[[Progress], None]
     ) -> tuple[bool, str] | None:
         """One beat: sense, decide, act. None while under way, else as `_drive_loop`."""
-        if not self._sense():
+        alive = self._sense()
+        if self._board.restarted:
+            return False, "the board has restarted on the way; look at its supply and cable"
+        if not alive:
             return False, "the board went silent; it stops its motors by itself"
         situation = self._perception.situation()
         if situation is None or self._telemetry is None:
             return None
         if objection := self._objection(self._telemetry, situation):
             return False, objection
+        if situation.scan_age_s > BLIND_S:
+            self._board.set_wheel_speeds(WheelSpeeds())
+            return None
         output = self._navigator.update(
             situation.time_s,
             situation.map_from_base,
@@ -198,7 +229,7 @@ class Runtime:
             return f"the board stopped the motors: {FAULT_CURES[telemetry.fault]}"
         self._disarmed_beats = self._disarmed_beats + 1 if telemetry.state is State.DISARMED else 0
         if self._disarmed_beats > DISARMED_BEATS:
-            return "the board is disarmed; it has restarted, look at its supply and cable"
+            return "somebody has disarmed the board"
         if situation.scan_age_s > SCAN_TIMEOUT_S:
             return "the lidar sends no more scans; is its cable loose?"
         return ""
@@ -206,25 +237,38 @@ class Runtime:
     def _sense(self) -> bool:
         """Take in one beat of both ports; False when the board is silent."""
         samples = self._board.poll(TELEMETRY_TIMEOUT_S)
-        for sample in samples:
-            self._telemetry = sample.telemetry
-            self._perception.add_telemetry(sample)
-            self.log.add_speeds(sample)
+        self._take_in(samples)
         for scan in self._lidar.poll():
             self._perception.add_scan(scan)
         return bool(samples)
 
-    def _stop(self) -> None:
-        """Zero speed, wait until the wheels stand, disarm. Never raises: it runs on every way out."""
+    def _take_in(self, samples: list[TelemetrySample]) -> None:
+        for sample in samples:
+            self._telemetry = sample.telemetry
+            self._perception.add_telemetry(sample)
+            self.log.add_speeds(sample)
+
+    def _stop(self) -> bool:
+        """Zero speed until the wheels stand, then disarm; returns whether the board confirmed it.
+
+        It runs on every way out: it never raises, and minds nothing but the board before that has stopped.
+        """
+        samples: list[TelemetrySample] = []
         try:
             for _ in range(STOP_BEATS):
                 self._board.set_wheel_speeds(WheelSpeeds())
-                if not self._sense() or self._stands():
+                heard = self._board.poll(TELEMETRY_TIMEOUT_S)
+                samples += heard
+                if not heard or _stands(heard[-1].telemetry):
                     break
             self._board.command(Command.DISARM)
+            confirmed = True
         except ThumperError:
-            pass  # the board's own time-out stops the motors
+            confirmed = False
+        with suppress(Exception):  # a fault here must not hide how the drive ended
+            self._take_in(samples)
+        return confirmed
 
-    def _stands(self) -> bool:
-        telemetry = self._telemetry
-        return telemetry is not None and telemetry.left_speed == telemetry.right_speed == 0
+
+def _stands(telemetry: Telemetry) -> bool:
+    return telemetry.left_speed == telemetry.right_speed == 0

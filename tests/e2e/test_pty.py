@@ -1,6 +1,7 @@
 """The same programs over serial ports: `thumper sim` at one end of two ptys, `thumper run` at the other."""
 
 import json
+import re
 import signal
 import subprocess
 import time
@@ -61,7 +62,10 @@ def test_interrupt_stops_the_motors_first(ports: tuple[Path, Path], tmp_path: Pa
         tmp_path,
     ]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    time.sleep(8)  # imports, handshake, first look, and on the way
+    assert process.stdout is not None
+    for line in process.stdout:  # one a second while it drives; before the first come imports and handshake
+        if re.search(r"m to go, +[2-9]", line):
+            break
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=10)
     assert process.returncode == 130

@@ -1,5 +1,6 @@
 """The `thumper` command. Each command imports what it needs when it runs, so that `--help` is quick."""
 
+import signal
 import sys
 from importlib.metadata import entry_points
 
@@ -49,6 +50,7 @@ def _build() -> typer.Typer:
 
 def main() -> None:
     """Run the command line; a fault that the user can mend is one line on stderr, never a traceback."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a polite kill is a Ctrl-C: motors first
     try:
         _build()()
     except ThumperError as error:

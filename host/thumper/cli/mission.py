@@ -3,34 +3,38 @@
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
-from thumper.errors import ThumperError
 from thumper.navigation.goal import Goal
 from thumper.runtime import MissionResult, Runtime
 from thumper.runtime import Progress as Beat
 
+PLAIN_PERIOD_S = 1.0
 
-def drive_with_progress(robot: Runtime, goal: Goal, name: str, console: Console) -> MissionResult:
-    """Drive to the goal and show how far it still is."""
+
+def drive_with_progress(
+    robot: Runtime, goal: Goal, name: str, console: Console, *, clear_fault: bool = False
+) -> MissionResult:
+    """Drive to the goal and show how far it still is: a bar on a terminal, else a line a second."""
     with Progress(
         TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[state]}"), console=console
     ) as progress:
         task = progress.add_task(name, total=None, state="looking round")
-        farthest_m = 0.0
+        farthest_m, next_line_s = 0.0, 0.0
 
         def show(beat: Beat) -> None:
-            nonlocal farthest_m
+            nonlocal farthest_m, next_line_s
             farthest_m = max(farthest_m, beat.distance_to_goal_m)
+            state = f"{beat.distance_to_goal_m:5.2f} m to go, {beat.time_s:5.1f} s"
+            if not console.is_terminal and beat.time_s >= next_line_s:
+                print(f"{name}: {state}", flush=True)
+                next_line_s = beat.time_s + PLAIN_PERIOD_S
             progress.update(
                 task,
                 total=farthest_m,
                 completed=farthest_m - beat.distance_to_goal_m,
-                state=f"{beat.distance_to_goal_m:5.2f} m to go, {beat.time_s:5.1f} s",
+                state=state,
             )
 
-        try:
-            result = robot.drive_to(goal, show)
-        except KeyboardInterrupt:
-            raise ThumperError("interrupted; the motors are stopped", exit_code=130) from None
+        result = robot.drive_to(goal, show, clear_fault=clear_fault)
         ending = "reached" if result.reached else "not reached"
         progress.update(task, total=1.0, completed=1.0, state=f"{ending} after {result.time_s:.1f} s")
     return result

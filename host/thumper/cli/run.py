@@ -17,6 +17,7 @@ def run(
         typer.Option(help="Where the robot stands: X Y in metres, heading in degrees."),
     ] = (0.0, 0.0, 0.0),
     tolerance: Annotated[float, typer.Option(help="How near is near enough, in metres.", min=0.02)] = 0.1,
+    clear_fault: Annotated[bool, typer.Option(help="Clear a fault that the board has latched.")] = False,
     config: Annotated[Path | None, typer.Option(help="The robot's TOML; without it, a Wild Thumper.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for map, pictures and summary.")] = Path("out"),
 ) -> None:
@@ -30,10 +31,13 @@ def run(
     from thumper.cli.mission import drive_with_progress
     from thumper.cli.output import prepare_output
     from thumper.config.robot import load_config
+    from thumper.errors import ThumperError
     from thumper.geometry import Pose2
     from thumper.navigation.goal import Goal
     from thumper.report import write_run
 
+    if not all(map(math.isfinite, (*goal, *start, tolerance))):
+        raise ThumperError("--goal, --start and --tolerance take finite numbers", exit_code=2)
     settings = load_config(config)
     if board:
         settings = dataclasses.replace(settings, board=dataclasses.replace(settings.board, port=board))
@@ -44,9 +48,9 @@ def run(
     start_pose = Pose2(x_m=start[0], y_m=start[1], theta_rad=math.radians(start[2]))
     target = Goal(x_m=goal[0], y_m=goal[1], tolerance_m=tolerance)
     with open_robot(settings, start_pose) as robot:
-        result = drive_with_progress(robot, target, "driving", console)
+        result = drive_with_progress(robot, target, "driving", console, clear_fault=clear_fault)
         files = write_run(out, robot.mapper.grid(), robot.log, result)
-    console.print(f"{'reached' if result.reached else 'not reached'}: {result.reason}")
     console.print(f"{result.path_length_m:.2f} m in {result.time_s:.1f} s; {', '.join(files)} are in {out}/")
     if not result.reached:
-        raise typer.Exit(1)
+        raise ThumperError(f"goal not reached: {result.reason}", exit_code=130 if result.interrupted else 1)
+    console.print(f"reached: {result.reason}")
