@@ -9,17 +9,25 @@ BOOTLOADERS = Path("/usr/share/arduino/hardware/arduino/avr/bootloaders")
 ATMEGABOOT = BOOTLOADERS / "atmega/ATmegaBOOT_168_atmega328.hex"
 """What is on the T'REX and on most Nanos; 57600 baud, from 0x7800 on."""
 
+BOOT_START = 0x7800
 BROKEN_OPTIBOOT = BOOTLOADERS / "optiboot/optiboot_atmega328.hex"
 """Debian's build of it is 534 bytes long; the chip has 512 for it."""
 
 ELF = ROOT / "firmware" / "build" / "thumper.elf"
 HEX = ELF.with_suffix(".hex")
-BOOT_S = 2.0
-"""The boot loader waits 1.3 s for a programmer before it starts the program."""
 
 
 def chip_with_bootloader() -> LabChip:
     """A chip as it comes from the shop: the boot loader and nothing else."""
     chip = LabChip(ELF)
     chip.install_bootloader(ATMEGABOOT)
+    return chip
+
+
+def chip_with_program(elf: Path) -> LabChip:
+    """A chip with the boot loader and a program, just reset."""
+    chip = LabChip(elf)
+    program = chip.read_flash(0, BOOT_START)
+    chip.install_bootloader(ATMEGABOOT)
+    chip.write_flash(0, program)
     return chip

@@ -5,6 +5,8 @@
 #include <cstdlib>
 #include <stdexcept>
 
+#include "programmer.hpp"
+
 namespace thumper {
 namespace {
 
@@ -42,6 +44,7 @@ Chip::Chip(const std::string& elf_path, const PlantParams* plant_params, const W
 
   MendPhaseCorrectPwm(avr_);
   uart_.emplace(avr_);
+  watchdog_.emplace(avr_);
   if (plant_params != nullptr) {
     plant_.emplace(avr_, *plant_params, wiring, seed);
     adc_.emplace(avr_, *plant_);
@@ -99,6 +102,15 @@ void Chip::OnReset(avr_io_t* io) {
 void Chip::Reset() {
   avr_reset(avr_);
   avr_regbit_set(avr_, avr_->reset_flags.extrf);  // simavr leaves MCUSR empty
+}
+
+void Chip::Hang(bool interrupts_off) {
+  constexpr uint32_t kTrap = 0x6FFE;  // below any boot loader, above any program of ours
+  constexpr uint8_t kJumpToItself[2] = {0xFF, 0xCF};
+  Programmer(avr_).WriteFlash(kTrap, kJumpToItself, sizeof kJumpToItself);
+  if (interrupts_off) avr_->sreg[S_I] = 0;
+  if (avr_->state == cpu_Sleeping) avr_->state = cpu_Running;
+  avr_->pc = kTrap;
 }
 
 /// simavr calls this before it jumps ahead to the next timer; its own version waits in real time.

@@ -7,6 +7,7 @@
 #include "avr.hpp"
 #include "plant.hpp"
 #include "uart_line.hpp"
+#include "watchdog_cure.hpp"
 
 namespace thumper {
 
@@ -35,6 +36,9 @@ class Chip {
   RunStatus Run(uint64_t until_cycle, std::size_t bytes_wanted);
 
   void Reset();  ///< the reset pin
+
+  /// Let the program fall into an endless loop, as a bug would; its interrupts go on unless they are off.
+  void Hang(bool interrupts_off);
   uint64_t cycle() const { return avr_->cycle; }
   uint64_t resets() const { return resets_; }
   uint64_t slept_cycles() const { return slept_cycles_; }
@@ -63,6 +67,7 @@ class Chip {
   std::optional<UartLine> uart_;
   std::optional<Plant> plant_;
   std::optional<AdcLatch> adc_;
+  std::optional<WatchdogCure> watchdog_;
   uint64_t resets_ = 0, slept_cycles_ = 0;
 };
 

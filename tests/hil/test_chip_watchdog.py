@@ -1,0 +1,28 @@
+"""The watchdog of the simulated chip: its interrupt first, its reset when nobody serves that."""
+
+from tests.firmware.boot import chip_with_program
+from tests.hil.conftest import BuildAvr
+from tests.hil.rig import run_for
+from thumper_hil.chip.chip import CPU_HZ, Chip
+
+
+def test_a_hang_with_interrupts_off_ends_in_a_reset(build_avr: BuildAvr) -> None:
+    """128 ms to the interrupt, which is served; then two times 128 ms: the first one finds interrupts off."""
+    chip = Chip(build_avr("deadlock"))
+    run_for(chip, 1.0)
+    data, cycles = chip.receive_stamped(10)
+    assert data == b"PIW"
+    assert chip.resets == 1
+    to_interrupt_s = (cycles[1] - cycles[0]) / CPU_HZ
+    to_reset_s = (cycles[2] - cycles[1]) / CPU_HZ
+    assert 0.9 * 0.131 < to_interrupt_s < 1.1 * 0.131  # 16 K cycles of 128 kHz are 128 ms
+    assert 1.9 * 0.131 < to_reset_s < 2.1 * 0.131
+
+
+def test_the_stock_boot_loader_never_comes_out_of_a_watchdog_reset(build_avr: BuildAvr) -> None:
+    """The watchdog runs on at 16 ms, and the boot loader neither stops nor feeds it: hence no plain reset."""
+    chip = chip_with_program(build_avr("dog"))
+    run_for(chip, 5.0)
+    assert chip.receive(100)[:2] == b"P."  # it ran once, and was never there again
+    assert b"W" not in chip.receive(100)
+    assert chip.resets > 150
