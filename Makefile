@@ -54,14 +54,15 @@ $(VENV)/.packages: scripts/install-packages Makefile
 
 $(BIN)/python: | $(VENV)/.packages
 	@PYTHON="$(PYTHON)" scripts/find-python >/dev/null
-	@"$$(PYTHON="$(PYTHON)" scripts/find-python)" -m venv $(VENV)
+	@python=$$(PYTHON="$(PYTHON)" scripts/find-python); "$$python" -m venv $(VENV) || { rm -rf $(BIN); \
+	  echo "thumper: $$python cannot make a virtual environment; install its venv package (python3.X-venv)" >&2; exit 1; }
 
 $(VENV)/.run: pyproject.toml | $(BIN)/python
 	@echo "installing Python packages into $(VENV)"
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable .
 	@touch $@
 
-$(VENV)/.dev: pyproject.toml | $(BIN)/python
+$(VENV)/.dev: pyproject.toml Makefile | $(BIN)/python
 	@scripts/install-packages $(TEST_PACKAGES)
 	@echo "installing Python packages for the tests into $(VENV)"
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[dev]'

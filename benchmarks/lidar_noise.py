@@ -1,11 +1,12 @@
 """Print the error codes and losses of a real URG-04LX beside those of the simulated one.
 
-`python benchmarks/lidar_noise.py ../shared/data/slam/mines-exp1.dat.gz`. The simulated lidar looks at
-what the real one saw: the log's ranges are the truth, its codes mean that there is nothing. Beams 0-52 and
+`python benchmarks/lidar_noise.py [LOG]`, by default the MINES log in $THUMPER_DATA. The simulated lidar
+looks at what the real one saw: the log's ranges are the truth, its codes mean that there is nothing. Beams 0-52 and
 659-681, which the robot of the log hides, are left out.
 """
 
 import gzip
+import os
 import sys
 from itertools import pairwise
 from pathlib import Path
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from thumper_hil.parts.urg_noise import device_bias, measure_mm
 
+DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2] / "shared" / "data"))
 CODES = (0, 7, 6, 1, 2, 10, 8, 15)
 EDGES_MM = (20, 1000, 1500, 2000, 3000, 4000, 5601)
 
@@ -28,7 +30,11 @@ def read_log(path: Path) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
 
 
 def main() -> None:
-    real_mm, counts = read_log(Path(sys.argv[1]))
+    log = Path(sys.argv[1]) if len(sys.argv) > 1 else DATA / "slam" / "mines-exp1.dat.gz"
+    if not log.exists():
+        print(f"skipped: there is no log at {log}")
+        return
+    real_mm, counts = read_log(log)
     rng = np.random.default_rng(1)
     bias = device_bias(real_mm.shape[1], rng)
     simulated_mm = np.array(

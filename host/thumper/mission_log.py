@@ -62,7 +62,14 @@ class SpeedError:
 
 
 def speed_errors(speeds: FloatArray) -> dict[str, SpeedError]:
-    """Return each side's error from an array with `SPEED_COLUMNS` (defined as in experiment 8.2)."""
+    """Return each side's error from an array with `SPEED_COLUMNS`, over the rows in which the robot moves.
+
+    The set-point is what the wheel's controller was given: the commanded speed behind the firmware's ramp.
+    """
+    columns = [
+        SPEED_COLUMNS.index(f"{side}_{what}") for side in ("left", "right") for what in ("setpoint", "speed")
+    ]
+    speeds = speeds[(speeds[:, columns] != 0.0).any(axis=1)]
     errors = {}
     for side in ("left", "right"):
         error = (

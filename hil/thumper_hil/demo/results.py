@@ -27,6 +27,10 @@ from thumper_hil.demo.missions import (
 )
 from thumper_hil.demo.outcome import Outcome
 
+FOOTNOTE = (
+    "Wheel speed error: set-point behind the firmware's ramp minus measured, straight run, while moving."
+)
+
 
 def write_results(out: Path, outcomes: Sequence[Outcome], seed: int, console: Console) -> None:
     """Write everything to `out`, print the table, and say where things are."""
@@ -120,11 +124,12 @@ def _print_table(rows: list[tuple[str, str, str]], console: Console) -> None:
     for row in rows:
         table.add_row(*row)
     console.print(table)
+    console.print(FOOTNOTE, highlight=False)
 
 
 def _markdown(rows: list[tuple[str, str, str]]) -> str:
     lines = ["| | ours (simulated) | thesis (real robot) |", "|---|---|---|"]
-    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)]) + "\n"
+    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows), "", FOOTNOTE]) + "\n"
 
 
 def _picture_of_missions(path: Path, outcomes: Sequence[Outcome]) -> None:
