@@ -1,8 +1,8 @@
 """Print the error codes and losses of a real URG-04LX beside those of the simulated one.
 
 `python benchmarks/lidar_noise.py [LOG]`, by default the MINES log in $THUMPER_DATA. The simulated lidar
-looks at what the real one saw: the log's ranges are the truth, its codes mean that there is nothing. Beams 0-52 and
-659-681, which the robot of the log hides, are left out.
+looks at what the real one saw: the log's ranges are the truth, its codes mean that there is nothing. Beams
+0-52 and 659-681, which the robot of the log hides, are left out.
 """
 
 import gzip
