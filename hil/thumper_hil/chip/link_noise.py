@@ -25,8 +25,8 @@ from thumper.link.messages import (
 )
 from thumper_hil.chip.chip import CPU_HZ, Chip
 
-BURST_BYTES = 40
-BURST_CYCLES = 4 * CPU_HZ // 1000
+BURST_BYTES = 24
+BURST_CYCLES = 3 * CPU_HZ // 1000
 """Bursts fit the firmware's receive ring, which nobody empties while it packs its telemetry."""
 
 SETTLE_CYCLES = CPU_HZ // 3
