@@ -32,11 +32,11 @@ format: $(VENV)/.dev
 	clang-format -i $$(git ls-files '*.cpp' '*.hpp' '*.c' '*.h')
 
 firmware: $(VENV)/.packages
-	@$(MAKE) --no-print-directory -C firmware
-	@$(MAKE) --no-print-directory -C firmware BOARD=nano
+	@$(MAKE) --no-print-directory -s -C firmware
+	@$(MAKE) --no-print-directory -s -C firmware BOARD=nano
 
 chip: $(VENV)/.run $(VENV)/.packages
-	@$(MAKE) --no-print-directory -C hil/thumper_hil/chip
+	@$(MAKE) --no-print-directory -s -C hil/thumper_hil/chip
 
 protocol: $(VENV)/.run
 	$(BIN)/python firmware/protocol/generate.py
@@ -52,17 +52,20 @@ $(VENV)/.packages: scripts/install-packages Makefile
 	@scripts/install-packages $(PACKAGES)
 	@mkdir -p $(VENV) && touch $@
 
-$(BIN)/python: | $(VENV)/.packages
+# A stamp and not $(BIN)/python: an environment that was half made is made again.
+$(VENV)/.made: | $(VENV)/.packages
 	@PYTHON="$(PYTHON)" scripts/find-python >/dev/null
-	@python=$$(PYTHON="$(PYTHON)" scripts/find-python); "$$python" -m venv $(VENV) || { rm -rf $(BIN); \
+	@rm -rf $(BIN) $(VENV)/lib
+	@python=$$(PYTHON="$(PYTHON)" scripts/find-python); "$$python" -m venv $(VENV) || { \
 	  echo "thumper: $$python cannot make a virtual environment; install its venv package (python3.X-venv)" >&2; exit 1; }
+	@touch $@
 
-$(VENV)/.run: pyproject.toml | $(BIN)/python
+$(VENV)/.run: pyproject.toml | $(VENV)/.made
 	@echo "installing Python packages into $(VENV)"
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable .
 	@touch $@
 
-$(VENV)/.dev: pyproject.toml Makefile | $(BIN)/python
+$(VENV)/.dev: pyproject.toml Makefile | $(VENV)/.made
 	@scripts/install-packages $(TEST_PACKAGES)
 	@echo "installing Python packages for the tests into $(VENV)"
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[dev]'

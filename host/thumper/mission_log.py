@@ -69,7 +69,8 @@ def speed_errors(speeds: FloatArray) -> dict[str, SpeedError]:
     columns = [
         SPEED_COLUMNS.index(f"{side}_{what}") for side in ("left", "right") for what in ("setpoint", "speed")
     ]
-    speeds = speeds[(speeds[:, columns] != 0.0).any(axis=1)]
+    moving = (speeds[:, columns] != 0.0).any(axis=1)
+    speeds = speeds[moving] if moving.any() else speeds
     errors = {}
     for side in ("left", "right"):
         error = (

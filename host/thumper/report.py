@@ -100,7 +100,12 @@ def write_run(folder: Path, grid: OccupancyGrid, log: MissionLog, result: Missio
     axes = picture.subplots()
     draw_map(axes, grid)
     draw_drive(axes, log)
-    picture.legend(loc="outside lower center", ncols=2, fontsize=9)
+    for row, mark, colour, name in ((0, "o", GREEN, "start"), (-1, "s", BLUE, "end")):
+        axes.plot(*log.poses[row:][:1, 1:3].T, mark, color=colour, markersize=8, label=name)
+    axes.set_title(
+        f"{result.path_length_m:.2f} m in {result.time_s:.1f} s: {result.reason}", fontsize=10, wrap=True
+    )
+    picture.legend(loc="outside lower center", ncols=4, fontsize=9)
     picture.savefig(folder / "map.png", dpi=130)
     speeds = log.speeds
     picture = Figure(figsize=(9, 6), layout="constrained")
@@ -109,6 +114,7 @@ def write_run(folder: Path, grid: OccupancyGrid, log: MissionLog, result: Missio
     pose = result.map_from_base
     summary = {
         "reached": result.reached,
+        "interrupted": result.interrupted,
         "reason": result.reason,
         "time_s": round(result.time_s, 2),
         "path_length_m": round(result.path_length_m, 3),

@@ -156,7 +156,8 @@ class Runtime:
         while self._perception.scans_mapped < FIRST_LOOK_SCANS:
             if waited_s > FIRST_LOOK_TIMEOUT_S:
                 raise ThumperError(
-                    "the lidar sends no scans; is it powered? `thumper doctor --lidar PORT` tells more"
+                    "the lidar sends no scans in the board's time; is it powered, and the same robot's? "
+                    "`thumper doctor --lidar PORT` tells more"
                 )
             before = self._perception.situation()
             if not self._sense():

@@ -35,6 +35,8 @@ def drive_with_progress(
             )
 
         result = robot.drive_to(goal, show, clear_fault=clear_fault)
-        ending = "reached" if result.reached else "not reached"
-        progress.update(task, total=1.0, completed=1.0, state=f"{ending} after {result.time_s:.1f} s")
+        if result.reached:
+            progress.update(task, total=1.0, completed=1.0, state=f"reached after {result.time_s:.1f} s")
+        else:
+            progress.update(task, state=f"not reached after {result.time_s:.1f} s")
     return result

@@ -14,7 +14,7 @@ def run(
     lidar: Annotated[str, typer.Option(help="Lidar port or URL; overrides the configuration.")] = "",
     start: Annotated[
         tuple[float, float, float],
-        typer.Option(help="Where the robot stands: X Y in metres, heading in degrees."),
+        typer.Option(help="Where the robot stands: X Y in metres, then its heading in degrees."),
     ] = (0.0, 0.0, 0.0),
     tolerance: Annotated[float, typer.Option(help="How near is near enough, in metres.", min=0.02)] = 0.1,
     clear_fault: Annotated[bool, typer.Option(help="Clear a fault that the board has latched.")] = False,

@@ -47,13 +47,13 @@ def _register_plugins() -> None:
 def _cause_and_cure(error: Exception) -> str:
     text = str(error)
     if isinstance(error, FileNotFoundError) or "No such file" in text:
-        return "there is no such port; is it plugged in? `thumper doctor` lists the ports that exist"
+        return "there is no such port; is it plugged in? `ls /dev/ttyUSB* /dev/ttyACM*` shows what is there"
     if isinstance(error, PermissionError) or "Permission denied" in text:
         return "not permitted; add yourself to its group: sudo usermod -aG dialout $USER, then log in again"
     if "exclusively lock" in text or "busy" in text:
         return "another program has it open; close that program first"
     if "Inappropriate ioctl" in text or "not a tty" in text:
-        return "it is no serial port; `thumper doctor` lists the ports that exist"
+        return "it is no serial port; `ls /dev/ttyUSB* /dev/ttyACM*` shows which there are"
     if "unknown protocol" in text or "invalid URL" in text:
         return "no such kind of port; give a device such as /dev/ttyUSB0 or a URL such as sim://robot/board"
     return " ".join(text.split())
