@@ -35,6 +35,7 @@ def sim(
         tuple[float, float, float],
         typer.Option(help="Where the robot stands: X Y [m] HEADING [deg]."),
     ] = (0.0, 0.0, 0.0),
+    scenario: Annotated[str, typer.Option(help="A TOML file that says which fault happens when.")] = "",
 ) -> None:
     """Serve a simulated robot in real time on two pseudo-terminals, for programs that drive the hardware."""
     from thumper_hil.bench.pty import serve
@@ -48,5 +49,6 @@ def sim(
             "x_m": str(start[0]),
             "y_m": str(start[1]),
             "yaw_deg": str(start[2]),
+            "scenario": scenario,
         },
     )

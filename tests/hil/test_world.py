@@ -191,7 +191,7 @@ def _inside(box_m: FloatArray, x_m: float, y_m: float) -> bool:
         ("[box]\nx_m=0\n", "write each one as [[box]]"),
         ("", "the world is empty"),
         ("base='w'\n", "builds on itself"),
-        ("base='nowhere'\n", "no such world; there are: lab, lab_box"),
+        ("base='nowhere'\n", "no such world; there are: "),
         ("[[box\n", "cannot read the world"),
     ],
 )

@@ -13,7 +13,11 @@ from thumper.geometry import FloatArray, Pose2
 from thumper.link.messages import Board as BoardKind
 from thumper_hil.bench.contact import HULL_M, ContactWatch
 from thumper_hil.bench.options import BenchOptions
-from thumper_hil.chip.chip import CPU_HZ, Chip
+from thumper_hil.chip.chip import CPU_HZ
+from thumper_hil.chip.faulty import FaultyChip
+from thumper_hil.faults.catalogue import FaultError, FaultValue, action_of
+from thumper_hil.faults.scenario import load_scenario
+from thumper_hil.faults.switches import Switches
 from thumper_hil.parts.params import RobotParams
 from thumper_hil.parts.urg04lx import Urg04Lx
 from thumper_hil.parts.world import World
@@ -51,10 +55,12 @@ class Bench:
         params = RobotParams.load()
         if options.charge is not None:
             params = replace(params, battery=replace(params.battery, state_of_charge=options.charge))
-        self.chip = Chip(
+        self.chip = FaultyChip(
             elf or ELF_OF_BOARD[options.board], params=params, board=options.board, seed=options.seed
         )
         self.chip.place(options.start)
+        self._switches = Switches(chip=self.chip)
+        self._events = deque(load_scenario(Path(options.scenario)) if options.scenario else ())
         self._contact = ContactWatch(self.chip, self.world)
         self._truth: list[tuple[float, ...]] = []
         self._poses: deque[tuple[float, ...]] = deque(maxlen=REMEMBERED_POSES)
@@ -94,12 +100,49 @@ class Bench:
         """
         until_cycle = math.ceil(until_s * CPU_HZ)  # never short of it: who waits would wait for ever
         arrived = False
-        while self.chip.cycle < until_cycle and not arrived:
+        while True:
+            self._break_what_is_due()
+            # While the host's computer hangs, time passes and nobody looks at what arrives.
+            awake_cycle = math.ceil(self._switches.host_hangs_until_s * CPU_HZ)
+            hangs = self.chip.cycle < awake_cycle
+            end_cycle = max(until_cycle, awake_cycle)
+            if self.chip.cycle >= end_cycle or (arrived and not hangs):
+                break
             tick_cycle = (self._ticks + 1) * TICK_CYCLES
-            arrived = self.chip.run(min(until_cycle, tick_cycle), bytes_wanted=board_bytes)
+            fault_cycle = math.ceil(self._events[0].time_s * CPU_HZ) if self._events else end_cycle
+            arrived = self.chip.run(
+                min(end_cycle, tick_cycle, fault_cycle), bytes_wanted=0 if hangs else board_bytes
+            )
             if self.chip.cycle >= tick_cycle:
                 self._tick()
         self._pace()
+
+    def fault(self, name: str, value: FaultValue) -> None:
+        """Break something now, or mend it: `bench.fault("encoder.left.b", "cut")`; docs/bench.md lists all.
+
+        Raises
+        ------
+        ThumperError
+            No such fault, or a value that it cannot have.
+        """
+        try:
+            action_of(name, value)(self._switches)
+        except FaultError as error:
+            raise ThumperError(str(error), exit_code=2) from error
+
+    def is_plugged(self, device: str) -> bool:
+        """Whether the USB plug of the `board` or the `lidar` is in."""
+        return self._switches.board_plugged if device == "board" else self._switches.lidar_plugged
+
+    def board_write(self, data: bytes) -> None:
+        """Send bytes to the board, unless its plug is out."""
+        if self._switches.board_plugged:
+            self.chip.send(data)
+
+    def board_read(self, limit: int) -> bytes:
+        """Fetch up to `limit` bytes that the board has sent; without a plug they are lost."""
+        data = self.chip.receive(limit)
+        return data if self._switches.board_plugged else b""
 
     def advance_for_lidar(self, until_s: float, lidar_bytes: int) -> None:
         """Let time pass until `until_s`, or until so many of the lidar's bytes wait to be read."""
@@ -108,15 +151,18 @@ class Bench:
             self.advance(min(until_s, self.time_s + LIDAR_LOOK_S))
 
     def lidar_write(self, data: bytes) -> None:
-        """Send bytes to the lidar, now."""
+        """Send bytes to the lidar, now, unless its plug is out."""
         self._look()
-        self._lidar.write(data, self.time_s)
+        if self._switches.lidar_plugged:
+            self._lidar.write(data, self.time_s)
 
     def lidar_available(self) -> int:
         """Bytes from the lidar that wait to be read."""
         self._look()
         self._lidar.advance(self.time_s)
-        self._lidar_bytes += self._lidar.read()
+        sent = self._lidar.read()
+        if self._switches.lidar_plugged:
+            self._lidar_bytes += sent
         return len(self._lidar_bytes)
 
     def lidar_read(self, limit: int) -> bytes:
@@ -125,6 +171,10 @@ class Bench:
         data = bytes(self._lidar_bytes[:limit])
         del self._lidar_bytes[:limit]
         return data
+
+    def _break_what_is_due(self) -> None:
+        while self._events and self._events[0].time_s <= self.time_s:
+            self._events.popleft().apply(self._switches)
 
     def _tick(self) -> None:
         self._ticks += 1

@@ -24,6 +24,7 @@ class BenchOptions:
     seed: int = 1
     charge: float | None = None  # of the battery, 0...1; the robot's own if not given
     board: BoardKind = BoardKind.TREX
+    scenario: str = ""  # a TOML of faults; none if empty
     realtime: bool = False  # keep to the clock on the wall, for somebody who watches
 
     @property
@@ -48,6 +49,7 @@ class BenchOptions:
             "seed": _natural,
             "charge": _share,
             "board": _board,
+            "scenario": str,
             "pace": _is_realtime,
         }
         values: dict[str, object] = {}

@@ -75,14 +75,14 @@ class Serial(SerialBase):
                     bench.advance_for_lidar(step_s, size)
         except ThumperError as error:
             raise SerialException(str(error)) from error
-        return bench.chip.receive(size) if self._device == "board" else bench.lidar_read(size)
+        return bench.board_read(size) if self._device == "board" else bench.lidar_read(size)
 
     def write(self, data: "ReadableBuffer", /) -> int:
         """Send; time does not pass, the bytes leave at line rate when it does."""
         bench = self._world()
         sent = bytes(data)
         if self._device == "board":
-            bench.chip.send(sent)
+            bench.board_write(sent)
         else:
             bench.lidar_write(sent)
         return len(sent)
@@ -143,6 +143,8 @@ class Serial(SerialBase):
     def _world(self) -> Bench:
         if self._bench is None or not self.is_open:
             raise PortNotOpenError
+        if not self._bench.is_plugged(self._device):
+            raise SerialException("the device has gone")  # what a real port says when the plug is pulled
         return self._bench
 
 

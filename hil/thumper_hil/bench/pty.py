@@ -57,8 +57,8 @@ def serve(board_pty: Path, lidar_pty: Path, options: Mapping[str, str]) -> None:
             _Line(
                 master=board_ends[0],
                 slave=board_ends[1],
-                to_device=bench.chip.send,
-                from_device=lambda: bench.chip.receive(CHUNK_BYTES),
+                to_device=bench.board_write,
+                from_device=lambda: bench.board_read(CHUNK_BYTES),
             ),
             _Line(
                 master=lidar_ends[0],

@@ -19,6 +19,16 @@ class Battery {
     voltage_V_ = OpenCircuit_V() - params_.resistance_Ohm * current_A;
   }
 
+  void SetCharge(double charge) { charge_ = charge; }
+  void SetResistance(double resistance_Ohm) { params_.resistance_Ohm = resistance_Ohm; }
+
+  /// The voltage at the terminals under a load that draws `conductance_S * voltage + source_A`: solved, not
+  /// stepped, so that an old battery's large resistance is no stiff loop.
+  void Load(double conductance_S, double source_A) {
+    voltage_V_ = (OpenCircuit_V() - params_.resistance_Ohm * (source_A + params_.idle_current_A)) /
+                 (1.0 + params_.resistance_Ohm * conductance_S);
+  }
+
   double voltage_V() const { return voltage_V_; }  ///< at the terminals
   double charge() const { return charge_; }        ///< 0...1
 

@@ -23,8 +23,17 @@ DriveTrain::DriveTrain(const PlantParams& params, uint64_t seed)
 void DriveTrain::Step(const BridgeCommand (&command)[2], double dt_s) {
   const MotorParams& motor = params_.motor;
   const double n = motor.motors_per_side;
-  double torque_Nm[2], damping[2];  // torque at the present speed, and minus its derivative
-  double battery_A = 0.0;
+  double torque_Nm[2], damping[2];             // torque at the present speed, and minus its derivative
+  double conductance_S = 0.0, source_A = 0.0;  // of both bridges, as the battery sees them
+  for (int side = 0; side < 2; ++side) {
+    const BridgeCommand& bridge = command[side];
+    if (bridge.brake) continue;
+    const double signed_duty = bridge.forward ? bridge.duty : -bridge.duty;
+    const double per_Ohm = n * faults_[side].connected * signed_duty / motor.resistance_Ohm;
+    conductance_S += per_Ohm * signed_duty;
+    source_A -= per_Ohm * motor.back_emf_V_s_rad * state_.wheel_rad_s[side];
+  }
+  battery_.Load(conductance_S, source_A);
   for (int side = 0; side < 2; ++side) {
     const BridgeCommand& bridge = command[side];
     const double sign = bridge.forward ? 1.0 : -1.0;
@@ -32,16 +41,15 @@ void DriveTrain::Step(const BridgeCommand (&command)[2], double dt_s) {
     const double Kt = motor.torque_Nm_A * torque_ratio_[side];
     // Driving: the mean voltage is duty * battery, the winding always in circuit. Braking: the winding is
     // shorted for the duty's share of the time and open for the rest.
-    const double share = bridge.brake ? bridge.duty : 1.0;
+    const double share = faults_[side].connected * (bridge.brake ? bridge.duty : 1.0);
     const double source_V = bridge.brake ? 0.0 : sign * bridge.duty * battery_.voltage_V();
     const double current_A = share * (source_V - motor.back_emf_V_s_rad * w) / motor.resistance_Ohm;
     torque_Nm[side] = n * (Kt * current_A - motor.viscous_Nm_s_rad * w);
     damping[side] = n * (share * Kt * motor.back_emf_V_s_rad / motor.resistance_Ohm + motor.viscous_Nm_s_rad);
     if (w != 0.0) torque_Nm[side] += n * torque_noise_[side].Step(random_, dt_s);
     state_.current_A[side] = n * current_A;
-    if (!bridge.brake) battery_A += sign * bridge.duty * n * current_A;
   }
-  battery_.Step(battery_A, dt_s);
+  battery_.Step(conductance_S * battery_.voltage_V() + source_A, dt_s);
   body_moves_ = !(held_ && PushesIntoObstacle(torque_Nm));
   const double before_rad_s[2] = {state_.wheel_rad_s[0], state_.wheel_rad_s[1]};
   MoveWheels(torque_Nm, damping, dt_s);
@@ -78,6 +86,8 @@ void DriveTrain::MoveWheels(const double (&torque_Nm)[2], const double (&damping
     const double stick = start[side] == 0.0 ? motor.static_ratio : 1.0;
     const double slip_Nm = body_moves_ ? 0.0 : body.traction_Nm;
     bound[side] = (motor.motors_per_side * motor.coulomb_Nm * friction_ratio_[side] * stick + slip_Nm) * dt_s;
+    constexpr double kJam_Nm = 1e4;  // more than anything here can push
+    if (faults_[side].blocked) bound[side] = kJam_Nm * dt_s;
   }
   const double yaw_per_rad_s = r / track_m_;  // yaw rate by (right - left)
   bound[2] = body_moves_ ? body.scrub_Nm * yaw_per_rad_s * dt_s : 0.0;
@@ -109,7 +119,8 @@ void DriveTrain::MoveWheels(const double (&torque_Nm)[2], const double (&damping
 
 void DriveTrain::MoveBody(const double (&wheel_turn_rad)[2], double dt_s) {
   track_m_ = params_.body.track_m * (1.0 + track_noise_.Step(random_, dt_s));
-  const double left_m = radius_m_[0] * wheel_turn_rad[0], right_m = radius_m_[1] * wheel_turn_rad[1];
+  const double left_m = (1.0 - faults_[0].slip) * radius_m_[0] * wheel_turn_rad[0];
+  const double right_m = (1.0 - faults_[1].slip) * radius_m_[1] * wheel_turn_rad[1];
   const double turn_rad = (right_m - left_m) / track_m_;
   const double heading_rad = state_.yaw_rad + 0.5 * turn_rad;
   const double distance_m = 0.5 * (left_m + right_m);

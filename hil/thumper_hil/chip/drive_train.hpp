@@ -1,6 +1,7 @@
 #pragma once
 #include "battery.hpp"
 #include "bridge.hpp"
+#include "faults.hpp"
 #include "params.hpp"
 #include "random.hpp"
 
@@ -33,6 +34,9 @@ class DriveTrain {
   void Hold(double v_m_s, double w_rad_s);
   void Release() { held_ = false; }
 
+  void SetFaults(int side, const SideFaults& faults) { faults_[side] = faults; }
+  Battery& battery() { return battery_; }
+
   const RobotState& state() const { return state_; }
   const Battery& battery() const { return battery_; }
 
@@ -49,6 +53,7 @@ class DriveTrain {
   double torque_ratio_[2], friction_ratio_[2], radius_m_[2];
   double track_m_;
   RobotState state_;
+  SideFaults faults_[2];
   bool held_ = false, body_moves_ = true;
   double held_v_m_s_ = 0.0, held_w_rad_s_ = 0.0;
 };

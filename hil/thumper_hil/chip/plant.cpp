@@ -34,8 +34,12 @@ Plant::Plant(avr_t* avr, const PlantParams& params, const Wiring& wiring, uint64
 
 Plant::EncoderPins Plant::Wire(int side) {
   const EncoderWiring& pins = wiring_.encoder[side];
-  return {this, FindPeripheral<avr_ioport_t>(avr_, "port", pins.port), pins.a_bit, pins.b_bit,
-          Encoder(params_.encoder, random_)};
+  return {this,
+          FindPeripheral<avr_ioport_t>(avr_, "port", pins.port),
+          pins.a_bit,
+          pins.b_bit,
+          Encoder(params_.encoder, random_),
+          {}};
 }
 
 void Plant::Rearm() {
@@ -117,8 +121,31 @@ avr_cycle_count_t Plant::OnEdge(avr_t* avr, avr_cycle_count_t, void* self) {
 }
 
 void Plant::DriveBoth(EncoderPins& pins) {
-  DriveInput(pins.port, pins.a_bit, pins.encoder.a());
-  DriveInput(pins.port, pins.b_bit, pins.encoder.b());
+  DriveWire(pins, 0, pins.a_bit, pins.encoder.a());
+  DriveWire(pins, 1, pins.b_bit, pins.encoder.b());
+}
+
+void Plant::DriveWire(EncoderPins& pins, int channel, int bit, bool level) {
+  const WireFault fault = pins.fault[channel];
+  if (fault == WireFault::kStuck) return;
+  DriveInput(pins.port, bit, fault == WireFault::kNone ? level : fault == WireFault::kCut);
+}
+
+void Plant::SetSideFaults(int side, const SideFaults& faults) {
+  before_.SetFaults(side, faults);
+  drive_train_.SetFaults(side, faults);
+}
+
+void Plant::SetWireFault(int side, int channel, WireFault fault) {
+  encoder_[side].fault[channel] = fault;
+  DriveBoth(encoder_[side]);
+}
+
+void Plant::SetBattery(double charge, double resistance_Ohm) {
+  for (DriveTrain* train : {&before_, &drive_train_}) {
+    if (charge >= 0.0) train->battery().SetCharge(charge);
+    if (resistance_Ohm >= 0.0) train->battery().SetResistance(resistance_Ohm);
+  }
 }
 
 double Plant::AnalogIn_V(int channel) const {

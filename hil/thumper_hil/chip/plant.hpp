@@ -3,6 +3,7 @@
 #include "bridge.hpp"
 #include "drive_train.hpp"
 #include "encoder.hpp"
+#include "faults.hpp"
 
 namespace thumper {
 
@@ -30,6 +31,11 @@ class Plant {
   void Hold(double v_m_s, double w_rad_s);  ///< see DriveTrain
   void Release();
 
+  // Faults, from now on.
+  void SetSideFaults(int side, const SideFaults& faults);
+  void SetWireFault(int side, int channel, WireFault fault);  ///< channel 0 is A, 1 is B
+  void SetBattery(double charge, double resistance_Ohm);      ///< what is below 0 stays as it is
+
   int32_t encoder_count(int side) const { return encoder_[side].encoder.count(); }
 
  private:
@@ -38,6 +44,7 @@ class Plant {
     avr_ioport_t* port;
     int a_bit, b_bit;
     Encoder encoder;
+    WireFault fault[2] = {WireFault::kNone, WireFault::kNone};
   };
 
   static avr_cycle_count_t OnTick(avr_t* avr, avr_cycle_count_t when, void* self);
@@ -48,6 +55,7 @@ class Plant {
   void PlanTo(uint64_t end_cycle);
   void ScheduleEdge(EncoderPins& pins);
   static void DriveBoth(EncoderPins& pins);
+  static void DriveWire(EncoderPins& pins, int channel, int bit, bool level);
 
   avr_t* avr_;
   PlantParams params_;

@@ -43,6 +43,16 @@ bool UartLine::SameBaud() const {
   return std::abs(chip_baud / host_baud_ - 1.0) < kTolerance;
 }
 
+/// What noise makes of a byte; false when it vanishes.
+bool UartLine::SurvivesNoise(uint8_t& byte) {
+  if (loss_ == 0.0 && flip_ == 0.0) return true;
+  if (random_.Uniform() < loss_) return false;
+  constexpr int kBits = 8;
+  if (random_.Uniform() < flip_)
+    byte ^= static_cast<uint8_t>(1u << static_cast<int>(random_.Uniform() * kBits));
+  return true;
+}
+
 void UartLine::Send(const uint8_t* data, std::size_t count) {
   const bool idle = to_chip_.empty();
   to_chip_.insert(to_chip_.end(), data, data + count);
@@ -51,10 +61,11 @@ void UartLine::Send(const uint8_t* data, std::size_t count) {
 
 avr_cycle_count_t UartLine::OnByteTime(avr_t* avr, avr_cycle_count_t when, void* self) {
   UartLine* line = static_cast<UartLine*>(self);
-  const uint8_t byte = line->to_chip_.front();
+  uint8_t byte = line->to_chip_.front();
   line->to_chip_.pop_front();
   const uint32_t cycles_per_byte = line->CyclesPerByte();
   const bool clear = line->SameBaud();
+  if (!line->SurvivesNoise(byte)) return line->to_chip_.empty() ? 0 : when + cycles_per_byte;
   if (FifoSize(line->uart_) >= kReceiveDepth) {
     ++line->overruns_;
     avr_regbit_set(avr, line->uart_->dor);
@@ -78,7 +89,8 @@ void UartLine::OnTransmit(avr_irq_t*, uint32_t byte, void* self) {
   line->uart_->cycles_per_byte = line->CyclesPerByte();
   line->line_free_cycle_ =
       std::max<uint64_t>(line->line_free_cycle_, line->avr_->cycle) + line->CyclesPerByte();
-  const uint8_t sent = static_cast<uint8_t>(byte);
+  uint8_t sent = static_cast<uint8_t>(byte);
+  if (!line->SurvivesNoise(sent)) return;
   line->from_chip_.push_back({line->line_free_cycle_, line->SameBaud() ? sent : Garble(sent)});
 }
 

@@ -4,6 +4,7 @@
 #include <deque>
 
 #include "avr.hpp"
+#include "random.hpp"
 
 namespace thumper {
 
@@ -17,6 +18,12 @@ class UartLine {
   explicit UartLine(avr_t* avr);
 
   void SetHostBaud(uint32_t baud) { host_baud_ = baud; }
+
+  /// A bad cable, both ways: the share of bytes that vanish, and of those that arrive with one bit wrong.
+  void SetNoise(double loss, double flip) {
+    loss_ = loss;
+    flip_ = flip;
+  }
   void Send(const uint8_t* data, std::size_t count);  ///< host to chip, from now on at line rate
   std::size_t Receive(uint8_t* data, uint64_t* cycles,
                       std::size_t capacity);  ///< what has fully arrived by now
@@ -37,6 +44,7 @@ class UartLine {
   static void OnTransmit(avr_irq_t* irq, uint32_t byte, void* self);
   uint32_t CyclesPerByte() const;
   bool SameBaud() const;
+  bool SurvivesNoise(uint8_t& byte);
 
   avr_t* avr_;
   avr_uart_t* uart_;
@@ -45,6 +53,8 @@ class UartLine {
   std::deque<Arrival> from_chip_;
   uint64_t line_free_cycle_ = 0;
   uint64_t overruns_ = 0;
+  double loss_ = 0.0, flip_ = 0.0;
+  Random random_{0x5E71A1};
 };
 
 }  // namespace thumper

@@ -1,0 +1,21 @@
+// The C face of the faults, for faults in bench/. No exception leaves it.
+#include "chip.hpp"
+
+using thumper::Chip;
+using thumper::WireFault;
+
+extern "C" {
+
+void thumper_side_faults(Chip* chip, int side, double connected, double slip, int blocked) {
+  chip->plant()->SetSideFaults(side, {connected, slip, blocked != 0});
+}
+void thumper_wire_fault(Chip* chip, int side, int channel, int fault) {
+  chip->plant()->SetWireFault(side, channel, static_cast<WireFault>(fault));
+}
+void thumper_set_battery(Chip* chip, double charge, double resistance_Ohm) {
+  chip->plant()->SetBattery(charge, resistance_Ohm);
+}
+void thumper_line_noise(Chip* chip, double loss, double flip) { chip->uart().SetNoise(loss, flip); }
+void thumper_hang(Chip* chip, int interrupts_off) { chip->Hang(interrupts_off != 0); }
+
+}  // extern "C"

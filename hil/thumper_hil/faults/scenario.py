@@ -1,0 +1,78 @@
+"""A scenario's TOML: which fault happens when.
+
+faults = [
+  { at_s = 3.0, encoder.left.b = "cut" },
+  { at_s = 5.0, line.noise = 0.01, battery.charge = 0.05 },
+]
+"""
+
+import math
+import tomllib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from thumper.errors import ThumperError
+from thumper_hil.faults.catalogue import FaultError, action_of
+from thumper_hil.faults.switches import Switches
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """A fault and the simulated time at which it happens."""
+
+    time_s: float
+    name: str
+    apply: Callable[[Switches], None]
+
+
+def load_scenario(path: Path) -> list[Event]:
+    """Read a scenario; the events come in the order of their times.
+
+    Raises
+    ------
+    ThumperError
+        It cannot be read, or a line of it is wrong: named with file and line.
+    """
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        return parse_scenario(data)
+    except (OSError, UnicodeDecodeError, ValueError) as error:  # TOML's and ours are ValueErrors
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ThumperError(f"{path}: {reason}", exit_code=2) from error
+
+
+def parse_scenario(data: dict[str, Any]) -> list[Event]:
+    """Return the events of a scenario, by time; raises FaultError."""
+    for key in data:
+        if key not in {"description", "faults"}:
+            raise FaultError(f"unknown key {key}; known here: description, faults")
+    rows = data.get("faults", [])
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise FaultError('faults: a list of lines such as { at_s = 3.0, encoder.left.b = "cut" }')
+    events = [event for number, row in enumerate(rows) for event in _events(row, f"faults[{number}]")]
+    return sorted(events, key=lambda event: event.time_s)
+
+
+def _events(row: dict[str, Any], where: str) -> Iterator[Event]:
+    time_s = row.get("at_s")
+    if isinstance(time_s, bool) or not isinstance(time_s, int | float) or not 0.0 <= time_s < math.inf:
+        raise FaultError(f"{where}.at_s = {time_s!r}: give the time in simulated seconds from power-on")
+    faults = list(_leaves({key: value for key, value in row.items() if key != "at_s"}))
+    if not faults:
+        raise FaultError(f"{where}: no fault; write one beside at_s")
+    for name, value in faults:
+        try:
+            yield Event(time_s=float(time_s), name=name, apply=action_of(name, value))
+        except FaultError as error:
+            raise FaultError(f"{where}: {error}") from None
+
+
+def _leaves(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Undo TOML's dotted keys."""
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value

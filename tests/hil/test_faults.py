@@ -1,0 +1,239 @@
+"""Faults on demand: each breaks what it says, at its time; and what firmware and board client make of it."""
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thumper.errors import ThumperError
+from thumper.kinematics import WheelSpeeds
+from thumper.link.board import Board
+from thumper.link.messages import Command, Fault, State, Telemetry
+from thumper_hil.bench import Bench, simulation
+
+NAME = "fault-test"
+STRAIGHT = WheelSpeeds(left_rad_s=5.0, right_rad_s=5.0)
+Open = Callable[[str], tuple[Board, Bench]]
+
+
+@pytest.fixture
+def driving() -> Iterator[Open]:
+    """Return a function that opens a robot and has it drive at 5 rad/s for a second."""
+    boards = []
+
+    def open_(options: str = "") -> tuple[Board, Bench]:
+        board = Board.open(f"sim://{NAME}/board?x_m=-1&{options}", baud=500_000)
+        boards.append(board)
+        board.command(Command.ARM)
+        bench = simulation(NAME)
+        drive(board, bench, 1.0)
+        return board, bench
+
+    yield open_
+    for board in boards:
+        board.close()
+
+
+def drive(board: Board, bench: Bench, seconds: float) -> Telemetry:
+    """Command the speed at each telemetry message, whatever the board says; returns the last one."""
+    until_s, last = bench.time_s + seconds, None
+    while bench.time_s < until_s:
+        board.set_wheel_speeds(STRAIGHT)
+        for sample in board.poll(0.6):
+            last = sample.telemetry
+    assert last is not None
+    return last
+
+
+def time_to_fault_s(board: Board, bench: Bench, within_s: float) -> tuple[float, Telemetry]:
+    """Drive on until the board reports a fault; returns how long it took [s]."""
+    start_s = bench.time_s
+    while bench.time_s < start_s + within_s:
+        telemetry = drive(board, bench, 0.02)
+        if telemetry.state is State.FAULT:
+            return bench.time_s - start_s, telemetry
+    pytest.fail(f"no fault within {within_s} s")
+
+
+@pytest.mark.parametrize("wire", ["cut", "grounded", "stuck"])
+def test_a_broken_encoder_wire_stops_the_count(driving: Open, wire: str) -> None:
+    """One channel alone goes to and fro over one edge: the firmware's count stands, the wheel does not."""
+    board, bench = driving("")
+    bench.fault("encoder.left.b", wire)
+    before = drive(board, bench, 0.04)
+    turned_rad = bench.chip.truth().wheel_rad[0]
+    after = drive(board, bench, 0.1)
+    assert abs(after.left_count - before.left_count) <= 2
+    assert abs(bench.chip.truth().wheel_rad[0] - turned_rad) > 0.2
+    assert after.right_count - before.right_count > 50
+
+
+def test_a_mended_wire_counts_again(driving: Open) -> None:
+    board, bench = driving("")
+    bench.fault("encoder.right.a", "cut")
+    drive(board, bench, 0.06)
+    bench.fault("encoder.right.a", "ok")
+    before = drive(board, bench, 0.04)
+    after = drive(board, bench, 0.1)
+    assert after.right_count - before.right_count > 50
+
+
+def test_a_dead_motor_draws_nothing_and_gives_nothing(driving: Open) -> None:
+    """Only the body drags that side along; its current is 0."""
+    board, bench = driving("")
+    bench.fault("motor.left", "dead")
+    drive(board, bench, 0.3)
+    truth = bench.chip.truth()
+    assert truth.current_A[0] == 0.0
+    assert truth.current_A[1] > 0.0
+    assert truth.wheel_rad_s[0] < 0.6 * 5.0
+
+
+def test_blocked_wheels_stand_and_draw_the_stall_current(driving: Open) -> None:
+    board, bench = driving("")
+    bench.fault("wheels.right", "blocked")
+    drive(board, bench, 0.15)
+    truth = bench.chip.truth()
+    assert truth.wheel_rad_s[1] == 0.0
+    duty = bench.chip.data(0xB3) / 255.0  # OCR2A
+    assert truth.current_A[1] == pytest.approx(3.0 * duty * truth.battery_V / 1.39, rel=0.15)
+
+
+def test_slipping_wheels_turn_without_moving_the_body(driving: Open) -> None:
+    """At slip 0.5 on both sides the body goes half as far as the wheels roll."""
+    board, bench = driving("")
+    bench.fault("slip.left", 0.5)
+    bench.fault("slip.right", 0.5)
+    start, rolled_from = bench.chip.truth().map_from_base, bench.chip.truth().wheel_rad
+    drive(board, bench, 0.5)
+    rolled_rad = np.mean(np.subtract(bench.chip.truth().wheel_rad, rolled_from))
+    moved_m = bench.chip.truth().map_from_base.distance_m(start)
+    assert moved_m == pytest.approx(0.5 * 0.062 * rolled_rad, rel=0.02)
+
+
+def test_a_carried_robot_is_elsewhere_and_its_wheels_know_nothing(driving: Open) -> None:
+    board, bench = driving("")
+    before = drive(board, bench, 0.02)
+    bench.fault("robot.carried", [1.0, 0.5, 90.0])
+    after = drive(board, bench, 0.02)
+    truth = bench.chip.truth().map_from_base
+    assert (truth.x_m, truth.y_m, truth.theta_rad) == pytest.approx((1.0, 0.5, math.pi / 2), abs=0.05)
+    beats = (after.time_us - before.time_us) / 1e5
+    assert after.left_count - before.left_count == pytest.approx(beats * 0.5 * 1200 / math.tau, rel=0.05)
+
+
+def test_noise_on_the_line_is_counted_and_survived(driving: Open) -> None:
+    """Three bytes in 1000 with a wrong bit, two lost: a fifth of the frames drop, none is believed."""
+    board, bench = driving("")
+    bench.fault("line.noise", 0.003)
+    bench.fault("line.loss", 0.002)
+    believed = set()
+    last_errors = 0
+    for _ in range(40):
+        telemetry = drive(board, bench, 0.1)
+        believed.add((telemetry.left_setpoint, telemetry.right_setpoint))
+        last_errors = telemetry.rx_errors
+        assert telemetry.state is State.CLOSED_LOOP or telemetry.fault is Fault.LINK_LOST
+    assert believed <= {(5000, 5000), (0, 0)}
+    assert last_errors > 0
+    assert board.receive_errors > 0
+
+
+def test_a_dead_line_stops_the_robot(driving: Open) -> None:
+    """Every byte lost: no command comes, and after 300 ms the motors are off."""
+    board, bench = driving("")
+    bench.fault("line.loss", 1.0)
+    board.set_wheel_speeds(STRAIGHT)
+    assert board.poll(0.4) == []
+    assert [bench.chip.data(address) for address in (0xB3, 0xB4)] == [0, 0]
+    bench.fault("line.loss", 0.0)
+    assert board.poll(0.3)[-1].telemetry.fault is Fault.LINK_LOST
+
+
+def test_a_hung_host_finds_the_robot_stopped(driving: Open) -> None:
+    """The host stands still for a second in the middle of a read; the firmware does not wait for it."""
+    board, bench = driving("")
+    bench.fault("host.hang", 1.0)
+    before_s = bench.time_s
+    board.poll(0.1)
+    assert bench.time_s == pytest.approx(before_s + 1.0, abs=0.05)
+    telemetry = drive(board, bench, 0.05)
+    assert telemetry.fault is Fault.LINK_LOST
+    assert bench.chip.truth().wheel_rad_s == (0.0, 0.0)
+
+
+def test_a_reset_while_driving_leaves_the_robot_disarmed(driving: Open) -> None:
+    board, bench = driving("")
+    bench.fault("firmware", "reset")
+    for _ in range(5):
+        board.set_wheel_speeds(STRAIGHT)
+        bench.advance(bench.time_s + 0.1)
+    assert bench.chip.resets == 1
+    assert bench.chip.truth().wheel_rad_s == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(("name", "value"), [("battery.charge", 0.02), ("battery.resistance", 1.2)])
+def test_a_battery_that_sags_while_driving(driving: Open, name: str, value: float) -> None:
+    """Empty, or old: the motors' own current over 1.2 ohm pulls it under 6.4 V. The motors go off."""
+    board, bench = driving("charge=0.3")
+    bench.fault(name, value)
+    took_s, telemetry = time_to_fault_s(board, bench, 8.0)
+    assert telemetry.fault is Fault.LOW_BATTERY
+    assert took_s < 4.0
+    drive(board, bench, 1.0)
+    assert np.abs(bench.chip.truth().wheel_rad_s).max() < 0.05  # it beeps with its motors
+
+
+@pytest.mark.parametrize("device", ["board", "lidar"])
+def test_a_pulled_plug_is_an_error_of_the_port(driving: Open, device: str) -> None:
+    board, bench = driving("")
+    bench.fault(device, "unplugged")
+    if device == "board":
+        with pytest.raises(ThumperError, match=r"port .* fails .*cable"):
+            board.poll(0.1)
+    bench.fault(device, "ok")
+    assert drive(board, bench, 0.1).state is State.CLOSED_LOOP
+
+
+def test_a_scenario_breaks_things_at_their_times(driving: Open, tmp_path: Path) -> None:
+    scenario = tmp_path / "faults.toml"
+    scenario.write_text(
+        "faults = [\n"
+        '  { at_s = 1.6, motor.left = "dead", slip.right = 0.5 },\n'
+        "  { at_s = 0.01, robot.carried = [0.0, 0.5, 90.0] },\n]\n"
+    )
+    board, bench = driving(f"scenario={scenario}")
+    assert bench.truth()[3, 3] == pytest.approx(math.pi / 2, abs=0.01)
+    drive(board, bench, 1.7 - bench.time_s)
+    assert bench.truth()[-1, 0] >= 1.6
+    assert bench.chip.truth().current_A[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('faults = [{ at_s = 1.0, encoder.left.c = "cut" }]', "no fault 'encoder.left.c'"),
+        ('faults = [{ at_s = 1.0, encoder.left.b = "torn" }]', "encoder.left.b = 'torn': give ok or cut"),
+        ("faults = [{ at_s = 1.0, slip.left = 2.0 }]", "0...1"),
+        ('faults = [{ at_s = "soon", lidar = "unplugged" }]', "at_s = 'soon'"),
+        ("faults = [{ at_s = 1.0 }]", "no fault"),
+        ("faults = [{ at_s = 1.0, robot.carried = [1, 2] }]", "heading_deg"),
+        ("wishes = []", "unknown key wishes"),
+        ("faults = [", "TOML|Invalid|Unclosed|array"),
+    ],
+)
+def test_a_wrong_scenario_is_one_clear_line(tmp_path: Path, text: str, words: str) -> None:
+    scenario = tmp_path / "faults.toml"
+    scenario.write_text(text)
+    with pytest.raises(ThumperError, match=words) as caught:
+        Board.open(f"sim://{NAME}-wrong/board?scenario={scenario}", baud=500_000)
+    assert "faults.toml" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_wrong_call_names_the_choices(driving: Open) -> None:
+    _, bench = driving("")
+    with pytest.raises(ThumperError, match=r"no fault 'engine'.*encoder\.left\.a"):
+        bench.fault("engine", "off")
