@@ -1,17 +1,27 @@
 """`thumper tune fit`: logs in, parameters out."""
 
+import dataclasses
 import json
 from pathlib import Path
+from typing import Any
 
 from thumper_tuning.identify.identify import Identified, identify
+from thumper_tuning.identify.physical import physical_constants
 from thumper_tuning.identify.result_json import NOT_IDENTIFIABLE, as_dict
+from thumper_tuning.identify.variants import compare_variants
 from thumper_tuning.log.motor_log import MotorLog
 from thumper_tuning.log.read import read_logs
 from thumper_tuning.log.units import refusal
 
 
 def fit_files(
-    files: list[Path], *, counts_per_rev: float, one_direction: bool, as_json: bool
+    files: list[Path],
+    *,
+    counts_per_rev: float,
+    one_direction: bool,
+    as_json: bool,
+    variants: bool = False,
+    resistance_Ohm: float | None = None,
 ) -> list[Identified]:
     """Identify every motor that the files hold and print it; with several files each is a run.
 
@@ -20,14 +30,28 @@ def fit_files(
     ThumperError
         A file cannot be read, or the data cannot support an answer.
     """
-    motors = [identify(logs, one_direction=one_direction) for logs in runs_of(files, counts_per_rev)]
+    runs = runs_of(files, counts_per_rev)
+    motors = [identify(logs, one_direction=one_direction) for logs in runs]
+    results: dict[str, dict[str, Any]] = {}
+    for motor, logs in zip(motors, runs, strict=True):
+        results[motor.name] = as_dict(motor)
+        if variants:
+            results[motor.name]["variants"] = [
+                dataclasses.asdict(richer) for richer in compare_variants(list(motor.stretches), motor.fit)
+            ]
+        physical = physical_constants(motor, logs, resistance_Ohm)
+        if physical is not None:
+            results[motor.name]["physical"] = dataclasses.asdict(physical)
     if as_json:
-        results = {motor.name: as_dict(motor) for motor in motors}
         print(json.dumps(results if len(motors) > 1 else next(iter(results.values())), indent=2))
-    else:
-        for motor in motors:
-            show(motor)
-        print(NOT_IDENTIFIABLE)
+        return motors
+    for motor in motors:
+        show(motor)
+        for richer in results[motor.name].get("variants", ()):
+            print(f"  {richer['kind']}: predicts held-out speeds to {richer['fit_percent']:.1f} %")
+        for name, value in results[motor.name].get("physical", {}).items():
+            print(f"  {name:22} {value:.4g}" if isinstance(value, float) else f"  {name}: {value}")
+    print(NOT_IDENTIFIABLE)
     return motors
 
 

@@ -116,8 +116,7 @@ def closed_loop_poles(plant: Plant, kp: float, ki: float) -> ComplexArray:
     denominator = np.polymul(
         np.polymul((1.0, -1.0), (1.0, -plant.pole)), [1.0] + [0.0] * (len(plant.taps) - 1)
     )
-    result: ComplexArray = np.roots(np.polyadd(denominator, np.polymul((kp + ki, -kp), plant.taps)))
-    return result
+    return np.roots(np.polyadd(denominator, np.polymul((kp + ki, -kp), plant.taps))).astype(np.complex128)
 
 
 def transfer(

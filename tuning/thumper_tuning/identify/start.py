@@ -81,6 +81,6 @@ def _l1(X: FloatArray, y: FloatArray) -> tuple[FloatArray, float]:
     floor = 1e-3 * float(np.percentile(np.abs(y), 95)) + 1e-12
     theta: FloatArray = np.zeros(X.shape[1])
     for _ in range(REWEIGHTINGS):
-        theta = np.linalg.lstsq(X * weights[:, None], y * weights, rcond=None)[0]
+        theta[:] = np.linalg.lstsq(X * weights[:, None], y * weights, rcond=None)[0]
         weights = 1.0 / np.sqrt(np.abs(y - X @ theta) + floor)
     return theta, float(np.mean(np.abs(y - X @ theta)))
