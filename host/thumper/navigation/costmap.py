@@ -1,5 +1,6 @@
 """The grid of costs that planner and controller read: the map plus what the newest scan sees. Pure."""
 
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -7,7 +8,7 @@ import numpy as np
 from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
-from thumper.geometry import FloatArray
+from thumper.geometry import FloatArray, Pose2
 from thumper.mapping.grid import OccupancyGrid
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.inflation import (
@@ -32,6 +33,12 @@ class CostmapOptions:
     decay_per_m: Annotated[float, Gt(0)] = 6.0
     # Occupancy from which a map cell is an obstacle [percent].
     lethal_percent: Annotated[int, Interval(ge=1, le=100)] = 60
+    # Side of the rolling window round the robot that controllers read [m].
+    window_m: Annotated[float, Gt(0)] = 4.0
+    # Side of its cells [m]; finer lets the robot through tighter gaps, and costs time.
+    window_resolution_m: Annotated[float, Gt(0)] = 0.025
+    # Map cells this near to a point that the lidar has just seen are left to the point [m].
+    trust_m: Annotated[float, Gt(0)] = 0.08
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,6 +87,12 @@ def build_costmap(
     """
     lethal = grid.cells >= options.lethal_percent
     mark(lethal, hits_in_map_m, grid)
+    return _inflated(lethal, grid, footprint, options)
+
+
+def _inflated(
+    lethal: NDArray[np.bool_], grid: OccupancyGrid, footprint: Footprint, options: CostmapOptions
+) -> Costmap:
     # The distance must also serve the footprint check, which needs the circumscribed radius and two half
     # diagonals.
     radius_m = max(options.inflation_radius_m, footprint.circumscribed_radius_m + 2.5 * grid.resolution_m)
@@ -101,3 +114,35 @@ def build_costmap(
         origin_x_m=grid.origin_x_m,
         origin_y_m=grid.origin_y_m,
     )
+
+
+def build_window(
+    grid: OccupancyGrid,
+    hits_in_map_m: FloatArray,
+    map_from_base: Pose2,
+    footprint: Footprint,
+    options: CostmapOptions,
+) -> Costmap:
+    """The rolling window round the robot, finer than the map: where the scan has hit, its points count, not
+    cells.
+
+    A cell of the map that merely holds a hit is an obstacle as wide as a cell; beside a gap hardly wider than
+    the robot that closes it. So map cells within `trust_m` of a hit are left to the hits.
+    """
+    fine = max(1, round(grid.resolution_m / options.window_resolution_m))
+    row, col = grid.cell_of(map_from_base.x_m, map_from_base.y_m)
+    half = math.ceil(0.5 * options.window_m / grid.resolution_m)
+    rows, cols = grid.cells.shape
+    top, bottom = min(max(0, row - half), rows - 1), min(max(1, row + half + 1), rows)
+    left, right = min(max(0, col - half), cols - 1), min(max(1, col + half + 1), cols)
+    window = OccupancyGrid(
+        cells=grid.cells[top:bottom, left:right].repeat(fine, 0).repeat(fine, 1),
+        resolution_m=grid.resolution_m / fine,
+        origin_x_m=grid.origin_x_m + left * grid.resolution_m,
+        origin_y_m=grid.origin_y_m + top * grid.resolution_m,
+    )
+    hits = np.zeros(window.cells.shape, np.bool_)
+    mark(hits, hits_in_map_m, window)
+    trust = reach_cells(options.trust_m, window.resolution_m)
+    untold = squared_distances(hits, trust) > trust * trust
+    return _inflated(hits | ((window.cells >= options.lethal_percent) & untold), window, footprint, options)

@@ -19,6 +19,7 @@ from thumper.navigation.costmap import Costmap
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.footprint_check import safe_squared_cells
 from thumper.navigation.limits import SpeedLimits
+from thumper.navigation.oscillation import OscillationFlags
 from thumper.navigation.path import arc_lengths, nearest_index
 from thumper.navigation.rollout import (
     CLEARANCE,
@@ -70,6 +71,10 @@ class DwaOptions:
     turn_start_rad: Annotated[float, Gt(0)] = 1.0
     # ... and below which it drives on [rad].
     turn_end_rad: Annotated[float, Gt(0)] = 0.25
+    # After a reversal of the turn, turning back is forbidden until the robot has moved this far [m] ...
+    oscillation_m: Annotated[float, Ge(0)] = 0.05
+    # ... or turned this far [rad]; both 0 forbid nothing.
+    oscillation_rad: Annotated[float, Ge(0)] = 0.2
 
 
 class DwaController:
@@ -89,11 +94,13 @@ class DwaController:
         self._footprint = footprint
         self._turn = SpotTurn(limits, footprint)
         self._turning = False
+        self._flags = OscillationFlags(options.oscillation_m, options.oscillation_rad)
 
     def reset(self) -> None:
         """Forget that a turn was under way."""
         self._turning = False
         self._turn.reset()
+        self._flags.reset()
 
     def turn(self, request: ControlRequest, angle_rad: float) -> ControlResult:
         """Return the next twist of a turn on the spot."""
@@ -180,13 +187,17 @@ class DwaController:
             + options.contact_weight * terms[:, CUT]
             + options.smooth_weight * np.abs(commands[:, 1] - request.last_command.w_rad_s)
         )
-        best = int(np.argmin(np.where(open_, score, np.inf)))
+        calm = open_ & self._flags.allowed(commands)
+        best = int(np.argmin(np.where(calm if calm.any() else open_, score, np.inf)))
+        command = self._first_step(request, commands[best])
+        self._flags.update(command.w_rad_s, request.map_from_base)
         trajectory = np.empty((steps, 3))
         simulate(pose, twist, commands[best], motion, trajectory)
-        return ControlResult(
-            command=Twist2(v_m_s=float(commands[best, 0]), w_rad_s=float(commands[best, 1])),
-            trajectory=trajectory,
-        )
+        return ControlResult(command=command, trajectory=trajectory)
+
+    def _first_step(self, request: ControlRequest, chosen: FloatArray) -> Twist2:
+        """What to drive for one period on the way to the chosen speeds: here they are within reach."""
+        return Twist2(v_m_s=float(chosen[0]), w_rad_s=float(chosen[1]))
 
 
 def _refusal(status: np.typing.NDArray[np.int64], costmap: Costmap) -> str:

@@ -71,23 +71,31 @@ class LatticePlanner:
         ends = locate(costmap, prices, map_from_base, goal, self._options.escape_radius_m)
         if isinstance(ends, str):
             return PlanResult(reason=ends)
-        if not np.isfinite(prices.flat[ends.goal]):
-            return self._circle.plan(costmap, map_from_base, goal)
-        potential = flood(prices, ends.goal, ends.start, False, MARGIN)
-        if not np.isfinite(potential[ends.start]):
-            return self._circle.plan(costmap, map_from_base, goal)
-        poses = self._search(
-            costmap, prices, potential, np.append(ends.start_cells, map_from_base.theta_rad), goal
-        )
+        poses = self.poses(costmap, map_from_base, goal)
         if len(poses) == 0:
             fallback = self._circle.plan(costmap, map_from_base, goal)
             told = f"no drivable way to the goal {goal} is known yet: following the shortest one"
             return PlanResult(path_m=fallback.path_m, reason=fallback.reason or told)
+        poses[:, :2] = (poses[:, :2] - costmap.origin_m) / costmap.resolution_m
         points = np.vstack((poses[:, :2], ends.goal_cells))
         moved = np.append(True, np.hypot(*np.diff(points, axis=0).T) > 1e-6)
         path = resample(points[moved], 1.0) if moved.sum() > 1 else np.repeat(points[:1], 2, axis=0)
         relax(prices, path, self._options.smoothing_rounds)
         return PlanResult(path_m=path * costmap.resolution_m + costmap.origin_m)
+
+    def poses(self, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> FloatArray:
+        """Poses (x, y, theta) of the way, shape (n, 3) [m, rad], or none, shape (0, 3)."""
+        prices = self._prices(costmap)
+        ends = locate(costmap, prices, map_from_base, goal, self._options.escape_radius_m)
+        if isinstance(ends, str) or not np.isfinite(prices.flat[ends.goal]):
+            return np.empty((0, 3))
+        potential = flood(prices, ends.goal, ends.start, False, MARGIN)
+        if not np.isfinite(potential[ends.start]):
+            return np.empty((0, 3))
+        start = np.append(ends.start_cells, map_from_base.theta_rad)
+        poses = self._search(costmap, prices, potential, start, goal)
+        poses[:, :2] = poses[:, :2] * costmap.resolution_m + costmap.origin_m
+        return poses
 
     def path_cost_m(self, costmap: Costmap, path_m: FloatArray) -> float:
         """Cost of a path on this costmap [m of free way]; inf when it enters what the options forbid."""

@@ -16,9 +16,11 @@ from thumper.kernel import kernel
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.limits import SpeedLimits
 
-DEEPER_M = (
-    0.003  # a point already inside the margin may come nearer by this much: scan noise between two steps
-)
+# A point already inside the margin may come nearer by this much in a motion: scan noise between two steps;
+# but
+DEEPER_M = 0.003
+CREEP_PART = 0.5  # only through this part of the margin ...
+LEAST_SLACK_M = 0.0003  # ... and then hardly at all: rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +54,9 @@ def deepening_point(points_m: FloatArray, half_planes: FloatArray, margin_m: flo
                 inside = half_planes[k, 2] + margin_m - half_planes[k, 0] * bx - half_planes[k, 1] * by
                 depth = min(depth, inside)
             if j < 0:
-                allowed = max(0.0, depth + DEEPER_M)
+                # Each cycle begins afresh: without the second bound the slack would add up to a contact.
+                slack = min(DEEPER_M, max(LEAST_SLACK_M, CREEP_PART * margin_m - depth))
+                allowed = max(0.0, depth + slack)
             elif depth > allowed:
                 return i
     return -1

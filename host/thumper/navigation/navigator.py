@@ -14,10 +14,13 @@ from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.mapping.grid import OccupancyGrid
 from thumper.navigation.arrival import Arrival
 from thumper.navigation.controller import ControlRequest, ControlResult
-from thumper.navigation.costmap import Costmap, build_costmap
+from thumper.navigation.costmap import Costmap, build_costmap, build_window
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
+from thumper.navigation.lattice import LatticePlanner
 from thumper.navigation.limits import stoppable_speed
+from thumper.navigation.manoeuvre import Manoeuvre
+from thumper.navigation.memory import HitMemory
 from thumper.navigation.monitor import CollisionMonitor
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.progress import ProgressChecker
@@ -62,6 +65,9 @@ class Navigator:
         self._route = Route(make_planner(options, footprint), options.route)
         self._progress = ProgressChecker(options.progress)
         self._recovery = Recovery(options.recovery, options.limits, footprint, self._controller)
+        lattice = LatticePlanner(options.lattice, footprint)
+        self._manoeuvre = Manoeuvre(options.manoeuvre, options.limits, footprint, lattice)
+        self._memory = HitMemory(options.memory)
         self._goal: Goal | None = None
         self._state = NavigationState.IDLE
         self._reason = ""
@@ -78,7 +84,9 @@ class Navigator:
         self._controller.reset()
         self._progress.reset()
         self._recovery.attempts = 0
+        self._manoeuvre.drop()
         self._stuck_since_s: float | None = None
+        self._standing_since_s: float | None = None
 
     def cancel(self) -> None:
         """Give the goal up; the next command is zero."""
@@ -129,6 +137,8 @@ class Navigator:
             return self._fail("the robot's pose or speed is not a number")
 
         hits_in_map = hits_in_map[np.isfinite(hits_in_map).all(axis=1)]
+        remembered_m = self._memory.update(time_s, map_from_base, hits_in_map)
+        hits_in_map = np.vstack((hits_in_map, remembered_m))
         self.costmap = build_costmap(grid, hits_in_map, self._footprint, self._options.costmap)
         self._route.update(time_s, self.costmap, map_from_base, goal)
         self._arrival.update(map_from_base)
@@ -138,7 +148,7 @@ class Navigator:
             twist=twist,
             last_command=self._last_command,
             path_m=np.empty((0, 2)) if self._route.path_m is None else self._route.path_m,
-            costmap=self.costmap,
+            costmap=build_window(grid, hits_in_map, map_from_base, self._footprint, self._options.costmap),
             v_limit_m_s=self._speed_limit(remaining_m),
             period_s=period_s,
         )
@@ -176,10 +186,36 @@ class Navigator:
             return ControlResult(command=Twist2()) if turned else self._controller.turn(request, turn_rad)
         if self._route.path_m is None:
             return ControlResult(command=None, reason=self._route.reason)
-        return self._controller.command(request)
+        if self._manoeuvre.active:
+            threaded = self._manoeuvre.step(request)
+            if threaded is not None:
+                return threaded
+        result = self._controller.command(request)
+        if result.command is not None and not is_still(result.command):
+            self._standing_since_s = None
+        elif self._standing_since_s is None:
+            self._standing_since_s = time_s
+        elif time_s - self._standing_since_s > self._options.manoeuvre.after_s:
+            self._standing_since_s = None
+            if self._manoeuvre.begin(request, self._local_goal(request, goal)):
+                return self._manoeuvre.step(request) or result
+        return result
+
+    def _local_goal(self, request: ControlRequest, goal: Goal) -> Goal:
+        """The furthest point of the path that a manoeuvre shall reach: the goal, or a place well in the
+        window.
+        """
+        reach_m = 0.35 * self._options.costmap.window_m
+        away_m = np.hypot(*(request.path_m - (request.map_from_base.x_m, request.map_from_base.y_m)).T)
+        beyond = np.nonzero(away_m > reach_m)[0]
+        if beyond.size == 0:
+            return goal
+        x_m, y_m = request.path_m[beyond[0]]
+        return Goal(x_m=float(x_m), y_m=float(y_m), tolerance_m=0.15)
 
     def _begin_recovery(self, time_s: float, request: ControlRequest, why: str) -> ControlResult:
         self._stuck_since_s = None
+        self._manoeuvre.drop()
         if not self._recovery.start(time_s, request):
             tried = f" after {self._recovery.attempts} recoveries" if self._recovery.attempts else ""
             self._state, self._reason = NavigationState.FAILED, f"gave up{tried}: {why}"

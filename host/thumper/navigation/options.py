@@ -10,9 +10,13 @@ from thumper.navigation.costmap import CostmapOptions
 from thumper.navigation.dwa import DwaOptions
 from thumper.navigation.lattice import LatticeOptions
 from thumper.navigation.limits import SpeedLimits
+from thumper.navigation.manoeuvre import ManoeuvreOptions
+from thumper.navigation.memory import MemoryOptions
 from thumper.navigation.monitor import MonitorOptions
+from thumper.navigation.mppi import MppiOptions
 from thumper.navigation.navfn import NavfnOptions
 from thumper.navigation.progress import ProgressOptions
+from thumper.navigation.pure_pursuit import PurePursuitOptions
 from thumper.navigation.recovery import RecoveryOptions
 from thumper.navigation.route import RouteOptions
 
@@ -37,6 +41,11 @@ class NavigationOptions:
     navfn: NavfnOptions = field(default_factory=NavfnOptions)
     lattice: LatticeOptions = field(default_factory=LatticeOptions)
     dwa: DwaOptions = field(default_factory=DwaOptions)
+    trajectory_rollout: DwaOptions = field(default_factory=DwaOptions)
+    pure_pursuit: PurePursuitOptions = field(default_factory=PurePursuitOptions)
+    mppi: MppiOptions = field(default_factory=MppiOptions)
+    memory: MemoryOptions = field(default_factory=MemoryOptions)
+    manoeuvre: ManoeuvreOptions = field(default_factory=ManoeuvreOptions)
     route: RouteOptions = field(default_factory=RouteOptions)
     monitor: MonitorOptions = field(default_factory=MonitorOptions)
     progress: ProgressOptions = field(default_factory=ProgressOptions)

@@ -9,9 +9,12 @@ from thumper.navigation.controller import Controller
 from thumper.navigation.dwa import DwaController
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.lattice import LatticePlanner
+from thumper.navigation.mppi import MppiController
 from thumper.navigation.navfn import NavfnPlanner
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.planner import Planner
+from thumper.navigation.pure_pursuit import PurePursuitController
+from thumper.navigation.trajectory_rollout import TrajectoryRolloutController
 
 PLANNERS: Mapping[str, Callable[[NavigationOptions, Footprint], Planner]] = {
     "carrot": lambda _options, footprint: CarrotPlanner(footprint),
@@ -21,6 +24,13 @@ PLANNERS: Mapping[str, Callable[[NavigationOptions, Footprint], Planner]] = {
 }
 CONTROLLERS: Mapping[str, Callable[[NavigationOptions, Footprint], Controller]] = {
     "dwa": lambda options, footprint: DwaController(options.dwa, options.limits, footprint),
+    "trajectory_rollout": lambda options, footprint: TrajectoryRolloutController(
+        options.trajectory_rollout, options.limits, footprint
+    ),
+    "pure_pursuit": lambda options, footprint: PurePursuitController(
+        options.pure_pursuit, options.limits, footprint
+    ),
+    "mppi": lambda options, footprint: MppiController(options.mppi, options.limits, footprint),
 }
 
 

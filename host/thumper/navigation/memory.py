@@ -1,0 +1,91 @@
+"""The obstacle layer near the robot: raw scan points kept where the lidar no longer looks, cleared by its
+rays.
+
+A map of 5 cm cells forgets a thin post that fills a part of a cell, and the lidar does not see behind itself:
+both matter when a corner of the robot swings past something that it saw a moment ago.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Interval
+
+from thumper.geometry import FloatArray, Pose2
+
+BIN_RAD = math.radians(1.0)
+THICKNESS_M = 0.08  # a ray must pass this far behind a point before the point counts as gone
+VOXEL_M = 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MemoryOptions:
+    """What is remembered of the scans."""
+
+    # Points within this distance of the robot are remembered [m]; 0 remembers nothing.
+    radius_m: Annotated[float, Ge(0)] = 0.8
+    # A point that no ray has confirmed or cleared is forgotten after this time [s].
+    keep_s: Annotated[float, Gt(0)] = 20.0
+    # Opening of the lidar, centred ahead [rad].
+    view_rad: Annotated[float, Interval(gt=0, le=6.29)] = 4.18
+    # Where the lidar is on the robot [m ahead of its centre].
+    sensor_x_m: float = 0.12
+
+
+class HitMemory:
+    """Adds to each scan the points near the robot that it could not see again."""
+
+    def __init__(self, options: MemoryOptions) -> None:
+        self._options = options
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._points_m, self._times_s = np.empty((0, 2)), np.empty(0)
+
+    def keep_beyond(self, map_from_base: Pose2, radius_m: float) -> None:
+        """Forget what is within a radius, so that a ghost is looked at afresh."""
+        away = np.hypot(*(self._points_m - (map_from_base.x_m, map_from_base.y_m)).T) > radius_m
+        self._points_m, self._times_s = self._points_m[away], self._times_s[away]
+
+    def update(self, time_s: float, map_from_base: Pose2, hits_in_map_m: FloatArray) -> FloatArray:
+        """Take a scan's hits, shape (n, 2) [m]; return the remembered points in `map`, shape (m, 2) [m]."""
+        options = self._options
+        fresh = self._times_s > time_s - options.keep_s
+        points_m, times_s = self._points_m[fresh], self._times_s[fresh]
+        hidden = self._is_hidden(points_m, map_from_base, hits_in_map_m)
+        near = self._is_near(hits_in_map_m, map_from_base)
+        kept_m, kept_s = points_m[hidden], times_s[hidden]
+        around = self._is_near(kept_m, map_from_base)
+        remembered_m = kept_m[around]
+        all_m = np.vstack((hits_in_map_m[near], remembered_m))
+        all_s = np.concatenate((np.full(int(near.sum()), time_s), kept_s[around]))
+        _, first = np.unique(np.floor(all_m / VOXEL_M).astype(np.int64), axis=0, return_index=True)
+        self._points_m, self._times_s = all_m[first], all_s[first]
+        return remembered_m
+
+    def _is_near(self, points_m: FloatArray, map_from_base: Pose2) -> np.typing.NDArray[np.bool_]:
+        dx_m, dy_m = points_m[:, 0] - map_from_base.x_m, points_m[:, 1] - map_from_base.y_m
+        near: np.typing.NDArray[np.bool_] = np.hypot(dx_m, dy_m) <= self._options.radius_m
+        return near
+
+    def _is_hidden(
+        self, points_m: FloatArray, map_from_base: Pose2, hits_m: FloatArray
+    ) -> np.typing.NDArray[np.bool_]:
+        """Whether the scan says nothing of a point: out of view, or behind something nearer."""
+        laser_from_map = (map_from_base @ Pose2(x_m=self._options.sensor_x_m)).inverse()
+        bearing_rad, range_m = _polar(laser_from_map.apply(points_m))
+        hit_rad, hit_m = _polar(laser_from_map.apply(hits_m))
+        seen_m = np.full(round(math.tau / BIN_RAD) + 2, np.inf)
+        np.minimum.at(seen_m, 1 + ((hit_rad + math.pi) / BIN_RAD).astype(np.int64) % (seen_m.size - 2), hit_m)
+        seen_m[0], seen_m[-1] = seen_m[-2], seen_m[1]
+        around_m = np.minimum(np.minimum(seen_m[:-2], seen_m[1:-1]), seen_m[2:])
+        there_m = around_m[((bearing_rad + math.pi) / BIN_RAD).astype(np.int64) % around_m.size]
+        out_of_view = np.abs(bearing_rad) > 0.5 * self._options.view_rad - BIN_RAD
+        hidden: np.typing.NDArray[np.bool_] = out_of_view | (there_m < range_m - THICKNESS_M)
+        return hidden
+
+
+def _polar(points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return np.arctan2(points_m[:, 1], points_m[:, 0]), np.hypot(points_m[:, 0], points_m[:, 1])
