@@ -34,7 +34,7 @@ bool Probe::Run(uint64_t until_cycle) {
     const bool slept = avr_->state == cpu_Sleeping;
     const int state = avr_run(avr_);
     if (state == cpu_Crashed || state == cpu_Stopped || state == cpu_Done) return false;
-    if (!slept) Look(before, address);
+    Look(slept ? avr_->cycle - (entered_ != 0 ? kResponse : 0) : before, address);
   }
   avr_->run_cycle_limit = limit;
   return true;
@@ -43,11 +43,13 @@ bool Probe::Run(uint64_t until_cycle) {
 /// Books for the instruction just run; an interrupt may have been entered behind it.
 void Probe::Look(uint64_t before, uint32_t address) {
   const uint64_t now = avr_->cycle;
-  if (leaving_) Leave(now);
+  const uint64_t ran_until = entered_ != 0 ? now - kResponse : now;
+  const bool in_main = running_.empty();
+  if (leaving_) Leave(ran_until);
   report_.awake += now - before;
-  if (running_.empty()) {
-    report_.main_awake += now - before;
-    burst_ += now - before;
+  if (in_main) {
+    report_.main_awake += ran_until - before;
+    burst_ += ran_until - before;
   }
   if (avr_->state == cpu_Sleeping) {
     if (burst_has_tick_) tick_bursts_.push_back(burst_);
@@ -55,13 +57,20 @@ void Probe::Look(uint64_t before, uint32_t address) {
     burst_ = 0;
   }
 
+  const bool entered = entered_ != 0;
+  if (entered) {
+    if (off_) EndOff(ran_until);
+    off_ = false;
+    address = static_cast<uint32_t>(4 * entered_);
+    Enter(entered_, ran_until);
+    entered_ = 0;
+  }
   const bool off = avr_->sreg[S_I] == 0;
   if (off && !off_) {
-    off_since_ = now;
+    off_since_ = entered ? ran_until : now;
     off_address_ = address;
-  } else if (!off && off_ && now - off_since_ > report_.interrupts_off) {
-    report_.interrupts_off = now - off_since_;
-    report_.interrupts_off_address = off_address_;
+  } else if (!off && off_) {
+    EndOff(now);
   }
   off_ = off;
 
@@ -69,7 +78,7 @@ void Probe::Look(uint64_t before, uint32_t address) {
   report_.deepest_stack = std::max(report_.deepest_stack, stack);
 
   const bool marked = avr_->data[kGpior0] != 0;
-  if (marked && marked_) mark_ += running_.empty() ? now - before : 0;
+  if (marked && marked_ && in_main) mark_ += ran_until - before;
   if (marked && !marked_) mark_ = 0;
   if (!marked && marked_) {
     ++report_.marks;
@@ -85,23 +94,16 @@ void Probe::OnRunning(avr_irq_t* irq, uint32_t running, void* self) {
     probe->leaving_ = true;  // RETI itself is not on the clock yet
     return;
   }
-  int vector = 0;
-  avr_t* avr = probe->avr_;
+  const avr_t* avr = probe->avr_;
   for (int i = 0; i < avr->interrupts.vector_count; ++i)
     if (avr->interrupts.vector[i]->irq + AVR_INT_IRQ_RUNNING == irq)
-      vector = avr->interrupts.vector[i]->vector;
-  const uint64_t cycle = avr->cycle - kResponse;
-  if (probe->leaving_) {
-    probe->Leave(cycle);
-    if (probe->off_ && cycle - probe->off_since_ > probe->report_.interrupts_off) {
-      probe->report_.interrupts_off = cycle - probe->off_since_;
-      probe->report_.interrupts_off_address = probe->off_address_;
-    }
-  }
-  probe->Enter(vector, cycle);
-  probe->off_ = true;
-  probe->off_since_ = cycle;
-  probe->off_address_ = static_cast<uint64_t>(4 * vector);
+      probe->entered_ = avr->interrupts.vector[i]->vector;
+}
+
+void Probe::EndOff(uint64_t cycle) {
+  if (cycle - off_since_ <= report_.interrupts_off) return;
+  report_.interrupts_off = cycle - off_since_;
+  report_.interrupts_off_address = off_address_;
 }
 
 void Probe::Enter(int vector, uint64_t cycle) {

@@ -48,6 +48,7 @@ class Probe {
   static void OnRunning(avr_irq_t* irq, uint32_t running, void* self);
   void Enter(int vector, uint64_t cycle);
   void Leave(uint64_t cycle);
+  void EndOff(uint64_t cycle);
   void Look(uint64_t before, uint32_t address);
 
   avr_t* avr_;
@@ -55,6 +56,7 @@ class Probe {
   ProbeReport report_{};
   std::vector<Running> running_;
   std::vector<uint64_t> tick_bursts_;
+  int entered_ = 0;  // the vector entered behind the present instruction
   bool leaving_ = false, off_ = false, burst_has_tick_ = false, marked_ = false;
   uint64_t off_since_ = 0, off_address_ = 0, last_tick_ = 0, burst_ = 0, mark_ = 0;
 };
