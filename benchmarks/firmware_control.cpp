@@ -8,8 +8,7 @@
 namespace {
 
 constexpr int kSteps = 200;
-volatile int16_t target_mrad_s, supply;
-volatile int32_t error_mrad_s;
+volatile int16_t target_mrad_s, error_mrad_s;
 volatile int16_t sink;
 
 /// A first-order wheel, roughly: what the steps do depends on where the loop
@@ -25,13 +24,14 @@ int16_t Target(int step) {
 int main() {
   static fw::WheelController wheel;
   static fw::PiController pi;
-  const fw::WheelConfig config = fw::Parameters().Derive();
-  supply = 1 << 12;
+  fw::WheelConfig config;
+  fw::Parameters().Derive(7400, &config);
+  fw::WheelSample sample = {};
   int16_t counts = 0;
 #if defined(MEASURE_PI)
   for (int step = 0; step < kSteps; ++step) {
-    error_mrad_s = Target(step) - fw::SpeedFromCounts(counts);
-    const int32_t error = error_mrad_s;
+    error_mrad_s = fw::Difference(Target(step), fw::SpeedFromCounts(counts));
+    const int16_t error = error_mrad_s;
     GPIOR0 = 1;
     const int16_t pwm = pi.Step(config.pi, error, 0, false);
     GPIOR0 = 0;
@@ -41,15 +41,15 @@ int main() {
 #else
   for (int step = 0; step < kSteps; ++step) {
     target_mrad_s = Target(step);
-    const int16_t target = target_mrad_s, ratio = supply;
+    const int16_t target = target_mrad_s;
     GPIOR0 = 1;
-    const int16_t pwm = wheel.Step(config, target, counts, static_cast<uint16_t>(ratio)).pwm;
+    wheel.Step(config, target, counts, &sample);
     GPIOR0 = 0;
-    sink = pwm;
-    counts = Follow(counts, pwm);
+    sink = sample.pwm;
+    counts = Follow(counts, sample.pwm);
   }
 #endif
-  sink = static_cast<int16_t>(wheel.integral_pwm_64() + pi.integral());
+  sink = static_cast<int16_t>(sample.integral_pwm_64 + pi.integral());
   for (;;) {
   }
 }

@@ -7,12 +7,14 @@
 #include "board/adc.hpp"
 #include "board/beeper.hpp"
 #include "board/clock.hpp"
+#include "board/eeprom.hpp"
 #include "board/encoders.hpp"
 #include "board/motors.hpp"
 #include "board/pins.hpp"
 #include "board/reset.hpp"
 #include "board/tick.hpp"
 #include "board/uart.hpp"
+#include "board/watchdog.hpp"
 #include "core/beep.hpp"
 #include "core/drive.hpp"
 #include "core/host_interface.hpp"
@@ -20,56 +22,57 @@
 
 namespace {
 
-/// What the control tick leaves for telemetry.
-struct Snapshot {
-  uint32_t time_us;
-  fw::SideSample left, right;
-  uint16_t lost_edges;
-};
-
-// Shared with interrupts: touched by the main loop with interrupts off only.
+// Shared with interrupts: touched by the main loop with interrupts off only, unless said otherwise.
 Uart uart;
 Adc adc;
 Beeper beeper;
-fw::QuadratureDecoder left_encoder, right_encoder;
-fw::DriveInput drive_input;
-Snapshot snapshot;
-volatile bool ticked = false;
+fw::QuadratureDecoder<pins::kLeftEncoder> left_encoder;
+fw::QuadratureDecoder<pins::kRightEncoder> right_encoder;
+fw::DriveCommand command;
 volatile uint8_t milliseconds = 0;
 
-// The control tick's own.
+// The main loop writes the one that the control tick does not read, then makes it the other.
+fw::WheelConfig configs[2];
+volatile uint8_t active_config = 0;
+
+// Written by the control tick, and read by the main loop between two ticks.
 fw::Side left_side, right_side;
+fw::Samples samples;
+volatile bool ticked = false;
 
 }  // namespace
 
-ISR(PCINT2_vect) { left_encoder.Step(pins::LeftAb()); }
-ISR(PCINT0_vect) { right_encoder.Step(pins::RightAb()); }
+ISR(PCINT2_vect) { left_encoder.Step(PIND); }
+ISR(PCINT0_vect) { right_encoder.Step(PINB); }
 ISR(USART_RX_vect) { uart.OnReceive(); }
 ISR(USART_UDRE_vect) { uart.OnReady(); }
 ISR(TIMER0_COMPB_vect) { beeper.End(); }
 
-ISR(TIMER0_COMPA_vect) {
+ISR(WDT_vect) {
+  motors::Halt();
+  reset::Restart();
+}
+
+// The two that take their time let encoders and serial port in. They do not meet themselves again: the next
+// one is a millisecond, a control period away.
+ISR(TIMER0_COMPA_vect, ISR_NOBLOCK) {
   if (beeper.sounding() && !beeper.Begin()) return;
   ++milliseconds;
   adc.Step();
 }
 
-// Long, so encoders and serial port may interrupt it. The main loop cannot: its writes to drive_input stay
-// whole.
+// The main loop cannot come between: what it has written stays whole.
 ISR(TIMER1_COMPA_vect, ISR_NOBLOCK) {
-  uint16_t left_count = 0, right_count = 0, lost_edges = 0;
-  ATOMIC_BLOCK(ATOMIC_FORCEON) {
-    left_count = left_encoder.count();
-    right_count = right_encoder.count();
-    lost_edges = static_cast<uint16_t>(left_encoder.lost() + right_encoder.lost());
-  }
-  snapshot.left = left_side.Step(drive_input, drive_input.command.left, left_count);
-  snapshot.right = right_side.Step(drive_input, drive_input.command.right, right_count);
-  snapshot.lost_edges = lost_edges;
-  snapshot.time_us += fw::kTick_us;
-  ATOMIC_BLOCK(ATOMIC_FORCEON) {
-    if (!beeper.sounding()) motors::Set(snapshot.left.wheel.pwm, snapshot.right.wheel.pwm);
-  }
+  cli();
+  const uint16_t left_count = left_encoder.count();
+  const uint16_t right_count = right_encoder.count();
+  samples.lost_edges = static_cast<uint16_t>(left_encoder.lost() + right_encoder.lost());
+  sei();
+  const fw::WheelConfig& config = configs[active_config];
+  left_side.Step(command.mode, config, command.left, left_count, &samples.left);
+  right_side.Step(command.mode, config, command.right, right_count, &samples.right);
+  samples.time_us += fw::kTick_us;
+  if (!beeper.sounding()) motors::Set(samples.left.wheel.pwm, samples.right.wheel.pwm);
   ticked = true;
 }
 
@@ -78,7 +81,7 @@ namespace {
 /// Hand the motors' permission and targets to the control tick; whatever is not driving stops here and now.
 void Obey(const fw::HostInterface& host) {
   ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
-    drive_input.command = host.command();
+    command = host.command();
     if (host.supervisor().armed()) {
       beeper.Sound(false);
     } else {
@@ -87,51 +90,21 @@ void Obey(const fw::HostInterface& host) {
   }
 }
 
+/// Hand over constants, after a change of the parameters or the battery's voltage.
 void Configure(const fw::HostInterface& host) {
-  const fw::WheelConfig config = host.config();
-  const uint16_t supply_ratio = fw::SupplyRatio(host.battery_mV());
-  ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
-    drive_input.config = config;
-    drive_input.supply_ratio = supply_ratio;
-  }
+  const uint8_t next = active_config ^ 1;
+  host.parameters().Derive(host.battery_mV(), &configs[next]);
+  active_config = next;
 }
 
-void SendTelemetry(const fw::HostInterface& host, const Adc::Sums& sums, uint8_t seq) {
-  Snapshot now;
-  uint16_t uart_errors = 0;
-  ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
-    now = snapshot;
-    uart_errors = uart.errors();
-  }
-  fw::Telemetry message;
-  message.time_us = now.time_us;
-  message.left_count = now.left.count;
-  message.right_count = now.right.count;
-  message.left_speed = now.left.wheel.speed_mrad_s;
-  message.right_speed = now.right.wheel.speed_mrad_s;
-  message.left_setpoint = now.left.wheel.setpoint_mrad_s;
-  message.right_setpoint = now.right.wheel.setpoint_mrad_s;
-  message.left_pwm = now.left.wheel.pwm;
-  message.right_pwm = now.right.wheel.pwm;
-  message.left_integral = now.left.integral_pwm_64;
-  message.right_integral = now.right.integral_pwm_64;
-  message.battery_mV = host.battery_mV();
-  message.left_current_mA = fw::CurrentFromSum_mA(sums.left_current);
-  message.right_current_mA = fw::CurrentFromSum_mA(sums.right_current);
-  message.state = host.supervisor().state();
-  message.fault = host.supervisor().fault();
-  message.rx_errors = static_cast<uint16_t>(host.rx_errors() + uart_errors);
-  message.lost_edges = now.lost_edges;
-  fw::SendFrame(uart, seq, message);
-}
-
-/// True while the motors are off and the wheels stood still in the last interval.
-bool Quiet(const fw::HostInterface& host) {
-  bool standing = false;
-  ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
-    standing = snapshot.left.wheel.speed_mrad_s == 0 && snapshot.right.wheel.speed_mrad_s == 0;
-  }
-  return standing && !host.supervisor().armed();
+/// Take what the control tick left; anew if one came in between.
+void Collect(fw::Samples* copy) {
+  do {
+    ticked = false;
+    __asm__ volatile("" ::: "memory");
+    *copy = samples;
+    __asm__ volatile("" ::: "memory");
+  } while (ticked);
 }
 
 /// Sleep until an interrupt leaves work. The instruction after sei is still protected, so none can slip in
@@ -152,34 +125,32 @@ void Idle() {
 int main() {
   motors::Start();
   encoders::Start();
-  left_encoder.Reset(pins::LeftAb());
-  right_encoder.Reset(pins::RightAb());
+  left_encoder.Reset(PIND);
+  right_encoder.Reset(PINB);
   adc.Start();
   uart.Start();
   clock::Start();
   tick::Start();
   set_sleep_mode(SLEEP_MODE_IDLE);
 
-  // Static, so that its size shows in the budget.
-  static fw::HostInterface host(pins::kBoard, ReadResetCause());
+  // Static, so that their size shows in the budget.
+  static Eeprom eeprom;
+  static fw::HostInterface host(pins::kBoard, reset::Cause());
   static fw::BeepPattern beeps;
-  Adc::Sums sums = {0, 0, 0};
-  uint8_t telemetry_seq = 0;
-  Obey(host);
-  Configure(host);
+  host.Start(eeprom);
+  watchdog::Start();
   sei();
 
   for (;;) {
     uint8_t byte = 0;
     while (uart.Get(&byte)) {
-      if (host.Receive(byte, uart)) {
-        Obey(host);
-        Configure(host);
-      }
+      if (host.Receive(byte, uart)) Obey(host);
     }
+    host.Work(eeprom, uart);
 
     uint8_t elapsed_ms = 0;
     bool measured = false;
+    Adc::Sums sums = {0, 0, 0};
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
       elapsed_ms = milliseconds;
       milliseconds = 0;
@@ -187,17 +158,22 @@ int main() {
     }
     if (measured) {
       if (host.UpdateBattery(fw::BatteryFromSum_mV(sums.battery))) beeps.Start(fw::kLowBatteryBeeps);
-      Configure(host);
+      host.UpdateCurrents(fw::CurrentFromSum_mA(sums.left_current),
+                          fw::CurrentFromSum_mA(sums.right_current));
     }
+    if (host.TakeChange() || measured) Configure(host);
     if (elapsed_ms != 0) {
       host.Wait(elapsed_ms);
       Obey(host);
-      const bool sound = beeps.Step(elapsed_ms, Quiet(host));
+      const bool sound = beeps.Step(elapsed_ms, host.quiet());
       ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { beeper.Sound(sound); }
     }
     if (ticked) {
-      ticked = false;
-      SendTelemetry(host, sums, telemetry_seq++);
+      watchdog::Kick();
+      Collect(host.samples());
+      host.Watch();
+      Obey(host);
+      host.SendTelemetry(uart);
     }
     Idle();
   }

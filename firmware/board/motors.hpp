@@ -12,17 +12,27 @@ constexpr uint8_t kOutputs = 1 << COM2A1 | 1 << COM2B1;
 constexpr uint8_t kLeftWay = pins::kLeftForward ^ pins::kLeftReverse;
 constexpr uint8_t kRightWay = pins::kRightForward ^ pins::kRightReverse;
 
-inline void Start() {
-  DDRD |= pins::kLeftOutputs;
-  DDRB |= pins::kRightOutputs;
-  TCCR2A = kPhaseCorrect | kOutputs;
-  TCCR2B = 1 << CS22 | 1 << CS21;  // 16 MHz / 256 / 510
-}
-
 /// Both motors off at once, brakes released. Interrupts must be off.
 inline void Off() {
   OCR2A = 0;
   OCR2B = 0;
+}
+
+inline void Start() {
+  PORTD &= static_cast<uint8_t>(~pins::kLeftOutputs);  // after a restart they may still be high
+  PORTB &= static_cast<uint8_t>(~pins::kRightOutputs);
+  DDRD |= pins::kLeftOutputs;
+  DDRB |= pins::kRightOutputs;
+  Off();
+  TCCR2A = kPhaseCorrect | kOutputs;
+  TCCR2B = 1 << CS22 | 1 << CS21;  // 16 MHz / 256 / 510
+}
+
+/// Off for good, whatever the timer does: the pins leave it and go low.
+inline void Halt() {
+  TCCR2A = 0;
+  PORTD &= static_cast<uint8_t>(~pins::kLeftOutputs);
+  PORTB &= static_cast<uint8_t>(~pins::kRightOutputs);
 }
 
 /// One way off, then the other on: never both at once. Constants, so each is a single instruction.

@@ -15,11 +15,9 @@ constexpr uint8_t kLeftForward = 1 << PD2, kLeftReverse = 1 << PD4;
 constexpr uint8_t kRightPwm = 1 << PB3, kRightOutputs = 1 << PB2 | 1 << PB3 | 1 << PB4;
 constexpr uint8_t kRightForward = 1 << PB2, kRightReverse = 1 << PB4;
 
-// Encoders on adjacent bits, one port and one vector a wheel. Left A/B: D5/D6, PCINT21/22; right A/B: D8/D9,
-// PCINT0/1. D13 stays free: its light would load an open collector.
+// Encoders on adjacent bits, A the lower one, one port and one vector a wheel. Left A/B: D5/D6, PCINT21/22;
+// right A/B: D8/D9, PCINT0/1. D13 stays free: its light would load an open collector.
 constexpr uint8_t kLeftEncoder = 1 << PD5 | 1 << PD6, kRightEncoder = 1 << PB0 | 1 << PB1;
-inline uint8_t LeftAb() { return (PIND >> PD5) & 0x3u; }
-inline uint8_t RightAb() { return (PINB >> PB0) & 0x3u; }
 
 // ADC channels: battery A3, currents A4 and A5, which the Uno has too.
 constexpr uint8_t kBatteryChannel = 3, kLeftCurrentChannel = 4, kRightCurrentChannel = 5;

@@ -4,7 +4,10 @@
 #include <avr/wdt.h>
 
 namespace {
+constexpr uint16_t kRestarted = 0x57A6;
+// SRAM keeps them through a restart. After power-on they hold anything, hence a pattern.
 uint8_t flags __attribute__((section(".noinit")));
+uint16_t mark __attribute__((section(".noinit")));
 }  // namespace
 
 /// After a watchdog reset the watchdog runs on at 16 ms: stop it before .data and .bss are set up.
@@ -15,10 +18,22 @@ extern "C" void SaveResetCause() {
   wdt_disable();
 }
 
-fw::ResetCause ReadResetCause() {
+namespace reset {
+
+fw::ResetCause Cause() {
+  const bool restarted = mark == kRestarted && (flags & (1 << PORF | 1 << EXTRF | 1 << BORF)) == 0;
+  mark = 0;
   if ((flags & 1 << PORF) != 0) return fw::ResetCause::kPowerOn;  // power-on may raise the others too
   if ((flags & 1 << BORF) != 0) return fw::ResetCause::kBrownOut;
-  if ((flags & 1 << WDRF) != 0) return fw::ResetCause::kWatchdog;
+  if (restarted || (flags & 1 << WDRF) != 0) return fw::ResetCause::kWatchdog;
   if ((flags & 1 << EXTRF) != 0) return fw::ResetCause::kExternal;
   return fw::ResetCause::kUnknown;
 }
+
+void Restart() {
+  mark = kRestarted;
+  asm volatile("jmp 0");
+  __builtin_unreachable();
+}
+
+}  // namespace reset

@@ -17,11 +17,9 @@ constexpr uint8_t kLeftForward = 1 << PD2, kLeftReverse = 0;
 constexpr uint8_t kRightPwm = 1 << PB3, kRightOutputs = 1 << PB1 | 1 << PB2 | 1 << PB3;
 constexpr uint8_t kRightForward = 1 << PB2, kRightReverse = 0;
 
-// Encoders on adjacent bits, one port and one vector a wheel. Left A/B: D5/D6, PCINT21/22; right A/B:
-// D12/D13, PCINT4/5.
+// Encoders on adjacent bits, A the lower one, one port and one vector a wheel. Left A/B: D5/D6, PCINT21/22;
+// right A/B: D12/D13, PCINT4/5.
 constexpr uint8_t kLeftEncoder = 1 << PD5 | 1 << PD6, kRightEncoder = 1 << PB4 | 1 << PB5;
-inline uint8_t LeftAb() { return (PIND >> PD5) & 0x3u; }
-inline uint8_t RightAb() { return (PINB >> PB4) & 0x3u; }
 
 // ADC channels: battery A3, currents A6 and A7. Some boards have the two currents swapped.
 constexpr uint8_t kBatteryChannel = 3, kLeftCurrentChannel = 6, kRightCurrentChannel = 7;

@@ -8,7 +8,7 @@
 
 namespace fw {
 
-constexpr uint8_t kVersionMajor = 0, kVersionMinor = 1, kVersionPatch = 0;
+constexpr uint8_t kVersionMajor = 0, kVersionMinor = 2, kVersionPatch = 0;
 
 constexpr uint8_t kControlRate_Hz = THUMPER_CONTROL_RATE_HZ;
 static_assert(kControlRate_Hz == 10 || kControlRate_Hz == 20 || kControlRate_Hz == 50 ||
@@ -24,6 +24,7 @@ constexpr uint16_t kTrack_mm = 245;
 constexpr int16_t kMaxSpeed_mrad_s = 17000;
 constexpr int16_t kMaxPwm = 255;
 constexpr uint16_t kLinkTimeout_ms = 300;
+constexpr uint8_t kFaultWindow_ticks = 3 * kControlRate_Hz / 10;  // 300 ms
 
 // 2-cell LiPo.
 constexpr uint16_t kBatteryStop_mV = 6400;

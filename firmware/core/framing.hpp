@@ -33,6 +33,7 @@ class FrameDecoder {
   uint8_t seq() const { return body_[1]; }
   const uint8_t* payload() const { return body_ + 2; }
   uint8_t payload_size() const { return static_cast<uint8_t>(length_ - kOverhead); }
+  uint16_t frames() const { return frames_; }  ///< good frames since reset; wraps
   uint16_t errors() const { return errors_; }  ///< frames refused since reset; wraps
 
  private:
@@ -53,7 +54,11 @@ class FrameDecoder {
     uint16_t crc = kCrcInit;
     for (uint8_t i = 0; i < length_; ++i) crc = Crc16(crc, body_[i]);
     const bool good = !broken_ && left_ == 0 && length_ >= kOverhead && crc == 0;
-    if (!good) ++errors_;
+    if (good) {
+      ++frames_;
+    } else {
+      ++errors_;
+    }
     return good;
   }
 
@@ -63,13 +68,13 @@ class FrameDecoder {
   bool zero_due_ = false;  // the run that ends here stands for a zero, unless the frame ends too
   bool broken_ = false;
   bool finished_ = true;
-  uint16_t errors_ = 0;
+  uint16_t frames_ = 0, errors_ = 0;
 };
 
 /// Complete `body` (id, seq, payload and room for the CRC; `length` bytes in all) and hand the frame to
 /// `sink.Put(uint8_t)`, delimiter included. length < 254: one COBS block.
 template <typename Sink>
-void SendBody(Sink& sink, uint8_t* body, uint8_t length) {
+__attribute__((noinline)) void SendBody(Sink& sink, uint8_t* body, uint8_t length) {
   uint16_t crc = kCrcInit;
   for (uint8_t i = 0; i < length - 2; ++i) crc = Crc16(crc, body[i]);
   body[length - 2] = static_cast<uint8_t>(crc);
@@ -87,15 +92,26 @@ void SendBody(Sink& sink, uint8_t* body, uint8_t length) {
   sink.Put(0);
 }
 
+/// A message between its header and the room for its CRC, as SendBody wants it.
+template <typename Message>
+struct __attribute__((packed)) Frame {
+  uint8_t id, seq;
+  Message message;
+  uint16_t crc;
+};
+
+/// Complete and send a frame whose id, seq and message are set.
+template <typename Message, typename Sink>
+void SendFrame(Sink& sink, Frame<Message>& frame) {
+  static_assert(sizeof(Message) == Message::kSize && Message::kSize + 4 < 254, "packed, and one COBS block");
+  SendBody(sink, reinterpret_cast<uint8_t*>(&frame), sizeof(frame));
+}
+
 /// Send a message as a frame.
 template <typename Message, typename Sink>
 void SendFrame(Sink& sink, uint8_t seq, const Message& message) {
-  static_assert(Message::kSize + 4 < 254, "one COBS block at most");
-  uint8_t body[Message::kSize + 4];
-  body[0] = Message::kId;
-  body[1] = seq;
-  message.Pack(body + 2);
-  SendBody(sink, body, sizeof(body));
+  Frame<Message> frame = {Message::kId, seq, message, 0};
+  SendFrame(sink, frame);
 }
 
 }  // namespace fw

@@ -1,4 +1,5 @@
 #pragma once
+#include <stddef.h>
 #include <stdint.h>
 
 #include "core/battery.hpp"
@@ -6,17 +7,28 @@
 #include "core/drive.hpp"
 #include "core/framing.hpp"
 #include "core/messages.hpp"
+#include "core/monitor.hpp"
 #include "core/parameters.hpp"
+#include "core/store.hpp"
 #include "core/supervisor.hpp"
 
 namespace fw {
 
-/// The main loop's half of the firmware: host messages, supervisor, parameters, battery and the link
-/// time-out. Pure: bytes, milliseconds and voltages come in; answers go to a sink, and command() says what
-/// the motors may do.
+/// The main loop's half of the firmware: host messages, supervisor and its monitors, parameters, battery and
+/// the link time-out. Pure: bytes, milliseconds, samples and voltages come in; answers go to a sink,
+/// command() says what the motors may do.
 class HostInterface {
  public:
   HostInterface(Board board, ResetCause reset_cause) : board_(board), reset_cause_(reset_cause) {}
+
+  /// Once, before all else: take the saved parameters, and latch what went wrong before or with them.
+  template <typename Memory>
+  void Start(Memory& memory) {
+    const auto outcome = store_.Load(memory, &parameters_);
+    if (outcome == ParameterStore::Outcome::kLoaded) source_ = ParameterSource::kSaved;
+    if (outcome == ParameterStore::Outcome::kUnreadable) Trip(Fault::kBadParameters);
+    if (reset_cause_ == ResetCause::kWatchdog) Trip(Fault::kWatchdog);
+  }
 
   /// Take one received byte; answers go to `sink.Put(uint8_t)`. True when a good frame was handled.
   template <typename Sink>
@@ -30,60 +42,127 @@ class HostInterface {
   void Wait(uint8_t elapsed_ms) {
     if (!supervisor_.armed()) return;
     silence_ms_ = static_cast<uint16_t>(silence_ms_ + elapsed_ms);
-    if (silence_ms_ >= kLinkTimeout_ms) Apply(Event::kLinkLost);
+    if (silence_ms_ >= kLinkTimeout_ms) Trip(Fault::kLinkLost);
+  }
+
+  /// Go on with a save or load that the host asked for, without waiting.
+  template <typename Memory, typename Sink>
+  void Work(Memory& memory, Sink& sink) {
+    if (store_.Step(memory)) {
+      SendFrame(sink, pending_seq_,
+                Ack{CommandRequest::kId, pending_seq_,
+                    store_.Verify(memory) ? AckStatus::kOk : AckStatus::kNotSaved});
+    }
+    if (pending_ == Command::kDisarm || store_.saving()) return;
+    const Command todo = pending_;
+    pending_ = Command::kDisarm;
+    if (todo == Command::kSave) {
+      store_.Begin(parameters_);
+      return;
+    }
+    store_.Load(memory, &parameters_);
+    SendFrame(sink, pending_seq_, Ack{CommandRequest::kId, pending_seq_, AckStatus::kOk});
+    changed_ = true;
+  }
+
+  /// True once after the parameters have changed, and at first.
+  bool TakeChange() {
+    const bool changed = changed_;
+    changed_ = false;
+    return changed;
+  }
+
+  /// Where the control tick's samples go, before Watch() looks at them.
+  Samples* samples() { return &samples_; }
+
+  void Watch() {
+    Watch(left_monitor_, samples_.left, Fault::kStallLeft, Fault::kReversedLeft);
+    Watch(right_monitor_, samples_.right, Fault::kStallRight, Fault::kReversedRight);
+    if (edge_monitor_.Step(samples_.lost_edges)) Trip(Fault::kLostEdges);
   }
 
   /// Take a battery reading; true at the moment the battery becomes low.
   bool UpdateBattery(uint16_t reading_mV) {
     const bool became_low = battery_.Update(reading_mV);
-    if (became_low) Apply(Event::kBatteryLow);
+    if (became_low) Trip(Fault::kLowBattery);
     return became_low;
+  }
+
+  /// Take the motor currents of the last 96 ms.
+  void UpdateCurrents(int16_t left_mA, int16_t right_mA) {
+    const int16_t limit_mA = parameters_.Get(Parameter::kCurrentLimit);
+    if (current_monitor_.Step(left_mA, right_mA, limit_mA)) Trip(Fault::kOverCurrent);
+    left_mA_ = left_mA;
+    right_mA_ = right_mA;
+  }
+
+  template <typename Sink>
+  void SendTelemetry(Sink& sink) {
+    Frame<Telemetry> frame;
+    frame.id = Telemetry::kId;
+    frame.seq = telemetry_seq_++;
+    auto& message = frame.message;
+    constexpr size_t kSamples = offsetof(Telemetry, battery_mV);
+    static_assert(offsetof(Samples, lost_edges) + sizeof(samples_.lost_edges) == kSamples &&
+                      offsetof(Samples, right) == offsetof(Telemetry, right_count),
+                  "telemetry begins with the samples");
+    __builtin_memcpy(&message, &samples_, kSamples);
+    message.battery_mV = battery_.filtered_mV();
+    message.left_current_mA = left_mA_;
+    message.right_current_mA = right_mA_;
+    message.state = supervisor_.state();
+    message.fault = supervisor_.fault();
+    message.warnings = static_cast<uint8_t>(battery_.warning());
+    message.rx_frames = decoder_.frames();
+    message.rx_errors = rx_errors();
+    SendFrame(sink, frame);
   }
 
   /// What the motors may do now.
   const DriveCommand& command() const { return command_; }
-  WheelConfig config() const { return parameters_.Derive(); }
+  const Parameters& parameters() const { return parameters_; }
   const Supervisor& supervisor() const { return supervisor_; }
   uint16_t battery_mV() const { return battery_.filtered_mV(); }
   uint16_t rx_errors() const { return static_cast<uint16_t>(decoder_.errors() + refused_); }
+  /// True while the motors are off and the wheels stood still in the last interval.
+  bool quiet() const {
+    return !supervisor_.armed() && samples_.left.wheel.speed_mrad_s == 0 &&
+           samples_.right.wheel.speed_mrad_s == 0;
+  }
 
  private:
   /// React to the frame in the decoder; false if its id or length is none of ours.
   template <typename Sink>
   bool Dispatch(Sink& sink) {
-    switch (decoder_.id()) {
-      case Identify::kId:  // of any length: it must work between all versions
+    const uint8_t id = decoder_.id();
+    // `identify` of any length: it must work between all versions.
+    if (id != Identify::kId && decoder_.payload_size() != HostPayloadSize(id)) return false;
+    switch (id) {
+      case Identify::kId:
         SendFrame(sink, decoder_.seq(), MakeIdentity());
         return true;
       case SetWheelSpeeds::kId: {
-        if (decoder_.payload_size() != SetWheelSpeeds::kSize) return false;
-        const auto message = SetWheelSpeeds::Unpack(decoder_.payload());
-        if (supervisor_.state() == State::kClosedLoop) Drive(message.left, message.right);
+        const auto& message = Payload<SetWheelSpeeds>();
+        if (supervisor_.state() == State::kClosedLoop) Drive(message.left, message.right, kMaxSpeed_mrad_s);
         return true;
       }
       case SetMotorPwm::kId: {
-        if (decoder_.payload_size() != SetMotorPwm::kSize) return false;
-        const auto message = SetMotorPwm::Unpack(decoder_.payload());
+        const auto& message = Payload<SetMotorPwm>();
         Apply(Event::kManual);
-        if (supervisor_.state() == State::kManual) Drive(message.left, message.right);
+        if (supervisor_.state() == State::kManual) Drive(message.left, message.right, kMaxPwm);
         return true;
       }
-      case CommandRequest::kId: {
-        if (decoder_.payload_size() != CommandRequest::kSize) return false;
-        const auto command = CommandRequest::Unpack(decoder_.payload()).command;
-        const bool known = command <= Command::kClearFault;
-        Acknowledge(sink, known ? Apply(static_cast<Event>(command)) : AckStatus::kUnknownCommand);
+      case CommandRequest::kId:
+        Obey(Payload<CommandRequest>().command, sink);
         return true;
-      }
       case SetParameter::kId: {
-        if (decoder_.payload_size() != SetParameter::kSize) return false;
-        const auto message = SetParameter::Unpack(decoder_.payload());
+        const auto& message = Payload<SetParameter>();
+        changed_ = true;
         Acknowledge(sink, parameters_.Set(message.index, message.value));
         return true;
       }
       case GetParameter::kId: {
-        if (decoder_.payload_size() != GetParameter::kSize) return false;
-        const uint8_t index = GetParameter::Unpack(decoder_.payload()).index;
+        const uint8_t index = Payload<GetParameter>().index;
         if (index < kParameterCount) {
           SendFrame(sink, decoder_.seq(), ParameterValue{index, parameters_.Get(index)});
         } else {
@@ -97,41 +176,90 @@ class HostInterface {
   }
 
   template <typename Sink>
+  void Obey(Command command, Sink& sink) {
+    AckStatus status = AckStatus::kUnknownCommand;
+    if (command <= Command::kClearFault) {
+      status = Apply(static_cast<Event>(command));
+    } else if (command == Command::kRestoreDefaults) {
+      parameters_.Restore();
+      changed_ = true;
+      status = AckStatus::kOk;
+    } else if (command == Command::kSave && battery_.low()) {
+      status = AckStatus::kBatteryLow;  // the supply may fail in the midst of it
+    } else if (command <= Command::kLoad) {
+      pending_seq_ = decoder_.seq();  // Work() answers, once it is done
+      if (command == Command::kLoad || !store_.saving()) pending_ = command;
+      return;
+    }
+    Acknowledge(sink, status);
+  }
+
+  template <typename Message>
+  const Message& Payload() const {
+    return *reinterpret_cast<const Message*>(decoder_.payload());  // packed: any address will do
+  }
+
+  template <typename Sink>
   void Acknowledge(Sink& sink, AckStatus status) {
     SendFrame(sink, decoder_.seq(), Ack{decoder_.id(), decoder_.seq(), status});
   }
 
   Identity MakeIdentity() const {
-    return {kSchemaHash,     kVersionMajor, kVersionMinor, kVersionPatch,   board_,
-            kControlRate_Hz, reset_cause_,  kCountsPerRev, kWheelRadius_mm, kTrack_mm};
+    return {kSchemaHash,  kVersionMajor, kVersionMinor,   kVersionPatch, board_, kControlRate_Hz,
+            reset_cause_, kCountsPerRev, kWheelRadius_mm, kTrack_mm,     source_};
+  }
+
+  void Watch(WheelMonitor& monitor, const SideSample& sample, Fault stall, Fault reversed) {
+    const auto verdict = monitor.Step(static_cast<uint16_t>(sample.count), sample.wheel.pwm);
+    if (verdict == WheelMonitor::Verdict::kStall) Trip(stall);
+    if (verdict == WheelMonitor::Verdict::kReversed) Trip(reversed);
   }
 
   /// A motion command that the present state acts on. Only these hold off the link time-out, so that a stream
   /// of wheel speeds cannot keep a dead gamepad's PWM alive.
-  void Drive(int16_t left, int16_t right) {
-    command_.left = left;
-    command_.right = right;
+  void Drive(int16_t left, int16_t right, int16_t limit) {
+    command_.left = static_cast<int16_t>(Limit(left, limit));
+    command_.right = static_cast<int16_t>(Limit(right, limit));
     silence_ms_ = 0;
   }
 
   AckStatus Apply(Event event) {
     const AckStatus status = supervisor_.Handle(event, battery_.low());
-    if (supervisor_.state() != command_.mode) {
-      command_ = {supervisor_.state(), 0, 0};
-      silence_ms_ = 0;
-    }
+    Follow();
     return status;
+  }
+
+  void Trip(Fault fault) {
+    supervisor_.Trip(fault);
+    Follow();
+  }
+
+  /// Every change of state begins at rest: no old set-point, no old PWM.
+  void Follow() {
+    if (supervisor_.state() == command_.mode) return;
+    command_ = {supervisor_.state(), 0, 0};
+    silence_ms_ = 0;
   }
 
   FrameDecoder<kMaxHostPayload> decoder_;
   Supervisor supervisor_;
   Parameters parameters_;
+  ParameterStore store_;
   Battery battery_;
+  WheelMonitor left_monitor_, right_monitor_;
+  EdgeMonitor edge_monitor_;
+  CurrentMonitor current_monitor_;
+  Samples samples_ = {};
+  int16_t left_mA_ = 0, right_mA_ = 0;
   DriveCommand command_ = {State::kDisarmed, 0, 0};
   uint16_t silence_ms_ = 0;
   uint16_t refused_ = 0;
+  Command pending_ = Command::kDisarm;  // SAVE or LOAD waiting for Work(); DISARM: none
+  uint8_t pending_seq_ = 0, telemetry_seq_ = 0;
+  bool changed_ = true;
   Board board_;
   ResetCause reset_cause_;
+  ParameterSource source_ = ParameterSource::kDefaults;
 };
 
 }  // namespace fw

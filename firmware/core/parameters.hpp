@@ -6,23 +6,25 @@
 
 namespace fw {
 
-constexpr int32_t Largest(Parameter parameter) {
+constexpr int16_t Largest(Parameter parameter) {
   return kParameterRanges[static_cast<uint8_t>(parameter)].maximum;
 }
-static_assert(Largest(Parameter::kKp) <= INT16_MAX && Largest(Parameter::kKi) <= INT16_MAX &&
-                  Largest(Parameter::kKs) <= INT16_MAX && Largest(Parameter::kKv) <= INT16_MAX &&
-                  Largest(Parameter::kKa) <= INT16_MAX,
-              "gains are 16-bit factors");
+static_assert(Largest(Parameter::kKp) <= kMaxKp && Largest(Parameter::kKi) <= kMaxKi,
+              "the PI is proven up to its largest gains");
+static_assert(Largest(Parameter::kKs) <= 12800, "the PI's room for feed-forward holds the largest ks");
 
-/// The live parameters, on the wire's scale. They start at their defaults after every reset.
+/// The live parameters, on the wire's scale.
 class Parameters {
  public:
-  Parameters() {
+  Parameters() { Restore(); }
+
+  /// Take the defaults.
+  void Restore() {
     for (uint8_t i = 0; i < kParameterCount; ++i) values_[i] = kParameterRanges[i].initial;
   }
 
   /// Set one parameter, or refuse and change nothing.
-  AckStatus Set(uint8_t index, int32_t value) {
+  AckStatus Set(uint8_t index, int16_t value) {
     if (index >= kParameterCount) return AckStatus::kUnknownParameter;
     if (value < kParameterRanges[index].minimum || value > kParameterRanges[index].maximum) {
       return AckStatus::kOutOfRange;
@@ -32,20 +34,19 @@ class Parameters {
   }
 
   /// index < kParameterCount.
-  int32_t Get(uint8_t index) const { return values_[index]; }
+  int16_t Get(uint8_t index) const { return values_[index]; }
+  int16_t Get(Parameter parameter) const { return values_[static_cast<uint8_t>(parameter)]; }
 
-  /// The controllers' constants that follow from the parameters.
-  WheelConfig Derive() const {
-    return {{Short(Parameter::kKp), Short(Parameter::kKi)},
-            DeriveFeedForward(Short(Parameter::kKs), Short(Parameter::kKv), Short(Parameter::kKa)),
-            RampStep(Value(Parameter::kAcceleration))};
+  /// The controllers' constants at this battery voltage.
+  void Derive(uint16_t battery_mV, WheelConfig* config) const {
+    config->pi = {Get(Parameter::kKp), Get(Parameter::kKi)};
+    config->ramp_step_mrad_s = RampStep(Get(Parameter::kAcceleration));
+    DeriveModel(Get(Parameter::kKv), Get(Parameter::kKa), config->ramp_step_mrad_s, &config->feed_forward);
+    ScaleToSupply(Get(Parameter::kKs), Get(Parameter::kKv), SupplyRatio(battery_mV), &config->feed_forward);
   }
 
  private:
-  int32_t Value(Parameter parameter) const { return values_[static_cast<uint8_t>(parameter)]; }
-  int16_t Short(Parameter parameter) const { return static_cast<int16_t>(Value(parameter)); }
-
-  int32_t values_[kParameterCount];
+  int16_t values_[kParameterCount];
 };
 
 }  // namespace fw

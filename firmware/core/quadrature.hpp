@@ -5,32 +5,43 @@ namespace fw {
 
 /// 4x quadrature decoder. Pure: the pin-change interrupt reads the port once and calls Step().
 /// The count rises while A leads B and wraps at 2^16 by design; the control tick unwraps it.
+/// kPins: the port's two encoder pins, neighbours; A is the lower one.
+template <uint8_t kPins>
 class QuadratureDecoder {
  public:
-  /// ab: bit 0 = A, bit 1 = B, as adjacent port bits come.
-  /// Always inlined: an interrupt that calls saves every register.
-  __attribute__((always_inline)) void Step(uint8_t ab) {
-    const uint8_t changed = ab ^ ab_;
+  /// port: the whole port. Always inlined: an interrupt that calls saves every register.
+  __attribute__((always_inline)) void Step(uint8_t port) {
+    const uint8_t ab = port & kPins;
+    const uint8_t old = ab_;
+    const uint8_t changed = ab ^ old;
     if (changed == 0) return;  // a glitch that was over before the read
-    if (changed == 0x3u) {
-      ++lost_;  // both moved: direction unknown, so counted, never guessed
-    } else if (((ab ^ (ab_ >> 1)) & 0x1u) != 0) {
-      ++count_;  // new A differs from old B on every forward edge of 00 01 11 10
-    } else {
-      --count_;
-    }
     ab_ = ab;
+    if (changed == kPins) {
+      if (++lost_low_ == 0) ++lost_high_;  // both moved: direction unknown, so counted, never guessed
+      return;
+    }
+    // New A differs from old B on every forward edge of 00 01 11 10. The count's bytes are stepped apart: the
+    // upper one seldom moves, and each register that the interrupt needs costs four cycles.
+    const uint8_t old_b = old >> 1;
+    const uint8_t way = ab ^ old_b;
+    if ((way & kA) != 0) {
+      if (++low_ == 0) ++high_;
+    } else {
+      if (low_-- == 0) --high_;
+    }
   }
 
   /// Take the pins' level as the start without counting.
-  void Reset(uint8_t ab) { ab_ = ab; }
+  void Reset(uint8_t port) { ab_ = port & kPins; }
 
-  uint16_t count() const { return count_; }  ///< [counts mod 2^16]
-  uint16_t lost() const { return lost_; }    ///< [edges] since reset; wraps
+  uint16_t count() const { return static_cast<uint16_t>(high_ << 8 | low_); }           ///< [counts mod 2^16]
+  uint16_t lost() const { return static_cast<uint16_t>(lost_high_ << 8 | lost_low_); }  ///< [edges mod 2^16]
 
  private:
-  uint8_t ab_ = 0;
-  uint16_t count_ = 0, lost_ = 0;
+  static constexpr uint8_t kA = kPins & -kPins;
+  static_assert(kPins == (kA | kA << 1), "A and B must be neighbours on their port");
+
+  uint8_t ab_ = 0, low_ = 0, high_ = 0, lost_low_ = 0, lost_high_ = 0;
 };
 
 }  // namespace fw

@@ -5,56 +5,146 @@
 
 namespace fw {
 
-/// What the supervisor reacts to; the first four are the host's commands, in their wire order.
-enum class Event : uint8_t { kDisarm, kArm, kEStop, kClearFault, kManual, kLinkLost, kBatteryLow };
+/// What the supervisor reacts to: the host's first four commands in their wire order, manual PWM, and faults
+/// of two kinds: those that concern a robot under way, and those that concern one at rest as well.
+enum class Event : uint8_t { kDisarm, kArm, kEStop, kClearFault, kManual, kFaultArmed, kFaultAlways };
 constexpr uint8_t kEventCount = 7;
 constexpr uint8_t kStateCount = 4;
+constexpr uint8_t kFaultCount = static_cast<uint8_t>(Fault::kBadParameters) + 1;
+
+/// The event of a fault. Every fault has its line, or the compiler objects (-Wswitch).
+constexpr Event EventOf(Fault fault) {
+  switch (fault) {
+    case Fault::kNone:
+    case Fault::kLinkLost:
+    case Fault::kStallLeft:
+    case Fault::kStallRight:
+    case Fault::kReversedLeft:
+    case Fault::kReversedRight:
+    case Fault::kLostEdges:
+    case Fault::kOverCurrent:
+      return Event::kFaultArmed;
+    case Fault::kEStop:
+      return Event::kEStop;
+    case Fault::kLowBattery:
+    case Fault::kWatchdog:
+    case Fault::kBadParameters:
+      return Event::kFaultAlways;
+  }
+  return Event::kFaultAlways;
+}
+
+/// A cell of the transition table. A cell left out is 0, kUnhandled, and fails the build.
+enum class Reaction : uint8_t { kUnhandled, kDisarmed, kClosedLoop, kManual, kFault, kRefused };
+
+struct Transitions {
+  Reaction cells[kStateCount][kEventCount];
+
+  constexpr Reaction at(State state, Event event) const {
+    return cells[static_cast<uint8_t>(state)][static_cast<uint8_t>(event)];
+  }
+};
+
+constexpr Transitions MakeTransitions() {
+  constexpr Reaction kOff = Reaction::kDisarmed, kLoop = Reaction::kClosedLoop, kManu = Reaction::kManual,
+                     kFail = Reaction::kFault, kHeld = Reaction::kRefused;
+  return {{
+      // disarm, arm, e-stop, clear, manual, fault under way, fault always
+      {kOff, kLoop, kFail, kOff, kOff, kOff, kFail},     // DISARMED
+      {kOff, kLoop, kFail, kLoop, kManu, kFail, kFail},  // CLOSED_LOOP
+      {kOff, kLoop, kFail, kManu, kManu, kFail, kFail},  // MANUAL
+      {kFail, kHeld, kFail, kOff, kHeld, kFail, kFail},  // FAULT
+  }};
+}
+
+/// The state after a reaction; a refusal leaves FAULT as it is.
+constexpr State StateAfter(Reaction reaction) {
+  return reaction == Reaction::kRefused ? State::kFault
+                                        : static_cast<State>(static_cast<uint8_t>(reaction) - 1);
+}
+static_assert(StateAfter(Reaction::kDisarmed) == State::kDisarmed &&
+                  StateAfter(Reaction::kClosedLoop) == State::kClosedLoop &&
+                  StateAfter(Reaction::kManual) == State::kManual &&
+                  StateAfter(Reaction::kFault) == State::kFault,
+              "reactions and states are in the same order");
+
+/// Every state answers every event.
+constexpr bool Complete(const Transitions& table) {
+  for (uint8_t s = 0; s < kStateCount; ++s) {
+    for (uint8_t e = 0; e < kEventCount; ++e) {
+      if (table.cells[s][e] == Reaction::kUnhandled || table.cells[s][e] > Reaction::kRefused) return false;
+      // Only a latched fault may refuse.
+      if (table.cells[s][e] == Reaction::kRefused && static_cast<State>(s) != State::kFault) return false;
+    }
+  }
+  return true;
+}
+
+/// Every state can be reached from DISARMED, and left towards it.
+constexpr bool Connected(const Transitions& table) {
+  bool from_start[kStateCount] = {true}, to_start[kStateCount] = {true};
+  for (uint8_t round = 0; round < kStateCount; ++round) {
+    for (uint8_t s = 0; s < kStateCount; ++s) {
+      for (uint8_t e = 0; e < kEventCount; ++e) {
+        const uint8_t next = static_cast<uint8_t>(StateAfter(table.cells[s][e]));
+        if (from_start[s]) from_start[next] = true;
+        if (to_start[next]) to_start[s] = true;
+      }
+    }
+  }
+  for (uint8_t s = 0; s < kStateCount; ++s) {
+    if (!from_start[s] || !to_start[s]) return false;
+  }
+  return true;
+}
+
+/// Whatever may move, an emergency stop and any fault stop; and only CLEAR_FAULT unlatches.
+constexpr bool Safe(const Transitions& table) {
+  for (uint8_t s = 0; s < kStateCount; ++s) {
+    const State state = static_cast<State>(s);
+    if (table.at(state, Event::kEStop) != Reaction::kFault) return false;
+    if (table.at(state, Event::kFaultAlways) != Reaction::kFault) return false;
+    if (state != State::kDisarmed && table.at(state, Event::kFaultArmed) != Reaction::kFault) return false;
+  }
+  for (uint8_t e = 0; e < kEventCount; ++e) {
+    const bool leaves = StateAfter(table.at(State::kFault, static_cast<Event>(e))) != State::kFault;
+    if (leaves != (static_cast<Event>(e) == Event::kClearFault)) return false;
+  }
+  return true;
+}
+
+static_assert(Complete(MakeTransitions()), "a state and event without a reaction");
+static_assert(Connected(MakeTransitions()), "a state that cannot be reached, or not left");
+static_assert(Safe(MakeTransitions()), "a fault that does not stop the motors, or unlatches by itself");
 
 /// The one state machine that decides whether the motors may turn.
 class Supervisor {
  public:
-  /// React to an event; the status answers the host where the event was its request.
+  /// React to the host; the status is the answer. battery_low refuses to arm and to clear.
   AckStatus Handle(Event event, bool battery_low) {
     if (battery_low && (event == Event::kArm || event == Event::kClearFault)) return AckStatus::kBatteryLow;
-    const Reaction reaction = Look(state_, event);
-    state_ = reaction.next;
-    if (state_ != State::kFault) {
-      fault_ = Fault::kNone;
-    } else if (event == Event::kEStop) {
-      fault_ = Fault::kEStop;
-    } else if (event == Event::kBatteryLow) {
-      fault_ = Fault::kLowBattery;
-    } else if (event == Event::kLinkLost && fault_ == Fault::kNone) {
-      fault_ = Fault::kLinkLost;
-    }
-    return reaction.status;
+    return Take(event, Fault::kEStop);
   }
+
+  /// Stop for a fault. A latched fault stays, but E_STOP and LOW_BATTERY go over every other one: the
+  /// operator must see them.
+  void Trip(Fault fault) { Take(EventOf(fault), fault); }
 
   State state() const { return state_; }
   Fault fault() const { return fault_; }
   bool armed() const { return state_ == State::kClosedLoop || state_ == State::kManual; }
 
  private:
-  struct Reaction {
-    State next;
-    AckStatus status;
-  };
-
-  static Reaction Look(State state, Event event) {
-    constexpr Reaction kOff = {State::kDisarmed, AckStatus::kOk};
-    constexpr Reaction kLoop = {State::kClosedLoop, AckStatus::kOk};
-    constexpr Reaction kManu = {State::kManual, AckStatus::kOk};
-    constexpr Reaction kFail = {State::kFault, AckStatus::kOk};
-    constexpr Reaction kHeld = {State::kFault, AckStatus::kFaultLatched};
-    static constexpr Reaction kTable[][kEventCount] = {
-        // disarm, arm, e-stop, clear, manual PWM, link lost, battery low
-        {kOff, kLoop, kFail, kOff, kOff, kOff, kFail},     // DISARMED
-        {kOff, kLoop, kFail, kLoop, kManu, kFail, kFail},  // CLOSED_LOOP
-        {kOff, kLoop, kFail, kManu, kManu, kFail, kFail},  // MANUAL
-        {kFail, kHeld, kFail, kOff, kHeld, kFail, kFail},  // FAULT
-    };
-    static_assert(sizeof(kTable) / sizeof(kTable[0]) == kStateCount, "a row for every state");
-    return kTable[static_cast<uint8_t>(state)][static_cast<uint8_t>(event)];
+  AckStatus Take(Event event, Fault fault) {
+    static constexpr Transitions kTable = MakeTransitions();
+    const Reaction reaction = kTable.at(state_, event);
+    state_ = StateAfter(reaction);
+    if (state_ != State::kFault) {
+      fault_ = Fault::kNone;
+    } else if (event == Event::kEStop || event == Event::kFaultAlways || event == Event::kFaultArmed) {
+      if (fault_ == Fault::kNone || fault == Fault::kEStop || fault == Fault::kLowBattery) fault_ = fault;
+    }
+    return reaction == Reaction::kRefused ? AckStatus::kFaultLatched : AckStatus::kOk;
   }
 
   State state_ = State::kDisarmed;

@@ -21,6 +21,7 @@ struct WheelSample {
   int16_t speed_mrad_s;     ///< counted in the interval just ended
   int16_t setpoint_mrad_s;  ///< of the same interval
   int16_t pwm;              ///< for the interval that begins
+  int16_t integral_pwm_64;  ///< [PWM/64]
 };
 
 /// One side's speed controller: ramp, feed-forward and PI.
@@ -30,19 +31,18 @@ struct WheelSample {
 /// is no model, and the PI acts on the newest set-point, as the thesis's does.
 class WheelController {
  public:
-  /// counts: of the interval just ended. target_mrad_s: any; limited to +-17 rad/s. supply_ratio: see
-  /// SupplyRatio().
-  WheelSample Step(const WheelConfig& config, int16_t target_mrad_s, int16_t counts, uint16_t supply_ratio) {
-    WheelSample sample;
-    sample.speed_mrad_s = SpeedFromCounts(counts);
-    sample.setpoint_mrad_s = setpoint_mrad_s_;
-    const int16_t target = static_cast<int16_t>(Limit(target_mrad_s, kMaxSpeed_mrad_s));
-    setpoint_mrad_s_ = Ramp(setpoint_mrad_s_, target, config.ramp_step_mrad_s);
-    const int32_t wanted = config.feed_forward.kv != 0 ? feed_forward_.predicted() : setpoint_mrad_s_;
-    const int32_t output =
-        feed_forward_.Step(config.feed_forward, sample.setpoint_mrad_s, setpoint_mrad_s_, supply_ratio);
-    sample.pwm = pi_.Step(config.pi, wanted - sample.speed_mrad_s, output, setpoint_mrad_s_ == 0);
-    return sample;
+  /// counts: of the interval just ended. target_mrad_s: within +-17 rad/s.
+  void Step(const WheelConfig& config, int16_t target_mrad_s, int16_t counts, WheelSample* sample) {
+    const int16_t last = setpoint_mrad_s_;
+    const int16_t next = Ramp(last, target_mrad_s, config.ramp_step_mrad_s);
+    const int16_t speed = SpeedFromCounts(counts);
+    const int16_t wanted = config.feed_forward.kv != 0 ? feed_forward_.predicted() : next;
+    const int32_t output = feed_forward_.Step(config.feed_forward, last, next);
+    setpoint_mrad_s_ = next;
+    sample->speed_mrad_s = speed;
+    sample->setpoint_mrad_s = last;
+    sample->pwm = pi_.Step(config.pi, Difference(wanted, speed), output, next == 0);
+    sample->integral_pwm_64 = IntegralInPwm64(pi_.integral());
   }
 
   /// Forget everything: the next tick starts from standstill.
@@ -50,10 +50,6 @@ class WheelController {
     pi_.Reset();
     feed_forward_.Reset();
     setpoint_mrad_s_ = 0;
-  }
-
-  int16_t integral_pwm_64() const {  ///< [PWM/64]
-    return static_cast<int16_t>(RoundShift(pi_.integral(), kOutputBits - 6));
   }
 
  private:

@@ -81,8 +81,8 @@ def check_schema(schema: Schema) -> None:
     for spec in schema["parameter"]:
         if not spec["minimum"] <= spec["default"] <= spec["maximum"]:
             raise ValueError(f"parameter {spec['name']}: default outside its range")
-        if max(abs(spec["minimum"]), abs(spec["maximum"])) * spec["scale"] >= 2**31:
-            raise ValueError(f"parameter {spec['name']}: range does not fit int32")
+        if max(abs(spec["minimum"]), abs(spec["maximum"])) * spec["scale"] >= 2**15:
+            raise ValueError(f"parameter {spec['name']}: range does not fit int16")
 
 
 def schema_hash(schema: Schema) -> int:

@@ -27,8 +27,10 @@ def frame(message_id: int, payload: bytes, seq: int = 5) -> bytes:
 class Host:
     """The firmware's main loop on the desk."""
 
-    def __init__(self, core: ctypes.CDLL) -> None:
-        self.core, self.handle = core, core.host_new()
+    def __init__(
+        self, core: ctypes.CDLL, cause: m.ResetCause = m.ResetCause.POWER_ON, eeprom: int | None = None
+    ) -> None:
+        self.core, self.handle = core, core.host_new(cause, core.eeprom_new() if eeprom is None else eeprom)
 
     def feed(self, data: bytes) -> list[tuple[int, m.Message]]:
         """Return sequence number and message of each answer."""
@@ -161,7 +163,7 @@ def test_parameters_start_at_their_default_and_keep_their_range(host: Host, spec
     for value in (low, high):
         assert set_(value) is m.AckStatus.OK
         assert get() == value
-    for value in (low - 1, high + 1, 2**31 - 1, -(2**31)):
+    for value in (low - 1, high + 1, 2**15 - 1, -(2**15)):
         assert set_(value) is m.AckStatus.OUT_OF_RANGE
         assert get() == high
 
@@ -172,7 +174,7 @@ def test_unknown_requests_are_refused_by_name(host: Host) -> None:
         (answer,) = host.send(request)
         assert isinstance(answer, m.Ack)
         assert (answer.request_id, answer.status) == (request.ID, m.AckStatus.UNKNOWN_PARAMETER)
-    ((_, answer),) = host.feed(frame(m.CommandRequest.ID, b"\x04"))
+    ((_, answer),) = host.feed(frame(m.CommandRequest.ID, b"\x07"))
     assert isinstance(answer, m.Ack)
     assert answer.status is m.AckStatus.UNKNOWN_COMMAND
 
@@ -180,7 +182,7 @@ def test_unknown_requests_are_refused_by_name(host: Host) -> None:
 def test_wrong_ids_and_lengths_are_counted_and_do_nothing(core: ctypes.CDLL, host: Host) -> None:
     host.command(m.Command.ARM)
     requests = [message for id_, message in m.MESSAGES.items() if 0x01 < id_ < 0x80]
-    bad = [frame(0x7F, b""), frame(m.Telemetry.ID, b""), *(frame(r.ID, b"\1\1\1") for r in requests)]
+    bad = [frame(0x7F, b""), frame(m.Telemetry.ID, b""), *(frame(r.ID, b"\1\1") for r in requests)]
     assert host.feed(b"".join(bad)) == []
     assert core.host_rx_errors(host.handle) == len(bad)
     assert host.status() == (m.State.CLOSED_LOOP, m.Fault.NONE, 0, 0)

@@ -25,13 +25,13 @@ def test_no_limit_means_at_once(core: ctypes.CDLL, start: int, target: int) -> N
     assert core.ramp(start, target, core.ramp_step(0)) == target
 
 
-@pytest.mark.parametrize(("acceleration", "step"), [(8000, 800), (200_000, 20_000), (1, 1), (14, 1), (15, 2)])
+@pytest.mark.parametrize(("acceleration", "step"), [(800, 800), (20_000, 20_000), (1, 1), (15, 15)])
 def test_ramp_step_is_the_acceleration_a_tick(core: ctypes.CDLL, acceleration: int, step: int) -> None:
     assert core.ramp_step(acceleration) == step
 
 
 @pytest.mark.parametrize("rate_Hz", [10, 100])
-def test_speed_is_the_thesis_formula_to_half_a_unit(
+def test_speed_is_the_thesis_formula_to_a_hundred_thousandth(
     core_at_rate: dict[int, ctypes.CDLL], rate_Hz: int
 ) -> None:
     """omega = n 2 pi / (1200 T) (eq. 2.1), clamped to int16 and never wrapped."""
@@ -39,7 +39,7 @@ def test_speed_is_the_thesis_formula_to_half_a_unit(
         exact = counts * math.tau * rate_Hz / 1200 * 1000
         speed = core_at_rate[rate_Hz].speed_from_counts(counts)
         if abs(exact) < 32_000:
-            assert abs(speed - exact) <= 0.51
+            assert abs(speed - exact) <= 0.5 + 1e-5 * abs(exact)
         assert math.copysign(1, speed) == math.copysign(1, counts)
     assert 32_000 < core_at_rate[rate_Hz].speed_from_counts(32_767) <= 32_767
 

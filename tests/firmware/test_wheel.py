@@ -9,9 +9,25 @@ RATE_HZ = 10
 GAIN = 0.0584  # [rad/s per PWM] at 7.4 V
 KS_PWM = 19.3
 TAU_S = 0.075
-SCALES = {"kp": 524.288, "ki": 524.288, "ks": 128.0, "kv": 524.288, "ka": 524.288, "acceleration": 1000.0}
-DEFAULTS = {"kp": 11.6, "ki": 8.0, "ks": 19.3, "kv": 17.12, "ka": 1.284, "acceleration": 8.0}
-THESIS = {"kp": 15.0, "ki": 0.5, "ks": 0.0, "kv": 0.0, "ka": 0.0, "acceleration": 0.0}
+SCALES = {
+    "kp": 524.288,
+    "ki": 524.288,
+    "ks": 128.0,
+    "kv": 524.288,
+    "ka": 524.288,
+    "acceleration": 100.0,
+    "current_limit": 1000.0,
+}
+DEFAULTS = {
+    "kp": 11.6,
+    "ki": 8.0,
+    "ks": 19.3,
+    "kv": 17.12,
+    "ka": 1.284,
+    "acceleration": 8.0,
+    "current_limit": 18.0,
+}
+THESIS = {"kp": 15.0, "ki": 0.5, "ks": 0.0, "kv": 0.0, "ka": 0.0, "acceleration": 0.0, "current_limit": 18.0}
 
 
 class Wheel:
@@ -100,23 +116,18 @@ def test_stops_and_stays_stopped(core: ctypes.CDLL) -> None:
     assert outputs[-20:] == [0] * 20
 
 
-def test_targets_beyond_the_limit_are_limited(core: ctypes.CDLL) -> None:
-    wheel = Wheel(core, DEFAULTS | {"acceleration": 0.0})
-    assert [wheel.step(30.0)[1] for _ in range(3)][-1] == 17.0
-
-
 @pytest.mark.parametrize("rate_Hz", [10, 100])
 @pytest.mark.parametrize("tau_s", [0.02, 0.04, 0.075, 0.15, 0.3])
 def test_prediction_constants_match_the_exponential(
     core_at_rate: dict[int, ctypes.CDLL], rate_Hz: int, tau_s: float
 ) -> None:
-    """y[k+1] = a y[k] + (1-b) w[k] + (b-a) w[k-1] with a = exp(-T/tau), b = (1-a) tau/T."""
-    out = (ctypes.c_int * 3)()
-    kv = round(17.12 * 524.288)
-    core_at_rate[rate_Hz].derive_feed_forward(0, kv, round(17.12 * tau_s * 524.288), out)
+    """a = exp(-T/tau), b = (1-a) tau/T (feedforward.hpp)."""
+    out = (ctypes.c_int32 * 8)()
+    values = (ctypes.c_int32 * 7)(0, 0, 0, round(17.12 * 524.288), round(17.12 * tau_s * 524.288), 800, 18000)
+    core_at_rate[rate_Hz].derive(values, 7400, out)
     x = 1 / (rate_Hz * tau_s)
     a = math.exp(-x)
     b = (1 - a) / x
-    assert out[0] / 2**10 == pytest.approx(1 / x, rel=0.01)
-    assert out[1] / 2**13 == pytest.approx(1 - b, abs=0.02)
-    assert out[2] / 2**13 == pytest.approx(b - a, abs=0.03)
+    assert out[4] / 2**8 == pytest.approx(1 / x, rel=0.02)
+    assert out[5] / 2**15 == pytest.approx(a, abs=0.01)
+    assert out[6] / 2**15 == pytest.approx(b, abs=0.02)

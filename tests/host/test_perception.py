@@ -33,6 +33,8 @@ def telemetry(time_s: float, left_count: int, right_count: int) -> TelemetrySamp
         right_count=right_count,
         state=State.CLOSED_LOOP,
         fault=Fault.NONE,
+        warnings=0,
+        rx_frames=0,
         **zeros,
     )
     return TelemetrySample(time_s=time_s, telemetry=message)

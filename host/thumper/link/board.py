@@ -42,6 +42,7 @@ REFUSALS = {
     AckStatus.OUT_OF_RANGE: "the value is out of range",
     AckStatus.FAULT_LATCHED: "a fault is latched; clear it first",
     AckStatus.BATTERY_LOW: "the battery is below 7.0 V; charge it",
+    AckStatus.NOT_SAVED: "its EEPROM did not keep them; is it worn out?",
 }
 
 

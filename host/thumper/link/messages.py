@@ -11,7 +11,7 @@ from struct import Struct
 from types import MappingProxyType
 from typing import ClassVar, Protocol, Self
 
-SCHEMA_HASH: int = 0x4EB3CE2C
+SCHEMA_HASH: int = 0x477253C4
 
 
 class Command(IntEnum):
@@ -21,6 +21,9 @@ class Command(IntEnum):
     ARM = 1  # Closed loop, starting from set-point zero.
     E_STOP = 2  # Motors off and latched until CLEAR_FAULT.
     CLEAR_FAULT = 3  # Unlatch the fault; the robot is then disarmed.
+    SAVE = 4  # Write the live parameters to the EEPROM; answered once they are read back.
+    LOAD = 5  # Take the saved parameters (the defaults, where none were saved).
+    RESTORE_DEFAULTS = 6  # Take the default parameters; what is saved stays.
 
 
 class State(IntEnum):
@@ -39,6 +42,14 @@ class Fault(IntEnum):
     LINK_LOST = 1  # No motion command for 300 ms while armed.
     LOW_BATTERY = 2  # Battery below 6.4 V; clears only above 7.0 V.
     E_STOP = 3  # Stopped by the host's E_STOP command.
+    STALL_LEFT = 4  # Over half PWM for 300 ms and fewer than 3 counts: blocked, or encoder or motor dead.
+    STALL_RIGHT = 5  # Likewise.
+    REVERSED_LEFT = 6  # Over half PWM for 300 ms and it counts the other way: encoder or motor wires swapped.
+    REVERSED_RIGHT = 7  # Likewise.
+    LOST_EDGES = 8  # More than 30 encoder edges lost in 300 ms while armed: noise or a loose wire.
+    OVER_CURRENT = 9  # A motor current above current_limit for 0.3 s.
+    WATCHDOG = 10  # The firmware hung and was restarted.
+    BAD_PARAMETERS = 11  # What the EEPROM holds cannot be read; the defaults are in use.
 
 
 class AckStatus(IntEnum):
@@ -50,6 +61,7 @@ class AckStatus(IntEnum):
     OUT_OF_RANGE = 3  # Value outside the parameter's range; the old one stays.
     FAULT_LATCHED = 4  # Refused while a fault is latched: clear it first.
     BATTERY_LOW = 5  # Refused until the battery is above 7.0 V.
+    NOT_SAVED = 6  # The EEPROM does not hold what was written to it.
 
 
 class Board(IntEnum):
@@ -66,7 +78,14 @@ class ResetCause(IntEnum):
     POWER_ON = 1  # Power came on.
     EXTERNAL = 2  # Reset pin; opening the port does this.
     BROWN_OUT = 3  # Supply dipped.
-    WATCHDOG = 4  # Watchdog reset.
+    WATCHDOG = 4  # The firmware hung; the watchdog stopped the motors and restarted it.
+
+
+class ParameterSource(IntEnum):
+    """Where the parameters came from at start."""
+
+    DEFAULTS = 0  # The firmware's own.
+    SAVED = 1  # The EEPROM.
 
 
 class Message(Protocol):
@@ -173,16 +192,16 @@ class CommandRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetParameter:
-    """Set a parameter until the next reset; answered by `ack`. Out of range changes nothing."""
+    """Set a parameter, until the next reset or for good (SAVE); answered by `ack`. Out of range: refused."""
 
     ID: ClassVar[int] = 0x05
-    _LAYOUT: ClassVar[Struct] = Struct("<Bi")
+    _LAYOUT: ClassVar[Struct] = Struct("<Bh")
 
     index: int  # The parameter.
     value: int  # Its value times its scale, rounded.
 
     def pack(self) -> bytes:
-        """Return the 5 bytes of the payload."""
+        """Return the 3 bytes of the payload."""
         return self._LAYOUT.pack(self.index, self.value)
 
     @classmethod
@@ -221,7 +240,7 @@ class Identity:
     """Who is there."""
 
     ID: ClassVar[int] = 0x81
-    _LAYOUT: ClassVar[Struct] = Struct("<IBBBBBBHHH")
+    _LAYOUT: ClassVar[Struct] = Struct("<IBBBBBBHHHB")
 
     schema_hash: int  # CRC-32 of this schema; first in every version, for ever.
     version_major: int  # Firmware version.
@@ -233,9 +252,10 @@ class Identity:
     counts_per_rev: int  # [count] Encoder counts a wheel turn.
     wheel_radius_mm: int  # [mm] Wheel radius.
     track_mm: int  # [mm] Distance between the middle wheels' contact points.
+    parameters: ParameterSource  # Where the parameters came from at start.
 
     def pack(self) -> bytes:
-        """Return the 16 bytes of the payload."""
+        """Return the 17 bytes of the payload."""
         return self._LAYOUT.pack(
             self.schema_hash,
             self.version_major,
@@ -247,6 +267,7 @@ class Identity:
             self.counts_per_rev,
             self.wheel_radius_mm,
             self.track_mm,
+            self.parameters,
         )
 
     @classmethod
@@ -265,6 +286,7 @@ class Identity:
             counts_per_rev,
             wheel_radius_mm,
             track_mm,
+            parameters,
         ) = cls._LAYOUT.unpack(payload)
         return cls(
             schema_hash=schema_hash,
@@ -277,6 +299,7 @@ class Identity:
             counts_per_rev=counts_per_rev,
             wheel_radius_mm=wheel_radius_mm,
             track_mm=track_mm,
+            parameters=ParameterSource(parameters),
         )
 
 
@@ -285,48 +308,52 @@ class Telemetry:
     """Sent once a control tick. Speeds and set-points belong to the interval just ended."""
 
     ID: ClassVar[int] = 0x82
-    _LAYOUT: ClassVar[Struct] = Struct("<IiihhhhhhhhHhhBBHH")
+    _LAYOUT: ClassVar[Struct] = Struct("<IihhhhihhhhHHhhBBBHH")
 
     time_us: int  # [us] Time of the tick since reset; wraps.
     left_count: int  # [count] Encoder position, rises forward; wraps.
-    right_count: int  # [count] Likewise.
     left_speed: int  # [mrad/s] Counts of the interval as a speed.
-    right_speed: int  # [mrad/s] Likewise.
     left_setpoint: int  # [mrad/s] Ramped set-point of the same interval.
-    right_setpoint: int  # [mrad/s] Likewise.
     left_pwm: int  # [PWM] Output set at this tick, held until the next.
-    right_pwm: int  # [PWM] Likewise.
     left_integral: int  # [PWM/64] Integral part of the output.
+    right_count: int  # [count] Likewise.
+    right_speed: int  # [mrad/s] Likewise.
+    right_setpoint: int  # [mrad/s] Likewise.
+    right_pwm: int  # [PWM] Likewise.
     right_integral: int  # [PWM/64] Likewise.
+    lost_edges: int  # Encoder transitions of unknown direction since reset, both wheels; wraps.
     battery_mV: int  # [mV] Filtered battery voltage; 0 before the first reading.
     left_current_mA: int  # [mA] Motor current, averaged over 96 ms.
     right_current_mA: int  # [mA] Likewise.
     state: State  # Supervisor state.
     fault: Fault  # Latched fault.
-    rx_errors: int  # Frames refused or bytes lost since reset; wraps.
-    lost_edges: int  # Encoder transitions of unknown direction since reset, both wheels; wraps.
+    warnings: int  # Bit 0: battery below 7.0 V.
+    rx_frames: int  # Good frames received since reset; wraps.
+    rx_errors: int  # Frames refused since reset; a lost byte spoils its frame; wraps.
 
     def pack(self) -> bytes:
-        """Return the 40 bytes of the payload."""
+        """Return the 43 bytes of the payload."""
         return self._LAYOUT.pack(
             self.time_us,
             self.left_count,
-            self.right_count,
             self.left_speed,
-            self.right_speed,
             self.left_setpoint,
-            self.right_setpoint,
             self.left_pwm,
-            self.right_pwm,
             self.left_integral,
+            self.right_count,
+            self.right_speed,
+            self.right_setpoint,
+            self.right_pwm,
             self.right_integral,
+            self.lost_edges,
             self.battery_mV,
             self.left_current_mA,
             self.right_current_mA,
             self.state,
             self.fault,
+            self.warnings,
+            self.rx_frames,
             self.rx_errors,
-            self.lost_edges,
         )
 
     @classmethod
@@ -337,42 +364,46 @@ class Telemetry:
         (
             time_us,
             left_count,
-            right_count,
             left_speed,
-            right_speed,
             left_setpoint,
-            right_setpoint,
             left_pwm,
-            right_pwm,
             left_integral,
+            right_count,
+            right_speed,
+            right_setpoint,
+            right_pwm,
             right_integral,
+            lost_edges,
             battery_mV,
             left_current_mA,
             right_current_mA,
             state,
             fault,
+            warnings,
+            rx_frames,
             rx_errors,
-            lost_edges,
         ) = cls._LAYOUT.unpack(payload)
         return cls(
             time_us=time_us,
             left_count=left_count,
-            right_count=right_count,
             left_speed=left_speed,
-            right_speed=right_speed,
             left_setpoint=left_setpoint,
-            right_setpoint=right_setpoint,
             left_pwm=left_pwm,
-            right_pwm=right_pwm,
             left_integral=left_integral,
+            right_count=right_count,
+            right_speed=right_speed,
+            right_setpoint=right_setpoint,
+            right_pwm=right_pwm,
             right_integral=right_integral,
+            lost_edges=lost_edges,
             battery_mV=battery_mV,
             left_current_mA=left_current_mA,
             right_current_mA=right_current_mA,
             state=State(state),
             fault=Fault(fault),
+            warnings=warnings,
+            rx_frames=rx_frames,
             rx_errors=rx_errors,
-            lost_edges=lost_edges,
         )
 
 
@@ -405,13 +436,13 @@ class ParameterValue:
     """One parameter's present value; carries the sequence number of the request it answers."""
 
     ID: ClassVar[int] = 0x84
-    _LAYOUT: ClassVar[Struct] = Struct("<Bi")
+    _LAYOUT: ClassVar[Struct] = Struct("<Bh")
 
     index: int  # The parameter.
     value: int  # Its value times its scale.
 
     def pack(self) -> bytes:
-        """Return the 5 bytes of the payload."""
+        """Return the 3 bytes of the payload."""
         return self._LAYOUT.pack(self.index, self.value)
 
     @classmethod
@@ -511,7 +542,17 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         minimum=0.0,
         maximum=200.0,
         default=8.0,
-        scale=1000.0,
+        scale=100.0,
         doc="Limit of the set-point ramp; 0 = no ramp.",
+    ),
+    ParameterSpec(
+        index=6,
+        name="current_limit",
+        unit="A",
+        minimum=1.0,
+        maximum=20.0,
+        default=18.0,
+        scale=1000.0,
+        doc="A motor current above it for 0.3 s is a fault; the sensor ends at 20 A.",
     ),
 )

@@ -5,6 +5,7 @@
 #include <deque>
 #include <vector>
 
+#include "core/beep.hpp"
 #include "core/host_interface.hpp"
 #include "core/quadrature.hpp"
 #include "vectors.hpp"
@@ -34,6 +35,35 @@ struct Words {
 };
 
 using Decoder = fw::FrameDecoder<60>;
+using Quadrature = fw::QuadratureDecoder<0x03>;
+
+/// An EEPROM whose power fails after a number of writes; the byte under way is then left half done.
+struct Eeprom {
+  uint8_t cells[256];
+  int writes_left = 1000000;
+  int busy = 0;  // looks until the write is done
+
+  Eeprom() { std::memset(cells, 0xFF, sizeof(cells)); }
+  uint8_t Read(uint8_t address) const { return cells[address]; }
+  bool Ready() {
+    if (busy > 0) --busy;
+    return busy == 0;
+  }
+  void Write(uint8_t address, uint8_t byte) {
+    if (writes_left <= 0) return;
+    --writes_left;
+    cells[address] = writes_left == 0 ? cells[address] & 0x5A : byte;
+    busy = 3;
+  }
+};
+
+struct Interface {
+  fw::HostInterface host;
+  Eeprom* eeprom;
+  Interface(fw::ResetCause cause, Eeprom* memory) : host(fw::Board::kTrex, cause), eeprom(memory) {
+    host.Start(*eeprom);
+  }
+};
 
 }  // namespace
 
@@ -42,28 +72,42 @@ extern "C" {
 int pi_new() { return New<fw::PiController>(); }
 int pi_step(int pi, int kp, int ki, int error, int feed_forward, int idle) {
   const fw::PiGains gains = {static_cast<int16_t>(kp), static_cast<int16_t>(ki)};
-  return Pool<fw::PiController>()[pi].Step(gains, error, feed_forward, idle != 0);
+  return Pool<fw::PiController>()[pi].Step(gains, static_cast<int16_t>(error), feed_forward, idle != 0);
 }
 int pi_integral(int pi) { return Pool<fw::PiController>()[pi].integral(); }
 
-/// parameters: kParameterCount wire values. out: speed, set-point, PWM, integral.
+/// parameters: kParameterCount wire values. out: speed, set-point, PWM, integral, prediction constants.
 int wheel_new() { return New<fw::WheelController>(); }
 int wheel_step(int wheel, const int32_t* values, int target, int counts, int battery_mV, int* out) {
   fw::Parameters parameters;
   for (uint8_t i = 0; i < fw::kParameterCount; ++i) {
-    if (parameters.Set(i, values[i]) != fw::AckStatus::kOk) return -1;
+    if (parameters.Set(i, static_cast<int16_t>(values[i])) != fw::AckStatus::kOk) return -1;
   }
-  auto& controller = Pool<fw::WheelController>()[wheel];
-  const auto sample =
-      controller.Step(parameters.Derive(), static_cast<int16_t>(target), static_cast<int16_t>(counts),
-                      fw::SupplyRatio(static_cast<uint16_t>(battery_mV)));
+  fw::WheelConfig config;
+  parameters.Derive(static_cast<uint16_t>(battery_mV), &config);
+  fw::WheelSample sample;
+  Pool<fw::WheelController>()[wheel].Step(config, static_cast<int16_t>(target), static_cast<int16_t>(counts),
+                                          &sample);
   out[0] = sample.speed_mrad_s;
   out[1] = sample.setpoint_mrad_s;
   out[2] = sample.pwm;
-  out[3] = controller.integral_pwm_64();
+  out[3] = sample.integral_pwm_64;
   return 0;
 }
+/// out: kp, ki, friction, kv, lead, decay, mean, ramp step.
+void derive(const int32_t* values, int battery_mV, int32_t* out) {
+  fw::Parameters parameters;
+  for (uint8_t i = 0; i < fw::kParameterCount; ++i) parameters.Set(i, static_cast<int16_t>(values[i]));
+  fw::WheelConfig config;
+  parameters.Derive(static_cast<uint16_t>(battery_mV), &config);
+  const auto& f = config.feed_forward;
+  const int32_t all[] = {config.pi.kp, config.pi.ki, f.friction, f.kv,
+                         f.lead,       f.decay,      f.mean,     config.ramp_step_mrad_s};
+  std::memcpy(out, all, sizeof(all));
+}
 
+int product(int a, int b) { return fw::Product(static_cast<int16_t>(a), static_cast<int16_t>(b)); }
+int difference(int a, int b) { return fw::Difference(static_cast<int16_t>(a), static_cast<int16_t>(b)); }
 int speed_from_counts(int counts) { return fw::SpeedFromCounts(static_cast<int16_t>(counts)); }
 int battery_from_sum(int sum) { return fw::BatteryFromSum_mV(static_cast<uint16_t>(sum)); }
 int current_from_sum(int sum) { return fw::CurrentFromSum_mA(static_cast<uint16_t>(sum)); }
@@ -72,30 +116,45 @@ int ramp_step(int acceleration) { return fw::RampStep(acceleration); }
 int ramp(int setpoint, int target, int step) {
   return fw::Ramp(static_cast<int16_t>(setpoint), static_cast<int16_t>(target), static_cast<int16_t>(step));
 }
-/// out: lead (Q10), now, previous (Q13).
-void derive_feed_forward(int ks, int kv, int ka, int* out) {
-  const auto gains =
-      fw::DeriveFeedForward(static_cast<int16_t>(ks), static_cast<int16_t>(kv), static_cast<int16_t>(ka));
-  out[0] = gains.lead;
-  out[1] = gains.now;
-  out[2] = gains.previous;
-}
 
 int quadrature_new(int ab) {
-  const int decoder = New<fw::QuadratureDecoder>();
-  Pool<fw::QuadratureDecoder>()[decoder].Reset(static_cast<uint8_t>(ab));
+  const int decoder = New<Quadrature>();
+  Pool<Quadrature>()[decoder].Reset(static_cast<uint8_t>(ab));
   return decoder;
 }
-void quadrature_step(int decoder, int ab) {
-  Pool<fw::QuadratureDecoder>()[decoder].Step(static_cast<uint8_t>(ab));
-}
-int quadrature_count(int decoder) { return Pool<fw::QuadratureDecoder>()[decoder].count(); }
-int quadrature_lost(int decoder) { return Pool<fw::QuadratureDecoder>()[decoder].lost(); }
+void quadrature_step(int decoder, int port) { Pool<Quadrature>()[decoder].Step(static_cast<uint8_t>(port)); }
+int quadrature_count(int decoder) { return Pool<Quadrature>()[decoder].count(); }
+int quadrature_lost(int decoder) { return Pool<Quadrature>()[decoder].lost(); }
 
-int side_new() { return New<fw::Side>(); }
-int side_count(int side, int count) {
-  const fw::DriveInput off = {};
-  return Pool<fw::Side>()[side].Step(off, 0, static_cast<uint16_t>(count)).count;
+int side_new() {
+  Pool<fw::SideSample>().emplace_back();
+  return New<fw::Side>();
+}
+int side_step(int side, int mode, int value, int count, int* out) {
+  fw::WheelConfig config;
+  fw::Parameters().Derive(7400, &config);
+  auto& sample = Pool<fw::SideSample>()[side];
+  Pool<fw::Side>()[side].Step(static_cast<fw::State>(mode), config, static_cast<int16_t>(value),
+                              static_cast<uint16_t>(count), &sample);
+  out[0] = sample.wheel.setpoint_mrad_s;
+  out[1] = sample.wheel.pwm;
+  out[2] = sample.wheel.integral_pwm_64;
+  return sample.count;
+}
+
+int wheel_monitor_new() { return New<fw::WheelMonitor>(); }
+int wheel_monitor_step(int monitor, int count, int next_pwm) {
+  return static_cast<int>(
+      Pool<fw::WheelMonitor>()[monitor].Step(static_cast<uint16_t>(count), static_cast<int16_t>(next_pwm)));
+}
+int edge_monitor_new() { return New<fw::EdgeMonitor>(); }
+int edge_monitor_step(int monitor, int lost) {
+  return Pool<fw::EdgeMonitor>()[monitor].Step(static_cast<uint16_t>(lost));
+}
+int current_monitor_new() { return New<fw::CurrentMonitor>(); }
+int current_monitor_step(int monitor, int left, int right, int limit) {
+  return Pool<fw::CurrentMonitor>()[monitor].Step(static_cast<int16_t>(left), static_cast<int16_t>(right),
+                                                  static_cast<int16_t>(limit));
 }
 
 int crc16(const uint8_t* data, int size) {
@@ -120,12 +179,16 @@ int decoder_frame(int decoder, uint8_t* out) {
   std::memcpy(out + 2, frame.payload(), frame.payload_size());
   return 2 + frame.payload_size();
 }
+int decoder_frames(int decoder) { return Pool<Decoder>()[decoder].frames(); }
 int decoder_errors(int decoder) { return Pool<Decoder>()[decoder].errors(); }
 
 int supervisor_new() { return New<fw::Supervisor>(); }
 int supervisor_handle(int supervisor, int event, int battery_low) {
   auto& machine = Pool<fw::Supervisor>()[supervisor];
   return static_cast<int>(machine.Handle(static_cast<fw::Event>(event), battery_low != 0));
+}
+void supervisor_trip(int supervisor, int fault) {
+  Pool<fw::Supervisor>()[supervisor].Trip(static_cast<fw::Fault>(fault));
 }
 int supervisor_state(int supervisor) { return static_cast<int>(Pool<fw::Supervisor>()[supervisor].state()); }
 int supervisor_fault(int supervisor) { return static_cast<int>(Pool<fw::Supervisor>()[supervisor].fault()); }
@@ -135,26 +198,75 @@ int battery_update(int battery, int reading) {
   return Pool<fw::Battery>()[battery].Update(static_cast<uint16_t>(reading));
 }
 int battery_filtered(int battery) { return Pool<fw::Battery>()[battery].filtered_mV(); }
+int battery_warning(int battery) { return Pool<fw::Battery>()[battery].warning(); }
 int battery_low(int battery) { return Pool<fw::Battery>()[battery].low(); }
 
-int host_new() { return New<fw::HostInterface>(fw::Board::kTrex, fw::ResetCause::kPowerOn); }
+int eeprom_new() { return New<Eeprom>(); }
+uint8_t* eeprom_cells(int eeprom) { return Pool<Eeprom>()[eeprom].cells; }
+void eeprom_copy(int eeprom, uint8_t* out) { std::memcpy(out, eeprom_cells(eeprom), 256); }
+void eeprom_set(int eeprom, int address, int byte) {
+  eeprom_cells(eeprom)[address] = static_cast<uint8_t>(byte);
+}
+void eeprom_power(int eeprom, int writes) { Pool<Eeprom>()[eeprom].writes_left = writes; }
+int eeprom_writes_left(int eeprom) { return Pool<Eeprom>()[eeprom].writes_left; }
+
+int beep_new() { return New<fw::BeepPattern>(); }
+void beep_start(int beep, int beeps) { Pool<fw::BeepPattern>()[beep].Start(static_cast<uint8_t>(beeps)); }
+int beep_step(int beep, int elapsed_ms, int quiet) {
+  return Pool<fw::BeepPattern>()[beep].Step(static_cast<uint8_t>(elapsed_ms), quiet != 0);
+}
+
+/// A main loop after a start for this reason, on this EEPROM.
+int host_new(int cause, int eeprom) {
+  return New<Interface>(static_cast<fw::ResetCause>(cause), &Pool<Eeprom>()[eeprom]);
+}
 /// Feed bytes; the answers' bytes go to out (room for 30 a byte fed). Returns their size.
 int host_receive(int host, const uint8_t* data, int size, uint8_t* out) {
   Bytes sink;
-  for (int i = 0; i < size; ++i) Pool<fw::HostInterface>()[host].Receive(data[i], sink);
+  for (int i = 0; i < size; ++i) Pool<Interface>()[host].host.Receive(data[i], sink);
   std::memcpy(out, sink.data.data(), sink.data.size());
   return static_cast<int>(sink.data.size());
 }
+/// One pass of the main loop's slow work. Returns the size of the answers in out.
+int host_work(int host, uint8_t* out) {
+  Bytes sink;
+  Pool<Interface>()[host].host.Work(*Pool<Interface>()[host].eeprom, sink);
+  std::memcpy(out, sink.data.data(), sink.data.size());
+  return static_cast<int>(sink.data.size());
+}
+int host_take_change(int host) { return Pool<Interface>()[host].host.TakeChange(); }
 void host_wait(int host, int elapsed_ms) {
-  Pool<fw::HostInterface>()[host].Wait(static_cast<uint8_t>(elapsed_ms));
+  Pool<Interface>()[host].host.Wait(static_cast<uint8_t>(elapsed_ms));
 }
 int host_battery(int host, int reading) {
-  return Pool<fw::HostInterface>()[host].UpdateBattery(static_cast<uint16_t>(reading));
+  return Pool<Interface>()[host].host.UpdateBattery(static_cast<uint16_t>(reading));
 }
-int host_rx_errors(int host) { return Pool<fw::HostInterface>()[host].rx_errors(); }
+void host_currents(int host, int left, int right) {
+  Pool<Interface>()[host].host.UpdateCurrents(static_cast<int16_t>(left), static_cast<int16_t>(right));
+}
+/// A control tick's samples: counts, PWM and lost edges.
+void host_watch(int host, int left, int right, int left_pwm, int right_pwm, int lost) {
+  auto& interface = Pool<Interface>()[host].host;
+  auto* samples = interface.samples();
+  samples->time_us += fw::kTick_us;
+  samples->left.count = left;
+  samples->right.count = right;
+  samples->left.wheel.pwm = static_cast<int16_t>(left_pwm);
+  samples->right.wheel.pwm = static_cast<int16_t>(right_pwm);
+  samples->lost_edges = static_cast<uint16_t>(lost);
+  interface.Watch();
+}
+int host_telemetry(int host, uint8_t* out) {
+  Bytes sink;
+  Pool<Interface>()[host].host.SendTelemetry(sink);
+  std::memcpy(out, sink.data.data(), sink.data.size());
+  return static_cast<int>(sink.data.size());
+}
+int host_rx_errors(int host) { return Pool<Interface>()[host].host.rx_errors(); }
+int host_quiet(int host) { return Pool<Interface>()[host].host.quiet(); }
 /// out: state, fault, mode, left, right.
 void host_status(int host, int* out) {
-  const auto& interface = Pool<fw::HostInterface>()[host];
+  const auto& interface = Pool<Interface>()[host].host;
   out[0] = static_cast<int>(interface.supervisor().state());
   out[1] = static_cast<int>(interface.supervisor().fault());
   out[2] = static_cast<int>(interface.command().mode);

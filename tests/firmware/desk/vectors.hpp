@@ -32,8 +32,8 @@ void RunPi(Random& random, Sink& sink) {
       gains.kp = static_cast<int16_t>(random.Between(0, fw::kParameterRanges[0].maximum));
       gains.ki = static_cast<int16_t>(random.Between(0, fw::kParameterRanges[1].maximum));
     }
-    const int32_t span = i % 7 == 0 ? 40000 : 2000;
-    const int32_t error = i % 50 == 0 ? 0 : random.Between(-span, span);
+    const int32_t span = i % 7 == 0 ? INT16_MAX : 2000;
+    const int16_t error = i % 50 == 0 ? 0 : static_cast<int16_t>(random.Between(-span, span));
     const int32_t feed_forward = random.Between(-fw::OutputFromPwm(300), fw::OutputFromPwm(300));
     sink.Put(pi.Step(gains, error, feed_forward, i % 50 == 0));
     sink.Put(pi.integral());
@@ -44,37 +44,44 @@ template <typename Sink>
 void RunWheel(Random& random, Sink& sink) {
   fw::WheelController wheel;
   fw::Parameters parameters;
+  fw::WheelConfig config;
+  fw::WheelSample sample;
   int16_t target = 0;
   for (uint16_t i = 0; i < 3000; ++i) {
     if (i % 60 == 0) {
       for (uint8_t p = 0; p < fw::kParameterCount; ++p) {
-        parameters.Set(p, random.Between(0, fw::kParameterRanges[p].maximum >> (i % 3 * 2)));
+        parameters.Set(
+            p, static_cast<int16_t>(random.Between(0, fw::kParameterRanges[p].maximum >> (i % 3 * 2))));
       }
     }
-    if (i % 15 == 0) target = static_cast<int16_t>(random.Between(-20000, 20000));
+    if (i % 15 == 0) target = static_cast<int16_t>(random.Between(-17000, 17000));
     const int16_t counts = static_cast<int16_t>(random.Between(-400, 400));
     const uint16_t battery_mV = static_cast<uint16_t>(random.Between(0, 9000));
-    const fw::WheelSample sample =
-        wheel.Step(parameters.Derive(), target, counts, fw::SupplyRatio(battery_mV));
+    parameters.Derive(battery_mV, &config);
+    wheel.Step(config, target, counts, &sample);
     sink.Put(sample.speed_mrad_s);
     sink.Put(sample.setpoint_mrad_s);
     sink.Put(sample.pwm);
-    sink.Put(wheel.integral_pwm_64());
+    sink.Put(sample.integral_pwm_64);
   }
 }
 
 template <typename Sink>
 void RunSmallParts(Random& random, Sink& sink) {
   fw::Battery battery;
-  fw::QuadratureDecoder decoder;
+  fw::QuadratureDecoder<0x30> decoder;
   uint16_t crc = fw::kCrcInit;
   for (uint16_t i = 0; i < 1000; ++i) {
+    const int16_t a = static_cast<int16_t>(random.Between(-32768, 32767));
+    const int16_t b = static_cast<int16_t>(random.Between(-32768, 32767));
+    sink.Put(fw::Product(a, b));
+    sink.Put(fw::Difference(a, b));
     const uint16_t sum = static_cast<uint16_t>(random.Between(0, 1023 * fw::kAdcSamples));
     sink.Put(battery.Update(fw::BatteryFromSum_mV(sum)));
     sink.Put(battery.filtered_mV());
     sink.Put(fw::CurrentFromSum_mA(sum));
     sink.Put(fw::SpeedFromCounts(static_cast<int16_t>(random.Between(-32768, 32767))));
-    decoder.Step(static_cast<uint8_t>(random.Between(0, 3)));
+    decoder.Step(static_cast<uint8_t>(random.Between(0, 255)));
     sink.Put(decoder.count());
     sink.Put(decoder.lost());
     crc = fw::Crc16(crc, static_cast<uint8_t>(random.Between(0, 255)));

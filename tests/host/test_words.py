@@ -1,0 +1,13 @@
+"""Whatever the board may say, the operator hears it in words."""
+
+from thumper.link.board import REFUSALS
+from thumper.link.messages import AckStatus, Fault
+from thumper.runtime import FAULT_CURES
+
+
+def test_every_fault_has_its_cure() -> None:
+    assert set(FAULT_CURES) == set(Fault) - {Fault.NONE}
+
+
+def test_every_refusal_has_its_reason() -> None:
+    assert set(REFUSALS) == set(AckStatus) - {AckStatus.OK}
