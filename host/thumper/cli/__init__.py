@@ -8,6 +8,7 @@ import typer
 
 from thumper import __version__
 from thumper.cli.doctor import doctor
+from thumper.cli.explore import explore
 from thumper.cli.flash import flash
 from thumper.cli.map_log import map_log
 from thumper.cli.plan import plan
@@ -43,7 +44,7 @@ def _build() -> typer.Typer:
             app.add_typer(part, name=plugin.name)
         else:
             app.command(plugin.name)(part)
-    for command in (run, plan, map_log, flash, doctor):
+    for command in (run, explore, plan, map_log, flash, doctor):
         app.command(command.__name__.replace("_", "-"))(command)
     return app
 
