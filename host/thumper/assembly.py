@@ -7,7 +7,7 @@ from thumper.config.robot import RobotConfig
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
 from thumper.kinematics import DriveGeometry
-from thumper.lidar.urg04lx import Urg04LxDriver
+from thumper.lidar.open_lidar import open_lidar
 from thumper.link.board import Board
 from thumper.link.messages import Identity
 from thumper.mapping.grid_mapper import GridMapper
@@ -29,7 +29,7 @@ def open_robot(config: RobotConfig, map_from_base: Pose2) -> Iterator[Runtime]:
     board = Board.open(config.board.port, baud=config.board.baud)
     try:
         _check_geometry(config.drive, board.identity)
-        lidar = Urg04LxDriver.open(config.lidar.port, baud=config.lidar.baud, options=config.lidar.urg04lx)
+        lidar = open_lidar(config.lidar)
         try:
             base_from_laser = config.lidar.base_from_laser
             mapper = GridMapper(config.mapping, base_from_laser=base_from_laser, map_from_base=map_from_base)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
 from thumper.kinematics import DriveGeometry, WheelSpeeds, limit_wheel_speeds, wheel_speeds
-from thumper.lidar.urg04lx import Urg04LxDriver
+from thumper.lidar.driver import LidarDriver
 from thumper.link.board import Board, TelemetrySample
 from thumper.link.messages import Command, Fault, State, Telemetry
 from thumper.mapping.grid import OccupancyGrid
@@ -77,7 +77,7 @@ class Runtime:
         self,
         *,
         board: Board,
-        lidar: Urg04LxDriver,
+        lidar: LidarDriver,
         perception: Perception,
         navigation: NavigationOptions,
         footprint: Footprint,

@@ -18,7 +18,9 @@ from thumper_hil.chip.faulty import FaultyChip
 from thumper_hil.faults.catalogue import FaultError, FaultValue, action_of
 from thumper_hil.faults.scenario import load_scenario
 from thumper_hil.faults.switches import Switches
+from thumper_hil.parts.ld19 import Ld19
 from thumper_hil.parts.params import RobotParams
+from thumper_hil.parts.scene import Scene
 from thumper_hil.parts.urg04lx import Urg04Lx
 from thumper_hil.parts.world import World
 
@@ -45,7 +47,7 @@ class Bench:
     """
 
     def __init__(self, options: BenchOptions, *, elf: Path | None = None) -> None:
-        self.world = World.load(options.world)
+        self._scene = Scene(World.load(options.world))
         if self.world.touches(options.start, HULL_M):
             raise ThumperError(
                 f"a robot at x_m={options.x_m:g}, y_m={options.y_m:g}, yaw_deg={options.yaw_deg:g} would "
@@ -66,7 +68,8 @@ class Bench:
         self._poses: deque[tuple[float, ...]] = deque(maxlen=REMEMBERED_POSES)
         self._ticks = 0
         self._remember()
-        self._lidar = Urg04Lx(
+        lidar = Ld19 if options.lidar == "ld19" else Urg04Lx
+        self._lidar: Ld19 | Urg04Lx = lidar(
             world=self.world, pose_at=self._pose_at, base_from_laser=BASE_FROM_LASER, seed=options.seed
         )
         self._lidar_bytes = bytearray()
@@ -78,9 +81,19 @@ class Bench:
         return self.chip.time_s
 
     @property
+    def world(self) -> World:
+        """What surrounds the robot now."""
+        return self._scene.world
+
+    @property
     def contacts(self) -> int:
-        """How often the hull has newly touched something."""
+        """How often the robot has newly driven its hull into something or somebody."""
         return self._contact.count
+
+    @property
+    def bumps(self) -> int:
+        """How often a person has walked into the robot."""
+        return self._scene.bumps
 
     def truth(self) -> FloatArray:
         """Return the ground truth so far at 100 Hz, shape (n, 6): columns `TRUTH_COLUMNS`.
@@ -180,6 +193,9 @@ class Bench:
         self._ticks += 1
         truth = self.chip.truth()
         pose = self._contact.check(truth.map_from_base, TICK_S)
+        if self._scene.changes and self._scene.step(truth.time_s, TICK_S, pose.apply(HULL_M)):
+            self._contact.look_again(self.world)
+            self._lidar.world = self.world
         self._poses.append((truth.time_s, pose.x_m, pose.y_m, pose.theta_rad))
         self._truth.append((*self._poses[-1], *truth.wheel_rad_s))
         self._lidar.advance(self.time_s)

@@ -11,6 +11,7 @@ from thumper.link.messages import Board as BoardKind
 
 EXIT_USAGE = 2
 FULL_TURN_DEG = 360.0
+LIDARS = ("urg04lx", "ld19")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,6 +26,7 @@ class BenchOptions:
     charge: float | None = None  # of the battery, 0...1; the robot's own if not given
     board: BoardKind = BoardKind.TREX
     scenario: str = ""  # a TOML of faults; none if empty
+    lidar: str = "urg04lx"  # its model; ld19 is the other one
     realtime: bool = False  # keep to the clock on the wall, for somebody who watches
 
     @property
@@ -50,6 +52,7 @@ class BenchOptions:
             "charge": _share,
             "board": _board,
             "scenario": str,
+            "lidar": _lidar,
             "pace": _is_realtime,
         }
         values: dict[str, object] = {}
@@ -103,6 +106,12 @@ def _board(text: str) -> BoardKind:
         return BoardKind[text.upper()]
     except KeyError:
         raise ValueError(f"give {' or '.join(kind.name.lower() for kind in BoardKind)}") from None
+
+
+def _lidar(text: str) -> str:
+    if text not in LIDARS:
+        raise ValueError(f"give {' or '.join(LIDARS)}")
+    return text
 
 
 def _is_realtime(text: str) -> bool:

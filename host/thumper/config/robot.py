@@ -14,6 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
 from thumper.kinematics import DriveGeometry
+from thumper.lidar.ld19 import Ld19Options
 from thumper.lidar.urg04lx import Urg04LxOptions
 from thumper.mapping.grid_mapper import GridMapperOptions
 from thumper.navigation.footprint import Footprint
@@ -30,14 +31,16 @@ class BoardConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LidarConfig:
-    """Where the lidar is: on which port, and on the robot (base_link: between the middle wheels)."""
+    """Which lidar, on which port, and where on the robot (base_link: between the middle wheels)."""
 
+    model: Literal["urg04lx", "ld19"] = "urg04lx"
     port: str = "/dev/ttyACM0"
-    baud: Annotated[int, Gt(0)] = 115_200  # ignored by USB lidars
+    baud: Annotated[int, Ge(0)] = 0  # 0: the model's own; ignored by USB lidars
     x_m: float = 0.12
     y_m: float = 0.0
     yaw_deg: Annotated[float, Ge(-180), Le(180)] = 0.0
     urg04lx: Urg04LxOptions = field(default_factory=Urg04LxOptions)
+    ld19: Ld19Options = field(default_factory=Ld19Options)
 
     @property
     def base_from_laser(self) -> Pose2:

@@ -11,6 +11,7 @@ from annotated_types import Ge, Le
 
 from thumper.errors import ThumperError
 from thumper.geometry import FloatArray
+from thumper.lidar.driver import LidarCounters
 from thumper.lidar.scan import Scan
 from thumper.lidar.scip import (
     CLOCK_WRAP_MS,
@@ -33,6 +34,7 @@ from thumper.lidar.scip_startup import (
 from thumper.lidar.stamps import StampFit
 from thumper.link.port import clock_of, open_port
 
+BAUD = 115_200  # for units with a serial line; USB ones ignore it
 CODES_BELOW_MM = 20
 NO_RETURN = 0
 SILENCE_S = 1.0
@@ -48,16 +50,6 @@ class Urg04LxOptions:
     zero_as_no_return: bool = False
     # The step at which the lidar takes its stamp [step]: 0 by the protocol's text, -128 (behind) by others.
     stamp_step: Annotated[int, Ge(-512), Le(1023)] = 0
-
-
-@dataclass(slots=True, kw_only=True)
-class LidarCounters:
-    """What has happened on the line since the start."""
-
-    scans: int = 0
-    bad_replies: int = 0
-    restarts: int = 0
-    port_errors: int = 0
 
 
 class Urg04LxDriver:
@@ -91,7 +83,7 @@ class Urg04LxDriver:
             light_laser(self._port, self._name)
             self._request = stream_request(self.geometry.first_step, self.geometry.last_step)
             self._port.send(self._request)
-        except serial.SerialException as error:
+        except (serial.SerialException, OSError) as error:  # in_waiting of a pulled plug is a plain OSError
             raise ThumperError(
                 f"the lidar's port {self._name} fails ({error}); is the cable loose?",
                 exit_code=EXIT_NO_HARDWARE,
@@ -147,7 +139,7 @@ class Urg04LxDriver:
         """Switch the laser off and close the port; a port that has gone is no error."""
         try:
             self._port.send(b"QT\n")
-        except serial.SerialException:
+        except (serial.SerialException, OSError):
             self.counters.port_errors += 1
         self._port.close()
 

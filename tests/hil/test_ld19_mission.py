@@ -1,0 +1,32 @@
+"""The demo's straight run with the other lidar: 360 degrees, clockwise, chosen by the configuration."""
+
+import math
+
+from thumper.assembly import open_robot
+from thumper.config.robot import BoardConfig, LidarConfig, RobotConfig
+from thumper.navigation.goal import Goal
+from thumper_hil.bench import simulation
+from thumper_hil.demo.evaluate import compare_map
+from thumper_hil.demo.missions import STRAIGHT, TOLERANCE_M
+from thumper_hil.parts.world import World
+
+
+def test_the_straight_run_succeeds_with_an_ld19() -> None:
+    start = STRAIGHT.start
+    url = (
+        f"sim://ld19-run/board?world={STRAIGHT.world}&lidar=ld19&x_m={start.x_m}&y_m={start.y_m}"
+        f"&yaw_deg={math.degrees(start.theta_rad)}"
+    )
+    config = RobotConfig(
+        board=BoardConfig(port=url), lidar=LidarConfig(port="sim://ld19-run/lidar", model="ld19")
+    )
+    goal = Goal(x_m=STRAIGHT.goal_x_m, y_m=STRAIGHT.goal_y_m)
+    with open_robot(config, start) as robot:
+        bench = simulation("ld19-run")
+        result = robot.drive_to(goal, lambda _: None)
+        grid = robot.mapper.grid()
+    assert result.reached, result.reason
+    x_m, y_m = bench.truth()[-1, 1:3]
+    assert math.hypot(x_m - goal.x_m, y_m - goal.y_m) < TOLERANCE_M
+    assert bench.contacts == 0
+    assert compare_map(grid, World.load(STRAIGHT.world)).wall_error_mean_m < 0.05

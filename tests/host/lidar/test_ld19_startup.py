@@ -1,0 +1,57 @@
+"""What the LD19's driver says when nothing, or something else, is on the port."""
+
+from typing import cast
+
+import pytest
+import serial
+
+from tests.host.lidar.test_ld19_frame import PUBLISHED
+from thumper.errors import ThumperError
+from thumper.lidar.ld19 import Ld19Driver
+
+
+class OneWayPort:
+    """Sends the same bytes at every read; its clock runs while the host waits."""
+
+    port = "/dev/ttyUSB7"
+    baudrate = 115_200
+
+    def __init__(self, sends: bytes, *, fails: bool = False) -> None:
+        self._sends = sends
+        self._fails = fails
+        self.timeout = 0.02
+        self.time_s = 100.0
+
+    def clock_s(self) -> float:
+        return self.time_s
+
+    @property
+    def in_waiting(self) -> int:
+        if self._fails:
+            raise OSError("input/output error")  # what a pulled plug says; pyserial does not wrap it
+        return len(self._sends)
+
+    def read(self, size: int) -> bytes:
+        self.time_s += self.timeout
+        return self._sends[:size]
+
+
+@pytest.mark.parametrize(
+    ("port", "says"),
+    [
+        (OneWayPort(b""), "nothing comes from the lidar"),
+        (OneWayPort(b"MD0044072501000\n99b\n"), "no LD19 at 115200 baud; it needs 230400"),
+        (OneWayPort(b"", fails=True), "cable loose"),
+    ],
+)
+def test_the_start_fails_in_one_line_that_names_the_port(port: OneWayPort, says: str) -> None:
+    with pytest.raises(ThumperError, match=says) as caught:
+        Ld19Driver(cast("serial.Serial", port))
+    assert caught.value.exit_code == 3
+    assert "/dev/ttyUSB7" in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert port.time_s < 105.0
+
+
+def test_one_frame_is_enough_to_start() -> None:
+    Ld19Driver(cast("serial.Serial", OneWayPort(PUBLISHED)))
