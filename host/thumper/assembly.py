@@ -10,7 +10,7 @@ from thumper.kinematics import DriveGeometry
 from thumper.lidar.open_lidar import open_lidar
 from thumper.link.board import Board
 from thumper.link.messages import Identity
-from thumper.mapping.grid_mapper import GridMapper
+from thumper.mapping.method import make_mapper
 from thumper.navigation import warm
 from thumper.perception import Perception
 from thumper.runtime import Runtime
@@ -32,7 +32,7 @@ def open_robot(config: RobotConfig, map_from_base: Pose2) -> Iterator[Runtime]:
         lidar = open_lidar(config.lidar)
         try:
             base_from_laser = config.lidar.base_from_laser
-            mapper = GridMapper(config.mapping, base_from_laser=base_from_laser, map_from_base=map_from_base)
+            mapper = make_mapper(config.mapping, base_from_laser=base_from_laser, map_from_base=map_from_base)
             yield Runtime(
                 board=board,
                 lidar=lidar,
@@ -61,5 +61,5 @@ def _check_geometry(drive: DriveGeometry, identity: Identity) -> None:
 
 def warm_up(config: RobotConfig) -> None:
     """Compile the kernels, or load them from the cache."""
-    GridMapper(config.mapping).warm_up()
+    make_mapper(config.mapping).warm_up()
     warm.warm_up(config.navigation, config.footprint)

@@ -1,9 +1,11 @@
 """`thumper map-log`: a map and a trajectory from a recorded log."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
+
+Method = Literal["graph", "rbpf", "scan_match"]
 
 
 def map_log(
@@ -11,6 +13,16 @@ def map_log(
     out: Annotated[
         Path, typer.Option(help="Folder for map.pgm, map.yaml, map.png and trajectory.csv.")
     ] = Path("out/map-log"),
+    online: Annotated[
+        bool,
+        typer.Option(
+            help="Poses as reported at the time in trajectory.csv, the final path in trajectory_final.csv."
+        ),
+    ] = False,
+    method: Annotated[
+        Method, typer.Option(help="Mapper: pose graph, particle filter or plain scan matching.")
+    ] = "graph",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the particle filter.")] = 1,
 ) -> None:
     """Build a map from a recorded lidar log, with the odometry and the mapper that the robot uses."""
     from rich.console import Console
@@ -18,14 +30,24 @@ def map_log(
 
     from thumper.cli.output import prepare_output
     from thumper.mapping.map_log import map_log as build
+    from thumper.mapping.method import MappingOptions
+    from thumper.mapping.rbpf_mapper import RbpfOptions
 
     prepare_output(out)
     console = Console()
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task(f"mapping {file.name}", total=None)
-        summary = build(file, out, lambda done, total: progress.update(task, completed=done, total=total))
+        summary = build(
+            file,
+            out,
+            lambda done, total: progress.update(task, completed=done, total=total),
+            MappingOptions(method=method, filter=RbpfOptions(seed=seed)),
+            online=online,
+        )
     console.print(
         f"{summary.format_name} log: {summary.scans} scans, {summary.path_m:.1f} m driven, "
         f"{summary.cpu_ms_per_scan:.2f} ms CPU a scan, mean match {summary.mean_score:.2f} of 1"
     )
+    for note in summary.notes:
+        console.print(f"note: {note}", markup=False)
     console.print(f"in {out}/: {', '.join(path.name for path in summary.files)}")

@@ -16,7 +16,7 @@ from thumper.geometry import Pose2
 from thumper.kinematics import DriveGeometry
 from thumper.lidar.ld19 import Ld19Options
 from thumper.lidar.urg04lx import Urg04LxOptions
-from thumper.mapping.grid_mapper import GridMapperOptions
+from thumper.mapping.method import MappingOptions
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.options import NavigationOptions
 
@@ -63,7 +63,7 @@ class RobotConfig:
     board: BoardConfig = field(default_factory=BoardConfig)
     lidar: LidarConfig = field(default_factory=LidarConfig)
     drive: DriveConfig = field(default_factory=DriveConfig)
-    mapping: GridMapperOptions = field(default_factory=GridMapperOptions)
+    mapping: MappingOptions = field(default_factory=MappingOptions)
     footprint: Footprint = field(default_factory=Footprint)
     navigation: NavigationOptions = field(default_factory=NavigationOptions)
 
@@ -107,3 +107,5 @@ def _refuse_unknown_keys(table: dict[str, Any], of: type, path: Path, prefix: st
             raise ThumperError(f"{path}: unknown key {prefix}{key}; {hint}", exit_code=2)
         if isinstance(value, dict) and is_dataclass(types[key]):
             _refuse_unknown_keys(value, cast("type", types[key]), path, f"{prefix}{key}.")
+        elif isinstance(value, float) and not math.isfinite(value):
+            raise ThumperError(f"{path}: {prefix}{key} = {value}: give a finite number", exit_code=2)

@@ -65,8 +65,8 @@ class Cells:
 
     def occupied(self) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
         """Mask of the occupied cells, shape (rows, columns)."""
-        hits = self.hits.astype(np.float64)
-        return (self.hits > 0) & (hits >= self.occupied_fraction * (hits + self.misses))
+        hits = self.hits.astype(np.float32)  # exact up to 2^24
+        return (self.hits > 0) & (hits >= np.float32(self.occupied_fraction) * (hits + self.misses))
 
     def field_from_scratch(self) -> np.ndarray[tuple[int, int], np.dtype[np.float32]]:
         """The distance field computed anew, which `distance_m` must equal at any time."""
@@ -79,9 +79,9 @@ class Cells:
 
     def grid(self, *, percent: bool) -> OccupancyGrid:
         """A copy as free, occupied or unknown, or with the share of hits in percent."""
-        total = self.hits.astype(np.int64) + self.misses
+        total = self.hits.astype(np.int32) + self.misses
         if percent:
-            known = np.rint(100.0 * self.hits / np.maximum(total, 1)).astype(np.int8)
+            known = np.rint(np.float32(100.0) * self.hits / np.maximum(total, 1)).astype(np.int8)
         else:
             known = np.where(self.occupied(), OCCUPIED, FREE).astype(np.int8)
         x_m, y_m = self.corner_m

@@ -25,7 +25,7 @@ class GridMapperOptions:
 
     resolution_m: Annotated[float, Gt(0)] = 0.05  # side of a cell
     usable_range_m: Annotated[float, Gt(0)] = (
-        5.5  # beams count up to here; the URG-04LX is specified to 5.6 m
+        30.0  # beams count up to here, and never beyond 98 % of the sensor's own limit
     )
     integrate_distance_m: Annotated[float, Ge(0)] = 0.1  # enter a scan after this much way ...
     integrate_angle_rad: Annotated[float, Ge(0)] = 0.1  # ... or this much turn
@@ -62,12 +62,23 @@ class GridMapper:
         self._odometry: Pose2 | None = None
         self._integrated_at: Pose2 | None = None
         self._map_from_odom = Pose2()
+        self._path: list[tuple[float, float, float]] = []
         self.cells = Cells(self._options.resolution_m, self._options.reach_m, self._options.occupied_fraction)
 
     @property
     def map_from_odom(self) -> Pose2:
         """The correction that the last match found."""
         return self._map_from_odom
+
+    def restart(self, cells: Cells, map_from_base: Pose2) -> None:
+        """Go on with another map, where the robot now is at `map_from_base`; a scan has just been entered."""
+        if self._odometry is not None:
+            self._map_from_odom = map_from_base @ self._odometry.inverse()
+        self.cells, self._pose, self._integrated_at = cells, map_from_base, map_from_base
+
+    def path(self) -> FloatArray:
+        """x, y, theta at each scan so far, shape (scans, 3); one hypothesis never revises them."""
+        return np.array(self._path).reshape(-1, 3)
 
     def grid(self) -> OccupancyGrid:
         """The map so far (a copy): free, occupied or unknown."""
@@ -108,6 +119,7 @@ class GridMapper:
             self.cells.integrate(pose, points)
             self._integrated_at = pose
         self._pose, self._odometry = pose, odom_from_base
+        self._path.append((pose.x_m, pose.y_m, pose.theta_rad))
         self._map_from_odom = pose @ odom_from_base.inverse()
         return MapperUpdate(map_from_base=pose, match_score=match_score, integrated=integrated)
 

@@ -11,23 +11,20 @@ import numpy as np
 
 from thumper.errors import ThumperError
 from thumper.geometry import FloatArray
+from thumper.mapping.compile_apart import compile_apart
 from thumper.mapping.grid import OccupancyGrid
-from thumper.mapping.grid_mapper import GridMapper, GridMapperOptions
 from thumper.mapping.logs.open_log import open_log
 from thumper.mapping.logs.record import RobotLog
 from thumper.mapping.map_io import save_map
-from thumper.mapping.map_plot import plot_map
 from thumper.mapping.mapper import MapperUpdate
+from thumper.mapping.method import MappingOptions, make_mapper
 
 PROGRESS_EVERY = 20  # scans
-
-# Half a building's width: the sensors behind these logs see this far and more.
-USABLE_RANGE_M = {"CARMEN": 20.0, "MINES": 5.5}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapLogSummary:
-    """What came out, for one line on the screen."""
+    """What came out, for a few lines on the screen."""
 
     format_name: str
     scans: int
@@ -36,28 +33,31 @@ class MapLogSummary:
     mean_score: float  # mean match score, 0...1
     cpu_ms_per_scan: float
     files: tuple[Path, ...]
+    notes: tuple[str, ...]  # what was left out or guessed, a line each
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MappedLog:
-    """The mapper's work on one log, before anything is written."""
+    """The mapper's work on one log, before anything is written. Poses are x, y, theta [m, m, rad]."""
 
-    poses: FloatArray  # x, y, theta of the robot at each scan, shape (n, 3) [m, m, rad]
+    poses: FloatArray  # of the robot at each scan, as known at the end, shape (n, 3)
+    online: FloatArray  # as reported at the time, shape (n, 3)
     updates: tuple[MapperUpdate, ...]
     grid: OccupancyGrid
     cpu_s: float  # without compiling the kernels and reading the file
 
 
-def default_options(log: RobotLog) -> GridMapperOptions:
-    """The mapper's defaults with the reach of the sensor behind this kind of log."""
-    return GridMapperOptions(usable_range_m=USABLE_RANGE_M[log.format_name])
+def default_options(log: RobotLog) -> MappingOptions:
+    """Nobody waits for a log, and it may hold a loop of any size: the mapper that closes loops."""
+    del log
+    return MappingOptions(method="graph")
 
 
 def map_records(
-    log: RobotLog, options: GridMapperOptions, progress: Callable[[int, int], None] | None = None
+    log: RobotLog, options: MappingOptions, progress: Callable[[int, int], None] | None = None
 ) -> MappedLog:
     """Run the mapper over a log that was read; `progress(done, total)` is called now and then."""
-    mapper = GridMapper(options, base_from_laser=log.base_from_laser)
+    mapper = make_mapper(options, base_from_laser=log.base_from_laser)
     mapper.warm_up()
     total = len(log.records)
     updates: list[MapperUpdate] = []
@@ -67,17 +67,28 @@ def map_records(
         if progress is not None and (done % PROGRESS_EVERY == 0 or done == total):
             progress(done, total)
     cpu_s = time.process_time() - start_s
-    poses = [(u.map_from_base.x_m, u.map_from_base.y_m, u.map_from_base.theta_rad) for u in updates]
-    return MappedLog(poses=np.array(poses), updates=tuple(updates), grid=mapper.grid(), cpu_s=cpu_s)
+    online = [(u.map_from_base.x_m, u.map_from_base.y_m, u.map_from_base.theta_rad) for u in updates]
+    return MappedLog(
+        poses=mapper.path(),
+        online=np.array(online),
+        updates=tuple(updates),
+        grid=mapper.grid(),
+        cpu_s=cpu_s,
+    )
 
 
 def map_log(
     path: Path,
     out_dir: Path,
     progress: Callable[[int, int], None] | None = None,
-    options: GridMapperOptions | None = None,
+    options: MappingOptions | None = None,
+    *,
+    online: bool = False,
 ) -> MapLogSummary:
     """Write `map.pgm`, `map.yaml`, `map.png` and `trajectory.csv` of a log into `out_dir`.
+
+    The trajectory is the final path; with `online` it is the poses reported at the time, and the final path
+    goes to `trajectory_final.csv`.
 
     Raises
     ------
@@ -89,15 +100,21 @@ def map_log(
         out_dir.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ThumperError(f"{out_dir}: cannot be made ({error.strerror}); give another folder") from error
-    mapped = map_records(log, options or default_options(log), progress)
+    options = options or default_options(log)
+    compile_apart(options.method)
+    mapped = map_records(log, options, progress)
     yaml_path, png_path, csv_path = out_dir / "map.yaml", out_dir / "map.png", out_dir / "trajectory.csv"
     pgm_path = save_map(mapped.grid, yaml_path)
+    _write_path(csv_path, log, mapped.online if online else mapped.poses)
+    files = [pgm_path, yaml_path, png_path, csv_path]
+    if online:
+        files.append(out_dir / "trajectory_final.csv")
+        _write_path(files[-1], log, mapped.poses)
+    from thumper.mapping.map_plot import (
+        plot_map,
+    )  # after the mapper's arrays: drawing wants memory of its own
+
     plot_map(mapped.grid, mapped.poses[:, :2], png_path, path.name)
-    with csv_path.open("w", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(("timestamp_s", "x_m", "y_m", "theta_rad"))
-        for record, (x_m, y_m, theta_rad) in zip(log.records, mapped.poses, strict=True):
-            writer.writerow((f"{record.time_s:.6f}", f"{x_m:.6f}", f"{y_m:.6f}", f"{theta_rad:.6f}"))
     scores = [u.match_score for u in mapped.updates if not math.isnan(u.match_score)]
     return MapLogSummary(
         format_name=log.format_name,
@@ -106,5 +123,15 @@ def map_log(
         path_m=float(np.hypot(*np.diff(mapped.poses[:, :2], axis=0).T).sum()),
         mean_score=float(np.mean(scores)) if scores else math.nan,
         cpu_ms_per_scan=1e3 * mapped.cpu_s / len(log.records),
-        files=(pgm_path, yaml_path, png_path, csv_path),
+        files=tuple(files),
+        notes=log.notes,
     )
+
+
+def _write_path(csv_path: Path, log: RobotLog, poses: FloatArray) -> None:
+    """One line a scan, stamps as in the log."""
+    with csv_path.open("w", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(("timestamp_s", "x_m", "y_m", "theta_rad"))
+        for record, (x_m, y_m, theta_rad) in zip(log.records, poses, strict=True):
+            writer.writerow((f"{record.time_s:.6f}", f"{x_m:.6f}", f"{y_m:.6f}", f"{theta_rad:.6f}"))

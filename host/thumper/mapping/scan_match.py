@@ -15,6 +15,7 @@ from annotated_types import Ge, Gt
 from thumper.geometry import FloatArray
 from thumper.kernel import kernel
 from thumper.mapping.distance_field import FieldArray
+from thumper.mapping.small_linalg import solve3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,7 +161,7 @@ def match(
         damped[:] = hessian
         for k in range(3):
             damped[k, k] *= 1.0 + damping
-        step = np.linalg.solve(damped, gradient)
+        step = solve3(damped, gradient)
         for k in range(3):
             trial[k] = pose[k] - step[k]
         trial_cost = normal_equations(

@@ -12,6 +12,8 @@ from thumper.lidar.scan import Scan
 
 SILENT, HIT, PASSED = 0, 1, 2  # says nothing; ended on something; saw nothing up to its end
 
+SURE_SHARE = 0.98  # of the sensor's range
+
 KindArray = NDArray[np.uint8]
 
 
@@ -32,9 +34,10 @@ def scan_points(scan: Scan, twist: Twist2, base_from_laser: Pose2, usable_range_
     """De-skew a scan: beam i is seen from where the robot was `i * time_increment_s` after beam 0.
 
     NaN and ranges outside the sensor's limits are silent. A beam that went beyond `usable_range_m`, or saw
-    nothing (+inf), passed: it proves free space up to there and nothing more. A sensor whose own limit is
-    shorter proves less.
+    nothing (+inf), passed: it proves free space up to there and nothing more. The last 2 % of the sensor's
+    own range count as beyond: what it reports there is as often its code for "nothing" as a thing.
     """
+    usable_range_m = min(usable_range_m, SURE_SHARE * scan.range_max_m)
     origins_m, ends_m, kinds = _points(
         np.ascontiguousarray(scan.ranges_m, dtype=np.float64),
         scan.angle_min_rad,
@@ -74,7 +77,7 @@ def _points(
         range_m = ranges_m[i]
         kind = HIT
         if range_m == math.inf:
-            range_m, kind = min(usable_range_m, range_max_m), PASSED
+            range_m, kind = usable_range_m, PASSED
         elif not (range_min_m <= range_m <= range_max_m):  # NaN falls in here too
             continue
         elif range_m > usable_range_m:

@@ -1,105 +1,146 @@
-"""CARMEN text logs (.log, .clf): FLASER and ROBOTLASER1 lines.
+"""CARMEN text logs (.log, .clf): FLASER, RLASER and ROBOTLASER1 lines, with ODOM and PARAM lines.
 
 Format: the header that CARMEN's logger writes, and http://carmen.sourceforge.net/doc/binary__loggerplayback.html.
+Logs differ: every reading is checked against the rest of its log rather than trusted.
 """
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2, Twist2
 from thumper.lidar.scan import Scan
+from thumper.mapping.logs.carmen_lines import LaserLine, flaser, odom, robotlaser
 from thumper.mapping.logs.record import LogRecord, RobotLog
 
 NO_RETURN_M = 80.0  # SICK scanners report 81.83 or 81.91 for "nothing came back", whatever the reason
-
-KEYWORDS = ("FLASER", "ROBOTLASER1")
+KEYWORDS = ("FLASER", "RLASER", "ROBOTLASER1")
+MOST_BROKEN = 0.1  # share of broken lines beyond which the file is not worth trusting
+FARTHEST_MOUNT_M = 2.0
 
 
 def is_carmen(lines: Iterable[str]) -> bool:
     """Whether a line starts with a keyword that this reader understands."""
-    return any(line.split(" ", 1)[0] in KEYWORDS for line in lines)
+    return any(line.split(maxsplit=1)[0] in KEYWORDS for line in lines if line.strip())
 
 
 def read_carmen(name: str, lines: Iterable[str]) -> RobotLog:
-    """Parse the lines; `name` is the file's, for messages.
+    """Parse the lines; `name` is the file's, for messages. One laser is used: the front one if there is one.
+
+    Broken lines are left out and counted in the log's notes.
 
     Raises
     ------
     ThumperError
-        A laser line is cut off, has a field that is not a number, or there is none.
+        No laser line can be read, or too many are broken.
     """
-    records: list[LogRecord] = []
-    base_from_laser = Pose2()
+    lasers: dict[str, list[LaserLine]] = {keyword: [] for keyword in KEYWORDS}
+    odometry: list[tuple[int, Pose2]] = []  # with the number of laser lines before each
+    params: dict[str, str] = {}
+    broken: list[str] = []
     for number, line in enumerate(lines, start=1):
-        keyword = line.split(" ", 1)[0]
-        if keyword not in KEYWORDS:
-            continue
+        fields = line.split()
+        keyword = fields[0] if fields else ""
         try:
-            record, mount = (_flaser if keyword == "FLASER" else _robotlaser)(line.split())
+            if keyword == "PARAM" and len(fields) >= 3:
+                params[fields[1]] = fields[2]
+            elif keyword == "ODOM":
+                odometry.append((sum(map(len, lasers.values())), odom(fields)))
+            elif keyword in KEYWORDS:
+                line_of = robotlaser(fields) if keyword == "ROBOTLASER1" else flaser(fields)
+                lasers[keyword].append(replace(line_of, number=number))
         except (ValueError, IndexError) as error:
-            raise ThumperError(
-                f"{name}: line {number}: broken {keyword} ({error}); the file may be cut off: copy it again"
-            ) from error
-        if not records:
-            base_from_laser = mount
-        records.append(record)
-    if not records:
+            broken.append(f"line {number}: broken {keyword} ({error})")
+    used = next((keyword for keyword in ("FLASER", "ROBOTLASER1", "RLASER") if lasers[keyword]), "")
+    scans = lasers.get(used, [])
+    if not scans or len(broken) > max(1, MOST_BROKEN * len(scans)):
+        if broken:
+            raise ThumperError(f"{name}: {broken[0]}; the file may be cut off: copy it again")
         raise ThumperError(f"{name}: no FLASER or ROBOTLASER1 line in it; is it the right file?")
-    return RobotLog(format_name="CARMEN", base_from_laser=base_from_laser, records=tuple(records))
+    notes = []
+    if broken:
+        notes.append(f"{len(broken)} broken lines left out, the first: {broken[0]}")
+    for other in KEYWORDS:
+        if other != used and lasers[other]:
+            notes.append(f"{len(lasers[other])} {other} lines not used: {used} is mapped")
+    limit_m = _range_limit_m(scans, params)
+    poses = [scan.odom_from_base for scan in scans]
+    if not _moves(poses) and _moves([pose for _, pose in odometry]):
+        poses = _from_odom_lines(scans, odometry)
+        notes.append("the laser lines hold no odometry; the ODOM lines are used")
+    return RobotLog(
+        format_name="CARMEN",
+        base_from_laser=_mount(scans, used, params, notes),
+        records=tuple(_record(scan, pose, limit_m) for scan, pose in zip(scans, poses, strict=True)),
+        notes=tuple(notes),
+    )
 
 
-def _pose(fields: list[str]) -> Pose2:
-    x_m, y_m, theta_rad = (float(field) for field in fields)
-    return Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
-
-
-def _record(
-    time_s: float,
-    odom_from_base: Pose2,
-    ranges_m: np.ndarray[tuple[int], np.dtype[np.float64]],
-    no_return_m: float,
-    angle_min_rad: float,
-    angle_increment_rad: float,
-) -> LogRecord:
+def _record(line: LaserLine, odom_from_base: Pose2, limit_m: float) -> LogRecord:
     # "No return" is neither a hit nor proof of free space: glass and black walls look like that too.
-    silent = (ranges_m >= no_return_m) | ~(ranges_m > 0.0)
+    limit_m = min(limit_m, line.range_max_m)
+    ranges_m = line.ranges_m
+    ranges_m[~(ranges_m > 0.0) | (ranges_m >= limit_m)] = np.nan  # in place: a log holds thousands
     scan = Scan(
-        time_s=time_s,
-        ranges_m=np.where(silent, np.nan, ranges_m),
-        angle_min_rad=angle_min_rad,
-        angle_increment_rad=angle_increment_rad,
-        range_max_m=no_return_m,
+        time_s=line.time_s,
+        ranges_m=ranges_m,
+        angle_min_rad=line.angle_min_rad,
+        angle_increment_rad=line.angle_increment_rad,
+        range_max_m=limit_m,
     )
-    return LogRecord(time_s=time_s, odom_from_base=odom_from_base, twist=Twist2(), scan=scan)
+    return LogRecord(time_s=line.time_s, odom_from_base=odom_from_base, twist=Twist2(), scan=scan)
 
 
-def _flaser(fields: list[str]) -> tuple[LogRecord, Pose2]:
-    """FLASER n r1..rn laser(x y theta) odom(x y theta) ipc_timestamp host logger_timestamp."""
-    n = int(fields[1])
-    if len(fields) < n + 9:
-        raise ValueError(f"{len(fields)} fields, {n + 9} expected")
-    ranges_m = np.array(fields[2 : 2 + n], dtype=np.float64)
-    odom_from_laser, odom_from_base = _pose(fields[2 + n : 5 + n]), _pose(fields[5 + n : 8 + n])
-    # Half a turn by convention; 181 or 361 beams include both ends, 180 or 360 only the first.
-    increment_rad = math.pi / (n - 1 if n % 2 else n)
-    record = _record(
-        float(fields[8 + n]), odom_from_base, ranges_m, NO_RETURN_M, -0.5 * math.pi, increment_rad
+def _range_limit_m(scans: list[LaserLine], params: dict[str, str]) -> float:
+    """The reading that means "nothing came back": named by the log, or a spike at the largest reading."""
+    readings_m = np.concatenate([scan.ranges_m for scan in scans[:: max(1, len(scans) // 500)]])
+    readings_m = readings_m[np.isfinite(readings_m) & (readings_m < NO_RETURN_M)]
+    limit_m = NO_RETURN_M
+    for key in ("robot_frontlaser_max", "robot_front_laser_max", "laser_front_laser_max"):
+        try:
+            named_m = float(params.get(key, "nan"))
+        except ValueError:
+            continue
+        if named_m > 1.0:
+            limit_m = min(limit_m, named_m)
+    if readings_m.size:
+        top_m = float(readings_m.max())
+        at_top = np.count_nonzero(readings_m >= 0.998 * top_m)
+        below = np.count_nonzero((readings_m >= 0.978 * top_m) & (readings_m < 0.998 * top_m))
+        if at_top > 20 + 5 * below:
+            limit_m = min(limit_m, 0.998 * top_m)
+    return limit_m
+
+
+def _mount(scans: list[LaserLine], used: str, params: dict[str, str], notes: list[str]) -> Pose2:
+    """Where the laser sits: from the two poses of each line, if they are steady and near each other."""
+    offsets = [scan.odom_from_base.inverse() @ scan.odom_from_laser for scan in scans]
+    table = np.array([(o.x_m, o.y_m, math.cos(o.theta_rad), math.sin(o.theta_rad)) for o in offsets])
+    middle = np.median(table, axis=0)
+    spread = float(np.quantile(np.abs(table - middle).max(axis=1), 0.9))
+    if spread < 0.02 and math.hypot(middle[0], middle[1]) < FARTHEST_MOUNT_M:
+        return Pose2(x_m=float(middle[0]), y_m=float(middle[1]), theta_rad=math.atan2(middle[3], middle[2]))
+    # Logs that a localiser has written over hold the laser's corrected pose instead.
+    notes.append(
+        "the laser's pose is not fixed to the robot's; its mounting is taken from PARAM lines or as 0"
     )
-    return record, odom_from_base.inverse() @ odom_from_laser
+    key = "robot_rearlaser_offset" if used == "RLASER" else "robot_frontlaser_offset"
+    try:
+        offset_m = float(params.get(key, "0"))
+    except ValueError:
+        offset_m = 0.0
+    return Pose2(x_m=offset_m, theta_rad=math.pi if used == "RLASER" else 0.0)
 
 
-def _robotlaser(fields: list[str]) -> tuple[LogRecord, Pose2]:
-    """ROBOTLASER1 type start fov step max accuracy mode n r1..rn m s1..sm laser robot tv rv 3*safety stamp"""
-    start_rad, step_rad, maximum_m = float(fields[2]), float(fields[4]), float(fields[5])
-    n = int(fields[8])
-    after = 10 + n + int(fields[9 + n])
-    if len(fields) < after + 12:
-        raise ValueError(f"{len(fields)} fields, {after + 12} expected")
-    ranges_m = np.array(fields[9 : 9 + n], dtype=np.float64)
-    odom_from_laser, odom_from_base = _pose(fields[after : after + 3]), _pose(fields[after + 3 : after + 6])
-    limit_m = min(maximum_m, NO_RETURN_M)
-    record = _record(float(fields[after + 11]), odom_from_base, ranges_m, limit_m, start_rad, step_rad)
-    return record, odom_from_base.inverse() @ odom_from_laser
+def _moves(poses: list[Pose2]) -> bool:
+    return any(pose != poses[0] for pose in poses[1:])
+
+
+def _from_odom_lines(scans: list[LaserLine], odometry: list[tuple[int, Pose2]]) -> list[Pose2]:
+    """The newest ODOM line before each laser line, or the first one."""
+    before = np.array([count for count, _ in odometry])
+    index = np.searchsorted(before, np.arange(len(scans)), side="right") - 1
+    return [odometry[max(0, int(i))][1] for i in index]

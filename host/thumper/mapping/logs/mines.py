@@ -5,7 +5,7 @@ ICARCV 2010, and the data published with it.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -35,7 +35,7 @@ def is_mines(lines: Sequence[str]) -> bool:
     )
 
 
-def read_mines(name: str, lines: Sequence[str]) -> RobotLog:
+def read_mines(name: str, lines: Iterable[str]) -> RobotLog:
     """Parse the lines; `name` is the file's, for messages.
 
     Raises
@@ -67,5 +67,6 @@ def _record(fields: list[str], odometry: Odometry) -> LogRecord:
         angle_min_rad=-0.5 * (BEAMS - 1) * BEAM_STEP_RAD,
         angle_increment_rad=BEAM_STEP_RAD,
         time_increment_s=TURN_S / 1024,
+        range_max_m=5.6,
     )
     return LogRecord(time_s=time_s, odom_from_base=sample.odom_from_base, twist=sample.twist, scan=scan)

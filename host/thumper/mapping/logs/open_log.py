@@ -2,6 +2,7 @@
 
 import gzip
 import zlib
+from collections.abc import Iterable
 from pathlib import Path
 
 from thumper.errors import ThumperError
@@ -21,23 +22,35 @@ def open_log(path: Path) -> RobotLog:
         The file cannot be read, is cut off, or is in none of these formats.
     """
     try:
-        data = path.read_bytes()
-        if data.startswith(GZIP_MAGIC):
-            data = gzip.decompress(data)
-        text = data.decode("ascii")
+        with path.open("rb") as plain:
+            packed = plain.read(2) == GZIP_MAGIC
+        # Line by line: a text held whole, and again as lines, would be the largest thing in memory.
+        opener = gzip.open if packed else open
+        with opener(path, "rt", encoding="ascii") as stream:
+            kind = _kind(stream)
+        with opener(path, "rt", encoding="ascii") as stream:
+            if kind == "CARMEN":
+                return read_carmen(str(path), stream)
+            if kind == "MINES":
+                return read_mines(str(path), (line for line in stream if not line.isspace()))
     except FileNotFoundError as error:
         raise ThumperError(f"{path}: no such file; check the path") from error
-    except OSError as error:
-        raise ThumperError(f"{path}: cannot be read ({error}); check the file and its permissions") from error
     except (EOFError, zlib.error) as error:
         raise ThumperError(f"{path}: the compressed file is cut off ({error}); copy it again") from error
+    except OSError as error:
+        raise ThumperError(f"{path}: cannot be read ({error}); check the file and its permissions") from error
     except UnicodeDecodeError as error:
         raise ThumperError(
             f"{path}: not a text log; give a CARMEN (.log, .clf) or MINES (.dat) log"
         ) from error
-    lines = [line for line in text.splitlines() if line and not line.isspace()]
-    if is_carmen(lines):
-        return read_carmen(str(path), lines)
-    if is_mines(lines):
-        return read_mines(str(path), lines)
     raise ThumperError(f"{path}: unknown log format; give a CARMEN (.log, .clf) or MINES (.dat) log")
+
+
+def _kind(lines: Iterable[str]) -> str:
+    """The format by the first line that tells it; CARMEN's may come after thousands of other lines."""
+    for number, line in enumerate(line for line in lines if not line.isspace()):
+        if is_carmen((line,)):
+            return "CARMEN"
+        if number == 0 and is_mines((line,)):
+            return "MINES"
+    return ""

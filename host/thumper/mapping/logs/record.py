@@ -23,3 +23,4 @@ class RobotLog:
     format_name: str
     base_from_laser: Pose2
     records: tuple[LogRecord, ...]
+    notes: tuple[str, ...] = ()  # what the reader left out or guessed, a line each

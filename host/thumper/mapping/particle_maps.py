@@ -1,0 +1,142 @@
+"""The maps of all particles: tables that grow with the known world, over one pool of shared patches."""
+
+import math
+
+import numpy as np
+
+from thumper.geometry import FloatArray, Pose2
+from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from thumper.mapping.patch_integrate import integrate_all, quantised_distances
+from thumper.mapping.patches import FAR, SIDE, IndexArray, empty_pool, grown_pool, render, share
+from thumper.mapping.scan_points import ScanPoints
+
+FIRST_PATCHES = 256
+
+
+class ParticleMaps:
+    """Counts and distances of `particles` maps, on one lattice fixed to the map frame."""
+
+    def __init__(
+        self,
+        particles: int,
+        resolution_m: float,
+        reach_m: float,
+        occupied_fraction: float,
+        range_m: float,
+        cleared_beams: int,
+    ) -> None:
+        """Start without cells; no beam may be longer than `range_m`, the mounting's offset included.
+
+        Free space is cleared along about `cleared_beams` beams a scan, other ones in each scan.
+        """
+        self._cleared_beams = cleared_beams
+        self.resolution_m = resolution_m
+        self.reach = max(1, min(SIDE - 1, round(reach_m / resolution_m)))
+        self.levels_per_cell = 254.0 / self.reach
+        self.pool = empty_pool(FIRST_PATCHES)
+        self.tables: IndexArray = np.zeros((particles, 0, 0), dtype=np.int32)
+        self._occupied_fraction = occupied_fraction
+        self._levels = quantised_distances(self.reach)
+        self._first_row = self._first_col = 0
+        side = 1 << math.ceil(math.log2(2.0 * (range_m / resolution_m + 2.0)))
+        self._stamps = np.zeros((side, side), dtype=np.int32)
+        self._stamp = 1
+        self._turn = 0
+
+    @property
+    def corner_m(self) -> FloatArray:
+        """(x, y) of the corner of the tables in the map, shape (2,)."""
+        return SIDE * self.resolution_m * np.array([self._first_col, self._first_row], dtype=np.float64)
+
+    def in_cells(self, poses: FloatArray) -> FloatArray:
+        """Poses, shape (n, 3), with x and y in cells from the corner."""
+        found = poses.copy()
+        found[:, :2] = (found[:, :2] - self.corner_m) / self.resolution_m
+        return found
+
+    def in_metres(self, poses: FloatArray) -> FloatArray:
+        """The inverse of `in_cells`."""
+        found = poses.copy()
+        found[:, :2] = found[:, :2] * self.resolution_m + self.corner_m
+        return found
+
+    def integrate(self, poses: FloatArray, points: ScanPoints) -> None:
+        """Enter a scan at each particle's pose, shape (particles, 3) [m, m, rad]."""
+        length_m = float(np.hypot(points.ends_m[:, 0], points.ends_m[:, 1]).max())
+        length_m += (2 * self.reach + 2) * self.resolution_m
+        self._cover(poses[:, :2].min(axis=0) - length_m, poses[:, :2].max(axis=0) + length_m)
+        need = min(
+            (math.ceil(2.0 * length_m / (SIDE * self.resolution_m)) + 2) ** 2,
+            self.tables.shape[1] * self.tables.shape[2],
+        )
+        from_corner = poses.copy()
+        from_corner[:, :2] -= self.corner_m
+        self._stamp += poses.shape[0]
+        self._turn += 1
+        clear_every = max(1, round(np.count_nonzero(points.kinds) / self._cleared_beams))
+        done = 0
+        while done < poses.shape[0]:
+            if self.pool.size[0] < need:
+                self.pool = grown_pool(self.pool, max(need, self.pool.references.size // 4))
+            done = integrate_all(
+                done,
+                from_corner,
+                points.origins_m,
+                points.ends_m,
+                points.kinds,
+                self._turn % clear_every,
+                clear_every,
+                self.resolution_m,
+                self._stamp,
+                self._stamps,
+                need,
+                self.tables,
+                self.pool,
+                self._levels,
+                self.reach,
+                self._occupied_fraction,
+            )
+
+    def inherit(self, parents: IndexArray) -> None:
+        """Give particle k the map of `parents[k]`; a parent must keep its own."""
+        share(self.tables, parents, self.pool)
+
+    def distance_m(self, particle: int) -> np.ndarray[tuple[int, int], np.dtype[np.float32]]:
+        """One particle's distance field as a plain array, for the wide search."""
+        near = render(self.tables[particle], self.pool.near, FAR)
+        return near * np.float32(self.reach * self.resolution_m / 254.0)
+
+    def grid(self, particle: int) -> OccupancyGrid:
+        """One particle's map: free, occupied or unknown."""
+        hits = render(self.tables[particle], self.pool.hits, 0).astype(np.float32)
+        total = hits + render(self.tables[particle], self.pool.misses, 0)
+        known = np.where((hits > 0) & (hits >= self._occupied_fraction * total), OCCUPIED, FREE)
+        x_m, y_m = self.corner_m
+        return OccupancyGrid(
+            cells=np.where(total > 0, known, UNKNOWN).astype(np.int8),
+            resolution_m=self.resolution_m,
+            origin_x_m=float(x_m),
+            origin_y_m=float(y_m),
+        )
+
+    def _cover(self, low_m: FloatArray, high_m: FloatArray) -> None:
+        """Grow the tables to hold the box."""
+        patch_m = SIDE * self.resolution_m
+        left, top = (int(v) for v in np.floor(low_m / patch_m))
+        right, bottom = (int(v) + 1 for v in np.floor(high_m / patch_m))
+        particles, rows, cols = self.tables.shape
+        if rows:
+            left, right = min(left, self._first_col), max(right, self._first_col + cols)
+            top, bottom = min(top, self._first_row), max(bottom, self._first_row + rows)
+            if (bottom - top, right - left) == (rows, cols):
+                return
+        tables = np.zeros((particles, bottom - top, right - left), dtype=np.int32)
+        r, c = self._first_row - top, self._first_col - left
+        if rows:
+            tables[:, r : r + rows, c : c + cols] = self.tables
+        self.tables, self._first_row, self._first_col = tables, top, left
+
+
+def pose_row(pose: Pose2) -> FloatArray:
+    """x, y, theta as an array, shape (3,)."""
+    return np.array([pose.x_m, pose.y_m, pose.theta_rad])

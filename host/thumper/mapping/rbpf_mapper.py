@@ -1,0 +1,266 @@
+"""Mapping with many hypotheses: a Rao-Blackwellised particle filter, a scan match inside each particle."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Interval
+
+from thumper.geometry import FloatArray, Pose2, Twist2, wrap_angle
+from thumper.lidar.scan import Scan
+from thumper.mapping.correlative import correlative_search
+from thumper.mapping.grid import OccupancyGrid
+from thumper.mapping.grid_mapper import MIN_HITS, GridMapperOptions
+from thumper.mapping.lineage import Lineage
+from thumper.mapping.mapper import MapperUpdate
+from thumper.mapping.particle_maps import ParticleMaps, pose_row
+from thumper.mapping.particle_match import match_all
+from thumper.mapping.scan_points import ScanPoints, scan_points
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RbpfOptions:
+    """Options of the particle filter; those of `GridMapperOptions` hold for it too."""
+
+    particles: Annotated[int, Gt(0)] = 30
+    seed: Annotated[int, Ge(0)] = 1  # the same log and seed give the same map
+    matched_beams: Annotated[int, Gt(0)] = 180  # hits are thinned to about this many for the match
+    cleared_beams: Annotated[int, Gt(0)] = 90  # and as many clear free space, other ones in each scan
+    weight_gain: Annotated[float, Gt(0)] = 0.05  # share of a beam's evidence: neighbouring beams repeat it
+    spread: Annotated[float, Ge(0)] = 0.2  # share of the match's standard deviation that particles differ by
+    resample_below: Annotated[float, Interval(ge=0, le=1)] = 0.5  # resample when N_eff / N falls below
+    climb_below: Annotated[float, Interval(ge=0, le=1)] = 0.6  # a score below this adds the hill climb
+    iterations: Annotated[int, Gt(0)] = 8  # Gauss-Newton steps a particle, at most
+
+
+class RbpfMapper:
+    """Grisetti's filter behind the `Mapper` protocol.
+
+    A scan after some motion is matched in every particle, weighs them, and is entered into their maps. Scans
+    between are matched in the best particle alone, so that the pose given is as fresh as the scan.
+    """
+
+    def __init__(
+        self,
+        options: GridMapperOptions | None = None,
+        filtering: RbpfOptions | None = None,
+        *,
+        base_from_laser: Pose2 | None = None,
+        map_from_base: Pose2 | None = None,
+    ) -> None:
+        """Start with empty maps; `map_from_base` is where the first scan is taken."""
+        self._options = options or GridMapperOptions()
+        self._filtering = filtering or RbpfOptions()
+        self._base_from_laser = base_from_laser or Pose2()
+        n, mount = self._filtering.particles, self._base_from_laser
+        self._poses = np.tile(pose_row(map_from_base or Pose2()), (n, 1))
+        self._log_weights = np.zeros(n)
+        self._rng = np.random.default_rng(self._filtering.seed)
+        self._odometry: Pose2 | None = None  # at the newest scan that was entered
+        self._map_from_odom = Pose2()
+        self._best = 0
+        self._parents = np.arange(n, dtype=np.int32)
+        self._lineage = Lineage()
+        self.maps = ParticleMaps(
+            n,
+            self._options.resolution_m,
+            self._options.reach_m,
+            self._options.occupied_fraction,
+            # De-skewing moves a beam's end by what the robot drives during a turn: 1 m is ample.
+            self._options.usable_range_m + math.hypot(mount.x_m, mount.y_m) + self._options.reach_m + 1.0,
+            self._filtering.cleared_beams,
+        )
+        self.resamplings = 0
+
+    @property
+    def map_from_odom(self) -> Pose2:
+        """The correction that the last match found."""
+        return self._map_from_odom
+
+    @property
+    def effective_particles(self) -> float:
+        """N_eff of the weights, 1 to the number of particles."""
+        weights = self._weights()
+        return float(1.0 / np.sum(weights * weights))
+
+    def grid(self) -> OccupancyGrid:
+        """The best particle's map (a copy): free, occupied or unknown."""
+        return self.maps.grid(self._best)
+
+    def path(self) -> FloatArray:
+        """x, y, theta at each scan so far as the best particle sees it now, shape (scans, 3)."""
+        return self._lineage.path(self._best)
+
+    def warm_up(self) -> None:
+        """Compile the kernels (or load them from the cache) on maps that are thrown away."""
+        scratch = RbpfMapper(self._options, RbpfOptions(particles=2))
+        scan = Scan(
+            time_s=0.0,
+            ranges_m=np.full(64, min(1.0, 0.5 * self._options.usable_range_m)),
+            angle_min_rad=-math.pi,
+            angle_increment_rad=math.tau / 64,
+        )
+        scratch.update(Pose2(), scan, Twist2())
+        scratch.update(Pose2(theta_rad=3.0), scan, Twist2())
+        scratch._search(scan_points(scan, Twist2(), Pose2(), 5.0).hits_m(), scratch._poses)
+        scratch._resample()
+        scratch.grid()
+
+    def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
+        """Take the odometry pose at `scan.time_s` (beam 0) and the speed during the turn, for de-skewing.
+
+        A scan with too few usable beams moves the pose by odometry alone and leaves the maps as they are.
+        """
+        points = scan_points(scan, twist, self._base_from_laser, self._options.usable_range_m)
+        hits_m = points.hits_m()
+        if self._odometry is None:
+            return self._first(odom_from_base, points, hits_m.shape[0])
+        moved = self._odometry.inverse() @ odom_from_base
+        usable = hits_m.shape[0] >= MIN_HITS
+        entered = usable and (
+            math.hypot(moved.x_m, moved.y_m) >= self._options.integrate_distance_m
+            or abs(moved.theta_rad) >= self._options.integrate_angle_rad
+        )
+        pose, score = _pose(self._poses[self._best]) @ moved, math.nan
+        if entered:
+            pose, score = self._step(hits_m, points, moved)
+            self._odometry = odom_from_base
+        elif usable:
+            predicted = pose_row(pose)[np.newaxis]
+            only = slice(self._best, self._best + 1)
+            matched, _, _, scores = self._matched(hits_m, predicted, moved, only, np.zeros((1, 3)))
+            pose, score = _pose(matched[0]), float(scores[0])
+            # A robot that is pushed moves without its wheels: the scan alone says that it is time to enter.
+            entered = self._pushed(pose)
+            if entered:
+                moved = _pose(self._poses[self._best]).inverse() @ pose
+                pose, score = self._step(hits_m, points, moved)
+                self._odometry = odom_from_base
+        self._lineage.scan(_pose(self._poses[self._best]).inverse() @ pose)
+        self._map_from_odom = pose @ odom_from_base.inverse()
+        return MapperUpdate(map_from_base=pose, match_score=score, integrated=entered)
+
+    def _pushed(self, pose: Pose2) -> bool:
+        last = _pose(self._poses[self._best])
+        return (
+            pose.distance_m(last) >= 2.0 * self._options.integrate_distance_m
+            or abs(wrap_angle(pose.theta_rad - last.theta_rad)) >= 2.0 * self._options.integrate_angle_rad
+        )
+
+    def _first(self, odom_from_base: Pose2, points: ScanPoints, hits: int) -> MapperUpdate:
+        pose = _pose(self._poses[0])
+        if hits >= MIN_HITS:
+            self.maps.integrate(self._poses, points)
+            self._odometry = odom_from_base
+            self._lineage.step(self._poses, self._parents)
+        self._lineage.scan(Pose2() if hits >= MIN_HITS else pose)
+        self._map_from_odom = pose @ odom_from_base.inverse()
+        return MapperUpdate(map_from_base=pose, match_score=math.nan, integrated=hits >= MIN_HITS)
+
+    def _step(self, hits_m: FloatArray, points: ScanPoints, moved: Pose2) -> tuple[Pose2, float]:
+        """Move, match, weigh and enter; return the best particle's mode and its score."""
+        if self.effective_particles < self._filtering.resample_below * self._log_weights.size:
+            self._resample()
+        predicted = _moved(self._poses, moved)
+        draws = self._filtering.spread * self._rng.standard_normal(predicted.shape)
+        matched, drawn, costs, scores = self._matched(hits_m, predicted, moved, slice(None), draws)
+        if scores.max() < self._options.search_below:
+            start = self._search(hits_m, predicted)
+            again = self._matched(hits_m, start, moved, slice(None), draws)
+            if again[3].max() > scores.max() + self._options.search_gain:
+                matched, drawn, costs, scores = again
+        self._log_weights -= self._filtering.weight_gain * costs
+        self._log_weights -= self._log_weights.max()
+        self._poses = drawn
+        self._poses[:, 2] = np.remainder(drawn[:, 2] + math.pi, math.tau) - math.pi
+        self.maps.integrate(self._poses, points)
+        self._best = int(np.argmax(self._log_weights))
+        self._lineage.step(self._poses, self._parents)
+        self._parents = np.arange(self._log_weights.size, dtype=np.int32)
+        return _pose(matched[self._best]), float(scores[self._best])
+
+    def _matched(
+        self, hits_m: FloatArray, predicted: FloatArray, moved: Pose2, which: slice, draws: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Modes and samples, shape (n, 3) [m, m, rad], costs and scores, shape (n,)."""
+        options, matching = self._options, self._options.matching
+        resolution_m, level = options.resolution_m, self.maps.levels_per_cell / options.resolution_m
+        way_m, turn_rad = math.hypot(moved.x_m, moved.y_m), abs(moved.theta_rad)
+        std_cells = (matching.odometry_std_m + matching.slip_per_m * way_m) / resolution_m
+        std_rad = matching.odometry_std_rad + matching.slip_per_m * way_m + matching.slip_per_rad * turn_rad
+        thin = max(1, round(hits_m.shape[0] / self._filtering.matched_beams))
+        n = predicted.shape[0]
+        matched, drawn = np.empty((n, 3)), draws.copy()
+        costs, scores = np.empty(n), np.empty(n)
+        match_all(
+            hits_m[::thin] / resolution_m,
+            self.maps.in_cells(predicted),
+            np.array([std_cells**-2, std_cells**-2, std_rad**-2]),
+            self.maps.tables[which],
+            self.maps.pool.near,
+            matching.beam_std_m * level,
+            matching.outlier_m * level,
+            options.score_std_m * level,
+            self._filtering.climb_below,
+            self._filtering.iterations,
+            matched,
+            drawn,
+            costs,
+            scores,
+        )
+        return self.maps.in_metres(matched), self.maps.in_metres(drawn), costs, scores
+
+    def _search(self, hits_m: FloatArray, predicted: FloatArray) -> FloatArray:
+        """Where a window search round the best particle puts it, and all others moved along with it."""
+        options, centre = self._options, predicted[self._best].copy()
+        centre[:2] -= self.maps.corner_m
+        found = correlative_search(
+            np.ascontiguousarray(hits_m[:: max(1, hits_m.shape[0] // self._filtering.matched_beams)]),
+            centre,
+            options.search_window_m,
+            options.search_window_rad,
+            2.0 * options.resolution_m,
+            0.04,
+            self.maps.distance_m(self._best),
+            options.resolution_m,
+            float(np.float32(self.maps.reach * options.resolution_m)),
+            2.0 * options.score_std_m,
+        )
+        found[:2] += self.maps.corner_m
+        return _moved(predicted, _pose(predicted[self._best]).inverse() @ _pose(found))
+
+    def _weights(self) -> FloatArray:
+        weights = np.exp(self._log_weights - self._log_weights.max())
+        return np.asarray(weights / weights.sum())
+
+    def _resample(self) -> None:
+        """Low-variance resampling; a surviving particle keeps its place, so that few tables are copied."""
+        n = self._log_weights.size
+        ticks = (self._rng.random() + np.arange(n)) / n
+        chosen = np.minimum(np.searchsorted(np.cumsum(self._weights()), ticks), n - 1)
+        copies = np.bincount(chosen, minlength=n)
+        parents = np.arange(n, dtype=np.int32)
+        spare = np.flatnonzero(copies == 0)
+        parents[spare] = np.repeat(np.arange(n), np.maximum(copies - 1, 0))
+        self.maps.inherit(parents)
+        self._poses = self._poses[parents]
+        self._parents = self._parents[parents]
+        self._log_weights = np.zeros(n)
+        self.resamplings += 1
+
+
+def _pose(row: FloatArray) -> Pose2:
+    return Pose2(x_m=float(row[0]), y_m=float(row[1]), theta_rad=wrap_angle(float(row[2])))
+
+
+def _moved(poses: FloatArray, step: Pose2) -> FloatArray:
+    """Every pose, shape (n, 3), moved by the same step in its own frame."""
+    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    return np.column_stack(
+        (
+            poses[:, 0] + cos * step.x_m - sin * step.y_m,
+            poses[:, 1] + sin * step.x_m + cos * step.y_m,
+            poses[:, 2] + step.theta_rad,
+        )
+    )
