@@ -1,0 +1,113 @@
+"""Power may fail at any byte of a save, and in the midst of writing it: a whole set of parameters survives."""
+
+import pytest
+
+from tests.firmware.boot import ELF
+from tests.firmware.wire import ask, identity, run_for, send
+from thumper.link.messages import (
+    PARAMETERS,
+    Ack,
+    AckStatus,
+    Command,
+    CommandRequest,
+    GetParameter,
+    ParameterSource,
+    ParameterValue,
+    SetParameter,
+)
+from thumper_hil.chip.lab import LabChip
+from thumper_hil.parts.params import RobotParams
+
+STEP_S = 2e-5
+"""Shorter than a pass of the main loop, which writes a byte at most."""
+
+SAVE_S = 0.2
+TORN = (0x00, 0x55, 0xFF)
+"""What the byte that was being written may read as, beside its old and its new value."""
+
+
+def board() -> LabChip:
+    """A board with a charged battery: with a low one it does not save."""
+    return LabChip(ELF, params=RobotParams.load())
+
+
+def values(part: float) -> list[int]:
+    """A set of parameters, this part of the way up their ranges."""
+    return [round(spec.scale * (spec.minimum + part * (spec.maximum - spec.minimum))) for spec in PARAMETERS]
+
+
+def choose(chip: LabChip, wanted: list[int]) -> None:
+    """Make them the live parameters."""
+    for index, value in enumerate(wanted):
+        frame = ask(chip, SetParameter(index=index, value=value), Ack)
+        assert frame is not None
+        assert Ack.unpack(frame.payload).status is AckStatus.OK
+
+
+def save(chip: LabChip) -> list[bytes]:
+    """Save them; returns the EEPROM before and after each byte that was written."""
+    snapshots = [chip.eeprom()]
+    send(chip, CommandRequest(command=Command.SAVE))
+    for _ in range(round(SAVE_S / STEP_S)):
+        run_for(chip, STEP_S)
+        if (now := chip.eeprom()) != snapshots[-1]:
+            snapshots.append(now)
+    return snapshots
+
+
+def after_power_on(eeprom: bytes) -> tuple[list[int], ParameterSource]:
+    """What a board with this EEPROM starts with."""
+    chip = board()
+    chip.write_eeprom(eeprom)
+    run_for(chip, 0.02)
+    who = identity(chip)
+    assert who is not None
+    found = []
+    for index in range(len(PARAMETERS)):
+        frame = ask(chip, GetParameter(index=index), ParameterValue, wait_s=0.003)
+        assert frame is not None
+        found.append(ParameterValue.unpack(frame.payload).value)
+    return found, who.parameters
+
+
+@pytest.fixture(scope="module")
+def saves() -> list[list[bytes]]:
+    """The EEPROM's history over three saves: into an empty one, into the other slot, and over the oldest."""
+    chip = board()
+    run_for(chip, 0.02)
+    history = []
+    for part in (0.1, 0.52, 0.93):
+        choose(chip, values(part))
+        history.append(save(chip))
+    return history
+
+
+def test_a_save_is_kept(saves: list[list[bytes]]) -> None:
+    for snapshots, part in zip(saves, (0.1, 0.52, 0.93), strict=True):
+        assert after_power_on(snapshots[-1]) == (values(part), ParameterSource.SAVED)
+
+
+def test_a_cut_in_the_first_save_leaves_the_defaults(saves: list[list[bytes]]) -> None:
+    defaults = [round(spec.scale * spec.default) for spec in PARAMETERS]
+    for eeprom in saves[0][:-1]:
+        assert after_power_on(eeprom) == (defaults, ParameterSource.DEFAULTS)
+
+
+@pytest.mark.parametrize(("number", "before", "after"), [(1, 0.1, 0.52), (2, 0.52, 0.93)])
+def test_a_cut_in_a_later_save_leaves_the_old_set_or_the_new(
+    saves: list[list[bytes]], number: int, before: float, after: float
+) -> None:
+    snapshots = saves[number]
+    assert len(snapshots) > 2 * len(PARAMETERS)  # nearly every byte of the slot
+    for eeprom in snapshots[:-1]:
+        assert after_power_on(eeprom) == (values(before), ParameterSource.SAVED)
+    whole = (values(before), values(after))
+    for eeprom, following in zip(snapshots, snapshots[1:], strict=False):
+        places = [place for place in range(len(eeprom)) if eeprom[place] != following[place]]
+        assert len(places) == 1  # one byte at a time
+        for torn in TORN:
+            damaged = bytearray(eeprom)
+            damaged[places[0]] = torn
+            found, source = after_power_on(bytes(damaged))
+            assert found in whole
+            assert source is ParameterSource.SAVED
