@@ -1,0 +1,178 @@
+"""Anybody's log: names, units, separators, wraps; and what is refused, with what to do about it."""
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.tuning.plant import COUNT_RAD, Wheel, counted, steps_and_prbs
+from thumper.errors import ThumperError
+from thumper.geometry import FloatArray
+from thumper_tuning.fit_command import fit_files
+from thumper_tuning.log.columns import Quantity, understand
+from thumper_tuning.log.counts import unwrap
+
+ROWS = 500
+TIME_S = np.arange(ROWS, dtype=float) * 0.1
+PWM = steps_and_prbs(ROWS, 1)
+WHEEL = Wheel()
+COUNTS = counted(WHEEL.drive(TIME_S, PWM, 1))
+SPEED = np.concatenate(([0.0], np.diff(COUNTS) * COUNT_RAD / 0.1))
+NAMES = "time_s,pwm,counts"
+
+Fit = Callable[..., dict[str, object]]
+
+
+@pytest.fixture
+def fit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Fit:
+    """Write columns as a file, fit it, and return the JSON that it prints."""
+
+    def run(header: str, *columns: FloatArray, separator: str = ",", before: str = "") -> dict[str, object]:
+        path = tmp_path / "log.csv"
+        rows = (
+            separator.join("" if math.isnan(x) else f"{x:.14g}" for x in row)
+            for row in zip(*columns, strict=True)
+        )
+        text = before + header.replace(",", separator) + "\n" + "\n".join(rows) + "\n"
+        path.write_text(text.replace(".", ",") if separator == ";" else text)
+        fit_files([path], counts_per_rev=1200.0, one_direction=False, as_json=True)
+        printed: dict[str, object] = json.loads(capsys.readouterr().out)
+        return printed
+
+    return run
+
+
+def assert_good(result: dict[str, object], unit: str = "pwm", scale: float = 1.0) -> None:
+    assert result[f"gain_rad_s_per_{unit}"] == pytest.approx(WHEEL.gain / scale, rel=0.02)
+    assert result["time_constant_s"] == pytest.approx(WHEEL.tau_s, rel=0.05)
+    assert result[f"static_friction_{unit}"] == pytest.approx(WHEEL.friction * scale, abs=2.0 * scale)
+    for key in (f"gain_rad_s_per_{unit}", "time_constant_s", f"static_friction_{unit}", "delay_s"):
+        assert isinstance(result[f"{key}_std"], float)
+    assert float(str(result["fit_percent"])) > 93.0
+    assert isinstance(result["warnings"], list)
+
+
+def test_the_documented_columns(fit: Fit) -> None:
+    assert_good(fit(NAMES, TIME_S, PWM, COUNTS))
+
+
+@pytest.mark.parametrize(
+    ("header", "columns"),
+    [
+        ("time_s,pwm,speed_rad_s", (TIME_S, PWM, SPEED)),
+        ("time_ms,pwm,speed_rpm", (1e3 * TIME_S, PWM, SPEED * 30.0 / math.pi)),
+        ("Timestamp (us),Left PWM,Left Encoder Counts", (1e6 * TIME_S, PWM, COUNTS)),
+        ("t,u,Speed (steps/s)", (TIME_S, PWM, SPEED / COUNT_RAD)),
+        ("time_s,duty,counts", (TIME_S, PWM / 255.0, COUNTS)),
+        ("time_s,pwm,counts,note", (TIME_S, PWM, COUNTS, PWM)),
+        ("time_s,pwm,counts", (TIME_S + 1.7e9, PWM, COUNTS % 65536)),
+        ("time_s,pwm,counts", (TIME_S, PWM, (COUNTS + 32768) % 65536 - 32768)),
+        ("time_s,pwm,counts", (TIME_S, PWM, (COUNTS + 2**32 - 3000) % 2**32)),
+        ("time_s,pwm,counts", (TIME_S, PWM, np.concatenate(([0.0], np.diff(COUNTS))))),
+        ("time_s,pwm,counts", (TIME_S, PWM, np.where(TIME_S > 25.0, COUNTS - COUNTS[250], COUNTS))),
+    ],
+)
+def test_what_others_write(fit: Fit, header: str, columns: tuple[FloatArray, ...]) -> None:
+    assert_good(fit(header, *columns))
+
+
+def test_volts(fit: Fit) -> None:
+    assert_good(fit("time_s,voltage_V,counts", TIME_S, PWM * 7.4 / 255.0, COUNTS), "V", 7.4 / 255.0)
+
+
+def test_semicolons_decimal_commas_and_a_preamble(fit: Fit) -> None:
+    before = "recorded by a friend\n\n# robot 7\n"
+    assert_good(fit("time_s,pwm,counts", TIME_S, PWM, COUNTS, separator=";", before=before))
+
+
+def test_missing_cells_and_rows(fit: Fit) -> None:
+    rng = np.random.default_rng(0)
+    pwm, counts = PWM.copy(), COUNTS.copy()
+    pwm[rng.choice(ROWS, 10, replace=False)] = np.nan
+    counts[rng.choice(ROWS, 20, replace=False)] = np.nan
+    keep = rng.random(ROWS) > 0.05
+    result = fit(NAMES, TIME_S[keep], pwm[keep], counts[keep])
+    assert_good(result)
+    assert "gaps" in str(result["warnings"])
+
+
+def test_an_encoder_the_other_way_round_is_named(fit: Fit) -> None:
+    result = fit(NAMES, TIME_S, PWM, -COUNTS)
+    assert_good(result)
+    assert "other way round" in str(result["warnings"])
+
+
+def test_two_wheels_in_one_file(fit: Fit) -> None:
+    result = fit(
+        "time_s,left_pwm,left_counts,right_pwm,right_counts", TIME_S, PWM, COUNTS, PWM, np.floor(0.9 * COUNTS)
+    )
+    left, right = result["left"], result["right"]
+    assert isinstance(left, dict)
+    assert isinstance(right, dict)
+    assert_good(left)
+    assert right["gain_rad_s_per_pwm"] == pytest.approx(0.9 * WHEEL.gain, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("header", "columns", "says"),
+    [
+        (NAMES, (TIME_S, 0.0 * PWM, 0.0 * COUNTS), "no excitation"),
+        (NAMES, (TIME_S, PWM, 0.0 * COUNTS), "does not move"),
+        (NAMES, (TIME_S, np.abs(PWM), counted(WHEEL.drive(TIME_S, np.abs(PWM), 1))), "one direction only"),
+        (
+            NAMES,
+            (TIME_S, 255.0 * np.sign(PWM), counted(WHEEL.drive(TIME_S, 255.0 * np.sign(PWM), 1))),
+            "saturated",
+        ),
+        ("time_s,pwm,speed_rad_s", (TIME_S, PWM, SPEED.clip(-7.0, 7.0)), "speed is saturated"),
+        (NAMES, (TIME_S[:25], PWM[:25], COUNTS[:25]), "too few"),
+        (NAMES, (1e3 * TIME_S, PWM, COUNTS), "time_ms"),
+        (NAMES, (TIME_S, PWM / 255.0, COUNTS), "duty"),
+        ("time_s,voltage_V,counts", (TIME_S, PWM, COUNTS), "pwm"),
+        ("time_s,pwm,speed_rad_s", (TIME_S, PWM, SPEED * 30.0 / math.pi), "speed_rpm"),
+        ("time_s,pwm,speed_rad_s", (TIME_S, PWM, np.abs(SPEED)), "sign of the speed"),
+        (NAMES, (TIME_S, np.random.default_rng(3).permutation(PWM), COUNTS), "explains only"),
+        ("time_s,counts", (TIME_S, COUNTS), "no column pwm"),
+        ("a,b,c", (TIME_S, PWM, COUNTS), "no line names the columns"),
+    ],
+)
+def test_what_cannot_be_answered_is_refused_in_one_line(
+    fit: Fit, header: str, columns: tuple[FloatArray, ...], says: str
+) -> None:
+    with pytest.raises(ThumperError, match=says) as refused:
+        fit(header, *columns)
+    assert refused.value.exit_code == 4
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("header", "quantity", "scale"),
+    [
+        ("Time [ms]", Quantity.TIME, 1e-3),
+        ("voltage_mV", Quantity.VOLTAGE, 1e-3),
+        ("left_speed_rad_s", Quantity.SPEED, 1.0),
+        ("omega (deg/s)", Quantity.SPEED, math.pi / 180.0),
+        ("encoderTicks", Quantity.COUNTS, 1.0),
+        ("PWM (%)", Quantity.PWM, 2.55),
+    ],
+)
+def test_headers(header: str, quantity: Quantity, scale: float) -> None:
+    column = understand(header, 0)
+    assert column is not None
+    assert column.quantity is quantity
+    assert column.scale == pytest.approx(scale)
+
+
+def test_a_set_point_is_no_measurement() -> None:
+    assert understand("left_setpoint_rad_s", 0) is None
+
+
+@pytest.mark.parametrize("bits", [16, 32])
+def test_unwrap_is_exact(bits: int) -> None:
+    true = np.cumsum(np.random.default_rng(0).integers(-900, 2000, 3000)).astype(float) * 2.0 ** (bits - 16)
+    unwrapped, found = unwrap(true % 2.0**bits)
+    assert found == bits
+    assert np.diff(unwrapped) == pytest.approx(np.diff(true))

@@ -1,0 +1,129 @@
+"""The fit against known plants: what the identification promises, and what may be wrong with a log."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.tuning.plant import COUNT_RAD, Wheel, counted, steps_and_prbs
+from thumper.geometry import FloatArray
+from thumper_tuning.identify.fit import fit_motor
+from thumper_tuning.identify.identify import Identified, identify
+from thumper_tuning.identify.stretch import cut
+from thumper_tuning.log.motor_log import DriveUnit, MotorLog
+
+ROWS = 600
+
+
+def make_log(wheel: Wheel, seed: int, *, rows: int = ROWS, time_s: FloatArray | None = None) -> MotorLog:
+    pwm = steps_and_prbs(rows, seed)
+    if time_s is None:
+        time_s = np.arange(rows, dtype=float) * 0.1
+    begins = np.arange(rows) == 0
+    counts = counted(wheel.drive(time_s, pwm, seed))
+    return MotorLog(
+        name="wheel",
+        drive_unit=DriveUnit.PWM,
+        time_s=time_s,
+        drive=pwm,
+        begins=begins,
+        position_rad=counts * COUNT_RAD,
+        quantum_rad=COUNT_RAD,
+    )
+
+
+def assert_found(motor: Identified, wheel: Wheel) -> None:
+    model = motor.model
+    assert model.gain == pytest.approx(wheel.gain, rel=0.02)
+    assert model.time_constant_s == pytest.approx(wheel.tau_s, rel=0.05)
+    assert model.friction == pytest.approx(wheel.friction, abs=2.0)
+    assert motor.validation.fit_percent >= 93.0
+
+
+@pytest.mark.parametrize("tau_s", [0.03, 0.075, 0.2, 0.3])
+@pytest.mark.parametrize("seed", range(3))
+def test_known_plants_are_found_from_10_Hz_logs(tau_s: float, seed: int) -> None:
+    """`benchmarks/tuning.py` does the same with twenty seeds."""
+    wheel = Wheel(tau_s=tau_s)
+    assert_found(identify([make_log(wheel, seed)]), wheel)
+
+
+@pytest.mark.parametrize("delay_s", [0.03, 0.1, 0.25])
+def test_an_unknown_delay_is_found(delay_s: float) -> None:
+    wheel = Wheel(delay_s=delay_s)
+    motor = identify([make_log(wheel, 4)])
+    assert_found(motor, wheel)
+    assert motor.model.delay_s == pytest.approx(delay_s, abs=0.004)
+
+
+def test_different_frictions_are_told_apart() -> None:
+    """The log's speed is that of a wheel with one friction; an offset of the drive makes it two."""
+    wheel = Wheel()
+    log = make_log(wheel, 5)
+    motor = identify([replace(log, drive=log.drive + 4.0 * np.sign(log.drive).clip(0.0))])
+    assert motor.model.friction_forward == pytest.approx(wheel.friction + 4.0, abs=2.0)
+    assert motor.model.friction_backward == pytest.approx(wheel.friction, abs=2.0)
+
+
+def test_irregular_rows_are_no_trouble() -> None:
+    rng = np.random.default_rng(1)
+    wheel = Wheel()
+    assert_found(identify([make_log(wheel, 6, time_s=np.cumsum(rng.uniform(0.03, 0.25, ROWS)))]), wheel)
+
+
+def test_glitches_are_left_out_and_named() -> None:
+    wheel, log = Wheel(), make_log(Wheel(), 7)
+    assert log.position_rad is not None
+    position = log.position_rad.copy()
+    position[np.random.default_rng(2).choice(ROWS, 15, replace=False)] += 25.0
+    position[400:] += 10.0
+    motor = identify([replace(log, position_rad=position)])
+    assert_found(motor, wheel)
+    assert any("glitches" in note for note in motor.warnings)
+
+
+def test_a_log_may_begin_in_motion_and_have_holes() -> None:
+    wheel, log = Wheel(), make_log(Wheel(), 8)
+    keep = np.flatnonzero((np.arange(ROWS) > 160) & ((np.arange(ROWS) < 300) | (np.arange(ROWS) > 340)))
+    assert log.position_rad is not None
+    begins = np.concatenate(([True], np.diff(keep) > 1))
+    motor = identify([
+        replace(
+            log,
+            time_s=log.time_s[keep],
+            drive=log.drive[keep],
+            begins=begins,
+            position_rad=log.position_rad[keep],
+        )
+    ])  # fmt: skip
+    assert_found(motor, wheel)
+
+
+def test_coarse_counts_do_not_bias() -> None:
+    """48 counts a turn: one count is a quarter of the slower level's speed."""
+    wheel, log = Wheel(), make_log(Wheel(), 9)
+    coarse = 2.0 * np.pi / 48.0
+    position = np.floor(wheel.drive(log.time_s, log.drive, 9) / coarse) * coarse
+    motor = identify([replace(log, position_rad=position, quantum_rad=coarse)])
+    assert motor.model.gain == pytest.approx(wheel.gain, rel=0.03)
+    assert motor.model.time_constant_s == pytest.approx(wheel.tau_s, rel=0.1)
+    assert any("coarse" in note for note in motor.warnings)
+
+
+def test_the_uncertainty_covers_the_error() -> None:
+    """Over seeds, errors are of the size that the standard deviations say."""
+    wheel = Wheel(delay_s=0.03)
+    scaled = []
+    for seed in range(12):
+        fit = fit_motor(cut(make_log(wheel, seed)), momentary=False)
+        assert fit is not None
+        model, std = fit.model, fit.uncertainty
+        scaled.append(
+            (
+                (model.gain - wheel.gain) / std.gain,
+                (model.time_constant_s - wheel.tau_s) / std.time_constant_s,
+                (model.friction - wheel.friction) / std.friction,
+            )
+        )
+    rms = np.sqrt(np.mean(np.square(scaled), axis=0))
+    assert np.all((rms > 0.3) & (rms < 2.5))

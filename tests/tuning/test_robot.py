@@ -1,0 +1,94 @@
+"""All steps on the simulated robot, by its real firmware: what the user gets from one command."""
+
+import base64
+import csv
+import json
+import re
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from thumper.errors import ThumperError
+from thumper.link.board import Board
+from thumper.link.messages import State
+from thumper_tuning.commands import tune_all
+from thumper_tuning.design.design import DesignOptions
+from thumper_tuning.robot.excitation import ExcitationOptions
+from thumper_tuning.robot.record import record
+from thumper_tuning.robot.verify import VerifyOptions
+
+
+def test_one_command_tunes_the_robot(tmp_path: Path) -> None:
+    with (tmp_path / "out.txt").open("w") as text:
+        tune_all(
+            "sim://tune_all/board?world=hall",
+            tmp_path,
+            ExcitationOptions(),
+            VerifyOptions(),
+            DesignOptions(),
+            yes=True,
+            console=Console(file=text, width=200),
+        )
+    said = (tmp_path / "out.txt").read_text()
+    assert "free ahead" in said
+    content = json.loads((tmp_path / "gains.json").read_text())
+    assert content["Ms"] <= 1.65
+    assert content["model"]["gain"] == pytest.approx(0.0584, rel=0.03)
+    assert content["model"]["time_constant_s"] == pytest.approx(0.075, rel=0.06)
+    after = said[said.index("after:") :]
+    errors = [tuple(map(float, found)) for found in re.findall(r"mean ([+-][\d.]+), std ([\d.]+)", after)]
+    assert len(errors) == 2
+    assert all(abs(mean) <= 0.03 and std <= 0.13 for mean, std in errors)
+    page = (tmp_path / "report.html").read_text()
+    images = re.findall(r'src="data:image/png;base64,([^"]+)"', page)
+    assert len(images) == 12
+    assert all(base64.b64decode(image).startswith(b"\x89PNG") for image in images)
+    assert not re.search(r'(src|href)="http', page)
+
+
+def test_an_interrupted_recording_stops_the_motors_and_leaves_its_log(tmp_path: Path) -> None:
+    board = Board.open("sim://tune_abort/board?world=hall", baud=500_000)
+    try:
+
+        def interrupt(done: int, total: int, what: str) -> None:
+            if done == 12:
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            record(board, ExcitationOptions(), tmp_path / "log.csv", interrupt)
+        board.poll(0.2)
+        telemetry = board.poll(0.2)[-1].telemetry
+        assert telemetry.state == State.DISARMED
+        assert telemetry.left_pwm == telemetry.right_pwm == 0
+    finally:
+        board.close()
+    with (tmp_path / "log.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 12
+    assert {"time_s", "left_pwm", "left_counts", "battery_V"} <= rows[0].keys()
+
+
+def test_the_robot_stays_in_its_lane(tmp_path: Path) -> None:
+    board = Board.open("sim://tune_lane/board?world=hall", baud=500_000)
+    try:
+        path = record(board, ExcitationOptions(lane_m=1.0), tmp_path / "log.csv", lambda *_: None)
+    finally:
+        board.close()
+    with path.open() as file:
+        counts = [int(row["left_counts"]) for row in csv.DictReader(file)]
+    travel_m = [count * 2.0 * 3.14159 * 0.062 / 1200.0 for count in counts]
+    assert max(travel_m) < 1.0
+    assert min(travel_m) > -1.0
+
+
+def test_an_empty_battery_is_refused_before_anything_moves(tmp_path: Path) -> None:
+    board = Board.open("sim://tune_flat/board?world=hall&charge=0.0", baud=500_000)
+    try:
+        board.poll(3.0)
+        for _ in range(40):
+            board.poll(0.2)
+        with pytest.raises(ThumperError, match="battery"):
+            record(board, ExcitationOptions(), tmp_path / "log.csv", lambda *_: None)
+    finally:
+        board.close()
