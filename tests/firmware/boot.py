@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from thumper_hil.chip.lab import LabChip
+from thumper_hil.parts.params import RobotParams
 
 ROOT = Path(__file__).resolve().parents[2]
 BOOTLOADERS = Path("/usr/share/arduino/hardware/arduino/avr/bootloaders")
@@ -24,9 +25,9 @@ def chip_with_bootloader() -> LabChip:
     return chip
 
 
-def chip_with_program(elf: Path) -> LabChip:
-    """A chip with the boot loader and a program, just reset."""
-    chip = LabChip(elf)
+def chip_with_program(elf: Path, params: RobotParams | None = None) -> LabChip:
+    """A chip with the boot loader and a program, just reset; with `params` on a robot."""
+    chip = LabChip(elf, params=params)
     program = chip.read_flash(0, BOOT_START)
     chip.install_bootloader(ATMEGABOOT)
     chip.write_flash(0, program)

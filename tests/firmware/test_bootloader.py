@@ -1,29 +1,80 @@
-"""The stock boot loader and the watchdog, on the emulated chip: what a reset leads to, and what it cannot."""
+"""The stock boot loader and the watchdog, on the emulated chip: what a hang leads to, wherever it is."""
+
+import pytest
 
 from tests.firmware.boot import ELF, chip_with_program
-from thumper.link.framing import FrameDecoder, encode_frame
-from thumper.link.messages import Identify, Identity, ResetCause
-from thumper_hil.chip.chip import CPU_HZ
+from tests.firmware.wire import frames, identity, run_for, send
+from thumper.link.messages import (
+    Command,
+    CommandRequest,
+    Fault,
+    ResetCause,
+    SetWheelSpeeds,
+    State,
+    Telemetry,
+)
 from thumper_hil.chip.lab import LabChip
+from thumper_hil.parts.params import RobotParams
 
 BOOT_S = 1.33
 """From the reset to the program's start, with ATmegaBOOT."""
 
+WATCHDOG_S = 0.26
+"""250 ms by name; 32768 cycles of its 128 kHz oscillator."""
 
-def run_for(chip: LabChip, seconds: float) -> None:
-    """Let `seconds` pass."""
-    chip.run(chip.cycle + round(seconds * CPU_HZ))
+OCR2A, OCR2B = 0xB3, 0xB4
+DDRB, DDRD = 0x24, 0x2A
+SLEEP = bytes((0x88, 0x95))
+SEI = bytes((0x78, 0x94))
+PCINT2, TIMER0_COMPA = 5, 14
+"""The left encoder's interrupt runs with interrupts off, the millisecond's lets others in."""
 
 
-def identity(chip: LabChip) -> Identity | None:
-    """Ask who is there; None when nobody answers within 20 ms."""
+def driving_robot() -> LabChip:
+    """A robot with the boot loader that has driven for a second."""
+    chip = chip_with_program(ELF, params=RobotParams.load())
+    run_for(chip, BOOT_S + 0.1)
+    send(chip, CommandRequest(command=Command.ARM))
+    for _ in range(10):
+        send(chip, SetWheelSpeeds(left=6000, right=6000))
+        run_for(chip, 0.1)
+    assert min(chip.truth().wheel_rad_s) > 4.0
+    return chip
+
+
+def handler(chip: LabChip, vector: int) -> int:
+    """Where an interrupt's handler starts: the target of the `rjmp` in the vector table."""
+    word = int.from_bytes(chip.read_flash(4 * vector, 2), "little")
+    assert word >> 12 == 0xC
+    offset = word & 0xFFF
+    return 4 * vector + 2 + 2 * (offset - 0x1000 if offset & 0x800 else offset)
+
+
+def find(chip: LabChip, instruction: bytes, start: int = 0) -> int:
+    """The first place of an instruction in the flash."""
+    address = chip.read_flash(start, 0x4000).index(instruction) + start
+    assert address % 2 == 0
+    return address
+
+
+def motors_off_after(chip: LabChip, limit_s: float) -> float:
+    """Let time pass, a millisecond at a time, until both motors get no voltage; returns how long it took."""
+    start_s = chip.time_s
+    while chip.time_s < start_s + limit_s:
+        run_for(chip, 0.001)
+        pulsed = chip.data(OCR2A) or chip.data(OCR2B)
+        connected = chip.data(DDRB) & 1 << 3 or chip.data(DDRD) & 1 << 3
+        if not (pulsed and connected):
+            return chip.time_s - start_s
+    raise AssertionError(f"the motors still run after {limit_s} s")
+
+
+def last_telemetry(chip: LabChip) -> Telemetry:
+    """The newest telemetry of the next fifth of a second."""
     chip.receive(chip.available)
-    chip.send(b"\x00" + encode_frame(Identify.ID, 1, Identify().pack()))
-    run_for(chip, 0.02)
-    for frame in FrameDecoder().feed(chip.receive(chip.available)):
-        if frame.message_id == Identity.ID:
-            return Identity.unpack(frame.payload)
-    return None
+    run_for(chip, 0.2)
+    found = [frame for frame in frames(chip) if frame.message_id == Telemetry.ID]
+    return Telemetry.unpack(found[-1].payload)
 
 
 def test_the_boot_loader_starts_the_firmware() -> None:
@@ -36,3 +87,55 @@ def test_the_boot_loader_starts_the_firmware() -> None:
     assert answer is not None
     assert answer.reset_cause is ResetCause.EXTERNAL
     assert chip.resets == 1
+
+
+@pytest.mark.parametrize("where", ["main loop", "interrupt"])
+def test_a_hang_with_interrupts_on_is_recovered(where: str) -> None:
+    """The watchdog's interrupt stops the motors and restarts the program itself, past the boot loader."""
+    chip = driving_robot()
+    if where == "main loop":
+        address = find(chip, SLEEP)  # where it waits for work
+    else:
+        start = handler(chip, TIMER0_COMPA)
+        assert chip.read_flash(start, 2) == SEI
+        address = start + 2
+    instruction = chip.read_flash(address, 2)
+    chip.hang_at(address)
+    assert motors_off_after(chip, 1.0) <= WATCHDOG_S + 0.01
+    chip.write_flash(address, instruction)  # a bug that strikes once
+    run_for(chip, 0.1)
+    assert chip.resets == 1  # the one before: no reset since, so no boot loader
+    answer = identity(chip)
+    assert answer is not None
+    assert answer.reset_cause is ResetCause.WATCHDOG
+    telemetry = last_telemetry(chip)
+    assert (telemetry.state, telemetry.fault) == (State.FAULT, Fault.WATCHDOG)
+    run_for(chip, 1.0)
+    assert chip.truth().wheel_rad_s == (0.0, 0.0)
+
+
+def test_a_hang_that_stays_never_drives_again() -> None:
+    """Restarted, it hangs again at once: four times a second, for ever, with the motors off."""
+    chip = driving_robot()
+    chip.hang_at(find(chip, SLEEP))
+    motors_off_after(chip, 1.0)
+    run_for(chip, 2.0)
+    assert chip.truth().wheel_rad_s == (0.0, 0.0)
+    assert [chip.data(address) for address in (OCR2A, OCR2B)] == [0, 0]
+
+
+def test_a_hang_with_interrupts_off_ends_safe_but_dead() -> None:
+    """The second time-out resets the chip; the stock boot loader loops for ever, every pin an input.
+
+    Nothing on the chip can mend that: power off and on, which clears the watchdog's flag.
+    """
+    chip = driving_robot()
+    chip.hang_at(handler(chip, PCINT2))
+    assert motors_off_after(chip, 1.0) <= 2 * WATCHDOG_S + 0.01
+    resets = chip.resets
+    run_for(chip, 2.0)
+    assert chip.resets - resets > 50
+    assert identity(chip) is None
+    assert chip.truth().wheel_rad_s == (0.0, 0.0)
+    assert chip.data(DDRB) & 0b1110 == 0
+    assert chip.data(DDRD) & 0b11100 == 0

@@ -1,4 +1,6 @@
-"""Power may fail at any byte of a save, and in the midst of writing it: a whole set of parameters survives."""
+"""Power may fail at any byte of a save, and while it is written: a whole set of parameters survives."""
+
+from itertools import pairwise
 
 import pytest
 
@@ -102,7 +104,7 @@ def test_a_cut_in_a_later_save_leaves_the_old_set_or_the_new(
     for eeprom in snapshots[:-1]:
         assert after_power_on(eeprom) == (values(before), ParameterSource.SAVED)
     whole = (values(before), values(after))
-    for eeprom, following in zip(snapshots, snapshots[1:], strict=False):
+    for eeprom, following in pairwise(snapshots):
         places = [place for place in range(len(eeprom)) if eeprom[place] != following[place]]
         assert len(places) == 1  # one byte at a time
         for torn in TORN:
