@@ -1,12 +1,14 @@
-"""Time one lidar turn of ray casting, and contact, on the lab world: `python benchmarks/raycast.py`."""
+"""Time one lidar turn of ray casting, and contact, in the lab and in a large maps."""
 
 import math
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
 from thumper.geometry import Pose2
+from thumper_hil.parts.solid_grid import SolidGrid
 from thumper_hil.parts.world import World
 
 BEAMS, REPEATS = 682, 500
@@ -34,6 +36,19 @@ def main() -> None:
         f"cast, {BEAMS} beams, one origin each: {median_us(lambda: world.cast(x_m, y_m, angles_rad)):.0f} us"
     )
     print(f"clearance of the footprint: {median_us(lambda: world.clearance_m(Pose2(), footprint_m)):.0f} us")
+    for share in (0.0, 0.001, 0.01):
+        large = random_map(share)
+        cast_us = median_us(partial(large.cast, 0.0, 0.0, angles_rad))
+        clearance_us = median_us(partial(large.clearance_m, Pose2(), footprint_m))
+        print(f"1000 x 1000 cells, {share:.1%} solid: cast {cast_us:.0f} us, clearance {clearance_us:.0f} us")
+
+
+def random_map(share: float) -> World:
+    """A map of 50 x 50 m whose cells are solid with this probability, but for the one in the middle."""
+    solid = np.random.default_rng(1).random((1000, 1000)) < share
+    solid[500, 500] = False
+    grid = SolidGrid(solid=solid, resolution_m=0.05, x_lo_m=-25.025, y_lo_m=-25.025)
+    return World(segments_m=np.zeros((0, 4)), circles_m=np.zeros((0, 3)), grid=grid)
 
 
 if __name__ == "__main__":

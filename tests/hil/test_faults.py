@@ -95,6 +95,7 @@ def test_blocked_wheels_stand_and_draw_the_stall_current(driving: Open) -> None:
     board, bench = driving("")
     bench.fault("wheels.right", "blocked")
     drive(board, bench, 0.15)
+    bench.advance(bench.time_s + 0.03)  # the new duty has taken effect
     truth = bench.chip.truth()
     assert truth.wheel_rad_s[1] == 0.0
     duty = bench.chip.data(0xB3) / 255.0  # OCR2A

@@ -45,6 +45,11 @@ class ContactWatch:
             self._chip.release()
         return pose
 
+    def look_again(self, world: World) -> None:
+        """Take the world as it is now: something has moved in it."""
+        self._world = world
+        self._clearance_m = 0.0
+
     def _touches(self, pose: Pose2) -> bool:
         """Whether the hull meets anything; measured anew only when it may have used up its clearance."""
         turned_rad = abs(wrap_angle(pose.theta_rad - self._measured_at.theta_rad))

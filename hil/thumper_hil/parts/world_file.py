@@ -1,9 +1,10 @@
-"""Read a world's TOML: polylines of wall, boxes and circles. Nothing unknown is ignored."""
+"""Read a world's TOML: polylines of wall, boxes, circles, a map, people. Nothing unknown is ignored."""
 
+import itertools
 import math
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,18 @@ import numpy as np
 
 from thumper.errors import ThumperError
 from thumper.geometry import FloatArray
+from thumper_hil.parts.moving import Timed, Walker
 
 WORLDS = Path(__file__).resolve().parent.parent / "worlds"
 
 WALL_KEYS = frozenset({"name", "points_m", "closed"})
-BOX_KEYS = frozenset({"name", "x_m", "y_m", "length_m", "width_m", "yaw_deg"})
-CIRCLE_KEYS = frozenset({"name", "x_m", "y_m", "radius_m"})
-TABLE_KEYS = {"wall": WALL_KEYS, "box": BOX_KEYS, "circle": CIRCLE_KEYS}
+TIME_KEYS = frozenset({"from_s", "until_s"})
+BOX_KEYS = frozenset({"name", "x_m", "y_m", "length_m", "width_m", "yaw_deg"}) | TIME_KEYS
+CIRCLE_KEYS = frozenset({"name", "x_m", "y_m", "radius_m"}) | TIME_KEYS
+PERSON_KEYS = frozenset({"name", "waypoints_m", "speed_m_s", "radius_m", "from_s"})
+TABLE_KEYS = {"wall": WALL_KEYS, "box": BOX_KEYS, "circle": CIRCLE_KEYS, "person": PERSON_KEYS}
+PERSON_RADIUS_M = 0.2
+PERSON_SPEED_M_S = 0.8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -27,6 +33,9 @@ class WorldShapes:
     segments: FloatArray
     circles: FloatArray
     boxes: tuple[tuple[float, float, float, float, float], ...]
+    timed: tuple[Timed, ...] = ()
+    walkers: tuple[Walker, ...] = ()
+    map_path: Path | None = None
 
 
 class _BadWorldError(ValueError):
@@ -57,7 +66,7 @@ def _read(path: Path, asked_by: tuple[Path, ...]) -> WorldShapes:
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise ThumperError(f"{path}: cannot read the world: {error}", exit_code=2) from error
     try:
-        own = _parse(data)
+        own = _parse(data, path.parent)
     except _BadWorldError as error:
         raise ThumperError(f"{path}: {error}", exit_code=2) from error
     if "base" not in data:
@@ -67,35 +76,76 @@ def _read(path: Path, asked_by: tuple[Path, ...]) -> WorldShapes:
         segments=np.vstack([base.segments, own.segments]),
         circles=np.vstack([base.circles, own.circles]),
         boxes=base.boxes + own.boxes,
+        timed=base.timed + own.timed,
+        walkers=base.walkers + own.walkers,
+        map_path=own.map_path or base.map_path,
     )
 
 
-def _parse(data: dict[str, Any]) -> WorldShapes:
-    _refuse_unknown(data, frozenset(TABLE_KEYS) | {"base", "description"}, "")
-    for key in ("base", "description"):
+def _parse(data: dict[str, Any], folder: Path) -> WorldShapes:
+    _refuse_unknown(data, frozenset(TABLE_KEYS) | {"base", "description", "map"}, "")
+    for key in ("base", "description", "map"):
         if not isinstance(data.get(key, ""), str):
             raise _BadWorldError(f"{key} = {data[key]!r}: must be a text")
     segments = [segment for where, wall in _tables(data, "wall") for segment in _wall_segments(where, wall)]
-    boxes = tuple(
-        (
-            _number(box, "x_m", where),
-            _number(box, "y_m", where),
-            _positive(box, "length_m", where),
-            _positive(box, "width_m", where),
-            _number({"yaw_deg": 0.0, **box}, "yaw_deg", where),
-        )
-        for where, box in _tables(data, "box")
-    )
-    circles = [
-        (_number(circle, "x_m", where), _number(circle, "y_m", where), _positive(circle, "radius_m", where))
-        for where, circle in _tables(data, "circle")
-    ]
-    if not (segments or boxes or circles or "base" in data):
-        raise _BadWorldError("the world is empty; add a [[wall]], [[box]] or [[circle]]")
+    boxes, circles, timed = [], [], []
+    for where, table in _tables(data, "box"):
+        box = _box(where, table)
+        if TIME_KEYS & table.keys():
+            timed.append(_timed(where, table, Timed(box=box)))
+        else:
+            boxes.append(box)
+    for where, table in _tables(data, "circle"):
+        circle = (
+            _number(table, "x_m", where), _number(table, "y_m", where), _positive(table, "radius_m", where)
+        )  # fmt: skip
+        if TIME_KEYS & table.keys():
+            timed.append(_timed(where, table, Timed(circle=circle)))
+        else:
+            circles.append(circle)
+    walkers = tuple(_person(where, table) for where, table in _tables(data, "person"))
+    if not (segments or boxes or circles or timed or walkers or {"base", "map"} & data.keys()):
+        raise _BadWorldError("the world is empty; add a [[wall]], [[box]] or [[circle]], or a map")
     return WorldShapes(
         segments=np.array(segments, np.float64).reshape(-1, 4),
         circles=np.array(circles, np.float64).reshape(-1, 3),
-        boxes=boxes,
+        boxes=tuple(boxes),
+        timed=tuple(timed),
+        walkers=walkers,
+        map_path=folder / data["map"] if "map" in data else None,
+    )
+
+
+def _box(where: str, table: dict[str, Any]) -> tuple[float, float, float, float, float]:
+    return (
+        _number(table, "x_m", where),
+        _number(table, "y_m", where),
+        _positive(table, "length_m", where),
+        _positive(table, "width_m", where),
+        _number({"yaw_deg": 0.0, **table}, "yaw_deg", where),
+    )
+
+
+def _timed(where: str, table: dict[str, Any], thing: Timed) -> Timed:
+    """The thing with its times."""
+    filled = {"from_s": 0.0, **table}
+    from_s = _number(filled, "from_s", where)
+    until_s = _number(table, "until_s", where) if "until_s" in table else math.inf
+    if from_s >= until_s:
+        raise _BadWorldError(f"{where}until_s = {until_s}: must be after from_s")
+    return replace(thing, from_s=from_s, until_s=until_s)
+
+
+def _person(where: str, table: dict[str, Any]) -> Walker:
+    filled = {"speed_m_s": PERSON_SPEED_M_S, "radius_m": PERSON_RADIUS_M, "from_s": 0.0, **table}
+    points = _points(where, table, "waypoints_m")
+    if any(a == b for a, b in itertools.pairwise(points)):
+        raise _BadWorldError(f"{where}waypoints_m: two waypoints in a row are the same")
+    return Walker(
+        waypoints_m=np.array(points, np.float64),
+        speed_m_s=_positive(filled, "speed_m_s", where),
+        radius_m=_positive(filled, "radius_m", where),
+        from_s=_number(filled, "from_s", where),
     )
 
 
@@ -112,17 +162,22 @@ def _tables(data: dict[str, Any], kind: str) -> Iterator[tuple[str, dict[str, An
 
 
 def _wall_segments(where: str, wall: dict[str, Any]) -> Iterator[tuple[float, float, float, float]]:
-    points = wall.get("points_m")
-    if not isinstance(points, list) or len(points) < 2:
-        raise _BadWorldError(f"{where}points_m: give two or more points [x, y]")
-    if not all(isinstance(point, list) and len(point) == 2 and all(map(_finite, point)) for point in points):
-        raise _BadWorldError(f"{where}points_m: every point must be two finite numbers [x, y]")
+    points = _points(where, wall, "points_m")
     closed = wall.get("closed", False)
     if not isinstance(closed, bool):
         raise _BadWorldError(f"{where}closed = {closed!r}: must be true or false")
     following = [*points[1:], points[0]] if closed else points[1:]
     for (x0, y0), (x1, y1) in zip(points, following, strict=False):
         yield float(x0), float(y0), float(x1), float(y1)
+
+
+def _points(where: str, table: dict[str, Any], key: str) -> list[list[float]]:
+    points = table.get(key)
+    if not isinstance(points, list) or len(points) < 2:
+        raise _BadWorldError(f"{where}{key}: give two or more points [x, y]")
+    if not all(isinstance(point, list) and len(point) == 2 and all(map(_finite, point)) for point in points):
+        raise _BadWorldError(f"{where}{key}: every point must be two finite numbers [x, y]")
+    return points
 
 
 def _number(table: dict[str, Any], key: str, where: str) -> float:
