@@ -21,11 +21,9 @@ class WheelMonitor {
     count_ = count;
     pwm_ = next_pwm;
     const bool forward = pwm > 0;
-    if ((pwm <= kStallPwm && pwm >= -kStallPwm) || forward != forward_) {
-      forward_ = forward;
-      Restart();
-      return Verdict::kFine;
-    }
+    if (forward != forward_ || (pwm <= kStallPwm && pwm >= -kStallPwm)) Restart();
+    forward_ = forward;
+    if (pwm <= kStallPwm && pwm >= -kStallPwm) return Verdict::kFine;
     const int16_t along = forward ? Clip(counts) : static_cast<int16_t>(-Clip(counts));
     progress_ = Clip(static_cast<int16_t>(progress_ + along));
     if (progress_ >= kProgress) {

@@ -3,64 +3,11 @@
 import ctypes
 
 import pytest
-from cobs import cobs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.firmware.speaker import Host, frame
 from thumper.link import messages as m
-
-
-def crc(data: bytes) -> int:
-    value = 0xFFFF
-    for byte in data:
-        value ^= byte
-        for _ in range(8):
-            value = (value >> 1) ^ 0x8408 if value & 1 else value >> 1
-    return value
-
-
-def frame(message_id: int, payload: bytes, seq: int = 5) -> bytes:
-    body = bytes([message_id, seq]) + payload
-    return bytes(cobs.encode(body + crc(body).to_bytes(2, "little"))) + b"\0"
-
-
-class Host:
-    """The firmware's main loop on the desk."""
-
-    def __init__(
-        self, core: ctypes.CDLL, cause: m.ResetCause = m.ResetCause.POWER_ON, eeprom: int | None = None
-    ) -> None:
-        self.core, self.handle = core, core.host_new(cause, core.eeprom_new() if eeprom is None else eeprom)
-
-    def feed(self, data: bytes) -> list[tuple[int, m.Message]]:
-        """Return sequence number and message of each answer."""
-        out = ctypes.create_string_buffer(30 * len(data) + 30)
-        size = self.core.host_receive(self.handle, data, len(data), out)
-        bodies = [cobs.decode(part) for part in out.raw[:size].split(b"\0")[:-1]]
-        assert all(crc(body) == 0 for body in bodies)
-        return [(body[1], m.MESSAGES[body[0]].unpack(body[2:-2])) for body in bodies]
-
-    def send(self, message: m.Message, seq: int = 5) -> list[m.Message]:
-        answers = self.feed(frame(message.ID, message.pack(), seq))
-        assert all(answered == seq for answered, _ in answers)
-        return [answer for _, answer in answers]
-
-    def command(self, command: m.Command) -> m.AckStatus:
-        (ack,) = self.send(m.CommandRequest(command=command))
-        assert isinstance(ack, m.Ack)
-        assert (ack.request_id, ack.request_seq) == (m.CommandRequest.ID, 5)
-        return ack.status
-
-    def wait(self, milliseconds: int) -> None:
-        for _ in range(milliseconds):
-            self.core.host_wait(self.handle, 1)
-
-    def status(self) -> tuple[m.State, m.Fault, int, int]:
-        """State, fault, and the values the motors follow."""
-        out = (ctypes.c_int * 5)()
-        self.core.host_status(self.handle, out)
-        assert out[0] == out[2], "the motors must follow the supervisor's state"
-        return m.State(out[0]), m.Fault(out[1]), out[3], out[4]
 
 
 @pytest.fixture

@@ -1,0 +1,111 @@
+"""The firmware's main loop on the desk, spoken to with the generated Python codec."""
+
+import ctypes
+
+from cobs import cobs
+
+from thumper.link import messages as m
+
+
+def crc(data: bytes) -> int:
+    """CRC-16/MCRF4XX, bit by bit."""
+    value = 0xFFFF
+    for byte in data:
+        value ^= byte
+        for _ in range(8):
+            value = (value >> 1) ^ 0x8408 if value & 1 else value >> 1
+    return value
+
+
+def frame(message_id: int, payload: bytes, seq: int = 5) -> bytes:
+    """Return a frame, delimiter included."""
+    body = bytes([message_id, seq]) + payload
+    return bytes(cobs.encode(body + crc(body).to_bytes(2, "little"))) + b"\0"
+
+
+def read_frames(data: bytes) -> list[tuple[int, m.Message]]:
+    """Return sequence number and message of each frame; every one must check."""
+    bodies = [cobs.decode(part) for part in data.split(b"\0")[:-1]]
+    assert all(crc(body) == 0 for body in bodies)
+    return [(body[1], m.MESSAGES[body[0]].unpack(body[2:-2])) for body in bodies]
+
+
+class Host:
+    """One start of the firmware, for a reason, on an EEPROM (a new one if none is given)."""
+
+    def __init__(
+        self, core: ctypes.CDLL, cause: m.ResetCause = m.ResetCause.POWER_ON, eeprom: int | None = None
+    ) -> None:
+        self.core = core
+        self.handle = core.host_new(cause, core.eeprom_new() if eeprom is None else eeprom)
+
+    def feed(self, data: bytes) -> list[tuple[int, m.Message]]:
+        """Return sequence number and message of each answer."""
+        out = ctypes.create_string_buffer(30 * len(data) + 30)
+        size = self.core.host_receive(self.handle, data, len(data), out)
+        return read_frames(out.raw[:size])
+
+    def send(self, message: m.Message, seq: int = 5) -> list[m.Message]:
+        """Return the answers to a request, which must carry its number."""
+        answers = self.feed(frame(message.ID, message.pack(), seq))
+        assert all(answered == seq for answered, _ in answers)
+        return [answer for _, answer in answers]
+
+    def command(self, command: m.Command) -> m.AckStatus:
+        """Return the answer to a command that is answered at once."""
+        (ack,) = self.send(m.CommandRequest(command=command))
+        assert isinstance(ack, m.Ack)
+        assert (ack.request_id, ack.request_seq) == (m.CommandRequest.ID, 5)
+        return ack.status
+
+    def work(self, passes: int = 200) -> list[tuple[int, m.Message]]:
+        """Let the main loop go round."""
+        answers = []
+        out = ctypes.create_string_buffer(100)
+        for _ in range(passes):
+            size = self.core.host_work(self.handle, out)
+            answers += read_frames(out.raw[:size])
+        return answers
+
+    def command_later(self, command: m.Command, seq: int = 5) -> m.AckStatus:
+        """Return the answer to a command that takes a while."""
+        assert self.send(m.CommandRequest(command=command), seq) == []
+        ((answered, ack),) = self.work()
+        assert isinstance(ack, m.Ack)
+        assert (answered, ack.request_id, ack.request_seq) == (seq, m.CommandRequest.ID, seq)
+        return ack.status
+
+    def get(self, name: str) -> int:
+        """Return a parameter's wire value."""
+        index = next(spec.index for spec in m.PARAMETERS if spec.name == name)
+        (answer,) = self.send(m.GetParameter(index=index))
+        assert isinstance(answer, m.ParameterValue)
+        assert answer.index == index
+        return answer.value
+
+    def set(self, name: str, value: int) -> m.AckStatus:
+        """Set a parameter's wire value."""
+        index = next(spec.index for spec in m.PARAMETERS if spec.name == name)
+        (answer,) = self.send(m.SetParameter(index=index, value=value))
+        assert isinstance(answer, m.Ack)
+        return answer.status
+
+    def wait(self, milliseconds: int) -> None:
+        """Let time pass."""
+        for _ in range(milliseconds):
+            self.core.host_wait(self.handle, 1)
+
+    def telemetry(self) -> m.Telemetry:
+        """Return what the board would tell now."""
+        out = ctypes.create_string_buffer(100)
+        size = self.core.host_telemetry(self.handle, out)
+        ((_, message),) = read_frames(out.raw[:size])
+        assert isinstance(message, m.Telemetry)
+        return message
+
+    def status(self) -> tuple[m.State, m.Fault, int, int]:
+        """State, fault, and the values the motors follow."""
+        out = (ctypes.c_int * 5)()
+        self.core.host_status(self.handle, out)
+        assert out[0] == out[2], "the motors must follow the supervisor's state"
+        return m.State(out[0]), m.Fault(out[1]), out[3], out[4]

@@ -1,0 +1,203 @@
+"""What the firmware notices by itself: wheels that do not follow, noisy encoders, currents, a restart."""
+
+import ctypes
+
+import pytest
+
+from tests.firmware.speaker import Host
+from thumper.link import messages as m
+
+FINE, STALL, REVERSED = range(3)
+
+
+class Ticks:
+    """An armed robot whose control ticks are made up."""
+
+    def __init__(self, core: ctypes.CDLL) -> None:
+        self.core, self.host = core, Host(core)
+        self.left = self.right = self.lost = 0
+        self.host.command(m.Command.ARM)
+
+    def step(
+        self, left: int = 0, right: int = 0, left_pwm: int = 0, right_pwm: int = 0, lost: int = 0
+    ) -> m.Fault:
+        """Move by these counts, apply the PWM from now on; return the fault."""
+        self.left, self.right, self.lost = self.left + left, self.right + right, self.lost + lost
+        self.host.send(m.SetWheelSpeeds(left=0, right=0))
+        self.core.host_watch(self.host.handle, self.left, self.right, left_pwm, right_pwm, self.lost)
+        return self.host.status()[1]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("side", "stall"), [("left", m.Fault.STALL_LEFT), ("right", m.Fault.STALL_RIGHT)])
+def test_a_wheel_that_stands_under_half_pwm_is_a_stall_after_300_ms(
+    core: ctypes.CDLL, side: str, stall: m.Fault, sign: int
+) -> None:
+    ticks = Ticks(core)
+    pwm = {f"{side}_pwm": 128 * sign}
+    faults = [ticks.step(**pwm) for _ in range(4)]
+    assert faults == [m.Fault.NONE] * 3 + [stall]
+    assert ticks.host.status() == (m.State.FAULT, stall, 0, 0)
+
+
+def test_up_to_half_pwm_a_wheel_may_stand(core: ctypes.CDLL) -> None:
+    ticks = Ticks(core)
+    for _ in range(20):
+        assert ticks.step(left_pwm=127, right_pwm=-127) is m.Fault.NONE
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_two_counts_in_300_ms_are_a_stall_and_three_are_not(core: ctypes.CDLL, sign: int) -> None:
+    ticks = Ticks(core)
+    ticks.step(left_pwm=200 * sign)
+    for _ in range(10):
+        for counts in (1, 1, 1):
+            assert ticks.step(left=counts * sign, left_pwm=200 * sign) is m.Fault.NONE
+    assert ticks.step(left=sign, left_pwm=200 * sign) is m.Fault.NONE
+    assert ticks.step(left=sign, left_pwm=200 * sign) is m.Fault.NONE
+    assert ticks.step(left=0, left_pwm=200 * sign) is m.Fault.STALL_LEFT
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    ("side", "reversed_"), [("left", m.Fault.REVERSED_LEFT), ("right", m.Fault.REVERSED_RIGHT)]
+)
+def test_a_wheel_that_keeps_counting_the_wrong_way_is_reversed(
+    core: ctypes.CDLL, side: str, reversed_: m.Fault, sign: int
+) -> None:
+    ticks = Ticks(core)
+    ticks.step(**{f"{side}_pwm": 200 * sign})
+    move = {side: -100 * sign, f"{side}_pwm": 200 * sign}
+    assert [ticks.step(**move) for _ in range(3)] == [m.Fault.NONE, m.Fault.NONE, reversed_]
+
+
+@pytest.mark.parametrize("tau_s", [0.05, 0.075, 0.15, 0.3])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_full_reversal_is_no_fault(core: ctypes.CDLL, tau_s: float, sign: int) -> None:
+    """From +17 to -17 rad/s with full PWM against the motion, for wheels fast and slow."""
+    monitor = core.wheel_monitor_new()
+    speed, angle = 17.0 * sign, 0.0
+    core.wheel_monitor_step(monitor, 0, -255 * sign)
+    for _ in range(12):
+        for _ in range(100):
+            speed += (-17.0 * sign - speed) * 0.001 / tau_s
+            angle += speed * 0.001
+        count = round(angle * 1200 / 6.2832)
+        assert core.wheel_monitor_step(monitor, count % 65536, -255 * sign) == FINE
+
+
+def test_alternating_pushes_start_the_time_anew(core: ctypes.CDLL) -> None:
+    monitor = core.wheel_monitor_new()
+    for tick in range(40):
+        assert core.wheel_monitor_step(monitor, 0, 200 if tick % 4 < 2 else -200) == FINE
+
+
+def test_huge_jumps_of_the_count_do_no_harm(core: ctypes.CDLL) -> None:
+    monitor = core.wheel_monitor_new()
+    core.wheel_monitor_step(monitor, 0, -255)
+    verdicts = [core.wheel_monitor_step(monitor, 32768 * (tick % 2), -255) for tick in range(1, 7)]
+    assert set(verdicts) <= {FINE, STALL, REVERSED}
+    pushed = core.wheel_monitor_new()
+    core.wheel_monitor_step(pushed, 0, 255)
+    verdicts = [core.wheel_monitor_step(pushed, -30_000 * tick % 65536, 255) for tick in range(1, 4)]
+    assert verdicts == [FINE, FINE, REVERSED]
+
+
+def test_31_lost_edges_in_300_ms_are_noise_and_30_are_not(core: ctypes.CDLL) -> None:
+    monitor = core.edge_monitor_new()
+    lost = 0
+    for _ in range(30):
+        lost += 10
+        assert core.edge_monitor_step(monitor, lost % 65536) == 0
+    ticks = Ticks(core)
+    assert ticks.step(lost=30) is m.Fault.NONE
+    assert ticks.step(lost=1) is m.Fault.LOST_EDGES
+    assert ticks.host.telemetry().lost_edges == 31
+
+
+def test_lost_edges_may_wrap(core: ctypes.CDLL) -> None:
+    monitor = core.edge_monitor_new()
+    for lost in (65_530, 65_530, 65_530):
+        core.edge_monitor_step(monitor, lost)
+    assert core.edge_monitor_step(monitor, 10) == 0
+    assert core.edge_monitor_step(monitor, 30) == 1
+
+
+@pytest.mark.parametrize(("left", "right"), [(18_001, 0), (-18_001, 0), (0, 18_001), (0, -18_001)])
+def test_three_readings_in_a_row_above_the_limit_are_over_current(
+    core: ctypes.CDLL, left: int, right: int
+) -> None:
+    host = Host(core)
+    host.command(m.Command.ARM)
+    for currents in [(left, right)] * 2 + [(18_000, -18_000)] + [(left, right)] * 2:
+        core.host_currents(host.handle, *currents)
+        assert host.status()[1] is m.Fault.NONE
+    core.host_currents(host.handle, left, right)
+    assert host.status()[:2] == (m.State.FAULT, m.Fault.OVER_CURRENT)
+    telemetry = host.telemetry()
+    assert (telemetry.left_current_mA, telemetry.right_current_mA) == (left, right)
+
+
+def test_the_current_limit_is_a_parameter(core: ctypes.CDLL) -> None:
+    host = Host(core)
+    host.set("current_limit", 5000)
+    host.command(m.Command.ARM)
+    for _ in range(3):
+        core.host_currents(host.handle, 5001, 0)
+    assert host.status()[1] is m.Fault.OVER_CURRENT
+
+
+def test_after_a_hang_the_robot_waits_for_its_operator(core: ctypes.CDLL) -> None:
+    host = Host(core, cause=m.ResetCause.WATCHDOG)
+    assert host.status() == (m.State.FAULT, m.Fault.WATCHDOG, 0, 0)
+    assert host.command(m.Command.ARM) is m.AckStatus.FAULT_LATCHED
+    assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.OK
+    assert host.command(m.Command.ARM) is m.AckStatus.OK
+
+
+def test_telemetry_tells_it_all(core: ctypes.CDLL) -> None:
+    host = Host(core)
+    assert host.telemetry().warnings == 0, "no reading yet: no warning"
+    core.host_battery(host.handle, 6900)
+    core.host_watch(host.handle, 70_000, -5, 100, -100, 3)
+    host.feed(b"\x05rubbish\0")
+    telemetry = host.telemetry()
+    assert (telemetry.left_count, telemetry.right_count) == (70_000, -5)
+    assert (telemetry.left_pwm, telemetry.right_pwm) == (100, -100)
+    assert (telemetry.time_us, telemetry.battery_mV, telemetry.warnings) == (100_000, 6900, 1)
+    assert (telemetry.lost_edges, telemetry.rx_frames, telemetry.rx_errors) == (3, 0, 1)
+    host.send(m.Identify())
+    assert host.telemetry().rx_frames == 1
+    core.host_battery(host.handle, 20_000)
+    assert host.telemetry().warnings == 0
+
+
+def test_manual_falls_back_to_a_stop_when_the_gamepad_dies(core: ctypes.CDLL) -> None:
+    host = Host(core)
+    host.command(m.Command.ARM)
+    host.send(m.SetWheelSpeeds(left=5000, right=5000))
+    host.send(m.SetMotorPwm(left=300, right=-300))
+    assert host.status() == (m.State.MANUAL, m.Fault.NONE, 255, -255)
+    host.wait(300)
+    assert host.status() == (m.State.FAULT, m.Fault.LINK_LOST, 0, 0)
+
+
+def test_wheel_speeds_are_limited_to_17_rad_s(core: ctypes.CDLL) -> None:
+    host = Host(core)
+    host.command(m.Command.ARM)
+    host.send(m.SetWheelSpeeds(left=32767, right=-32768))
+    assert host.status() == (m.State.CLOSED_LOOP, m.Fault.NONE, 17_000, -17_000)
+
+
+def test_beeps_wait_for_quiet_wheels(core: ctypes.CDLL) -> None:
+    """Five of 200 ms with as long a pause, not a moment while anything moves."""
+    beep = core.beep_new()
+    assert [core.beep_step(beep, 1, 1) for _ in range(10)] == [0] * 10
+    core.beep_start(beep, 5)
+    assert [core.beep_step(beep, 1, 0) for _ in range(10)] == [0] * 10
+    tones = [core.beep_step(beep, 1, 1) for _ in range(2500)]
+    assert sum(tones) == 1000
+    assert sum(later > earlier for earlier, later in zip([0, *tones], tones, strict=False)) == 5
+    assert tones[:199] == [1] * 199
+    core.beep_start(beep, 1)
+    assert core.beep_step(beep, 255, 1) + core.beep_step(beep, 255, 1) == 0, "long steps do not wrap"

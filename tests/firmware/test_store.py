@@ -1,0 +1,175 @@
+"""Saved parameters: written on request only, found again, and never lost to a power cut."""
+
+import ctypes
+
+import pytest
+
+from tests.firmware.speaker import Host
+from thumper.link import messages as m
+
+SLOT_BYTES = 1 + 2 * len(m.PARAMETERS) + 2
+SLOTS = (0x20, 0x80)
+
+
+def cells(core: ctypes.CDLL, eeprom: int) -> bytes:
+    out = ctypes.create_string_buffer(256)
+    core.eeprom_copy(eeprom, out)
+    return out.raw
+
+
+def saved(core: ctypes.CDLL, kp: int, eeprom: int) -> Host:
+    """A host that has saved this gain."""
+    host = Host(core, eeprom=eeprom)
+    host.set("kp", kp)
+    assert host.command_later(m.Command.SAVE) is m.AckStatus.OK
+    return host
+
+
+def source(host: Host) -> m.ParameterSource:
+    (identity,) = host.send(m.Identify())
+    assert isinstance(identity, m.Identity)
+    return identity.parameters
+
+
+def test_a_fresh_board_has_its_defaults_and_no_fault(core: ctypes.CDLL) -> None:
+    host = Host(core)
+    assert host.status()[:2] == (m.State.DISARMED, m.Fault.NONE)
+    assert source(host) is m.ParameterSource.DEFAULTS
+
+
+def test_nothing_is_written_unasked(core: ctypes.CDLL) -> None:
+    eeprom = core.eeprom_new()
+    host = Host(core, eeprom=eeprom)
+    host.set("kp", 1)
+    host.command_later(m.Command.LOAD)
+    host.command(m.Command.RESTORE_DEFAULTS)
+    host.work()
+    assert cells(core, eeprom) == b"\xff" * 256
+
+
+def test_saved_parameters_survive_a_restart(core: ctypes.CDLL) -> None:
+    eeprom = core.eeprom_new()
+    wanted = {spec.name: round(spec.maximum * spec.scale) - 1 for spec in m.PARAMETERS}
+    host = Host(core, eeprom=eeprom)
+    for name, value in wanted.items():
+        assert host.set(name, value) is m.AckStatus.OK
+    assert host.command_later(m.Command.SAVE, seq=9) is m.AckStatus.OK
+
+    again = Host(core, eeprom=eeprom)
+    assert {name: again.get(name) for name in wanted} == wanted
+    assert source(again) is m.ParameterSource.SAVED
+    again.command(m.Command.RESTORE_DEFAULTS)
+    assert again.get("kp") == 6082
+    assert again.command_later(m.Command.LOAD) is m.AckStatus.OK
+    assert again.get("kp") == wanted["kp"]
+
+
+def test_saves_take_turns_and_the_newest_counts_through_the_wrap(core: ctypes.CDLL) -> None:
+    eeprom = core.eeprom_new()
+    host = Host(core, eeprom=eeprom)
+    for save in range(600):
+        host.set("kp", save)
+        before = cells(core, eeprom)
+        assert host.command_later(m.Command.SAVE) is m.AckStatus.OK
+        after = cells(core, eeprom)
+        changed = {address for address in range(256) if before[address] != after[address]}
+        slot = SLOTS[save % 2]
+        assert changed <= set(range(slot, slot + SLOT_BYTES))
+        if save % 50 < 3 or save in range(250, 262):
+            host = Host(core, eeprom=eeprom)
+            assert host.get("kp") == save
+
+
+@pytest.mark.parametrize("saves_before", [0, 1, 2, 3])
+def test_power_may_fail_at_any_byte_of_a_save(core: ctypes.CDLL, saves_before: int) -> None:
+    """The set before it is there, or the new one; never a mixture, never a fault."""
+    for cut in range(1, SLOT_BYTES + 1):
+        eeprom = core.eeprom_new()
+        old = 6082
+        for save in range(saves_before):
+            old = 1000 + save
+            saved(core, old, eeprom)
+        host = Host(core, eeprom=eeprom)
+        host.set("kp", 0x1234)
+        host.set("ki", 0x2345)
+        core.eeprom_power(eeprom, cut)
+        host.send(m.CommandRequest(command=m.Command.SAVE))
+        host.work()
+
+        again = Host(core, eeprom=eeprom)
+        assert (again.get("kp"), again.get("ki")) in ((old, 4194), (0x1234, 0x2345))
+        if cut < SLOT_BYTES - 4:
+            assert again.get("kp") == old
+        fault = again.status()[1]
+        # A cell half written in a slot that was never used is all that a first save can leave.
+        assert fault is m.Fault.NONE or (saves_before == 0 and fault is m.Fault.BAD_PARAMETERS)
+        core.eeprom_power(eeprom, 1000)
+        assert again.command_later(m.Command.SAVE) is m.AckStatus.OK, "and the next save works"
+
+
+def test_a_cell_that_keeps_nothing_is_reported(core: ctypes.CDLL) -> None:
+    eeprom = core.eeprom_new()
+    host = Host(core, eeprom=eeprom)
+    core.eeprom_power(eeprom, 3)
+    assert host.command_later(m.Command.SAVE) is m.AckStatus.NOT_SAVED
+    core.eeprom_power(eeprom, 1000)
+    assert host.command_later(m.Command.SAVE) is m.AckStatus.OK
+
+
+@pytest.mark.parametrize("address", range(SLOTS[0], SLOTS[0] + SLOT_BYTES))
+def test_any_spoilt_byte_is_noticed(core: ctypes.CDLL, address: int) -> None:
+    """One set only, then spoilt: the defaults, and a fault that says so. With two, the other one is taken."""
+    eeprom = core.eeprom_new()
+    saved(core, 777, eeprom)
+    core.eeprom_set(eeprom, address, cells(core, eeprom)[address] ^ 0x10)
+    host = Host(core, eeprom=eeprom)
+    assert host.get("kp") == 6082
+    assert host.status()[:2] == (m.State.FAULT, m.Fault.BAD_PARAMETERS)
+    assert source(host) is m.ParameterSource.DEFAULTS
+    assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.OK
+    assert host.command(m.Command.ARM) is m.AckStatus.OK
+
+    pair = core.eeprom_new()
+    saved(core, 777, pair)
+    saved(core, 778, pair)
+    core.eeprom_set(pair, address + SLOTS[1] - SLOTS[0], 0x55)
+    host = Host(core, eeprom=pair)
+    assert host.get("kp") == 777
+    assert host.status()[1] is m.Fault.NONE
+
+
+def test_control_goes_on_during_a_save_and_takes_new_values(core: ctypes.CDLL) -> None:
+    eeprom = core.eeprom_new()
+    host = Host(core, eeprom=eeprom)
+    host.set("kp", 111)
+    host.command(m.Command.ARM)
+    host.send(m.CommandRequest(command=m.Command.SAVE), seq=1)
+    host.work(7)
+    assert host.set("kp", 222) is m.AckStatus.OK
+    assert host.send(m.CommandRequest(command=m.Command.SAVE), seq=2) == [], "asked again: the same save"
+    ((seq, ack),) = host.work()
+    assert isinstance(ack, m.Ack)
+    assert (seq, ack.status) == (2, m.AckStatus.OK)
+    assert host.status()[0] is m.State.CLOSED_LOOP
+    assert Host(core, eeprom=eeprom).get("kp") == 111, "what was asked to be saved, not what came later"
+
+
+def test_an_empty_battery_refuses_to_save(core: ctypes.CDLL) -> None:
+    host = Host(core)
+    core.host_battery(host.handle, 6000)
+    assert host.command(m.Command.SAVE) is m.AckStatus.BATTERY_LOW
+    assert host.work() == []
+
+
+def test_each_change_is_told_to_the_control_loop_once(core: ctypes.CDLL) -> None:
+    host = Host(core)
+    assert [core.host_take_change(host.handle) for _ in range(2)] == [1, 0]
+    for change in (
+        lambda: host.set("kp", 5),
+        lambda: host.command(m.Command.RESTORE_DEFAULTS),
+        lambda: host.command_later(m.Command.LOAD),
+    ):
+        change()
+        assert [core.host_take_change(host.handle) for _ in range(2)] == [1, 0]
+    host.get("kp")
+    assert core.host_take_change(host.handle) == 0
