@@ -44,10 +44,12 @@ class HitMemory:
         """Forget everything."""
         self._points_m, self._times_s = np.empty((0, 2)), np.empty(0)
 
-    def keep_beyond(self, map_from_base: Pose2, radius_m: float) -> None:
-        """Forget what is within a radius, so that a ghost is looked at afresh."""
-        away = np.hypot(*(self._points_m - (map_from_base.x_m, map_from_base.y_m)).T) > radius_m
-        self._points_m, self._times_s = self._points_m[away], self._times_s[away]
+    def forget_beyond(self, map_from_base: Pose2, radius_m: float) -> None:
+        """Forget what is further away; what is nearer may touch the robot and is never forgotten on
+        purpose.
+        """
+        near = np.hypot(*(self._points_m - (map_from_base.x_m, map_from_base.y_m)).T) <= radius_m
+        self._points_m, self._times_s = self._points_m[near], self._times_s[near]
 
     def update(self, time_s: float, map_from_base: Pose2, hits_in_map_m: FloatArray) -> FloatArray:
         """Take a scan's hits, shape (n, 2) [m]; return the remembered points in `map`, shape (m, 2) [m]."""

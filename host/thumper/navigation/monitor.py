@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge, Gt, Interval
 
 from thumper.geometry import FloatArray, Twist2
 from thumper.kernel import kernel
@@ -31,6 +31,10 @@ class MonitorOptions:
     margin_m: Annotated[float, Ge(0)] = 0.02
     # Step of its simulation [s].
     step_s: Annotated[float, Gt(0)] = 0.05
+    # A contact nearer in time than this, at the present command, slows the robot in proportion [s]; 0 never.
+    slow_s: Annotated[float, Ge(0)] = 1.0
+    # Least part of the speed that the slow zone leaves.
+    slow_part: Annotated[float, Interval(gt=0, le=1)] = 0.4
 
 
 @kernel
@@ -62,6 +66,24 @@ def deepening_point(points_m: FloatArray, half_planes: FloatArray, margin_m: flo
     return -1
 
 
+@kernel
+def steps_to_contact(points_m: FloatArray, half_planes: FloatArray, poses: FloatArray) -> int:
+    """Number of poses, shape (m, 3), driven before a point, shape (n, 2), is inside the footprint; m if
+    never.
+    """
+    for j in range(poses.shape[0]):
+        cos, sin = math.cos(poses[j, 2]), math.sin(poses[j, 2])
+        for i in range(points_m.shape[0]):
+            dx, dy = points_m[i, 0] - poses[j, 0], points_m[i, 1] - poses[j, 1]
+            bx, by = cos * dx + sin * dy, -sin * dx + cos * dy
+            depth = np.inf
+            for k in range(half_planes.shape[0]):
+                depth = min(depth, half_planes[k, 2] - half_planes[k, 0] * bx - half_planes[k, 1] * by)
+            if depth > 0.0:
+                return j
+    return int(poses.shape[0])
+
+
 class CollisionMonitor:
     """Lets a command through or says what it would touch."""
 
@@ -86,6 +108,27 @@ class CollisionMonitor:
             return ""
         x_m, y_m = points_m[index]
         return f"stopped before an obstacle {x_m:.2f} m ahead, {y_m:+.2f} m to the left of the robot's centre"
+
+    def slowed(self, command: Twist2, hits_in_base_m: FloatArray) -> Twist2:
+        """Return the command, slowed in proportion when it would touch something within `slow_s`.
+
+        Both speeds shrink alike, so that the robot stays on its arc.
+        """
+        slow_s, step_s = self._options.slow_s, self._options.step_s
+        reach_m = self._radius_m + abs(command.v_m_s) * slow_s
+        near = np.hypot(hits_in_base_m[:, 0], hits_in_base_m[:, 1]) <= reach_m
+        points_m = np.ascontiguousarray(hits_in_base_m[near])
+        if slow_s == 0.0 or points_m.shape[0] == 0 or command.v_m_s == 0.0:
+            return command
+        times_s = np.arange(step_s, slow_s, step_s)
+        headings_rad = command.w_rad_s * times_s
+        middles_rad = headings_rad - 0.5 * command.w_rad_s * step_s
+        x_m, y_m = (np.cumsum(command.v_m_s * step_s * f(middles_rad)) for f in (np.cos, np.sin))
+        free = steps_to_contact(points_m, self._half_planes, np.column_stack((x_m, y_m, headings_rad)))
+        if free == times_s.size:
+            return command
+        part = max(self._options.slow_part, free * step_s / slow_s)
+        return Twist2(v_m_s=part * command.v_m_s, w_rad_s=part * command.w_rad_s)
 
     def _stopping_poses(self, command: Twist2, twist: Twist2, period_s: float) -> FloatArray:
         limits, step_s = self._limits, self._options.step_s

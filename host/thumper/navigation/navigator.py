@@ -27,6 +27,8 @@ from thumper.navigation.progress import ProgressChecker
 from thumper.navigation.recovery import Recovery, is_still
 from thumper.navigation.registry import make_controller, make_planner
 from thumper.navigation.route import Route
+from thumper.navigation.smoother import smoothed
+from thumper.navigation.transitions import Transition, TransitionLog
 
 USUAL_PERIOD_S = 0.1
 
@@ -73,7 +75,13 @@ class Navigator:
         self._reason = ""
         self._last_command = Twist2()
         self._last_s: float | None = None
+        self._transitions = TransitionLog()
         self.costmap: Costmap | None = None  # of the newest cycle, for display and record
+
+    @property
+    def transitions(self) -> tuple[Transition, ...]:
+        """The newest changes of state, oldest first, each with its reason."""
+        return tuple(self._transitions.entries)
 
     def set_goal(self, goal: Goal) -> None:
         """Begin the way to a goal; a goal under way is dropped."""
@@ -83,7 +91,7 @@ class Navigator:
         self._route.clear()
         self._controller.reset()
         self._progress.reset()
-        self._recovery.attempts = 0
+        self._recovery.reset()
         self._manoeuvre.drop()
         self._stuck_since_s: float | None = None
         self._standing_since_s: float | None = None
@@ -122,6 +130,8 @@ class Navigator:
             # standing.
             output = self._fail(f"internal error in navigation: {type(error).__name__}: {error}")
         self._last_command = output.command
+        told = self._recovery.name if output.state is NavigationState.RECOVERING else ""
+        self._transitions.note(time_s, output.state.value, output.reason, told)
         return output
 
     def _update(
@@ -175,6 +185,10 @@ class Navigator:
         complaint, nearer = self._progress.update(time_s, request.map_from_base, remaining_m)
         if nearer:
             self._recovery.attempts = 0
+        if self._progress.is_hopeless(time_s):
+            self._recovery.give_up()
+            why = f"no nearer to the goal for {self._options.progress.give_up_s:.0f} s"
+            return self._begin_recovery(time_s, request, f"{why}; {self._reason}" if self._reason else why)
         if complaint:
             if self._arrival.within_tolerance(request.map_from_base):
                 self._arrival.at_place = True  # as near as it gets, and near enough
@@ -220,6 +234,9 @@ class Navigator:
             tried = f" after {self._recovery.attempts} recoveries" if self._recovery.attempts else ""
             self._state, self._reason = NavigationState.FAILED, f"gave up{tried}: {why}"
             return ControlResult(command=None)
+        radius_m = self._recovery.forget_radius_m
+        if radius_m is not None:
+            self._memory.forget_beyond(request.map_from_base, radius_m)
         self._state, self._reason = NavigationState.RECOVERING, f"{self._recovery.name}, because {why}"
         return self._recover(time_s, request)
 
@@ -239,6 +256,8 @@ class Navigator:
         """Let the command through the collision monitor and keep the state and the patience."""
         command, reason = result.command, result.reason
         if command is not None:
+            command = smoothed(command, self._last_command, self._options.limits, request.period_s)
+            command = self._monitor.slowed(command, hits_in_base)
             reason = self._monitor.objection(command, request.twist, hits_in_base, request.period_s)
         if command is None or reason:
             if self._stuck_since_s is None:

@@ -23,6 +23,8 @@ class ProgressOptions:
     nearer_m: Annotated[float, Gt(0)] = 0.20
     # ... within this time [s]; catches a robot that dances or changes its mind for ever.
     idle_s: Annotated[float, Gt(0)] = 40.0
+    # Time without coming nearer, recoveries included, after which the goal is given up [s].
+    give_up_s: Annotated[float, Gt(0)] = 75.0
 
 
 class ProgressChecker:
@@ -35,7 +37,7 @@ class ProgressChecker:
     def reset(self) -> None:
         """Start afresh (a new goal)."""
         self._least_m = math.inf
-        self._nearer_s = math.nan
+        self._won_s = math.nan
         self.renew()
 
     def renew(self) -> None:
@@ -44,17 +46,23 @@ class ProgressChecker:
         self._anchor_s = math.nan
         self._nearer_s = math.nan
 
+    def is_hopeless(self, time_s: float) -> bool:
+        """Whether no new ground was won for so long that trying again makes no sense."""
+        return time_s - self._won_s > self._options.give_up_s
+
     def update(self, time_s: float, map_from_base: Pose2, remaining_m: float) -> tuple[str, bool]:
         """Return (complaint, nearer): what is wrong or an empty string, and whether new ground was won."""
         options = self._options
         if self._anchor is None:
             self._anchor, self._anchor_s, self._nearer_s = map_from_base, time_s, time_s
+        if math.isnan(self._won_s):
+            self._won_s = time_s
         turned_rad = abs(wrap_angle(map_from_base.theta_rad - self._anchor.theta_rad))
         if self._anchor.distance_m(map_from_base) > options.moved_m or turned_rad > options.turned_rad:
             self._anchor, self._anchor_s = map_from_base, time_s
         nearer = remaining_m < self._least_m - options.nearer_m
         if nearer:
-            self._least_m, self._nearer_s = remaining_m, time_s
+            self._least_m, self._nearer_s, self._won_s = remaining_m, time_s, time_s
         if time_s - self._anchor_s > options.still_s:
             return f"no movement for {options.still_s:.0f} s", nearer
         if time_s - self._nearer_s > options.idle_s:

@@ -21,6 +21,10 @@ BACK_UP_PARTS = np.array((1.0, 0.5, 0.25))  # of the wanted way back, tried in t
 class RecoveryOptions:
     """How the robot frees itself."""
 
+    # Remembered points further away than this are forgotten in the first recovery [m] ...
+    conservative_m: Annotated[float, Gt(0)] = 0.5
+    # ... and further than this in the third; within the robot's own circle nothing is ever forgotten [m].
+    aggressive_m: Annotated[float, Gt(0)] = 0.3
     # Recoveries tried without coming nearer to the goal before it is given up; 0 gives up at once.
     attempts: Annotated[int, Ge(0)] = 6
     # Way back in the first back-up [m]; every further one is longer by as much.
@@ -45,14 +49,19 @@ class Recovery:
         self._limits = limits
         self._footprint = footprint
         self._controller = controller
-        self.attempts = 0
+        self.reset()
         self.name = ""
+        self.forget_radius_m: float | None = None  # what this recovery forgets of the remembered points
 
     def start(self, time_s: float, request: ControlRequest) -> bool:
         """Choose the next recovery; False when all attempts are used up."""
-        if self.attempts >= self._options.attempts:
+        if self._hopeless or self.attempts >= self._options.attempts:
             return False
         self.attempts += 1
+        circle_m = self._footprint.circumscribed_radius_m
+        resets = {1: self._options.conservative_m, 3: self._options.aggressive_m}
+        reset_m = resets.get(self.attempts)
+        self.forget_radius_m = None if reset_m is None else max(circle_m, reset_m)
         self._begun_s = time_s
         self._from = request.map_from_base
         longest_m = self._options.back_up_m * (1 + self.attempts // 2)
@@ -68,6 +77,14 @@ class Recovery:
             self.name, self._amount = "waiting for the way to clear", 0.0
         self._target_rad = request.map_from_base.theta_rad + self._options.turn_rad
         return True
+
+    def give_up(self) -> None:
+        """Let every further `start` refuse."""
+        self._hopeless = True
+
+    def reset(self) -> None:
+        """Begin to count afresh, for a new goal."""
+        self.attempts, self._hopeless = 0, False
 
     def step(self, time_s: float, request: ControlRequest) -> Twist2 | None:
         """Return the next twist, or None when the recovery is over."""

@@ -20,6 +20,7 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.inflation import IntArray
 from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
 from thumper.navigation.options import NavigationOptions
+from thumper.navigation.transitions import Transition
 
 BASE_FROM_LASER = Pose2(x_m=0.12)
 TICK_S, CYCLE_TICKS = 0.02, 5
@@ -98,6 +99,7 @@ class Run:
     goal_error_m: float = math.inf
     track: list[Pose2] = field(default_factory=list)
     outputs: list[NavigationOutput] = field(default_factory=list)
+    transitions: tuple[Transition, ...] = ()
 
 
 def drive(
@@ -157,4 +159,5 @@ def drive(
         run.length_m += abs(v) * TICK_S
     run.state, run.reason = output.state, output.reason
     run.goal_error_m = goal.distance_m(pose)
+    run.transitions = navigator.transitions
     return run

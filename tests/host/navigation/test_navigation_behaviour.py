@@ -1,0 +1,135 @@
+"""Slow zone, smoother, memory, transitions, give-up and exploration, each alone or in a closed loop."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.host.navigation.closed_loop import drive
+from tests.host.navigation.world import World, box
+from thumper.geometry import FloatArray, Pose2, Twist2
+from thumper.mapping.grid import OccupancyGrid
+from thumper.navigation.footprint import Footprint
+from thumper.navigation.frontiers import ExplorationOptions, Explorer, find_frontiers
+from thumper.navigation.goal import Goal
+from thumper.navigation.limits import SpeedLimits
+from thumper.navigation.memory import HitMemory, MemoryOptions
+from thumper.navigation.monitor import CollisionMonitor, MonitorOptions
+from thumper.navigation.navigator import NavigationState, Navigator
+from thumper.navigation.options import NavigationOptions
+from thumper.navigation.smoother import smoothed
+
+FRONT_M = 0.21
+
+
+@pytest.mark.parametrize(("gap_m", "part"), [(0.10, 0.4), (0.24, 0.6), (0.36, 0.9), (0.6, 1.0)])
+def test_the_slow_zone_shrinks_both_speeds_by_the_time_to_contact(gap_m: float, part: float) -> None:
+    monitor = CollisionMonitor(MonitorOptions(), SpeedLimits(), Footprint())
+    slow = monitor.slowed(Twist2(v_m_s=0.4), np.array(((FRONT_M + gap_m, 0.0),)))
+    assert slow.v_m_s == pytest.approx(part * 0.4, abs=0.06 * 0.4)
+    bent = monitor.slowed(Twist2(v_m_s=0.4, w_rad_s=0.2), np.array(((FRONT_M + gap_m, 0.0),)))
+    assert bent.w_rad_s == pytest.approx(0.5 * bent.v_m_s)
+
+
+def test_the_smoother_keeps_the_accelerations() -> None:
+    limits, twist = SpeedLimits(), Twist2()
+    for _ in range(30):
+        after = smoothed(Twist2(v_m_s=9.0, w_rad_s=-9.0), twist, limits, 0.1)
+        assert after.v_m_s - twist.v_m_s <= limits.v_accel_m_s2 * 0.1 + 1e-12
+        assert twist.w_rad_s - after.w_rad_s <= limits.w_accel_rad_s2 * 0.1 + 1e-12
+        twist = after
+    assert (twist.v_m_s, twist.w_rad_s) == (limits.v_max_m_s, -limits.w_max_rad_s)
+    assert smoothed(Twist2(v_m_s=0.001), Twist2(), limits, 0.1) == Twist2()
+
+
+def ring(radius_m: float) -> FloatArray:
+    angles_rad = np.linspace(-2.0, 2.0, 400)
+    return np.column_stack((radius_m * np.cos(angles_rad), radius_m * np.sin(angles_rad)))
+
+
+def test_memory_keeps_what_is_hidden_and_clears_what_a_ray_passes() -> None:
+    memory = HitMemory(MemoryOptions(sensor_x_m=0.0))
+    post = np.array(((0.5, 0.0),))
+    assert len(memory.update(0.0, Pose2(), post)) == 0  # seen now: nothing to add
+    assert memory.update(0.1, Pose2(theta_rad=math.pi), np.empty((0, 2))) == pytest.approx(post)  # behind
+    assert memory.update(0.2, Pose2(), np.array(((0.3, 0.0),))) == pytest.approx(post)  # hidden by another
+    assert len(memory.update(0.3, Pose2(), ring(2.0))) == 0  # rays pass
+    memory.update(1.0, Pose2(), post)
+    assert len(memory.update(30.0, Pose2(theta_rad=math.pi), np.empty((0, 2)))) == 0  # too long ago
+    memory.update(31.0, Pose2(), np.vstack((post, ((0.25, 0.2),))))
+    memory.forget_beyond(Pose2(), 0.4)
+    left = memory.update(31.1, Pose2(theta_rad=math.pi), np.empty((0, 2)))
+    assert left == pytest.approx(np.array(((0.25, 0.2),)))
+
+
+def test_every_transition_is_kept_with_its_reason() -> None:
+    room = World.of(box(0.8, 0.0, 4.8, 3.8), box(0.0, 0.0, 0.8, 0.8))
+    run = drive(
+        room,
+        Pose2(x_m=1.73, theta_rad=math.pi),
+        Goal(x_m=0.0, y_m=0.0),
+        (-4.2, -5.0, 10.0, 10.0),
+        limit_s=120.0,
+    )
+    assert run.state is NavigationState.FAILED
+    afters = [entry.after for entry in run.transitions]
+    assert afters[-1] == "failed"
+    assert afters.count("recovering") == 6
+    assert all(entry.reason for entry in run.transitions if entry.after in ("recovering", "failed"))
+    assert [entry.before for entry in run.transitions][1:] == afters[:-1]
+
+
+def test_a_goal_that_comes_and_goes_is_given_up() -> None:
+    """Its cell is free in one cycle and taken in the next: nothing retries for ever."""
+    navigator = Navigator(NavigationOptions(), Footprint())
+    goal, pose, twist = Goal(x_m=1.5, y_m=0.0), Pose2(), Twist2()
+    navigator.set_goal(goal)
+    cells = np.zeros((100, 100), np.int8)
+    grids = []
+    for shut in (False, True):
+        shown = cells.copy()
+        if shut:
+            shown[40:60, 70:72] = 100
+            shown[40:42, 70:90] = shown[58:60, 70:90] = 100
+            shown[40:60, 88:90] = 100
+        grids.append(OccupancyGrid(cells=shown, resolution_m=0.05, origin_x_m=-2.5, origin_y_m=-2.5))
+    for cycle in range(1200):
+        time_s = 0.1 * cycle
+        blocked = cycle // 25 % 2 == 1 and pose.x_m > 0.5
+        output = navigator.update(time_s, pose, twist, grids[blocked], np.empty((0, 2)))
+        twist = output.command
+        pose = pose @ Pose2(x_m=0.1 * twist.v_m_s, theta_rad=0.1 * twist.w_rad_s)
+        if pose.x_m > 0.75:  # held by the wall that it only sometimes sees
+            pose = Pose2(x_m=0.75, y_m=pose.y_m, theta_rad=pose.theta_rad)
+        if output.state is NavigationState.FAILED:
+            break
+    assert output.state is NavigationState.FAILED
+    assert "gave up" in output.reason
+    assert time_s < 100.0
+
+
+def two_rooms(seen: int) -> OccupancyGrid:
+    """Two rooms with a door; columns from `seen` on are unknown."""
+    cells = np.zeros((80, 160), np.int8)
+    cells[[0, -1]] = 100
+    cells[:, [0, -1]] = 100
+    cells[:, 80] = 100
+    cells[30:50, 80] = 0
+    cells[:, seen:] = -1
+    return OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
+
+
+def test_frontiers_are_where_free_ground_ends() -> None:
+    start, options = Pose2(x_m=1.0, y_m=2.0), ExplorationOptions()
+    found = find_frontiers(two_rooms(100), start, Footprint(), options)
+    assert len(found) == 1
+    assert found[0].x_m == pytest.approx(4.975, abs=0.051)
+    assert found[0].way_m > 3.9
+    assert find_frontiers(two_rooms(160), start, Footprint(), options) == []
+
+
+def test_the_explorer_tries_each_frontier_once() -> None:
+    explorer = Explorer(ExplorationOptions(), Footprint())
+    start = Pose2(x_m=1.0, y_m=2.0)
+    assert explorer.next_goal(two_rooms(100), start) is not None
+    assert explorer.next_goal(two_rooms(100), start) is None
