@@ -142,8 +142,9 @@ int main() {
   sei();
 
   for (;;) {
+    // Not until the ring is empty: a host that never pauses must not keep time-out and watchdog waiting.
     uint8_t byte = 0;
-    while (uart.Get(&byte)) {
+    for (uint8_t left = 64; left != 0 && uart.Get(&byte); --left) {
       if (host.Receive(byte, uart)) Obey(host);
     }
     host.Work(eeprom, uart);

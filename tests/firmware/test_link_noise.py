@@ -3,10 +3,22 @@
 import pytest
 
 from tests.firmware.boot import ELF
+from tests.firmware.wire import frames, run_for, send
 from thumper.link.framing import FrameDecoder, encode_frame
-from thumper.link.messages import GetParameter, ParameterValue
+from thumper.link.messages import (
+    Command,
+    CommandRequest,
+    Fault,
+    GetParameter,
+    Identify,
+    Identity,
+    ParameterValue,
+    ResetCause,
+    Telemetry,
+)
 from thumper_hil.chip.chip import CPU_HZ, Chip
 from thumper_hil.chip.link_noise import drive
+from thumper_hil.parts.params import RobotParams
 
 OCR2A, OCR2B = 0xB3, 0xB4
 TRUNCATED = encode_frame(GetParameter.ID, 1, GetParameter(index=0).pack())
@@ -25,6 +37,23 @@ def test_damaged_frames_are_counted_and_whole_ones_answered() -> None:
     assert result.expected_errors > 10_000
     assert [chip.data(address) for address in (OCR2A, OCR2B)] == [0, 0]
     assert chip.overruns == 0
+
+
+def test_a_host_that_never_pauses_keeps_neither_time_out_nor_watchdog_away() -> None:
+    """More requests than the line can answer, and no motion command among them."""
+    chip = Chip(ELF, params=RobotParams.load())
+    run_for(chip, 0.5)
+    send(chip, CommandRequest(command=Command.ARM))
+    flood = encode_frame(Identify.ID, 1, Identify().pack()) * 8
+    for _ in range(800):
+        chip.send(flood)
+        run_for(chip, 0.001)
+    received = frames(chip)
+    states = [Telemetry.unpack(frame.payload) for frame in received if frame.message_id == Telemetry.ID]
+    assert states[-1].fault is Fault.LINK_LOST
+    assert len(states) >= 11  # ten a second, all the time
+    who = next(frame for frame in reversed(received) if frame.message_id == Identity.ID)
+    assert Identity.unpack(who.payload).reset_cause is ResetCause.POWER_ON
 
 
 @pytest.mark.parametrize("kept", range(len(TRUNCATED)))
