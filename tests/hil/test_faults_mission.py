@@ -1,0 +1,81 @@
+"""A fault in the middle of a mission: the wheels stand in time, nothing is hit, and the user is told."""
+
+import math
+import re
+from pathlib import Path
+from urllib.parse import urlencode
+
+import numpy as np
+import pytest
+
+from thumper.assembly import open_robot
+from thumper.config.robot import BoardConfig, LidarConfig, RobotConfig
+from thumper.navigation.goal import Goal
+from thumper.runtime import MissionResult
+from thumper_hil.bench import Bench, simulation
+from thumper_hil.demo.missions import STRAIGHT
+
+FAULT_S = 2.5  # the robot is at full speed then
+STANDS_RAD_S = 0.3
+
+
+def drive_with(fault: str, folder: Path) -> tuple[MissionResult, Bench]:
+    """Drive the straight mission with this line of a scenario, and a second on."""
+    scenario = folder / "faults.toml"
+    scenario.write_text(f"faults = [{{ at_s = {FAULT_S}, {fault} }}]\n")
+    options = {
+        "world": STRAIGHT.world,
+        "x_m": STRAIGHT.start.x_m,
+        "y_m": STRAIGHT.start.y_m,
+        "yaw_deg": math.degrees(STRAIGHT.start.theta_rad),
+        "scenario": scenario,
+    }
+    config = RobotConfig(
+        board=BoardConfig(port=f"sim://mission-fault/board?{urlencode(options)}"),
+        lidar=LidarConfig(port="sim://mission-fault/lidar"),
+    )
+    with open_robot(config, STRAIGHT.start) as robot:
+        bench = simulation("mission-fault")
+        result = robot.drive_to(Goal(x_m=STRAIGHT.goal_x_m, y_m=STRAIGHT.goal_y_m), lambda _: None)
+    bench.advance(bench.time_s + 1.0)
+    return result, bench
+
+
+@pytest.mark.parametrize(
+    ("fault", "words", "stands_within_s"),
+    [
+        ('encoder.left.b = "cut"', "left wheels do not turn", 0.8),
+        ('encoder.right.a = "stuck"', "right wheels do not turn", 0.8),
+        ('motor.left = "dead"', "left wheels do not turn", 2.0),
+        ('wheels.right = "blocked"', "right wheels do not turn", 0.8),
+        ("battery.charge = 0.01", "the battery is empty; charge it", 4.0),
+        ("line.loss = 1.0", "the board went silent; it stops its motors by itself", 0.5),
+        ("host.hang = 1.0", "the board went silent|no command for 300 ms", 0.5),
+        ('firmware = "hang"', "the board went silent|restarted", 1.0),
+        ('firmware = "loop"', "restarted", 1.0),
+        ('firmware = "reset"', "restarted on the way; look at its supply and cable", 0.5),
+        ('lidar = "unplugged"', "lidar .*cable loose", 1.6),
+        ('board = "unplugged"', "port .* fails .*cable loose", 0.5),
+    ],
+)
+def test_the_robot_stops_in_time_and_says_why(
+    tmp_path: Path, fault: str, words: str, stands_within_s: float
+) -> None:
+    result, bench = drive_with(fault, tmp_path)
+    truth = bench.truth()
+    before = truth[(truth[:, 0] > FAULT_S - 0.2) & (truth[:, 0] < FAULT_S), 4:6]
+    assert before.min() > 1.0  # it was under way
+    assert not result.reached
+    assert re.search(words, result.reason), result.reason
+    moving_s = truth[np.abs(truth[:, 4:6]).max(axis=1) > STANDS_RAD_S, 0]
+    assert moving_s[-1] - FAULT_S < stands_within_s
+    assert bench.contacts == 0
+
+
+def test_slipping_wheels_do_not_lose_the_goal(tmp_path: Path) -> None:
+    """A third of the travel lost on both sides, as on gravel: odometry is wrong, the scans put it right."""
+    result, bench = drive_with("slip.left = 0.33, slip.right = 0.33", tmp_path)
+    assert result.reached
+    x_m, y_m = bench.truth()[-1, 1:3]
+    assert math.hypot(x_m - STRAIGHT.goal_x_m, y_m - STRAIGHT.goal_y_m) < 0.2
+    assert bench.contacts == 0
