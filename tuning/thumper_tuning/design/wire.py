@@ -1,6 +1,6 @@
 """Gains as the board gets them: in range, and rounded to its fixed point before anybody judges them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from thumper.errors import ThumperError
 from thumper.link.messages import PARAMETERS
@@ -23,7 +23,7 @@ class BoardGains:
 
     def items(self) -> list[tuple[str, float]]:
         """Names and values, in the board's order."""
-        return [(name, getattr(self, name)) for name in SPECS]
+        return [(entry.name, getattr(self, entry.name)) for entry in fields(self)]
 
     def integers(self) -> dict[str, int]:
         """What goes over the wire."""
