@@ -151,13 +151,14 @@ def main() -> None:
         "FastPID 859, float PI 880, bridge 1108, Arduino-PID 1411",
     )
     control_law("", "ramp + feed-forward + PI", "-", "-")
-    rate = most_edges_per_s(DEFAULT_ELF)
-    row(
-        "lossless edges/s, both, link busy",
-        str(rate),
-        "100000",
-        "bridge 58200, rosserial 52600, PinChangeInterrupt 26400",
-    )
+    for share, what in ((0.0, "telemetry only"), (0.1, "700 requests/s"), (1.0, "line full both ways")):
+        rate = most_edges_per_s(DEFAULT_ELF, line_share=share)
+        row(
+            f"lossless edges/s, {what}",
+            str(rate),
+            "100000",
+            "bridge 58200, rosserial 52600, PinChangeInterrupt 26400",
+        )
     telemetry()
 
 

@@ -13,12 +13,15 @@ SLICE_CYCLES = CPU_HZ // 200
 REQUEST = encode_frame(Identify.ID, 7, Identify().pack())
 SETTLE_CYCLES = CPU_HZ // 4
 CHUNK_BYTES = 4096
+CYCLES_PER_BYTE = 320  # at 500 000 baud
 PHASES = (0.0, 0.27, 0.5)
 """How far the right encoder lags behind the left one, in intervals."""
 
 
-def counts_all(elf: Path, interval_cycles: int, *, edges: int, phase: float, board: Board) -> bool:
-    """Drive both encoders, the line full of requests and answers; true when every edge was counted."""
+def counts_all(
+    elf: Path, interval_cycles: int, *, edges: int, phase: float, line_share: float, board: Board
+) -> bool:
+    """Drive both encoders, fill `line_share` of the line with requests; true when all edges were counted."""
     chip = LabChip(elf)
     left, right = ENCODERS[board]
     with chip.edges(left) as left_source, chip.edges(right) as right_source:
@@ -28,7 +31,7 @@ def counts_all(elf: Path, interval_cycles: int, *, edges: int, phase: float, boa
         right_source.start(delay_cycles=1000 + lag, interval_cycles=interval_cycles, count=edges)
         end = chip.cycle + 1000 + lag + interval_cycles * edges
         while chip.cycle < end:
-            chip.send(REQUEST * (SLICE_CYCLES // (320 * len(REQUEST))))
+            chip.send(REQUEST * round(line_share * SLICE_CYCLES / (CYCLES_PER_BYTE * len(REQUEST))))
             chip.run(chip.cycle + SLICE_CYCLES)
         chip.receive(chip.available)
         chip.run(chip.cycle + SETTLE_CYCLES)
@@ -47,10 +50,16 @@ def shortest_interval(is_lossless: Callable[[int], bool], *, low: int, high: int
     return high
 
 
-def most_edges_per_s(elf: Path, *, edges: int = 20_000, board: Board = Board.TREX) -> int:
-    """Return the rate of each encoder [edges/s], both running, at the worst of three phases."""
+def most_edges_per_s(elf: Path, *, line_share: float, edges: int = 20_000, board: Board = Board.TREX) -> int:
+    """Return the rate of each encoder [edges/s], both running, at the worst of three phases.
+
+    `line_share`, 0...1: how full the line to the board is of requests; from a third on the line back is full.
+    """
 
     def is_lossless(interval_cycles: int) -> bool:
-        return all(counts_all(elf, interval_cycles, edges=edges, phase=p, board=board) for p in PHASES)
+        return all(
+            counts_all(elf, interval_cycles, edges=edges, phase=phase, line_share=line_share, board=board)
+            for phase in PHASES
+        )
 
     return CPU_HZ // shortest_interval(is_lossless, low=40, high=640)
