@@ -28,6 +28,7 @@ from thumper.navigation.recovery import Recovery, is_still
 from thumper.navigation.registry import make_controller, make_planner
 from thumper.navigation.route import Route
 from thumper.navigation.smoother import smoothed
+from thumper.navigation.traffic import Traffic
 from thumper.navigation.transitions import Transition, TransitionLog
 
 USUAL_PERIOD_S = 0.1
@@ -70,6 +71,7 @@ class Navigator:
         lattice = LatticePlanner(options.lattice, footprint)
         self._manoeuvre = Manoeuvre(options.manoeuvre, options.limits, footprint, lattice)
         self._memory = HitMemory(options.memory)
+        self._traffic = Traffic(options.traffic, options.limits, footprint)
         self._goal: Goal | None = None
         self._state = NavigationState.IDLE
         self._reason = ""
@@ -147,6 +149,7 @@ class Navigator:
             return self._fail("the robot's pose or speed is not a number")
 
         hits_in_map = hits_in_map[np.isfinite(hits_in_map).all(axis=1)]
+        self._traffic.update(time_s, map_from_base, hits_in_map)
         remembered_m = self._memory.update(time_s, map_from_base, hits_in_map)
         hits_in_map = np.vstack((hits_in_map, remembered_m))
         self.costmap = build_costmap(grid, hits_in_map, self._footprint, self._options.costmap)
@@ -256,6 +259,9 @@ class Navigator:
         """Let the command through the collision monitor and keep the state and the patience."""
         command, reason = result.command, result.reason
         if command is not None:
+            if why := self._traffic.objection(command, request.twist, request.map_from_base):
+                self._stuck_since_s, self._reason = None, why
+                return self._output(Twist2(), request, result.trajectory)
             command = smoothed(command, self._last_command, self._options.limits, request.period_s)
             command = self._monitor.slowed(command, hits_in_base)
             reason = self._monitor.objection(command, request.twist, hits_in_base, request.period_s)

@@ -19,6 +19,7 @@ from thumper.navigation.progress import ProgressOptions
 from thumper.navigation.pure_pursuit import PurePursuitOptions
 from thumper.navigation.recovery import RecoveryOptions
 from thumper.navigation.route import RouteOptions
+from thumper.navigation.traffic import TrafficOptions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,5 +49,6 @@ class NavigationOptions:
     manoeuvre: ManoeuvreOptions = field(default_factory=ManoeuvreOptions)
     route: RouteOptions = field(default_factory=RouteOptions)
     monitor: MonitorOptions = field(default_factory=MonitorOptions)
+    traffic: TrafficOptions = field(default_factory=TrafficOptions)
     progress: ProgressOptions = field(default_factory=ProgressOptions)
     recovery: RecoveryOptions = field(default_factory=RecoveryOptions)

@@ -1,0 +1,59 @@
+"""People at 1 m/s who cross, come toward the robot or stand in its way: the robot never drives into
+anyone.
+"""
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from tests.host.navigation.closed_loop import drive
+from tests.host.navigation.people import Walker, with_people
+from tests.host.navigation.world import World, box
+from thumper.geometry import Pose2
+from thumper.navigation.goal import Goal
+from thumper.navigation.navigator import NavigationState
+
+HALL = World.of(box(2.0, 0.0, 7.0, 4.0))
+AREA = (-4.0, -4.0, 12.0, 8.0)
+START, GOAL = Pose2(x_m=0.0, y_m=0.0), Goal(x_m=4.5, y_m=0.0)
+STANDING_M_S = 0.06  # a robot slower than this is run into, it does not run into anyone
+
+
+def seen(walkers: list[Walker]) -> Callable[[float], World]:
+    return lambda time_s: with_people(HALL, walkers, time_s)
+
+
+CROSSING = [Walker(a_m=(2.0, -1.7), b_m=(2.0, 1.7), from_s=t) for t in (0.0, 1.0, 2.0, 3.0)]
+TWO = [
+    Walker(a_m=(1.6, -1.7), b_m=(1.6, 1.7), from_s=0.5),
+    Walker(a_m=(3.0, 1.7), b_m=(3.0, -1.7), from_s=1.5),
+]
+BLOCKING = [Walker(a_m=(2.0, 0.0), b_m=(2.0, 1.6), from_s=12.0)]
+STAYING = [Walker(a_m=(2.0, 0.0), b_m=(2.0, 0.0))]
+
+
+@pytest.mark.parametrize(
+    "walkers",
+    [*([walker] for walker in CROSSING), TWO, BLOCKING, STAYING],
+    ids=["cross 0 s", "cross 1 s", "cross 2 s", "cross 3 s", "two", "blocks, then goes", "stays"],
+)
+def test_nobody_is_driven_into(walkers: list[Walker]) -> None:
+    run = drive(seen(walkers), START, GOAL, AREA, limit_s=60.0)
+    if run.clearance_m < 0.0:  # then the robot stood, and somebody walked into it
+        speeds = [a.distance_m(b) / 0.1 for a, b in zip(run.track[-4:], run.track[-3:], strict=False)]
+        assert max(speeds) < STANDING_M_S
+    else:
+        assert run.state is NavigationState.REACHED, run.reason
+        assert run.goal_error_m < 0.12
+
+
+def test_a_corridor_blocked_for_good_is_told() -> None:
+    """Three people stand shoulder to shoulder in a corridor."""
+    corridor = World.of(box(2.0, 0.0, 7.0, 1.4))
+    people = [Walker(a_m=(2.5, y_m), b_m=(2.5, y_m)) for y_m in (-0.45, 0.0, 0.45)]
+    run = drive(lambda time_s: with_people(corridor, people, time_s), START, GOAL, AREA, limit_s=120.0)
+    assert run.state is NavigationState.FAILED
+    assert "no way" in run.reason
+    assert run.clearance_m > 0.0
+    assert math.dist((run.track[-1].x_m, run.track[-1].y_m), (0.0, 0.0)) < 2.3
