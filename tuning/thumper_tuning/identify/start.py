@@ -14,6 +14,7 @@ TIME_CONSTANTS_S = np.geomspace(0.005, 2.0, 18)
 DELAYS_PERIODS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)
 REWEIGHTINGS = 6
 LONGEST_DELAY_S = 0.6
+ABSURD = 3.0  # speeds this far above the usual fast ones are glitches
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,6 +34,8 @@ def starts(stretches: list[Stretch], *, momentary: bool) -> list[Start]:
     """
     period_s = float(np.median(np.concatenate([s.windows_s for s in stretches])))
     y = np.concatenate([s.speed_rad_s for s in stretches])
+    turning = np.abs(y[y != 0.0]) if y.any() else np.ones(1)
+    sane = np.abs(y) <= ABSURD * np.percentile(turning, 90)
     moving = 0.03 * float(np.percentile(np.abs(y), 95))
     found = []
     for periods in DELAYS_PERIODS:
@@ -40,7 +43,7 @@ def starts(stretches: list[Stretch], *, momentary: bool) -> list[Start]:
         best: Start | None = None
         for tau_s in TIME_CONSTANTS_S:
             X = np.concatenate([_regressors(s, tau_s, delay_s, moving, momentary) for s in stretches])
-            theta, misfit = _l1(X, y)
+            theta, misfit = _l1(X[sane], y[sane])
             if theta[0] <= 0.0 or (best is not None and misfit >= best.misfit):
                 continue
             model = MotorModel(

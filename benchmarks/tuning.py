@@ -1,0 +1,250 @@
+"""Identification and design beside what other methods reach on the same logs; tracking through the
+real firmware.
+
+python benchmarks/tuning.py [simulated] [recorded] [rules] [tracking]; without a word: all. The
+recordings are looked
+for in $THUMPER_DATA or ../shared/data. The regression is WPILib SysId's form (acceleration on speed,
+drive and
+sign), without its trimming; SysId itself is not run.
+"""
+
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from tests.tuning.plant import COUNT_RAD, Wheel, counted, steps_and_prbs  # noqa: E402
+from thumper.geometry import FloatArray  # noqa: E402
+from thumper.link.board import Board  # noqa: E402
+from thumper_hil.parts.params import RobotParams  # noqa: E402
+from thumper_tuning.design.design import Design, DesignOptions, design, nominal  # noqa: E402
+from thumper_tuning.design.rules import RULES  # noqa: E402
+from thumper_tuning.identify.identify import identify  # noqa: E402
+from thumper_tuning.identify.model import MotorModel, Uncertainty  # noqa: E402
+from thumper_tuning.identify.stretch import Stretch, cut  # noqa: E402
+from thumper_tuning.identify.validate import fit_percent  # noqa: E402
+from thumper_tuning.identify.variants import compare_variants  # noqa: E402
+from thumper_tuning.log.motor_log import DriveUnit, MotorLog  # noqa: E402
+from thumper_tuning.log.read import read_logs  # noqa: E402
+from thumper_tuning.robot.excitation import ExcitationOptions  # noqa: E402
+from thumper_tuning.robot.record import record  # noqa: E402
+from thumper_tuning.robot.verify import Verification, VerifyOptions, verify  # noqa: E402
+
+DATA = Path(os.environ.get("THUMPER_DATA", ROOT.parent / "shared" / "data")) / "motor"
+SEEDS = 20
+EXACT = Uncertainty(
+    gain=0.0, time_constant_s=0.0, friction=0.0, delay_s=0.0, friction_forward=0.0, friction_backward=0.0
+)
+Found = tuple[float, float, float]  # gain, time constant, friction
+Method = Callable[[MotorLog], Found]
+
+
+def ours(log: MotorLog) -> Found:
+    """The product's fit."""
+    model = identify([log]).model
+    return model.gain, model.time_constant_s, model.friction
+
+
+def regression(log: MotorLog) -> Found:
+    """Acceleration (central difference) on speed, drive and sign of the speed, over all moving samples."""
+    s = cut(log)[0]
+    # drive at the end of each window: the time of its speed, as SysId takes it
+    y, u = s.speed_rad_s, s.drive[1:]
+    acceleration = (y[2:] - y[:-2]) / (s.edge_s[3:] - s.edge_s[1:-2])
+    y, u = y[1:-1], u[1 : len(y) - 1]
+    moving = np.abs(y) > 0.3
+    X = np.column_stack((y, u, np.sign(y)))[moving]
+    alpha, beta, gamma = np.linalg.lstsq(X, acceleration[moving], rcond=None)[0]
+    return float(-beta / alpha), float(-1.0 / alpha), float(-gamma / beta)
+
+
+def arx(taps: int) -> Method:
+    """Least-squares ARX with `taps` numerator taps and the sign of the motion."""
+
+    def fit(log: MotorLog) -> Found:
+        s = cut(log)[0]
+        y, u = s.speed_rad_s, s.drive
+        rows = np.flatnonzero((np.abs(y[1:]) > 0.3) & (np.abs(y[:-1]) > 0.3)) + 1
+        X = np.column_stack([y[rows - 1], *(u[rows - k] for k in range(taps)), np.sign(y[rows])])
+        theta = np.linalg.lstsq(X, y[rows], rcond=None)[0]
+        a, gain = theta[0], theta[1:-1].sum() / (1.0 - theta[0])
+        return float(gain), float(-log.period_s / np.log(a)), float(-theta[-1] / theta[1:-1].sum())
+
+    return fit
+
+
+def instantaneous(log: MotorLog) -> Found:
+    """scipy's curve fitting of the same motor as is usually written: speeds taken for momentary ones,
+    no friction."""
+    from scipy.optimize import least_squares
+
+    s = cut(log)[0]
+
+    def predicted(x: FloatArray) -> FloatArray:
+        a, y = np.exp(-log.period_s / np.exp(x[1])), np.zeros(len(s.speed_rad_s))
+        for k in range(1, len(y)):
+            y[k] = a * y[k - 1] + (1.0 - a) * np.exp(x[0]) * s.drive[k]
+        return y
+
+    x = least_squares(lambda x: predicted(x) - s.speed_rad_s, [np.log(0.05), np.log(0.1)]).x
+    return float(np.exp(x[0])), float(np.exp(x[1])), 0.0
+
+
+METHODS: dict[str, Method] = {
+    "output error, averaged, friction (ours)": ours,
+    "least squares ARX(1,2) + sign": arx(2),
+    "least squares ARX(1,1) + sign": arx(1),
+    "regression of the acceleration": regression,
+    "output error, momentary, no friction": instantaneous,
+}
+
+
+def simulated() -> None:
+    """Worst of 20 seeds at 10 Hz, errors against the truth."""
+    print("simulated 10 Hz logs, 60 s, worst of 20 seeds: gain [%], time constant [%], friction [PWM]")
+    for tau_s in (0.03, 0.075, 0.2, 0.3):
+        wheel = Wheel(tau_s=tau_s)
+        logs = [_log(wheel, seed) for seed in range(SEEDS)]
+        for name, method in METHODS.items():
+            found = np.array([method(log) for log in logs])
+            errors = found - (wheel.gain, tau_s, wheel.friction)
+            errors[:, :2] *= 100.0 / np.array((wheel.gain, tau_s))
+            worst = errors[np.abs(errors).argmax(axis=0), range(3)]
+            figures = f"{worst[0]:+7.1f} {worst[1]:+8.1f} {worst[2]:+7.1f}"
+            print(f"  tau {1e3 * tau_s:3.0f} ms  {name:40} {figures}", flush=True)
+        percents = [identify([log]).validation.fit_percent for log in logs]
+        print(f"  tau {1e3 * tau_s:3.0f} ms  held-out speeds predicted, worst seed: {min(percents):.1f} %")
+
+
+def _log(wheel: Wheel, seed: int) -> MotorLog:
+    time_s = np.arange(600, dtype=float) * 0.1
+    pwm = steps_and_prbs(600, seed)
+    position = counted(wheel.drive(time_s, pwm, seed)) * COUNT_RAD
+    begins = np.arange(600) == 0
+    return MotorLog(name="wheel", drive_unit=DriveUnit.PWM, time_s=time_s, drive=pwm, begins=begins,
+                    position_rad=position, quantum_rad=COUNT_RAD)  # fmt: skip
+
+
+def recorded() -> None:
+    """Motors that others have recorded."""
+    steps = [
+        read_logs(path, counts_per_rev=1320.0)[0] for path in sorted(DATA.glob("geared-steps-odd/*.csv"))
+    ]
+    if not steps:
+        print(f"recorded: none in {DATA}; set THUMPER_DATA")
+        return
+    motor = identify(steps, one_direction=True)
+    print(f"geared motor, five steps: held-out tenths {motor.validation.fit_percent:.1f} %")
+    held_out, measured = [], []
+    for k, log in enumerate(steps):
+        model = identify(steps[:k] + steps[k + 1 :], one_direction=True)
+        for s in cut(log):
+            held_out.append(s.speed_rad_s - _predict(s, model.model, model.fit.momentary))
+            measured.append(s.speed_rad_s)
+    percent = fit_percent(np.concatenate(measured), np.concatenate(held_out))
+    print(f"geared motor, each whole step predicted from the four others: {percent:.1f} %")
+    for side in read_logs(next(DATA.glob("drivetrain-sysid/*.json"))):
+        motor = identify([side])
+        stretches, first, parts = list(motor.stretches), 0, []
+        for s in stretches:
+            last = first + len(s.speed_rad_s)
+            parts.append(f"{fit_percent(s.speed_rad_s, motor.fit.residual_rad_s[first:last]):.1f}")
+            first = last
+        print(f"drive train {side.name}: ramps and steps {' '.join(parts)} %, held out "
+              f"{motor.validation.fit_percent:.1f} %")  # fmt: skip
+        for richer in compare_variants(stretches, motor.fit):
+            print(f"  {richer.kind}: held out {richer.fit_percent:.1f} %")
+
+
+def _predict(s: Stretch, model: MotorModel, momentary: bool) -> FloatArray:
+    from thumper_tuning.identify.predict import predict
+
+    return predict(s, model, momentary=momentary)
+
+
+def rules() -> None:
+    """Every rule on the nominal wheel at 10 Hz, PI alone."""
+    model = MotorModel(gain=0.0584, time_constant_s=0.075, friction_forward=19.3, friction_backward=19.3)
+    print("rules, 10 Hz, tau 75 ms: kp, ki, Ms, worst Ms, settling [s], overshoot [%], ITAE of a step [s^2]")
+    for rule in RULES:
+        result = design(model, EXACT, DesignOptions(rule=rule))
+        print(f"  {rule:16} {result.gains.kp:5.1f} {result.gains.ki:5.1f} {result.loop.sensitivity:5.2f} "
+              f"{result.worst.sensitivity:5.2f} {result.step.settle_s:4.1f} "
+              f"{result.step.overshoot_percent:4.0f} "
+              f"{result.step.itae:.3f}")  # fmt: skip
+
+
+def tracking() -> None:
+    """The trapezoid through the real firmware on the simulated chip: gains of the nominal robot, 27
+    robots."""
+    whole = RobotParams.load()
+    gains: Design | None = None
+    worst: dict[float, tuple[float, float]] = {}
+    for supply in (1.0, 6.7 / 7.4, 8.4 / 7.4):
+        for inertia in (1.0, 0.36, 2.0):
+            for friction in (1.0, 0.5, 2.0):
+                params = _varied(whole, supply, inertia, friction)
+                url = f"sim://v{supply:.3f}_{inertia}_{friction}/board?world=hall&x_m=-4"
+                with patch.object(RobotParams, "load", return_value=params):
+                    board = Board.open(url, baud=500_000)
+                try:
+                    if gains is None:
+                        log = record(
+                            board, ExcitationOptions(), Path("/tmp/thumper_tuning_bench.csv"), _silent
+                        )
+                        gains = design(*nominal([identify([one]) for one in read_logs(log)]), DesignOptions())
+                    result = verify(board, gains.gains, VerifyOptions(hold_s=8.0), Path("/dev/null"), _silent)
+                finally:
+                    board.close()
+                _show(f"supply x{supply:.2f} inertia x{inertia} friction x{friction}", result)
+                for t in result.tracking:
+                    std, mean = worst.get(t.acceleration_rad_s2, (0.0, 0.0))
+                    worst[t.acceleration_rad_s2] = (max(std, t.std_rad_s), max(mean, abs(t.mean_rad_s)))
+    for ramp, (std, mean) in worst.items():
+        print(f"  worst of 27 at {ramp:g} rad/s^2: std {std:.3f}, |mean| {mean:.3f} rad/s")
+
+
+def _varied(whole: RobotParams, supply: float, inertia: float, friction: float) -> RobotParams:
+    return replace(
+        whole,
+        motor=replace(
+            whole.motor,
+            inertia_kg_m2=whole.motor.inertia_kg_m2 * inertia,
+            coulomb_Nm=whole.motor.coulomb_Nm * friction,
+        ),
+        body=replace(
+            whole.body,
+            mass_kg=whole.body.mass_kg * inertia,
+            yaw_inertia_kg_m2=whole.body.yaw_inertia_kg_m2 * inertia,
+        ),
+        battery=replace(
+            whole.battery, open_circuit_V=tuple(volts * supply for volts in whole.battery.open_circuit_V)
+        ),
+    )
+
+
+def _show(name: str, result: Verification) -> None:
+    texts = [f"{t.acceleration_rad_s2:g}: {t.mean_rad_s:+.3f} {t.std_rad_s:.3f}" for t in result.tracking]
+    print(f"  {name}: mean, std at {'; '.join(texts)}", flush=True)
+
+
+def _silent(done: int, total: int, what: str) -> None:
+    pass
+
+
+def main(arguments: list[str]) -> None:
+    """Run what was asked for."""
+    parts = {"simulated": simulated, "recorded": recorded, "rules": rules, "tracking": tracking}
+    for name in arguments or parts:
+        parts[name]()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
