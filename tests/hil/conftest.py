@@ -43,7 +43,13 @@ def even_params() -> RobotParams:
     params = RobotParams.load()
     return replace(
         params,
-        motor=replace(params.motor, noise_Nm=0.0, spread_ratio=0.0),
-        body=replace(params.body, radius_spread_ratio=0.0, track_noise_ratio=0.0),
+        motor=replace(params.motor, noise_Nm=0.0, spread_ratio=0.0, unit_spread_ratio=0.0),
+        body=replace(
+            params.body,
+            radius_spread_ratio=0.0,
+            track_growth_s=0.0,
+            track_spread_ratio=0.0,
+            track_noise_ratio=0.0,
+        ),
         encoder=replace(params.encoder, edge_error_counts=0.0),
     )

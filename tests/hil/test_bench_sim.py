@@ -182,11 +182,12 @@ def test_a_wall_holds_the_robot_and_counts_once() -> None:
 
 
 def test_yaw_follows_the_effective_track() -> None:
-    """On the spot: the body turns by the wheels' travel over 0.3675 m, give or take the slip's own 3 %."""
+    """On the spot: by the wheels' travel over 0.3675 m, growing by 4 % a rad/s, give or take 3 %."""
     bench = armed(BenchOptions())
     push(bench, -110, 110, 1.5)
     truth = bench.chip.truth()
     turned_rad = float(np.unwrap(bench.truth()[:, 3])[-1])
     wheels_rad = 0.062 * (truth.wheel_rad[1] - truth.wheel_rad[0]) / 0.3675
     assert turned_rad > math.pi / 2
-    assert turned_rad == pytest.approx(wheels_rad, rel=0.06)
+    grown = 1.0 + 0.04 * wheels_rad / 1.5
+    assert turned_rad == pytest.approx(wheels_rad / grown, rel=0.06)

@@ -127,6 +127,61 @@ def test_straight_and_turning_motion(build_avr: BuildAvr, even_params: RobotPara
     assert math.hypot(truth.map_from_base.x_m, truth.map_from_base.y_m) < 1e-3
 
 
+def test_slip_grows_with_the_yaw_rate(build_avr: BuildAvr, even_params: RobotParams) -> None:
+    """At a steady turn the effective track is track (1 + growth yaw), yaw as without growth: closed form."""
+    params = replace(even_params, body=replace(even_params.body, track_growth_s=0.1))
+    for pwm in (70, 110):
+        rig = Rig(build_avr("bridge"), params)
+        rig.set(-pwm, pwm)
+        rig.run_for(1.0)
+        start = rig.chip.truth()
+        rig.run_for(0.2)
+        end = rig.chip.truth()
+        apart_rad = np.diff(np.subtract(end.wheel_rad, start.wheel_rad))[0]
+        slow_rad = RADIUS_M * apart_rad / params.body.track_m
+        turned_rad = (end.map_from_base.theta_rad - start.map_from_base.theta_rad) % math.tau
+        assert turned_rad == pytest.approx(slow_rad / (1.0 + 0.1 * slow_rad / 0.2), rel=2e-3)
+
+
+def test_two_robots_differ_as_said(build_avr: BuildAvr, even_params: RobotParams) -> None:
+    """Over 12 seeds: turns for the same travel spread by the track's 2 %, the motors' currents too."""
+    motor = replace(even_params.motor, unit_spread_ratio=0.03)
+    params = replace(even_params, motor=motor, body=replace(even_params.body, track_spread_ratio=0.02))
+    tracks_m, currents_A = [], []
+    for seed in range(12):
+        rig = Rig(build_avr("bridge"), params, seed)
+        rig.set(-90, 90)
+        rig.run_for(0.6)
+        truth = rig.chip.truth()
+        tracks_m.append(RADIUS_M * (truth.wheel_rad[1] - truth.wheel_rad[0]) / truth.map_from_base.theta_rad)
+        currents_A.append(truth.current_A[1])
+    assert np.std(tracks_m) / 0.3675 == pytest.approx(0.02, abs=0.01)
+    assert np.mean(tracks_m) == pytest.approx(0.3675, rel=0.02)
+    assert 0.005 < np.std(currents_A) / np.mean(currents_A) < 0.1
+
+
+def test_energy_balances(build_avr: BuildAvr, even_params: RobotParams) -> None:
+    """Accelerating straight on: what the motors turn into torque is friction, drag and kinetic energy."""
+    rig = Rig(build_avr("bridge"), even_params)
+    motor, body = even_params.motor, even_params.body
+    rig.set(160, 160)
+    supplied_J, step_s = 0.0, 0.0005
+    before = rig.chip.truth()
+    for _ in range(600):
+        rig.run_for(step_s)
+        after = rig.chip.truth()
+        for side in (0, 1):
+            speed = 0.5 * (before.wheel_rad_s[side] + after.wheel_rad_s[side])
+            current = 0.5 * (before.current_A[side] + after.current_A[side])
+            supplied_J += motor.torque_Nm_A * current * speed * step_s
+            supplied_J -= 3.0 * (motor.viscous_Nm_s_rad * speed + motor.coulomb_Nm) * speed * step_s
+        before = after
+    speed = after.wheel_rad_s[0]
+    kinetic_J = 0.5 * body.mass_kg * (RADIUS_M * speed) ** 2 + 6 * 0.5 * motor.inertia_kg_m2 * speed**2
+    assert kinetic_J > 0.9
+    assert supplied_J == pytest.approx(kinetic_J, rel=0.03)
+
+
 def test_current_is_what_the_motors_need(build_avr: BuildAvr, even_params: RobotParams) -> None:
     """Blocked by an obstacle a side draws n V duty / R; the hull does not move."""
     rig = Rig(build_avr("bridge"), even_params)

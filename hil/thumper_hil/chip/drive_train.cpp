@@ -18,6 +18,16 @@ DriveTrain::DriveTrain(const PlantParams& params, uint64_t seed)
     friction_ratio_[side] = 1.0 + params.motor.spread_ratio * random_.Normal();
     radius_m_[side] = params.body.wheel_radius_m * (1.0 + params.body.radius_spread_ratio * random_.Normal());
   }
+  // What makes this robot another than its sister; apart from the noise, so that the two do not disturb.
+  Random unit(seed ^ 0x51573E5);
+  const double torque_unit = 1.0 + params.motor.unit_spread_ratio * unit.Normal();
+  const double friction_unit = 1.0 + params.motor.unit_spread_ratio * unit.Normal();
+  for (int side = 0; side < 2; ++side) {
+    torque_ratio_[side] *= torque_unit;
+    friction_ratio_[side] *= friction_unit;
+  }
+  params_.body.track_m *= 1.0 + params.body.track_spread_ratio * unit.Normal();
+  track_m_ = params_.body.track_m;
 }
 
 void DriveTrain::Step(const BridgeCommand (&command)[2], double dt_s) {
@@ -118,7 +128,10 @@ void DriveTrain::MoveWheels(const double (&torque_Nm)[2], const double (&damping
 }
 
 void DriveTrain::MoveBody(const double (&wheel_turn_rad)[2], double dt_s) {
-  track_m_ = params_.body.track_m * (1.0 + track_noise_.Step(random_, dt_s));
+  const BodyParams& body = params_.body;
+  const double rolled_rad_s = std::abs(wheel_turn_rad[1] - wheel_turn_rad[0]) / dt_s;
+  const double yaw_rad_s = rolled_rad_s * body.wheel_radius_m / body.track_m;  // as if there were no growth
+  track_m_ = body.track_m * (1.0 + body.track_growth_s * yaw_rad_s + track_noise_.Step(random_, dt_s));
   const double left_m = (1.0 - faults_[0].slip) * radius_m_[0] * wheel_turn_rad[0];
   const double right_m = (1.0 - faults_[1].slip) * radius_m_[1] * wheel_turn_rad[1];
   const double turn_rad = (right_m - left_m) / track_m_;

@@ -16,7 +16,8 @@ struct MotorParams {        // one motor, at the wheel side of its gearbox
   double static_ratio;  // break-away torque over sliding friction
   double noise_Nm;      // torque noise, standard deviation
   double noise_time_s;
-  double spread_ratio;  // standard deviation of Kt and friction between the sides
+  double spread_ratio;       // standard deviation of Kt and friction between the sides
+  double unit_spread_ratio;  // and between robots
 };
 
 struct BatteryParams {
@@ -32,8 +33,10 @@ struct BodyParams {
   double yaw_inertia_kg_m2;
   double wheel_radius_m;
   double radius_spread_ratio;
-  double track_m;            // effective: what the body turns by
-  double track_noise_ratio;  // slow variation of the slip, standard deviation
+  double track_m;             // effective: what the body turns by
+  double track_growth_s;      // the track grows by this share for each rad/s of yaw
+  double track_spread_ratio;  // standard deviation of the track between robots
+  double track_noise_ratio;   // slow variation of the slip, standard deviation
   double track_noise_time_s;
   double scrub_Nm;          // moment about the vertical that the sideways-scrubbing tyres oppose
   double scrub_slip_rad_s;  // yaw rate at which it is fully there

@@ -28,6 +28,7 @@ class MotorParams:
     noise_Nm: float
     noise_time_s: float
     spread_ratio: float
+    unit_spread_ratio: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +59,8 @@ class BodyParams:
     wheel_radius_m: float
     radius_spread_ratio: float
     track_m: float
+    track_growth_s: float
+    track_spread_ratio: float
     track_noise_ratio: float
     track_noise_time_s: float
     scrub_Nm: float

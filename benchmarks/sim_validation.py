@@ -1,0 +1,116 @@
+"""Show that the simulated robot behaves as the thesis's did: `python benchmarks/sim_validation.py`.
+
+Experiment 1 of the thesis (Svec 2019, 8.1): drive by hand, compare the wheel speeds from the encoders with
+those that the motion seen from outside asks for, `w = (v -+ yaw rate * l / 2) / r`, l = 0.245 m.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from thumper.geometry import FloatArray
+from thumper.link.framing import encode_frame
+from thumper.link.messages import Command, CommandRequest, SetMotorPwm, SetWheelSpeeds
+from thumper_hil.bench.bench import Bench
+from thumper_hil.bench.options import BenchOptions
+
+RADIUS_M, GEOMETRIC_TRACK_M = 0.062, 0.245
+THESIS = "thesis: left +0.80 / 0.88, right -0.43 / 0.65 rad/s"
+SEEDS = range(1, 6)
+SMOOTHING = 10  # of 100 Hz samples: the thesis low-pass filtered its speeds
+BY_HAND = ((5.0, 1.0), (8.0, 8.0), (7.0, -5.0), (7.0, 0.5), (1.0, 7.0), (8.0, 8.0), (7.0, -5.0), (4.0, 4.0))
+"""Wheel speeds [rad/s], left and right, for 1.3 s each: round and round, mostly to the right."""
+
+
+def by_hand(seed: int) -> tuple[FloatArray, FloatArray]:
+    """Drive; returns encoder and motion-derived wheel speeds [rad/s], shape (n, 2) each, at 100 Hz."""
+    bench = _armed(seed)
+    for _ in range(2):
+        for left, right in BY_HAND:
+            for _ in range(13):
+                command = SetWheelSpeeds(left=round(1000 * left), right=round(1000 * right))
+                bench.chip.send(encode_frame(command.ID, 1, command.pack()))
+                bench.advance(bench.time_s + 0.1)
+    assert bench.contacts == 0
+    truth = bench.truth()
+    heading = np.unwrap(truth[:, 3])
+    along = np.cos(heading) * np.gradient(truth[:, 1], 0.01) + np.sin(heading) * np.gradient(
+        truth[:, 2], 0.01
+    )
+    half_turn = 0.5 * GEOMETRIC_TRACK_M * np.gradient(heading, 0.01)
+    seen = np.column_stack([along - half_turn, along + half_turn]) / RADIUS_M
+    return _smooth(truth[:, 4:6]), _smooth(seen)
+
+
+def step_response(seed: int) -> FloatArray:
+    """Open loop from rest to PWM 160 in an empty hall; rows time [s], left, right [rad/s]."""
+    bench = _armed(seed)
+    start_s = bench.time_s
+    for _ in range(10):
+        command = SetMotorPwm(left=160, right=160)
+        bench.chip.send(encode_frame(command.ID, 1, command.pack()))
+        bench.advance(bench.time_s + 0.1)
+    truth = bench.truth()
+    return truth[truth[:, 0] >= start_s][:, [0, 4, 5]] - (start_s, 0.0, 0.0)
+
+
+def _armed(seed: int) -> Bench:
+    bench = Bench(BenchOptions(world="hall", x_m=-3.0, seed=seed))
+    bench.advance(0.1)
+    arm = CommandRequest(command=Command.ARM)
+    bench.chip.send(encode_frame(arm.ID, 1, arm.pack()))
+    return bench
+
+
+def _smooth(speeds: FloatArray) -> FloatArray:
+    window = np.ones(SMOOTHING) / SMOOTHING
+    return np.column_stack([np.convolve(column, window, "valid") for column in speeds.T])
+
+
+def main() -> None:
+    """Print the figures and write the plots."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("out"), help="folder for the plots")
+    out: Path = parser.parse_args().out
+    out.mkdir(parents=True, exist_ok=True)
+
+    print("wheel speed from the encoders less the speed seen from outside [rad/s], mean / std:")
+    for seed in SEEDS:
+        wheels, seen = by_hand(seed)
+        error = wheels - seen
+        cells = [f"{name} {error[:, side].mean():+.2f} / {error[:, side].std():.2f}" for side, name in SIDES]
+        print(f"  robot {seed}: {', '.join(cells)}")
+        if seed == SEEDS[0]:
+            _plot_speeds(out / "sim_odometry.png", wheels, seen)
+    print(f"  {THESIS}")
+    figure = Figure(figsize=(8, 4), layout="constrained")
+    axes = figure.subplots()
+    for seed in SEEDS:
+        time_s, left, _ = step_response(seed).T
+        axes.plot(time_s, left, lw=1, label=f"robot {seed}")
+    axes.set(xlabel="time [s]", ylabel="left wheel [rad/s]", title="PWM 160 from rest, five robots")
+    axes.legend(frameon=False)
+    figure.savefig(out / "sim_step.png", dpi=120)
+    print(f"sim_odometry.png and sim_step.png are in {out}/")
+
+
+SIDES = ((0, "left"), (1, "right"))
+
+
+def _plot_speeds(path: Path, wheels: FloatArray, seen: FloatArray) -> None:
+    figure = Figure(figsize=(9, 5), layout="constrained")
+    for axes, (side, name) in zip(figure.subplots(2, 1, sharex=True), SIDES, strict=True):
+        time_s = 0.01 * np.arange(len(wheels))
+        axes.plot(time_s, wheels[:, side], lw=1, label="encoders")
+        axes.plot(time_s, seen[:, side], lw=1, label="from the motion seen, l = 0.245 m")
+        axes.set(ylabel=f"{name} [rad/s]")
+    axes.set(xlabel="time [s]")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
+    figure.suptitle("driven by hand: slip makes the wheels turn more than the body")
+    figure.savefig(path, dpi=120)
+
+
+if __name__ == "__main__":
+    main()
