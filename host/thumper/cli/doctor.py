@@ -1,14 +1,17 @@
 """`thumper doctor`: what is missing on this computer, and how to get it."""
 
+import json
 import shutil
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, replace
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
+
+from thumper.doctor.check import Check
 
 KNOWN_USB = {
     (0x15D1, 0x0000): "Hokuyo lidar",
@@ -18,52 +21,90 @@ KNOWN_USB = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Check:
-    """One line of the report."""
-
-    verdict: Literal["pass", "warn", "fail"]
-    what: str
-    cure: str = ""
-
-
 def doctor(
-    board: Annotated[str, typer.Option(help="Also shake hands with the board on this port or URL.")] = "",
-    lidar: Annotated[str, typer.Option(help="Also take a scan from the lidar on this port or URL.")] = "",
+    board: Annotated[str, typer.Option(help="Also measure the board on this port or URL.")] = "",
+    lidar: Annotated[str, typer.Option(help="Also measure the lidar on this port or URL.")] = "",
+    config: Annotated[
+        Path | None, typer.Option(help="The robot's TOML: measure the board and the lidar that it names.")
+    ] = None,
+    seconds: Annotated[float, typer.Option(help="How long to watch each.", min=1.0, max=60.0)] = 3.0,
+    spin: Annotated[
+        bool, typer.Option(help="Also turn each wheel, slowly, to check the encoders: WHEELS UP.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
     """Check this computer, and with --board and --lidar the robot; say how to mend what is missing."""
+    checks = _checks(board, lidar, config, seconds, spin)
+    if as_json:
+        rows = [asdict(check) for check in checks]
+        print(json.dumps({"checks": rows, "ok": all(row["verdict"] != "fail" for row in rows)}, indent=2))
+        failed = any(row["verdict"] == "fail" for row in rows)
+    else:
+        failed = _print(checks)
+    if failed:
+        raise typer.Exit(4)
+
+
+def _checks(board: str, lidar: str, config: Path | None, seconds: float, spin: bool) -> Iterator[Check]:
+    from thumper.config.robot import load_config
+    from thumper.doctor.board import check_board
+    from thumper.doctor.lidar import check_lidar
+
+    settings = load_config(config)
+    yield from _computer()
+    yield from _ports()
+    lidar_checks: Iterator[Check] = iter(())
+    if lidar or config:
+        lidar_config = replace(settings.lidar, port=lidar or settings.lidar.port)
+        lidar_checks = check_lidar(lidar_config, seconds=seconds)
+    if board or config:
+        board_config = replace(settings.board, port=board or settings.board.port)
+        yield from check_board(
+            board_config, seconds=seconds, spin=_consent if spin else None, also=lidar_checks
+        )
+    else:
+        yield from lidar_checks
+
+
+def _consent() -> bool:
+    # Not typer.confirm: it writes a blank to stdout, which belongs to the report.
+    typer.echo("The wheels will turn. Is the robot on a stand, wheels in the air? [y/N] ", err=True, nl=False)
+    return sys.stdin.readline().strip().lower() in {"y", "yes"}
+
+
+def _print(checks: Iterator[Check]) -> bool:
+    """Print each line as it comes; returns whether one failed."""
     from rich.console import Console
     from rich.markup import escape
 
-    checks = [*_computer(), *_ports()]
-    if board:
-        checks.append(_board(board))
-    if lidar:
-        checks.append(_lidar(lidar))
-    console = Console()
+    console = Console(soft_wrap=True)
     style = {"pass": "green", "warn": "yellow", "fail": "red"}
+    failed = False
     for check in checks:
         cure = f": {check.cure}" if check.cure else ""
-        console.print(
-            f"[{style[check.verdict]}]{check.verdict}[/]  {escape(check.what + cure)}", highlight=False
-        )
-    if any(check.verdict == "fail" for check in checks):
-        raise typer.Exit(4)
+        verdict = f"[{style[check.verdict]}]{check.verdict}[/]"
+        console.print(f"{verdict}  {escape(check.what + cure)}", highlight=False)
+        failed = failed or check.verdict == "fail"
+    return failed
 
 
 def _computer() -> Iterator[Check]:
     version = ".".join(map(str, sys.version_info[:3]))
-    yield Check("pass" if sys.version_info >= (3, 11) else "fail", f"Python {version}")
+    yield Check(verdict="pass" if sys.version_info >= (3, 11) else "fail", what=f"Python {version}")
     for plugin in entry_points(group="thumper.serial_protocols"):
         missing = plugin.load().missing_parts()
         ports = f"simulated ports {plugin.name}://"
-        yield Check("fail", ports, missing) if missing else Check("pass", ports)
+        yield (
+            Check(verdict="fail", what=ports, cure=missing) if missing else Check(verdict="pass", what=ports)
+        )
     for tool, use in (("avr-gcc", "building the firmware"), ("avrdude", "flashing a board")):
         if shutil.which(tool):
-            yield Check("pass", tool)
+            yield Check(verdict="pass", what=tool)
         else:
             package = {"avr-gcc": "gcc-avr avr-libc"}.get(tool, tool)
-            yield Check("warn", f"{tool} not found", f"needed for {use}: sudo apt install {package}")
+            yield Check(
+                verdict="warn", what=f"{tool} not found", cure=f"needed for {use}: sudo apt install {package}"
+            )
 
 
 def _ports() -> Iterator[Check]:
@@ -78,43 +119,20 @@ def _ports() -> Iterator[Check]:
         try:
             with Path(port.device).open("rb"):
                 pass
-            yield Check("pass", f"{port.device}: {name}")
+            yield Check(verdict="pass", what=f"{port.device}: {name}")
         except PermissionError:
-            yield Check("fail", f"{port.device}: {name}", "not permitted: sudo usermod -aG dialout $USER")
+            yield Check(
+                verdict="fail",
+                what=f"{port.device}: {name}",
+                cure="not permitted: sudo usermod -aG dialout $USER",
+            )
         except OSError:
-            yield Check("warn", f"{port.device}: {name}", "cannot be opened; is another program using it?")
+            yield Check(
+                verdict="warn",
+                what=f"{port.device}: {name}",
+                cure="cannot be opened; is another program using it?",
+            )
     if not found:
-        yield Check("warn", "no USB serial port", "plug in board and lidar, or use sim:// ports")
-
-
-def _board(url: str) -> Check:
-    from thumper.errors import ThumperError
-    from thumper.link.board import Board
-
-    try:
-        robot = Board.open(url, baud=500_000)
-    except ThumperError as error:
-        return Check("fail", "board", str(error))
-    try:
-        samples = robot.poll(0.5)
-    finally:
-        robot.close()
-    if not samples:
-        return Check("fail", "board", f"{url} shakes hands but sends no telemetry; flash the firmware again")
-    battery_V = samples[-1].telemetry.battery_mV / 1000
-    i = robot.identity
-    version = f"{i.version_major}.{i.version_minor}.{i.version_patch}"
-    report = f"board {url}: firmware {version}, {i.control_rate_Hz} Hz, battery {battery_V:.2f} V"
-    return Check("pass", report) if battery_V > 7.0 else Check("warn", report, "charge the battery")
-
-
-def _lidar(url: str) -> Check:
-    from thumper.errors import ThumperError
-    from thumper.lidar.urg04lx import Urg04LxDriver
-
-    try:
-        with Urg04LxDriver.open(url, baud=115_200) as sensor:
-            scan = sensor.wait_for_scan(timeout_s=2.0)
-    except ThumperError as error:
-        return Check("fail", "lidar", str(error))
-    return Check("pass", f"lidar {url}: {scan.ranges_m.size} beams")
+        yield Check(
+            verdict="warn", what="no USB serial port", cure="plug in board and lidar, or use sim:// ports"
+        )

@@ -29,6 +29,10 @@ class LidarDriver(Protocol):
         """Wait for the next scan; raises `ThumperError` when none comes in time."""
         ...
 
+    def now_s(self) -> float:
+        """The clock that the scans are stamped on."""
+        ...
+
     def close(self) -> None:
         """Close the port; a port that has gone is no error."""
         ...

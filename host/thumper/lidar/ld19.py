@@ -113,6 +113,10 @@ class Ld19Driver:
             exit_code=EXIT_NO_HARDWARE,
         )
 
+    def now_s(self) -> float:
+        """The clock that the scans are stamped on."""
+        return self._clock_s()
+
     def close(self) -> None:
         """Close the port; the lidar turns on, as nothing can stop it."""
         self._port.close()

@@ -26,6 +26,7 @@ from thumper.lidar.scip import (
 from thumper.lidar.scip_port import ScipPort
 from thumper.lidar.scip_startup import (
     EXIT_NO_HARDWARE,
+    REPLY_TIMEOUT_S,
     light_laser,
     read_geometry,
     stop_and_identify,
@@ -134,6 +135,20 @@ class Urg04LxDriver:
             f"the lidar on {self._name} answers but sends no scan; does its head turn? is its supply weak?",
             exit_code=EXIT_NO_HARDWARE,
         )
+
+    def now_s(self) -> float:
+        """The clock that the scans are stamped on."""
+        return self._port.now_s()
+
+    def round_trip_s(self) -> float | None:
+        """Ask for the state and return how long the answer took, None without one; costs a scan. Waits."""
+        asked_s = self._port.now_s()
+        try:
+            reply = self._port.ask(b"II", REPLY_TIMEOUT_S)
+        except (serial.SerialException, OSError):
+            self.counters.port_errors += 1
+            return None
+        return None if reply is None else self._port.now_s() - asked_s
 
     def close(self) -> None:
         """Switch the laser off and close the port; a port that has gone is no error."""

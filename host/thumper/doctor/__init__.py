@@ -1,0 +1,1 @@
+"""What `thumper doctor` measures, and what it makes of it."""
