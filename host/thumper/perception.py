@@ -9,6 +9,7 @@ from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.kinematics import DriveGeometry
 from thumper.lidar.scan import Scan
 from thumper.link.board import TelemetrySample
+from thumper.mapping.input_monitor import Flaw, InputMonitor
 from thumper.mapping.mapper import Mapper
 from thumper.mapping.scan_points import scan_points
 from thumper.odometry.history import PoseHistory
@@ -40,6 +41,7 @@ class Perception:
         self._waiting: deque[Scan] = deque(maxlen=MAX_WAITING_SCANS)
         self._hits_in_map_m = np.empty((0, 2))
         self._scan_time_s = -np.inf
+        self.monitor = InputMonitor()
         self.scans_mapped = 0
 
     def add_telemetry(self, sample: TelemetrySample) -> None:
@@ -51,6 +53,10 @@ class Perception:
 
     def add_scan(self, scan: Scan) -> None:
         """Queue a scan; it is mapped as soon as odometry covers its whole turn."""
+        if Flaw.STAMP in self.monitor.look(scan):
+            return
+        if len(self._waiting) == MAX_WAITING_SCANS:
+            self.monitor.note(Flaw.QUEUE_FULL)
         self._waiting.append(scan)
         self._map_what_is_covered()
 
@@ -74,6 +80,7 @@ class Perception:
                 return
             self._waiting.popleft()
             if not self._history.covers(scan.time_s):
+                self.monitor.note(Flaw.NO_ODOMETRY)
                 continue  # older than the odometry: taken before the board was heard
             odom_from_base = self._history.at(scan.time_s)
             turned = odom_from_base.inverse() @ self._history.at(scan.time_s + turn_s)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from thumper.geometry import FloatArray, Pose2
-from thumper.mapping.distance_field import mark
+from thumper.mapping.distance_field import CountArray, mark
 from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from thumper.mapping.integrate import integrate
 from thumper.mapping.scan_points import SILENT, ScanPoints
@@ -62,6 +62,19 @@ class Cells:
             self.reach,
             self.occupied_fraction,
         )
+
+    @property
+    def first_cell(self) -> tuple[int, int]:
+        """(row, column) of cell [0, 0] on the lattice whose cell (0, 0) begins at the map's origin."""
+        return self._first_row, self._first_col
+
+    def fill(self, hits: CountArray, misses: CountArray, first_cell: tuple[int, int]) -> None:
+        """Take over counts of equal shape, as kept by another map of the same resolution."""
+        self._first_row, self._first_col = first_cell
+        self._allocate(*hits.shape)
+        self.hits[:], self.misses[:] = hits, misses
+        for row, col in np.argwhere(self.occupied()):
+            mark(int(row), int(col), self.distance_m, self.nearest, self.resolution_m, self.reach)
 
     def occupied(self) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
         """Mask of the occupied cells, shape (rows, columns)."""

@@ -70,6 +70,16 @@ class GridMapper:
         """The correction that the last match found."""
         return self._map_from_odom
 
+    @property
+    def map_from_base(self) -> Pose2:
+        """Where the robot was at the newest scan."""
+        return self._pose
+
+    def continue_from(self, map_from_base: Pose2, map_from_odom: Pose2) -> None:
+        """Go on with the same map from a pose that somebody else found at a newer scan."""
+        self._pose, self._map_from_odom = map_from_base, map_from_odom
+        self._odometry = map_from_odom.inverse() @ map_from_base
+
     def restart(self, cells: Cells, map_from_base: Pose2) -> None:
         """Go on with another map, where the robot now is at `map_from_base`; a scan has just been entered."""
         if self._odometry is not None:

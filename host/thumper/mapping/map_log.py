@@ -11,7 +11,7 @@ import numpy as np
 
 from thumper.errors import ThumperError
 from thumper.geometry import FloatArray
-from thumper.mapping.compile_apart import compile_apart
+from thumper.mapping.apart import compile_apart, plot_apart
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.logs.open_log import open_log
 from thumper.mapping.logs.record import RobotLog
@@ -110,11 +110,7 @@ def map_log(
     if online:
         files.append(out_dir / "trajectory_final.csv")
         _write_path(files[-1], log, mapped.poses)
-    from thumper.mapping.map_plot import (
-        plot_map,
-    )  # after the mapper's arrays: drawing wants memory of its own
-
-    plot_map(mapped.grid, mapped.poses[:, :2], png_path, path.name)
+    plot_apart(yaml_path, files[-1], png_path, path.name)
     scores = [u.match_score for u in mapped.updates if not math.isnan(u.match_score)]
     return MapLogSummary(
         format_name=log.format_name,

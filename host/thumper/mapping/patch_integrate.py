@@ -123,7 +123,7 @@ def integrate_all(
 
     `poses`, shape (particles, 3), are in metres from the tables' corner. The kernel stops before a particle
     when fewer than `need` patches are free: the caller grows the pool and calls again. Every hit counts; free
-    space is cleared along one beam in `clear_every`, beginning with `clear_from`, which the caller turns over:
+    space is cleared along one beam in `clear_every`, from `clear_from` on, which the caller turns over:
     neighbouring beams cross the same cells. `stamps` lets each cell count once a
     scan, a hit before beams that pass: the tables' cells, folded into a square whose side is a power of two.
     """

@@ -10,6 +10,7 @@ from thumper.geometry import Pose2, Twist2, wrap_angle
 from thumper.lidar.scan import Scan
 from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from thumper.mapping.grid_mapper import GridMapper, GridMapperOptions
+from thumper.mapping.mapper import Mapper
 
 STILL = Twist2()
 
@@ -27,7 +28,7 @@ def tour(steps: int = 40) -> list[Pose2]:
     ]
 
 
-def driven(mapper: GridMapper, mount: Pose2, clockwise: bool = False, slip: float = 0.0) -> list[Pose2]:
+def driven(mapper: Mapper, mount: Pose2, clockwise: bool = False, slip: float = 0.0) -> list[Pose2]:
     """Drive the tour with odometry that turns too far by the share `slip`; return the mapper's poses."""
     path, odometry, found = tour(), Pose2(), []
     rng = np.random.default_rng(1)
@@ -40,6 +41,11 @@ def driven(mapper: GridMapper, mount: Pose2, clockwise: bool = False, slip: floa
         scan = room_scan(pose @ mount, first_rad=first_rad, step_rad=step_rad, noise_m=0.01, rng=rng)
         found.append(mapper.update(odometry, scan, STILL).map_from_base)
     return found
+
+
+def driven_any(mapper: Mapper, slip: float) -> list[Pose2]:
+    """The tour with the lidar in the middle, for any mapper."""
+    return driven(mapper, Pose2(), slip=slip)
 
 
 def worst_m(found: list[Pose2]) -> float:

@@ -1,0 +1,1 @@
+"""Finding the robot in a map that is known."""

@@ -1,0 +1,279 @@
+"""Localisation in a known map: an adaptive particle filter, and a search of the whole map to recover.
+
+Thrun, Burgard, Fox, "Probabilistic Robotics", 6.4 (likelihood field) and 8.3 (adaptive Monte-Carlo); number
+of particles: Fox, "Adapting the sample size in particle filters through KLD-sampling", IJRR 22(12), 2003.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Interval
+
+from thumper.geometry import FloatArray, Pose2, Twist2, wrap_angle
+from thumper.lidar.scan import Scan
+from thumper.localization.amcl_kernels import beam_scores
+from thumper.localization.likelihood_field import LikelihoodField
+from thumper.mapping.grid import OccupancyGrid
+from thumper.mapping.grid_mapper import MIN_HITS
+from thumper.mapping.mapper import MapperUpdate
+from thumper.mapping.scan_match import MatchOptions, match
+from thumper.mapping.scan_points import scan_points
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AmclOptions:
+    """Options of `Amcl`."""
+
+    least_particles: Annotated[int, Gt(0)] = 100
+    most_particles: Annotated[int, Gt(0)] = 3000
+    kld_error: Annotated[float, Gt(0)] = 0.05  # distance to the true distribution that is allowed ...
+    kld_quantile: Annotated[float, Gt(0)] = 2.33  # ... with this certainty: 2.33 is 99 %
+    kld_cell_m: Annotated[float, Gt(0)] = 0.25  # particles of one such cell ...
+    kld_cell_rad: Annotated[float, Gt(0)] = 0.2  # ... and heading count as one hypothesis
+    beams: Annotated[int, Gt(0)] = 60  # hits are thinned to about this many
+    beam_std_m: Annotated[float, Gt(0)] = 0.1  # width of the likelihood field
+    random_share: Annotated[float, Interval(gt=0, lt=1)] = (
+        0.1  # share of beams that people and chairs reflect
+    )
+    beam_gain: Annotated[float, Gt(0)] = 0.15  # share of a beam's evidence: neighbouring beams repeat it
+    usable_range_m: Annotated[float, Gt(0)] = 30.0
+    noise_per_m: Annotated[float, Ge(0)] = 0.1  # std of the way and, in rad, of the heading after 1 m
+    noise_per_rad: Annotated[float, Ge(0)] = 0.15  # std of the heading after 1 rad
+    update_distance_m: Annotated[float, Gt(0)] = 0.1  # weigh a scan after this much way ...
+    update_angle_rad: Annotated[float, Gt(0)] = 0.1  # ... or this much turn
+    lost_below: Annotated[float, Interval(ge=0, le=1)] = (
+        0.45  # share of beams explained; below it, it is lost
+    )
+    lost_after: Annotated[int, Gt(0)] = 3  # weighed scans in a row before the whole map is searched
+    seed: Annotated[int, Ge(0)] = 1
+    matching: MatchOptions = field(default_factory=MatchOptions)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseQuality:
+    """How sure the pose is."""
+
+    covariance: FloatArray  # of x, y, theta, shape (3, 3) [m^2, m rad, rad^2]
+    explained: float  # mean likelihood of the newest weighed scan's beams at the pose, 0...1
+    particles: int
+    lost: bool  # too little is explained: do not drive by this pose
+
+    @property
+    def std_m(self) -> float:
+        """Standard deviation of the position along its worst direction [m]."""
+        return math.sqrt(float(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]))
+
+
+class Amcl:
+    """Localisation behind the `Mapper` protocol: the map stays as it is."""
+
+    def __init__(
+        self,
+        grid: OccupancyGrid,
+        options: AmclOptions | None = None,
+        *,
+        base_from_laser: Pose2 | None = None,
+        map_from_base: Pose2 | None = None,
+        std_m: float = 0.3,
+        std_rad: float = 0.2,
+    ) -> None:
+        """Start round `map_from_base`, or anywhere in the map (global relocalisation) without it."""
+        self._options = options or AmclOptions()
+        self._base_from_laser = base_from_laser or Pose2()
+        self._field = LikelihoodField(grid, 0.5)
+        self._rng = np.random.default_rng(self._options.seed)
+        self._odometry: Pose2 | None = None  # at the newest scan that was weighed
+        self._map_from_odom = Pose2()
+        self._path: list[tuple[float, float, float]] = []
+        self._pose, self._explained, self._doubts = Pose2(), 0.0, 0
+        self._searching = map_from_base is None
+        self.relocalisations = 0
+        self._poses = np.zeros((0, 3))
+        if map_from_base is None:
+            self._poses = self._field.anywhere(self._options.most_particles, self._rng)
+        else:
+            self.place(map_from_base, std_m, std_rad)
+        self._weights = np.full(len(self._poses), 1.0 / len(self._poses))
+
+    @property
+    def map_from_odom(self) -> Pose2:
+        """The correction that the newest scan led to."""
+        return self._map_from_odom
+
+    @property
+    def map_from_base(self) -> Pose2:
+        """Where the robot was at the newest scan."""
+        return (
+            Pose2(x_m=self._path[-1][0], y_m=self._path[-1][1], theta_rad=self._path[-1][2])
+            if (self._path)
+            else self._pose
+        )
+
+    def place(self, map_from_base: Pose2, std_m: float = 0.3, std_rad: float = 0.2) -> None:
+        """Say by hand where the robot is, and how roughly."""
+        n = self._options.most_particles
+        spread = self._rng.standard_normal((n, 3)) * (std_m, std_m, std_rad)
+        self._poses = spread + np.array([map_from_base.x_m, map_from_base.y_m, map_from_base.theta_rad])
+        self._weights = np.full(n, 1.0 / n)
+        self._pose, self._odometry = map_from_base, None
+        self._searching, self._doubts, self._explained = False, 0, 0.0
+
+    def relocalise(self) -> None:
+        """Forget the pose: the next scan is looked for in the whole map."""
+        self._searching, self._odometry = True, None
+
+    def quality(self) -> PoseQuality:
+        """How sure the newest pose is."""
+        apart = self._poses - np.array([self._pose.x_m, self._pose.y_m, self._pose.theta_rad])
+        apart[:, 2] = np.remainder(apart[:, 2] + math.pi, math.tau) - math.pi
+        covariance = (apart * self._weights[:, np.newaxis]).T @ apart
+        lost = self._searching or self._explained < self._options.lost_below
+        return PoseQuality(
+            covariance=np.asarray(covariance),
+            explained=self._explained,
+            particles=len(self._poses),
+            lost=lost,
+        )
+
+    def grid(self) -> OccupancyGrid:
+        """The map as it was given."""
+        return self._field.grid
+
+    def path(self) -> FloatArray:
+        """x, y, theta at each scan, as given at the time, shape (scans, 3)."""
+        return np.array(self._path).reshape(-1, 3)
+
+    def warm_up(self) -> None:
+        """Compile the kernels (or load them from the cache)."""
+        scratch = Amcl(self.grid(), self._options)
+        scan = Scan(
+            time_s=0.0, ranges_m=np.ones(64), angle_min_rad=-math.pi, angle_increment_rad=math.tau / 64
+        )
+        scratch.update(Pose2(), scan, Twist2())
+
+    def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
+        """Take the odometry pose at `scan.time_s` (beam 0) and the speed during the turn, for de-skewing.
+
+        A robot that stands still keeps its particles: weighing the same view again and again would make it
+        sure of whatever it believes.
+        """
+        options = self._options
+        points = scan_points(scan, twist, self._base_from_laser, options.usable_range_m)
+        hits_m = points.hits_m()
+        hits_m = np.ascontiguousarray(hits_m[:: max(1, len(hits_m) // options.beams)])
+        moved = Pose2() if self._odometry is None else self._odometry.inverse() @ odom_from_base
+        fresh = self._odometry is None
+        score = math.nan
+        pose = self._pose @ moved
+        if len(hits_m) >= MIN_HITS and (fresh or self._has_moved(moved)):
+            if self._searching:
+                self._look_everywhere(hits_m)
+            else:
+                self._diffuse(moved)
+            pose, score = self._weigh(hits_m)
+            self._pose, self._odometry, self._explained = pose, odom_from_base, score
+            self._doubts = self._doubts + 1 if score < options.lost_below else 0
+            if self._doubts >= options.lost_after:
+                self._searching = True
+        self._map_from_odom = pose @ odom_from_base.inverse()
+        self._path.append((pose.x_m, pose.y_m, pose.theta_rad))
+        return MapperUpdate(map_from_base=pose, match_score=score, integrated=False)
+
+    def _has_moved(self, moved: Pose2) -> bool:
+        return (
+            math.hypot(moved.x_m, moved.y_m) >= self._options.update_distance_m
+            or abs(moved.theta_rad) >= self._options.update_angle_rad
+        )
+
+    def _diffuse(self, moved: Pose2) -> None:
+        """Move every particle by odometry and its noise."""
+        options, n = self._options, len(self._poses)
+        way_m, turn_rad = math.hypot(moved.x_m, moved.y_m), abs(moved.theta_rad)
+        noise = self._rng.standard_normal((n, 3)) * (
+            options.noise_per_m * way_m + 0.005,
+            options.noise_per_m * way_m + 0.005,
+            options.noise_per_m * way_m + options.noise_per_rad * turn_rad + 0.002,
+        )
+        x_m, y_m = moved.x_m + noise[:, 0], moved.y_m + noise[:, 1]
+        cos, sin = np.cos(self._poses[:, 2]), np.sin(self._poses[:, 2])
+        self._poses[:, 0] += cos * x_m - sin * y_m
+        self._poses[:, 1] += sin * x_m + cos * y_m
+        self._poses[:, 2] += moved.theta_rad + noise[:, 2]
+
+    def _look_everywhere(self, hits_m: FloatArray) -> None:
+        """Particles round the best places of the whole map, and some anywhere."""
+        options = self._options
+        centre, half_m = self._field.centre()
+        found = self._field.search_field().search(hits_m, centre, half_m, math.pi)
+        n = options.most_particles
+        around = self._rng.standard_normal((n // 2, 3)) * (0.1, 0.1, 0.05)
+        around += (found.pose.x_m, found.pose.y_m, found.pose.theta_rad)
+        self._poses = np.vstack((around, self._field.anywhere(n - n // 2, self._rng)))
+        self._weights = np.full(n, 1.0 / n)
+        self._searching, self._doubts = False, 0
+        self.relocalisations += 1
+
+    def _weigh(self, hits_m: FloatArray) -> tuple[Pose2, float]:
+        """Weigh, resample to the number that KLD asks for; return the refined pose and what it explains."""
+        options, walls = self._options, self._field
+        logs, scores = np.empty(len(self._poses)), np.empty(len(self._poses))
+        beam_scores(
+            hits_m, walls.to_corner(self._poses), walls.distance_m, walls.grid.resolution_m, walls.reach_m,
+            options.beam_std_m, options.random_share, options.beam_gain, logs, scores,
+        )  # fmt: skip
+        weights = self._weights * np.exp(logs - logs.max())
+        self._weights = weights / weights.sum()
+        best = self._poses[int(np.argmax(self._weights))]
+        near = np.hypot(*(self._poses[:, :2] - best[:2]).T) < 0.5
+        near &= np.abs(np.remainder(self._poses[:, 2] - best[2] + math.pi, math.tau) - math.pi) < 0.5
+        share = self._weights[near] / self._weights[near].sum()
+        mean = np.append(share @ self._poses[near, :2], best[2])
+        turn = np.remainder(self._poses[near, 2] - best[2] + math.pi, math.tau) - math.pi
+        mean[2] += float(share @ turn)
+        if 1.0 / float(np.sum(self._weights**2)) < 0.5 * len(self._weights):
+            self._resample()
+        return self._refined(hits_m, mean)
+
+    def _refined(self, hits_m: FloatArray, mean: FloatArray) -> tuple[Pose2, float]:
+        """Gauss-Newton from the mean of the best cluster, held by its spread."""
+        walls, matching = self._field, self._options.matching
+        start = walls.to_corner(mean)
+        found = match(
+            hits_m, start, start, np.array([100.0, 100.0, 400.0]), walls.distance_m, walls.grid.resolution_m,
+            walls.reach_m, matching.beam_std_m, matching.outlier_m, matching.iterations,
+        )  # fmt: skip
+        log, value = np.empty(1), np.empty(1)
+        beam_scores(
+            hits_m, found[np.newaxis], walls.distance_m, walls.grid.resolution_m, walls.reach_m,
+            self._options.beam_std_m, self._options.random_share, self._options.beam_gain, log, value,
+        )  # fmt: skip
+        x_m, y_m, theta_rad = (float(part) for part in walls.from_corner(found))
+        return Pose2(x_m=x_m, y_m=y_m, theta_rad=wrap_angle(theta_rad)), float(value[0])
+
+    def _resample(self) -> None:
+        """Draw until the cells that the particles fill have enough of them (Fox 2003, table 1)."""
+        options = self._options
+        order = self._rng.choice(len(self._poses), size=options.most_particles, p=self._weights)
+        drawn = self._poses[order]
+        keys = np.floor(drawn / (options.kld_cell_m, options.kld_cell_m, options.kld_cell_rad)).astype(
+            np.int64
+        )
+        seen: set[tuple[int, int, int]] = set()
+        count = len(drawn)
+        for i, (a, b, c) in enumerate(keys.tolist(), start=1):
+            seen.add((a, b, c))
+            if i >= options.least_particles and i >= self._enough(len(seen)):
+                count = i
+                break
+        self._poses = drawn[:count].copy()
+        self._weights = np.full(count, 1.0 / count)
+
+    def _enough(self, filled: int) -> float:
+        """Particles that bound the KL distance when `filled` cells are in use."""
+        if filled < 2:
+            return 0.0
+        k = 2.0 / (9.0 * (filled - 1))
+        root = 1.0 - k + math.sqrt(k) * self._options.kld_quantile
+        return (filled - 1) / (2.0 * self._options.kld_error) * root**3

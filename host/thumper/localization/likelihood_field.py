@@ -1,0 +1,57 @@
+"""A known map as a distance field: what a scan should look like from anywhere in it."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from thumper.geometry import FloatArray, Pose2
+from thumper.mapping.distance_field import FieldArray
+from thumper.mapping.grid import FREE, OCCUPIED, OccupancyGrid
+from thumper.mapping.wide_search import SearchField
+
+SEARCH_STD_M = 0.15
+
+
+class LikelihoodField:
+    """Distances to the walls of a map that does not change."""
+
+    def __init__(self, grid: OccupancyGrid, reach_m: float) -> None:
+        """Cut the distances off at `reach_m`."""
+        self.grid = grid
+        occupied = grid.cells == OCCUPIED
+        cells = distance_transform_edt(~occupied) if occupied.any() else np.full(occupied.shape, np.inf)
+        self.distance_m: FieldArray = np.minimum(cells * grid.resolution_m, reach_m).astype(np.float32)
+        self.reach_m = float(np.float32(reach_m))
+        self.corner_m = np.array([grid.origin_x_m, grid.origin_y_m])
+        self._free: NDArray[np.int64] = np.argwhere(grid.cells == FREE)
+
+    def to_corner(self, poses: FloatArray) -> FloatArray:
+        """Poses, shape (n, 3), in metres from the corner of the map's first cell."""
+        moved = poses.copy()
+        moved[..., :2] -= self.corner_m
+        return moved
+
+    def from_corner(self, poses: FloatArray) -> FloatArray:
+        """The inverse of `to_corner`."""
+        moved = poses.copy()
+        moved[..., :2] += self.corner_m
+        return moved
+
+    def anywhere(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """Poses drawn evenly from the free space, shape (count, 3)."""
+        cells = self._free if len(self._free) else np.argwhere(np.ones_like(self.grid.cells, dtype=np.bool_))
+        rows_cols = cells[rng.integers(len(cells), size=count)] + rng.random((count, 2))
+        xy_m = rows_cols[:, ::-1] * self.grid.resolution_m + self.corner_m
+        return np.column_stack((xy_m, rng.uniform(-np.pi, np.pi, count)))
+
+    def search_field(self) -> SearchField:
+        """The same map, ready for searches of the whole of it."""
+        corner = (float(self.corner_m[0]), float(self.corner_m[1]))
+        return SearchField(self.distance_m, self.grid.resolution_m, corner, SEARCH_STD_M)
+
+    def centre(self) -> tuple[Pose2, float]:
+        """Middle of the map, and half its longer side [m]."""
+        rows, cols = self.grid.cells.shape
+        half_m = 0.5 * self.grid.resolution_m * np.array([cols, rows])
+        x_m, y_m = (float(value) for value in self.corner_m + half_m)
+        return Pose2(x_m=x_m, y_m=y_m), float(half_m.max())

@@ -1,0 +1,52 @@
+"""Work that needs much memory for a moment, in processes of its own: the memory goes when they end."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+from thumper.errors import ThumperError
+from thumper.mapping.correlative import correlative_search
+from thumper.mapping.method import Method
+from thumper.mapping.particle_match import match_all
+from thumper.mapping.wide_search import block_maximum
+
+LAST_KERNELS = {"scan_match": correlative_search, "graph": block_maximum, "rbpf": match_all}
+COMPILE = (
+    "import sys; from thumper.mapping.method import MappingOptions, make_mapper; "
+    "make_mapper(MappingOptions(method=sys.argv[1])).warm_up()"
+)
+
+
+PLOT = (
+    "import sys; from pathlib import Path; import numpy as np; "
+    "from thumper.mapping.map_io import load_map; from thumper.mapping.map_plot import plot_map; "
+    "map_yaml, path_csv, png, title = sys.argv[1:]; "
+    "path = np.loadtxt(path_csv, delimiter=',', skiprows=1, usecols=(1, 2), ndmin=2); "
+    "plot_map(load_map(Path(map_yaml)), path, Path(png), title)"
+)
+
+
+def plot_apart(yaml_path: Path, path_csv: Path, png_path: Path, title: str) -> None:
+    """Draw a saved map and a path; matplotlib alone takes 60 MB.
+
+    Raises
+    ------
+    ThumperError
+        The picture cannot be drawn or written.
+    """
+    arguments = [str(yaml_path), str(path_csv), str(png_path), title]
+    done = subprocess.run(
+        [sys.executable, "-c", PLOT, *arguments], check=False, capture_output=True, text=True
+    )
+    if done.returncode != 0:
+        reason = done.stderr.strip().splitlines()[-1:] or ["no reason given"]
+        raise ThumperError(f"{png_path}: cannot be drawn ({reason[0]}); the map itself is written")
+
+
+def compile_apart(method: Method) -> None:
+    """Fill the cache on disk if this machine has never run the method; a failure is left to the warm-up."""
+    kernel = LAST_KERNELS[method]
+    cache = getattr(kernel, "_cache", None)  # numba offers no other way to ask
+    folder = Path(getattr(cache, "cache_path", None) or ".")
+    if not any(folder.glob(f"*.{kernel.__name__}-*.nbi")):
+        subprocess.run([sys.executable, "-c", COMPILE, method], check=False, capture_output=True)

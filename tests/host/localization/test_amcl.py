@@ -1,0 +1,142 @@
+"""Localisation in a known map: found anywhere, followed, lost, found again."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from tests.host.mapping.rooms import ROOM, room_scan
+from thumper.geometry import FloatArray, Pose2, Twist2, wrap_angle
+from thumper.lidar.scan import Scan
+from thumper.localization.amcl import Amcl
+from thumper.localization.switching import SwitchingMapper
+from thumper.mapping.grid import OccupancyGrid
+from thumper.mapping.grid_mapper import GridMapper
+from thumper_hil.parts.world import World
+
+STILL = Twist2()
+GRID = World(segments_m=ROOM, circles_m=np.zeros((0, 3))).to_grid()
+
+
+def drive(localiser: Amcl | SwitchingMapper, path: list[Pose2], odometry: Pose2, slip: float = 0.1) -> Pose2:
+    """Drive from pose to pose with odometry that turns and goes too far; returns the odometry at the end."""
+    rng = np.random.default_rng(3)
+    for before, pose in itertools.pairwise(path):
+        step = before.inverse() @ pose
+        odometry = odometry @ Pose2(
+            x_m=(1 + slip) * step.x_m, y_m=step.y_m, theta_rad=(1 + slip) * step.theta_rad
+        )
+        localiser.update(odometry, room_scan(pose, noise_m=0.01, rng=rng), STILL)
+    return odometry
+
+
+def way(start: Pose2, steps: int = 15) -> list[Pose2]:
+    """An arc of 0.1 m and 0.12 rad a step."""
+    path = [start]
+    for _ in range(steps):
+        path.append(path[-1] @ Pose2(x_m=0.08, theta_rad=0.15))
+    return path
+
+
+def error_m(localiser: Amcl, truth: Pose2) -> float:
+    assert abs(wrap_angle(localiser.map_from_base.theta_rad - truth.theta_rad)) < 0.05
+    return localiser.map_from_base.distance_m(truth)
+
+
+@pytest.mark.parametrize(("x_m", "y_m", "theta_rad"), [(0.3, 0.4, 2.0), (-1.5, 2.0, -1.0), (2.2, -0.8, 3.0)])
+def test_the_pose_is_found_anywhere(x_m: float, y_m: float, theta_rad: float) -> None:
+    start = Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
+    localiser = Amcl(GRID)
+    assert localiser.quality().lost
+    localiser.update(Pose2(), room_scan(start), STILL)
+    assert error_m(localiser, start) < 0.05
+    assert localiser.relocalisations == 1
+    assert not localiser.quality().lost
+
+
+def test_a_pose_by_hand_is_refined_and_followed_with_fewer_particles() -> None:
+    start = Pose2(x_m=0.2, y_m=0.3)
+    localiser = Amcl(GRID, map_from_base=Pose2(x_m=0.4, y_m=0.1, theta_rad=0.15))
+    before = localiser.quality()
+    path = way(start)
+    localiser.update(Pose2(), room_scan(start), STILL)
+    drive(localiser, path, Pose2())
+    after = localiser.quality()
+    assert error_m(localiser, path[-1]) < 0.05
+    assert after.particles < 0.3 * before.particles
+    assert after.std_m < 0.1 < before.std_m
+    assert after.explained > 0.7
+    assert localiser.relocalisations == 0
+
+
+def test_a_kidnapped_robot_says_so_and_is_found_again() -> None:
+    start = Pose2(x_m=0.2, y_m=0.3)
+    localiser = Amcl(GRID, map_from_base=start)
+    localiser.update(Pose2(), room_scan(start), STILL)
+    odometry = drive(localiser, way(start, 5), Pose2())
+    elsewhere = way(Pose2(x_m=2.3, y_m=-0.9, theta_rad=2.5))
+    lost = False
+    for here, there in itertools.pairwise(elsewhere):
+        odometry = drive(localiser, [here, there], odometry)
+        lost |= localiser.quality().lost
+    assert lost
+    assert localiser.relocalisations >= 1
+    assert error_m(localiser, elsewhere[-1]) < 0.06
+
+
+def test_a_robot_that_stands_still_keeps_pose_and_particles() -> None:
+    start = Pose2(x_m=0.2, y_m=0.3)
+    localiser = Amcl(GRID, map_from_base=start)
+    rng = np.random.default_rng(4)
+    localiser.update(Pose2(), room_scan(start, noise_m=0.02, rng=rng), STILL)
+    pose, quality = localiser.map_from_base, localiser.quality()
+    for _ in range(30):
+        localiser.update(Pose2(), room_scan(start, noise_m=0.02, rng=rng), STILL)
+    assert localiser.map_from_base == pose
+    np.testing.assert_array_equal(localiser.quality().covariance, quality.covariance)
+
+
+def test_the_map_does_not_change() -> None:
+    before = GRID.cells.copy()
+    localiser = Amcl(GRID, map_from_base=Pose2())
+    drive(localiser, way(Pose2()), Pose2())
+    np.testing.assert_array_equal(localiser.grid().cells, before)
+
+
+def test_a_blind_scan_moves_by_odometry() -> None:
+    localiser = Amcl(GRID, map_from_base=Pose2(x_m=1.0))
+    blind = Scan(time_s=0.0, ranges_m=np.full(90, np.nan), angle_min_rad=0.0, angle_increment_rad=0.07)
+    localiser.update(Pose2(), room_scan(Pose2(x_m=1.0)), STILL)
+    pose = localiser.map_from_base
+    update = localiser.update(Pose2(x_m=0.3), blind, STILL)
+    assert math.isnan(update.match_score)
+    assert update.map_from_base.distance_m(pose @ Pose2(x_m=0.3)) < 1e-9
+
+
+def test_mapping_localising_and_mapping_again_without_a_jump() -> None:
+    path = way(Pose2(), 30)
+    robot = SwitchingMapper(GridMapper())
+    robot.update(Pose2(), room_scan(path[0]), STILL)
+    odometry = drive(robot, path[:11], Pose2())
+    robot.localise()
+    frozen = robot.grid()
+    odometry = drive(robot, path[10:21], odometry)
+    assert _same(robot.grid(), frozen.cells)
+    assert robot.map_on()
+    odometry = drive(robot, path[20:], odometry)
+    assert not _same(robot.grid(), frozen.cells)
+    assert (robot.map_from_odom @ odometry).distance_m(path[-1]) < 0.05
+
+
+def test_mapping_does_not_go_on_from_a_lost_pose() -> None:
+    robot = SwitchingMapper(GridMapper())
+    robot.update(Pose2(), room_scan(Pose2()), STILL)
+    robot.localise()
+    assert robot.localiser is not None
+    robot.localiser.relocalise()
+    assert not robot.map_on()
+
+
+def _same(grid: OccupancyGrid, cells: FloatArray | np.ndarray[tuple[int, int], np.dtype[np.int8]]) -> bool:
+    return grid.cells.shape == cells.shape and bool((grid.cells == cells).all())

@@ -1,0 +1,75 @@
+"""Loops longer than a scan matcher can absorb."""
+
+import numpy as np
+import pytest
+
+from tests.host.mapping.corridors import corridor_loop, drive, errors_m, round_trip
+from thumper.geometry import Pose2, Twist2
+from thumper.mapping.graph_mapper import GraphMapper, LoopOptions
+from thumper.mapping.mapper import Mapper
+from thumper.mapping.pose_graph import Edge, optimise, residual
+
+LENGTH_M, BREADTH_M = 32.0, 20.0
+
+
+def mapped(mapper: Mapper, seed: int) -> list[Pose2]:
+    """Drive round the corridors; returns the true poses."""
+    rng = np.random.default_rng(seed)
+    world, poses = corridor_loop(LENGTH_M, BREADTH_M, rng), round_trip(LENGTH_M, BREADTH_M, 12.0)
+    for odometry, scan in drive(world, poses, rng):
+        mapper.update(odometry, scan, Twist2())
+    return poses
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_corridor_of_ninety_metres_closes(seed: int) -> None:
+    start = round_trip(LENGTH_M, BREADTH_M, 0.0)[0]
+    mapper = GraphMapper(loops=LoopOptions(active_m=30.0), map_from_base=start)
+    poses = mapped(mapper, seed)
+    found = mapper.path()
+    revisited = round(12.0 / 0.2)
+    # Where the loop closes: the same place, seen at the beginning and at the end.
+    for first, last in ((revisited - 5, -5), (revisited - 15, -15)):
+        apart = np.hypot(*(found[last, :2] - found[first, :2]))
+        true = poses[last].distance_m(poses[first])
+        assert abs(apart - true) < 0.1
+    assert mapper.loops_closed >= 1
+    assert errors_m(found, poses).max() < 1.5
+
+
+def square(drift: float) -> tuple[np.ndarray[tuple[int, int], np.dtype[np.float64]], list[Edge]]:
+    """Four sides of 10 m whose corners turn too far, and the true edge that closes them."""
+    step = Pose2(x_m=10.0, theta_rad=np.pi / 2 + drift)
+    poses, edges = [Pose2()], []
+    for k in range(4):
+        poses.append(poses[-1] @ step)
+        edges.append(_edge(k, k + 1, step, loop=False))
+    edges.append(_edge(0, 4, Pose2(), loop=True))
+    return np.array([(p.x_m, p.y_m, p.theta_rad) for p in poses]), edges
+
+
+def _edge(first: int, second: int, relative: Pose2, *, loop: bool) -> Edge:
+    std = 0.005 if loop else 0.05
+    return Edge(
+        first=first,
+        second=second,
+        first_from_second=relative,
+        std_m=std,
+        std_rad=std,
+        loop=loop,
+        length_m=1.0,
+    )
+
+
+def test_a_bent_square_becomes_square() -> None:
+    poses, edges = square(0.02)
+    assert residual(poses, edges[-1])[0] > 0.3
+    found = optimise(poses, edges)
+    assert residual(found, edges[-1])[0] < 0.02
+    np.testing.assert_allclose(found[0], 0.0, atol=1e-6)
+    np.testing.assert_allclose(found[2, :2], (10.0, 10.0), atol=0.2)
+
+
+def test_consistent_poses_stay() -> None:
+    poses, edges = square(0.0)
+    np.testing.assert_allclose(optimise(poses, edges)[:, :2], poses[:, :2], atol=1e-6)

@@ -1,0 +1,98 @@
+"""The particle filter: patches, seeds, and the same rooms as the single-hypothesis mapper."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.host.mapping.rooms import ROOM, room_scan
+from tests.host.mapping.test_grid_mapper import driven_any, tour
+from thumper.geometry import Pose2, Twist2
+from thumper.mapping.grid import OCCUPIED
+from thumper.mapping.grid_mapper import GridMapperOptions
+from thumper.mapping.patch_integrate import quantised_distances
+from thumper.mapping.patches import FAR, empty_pool, grown_pool, share, writable
+from thumper.mapping.rbpf_mapper import RbpfMapper, RbpfOptions
+from thumper_hil.parts.world import World
+
+
+def test_patches_are_shared_until_written() -> None:
+    pool = empty_pool(4)
+    tables = np.zeros((2, 2, 2), dtype=np.int32)
+    first = writable(tables[0], 0, 1, pool)
+    pool.hits[first, 3, 4] = 7
+    share(tables, np.array([0, 0], dtype=np.int32), pool)
+    assert tables[1, 0, 1] == first
+    assert pool.references[first] == 2
+    second = writable(tables[1], 0, 1, pool)
+    pool.hits[second, 3, 4] = 9
+    assert (pool.hits[first, 3, 4], pool.references[first], pool.references[second]) == (7, 1, 1)
+    share(tables, np.array([1, 1], dtype=np.int32), pool)  # the first map dies, its patch is free again
+    assert pool.references[first] == 0
+    assert int(pool.size[0]) == 3
+    assert (pool.hits[0] == 0).all()
+
+
+def test_a_grown_pool_keeps_numbers_and_gains_free_patches() -> None:
+    pool = empty_pool(1)
+    table = np.zeros((1, 1), dtype=np.int32)
+    patch = writable(table, 0, 0, pool)
+    pool.misses[patch] = 5
+    bigger = grown_pool(pool, 3)
+    assert int(bigger.size[0]) == 3
+    assert (bigger.misses[patch] == 5).all()
+    assert len(set(bigger.unused[:3].tolist())) == 3
+    assert patch not in bigger.unused[:3]
+
+
+def test_distances_are_kept_exactly_while_walls_come_and_go() -> None:
+    """The levels after a drive equal those computed from the walls alone."""
+    mapper = RbpfMapper(filtering=RbpfOptions(particles=2))
+    driven_any(mapper, slip=0.1)
+    maps = mapper.maps
+    distance_m = maps.distance_m(mapper._best)
+    occupied = np.argwhere(maps.grid(mapper._best).cells == OCCUPIED)
+    levels = quantised_distances(maps.reach)
+    for row, col in np.argwhere(distance_m < maps.reach * 0.05 * FAR / 254)[::37]:
+        squared = int(((occupied - (row, col)) ** 2).sum(axis=1).min())
+        assert round(float(distance_m[row, col]) / (maps.reach * 0.05) * 254) == int(levels[squared])
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_no_seed_loses_the_way(seed: int) -> None:
+    mapper = RbpfMapper(filtering=RbpfOptions(particles=8, seed=seed), map_from_base=tour()[0])
+    found = driven_any(mapper, slip=0.2)
+    assert max(pose.distance_m(truth) for pose, truth in zip(found, tour(), strict=True)) < 0.05
+    path = mapper.path()
+    assert max(math.hypot(p[0] - t.x_m, p[1] - t.y_m) for p, t in zip(path, tour(), strict=True)) < 0.05
+
+
+def test_the_same_seed_gives_the_same_map() -> None:
+    maps = []
+    for _ in range(2):
+        mapper = RbpfMapper(filtering=RbpfOptions(particles=5, seed=7))
+        driven_any(mapper, slip=0.1)
+        maps.append(mapper.grid().cells)
+    np.testing.assert_array_equal(maps[0], maps[1])
+
+
+def test_the_map_covers_the_walls() -> None:
+    mapper = RbpfMapper(GridMapperOptions(), RbpfOptions(particles=5), map_from_base=tour()[0])
+    driven_any(mapper, slip=0.1)
+    truth, grid = World(segments_m=ROOM, circles_m=np.zeros((0, 3))).to_grid(), mapper.grid()
+    hit = 0
+    cells = np.argwhere(grid.cells == OCCUPIED)
+    for row, col in cells:
+        r, c = truth.cell_of(*grid.centre_of(int(row), int(col)))
+        hit += bool((truth.cells[r - 1 : r + 2, c - 1 : c + 2] == OCCUPIED).any())
+    assert len(cells) > 200
+    assert hit > 0.97 * len(cells)
+
+
+def test_standing_still_changes_nothing() -> None:
+    mapper, rng = RbpfMapper(filtering=RbpfOptions(particles=5)), np.random.default_rng(2)
+    mapper.update(Pose2(), room_scan(Pose2(), noise_m=0.02, rng=rng), Twist2())
+    before = mapper.grid().cells
+    for _ in range(20):
+        assert not mapper.update(Pose2(), room_scan(Pose2(), noise_m=0.02, rng=rng), Twist2()).integrated
+    np.testing.assert_array_equal(mapper.grid().cells, before)
