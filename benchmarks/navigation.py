@@ -1,4 +1,5 @@
-"""Figures of navigation: `python benchmarks/navigation.py [planner] [rollouts] [cycle] [barn SCALE ...]`.
+"""Figures of navigation: `python benchmarks/navigation.py [planner] [rollouts] [cycle]`, or
+`... barn|made CONTROLLER SEED SCALE ...` for 20 recorded BARN worlds, or 20 made ones of the same kind.
 
 Without arguments: planner, rollouts and cycle. Recorded maps come from $THUMPER_DATA (default
 ../shared/data). Times are CPU milliseconds of this thread.
@@ -19,10 +20,16 @@ from numpy.typing import NDArray
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from tests.host.navigation.closed_loop import Conditions, drive  # noqa: E402
+from tests.host.navigation.barn import (  # noqa: E402
+    drive_through,
+    has_arrived,
+    made_world,
+    recorded_world,
+)
+from tests.host.navigation.closed_loop import drive  # noqa: E402
 from tests.host.navigation.maps import read_pgm, read_trinary  # noqa: E402
 from tests.host.navigation.world import World, box  # noqa: E402
-from thumper.geometry import FloatArray, Pose2, Twist2  # noqa: E402
+from thumper.geometry import Pose2, Twist2  # noqa: E402
 from thumper.mapping.grid import OccupancyGrid  # noqa: E402
 from thumper.navigation.astar import AStarOptions, AStarPlanner  # noqa: E402
 from thumper.navigation.controller import ControlRequest  # noqa: E402
@@ -30,11 +37,15 @@ from thumper.navigation.costmap import Costmap, CostmapOptions, build_costmap  #
 from thumper.navigation.dwa import DwaController, DwaOptions  # noqa: E402
 from thumper.navigation.footprint import Footprint  # noqa: E402
 from thumper.navigation.goal import Goal  # noqa: E402
-from thumper.navigation.inflation import LETHAL, UNKNOWN  # noqa: E402
+from thumper.navigation.inflation import LETHAL, UNKNOWN, squared_distances  # noqa: E402
+from thumper.navigation.lattice import LatticeOptions, LatticePlanner  # noqa: E402
 from thumper.navigation.limits import SpeedLimits  # noqa: E402
+from thumper.navigation.mppi import MppiController, MppiOptions  # noqa: E402
+from thumper.navigation.navfn import NavfnOptions, NavfnPlanner  # noqa: E402
 from thumper.navigation.navigator import Navigator  # noqa: E402
 from thumper.navigation.options import NavigationOptions  # noqa: E402
 from thumper.navigation.path import arc_lengths  # noqa: E402
+from thumper.navigation.planner import Planner  # noqa: E402
 
 DATA = Path(os.environ.get("THUMPER_DATA", ROOT.parent / "shared" / "data")) / "nav"
 NO_HITS = np.empty((0, 2))
@@ -66,27 +77,35 @@ def navfn_costmap(cells: NDArray[np.int8]) -> tuple[Costmap, float]:
 
 def planner() -> None:
     """The pairs of the real navfn: time, and length against its Dijkstra path."""
-    print("planner: 50 pairs a map, unknown blocked; obstacle weight 4 (as navfn) and 6 (default)")
+    print("planner: 50 pairs a map, unknown blocked")
+    planners: dict[str, Planner] = {
+        "navfn": NavfnPlanner(NavfnOptions(allow_unknown=False)),
+        "navfn, unguided": NavfnPlanner(NavfnOptions(allow_unknown=False, guided=False)),
+        "astar": AStarPlanner(AStarOptions(allow_unknown=False)),
+        "lattice": LatticePlanner(LatticeOptions(allow_unknown=False), Footprint()),
+    }
     for name in ("willow-full-0.05", "depot"):
         costmap, inflate_ms = navfn_costmap(read_trinary(DATA / "ros_maps" / f"{name}.pgm"))
+        print(f"  {name}: costmap {inflate_ms:.1f} ms")
         pairs = np.loadtxt(DATA / "bench" / f"{name}_pairs.csv", delimiter=",", skiprows=1)
-        for weight in (4.0, 6.0):
-            astar = AStarPlanner(AStarOptions(obstacle_weight=weight, allow_unknown=False))
+        for title, chosen in planners.items():
             times, ratios = [], []
             for start_col, start_row, goal_col, goal_row, navfn_m, _ in pairs:
                 start = Pose2(x_m=0.05 * (start_col + 0.5), y_m=0.05 * (start_row + 0.5))
                 goal = Goal(x_m=0.05 * (goal_col + 0.5), y_m=0.05 * (goal_row + 0.5))
-                plan = partial(astar.plan, costmap, start, goal)
+                plan = partial(chosen.plan, costmap, start, goal)
                 path_m = plan().path_m
                 if path_m is not None:
                     ratios.append(float(arc_lengths(path_m)[-1]) / navfn_m)
                     times.append(cpu_ms(plan, 2))
             p50, p95 = np.percentile(times, (50, 95))
             print(
-                f"  {name} weight {weight}: {len(ratios)}/{len(pairs)} found, "
-                f"{p50:.1f} ms (p95 {p95:.1f}), length x {np.mean(ratios):.3f} of navfn; "
-                f"costmap {inflate_ms:.1f} ms"
+                f"    {title}: {len(ratios)}/{len(pairs)} found, {p50:.2f} ms (p95 {p95:.1f}), "
+                f"length x {np.mean(ratios):.3f} of navfn"
             )
+    lethal = read_pgm(DATA / "oracle" / "inflation_in_120.pgm") == LETHAL
+    squared_distances(lethal, 11)
+    print(f"  inflation distances 120 x 120: {cpu_ms(partial(squared_distances, lethal, 11), 50):.3f} ms")
 
 
 def window_request(name: str) -> ControlRequest:
@@ -124,7 +143,9 @@ def rollouts() -> None:
             controller.command(request)
             work_ms = cpu_ms(partial(controller.command, request), 20)
             line += f"  {v_samples * w_samples} x {round(horizon_s / 0.1)}: {1e3 * work_ms:.0f} us"
-        print(line)
+        mppi = MppiController(MppiOptions(futures=2000, steps=56), SpeedLimits(), Footprint())
+        mppi.command(request)
+        print(f"{line}  MPPI 2000 x 56: {1e3 * cpu_ms(partial(mppi.command, request), 10):.0f} us")
 
 
 def cycle() -> None:
@@ -150,55 +171,34 @@ def cycle() -> None:
     print(f"cycle: {len(times)} updates, p50 {p50:.2f} ms, p99 {p99:.2f} ms, max {1e3 * max(times):.2f} ms")
 
 
-def barn_world(index: int, scale: float) -> World:
-    """A world of the BARN challenge, everything scaled."""
-    centres: FloatArray = np.loadtxt(
-        DATA / "barn" / f"world_{index:03d}_cylinders.csv", delimiter=",", skiprows=1
-    )
-    return World(circles_m=np.column_stack((centres[:, :2], np.full(len(centres), 0.075))) * scale)
-
-
-def barn(scale: float) -> None:
+def barn(kind: str, controller: str, seed: int, scale: float) -> None:
     """20 BARN worlds, rules and speed (0.5 m/s) of the peers' table; exact pose, 1 cm range noise."""
-    options = NavigationOptions(limits=SpeedLimits(v_max_m_s=0.5))
-    exact = Conditions(pose_noise_m=0.0, pose_noise_rad=0.0, slip=0.0)
-    start = Pose2(x_m=-2.25 * scale, y_m=3.0 * scale, theta_rad=0.5 * math.pi)
-    goal = Goal(x_m=-2.25 * scale, y_m=13.0 * scale)
-    area = (-6.5 * scale, -scale, 8.5 * scale, 16.0 * scale)
+    options = NavigationOptions(limits=SpeedLimits(v_max_m_s=0.5), controller=controller)
     times, least_m, contacts = [], math.inf, 0
-    for index in range(0, 300, 15):
-        run = drive(
-            barn_world(index, scale),
-            start,
-            goal,
-            area,
-            options=options,
-            conditions=exact,
-            limit_s=100.0,
-            is_there=lambda pose: goal.distance_m(pose) < scale,
-        )
+    for k in range(20):
+        world = made_world(k, scale) if kind == "made" else recorded_world(DATA / "barn", 15 * k, scale)
+        run = drive_through(world, scale, options, seed)
         least_m = min(least_m, run.clearance_m)
         contacts += run.clearance_m < 0.0
-        if run.goal_error_m < scale and run.clearance_m >= 0.0:
+        if has_arrived(run, scale):
             times.append(run.time_s)
         else:
-            print(f"  world {index}: {run.time_s:.0f} s, {run.state.value}, {run.reason}")
+            print(f"  world {k}: {run.time_s:.0f} s, {run.state.value}, {run.reason}")
     print(
-        f"barn x {scale}: {len(times)}/20, {contacts} contacts, mean {np.mean(times):.1f} s, "
-        f"least clearance {least_m:.3f} m"
+        f"{kind} x {scale}, {controller}, seed {seed}: {len(times)}/20, {contacts} contacts, "
+        f"mean {np.mean(times):.1f} s, least clearance {least_m:.3f} m",
+        flush=True,
     )
 
 
 def main(arguments: list[str]) -> None:
     """Run what was asked for."""
     parts = {"planner": planner, "rollouts": rollouts, "cycle": cycle}
-    if "barn" in arguments:
-        cut = arguments.index("barn")
-        for scale in map(float, arguments[cut + 1 :]):
-            barn(scale)
-        arguments = arguments[:cut]
-        if not arguments:
-            return
+    if arguments and arguments[0] in ("barn", "made"):
+        kind, controller, seed, *scales = arguments
+        for scale in map(float, scales):
+            barn(kind, controller, int(seed), scale)
+        return
     for name in arguments or parts:
         parts[name]()
 
