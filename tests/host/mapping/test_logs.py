@@ -94,3 +94,85 @@ def test_a_broken_file_is_one_clear_line(tmp_path: Path, name: str, data: bytes,
 def test_a_missing_file(tmp_path: Path) -> None:
     with pytest.raises(ThumperError, match="no such file"):
         open_log(tmp_path / "gone.log")
+
+
+def flaser_line(
+    ranges_m: list[float], odom: tuple[float, float, float], laser: str = "", stamp: float = 1.0
+) -> str:
+    pose = "{:.3f} {:.3f} {:.4f}".format(*odom)
+    ranges = " ".join(f"{r:.2f}" for r in ranges_m)
+    return f"FLASER {len(ranges_m)} {ranges} {laser or pose} {pose} {stamp:.6f} host {stamp:.6f}\n"
+
+
+@pytest.mark.parametrize(
+    ("beams", "first_deg", "step_deg"),
+    [
+        (180, -90, 1.0),
+        (181, -90, 1.0),
+        (360, -90, 0.5),
+        (361, -90, 0.5),
+        (541, -135, 0.5),
+        (1081, -135, 0.25),
+    ],
+)
+def test_the_field_of_view_follows_from_the_number_of_beams(
+    tmp_path: Path, beams: int, first_deg: float, step_deg: float
+) -> None:
+    log = open_log(written(tmp_path / "a.log", flaser_line([2.0] * beams, (0, 0, 0))))
+    scan = log.records[0].scan
+    assert np.degrees([scan.angle_min_rad, scan.angle_increment_rad]) == pytest.approx([first_deg, step_deg])
+
+
+@pytest.mark.parametrize(("limit_m", "usable_m"), [(4.09, 4.0), (8.19, 8.0), (29.99, 29.0), (81.83, 70.0)])
+def test_the_code_for_nothing_is_found_in_the_log(tmp_path: Path, limit_m: float, usable_m: float) -> None:
+    """A spike at the largest reading is the sensor's code, whatever its range."""
+    rng = np.random.default_rng(1)
+    lines = [
+        flaser_line([limit_m] * 40 + list(rng.uniform(0.5, usable_m, 140)), (0.1 * k, 0, 0))
+        for k in range(20)
+    ]
+    for record in open_log(written(tmp_path / "a.log", "".join(lines))).records:
+        assert np.isnan(record.scan.ranges_m[:40]).all()
+        assert np.isfinite(record.scan.ranges_m[40:]).all()
+
+
+def test_broken_lines_rear_lasers_and_odd_headers_are_survived_and_noted(tmp_path: Path) -> None:
+    good = [flaser_line([2.0] * 180, (0.1 * k, 0, 0)) for k in range(30)]
+    rear = good[0].replace("FLASER", "RLASER")
+    text = (
+        "# made by hand\nPARAM robot_frontlaser_offset 0.3\nSYNC x\n"
+        + rear
+        + "".join(good)
+        + good[0][:50]
+        + "\n"
+    )
+    log = open_log(written(tmp_path / "a.log", text))
+    assert len(log.records) == 30
+    assert any("1 broken lines" in note for note in log.notes)
+    assert any("1 RLASER" in note for note in log.notes)
+
+
+def test_a_rear_laser_alone_looks_back(tmp_path: Path) -> None:
+    line = flaser_line([2.0] * 181, (1.0, 0.0, 0.0), laser="0.800 0.000 3.1416")
+    log = open_log(written(tmp_path / "a.log", line.replace("FLASER", "RLASER")))
+    assert log.base_from_laser.x_m == pytest.approx(-0.2)
+    assert abs(log.base_from_laser.theta_rad) == pytest.approx(math.pi, abs=1e-4)
+
+
+def test_corrected_laser_poses_are_not_taken_for_the_mounting(tmp_path: Path) -> None:
+    lines = "".join(
+        flaser_line([2.0] * 180, (0.1 * k, 0, 0), laser=f"{0.1 * k:.3f} {0.02 * k:.3f} 0.0")
+        for k in range(30)
+    )
+    log = open_log(written(tmp_path / "a.log", "PARAM robot_frontlaser_offset 0.25\n" + lines))
+    assert log.base_from_laser.x_m == 0.25
+    assert any("mounting" in note for note in log.notes)
+
+
+def test_odometry_comes_from_odom_lines_where_laser_lines_have_none(tmp_path: Path) -> None:
+    text = "".join(
+        f"ODOM {0.1 * k:.2f} 0 0 0.1 0 0 {k} host {k}\n" + flaser_line([2.0] * 180, (0, 0, 0))
+        for k in range(5)
+    )
+    log = open_log(written(tmp_path / "a.log", text))
+    assert [record.odom_from_base.x_m for record in log.records] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
