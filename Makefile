@@ -1,11 +1,11 @@
 # Two commands matter: `make demo` (see the robot drive) and `make test`. Both install what is missing.
-.PHONY: help demo test lint format firmware chip protocol bench clean
+.PHONY: help demo test lint format firmware chip protocol bench mutation clean
 
 PYTHON ?=
 VENV := .venv
 BIN := $(VENV)/bin
 PACKAGES := gcc-avr avr-libc binutils-avr libsimavr-dev libelf-dev g++ python3-venv
-TEST_PACKAGES := clang-format simavr arduino-core-avr avrdude
+TEST_PACKAGES := clang-format clang libclang-rt-dev simavr arduino-core-avr avrdude
 
 help:
 	@echo "make demo      install what is missing, build, and drive the two missions in simulation (results in out/)"
@@ -13,6 +13,7 @@ help:
 	@echo "make lint      ruff, mypy --strict, clang-format"
 	@echo "make firmware  build firmware/build/thumper.elf and .hex and those of the second board, print their size"
 	@echo "make bench     run the benchmarks"
+	@echo "make mutation  flip every operator and constant of the firmware's core and count who notices (hours)"
 
 demo: firmware chip
 	@$(BIN)/thumper demo
@@ -43,6 +44,9 @@ protocol: $(VENV)/.run
 
 bench: firmware chip $(VENV)/.run
 	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
+
+mutation: $(VENV)/.dev
+	@$(BIN)/python -m tests.firmware.mutation.run
 
 clean:
 	rm -rf firmware/build hil/thumper_hil/chip/build out

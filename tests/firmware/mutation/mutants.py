@@ -1,0 +1,80 @@
+"""Every small lie that can be told in firmware/core: an operator or a constant flipped, one at a time."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+CORE = Path(__file__).resolve().parents[3] / "firmware" / "core"
+SKIPPED = {"messages.hpp"}  # generated, and compared with its schema by a test of its own
+
+OPERATORS = {
+    "==": "!=",
+    "!=": "==",
+    "<=": "<",
+    ">=": ">",
+    "&&": "||",
+    "||": "&&",
+    "+=": "-=",
+    "-=": "+=",
+    "++": "--",
+    "--": "++",
+    "<<": ">>",
+    ">>": "<<",
+    " < ": " <= ",
+    " > ": " >= ",
+    " + ": " - ",
+    " - ": " + ",
+    " * ": " + ",
+    " / ": " * ",
+    " ^ ": " | ",
+    " & ": " | ",
+    "true": "false",
+    "false": "true",
+}
+TOKEN = re.compile(
+    "|".join(sorted((re.escape(operator) for operator in OPERATORS), key=len, reverse=True))
+    + r"|(?<![\w.])(?:0x[0-9A-Fa-f]+|\d+)(?=[uUlL]*\b)"
+)
+COMMENT = re.compile(r"//.*|^\s*#.*")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mutant:
+    """One change of one line."""
+
+    file: str
+    line: int  # from 1
+    column: int
+    old: str
+    new: str
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column + 1}: {self.old.strip()} -> {self.new.strip()}"
+
+    def apply(self, text: str) -> str:
+        """Return the file's text with the change made."""
+        lines = text.splitlines(keepends=True)
+        line = lines[self.line - 1]
+        lines[self.line - 1] = line[: self.column] + self.new + line[self.column + len(self.old) :]
+        return "".join(lines)
+
+
+def mutants() -> list[Mutant]:
+    """Every mutant, in the order of files and lines."""
+    return [
+        mutant for path in sorted(CORE.glob("*.hpp")) if path.name not in SKIPPED for mutant in _of_file(path)
+    ]
+
+
+def _of_file(path: Path) -> Iterator[Mutant]:
+    checked = False  # inside a static_assert: it says what must hold, it does nothing
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+        checked = checked or "static_assert(" in line
+        code = COMMENT.sub("", line)
+        if not checked and "template <" not in line and "__attribute__" not in line and '"' not in code:
+            for match in TOKEN.finditer(code):
+                old = match[0]
+                new = OPERATORS.get(old) or str(int(old, 0) + 1)
+                yield Mutant(file=path.name, line=number, column=match.start(), old=old, new=new)
+        checked = checked and not line.rstrip().endswith(");")
