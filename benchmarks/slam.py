@@ -1,6 +1,6 @@
 """SLAM on recorded logs: CPU time a scan, and error against reference relations, beside other programs.
 
-Run: python benchmarks/slam.py [--data FOLDER]
+Run: python benchmarks/slam.py [--data FOLDER] [--method graph|rbpf|scan_match]
 The folder holds the logs; by default THUMPER_DATA or ../shared/data, each with its `slam` subfolder.
 """
 
@@ -15,10 +15,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from thumper.mapping.grid_mapper import GridMapper
 from thumper.mapping.logs.open_log import open_log
 from thumper.mapping.logs.record import RobotLog
-from thumper.mapping.map_log import default_options
+from thumper.mapping.method import MappingOptions, Method, make_mapper
 from thumper.mapping.quality import RelationErrors, load_relations, relation_errors, squareness
 
 # Others on the same log and relations, on a machine of the same kind: path error, CPU time a processed scan.
@@ -43,24 +42,25 @@ MINES_PEERS = (
 class Run:
     """One pass over a log."""
 
-    poses: np.ndarray[tuple[int, int], np.dtype[np.float64]]
+    poses: np.ndarray[tuple[int, int], np.dtype[np.float64]]  # as known at the end
+    online: np.ndarray[tuple[int, int], np.dtype[np.float64]]  # as reported at the time
     cpu_ms: np.ndarray[tuple[int], np.dtype[np.float64]]
     integrated: int
 
 
-def run(log: RobotLog) -> Run:
+def run(log: RobotLog, method: Method) -> Run:
     """Map the log as on the robot, timing each scan."""
-    mapper = GridMapper(default_options(log), base_from_laser=log.base_from_laser)
+    mapper = make_mapper(MappingOptions(method=method), base_from_laser=log.base_from_laser)
     mapper.warm_up()
-    poses, cpu_ms, integrated = [], [], 0
+    online, cpu_ms, integrated = [], [], 0
     for record in log.records:
         start_s = time.process_time()
         update = mapper.update(record.odom_from_base, record.scan, record.twist)
         cpu_ms.append(1e3 * (time.process_time() - start_s))
         integrated += update.integrated
         pose = update.map_from_base
-        poses.append((pose.x_m, pose.y_m, pose.theta_rad))
-    return Run(poses=np.array(poses), cpu_ms=np.array(cpu_ms), integrated=integrated)
+        online.append((pose.x_m, pose.y_m, pose.theta_rad))
+    return Run(poses=mapper.path(), online=np.array(online), cpu_ms=np.array(cpu_ms), integrated=integrated)
 
 
 def timing(name: str, result: Run) -> str:
@@ -73,7 +73,7 @@ def timing(name: str, result: Run) -> str:
     )
 
 
-def intel_table(errors: RelationErrors, result: Run) -> Table:
+def intel_table(errors: RelationErrors, online: RelationErrors, result: Run, method: Method) -> Table:
     """Ours and theirs on the Intel log."""
     table = Table(title="Intel Research Lab, 7129 scans, relations by scan")
     for column in ("program", "path [m]", "path [deg]", "online [m]", "CPU [ms/scan]"):
@@ -81,10 +81,10 @@ def intel_table(errors: RelationErrors, result: Run) -> Table:
     degrees = np.degrees(errors.rotation_rad)
     metres = errors.translation_m
     table.add_row(
-        "thumper GridMapper",
+        f"thumper {method}",
         f"{metres.mean():.4f} ± {metres.std():.4f}",
         f"{degrees.mean():.3f} ± {degrees.std():.3f}",
-        f"{metres.mean():.4f}",
+        f"{online.translation_m.mean():.4f}",
         f"{result.cpu_ms.mean():.2f}",
     )
     for row in INTEL_PEERS:
@@ -97,26 +97,29 @@ def main() -> None:
     default = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2] / "shared" / "data"))
     parser = argparse.ArgumentParser(description="SLAM benchmark on recorded logs")
     parser.add_argument("--data", type=Path, default=default, help="folder that holds slam/")
-    folder = parser.parse_args().data / "slam"
+    parser.add_argument("--method", choices=("graph", "rbpf", "scan_match"), default="graph")
+    arguments = parser.parse_args()
+    folder, method = arguments.data / "slam", arguments.method
     console = Console()
 
     mines = open_log(folder / "mines-exp1.dat.gz")
-    result = run(mines)
+    result = run(mines, method)
     console.print(timing("MINES", result))
     console.print(f"MINES: squareness {squareness(mines, result.poses):.3f}")
     table = Table(title="MINES, URG-04LX, 682 beams")
     table.add_column("program")
     table.add_column("CPU [ms a processed scan]")
-    table.add_row("thumper GridMapper", f"{result.cpu_ms.mean():.2f}")
+    table.add_row(f"thumper {method}", f"{result.cpu_ms.mean():.2f}")
     for row in MINES_PEERS:
         table.add_row(*row)
     console.print(table)
 
     intel = open_log(folder / "intel-lab.clf.gz")
-    result = run(intel)
+    result = run(intel, method)
     console.print(timing("Intel", result))
     relations = load_relations(folder / "intel-lab.relations-by-scan.gz")
-    console.print(intel_table(relation_errors(result.poses, relations), result))
+    errors = relation_errors(result.poses, relations)
+    console.print(intel_table(errors, relation_errors(result.online, relations), result, method))
     peak_MB = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     console.print(f"Peak memory with both logs loaded: {peak_MB:.0f} MB")
 
