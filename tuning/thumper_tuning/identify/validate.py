@@ -19,7 +19,6 @@ class Validation:
 
     fit_percent: float
     residual_rad_s: FloatArray
-    block_fit_percent: tuple[float, ...]
 
 
 def cross_validate(stretches: list[Stretch], fit: Fit) -> Validation:
@@ -38,9 +37,6 @@ def cross_validate(stretches: list[Stretch], fit: Fit) -> Validation:
     return Validation(
         fit_percent=fit_percent(speed[use], held_out[use]),
         residual_rad_s=held_out,
-        block_fit_percent=tuple(
-            fit_percent(speed[use & (blocks == b)], held_out[use & (blocks == b)]) for b in np.unique(blocks)
-        ),
     )
 
 
