@@ -24,7 +24,7 @@ class ProgressOptions:
     # ... within this time [s]; catches a robot that dances or changes its mind for ever.
     idle_s: Annotated[float, Gt(0)] = 40.0
     # Time without coming nearer, recoveries included, after which the goal is given up [s].
-    give_up_s: Annotated[float, Gt(0)] = 75.0
+    give_up_s: Annotated[float, Gt(0)] = 90.0
 
 
 class ProgressChecker:
