@@ -64,6 +64,18 @@ class Talk:
         (b"SS115200", "04"),
         (b"SS12345", "0C"),
         (b"QT;a remark far too long", "0G"),
+        (b"QT;sixteen letters!", "0H"),
+        (b"CR00", "03"),
+        (b"CR05", "04"),
+        (b"CR11", "02"),
+        (b"CRxx", "01"),
+        (b"CR1", "0C"),
+        (b"HS0", "02"),
+        (b"HS1", "03"),
+        (b"HS7", "01"),
+        (b"DB02", "04"),
+        (b"DB10", "03"),
+        (b"DB99", "01"),
     ],
 )
 def test_refusals_echo_the_request_and_give_its_status(line: bytes, status: str) -> None:
@@ -74,13 +86,28 @@ def test_refusals_echo_the_request_and_give_its_status(line: bytes, status: str)
 def test_laser_and_clock_modes() -> None:
     talk = Talk()
     assert [talk.status(line) for line in (b"BM", b"BM", b"QT", b"BM")] == ["00", "02", "00", "00"]
-    assert [talk.status(line) for line in (b"TM0", b"TM0", b"BM", b"TM2", b"BM")] == [
-        "00",
-        "02",
-        "10",
-        "00",
-        "00",
-    ]
+    lines = (b"TM0", b"TM0", b"BM", b"QT", b"VV", b"TM2", b"BM")
+    assert [talk.status(line) for line in lines] == ["00", "02", "0A", "0A", "0A", "00", "00"]
+
+
+def test_the_laser_goes_out_after_the_last_scan_that_was_ordered() -> None:
+    talk = Talk()
+    talk.ask(b"MD0044072501002", 0.5)
+    assert talk.status(b"GD0044072501") == "10"
+    assert talk.status(b"BM") == "00"
+
+
+def test_the_clock_wraps_at_24_bits() -> None:
+    talk = Talk()
+    talk.device._booted_s = -16777.2  # 2**24 ms are 16777.216 s
+    talk.ask(b"TM0")
+    stamps_ms = [parse_time(parse_reply(talk.ask(b"TM1").removesuffix(b"\n\n"))) for _ in range(2)]
+    assert max(stamps_ms) < 60
+    talk.ask(b"TM2")
+    talk.device._booted_s = -16777.0 + talk.time_s
+    stamps_ms = [scan.stamp_ms for scan in talk.scans(b"MD0044072501005", 1.0)]
+    assert min(stamps_ms) < 500 < max(stamps_ms)
+    assert set(np.diff(stamps_ms) % 2**24) <= {99, 100, 101}
 
 
 def test_tables_have_right_sums_and_the_real_geometry() -> None:

@@ -159,6 +159,15 @@ def test_a_stream_left_running_is_taken_over() -> None:
     assert driver.identity["PROT"] == "SCIP 2.0"
 
 
+def test_a_lidar_left_in_clock_mode_is_woken() -> None:
+    port, driver = connect()
+    driver.close()
+    port.lidar.write(b"TM0\n", port.time_s)
+    again = Urg04LxDriver(cast("serial.Serial", port))
+    assert len(list(scans_of(port, again, 1.0))) >= 9
+    assert again.identity["PROT"] == "SCIP 2.0"
+
+
 def test_damaged_bytes_cost_only_the_scans_that_they_hit() -> None:
     port, driver = connect()
     list(scans_of(port, driver, 0.5))

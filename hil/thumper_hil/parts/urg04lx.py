@@ -14,7 +14,14 @@ import numpy as np
 from thumper.geometry import FloatArray, Pose2
 from thumper_hil.parts.scip_reply import scan_reply, status_reply, table_reply, time_reply
 from thumper_hil.parts.urg_noise import RANGE_MAX_MM, RANGE_MIN_MM, CodeArray, device_bias, measure_mm
-from thumper_hil.parts.urg_request import LAST_MEASURABLE_STEP, MeasureRequest, RefusedError, split_line
+from thumper_hil.parts.urg_request import (
+    FIXED_SETTINGS,
+    LAST_MEASURABLE_STEP,
+    MeasureRequest,
+    RefusedError,
+    fixed_setting_status,
+    split_line,
+)
 from thumper_hil.parts.world import World
 
 STEPS_PER_TURN = 1024
@@ -134,12 +141,18 @@ class Urg04Lx:
 
     def _obey(self, line: bytes) -> bytes | None:
         command, parameters, remark = split_line(line)
+        if self._adjusting and command not in {b"TM", b"RS"}:
+            raise RefusedError(
+                "0A"
+            )  # "will not accept any other commands"; with which status it does not say
         if command in {b"MD", b"MS", b"GD", b"GS"}:
             return self._measure(line, MeasureRequest.parse(command, parameters, remark))
         if command == b"TM":
             return self._adjust_clock(line, parameters)
         if command == b"SS":
             return status_reply(line, _bit_rate_status(parameters))
+        if command in FIXED_SETTINGS:
+            return status_reply(line, fixed_setting_status(command, parameters))
         if parameters:
             raise RefusedError("0E")
         match command:
@@ -178,8 +191,6 @@ class Urg04Lx:
         return self._lit_s < math.inf
 
     def _light(self) -> None:
-        if self._adjusting:
-            raise RefusedError("10")
         self._lit_s = min(self._lit_s, self._now_s)
 
     def _stop(self) -> None:
@@ -223,6 +234,8 @@ class Urg04Lx:
             self._remaining -= 1
             if self._remaining == 0:
                 self._request = None
+                if request.streams:
+                    self._lit_s = math.inf  # the laser goes out after the last scan that was asked for
         values = _cluster(self._scan(turn)[request.first_step : request.last_step + 1], request.cluster)
         status = b"99" if request.streams else b"00"
         echo = request.echo(self._remaining)

@@ -6,6 +6,8 @@ from typing import Self
 
 LAST_MEASURABLE_STEP = 768
 MAX_REMARK_CHARS = 16
+FIXED_SETTINGS = {b"CR": 2, b"HS": 1, b"DB": 2}
+"""Motor speed, sensitivity and simulated faults, and their digits: this device has one of each."""
 
 
 class RefusedError(ValueError):
@@ -92,6 +94,31 @@ def split_line(line: bytes) -> tuple[bytes, bytes, bytes]:
         raise RefusedError("0D")
     if len(remark) > MAX_REMARK_CHARS:
         raise RefusedError("0G")
-    if not re.fullmatch(rb"[ -~]*", remark):
+    if not re.fullmatch(rb"[A-Za-z0-9 ._+@]*", remark):
         raise RefusedError("0H")
     return body[:2], body[2:], semicolon + remark
+
+
+def fixed_setting_status(command: bytes, parameters: bytes) -> bytes:
+    """The answer to CR, HS and DB: what is asked for is so already, or this model does not have it."""
+    digits = FIXED_SETTINGS[command]
+    if len(parameters) < digits:
+        return b"0C"
+    if len(parameters) > digits:
+        return b"0E"
+    if not parameters.isdigit():
+        return b"01"
+    match command, int(parameters):
+        case b"CR", 0 | 99:
+            return b"03"  # the motor runs at that speed
+        case b"CR", speed:
+            return b"04" if speed <= 10 else b"02"
+        case b"HS", 0:
+            return b"02"
+        case b"HS", 1:
+            return b"03"
+        case b"DB", 10:
+            return b"03"  # there is nothing to end
+        case b"DB", 1 | 2 | 3 | 4 | 5:
+            return b"04"
+    return b"01"

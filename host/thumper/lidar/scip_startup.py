@@ -53,6 +53,7 @@ def stop_and_identify(port: ScipPort, name: str) -> dict[str, str]:
         Nothing, or nothing that speaks SCIP, is on the port called `name`.
     """
     answer = port.ask(b"QT", REPLY_TIMEOUT_S)
+    port.ask(b"TM2", REPLY_TIMEOUT_S)  # somebody may have left it in clock mode, in which it obeys only TM
     port.ask(b"SCIP2.0", REPLY_TIMEOUT_S)  # needed by old units, unknown to new ones: any answer will do
     if answer is None and port.ask(b"QT", REPLY_TIMEOUT_S) is None:
         if port.received_bytes == 0:

@@ -100,6 +100,17 @@ def test_a_lidar_that_refuses_to_light_is_named_with_its_status() -> None:
     assert "status 51" in refusal(lambda line: status(line, b"51") if line == b"BM" else plain_lidar(line))
 
 
+def test_a_plug_pulled_during_the_start_is_one_line() -> None:
+    class PulledPort(ScriptedPort):
+        @property
+        def in_waiting(self) -> int:
+            raise OSError("input/output error")  # not wrapped by pyserial
+
+    with pytest.raises(ThumperError, match="cable loose") as caught:
+        Urg04LxDriver(cast("serial.Serial", PulledPort(plain_lidar)))
+    assert caught.value.exit_code == 3
+
+
 def test_no_parameters_no_start() -> None:
     text = refusal(lambda line: table(line, "AMIN:44", "SCAN:0") if line == b"PP" else plain_lidar(line))
     assert "PP" in text
