@@ -35,6 +35,9 @@ def sim(
         tuple[float, float, float],
         typer.Option(help="Where the robot stands: X Y [m] HEADING [deg]."),
     ] = (0.0, 0.0, 0.0),
+    reset_on_open: Annotated[
+        bool, typer.Option(help="Opening the board's port resets it, as on boards whose DTR line does.")
+    ] = False,
     scenario: Annotated[str, typer.Option(help="A TOML file that says which fault happens when.")] = "",
 ) -> None:
     """Serve a simulated robot in real time on two pseudo-terminals, for programs that drive the hardware."""
@@ -51,4 +54,5 @@ def sim(
             "yaw_deg": str(start[2]),
             "scenario": scenario,
         },
+        reset_on_open=reset_on_open,
     )

@@ -37,11 +37,14 @@ class _Line:
     from_device: Callable[[], bytes]
 
 
-def serve(board_pty: Path, lidar_pty: Path, options: Mapping[str, str]) -> None:
+def serve(
+    board_pty: Path, lidar_pty: Path, options: Mapping[str, str], *, reset_on_open: bool = False
+) -> None:
     """Serve a simulated robot until Ctrl-C; `options` are those of a `sim://` URL.
 
     Symbolic links to the two terminals appear at the paths, and go again at the end. Clients may come and go:
-    the robot stays, and what it sends while nobody listens is lost, as on a wire.
+    the robot stays, and what it sends while nobody listens is lost, as on a wire. With `reset_on_open` the
+    board starts anew whenever its port is opened, as one does whose DTR line pulls the reset pin.
 
     Raises
     ------
@@ -51,7 +54,7 @@ def serve(board_pty: Path, lidar_pty: Path, options: Mapping[str, str]) -> None:
     bench = Bench(BenchOptions.parse(options))
     bench.advance(BOOT_S)
     with ExitStack() as stack:
-        board_ends = stack.enter_context(_terminal(board_pty))
+        board_ends = stack.enter_context(_terminal(board_pty, keep_open=not reset_on_open))
         lidar_ends = stack.enter_context(_terminal(lidar_pty))
         lines = (
             _Line(
@@ -69,15 +72,21 @@ def serve(board_pty: Path, lidar_pty: Path, options: Mapping[str, str]) -> None:
         )
         print(f"board {board_pty}, lidar {lidar_pty}; Ctrl-C ends it", flush=True)
         try:
-            _carry(bench, lines)
+            _carry(bench, lines, reset_on_open=reset_on_open)
         except KeyboardInterrupt:
             print("stopped")
 
 
-def _carry(bench: Bench, lines: tuple[_Line, ...]) -> None:
+def _carry(bench: Bench, lines: tuple[_Line, ...], *, reset_on_open: bool) -> None:
     """Keep the simulated clock at the wall's and carry bytes both ways, for ever."""
     behind_s = time.monotonic() - bench.time_s
+    was_open = True
     while True:
+        if reset_on_open:
+            is_open = not _hung_up(lines[0].master)
+            if is_open and not was_open:
+                bench.chip.reset()
+            was_open = is_open
         now_s = time.monotonic() - behind_s
         if now_s - bench.time_s > 1.0:  # the machine slept: do not race after it
             behind_s += now_s - bench.time_s
@@ -88,22 +97,26 @@ def _carry(bench: Bench, lines: tuple[_Line, ...]) -> None:
             if data := line.from_device():
                 _write(line, data)
         readable, _, _ = select.select([line.master for line in lines], [], [], STEP_S)
+        if not was_open:
+            time.sleep(STEP_S)  # a terminal that nobody has open is always "readable"
         for line in lines:
             if line.master in readable and (data := _read(line.master)):
                 line.to_device(data)
 
 
 @contextmanager
-def _terminal(path: Path) -> Iterator[tuple[int, int]]:
-    """Make a pseudo-terminal with a link to it at `path`; yields its master and its slave."""
+def _terminal(path: Path, *, keep_open: bool = True) -> Iterator[tuple[int, int]]:
+    """Make a pseudo-terminal with a link to it at `path`; yields its master, and the end with its settings.
+
+    Kept open, it keeps its settings and never hangs up; otherwise the master sees who comes and goes.
+    """
     if path.is_symlink():
         path.unlink()  # left by a run that was killed
     elif path.exists():
         raise ThumperError(f"{path}: there is a file that is no link; give another path or remove it")
     master, slave = os.openpty()
     try:
-        # Raw on both ends before anybody opens it: no echo, no translation, no line buffer. The slave stays
-        # open here too, so that the terminal keeps its settings and does not hang up when a client leaves.
+        # Raw on both ends before anybody opens it: no echo, no translation, no line buffer.
         for end in (master, slave):
             tty.setraw(end, termios.TCSANOW)
         os.set_blocking(master, False)
@@ -113,13 +126,22 @@ def _terminal(path: Path) -> Iterator[tuple[int, int]]:
             raise ThumperError(
                 f"{path}: cannot make the link ({error.strerror}); give another path"
             ) from error
+        if not keep_open:
+            os.close(slave)
+            slave = master
         try:
             yield master, slave
         finally:
             path.unlink(missing_ok=True)
     finally:
-        os.close(slave)
-        os.close(master)
+        for end in {master, slave}:
+            os.close(end)
+
+
+def _hung_up(master: int) -> bool:
+    poll = select.poll()
+    poll.register(master, select.POLLIN)
+    return any(events & select.POLLHUP for _, events in poll.poll(0))
 
 
 def _baud(slave: int) -> int:

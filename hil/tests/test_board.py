@@ -1,0 +1,115 @@
+"""A board with motors and encoders: does it say who it is, count the right way, control, and stop?"""
+
+import time
+from collections.abc import Callable
+
+import pytest
+
+from thumper.errors import ThumperError
+from thumper.kinematics import WheelSpeeds
+from thumper.link.board import Board
+from thumper.link.messages import PARAMETERS, SCHEMA_HASH, Command, Fault, State, Telemetry
+
+SPEED_RAD_S = 4.0
+PWM = 70
+SIDES = ("left", "right")
+
+
+def follow(board: Board, seconds: float, command: Callable[[], None]) -> list[Telemetry]:
+    """Command at each telemetry message for a while; returns the messages."""
+    seen: list[Telemetry] = []
+    board.poll(0.0)
+    until_s = time.monotonic() + seconds
+    while time.monotonic() < until_s:
+        command()
+        seen += [sample.telemetry for sample in board.poll(0.2)]
+    assert len(seen) > 3, "the board sends no telemetry"
+    return seen
+
+
+def at(board: Board, left_rad_s: float, right_rad_s: float) -> Callable[[], None]:
+    speeds = WheelSpeeds(left_rad_s=left_rad_s, right_rad_s=right_rad_s)
+    return lambda: board.set_wheel_speeds(speeds)
+
+
+def rest(board: Board) -> None:
+    """Stop, and wait until the wheels stand."""
+    board.command(Command.DISARM)
+    for _ in range(50):
+        last = board.poll(0.2)[-1].telemetry
+        if last.left_speed == last.right_speed == 0:
+            return
+    pytest.fail("the wheels do not come to rest within 5 s of DISARM")
+
+
+def test_it_says_who_it_is(board: Board) -> None:
+    assert board.identity.schema_hash == SCHEMA_HASH
+    assert board.identity.counts_per_rev > 0
+    assert board.identity.control_rate_Hz > 0
+
+
+def test_parameters_are_kept_and_checked(board: Board) -> None:
+    spec = PARAMETERS[0]
+    before = board.get_parameter(spec.name)
+    try:
+        wanted = round((0.9 * before + 0.05 * spec.maximum) * spec.scale) / spec.scale
+        board.set_parameter(spec.name, wanted)
+        assert board.get_parameter(spec.name) == pytest.approx(wanted, abs=1.0 / spec.scale)
+        with pytest.raises(ThumperError, match="range"):
+            board.set_parameter(spec.name, 1.02 * spec.maximum)
+        assert board.get_parameter(spec.name) == pytest.approx(wanted, abs=1.0 / spec.scale)
+    finally:
+        board.set_parameter(spec.name, before)
+
+
+def test_the_battery_is_measured(board: Board) -> None:
+    telemetry = follow(board, 1.0, lambda: None)[-1]
+    assert 6400 < telemetry.battery_mV < 13000, "charge the battery, or look at its divider"
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_each_encoder_counts_its_own_wheel_the_right_way(board: Board, side: str, sign: int) -> None:
+    board.command(Command.ARM)
+    pwm = (sign * PWM, 0) if side == "left" else (0, sign * PWM)
+    seen = follow(board, 0.8, lambda: board.set_motor_pwm(*pwm))
+    rest(board)
+    turned = {name: getattr(seen[-1], f"{name}_count") - getattr(seen[0], f"{name}_count") for name in SIDES}
+    other = "right" if side == "left" else "left"
+    assert sign * turned[side] > 50, f"the {side} encoder: loose, or its channels or the motor are swapped"
+    assert abs(turned[other]) < abs(turned[side]), "the encoders of left and right are swapped"
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_speed_control_settles(board: Board, sign: int) -> None:
+    """Within 10 % on average over half a second, from 1.5 s on; never more than 30 % too fast."""
+    board.command(Command.ARM)
+    seen = follow(board, 2.2, at(board, sign * SPEED_RAD_S, sign * SPEED_RAD_S))
+    rest(board)
+    for side in SIDES:
+        speeds = [sign * getattr(telemetry, f"{side}_speed") / 1000.0 for telemetry in seen]
+        assert sum(speeds[-5:]) / 5.0 == pytest.approx(SPEED_RAD_S, rel=0.1)
+        assert max(speeds) < 1.3 * SPEED_RAD_S
+    assert seen[-1].lost_edges == seen[0].lost_edges
+
+
+def test_a_silent_host_stops_the_wheels(board: Board) -> None:
+    board.command(Command.ARM)
+    follow(board, 1.2, at(board, SPEED_RAD_S, SPEED_RAD_S))
+    seen = follow(board, 1.2, lambda: None)
+    assert (seen[-1].state, seen[-1].fault) == (State.FAULT, Fault.LINK_LOST)
+    first = next(telemetry for telemetry in seen if telemetry.state is State.FAULT)
+    assert (first.time_us - seen[0].time_us) % 2**32 < 500_000
+    assert (seen[-1].left_pwm, seen[-1].right_pwm) == (0, 0)
+    assert (seen[-1].left_speed, seen[-1].right_speed) == (0, 0)
+
+
+def test_an_emergency_stop_is_latched(board: Board) -> None:
+    board.command(Command.ARM)
+    follow(board, 1.2, at(board, SPEED_RAD_S, SPEED_RAD_S))
+    board.command(Command.E_STOP)
+    seen = follow(board, 1.2, at(board, SPEED_RAD_S, SPEED_RAD_S))
+    assert (seen[-1].state, seen[-1].fault) == (State.FAULT, Fault.E_STOP)
+    assert (seen[-1].left_pwm, seen[-1].left_speed, seen[-1].right_speed) == (0, 0, 0)
+    with pytest.raises(ThumperError, match="fault is latched"):
+        board.command(Command.ARM)

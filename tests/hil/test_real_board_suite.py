@@ -1,0 +1,86 @@
+"""`pytest hil --port`: the suite for real boards, run on the emulated one behind a pseudo-terminal."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from thumper.link.board import Board
+from thumper.link.messages import ResetCause
+
+ROOT = Path(__file__).resolve().parents[2]
+THUMPER = Path(sys.executable).with_name("thumper")
+
+
+def run_suite(*arguments: str | Path, answer: str = "") -> subprocess.CompletedProcess[str]:
+    """Run it in a process of its own, whose standard input gives `answer`."""
+    command = [sys.executable, "-m", "pytest", "hil", "-p", "no:cacheprovider", *map(str, arguments)]
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTEST_")}
+    return subprocess.run(
+        command,
+        cwd=ROOT,
+        env=environment,
+        input=answer,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+
+@pytest.fixture
+def board_pty(tmp_path: Path) -> Iterator[Path]:
+    """The path of a simulated board that another process serves in real time."""
+    path = tmp_path / "board"
+    paths = ["--board-pty", str(path), "--lidar-pty", str(tmp_path / "lidar")]
+    command = [str(THUMPER), "sim", *paths, "--world", "hall", "--reset-on-open"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdout is not None
+        assert "Ctrl-C ends it" in server.stdout.readline()
+        yield path
+        server.send_signal(signal.SIGINT)
+
+
+def test_the_emulated_board_passes(board_pty: Path) -> None:
+    done = run_suite("--port", board_pty, "--yes", "-v")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert re.search(r"\b11 passed", done.stdout), done.stdout
+    assert "a battery that runs low" in done.stdout
+
+
+def test_opening_the_port_resets_the_board(board_pty: Path) -> None:
+    """As on a real one: who opens it again finds a board that has just started."""
+    for _ in range(2):
+        board = Board.open(str(board_pty), baud=500_000)
+        assert board.identity.reset_cause is ResetCause.EXTERNAL
+        assert board.poll(1.0)[-1].telemetry.time_us < 2_000_000
+        time.sleep(1.0)
+        board.poll(0.0)
+        board.close()
+
+
+def test_nothing_moves_without_consent(tmp_path: Path) -> None:
+    """It asks before it opens the port: this one does not exist, and nobody notices."""
+    done = run_suite("--port", tmp_path / "none", answer="no\n")
+    assert done.returncode == 2
+    assert "Put it on a block" in done.stdout
+    assert "nothing was moved" in done.stdout + done.stderr
+
+
+def test_with_consent_a_missing_port_is_one_clear_line(tmp_path: Path) -> None:
+    done = run_suite("--port", tmp_path / "none", answer="yes\n")
+    assert done.returncode == 3
+    assert "there is no such port" in done.stdout + done.stderr
+    assert "Traceback" not in done.stdout + done.stderr
+
+
+def test_without_a_port_all_is_skipped_and_says_why() -> None:
+    done = run_suite("-rs")
+    assert done.returncode == 0
+    assert "give --port, with the wheels off the ground" in done.stdout
