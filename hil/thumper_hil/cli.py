@@ -39,6 +39,7 @@ def sim(
         bool, typer.Option(help="Opening the board's port resets it, as on boards whose DTR line does.")
     ] = False,
     scenario: Annotated[str, typer.Option(help="A TOML file that says which fault happens when.")] = "",
+    lidar: Annotated[str, typer.Option(help="The lidar's model: urg04lx or ld19.")] = "urg04lx",
 ) -> None:
     """Serve a simulated robot in real time on two pseudo-terminals, for programs that drive the hardware."""
     from thumper_hil.bench.pty import serve
@@ -53,6 +54,7 @@ def sim(
             "y_m": str(start[1]),
             "yaw_deg": str(start[2]),
             "scenario": scenario,
+            "lidar": lidar,
         },
         reset_on_open=reset_on_open,
     )
