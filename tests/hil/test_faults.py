@@ -12,6 +12,7 @@ from thumper.kinematics import WheelSpeeds
 from thumper.link.board import Board
 from thumper.link.messages import Command, Fault, State, Telemetry
 from thumper_hil.bench import Bench, simulation
+from thumper_hil.faults.catalogue import FAULTS
 
 NAME = "fault-test"
 STRAIGHT = WheelSpeeds(left_rad_s=5.0, right_rad_s=5.0)
@@ -238,3 +239,16 @@ def test_a_wrong_call_names_the_choices(driving: Open) -> None:
     _, bench = driving("")
     with pytest.raises(ThumperError, match=r"no fault 'engine'.*encoder\.left\.a"):
         bench.fault("engine", "off")
+
+
+def test_the_documentation_lists_every_fault() -> None:
+    text = (Path(__file__).resolve().parents[2] / "docs" / "bench.md").read_text()
+    for name in FAULTS:
+        family, _, rest = name.partition(".")
+        short = {
+            "encoder": "encoder.SIDE.a",
+            "motor": "motor.SIDE",
+            "wheels": "wheels.SIDE",
+            "slip": "slip.SIDE",
+        }
+        assert f"`{short.get(family, name)}`" in text, rest
