@@ -25,6 +25,7 @@ from thumper.navigation.validate import validate_goal
 from thumper.perception import Perception, Situation
 
 TELEMETRY_TIMEOUT_S = 0.5
+LATE_BEAT_S = 0.15  # a telemetry frame was lost on the way: the board must not miss a command for it
 BLIND_S = 0.35  # without a new scan for this long (three turns) the robot must not move on
 SCAN_TIMEOUT_S = 1.0  # ... and after this long the lidar is lost
 FARTHEST_GOAL_M = 50.0  # the map of a whole drive must fit into memory and planning time
@@ -42,9 +43,9 @@ FAULT_CURES = {
     Fault.STALL_RIGHT: "the right wheels do not turn; are they blocked, is a motor or encoder wire loose?",
     Fault.REVERSED_LEFT: "the left encoder counts backwards; swap its two wires, or the motor's",
     Fault.REVERSED_RIGHT: "the right encoder counts backwards; swap its two wires, or the motor's",
-    Fault.LOST_EDGES: "an encoder's signal is disturbed; look at its wires and their distance from the motors'",
+    Fault.LOST_EDGES: "an encoder's signal is disturbed; lead its wires away from the motors'",
     Fault.OVER_CURRENT: "a motor draws too much current; is something jammed?",
-    Fault.WATCHDOG: "its firmware hung and was restarted; look at its supply, and report it if it comes again",
+    Fault.WATCHDOG: "its firmware hung and was restarted; look at its supply",
     Fault.BAD_PARAMETERS: "its saved parameters cannot be read; set and save them again",
 }
 
@@ -95,6 +96,7 @@ class Runtime:
         self._telemetry: Telemetry | None = None
         self._disarmed_beats = 0
         self._interrupted = False
+        self._speeds = WheelSpeeds()  # as last commanded
         self.log = MissionLog()
 
     @property
@@ -197,7 +199,7 @@ class Runtime:
         self, goal: Goal, start_s: float, on_progress: Callable[[Progress], None]
     ) -> tuple[bool, str] | None:
         """One beat: sense, decide, act. None while under way, else as `_drive_loop`."""
-        alive = self._sense()
+        alive = self._sense(self._speeds)
         if self._board.restarted:
             return False, "the board has restarted on the way; look at its supply and cable"
         if not alive:
@@ -208,7 +210,8 @@ class Runtime:
         if objection := self._objection(self._telemetry, situation):
             return False, objection
         if situation.scan_age_s > BLIND_S:
-            self._board.set_wheel_speeds(WheelSpeeds())
+            self._speeds = WheelSpeeds()
+            self._board.set_wheel_speeds(self._speeds)
             return None
         output = self._navigator.update(
             situation.time_s,
@@ -217,8 +220,8 @@ class Runtime:
             self._grid_with(goal),
             situation.hits_in_map_m,
         )
-        speeds = wheel_speeds(output.command, self._drive)
-        self._board.set_wheel_speeds(limit_wheel_speeds(speeds, self._max_wheel_rad_s))
+        self._speeds = limit_wheel_speeds(wheel_speeds(output.command, self._drive), self._max_wheel_rad_s)
+        self._board.set_wheel_speeds(self._speeds)
         self.log.add_pose(situation.time_s, situation.map_from_base)
         self.log.add_plan(output.plan)
         on_progress(
@@ -243,9 +246,16 @@ class Runtime:
             return "the lidar sends no more scans; is its cable loose?"
         return ""
 
-    def _sense(self) -> bool:
-        """Take in one beat of both ports; False when the board is silent."""
-        samples = self._board.poll(TELEMETRY_TIMEOUT_S)
+    def _sense(self, standing_order: WheelSpeeds | None = None) -> bool:
+        """Take in one beat of both ports; False when the board is silent.
+
+        When a beat is late, `standing_order` is given once more, so that one lost frame is not a lost link.
+        """
+        samples = self._board.poll(LATE_BEAT_S)
+        if not samples:
+            if standing_order is not None:
+                self._board.set_wheel_speeds(standing_order)
+            samples = self._board.poll(TELEMETRY_TIMEOUT_S - LATE_BEAT_S)
         self._take_in(samples)
         for scan in self._lidar.poll():
             self._perception.add_scan(scan)

@@ -118,10 +118,11 @@ class Board:
     def set_parameter(self, name: str, value: float) -> None:
         """Set a parameter in the unit that `docs/protocol.md` gives; the board checks the range as well."""
         spec = _parameter(name)
-        self._acknowledged(
-            SetParameter(index=spec.index, value=round(value * spec.scale)),
-            f"parameter {name} = {value:g} (allowed {spec.minimum:g}...{spec.maximum:g} {spec.unit})",
-        )
+        what = f"parameter {name} = {value:g} (allowed {spec.minimum:g}...{spec.maximum:g} {spec.unit})"
+        # Beyond its range a value may not even fit the wire.
+        if not spec.minimum <= value <= spec.maximum:
+            raise ThumperError(f"refused {what}: {REFUSALS[AckStatus.OUT_OF_RANGE]}")
+        self._acknowledged(SetParameter(index=spec.index, value=round(value * spec.scale)), what)
 
     def get_parameter(self, name: str) -> float:
         """Return a parameter's present value in the unit that `docs/protocol.md` gives."""
