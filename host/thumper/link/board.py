@@ -1,5 +1,6 @@
 """The motor board: typed requests with retries, and the telemetry stream, over one serial port."""
 
+import struct
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -119,10 +120,10 @@ class Board:
         """Set a parameter in the unit that `docs/protocol.md` gives; the board checks the range as well."""
         spec = _parameter(name)
         what = f"parameter {name} = {value:g} (allowed {spec.minimum:g}...{spec.maximum:g} {spec.unit})"
-        # Beyond its range a value may not even fit the wire.
-        if not spec.minimum <= value <= spec.maximum:
-            raise ThumperError(f"refused {what}: {REFUSALS[AckStatus.OUT_OF_RANGE]}")
-        self._acknowledged(SetParameter(index=spec.index, value=round(value * spec.scale)), what)
+        try:
+            self._acknowledged(SetParameter(index=spec.index, value=round(value * spec.scale)), what)
+        except (struct.error, OverflowError, ValueError):  # far out of range, or no number: fits no wire
+            raise ThumperError(f"refused {what}: {REFUSALS[AckStatus.OUT_OF_RANGE]}") from None
 
     def get_parameter(self, name: str) -> float:
         """Return a parameter's present value in the unit that `docs/protocol.md` gives."""

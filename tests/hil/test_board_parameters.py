@@ -1,0 +1,23 @@
+"""Parameters through the host's client: taken, read back, refused in words."""
+
+import math
+
+import pytest
+
+from thumper.errors import ThumperError
+from thumper.link.board import Board
+
+
+def test_a_parameter_is_taken_and_read_back() -> None:
+    board = Board.open("sim://parameters/board?world=lab", baud=500_000)
+    try:
+        board.set_parameter("kp", 7.25)
+        assert board.get_parameter("kp") == pytest.approx(7.25, abs=0.01)
+        for wrong in (61.0, -1.0, 1e12, math.inf, math.nan):
+            with pytest.raises(ThumperError, match=r"kp.*out of range"):
+                board.set_parameter("kp", wrong)
+        with pytest.raises(ThumperError, match=r"no parameter 'k_p'"):
+            board.set_parameter("k_p", 1.0)
+        assert board.get_parameter("kp") == pytest.approx(7.25, abs=0.01)
+    finally:
+        board.close()
