@@ -24,7 +24,7 @@ def drive_with_progress(
             nonlocal farthest_m, next_line_s
             farthest_m = max(farthest_m, beat.distance_to_goal_m)
             state = f"{beat.distance_to_goal_m:5.2f} m to go, {beat.time_s:5.1f} s"
-            if not console.is_terminal and beat.time_s >= next_line_s:
+            if not (console.is_terminal or console.quiet) and beat.time_s >= next_line_s:
                 print(f"{name}: {state}", flush=True)
                 next_line_s = beat.time_s + PLAIN_PERIOD_S
             progress.update(
