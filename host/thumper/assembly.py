@@ -55,7 +55,8 @@ def _check_geometry(drive: DriveGeometry, identity: Identity) -> None:
         raise ThumperError(
             f"the firmware was built for {identity.counts_per_rev} counts a turn and wheels of "
             f"{identity.wheel_radius_mm} mm, the configuration says {drive.counts_per_rev} and "
-            f"{wheel_radius_mm} mm: correct [drive], or build and flash the firmware for this robot"
+            f"{wheel_radius_mm} mm: correct [drive], or build and flash the firmware for this robot",
+            exit_code=2,
         )
 
 

@@ -110,10 +110,12 @@ def _terminal(path: Path, *, keep_open: bool = True) -> Iterator[tuple[int, int]
 
     Kept open, it keeps its settings and never hangs up; otherwise the master sees who comes and goes.
     """
-    if path.is_symlink():
-        path.unlink()  # left by a run that was killed
-    elif path.exists():
-        raise ThumperError(f"{path}: there is a file that is no link; give another path or remove it")
+    if path.is_symlink() and not path.exists():
+        path.unlink()  # left by a run that was killed: its terminal is gone
+    elif path.is_symlink() or path.exists():
+        raise ThumperError(
+            f"{path} is taken; end what serves it, remove it, or give another path", exit_code=2
+        )
     master, slave = os.openpty()
     try:
         # Raw on both ends before anybody opens it: no echo, no translation, no line buffer.
@@ -124,7 +126,7 @@ def _terminal(path: Path, *, keep_open: bool = True) -> Iterator[tuple[int, int]
             path.symlink_to(os.ttyname(slave))
         except OSError as error:
             raise ThumperError(
-                f"{path}: cannot make the link ({error.strerror}); give another path"
+                f"{path}: cannot make the link ({error.strerror}); give another path", exit_code=2
             ) from error
         if not keep_open:
             os.close(slave)

@@ -76,7 +76,9 @@ def load_map(yaml_path: Path) -> OccupancyGrid:
     try:
         image = decode_pgm(_read(pgm_path))
     except ValueError as error:
-        raise ThumperError(f"{pgm_path}: {error}; save the map again, as an 8-bit PGM image") from error
+        raise ThumperError(
+            f"{pgm_path}: {error}; save the map again, as an 8-bit PGM image", exit_code=2
+        ) from error
     grey = image[::-1].astype(np.float64)
     occupancy = grey / 255.0 if description.negate else (255.0 - grey) / 255.0
     cells = np.full(grey.shape, UNKNOWN, dtype=np.int8)
@@ -99,7 +101,9 @@ def _parse(path: Path, text: str) -> _Description:
 
     def text_of(key: str) -> str:
         if not values.get(key):
-            raise ThumperError(f"{path}: key '{key}' is missing; add it as map_server's format asks")
+            raise ThumperError(
+                f"{path}: key '{key}' is missing; add it as map_server's format asks", exit_code=2
+            )
         return values[key]
 
     def number(key: str, value: str) -> float:
@@ -108,24 +112,32 @@ def _parse(path: Path, text: str) -> _Description:
         except ValueError:
             result = math.nan
         if not math.isfinite(result):
-            raise ThumperError(f"{path}: {key} = '{value}' is not a number; mend the value")
+            raise ThumperError(f"{path}: {key} = '{value}' is not a number; mend the value", exit_code=2)
         return result
 
     def within(key: str, low: float, high: float) -> float:
         result = number(key, text_of(key))
         if not low < result < high:
-            raise ThumperError(f"{path}: {key} = {result:g} must lie between {low:g} and {high:g}")
+            raise ThumperError(
+                f"{path}: {key} = {result:g} must lie between {low:g} and {high:g}", exit_code=2
+            )
         return result
 
     if values.get("mode", "trinary") != "trinary":
-        raise ThumperError(f"{path}: mode = '{values['mode']}' is not supported; save the map as 'trinary'")
+        raise ThumperError(
+            f"{path}: mode = '{values['mode']}' is not supported; save the map as 'trinary'", exit_code=2
+        )
     origin = text_of("origin")
     parts = origin.strip("[]").split(",")
     if not (origin.startswith("[") and origin.endswith("]") and len(parts) == 3):
-        raise ThumperError(f"{path}: origin = '{origin}' is not of the form [x, y, yaw]; mend the value")
+        raise ThumperError(
+            f"{path}: origin = '{origin}' is not of the form [x, y, yaw]; mend the value", exit_code=2
+        )
     x_m, y_m, yaw_rad = (number("origin", part) for part in parts)
     if yaw_rad != 0.0:
-        raise ThumperError(f"{path}: origin has the yaw {yaw_rad:g}; turn the image so that the yaw is 0")
+        raise ThumperError(
+            f"{path}: origin has the yaw {yaw_rad:g}; turn the image so that the yaw is 0", exit_code=2
+        )
     free_thresh = within("free_thresh", 0.0, 1.0)
     return _Description(
         image=text_of("image"),
@@ -142,7 +154,9 @@ def _read(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise ThumperError(f"{path}: cannot be read ({error.strerror}); check the path") from error
+        raise ThumperError(
+            f"{path}: cannot be read ({error.strerror}); check the path", exit_code=2
+        ) from error
 
 
 def _write(path: Path, data: bytes) -> None:
@@ -155,4 +169,6 @@ def _write(path: Path, data: bytes) -> None:
             os.fsync(stream.fileno())
         partial.replace(path)
     except OSError as error:
-        raise ThumperError(f"{path}: cannot be written ({error.strerror}); check the folder") from error
+        raise ThumperError(
+            f"{path}: cannot be written ({error.strerror}); check the folder", exit_code=2
+        ) from error

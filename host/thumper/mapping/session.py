@@ -47,7 +47,9 @@ def save_session(mapper: GridMapper, path: Path) -> None:
             os.fsync(stream.fileno())
         partial.replace(path)
     except OSError as error:
-        raise ThumperError(f"{path}: cannot be written ({error.strerror}); check the folder") from error
+        raise ThumperError(
+            f"{path}: cannot be written ({error.strerror}); check the folder", exit_code=2
+        ) from error
 
 
 def load_session(
@@ -68,14 +70,20 @@ def load_session(
     try:
         first, _, payload = path.read_bytes().partition(b"\n")
     except OSError as error:
-        raise ThumperError(f"{path}: cannot be read ({error.strerror}); check the path") from error
+        raise ThumperError(
+            f"{path}: cannot be read ({error.strerror}); check the path", exit_code=2
+        ) from error
     try:
         header = json.loads(first)
         version = header["thumper_session"]
         if version != VERSION:
-            raise ThumperError(f"{path}: session version {version}; this program reads version {VERSION}")
+            raise ThumperError(
+                f"{path}: session version {version}; this program reads version {VERSION}", exit_code=2
+            )
         if hashlib.sha256(payload).hexdigest() != header["sha256"]:
-            raise ThumperError(f"{path}: the checksum is wrong, the file is damaged; use a backup")
+            raise ThumperError(
+                f"{path}: the checksum is wrong, the file is damaged; use a backup", exit_code=2
+            )
         rows, cols = (int(size) for size in header["shape"])
         row, col = (int(index) for index in header["first_cell"])
         resolution_m = float(header["resolution_m"])
@@ -84,10 +92,11 @@ def load_session(
             raise ValueError(f"{rows} x {cols} cells")
         counts = np.frombuffer(zlib.decompress(payload), dtype="<u2").reshape(2, rows, cols)
     except (ValueError, KeyError, TypeError, zlib.error) as error:
-        raise ThumperError(f"{path}: not a mapping session ({error}); save it again") from error
+        raise ThumperError(f"{path}: not a mapping session ({error}); save it again", exit_code=2) from error
     if resolution_m != options.resolution_m:
         raise ThumperError(
-            f"{path}: its cells are {resolution_m} m; set mapping.resolution_m = {resolution_m} to go on"
+            f"{path}: its cells are {resolution_m} m; set mapping.resolution_m = {resolution_m} to go on",
+            exit_code=2,
         )
     cells = Cells(options.resolution_m, options.reach_m, options.occupied_fraction)
     cells.fill(counts[0], counts[1], (row, col))

@@ -58,8 +58,8 @@ def read_carmen(name: str, lines: Iterable[str]) -> RobotLog:
     scans = lasers.get(used, [])
     if not scans or len(broken) > max(1, MOST_BROKEN * len(scans)):
         if broken:
-            raise ThumperError(f"{name}: {broken[0]}; the file may be cut off: copy it again")
-        raise ThumperError(f"{name}: no FLASER or ROBOTLASER1 line in it; is it the right file?")
+            raise ThumperError(f"{name}: {broken[0]}; the file may be cut off: copy it again", exit_code=2)
+        raise ThumperError(f"{name}: no FLASER or ROBOTLASER1 line in it; is it the right file?", exit_code=2)
     notes = []
     if broken:
         notes.append(f"{len(broken)} broken lines left out, the first: {broken[0]}")

@@ -50,7 +50,8 @@ def read_mines(name: str, lines: Iterable[str]) -> RobotLog:
             records.append(_record(line.split(), odometry))
         except ValueError as error:
             raise ThumperError(
-                f"{name}: line {number}: broken scan ({error}); the file may be cut off: copy it again"
+                f"{name}: line {number}: broken scan ({error}); the file may be cut off: copy it again",
+                exit_code=2,
             ) from error
     return RobotLog(format_name="MINES", base_from_laser=BASE_FROM_LASER, records=tuple(records))
 

@@ -34,16 +34,22 @@ def open_log(path: Path) -> RobotLog:
             if kind == "MINES":
                 return read_mines(str(path), (line for line in stream if not line.isspace()))
     except FileNotFoundError as error:
-        raise ThumperError(f"{path}: no such file; check the path") from error
+        raise ThumperError(f"{path}: no such file; check the path", exit_code=2) from error
     except (EOFError, zlib.error) as error:
-        raise ThumperError(f"{path}: the compressed file is cut off ({error}); copy it again") from error
+        raise ThumperError(
+            f"{path}: the compressed file is cut off ({error}); copy it again", exit_code=2
+        ) from error
     except OSError as error:
-        raise ThumperError(f"{path}: cannot be read ({error}); check the file and its permissions") from error
+        raise ThumperError(
+            f"{path}: cannot be read ({error}); check the file and its permissions", exit_code=2
+        ) from error
     except UnicodeDecodeError as error:
         raise ThumperError(
-            f"{path}: not a text log; give a CARMEN (.log, .clf) or MINES (.dat) log"
+            f"{path}: not a text log; give a CARMEN (.log, .clf) or MINES (.dat) log", exit_code=2
         ) from error
-    raise ThumperError(f"{path}: unknown log format; give a CARMEN (.log, .clf) or MINES (.dat) log")
+    raise ThumperError(
+        f"{path}: unknown log format; give a CARMEN (.log, .clf) or MINES (.dat) log", exit_code=2
+    )
 
 
 def _kind(lines: Iterable[str]) -> str:
