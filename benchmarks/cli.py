@@ -8,7 +8,17 @@ from pathlib import Path
 
 LIMIT_S = 0.5
 THUMPER = Path(sys.executable).with_name("thumper")
-COMMANDS: tuple[tuple[str, ...], ...] = ((), ("demo",), ("run",), ("sim",), ("map-log",), ("doctor",))
+COMMANDS: tuple[tuple[str, ...], ...] = (
+    (),
+    ("demo",),
+    ("run",),
+    ("sim",),
+    ("map-log",),
+    ("doctor",),
+    ("tune",),
+    ("experiment",),
+    ("calibrate",),
+)
 
 
 def main() -> None:

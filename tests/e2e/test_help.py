@@ -13,6 +13,9 @@ COMMANDS = {
     "run": ["--board", "--lidar", "--goal", "--config"],
     "sim": ["--board-pty", "--lidar-pty", "--world"],
     "map-log": ["--out"],
+    "tune": ["--board", "--lane", "record", "fit", "design", "verify", "report"],
+    "experiment": ["odometry", "speed"],
+    "calibrate": ["odometry"],
     "doctor": ["--board", "--lidar"],
 }
 

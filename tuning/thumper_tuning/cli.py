@@ -37,7 +37,7 @@ Lane = Annotated[
     float, typer.Option(help="Free floor ahead of the robot, and as much behind it, in metres.", min=0.6)
 ]
 Hold = Annotated[float, typer.Option(help="How long verification holds its top speed, in seconds.", min=0.0)]
-Yes = Annotated[bool, typer.Option("--yes", help="Ask nothing: the lane is free, and the gains are kept.")]
+Yes = Annotated[bool, typer.Option("--yes", help="Ask nothing: the lane is free, and the gains are saved.")]
 OneDirection = Annotated[bool, typer.Option("--one-direction", help="Accept a log that drives one way only.")]
 Rule = Annotated[
     str, typer.Option(help="migo, improved-simc, simc, amigo, ziegler-nichols or pole-placement.")

@@ -11,6 +11,7 @@ from rich.progress import Progress
 
 from thumper.errors import ThumperError
 from thumper.link.board import Board
+from thumper.link.messages import Command
 from thumper_tuning.design.design import Design, DesignOptions, design, nominal
 from thumper_tuning.design.wire import BoardGains, on_the_wire
 from thumper_tuning.fit_command import runs_of, show
@@ -130,7 +131,7 @@ def tune_all(
     console: Console,
 ) -> None:
     """Record, fit, design, verify before and after, report; the board keeps the new gains only if
-    confirmed."""
+    confirmed, and then over resets."""
     import typer
 
     from thumper_tuning.report.page import write_report
@@ -155,9 +156,11 @@ def tune_all(
         console.print("after:")
         after = verify_on(board, result.gains, verification, out / "verify_after.csv", console)
         report = write_report(out / "report.html", motors, result, old, before, after)
-        keep = yes or typer.confirm("Keep the new gains on the board?")
+        keep = yes or typer.confirm("Save the new gains on the board?")
         write_gains(board, result.gains if keep else old)
+        if keep:
+            board.command(Command.SAVE)
         console.print(
-            ("the board has the new gains" if keep else "the board has its old gains again")
-            + f" until its next reset; {report} shows all"
+            ("the board has saved the new gains" if keep else "the board has its old gains again")
+            + f"; {report} shows all"
         )

@@ -53,6 +53,6 @@ def read_gains(board: Board) -> BoardGains:
 
 
 def write_gains(board: Board, gains: BoardGains) -> None:
-    """Set all control parameters; they hold until the board's next reset."""
+    """Set all control parameters; they hold until the board's next reset, unless saved."""
     for name, value in gains.items():
         board.set_parameter(name, value)
