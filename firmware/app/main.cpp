@@ -8,6 +8,7 @@
 #include "board/beeper.hpp"
 #include "board/clock.hpp"
 #include "board/eeprom.hpp"
+#include "board/encoder_edge.hpp"
 #include "board/encoders.hpp"
 #include "board/motors.hpp"
 #include "board/pins.hpp"
@@ -26,8 +27,10 @@ namespace {
 Uart uart;
 Adc adc;
 Beeper beeper;
-fw::QuadratureDecoder<pins::kLeftEncoder> left_encoder;
-fw::QuadratureDecoder<pins::kRightEncoder> right_encoder;
+using LeftEncoder = fw::QuadratureDecoder<pins::kLeftEncoder>;
+using RightEncoder = fw::QuadratureDecoder<pins::kRightEncoder>;
+LeftEncoder left_encoder;
+RightEncoder right_encoder;
 fw::DriveCommand command;
 volatile uint8_t milliseconds = 0;
 
@@ -42,8 +45,8 @@ volatile bool ticked = false;
 
 }  // namespace
 
-ISR(PCINT2_vect) { left_encoder.Step(PIND); }
-ISR(PCINT0_vect) { right_encoder.Step(PINB); }
+ISR(PCINT2_vect, ISR_NAKED) { encoders::StepOnEdge<LeftEncoder, left_encoder, _SFR_IO_ADDR(PIND)>(); }
+ISR(PCINT0_vect, ISR_NAKED) { encoders::StepOnEdge<RightEncoder, right_encoder, _SFR_IO_ADDR(PINB)>(); }
 ISR(USART_RX_vect) { uart.OnReceive(); }
 ISR(USART_UDRE_vect) { uart.OnReady(); }
 ISR(TIMER0_COMPB_vect) { beeper.End(); }

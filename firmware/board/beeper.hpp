@@ -32,8 +32,8 @@ class Beeper {
     return phase_ == 0;
   }
 
-  /// Compare B: end the pulse.
-  void End() {
+  /// Compare B: end the pulse. Always inlined: an interrupt that calls saves every register.
+  __attribute__((always_inline)) void End() {
     PORTD &= static_cast<uint8_t>(~pins::kLeftPwm);
     PORTB &= static_cast<uint8_t>(~pins::kRightPwm);
   }

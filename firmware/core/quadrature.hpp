@@ -6,11 +6,15 @@ namespace fw {
 /// 4x quadrature decoder. Pure: the pin-change interrupt reads the port once and calls Step().
 /// The count rises while A leads B and wraps at 2^16 by design; the control tick unwraps it.
 /// kPins: the port's two encoder pins, neighbours; A is the lower one.
+/// The chip runs Step() in assembler (board/encoder_edge.hpp); a test compares the two on random walks.
 template <uint8_t kPins>
 class QuadratureDecoder {
  public:
-  /// port: the whole port. Always inlined: an interrupt that calls saves every register.
-  __attribute__((always_inline)) void Step(uint8_t port) {
+  static constexpr uint8_t kA = kPins & -kPins, kAB = kPins;
+  static_assert(kPins == (kA | kA << 1), "A and B must be neighbours on their port");
+
+  /// port: the whole port.
+  void Step(uint8_t port) {
     const uint8_t ab = port & kPins;
     const uint8_t old = ab_;
     const uint8_t changed = ab ^ old;
@@ -20,8 +24,7 @@ class QuadratureDecoder {
       if (++lost_low_ == 0) ++lost_high_;  // both moved: direction unknown, so counted, never guessed
       return;
     }
-    // New A differs from old B on every forward edge of 00 01 11 10. The count's bytes are stepped apart: the
-    // upper one seldom moves, and each register that the interrupt needs costs four cycles.
+    // New A differs from old B on every forward edge of 00 01 11 10.
     const uint8_t old_b = old >> 1;
     const uint8_t way = ab ^ old_b;
     if ((way & kA) != 0) {
@@ -37,10 +40,7 @@ class QuadratureDecoder {
   uint16_t count() const { return static_cast<uint16_t>(high_ << 8 | low_); }           ///< [counts mod 2^16]
   uint16_t lost() const { return static_cast<uint16_t>(lost_high_ << 8 | lost_low_); }  ///< [edges mod 2^16]
 
- private:
-  static constexpr uint8_t kA = kPins & -kPins;
-  static_assert(kPins == (kA | kA << 1), "A and B must be neighbours on their port");
-
+  /// In bytes, as the interrupt steps them: the upper ones seldom move.
   uint8_t ab_ = 0, low_ = 0, high_ = 0, lost_low_ = 0, lost_high_ = 0;
 };
 

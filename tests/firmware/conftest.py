@@ -26,7 +26,7 @@ def run(command: list[str]) -> None:
 
 def build(target: Path, compiler: list[str], sources: list[Path], flags: list[str]) -> Path:
     """Compile unless the target is newer than the core, this folder and the sources."""
-    inputs = [*(FIRMWARE / "core").glob("*.hpp"), *HERE.glob("*/*.?pp"), *sources, Path(__file__)]
+    inputs = [*FIRMWARE.glob("*/*.hpp"), *HERE.glob("*/*.?pp"), *sources, Path(__file__)]
     if target.exists() and target.stat().st_mtime > max(path.stat().st_mtime for path in inputs):
         return target
     BUILD.mkdir(exist_ok=True)
@@ -71,14 +71,25 @@ def core(core_at_rate: dict[int, ctypes.CDLL]) -> ctypes.CDLL:
     return core_at_rate[10]
 
 
-@pytest.fixture(scope="session")
-def chip_vectors() -> bytes:
-    """What the emulated chip computes for desk/vectors.hpp."""
+def run_on_chip(name: str) -> bytes:
+    """What avr/<name>.cpp computes on the emulated chip."""
     elf = build(
-        BUILD / "vectors.elf",
+        BUILD / f"{name}.elf",
         ["avr-g++", "-mmcu=atmega328p", "-DF_CPU=16000000L"],
-        [HERE / "avr/vectors.cpp"],
+        [HERE / f"avr/{name}.cpp"],
         ["-std=gnu++14", "-Os", "-fno-exceptions", "-fno-rtti", f"-I{FIRMWARE}", f"-I{HERE}"],
     )
     runner = build(BUILD / "runner", ["gcc", "-O2"], [HERE / "avr/runner.c"], ["-lsimavr", "-lelf"])
     return subprocess.run([str(runner), str(elf)], capture_output=True, check=True).stdout
+
+
+@pytest.fixture(scope="session")
+def chip_vectors() -> bytes:
+    """What the emulated chip computes for desk/vectors.hpp."""
+    return run_on_chip("vectors")
+
+
+@pytest.fixture(scope="session")
+def chip_encoder_walk() -> bytes:
+    """What the encoder interrupt and the reference count on the emulated chip."""
+    return run_on_chip("encoder_walk")
