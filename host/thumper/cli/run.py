@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +10,14 @@ import typer
 
 
 def run(
-    goal: Annotated[tuple[float, float], typer.Option(help="Where to drive: X Y in metres, in the map.")],
+    goal: Annotated[
+        tuple[float, float] | None, typer.Option(help="Where to drive: X Y in metres, in the map.")
+    ] = None,
+    waypoint: Annotated[
+        list[str] | None,
+        typer.Option(help="X,Y in metres; may be given often: driven to in that order, before --goal."),
+    ] = None,
+    patrol: Annotated[int, typer.Option(help="Drive all waypoints (and the goal) this often.", min=1)] = 1,
     board: Annotated[str, typer.Option(help="Board port or URL; overrides the configuration.")] = "",
     lidar: Annotated[str, typer.Option(help="Lidar port or URL; overrides the configuration.")] = "",
     start: Annotated[
@@ -21,7 +29,7 @@ def run(
     config: Annotated[Path | None, typer.Option(help="The robot's TOML; without it, a Wild Thumper.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for map, pictures and summary.")] = Path("out"),
 ) -> None:
-    """Drive to a goal in a place that the robot has never seen, and leave the map behind.
+    """Drive to a goal, or round waypoints, in a place that the robot has never seen; leave the map behind.
 
     The map's frame is laid by --start: by default the robot stands at its origin and looks along x.
     """
@@ -33,11 +41,15 @@ def run(
     from thumper.config.robot import load_config
     from thumper.errors import ThumperError
     from thumper.geometry import Pose2
+    from thumper.itinerary import Itinerary, follow
     from thumper.navigation.goal import Goal
     from thumper.report import write_run
 
-    if not all(map(math.isfinite, (*goal, *start, tolerance))):
-        raise ThumperError("--goal, --start and --tolerance take finite numbers", exit_code=2)
+    places = [*map(_place, waypoint or []), *([goal] if goal else [])]
+    if not places:
+        raise ThumperError("nowhere to drive: give --goal X Y or --waypoint X,Y", exit_code=2)
+    if not all(map(math.isfinite, (*chain(*places), *start, tolerance))):
+        raise ThumperError("--goal, --waypoint, --start and --tolerance take finite numbers", exit_code=2)
     settings = load_config(config)
     if board:
         settings = dataclasses.replace(settings, board=dataclasses.replace(settings.board, port=board))
@@ -46,11 +58,26 @@ def run(
     prepare_output(out)
     console = Console()
     start_pose = Pose2(x_m=start[0], y_m=start[1], theta_rad=math.radians(start[2]))
-    target = Goal(x_m=goal[0], y_m=goal[1], tolerance_m=tolerance)
+    goals = tuple(Goal(x_m=x_m, y_m=y_m, tolerance_m=tolerance) for x_m, y_m in places)
     with open_robot(settings, start_pose) as robot:
-        result = drive_with_progress(robot, target, "driving", console, clear_fault=clear_fault)
+        result = follow(
+            Itinerary(goals=goals, rounds=patrol),
+            lambda name, leg: drive_with_progress(robot, leg, name, console, clear_fault=clear_fault),
+        )
         files = write_run(out, robot.mapper.grid(), robot.log, result)
     console.print(f"{result.path_length_m:.2f} m in {result.time_s:.1f} s; {', '.join(files)} are in {out}/")
     if not result.reached:
         raise ThumperError(f"goal not reached: {result.reason}", exit_code=130 if result.interrupted else 1)
     console.print(f"reached: {result.reason}")
+
+
+def _place(text: str) -> tuple[float, float]:
+    from thumper.errors import ThumperError
+
+    try:
+        x_m, y_m = map(float, text.split(","))
+    except ValueError as error:
+        raise ThumperError(
+            f"--waypoint {text}: give X,Y in metres, as in --waypoint 1.0,-0.5", exit_code=2
+        ) from error
+    return x_m, y_m
