@@ -32,6 +32,7 @@ def test_one_command_tunes_the_robot(tmp_path: Path) -> None:
         )
     said = (tmp_path / "out.txt").read_text()
     assert "free ahead" in said
+    assert "the board has saved the new gains" in said
     content = json.loads((tmp_path / "gains.json").read_text())
     assert content["Ms"] <= 1.65
     assert content["model"]["gain"] == pytest.approx(0.0584, rel=0.03)
