@@ -90,7 +90,7 @@ class Runtime:
         self._perception = perception
         self._navigation = navigation
         self._footprint = footprint
-        self._navigator = Navigator(navigation, footprint)
+        self._navigator = Navigator(navigation, footprint, drive)
         self._drive = drive
         self._max_wheel_rad_s = max_wheel_rad_s
         self._telemetry: Telemetry | None = None

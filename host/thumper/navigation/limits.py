@@ -19,6 +19,8 @@ class SpeedLimits:
     v_accel_m_s2: Annotated[float, Gt(0)] = 0.4
     # Turn acceleration and braking [rad/s^2].
     w_accel_rad_s2: Annotated[float, Gt(0)] = 1.5
+    # Rate at which the board changes the speed of each wheel [rad/s^2]: its parameter `acceleration`.
+    wheel_accel_rad_s2: Annotated[float, Gt(0)] = 8.0
     # Time from a command until the base moves accordingly [s].
     latency_s: Annotated[float, Ge(0)] = 0.2
 

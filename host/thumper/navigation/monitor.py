@@ -15,6 +15,7 @@ from thumper.geometry import FloatArray, Twist2
 from thumper.kernel import kernel
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.limits import SpeedLimits
+from thumper.navigation.wheel_ramp import WheelRamp
 
 # A point already inside the margin may come nearer by this much in a motion: scan noise between two steps;
 # but
@@ -87,17 +88,25 @@ def steps_to_contact(points_m: FloatArray, half_planes: FloatArray, poses: Float
 class CollisionMonitor:
     """Lets a command through or says what it would touch."""
 
-    def __init__(self, options: MonitorOptions, limits: SpeedLimits, footprint: Footprint) -> None:
+    def __init__(
+        self,
+        options: MonitorOptions,
+        limits: SpeedLimits,
+        footprint: Footprint,
+        ramp: WheelRamp | None = None,
+    ) -> None:
         self._options = options
         self._limits = limits
+        self._ramp = ramp or WheelRamp.of(limits)
         self._half_planes = footprint.half_planes()
         self._radius_m = footprint.circumscribed_radius_m
 
     def objection(self, command: Twist2, twist: Twist2, hits_in_base_m: FloatArray, period_s: float) -> str:
         """Return what the command would touch, or an empty string.
 
-        The motion judged is: the measured twist during the latency, the command for one period, then braking
-        to a stop. `hits_in_base_m` has shape (n, 2).
+        The motion judged is: the measured twist during the latency, the command for one period, then the
+        zero command: v and w fade as the wheels' ramps or as the limits say, whichever takes longer.
+        `hits_in_base_m` has shape (n, 2).
         """
         poses = self._stopping_poses(command, twist, period_s)
         reach_m = self._radius_m + self._options.margin_m + float(np.hypot(poses[:, 0], poses[:, 1]).max())
@@ -132,19 +141,25 @@ class CollisionMonitor:
 
     def _stopping_poses(self, command: Twist2, twist: Twist2, period_s: float) -> FloatArray:
         limits, step_s = self._limits, self._options.step_s
+        driven_s = limits.latency_s + period_s
         braking_s = max(
-            abs(command.v_m_s) / limits.v_accel_m_s2, abs(command.w_rad_s) / limits.w_accel_rad_s2
+            abs(command.v_m_s) / limits.v_accel_m_s2,
+            abs(command.w_rad_s) / limits.w_accel_rad_s2,
+            self._ramp.braking_s(command),
         )
-        times_s = np.arange(0.0, limits.latency_s + period_s + braking_s, step_s) + 0.5 * step_s
-        fading_s = np.maximum(0.0, times_s - limits.latency_s - period_s)
+        times_s = np.arange(0.0, driven_s + braking_s, step_s) + 0.5 * step_s
+        fading_s = np.maximum(0.0, times_s - driven_s)
+        v_ramp, w_ramp = self._ramp.braked(command, fading_s)
         obeys = times_s > limits.latency_s
-        v = np.where(obeys, _braked(command.v_m_s, limits.v_accel_m_s2, fading_s), twist.v_m_s)
-        w = np.where(obeys, _braked(command.w_rad_s, limits.w_accel_rad_s2, fading_s), twist.w_rad_s)
+        v = np.where(obeys, _slower(command.v_m_s, limits.v_accel_m_s2, fading_s, v_ramp), twist.v_m_s)
+        w = np.where(obeys, _slower(command.w_rad_s, limits.w_accel_rad_s2, fading_s, w_ramp), twist.w_rad_s)
         headings_rad = np.cumsum(w) * step_s
         middles_rad = headings_rad - 0.5 * w * step_s
         x_m, y_m = np.cumsum(v * np.cos(middles_rad)) * step_s, np.cumsum(v * np.sin(middles_rad)) * step_s
         return np.column_stack((x_m, y_m, headings_rad))
 
 
-def _braked(speed: float, accel: float, time_s: FloatArray) -> FloatArray:
-    return math.copysign(1.0, speed) * np.maximum(0.0, abs(speed) - accel * time_s)
+def _slower(speed: float, accel: float, times_s: FloatArray, ramp: FloatArray) -> FloatArray:
+    """What is left of a speed when it fades at `accel` or as `ramp`, shape (n,), whichever is more."""
+    fading = np.maximum(0.0, abs(speed) - accel * times_s)
+    return math.copysign(1.0, speed) * np.maximum(fading, math.copysign(1.0, speed) * ramp)

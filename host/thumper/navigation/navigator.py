@@ -11,10 +11,12 @@ from enum import Enum
 import numpy as np
 
 from thumper.geometry import FloatArray, Pose2, Twist2
+from thumper.kinematics import DriveGeometry
 from thumper.mapping.grid import OccupancyGrid
 from thumper.navigation.arrival import Arrival
 from thumper.navigation.controller import ControlRequest, ControlResult
 from thumper.navigation.costmap import Costmap, build_costmap, build_window
+from thumper.navigation.follower import Follower
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.lattice import LatticePlanner
@@ -30,6 +32,7 @@ from thumper.navigation.route import Route
 from thumper.navigation.smoother import smoothed
 from thumper.navigation.traffic import Traffic
 from thumper.navigation.transitions import Transition, TransitionLog
+from thumper.navigation.wheel_ramp import WheelRamp
 
 USUAL_PERIOD_S = 0.1
 
@@ -59,9 +62,12 @@ class NavigationOutput:
 class Navigator:
     """One robot on its way to one goal."""
 
-    def __init__(self, options: NavigationOptions, footprint: Footprint) -> None:
+    def __init__(
+        self, options: NavigationOptions, footprint: Footprint, drive: DriveGeometry | None = None
+    ) -> None:
         self._options = options
-        self._monitor = CollisionMonitor(options.monitor, options.limits, footprint)
+        ramp = WheelRamp.of(options.limits, drive)
+        self._monitor = CollisionMonitor(options.monitor, options.limits, footprint, ramp)
         footprint = footprint.grown(options.padding_m)
         self._footprint = footprint
         self._controller = make_controller(options, footprint)
@@ -69,7 +75,12 @@ class Navigator:
         self._progress = ProgressChecker(options.progress)
         self._recovery = Recovery(options.recovery, options.limits, footprint, self._controller)
         lattice = LatticePlanner(options.lattice, footprint)
-        self._manoeuvre = Manoeuvre(options.manoeuvre, options.limits, footprint, lattice)
+        self._follower = Follower(
+            self._controller,
+            Manoeuvre(options.manoeuvre, options.limits, footprint, lattice),
+            after_s=options.manoeuvre.after_s,
+            window_m=options.costmap.window_m,
+        )
         self._memory = HitMemory(options.memory)
         self._traffic = Traffic(options.traffic, options.limits, footprint)
         self._goal: Goal | None = None
@@ -91,12 +102,10 @@ class Navigator:
         self._arrival = Arrival(goal)
         self._state, self._reason = NavigationState.NAVIGATING, ""
         self._route.clear()
-        self._controller.reset()
+        self._follower.reset()
         self._progress.reset()
         self._recovery.reset()
-        self._manoeuvre.drop()
         self._stuck_since_s: float | None = None
-        self._standing_since_s: float | None = None
 
     def cancel(self) -> None:
         """Give the goal up; the next command is zero."""
@@ -203,36 +212,11 @@ class Navigator:
             return ControlResult(command=Twist2()) if turned else self._controller.turn(request, turn_rad)
         if self._route.path_m is None:
             return ControlResult(command=None, reason=self._route.reason)
-        if self._manoeuvre.active:
-            threaded = self._manoeuvre.step(request)
-            if threaded is not None:
-                return threaded
-        result = self._controller.command(request)
-        if result.command is not None and not is_still(result.command):
-            self._standing_since_s = None
-        elif self._standing_since_s is None:
-            self._standing_since_s = time_s
-        elif time_s - self._standing_since_s > self._options.manoeuvre.after_s:
-            self._standing_since_s = None
-            if self._manoeuvre.begin(request, self._local_goal(request, goal)):
-                return self._manoeuvre.step(request) or result
-        return result
-
-    def _local_goal(self, request: ControlRequest, goal: Goal) -> Goal:
-        """The furthest point of the path that a manoeuvre shall reach: the goal, or a place well in the
-        window.
-        """
-        reach_m = 0.35 * self._options.costmap.window_m
-        away_m = np.hypot(*(request.path_m - (request.map_from_base.x_m, request.map_from_base.y_m)).T)
-        beyond = np.nonzero(away_m > reach_m)[0]
-        if beyond.size == 0:
-            return goal
-        x_m, y_m = request.path_m[beyond[0]]
-        return Goal(x_m=float(x_m), y_m=float(y_m), tolerance_m=0.15)
+        return self._follower.step(time_s, request, goal)
 
     def _begin_recovery(self, time_s: float, request: ControlRequest, why: str) -> ControlResult:
         self._stuck_since_s = None
-        self._manoeuvre.drop()
+        self._follower.reset()
         if not self._recovery.start(time_s, request):
             tried = f" after {self._recovery.attempts} recoveries" if self._recovery.attempts else ""
             self._state, self._reason = NavigationState.FAILED, f"gave up{tried}: {why}"
@@ -249,7 +233,7 @@ class Navigator:
             return ControlResult(command=command)
         self._state = NavigationState.NAVIGATING
         self._route.clear()
-        self._controller.reset()
+        self._follower.reset()
         self._progress.renew()
         return ControlResult(command=Twist2())
 

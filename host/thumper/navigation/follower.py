@@ -1,0 +1,57 @@
+"""Follows the path: by the controller as long as that moves, by a manoeuvre where it stands."""
+
+import numpy as np
+
+from thumper.navigation.controller import Controller, ControlRequest, ControlResult
+from thumper.navigation.goal import Goal
+from thumper.navigation.manoeuvre import Manoeuvre
+from thumper.navigation.recovery import is_still
+
+LOCAL_GOAL_PART = 0.35  # of the window's side: as far as a manoeuvre is planned
+
+
+class Follower:
+    """A controller with a manoeuvre in reserve."""
+
+    def __init__(
+        self, controller: Controller, manoeuvre: Manoeuvre, *, after_s: float, window_m: float
+    ) -> None:
+        self._controller = controller
+        self._manoeuvre = manoeuvre
+        self._after_s = after_s
+        self._reach_m = LOCAL_GOAL_PART * window_m
+        self._standing_since_s: float | None = None
+
+    def reset(self) -> None:
+        """Forget the past, for a new goal."""
+        self._controller.reset()
+        self._manoeuvre.drop()
+        self._standing_since_s = None
+
+    def step(self, time_s: float, request: ControlRequest, goal: Goal) -> ControlResult:
+        """Return the next twist along the request's path, which must not be empty."""
+        if self._manoeuvre.active:
+            threaded = self._manoeuvre.step(request)
+            if threaded is not None:
+                return threaded
+        result = self._controller.command(request)
+        if result.command is not None and not is_still(result.command):
+            self._standing_since_s = None
+        elif self._standing_since_s is None:
+            self._standing_since_s = time_s
+        elif time_s - self._standing_since_s > self._after_s:
+            self._standing_since_s = None
+            if self._manoeuvre.begin(request, self._local_goal(request, goal)):
+                return self._manoeuvre.step(request) or result
+        return result
+
+    def _local_goal(self, request: ControlRequest, goal: Goal) -> Goal:
+        """The furthest point of the path that a manoeuvre shall reach: the goal, or a place well in the
+        window.
+        """
+        away_m = np.hypot(*(request.path_m - (request.map_from_base.x_m, request.map_from_base.y_m)).T)
+        beyond = np.nonzero(away_m > self._reach_m)[0]
+        if beyond.size == 0:
+            return goal
+        x_m, y_m = request.path_m[beyond[0]]
+        return Goal(x_m=float(x_m), y_m=float(y_m), tolerance_m=0.15)
