@@ -53,7 +53,7 @@ class FrameDecoder {
     finished_ = true;
     uint16_t crc = kCrcInit;
     for (uint8_t i = 0; i < length_; ++i) crc = Crc16(crc, body_[i]);
-    const bool good = !broken_ && left_ == 0 && length_ >= kOverhead && crc == 0;
+    const bool good = !broken_ && left_ == 0 && length_ >= kOverhead && crc == kFrameResidue;
     if (good) {
       ++frames_;
     } else {
@@ -77,8 +77,8 @@ template <typename Sink>
 __attribute__((noinline)) void SendBody(Sink& sink, uint8_t* body, uint8_t length) {
   uint16_t crc = kCrcInit;
   for (uint8_t i = 0; i < length - 2; ++i) crc = Crc16(crc, body[i]);
-  body[length - 2] = static_cast<uint8_t>(crc);
-  body[length - 1] = static_cast<uint8_t>(crc >> 8);
+  body[length - 2] = static_cast<uint8_t>(~crc);
+  body[length - 1] = static_cast<uint8_t>(~crc >> 8);
 
   uint8_t start = 0;
   for (;;) {  // one run of non-zero bytes a pass

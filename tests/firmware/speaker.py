@@ -8,13 +8,13 @@ from thumper.link import messages as m
 
 
 def crc(data: bytes) -> int:
-    """CRC-16/MCRF4XX, bit by bit."""
+    """CRC-16/X-25, bit by bit."""
     value = 0xFFFF
     for byte in data:
         value ^= byte
         for _ in range(8):
             value = (value >> 1) ^ 0x8408 if value & 1 else value >> 1
-    return value
+    return value ^ 0xFFFF
 
 
 def frame(message_id: int, payload: bytes, seq: int = 5) -> bytes:
@@ -26,7 +26,7 @@ def frame(message_id: int, payload: bytes, seq: int = 5) -> bytes:
 def read_frames(data: bytes) -> list[tuple[int, m.Message]]:
     """Return sequence number and message of each frame; every one must check."""
     bodies = [cobs.decode(part) for part in data.split(b"\0")[:-1]]
-    assert all(crc(body) == 0 for body in bodies)
+    assert all(crc(body[:-2]).to_bytes(2, "little") == body[-2:] for body in bodies)
     return [(body[1], m.MESSAGES[body[0]].unpack(body[2:-2])) for body in bodies]
 
 

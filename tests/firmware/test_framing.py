@@ -10,13 +10,13 @@ payloads = st.one_of(st.binary(max_size=60), st.lists(st.sampled_from([0, 1, 255
 
 
 def crc(data: bytes) -> int:
-    """CRC-16/MCRF4XX, bit by bit."""
+    """CRC-16/X-25, bit by bit."""
     value = 0xFFFF
     for byte in data:
         value ^= byte
         for _ in range(8):
             value = (value >> 1) ^ 0x8408 if value & 1 else value >> 1
-    return value
+    return value ^ 0xFFFF
 
 
 def frame(body: bytes) -> bytes:
@@ -35,8 +35,9 @@ def push(core: ctypes.CDLL, decoder: int, data: bytes) -> list[bytes]:
 
 
 def test_crc_check_value(core: ctypes.CDLL) -> None:
-    """The catalogue's check value of CRC-16/MCRF4XX."""
-    assert core.crc16(b"123456789", 9) == crc(b"123456789") == 0x6F91
+    """The catalogue's check values of CRC-16/MCRF4XX, and of its complement X-25, which a frame carries."""
+    assert core.crc16(b"123456789", 9) == 0x6F91
+    assert crc(b"123456789") == 0x906E
 
 
 @settings(max_examples=200, deadline=None)

@@ -23,11 +23,11 @@ _CRC_TABLE = _crc_table()
 
 
 def crc16(data: bytes) -> int:
-    """CRC-16/CCITT, reflected (0x8408), start 0xFFFF: what avr-libc's `_crc_ccitt_update` computes."""
+    """CRC-16/X-25: reflected (0x8408), start 0xFFFF, complemented, so that a lost last byte never checks."""
     crc = 0xFFFF
     for byte in data:
         crc = (crc >> 8) ^ _CRC_TABLE[(crc ^ byte) & 0xFF]
-    return crc
+    return crc ^ 0xFFFF
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,8 +10,8 @@ bytes_8 = st.integers(0, 255)
 
 
 def test_crc_is_the_published_one() -> None:
-    """CRC-16/MCRF4XX of "123456789" is 0x6F91 in the CRC catalogue; avr-libc's update gives the same."""
-    assert crc16(b"123456789") == 0x6F91
+    """CRC-16/X-25 of "123456789" is 0x906E in the CRC catalogue."""
+    assert crc16(b"123456789") == 0x906E
 
 
 @given(message_id=bytes_8, sequence=bytes_8, payload=payloads)
@@ -45,6 +45,13 @@ def test_a_damaged_byte_is_never_believed_and_the_next_frame_arrives(
     assert all(frame.payload == payload and frame.message_id == 0x82 for frame in frames)
     assert len(frames) == 1
     assert decoder.errors >= 1
+
+
+@given(payload=payloads, cut=st.integers(1, 64))
+def test_a_cut_frame_is_never_believed(payload: bytes, cut: int) -> None:
+    whole = encode_frame(0x82, 7, payload)[:-1]
+    decoder = FrameDecoder()
+    assert decoder.feed(whole[: -min(cut, len(whole))] + b"\x00") == []
 
 
 def test_endless_noise_without_a_delimiter_is_dropped() -> None:
