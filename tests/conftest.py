@@ -1,4 +1,4 @@
-"""How properties are tried: no deadline (a first call compiles a kernel), the same examples each time in CI."""
+"""How properties are tried: no deadline (a first call compiles a kernel), the same examples each CI run."""
 
 import os
 
