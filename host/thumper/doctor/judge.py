@@ -15,7 +15,7 @@ RATE_WARN_SHARE, RATE_FAIL_SHARE = 0.03, 0.1
 LOSS_FAIL_SHARE = 0.02
 BOARD_JITTER_WARN_S, BOARD_JITTER_FAIL_S = 0.02, 0.15
 LIDAR_JITTER_WARN_S, LIDAR_JITTER_FAIL_S = 0.02, 0.1
-BATTERY_ARM_V, BATTERY_WARN_V = 7.0, 7.2  # below 7.0 V a board that has stopped for low battery does not arm again
+BATTERY_ARM_V, BATTERY_WARN_V = 7.0, 7.2
 SURE_COUNTS = 20
 OTHER_SHARE = 0.5
 
@@ -91,7 +91,9 @@ def judge_battery(battery_V: float) -> Check:
     if battery_V < 1.0:
         return Check(verdict="fail", what=what, cure="no battery is measured: connect it, check its divider")
     if battery_V < BATTERY_ARM_V:
-        return Check(verdict="fail", what=what, cure="charge it: the board stops at 6.4 V, and then arms only above 7.0 V")
+        return Check(
+            verdict="fail", what=what, cure="charge it: the board stops at 6.4 V, then waits for 7.0 V"
+        )
     if battery_V < BATTERY_WARN_V:
         return Check(verdict="warn", what=what, cure="charge it soon: the board stops at 6.4 V under load")
     return Check(verdict="pass", what=what)
