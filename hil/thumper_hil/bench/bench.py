@@ -37,6 +37,12 @@ REMEMBERED_POSES = 256  # a sweep of the lidar lasts 75 ms, and a busy reader lo
 TRUTH_COLUMNS = ("time_s", "x_m", "y_m", "theta_rad", "left_rad_s", "right_rad_s")
 
 
+def cycle_at(time_s: float) -> int:
+    """The first cycle whose time is not before `time_s`: who waits until then must not wait for ever."""
+    cycle = math.ceil(time_s * CPU_HZ)
+    return cycle if cycle / CPU_HZ >= time_s else cycle + 1  # the product above was rounded down
+
+
 class Bench:
     """A simulated robot at work. Time passes only in `advance...`; the same seed and bytes give the same run.
 
@@ -111,7 +117,7 @@ class Bench:
         ChipError
             The firmware has crashed.
         """
-        until_cycle = math.ceil(until_s * CPU_HZ)  # never short of it: who waits would wait for ever
+        until_cycle = cycle_at(until_s)
         arrived = False
         while True:
             self._break_what_is_due()
@@ -159,7 +165,7 @@ class Bench:
 
     def advance_for_lidar(self, until_s: float, lidar_bytes: int) -> None:
         """Let time pass until `until_s`, or until so many of the lidar's bytes wait to be read."""
-        until_cycle = math.ceil(until_s * CPU_HZ)  # never short of it: who waits would wait for ever
+        until_cycle = cycle_at(until_s)
         while self.lidar_available() < lidar_bytes and self.chip.cycle < until_cycle:
             self.advance(min(until_s, self.time_s + LIDAR_LOOK_S))
 
