@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
 import numpy as np
@@ -196,10 +197,10 @@ def tracking() -> None:
                     board = Board.open(url, baud=500_000)
                 try:
                     if gains is None:
-                        log = record(
-                            board, ExcitationOptions(), Path("/tmp/thumper_tuning_bench.csv"), _silent
-                        )
-                        gains = design(*nominal([identify([one]) for one in read_logs(log)]), DesignOptions())
+                        with TemporaryDirectory() as folder:
+                            log = record(board, ExcitationOptions(), Path(folder) / "run.csv", _silent)
+                            logs = read_logs(log)
+                        gains = design(*nominal([identify([one]) for one in logs]), DesignOptions())
                     result = verify(board, gains.gains, VerifyOptions(hold_s=8.0), Path("/dev/null"), _silent)
                 finally:
                     board.close()
