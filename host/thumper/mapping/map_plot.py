@@ -31,7 +31,8 @@ def plot_map(grid: OccupancyGrid, path_m: FloatArray, png_path: Path, title: str
     size_px = np.array([width_px + 1.3 * BORDER_PX, height_px + 1.3 * BORDER_PX])
     figure = Figure(figsize=tuple(size_px / DPI), dpi=DPI)
     FigureCanvasAgg(figure)  # draws without a display
-    figure.figimage(_palette()[np.clip(image, UNKNOWN, OCCUPIED)], xo=BORDER_PX, yo=LOW_PX, origin="lower")
+    pixels = _palette()[np.clip(image, UNKNOWN, OCCUPIED)]
+    figure.figimage(pixels, xo=BORDER_PX, yo=LOW_PX, origin="lower", zorder=-1)  # else it hides the axes
     axes = figure.add_axes(
         (BORDER_PX / size_px[0], LOW_PX / size_px[1], width_px / size_px[0], height_px / size_px[1])
     )
