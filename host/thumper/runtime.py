@@ -119,6 +119,7 @@ class Runtime:
         start = self._look_round()
         self._check_goal(goal, start)
         self._navigator.set_goal(goal)
+        self._interrupted = False
         self._check_fault(clear_fault)
         self._board.command(Command.ARM)
         try:

@@ -8,7 +8,7 @@ from urllib.parse import urlencode
 from rich.console import Console
 
 from thumper.assembly import open_robot, warm_up
-from thumper.cli.mission import drive_with_progress
+from thumper.cli.mission import drive_with_progress, raise_if_interrupted
 from thumper.config.robot import BoardConfig, LidarConfig, RobotConfig
 from thumper.navigation.goal import Goal
 from thumper_hil.bench import simulation
@@ -48,6 +48,7 @@ def drive_mission(mission: Mission, *, seed: int, realtime: bool, console: Conso
     with open_robot(config, mission.start) as robot:
         bench = simulation(mission.name)
         result = drive_with_progress(robot, goal, mission.title, console)
+        raise_if_interrupted(result)
         wall_time_s = time.perf_counter() - started_s
         grid = robot.mapper.grid()
     return Outcome(

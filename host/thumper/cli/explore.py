@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from thumper.runtime import MissionResult, Runtime
 
 HOME_TOLERANCE_M = 0.15
-INTERRUPTED = 130
 
 
 def explore(
@@ -27,23 +26,17 @@ def explore(
 
     The robot starts at the map's origin and looks along x. Leaves with 1 when it did not come home.
     """
-    import dataclasses
-
     from rich.console import Console
 
     from thumper.assembly import open_robot
     from thumper.cli.output import prepare_output
-    from thumper.config.robot import load_config
+    from thumper.config.robot import load_config, with_ports
     from thumper.geometry import Pose2
     from thumper.navigation.frontiers import ExplorationOptions, Explorer
     from thumper.navigation.goal import Goal
     from thumper.report import write_run
 
-    settings = load_config(config)
-    if board:
-        settings = dataclasses.replace(settings, board=dataclasses.replace(settings.board, port=board))
-    if lidar:
-        settings = dataclasses.replace(settings, lidar=dataclasses.replace(settings.lidar, port=lidar))
+    settings = with_ports(load_config(config), board=board, lidar=lidar)
     prepare_output(out)
     console = Console()
     home = Goal(x_m=0.0, y_m=0.0, tolerance_m=HOME_TOLERANCE_M)
@@ -85,13 +78,13 @@ def _explore(robot: "Runtime", explorer: "Explorer", limit_s: float, console: "C
 
 def _drive(robot: "Runtime", goal: "Goal", name: str, console: "Console") -> "MissionResult | None":
     """Drive there; None when the goal was refused before anything moved."""
-    from thumper.cli.mission import drive_with_progress
+    from thumper.cli.mission import drive_with_progress, raise_if_interrupted
     from thumper.errors import ThumperError
 
     try:
-        return drive_with_progress(robot, goal, name, console)
+        result = drive_with_progress(robot, goal, name, console)
     except ThumperError as error:
-        if error.exit_code == INTERRUPTED:
-            raise
         console.print(f"{name} at {goal} is left: {error}")
         return None
+    raise_if_interrupted(result)
+    return result

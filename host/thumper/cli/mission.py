@@ -3,11 +3,13 @@
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
+from thumper.errors import ThumperError
 from thumper.navigation.goal import Goal
 from thumper.runtime import MissionResult, Runtime
 from thumper.runtime import Progress as Beat
 
 PLAIN_PERIOD_S = 1.0
+INTERRUPTED = 130  # the exit code after Ctrl-C
 
 
 def drive_with_progress(
@@ -40,3 +42,9 @@ def drive_with_progress(
         else:
             progress.update(task, state=f"not reached after {result.time_s:.1f} s")
     return result
+
+
+def raise_if_interrupted(result: MissionResult) -> None:
+    """End a command that would drive on: Ctrl-C means all of it; the robot stands already."""
+    if result.interrupted:
+        raise ThumperError(result.reason, exit_code=INTERRUPTED)

@@ -1,6 +1,5 @@
 """`thumper run`: drive the robot to a goal, mapping on the way."""
 
-import dataclasses
 import math
 from itertools import chain
 from pathlib import Path
@@ -36,9 +35,9 @@ def run(
     from rich.console import Console
 
     from thumper.assembly import open_robot
-    from thumper.cli.mission import drive_with_progress
+    from thumper.cli.mission import INTERRUPTED, drive_with_progress
     from thumper.cli.output import prepare_output
-    from thumper.config.robot import load_config
+    from thumper.config.robot import load_config, with_ports
     from thumper.errors import ThumperError
     from thumper.geometry import Pose2
     from thumper.itinerary import Itinerary, follow
@@ -50,11 +49,7 @@ def run(
         raise ThumperError("nowhere to drive: give --goal X Y or --waypoint X,Y", exit_code=2)
     if not all(map(math.isfinite, (*chain(*places), *start, tolerance))):
         raise ThumperError("--goal, --waypoint, --start and --tolerance take finite numbers", exit_code=2)
-    settings = load_config(config)
-    if board:
-        settings = dataclasses.replace(settings, board=dataclasses.replace(settings.board, port=board))
-    if lidar:
-        settings = dataclasses.replace(settings, lidar=dataclasses.replace(settings.lidar, port=lidar))
+    settings = with_ports(load_config(config), board=board, lidar=lidar)
     prepare_output(out)
     console = Console()
     start_pose = Pose2(x_m=start[0], y_m=start[1], theta_rad=math.radians(start[2]))
@@ -67,7 +62,9 @@ def run(
         files = write_run(out, robot.mapper.grid(), robot.log, result)
     console.print(f"{result.path_length_m:.2f} m in {result.time_s:.1f} s; {', '.join(files)} are in {out}/")
     if not result.reached:
-        raise ThumperError(f"goal not reached: {result.reason}", exit_code=130 if result.interrupted else 1)
+        raise ThumperError(
+            f"goal not reached: {result.reason}", exit_code=INTERRUPTED if result.interrupted else 1
+        )
     console.print(f"reached: {result.reason}")
 
 

@@ -4,7 +4,7 @@ import difflib
 import json
 import math
 import tomllib
-from dataclasses import dataclass, field, is_dataclass
+from dataclasses import dataclass, field, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast, get_type_hints
 
@@ -95,6 +95,15 @@ def load_config(path: Path | None) -> RobotConfig:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])
         raise ThumperError(f"{path}: {key} = {first['input']!r}: {first['msg']}", exit_code=2) from error
+
+
+def with_ports(config: RobotConfig, *, board: str, lidar: str) -> RobotConfig:
+    """The same robot on other ports; an empty one stays as configured."""
+    return replace(
+        config,
+        board=replace(config.board, port=board or config.board.port),
+        lidar=replace(config.lidar, port=lidar or config.lidar.port),
+    )
 
 
 def _refuse_unknown_keys(table: dict[str, Any], of: type, path: Path, prefix: str) -> None:
