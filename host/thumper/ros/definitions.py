@@ -1,0 +1,56 @@
+"""The messages that ROS 2 has no standard for, in its own notation; units end the names as elsewhere."""
+
+# The board's telemetry exactly as it was on the wire, so that a recording holds all the board said.
+WHEELS = """
+std_msgs/Header header
+uint32 time_us
+int32 left_count
+int32 right_count
+int16 left_setpoint_mrad_s
+int16 right_setpoint_mrad_s
+int16 left_speed_mrad_s
+int16 right_speed_mrad_s
+int16 left_pwm
+int16 right_pwm
+int16 left_integral
+int16 right_integral
+uint16 lost_edges
+uint16 battery_mv
+int16 left_current_ma
+int16 right_current_ma
+uint8 state
+uint8 fault
+uint8 warnings
+uint16 rx_frames
+uint16 rx_errors
+"""
+
+STATUS = """
+std_msgs/Header header
+string robot
+string mode
+string reason
+bool simulated
+bool recording
+bool has_goal
+float64 goal_x_m
+float64 goal_y_m
+float64 goal_yaw_rad
+float64 distance_to_goal_m
+string board_state
+uint8 fault
+string fault_words
+string fault_cure
+float64 loop_late_s
+float64 loop_busy_s
+float64 telemetry_age_s
+float64 scan_age_s
+uint32 link_frames
+uint32 link_errors
+uint32 lost_edges
+uint32 lidar_scans
+uint32 lidar_errors
+uint32 lidar_restarts
+"""
+
+OWN_MESSAGES = {"thumper_msgs/msg/Wheels": WHEELS, "thumper_msgs/msg/Status": STATUS}

@@ -1,0 +1,34 @@
+"""What the robot says of itself, for people: the content of the topic `status`."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Status:
+    """One look at the whole robot; the fields are those of thumper_msgs/msg/Status."""
+
+    time_s: float
+    robot: str = ""
+    mode: str = "idle"  # what it is doing
+    reason: str = ""  # why, in words
+    simulated: bool = False
+    recording: bool = False
+    has_goal: bool = False
+    goal_x_m: float = 0.0
+    goal_y_m: float = 0.0
+    goal_yaw_rad: float = 0.0
+    distance_to_goal_m: float = 0.0
+    board_state: str = ""  # DISARMED, CLOSED_LOOP, MANUAL or FAULT
+    fault: int = 0  # latched fault of the board; 0 none
+    fault_words: str = ""
+    fault_cure: str = ""
+    loop_late_s: float = 0.0  # how much later than due the newest beat began
+    loop_busy_s: float = 0.0  # how long the newest beat's work took
+    telemetry_age_s: float = 0.0
+    scan_age_s: float = 0.0
+    link_frames: int = 0  # heard by the board since its reset; wraps at 65536
+    link_errors: int = 0
+    lost_edges: int = 0
+    lidar_scans: int = 0
+    lidar_errors: int = 0
+    lidar_restarts: int = 0

@@ -1,0 +1,60 @@
+"""What goes over the border: the name of each topic, its ROS 2 type, and which way it goes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from types import MappingProxyType
+
+
+class Direction(Enum):
+    """Seen from the robot."""
+
+    OUT = "out"
+    IN = "in"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Topic:
+    """One stream of messages."""
+
+    type_name: str
+    direction: Direction
+    latched: bool = False  # who comes late still gets the newest message
+
+
+def _out(type_name: str, *, latched: bool = False) -> Topic:
+    return Topic(type_name=type_name, direction=Direction.OUT, latched=latched)
+
+
+def _in(type_name: str) -> Topic:
+    return Topic(type_name=type_name, direction=Direction.IN)
+
+
+TOPICS: Mapping[str, Topic] = MappingProxyType(
+    {
+        "scan": _out("sensor_msgs/msg/LaserScan"),
+        "odom": _out("nav_msgs/msg/Odometry"),
+        "pose": _out("geometry_msgs/msg/PoseWithCovarianceStamped"),
+        "tf": _out("tf2_msgs/msg/TFMessage"),
+        "tf_static": _out("tf2_msgs/msg/TFMessage", latched=True),
+        "map": _out("nav_msgs/msg/OccupancyGrid", latched=True),
+        "local_costmap": _out("nav_msgs/msg/OccupancyGrid"),
+        "plan": _out("nav_msgs/msg/Path", latched=True),
+        "local_plan": _out("nav_msgs/msg/Path"),
+        "particles": _out("geometry_msgs/msg/PoseArray"),
+        "cmd_vel": _out("geometry_msgs/msg/TwistStamped"),
+        "wheels": _out("thumper_msgs/msg/Wheels"),
+        "battery": _out("sensor_msgs/msg/BatteryState"),
+        "status": _out("thumper_msgs/msg/Status", latched=True),
+        "events": _out("rcl_interfaces/msg/Log"),
+        "goal": _in("geometry_msgs/msg/PoseStamped"),
+        "waypoints": _in("nav_msgs/msg/Path"),
+        "initialpose": _in("geometry_msgs/msg/PoseWithCovarianceStamped"),
+        "teleop": _in("geometry_msgs/msg/TwistStamped"),
+        "gamepad": _in("geometry_msgs/msg/TwistStamped"),  # goes before `teleop`
+        "heartbeat": _in("std_msgs/msg/Header"),
+        "estop": _in("std_msgs/msg/Bool"),
+        "command": _in("std_msgs/msg/String"),
+        "simulator/command": _in("std_msgs/msg/String"),
+    }
+)
