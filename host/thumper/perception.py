@@ -1,4 +1,7 @@
-"""From wheel counts and scans to where the robot is and what stands round it. Pure: no I/O, no clock."""
+"""From wheel counts and scans to where the robot is and what stands round it. Pure: no I/O, no clock.
+
+What comes in is first rounded to what a recording keeps of it, so that a replay gives the same bits.
+"""
 
 from collections import deque
 from dataclasses import dataclass
@@ -14,6 +17,7 @@ from thumper.mapping.mapper import Mapper
 from thumper.mapping.scan_points import scan_points
 from thumper.odometry.history import PoseHistory
 from thumper.odometry.odometry import Odometry, OdometrySample
+from thumper.ros.stamps import rounded_s
 
 MAX_WAITING_SCANS = 10
 
@@ -47,12 +51,14 @@ class Perception:
     def add_telemetry(self, sample: TelemetrySample) -> None:
         """Advance the odometry."""
         telemetry = sample.telemetry
-        self._newest = self._odometry.update(sample.time_s, telemetry.left_count, telemetry.right_count)
+        time_s = rounded_s(sample.time_s)
+        self._newest = self._odometry.update(time_s, telemetry.left_count, telemetry.right_count)
         self._history.add(self._newest)
         self._map_what_is_covered()
 
     def add_scan(self, scan: Scan) -> None:
         """Queue a scan; it is mapped as soon as odometry covers its whole turn."""
+        scan = scan.as_recorded()
         if Flaw.STAMP in self.monitor.look(scan):
             return
         if len(self._waiting) == MAX_WAITING_SCANS:

@@ -89,7 +89,7 @@ def test_a_scan_waits_until_odometry_covers_its_turn() -> None:
     assert robot.scans_mapped == 1
     situation = robot.situation()
     assert situation is not None
-    assert situation.scan_age_s == pytest.approx(0.2 - 0.149, abs=1e-9)
+    assert situation.scan_age_s == pytest.approx(0.2 - 0.149, abs=1e-7)
 
 
 def test_a_scan_from_before_the_board_was_heard_is_not_mapped() -> None:

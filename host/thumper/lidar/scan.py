@@ -1,10 +1,11 @@
 """One turn of a 2-D lidar, as every sensor driver delivers it and every consumer takes it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from thumper.geometry import FloatArray
+from thumper.ros.stamps import rounded_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,3 +29,20 @@ class Scan:
         """Direction of each beam in the laser frame, shape (n,)."""
         steps = np.arange(self.ranges_m.size, dtype=np.float64)
         return np.asarray(self.angle_min_rad + self.angle_increment_rad * steps, dtype=np.float64)
+
+    def as_recorded(self) -> "Scan":
+        """The scan as a recording keeps it: single precision, whole nanoseconds."""
+        return replace(
+            self,
+            time_s=rounded_s(self.time_s),
+            ranges_m=self.ranges_m.astype(np.float32).astype(np.float64),
+            angle_min_rad=_single(self.angle_min_rad),
+            angle_increment_rad=_single(self.angle_increment_rad),
+            time_increment_s=_single(self.time_increment_s),
+            range_min_m=_single(self.range_min_m),
+            range_max_m=_single(self.range_max_m),
+        )
+
+
+def _single(value: float) -> float:
+    return float(np.float32(value))

@@ -2,6 +2,7 @@
 
 import math
 import sys
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,22 @@ def test_scan(values: list[float], time_s: float, clockwise: bool) -> None:
     assert back.angle_increment_rad == scan.angle_increment_rad
     assert (back.angle_min_rad, back.time_increment_s) == (scan.angle_min_rad, scan.time_increment_s)
     assert (back.range_min_m, back.range_max_m) == (scan.range_min_m, scan.range_max_m)
+
+
+@given(time_s=st.floats(0.0, 1e6), range_m=st.floats(0.02, 5.6))
+def test_a_scan_as_recorded_comes_back_bit_by_bit(time_s: float, range_m: float) -> None:
+    scan = Scan(
+        time_s=time_s,
+        ranges_m=np.array([range_m, math.nan, math.inf]),
+        angle_min_rad=-2.0862,
+        angle_increment_rad=math.tau / 1024,
+        time_increment_s=0.1 / 1024,
+    ).as_recorded()
+    back = parse.scan_of(sent(MESSAGES.scan(scan)), EPOCH_NS)
+    np.testing.assert_array_equal(back.ranges_m, scan.ranges_m)
+    assert replace(back, ranges_m=scan.ranges_m) == scan
+    assert scan.time_s == pytest.approx(time_s, abs=1e-9)
+    assert scan.ranges_m[0] == pytest.approx(range_m, rel=1e-7)
 
 
 def test_scan_tells_ros_its_last_angle_and_its_turn() -> None:
