@@ -272,19 +272,24 @@ class Runtime:
         """Zero speed until the wheels stand, then disarm; returns whether the board confirmed it.
 
         It runs on every way out: it never raises, and minds nothing but the board before that has stopped.
+        Ctrl-C cuts the ramp short, never the disarming.
         """
         samples: list[TelemetrySample] = []
+        confirmed = False
         try:
-            for _ in range(STOP_BEATS):
-                self._board.set_wheel_speeds(WheelSpeeds())
-                heard = self._board.poll(TELEMETRY_TIMEOUT_S)
-                samples += heard
-                if not heard or _stands(heard[-1].telemetry):
-                    break
-            self._board.command(Command.DISARM)
-            confirmed = True
+            with suppress(KeyboardInterrupt):
+                for _ in range(STOP_BEATS):
+                    self._board.set_wheel_speeds(WheelSpeeds())
+                    heard = self._board.poll(TELEMETRY_TIMEOUT_S)
+                    samples += heard
+                    if not heard or _stands(heard[-1].telemetry):
+                        break
+            while not confirmed:
+                with suppress(KeyboardInterrupt):
+                    self._board.command(Command.DISARM)
+                    confirmed = True
         except ThumperError:
-            confirmed = False
+            pass
         with suppress(Exception):  # a fault here must not hide how the drive ended
             self._take_in(samples)
         return confirmed

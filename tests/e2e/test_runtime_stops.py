@@ -15,7 +15,7 @@ from thumper.config.robot import BoardConfig, LidarConfig, RobotConfig
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
 from thumper.link.framing import encode_frame
-from thumper.link.messages import Command, CommandRequest
+from thumper.link.messages import Command, CommandRequest, State
 from thumper.navigation.goal import Goal
 from thumper.runtime import MissionResult, Progress, Runtime
 from thumper_hil.bench import Bench, simulation
@@ -92,6 +92,34 @@ def test_the_wheels_stand_and_the_user_reads_why(mishap: Mishap, words: str) -> 
     assert result.interrupted == (mishap is interrupt)
     assert bench.contacts == 0
     assert truth[-1, 1] > 0.0  # it did not go on to the goal
+
+
+@pytest.mark.parametrize("call", ["set_wheel_speeds", "command"])
+def test_another_ctrl_c_while_it_stops_does_not_skip_disarming(
+    call: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The user is impatient: Ctrl-C again in the ramp, or in the very command that disarms."""
+    with robot_in_the_lab() as (robot, bench):
+        board = robot._board
+        said = getattr(board, call)
+        impatient = True
+
+        def interrupted(*words: object) -> None:
+            nonlocal impatient
+            if impatient and (call == "set_wheel_speeds" or words == (Command.DISARM,)):
+                impatient = False
+                raise KeyboardInterrupt
+            said(*words)
+
+        def interrupt_twice(robot: Runtime, bench: Bench) -> None:
+            monkeypatch.setattr(board, call, interrupted)
+            interrupt(robot, bench)
+
+        result = drive(robot, bench, interrupt_twice)
+        assert not impatient
+        assert result.interrupted
+        assert "did not confirm" not in result.reason
+        assert board.poll(0.5)[-1].telemetry.state is State.DISARMED
 
 
 def test_without_eyes_it_goes_no_further_than_it_must() -> None:
