@@ -92,6 +92,59 @@ def test_a_dead_motor_draws_nothing_and_gives_nothing(driving: Open) -> None:
     assert truth.wheel_rad_s[0] < 0.6 * 5.0
 
 
+def test_exchanged_channels_count_backwards(driving: Open) -> None:
+    """The wheel rolls forward, its count goes down, and the firmware says so."""
+    board, bench = driving("")
+    bench.fault("encoder.left.channels", "swapped")
+    before, turned_rad = drive(board, bench, 0.04), bench.chip.truth().wheel_rad[0]
+    after = drive(board, bench, 0.1)
+    assert bench.chip.truth().wheel_rad[0] > turned_rad + 0.2
+    assert after.left_count - before.left_count < -30
+    assert after.right_count - before.right_count > 50
+    _, telemetry = time_to_fault_s(board, bench, 1.0)
+    assert telemetry.fault is Fault.REVERSED_LEFT
+
+
+def test_exchanged_motor_wires_turn_the_wheels_back(driving: Open) -> None:
+    board, bench = driving("")
+    bench.fault("motor.right", "swapped")
+    took_s, telemetry = time_to_fault_s(board, bench, 1.0)
+    assert telemetry.fault is Fault.REVERSED_RIGHT
+    assert took_s < 0.6
+    assert bench.chip.truth().wheel_rad_s[1] < -1.0
+
+
+def test_a_short_is_over_current(driving: Open) -> None:
+    """The bridge delivers the mean voltage over 0.1 ohm beside what the motors take; then it is off."""
+    board, bench = driving("")
+    bench.fault("motor.left", "shorted")
+    bench.advance(bench.time_s + 0.005)
+    truth = bench.chip.truth()
+    duty = bench.chip.data(0xB4) / 255.0  # OCR2B
+    assert truth.current_A[0] - truth.current_A[1] == pytest.approx(duty * truth.battery_V / 0.1, rel=0.3)
+    assert truth.current_A[0] > 20.0
+    _, telemetry = time_to_fault_s(board, bench, 1.0)
+    assert telemetry.fault is Fault.OVER_CURRENT
+    bench.advance(bench.time_s + 0.1)
+    assert bench.chip.truth().current_A[0] == 0.0
+
+
+def test_pulses_on_the_encoders_wires(driving: Open) -> None:
+    """A thousand a second are taken back one by one; 50 000 meet each other and real edges: told, and off."""
+    board, bench = driving("")
+    bench.fault("encoder.right.glitches", 1000.0)
+    before, turned = drive(board, bench, 0.04), bench.chip.truth().encoder_count[1]
+    after, still = drive(board, bench, 1.0), bench.chip.truth().encoder_count[1]
+    assert after.state is State.CLOSED_LOOP
+    assert after.right_count - before.right_count == pytest.approx(still - turned, abs=25)
+    bench.fault("encoder.right.glitches", 50_000.0)
+    _, telemetry = time_to_fault_s(board, bench, 1.0)
+    assert telemetry.fault is Fault.LOST_EDGES
+    bench.fault("encoder.right.glitches", 0.0)
+    lost = drive(board, bench, 0.1).lost_edges
+    assert drive(board, bench, 0.5).lost_edges == lost
+
+
 def test_blocked_wheels_stand_and_draw_the_stall_current(driving: Open) -> None:
     board, bench = driving("")
     bench.fault("wheels.right", "blocked")
@@ -246,7 +299,7 @@ def test_the_documentation_lists_every_fault() -> None:
     for name in FAULTS:
         family, _, rest = name.partition(".")
         short = {
-            "encoder": "encoder.SIDE.a",
+            "encoder": "encoder.SIDE." + name.rpartition(".")[2],
             "motor": "motor.SIDE",
             "wheels": "wheels.SIDE",
             "slip": "slip.SIDE",

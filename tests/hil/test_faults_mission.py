@@ -44,18 +44,22 @@ def drive_with(fault: str, folder: Path) -> tuple[MissionResult, Bench]:
 @pytest.mark.parametrize(
     ("fault", "words", "stands_within_s"),
     [
-        ('encoder.left.b = "cut"', "left wheels do not turn", 0.8),
-        ('encoder.right.a = "stuck"', "right wheels do not turn", 0.8),
+        ('encoder.left.b = "cut"', "left wheels do not turn", 1.1),
+        ('encoder.left.channels = "swapped"', "left encoder counts backwards; swap its two wires", 1.1),
+        ("encoder.left.glitches = 50_000", "encoder's signal is disturbed", 0.8),
+        ('encoder.right.a = "stuck"', "right wheels do not turn", 1.1),
         ('motor.left = "dead"', "left wheels do not turn", 2.0),
+        ('motor.left = "swapped"', "left encoder counts backwards; .* or the motor's", 1.0),
+        ('motor.right = "shorted"', "a motor draws too much current", 1.0),
         ('wheels.right = "blocked"', "right wheels do not turn", 0.8),
         ("battery.charge = 0.01", "the battery is empty; charge it", 4.0),
-        ("line.loss = 1.0", "the board went silent; it stops its motors by itself", 0.5),
-        ("host.hang = 1.0", "the board went silent|no command for 300 ms", 0.5),
+        ("line.loss = 1.0", "the board went silent; it stops its motors by itself", 0.7),
+        ("host.hang = 1.0", "the board went silent|no command for 300 ms", 0.7),
         ('firmware = "hang"', "the board went silent|restarted", 1.0),
         ('firmware = "loop"', "restarted", 1.0),
         ('firmware = "reset"', "restarted on the way; look at its supply and cable", 0.5),
         ('lidar = "unplugged"', "lidar .*cable loose", 1.6),
-        ('board = "unplugged"', "port .* fails .*cable loose", 0.5),
+        ('board = "unplugged"', "port .* fails .*cable loose", 0.7),
     ],
 )
 def test_the_robot_stops_in_time_and_says_why(
@@ -69,6 +73,15 @@ def test_the_robot_stops_in_time_and_says_why(
     assert re.search(words, result.reason), result.reason
     moving_s = truth[np.abs(truth[:, 4:6]).max(axis=1) > STANDS_RAD_S, 0]
     assert moving_s[-1] - FAULT_S < stands_within_s
+    assert bench.contacts == 0
+
+
+def test_pulses_on_an_encoders_wires_do_not_lead_astray(tmp_path: Path) -> None:
+    """A thousand a second, 1 to 10 us long: the decoder takes each back, and the goal is reached."""
+    result, bench = drive_with("encoder.left.glitches = 1000", tmp_path)
+    assert result.reached
+    x_m, y_m = bench.truth()[-1, 1:3]
+    assert math.hypot(x_m - STRAIGHT.goal_x_m, y_m - STRAIGHT.goal_y_m) < 0.1
     assert bench.contacts == 0
 
 

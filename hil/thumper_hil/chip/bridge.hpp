@@ -10,6 +10,9 @@ struct BridgeCommand {
   bool brake = false;    // brake pin: the duty is then the strength of the brake
 };
 
+/// The winding is open: the wheels roll on friction alone.
+constexpr BridgeCommand kCoast = {0.0, false, true};
+
 /// Reads the motor pins; the PWM is D3 (OC2B) on the left and D11 (OC2A) on the right.
 ///
 /// simavr has no phase-correct PWM, so the duty comes from Timer 2's registers. As on the chip, a new compare
@@ -19,7 +22,9 @@ class BridgePins {
  public:
   static constexpr int kPwmBit = 3;  // of both ports
 
-  BridgePins(avr_t* avr, const Wiring& wiring) : avr_(avr), wiring_(wiring) {}
+  /// `low_coasts`: whether a PWM pin that stays low opens the bridge; else it shorts the winding.
+  BridgePins(avr_t* avr, const Wiring& wiring, bool low_coasts)
+      : avr_(avr), wiring_(wiring), low_coasts_(low_coasts) {}
 
   /// Follow the registers up to now; call it at least once a millisecond.
   void Sample() {
@@ -71,24 +76,26 @@ class BridgePins {
   /// `com_shift`: place of the channel's compare output mode in TCCR2A.
   BridgeCommand Command(Side side, int com_shift) const {
     const MotorWiring& motor = wiring_.motor[side];
+    if (((avr_->data[motor.ddr] >> kPwmBit) & 1u) == 0) return kCoast;  // a floating pin drives no transistor
     const bool forward = Driven(motor, motor.forward_bit);
     const bool reverse = Driven(motor, motor.reverse_bit);
     // A bridge with two inputs: both high shorts the motor, both low leaves it open, whatever the PWM.
     if (motor.reverse_bit != Wiring::kNone && forward == reverse) return {forward ? 1.0 : 0.0, false, true};
-    return {Duty(side, com_shift), forward, Driven(motor, motor.brake_bit)};
+    const double duty = Duty(side, com_shift);
+    if (duty == 0.0 && low_coasts_) return kCoast;
+    return {duty, forward, Driven(motor, motor.brake_bit)};
   }
 
   double Duty(Side side, int com_shift) const {
-    const MotorWiring& motor = wiring_.motor[side];
-    if (((avr_->data[motor.ddr] >> kPwmBit) & 1u) == 0) return 0.0;  // an input: a pull-down holds it low
     const int output_mode = (avr_->data[reg::kTccr2A] >> com_shift) & 3;
-    if (output_mode < 2 || prescaler_ == 0) return Driven(motor, kPwmBit) ? 1.0 : 0.0;
+    if (output_mode < 2 || prescaler_ == 0) return Driven(wiring_.motor[side], kPwmBit) ? 1.0 : 0.0;
     const double duty = Mode() == kFast ? (compare_[side] + 1) / 256.0 : compare_[side] / 255.0;
     return output_mode == 2 ? duty : 1.0 - duty;
   }
 
   avr_t* avr_;
   const Wiring& wiring_;
+  bool low_coasts_;
   uint8_t compare_[2] = {0, 0};
   uint32_t prescaler_ = 0;
   uint64_t start_cycle_ = 0, tops_ = 0;

@@ -38,15 +38,16 @@ void DriveTrain::Step(const BridgeCommand (&command)[2], double dt_s) {
   for (int side = 0; side < 2; ++side) {
     const BridgeCommand& bridge = command[side];
     if (bridge.brake) continue;
-    const double signed_duty = bridge.forward ? bridge.duty : -bridge.duty;
+    const double signed_duty = Forward(side, bridge) ? bridge.duty : -bridge.duty;
     const double per_Ohm = n * faults_[side].connected * signed_duty / motor.resistance_Ohm;
     conductance_S += per_Ohm * signed_duty;
     source_A -= per_Ohm * motor.back_emf_V_s_rad * state_.wheel_rad_s[side];
+    if (faults_[side].shorted) conductance_S += bridge.duty * bridge.duty / kShort_Ohm;
   }
   battery_.Load(conductance_S, source_A);
   for (int side = 0; side < 2; ++side) {
     const BridgeCommand& bridge = command[side];
-    const double sign = bridge.forward ? 1.0 : -1.0;
+    const double sign = Forward(side, bridge) ? 1.0 : -1.0;
     const double w = state_.wheel_rad_s[side];
     const double Kt = motor.torque_Nm_A * torque_ratio_[side];
     // Driving: the mean voltage is duty * battery, the winding always in circuit. Braking: the winding is
@@ -57,7 +58,8 @@ void DriveTrain::Step(const BridgeCommand (&command)[2], double dt_s) {
     torque_Nm[side] = n * (Kt * current_A - motor.viscous_Nm_s_rad * w);
     damping[side] = n * (share * Kt * motor.back_emf_V_s_rad / motor.resistance_Ohm + motor.viscous_Nm_s_rad);
     if (w != 0.0) torque_Nm[side] += n * torque_noise_[side].Step(random_, dt_s);
-    state_.current_A[side] = n * current_A;
+    state_.current_A[side] = n * current_A + (faults_[side].shorted ? source_V / kShort_Ohm : 0.0);
+    if (faults_[side].reversed) state_.current_A[side] *= -1.0;  // as the bridge sees it
   }
   battery_.Step(conductance_S * battery_.voltage_V() + source_A, dt_s);
   body_moves_ = !(held_ && PushesIntoObstacle(torque_Nm));
@@ -69,6 +71,10 @@ void DriveTrain::Step(const BridgeCommand (&command)[2], double dt_s) {
     state_.wheel_rad[side] += turn_rad[side];
   }
   if (body_moves_) MoveBody(turn_rad, dt_s);
+}
+
+bool DriveTrain::Forward(int side, const BridgeCommand& bridge) const {
+  return bridge.forward != faults_[side].reversed;
 }
 
 void DriveTrain::MoveWheels(const double (&torque_Nm)[2], const double (&damping)[2], double dt_s) {

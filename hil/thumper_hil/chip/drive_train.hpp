@@ -12,7 +12,7 @@ struct RobotState {
   double x_m = 0.0, y_m = 0.0, yaw_rad = 0.0;
   double wheel_rad[2] = {0.0, 0.0};  // travel of the left and right wheels since the start
   double wheel_rad_s[2] = {0.0, 0.0};
-  double current_A[2] = {0.0, 0.0};  // of each side's motors, averaged over a PWM period
+  double current_A[2] = {0.0, 0.0};  // that each bridge delivers, averaged over a PWM period
 };
 
 /// Motors, wheels and body of a skid-steered robot, stepped together because the body couples the sides.
@@ -41,6 +41,7 @@ class DriveTrain {
   const Battery& battery() const { return battery_; }
 
  private:
+  bool Forward(int side, const BridgeCommand& bridge) const;
   bool PushesIntoObstacle(const double (&torque_Nm)[2]) const;
   void MoveWheels(const double (&torque_Nm)[2], const double (&damping)[2], double dt_s);
   void MoveBody(const double (&wheel_turn_rad)[2], double dt_s);

@@ -6,12 +6,17 @@ using thumper::WireFault;
 
 extern "C" {
 
-void thumper_side_faults(Chip* chip, int side, double connected, double slip, int blocked) {
-  chip->plant()->SetSideFaults(side, {connected, slip, blocked != 0});
+void thumper_side_faults(Chip* chip, int side, double connected, double slip, int blocked, int reversed,
+                         int shorted) {
+  chip->plant()->SetSideFaults(side, {connected, slip, blocked != 0, reversed != 0, shorted != 0});
 }
 void thumper_wire_fault(Chip* chip, int side, int channel, int fault) {
   chip->plant()->SetWireFault(side, channel, static_cast<WireFault>(fault));
 }
+void thumper_swap_channels(Chip* chip, int side, int swapped) {
+  chip->plant()->SetChannelsSwapped(side, swapped != 0);
+}
+void thumper_glitches(Chip* chip, int side, double per_s) { chip->plant()->SetGlitches(side, per_s); }
 void thumper_set_battery(Chip* chip, double charge, double resistance_Ohm) {
   chip->plant()->SetBattery(charge, resistance_Ohm);
 }

@@ -98,7 +98,12 @@ def load_library() -> ctypes.CDLL:
         "place": (None, [chip, number, number, number]),
         "hold": (None, [chip, number, number]),
         "release": (None, [chip]),
-        "side_faults": (None, [chip, ctypes.c_int, number, number, ctypes.c_int]),
+        "side_faults": (
+            None,
+            [chip, ctypes.c_int, number, number, ctypes.c_int, ctypes.c_int, ctypes.c_int],
+        ),
+        "swap_channels": (None, [chip, ctypes.c_int, ctypes.c_int]),
+        "glitches": (None, [chip, ctypes.c_int, number]),
         "wire_fault": (None, [chip, ctypes.c_int, ctypes.c_int, ctypes.c_int]),
         "set_battery": (None, [chip, number, number]),
         "line_noise": (None, [chip, number, number]),

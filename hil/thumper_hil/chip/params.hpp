@@ -49,6 +49,7 @@ struct EncoderParams {
 };
 
 struct BoardParams {
+  double pwm_low_coasts;  // 1: a bridge whose PWM stays low is open; 0: it shorts the winding
   double battery_V_per_count;
   double current_A_per_count;
   double current_zero_counts;

@@ -16,10 +16,10 @@ Plant::Plant(avr_t* avr, const PlantParams& params, const Wiring& wiring, uint64
     : avr_(avr),
       params_(params),
       wiring_(wiring),
-      bridges_(avr, wiring),
+      bridges_(avr, wiring, params.board.pwm_low_coasts != 0.0),
       drive_train_(params, seed),
       random_(~seed),
-      encoder_{Wire(0), Wire(1)},
+      encoder_{Wire(0, seed), Wire(1, seed)},
       planned_to_(avr->cycle),
       planned_from_(avr->cycle),
       before_(drive_train_) {
@@ -32,21 +32,27 @@ Plant::Plant(avr_t* avr, const PlantParams& params, const Wiring& wiring, uint64
   Rearm();
 }
 
-Plant::EncoderPins Plant::Wire(int side) {
+Plant::EncoderPins Plant::Wire(int side, uint64_t seed) {
   const EncoderWiring& pins = wiring_.encoder[side];
   return {this,
           FindPeripheral<avr_ioport_t>(avr_, "port", pins.port),
           pins.a_bit,
           pins.b_bit,
           Encoder(params_.encoder, random_),
-          {}};
+          {},
+          false,
+          0.0,
+          EncoderPins::kNoGlitch,
+          Random(seed + 0x617C + static_cast<uint64_t>(side))};
 }
 
 void Plant::Rearm() {
   for (EncoderPins& pins : encoder_) {
     pins.port->external.pull_mask |= (1u << pins.a_bit) | (1u << pins.b_bit);
+    pins.glitch_channel = EncoderPins::kNoGlitch;
     DriveBoth(pins);
     ScheduleEdge(pins);
+    ScheduleGlitch(pins);
   }
   const uint64_t wait = planned_to_ > avr_->cycle ? planned_to_ - avr_->cycle : 1;
   avr_cycle_timer_register(avr_, wait, OnTick, this);
@@ -121,14 +127,35 @@ avr_cycle_count_t Plant::OnEdge(avr_t* avr, avr_cycle_count_t, void* self) {
 }
 
 void Plant::DriveBoth(EncoderPins& pins) {
-  DriveWire(pins, 0, pins.a_bit, pins.encoder.a());
-  DriveWire(pins, 1, pins.b_bit, pins.encoder.b());
+  const bool level[2] = {pins.encoder.a(), pins.encoder.b()};
+  DriveWire(pins, 0, pins.a_bit, level[pins.swapped ? 1 : 0]);
+  DriveWire(pins, 1, pins.b_bit, level[pins.swapped ? 0 : 1]);
 }
 
 void Plant::DriveWire(EncoderPins& pins, int channel, int bit, bool level) {
   const WireFault fault = pins.fault[channel];
   if (fault == WireFault::kStuck) return;
-  DriveInput(pins.port, bit, fault == WireFault::kNone ? level : fault == WireFault::kCut);
+  const bool driven = fault == WireFault::kNone ? level : fault == WireFault::kCut;
+  DriveInput(pins.port, bit, driven != (channel == pins.glitch_channel));
+}
+
+void Plant::ScheduleGlitch(EncoderPins& pins) {
+  avr_t* avr = pins.plant->avr_;
+  avr_cycle_timer_cancel(avr, OnGlitch, &pins);
+  if (pins.glitches_Hz == 0.0) return;
+  const double wait_s = -std::log(1.0 - pins.glitch_random.Uniform()) / pins.glitches_Hz;  // Poisson
+  avr_cycle_timer_register(avr, 1 + static_cast<uint64_t>(wait_s * kCpuHz), OnGlitch, &pins);
+}
+
+/// A pulse begins, or ends: 1 to 10 us, what a motor's brushes couple into a wire beside its own.
+avr_cycle_count_t Plant::OnGlitch(avr_t* avr, avr_cycle_count_t, void* self) {
+  EncoderPins& pins = *static_cast<EncoderPins*>(self);
+  const bool begins = pins.glitch_channel == EncoderPins::kNoGlitch;
+  pins.glitch_channel = !begins ? EncoderPins::kNoGlitch : pins.glitch_random.Uniform() < 0.5 ? 0 : 1;
+  DriveBoth(pins);
+  if (begins) return avr->cycle + 16 + static_cast<uint64_t>(144.0 * pins.glitch_random.Uniform());
+  ScheduleGlitch(pins);
+  return 0;
 }
 
 void Plant::SetSideFaults(int side, const SideFaults& faults) {
@@ -139,6 +166,18 @@ void Plant::SetSideFaults(int side, const SideFaults& faults) {
 void Plant::SetWireFault(int side, int channel, WireFault fault) {
   encoder_[side].fault[channel] = fault;
   DriveBoth(encoder_[side]);
+}
+
+void Plant::SetChannelsSwapped(int side, bool swapped) {
+  encoder_[side].swapped = swapped;
+  DriveBoth(encoder_[side]);
+}
+
+void Plant::SetGlitches(int side, double per_s) {
+  encoder_[side].glitches_Hz = per_s;
+  encoder_[side].glitch_channel = EncoderPins::kNoGlitch;
+  DriveBoth(encoder_[side]);
+  ScheduleGlitch(encoder_[side]);
 }
 
 void Plant::SetBattery(double charge, double resistance_Ohm) {

@@ -34,7 +34,9 @@ class Plant {
   // Faults, from now on.
   void SetSideFaults(int side, const SideFaults& faults);
   void SetWireFault(int side, int channel, WireFault fault);  ///< channel 0 is A, 1 is B
-  void SetBattery(double charge, double resistance_Ohm);      ///< what is below 0 stays as it is
+  void SetChannelsSwapped(int side, bool swapped);
+  void SetGlitches(int side, double per_s);               ///< on either channel of the encoder, at random
+  void SetBattery(double charge, double resistance_Ohm);  ///< what is below 0 stays as it is
 
   int32_t encoder_count(int side) const { return encoder_[side].encoder.count(); }
 
@@ -45,15 +47,22 @@ class Plant {
     int a_bit, b_bit;
     Encoder encoder;
     WireFault fault[2] = {WireFault::kNone, WireFault::kNone};
+    bool swapped = false;      // channels A and B are exchanged
+    double glitches_Hz = 0.0;  // short pulses that the wires pick up
+    int glitch_channel = kNoGlitch;
+    Random glitch_random;
+    static constexpr int kNoGlitch = -1;
   };
 
   static avr_cycle_count_t OnTick(avr_t* avr, avr_cycle_count_t when, void* self);
   static avr_cycle_count_t OnEdge(avr_t* avr, avr_cycle_count_t when, void* pins);
+  static avr_cycle_count_t OnGlitch(avr_t* avr, avr_cycle_count_t when, void* pins);
   static void OnMotorPin(avr_irq_t* irq, uint32_t value, void* self);
 
-  EncoderPins Wire(int side);
+  EncoderPins Wire(int side, uint64_t seed);
   void PlanTo(uint64_t end_cycle);
   void ScheduleEdge(EncoderPins& pins);
+  static void ScheduleGlitch(EncoderPins& pins);
   static void DriveBoth(EncoderPins& pins);
   static void DriveWire(EncoderPins& pins, int channel, int bit, bool level);
 

@@ -84,8 +84,10 @@ def _wire(side: int, channel: int) -> Choice:
 def _motor(side: int) -> Choice:
     return Choice(
         acts={
-            "ok": lambda switches: switches.change_side(side, connected=1.0),
+            "ok": lambda switches: switches.change_side(side, connected=1.0, reversed=False, shorted=False),
             "dead": lambda switches: switches.change_side(side, connected=0.0),
+            "swapped": lambda switches: switches.change_side(side, reversed=True),
+            "shorted": lambda switches: switches.change_side(side, shorted=True),
         }
     )
 
@@ -96,6 +98,21 @@ def _wheels(side: int) -> Choice:
             "ok": lambda switches: switches.change_side(side, blocked=False),
             "blocked": lambda switches: switches.change_side(side, blocked=True),
         }
+    )
+
+
+def _channels(side: int) -> Choice:
+    return Choice(
+        acts={
+            "ok": lambda switches: switches.chip.swap_channels(side, swapped=False),
+            "swapped": lambda switches: switches.chip.swap_channels(side, swapped=True),
+        }
+    )
+
+
+def _glitches(side: int) -> Amount:
+    return Amount(
+        act=lambda switches, per_s: switches.chip.set_glitches(side, per_s), unit="1/s", most=50_000.0
     )
 
 
@@ -113,6 +130,8 @@ FAULTS: dict[str, Choice | Amount | Place] = {
         for side in SIDES
         for channel in CHANNELS
     },
+    **{f"encoder.{side}.channels": _channels(SIDES[side]) for side in SIDES},
+    **{f"encoder.{side}.glitches": _glitches(SIDES[side]) for side in SIDES},
     **{f"motor.{side}": _motor(SIDES[side]) for side in SIDES},
     **{f"wheels.{side}": _wheels(SIDES[side]) for side in SIDES},
     **{f"slip.{side}": _slip(SIDES[side]) for side in SIDES},

@@ -3,7 +3,7 @@
 import tomllib
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from thumper.errors import ThumperError
 
@@ -78,11 +78,16 @@ class EncoderParams:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoardParams:
-    """How the board scales battery voltage and motor currents for its converter."""
+    """What its bridges do at PWM 0, and how it scales voltage and currents for its converter."""
 
+    pwm_low: Literal["coast", "brake"]
     battery_V_per_count: float
     current_A_per_count: float
     current_zero_counts: float
+
+    def __post_init__(self) -> None:
+        if self.pwm_low not in ("coast", "brake"):
+            raise ValueError(f"pwm_low: coast or brake, got {self.pwm_low!r}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,6 +126,8 @@ class RobotParams:
             table = getattr(self, part.name)
             for entry in fields(table):
                 value = getattr(table, entry.name)
+                if isinstance(value, str):
+                    value = float(value == "coast")
                 numbers.extend(value if isinstance(value, tuple) else (value,))
         return numbers
 
@@ -131,10 +138,12 @@ def _part(part_type: Any, table: Any, name: str) -> Any:
         raise ValueError(f"{name}.{min(missing)} is missing")
     if unknown := table.keys() - known:
         raise ValueError(f"{name}.{min(unknown)} is no parameter; {name} has {', '.join(sorted(known))}")
-    return part_type(**{key: _numbers(value, f"{name}.{key}") for key, value in table.items()})
+    return part_type(**{key: _value(value, f"{name}.{key}") for key, value in table.items()})
 
 
-def _numbers(value: Any, key: str) -> float | tuple[float, ...]:
+def _value(value: Any, key: str) -> str | float | tuple[float, ...]:
+    if isinstance(value, str) and key == "board.pwm_low":
+        return value
     if isinstance(value, list):
         return tuple(float(number) for number in value)
     if isinstance(value, bool) or not isinstance(value, int | float):
