@@ -15,6 +15,7 @@
 #include "board/reset.hpp"
 #include "board/tick.hpp"
 #include "board/uart.hpp"
+#include "board/uart_interrupts.hpp"
 #include "board/watchdog.hpp"
 #include "core/beep.hpp"
 #include "core/drive.hpp"
@@ -47,8 +48,8 @@ volatile bool ticked = false;
 
 ISR(PCINT2_vect, ISR_NAKED) { encoders::StepOnEdge<LeftEncoder, left_encoder, _SFR_IO_ADDR(PIND)>(); }
 ISR(PCINT0_vect, ISR_NAKED) { encoders::StepOnEdge<RightEncoder, right_encoder, _SFR_IO_ADDR(PINB)>(); }
-ISR(USART_RX_vect) { uart.OnReceive(); }
-ISR(USART_UDRE_vect) { uart.OnReady(); }
+ISR(USART_RX_vect, ISR_NAKED) { uart_interrupts::OnReceive<uart, _SFR_MEM_ADDR(UDR0)>(); }
+ISR(USART_UDRE_vect, ISR_NAKED) { uart_interrupts::OnReady<uart, _SFR_MEM_ADDR(UDR0)>(); }
 ISR(TIMER0_COMPB_vect) { beeper.End(); }
 
 ISR(WDT_vect) {
@@ -69,8 +70,9 @@ ISR(TIMER1_COMPA_vect, ISR_NOBLOCK) {
   cli();
   const uint16_t left_count = left_encoder.count();
   const uint16_t right_count = right_encoder.count();
-  samples.lost_edges = static_cast<uint16_t>(left_encoder.lost() + right_encoder.lost());
+  const uint16_t left_lost = left_encoder.lost(), right_lost = right_encoder.lost();
   sei();
+  samples.lost_edges = static_cast<uint16_t>(left_lost + right_lost);
   const fw::WheelConfig& config = configs[active_config];
   left_side.Step(command.mode, config, command.left, left_count, &samples.left);
   right_side.Step(command.mode, config, command.right, right_count, &samples.right);
@@ -83,13 +85,18 @@ namespace {
 
 /// Hand the motors' permission and targets to the control tick; whatever is not driving stops here and now.
 void Obey(const fw::HostInterface& host) {
-  ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
-    command = host.command();
-    if (host.supervisor().armed()) {
-      beeper.Sound(false);
-    } else {
-      motors::Off();
-    }
+  const fw::DriveCommand& wanted = host.command();
+  const fw::State mode = wanted.mode;
+  const int16_t left = wanted.left, right = wanted.right;
+  ATOMIC_BLOCK(ATOMIC_FORCEON) {  // read before, and no more than this: the encoders wait
+    command.mode = mode;
+    command.left = left;
+    command.right = right;
+  }
+  if (host.supervisor().armed()) {
+    beeper.Sound(false);
+  } else {
+    motors::Off();  // a tick between would say the same
   }
 }
 
@@ -155,7 +162,7 @@ int main() {
     uint8_t elapsed_ms = 0;
     bool measured = false;
     Adc::Sums sums = {0, 0, 0};
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
+    ATOMIC_BLOCK(ATOMIC_FORCEON) {
       elapsed_ms = milliseconds;
       milliseconds = 0;
       measured = adc.Take(&sums);
@@ -169,8 +176,7 @@ int main() {
     if (elapsed_ms != 0) {
       host.Wait(elapsed_ms);
       Obey(host);
-      const bool sound = beeps.Step(elapsed_ms, host.quiet());
-      ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { beeper.Sound(sound); }
+      beeper.Sound(beeps.Step(elapsed_ms, host.quiet()));
     }
     if (ticked) {
       watchdog::Kick();

@@ -12,7 +12,7 @@ constexpr uint8_t kOutputs = 1 << COM2A1 | 1 << COM2B1;
 constexpr uint8_t kLeftWay = pins::kLeftForward ^ pins::kLeftReverse;
 constexpr uint8_t kRightWay = pins::kRightForward ^ pins::kRightReverse;
 
-/// Both motors off at once, brakes released. Interrupts must be off.
+/// Both motors off at once, brakes released.
 inline void Off() {
   OCR2A = 0;
   OCR2B = 0;

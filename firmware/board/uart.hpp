@@ -8,7 +8,7 @@
 #define THUMPER_BAUD 500000UL
 #endif
 
-/// USART0 at double speed with a ring each way. OnReceive and OnReady belong in its interrupts.
+/// USART0 at double speed with a ring each way. Its interrupts are in uart_interrupts.hpp.
 class Uart {
  public:
   void Start() {
@@ -17,25 +17,6 @@ class Uart {
     UCSR0C = 1 << UCSZ01 | 1 << UCSZ00;  // 8N1
     RxHead() = TxTail() = 0;
     UCSR0B = kOn;
-  }
-
-  /// USART_RX_vect. What has no room, or came broken, is left to the frame's CRC.
-  void OnReceive() {
-    const uint8_t byte = UDR0;
-    const uint8_t head = RxHead();
-    const uint8_t next = After(head);
-    if (next == rx_tail_) return;
-    rx_[head] = byte;
-    RxHead() = next;
-  }
-
-  /// USART_UDRE_vect.
-  void OnReady() {
-    const uint8_t tail = TxTail();
-    UDR0 = tx_[tail];
-    const uint8_t next = After(tail);
-    TxTail() = next;
-    if (next == tx_head_) UCSR0B = kOn;
   }
 
   /// Fetch a received byte; false if there is none.
@@ -54,7 +35,7 @@ class Uart {
     while (next == TxTail()) {
     }
     tx_[head] = byte;
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
+    ATOMIC_BLOCK(ATOMIC_FORCEON) {
       tx_head_ = next;
       UCSR0B = kOn | 1 << UDRIE0;
     }
@@ -68,17 +49,19 @@ class Uart {
   static_assert(100 * (kActual > THUMPER_BAUD ? kActual - THUMPER_BAUD : THUMPER_BAUD - kActual) <=
                     THUMPER_BAUD,
                 "UART baud rate is off by more than 1 %");
-  static constexpr uint8_t kSize = 64;
-  static_assert((kSize & (kSize - 1)) == 0, "a power of two wraps by masking");
 
-  static constexpr uint8_t kOn = 1 << RXEN0 | 1 << TXEN0 | 1 << RXCIE0;
-
-  /// In 8 bits all the way: every register more costs an interrupt four cycles.
+  /// In 8 bits all the way.
   static uint8_t After(uint8_t index) {
     ++index;
     index &= kSize - 1;
     return index;
   }
+
+ public:
+  // For the interrupts.
+  static constexpr uint8_t kSize = 64;
+  static_assert((kSize & (kSize - 1)) == 0, "a power of two wraps by masking");
+  static constexpr uint8_t kOn = 1 << RXEN0 | 1 << TXEN0 | 1 << RXCIE0;
 
   // The two indices that the interrupts write live in scratch registers: a cycle less at each access.
   static volatile uint8_t& RxHead() { return GPIOR1; }

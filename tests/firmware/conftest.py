@@ -93,3 +93,9 @@ def chip_vectors() -> bytes:
 def chip_encoder_walk() -> bytes:
     """What the encoder interrupt and the reference count on the emulated chip."""
     return run_on_chip("encoder_walk")
+
+
+@pytest.fixture(scope="session")
+def chip_uart_walk() -> bytes:
+    """What the serial port's interrupts and the reference do on the emulated chip."""
+    return run_on_chip("uart_walk")

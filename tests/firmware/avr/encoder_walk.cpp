@@ -1,5 +1,5 @@
 // The encoder interrupt in assembler beside the decoder in C++, on the same random pins: glitches, double
-// edges, and the port's other pins moving. Every result leaves through GPIOR0, byte by byte.
+// edges, and the port's other pins moving. Every result leaves through TWAMR, byte by byte.
 
 #include <avr/interrupt.h>
 #include <avr/io.h>
@@ -19,8 +19,8 @@ Middle middle;
 High high;
 
 void Put(uint16_t word) {
-  GPIOR0 = static_cast<uint8_t>(word);
-  GPIOR0 = static_cast<uint8_t>(word >> 8);
+  TWAMR = static_cast<uint8_t>(word);
+  TWAMR = static_cast<uint8_t>(word >> 8);
 }
 
 /// Call the interrupt with marked registers and flags; false unless it left all of them as they were.

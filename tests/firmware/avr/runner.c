@@ -1,5 +1,5 @@
-// Run an ELF on the emulated ATmega328P until it sleeps for ever; what it writes to GPIOR0 comes out of
-// stdout.
+// Run an ELF on the emulated ATmega328P until it sleeps for ever; what it writes to TWAMR comes out of
+// stdout. (The general purpose registers are the firmware's own.)
 
 #include <simavr/sim_avr.h>
 #include <simavr/sim_elf.h>
@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
-static const avr_io_addr_t kGpior0 = 0x3E;  // data-space address
+static const avr_io_addr_t kTwamr = 0xBD;  // data-space address
 static const avr_cycle_count_t kLimit = 400000000;
 
 static void OnWrite(struct avr_t* avr, avr_io_addr_t address, uint8_t value, void* out) {
@@ -30,7 +30,7 @@ int main(int argc, char** argv) {
   avr_init(avr);
   avr_load_firmware(avr, &firmware);
   avr->frequency = 16000000;
-  avr_register_io_write(avr, kGpior0, OnWrite, stdout);
+  avr_register_io_write(avr, kTwamr, OnWrite, stdout);
   int state = cpu_Running;
   while (state != cpu_Done && state != cpu_Crashed && avr->cycle < kLimit) state = avr_run(avr);
   fprintf(stderr, "%llu cycles\n", (unsigned long long)avr->cycle);

@@ -1,4 +1,4 @@
-// Runs the shared vectors on the chip; every result leaves through GPIOR0, byte by byte, then the chip sleeps
+// Runs the shared vectors on the chip; every result leaves through TWAMR, byte by byte, then the chip sleeps
 // for ever.
 
 #include "desk/vectors.hpp"
@@ -10,7 +10,7 @@
 namespace {
 struct Register {
   void Put(int32_t word) {
-    for (uint8_t i = 0; i < 4; ++i) GPIOR0 = static_cast<uint8_t>(static_cast<uint32_t>(word) >> (8 * i));
+    for (uint8_t i = 0; i < 4; ++i) TWAMR = static_cast<uint8_t>(static_cast<uint32_t>(word) >> (8 * i));
   }
 };
 }  // namespace

@@ -1,0 +1,35 @@
+"""No edge is lost at 100 000 a second on both wheels at once, the line busy, on either board."""
+
+import pytest
+
+from tests.firmware.boot import ELF
+from thumper.link.messages import Board
+from thumper_hil.chip.chip import CPU_HZ
+from thumper_hil.chip.edge_rate import BYTE_PHASES, PHASES, counts_all
+
+ELFS = {Board.TREX: ELF, Board.NANO: ELF.parent / "nano" / ELF.name}
+EDGES_PER_S = 100_000
+
+
+@pytest.mark.parametrize("board", list(Board), ids=lambda board: board.name.lower())
+@pytest.mark.parametrize("line_share", [0.0, 0.1, 1.0])
+def test_no_edge_is_lost_in_any_phase(board: Board, line_share: float) -> None:
+    """Encoders to each other, and to the bytes on the line: nothing there is random, so all of it repeats."""
+    assert all(
+        counts_all(
+            ELFS[board],
+            CPU_HZ // EDGES_PER_S,
+            edges=10_000,
+            phase=phase,
+            byte_phase=byte_phase,
+            line_share=line_share,
+            board=board,
+        )
+        for phase in PHASES
+        for byte_phase in BYTE_PHASES
+    )
+
+
+def test_a_rate_beyond_the_chip_is_noticed() -> None:
+    """At 250 000 a second an edge leaves 64 cycles for both wheels."""
+    assert not counts_all(ELF, CPU_HZ // 250_000, edges=2000, line_share=1.0)
