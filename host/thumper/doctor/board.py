@@ -14,6 +14,7 @@ from thumper.doctor.judge import (
     BOARD_ROUND_TRIP_WARN_S,
     Limits,
     Stream,
+    ask_often,
     judge_battery,
     judge_round_trip,
     judge_spin,
@@ -24,8 +25,6 @@ from thumper.link.board import Board
 from thumper.link.messages import Command, Telemetry
 from thumper.link.port import clock_of, open_port
 
-QUESTIONS = 20
-UNANSWERED_S = 0.1  # the board's client asks again after this long
 SPIN_PWM, SPIN_S, REST_S = 60, 0.8, 0.5  # slow: a quarter of full power
 POLL_S = 0.2
 
@@ -61,7 +60,8 @@ def _checks(
     version = f"{i.version_major}.{i.version_minor}.{i.version_patch}"
     yield Check(verdict="pass", what=f"board {name}: firmware {version}")
     try:
-        yield _round_trips(board, clock_s)
+        trips_s, lost = ask_often(board.round_trip_s)
+        yield judge_round_trip("board", trips_s, lost, BOARD_ROUND_TRIP_WARN_S, BOARD_ROUND_TRIP_FAIL_S)
         stream, last = _watch(board, clock_s, seconds)
         jitter = Limits(warn_s=BOARD_JITTER_WARN_S, fail_s=BOARD_JITTER_FAIL_S)
         yield from judge_stream("telemetry", stream, jitter)
@@ -75,17 +75,6 @@ def _checks(
             yield from _spin(board, clock_s)
     except ThumperError as error:
         yield Check(verdict="fail", what="board", cure=str(error))
-
-
-def _round_trips(board: Board, clock_s: Callable[[], float]) -> Check:
-    trips_s, lost = [], 0
-    for _ in range(QUESTIONS):
-        asked_s = clock_s()
-        board.get_parameter("kp")
-        trip_s = clock_s() - asked_s
-        lost += int(trip_s / UNANSWERED_S)
-        trips_s.append(trip_s % UNANSWERED_S)
-    return judge_round_trip("board", trips_s, lost, BOARD_ROUND_TRIP_WARN_S, BOARD_ROUND_TRIP_FAIL_S)
 
 
 def _watch(board: Board, clock_s: Callable[[], float], seconds: float) -> tuple[Stream, Telemetry | None]:

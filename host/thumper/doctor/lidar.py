@@ -13,6 +13,7 @@ from thumper.doctor.judge import (
     LIDAR_ROUND_TRIP_WARN_S,
     Limits,
     Stream,
+    ask_often,
     judge_round_trip,
     judge_stream,
 )
@@ -20,7 +21,6 @@ from thumper.errors import ThumperError
 from thumper.lidar.open_lidar import open_lidar
 from thumper.lidar.urg04lx import Urg04LxDriver
 
-QUESTIONS = 10
 EXPECTED_HZ = 10.0
 SCAN_TIMEOUT_S = 2.0
 SEEN_SHARE_WARN = 0.2
@@ -35,11 +35,8 @@ def check_lidar(config: LidarConfig, *, seconds: float) -> Iterator[Check]:
         return
     try:
         if isinstance(lidar, Urg04LxDriver):  # the LD19 cannot be asked anything
-            answers = [lidar.round_trip_s() for _ in range(QUESTIONS)]
-            trips_s = [trip_s for trip_s in answers if trip_s is not None]
-            yield judge_round_trip(
-                "lidar", trips_s, QUESTIONS - len(trips_s), LIDAR_ROUND_TRIP_WARN_S, LIDAR_ROUND_TRIP_FAIL_S
-            )
+            trips_s, lost = ask_often(lidar.round_trip_s)
+            yield judge_round_trip("lidar", trips_s, lost, LIDAR_ROUND_TRIP_WARN_S, LIDAR_ROUND_TRIP_FAIL_S)
         lidar.wait_for_scan(SCAN_TIMEOUT_S)
         damaged = lidar.counters.bad_replies
         scans, arrivals_s = [], []

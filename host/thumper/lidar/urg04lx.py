@@ -26,7 +26,6 @@ from thumper.lidar.scip import (
 from thumper.lidar.scip_port import ScipPort
 from thumper.lidar.scip_startup import (
     EXIT_NO_HARDWARE,
-    REPLY_TIMEOUT_S,
     light_laser,
     read_geometry,
     stop_and_identify,
@@ -140,11 +139,14 @@ class Urg04LxDriver:
         """The clock that the scans are stamped on."""
         return self._port.now_s()
 
-    def round_trip_s(self) -> float | None:
-        """Ask for the state and return how long the answer took, None without one; costs a scan. Waits."""
+    def round_trip_s(self, question: int, timeout_s: float) -> float | None:
+        """Ask for the state and return how long [s] the answer took, None if none came in time; costs a scan.
+
+        The question's number goes along as its remark, so that a late answer is not taken for the next one's.
+        """
         asked_s = self._port.now_s()
         try:
-            reply = self._port.ask(b"II", REPLY_TIMEOUT_S)
+            reply = self._port.ask(b"II;%02d" % (question % 100), timeout_s)
         except (serial.SerialException, OSError):
             self.counters.port_errors += 1
             return None

@@ -93,6 +93,15 @@ class Board:
         """Frames from the board that did not check."""
         return self._decoder.errors
 
+    def now_s(self) -> float:
+        """The clock that telemetry is stamped on: the host's, or that of the simulated world."""
+        return self._clock()
+
+    @property
+    def port(self) -> serial.Serial:
+        """The port it is on."""
+        return self._port
+
     def poll(self, timeout_s: float) -> list[TelemetrySample]:
         """Return the telemetry since the last call, oldest first; wait for some up to `timeout_s`."""
         deadline_s = self._clock() + timeout_s
@@ -133,6 +142,22 @@ class Board:
             if isinstance(reply, ParameterValue) and reply.index == spec.index:
                 return reply.value / spec.scale
         raise ThumperError(f"the board did not tell its parameter {name}; is the cable loose?")
+
+    def round_trip_s(self, question: int, timeout_s: float) -> float | None:
+        """Ask once for a parameter and return how long [s] the answer took, None if none came in time.
+
+        Number the questions: each asks for another parameter than the last ones, so that an answer that comes
+        late is not taken for that of the next question.
+        """
+        index = PARAMETERS[question % len(PARAMETERS)].index
+        self._replies.clear()
+        asked_s = self._clock()
+        self._send(GetParameter(index=index))
+        while (left_s := asked_s + timeout_s - self._clock()) > 0.0:
+            self._receive(left_s)
+            if any(isinstance(reply, ParameterValue) and reply.index == index for reply in self._replies):
+                return self._clock() - asked_s
+        return None
 
     def close(self) -> None:
         """Stop the motors, then close the port. Never raises: the board's own time-out is the second line."""
