@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from thumper.config.robot import RobotConfig, load_config
+from thumper.config.robot import RobotConfig, config_from_json, config_to_json, load_config
 from thumper.errors import ThumperError
 
 
@@ -27,6 +27,12 @@ def test_keys_are_taken(tmp_path: Path) -> None:
     assert config.board.port == "/dev/ttyACM7"
     assert config.lidar.base_from_laser.theta_rad == pytest.approx(1.5707963)
     assert config.mapping == RobotConfig().mapping
+
+
+def test_a_configuration_survives_a_recording(tmp_path: Path) -> None:
+    text = 'name = "mole"\n[lidar]\nmodel = "ld19"\n[mapping]\nmethod = "rbpf"\n[navigation]\nplanner = "navfn"\n'
+    config = load_config(written(tmp_path, text))
+    assert config_from_json(config_to_json(config)) == config != RobotConfig()
 
 
 @pytest.mark.parametrize(

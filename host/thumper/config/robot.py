@@ -11,14 +11,18 @@ from typing import Annotated, Any, Literal, cast, get_type_hints
 from annotated_types import Ge, Gt, Le
 from pydantic import TypeAdapter, ValidationError
 
+from thumper.bus.options import BusOptions
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
 from thumper.kinematics import DriveGeometry
 from thumper.lidar.ld19 import Ld19Options
 from thumper.lidar.urg04lx import Urg04LxOptions
+from thumper.localization.options import AmclOptions
 from thumper.mapping.method import MappingOptions
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.options import NavigationOptions
+from thumper.service.options import ServiceOptions
+from thumper.recording.options import RecordingOptions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,8 +68,12 @@ class RobotConfig:
     lidar: LidarConfig = field(default_factory=LidarConfig)
     drive: DriveConfig = field(default_factory=DriveConfig)
     mapping: MappingOptions = field(default_factory=MappingOptions)
+    localization: AmclOptions = field(default_factory=AmclOptions)
     footprint: Footprint = field(default_factory=Footprint)
     navigation: NavigationOptions = field(default_factory=NavigationOptions)
+    service: ServiceOptions = field(default_factory=ServiceOptions)
+    bus: BusOptions = field(default_factory=BusOptions)
+    recording: RecordingOptions = field(default_factory=RecordingOptions)
 
 
 _ADAPTER = TypeAdapter(RobotConfig)
@@ -95,6 +103,16 @@ def load_config(path: Path | None) -> RobotConfig:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])
         raise ThumperError(f"{path}: {key} = {first['input']!r}: {first['msg']}", exit_code=2) from error
+
+
+def config_to_json(config: RobotConfig) -> str:
+    """The whole configuration, for a recording."""
+    return _ADAPTER.dump_json(config).decode()
+
+
+def config_from_json(text: str) -> RobotConfig:
+    """What `config_to_json` wrote; raises ValueError when it is of another version of the program."""
+    return _ADAPTER.validate_json(text, strict=True)
 
 
 def with_ports(config: RobotConfig, *, board: str, lidar: str) -> RobotConfig:

@@ -1,0 +1,91 @@
+"""One MCAP file in the making, of ROS 2 messages (profile `ros2`, schemas `ros2msg`, CDR).
+
+While it is open its name ends in `.part` and it is locked; a file of that name that nobody holds is what a
+crash left behind. Format: https://mcap.dev/spec
+"""
+
+import fcntl
+import os
+from pathlib import Path
+from typing import IO
+
+from mcap.writer import CompressionType, Writer
+
+from thumper import __version__
+from thumper.ros.codec import definition
+
+PART = ".part"
+LIBRARY = f"thumper {__version__}"
+CHUNK_BYTES = 256 * 1024  # the memory that one flush may have to write at once
+
+
+class McapFile:
+    """Grows by `add`; `flush` makes what was added safe; `close` gives the file its name."""
+
+    def __init__(self, path: Path, metadata: dict[str, dict[str, str]]) -> None:
+        """Begin `path` with the metadata. Raises OSError, also when the file exists."""
+        self.path = path
+        self._part = path.with_name(path.name + PART)
+        self._stream: IO[bytes] = self._part.open("xb")
+        fcntl.flock(self._stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._counts: dict[str, int] = {}
+        self._writer.start(profile="ros2", library=LIBRARY)
+        for name, content in metadata.items():
+            self._writer.add_metadata(name, content)
+        self.flush()
+
+    @property
+    def bytes_written(self) -> int:
+        """The size of the file as it is on the disk."""
+        return self._stream.tell()
+
+    def add(self, topic: str, type_name: str, log_ns: int, cdr: bytes) -> None:
+        """Append one message; it is written with the next flush, or when a chunk is full."""
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self._channels[topic] = self._register(topic, type_name)
+        count = self._counts[topic] = self._counts.get(topic, -1) + 1
+        self._writer.add_message(
+            channel_id=channel, log_time=log_ns, publish_time=log_ns, data=cdr, sequence=count
+        )
+
+    def flush(self) -> None:
+        """Have everything so far on the disk itself."""
+        self._writer.flush()
+        os.fsync(self._stream.fileno())
+
+    def close(self) -> None:
+        """Write the index and give the file its final name."""
+        self._writer.finish()
+        self._stream.flush()
+        os.fsync(self._stream.fileno())
+        self._part.rename(self.path)
+        sync_folder(self.path.parent)
+        self._stream.close()
+
+    def abandon(self) -> None:
+        """Leave the file as it is on the disk: the disk takes no more. Never raises."""
+        try:
+            self._stream.close()
+        except OSError:  # what was buffered cannot be written; the file is closed all the same
+            return
+
+    def _register(self, topic: str, type_name: str) -> int:
+        schema = self._schemas.get(type_name)
+        if schema is None:
+            text = definition(type_name).encode()
+            schema = self._writer.register_schema(name=type_name, encoding="ros2msg", data=text)
+            self._schemas[type_name] = schema
+        return self._writer.register_channel(topic=f"/{topic}", message_encoding="cdr", schema_id=schema)
+
+
+def sync_folder(folder: Path) -> None:
+    """Have the folder's names on the disk, after a file was renamed."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

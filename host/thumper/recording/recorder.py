@@ -1,0 +1,162 @@
+"""Records what it is given, in a thread of its own; the caller is never delayed and never sees an error."""
+
+import queue
+import shutil
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from thumper.recording.folder import make_room, new_name
+from thumper.recording.mcap_file import McapFile
+from thumper.recording.options import RecordingOptions
+from thumper.recording.session import METADATA_NAME, Session
+from thumper.ros.codec import Message, encode
+from thumper.ros.stamps import stamp_ns
+from thumper.ros.topics import TOPICS
+
+MB = 1_000_000.0
+CLOSE_TIMEOUT_S = 10.0
+
+_Item = tuple[str, str, int, Message | bytes]  # topic, type, log time [ns], the message or its CDR
+
+
+class Recorder:
+    """A queue, a thread that empties it into files, and a word when it had to give up."""
+
+    def __init__(
+        self,
+        folder: Path,
+        session: Session,
+        options: RecordingOptions | None = None,
+        *,
+        say: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        """Begin the first file. `say` is told, from the thread, why recording stopped by itself.
+
+        Raises
+        ------
+        OSError
+            The folder cannot be made or written.
+        """
+        self._folder, self._session = folder, session
+        self._options = options or session.config.recording
+        self._say = say
+        # A quarter at most: else the file that is being written would push out the one just ended.
+        self._largest_bytes = min(self._options.file_MB, 0.25 * self._options.budget_MB) * MB
+        self._queue: queue.Queue[_Item | None] = queue.Queue(self._options.waiting_messages)
+        self._newest_ns = 0
+        self._part = 0
+        self._latched: dict[str, tuple[str, bytes]] = {}  # type and CDR of the newest
+        self.dropped = 0
+        self.written = 0
+        self.written_bytes = 0  # of all files but the open one
+        self.trouble = ""
+        self.files: list[Path] = []
+        folder.mkdir(parents=True, exist_ok=True)
+        self._file = self._begin()
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread.start()
+
+    def __call__(self, topic: str, stamp_s: float, message: Message) -> None:
+        """Take one message, `stamp_s` on the host's clock; it must not be changed afterwards."""
+        self._put((topic, message.__msgtype__, stamp_ns(stamp_s, self._session.epoch_ns), message))
+
+    def add_cdr(self, topic: str, type_name: str, log_ns: int, cdr: bytes) -> None:
+        """Take one message that is bytes already; `log_ns` is since 1970."""
+        self._put((topic, type_name, log_ns, cdr))
+
+    @property
+    def active(self) -> bool:
+        """Whether what comes is recorded; not after `close`, nor after trouble."""
+        return self._thread.is_alive() and not self.trouble
+
+    @property
+    def size_bytes(self) -> int:
+        """What the recording takes on the disk so far."""
+        try:
+            return self.written_bytes + self._file.bytes_written
+        except ValueError:  # closed meanwhile
+            return self.written_bytes
+
+    def close(self) -> None:
+        """Write what waits, end the file. Never raises; a disk that hangs is not waited for."""
+        if self._thread.is_alive():
+            try:
+                self._queue.put(None, timeout=CLOSE_TIMEOUT_S)
+            except queue.Full:
+                return
+            self._thread.join(CLOSE_TIMEOUT_S)
+
+    def _put(self, item: _Item) -> None:
+        if self.trouble:
+            return
+        try:
+            self._queue.put_nowait(item)
+        except queue.Full:
+            self.dropped += 1
+
+    def _run(self) -> None:
+        try:
+            self._write_until_closed()
+            self._end_file()
+        except Exception as error:  # in here an error must not pass unheard, nor reach anybody else
+            self.trouble = str(error) or type(error).__name__
+            self._file.abandon()
+            self._say(
+                f"recording stopped: {self.trouble}; the robot goes on; {self._file.path.parent} keeps it"
+            )
+
+    def _write_until_closed(self) -> None:
+        period_s = self._options.flush_period_s
+        due_s = time.monotonic() + period_s
+        while True:
+            try:
+                item = self._queue.get(timeout=max(0.0, due_s - time.monotonic()))
+                if item is None:
+                    return
+                self._write(item)
+            except queue.Empty:
+                pass
+            if time.monotonic() >= due_s:
+                self._file.flush()
+                self._keep_to_the_disk()
+                due_s = time.monotonic() + period_s
+
+    def _write(self, item: _Item) -> None:
+        topic, type_name, log_ns, message = item
+        self._newest_ns = max(self._newest_ns, log_ns)  # a file is read in the order of its times
+        cdr = message if isinstance(message, bytes) else encode(message)
+        if topic in TOPICS and TOPICS[topic].latched:
+            self._latched[topic] = (type_name, cdr)
+        self._file.add(topic, type_name, self._newest_ns, cdr)
+        self.written += 1
+
+    def _keep_to_the_disk(self) -> None:
+        options = self._options
+        old = time.monotonic() - self._begun_s > options.file_s
+        if self._file.bytes_written > self._largest_bytes or old:
+            self._end_file()
+            self._file = self._begin()
+            for topic, (type_name, cdr) in self._latched.items():  # each file is understood by itself
+                self._file.add(topic, type_name, self._newest_ns, cdr)
+        if shutil.disk_usage(self._folder).free < options.spare_MB * MB:
+            raise OSError(f"less than {options.spare_MB:.0f} MB are free on the disk; delete something")
+
+    def _begin(self) -> McapFile:
+        self._begun_s = time.monotonic()
+        path = new_name(self._folder, self._session.config.name, self._part)
+        self._part += 1
+        metadata = {METADATA_NAME: self._session.as_metadata() | {"part": str(self._part - 1)}}
+        self.files.append(path)
+        make_room(
+            self._folder,
+            self._session.config.name,
+            budget_bytes=self._options.budget_MB * MB,
+            reserve_bytes=self._largest_bytes,
+        )
+        return McapFile(path, metadata)
+
+    def _end_file(self) -> None:
+        self.written_bytes += self._file.bytes_written
+        self._file.close()

@@ -1,0 +1,164 @@
+"""Recordings that a crash left behind, made whole: read to the first error, written anew with an index."""
+
+import fcntl
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+from mcap.reader import SeekingReader
+from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, McapRecord, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.writer import Writer
+
+from thumper.errors import ThumperError
+from thumper.recording.mcap_file import CHUNK_BYTES, LIBRARY, PART, sync_folder
+
+DAMAGED = ".damaged"
+REPAIRED = ".repaired"  # while the repaired file is being written
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Repair:
+    """What came of one file."""
+
+    path: Path  # the whole file
+    messages: int
+    note: str  # what was lost, or nothing
+
+
+def left_behind(folder: Path) -> list[Path]:
+    """The unfinished recordings in the folder that no living program holds, oldest first."""
+    return [path for path in sorted(folder.glob(f"*.mcap{PART}")) if not _is_held(path)]
+
+
+def recover(path: Path) -> Repair | None:
+    """Make the file whole; None when it is already. The original goes only once the new file is on the disk.
+
+    `X.mcap.part` becomes `X.mcap`. A damaged `X.mcap` is repaired in its place and kept as `X.mcap.damaged`.
+
+    Raises
+    ------
+    ThumperError
+        It cannot be read or written, is no MCAP file at all, or is being written by a running program.
+    """
+    unfinished = path.name.endswith(PART)
+    target = _free(path.with_name(path.name.removesuffix(PART))) if unfinished else path
+    try:
+        if _is_held(path):
+            raise ThumperError(f"{path}: is being recorded just now; stop that program first", exit_code=2)
+        if not unfinished and is_whole(path):
+            return None
+        repaired = target.with_name(target.name + REPAIRED)
+        with path.open("rb") as source, repaired.open("wb") as sink:
+            messages, note = _copy(source, sink, path)
+            sink.flush()
+            os.fsync(sink.fileno())
+        if not unfinished:
+            path.rename(_free(path.with_name(path.name + DAMAGED)))
+        repaired.rename(target)
+        sync_folder(target.parent)
+        if unfinished:
+            path.unlink()
+    except OSError as error:
+        raise ThumperError(f"{path}: cannot be repaired ({error}); the file is kept", exit_code=2) from error
+    return Repair(path=target, messages=messages, note=note)
+
+
+def is_whole(path: Path) -> bool:
+    """Whether the file ends as a finished one does: readers that look for the index will find it."""
+    try:
+        with path.open("rb") as stream:
+            return SeekingReader(stream).get_summary() is not None
+    except OSError:
+        raise
+    except Exception:  # whatever a broken file makes the reader stumble over
+        return False
+
+
+def records_until_error(stream: IO[bytes], size: int) -> Iterator[McapRecord | str]:
+    """Yield records as far as they can be read, chunks unpacked; a text says what could not be.
+
+    A torn record may promise any length: none may be longer than the file. A chunk whose checksum is wrong
+    is left out, for the next record begins where it says.
+    """
+    reader = StreamReader(stream, emit_chunks=True, record_size_limit=size)
+    records = iter(reader.records)
+    while True:
+        try:
+            record = next(records)
+        except StopIteration:
+            return
+        except Exception as error:  # cut off, or no MCAP from here on
+            yield f"ends early, at byte {stream.tell()} of {size} ({type(error).__name__})"
+            return
+        if not isinstance(record, Chunk):
+            yield record
+            continue
+        try:
+            yield from breakup_chunk(record, validate_crc=True)
+        except Exception as error:
+            yield f"a chunk is damaged and left out ({type(error).__name__})"
+
+
+def _copy(source: IO[bytes], sink: IO[bytes], path: Path) -> tuple[int, str]:
+    size = os.fstat(source.fileno()).st_size
+    head = StreamReader(source, record_size_limit=max(size, 1))
+    try:
+        header = next(iter(head.records))
+        profile = str(getattr(header, "profile", ""))
+    except Exception as error:
+        raise ThumperError(f"{path}: no MCAP file; is it the right one?", exit_code=2) from error
+    source.seek(0)
+    writer = Writer(sink, chunk_size=CHUNK_BYTES)
+    writer.start(profile=profile, library=f"{LIBRARY} recover")
+    schemas: dict[int, int] = {0: 0}
+    channels: dict[int, int] = {}
+    messages, notes = 0, []
+    for record in records_until_error(source, size):
+        if isinstance(record, str):
+            notes.append(record)
+        elif isinstance(record, (DataEnd, Footer)):
+            break  # what follows is the index, which is made anew
+        elif isinstance(record, Schema) and record.id not in schemas:
+            schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
+        elif isinstance(record, Channel) and record.id not in channels and record.schema_id in schemas:
+            channels[record.id] = writer.register_channel(
+                record.topic, record.message_encoding, schemas[record.schema_id], record.metadata
+            )
+        elif isinstance(record, Message) and record.channel_id in channels:
+            writer.add_message(
+                channels[record.channel_id],
+                record.log_time,
+                record.data,
+                record.publish_time,
+                record.sequence,
+            )
+            messages += 1
+        elif isinstance(record, Metadata):
+            writer.add_metadata(record.name, record.metadata)
+        elif isinstance(record, Attachment):
+            writer.add_attachment(
+                record.create_time, record.log_time, record.name, record.media_type, record.data
+            )
+    writer.finish()
+    return messages, "; ".join(notes)
+
+
+def _is_held(path: Path) -> bool:
+    with path.open("rb") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
+
+
+def _free(path: Path) -> Path:
+    """This name, or it with a number: nothing is ever overwritten."""
+    number, free = 1, path
+    while free.exists():
+        free = path.with_name(f"{path.stem}-{number}{path.suffix}")
+        number += 1
+    return free

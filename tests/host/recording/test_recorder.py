@@ -1,0 +1,178 @@
+"""What is recorded can be read by others' programs; what cannot be recorded harms nobody."""
+
+import subprocess
+import sys
+import threading
+import time
+from collections import Counter
+from pathlib import Path
+
+import mcap.reader
+import pytest
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+from tests.host.recording.samples import EPOCH_NS, SESSION, beats
+from thumper.recording.options import RecordingOptions
+from thumper.recording.recorder import Recorder
+from thumper.recording.recover import is_whole
+from thumper.recording.session import session_of
+from thumper.ros.topics import TOPICS
+
+
+def record(folder: Path, count: int = 30, options: RecordingOptions | None = None) -> Recorder:
+    recorder = Recorder(folder, SESSION, options)
+    for topic, now_s, message in beats(count):
+        recorder(topic, now_s, message)
+    recorder.close()
+    return recorder
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    recorder = record(tmp_path_factory.mktemp("recording"))
+    assert not recorder.trouble
+    assert recorder.dropped == 0
+    return recorder.files[0]
+
+
+EXPECTED = Counter(f"/{topic}" for topic, _, _ in beats(30))
+
+
+def test_the_file_has_its_name_and_its_index(recording: Path) -> None:
+    assert recording.name.startswith("mole_20")
+    assert is_whole(recording)
+    assert not list(recording.parent.glob("*.part"))
+
+
+def test_mcap_reads_it_in_the_order_it_was_said(recording: Path) -> None:
+    with recording.open("rb") as stream:
+        reader = mcap.reader.make_reader(stream, validate_crcs=True)
+        assert reader.get_header().profile == "ros2"
+        messages = [(channel.topic, message) for _, channel, message in reader.iter_messages()]
+    assert [topic for topic, _ in messages] == [f"/{topic}" for topic, _, _ in beats(30)]
+    times = [message.log_time for _, message in messages]
+    assert times == sorted(times)
+    assert times[0] == EPOCH_NS + 5_000_000_000
+
+
+def test_the_ros2_decoder_of_mcap_understands_every_message(recording: Path) -> None:
+    seen: Counter[str] = Counter()
+    with recording.open("rb") as stream:
+        reader = mcap.reader.make_reader(stream, decoder_factories=[DecoderFactory()])
+        for _, channel, _, ros in reader.iter_decoded_messages():
+            seen[channel.topic] += 1
+            if channel.topic == "/wheels":
+                assert ros.right_integral == 4
+            elif channel.topic == "/scan":
+                assert len(ros.ranges) == 682
+            elif channel.topic == "/map":
+                assert (ros.info.width, ros.info.height) == (30, 40)
+    assert seen == EXPECTED
+
+
+def test_rosbags_opens_it_by_the_definitions_inside(recording: Path) -> None:
+    with AnyReader([recording], default_typestore=get_typestore(Stores.EMPTY)) as reader:
+        assert {c.topic: c.msgcount for c in reader.connections} == EXPECTED
+        for connection, _, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            if connection.topic == "/status":
+                assert message.mode == "navigating"  # type: ignore[attr-defined]
+
+
+def test_it_tells_the_whole_configuration_and_who_made_it(recording: Path) -> None:
+    with recording.open("rb") as stream:
+        (record_of,) = list(mcap.reader.make_reader(stream).iter_metadata())
+    assert session_of(record_of.metadata, "it") == SESSION
+    assert {"version", "firmware", "packages", "python"} <= record_of.metadata.keys()
+
+
+def test_rotation_keeps_to_the_budget_and_to_its_own_files(tmp_path: Path) -> None:
+    strangers = [tmp_path / "mole_20200101-000000_000.mcap", tmp_path / "mine.mcap", tmp_path / "notes.txt"]
+    for path in strangers:
+        path.write_bytes(b"precious" * 100_000)
+    options = RecordingOptions(file_MB=0.05, budget_MB=0.3, flush_period_s=0.01)
+    recorder = Recorder(tmp_path, SESSION, options)
+    for topic, now_s, message in beats(600):
+        recorder(topic, now_s, message)
+        if topic == "status":
+            time.sleep(0.002)
+    recorder.close()
+    assert not recorder.trouble
+    left = sorted(set(tmp_path.glob("*.mcap")) - set(strangers))
+    assert len(recorder.files) > 8
+    assert left == recorder.files[-len(left) :]  # the oldest went
+    assert 2 <= len(left) < len(recorder.files)
+    assert sum(path.stat().st_size for path in left) <= 0.3e6 * 1.1
+    assert all(path.exists() for path in strangers)
+    with left[-1].open("rb") as stream:  # the map was said before this file began, and is in it all the same
+        topics = {channel.topic for _, channel, _ in mcap.reader.make_reader(stream).iter_messages()}
+    assert {
+        f"/{name}" for name, topic in TOPICS.items() if topic.latched and name in ("map", "status")
+    } <= topics
+
+
+def test_a_hanging_disk_costs_messages_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hang = threading.Event()
+    monkeypatch.setattr("thumper.recording.mcap_file.os.fsync", lambda _: hang.wait(20.0))
+    hang.set()
+    recorder = Recorder(tmp_path, SESSION, RecordingOptions(waiting_messages=16, flush_period_s=0.01))
+    hang.clear()
+    time.sleep(0.1)
+    offered = 0
+    for topic, now_s, message in beats(30):
+        recorder(topic, now_s, message)
+        offered += 1
+    assert recorder.dropped == offered - 16
+    hang.set()
+    recorder.close()
+    assert recorder.written == 16
+    assert is_whole(recorder.files[0])
+
+
+FULL_DISK = """
+import resource, sys, time
+from pathlib import Path
+from tests.host.recording.samples import SESSION, beats
+from thumper.recording.options import RecordingOptions
+from thumper.recording.recorder import Recorder
+
+said = []
+recorder = Recorder(Path(sys.argv[1]), SESSION, RecordingOptions(flush_period_s=0.02), say=said.append)
+resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
+for topic, now_s, message in beats(200):
+    recorder(topic, now_s, message)
+    time.sleep(0.0005)
+recorder.close()
+assert not recorder.active
+print(len(said), said[0])
+"""
+
+
+def test_a_full_disk_ends_the_recording_in_one_line(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", FULL_DISK, str(tmp_path)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("1 recording stopped: ")
+    assert "too large" in done.stdout
+    assert len(list(tmp_path.glob("*.part"))) == 1
+
+
+def test_too_little_space_to_spare_ends_the_recording(tmp_path: Path) -> None:
+    said: list[str] = []
+    options = RecordingOptions(spare_MB=1e12, flush_period_s=0.01)
+    recorder = Recorder(tmp_path, SESSION, options, say=said.append)
+    deadline_s = time.monotonic() + 5.0
+    while recorder.active and time.monotonic() < deadline_s:
+        time.sleep(0.01)
+    assert not recorder.active
+    assert len(said) == 1
+    assert "free" in said[0]
