@@ -2,13 +2,24 @@
 
 import fcntl
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
 from mcap.reader import SeekingReader
-from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, McapRecord, Message, Metadata, Schema
+from mcap.records import (
+    Attachment,
+    Channel,
+    Chunk,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Message,
+    Metadata,
+    Schema,
+)
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import Writer
 
@@ -51,8 +62,9 @@ def recover(path: Path) -> Repair | None:
         if not unfinished and is_whole(path):
             return None
         repaired = target.with_name(target.name + REPAIRED)
+        profile = _profile(path)
         with path.open("rb") as source, repaired.open("wb") as sink:
-            messages, note = _copy(source, sink, path)
+            messages, note = _copy(source, sink, profile)
             sink.flush()
             os.fsync(sink.fileno())
         if not unfinished:
@@ -64,6 +76,18 @@ def recover(path: Path) -> Repair | None:
     except OSError as error:
         raise ThumperError(f"{path}: cannot be repaired ({error}); the file is kept", exit_code=2) from error
     return Repair(path=target, messages=messages, note=note)
+
+
+def recover_left_behind(folder: Path, say: Callable[[str], None]) -> None:
+    """Repair what crashes left in the folder; `say` is told of each file. Never raises."""
+    for path in left_behind(folder):
+        try:
+            if path.stat().st_size == 0:  # the crash came before the first byte
+                path.unlink()
+            elif repair := recover(path):
+                say(f"{repair.path.name}: repaired after a crash, {repair.messages} messages")
+        except (ThumperError, OSError) as error:
+            say(str(error))
 
 
 def is_whole(path: Path) -> bool:
@@ -102,15 +126,20 @@ def records_until_error(stream: IO[bytes], size: int) -> Iterator[McapRecord | s
             yield f"a chunk is damaged and left out ({type(error).__name__})"
 
 
-def _copy(source: IO[bytes], sink: IO[bytes], path: Path) -> tuple[int, str]:
+def _profile(path: Path) -> str:
+    """The profile that the file's first record names."""
+    with path.open("rb") as stream:
+        try:
+            header = next(iter(StreamReader(stream, record_size_limit=path.stat().st_size).records))
+        except OSError:
+            raise
+        except Exception as error:  # whatever such bytes lead the reader to
+            raise ThumperError(f"{path}: no MCAP file; is it the right one?", exit_code=2) from error
+    return header.profile if isinstance(header, Header) else ""
+
+
+def _copy(source: IO[bytes], sink: IO[bytes], profile: str) -> tuple[int, str]:
     size = os.fstat(source.fileno()).st_size
-    head = StreamReader(source, record_size_limit=max(size, 1))
-    try:
-        header = next(iter(head.records))
-        profile = str(getattr(header, "profile", ""))
-    except Exception as error:
-        raise ThumperError(f"{path}: no MCAP file; is it the right one?", exit_code=2) from error
-    source.seek(0)
     writer = Writer(sink, chunk_size=CHUNK_BYTES)
     writer.start(profile=profile, library=f"{LIBRARY} recover")
     schemas: dict[int, int] = {0: 0}
