@@ -127,3 +127,27 @@ def test_the_uncertainty_covers_the_error() -> None:
         )
     rms = np.sqrt(np.mean(np.square(scaled), axis=0))
     assert np.all((rms > 0.3) & (rms < 2.5))
+
+
+def test_few_counts_a_row_are_gathered_into_longer_windows() -> None:
+    """48 counts a turn at 50 Hz: one or two counts a row. The rows' drive is kept as it was."""
+    wheel, rows = Wheel(delay_s=0.02), 2000
+    quantum = 2.0 * np.pi / 48.0
+    time_s = np.arange(rows, dtype=float) * 0.02
+    pwm = np.repeat(steps_and_prbs(rows // 5, 3), 5)
+    log = MotorLog(
+        name="wheel",
+        drive_unit=DriveUnit.PWM,
+        time_s=time_s,
+        drive=pwm,
+        begins=np.arange(rows) == 0,
+        position_rad=counted(wheel.drive(time_s, pwm, 3), 48.0) * quantum,
+        quantum_rad=quantum,
+    )
+    motor = identify([log])
+    assert motor.model.gain == pytest.approx(wheel.gain, rel=0.02)
+    assert motor.model.friction == pytest.approx(wheel.friction, abs=2.0)
+    assert motor.model.time_constant_s == pytest.approx(
+        wheel.tau_s, abs=3.0 * motor.uncertainty.time_constant_s
+    )
+    assert motor.validation.fit_percent > 80.0

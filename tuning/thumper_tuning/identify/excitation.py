@@ -15,6 +15,7 @@ RECORD = (
     "then random switching between two levels (`thumper tune record` drives exactly this)"
 )
 FEWEST_WINDOWS = 30
+FEWEST_COUNTS = 30.0
 SHORTEST_S = 3.0
 CEILING_RATIO = 1.08
 LEVEL_RATIO = 1.15  # two drive levels are different if they are this far apart
@@ -41,10 +42,8 @@ def check_before(logs: list[MotorLog], stretches: list[Stretch], *, one_directio
         raise refusal(f"{name}: no excitation: the drive is {drive[0]:g} {unit} all the time; {RECORD}")
     quantum = max(log.quantum_rad for log in logs)
     moving = np.abs(speed) > max(0.02 * float(np.percentile(np.abs(speed), 95)), 1e-9)
-    if (
-        not moving.any()
-        or np.percentile(np.abs(speed), 95) * np.median(stretches[0].windows_s) < 2.0 * quantum
-    ):
+    travelled_rad = sum(float(np.abs(s.speed_rad_s) @ s.windows_s) for s in stretches)
+    if not moving.any() or travelled_rad < FEWEST_COUNTS * quantum:
         raise refusal(
             f"{name}: the wheel does not move ({np.abs(drive).max():g} {unit} at most); drive it beyond "
             f"the dead "

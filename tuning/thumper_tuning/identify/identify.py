@@ -1,5 +1,6 @@
 """From logs of one motor to what is known of it: the whole way, with every refusal and warning."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,7 +68,7 @@ def identify(logs: list[MotorLog], *, one_direction: bool = False) -> Identified
         name=name,
         unit=logs[0].drive_unit,
         model=fit.model,
-        uncertainty=fit.uncertainty,
+        uncertainty=_with_hidden_delay(fit),
         validation=validation,
         fit=fit,
         stretches=tuple(stretches),
@@ -75,6 +76,14 @@ def identify(logs: list[MotorLog], *, one_direction: bool = False) -> Identified
         supply_V=float(np.mean(supplies)) if supplies else None,
         warnings=tuple(notes),
     )
+
+
+def _with_hidden_delay(fit: Fit) -> Uncertainty:
+    """A delay too small to be told from none hides in the time constant, which is no surer than it."""
+    std = fit.uncertainty
+    if fit.model.delay_s > 0.0:
+        return std
+    return replace(std, time_constant_s=math.hypot(std.time_constant_s, std.delay_s))
 
 
 def _best_fit(logs: list[MotorLog], stretches: list[Stretch]) -> Fit | None:

@@ -3,12 +3,17 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thumper.geometry import FloatArray
 from thumper_tuning.log.motor_log import MotorLog
 from thumper_tuning.log.units import smallest_step
 
+IndexArray = NDArray[np.intp]
+
 SHORTEST_WINDOW_S = 0.01
+COARSE_COUNTS = 4.0  # with fewer counts in a window the fit would be one of rounding ...
+LONGEST_THINNED_S = 0.05  # ... but longer windows would hide the time constant
 AT_REST_QUANTA = 0.6
 
 
@@ -49,7 +54,7 @@ def _stretch(log: MotorLog, rows: slice, continues: bool) -> Stretch | None:
         return None
     y = values[rows][known]
     if log.position_rad is not None:
-        known, y = _thin(time_s, known, y)
+        known, y = _thin(time_s, known, y, log.quantum_rad)
         if len(known) < 3:
             return None
         speed = np.diff(y) / np.diff(time_s[known])
@@ -68,23 +73,29 @@ def _stretch(log: MotorLog, rows: slice, continues: bool) -> Stretch | None:
         at_rest=bool(rests),
         edge_s=edge_s,
         speed_rad_s=speed,
-        quantum_rad_s=_quantum(log, speed),
+        quantum_rad_s=_quantum(log, speed, np.diff(edge_s)),
         continues=continues,
     )
 
 
-def _quantum(log: MotorLog, speed: FloatArray) -> float:
-    return log.quantum_rad / log.period_s if log.quantum_rad else smallest_step(speed)
+def _quantum(log: MotorLog, speed: FloatArray, windows_s: FloatArray) -> float:
+    return log.quantum_rad / float(np.median(windows_s)) if log.quantum_rad else smallest_step(speed)
 
 
 def _thin(
-    time_s: FloatArray, known: np.ndarray[tuple[int], np.dtype[np.intp]], y: FloatArray
-) -> tuple[np.ndarray[tuple[int], np.dtype[np.intp]], FloatArray]:
+    time_s: FloatArray, known: IndexArray, y: FloatArray, quantum_rad: float
+) -> tuple[IndexArray, FloatArray]:
     """Leave out positions until the windows are long enough: nothing is lost, a position sums up what was."""
-    if float(np.median(np.diff(time_s[known]))) >= SHORTEST_WINDOW_S:
+    period_s = float(np.median(np.diff(time_s[known])))
+    shortest_s = 2.0 * SHORTEST_WINDOW_S if period_s < SHORTEST_WINDOW_S else period_s
+    travelled_rad = float(np.abs(np.diff(y)).sum())
+    if quantum_rad > 0.0 and travelled_rad > 0.0:
+        mean_rad_s = travelled_rad / float(time_s[known[-1]] - time_s[known[0]])
+        shortest_s = max(shortest_s, min(COARSE_COUNTS * quantum_rad / mean_rad_s, LONGEST_THINNED_S))
+    if period_s >= shortest_s:
         return known, y
     keep = [0]
     for j in range(1, len(known)):
-        if time_s[known[j]] - time_s[known[keep[-1]]] >= 2.0 * SHORTEST_WINDOW_S - 1e-9:
+        if time_s[known[j]] - time_s[known[keep[-1]]] >= shortest_s - 1e-9:
             keep.append(j)
     return known[keep], y[keep]
