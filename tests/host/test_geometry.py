@@ -42,9 +42,9 @@ def test_a_quarter_turn_is_counter_clockwise() -> None:
     np.testing.assert_allclose(turned, [[0.0, 1.0]], atol=1e-12)
 
 
-@given(v=st.floats(-1, 1), w=st.floats(-3, 3))
-def test_wheel_speeds_and_body_twist_are_inverses(v: float, w: float) -> None:
-    geometry = DriveGeometry()
+@given(v=st.floats(-1, 1), w=st.floats(-3, 3), ratio=st.floats(0.8, 1.25))
+def test_wheel_speeds_and_body_twist_are_inverses(v: float, w: float, ratio: float) -> None:
+    geometry = DriveGeometry(radius_ratio=ratio)
     twist = body_twist(wheel_speeds(Twist2(v_m_s=v, w_rad_s=w), geometry), geometry)
     assert (twist.v_m_s, twist.w_rad_s) == pytest.approx((v, w), abs=1e-12)
 

@@ -14,6 +14,7 @@ from thumper.mapping.grid_mapper import GridMapper
 from thumper.perception import Perception
 
 DRIVE = DriveGeometry()
+M_PER_COUNT = DRIVE.rad_per_count * DRIVE.wheel_radius_m
 LASER = Pose2(x_m=0.12)
 ROOM_M = (-1.5, 2.5, -1.0, 1.4)  # x from ... to, y from ... to
 
@@ -102,8 +103,8 @@ def test_a_scan_from_before_the_board_was_heard_is_not_mapped() -> None:
 def test_hits_lie_on_the_walls_though_the_robot_turned_during_the_scan() -> None:
     """At 1 rad/s the last beam is 5.7 degrees off; without de-skewing hits would miss the walls by 0.2 m."""
     robot = perception()
-    turn_counts = round(1.0 * 0.5 * DRIVE.track_m / DRIVE.m_per_count * 0.1)  # per 0.1 s, each side
-    w_rad_s = 2 * turn_counts * DRIVE.m_per_count / DRIVE.track_m / 0.1
+    turn_counts = round(1.0 * 0.5 * DRIVE.track_m / M_PER_COUNT * 0.1)  # per 0.1 s, each side
+    w_rad_s = 2 * turn_counts * M_PER_COUNT / DRIVE.track_m / 0.1
     for k in range(4):
         robot.add_telemetry(telemetry(0.1 * k, -k * turn_counts, k * turn_counts))
     poses = [Pose2(theta_rad=w_rad_s * (0.1 + 0.1 * i / 100)) for i in range(100)]

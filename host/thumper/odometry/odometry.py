@@ -73,8 +73,10 @@ class Odometry:
         if self._counts is None:
             left_m = right_m = 0.0
         else:
-            left_m = count_delta(self._counts[0], left_count) * self._geometry.m_per_count
-            right_m = count_delta(self._counts[1], right_count) * self._geometry.m_per_count
+            left_rad = count_delta(self._counts[0], left_count) * self._geometry.rad_per_count
+            right_rad = count_delta(self._counts[1], right_count) * self._geometry.rad_per_count
+            left_m = left_rad * self._geometry.left_radius_m
+            right_m = right_rad * self._geometry.right_radius_m
         arc_m = 0.5 * (left_m + right_m)
         turn_rad = (right_m - left_m) / self._geometry.track_m
         dt_s = time_s - last.time_s

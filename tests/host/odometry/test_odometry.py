@@ -11,7 +11,8 @@ from thumper.kinematics import DriveGeometry
 from thumper.odometry.odometry import Odometry, count_delta
 
 GEOMETRY = DriveGeometry(wheel_radius_m=0.1, track_m=0.2, counts_per_rev=1000)
-COUNTS_PER_M = 1.0 / GEOMETRY.m_per_count
+M_PER_COUNT = GEOMETRY.rad_per_count * GEOMETRY.wheel_radius_m
+COUNTS_PER_M = 1.0 / M_PER_COUNT
 
 
 def wrapped(count: int) -> int:
@@ -26,8 +27,8 @@ def test_arc_is_exact_for_any_step_count(steps: int) -> None:
     left, right = 400, 600
     for step in range(1, steps + 1):
         sample = odometry.update(0.1 * step, step * left // steps, step * right // steps)
-    turn_rad = (right - left) * GEOMETRY.m_per_count / GEOMETRY.track_m
-    radius_m = 0.5 * (left + right) * GEOMETRY.m_per_count / turn_rad
+    turn_rad = (right - left) * M_PER_COUNT / GEOMETRY.track_m
+    radius_m = 0.5 * (left + right) * M_PER_COUNT / turn_rad
     pose = sample.odom_from_base
     expected = (radius_m * math.sin(turn_rad), radius_m * (1.0 - math.cos(turn_rad)), turn_rad)
     assert (pose.x_m, pose.y_m, pose.theta_rad) == pytest.approx(expected, abs=1e-12)
@@ -92,3 +93,14 @@ def test_covariance_of_a_straight_metre_is_the_closed_form() -> None:
         sample = odometry.update(0.1 * step, count, count)
     std = np.sqrt(np.diag(sample.covariance))
     assert std == pytest.approx([0.02, 0.02 / math.sqrt(3.0), 0.02], rel=0.02)
+
+
+def test_unlike_wheels_turn_a_robot_whose_counts_are_alike() -> None:
+    geometry = DriveGeometry(wheel_radius_m=0.06, radius_ratio=0.99, track_m=0.4, counts_per_rev=1000)
+    odometry = Odometry(geometry)
+    odometry.update(0.0, 0, 0)
+    pose = odometry.update(1.0, 1000, 1000).odom_from_base
+    left_m, right_m = math.tau * geometry.left_radius_m, math.tau * geometry.right_radius_m
+    assert geometry.left_radius_m == pytest.approx(0.99 * geometry.right_radius_m)
+    assert pose.theta_rad == pytest.approx((right_m - left_m) / 0.4)
+    assert math.hypot(pose.x_m, pose.y_m) == pytest.approx(math.tau * 0.06, rel=1e-3)

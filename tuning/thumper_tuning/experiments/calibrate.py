@@ -26,7 +26,8 @@ class Calibration:
     """What was found, one standard deviation each."""
 
     geometry: WheelGeometry
-    radius_std_m: float
+    radius_std_m: float  # of both together
+    ratio_std: float  # of left over right
     track_std_m: float
 
 
@@ -78,6 +79,7 @@ def calibrate(log: WheelLog, counts_per_rev: float) -> Calibration:
         ),
         # The way gives the scale of radii and track; the ratios, the rest of the track.
         radius_std_m=float(radii.mean() * track_std / track),
+        ratio_std=float(ratios[0] / ratios[1] * np.hypot(*(ratio_std / ratios))),
         track_std_m=float(math.hypot(track_std, track * ratio_std.max() / ratios.mean())),
     )
 

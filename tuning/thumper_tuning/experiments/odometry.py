@@ -97,8 +97,8 @@ def gather(
 def geometry_of(drive_geometry: DriveGeometry, track_m: float | None = None) -> WheelGeometry:
     """The configuration's geometry, or the same with another track."""
     return WheelGeometry(
-        left_radius_m=drive_geometry.wheel_radius_m,
-        right_radius_m=drive_geometry.wheel_radius_m,
+        left_radius_m=drive_geometry.left_radius_m,
+        right_radius_m=drive_geometry.right_radius_m,
         track_m=track_m or drive_geometry.track_m,
         counts_per_rev=drive_geometry.counts_per_rev,
     )
@@ -134,30 +134,30 @@ def calibration(log: WheelLog, config: RobotConfig, out: Path, console: Console)
     # from the configured one stays, and the track goes with it.
     told = abs(radius_m - config.drive.wheel_radius_m) > 2.0 * found.radius_std_m
     kept_m = radius_m if told else config.drive.wheel_radius_m
+    ratio = found.geometry.left_radius_m / found.geometry.right_radius_m
+    unlike = abs(ratio - config.drive.radius_ratio) > 2.0 * found.ratio_std
     written = DriveGeometry(
-        wheel_radius_m=round(kept_m, 5), track_m=round(found.geometry.track_m * kept_m / radius_m, 4)
+        wheel_radius_m=round(kept_m, 5),
+        radius_ratio=round(ratio, 5) if unlike else config.drive.radius_ratio,
+        track_m=round(found.geometry.track_m * kept_m / radius_m, 4),
+        counts_per_rev=config.drive.counts_per_rev,
     )
     console.print(
         f"  left radius {1e3 * found.geometry.left_radius_m:.2f}, right "
-        f"{1e3 * found.geometry.right_radius_m:.2f} +- {1e3 * found.radius_std_m:.2f} mm; "
+        f"{1e3 * found.geometry.right_radius_m:.2f} +- {1e3 * found.radius_std_m:.2f} mm "
+        f"(ratio {ratio:.4f} +- {found.ratio_std:.4f}); "
         f"effective track {1e3 * found.geometry.track_m:.1f} +- {1e3 * found.track_std_m:.1f} mm"
     )
-    before, after = geometry_of(config.drive), found.geometry
-    mean = WheelGeometry(
-        left_radius_m=written.wheel_radius_m,
-        right_radius_m=written.wheel_radius_m,
-        track_m=written.track_m,
-        counts_per_rev=before.counts_per_rev,
-    )
-    table = Table("on the second half of the drive", "before", "after", "after, a radius a side")
-    drifts = [drift(held_out, one) for one in (before, mean, after)]
+    before, after = geometry_of(config.drive), geometry_of(written)
+    table = Table("on the second half of the drive", "before", "after")
+    drifts = [drift(held_out, one) for one in (before, after)]
     if drifts[-1].window_heading_rad > BLOCKED_RAD:
         raise ThumperError(
             f"within 5 s odometry turned {np.degrees(drifts[-1].window_heading_rad):.0f} deg from the "
             f"reference, calibrated or not: the robot was held, or the reference lost; {FLOOR} must be free",
             exit_code=4,
         )
-    errors = [compare(held_out, one).error_rad_s for one in (before, mean, after)]
+    errors = [compare(held_out, one).error_rad_s for one in (before, after)]
     table.add_row("position after 5 s, rms, m", *[f"{d.window_position_m:.3f}" for d in drifts])
     table.add_row("heading after 5 s, rms, deg", *[f"{np.degrees(d.window_heading_rad):.2f}" for d in drifts])
     table.add_row("position at the end, m", *[f"{d.end_position_m:.3f}" for d in drifts])
@@ -167,10 +167,11 @@ def calibration(log: WheelLog, config: RobotConfig, out: Path, console: Console)
     console.print(table)
     path = out / "odometry.toml"
     path.write_text(
-        f"[drive]\nwheel_radius_m = {written.wheel_radius_m:g}\ntrack_m = {written.track_m:g}\n",
+        f"[drive]\nwheel_radius_m = {written.wheel_radius_m:g}\nradius_ratio = {written.radius_ratio:g}\n"
+        f"track_m = {written.track_m:g}\n",
         encoding="utf-8",
     )
     console.print(f"{path} holds the new values; copy them into the robot's configuration")
-    if round(1e3 * written.wheel_radius_m) != round(1e3 * before.left_radius_m):
+    if round(1e3 * written.wheel_radius_m) != round(1e3 * config.drive.wheel_radius_m):
         console.print("note: the firmware counts with the old radius: build it anew with the new one")
     return found
