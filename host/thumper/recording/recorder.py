@@ -32,13 +32,7 @@ class Recorder:
         *,
         say: Callable[[str], None] = lambda _: None,
     ) -> None:
-        """Begin the first file. `say` is told, from the thread, why recording stopped by itself.
-
-        Raises
-        ------
-        OSError
-            The folder cannot be made or written.
-        """
+        """Begin; the thread makes folder and file. `say` is told by it why recording stopped by itself."""
         self._folder, self._session = folder, session
         self._options = options or session.config.recording
         self._say = say
@@ -47,14 +41,14 @@ class Recorder:
         self._queue: queue.Queue[_Item | None] = queue.Queue(self._options.waiting_messages)
         self._newest_ns = 0
         self._part = 0
+        self._begun_s = 0.0
         self._latched: dict[str, tuple[str, bytes]] = {}  # type and CDR of the newest
         self.dropped = 0
         self.written = 0
-        self.written_bytes = 0  # of all files but the open one
         self.trouble = ""
+        self._last_word = False
         self.files: list[Path] = []
-        folder.mkdir(parents=True, exist_ok=True)
-        self._file = self._begin()
+        self._file: McapFile | None = None
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
 
@@ -68,25 +62,20 @@ class Recorder:
 
     @property
     def active(self) -> bool:
-        """Whether what comes is recorded; not after `close`, nor after trouble."""
+        """Whether what comes is recorded; not after the end, nor after trouble."""
         return self._thread.is_alive() and not self.trouble
 
-    @property
-    def size_bytes(self) -> int:
-        """What the recording takes on the disk so far."""
+    def finish(self) -> None:
+        """End the recording with what waits; returns at once."""
         try:
-            return self.written_bytes + self._file.bytes_written
-        except ValueError:  # closed meanwhile
-            return self.written_bytes
+            self._queue.put_nowait(None)
+        except queue.Full:  # the disk hangs: the thread ends once it has caught up
+            self._last_word = True
 
     def close(self) -> None:
-        """Write what waits, end the file. Never raises; a disk that hangs is not waited for."""
-        if self._thread.is_alive():
-            try:
-                self._queue.put(None, timeout=CLOSE_TIMEOUT_S)
-            except queue.Full:
-                return
-            self._thread.join(CLOSE_TIMEOUT_S)
+        """End the recording and wait for the file, though not for a disk that hangs. Never raises."""
+        self.finish()
+        self._thread.join(CLOSE_TIMEOUT_S)
 
     def _put(self, item: _Item) -> None:
         if self.trouble:
@@ -98,50 +87,54 @@ class Recorder:
 
     def _run(self) -> None:
         try:
-            self._write_until_closed()
-            self._end_file()
+            self._folder.mkdir(parents=True, exist_ok=True)
+            file = self._begin()
+            self._write_until_finished(file)
         except Exception as error:  # in here an error must not pass unheard, nor reach anybody else
             self.trouble = str(error) or type(error).__name__
-            self._file.abandon()
-            self._say(
-                f"recording stopped: {self.trouble}; the robot goes on; {self._file.path.parent} keeps it"
-            )
+            if self._file is not None:
+                self._file.abandon()
+            self._say(f"recording stopped: {self.trouble}; the robot goes on without")
 
-    def _write_until_closed(self) -> None:
+    def _write_until_finished(self, file: McapFile) -> None:
         period_s = self._options.flush_period_s
         due_s = time.monotonic() + period_s
-        while True:
+        while not (self._last_word and self._queue.empty()):
             try:
                 item = self._queue.get(timeout=max(0.0, due_s - time.monotonic()))
                 if item is None:
-                    return
-                self._write(item)
+                    break
+                self._write(file, item)
             except queue.Empty:
                 pass
             if time.monotonic() >= due_s:
-                self._file.flush()
-                self._keep_to_the_disk()
+                file.flush()
+                file = self._within_limits(file)
                 due_s = time.monotonic() + period_s
+        file.close()
 
-    def _write(self, item: _Item) -> None:
+    def _write(self, file: McapFile, item: _Item) -> None:
         topic, type_name, log_ns, message = item
         self._newest_ns = max(self._newest_ns, log_ns)  # a file is read in the order of its times
         cdr = message if isinstance(message, bytes) else encode(message)
         if topic in TOPICS and TOPICS[topic].latched:
             self._latched[topic] = (type_name, cdr)
-        self._file.add(topic, type_name, self._newest_ns, cdr)
+        file.add(topic, type_name, self._newest_ns, cdr)
         self.written += 1
 
-    def _keep_to_the_disk(self) -> None:
+    def _within_limits(self, file: McapFile) -> McapFile:
+        """The file to go on with: this one, or the next."""
         options = self._options
-        old = time.monotonic() - self._begun_s > options.file_s
-        if self._file.bytes_written > self._largest_bytes or old:
-            self._end_file()
-            self._file = self._begin()
-            for topic, (type_name, cdr) in self._latched.items():  # each file is understood by itself
-                self._file.add(topic, type_name, self._newest_ns, cdr)
         if shutil.disk_usage(self._folder).free < options.spare_MB * MB:
             raise OSError(f"less than {options.spare_MB:.0f} MB are free on the disk; delete something")
+        old = time.monotonic() - self._begun_s > options.file_s
+        if file.bytes_written <= self._largest_bytes and not old:
+            return file
+        file.close()
+        file = self._begin()
+        for topic, (type_name, cdr) in self._latched.items():  # each file is understood by itself
+            file.add(topic, type_name, self._newest_ns, cdr)
+        return file
 
     def _begin(self) -> McapFile:
         self._begun_s = time.monotonic()
@@ -155,8 +148,5 @@ class Recorder:
             budget_bytes=self._options.budget_MB * MB,
             reserve_bytes=self._largest_bytes,
         )
-        return McapFile(path, metadata)
-
-    def _end_file(self) -> None:
-        self.written_bytes += self._file.bytes_written
-        self._file.close()
+        self._file = McapFile(path, metadata)
+        return self._file

@@ -24,6 +24,7 @@ class Session:
     map_from_base: Pose2 = field(default_factory=Pose2)  # where the robot stood at the start
     simulated: bool = False
     firmware: str = ""
+    from_start: bool = True  # whether it begins before the first scan was mapped
 
     def as_metadata(self) -> dict[str, str]:
         """Strings by name, as MCAP keeps them."""
@@ -34,6 +35,7 @@ class Session:
             "epoch_ns": str(self.epoch_ns),
             "start": json.dumps([pose.x_m, pose.y_m, pose.theta_rad]),
             "simulated": json.dumps(self.simulated),
+            "from_start": json.dumps(self.from_start),
             "firmware": self.firmware,
             "python": platform.python_version(),
             "machine": f"{platform.system()} {platform.machine()}",
@@ -58,6 +60,7 @@ def session_of(metadata: dict[str, str], name: str) -> Session:
             map_from_base=Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad),
             simulated=bool(json.loads(metadata["simulated"])),
             firmware=metadata["firmware"],
+            from_start=bool(json.loads(metadata["from_start"])),
         )
     except (KeyError, ValueError, TypeError) as error:
         made_by = metadata.get("version", "another program")
