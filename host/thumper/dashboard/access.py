@@ -1,0 +1,139 @@
+"""Who may come in: the same page only, and with a password when the password is set.
+
+It stands before everything, NiceGUI's own paths and the websockets included. Even on loopback it matters:
+without it, any web page that the user has open elsewhere could open our websocket and drive the robot.
+"""
+
+import hmac
+import secrets
+import time
+from html import escape
+from http.cookies import CookieError, SimpleCookie
+from urllib.parse import parse_qs, urlsplit
+
+from starlette.datastructures import Headers
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from thumper.dashboard.rate_limit import RateLimit
+
+COOKIE = "thumper_session"
+SESSION_S = 12 * 3600.0
+LARGEST_FORM_BYTES = 2048
+# NiceGUI compiles its templates in the page, hence 'unsafe-eval'; nothing comes from or goes to another host.
+POLICY = (
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; "
+    "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
+    "connect-src 'self'; object-src 'none'; base-uri 'self'; form-action 'self'; frame-ancestors 'none'"
+)
+
+
+class Access:
+    """ASGI middleware: checks host, origin and session of every request and websocket."""
+
+    def __init__(self, app: ASGIApp, *, hosts: frozenset[str], password: str, secure: bool) -> None:
+        """`hosts` are the names the page may be called by; empty: any. `secure`: HTTPS alone."""
+        self._app = app
+        self._hosts = hosts
+        self._password = password
+        self._secure = secure
+        self._sessions: dict[str, float] = {}
+        self._attempts = RateLimit(rate_Hz=0.2, burst=5)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass on what may come in."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        headers = Headers(scope=scope)
+        if not self._is_same_page(headers):
+            await _refuse(scope, receive, send, PlainTextResponse("wrong host or origin", status_code=403))
+        elif scope["type"] == "http" and scope["path"] == "/login" and self._password:
+            response = await self._login(Request(scope, receive))
+            await response(scope, receive, _with_policy(send))
+        elif self._password and not self._knows(headers):
+            wants_page = scope["type"] == "http" and "text/html" in headers.get("accept", "")
+            login: Response = RedirectResponse("/login", status_code=303)
+            await _refuse(
+                scope, receive, send, login if wants_page else PlainTextResponse("log in first", 401)
+            )
+        else:
+            await self._app(scope, receive, _with_policy(send) if scope["type"] == "http" else send)
+
+    def _is_same_page(self, headers: Headers) -> bool:
+        host = headers.get("host", "")
+        if self._hosts and urlsplit(f"//{host}").hostname not in self._hosts:
+            return False  # a name that somebody else has pointed at this machine
+        origin = headers.get("origin")
+        return origin is None or urlsplit(origin).netloc == host
+
+    def _knows(self, headers: Headers) -> bool:
+        try:
+            cookie = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+        except CookieError:
+            return False
+        return cookie is not None and self._sessions.get(cookie.value, 0.0) > time.monotonic()
+
+    async def _login(self, request: Request) -> Response:
+        if request.method != "POST":
+            return HTMLResponse(_form(""))
+        body = b""
+        async for piece in request.stream():
+            body += piece
+            if len(body) > LARGEST_FORM_BYTES:
+                return PlainTextResponse("too long", status_code=413)
+        if not self._attempts.allows():
+            return HTMLResponse(_form("Too many attempts: wait a little."), status_code=429)
+        given = parse_qs(body.decode("utf-8", "replace")).get("password", [""])[0]
+        if not hmac.compare_digest(given.encode(), self._password.encode()):
+            return HTMLResponse(_form("That is not the password."), status_code=401)
+        now_s = time.monotonic()
+        self._sessions = {key: end_s for key, end_s in self._sessions.items() if end_s > now_s}
+        session = secrets.token_urlsafe(32)
+        self._sessions[session] = now_s + SESSION_S
+        answer = RedirectResponse("/", status_code=303)
+        answer.set_cookie(
+            COOKIE, session, max_age=int(SESSION_S), httponly=True, samesite="strict", secure=self._secure
+        )
+        return answer
+
+
+def _with_policy(send: Send) -> Send:
+    async def sending(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            message["headers"] = [
+                *message.get("headers", []),
+                (b"content-security-policy", POLICY.encode()),
+                (b"x-content-type-options", b"nosniff"),
+                (b"referrer-policy", b"no-referrer"),
+            ]
+        await send(message)
+
+    return sending
+
+
+async def _refuse(scope: Scope, receive: Receive, send: Send, response: Response) -> None:
+    if scope["type"] == "websocket":
+        await receive()  # websocket.connect
+        await send({"type": "websocket.close", "code": 1008})
+    else:
+        await response(scope, receive, send)
+
+
+def _form(problem: str) -> str:
+    return f"""<!doctype html><html lang="en"><meta charset="utf-8"><title>Thumper</title>
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<style>
+body {{ font: 16px/1.5 system-ui, sans-serif; display: grid; place-items: center; min-height: 100vh;
+  margin: 0; background: #0f1720; color: #e6edf3 }}
+form {{ background: #18222d; padding: 2rem; border-radius: 12px; width: min(20rem, 80vw) }}
+h1 {{ font-size: 1.25rem; margin: 0 0 1rem }}
+input, button {{ font: inherit; width: 100%; box-sizing: border-box; padding: .6rem .8rem; border-radius: 8px;
+  border: 1px solid #3a4856; background: #0f1720; color: inherit; margin-top: .5rem }}
+button {{ background: #2f81f7; border: 0; color: #fff; font-weight: 600; margin-top: 1rem }}
+p {{ color: #ff9e94; min-height: 1.5em; margin: .75rem 0 0 }}
+</style>
+<form method="post" action="/login"><h1>Thumper</h1>
+<label>Password <input type="password" name="password" autofocus required></label>
+<button>Log in</button><p role="alert">{escape(problem)}</p></form></html>"""

@@ -1,0 +1,58 @@
+"""What goes to the browsers: one binary packet a tick, the same bytes for every page.
+
+A packet is the length of a JSON header (uint32, little-endian), the header, padding to four bytes, then the
+arrays. The header holds the small values; under `arrays` it says where each array lies:
+`name: [offset in bytes, count, kind]`, kind `f4` (float32) or `u1` (bytes, a PNG).
+"""
+
+import json
+import struct
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+ALIGNMENT_BYTES = 4
+
+Part = NDArray[Any] | bytes
+
+
+def encode_packet(values: Mapping[str, Any], arrays: Mapping[str, Part]) -> bytes:
+    """Return the packet; arrays of any float kind go as float32, bytes as they are."""
+    places: dict[str, tuple[int, int, str]] = {}
+    body = bytearray()
+    for name, array in arrays.items():
+        if isinstance(array, bytes):
+            raw, count, kind = array, len(array), "u1"
+        else:
+            raw, count, kind = array.astype("<f4").tobytes(), int(array.size), "f4"
+        places[name] = (len(body), count, kind)
+        body += raw + bytes(-len(raw) % ALIGNMENT_BYTES)
+    header = json.dumps({**values, "arrays": places}, separators=(",", ":"), allow_nan=False).encode()
+    header += b" " * (-len(header) % ALIGNMENT_BYTES)
+    return struct.pack("<I", len(header)) + header + bytes(body)
+
+
+def grid_png(cells: NDArray[np.int8]) -> bytes:
+    """Return cells, shape (rows, columns), row 0 at the bottom, as an 8-bit grey PNG, row 0 at the top of it.
+
+    A pixel is the cell's value + 1: 0 unknown, 1...101 occupancy, so that the page paints it in its own
+    colours.
+    """
+    rows, columns = cells.shape
+    pixels = (cells.astype(np.int16) + 1).astype(np.uint8)
+    lines = np.zeros((rows, columns + 1), dtype=np.uint8)  # each line begins with its filter: none
+    lines[:, 1:] = pixels
+    header = struct.pack(">IIBBBBB", columns, rows, 8, 0, 0, 0, 0)
+    return (
+        b"\x89PNG\r\n\x1a\n"
+        + _chunk(b"IHDR", header)
+        + _chunk(b"IDAT", zlib.compress(lines.tobytes(), 1))
+        + _chunk(b"IEND", b"")
+    )
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))

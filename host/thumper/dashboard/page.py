@@ -1,0 +1,177 @@
+"""The page: where everything is. What is live in it is done by `static/`; forms are NiceGUI's."""
+
+import json
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from nicegui import ui
+
+from thumper.dashboard.gains_panel import GainsPanel
+from thumper.dashboard.page_parts import STATIC, Part
+from thumper.dashboard.parameters import Asker, Parameters
+from thumper.dashboard.simulator_panel import simulator_panel
+from thumper.dashboard.tune_panel import tune_panel
+
+FIGURES = (
+    ("telemetry_age", "Board heard", "age of the newest telemetry"),
+    ("scan_age", "Lidar heard", "age of the newest scan"),
+    ("loop_late", "Loop late", "how much later than due the newest beat began"),
+    ("loop_busy", "Loop busy", "how long the newest beat's work took"),
+    ("link_frames", "Frames", "good frames that the board has heard since its reset; wraps at 65536"),
+    ("link_errors", "Frame errors", "frames that did not check"),
+    ("lost_edges", "Lost edges", "encoder edges of unknown direction"),
+    ("lidar_scans", "Scans", "scans since the start"),
+    ("lidar_errors", "Scan errors", "replies of the lidar that did not check"),
+    ("lidar_restarts", "Lidar restarts", "how often the lidar was started anew"),
+    ("counts", "Encoders", "counts, left and right"),
+    ("rtt", "Page to server", "round trip of this page's heartbeat"),
+    ("pages", "Open pages", "pages that are connected now"),
+    ("operator", "At the helm", "the page whose orders drive, and whose silence stops the robot"),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PageOptions:
+    """What the page is told of the robot."""
+
+    robot: str
+    footprint_m: list[tuple[float, float]]
+
+
+def build_page(options: PageOptions, robot: Asker) -> None:
+    """Build the page for one browser."""
+    ui.colors(primary="#2f81f7", negative="#d1242f", positive="#1a7f37", dark="#18222d", dark_page="#0f1720")
+    for sheet in ("uplot/uPlot.min.css", "style.css"):
+        ui.add_css(STATIC / sheet)
+    dark = ui.dark_mode(value=None)
+    ui.query(".nicegui-content").classes("tp-content")
+    _header(options.robot, dark)
+    with _box("tp-banner-row"):
+        _box("tp-banner").props("id=tp-banner data-kind=lost role=status")
+    with _box("tp-main"):
+        with _box("tp-left"):
+            Part("map", {"footprint": options.footprint_m}).classes("tp-map")
+            _state_line()
+            Part("charts").classes("tp-wheels")
+        with _box("tp-right"):
+            _fault_box()
+            _tabs(robot)
+    _box("tp-notices").props("id=tp-notices role=alert")
+    with _button("tp-estop", {"data-estop": ""}, "Emergency stop: Space or Esc anywhere"):
+        ui.html("<b>STOP</b><small>Space · Esc</small>", sanitize=False)
+
+
+def _header(robot: str, dark: ui.dark_mode) -> None:
+    with ui.element("header").classes("tp-header"):
+        ui.html("<b>Thumper</b>", sanitize=False).classes("tp-brand")
+        _field("robot", robot).classes("tp-robot")
+        with _box("tp-chips"):
+            _chip("battery_full", "battery", "Battery").classes("tp-battery")
+            _chip("memory", "board_state", "Motor board")
+            _chip("lan", "rtt", "Round trip of this page").classes("tp-wide")
+        with _button("tp-record", {"data-record": ""}, "Start or stop the recording"):
+            ui.html('<i class="tp-dot"></i><span>REC</span>', sanitize=False)
+            _field("recorded")
+        with _button("tp-icon", {}, "Light or dark").on("click", partial(_turn, dark)):
+            ui.icon("contrast")
+
+
+async def _turn(dark: ui.dark_mode) -> None:
+    is_dark = dark.value
+    if is_dark is None:  # as the system has it: only the browser knows
+        is_dark = await ui.run_javascript("Quasar.Dark.isActive")
+    dark.set_value(not is_dark)
+
+
+def _state_line() -> None:
+    with _box("tp-state"):
+        _field("mode").classes("tp-mode")
+        _field("reason").classes("tp-reason")
+        for name, title in (("distance", "to goal"), ("pose", "at"), ("heading", "heading")):
+            with ui.element("span").classes(f"tp-pair tp-{name}"):
+                ui.html(f"<small>{title}</small>", sanitize=False)
+                _field(name)
+
+
+def _fault_box() -> None:
+    with _box("tp-fault").props("role=alert"):
+        ui.html('<i class="material-icons">error</i>', sanitize=False)
+        with _box(""):
+            _field("fault_words").classes("tp-fault-words")
+            _field("fault_cure").classes("tp-fault-cure")
+            _order("Clear fault", {"kind": "command", "name": "clear_fault"}, "tp-plain")
+
+
+def _tabs(robot: Asker) -> None:
+    names = {"drive": "Drive", "gains": "Gains", "tune": "Tune", "sim": "Sim", "log": "Log"}
+    with ui.tabs().props("dense no-caps inline-label align=justify").classes("tp-tabs") as tabs:
+        for name, title in names.items():
+            ui.tab(name, label=title).classes(f"tp-tab-{name}")
+    with ui.tab_panels(tabs, value="drive").props("keep-alive").classes("tp-panels"):
+        with ui.tab_panel("drive"):
+            _drive_panel()
+        with ui.tab_panel("gains"):
+            GainsPanel(Parameters(robot)).build()
+        with ui.tab_panel("tune"):
+            tune_panel(robot)
+        with ui.tab_panel("sim"):
+            simulator_panel(robot)
+        with ui.tab_panel("log"):
+            _figures()
+            ui.html("<h2>Events</h2>", sanitize=False)
+            Part("log").classes("tp-log")
+
+
+def _drive_panel() -> None:
+    with _box("tp-buttons"):
+        _order("Arm", {"kind": "command", "name": "arm"}, "tp-go")
+        _order("Disarm", {"kind": "command", "name": "disarm"}, "tp-plain")
+        _order("Cancel goal", {"kind": "command", "name": "cancel"}, "tp-plain")
+        _order("Save map", {"kind": "command", "name": "save_map"}, "tp-plain")
+    ui.html("<h2>By hand</h2>", sanitize=False)
+    Part("drive").classes("tp-drive")
+    ui.html(
+        "<p>Hold the stick to drive, let go to stop; it goes before any goal. Gamepad: hold LB, RB is turbo, "
+        "B stops, Start arms. The robot stops when this page is hidden, frozen or closed.</p>",
+        sanitize=False,
+    ).classes("tp-hint")
+
+
+def _figures() -> None:
+    with _box("tp-figures"):
+        for name, title, meaning in FIGURES:
+            with _box("tp-figure").props(f'title="{meaning}"'):
+                ui.html(f"<small>{title}</small>", sanitize=False)
+                _field(name)
+
+
+def _chip(icon: str, field: str, title: str) -> ui.element:
+    with ui.element("span").classes("tp-chip").props(f'title="{title}"') as chip:
+        ui.icon(icon)
+        _field(field)
+    return chip
+
+
+def _field(name: str, text: str = "") -> ui.element:
+    """A place that `static/readouts.js` fills."""
+    return ui.html(text, tag="span", sanitize=False).props(f"data-field={name}")
+
+
+def _order(text: str, order: dict[str, Any], kind: str) -> ui.element:
+    """A button that `static/orders.js` acts on."""
+    with _button(kind, {"data-order": json.dumps(order)}, "") as button:
+        ui.html(text, tag="span", sanitize=False)
+    return button
+
+
+def _button(classes: str, data: dict[str, str], title: str) -> ui.element:
+    button = ui.element("button").classes(classes)
+    button._props.update(
+        {"type": "button", **data, **({"title": title, "aria-label": title} if title else {})}
+    )
+    return button
+
+
+def _box(classes: str) -> ui.element:
+    return ui.element("div").classes(classes)

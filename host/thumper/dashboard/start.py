@@ -1,0 +1,60 @@
+"""Starting the page: in this process, or as a process of its own beside the robot."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from thumper.dashboard.options import Listening
+from thumper.errors import ThumperError
+
+if TYPE_CHECKING:
+    from thumper.config.robot import RobotConfig
+
+END_TIMEOUT_S = 3.0
+
+
+def run_dashboard(settings: "RobotConfig", listening: Listening, robot_address: str) -> None:
+    """Serve until Ctrl-C."""
+    try:
+        from thumper.dashboard.server import build_app, serve
+    except ModuleNotFoundError as error:
+        raise ThumperError(
+            f"the dashboard needs {error.name}: pip install 'thumper[ui]'", exit_code=2
+        ) from error
+    from thumper.bus.client import BusClient
+    from thumper.dashboard.helm import TeleopLimits
+    from thumper.dashboard.page import PageOptions
+    from thumper.dashboard.robot_link import RobotLink
+
+    service = settings.service
+    app = build_app(
+        RobotLink(lambda: BusClient(settings.name, robot_address, settings.bus.token)),
+        listening,
+        PageOptions(robot=settings.name, footprint_m=list(settings.footprint.vertices_m)),
+        TeleopLimits(v_m_s=service.manual_v_max_m_s, w_rad_s=service.manual_w_max_rad_s),
+        settings.lidar.base_from_laser,
+    )
+    print(f"dashboard: {listening.url}  (robot at {robot_address}; Ctrl-C ends it)", flush=True)
+    serve(app, listening)
+
+
+@contextmanager
+def beside(config: Path | None, robot_address: str) -> Iterator[None]:
+    """Run the page in its own process while the robot's runs in this one."""
+    start = "from thumper.cli import main; main()"
+    command = [sys.executable, "-c", start, "dashboard", "--robot-address", robot_address]
+    if config is not None:
+        command += ["--config", str(config)]
+    process = subprocess.Popen(command, start_new_session=True)  # Ctrl-C is the robot's first
+    try:
+        yield
+    finally:
+        process.terminate()
+        try:
+            process.wait(END_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
