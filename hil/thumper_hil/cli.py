@@ -52,7 +52,7 @@ def sim(
         typer.Option(help="Where the robot stands: X Y [m] HEADING [deg]."),
     ] = (0.0, 0.0, 0.0),
     reset_on_open: Annotated[
-        bool, typer.Option(help="Opening the board's port resets it, as on boards whose DTR line does.")
+        bool, typer.Option(help="Opening the board's port resets it through its boot loader, as DTR does.")
     ] = False,
     scenario: Annotated[str, typer.Option(help="A TOML file that says which fault happens when.")] = "",
     lidar: Annotated[str, typer.Option(help="The lidar's model: urg04lx or ld19.")] = "urg04lx",
@@ -71,6 +71,6 @@ def sim(
             "yaw_deg": str(start[2]),
             "scenario": scenario,
             "lidar": lidar,
+            "reset_on_open": str(int(reset_on_open)),
         },
-        reset_on_open=reset_on_open,
     )

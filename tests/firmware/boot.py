@@ -2,15 +2,11 @@
 
 from pathlib import Path
 
-from thumper_hil.chip.lab import LabChip
+from thumper_hil.chip.lab import ATMEGABOOT, LabChip
 from thumper_hil.parts.params import RobotParams
 
 ROOT = Path(__file__).resolve().parents[2]
 BOOTLOADERS = Path("/usr/share/arduino/hardware/arduino/avr/bootloaders")
-ATMEGABOOT = BOOTLOADERS / "atmega/ATmegaBOOT_168_atmega328.hex"
-"""What is on the T'REX and on most Nanos; 57600 baud, from 0x7800 on."""
-
-BOOT_START = 0x7800
 BROKEN_OPTIBOOT = BOOTLOADERS / "optiboot/optiboot_atmega328.hex"
 """Debian's build of it is 534 bytes long; the chip has 512 for it."""
 
@@ -28,7 +24,5 @@ def chip_with_bootloader() -> LabChip:
 def chip_with_program(elf: Path, params: RobotParams | None = None) -> LabChip:
     """A chip with the boot loader and a program, just reset; with `params` on a robot."""
     chip = LabChip(elf, params=params)
-    program = chip.read_flash(0, BOOT_START)
-    chip.install_bootloader(ATMEGABOOT)
-    chip.write_flash(0, program)
+    chip.add_bootloader(ATMEGABOOT)
     return chip

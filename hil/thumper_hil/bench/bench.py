@@ -15,12 +15,14 @@ from thumper_hil.bench.contact import HULL_M, ContactWatch
 from thumper_hil.bench.options import BenchOptions
 from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.faulty import FaultyChip
+from thumper_hil.chip.lab import ATMEGABOOT
 from thumper_hil.faults.catalogue import FaultError, FaultValue, action_of
 from thumper_hil.faults.scenario import load_scenario
 from thumper_hil.faults.switches import Switches
 from thumper_hil.parts.ld19 import Ld19
 from thumper_hil.parts.params import RobotParams
 from thumper_hil.parts.scene import Scene
+from thumper_hil.parts.start import why_not_here
 from thumper_hil.parts.urg04lx import Urg04Lx
 from thumper_hil.parts.world import World
 
@@ -43,6 +45,15 @@ def cycle_at(time_s: float) -> int:
     return cycle if cycle / CPU_HZ >= time_s else cycle + 1  # the product above was rounded down
 
 
+def _bootloader() -> Path:
+    if not ATMEGABOOT.exists():
+        raise ThumperError(
+            f"reset_on_open: there is no boot loader at {ATMEGABOOT}; sudo apt install arduino-core-avr",
+            exit_code=4,
+        )
+    return ATMEGABOOT
+
+
 class Bench:
     """A simulated robot at work. Time passes only in `advance...`; the same seed and bytes give the same run.
 
@@ -54,10 +65,10 @@ class Bench:
 
     def __init__(self, options: BenchOptions, *, elf: Path | None = None) -> None:
         self._scene = Scene(World.load(options.world))
-        if self.world.touches(options.start, HULL_M):
+        if reason := why_not_here(self.world, options.start, HULL_M):
             raise ThumperError(
-                f"a robot at x_m={options.x_m:g}, y_m={options.y_m:g}, yaw_deg={options.yaw_deg:g} would "
-                f"stand in an obstacle of {options.world}; start it somewhere free",
+                f"a robot at x_m={options.x_m:g}, y_m={options.y_m:g}, yaw_deg={options.yaw_deg:g} {reason} "
+                f"of {options.world}; start it somewhere free",
                 exit_code=2,
             )
         params = RobotParams.load()
@@ -66,6 +77,9 @@ class Bench:
         self.chip = FaultyChip(
             elf or ELF_OF_BOARD[options.board], params=params, board=options.board, seed=options.seed
         )
+        self._reset_on_open = options.reset_on_open
+        if options.reset_on_open:
+            self.chip.add_bootloader(_bootloader())
         self.chip.place(options.start)
         self._switches = Switches(chip=self.chip)
         self._events = deque(load_scenario(Path(options.scenario)) if options.scenario else ())
@@ -152,6 +166,11 @@ class Bench:
     def is_plugged(self, device: str) -> bool:
         """Whether the USB plug of the `board` or the `lidar` is in."""
         return self._switches.board_plugged if device == "board" else self._switches.lidar_plugged
+
+    def pull_dtr(self) -> None:
+        """The host asserts DTR, as when it opens the board's port: that resets a board that is wired so."""
+        if self._reset_on_open:
+            self.chip.reset()
 
     def board_write(self, data: bytes) -> None:
         """Send bytes to the board, unless its plug is out."""

@@ -27,6 +27,7 @@ class BenchOptions:
     board: BoardKind = BoardKind.TREX
     scenario: str = ""  # a TOML of faults; none if empty
     lidar: str = "urg04lx"  # its model; ld19 is the other one
+    reset_on_open: bool = False  # opening the board's port resets it, through its boot loader
     realtime: bool = False  # keep to the clock on the wall, for somebody who watches
 
     @property
@@ -53,6 +54,7 @@ class BenchOptions:
             "board": _board,
             "scenario": str,
             "lidar": _lidar,
+            "reset_on_open": _yes_or_no,
             "pace": _is_realtime,
         }
         values: dict[str, object] = {}
@@ -112,6 +114,12 @@ def _lidar(text: str) -> str:
     if text not in LIDARS:
         raise ValueError(f"give {' or '.join(LIDARS)}")
     return text
+
+
+def _yes_or_no(text: str) -> bool:
+    if text not in {"0", "1"}:
+        raise ValueError("give 0 or 1")
+    return text == "1"
 
 
 def _is_realtime(text: str) -> bool:

@@ -42,6 +42,8 @@ class Serial(SerialBase):
             raise SerialException(str(error)) from error
         self.is_open = True
         self._reconfigure_port()
+        self._dtr_was = False
+        self._update_dtr_state()
 
     def close(self) -> None:
         """Leave the world, which stands still from then on unless another port moves it."""
@@ -109,7 +111,7 @@ class Serial(SerialBase):
         """Bytes that wait on the host's side: none."""
         return 0
 
-    # The lines beside data are not wired: nothing on the board answers them, and opening does not reset it.
+    # Of the lines beside data only DTR is wired, and only if asked: it pulls the board's reset pin.
     @property
     def cts(self) -> bool:
         """Clear to send."""
@@ -138,7 +140,10 @@ class Serial(SerialBase):
 
     def _update_rts_state(self) -> None: ...
 
-    def _update_dtr_state(self) -> None: ...
+    def _update_dtr_state(self) -> None:
+        if self._bench is not None and self._device == "board" and self.dtr and not self._dtr_was:
+            self._bench.pull_dtr()
+        self._dtr_was = self.dtr
 
     def _world(self) -> Bench:
         if self._bench is None or not self.is_open:

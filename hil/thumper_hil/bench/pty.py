@@ -37,24 +37,23 @@ class _Line:
     from_device: Callable[[], bytes]
 
 
-def serve(
-    board_pty: Path, lidar_pty: Path, options: Mapping[str, str], *, reset_on_open: bool = False
-) -> None:
+def serve(board_pty: Path, lidar_pty: Path, options: Mapping[str, str]) -> None:
     """Serve a simulated robot until Ctrl-C; `options` are those of a `sim://` URL.
 
     Symbolic links to the two terminals appear at the paths, and go again at the end. Clients may come and go:
-    the robot stays, and what it sends while nobody listens is lost, as on a wire. With `reset_on_open` the
-    board starts anew whenever its port is opened, as one does whose DTR line pulls the reset pin.
+    the robot stays, and what it sends while nobody listens is lost, as on a wire. With `reset_on_open` among
+    the options the board starts anew, through its boot loader, whenever its port is opened.
 
     Raises
     ------
     ThumperError
         A path is taken or cannot be made, an option is wrong, or the firmware crashed.
     """
-    bench = Bench(BenchOptions.parse(options))
+    parsed = BenchOptions.parse(options)
+    bench = Bench(parsed)
     bench.advance(BOOT_S)
     with ExitStack() as stack:
-        board_ends = stack.enter_context(_terminal(board_pty, keep_open=not reset_on_open))
+        board_ends = stack.enter_context(_terminal(board_pty, keep_open=not parsed.reset_on_open))
         lidar_ends = stack.enter_context(_terminal(lidar_pty))
         lines = (
             _Line(
@@ -72,7 +71,7 @@ def serve(
         )
         print(f"board {board_pty}, lidar {lidar_pty}; Ctrl-C ends it", flush=True)
         try:
-            _carry(bench, lines, reset_on_open=reset_on_open)
+            _carry(bench, lines, reset_on_open=parsed.reset_on_open)
         except KeyboardInterrupt:
             print("stopped")
 
@@ -85,7 +84,7 @@ def _carry(bench: Bench, lines: tuple[_Line, ...], *, reset_on_open: bool) -> No
         if reset_on_open:
             is_open = not _hung_up(lines[0].master)
             if is_open and not was_open:
-                bench.chip.reset()
+                bench.pull_dtr()
             was_open = is_open
         now_s = time.monotonic() - behind_s
         if now_s - bench.time_s > 1.0:  # the machine slept: do not race after it

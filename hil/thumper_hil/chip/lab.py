@@ -15,6 +15,9 @@ EEPROM_BYTES = 1024
 RJMP_SELF = bytes((0xFF, 0xCF))
 """`rjmp .-2`: an instruction that jumps to itself."""
 
+ATMEGABOOT = Path("/usr/share/arduino/hardware/arduino/avr/bootloaders/atmega/ATmegaBOOT_168_atmega328.hex")
+"""The boot loader on the T'REX and on most Nanos, as Debian's arduino-core-avr brings it; 57600 baud."""
+
 BURSTS = 4096
 TICK_VECTOR = 11
 """TIMER1_COMPA, the control tick (data sheet, table 11-6)."""
@@ -63,6 +66,19 @@ class LabChip(Chip):
         self.write_flash(start, image)
         self._library.thumper_start_at(self._handle, start)
         self.reset()
+
+    def add_bootloader(self, hex_path: Path) -> None:
+        """Program a boot loader behind the program that is there, set the fuses to start there, and reset.
+
+        Raises
+        ------
+        ChipError
+            As `install_bootloader`.
+        """
+        program = self.read_flash(0, FLASH_BYTES)
+        self.install_bootloader(hex_path)
+        start, _ = read_hex(hex_path)
+        self.write_flash(0, program[:start])
 
     def hang_at(self, address: int) -> None:
         """Let whatever comes to this flash address stay there for ever: a fault that no firmware ships."""
