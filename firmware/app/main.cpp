@@ -83,7 +83,8 @@ ISR(TIMER1_COMPA_vect, ISR_NOBLOCK) {
 
 namespace {
 
-/// Hand the motors' permission and targets to the control tick; whatever is not driving stops here and now.
+/// Hand the motors' permission and targets to the control tick; whatever is not driving stops here and now,
+/// and the reason will outlast a reset.
 void Obey(const fw::HostInterface& host) {
   const fw::DriveCommand& wanted = host.command();
   const fw::State mode = wanted.mode;
@@ -147,8 +148,9 @@ int main() {
   static Eeprom eeprom;
   static fw::HostInterface host(pins::kBoard, reset::Cause());
   static fw::BeepPattern beeps;
-  host.Start(eeprom);
+  host.Start(eeprom, reset::Kept());
   watchdog::Start();
+  bool clock_runs = false;
   sei();
 
   for (;;) {
@@ -174,12 +176,15 @@ int main() {
     }
     if (host.TakeChange() || measured) Configure(host);
     if (elapsed_ms != 0) {
+      clock_runs = true;
       host.Wait(elapsed_ms);
       Obey(host);
       beeper.Sound(beeps.Step(elapsed_ms, host.quiet()));
     }
     if (ticked) {
-      watchdog::Kick();
+      // Without the millisecond no time-out would come: then the watchdog's must.
+      if (clock_runs) watchdog::Kick();
+      clock_runs = false;
       Collect(host.samples());
       host.Watch();
       Obey(host);

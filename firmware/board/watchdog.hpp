@@ -16,7 +16,8 @@ inline void Start() {
   WDTCSR = 1 << WDIE | 1 << WDE | 1 << WDP2;
 }
 
-/// Once a control tick, from the main loop: then tick, main loop and interrupts are all alive.
+/// Once a control tick, from the main loop, if milliseconds have passed since the last one: then tick,
+/// millisecond, main loop and interrupts are all alive.
 inline void Kick() { wdt_reset(); }
 
 }  // namespace watchdog

@@ -2,30 +2,41 @@
 #include <stdint.h>
 
 #include "core/config.hpp"
+#include "core/messages.hpp"
 
 namespace fw {
 
 /// Battery voltage: filtered over about 1.5 s (16 readings of 96 ms), so that a start-up dip is no empty
-/// battery, and a `low` with hysteresis.
+/// battery, with hysteresis between stopping and letting drive. After a start it has to show its charge
+/// first.
 class Battery {
  public:
-  /// Take a reading; true at the moment the battery becomes low.
+  /// Take a reading; true at the moment the battery becomes empty.
   bool Update(uint16_t reading_mV) {
     sum_ = sum_ == 0 ? uint32_t(reading_mV) * 16 : sum_ - filtered_mV() + reading_mV;
-    const bool was_low = low_;
+    const bool was_empty = empty_;
     const uint16_t now_mV = filtered_mV();
-    if (now_mV < kBatteryStop_mV) low_ = true;
-    if (now_mV > kBatteryRearm_mV) low_ = false;
-    return low_ && !was_low;
+    if (now_mV < kBatteryStop_mV) {
+      empty_ = true;
+      charged_ = false;
+    }
+    if (now_mV > kBatteryRearm_mV) {
+      empty_ = false;
+      charged_ = true;
+    }
+    return empty_ && !was_empty;
   }
 
+  /// Whether there is enough in it to arm: OK, BATTERY_LOW or BATTERY_UNKNOWN.
+  AckStatus status() const {
+    return charged_ ? AckStatus::kOk : sum_ != 0 ? AckStatus::kBatteryLow : AckStatus::kBatteryUnknown;
+  }
   uint16_t filtered_mV() const { return static_cast<uint16_t>(sum_ / 16); }  ///< 0 before the first reading
-  bool low() const { return low_; }
   bool warning() const { return sum_ != 0 && filtered_mV() < kBatteryRearm_mV; }
 
  private:
   uint32_t sum_ = 0;  // 16 times the filtered voltage
-  bool low_ = false;
+  bool empty_ = false, charged_ = false;
 };
 
 }  // namespace fw

@@ -22,12 +22,15 @@ class HostInterface {
   HostInterface(Board board, ResetCause reset_cause) : board_(board), reset_cause_(reset_cause) {}
 
   /// Once, before all else: take the saved parameters, and latch what went wrong before or with them.
+  /// latched: the fault that was latched when the board restarted. LINK_LOST is over: the host is back.
   template <typename Memory>
-  void Start(Memory& memory) {
+  void Start(Memory& memory, Fault latched) {
+    if (latched != Fault::kLinkLost) supervisor_.Relatch(latched);
     const auto outcome = store_.Load(memory, &parameters_);
     if (outcome == ParameterStore::Outcome::kLoaded) source_ = ParameterSource::kSaved;
-    if (outcome == ParameterStore::Outcome::kUnreadable) Trip(Fault::kBadParameters);
-    if (reset_cause_ == ResetCause::kWatchdog) Trip(Fault::kWatchdog);
+    if (outcome == ParameterStore::Outcome::kUnreadable) supervisor_.Trip(Fault::kBadParameters);
+    if (reset_cause_ == ResetCause::kWatchdog) supervisor_.Trip(Fault::kWatchdog);
+    Follow();
   }
 
   /// Take one received byte; answers go to `sink.Put(uint8_t)`. True when a good frame was handled.
@@ -49,9 +52,9 @@ class HostInterface {
   template <typename Memory, typename Sink>
   void Work(Memory& memory, Sink& sink) {
     if (store_.Step(memory)) {
-      SendFrame(sink, pending_seq_,
-                Ack{CommandRequest::kId, pending_seq_,
-                    store_.Verify(memory) ? AckStatus::kOk : AckStatus::kNotSaved});
+      const bool saved = store_.Verify(memory);
+      if (saved) source_ = ParameterSource::kSaved;
+      AnswerLater(sink, saved ? AckStatus::kOk : AckStatus::kNotSaved);
     }
     if (pending_ == Command::kDisarm || store_.saving()) return;
     const Command todo = pending_;
@@ -60,9 +63,7 @@ class HostInterface {
       store_.Begin(parameters_);
       return;
     }
-    store_.Load(memory, &parameters_);
-    SendFrame(sink, pending_seq_, Ack{CommandRequest::kId, pending_seq_, AckStatus::kOk});
-    changed_ = true;
+    AnswerLater(sink, Load(memory));
   }
 
   /// True once after the parameters have changed, and at first.
@@ -181,17 +182,46 @@ class HostInterface {
     if (command <= Command::kClearFault) {
       status = Apply(static_cast<Event>(command));
     } else if (command == Command::kRestoreDefaults) {
-      parameters_.Restore();
-      changed_ = true;
+      RestoreDefaults();
       status = AckStatus::kOk;
-    } else if (command == Command::kSave && battery_.low()) {
-      status = AckStatus::kBatteryLow;  // the supply may fail in the midst of it
+    } else if (command == Command::kSave && battery_.status() != AckStatus::kOk) {
+      status = battery_.status();  // the supply may fail in the midst of it
     } else if (command <= Command::kLoad) {
       pending_seq_ = decoder_.seq();  // Work() answers, once it is done
       if (command == Command::kLoad || !store_.saving()) pending_ = command;
       return;
     }
     Acknowledge(sink, status);
+  }
+
+  void RestoreDefaults() {
+    parameters_.Restore();
+    source_ = ParameterSource::kDefaults;
+    changed_ = true;
+  }
+
+  /// Take what is saved. Not under way, as a whole set may change much; and not what cannot be read.
+  template <typename Memory>
+  AckStatus Load(Memory& memory) {
+    if (supervisor_.armed()) return AckStatus::kArmed;
+    switch (store_.Load(memory, &parameters_)) {
+      case ParameterStore::Outcome::kUnreadable:
+        return AckStatus::kBadParameters;
+      case ParameterStore::Outcome::kEmpty:
+        RestoreDefaults();
+        break;
+      case ParameterStore::Outcome::kLoaded:
+        source_ = ParameterSource::kSaved;
+        changed_ = true;
+        break;
+    }
+    return AckStatus::kOk;
+  }
+
+  /// Answer a SAVE or LOAD.
+  template <typename Sink>
+  void AnswerLater(Sink& sink, AckStatus status) {
+    SendFrame(sink, pending_seq_, Ack{CommandRequest::kId, pending_seq_, status});
   }
 
   template <typename Message>
@@ -224,7 +254,7 @@ class HostInterface {
   }
 
   AckStatus Apply(Event event) {
-    const AckStatus status = supervisor_.Handle(event, battery_.low());
+    const AckStatus status = supervisor_.Handle(event, battery_.status());
     Follow();
     return status;
   }

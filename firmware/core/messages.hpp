@@ -6,7 +6,7 @@
 
 namespace fw {
 
-constexpr uint32_t kSchemaHash = 0x477253C4UL;
+constexpr uint32_t kSchemaHash = 0x54A18B46UL;
 constexpr size_t kMaxHostPayload = 4;  ///< [bytes] largest payload the host sends
 constexpr size_t kMaxPayload = 43;     ///< [bytes] largest payload of all
 
@@ -17,9 +17,10 @@ enum class Command : uint8_t {
   kEStop = 2,  ///< Motors off and latched until CLEAR_FAULT.
   kClearFault = 3,  ///< Unlatch the fault; the robot is then disarmed.
   kSave = 4,  ///< Write the live parameters to the EEPROM; answered once they are read back.
-  kLoad = 5,  ///< Take the saved parameters (the defaults, where none were saved).
+  kLoad = 5,  ///< Take the saved parameters (the defaults, where none were saved); refused while armed.
   kRestoreDefaults = 6,  ///< Take the default parameters; what is saved stays.
 };
+constexpr uint8_t kCommandCount = 7;
 
 /// The supervisor's state.
 enum class State : uint8_t {
@@ -28,6 +29,7 @@ enum class State : uint8_t {
   kManual = 2,  ///< Motor PWM is set directly; overrides the closed loop.
   kFault = 3,  ///< Motors off; latched, the fault says why.
 };
+constexpr uint8_t kStateCount = 4;
 
 /// Why the motors were stopped; latched.
 enum class Fault : uint8_t {
@@ -35,15 +37,16 @@ enum class Fault : uint8_t {
   kLinkLost = 1,  ///< No motion command for 300 ms while armed.
   kLowBattery = 2,  ///< Battery below 6.4 V; clears only above 7.0 V.
   kEStop = 3,  ///< Stopped by the host's E_STOP command.
-  kStallLeft = 4,  ///< Over half PWM for 300 ms and fewer than 3 counts: blocked, or encoder or motor dead.
+  kStallLeft = 4,  ///< Pushed by 38 PWM s and fewer than 3 counts: blocked, or encoder or motor dead.
   kStallRight = 5,  ///< Likewise.
-  kReversedLeft = 6,  ///< Over half PWM for 300 ms and it counts the other way: encoder or motor wires swapped.
+  kReversedLeft = 6,  ///< Likewise, and it counts the other way: encoder or motor wires swapped.
   kReversedRight = 7,  ///< Likewise.
   kLostEdges = 8,  ///< More than 30 encoder edges lost in 300 ms while armed: noise or a loose wire.
   kOverCurrent = 9,  ///< A motor current above current_limit for 0.3 s.
   kWatchdog = 10,  ///< The firmware hung and was restarted.
   kBadParameters = 11,  ///< What the EEPROM holds cannot be read; the defaults are in use.
 };
+constexpr uint8_t kFaultCount = 12;
 
 /// The answer to a request.
 enum class AckStatus : uint8_t {
@@ -54,13 +57,18 @@ enum class AckStatus : uint8_t {
   kFaultLatched = 4,  ///< Refused while a fault is latched: clear it first.
   kBatteryLow = 5,  ///< Refused until the battery is above 7.0 V.
   kNotSaved = 6,  ///< The EEPROM does not hold what was written to it.
+  kBatteryUnknown = 7,  ///< Refused until the first battery reading, 0.1 s after the start: ask again.
+  kArmed = 8,  ///< Refused while armed: disarm first.
+  kBadParameters = 9,  ///< What the EEPROM holds cannot be read; the live parameters stay.
 };
+constexpr uint8_t kAckStatusCount = 10;
 
 /// The board the firmware was built for.
 enum class Board : uint8_t {
   kTrex = 1,  ///< DAGU T'REX DG010 (ATmega328P, 16 MHz).
   kNano = 2,  ///< Arduino Nano or Uno with a TB6612 or L298N driver.
 };
+constexpr uint8_t kBoardCount = 2;
 
 /// Why the board last started.
 enum class ResetCause : uint8_t {
@@ -70,12 +78,14 @@ enum class ResetCause : uint8_t {
   kBrownOut = 3,  ///< Supply dipped.
   kWatchdog = 4,  ///< The firmware hung; the watchdog stopped the motors and restarted it.
 };
+constexpr uint8_t kResetCauseCount = 5;
 
-/// Where the parameters came from at start.
+/// What the parameters were last taken from, or saved to.
 enum class ParameterSource : uint8_t {
   kDefaults = 0,  ///< The firmware's own.
   kSaved = 1,  ///< The EEPROM.
 };
+constexpr uint8_t kParameterSourceCount = 2;
 
 static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "the wire is little-endian, and so must the machine be");
 
@@ -140,7 +150,7 @@ struct __attribute__((packed)) Identity {
   uint16_t counts_per_rev;  ///< [count] Encoder counts a wheel turn.
   uint16_t wheel_radius_mm;  ///< [mm] Wheel radius.
   uint16_t track_mm;  ///< [mm] Distance between the middle wheels' contact points.
-  ParameterSource parameters;  ///< Where the parameters came from at start.
+  ParameterSource parameters;  ///< What they were last taken from, or saved to.
 };
 
 /// Sent once a control tick. Speeds and set-points belong to the interval just ended.

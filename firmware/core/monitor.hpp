@@ -2,14 +2,17 @@
 #include <stdint.h>
 
 #include "core/config.hpp"
+#include "core/fixed.hpp"
 
 namespace fw {
 
 /// Does the wheel go where its motor pushes? Watches one side, once a control tick.
 ///
-/// The time starts anew whenever the wheel gets on: by 3 counts the way it is pushed. After 300 ms without
-/// that, fewer than 3 counts either way is a stall (or a dead encoder or motor); more of them backwards, and
-/// still going, is a swapped wire. A wheel that is being reversed turns round within that time.
+/// PWM times time is summed up while the wheel does not get on, by 3 counts the way it is pushed, and starts
+/// anew when it does. At 38 PWM s (half PWM for 300 ms, less PWM for longer, more than half for 300 ms too),
+/// fewer than 3 counts either way is a stall (or a dead encoder or motor); more of them backwards, and still
+/// going, is a swapped wire. So the sum bounds the way that a wheel runs unseen, whatever its set-point; and
+/// a wheel that is being reversed turns round within that time.
 class WheelMonitor {
  public:
   enum class Verdict : uint8_t { kFine, kStall, kReversed };
@@ -17,18 +20,23 @@ class WheelMonitor {
   /// count: now, mod 2^16; next_pwm: what is applied from now on.
   Verdict Step(uint16_t count, int16_t next_pwm) {
     const int16_t counts = static_cast<int16_t>(count - count_);
-    const int16_t pwm = pwm_;
+    const bool forward = pwm_ > 0;
+    const int16_t push = forward ? pwm_ : static_cast<int16_t>(-pwm_);
     count_ = count;
     pwm_ = next_pwm;
-    const bool forward = pwm > 0;
-    if (forward != forward_ || (pwm <= kStallPwm && pwm >= -kStallPwm)) Restart();
+    if (forward != forward_ || push <= kIdlePwm) Restart();
     forward_ = forward;
-    if (pwm <= kStallPwm && pwm >= -kStallPwm) return Verdict::kFine;
-    const int16_t along = forward ? Clip(counts) : static_cast<int16_t>(-Clip(counts));
-    progress_ = Clip(static_cast<int16_t>(progress_ + along));
-    if (progress_ >= kProgress) {
+    if (push <= kIdlePwm) return Verdict::kFine;
+    int8_t along = static_cast<int8_t>(counts > kProgress    ? kProgress
+                                       : counts < -kProgress ? -kProgress
+                                                             : counts);
+    if (!forward) along = static_cast<int8_t>(-along);
+    progress_ = static_cast<int8_t>(progress_ + along);
+    if (progress_ < -kProgress) progress_ = -kProgress;
+    pushed_ = static_cast<int16_t>(pushed_ + push);
+    if (progress_ >= kProgress || along == kProgress) {  // it gets on, or has just turned round
       Restart();
-    } else if (++ticks_ >= kWindow) {
+    } else if (++ticks_ >= kFaultWindow_ticks && pushed_ >= kPushed) {
       const bool still = progress_ > -kProgress;
       const bool backwards = along < 0;
       Restart();
@@ -38,37 +46,44 @@ class WheelMonitor {
   }
 
  private:
-  static constexpr int16_t kStallPwm = kMaxPwm / 2;
-  static constexpr int16_t kProgress = 3;
-  static constexpr uint8_t kWindow = kFaultWindow_ticks;
-  static constexpr int16_t Clip(int16_t value) { return value > 8000 ? 8000 : value < -8000 ? -8000 : value; }
+  static constexpr int16_t kIdlePwm = 32;  // half as much again as starts a wheel: below it may well stand
+  static constexpr int16_t kPushed = 38 * kControlRate_Hz;  // [PWM ticks]
+  static constexpr int8_t kProgress = 3;
+  static_assert(kPushed <= kMaxPwm / 2 * kFaultWindow_ticks && kPushed <= INT16_MAX - kMaxPwm,
+                "over half PWM, 300 ms are enough");
 
   void Restart() {
     progress_ = 0;
+    pushed_ = 0;
     ticks_ = 0;
   }
 
   uint16_t count_ = 0;
-  int16_t pwm_ = 0, progress_ = 0;
+  int16_t pwm_ = 0, pushed_ = 0;
+  int8_t progress_ = 0;
   uint8_t ticks_ = 0;
   bool forward_ = false;
 };
 
-/// More than 30 lost edges within 300 ms, both wheels together: noise, or a loose wire.
+/// More than 30 lost edges within 300 ms, both wheels together: noise, or a loose wire. The 300 ms slide in
+/// steps of 100 ms.
 class EdgeMonitor {
  public:
   /// Once a control tick; lost: in all so far, mod 2^16. True while there are too many.
   bool Step(uint16_t lost) {
-    if (++ticks_ >= kFaultWindow_ticks) {
+    const bool noisy = static_cast<uint16_t>(lost - starts_[0]) > kMaxLost;
+    if (++ticks_ >= kControlRate_Hz / 10) {
       ticks_ = 0;
-      start_ = lost;
+      starts_[0] = starts_[1];
+      starts_[1] = starts_[2];
+      starts_[2] = lost;
     }
-    return static_cast<uint16_t>(lost - start_) > kMaxLost;
+    return noisy;
   }
 
  private:
   static constexpr uint16_t kMaxLost = 30;
-  uint16_t start_ = 0;
+  uint16_t starts_[3] = {0, 0, 0};
   uint8_t ticks_ = 0;
 };
 

@@ -20,7 +20,7 @@ class ParameterStore {
  public:
   enum class Outcome : uint8_t { kEmpty, kLoaded, kUnreadable };
 
-  /// Read the newest whole set into `parameters`; without one they get their defaults.
+  /// Read the newest whole set into `parameters`; without one they stay as they are.
   template <typename Memory>
   Outcome Load(Memory& memory, Parameters* parameters) {
     uint8_t sequence[2];
@@ -30,7 +30,6 @@ class ParameterStore {
       used[slot] = sequence[slot] != kEmpty;
       whole[slot] = used[slot] && Check(memory, slot);
     }
-    parameters->Restore();
     if (!whole[0] && !whole[1]) {
       next_slot_ = 0;
       next_sequence_ = 0;
@@ -40,6 +39,7 @@ class ParameterStore {
     const uint8_t slot = second_newer ? 1 : 0;
     next_slot_ = slot ^ 1;
     next_sequence_ = After(sequence[slot]);
+    parameters->Restore();
     uint8_t address = Address(slot) + 1;
     for (uint8_t i = 0; i < kParameterCount; ++i, address += 2) {
       const uint16_t value = static_cast<uint16_t>(memory.Read(address + 1) << 8 | memory.Read(address));

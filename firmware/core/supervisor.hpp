@@ -7,10 +7,16 @@ namespace fw {
 
 /// What the supervisor reacts to: the host's first four commands in their wire order, manual PWM, and faults
 /// of two kinds: those that concern a robot under way, and those that concern one at rest as well.
-enum class Event : uint8_t { kDisarm, kArm, kEStop, kClearFault, kManual, kFaultArmed, kFaultAlways };
-constexpr uint8_t kEventCount = 7;
-constexpr uint8_t kStateCount = 4;
-constexpr uint8_t kFaultCount = static_cast<uint8_t>(Fault::kBadParameters) + 1;
+enum class Event : uint8_t { kDisarm, kArm, kEStop, kClearFault, kManual, kFaultArmed, kFaultAlways, kEnd };
+constexpr uint8_t kEventCount = static_cast<uint8_t>(Event::kEnd);
+
+/// A request that is an event by its number.
+constexpr bool Same(Event event, Command command) {
+  return static_cast<uint8_t>(event) == static_cast<uint8_t>(command);
+}
+static_assert(Same(Event::kDisarm, Command::kDisarm) && Same(Event::kArm, Command::kArm) &&
+                  Same(Event::kEStop, Command::kEStop) && Same(Event::kClearFault, Command::kClearFault),
+              "the host's first commands are events, in the same order");
 
 /// The event of a fault. Every fault has its line, or the compiler objects (-Wswitch).
 constexpr Event EventOf(Fault fault) {
@@ -117,18 +123,29 @@ static_assert(Complete(MakeTransitions()), "a state and event without a reaction
 static_assert(Connected(MakeTransitions()), "a state that cannot be reached, or not left");
 static_assert(Safe(MakeTransitions()), "a fault that does not stop the motors, or unlatches by itself");
 
+/// Whether a fault takes the place of a latched one. E_STOP is somebody's will and goes over everything;
+/// nothing goes over it. LOW_BATTERY goes over the rest: the operator must see it.
+constexpr bool GoesOver(Fault fault, Fault latched) {
+  return latched == Fault::kNone || fault == Fault::kEStop ||
+         (fault == Fault::kLowBattery && latched != Fault::kEStop);
+}
+
 /// The one state machine that decides whether the motors may turn.
 class Supervisor {
  public:
-  /// React to the host; the status is the answer. battery_low refuses to arm and to clear.
-  AckStatus Handle(Event event, bool battery_low) {
-    if (battery_low && (event == Event::kArm || event == Event::kClearFault)) return AckStatus::kBatteryLow;
+  /// React to the host; the status is the answer. battery: unless OK, the answer to ARM and CLEAR_FAULT.
+  AckStatus Handle(Event event, AckStatus battery) {
+    if (battery != AckStatus::kOk && (event == Event::kArm || event == Event::kClearFault)) return battery;
     return Take(event, Fault::kEStop);
   }
 
-  /// Stop for a fault. A latched fault stays, but E_STOP and LOW_BATTERY go over every other one: the
-  /// operator must see them.
+  /// Stop for a fault. A latched one stays, unless the new one goes over it.
   void Trip(Fault fault) { Take(EventOf(fault), fault); }
+
+  /// Latch a fault again that was latched before a restart.
+  void Relatch(Fault fault) {
+    if (fault != Fault::kNone) Take(Event::kFaultAlways, fault);
+  }
 
   State state() const { return state_; }
   Fault fault() const { return fault_; }
@@ -142,7 +159,7 @@ class Supervisor {
     if (state_ != State::kFault) {
       fault_ = Fault::kNone;
     } else if (event == Event::kEStop || event == Event::kFaultAlways || event == Event::kFaultArmed) {
-      if (fault_ == Fault::kNone || fault == Fault::kEStop || fault == Fault::kLowBattery) fault_ = fault;
+      if (GoesOver(fault, fault_)) fault_ = fault;
     }
     return reaction == Reaction::kRefused ? AckStatus::kFaultLatched : AckStatus::kOk;
   }

@@ -31,13 +31,23 @@ def read_frames(data: bytes) -> list[tuple[int, m.Message]]:
 
 
 class Host:
-    """One start of the firmware, for a reason, on an EEPROM (a new one if none is given)."""
+    """One start of the firmware, for a reason, on an EEPROM (a new one if none is given).
+
+    Its battery has been measured once, unless `battery_mV` is 0.
+    """
 
     def __init__(
-        self, core: ctypes.CDLL, cause: m.ResetCause = m.ResetCause.POWER_ON, eeprom: int | None = None
+        self,
+        core: ctypes.CDLL,
+        cause: m.ResetCause = m.ResetCause.POWER_ON,
+        eeprom: int | None = None,
+        latched: m.Fault = m.Fault.NONE,
+        battery_mV: int = 7400,
     ) -> None:
         self.core = core
-        self.handle = core.host_new(cause, core.eeprom_new() if eeprom is None else eeprom)
+        self.handle = core.host_new(cause, latched, core.eeprom_new() if eeprom is None else eeprom)
+        if battery_mV != 0:
+            core.host_battery(self.handle, battery_mV)
 
     def feed(self, data: bytes) -> list[tuple[int, m.Message]]:
         """Return sequence number and message of each answer."""

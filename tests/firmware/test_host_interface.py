@@ -79,10 +79,53 @@ def test_e_stop_latches_from_anywhere(host: Host) -> None:
     assert host.status() == (m.State.FAULT, m.Fault.E_STOP, 0, 0)
 
 
+@pytest.mark.parametrize(
+    ("battery_mV", "status"), [(0, m.AckStatus.BATTERY_UNKNOWN), (6900, m.AckStatus.BATTERY_LOW)]
+)
+def test_nothing_starts_before_the_battery_is_known_to_be_charged(
+    core: ctypes.CDLL, battery_mV: int, status: m.AckStatus
+) -> None:
+    host = Host(core, battery_mV=battery_mV)
+    assert host.command(m.Command.ARM) is status
+    assert host.command(m.Command.CLEAR_FAULT) is status
+    assert host.status()[:2] == (m.State.DISARMED, m.Fault.NONE)
+    assert host.command(m.Command.E_STOP) is m.AckStatus.OK
+    for _ in range(200):
+        core.host_battery(host.handle, 7200)
+    assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.OK
+    assert host.command(m.Command.ARM) is m.AckStatus.OK
+
+
+@pytest.mark.parametrize("cause", [m.ResetCause.EXTERNAL, m.ResetCause.WATCHDOG])
+@pytest.mark.parametrize("latched", [m.Fault.E_STOP, m.Fault.LOW_BATTERY, m.Fault.STALL_LEFT])
+def test_a_latched_fault_outlasts_a_restart(core: ctypes.CDLL, latched: m.Fault, cause: m.ResetCause) -> None:
+    host = Host(core, cause=cause, latched=latched)
+    assert host.status() == (m.State.FAULT, latched, 0, 0)
+    assert host.command(m.Command.ARM) is m.AckStatus.FAULT_LATCHED
+    assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.OK
+    assert host.command(m.Command.ARM) is m.AckStatus.OK
+
+
+def test_a_lost_link_is_over_when_the_host_is_back(core: ctypes.CDLL) -> None:
+    host = Host(core, cause=m.ResetCause.EXTERNAL, latched=m.Fault.LINK_LOST)
+    assert host.status()[:2] == (m.State.DISARMED, m.Fault.NONE)
+
+
+def test_a_low_battery_does_not_hide_an_emergency_stop(core: ctypes.CDLL, host: Host) -> None:
+    host.command(m.Command.E_STOP)
+    assert core.host_battery(host.handle, 3000) == 0, "filtered"
+    while not core.host_battery(host.handle, 3000):
+        pass
+    assert host.status()[1] is m.Fault.E_STOP
+    assert host.telemetry().warnings == 1
+    assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.BATTERY_LOW
+
+
 def test_low_battery_stops_and_holds_until_charged(core: ctypes.CDLL, host: Host) -> None:
     host.command(m.Command.ARM)
     host.send(m.SetWheelSpeeds(left=1000, right=1000))
-    assert core.host_battery(host.handle, 6300) == 1
+    while not core.host_battery(host.handle, 6300):
+        assert host.status()[0] is m.State.CLOSED_LOOP
     assert host.status() == (m.State.FAULT, m.Fault.LOW_BATTERY, 0, 0)
     assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.BATTERY_LOW
     for _ in range(200):

@@ -1,6 +1,7 @@
 """What the firmware notices by itself: wheels that do not follow, noisy encoders, currents, a restart."""
 
 import ctypes
+from collections.abc import Callable
 
 import pytest
 
@@ -40,10 +41,51 @@ def test_a_wheel_that_stands_under_half_pwm_is_a_stall_after_300_ms(
     assert ticks.host.status() == (m.State.FAULT, stall, 0, 0)
 
 
-def test_up_to_half_pwm_a_wheel_may_stand(core: ctypes.CDLL) -> None:
+@pytest.mark.parametrize(
+    ("pwm", "ticks_to_fault"), [(255, 3), (128, 3), (127, 3), (126, 4), (60, 7), (33, 12)]
+)
+@pytest.mark.parametrize("mode", [m.State.CLOSED_LOOP, m.State.MANUAL])
+def test_less_pwm_is_a_stall_after_longer(
+    core: ctypes.CDLL, pwm: int, ticks_to_fault: int, mode: m.State
+) -> None:
+    """38 PWM s, and 300 ms at least, whoever sets the PWM: the way run without being counted is bounded."""
+    host = Host(core)
+    host.command(m.Command.ARM)
+    command: m.Message = m.SetWheelSpeeds(left=300, right=300)
+    if mode is m.State.MANUAL:
+        command = m.SetMotorPwm(left=pwm, right=-pwm)
+    ticks = 0
+    while host.status()[1] is m.Fault.NONE:
+        host.send(command)
+        assert host.status()[0] is mode
+        core.host_watch(host.handle, 0, 0, pwm, -pwm, 0)
+        ticks += 1
+    assert ticks == ticks_to_fault + 1, "the first tick begins to push"
+    assert host.status()[:2] == (m.State.FAULT, m.Fault.STALL_LEFT)
+
+
+def test_below_what_starts_it_a_wheel_may_stand(core: ctypes.CDLL) -> None:
     ticks = Ticks(core)
-    for _ in range(20):
-        assert ticks.step(left_pwm=127, right_pwm=-127) is m.Fault.NONE
+    for _ in range(100):
+        assert ticks.step(left_pwm=32, right_pwm=-32) is m.Fault.NONE
+    for _ in range(11):
+        assert ticks.step(left_pwm=33) is m.Fault.NONE
+    for _ in range(12):
+        assert ticks.step(left_pwm=32) is m.Fault.NONE, "and it starts anew"
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_slow_wheel_is_reversed_after_longer(core: ctypes.CDLL, sign: int) -> None:
+    monitor = core.wheel_monitor_new()
+    verdicts = [core.wheel_monitor_step(monitor, -2 * tick * sign % 65536, 60 * sign) for tick in range(8)]
+    assert verdicts == [FINE] * 7 + [REVERSED]
+
+
+def test_a_wheel_that_turns_back_gets_on(core: ctypes.CDLL) -> None:
+    """However far it went the wrong way."""
+    monitor = core.wheel_monitor_new()
+    counts = [0, -500, -1000, -997, -994, -991, -988, -985, -982]
+    assert {core.wheel_monitor_step(monitor, count % 65536, 200) for count in counts} == {FINE}
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -103,12 +145,45 @@ def test_huge_jumps_of_the_count_do_no_harm(core: ctypes.CDLL) -> None:
     assert verdicts == [FINE, FINE, REVERSED]
 
 
-def test_31_lost_edges_in_300_ms_are_noise_and_30_are_not(core: ctypes.CDLL) -> None:
-    monitor = core.edge_monitor_new()
-    lost = 0
-    for _ in range(30):
-        lost += 10
-        assert core.edge_monitor_step(monitor, lost % 65536) == 0
+@pytest.mark.parametrize("rate_Hz", [10, 100])
+@pytest.mark.parametrize("phase", range(40))
+def test_a_steady_rate_of_lost_edges_is_noticed_at_every_phase(
+    core_at_rate: Callable[[int], ctypes.CDLL], rate_Hz: int, phase: int
+) -> None:
+    """30 in 300 ms for ever are none; 31 in 300 ms are noticed within 100 ms more."""
+    core = core_at_rate(rate_Hz)
+    window = 3 * rate_Hz // 10
+
+    def first_noise(per_window: int) -> int | None:
+        monitor = core.edge_monitor_new()
+        for _ in range(phase):
+            assert core.edge_monitor_step(monitor, 0) == 0
+        for tick in range(1, 20 * window):
+            if core.edge_monitor_step(monitor, tick * per_window // window):
+                return tick
+        return None
+
+    assert first_noise(30) is None
+    noticed = first_noise(31)
+    assert noticed is not None
+    assert window <= noticed <= window + rate_Hz // 10
+
+
+@pytest.mark.parametrize("phase", range(6))
+@pytest.mark.parametrize("burst", [(31, 0, 0), (0, 0, 31), (15, 1, 15), (1, 29, 1)])
+def test_31_lost_edges_in_300_ms_are_noise_and_30_are_not(
+    core: ctypes.CDLL, burst: tuple[int, int, int], phase: int
+) -> None:
+    for spared in (0, 1):
+        monitor = core.edge_monitor_new()
+        total, noisy = -spared, 0
+        for lost in [0] * phase + list(burst) + [0] * 6:
+            total += lost
+            noisy |= core.edge_monitor_step(monitor, max(total, 0))
+        assert noisy == (spared == 0)
+
+
+def test_lost_edges_stop_the_motors(core: ctypes.CDLL) -> None:
     ticks = Ticks(core)
     assert ticks.step(lost=30) is m.Fault.NONE
     assert ticks.step(lost=1) is m.Fault.LOST_EDGES
@@ -156,7 +231,7 @@ def test_after_a_hang_the_robot_waits_for_its_operator(core: ctypes.CDLL) -> Non
 
 
 def test_telemetry_tells_it_all(core: ctypes.CDLL) -> None:
-    host = Host(core)
+    host = Host(core, battery_mV=0)
     assert host.telemetry().warnings == 0, "no reading yet: no warning"
     core.host_battery(host.handle, 6900)
     core.host_watch(host.handle, 70_000, -5, 100, -100, 3)

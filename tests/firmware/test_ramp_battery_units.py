@@ -2,10 +2,13 @@
 
 import ctypes
 import math
+from collections.abc import Callable
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from thumper.link.messages import AckStatus
 
 setpoints = st.integers(-17_000, 17_000)
 
@@ -32,16 +35,16 @@ def test_ramp_step_is_the_acceleration_a_tick(core: ctypes.CDLL, acceleration: i
 
 @pytest.mark.parametrize("rate_Hz", [10, 100])
 def test_speed_is_the_thesis_formula_to_a_hundred_thousandth(
-    core_at_rate: dict[int, ctypes.CDLL], rate_Hz: int
+    core_at_rate: Callable[[int], ctypes.CDLL], rate_Hz: int
 ) -> None:
     """omega = n 2 pi / (1200 T) (eq. 2.1), clamped to int16 and never wrapped."""
     for counts in range(-700, 701):
         exact = counts * math.tau * rate_Hz / 1200 * 1000
-        speed = core_at_rate[rate_Hz].speed_from_counts(counts)
+        speed = core_at_rate(rate_Hz).speed_from_counts(counts)
         if abs(exact) < 32_000:
             assert abs(speed - exact) <= 0.5 + 1e-5 * abs(exact)
         assert math.copysign(1, speed) == math.copysign(1, counts)
-    assert 32_000 < core_at_rate[rate_Hz].speed_from_counts(32_767) <= 32_767
+    assert 32_000 < core_at_rate(rate_Hz).speed_from_counts(32_767) <= 32_767
 
 
 def test_battery_and_current_scales(core: ctypes.CDLL) -> None:
@@ -66,7 +69,20 @@ def test_a_start_up_dip_is_no_empty_battery(core: ctypes.CDLL) -> None:
     core.battery_update(battery, 7400)
     for _ in range(3):  # 0.3 s at 5.5 V
         assert core.battery_update(battery, 5500) == 0
-    assert core.battery_low(battery) == 0
+    assert core.battery_status(battery) == AckStatus.OK
+
+
+def test_a_battery_shows_its_charge_before_it_counts_as_charged(core: ctypes.CDLL) -> None:
+    """Between 6.4 and 7.0 V a fresh start waits, though nothing is wrong yet."""
+    battery = core.battery_new()
+    assert core.battery_status(battery) == AckStatus.BATTERY_UNKNOWN
+    for _ in range(50):
+        assert core.battery_update(battery, 7000) == 0
+        assert core.battery_status(battery) == AckStatus.BATTERY_LOW
+    core.battery_update(battery, 7016)
+    assert core.battery_status(battery) == AckStatus.OK
+    assert core.battery_update(core.battery_new(), 6399) == 1
+    assert core.battery_update(core.battery_new(), 6400) == 0
 
 
 def test_low_battery_trips_late_once_and_releases_above_seven_volts(core: ctypes.CDLL) -> None:
@@ -77,7 +93,7 @@ def test_low_battery_trips_late_once_and_releases_above_seven_volts(core: ctypes
     assert trips.index(1) * 0.096 >= 1.0, "filtered over at least a second"
     for _ in range(200):
         core.battery_update(battery, 6990)
-    assert core.battery_low(battery) == 1, "inside the hysteresis"
+    assert core.battery_status(battery) == AckStatus.BATTERY_LOW, "inside the hysteresis"
     for _ in range(200):
         core.battery_update(battery, 7050)
-    assert core.battery_low(battery) == 0
+    assert core.battery_status(battery) == AckStatus.OK

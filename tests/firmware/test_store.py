@@ -155,10 +155,57 @@ def test_control_goes_on_during_a_save_and_takes_new_values(core: ctypes.CDLL) -
 
 
 def test_an_empty_battery_refuses_to_save(core: ctypes.CDLL) -> None:
-    host = Host(core)
-    core.host_battery(host.handle, 6000)
+    host = Host(core, battery_mV=6000)
     assert host.command(m.Command.SAVE) is m.AckStatus.BATTERY_LOW
     assert host.work() == []
+
+
+def test_loading_waits_until_it_is_disarmed(core: ctypes.CDLL) -> None:
+    eeprom = core.eeprom_new()
+    host = saved(core, 777, eeprom)
+    host.set("kp", 5)
+    host.command(m.Command.ARM)
+    assert host.command_later(m.Command.LOAD) is m.AckStatus.ARMED
+    assert host.get("kp") == 5
+    assert host.status()[0] is m.State.CLOSED_LOOP
+    host.command(m.Command.DISARM)
+    assert host.command_later(m.Command.LOAD) is m.AckStatus.OK
+    assert host.get("kp") == 777
+
+
+def test_loading_what_cannot_be_read_keeps_the_live_values(core: ctypes.CDLL) -> None:
+    eeprom = core.eeprom_new()
+    host = saved(core, 777, eeprom)
+    core.host_take_change(host.handle)
+    host.set("kp", 5)
+    core.host_take_change(host.handle)
+    core.eeprom_set(eeprom, SLOTS[0] + 3, 0x55)
+    assert host.command_later(m.Command.LOAD) is m.AckStatus.BAD_PARAMETERS
+    assert host.get("kp") == 5
+    assert core.host_take_change(host.handle) == 0
+    assert host.status()[:2] == (m.State.DISARMED, m.Fault.NONE), "nothing has changed: no fault"
+    assert host.command_later(m.Command.SAVE) is m.AckStatus.OK
+    assert Host(core, eeprom=eeprom).get("kp") == 5
+
+
+def test_the_board_tells_where_its_parameters_come_from(core: ctypes.CDLL) -> None:
+    eeprom = core.eeprom_new()
+    host = Host(core, eeprom=eeprom)
+    for command, said in (
+        (m.Command.LOAD, m.ParameterSource.DEFAULTS),  # nothing is saved
+        (m.Command.SAVE, m.ParameterSource.SAVED),
+        (m.Command.RESTORE_DEFAULTS, m.ParameterSource.DEFAULTS),
+        (m.Command.LOAD, m.ParameterSource.SAVED),
+    ):
+        if command is m.Command.RESTORE_DEFAULTS:
+            host.command(command)
+        else:
+            assert host.command_later(command) is m.AckStatus.OK
+        assert source(host) is said
+    host.command(m.Command.RESTORE_DEFAULTS)
+    core.eeprom_power(eeprom, 3)
+    assert host.command_later(m.Command.SAVE) is m.AckStatus.NOT_SAVED
+    assert source(host) is m.ParameterSource.DEFAULTS
 
 
 def test_each_change_is_told_to_the_control_loop_once(core: ctypes.CDLL) -> None:

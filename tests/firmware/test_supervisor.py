@@ -2,9 +2,12 @@
 
 import ctypes
 import itertools
+import subprocess
+from pathlib import Path
 
 import pytest
 
+from tests.firmware.conftest import FIRMWARE
 from thumper.link.messages import AckStatus, Fault, State
 
 DISARM, ARM, E_STOP, CLEAR, MANUAL = REQUESTS = range(5)
@@ -23,7 +26,14 @@ NEXT = {
     State.FAULT: {CLEAR: State.DISARMED},
 }
 AT_REST_TOO = {Fault.LOW_BATTERY, Fault.E_STOP, Fault.WATCHDOG, Fault.BAD_PARAMETERS}
-OVER_ALL_OTHERS = {Fault.LOW_BATTERY, Fault.E_STOP}
+NOT_READY = [AckStatus.BATTERY_LOW, AckStatus.BATTERY_UNKNOWN]
+
+
+def survivor(latched: Fault, fault: Fault) -> Fault:
+    """The first one; but an emergency stop goes over all, and a low battery over all but that."""
+    if Fault.E_STOP in (latched, fault):
+        return Fault.E_STOP
+    return fault if latched is Fault.NONE or fault is Fault.LOW_BATTERY else latched
 
 
 def feed(core: ctypes.CDLL, machine: int, event: int) -> None:
@@ -31,6 +41,13 @@ def feed(core: ctypes.CDLL, machine: int, event: int) -> None:
         core.supervisor_trip(machine, event)
     else:
         core.supervisor_handle(machine, event, 0)
+
+
+def without_cell(row: str, column: int) -> str:
+    """The row with a cell in its place that nobody has filled in."""
+    cells = row.split("{")[1].split("}", maxsplit=1)[0].split(", ")
+    cells[column] = "Reaction::kUnhandled"
+    return f"{{{', '.join(cells)}}},"
 
 
 def machine_in(core: ctypes.CDLL, state: State) -> int:
@@ -64,24 +81,119 @@ def test_every_fault(core: ctypes.CDLL, state: State, fault: Fault) -> None:
         assert core.supervisor_fault(machine) == Fault.NONE
         return
     assert core.supervisor_state(machine) == State.FAULT
-    kept = state is State.FAULT and fault not in OVER_ALL_OTHERS
-    assert core.supervisor_fault(machine) == (Fault.LINK_LOST if kept else fault)
+    latched = Fault.LINK_LOST if state is State.FAULT else Fault.NONE
+    assert core.supervisor_fault(machine) == survivor(latched, fault)
     core.supervisor_handle(machine, CLEAR, 0)
     assert core.supervisor_state(machine) == State.DISARMED
     assert core.supervisor_fault(machine) == Fault.NONE
 
 
+@pytest.mark.parametrize(("latched", "fault"), list(itertools.product(FAULTS, FAULTS)))
+def test_the_most_severe_fault_stays(core: ctypes.CDLL, latched: Fault, fault: Fault) -> None:
+    machine = machine_in(core, State.CLOSED_LOOP)
+    core.supervisor_trip(machine, latched)
+    core.supervisor_trip(machine, fault)
+    assert core.supervisor_state(machine) == State.FAULT
+    assert core.supervisor_fault(machine) == survivor(latched, fault)
+
+
+@pytest.mark.parametrize("fault", list(Fault))
+def test_a_fault_from_before_a_restart_is_latched_again(core: ctypes.CDLL, fault: Fault) -> None:
+    """Those too that a robot at rest does not meet by itself."""
+    machine = core.supervisor_new()
+    core.supervisor_relatch(machine, fault)
+    assert core.supervisor_state(machine) == (State.DISARMED if fault is Fault.NONE else State.FAULT)
+    assert core.supervisor_fault(machine) == fault
+
+
 @pytest.mark.parametrize("state", list(State))
 @pytest.mark.parametrize("request_", [ARM, CLEAR])
-def test_a_low_battery_refuses_to_arm_or_clear(core: ctypes.CDLL, state: State, request_: int) -> None:
+@pytest.mark.parametrize("battery", NOT_READY)
+def test_a_battery_that_is_not_ready_refuses_to_arm_or_clear(
+    core: ctypes.CDLL, state: State, request_: int, battery: AckStatus
+) -> None:
     machine = machine_in(core, state)
-    assert core.supervisor_handle(machine, request_, 1) == AckStatus.BATTERY_LOW
+    assert core.supervisor_handle(machine, request_, battery) == battery
     assert core.supervisor_state(machine) == state
 
 
 @pytest.mark.parametrize("state", list(State))
 @pytest.mark.parametrize("request_", [DISARM, E_STOP])
-def test_a_low_battery_refuses_no_stop(core: ctypes.CDLL, state: State, request_: int) -> None:
+@pytest.mark.parametrize("battery", NOT_READY)
+def test_no_battery_refuses_a_stop(
+    core: ctypes.CDLL, state: State, request_: int, battery: AckStatus
+) -> None:
     machine = machine_in(core, state)
-    assert core.supervisor_handle(machine, request_, 1) == AckStatus.OK
+    assert core.supervisor_handle(machine, request_, battery) == AckStatus.OK
     assert core.supervisor_state(machine) in (State.DISARMED, State.FAULT)
+
+
+TABLE = FIRMWARE / "core" / "supervisor.hpp"
+MESSAGES = FIRMWARE / "core" / "messages.hpp"
+ROWS = TABLE.read_text(encoding="utf-8").split("// disarm, arm,")[1].splitlines()[1:5]
+SPOILT = {
+    "an event without a column": (
+        TABLE,
+        "kFaultAlways, kEnd",
+        "kFaultAlways, kNew, kEnd",
+        "without a reaction",
+    ),
+    "a state without a row": (MESSAGES, "kStateCount = 4", "kStateCount = 5", "without a reaction"),
+    "a fault without an event": (
+        MESSAGES,
+        "kBadParameters = 11,",
+        "kBadParameters = 11, kNew = 12,",
+        "switch",
+    ),
+    "another order of the commands": (MESSAGES, "kArm = 1,", "kArm = 7,", "same order"),
+    "a state out of reach": (TABLE, "kManu = Reaction::kManual", "kManu = Reaction::kClosedLoop", "reached"),
+    "an emergency stop ignored": (TABLE, ROWS[1], ROWS[1].replace("kFail", "kLoop", 1), "does not stop"),
+    "a fault under way ignored": (
+        TABLE,
+        ROWS[2],
+        ROWS[2][::-1].replace("liaFk", "unaMk", 2)[::-1],
+        "does not stop",
+    ),
+    "a fault that unlatches itself": (TABLE, ROWS[3], ROWS[3].replace("kFail", "kOff", 1), "unlatches"),
+    **{
+        f"no cell {column} in row {row}": (
+            TABLE,
+            ROWS[row],
+            without_cell(ROWS[row], column),
+            "without a reaction",
+        )
+        for row in range(4)
+        for column in range(7)
+    },
+}
+
+
+@pytest.mark.parametrize("change", SPOILT)
+def test_a_spoilt_table_does_not_compile(change: str, tmp_path: Path) -> None:
+    """What the table promises is checked by the compiler: it refuses each change, for the right reason."""
+    path, old, new, complaint = SPOILT[change]
+    folder = tmp_path / "core"
+    folder.mkdir()
+    for source in (TABLE, MESSAGES):
+        text = source.read_text(encoding="utf-8")
+        if source == path:
+            assert text.count(old) == 1
+            text = text.replace(old, new)
+        (folder / source.name).write_text(text, encoding="utf-8")
+    (tmp_path / "table.cpp").write_text('#include "core/supervisor.hpp"\n', encoding="utf-8")
+    result = subprocess.run(
+        [
+            "g++",
+            "-std=c++14",
+            "-Wall",
+            "-Werror",
+            "-fsyntax-only",
+            f"-I{tmp_path}",
+            str(tmp_path / "table.cpp"),
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode != 0
+    assert complaint in result.stderr

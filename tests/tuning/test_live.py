@@ -82,6 +82,7 @@ def test_saved_gains_outlast_others(board: Board) -> None:
     live.save()
     live.set_gains(kp=3.0)
     _drive(board, live, 2)
+    board.command(Command.DISARM)
     board.command(Command.LOAD)
     assert board.get_parameter("kp") == pytest.approx(7.0, abs=0.001)
 

@@ -24,27 +24,23 @@ from thumper.link.messages import (
     Identify,
     Identity,
     Message,
-    ParameterSpec,
     ParameterValue,
     SetMotorPwm,
     SetParameter,
     SetWheelSpeeds,
+    State,
     Telemetry,
 )
+from thumper.link.parameters import parameter_named
 from thumper.link.port import EXIT_NO_HARDWARE, clock_of, open_port
+from thumper.link.refusals import REFUSALS
 
 REPLY_TIMEOUT_S = 0.1
 REQUEST_TRIES = 5
+READING_S = 0.1  # a board just started answers before it has measured its battery
+STOP_TIMEOUT_S = 2.0
+STOP_REPEAT_S = 0.02
 BOOT_TIMEOUT_S = 4.0  # opening the port resets the board; its bootloader waits 1.3 s
-
-REFUSALS = {
-    AckStatus.UNKNOWN_COMMAND: "it does not know it; flash the firmware that belongs to this program",
-    AckStatus.UNKNOWN_PARAMETER: "it does not know it; flash the firmware that belongs to this program",
-    AckStatus.OUT_OF_RANGE: "the value is out of range",
-    AckStatus.FAULT_LATCHED: "a fault is latched; clear it first",
-    AckStatus.BATTERY_LOW: "the battery is below 7.0 V; charge it",
-    AckStatus.NOT_SAVED: "its EEPROM did not keep them; is it worn out?",
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,9 +121,29 @@ class Board:
         """Have the board change its state; raises `ThumperError` when it refuses or does not answer."""
         self._acknowledged(CommandRequest(command=command), f"{command.name.lower()} command")
 
+    def emergency_stop(self) -> None:
+        """Stop the motors and latch it: sent ahead of all else, again and again until telemetry shows FAULT.
+
+        Raises
+        ------
+        ThumperError
+            The board did not confirm it within two seconds; it stops by itself when no other host drives it.
+        """
+        deadline_s = self._clock() + STOP_TIMEOUT_S
+        stopped = False
+        while not stopped and self._clock() < deadline_s:
+            with self._explained():
+                self._port.reset_output_buffer()
+            self._send(CommandRequest(command=Command.E_STOP))
+            known = len(self._samples)
+            self._listen(STOP_REPEAT_S)
+            stopped = any(sample.telemetry.state is State.FAULT for sample in list(self._samples)[known:])
+        if not stopped:
+            raise ThumperError("the board did not confirm the emergency stop; cut its power if it moves")
+
     def set_parameter(self, name: str, value: float) -> None:
         """Set a parameter in the unit that `docs/protocol.md` gives; the board checks the range as well."""
-        spec = _parameter(name)
+        spec = parameter_named(name)
         what = f"parameter {name} = {value:g} (allowed {spec.minimum:g}...{spec.maximum:g} {spec.unit})"
         try:
             self._acknowledged(SetParameter(index=spec.index, value=round(value * spec.scale)), what)
@@ -136,7 +152,7 @@ class Board:
 
     def get_parameter(self, name: str) -> float:
         """Return a parameter's present value in the unit that `docs/protocol.md` gives."""
-        spec = _parameter(name)
+        spec = parameter_named(name)
         for _ in range(REQUEST_TRIES):
             reply, _ = self._request(GetParameter(index=spec.index), ParameterValue)
             if isinstance(reply, ParameterValue) and reply.index == spec.index:
@@ -192,12 +208,18 @@ class Board:
         )
 
     def _acknowledged(self, request: Message, what: str) -> None:
+        refusal = ""
         for _ in range(REQUEST_TRIES):
             reply, _ = self._request(request, Ack)
             if isinstance(reply, Ack):
-                if reply.status != AckStatus.OK:
-                    raise ThumperError(f"the board refused the {what}: {REFUSALS[reply.status]}")
-                return
+                if reply.status is AckStatus.OK:
+                    return
+                refusal = REFUSALS[reply.status]
+                if reply.status is not AckStatus.BATTERY_UNKNOWN:
+                    break
+                self._listen(READING_S)
+        if refusal:
+            raise ThumperError(f"the board refused the {what}: {refusal}")
         raise ThumperError(f"the board did not answer the {what}; is the cable loose?")
 
     def _request(self, request: Message, reply_type: type[Message]) -> tuple[Message | None, int]:
@@ -215,6 +237,12 @@ class Board:
                 elif isinstance(reply, reply_type):
                     return reply, received
         return None, received
+
+    def _listen(self, duration_s: float) -> None:
+        """Take in what comes; the telemetry stays for `poll`."""
+        deadline_s = self._clock() + duration_s
+        while (left_s := deadline_s - self._clock()) > 0.0:
+            self._receive(left_s)
 
     def _send(self, message: Message) -> int:
         self._sequence = (self._sequence + 1) % 256
@@ -262,14 +290,6 @@ class Board:
             self._samples.append(TelemetrySample(time_s=time_s, telemetry=message))
         else:
             self._replies.append(message)
-
-
-def _parameter(name: str) -> ParameterSpec:
-    for spec in PARAMETERS:
-        if spec.name == name:
-            return spec
-    names = ", ".join(spec.name for spec in PARAMETERS)
-    raise ThumperError(f"the board has no parameter {name!r}; it has {names}")
 
 
 def _int16(value: float) -> int:

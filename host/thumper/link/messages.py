@@ -11,7 +11,7 @@ from struct import Struct
 from types import MappingProxyType
 from typing import ClassVar, Protocol, Self
 
-SCHEMA_HASH: int = 0x477253C4
+SCHEMA_HASH: int = 0x54A18B46
 
 
 class Command(IntEnum):
@@ -22,7 +22,7 @@ class Command(IntEnum):
     E_STOP = 2  # Motors off and latched until CLEAR_FAULT.
     CLEAR_FAULT = 3  # Unlatch the fault; the robot is then disarmed.
     SAVE = 4  # Write the live parameters to the EEPROM; answered once they are read back.
-    LOAD = 5  # Take the saved parameters (the defaults, where none were saved).
+    LOAD = 5  # Take the saved parameters (the defaults, where none were saved); refused while armed.
     RESTORE_DEFAULTS = 6  # Take the default parameters; what is saved stays.
 
 
@@ -42,9 +42,9 @@ class Fault(IntEnum):
     LINK_LOST = 1  # No motion command for 300 ms while armed.
     LOW_BATTERY = 2  # Battery below 6.4 V; clears only above 7.0 V.
     E_STOP = 3  # Stopped by the host's E_STOP command.
-    STALL_LEFT = 4  # Over half PWM for 300 ms and fewer than 3 counts: blocked, or encoder or motor dead.
+    STALL_LEFT = 4  # Pushed by 38 PWM s and fewer than 3 counts: blocked, or encoder or motor dead.
     STALL_RIGHT = 5  # Likewise.
-    REVERSED_LEFT = 6  # Over half PWM for 300 ms and it counts the other way: encoder or motor wires swapped.
+    REVERSED_LEFT = 6  # Likewise, and it counts the other way: encoder or motor wires swapped.
     REVERSED_RIGHT = 7  # Likewise.
     LOST_EDGES = 8  # More than 30 encoder edges lost in 300 ms while armed: noise or a loose wire.
     OVER_CURRENT = 9  # A motor current above current_limit for 0.3 s.
@@ -62,6 +62,9 @@ class AckStatus(IntEnum):
     FAULT_LATCHED = 4  # Refused while a fault is latched: clear it first.
     BATTERY_LOW = 5  # Refused until the battery is above 7.0 V.
     NOT_SAVED = 6  # The EEPROM does not hold what was written to it.
+    BATTERY_UNKNOWN = 7  # Refused until the first battery reading, 0.1 s after the start: ask again.
+    ARMED = 8  # Refused while armed: disarm first.
+    BAD_PARAMETERS = 9  # What the EEPROM holds cannot be read; the live parameters stay.
 
 
 class Board(IntEnum):
@@ -82,7 +85,7 @@ class ResetCause(IntEnum):
 
 
 class ParameterSource(IntEnum):
-    """Where the parameters came from at start."""
+    """What the parameters were last taken from, or saved to."""
 
     DEFAULTS = 0  # The firmware's own.
     SAVED = 1  # The EEPROM.
@@ -252,7 +255,7 @@ class Identity:
     counts_per_rev: int  # [count] Encoder counts a wheel turn.
     wheel_radius_mm: int  # [mm] Wheel radius.
     track_mm: int  # [mm] Distance between the middle wheels' contact points.
-    parameters: ParameterSource  # Where the parameters came from at start.
+    parameters: ParameterSource  # What they were last taken from, or saved to.
 
     def pack(self) -> bytes:
         """Return the 17 bytes of the payload."""

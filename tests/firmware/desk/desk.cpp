@@ -60,8 +60,9 @@ struct Eeprom {
 struct Interface {
   fw::HostInterface host;
   Eeprom* eeprom;
-  Interface(fw::ResetCause cause, Eeprom* memory) : host(fw::Board::kTrex, cause), eeprom(memory) {
-    host.Start(*eeprom);
+  Interface(fw::ResetCause cause, fw::Fault latched, Eeprom* memory)
+      : host(fw::Board::kTrex, cause), eeprom(memory) {
+    host.Start(*eeprom, latched);
   }
 };
 
@@ -183,9 +184,12 @@ int decoder_frames(int decoder) { return Pool<Decoder>()[decoder].frames(); }
 int decoder_errors(int decoder) { return Pool<Decoder>()[decoder].errors(); }
 
 int supervisor_new() { return New<fw::Supervisor>(); }
-int supervisor_handle(int supervisor, int event, int battery_low) {
+int supervisor_handle(int supervisor, int event, int battery) {
   auto& machine = Pool<fw::Supervisor>()[supervisor];
-  return static_cast<int>(machine.Handle(static_cast<fw::Event>(event), battery_low != 0));
+  return static_cast<int>(machine.Handle(static_cast<fw::Event>(event), static_cast<fw::AckStatus>(battery)));
+}
+void supervisor_relatch(int supervisor, int fault) {
+  Pool<fw::Supervisor>()[supervisor].Relatch(static_cast<fw::Fault>(fault));
 }
 void supervisor_trip(int supervisor, int fault) {
   Pool<fw::Supervisor>()[supervisor].Trip(static_cast<fw::Fault>(fault));
@@ -199,7 +203,7 @@ int battery_update(int battery, int reading) {
 }
 int battery_filtered(int battery) { return Pool<fw::Battery>()[battery].filtered_mV(); }
 int battery_warning(int battery) { return Pool<fw::Battery>()[battery].warning(); }
-int battery_low(int battery) { return Pool<fw::Battery>()[battery].low(); }
+int battery_status(int battery) { return static_cast<int>(Pool<fw::Battery>()[battery].status()); }
 
 int eeprom_new() { return New<Eeprom>(); }
 uint8_t* eeprom_cells(int eeprom) { return Pool<Eeprom>()[eeprom].cells; }
@@ -216,9 +220,10 @@ int beep_step(int beep, int elapsed_ms, int quiet) {
   return Pool<fw::BeepPattern>()[beep].Step(static_cast<uint8_t>(elapsed_ms), quiet != 0);
 }
 
-/// A main loop after a start for this reason, on this EEPROM.
-int host_new(int cause, int eeprom) {
-  return New<Interface>(static_cast<fw::ResetCause>(cause), &Pool<Eeprom>()[eeprom]);
+/// A main loop after a start for this reason, with this fault latched before, on this EEPROM.
+int host_new(int cause, int latched, int eeprom) {
+  return New<Interface>(static_cast<fw::ResetCause>(cause), static_cast<fw::Fault>(latched),
+                        &Pool<Eeprom>()[eeprom]);
 }
 /// Feed bytes; the answers' bytes go to out (room for 30 a byte fed). Returns their size.
 int host_receive(int host, const uint8_t* data, int size, uint8_t* out) {

@@ -61,7 +61,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   std::memset(memory.cells, 0xFF, sizeof(memory.cells));
   Sink sink;
   auto host = std::make_unique<fw::HostInterface>(fw::Board::kTrex, fw::ResetCause::kPowerOn);
-  host->Start(memory);
+  host->Start(memory, fw::Fault::kNone);
+  host->UpdateBattery(7400);
   fw::Side side;
   fw::WheelConfig config;
   while (script.left != 0) {
@@ -95,7 +96,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
         for (uint8_t i = script.Take() % 8; i != 0; --i) memory.cells[script.Take()] = script.Take();
         host = std::make_unique<fw::HostInterface>(fw::Board::kTrex,
                                                    static_cast<fw::ResetCause>(script.Take() % 5));
-        host->Start(memory);
+        host->Start(memory, static_cast<fw::Fault>(script.Take() % fw::kFaultCount));
         break;
       case 0xFE: {
         struct Line {
