@@ -5,65 +5,25 @@ of particles: Fox, "Adapting the sample size in particle filters through KLD-sam
 """
 
 import math
-from dataclasses import dataclass, field
-from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt, Interval
 
 from thumper.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.lidar.scan import Scan
 from thumper.localization.amcl_kernels import beam_scores
 from thumper.localization.likelihood_field import LikelihoodField
+from thumper.localization.options import AmclOptions
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.grid_mapper import MIN_HITS
-from thumper.mapping.mapper import MapperUpdate
-from thumper.mapping.scan_match import MatchOptions, match
+from thumper.mapping.mapper import MapperUpdate, PoseQuality
+from thumper.mapping.scan_match import match
 from thumper.mapping.scan_points import scan_points
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AmclOptions:
-    """Options of `Amcl`."""
-
-    least_particles: Annotated[int, Gt(0)] = 100
-    most_particles: Annotated[int, Gt(0)] = 3000
-    kld_error: Annotated[float, Gt(0)] = 0.05  # distance to the true distribution that is allowed ...
-    kld_quantile: Annotated[float, Gt(0)] = 2.33  # ... with this certainty: 2.33 is 99 %
-    kld_cell_m: Annotated[float, Gt(0)] = 0.25  # particles of one such cell ...
-    kld_cell_rad: Annotated[float, Gt(0)] = 0.2  # ... and heading count as one hypothesis
-    beams: Annotated[int, Gt(0)] = 60  # hits are thinned to about this many
-    beam_std_m: Annotated[float, Gt(0)] = 0.1  # width of the likelihood field
-    random_share: Annotated[float, Interval(gt=0, lt=1)] = (
-        0.1  # share of beams that people and chairs reflect
-    )
-    beam_gain: Annotated[float, Gt(0)] = 0.15  # share of a beam's evidence: neighbouring beams repeat it
-    usable_range_m: Annotated[float, Gt(0)] = 30.0
-    noise_per_m: Annotated[float, Ge(0)] = 0.1  # std of the way and, in rad, of the heading after 1 m
-    noise_per_rad: Annotated[float, Ge(0)] = 0.15  # std of the heading after 1 rad
-    update_distance_m: Annotated[float, Gt(0)] = 0.1  # weigh a scan after this much way ...
-    update_angle_rad: Annotated[float, Gt(0)] = 0.1  # ... or this much turn
-    lost_below: Annotated[float, Interval(ge=0, le=1)] = (
-        0.45  # share of beams explained; below it, it is lost
-    )
-    lost_after: Annotated[int, Gt(0)] = 3  # weighed scans in a row before the whole map is searched
-    seed: Annotated[int, Ge(0)] = 1
-    matching: MatchOptions = field(default_factory=MatchOptions)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PoseQuality:
-    """How sure the pose is."""
-
-    covariance: FloatArray  # of x, y, theta, shape (3, 3) [m^2, m rad, rad^2]
-    explained: float  # mean likelihood of the newest weighed scan's beams at the pose, 0...1
-    particles: int
-    lost: bool  # too little is explained: do not drive by this pose
-
-    @property
-    def std_m(self) -> float:
-        """Standard deviation of the position along its worst direction [m]."""
-        return math.sqrt(float(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]))
+RETRY_SCANS = 10  # a lost robot stands: it looks again as often as this
+HYPOTHESES = 4  # places that look alike, followed at the same time after a search
+ALIKE = 0.9  # a place that explains this share of what the best one does might be the right one
+SURE_SHARE = 0.8  # of the weight, that one place must have
+FIRST_GAIN = 0.5  # as `beam_gain`, for the look that a search is made with: nothing was weighed twice yet
 
 
 class Amcl:
@@ -78,8 +38,12 @@ class Amcl:
         map_from_base: Pose2 | None = None,
         std_m: float = 0.3,
         std_rad: float = 0.2,
+        odom_from_base: Pose2 | None = None,
     ) -> None:
-        """Start round `map_from_base`, or anywhere in the map (global relocalisation) without it."""
+        """Start round `map_from_base`, or anywhere in the map (global relocalisation) without it.
+
+        `odom_from_base` is the odometry at that pose, if the robot has driven before.
+        """
         self._options = options or AmclOptions()
         self._base_from_laser = base_from_laser or Pose2()
         self._field = LikelihoodField(grid, 0.5)
@@ -87,14 +51,14 @@ class Amcl:
         self._odometry: Pose2 | None = None  # at the newest scan that was weighed
         self._map_from_odom = Pose2()
         self._path: list[tuple[float, float, float]] = []
-        self._pose, self._explained, self._doubts = Pose2(), 0.0, 0
-        self._searching = map_from_base is None
+        self._pose, self._explained, self._doubts, self._share = Pose2(), 0.0, 0, 1.0
+        self._searching, self._wait = map_from_base is None, 0
         self.relocalisations = 0
         self._poses = np.zeros((0, 3))
         if map_from_base is None:
             self._poses = self._field.anywhere(self._options.most_particles, self._rng)
         else:
-            self.place(map_from_base, std_m, std_rad)
+            self.place(map_from_base, std_m, std_rad, odom_from_base)
         self._weights = np.full(len(self._poses), 1.0 / len(self._poses))
 
     @property
@@ -111,31 +75,47 @@ class Amcl:
             else self._pose
         )
 
-    def place(self, map_from_base: Pose2, std_m: float = 0.3, std_rad: float = 0.2) -> None:
-        """Say by hand where the robot is, and how roughly."""
+    def place(
+        self,
+        map_from_base: Pose2,
+        std_m: float = 0.3,
+        std_rad: float = 0.2,
+        odom_from_base: Pose2 | None = None,
+    ) -> None:
+        """Say by hand where the robot is, and how roughly; `odom_from_base` is the odometry there."""
         n = self._options.most_particles
         spread = self._rng.standard_normal((n, 3)) * (std_m, std_m, std_rad)
         self._poses = spread + np.array([map_from_base.x_m, map_from_base.y_m, map_from_base.theta_rad])
         self._weights = np.full(n, 1.0 / n)
         self._pose, self._odometry = map_from_base, None
-        self._searching, self._doubts, self._explained = False, 0, 0.0
+        self._searching, self._doubts, self._explained, self._share = False, 0, 0.0, 1.0
+        if odom_from_base is not None:
+            self._map_from_odom = map_from_base @ odom_from_base.inverse()
 
     def relocalise(self) -> None:
         """Forget the pose: the next scan is looked for in the whole map."""
-        self._searching, self._odometry = True, None
+        self._searching, self._odometry, self._wait = True, None, 0
 
     def quality(self) -> PoseQuality:
         """How sure the newest pose is."""
         apart = self._poses - np.array([self._pose.x_m, self._pose.y_m, self._pose.theta_rad])
         apart[:, 2] = np.remainder(apart[:, 2] + math.pi, math.tau) - math.pi
         covariance = (apart * self._weights[:, np.newaxis]).T @ apart
-        lost = self._searching or self._explained < self._options.lost_below
-        return PoseQuality(
-            covariance=np.asarray(covariance),
-            explained=self._explained,
-            particles=len(self._poses),
-            lost=lost,
-        )
+        return PoseQuality(covariance=np.asarray(covariance), explained=self._explained, lost=self._lost())
+
+    @property
+    def particles(self) -> int:
+        """How many are followed just now."""
+        return len(self._poses)
+
+    def _lost(self) -> str:
+        if self._odometry is None and not self._searching:
+            return "no scan has been laid on the map yet"
+        if self._searching or self._explained < self._options.lost_below:
+            return f"only {100.0 * self._explained:.0f} % of the scan fit the map"
+        if self._share < SURE_SHARE:
+            return f"several places look like this one: {100.0 * self._share:.0f} % speak for the best"
+        return ""
 
     def grid(self) -> OccupancyGrid:
         """The map as it was given."""
@@ -167,9 +147,12 @@ class Amcl:
         fresh = self._odometry is None
         score = math.nan
         pose = self._pose @ moved
-        if len(hits_m) >= MIN_HITS and (fresh or self._has_moved(moved)):
+        self._wait = max(0, self._wait - 1)
+        due = self._wait == 0 if self._searching else fresh or self._has_moved(moved)
+        if len(hits_m) >= MIN_HITS and due:
             if self._searching:
                 self._look_everywhere(hits_m)
+                self._wait = RETRY_SCANS
             else:
                 self._diffuse(moved)
             pose, score = self._weigh(hits_m)
@@ -205,13 +188,17 @@ class Amcl:
     def _look_everywhere(self, hits_m: FloatArray) -> None:
         """Particles round the best places of the whole map, and some anywhere."""
         options = self._options
-        centre, half_m = self._field.centre()
-        found = self._field.search_field().search(hits_m, centre, half_m, math.pi)
         n = options.most_particles
-        around = self._rng.standard_normal((n // 2, 3)) * (0.1, 0.1, 0.05)
-        around += (found.pose.x_m, found.pose.y_m, found.pose.theta_rad)
+        places = self._field.alike(hits_m, HYPOTHESES, ALIKE)
+        found = [self._refined(hits_m, place) for place in places]
+        logs = np.array([log for _, _, log in found])
+        chances = np.exp(FIRST_GAIN * (logs - logs.max()))
+        rows = np.array([(pose.x_m, pose.y_m, pose.theta_rad) for pose, _, _ in found])
+        which = np.arange(n // 2) % len(found)
+        around = rows[which] + self._rng.standard_normal((n // 2, 3)) * (0.1, 0.1, 0.05)
         self._poses = np.vstack((around, self._field.anywhere(n - n // 2, self._rng)))
-        self._weights = np.full(n, 1.0 / n)
+        weights = np.concatenate((chances[which], np.full(n - n // 2, chances.min())))
+        self._weights = weights / weights.sum()
         self._searching, self._doubts = False, 0
         self.relocalisations += 1
 
@@ -228,29 +215,32 @@ class Amcl:
         best = self._poses[int(np.argmax(self._weights))]
         near = np.hypot(*(self._poses[:, :2] - best[:2]).T) < 0.5
         near &= np.abs(np.remainder(self._poses[:, 2] - best[2] + math.pi, math.tau) - math.pi) < 0.5
-        share = self._weights[near] / self._weights[near].sum()
+        self._share = float(self._weights[near].sum())
+        share = self._weights[near] / self._share
         mean = np.append(share @ self._poses[near, :2], best[2])
         turn = np.remainder(self._poses[near, 2] - best[2] + math.pi, math.tau) - math.pi
         mean[2] += float(share @ turn)
         if 1.0 / float(np.sum(self._weights**2)) < 0.5 * len(self._weights):
             self._resample()
-        return self._refined(hits_m, mean)
+        pose, explained, _ = self._refined(hits_m, mean)
+        return pose, explained
 
-    def _refined(self, hits_m: FloatArray, mean: FloatArray) -> tuple[Pose2, float]:
-        """Gauss-Newton from the mean of the best cluster, held by its spread."""
+    def _refined(self, hits_m: FloatArray, mean: FloatArray) -> tuple[Pose2, float, float]:
+        """Gauss-Newton from a pose; returns it, its mean likelihood 0...1 and the log of the likelihood."""
         walls, matching = self._field, self._options.matching
         start = walls.to_corner(mean)
         found = match(
-            hits_m, start, start, np.array([100.0, 100.0, 400.0]), walls.distance_m, walls.grid.resolution_m,
+            hits_m, start, start, np.diag([100.0, 100.0, 400.0]), walls.distance_m, walls.grid.resolution_m,
             walls.reach_m, matching.beam_std_m, matching.outlier_m, matching.iterations,
         )  # fmt: skip
         log, value = np.empty(1), np.empty(1)
         beam_scores(
             hits_m, found[np.newaxis], walls.distance_m, walls.grid.resolution_m, walls.reach_m,
-            self._options.beam_std_m, self._options.random_share, self._options.beam_gain, log, value,
+            self._options.beam_std_m, self._options.random_share, 1.0, log, value,
         )  # fmt: skip
         x_m, y_m, theta_rad = (float(part) for part in walls.from_corner(found))
-        return Pose2(x_m=x_m, y_m=y_m, theta_rad=wrap_angle(theta_rad)), float(value[0])
+        pose = Pose2(x_m=x_m, y_m=y_m, theta_rad=wrap_angle(theta_rad))
+        return pose, float(value[0]), float(log[0])
 
     def _resample(self) -> None:
         """Draw until the cells that the particles fill have enough of them (Fox 2003, table 1)."""

@@ -1,8 +1,9 @@
 """A known map as a distance field: what a scan should look like from anywhere in it."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from thumper.geometry import FloatArray, Pose2
 from thumper.mapping.distance_field import FieldArray
@@ -17,6 +18,8 @@ class LikelihoodField:
 
     def __init__(self, grid: OccupancyGrid, reach_m: float) -> None:
         """Cut the distances off at `reach_m`."""
+        from scipy.ndimage import distance_transform_edt  # 25 MB that mapping never needs
+
         self.grid = grid
         occupied = grid.cells == OCCUPIED
         cells = distance_transform_edt(~occupied) if occupied.any() else np.full(occupied.shape, np.inf)
@@ -44,14 +47,15 @@ class LikelihoodField:
         xy_m = rows_cols[:, ::-1] * self.grid.resolution_m + self.corner_m
         return np.column_stack((xy_m, rng.uniform(-np.pi, np.pi, count)))
 
-    def search_field(self) -> SearchField:
-        """The same map, ready for searches of the whole of it."""
-        corner = (float(self.corner_m[0]), float(self.corner_m[1]))
-        return SearchField(self.distance_m, self.grid.resolution_m, corner, SEARCH_STD_M)
-
-    def centre(self) -> tuple[Pose2, float]:
-        """Middle of the map, and half its longer side [m]."""
+    def alike(self, hits_m: FloatArray, most: int, ratio: float) -> FloatArray:
+        """Poses of the whole map that explain the scan best, and nearly as well; shape (1...most, 3)."""
         rows, cols = self.grid.cells.shape
         half_m = 0.5 * self.grid.resolution_m * np.array([cols, rows])
         x_m, y_m = (float(value) for value in self.corner_m + half_m)
-        return Pose2(x_m=x_m, y_m=y_m), float(half_m.max())
+        return self._search_field().search_all(
+            hits_m, Pose2(x_m=x_m, y_m=y_m), float(half_m.max()), math.pi, most, ratio
+        )
+
+    def _search_field(self) -> SearchField:
+        corner = (float(self.corner_m[0]), float(self.corner_m[1]))
+        return SearchField(self.distance_m, self.grid.resolution_m, corner, SEARCH_STD_M)

@@ -1,22 +1,42 @@
 """Mapping and localisation behind one `Mapper`, to be switched while the robot runs."""
 
-from thumper.geometry import Pose2, Twist2
+import numpy as np
+
+from thumper.errors import ThumperError
+from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.scan import Scan
-from thumper.localization.amcl import Amcl, AmclOptions
-from thumper.mapping.grid import OccupancyGrid
-from thumper.mapping.grid_mapper import GridMapper
-from thumper.mapping.mapper import MapperUpdate
+from thumper.localization.amcl import Amcl
+from thumper.localization.options import AmclOptions
+from thumper.mapping.cells import Cells
+from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from thumper.mapping.grid_mapper import GridMapper, GridMapperOptions
+from thumper.mapping.mapper import MapperUpdate, PoseQuality
+from thumper.mapping.method import PathMapper
+
+PLACED_STD_M, PLACED_STD_RAD = 0.1, 0.05  # of a pose that a mapper gives to the localiser
 
 
 class SwitchingMapper:
-    """Maps until `localise` is called, then keeps the map as it is until `map_on`."""
+    """Maps until told to localise, then keeps the map as it is until told to map on.
+
+    The pose never jumps at a switch: whoever takes over begins where the other one was at the newest scan.
+    """
 
     def __init__(
-        self, mapper: GridMapper, options: AmclOptions | None = None, *, base_from_laser: Pose2 | None = None
+        self,
+        mapper: PathMapper,
+        mapping: GridMapperOptions | None = None,
+        options: AmclOptions | None = None,
+        *,
+        base_from_laser: Pose2 | None = None,
     ) -> None:
-        """Begin with mapping; `base_from_laser` must be the mapper's."""
-        self._mapper, self._options = mapper, options
+        """Begin with mapping; `mapping` and `base_from_laser` must be the mapper's."""
+        self._mapper, self._mapping = mapper, mapping or GridMapperOptions()
+        self._options = options or AmclOptions()
         self._base_from_laser = base_from_laser
+        self._odometry: Pose2 | None = None  # at the newest scan
+        self._pose: Pose2 | None = None
+        self._foreign = False  # the map localised in is not the mapper's
         self.localiser: Amcl | None = None
 
     @property
@@ -28,27 +48,104 @@ class SwitchingMapper:
         """The map (a copy while mapping, the frozen one while localising)."""
         return (self.localiser or self._mapper).grid()
 
-    def localise(self) -> None:
-        """Freeze the map and go on from the pose of the newest scan."""
-        if self.localiser is None:
-            self.localiser = Amcl(
-                self._mapper.grid(),
-                self._options,
-                base_from_laser=self._base_from_laser,
-                map_from_base=self._mapper.map_from_base,
-            )
+    def quality(self) -> PoseQuality:
+        """How sure the newest pose is."""
+        return (self.localiser or self._mapper).quality()
 
-    def map_on(self) -> bool:
-        """Go on with mapping from the localised pose; refused (False) while the localiser is lost."""
+    def path(self) -> FloatArray:
+        """x, y, theta at each scan that was mapped, shape (scans, 3)."""
+        return self._mapper.path()
+
+    def warm_up(self) -> None:
+        """Compile the kernels of both (or load them from the cache)."""
+        self._mapper.warm_up()
+        cells = np.full((40, 40), UNKNOWN, dtype=np.int8)
+        cells[1:-1, 1:-1] = FREE
+        cells[1:-1, 1] = OCCUPIED
+        small = OccupancyGrid(cells=cells, resolution_m=0.1, origin_x_m=-2.0, origin_y_m=-2.0)
+        Amcl(small, self._options).warm_up()
+
+    def localise(self) -> None:
+        """Freeze the own map and go on from the pose of the newest scan."""
+        if self.localiser is None:
+            self._start(self._mapper.grid(), self._pose or Pose2())
+            self._foreign = False
+
+    def localise_in(self, grid: OccupancyGrid, map_from_base: Pose2 | None) -> None:
+        """Go on in a map that was saved, at a pose given by hand, or looked for in all of it with None.
+
+        Raises
+        ------
+        ThumperError
+            There is no wall in the map.
+        """
+        if not np.any(grid.cells == OCCUPIED):
+            raise ThumperError("there is no wall in the map to know a place by; give another", exit_code=2)
+        self._start(grid, map_from_base)
+        self._foreign = True
+
+    def set_pose(self, map_from_base: Pose2) -> None:
+        """Say by hand where the robot is, roughly; the next scan decides exactly.
+
+        Raises
+        ------
+        ThumperError
+            It is mapping: there the first scan has laid the map's frame.
+        """
+        if self.localiser is None:
+            raise ThumperError("a pose can be set in a saved map only: localise first", exit_code=2)
+        self.localiser.place(map_from_base, odom_from_base=self._odometry)
+
+    def relocalise(self) -> None:
+        """Forget the pose and look for it in the whole map, at the next scan.
+
+        Raises
+        ------
+        ThumperError
+            It is mapping.
+        """
+        if self.localiser is None:
+            raise ThumperError("the robot is mapping: localise first", exit_code=2)
+        self.localiser.relocalise()
+
+    def map_on(self) -> None:
+        """Go on with mapping from the localised pose, in the map that was localised in.
+
+        Raises
+        ------
+        ThumperError
+            The localiser is lost, or a loaded map's cells are of another size than the mapper's.
+        """
         localiser = self.localiser
         if localiser is None:
-            return True
-        if localiser.quality().lost:
-            return False
-        self._mapper.continue_from(localiser.map_from_base, localiser.map_from_odom)
+            return
+        quality = localiser.quality()
+        if quality.lost:
+            raise ThumperError(f"mapping on from a wrong pose would spoil the map: {quality.lost}")
+        if self._foreign:
+            options = self._mapping
+            cells = Cells.of(
+                localiser.grid(), options.resolution_m, options.reach_m, options.occupied_fraction
+            )
+            mapper = GridMapper(options, base_from_laser=self._base_from_laser)
+            mapper.restart(cells, localiser.map_from_base)
+            self._mapper = mapper
+        self._mapper.continue_from(localiser.map_from_base, localiser.map_from_odom, quality.covariance)
         self.localiser = None
-        return True
 
     def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
         """Take one scan, as `Mapper.update`."""
-        return (self.localiser or self._mapper).update(odom_from_base, scan, twist)
+        update = (self.localiser or self._mapper).update(odom_from_base, scan, twist)
+        self._odometry, self._pose = odom_from_base, update.map_from_base
+        return update
+
+    def _start(self, grid: OccupancyGrid, map_from_base: Pose2 | None) -> None:
+        self.localiser = Amcl(
+            grid,
+            self._options,
+            base_from_laser=self._base_from_laser,
+            map_from_base=map_from_base,
+            std_m=PLACED_STD_M,
+            std_rad=PLACED_STD_RAD,
+            odom_from_base=self._odometry,
+        )

@@ -4,12 +4,14 @@ import math
 
 import numpy as np
 
+from thumper.errors import ThumperError
 from thumper.geometry import FloatArray, Pose2
 from thumper.mapping.distance_field import CountArray, mark
 from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from thumper.mapping.integrate import integrate
 from thumper.mapping.scan_points import SILENT, ScanPoints
 
+SEEN = 5  # observations that a cell of a finished map is worth
 BLOCK = 64  # the array grows by multiples of this many cells
 
 
@@ -27,6 +29,29 @@ class Cells:
         self._first_row = self._first_col = 0
         self._stamp = 0
         self._allocate(0, 0)
+
+    @classmethod
+    def of(
+        cls, grid: OccupancyGrid, resolution_m: float, reach_m: float, occupied_fraction: float
+    ) -> "Cells":
+        """Counts that say what a finished map says, to go on with; it is moved by half a cell at most.
+
+        Raises
+        ------
+        ThumperError
+            The map's cells are of another size.
+        """
+        if abs(grid.resolution_m - resolution_m) > 1e-6:
+            raise ThumperError(
+                f"the map's cells are {grid.resolution_m:g} m: "
+                f"set mapping.resolution_m = {grid.resolution_m:g} to map on in it",
+                exit_code=2,
+            )
+        cells = cls(resolution_m, reach_m, occupied_fraction)
+        first = round(grid.origin_y_m / resolution_m), round(grid.origin_x_m / resolution_m)
+        hits = np.where(grid.cells == OCCUPIED, SEEN, 0).astype(np.uint16)
+        cells.fill(hits, np.where(grid.cells == FREE, SEEN, 0).astype(np.uint16), first)
+        return cells
 
     @property
     def reach_m(self) -> float:

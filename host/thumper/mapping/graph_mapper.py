@@ -17,7 +17,7 @@ from thumper.mapping.cells import Cells
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.grid_mapper import GridMapper, GridMapperOptions
 from thumper.mapping.loop_search import LoopSearch
-from thumper.mapping.mapper import MapperUpdate
+from thumper.mapping.mapper import MapperUpdate, PoseQuality
 from thumper.mapping.place_graph import PlaceGraph
 from thumper.mapping.scan_points import scan_points
 
@@ -68,6 +68,14 @@ class GraphMapper:
     def map_from_odom(self) -> Pose2:
         """The correction that the last match found."""
         return self._front.map_from_odom
+
+    def quality(self) -> PoseQuality:
+        """How sure the newest pose is."""
+        return self._front.quality()
+
+    def continue_from(self, map_from_base: Pose2, map_from_odom: Pose2, covariance: FloatArray) -> None:
+        """Go on with the same map from a pose that somebody else found at a newer scan."""
+        self._front.continue_from(map_from_base, map_from_odom, covariance)
 
     def path(self) -> FloatArray:
         """x, y, theta at each scan so far, as all loops closed since say, shape (scans, 3)."""

@@ -10,10 +10,18 @@ from annotated_types import Ge, Gt, Interval
 from thumper.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.lidar.scan import Scan
 from thumper.mapping.cells import Cells
+from thumper.mapping.confidence import Confidence, ConfidenceOptions
 from thumper.mapping.correlative import correlative_search
 from thumper.mapping.grid import OccupancyGrid
-from thumper.mapping.mapper import MapperUpdate
-from thumper.mapping.scan_match import MatchOptions, match, score
+from thumper.mapping.mapper import MapperUpdate, PoseQuality
+from thumper.mapping.scan_match import (
+    MatchOptions,
+    beam_information,
+    match,
+    odometry_information,
+    open_along,
+    score,
+)
 from thumper.mapping.scan_points import scan_points
 
 MIN_HITS = 10  # a scan of fewer cannot fix three unknowns against noise
@@ -39,6 +47,7 @@ class GridMapperOptions:
     search_window_rad: Annotated[float, Gt(0)] = 0.4  # and its half angle
     search_gain: Annotated[float, Interval(ge=0, le=1)] = 0.1  # a found pose must score this much better
     matching: MatchOptions = field(default_factory=MatchOptions)
+    confidence: ConfidenceOptions = field(default_factory=ConfidenceOptions)
 
 
 class GridMapper:
@@ -63,6 +72,7 @@ class GridMapper:
         self._integrated_at: Pose2 | None = None
         self._map_from_odom = Pose2()
         self._path: list[tuple[float, float, float]] = []
+        self._confidence = Confidence(self._options.confidence)
         self.cells = Cells(self._options.resolution_m, self._options.reach_m, self._options.occupied_fraction)
 
     @property
@@ -75,10 +85,15 @@ class GridMapper:
         """Where the robot was at the newest scan."""
         return self._pose
 
-    def continue_from(self, map_from_base: Pose2, map_from_odom: Pose2) -> None:
+    def quality(self) -> PoseQuality:
+        """How sure the newest pose is."""
+        return self._confidence.quality()
+
+    def continue_from(self, map_from_base: Pose2, map_from_odom: Pose2, covariance: FloatArray) -> None:
         """Go on with the same map from a pose that somebody else found at a newer scan."""
         self._pose, self._map_from_odom = map_from_base, map_from_odom
         self._odometry = map_from_odom.inverse() @ map_from_base
+        self._confidence.reset(covariance)
 
     def restart(self, cells: Cells, map_from_base: Pose2) -> None:
         """Go on with another map, where the robot now is at `map_from_base`; a scan has just been entered."""
@@ -109,7 +124,7 @@ class GridMapper:
         )
         scratch.update(Pose2(), scan, Twist2())
         points = scan_points(scan, Twist2(), Pose2(), self._options.usable_range_m)
-        scratch._match(points.hits_m(), Pose2(), Pose2())
+        scratch._match(points.hits_m(), Pose2(), np.eye(3))
         scratch._search(points.hits_m(), Pose2())
 
     def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
@@ -122,8 +137,12 @@ class GridMapper:
         hits_m = points.hits_m()
         moved = Pose2() if self._odometry is None else self._odometry.inverse() @ odom_from_base
         pose, match_score = self._pose @ moved, math.nan
+        self._confidence.moved(self._pose, pose)
         if hits_m.shape[0] >= MIN_HITS and self._integrated_at is not None:
-            pose, match_score = self._matched(hits_m, pose, moved)
+            along = open_along(self._options.matching, pose.theta_rad, hits_m)
+            trust = odometry_information(self._options.matching, moved, along)
+            pose, match_score = self._matched(hits_m, pose, trust)
+            self._confidence.matched(self._information(hits_m, pose), along, match_score)
         integrated = hits_m.shape[0] >= MIN_HITS and self._has_moved(pose)
         if integrated:
             self.cells.integrate(pose, points)
@@ -140,28 +159,25 @@ class GridMapper:
             or abs(wrap_angle(pose.theta_rad - last.theta_rad)) >= self._options.integrate_angle_rad
         )
 
-    def _matched(self, hits_m: FloatArray, predicted: Pose2, moved: Pose2) -> tuple[Pose2, float]:
+    def _matched(self, hits_m: FloatArray, predicted: Pose2, trust: FloatArray) -> tuple[Pose2, float]:
         """The best pose near the prediction, or in the search window when that explains too little."""
-        pose = self._match(hits_m, predicted, moved)
+        pose = self._match(hits_m, predicted, trust)
         match_score = self._score(hits_m, pose)
         if match_score < self._options.search_below:
-            found = self._match(hits_m, self._search(hits_m, predicted), moved)
+            found = self._match(hits_m, self._search(hits_m, predicted), trust)
             found_score = self._score(hits_m, found)
             if found_score > match_score + self._options.search_gain:
                 return found, found_score
         return pose, match_score
 
-    def _match(self, hits_m: FloatArray, start: Pose2, moved: Pose2) -> Pose2:
+    def _match(self, hits_m: FloatArray, start: Pose2, trust: FloatArray) -> Pose2:
         matching = self._options.matching
-        way_m, turn_rad = math.hypot(moved.x_m, moved.y_m), abs(moved.theta_rad)
-        std_m = matching.odometry_std_m + matching.slip_per_m * way_m
-        std_rad = matching.odometry_std_rad + matching.slip_per_m * way_m + matching.slip_per_rad * turn_rad
         return self._from_corner(
             match(
                 hits_m,
                 self._to_corner(start),
                 self._to_corner(start),
-                np.array([1.0 / std_m**2, 1.0 / std_m**2, 1.0 / std_rad**2]),
+                trust,
                 self.cells.distance_m,
                 self.cells.resolution_m,
                 self.cells.reach_m,
@@ -170,6 +186,13 @@ class GridMapper:
                 matching.iterations,
             )
         )
+
+    def _information(self, hits_m: FloatArray, pose: Pose2) -> FloatArray:
+        cells, matching = self.cells, self._options.matching
+        return beam_information(
+            hits_m, self._to_corner(pose), cells.distance_m, cells.resolution_m, cells.reach_m,
+            matching.beam_std_m, matching.outlier_m,
+        )  # fmt: skip
 
     def _search(self, hits_m: FloatArray, centre: Pose2) -> Pose2:
         options, cells = self._options, self.cells

@@ -128,7 +128,7 @@ class LoopSearch:
         matching, (x_m, y_m) = self._options.matching, cells.corner_m
         at = np.array([start.x_m - x_m, start.y_m - y_m, start.theta_rad])
         found = match(
-            points_m, at, at, np.array([1.0, 1.0, 1.0]), cells.distance_m, cells.resolution_m, cells.reach_m,
+            points_m, at, at, np.eye(3), cells.distance_m, cells.resolution_m, cells.reach_m,
             matching.beam_std_m, matching.outlier_m, matching.iterations,
         )  # fmt: skip
         value = score(

@@ -1,9 +1,10 @@
 """What every mapper offers: odometry and a scan in, the corrected pose and the grid out."""
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
-from thumper.geometry import Pose2, Twist2
+from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.scan import Scan
 from thumper.mapping.grid import OccupancyGrid
 
@@ -15,6 +16,22 @@ class MapperUpdate:
     map_from_base: Pose2  # corrected pose of the robot at `scan.time_s`
     match_score: float  # mean likelihood of the beams at that pose, 0...1; NaN when the scan was not matched
     integrated: bool  # whether the scan changed the map
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseQuality:
+    """How sure a pose is."""
+
+    covariance: FloatArray  # of x, y, theta in the map, shape (3, 3) [m^2, m rad, rad^2]
+    explained: float  # mean likelihood of the newest matched scan's beams at the pose, 0...1
+    lost: str  # why nobody should drive by this pose; empty while one may
+
+    @property
+    def std_m(self) -> float:
+        """Standard deviation of the position along its worst direction [m]."""
+        xx, xy, yy = self.covariance[0, 0], self.covariance[0, 1], self.covariance[1, 1]
+        largest = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)
+        return math.sqrt(max(0.0, float(largest)))
 
 
 class Mapper(Protocol):
@@ -31,4 +48,8 @@ class Mapper(Protocol):
 
     def grid(self) -> OccupancyGrid:
         """The map so far (a copy)."""
+        ...
+
+    def quality(self) -> PoseQuality:
+        """How sure the newest pose is."""
         ...

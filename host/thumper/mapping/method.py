@@ -29,6 +29,10 @@ class PathMapper(Mapper, Protocol):
         """x, y, theta at each scan so far as is known now, shape (scans, 3)."""
         ...
 
+    def continue_from(self, map_from_base: Pose2, map_from_odom: Pose2, covariance: FloatArray) -> None:
+        """Go on with the same map from a pose that somebody else found at a newer scan."""
+        ...
+
     def warm_up(self) -> None:
         """Compile the kernels (or load them from the cache)."""
         ...

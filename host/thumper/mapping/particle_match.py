@@ -128,8 +128,9 @@ def _descend(
             hessian[1, 2] += weight * jy * jt
             hessian[2, 2] += weight * jt * jt
         for axis in range(3):
-            gradient[axis] += information[axis] * (pose[axis] - prior[axis])
-            hessian[axis, axis] += information[axis]
+            for other in range(3):
+                gradient[axis] += information[axis, other] * (pose[other] - prior[other])
+                hessian[axis, other] += information[axis, other]
         hessian[1, 0], hessian[2, 0], hessian[2, 1] = hessian[0, 1], hessian[0, 2], hessian[1, 2]
         step = solve3(hessian, gradient)
         shrink = min(1.0, 6.0 / max(TINY, math.hypot(step[0], step[1])), 0.15 / max(TINY, abs(step[2])))
@@ -156,13 +157,15 @@ def match_all(
     draws: FloatArray,
     costs: FloatArray,
     scores: FloatArray,
+    informations: FloatArray,
 ) -> None:
     """Match every particle; on entry `draws`, shape (particles, 3), are standard normal numbers.
 
-    `predicted`, shape (particles, 3), is x, y in cells from the tables' corner and theta; `information` the
-    inverse variances of odometry in the same units. Leaves the modes in `matched`, the samples of the
-    proposal in `draws`, the beams' costs and the scores. Where Gauss-Newton explains less than
-    `climb_below`, it starts again from the top of a hill climb, and the better of the two stays.
+    `predicted`, shape (particles, 3), is x, y in cells from the tables' corner and theta; `information`,
+    shape (3, 3), the inverse of odometry's covariance in the same units. Leaves the modes in `matched`, the
+    samples of the proposal in `draws`, the beams' costs, the scores, and the information of the modes, shape
+    (particles, 3, 3). Where Gauss-Newton explains less than `climb_below`, it starts again from the top of a
+    hill climb, and the better of the two stays.
     """
     hessian, other = np.zeros((3, 3)), np.zeros((3, 3))
     for k in range(predicted.shape[0]):
@@ -191,5 +194,5 @@ def match_all(
                 scores[k], costs[k] = value, cost
                 pose[:] = again
                 hessian[:] = other
-        matched[k] = pose
+        matched[k], informations[k] = pose, hessian
         draws[k] = pose + spread3(hessian, draws[k])

@@ -9,13 +9,15 @@ from annotated_types import Ge, Gt, Interval
 
 from thumper.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.lidar.scan import Scan
+from thumper.mapping.confidence import Confidence
 from thumper.mapping.correlative import correlative_search
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.grid_mapper import MIN_HITS, GridMapperOptions
 from thumper.mapping.lineage import Lineage
-from thumper.mapping.mapper import MapperUpdate
+from thumper.mapping.mapper import MapperUpdate, PoseQuality
 from thumper.mapping.particle_maps import ParticleMaps, pose_row
 from thumper.mapping.particle_match import match_all
+from thumper.mapping.scan_match import odometry_information, open_along
 from thumper.mapping.scan_points import ScanPoints, scan_points
 
 
@@ -60,6 +62,7 @@ class RbpfMapper:
         self._odometry: Pose2 | None = None  # at the newest scan that was entered
         self._map_from_odom = Pose2()
         self._best = 0
+        self._confidence = Confidence(self._options.confidence)
         self._parents = np.arange(n, dtype=np.int32)
         self._lineage = Lineage()
         self.maps = ParticleMaps(
@@ -77,6 +80,21 @@ class RbpfMapper:
     def map_from_odom(self) -> Pose2:
         """The correction that the last match found."""
         return self._map_from_odom
+
+    def quality(self) -> PoseQuality:
+        """How sure the newest pose is: by the best particle's matches, and how far apart the others are."""
+        quality, weights = self._confidence.quality(), self._weights()
+        apart = self._poses - self._poses[self._best]
+        apart[:, 2] = np.remainder(apart[:, 2] + math.pi, math.tau) - math.pi
+        covariance = quality.covariance + (apart * weights[:, np.newaxis]).T @ apart
+        return PoseQuality(covariance=np.asarray(covariance), explained=quality.explained, lost=quality.lost)
+
+    def continue_from(self, map_from_base: Pose2, map_from_odom: Pose2, covariance: FloatArray) -> None:
+        """Go on with the same maps from a pose that somebody else found at a newer scan."""
+        step = _pose(self._poses[self._best]).inverse() @ map_from_base
+        self._poses = _moved(self._poses, step)
+        self._odometry, self._map_from_odom = map_from_odom.inverse() @ map_from_base, map_from_odom
+        self._confidence.reset(covariance)
 
     @property
     def effective_particles(self) -> float:
@@ -129,7 +147,7 @@ class RbpfMapper:
         elif usable:
             predicted = pose_row(pose)[np.newaxis]
             only = slice(self._best, self._best + 1)
-            matched, _, _, scores = self._matched(hits_m, predicted, moved, only, np.zeros((1, 3)))
+            matched, _, _, scores, _ = self._matched(hits_m, predicted, moved, only, np.zeros((1, 3)))
             pose, score = _pose(matched[0]), float(scores[0])
             # A robot that is pushed moves without its wheels: the scan alone says that it is time to enter.
             entered = self._pushed(pose)
@@ -164,39 +182,45 @@ class RbpfMapper:
             self._resample()
         predicted = _moved(self._poses, moved)
         draws = self._filtering.spread * self._rng.standard_normal(predicted.shape)
-        matched, drawn, costs, scores = self._matched(hits_m, predicted, moved, slice(None), draws)
+        found = self._matched(hits_m, predicted, moved, slice(None), draws)
+        scores = found[3]
         if scores.max() < self._options.search_below:
             start = self._search(hits_m, predicted)
             again = self._matched(hits_m, start, moved, slice(None), draws)
             if again[3].max() > scores.max() + self._options.search_gain:
-                matched, drawn, costs, scores = again
+                found = again
+        matched, drawn, costs, scores, informations = found
+        before = _pose(self._poses[self._best])
         self._log_weights -= self._filtering.weight_gain * costs
         self._log_weights -= self._log_weights.max()
         self._poses = drawn
         self._poses[:, 2] = np.remainder(drawn[:, 2] + math.pi, math.tau) - math.pi
         self.maps.integrate(self._poses, points)
         self._best = int(np.argmax(self._log_weights))
+        self._confidence.moved(before, before @ moved)
+        along = open_along(self._options.matching, before.theta_rad + moved.theta_rad, hits_m)
+        self._confidence.matched(informations[self._best], along, float(scores[self._best]))
         self._lineage.step(self._poses, self._parents)
         self._parents = np.arange(self._log_weights.size, dtype=np.int32)
         return _pose(matched[self._best]), float(scores[self._best])
 
     def _matched(
         self, hits_m: FloatArray, predicted: FloatArray, moved: Pose2, which: slice, draws: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Modes and samples, shape (n, 3) [m, m, rad], costs and scores, shape (n,)."""
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Modes and samples, shape (n, 3) [m, m, rad]; costs and scores, (n,); informations, (n, 3, 3)."""
         options, matching = self._options, self._options.matching
         resolution_m, level = options.resolution_m, self.maps.levels_per_cell / options.resolution_m
-        way_m, turn_rad = math.hypot(moved.x_m, moved.y_m), abs(moved.theta_rad)
-        std_cells = (matching.odometry_std_m + matching.slip_per_m * way_m) / resolution_m
-        std_rad = matching.odometry_std_rad + matching.slip_per_m * way_m + matching.slip_per_rad * turn_rad
+        # A direction that is open for one particle is so for all: their headings differ by little.
+        trust = odometry_information(matching, moved, open_along(matching, float(predicted[0, 2]), hits_m))
+        metres = np.array([resolution_m, resolution_m, 1.0])  # a cell, a cell and a radian
         thin = max(1, round(hits_m.shape[0] / self._filtering.matched_beams))
         n = predicted.shape[0]
         matched, drawn = np.empty((n, 3)), draws.copy()
-        costs, scores = np.empty(n), np.empty(n)
+        costs, scores, informations = np.empty(n), np.empty(n), np.empty((n, 3, 3))
         match_all(
             hits_m[::thin] / resolution_m,
             self.maps.in_cells(predicted),
-            np.array([std_cells**-2, std_cells**-2, std_rad**-2]),
+            trust * np.outer(metres, metres),
             self.maps.tables[which],
             self.maps.pool.near,
             matching.beam_std_m * level,
@@ -208,8 +232,10 @@ class RbpfMapper:
             drawn,
             costs,
             scores,
+            informations,
         )
-        return self.maps.in_metres(matched), self.maps.in_metres(drawn), costs, scores
+        informations /= np.outer(metres, metres)
+        return self.maps.in_metres(matched), self.maps.in_metres(drawn), costs, scores, informations
 
     def _search(self, hits_m: FloatArray, predicted: FloatArray) -> FloatArray:
         """Where a window search round the best particle puts it, and all others moved along with it."""

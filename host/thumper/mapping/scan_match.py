@@ -10,12 +10,15 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge, Gt, Interval
 
-from thumper.geometry import FloatArray
+from thumper.geometry import FloatArray, Pose2
 from thumper.kernel import kernel
 from thumper.mapping.distance_field import FieldArray
+from thumper.mapping.open_direction import open_direction
 from thumper.mapping.small_linalg import solve3
+
+OPEN_STD_M = 0.001  # of odometry, between two scans, along a direction that the walls leave open
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +35,27 @@ class MatchOptions:
     odometry_std_rad: Annotated[float, Gt(0)] = 0.005  # trust in the predicted heading while standing
     slip_per_m: Annotated[float, Ge(0)] = 0.2  # both grow by this for each metre and ...
     slip_per_rad: Annotated[float, Ge(0)] = 0.2  # ... the heading's by this for each radian driven since
+    open_below: Annotated[float, Interval(ge=0, le=0.5)] = 0.02  # share of the walls that fixes too little
     iterations: Annotated[int, Gt(0)] = 30  # at most; a good prediction needs 4 to 8
+
+
+def open_along(options: MatchOptions, heading_rad: float, hits_m: FloatArray) -> FloatArray:
+    """Unit vector in the map along which no wall in sight fixes the pose, shape (2,); zeros for none."""
+    x, y, share = open_direction(hits_m)
+    if share >= options.open_below:
+        return np.zeros(2)
+    cos, sin = math.cos(heading_rad), math.sin(heading_rad)
+    return np.array([cos * x - sin * y, sin * x + cos * y])
+
+
+def odometry_information(options: MatchOptions, moved: Pose2, along: FloatArray) -> FloatArray:
+    """Trust in odometry after it `moved`, shape (3, 3); `along`, shape (2,), it alone decides."""
+    way_m, turn_rad = math.hypot(moved.x_m, moved.y_m), abs(moved.theta_rad)
+    std_m = options.odometry_std_m + options.slip_per_m * way_m
+    std_rad = options.odometry_std_rad + options.slip_per_m * way_m + options.slip_per_rad * turn_rad
+    information = np.diag([std_m**-2, std_m**-2, std_rad**-2])
+    information[:2, :2] += np.outer(along, along) / OPEN_STD_M**2
+    return information
 
 
 @kernel
@@ -121,12 +144,32 @@ def normal_equations(
         hessian[1, 2] += weight * jy * jt
         hessian[2, 2] += weight * jt * jt
     for k in range(3):
-        error = pose[k] - prior[k]
-        cost += 0.5 * information[k] * error * error
-        gradient[k] += information[k] * error
-        hessian[k, k] += information[k]
+        for j in range(3):
+            pull = information[k, j] * (pose[j] - prior[j])
+            cost += 0.5 * pull * (pose[k] - prior[k])
+            gradient[k] += pull
+            hessian[k, j] += information[k, j]
     hessian[1, 0], hessian[2, 0], hessian[2, 1] = hessian[0, 1], hessian[0, 2], hessian[1, 2]
     return cost
+
+
+@kernel
+def beam_information(
+    points_m: FloatArray,
+    pose: FloatArray,
+    distance_m: FieldArray,
+    resolution_m: float,
+    reach_m: float,
+    beam_std_m: float,
+    outlier_m: float,
+) -> FloatArray:
+    """What the beams alone fix at the pose: the inverse of its covariance, shape (3, 3)."""
+    hessian = np.zeros((3, 3))
+    normal_equations(
+        points_m, pose, pose, np.zeros((3, 3)), distance_m, resolution_m, reach_m, beam_std_m, outlier_m,
+        hessian, np.zeros(3),
+    )  # fmt: skip
+    return hessian
 
 
 @kernel
@@ -144,8 +187,8 @@ def match(
 ) -> FloatArray:
     """Return the pose (x, y, theta), shape (3,), of least cost near `start`.
 
-    `prior` is the pose that odometry predicts and `information` the inverse variances of its three parts:
-    they decide along directions that the scan leaves open, such as a corridor's. Poses are in metres from
+    `prior` is the pose that odometry predicts and `information`, shape (3, 3), the inverse of its covariance:
+    it decides along directions that the scan leaves open, such as a corridor's. Poses are in metres from
     the array's corner; headings are not wrapped.
     """
     pose, trial = start.copy(), start.copy()

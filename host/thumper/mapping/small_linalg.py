@@ -40,6 +40,17 @@ def solve3(matrix: FloatArray, right: FloatArray) -> FloatArray:
 
 
 @kernel
+def inverse3(matrix: FloatArray) -> FloatArray:
+    """Invert a symmetric positive matrix, shape (3, 3)."""
+    out, unit = np.empty((3, 3)), np.zeros(3)
+    for k in range(3):
+        unit[:] = 0.0
+        unit[k] = 1.0
+        out[:, k] = solve3(matrix, unit)
+    return out
+
+
+@kernel
 def spread3(information: FloatArray, normal: FloatArray) -> FloatArray:
     """Turn standard normal numbers, shape (3,), into a draw from N(0, information^-1): L^T x = normal."""
     lower = cholesky3(information)

@@ -50,10 +50,29 @@ class SearchField:
 
     def search(self, points_m: FloatArray, centre: Pose2, window_m: float, window_rad: float) -> Found:
         """Return the best pose within +- window of `centre` for points in the base frame, shape (n, 2)."""
+        poses, scores = self._best(points_m, centre, window_m, window_rad, 2, 0.7)
+        x_m, y_m, theta_rad = (float(value) for value in poses[0])
+        return Found(
+            pose=Pose2(x_m=x_m, y_m=y_m, theta_rad=wrap_angle(theta_rad)),
+            score=float(scores[0]),
+            rival=float(scores[1]),
+        )
+
+    def search_all(
+        self, points_m: FloatArray, centre: Pose2, window_m: float, window_rad: float, most: int, ratio: float
+    ) -> FloatArray:
+        """The best pose and those clearly apart that explain `ratio` as much, shape (1...most, 3)."""
+        poses, scores = self._best(points_m, centre, window_m, window_rad, most, ratio)
+        return np.asarray(poses[: max(1, int(np.count_nonzero(scores >= ratio * scores[0])))])
+
+    def _best(
+        self, points_m: FloatArray, centre: Pose2, window_m: float, window_rad: float, most: int, ratio: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Poses in the map, shape (most, 3), and their scores, the best first."""
         n_theta = math.ceil(window_rad / STEP_RAD)
         if 2 * n_theta * STEP_RAD >= math.tau:
             n_theta = math.floor(math.pi / STEP_RAD)
-        pose, score, rival = _search(
+        poses, scores = _search(
             np.ascontiguousarray(points_m) / self.resolution_m,
             (centre.x_m - self.corner_m[0]) / self.resolution_m,
             (centre.y_m - self.corner_m[1]) / self.resolution_m,
@@ -63,13 +82,13 @@ class SearchField:
             STEP_RAD,
             APART_M / self.resolution_m,
             APART_RAD,
+            most,
+            ratio,
             self._fine,
             self._coarse,
         )
-        x_m = pose[0] * self.resolution_m + self.corner_m[0]
-        y_m = pose[1] * self.resolution_m + self.corner_m[1]
-        found = Pose2(x_m=x_m, y_m=y_m, theta_rad=wrap_angle(pose[2]))
-        return Found(pose=found, score=score, rival=rival)
+        poses[:, :2] = poses[:, :2] * self.resolution_m + np.array(self.corner_m)
+        return poses, scores
 
 
 @kernel
@@ -104,10 +123,15 @@ def _search(
     step_rad: float,
     apart: float,
     apart_rad: float,
+    most: int,
+    ratio: float,
     fine: ByteArray,
     coarse: ByteArray,
-) -> tuple[FloatArray, float, float]:
-    """All lengths in cells. Returns pose, score, rival's score."""
+) -> tuple[FloatArray, FloatArray]:
+    """All lengths in cells. Returns up to `most` poses clearly apart, and their scores, the best first.
+
+    Scores below `ratio` of the best are not looked for; poses that were not found are the centre's.
+    """
     n, blocks = points.shape[0], (2 * window) // BLOCK + 1
     turns = 2 * n_theta + 1
     bounds = np.empty(turns * blocks * blocks, dtype=np.float32)
@@ -129,11 +153,12 @@ def _search(
                         total += coarse[row, col]
                 bounds[(k * blocks + by) * blocks + bx] = total
     order = np.argsort(-bounds)
-    best, rival = -1, 0
-    pose = np.array([x, y, theta])
+    poses, totals = np.empty((most, 3)), np.full(most, -1.0)
+    for j in range(most):
+        poses[j, 0], poses[j, 1], poses[j, 2] = x, y, theta
     for index in order:
         bound = bounds[index]
-        if bound <= rival or (best >= 0 and bound < 0.7 * best):
+        if bound <= totals[most - 1] or bound < ratio * totals[0]:
             break
         k, by, bx = index // (blocks * blocks), (index // blocks) % blocks, index % blocks
         local, at_x, at_y = -1, 0, 0
@@ -146,17 +171,48 @@ def _search(
                         total += fine[row, col]
                 if total > local:
                     local, at_x, at_y = total, bx * BLOCK + dx - window, by * BLOCK + dy - window
-        if local < 0:
+        _enter(poses, totals, x + at_x, y + at_y, theta + (k - n_theta) * step_rad, local, apart, apart_rad)
+    return poses, np.maximum(totals, 0.0) / (255.0 * n)
+
+
+@kernel
+def _enter(
+    poses: FloatArray,
+    totals: FloatArray,
+    x: float,
+    y: float,
+    theta: float,
+    total: float,
+    apart: float,
+    apart_rad: float,
+) -> None:
+    """Put a pose into the ordered list; neighbours of a better one stay out, worse neighbours go."""
+    most = totals.shape[0]
+    kept, keep_poses, keep_totals = 0, poses.copy(), totals.copy()
+    placed = False
+    for j in range(most):
+        if totals[j] < 0.0:
+            break
+        if not placed and total > totals[j]:
+            if kept < most:
+                keep_poses[kept, 0], keep_poses[kept, 1], keep_poses[kept, 2] = x, y, theta
+                keep_totals[kept] = total
+                kept += 1
+            placed = True
+        off = math.hypot(x - poses[j, 0], y - poses[j, 1])
+        turn = abs((theta - poses[j, 2] + math.pi) % (2.0 * math.pi) - math.pi)
+        if off <= apart and turn <= apart_rad:
+            if not placed:
+                return
             continue
-        angle = theta + (k - n_theta) * step_rad
-        off = math.hypot(x + at_x - pose[0], y + at_y - pose[1])
-        turn = abs((angle - pose[2] + math.pi) % (2.0 * math.pi) - math.pi)
-        elsewhere = off > apart or turn > apart_rad
-        if local > best:
-            if elsewhere and best > rival:
-                rival = best
-            best = local
-            pose[0], pose[1], pose[2] = x + at_x, y + at_y, angle
-        elif elsewhere and local > rival:
-            rival = local
-    return pose, best / (255.0 * n), rival / (255.0 * n)
+        if kept < most:
+            keep_poses[kept] = poses[j]
+            keep_totals[kept] = totals[j]
+            kept += 1
+    if not placed and kept < most:
+        keep_poses[kept, 0], keep_poses[kept, 1], keep_poses[kept, 2] = x, y, theta
+        keep_totals[kept] = total
+        kept += 1
+    for j in range(kept, most):
+        keep_totals[j] = -1.0
+    poses[:], totals[:] = keep_poses, keep_totals

@@ -15,7 +15,7 @@ from thumper.mapping.scan_match import MatchOptions, interpolate, match, normal_
 from thumper.mapping.scan_points import HIT, PASSED, SILENT, scan_points
 
 TRUTH = Pose2(x_m=0.4, y_m=0.3, theta_rad=0.25)
-NO_PRIOR = np.zeros(3)
+NO_PRIOR = np.zeros((3, 3))
 OPTIONS = MatchOptions()
 
 
@@ -87,7 +87,7 @@ def test_the_prior_decides_along_a_featureless_corridor() -> None:
         points.hits_m()[np.abs(points.hits_m()[:, 0]) < 3.0],
         predicted,
         predicted,
-        np.array([1.0 / 0.05**2, 1.0 / 0.05**2, 1.0 / 0.05**2]),
+        np.eye(3) / 0.05**2,
         cells.distance_m,
         cells.resolution_m,
         cells.reach_m,
@@ -105,7 +105,7 @@ def test_the_prior_decides_along_a_featureless_corridor() -> None:
 def test_the_gradient_is_the_slope_of_the_cost(x: float, y: float, theta: float) -> None:
     """Against central differences; the step stays inside a cell of the bilinear surface almost surely."""
     pose = in_array(Pose2(x_m=x, y_m=y, theta_rad=theta))
-    prior, information = pose + np.array([0.02, -0.03, 0.01]), np.array([40.0, 50.0, 60.0])
+    prior, information = pose + np.array([0.02, -0.03, 0.01]), np.diag([40.0, 50.0, 60.0])
     points_m = HITS_M[::60]
 
     def cost(at: FloatArray) -> tuple[float, FloatArray]:
