@@ -70,7 +70,15 @@ def telemetry_of(of: Message, epoch_ns: int = 0) -> TelemetrySample:
 
 def pose_of(of: Message) -> Pose2:
     """geometry_msgs/Pose to the plane; one that is not finite or leaves the plane is refused."""
-    at, q = of.position, of.orientation
+    return _planar(of.position, of.orientation)
+
+
+def transform_of(of: Message) -> Pose2:
+    """geometry_msgs/Transform to the plane; refused as `pose_of` does."""
+    return _planar(of.translation, of.rotation)
+
+
+def _planar(at: Message, q: Message) -> Pose2:
     if not all(map(math.isfinite, (at.x, at.y, at.z, q.x, q.y, q.z, q.w))):
         raise ValueError("a pose that is not finite")
     length = math.sqrt(q.x**2 + q.y**2 + q.z**2 + q.w**2)

@@ -47,6 +47,7 @@ TOPICS: Mapping[str, Topic] = MappingProxyType(
         "battery": _out("sensor_msgs/msg/BatteryState"),
         "status": _out("thumper_msgs/msg/Status", latched=True),
         "events": _out("rcl_interfaces/msg/Log"),
+        "session": _out("std_msgs/msg/String", latched=True),  # JSON: what a recording must know of the run
         "goal": _in("geometry_msgs/msg/PoseStamped"),
         "waypoints": _in("nav_msgs/msg/Path"),
         "initialpose": _in("geometry_msgs/msg/PoseWithCovarianceStamped"),
