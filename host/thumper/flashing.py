@@ -35,11 +35,6 @@ class Job:
         return UPLOAD_BAUD[self.bootloader]
 
 
-def default_hex(board: str) -> Path:
-    """Return where `make firmware` leaves the HEX of a board."""
-    return FIRMWARE / "build" / ("" if board == "trex" else board) / "thumper.hex"
-
-
 def flash_board(job: Job, *, tool: str) -> None:
     """Write and verify; `tool` is avrdude, pio or auto.
 
@@ -74,6 +69,10 @@ def flash_board(job: Job, *, tool: str) -> None:
 
 def _find_tool(wanted: str) -> tuple[str, str]:
     tools = ("avrdude", "pio") if wanted == "auto" else (wanted,)
+    if not FIRMWARE.is_dir():  # PlatformIO builds from the sources, which an installed wheel lacks
+        if wanted == "pio":
+            raise ThumperError("PlatformIO needs the firmware's sources; run it in a clone", exit_code=2)
+        tools = ("avrdude",)
     beside_python = str(Path(sys.executable).parent)  # where pip puts PlatformIO in a virtual environment
     for tool in tools:
         executable = shutil.which(tool) or shutil.which(tool, path=beside_python)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from thumper.errors import ThumperError
+from thumper.firmware_image import firmware_image
 from thumper.geometry import FloatArray, Pose2
 from thumper.link.messages import Board as BoardKind
 from thumper_hil.bench.contact import HULL_M, ContactWatch
@@ -26,9 +27,8 @@ from thumper_hil.parts.start import why_not_here
 from thumper_hil.parts.urg04lx import Urg04Lx
 from thumper_hil.parts.world import World
 
-_BUILD = Path(__file__).resolve().parents[3] / "firmware" / "build"
-DEFAULT_ELF = _BUILD / "thumper.elf"
-ELF_OF_BOARD = {BoardKind.TREX: DEFAULT_ELF, BoardKind.NANO: _BUILD / "nano" / "thumper.elf"}
+ELF_OF_BOARD = {kind: firmware_image(kind.name.lower(), "elf") for kind in BoardKind}
+DEFAULT_ELF = ELF_OF_BOARD[BoardKind.TREX]
 BASE_FROM_LASER = Pose2(x_m=0.12)
 TICK_S = 0.01
 """Ground truth is recorded, and contacts are found, this often."""

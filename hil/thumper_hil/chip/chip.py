@@ -67,7 +67,8 @@ class Chip:
         try:
             self._library = load_library()
         except OSError as error:
-            raise ChipError(f"{LIBRARY}: cannot load the simulated chip; run `make chip`") from error
+            cure = "install libsimavr2 and libelf1" if LIBRARY.exists() else "run `make chip`"
+            raise ChipError(f"{LIBRARY}: cannot load the simulated chip; {cure}") from error
         numbers = params.flat() if params else []
         array = (ctypes.c_double * len(numbers))(*numbers) if numbers else None
         message = ctypes.create_string_buffer(256)

@@ -46,12 +46,13 @@ def flash(
     """Flash a board, read the flash back and compare, then shake hands with what runs on it."""
     from rich.console import Console
 
-    from thumper.flashing import Job, default_hex, flash_board
+    from thumper.firmware_image import firmware_image
+    from thumper.flashing import Job, flash_board
     from thumper.link.board import Board
 
     job = Job(
         port=port,
-        hex_file=hex_file or default_hex(board.value),
+        hex_file=hex_file or firmware_image(board.value, "hex"),
         board=board.value,
         bootloader=bootloader.value,
     )
