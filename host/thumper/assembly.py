@@ -10,9 +10,13 @@ from thumper.kinematics import DriveGeometry
 from thumper.lidar.open_lidar import open_lidar
 from thumper.link.board import Board
 from thumper.link.messages import Identity
+from thumper.link.port import is_simulated, simulates
 from thumper.mapping.method import make_mapper
 from thumper.navigation import warm
 from thumper.perception import Perception
+from thumper.products import Products
+from thumper.ros.convert import Messages
+from thumper.ros.stamps import epoch_of
 from thumper.runtime import Runtime
 
 
@@ -36,6 +40,9 @@ def open_robot(config: RobotConfig, map_from_base: Pose2) -> Iterator[Runtime]:
             yield Runtime(
                 board=board,
                 lidar=lidar,
+                products=_products(config, board),
+                service=config.service,
+                simulator=getattr(board.port, "simulator", None),
                 perception=Perception(drive=config.drive, base_from_laser=base_from_laser, mapper=mapper),
                 navigation=config.navigation,
                 footprint=config.footprint,
@@ -46,6 +53,17 @@ def open_robot(config: RobotConfig, map_from_base: Pose2) -> Iterator[Runtime]:
             lidar.close()
     finally:
         board.close()
+
+
+def _products(config: RobotConfig, board: Board) -> Products:
+    # A simulation begins at zero; a real robot's stamps are the date.
+    epoch_ns = 0 if simulates(board.port) else epoch_of(board.now_s())
+    return Products(
+        robot=config.name,
+        base_from_laser=config.lidar.base_from_laser,
+        messages=Messages(epoch_ns=epoch_ns),
+        simulated=is_simulated(board.port),
+    )
 
 
 def _check_geometry(drive: DriveGeometry, identity: Identity) -> None:

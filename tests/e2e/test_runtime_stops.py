@@ -60,7 +60,7 @@ def break_the_mapper(robot: Runtime, _bench: Bench) -> None:
 
 
 def silence_the_lidar(robot: Runtime, _bench: Bench) -> None:
-    robot._lidar.poll = list  # type: ignore[method-assign]
+    robot.senses.lidar.poll = list  # type: ignore[method-assign]
 
 
 def restart_the_board(_robot: Runtime, bench: Bench) -> None:
@@ -100,7 +100,7 @@ def test_another_ctrl_c_while_it_stops_does_not_skip_disarming(
 ) -> None:
     """The user is impatient: Ctrl-C again in the ramp, or in the very command that disarms."""
     with robot_in_the_lab() as (robot, bench):
-        board = robot._board
+        board = robot.senses.board
         said = getattr(board, call)
         impatient = True
 

@@ -1,16 +1,30 @@
-"""`thumper run`: drive the robot to a goal, mapping on the way."""
+"""`thumper run`: start the robot; with goals drive to them and end, without keep it at others' service."""
 
 import math
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from thumper.config.robot import RobotConfig
+    from thumper.runtime import Runtime
 
 
 def run(
     goal: Annotated[
-        tuple[float, float] | None, typer.Option(help="Where to drive: X Y in metres, in the map.")
+        tuple[float, float] | None,
+        typer.Option("--goal", "--goto", help="Where to drive: X Y in metres, in the map."),
+    ] = None,
+    heading: Annotated[
+        float | None, typer.Option(help="Which way to look at --goal, in degrees from x.")
     ] = None,
     waypoint: Annotated[
         list[str] | None,
@@ -27,10 +41,16 @@ def run(
     clear_fault: Annotated[bool, typer.Option(help="Clear a fault that the board has latched.")] = False,
     config: Annotated[Path | None, typer.Option(help="The robot's TOML; without it, a Wild Thumper.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for map, pictures and summary.")] = Path("out"),
+    speed: Annotated[
+        float,
+        typer.Option(help="Pace of a simulated robot that is at service; 1 is real time.", min=0.1, max=20.0),
+    ] = 1.0,
 ) -> None:
     """Drive to a goal, or round waypoints, in a place that the robot has never seen; leave the map behind.
 
     The map's frame is laid by --start: by default the robot stands at its origin and looks along x.
+    Without a goal the robot stays at service until Ctrl-C: it maps, and does what `thumper goto`, a page, a
+    gamepad or another program asks of it over the bus.
     """
     from rich.console import Console
 
@@ -45,16 +65,22 @@ def run(
     from thumper.report import write_run
 
     places = [*map(_place, waypoint or []), *([goal] if goal else [])]
-    if not places:
-        raise ThumperError("nowhere to drive: give --goal X Y or --waypoint X,Y", exit_code=2)
-    if not all(map(math.isfinite, (*chain(*places), *start, tolerance))):
-        raise ThumperError("--goal, --waypoint, --start and --tolerance take finite numbers", exit_code=2)
+    if not all(map(math.isfinite, (*chain(*places), *start, tolerance, heading or 0.0))):
+        raise ThumperError("--goal, --heading, --waypoint and --start take finite numbers", exit_code=2)
+    if heading is not None and goal is None:
+        raise ThumperError("--heading belongs to --goal X Y", exit_code=2)
     settings = with_ports(load_config(config), board=board, lidar=lidar)
     prepare_output(out)
     console = Console()
     start_pose = Pose2(x_m=start[0], y_m=start[1], theta_rad=math.radians(start[2]))
     goals = tuple(Goal(x_m=x_m, y_m=y_m, tolerance_m=tolerance) for x_m, y_m in places)
-    with open_robot(settings, start_pose) as robot:
+    if heading is not None:
+        goals = (*goals[:-1], replace(goals[-1], theta_rad=math.radians(heading)))
+    if not goals:
+        with open_robot(settings, start_pose) as robot:
+            _serve(robot, settings, speed, console)
+        return
+    with open_robot(settings, start_pose) as robot, _on_bus_if_free(robot, settings):
         result = follow(
             Itinerary(goals=goals, rounds=patrol),
             lambda name, leg: drive_with_progress(robot, leg, name, console, clear_fault=clear_fault),
@@ -66,6 +92,29 @@ def run(
             f"goal not reached: {result.reason}", exit_code=INTERRUPTED if result.interrupted else 1
         )
     console.print(f"reached: {result.reason}")
+
+
+def _serve(robot: "Runtime", settings: "RobotConfig", speed: float, console: "Console") -> None:
+    from thumper.bus.attach import on_bus
+
+    with on_bus(robot, settings.name, settings.bus):
+        console.print(f"{settings.name} is at service on {settings.bus.address}; Ctrl-C ends it")
+        robot.serve(speed=speed)
+    console.print("stopped")
+
+
+@contextmanager
+def _on_bus_if_free(robot: "Runtime", settings: "RobotConfig") -> Iterator[None]:
+    """A drive can be watched and stopped over the bus; but it does not depend on it."""
+    from thumper.bus.attach import on_bus
+    from thumper.errors import ThumperError
+
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(on_bus(robot, settings.name, settings.bus))
+        except ThumperError as error:
+            print(f"thumper: nobody can watch or stop this drive: {error}", file=sys.stderr)
+        yield
 
 
 def _place(text: str) -> tuple[float, float]:

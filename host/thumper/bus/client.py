@@ -1,0 +1,116 @@
+"""The other end of the bus: for the page, the commands, the recorder and your own programs."""
+
+import json
+import uuid
+from collections.abc import Callable, Mapping
+from types import TracebackType
+from typing import Any, Self
+
+import zenoh
+
+from thumper.bus.session import open_joiner
+from thumper.errors import ThumperError
+from thumper.ros.codec import Message, decode, encode
+from thumper.ros.topics import TOPICS
+
+QUERY_TIMEOUT_S = 3.0
+
+
+class BusClient:
+    """Joins the bus of one robot.
+
+    Raises
+    ------
+    ThumperError
+        No robot runs there, or the token is not its own.
+    """
+
+    def __init__(self, robot: str, address: str, token: str = "") -> None:
+        self.source = uuid.uuid4().hex  # who sends; heartbeats and goals of one client belong together
+        self._prefix = f"thumper/{robot}/"
+        self._session = open_joiner(address, token)
+        self._subscribers: list[zenoh.Subscriber[None]] = []
+
+    def subscribe(self, topic: str, callback: Callable[[Message], None]) -> None:
+        """Have each message of a topic, decoded; of a latched one the newest at once.
+
+        `callback` runs in a thread of the bus. A message that is none is dropped.
+        """
+        type_name = TOPICS[topic].type_name
+
+        def take(payload: zenoh.ZBytes) -> None:
+            try:
+                message = decode(payload.to_bytes(), type_name)
+            except ValueError:
+                return
+            callback(message)
+
+        subscribe = self._session.declare_subscriber
+        self._subscribers.append(subscribe(self._prefix + topic, lambda sample: take(sample.payload)))
+        if TOPICS[topic].latched:
+            for reply in self._session.get(self._prefix + topic, timeout=QUERY_TIMEOUT_S):
+                if reply.ok is not None:
+                    take(reply.ok.payload)
+
+    def subscribe_raw(self, topic: str, callback: Callable[[bytes], None]) -> None:
+        """Have each message of a topic as it comes over the wire (CDR), not the newest of a latched one."""
+        subscribe = self._session.declare_subscriber
+        self._subscribers.append(
+            subscribe(self._prefix + topic, lambda sample: callback(sample.payload.to_bytes()))
+        )
+
+    def publish(self, topic: str, message: Message, *, source: str = "") -> None:
+        """Send a message; `source` names who sends when one client speaks for several."""
+        self.publish_raw(topic, encode(message), source=source)
+
+    def publish_raw(self, topic: str, raw: bytes, *, source: str = "") -> None:
+        """Send a message that is CDR already."""
+        self._session.put(
+            self._prefix + topic,
+            raw,
+            attachment=(source or self.source).encode(),
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            priority=zenoh.Priority.REAL_TIME if topic == "estop" else zenoh.Priority.INTERACTIVE_HIGH,
+            express=True,
+        )
+
+    def query(
+        self, name: str, payload: Mapping[str, Any] | None = None, *, source: str = ""
+    ) -> dict[str, Any]:
+        """Ask the robot something and return its answer, in which `ok` is true.
+
+        Raises
+        ------
+        ThumperError
+            The robot refuses, in its words; or it does not answer.
+        """
+        replies = self._session.get(
+            f"{self._prefix}ask/{name}",
+            payload=json.dumps(payload or {}),
+            attachment=(source or self.source).encode(),
+            timeout=QUERY_TIMEOUT_S,
+        )
+        for reply in replies:
+            if reply.ok is not None:
+                answer = json.loads(reply.ok.payload.to_bytes())
+                if not isinstance(answer, dict):
+                    break
+                if not answer.get("ok"):
+                    raise ThumperError(str(answer.get("error")))
+                return answer
+        name = self._prefix.split("/")[1]
+        raise ThumperError(f"no robot {name!r} answers on this bus; --robot or the configuration names it")
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._session.close()  # type: ignore[no-untyped-call]
+
+    def __enter__(self) -> Self:
+        """The client itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Leave the bus."""
+        self.close()

@@ -1,0 +1,85 @@
+"""What the robot takes in: one beat of the board's telemetry, the scans beside it, and what they mean."""
+
+from collections.abc import Callable
+
+from thumper.errors import ThumperError
+from thumper.lidar.driver import LidarDriver
+from thumper.lidar.scan import Scan
+from thumper.link.board import Board, TelemetrySample
+from thumper.link.messages import Telemetry
+from thumper.mission_log import MissionLog
+from thumper.perception import Perception, Situation
+
+TELEMETRY_TIMEOUT_S = 0.5
+LATE_BEAT_S = 0.15  # a telemetry frame was lost on the way: the board must not miss a command for it
+FIRST_LOOK_SCANS = 3
+FIRST_LOOK_TIMEOUT_S = 5.0
+
+
+class Senses:
+    """Both ports behind one call a beat; `samples` and `scans` hold what the newest beat brought."""
+
+    def __init__(self, *, board: Board, lidar: LidarDriver, perception: Perception) -> None:
+        self.board = board
+        self.lidar = lidar
+        self.perception = perception
+        self.telemetry: Telemetry | None = None
+        self.samples: list[TelemetrySample] = []
+        self.scans: list[Scan] = []
+        self.log = MissionLog()
+        self.keeps_log = True  # a robot that is on for days must not fill its memory
+
+    def beat(self, standing_order: Callable[[], None] | None = None) -> bool:
+        """Take in one beat of both ports; False when the board is silent.
+
+        When a beat is late, `standing_order` is given once more, so that one lost frame is not a lost link.
+        """
+        samples = self.board.poll(LATE_BEAT_S)
+        if not samples:
+            if standing_order is not None:
+                standing_order()
+            samples = self.board.poll(TELEMETRY_TIMEOUT_S - LATE_BEAT_S)
+        self.take_in(samples)
+        self.scans = self.lidar.poll()
+        for scan in self.scans:
+            self.perception.add_scan(scan)
+        return bool(samples)
+
+    def take_in(self, samples: list[TelemetrySample]) -> None:
+        """Believe telemetry."""
+        self.samples = samples
+        for sample in samples:
+            self.telemetry = sample.telemetry
+            self.perception.add_telemetry(sample)
+            if self.keeps_log:
+                self.log.add_speeds(sample)
+
+    @property
+    def has_looked(self) -> bool:
+        """Whether enough was seen to plan with."""
+        return self.perception.scans_mapped >= FIRST_LOOK_SCANS
+
+    def look_round(self, beat: Callable[[], bool]) -> Situation:
+        """Stand still and let `beat` pass until the first scans are mapped: a plan needs a map.
+
+        Raises
+        ------
+        ThumperError
+            The board is silent, or the lidar is.
+        """
+        waited_s = 0.0
+        while not self.has_looked:
+            if waited_s > FIRST_LOOK_TIMEOUT_S:
+                raise ThumperError(
+                    "the lidar sends no scans in the board's time; is it powered, and the same robot's? "
+                    "`thumper doctor --lidar PORT` tells more"
+                )
+            before = self.perception.situation()
+            if not beat():
+                raise ThumperError("the board went silent before the start; is the cable loose?")
+            now = self.perception.situation()
+            if before and now:
+                waited_s += now.time_s - before.time_s
+        situation = self.perception.situation()
+        assert situation is not None  # a scan is only mapped once odometry covers it
+        return situation

@@ -1,0 +1,257 @@
+"""Takes what others ask of the robot, has it done by those who can, and answers. Runs in the robot's loop."""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+from thumper.errors import ThumperError
+from thumper.navigation.goal import Goal
+from thumper.products import Products
+from thumper.ros.convert import ERROR, INFO, WARN
+from thumper.senses import Senses
+from thumper.service import board_parameters
+from thumper.service.inbox import Inbox
+from thumper.service.missions import Missions
+from thumper.service.pilot import Mode, Pilot
+from thumper.service.requests import (
+    COMMANDS,
+    Ask,
+    EmergencyStop,
+    GoTo,
+    Heartbeat,
+    Notice,
+    Order,
+    Relocate,
+    Request,
+    Simulate,
+    Velocity,
+)
+
+Handler = Callable[[], str]
+"""Carries out a command and returns what it did, in words; raises ThumperError with the cure."""
+
+
+class Simulator(Protocol):
+    """What a simulated robot's port offers beside its bytes."""
+
+    def describe(self) -> dict[str, Any]:
+        """The world and what can be done to it, as JSON takes it."""
+        ...
+
+    def apply(self, content: Mapping[str, Any]) -> str:
+        """Do it; returns what was done, in words. Raises ThumperError."""
+        ...
+
+
+class Desk:
+    """One per robot."""
+
+    def __init__(
+        self,
+        *,
+        inbox: Inbox,
+        pilot: Pilot,
+        senses: Senses,
+        products: Products,
+        check_goal: Callable[[Goal], None],
+        simulator: Simulator | None,
+    ) -> None:
+        self.missions = Missions()
+        self.handlers: dict[str, Handler] = {}  # of commands that others carry out
+        self.takes_goals = True
+        self._inbox = inbox
+        self._pilot = pilot
+        self._senses = senses
+        self._products = products
+        self._check_goal = check_goal
+        self._simulator = simulator
+
+    def attend(self) -> None:
+        """Take and do everything that waits. Never raises: what cannot be done is told to who asked."""
+        for came_s, request in self._inbox.take():
+            try:
+                self._do(came_s, request)
+            except ThumperError as error:
+                self._products.event(str(error), WARN)
+            except Exception as error:  # a request must not end the robot's loop
+                self._products.event(f"internal error: {type(error).__name__}: {error}", ERROR)
+
+    def follow_up(self) -> None:
+        """Go on with the next leg of a mission, or note how it ended."""
+        ending = self._pilot.ending
+        if ending is None or not self.takes_goals:
+            return
+        self._pilot.ending = None
+        goal = self.missions.next_goal() if ending.reached else None
+        mission = self.missions.newest
+        if goal is not None and mission is not None:
+            try:
+                self._check_goal(goal)
+                self._pilot.start(goal, self._senses.telemetry, source=mission.source)
+                return
+            except ThumperError as error:
+                self._finish(str(error), reached=False)
+                return
+        self._finish(ending.reason, reached=ending.reached)
+
+    def _finish(self, reason: str, *, reached: bool) -> None:
+        mission = self.missions.end(reason, reached=reached)
+        if mission is not None:
+            text = f"mission {mission.number} {mission.state.value}: {mission.reason}"
+            self._products.event(text, INFO if reached else WARN)
+
+    def _do(self, came_s: float, request: Request) -> None:
+        match request:
+            case Velocity():
+                self._pilot.take(came_s, request)
+            case Heartbeat():
+                self._pilot.supervision.beat(request.source, came_s)
+            case EmergencyStop():
+                self._pilot.emergency_stop()
+            case GoTo():
+                self._go(request.goals, request.source)
+            case Order():
+                self._order(request.name)
+            case Relocate():
+                self._relocate(request)
+            case Simulate():
+                self._products.event(self._simulate(request.content))
+            case Notice():
+                self._products.event(request.text, WARN)
+            case Ask():
+                self._answer(request)
+
+    def _answer(self, ask: Ask) -> None:
+        try:
+            answer = {"ok": True, **self._reply_to(ask)}
+        except ThumperError as error:
+            answer = {"ok": False, "error": str(error)}
+        except Exception as error:
+            answer = {"ok": False, "error": f"internal error: {type(error).__name__}: {error}"}
+        ask.reply(answer)
+
+    def _reply_to(self, ask: Ask) -> dict[str, Any]:
+        board = self._pilot.board
+        match ask.name:
+            case "parameters/schema":
+                return board_parameters.schema()
+            case "parameters/get":
+                return board_parameters.values(board)
+            case "parameters/set":
+                answer = board_parameters.change(board, ask.content)
+                self._products.event(f"parameters set: {answer['values']}")
+                return answer
+            case "parameters/save":
+                self._must_stand("save the parameters")
+                self._products.event("parameters saved on the board")
+                return board_parameters.save(board)
+            case "parameters/revert":
+                return board_parameters.revert(board)
+            case "mission/send":
+                return {"mission": self._go((_goal_of(ask.content),), ask.source)}
+            case "mission/state":
+                return self._mission_state(ask.content)
+            case "command":
+                return {"text": self._order(ask.content.get("command"))}
+            case "simulator/world":
+                return self._world()
+            case "simulator/command":
+                return {"text": self._simulate(ask.content)}
+        raise ThumperError(f"no such question: {ask.name}")
+
+    def _go(self, goals: tuple[Goal, ...], source: str) -> int:
+        """Set out, or say why not; returns the mission's number."""
+        if not self.takes_goals:
+            raise ThumperError("this run has goals of its own; `thumper run` without one takes others")
+        if not self._senses.has_looked:
+            raise ThumperError("no goal is taken yet: nothing was seen to plan with; is the lidar on?")
+        self._check_goal(goals[0])
+        self._pilot.start(goals[0], self._senses.telemetry, source=source)
+        return self.missions.begin(goals, source).number
+
+    def _mission_state(self, content: Mapping[str, Any]) -> dict[str, Any]:
+        number = content.get("mission")
+        mission = self.missions.find(number) if isinstance(number, int) else self.missions.newest
+        if mission is None:
+            raise ThumperError("no such mission")
+        situation, goal = self._senses.perception.situation(), mission.goals[mission.leg]
+        return {
+            "mission": mission.number,
+            "state": mission.state.value,
+            "reason": mission.reason or self._pilot.reason,
+            "leg": mission.leg,
+            "legs": len(mission.goals),
+            "distance_m": goal.distance_m(situation.map_from_base) if situation else None,
+        }
+
+    def _order(self, name: object) -> str:
+        """Carry out one of the known commands; returns what was done."""
+        pilot = self._pilot
+        if not isinstance(name, str) or name not in COMMANDS:
+            raise ThumperError(f"no command {name!r}; there are {', '.join(COMMANDS)}")
+        match name:
+            case "cancel":
+                was = pilot.mode
+                pilot.stop("cancelled")
+                return "the robot stood still already" if was is Mode.IDLE else "cancelled; the robot stops"
+            case "estop":
+                pilot.emergency_stop()
+                return "emergency stop: the motors are off until the fault is cleared"
+            case "clear_fault":
+                pilot.clear_fault()
+                return "fault cleared; the motors are off"
+            case "arm":
+                pilot.arm(self._senses.telemetry)
+                return "armed: the wheels are held"
+            case "disarm":
+                pilot.disarm("disarmed")
+                return "the motors are off"
+        handler = self.handlers.get(name)
+        if handler is None:
+            raise ThumperError(f"this robot's process cannot {name.replace('_', ' ')}")
+        text = handler()
+        self._products.event(text)
+        return text
+
+    def _relocate(self, request: Relocate) -> None:
+        self._must_stand("be told where it is")
+        set_pose = getattr(self._senses.perception.mapper, "set_pose", None)
+        if set_pose is None:
+            raise ThumperError("this mapping method cannot be told where the robot is; start with --start")
+        set_pose(request.map_from_base)
+        self._products.event("the robot was told where it is")
+
+    def _world(self) -> dict[str, Any]:
+        if self._simulator is None:
+            raise ThumperError("this robot is real, or its simulator is elsewhere: its world cannot be told")
+        return self._simulator.describe()
+
+    def _simulate(self, content: Mapping[str, Any]) -> str:
+        if self._simulator is None:
+            raise ThumperError("this robot is real, or its simulator runs elsewhere: nothing to simulate")
+        return self._simulator.apply(content)
+
+    def _must_stand(self, what: str) -> None:
+        if self._pilot.mode in (Mode.DRIVING, Mode.MANUAL, Mode.STOPPING):
+            raise ThumperError(f"the robot must stand to {what}: stop it first")
+
+
+def _goal_of(content: Mapping[str, Any]) -> Goal:
+    """x_m, y_m, and perhaps yaw_rad and tolerance_m; nothing else, and all of them numbers."""
+    known = {"x_m", "y_m", "yaw_rad", "tolerance_m"}
+    numbers = {
+        name: float(value)
+        for name, value in content.items()
+        if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    }
+    if set(numbers) != set(content) or not {"x_m", "y_m"} <= set(numbers) <= known:
+        raise ThumperError("a goal is x_m, y_m and perhaps yaw_rad and tolerance_m, all of them numbers")
+    tolerance_m = numbers.get("tolerance_m", 0.1)
+    if not 0.02 <= tolerance_m <= 1.0:
+        raise ThumperError("a goal's tolerance is 0.02...1 m")
+    return Goal(
+        x_m=numbers["x_m"],
+        y_m=numbers["y_m"],
+        theta_rad=numbers.get("yaw_rad"),
+        tolerance_m=tolerance_m,
+    )

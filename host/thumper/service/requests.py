@@ -1,0 +1,89 @@
+"""What may be asked of a running robot, after it was checked. Plain data, from whatever border it came."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+from thumper.geometry import Pose2, Twist2
+from thumper.navigation.goal import Goal
+
+# Words that the topic `command` takes; nothing else is ever carried out.
+COMMANDS = ("cancel", "clear_fault", "arm", "disarm", "estop", "record_start", "record_stop", "save_map")
+
+
+class Channel(IntEnum):
+    """Who drives by hand; the greater one goes first."""
+
+    TELEOP = 1
+    GAMEPAD = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GoTo:
+    """Drive to these places, one after another."""
+
+    goals: tuple[Goal, ...]
+    source: str = ""  # who asks: a heartbeat under the same name must not fail
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Velocity:
+    """Drive like this, by hand, for a moment."""
+
+    channel: Channel
+    twist: Twist2
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Heartbeat:
+    """The page is alive."""
+
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EmergencyStop:
+    """Motors off, latched."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Order:
+    """One of `COMMANDS`."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Relocate:
+    """The robot stands here."""
+
+    map_from_base: Pose2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Simulate:
+    """Change the simulated world; refused on a real robot."""
+
+    content: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Notice:
+    """A line for people, from another thread."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ask:
+    """A question that wants an answer: `reply` is called once, from the robot's loop, and must not block."""
+
+    name: str
+    content: Mapping[str, Any]
+    reply: Callable[[Mapping[str, Any]], None]
+    source: str = ""
+
+
+Request = GoTo | Velocity | Heartbeat | EmergencyStop | Order | Relocate | Simulate | Notice | Ask
