@@ -6,7 +6,7 @@ import pytest
 
 from thumper.errors import ThumperError
 from thumper.link.board import Board
-from thumper.link.messages import Command
+from thumper.link.messages import Command, Fault
 
 BAUD = 500_000
 CONSENT = (
@@ -15,7 +15,7 @@ CONSENT = (
 )
 NEEDS_THE_SIMULATOR = (
     "a battery that runs low",
-    "broken encoder wires, dead motors, blocked wheels",
+    "broken, exchanged or disturbed encoder wires, dead, exchanged or shorted motors, blocked wheels",
     "noise on the line",
     "a firmware that hangs",
     "lost edges at full speed against the true count",
@@ -25,7 +25,13 @@ NEEDS_THE_SIMULATOR = (
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add --port and --yes."""
     parser.addoption("--port", default="", help="the board's serial port; its wheels must be off the ground")
+    parser.addoption("--clear-fault", action="store_true", help="clear a fault that the board has latched")
     parser.addoption("--yes", action="store_true", help="the wheels are off the ground: do not ask")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Name the marker."""
+    config.addinivalue_line("markers", "provokes(fault): the test ends in this fault, which is cleared again")
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
@@ -62,15 +68,39 @@ def opened_board(request: pytest.FixtureRequest) -> Iterator[Board]:
         board = Board.open(port, baud=BAUD)
     except ThumperError as error:
         pytest.exit(str(error), returncode=error.exit_code)
-    yield board
-    board.close()
+    try:
+        fault = latched_fault(board)
+        if fault is not Fault.NONE and not request.config.getoption("--clear-fault"):
+            pytest.exit(
+                f"the board has latched the fault {fault.name}; nothing was moved. "
+                "Look for its cause, then give --clear-fault",
+                returncode=4,
+            )
+        if fault is not Fault.NONE:
+            board.command(Command.CLEAR_FAULT)
+        yield board
+    finally:
+        board.close()
 
 
 @pytest.fixture
-def board(opened_board: Board) -> Iterator[Board]:
-    """The board, without a fault and disarmed before and after."""
+def board(opened_board: Board, request: pytest.FixtureRequest) -> Iterator[Board]:
+    """The board, without a fault and disarmed. Only the fault that a test provokes is cleared after it."""
+    fault = latched_fault(opened_board)
+    if fault is not Fault.NONE:
+        pytest.fail(f"an earlier test left the fault {fault.name}, which nobody provoked; look for its cause")
     opened_board.command(Command.DISARM)
-    opened_board.command(Command.CLEAR_FAULT)
     yield opened_board
     opened_board.command(Command.DISARM)
-    opened_board.command(Command.CLEAR_FAULT)
+    marker = request.node.get_closest_marker("provokes")
+    if marker is not None and latched_fault(opened_board) is marker.args[0]:
+        opened_board.command(Command.CLEAR_FAULT)
+
+
+def latched_fault(board: Board) -> Fault:
+    """The fault of the newest telemetry."""
+    board.poll(0.0)  # what came before is old
+    samples = board.poll(1.0)
+    if not samples:
+        pytest.fail("the board sends no telemetry")
+    return samples[-1].telemetry.fault

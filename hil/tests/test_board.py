@@ -93,6 +93,7 @@ def test_speed_control_settles(board: Board, sign: int) -> None:
     assert seen[-1].lost_edges == seen[0].lost_edges
 
 
+@pytest.mark.provokes(Fault.LINK_LOST)
 def test_a_silent_host_stops_the_wheels(board: Board) -> None:
     board.command(Command.ARM)
     follow(board, 1.2, at(board, SPEED_RAD_S, SPEED_RAD_S))
@@ -104,6 +105,7 @@ def test_a_silent_host_stops_the_wheels(board: Board) -> None:
     assert (seen[-1].left_speed, seen[-1].right_speed) == (0, 0)
 
 
+@pytest.mark.provokes(Fault.E_STOP)
 def test_an_emergency_stop_is_latched(board: Board) -> None:
     board.command(Command.ARM)
     follow(board, 1.2, at(board, SPEED_RAD_S, SPEED_RAD_S))

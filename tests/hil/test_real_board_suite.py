@@ -7,12 +7,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from thumper.link.board import Board
-from thumper.link.messages import ResetCause
+from thumper.link.messages import Command, Fault, ResetCause
 
 ROOT = Path(__file__).resolve().parents[2]
 THUMPER = Path(sys.executable).with_name("thumper")
@@ -34,17 +35,24 @@ def run_suite(*arguments: str | Path, answer: str = "") -> subprocess.CompletedP
     )
 
 
-@pytest.fixture
-def board_pty(tmp_path: Path) -> Iterator[Path]:
+@contextmanager
+def served(folder: Path, *options: str) -> Iterator[Path]:
     """The path of a simulated board that another process serves in real time."""
-    path = tmp_path / "board"
-    paths = ["--board-pty", str(path), "--lidar-pty", str(tmp_path / "lidar")]
-    command = [str(THUMPER), "sim", *paths, "--world", "hall", "--reset-on-open"]
+    path = folder / "board"
+    paths = ["--board-pty", str(path), "--lidar-pty", str(folder / "lidar")]
+    command = [str(THUMPER), "sim", *paths, "--world", "hall", *options]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
         assert server.stdout is not None
         assert "Ctrl-C ends it" in server.stdout.readline()
         yield path
         server.send_signal(signal.SIGINT)
+
+
+@pytest.fixture
+def board_pty(tmp_path: Path) -> Iterator[Path]:
+    """A board that is reset when its port is opened."""
+    with served(tmp_path, "--reset-on-open") as path:
+        yield path
 
 
 def test_the_emulated_board_passes(board_pty: Path) -> None:
@@ -63,6 +71,22 @@ def test_opening_the_port_resets_the_board(board_pty: Path) -> None:
         time.sleep(1.0)
         board.poll(0.0)
         board.close()
+
+
+def test_a_latched_fault_is_left_alone_unless_told(tmp_path: Path) -> None:
+    """A board that is not reset on opening keeps its fault: somebody may not know of it yet."""
+    with served(tmp_path) as path:
+        board = Board.open(str(path), baud=500_000)
+        board.command(Command.E_STOP)
+        board.port.close()
+        refused = run_suite("--port", path, "--yes")
+        assert refused.returncode == 4
+        assert "latched the fault E_STOP; nothing was moved" in refused.stdout + refused.stderr
+        board = Board.open(str(path), baud=500_000)
+        assert board.poll(1.0)[-1].telemetry.fault is Fault.E_STOP
+        board.close()
+        told = run_suite("--port", path, "--yes", "--clear-fault", "-k", "battery or says_who")
+        assert told.returncode == 0, told.stdout
 
 
 def test_nothing_moves_without_consent(tmp_path: Path) -> None:
