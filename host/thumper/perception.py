@@ -31,6 +31,7 @@ class Situation:
     twist: Twist2
     hits_in_map_m: FloatArray  # shape (n, 2)
     scan_age_s: float  # +inf before the first scan
+    lost: str = ""  # why nobody should drive by this pose; empty while one may
 
 
 class Perception:
@@ -81,6 +82,7 @@ class Perception:
             twist=self._newest.twist,
             hits_in_map_m=self._hits_in_map_m,
             scan_age_s=self._newest.time_s - self._scan_time_s,
+            lost=self.mapper.quality().lost if self.scans_mapped else "",
         )
 
     def _map_what_is_covered(self) -> None:

@@ -1,8 +1,8 @@
 """Whatever the board may say, the operator hears it in words."""
 
-from thumper.link.board import REFUSALS
 from thumper.link.fault_words import FAULT_CURES
 from thumper.link.messages import AckStatus, Fault
+from thumper.link.refusals import REFUSALS
 
 
 def test_every_fault_has_its_cure() -> None:
