@@ -1,11 +1,9 @@
-"""Figures of navigation: `python benchmarks/navigation.py [planner] [rollouts] [cycle]`, or
-`... barn|made CONTROLLER SEED SCALE ...` for 20 recorded BARN worlds, or 20 made ones of the same kind.
+"""Figures of navigation: `python benchmarks/navigation.py [planner] [costmap] [rollouts] [cycle]`.
 
-Without arguments: planner, rollouts and cycle. Recorded maps come from $THUMPER_DATA (default
+Without arguments: all of them. Recorded maps come from $THUMPER_DATA (default
 ../shared/data). Times are CPU milliseconds of this thread.
 """
 
-import math
 import os
 import sys
 import time
@@ -17,37 +15,28 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+from thumper.geometry import Pose2, Twist2
+from thumper.mapping.grid import OccupancyGrid
+from thumper.navigation.astar import AStarOptions, AStarPlanner
+from thumper.navigation.controller import ControlRequest
+from thumper.navigation.costmap import Costmap, CostmapOptions, build_costmap
+from thumper.navigation.dwa import DwaController, DwaOptions
+from thumper.navigation.footprint import Footprint
+from thumper.navigation.goal import Goal
+from thumper.navigation.inflation import LETHAL, UNKNOWN, squared_distances
+from thumper.navigation.lattice import LatticeOptions, LatticePlanner
+from thumper.navigation.layers import CostmapLayers
+from thumper.navigation.limits import SpeedLimits
+from thumper.navigation.mppi import MppiController, MppiOptions
+from thumper.navigation.navfn import NavfnOptions, NavfnPlanner
+from thumper.navigation.navigator import Navigator
+from thumper.navigation.path import arc_lengths
+from thumper.navigation.planner import Planner
+from thumper_hil.arena.closed_loop import drive
+from thumper_hil.arena.maps import read_pgm, read_trinary
+from thumper_hil.arena.world import World, box
 
-from tests.host.navigation.barn import (  # noqa: E402
-    drive_through,
-    has_arrived,
-    made_world,
-    recorded_world,
-)
-from tests.host.navigation.closed_loop import drive  # noqa: E402
-from tests.host.navigation.maps import read_pgm, read_trinary  # noqa: E402
-from tests.host.navigation.world import World, box  # noqa: E402
-from thumper.geometry import Pose2, Twist2  # noqa: E402
-from thumper.mapping.grid import OccupancyGrid  # noqa: E402
-from thumper.navigation.astar import AStarOptions, AStarPlanner  # noqa: E402
-from thumper.navigation.controller import ControlRequest  # noqa: E402
-from thumper.navigation.costmap import Costmap, CostmapOptions, build_costmap  # noqa: E402
-from thumper.navigation.dwa import DwaController, DwaOptions  # noqa: E402
-from thumper.navigation.footprint import Footprint  # noqa: E402
-from thumper.navigation.goal import Goal  # noqa: E402
-from thumper.navigation.inflation import LETHAL, UNKNOWN, squared_distances  # noqa: E402
-from thumper.navigation.lattice import LatticeOptions, LatticePlanner  # noqa: E402
-from thumper.navigation.limits import SpeedLimits  # noqa: E402
-from thumper.navigation.mppi import MppiController, MppiOptions  # noqa: E402
-from thumper.navigation.navfn import NavfnOptions, NavfnPlanner  # noqa: E402
-from thumper.navigation.navigator import Navigator  # noqa: E402
-from thumper.navigation.options import NavigationOptions  # noqa: E402
-from thumper.navigation.path import arc_lengths  # noqa: E402
-from thumper.navigation.planner import Planner  # noqa: E402
-
-DATA = Path(os.environ.get("THUMPER_DATA", ROOT.parent / "shared" / "data")) / "nav"
+DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2] / "shared" / "data")) / "nav"
 NO_HITS = np.empty((0, 2))
 PEER_COSTS = CostmapOptions(inflation_radius_m=0.55, decay_per_m=10.0)
 
@@ -103,9 +92,38 @@ def planner() -> None:
                 f"    {title}: {len(ratios)}/{len(pairs)} found, {p50:.2f} ms (p95 {p95:.1f}), "
                 f"length x {np.mean(ratios):.3f} of navfn"
             )
+
+
+def costmap() -> None:
+    """Inflation of one window, and the update for one scan on maps of growing size."""
     lethal = read_pgm(DATA / "oracle" / "inflation_in_120.pgm") == LETHAL
+    cells = np.where(lethal, 100, 0).astype(np.int8)
+    window = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
     squared_distances(lethal, 11)
-    print(f"  inflation distances 120 x 120: {cpu_ms(partial(squared_distances, lethal, 11), 50):.3f} ms")
+    distances_ms = cpu_ms(partial(squared_distances, lethal, 11), 50)
+    whole_ms = cpu_ms(partial(build_costmap, window, NO_HITS, Footprint(), PEER_COSTS), 50)
+    print(f"costmap: inflation of 120 x 120: {whole_ms:.3f} ms, of it distances {distances_ms:.3f} ms")
+    rng = np.random.default_rng(0)
+    angles_rad = np.linspace(-2.09, 2.09, 480)
+    for side in (200, 400, 800, 1600, 3200):
+        half_m = 0.025 * side
+        cells = np.zeros((side, side), np.int8)
+        layers, updates, afresh = CostmapLayers(Footprint(), PEER_COSTS), [], []
+        for scan in range(20):
+            range_m = 3.5 + 0.01 * rng.standard_normal((480, 1))
+            hits_m = range_m * np.column_stack((np.cos(angles_rad), np.sin(angles_rad)))
+            cols, rows = ((hits_m + half_m) / 0.05).astype(np.int64).T
+            cells = cells.copy()
+            cells[rows, cols] = 100
+            grid = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=-half_m, origin_y_m=-half_m)
+            took_ms = cpu_ms(partial(layers.update, grid, hits_m), 1)
+            if scan > 1:  # the first ones build everything
+                updates.append(took_ms)
+                afresh.append(cpu_ms(partial(build_costmap, grid, hits_m, Footprint(), PEER_COSTS), 1))
+        print(
+            f"  map of {side} x {side}: update for a scan {np.median(updates):.2f} ms, "
+            f"afresh {np.median(afresh):.2f} ms"
+        )
 
 
 def window_request(name: str) -> ControlRequest:
@@ -171,34 +189,9 @@ def cycle() -> None:
     print(f"cycle: {len(times)} updates, p50 {p50:.2f} ms, p99 {p99:.2f} ms, max {1e3 * max(times):.2f} ms")
 
 
-def barn(kind: str, controller: str, seed: int, scale: float) -> None:
-    """20 BARN worlds, rules and speed (0.5 m/s) of the peers' table; exact pose, 1 cm range noise."""
-    options = NavigationOptions(limits=SpeedLimits(v_max_m_s=0.5), controller=controller)
-    times, least_m, contacts = [], math.inf, 0
-    for k in range(20):
-        world = made_world(k, scale) if kind == "made" else recorded_world(DATA / "barn", 15 * k, scale)
-        run = drive_through(world, scale, options, seed)
-        least_m = min(least_m, run.clearance_m)
-        contacts += run.clearance_m < 0.0
-        if has_arrived(run, scale):
-            times.append(run.time_s)
-        else:
-            print(f"  world {k}: {run.time_s:.0f} s, {run.state.value}, {run.reason}")
-    print(
-        f"{kind} x {scale}, {controller}, seed {seed}: {len(times)}/20, {contacts} contacts, "
-        f"mean {np.mean(times):.1f} s, least clearance {least_m:.3f} m",
-        flush=True,
-    )
-
-
 def main(arguments: list[str]) -> None:
     """Run what was asked for."""
-    parts = {"planner": planner, "rollouts": rollouts, "cycle": cycle}
-    if arguments and arguments[0] in ("barn", "made"):
-        kind, controller, seed, *scales = arguments
-        for scale in map(float, scales):
-            barn(kind, controller, int(seed), scale)
-        return
+    parts = {"planner": planner, "costmap": costmap, "rollouts": rollouts, "cycle": cycle}
     for name in arguments or parts:
         parts[name]()
 

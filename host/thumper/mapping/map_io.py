@@ -24,8 +24,11 @@ ImageArray = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Description:
+class Description:
+    """What the YAML file says of its image; `mode` is trinary, scale or raw."""
+
     image: str
+    mode: str
     resolution_m: float
     origin_x_m: float
     origin_y_m: float
@@ -71,17 +74,8 @@ def load_map(yaml_path: Path) -> OccupancyGrid:
     ThumperError
         A file is missing or broken; the message names the file, the key and the value.
     """
-    description = _parse(yaml_path, _read(yaml_path).decode("utf-8", errors="replace"))
-    pgm_path = yaml_path.parent / description.image
-    try:
-        image = decode_pgm(_read(pgm_path))
-    except ValueError as error:
-        raise ThumperError(
-            f"{pgm_path}: {error}; save the map again, as an 8-bit PGM image", exit_code=2
-        ) from error
-    grey = image[::-1].astype(np.float64)
-    occupancy = grey / 255.0 if description.negate else (255.0 - grey) / 255.0
-    cells = np.full(grey.shape, UNKNOWN, dtype=np.int8)
+    description, occupancy = read_occupancy(yaml_path, ("trinary",))
+    cells = np.full(occupancy.shape, UNKNOWN, dtype=np.int8)
     cells[occupancy > description.occupied_thresh] = OCCUPIED
     cells[occupancy < description.free_thresh] = FREE
     return OccupancyGrid(
@@ -92,7 +86,28 @@ def load_map(yaml_path: Path) -> OccupancyGrid:
     )
 
 
-def _parse(path: Path, text: str) -> _Description:
+def read_occupancy(yaml_path: Path, modes: tuple[str, ...]) -> tuple[Description, NDArray[np.float64]]:
+    """Read a map's description, whose mode must be one of `modes`, and how dark each cell is: 0 white to 1
+    black, shape (rows, cols), row 0 the smallest y; with `negate` the other way round.
+
+    Raises
+    ------
+    ThumperError
+        As `load_map`.
+    """
+    description = _parse(yaml_path, _read(yaml_path).decode("utf-8", errors="replace"), modes)
+    pgm_path = yaml_path.parent / description.image
+    try:
+        image = decode_pgm(_read(pgm_path))
+    except ValueError as error:
+        raise ThumperError(
+            f"{pgm_path}: {error}; save the map again, as an 8-bit PGM image", exit_code=2
+        ) from error
+    grey = image[::-1].astype(np.float64)
+    return description, grey / 255.0 if description.negate else (255.0 - grey) / 255.0
+
+
+def _parse(path: Path, text: str, modes: tuple[str, ...]) -> Description:
     values: dict[str, str] = {}
     for line in text.splitlines():
         key, colon, value = line.partition("#")[0].partition(":")
@@ -115,17 +130,18 @@ def _parse(path: Path, text: str) -> _Description:
             raise ThumperError(f"{path}: {key} = '{value}' is not a number; mend the value", exit_code=2)
         return result
 
-    def within(key: str, low: float, high: float) -> float:
+    def within(key: str, low: float, high: float, *, ends: bool = False) -> float:
         result = number(key, text_of(key))
-        if not low < result < high:
+        if not (low < result < high or (ends and result in (low, high))):
             raise ThumperError(
                 f"{path}: {key} = {result:g} must lie between {low:g} and {high:g}", exit_code=2
             )
         return result
 
-    if values.get("mode", "trinary") != "trinary":
+    mode = values.get("mode", "trinary")
+    if mode not in modes:
         raise ThumperError(
-            f"{path}: mode = '{values['mode']}' is not supported; save the map as 'trinary'", exit_code=2
+            f"{path}: mode = '{mode}' is not supported; save the map as '{modes[0]}'", exit_code=2
         )
     origin = text_of("origin")
     parts = origin.strip("[]").split(",")
@@ -138,14 +154,16 @@ def _parse(path: Path, text: str) -> _Description:
         raise ThumperError(
             f"{path}: origin has the yaw {yaw_rad:g}; turn the image so that the yaw is 0", exit_code=2
         )
-    free_thresh = within("free_thresh", 0.0, 1.0)
-    return _Description(
+    graded = mode != "trinary"  # there the thresholds are the ends of the scale
+    free_thresh = within("free_thresh", 0.0, 1.0, ends=graded)
+    return Description(
         image=text_of("image"),
+        mode=mode,
         resolution_m=within("resolution", 0.0, 10.0),
         origin_x_m=x_m,
         origin_y_m=y_m,
         negate=number("negate", text_of("negate")) != 0.0,
-        occupied_thresh=within("occupied_thresh", free_thresh, 1.0),
+        occupied_thresh=within("occupied_thresh", free_thresh, 1.0, ends=graded),
         free_thresh=free_thresh,
     )
 

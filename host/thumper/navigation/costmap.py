@@ -20,6 +20,7 @@ from thumper.navigation.inflation import (
     reach_cells,
     squared_distances,
 )
+from thumper.navigation.masks import is_closed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,35 +78,49 @@ def mark(lethal: NDArray[np.bool_], points_m: FloatArray, grid: OccupancyGrid) -
 
 
 def build_costmap(
-    grid: OccupancyGrid, hits_in_map_m: FloatArray, footprint: Footprint, options: CostmapOptions
+    grid: OccupancyGrid,
+    hits_in_map_m: FloatArray,
+    footprint: Footprint,
+    options: CostmapOptions,
+    keepout: OccupancyGrid | None = None,
 ) -> Costmap:
-    """Layer the newest scan's hits, shape (n, 2) [m], on the map and inflate the sum.
+    """Layer keep-out mask and hits, shape (n, 2) [m], on the map and inflate the sum.
 
     The hits are marked afresh in every call, so that an obstacle acts in the cycle it is seen in and
     leaves no ghost of its own: forgetting is the map's business. Unknown cells stay unknown (255) unless
-    they are within the inscribed radius of an obstacle.
+    they are within the inscribed radius of an obstacle. `CostmapLayers` gives the same, cycle after cycle,
+    for less work.
     """
-    lethal = grid.cells >= options.lethal_percent
+    lethal = (grid.cells >= options.lethal_percent) | is_closed(keepout, grid)
     mark(lethal, hits_in_map_m, grid)
     return _inflated(lethal, grid, footprint, options)
+
+
+def inflation_reach(footprint: Footprint, options: CostmapOptions, resolution_m: float) -> int:
+    """Cells up to which distances are exact.
+
+    They also serve the footprint check, which needs the circumscribed radius and two half diagonals.
+    """
+    least_m = footprint.circumscribed_radius_m + 2.5 * resolution_m
+    return reach_cells(max(options.inflation_radius_m, least_m), resolution_m)
+
+
+def inflation_table(footprint: Footprint, options: CostmapOptions, resolution_m: float) -> ByteArray:
+    """Cost of each squared distance; see `cost_table`."""
+    return cost_table(
+        reach=inflation_reach(footprint, options, resolution_m),
+        resolution_m=resolution_m,
+        inscribed_m=footprint.inscribed_radius_m,
+        radius_m=options.inflation_radius_m,
+        decay_per_m=options.decay_per_m,
+    )
 
 
 def _inflated(
     lethal: NDArray[np.bool_], grid: OccupancyGrid, footprint: Footprint, options: CostmapOptions
 ) -> Costmap:
-    # The distance must also serve the footprint check, which needs the circumscribed radius and two half
-    # diagonals.
-    radius_m = max(options.inflation_radius_m, footprint.circumscribed_radius_m + 2.5 * grid.resolution_m)
-    reach = reach_cells(radius_m, grid.resolution_m)
-    squared = squared_distances(lethal, reach)
-    table = cost_table(
-        reach=reach,
-        resolution_m=grid.resolution_m,
-        inscribed_m=footprint.inscribed_radius_m,
-        radius_m=options.inflation_radius_m,
-        decay_per_m=options.decay_per_m,
-    )
-    costs = table[squared]
+    squared = squared_distances(lethal, inflation_reach(footprint, options, grid.resolution_m))
+    costs = inflation_table(footprint, options, grid.resolution_m)[squared]
     costs[(grid.cells < 0) & (costs < INSCRIBED)] = UNKNOWN
     return Costmap(
         costs=costs,
@@ -122,6 +137,7 @@ def build_window(
     map_from_base: Pose2,
     footprint: Footprint,
     options: CostmapOptions,
+    keepout: OccupancyGrid | None = None,
 ) -> Costmap:
     """The rolling window round the robot, finer than the map: where the scan has hit, its points count, not
     cells.
@@ -145,4 +161,5 @@ def build_window(
     mark(hits, hits_in_map_m, window)
     trust = reach_cells(options.trust_m, window.resolution_m)
     untold = squared_distances(hits, trust) > trust * trust
-    return _inflated(hits | ((window.cells >= options.lethal_percent) & untold), window, footprint, options)
+    lethal = hits | ((window.cells >= options.lethal_percent) & untold) | is_closed(keepout, window)
+    return _inflated(lethal, window, footprint, options)

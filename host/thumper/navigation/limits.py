@@ -4,25 +4,25 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from annotated_types import Ge, Gt
+from annotated_types import Gt, Interval
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpeedLimits:
     """Limits of the commanded twist."""
 
-    # Fastest forward speed [m/s].
-    v_max_m_s: Annotated[float, Gt(0)] = 0.4
+    # Fastest forward speed [m/s]. The drive's wheels at 17 rad/s make 1 m/s.
+    v_max_m_s: Annotated[float, Interval(gt=0, le=1.0)] = 0.4
     # Fastest turn [rad/s].
-    w_max_rad_s: Annotated[float, Gt(0)] = 1.2
+    w_max_rad_s: Annotated[float, Interval(gt=0, le=6.0)] = 1.2
     # Forward acceleration and braking [m/s^2].
-    v_accel_m_s2: Annotated[float, Gt(0)] = 0.4
+    v_accel_m_s2: Annotated[float, Interval(gt=0, le=10.0)] = 0.4
     # Turn acceleration and braking [rad/s^2].
-    w_accel_rad_s2: Annotated[float, Gt(0)] = 1.5
+    w_accel_rad_s2: Annotated[float, Interval(gt=0, le=50.0)] = 1.5
     # Rate at which the board changes the speed of each wheel [rad/s^2]: its parameter `acceleration`.
     wheel_accel_rad_s2: Annotated[float, Gt(0)] = 8.0
     # Time from a command until the base moves accordingly [s].
-    latency_s: Annotated[float, Ge(0)] = 0.2
+    latency_s: Annotated[float, Interval(ge=0, le=2.0)] = 0.2
 
 
 def stoppable_speed(distance: float, accel: float, latency_s: float) -> float:

@@ -17,11 +17,11 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.limits import SpeedLimits
 from thumper.navigation.wheel_ramp import WheelRamp
 
-# A point already inside the margin may come nearer by this much in a motion: scan noise between two steps;
-# but
+# A point already inside the margin may come nearer by this much in a motion (scan noise between two steps),
+# but only through a part of the margin, and beyond that hardly at all (rounding).
 DEEPER_M = 0.003
-CREEP_PART = 0.5  # only through this part of the margin ...
-LEAST_SLACK_M = 0.0003  # ... and then hardly at all: rounding
+CREEP_PART = 0.5
+LEAST_SLACK_M = 0.0003
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

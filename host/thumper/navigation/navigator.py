@@ -5,8 +5,7 @@ Pure: time and sensor data come in, a twist goes out. Nothing raises out of `upd
 and is told in words.
 """
 
-from dataclasses import dataclass, field
-from enum import Enum
+from collections.abc import Callable
 
 import numpy as np
 
@@ -14,56 +13,49 @@ from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.kinematics import DriveGeometry
 from thumper.mapping.grid import OccupancyGrid
 from thumper.navigation.arrival import Arrival
+from thumper.navigation.bearings import Bearings
 from thumper.navigation.controller import ControlRequest, ControlResult
-from thumper.navigation.costmap import Costmap, build_costmap, build_window
+from thumper.navigation.costmap import Costmap, build_window
 from thumper.navigation.follower import Follower
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.lattice import LatticePlanner
-from thumper.navigation.limits import stoppable_speed
+from thumper.navigation.layers import CostmapLayers
 from thumper.navigation.manoeuvre import Manoeuvre
+from thumper.navigation.masks import load_masks
 from thumper.navigation.memory import HitMemory
 from thumper.navigation.monitor import CollisionMonitor
 from thumper.navigation.options import NavigationOptions
+from thumper.navigation.output import NavigationOutput, NavigationState
 from thumper.navigation.progress import ProgressChecker
 from thumper.navigation.recovery import Recovery, is_still
 from thumper.navigation.registry import make_controller, make_planner
 from thumper.navigation.route import Route
 from thumper.navigation.smoother import smoothed
+from thumper.navigation.speed_rule import SpeedRule
 from thumper.navigation.traffic import Traffic
 from thumper.navigation.transitions import Transition, TransitionLog
 from thumper.navigation.wheel_ramp import WheelRamp
 
+__all__ = ["NavigationOutput", "NavigationState", "Navigator"]
+
 USUAL_PERIOD_S = 0.1
 
 
-class NavigationState(Enum):
-    """What the navigator is doing. FAILED and REACHED are final until the next goal."""
-
-    IDLE = "idle"
-    NAVIGATING = "navigating"
-    ROTATING = "rotating"
-    RECOVERING = "recovering"
-    REACHED = "reached"
-    FAILED = "failed"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class NavigationOutput:
-    """What one cycle decided."""
-
-    command: Twist2 = field(default_factory=Twist2)
-    state: NavigationState = NavigationState.IDLE
-    reason: str = ""  # in words: why it stands, recovers or failed; empty when all is well
-    plan: FloatArray = field(default_factory=lambda: np.empty((0, 2)))  # (n, 2) [m] in map, from the robot on
-    local_plan: FloatArray = field(default_factory=lambda: np.empty((0, 3)))  # (m, 3) x, y, theta in map
-
-
 class Navigator:
-    """One robot on its way to one goal."""
+    """One robot on its way to one goal.
+
+    `on_transition` is told every change of state. Raises ThumperError, with exit code 2, for a name or a mask
+    that is not there.
+    """
 
     def __init__(
-        self, options: NavigationOptions, footprint: Footprint, drive: DriveGeometry | None = None
+        self,
+        options: NavigationOptions,
+        footprint: Footprint,
+        drive: DriveGeometry | None = None,
+        *,
+        on_transition: Callable[[Transition], None] | None = None,
     ) -> None:
         self._options = options
         ramp = WheelRamp.of(options.limits, drive)
@@ -81,6 +73,11 @@ class Navigator:
             after_s=options.manoeuvre.after_s,
             window_m=options.costmap.window_m,
         )
+        masks = load_masks(options.masks)
+        self._keepout = masks.keepout
+        self._layers = CostmapLayers(footprint, options.costmap, masks.keepout)
+        self._speed_rule = SpeedRule(options.limits, approach_m_s=options.approach_m_s, mask=masks.speed)
+        self._bearings = Bearings(options.progress)
         self._memory = HitMemory(options.memory)
         self._traffic = Traffic(options.traffic, options.limits, footprint)
         self._goal: Goal | None = None
@@ -88,7 +85,7 @@ class Navigator:
         self._reason = ""
         self._last_command = Twist2()
         self._last_s: float | None = None
-        self._transitions = TransitionLog()
+        self._transitions = TransitionLog(on_transition)
         self.costmap: Costmap | None = None  # of the newest cycle, for display and record
 
     @property
@@ -105,6 +102,7 @@ class Navigator:
         self._follower.reset()
         self._progress.reset()
         self._recovery.reset()
+        self._bearings.reset()
         self._stuck_since_s: float | None = None
 
     def cancel(self) -> None:
@@ -119,6 +117,8 @@ class Navigator:
         twist: Twist2,
         grid: OccupancyGrid,
         hits_in_map: FloatArray,
+        *,
+        lost: str = "",
     ) -> NavigationOutput:
         """Return the command for the next cycle.
 
@@ -133,9 +133,11 @@ class Navigator:
         hits_in_map : ndarray, shape (n, 2)
             End points of the newest scan's beams that hit something [m]; rows that are not finite are
             ignored.
+        lost : str
+            Why the pose cannot be trusted just now, in words; empty when it can.
         """
         try:
-            output = self._update(time_s, map_from_base, twist, grid, hits_in_map)
+            output = self._update(time_s, map_from_base, twist, grid, hits_in_map, lost)
         except Exception as error:
             # In motion every error is a stop with a reason; a traceback would leave the last command
             # standing.
@@ -146,7 +148,13 @@ class Navigator:
         return output
 
     def _update(
-        self, time_s: float, map_from_base: Pose2, twist: Twist2, grid: OccupancyGrid, hits_in_map: FloatArray
+        self,
+        time_s: float,
+        map_from_base: Pose2,
+        twist: Twist2,
+        grid: OccupancyGrid,
+        hits_in_map: FloatArray,
+        lost: str,
     ) -> NavigationOutput:
         period_s = USUAL_PERIOD_S if self._last_s is None else min(max(time_s - self._last_s, 0.02), 0.3)
         self._last_s = time_s
@@ -156,12 +164,15 @@ class Navigator:
         numbers = (map_from_base.x_m, map_from_base.y_m, map_from_base.theta_rad, twist.v_m_s, twist.w_rad_s)
         if not np.isfinite(numbers).all():
             return self._fail("the robot's pose or speed is not a number")
+        objection, final = self._bearings.objection(time_s, self._last_command, twist, lost)
+        if objection:
+            return self._fail(objection) if final else self._stand(objection)
 
         hits_in_map = hits_in_map[np.isfinite(hits_in_map).all(axis=1)]
         self._traffic.update(time_s, map_from_base, hits_in_map)
         remembered_m = self._memory.update(time_s, map_from_base, hits_in_map)
         hits_in_map = np.vstack((hits_in_map, remembered_m))
-        self.costmap = build_costmap(grid, hits_in_map, self._footprint, self._options.costmap)
+        self.costmap = self._layers.update(grid, hits_in_map)
         self._route.update(time_s, self.costmap, map_from_base, goal)
         self._arrival.update(map_from_base)
         remaining_m = self._route.remaining_m(map_from_base)
@@ -170,8 +181,10 @@ class Navigator:
             twist=twist,
             last_command=self._last_command,
             path_m=np.empty((0, 2)) if self._route.path_m is None else self._route.path_m,
-            costmap=build_window(grid, hits_in_map, map_from_base, self._footprint, self._options.costmap),
-            v_limit_m_s=self._speed_limit(remaining_m),
+            costmap=build_window(
+                grid, hits_in_map, map_from_base, self._footprint, self._options.costmap, self._keepout
+            ),
+            v_limit_m_s=self._speed_rule.limit_m_s(map_from_base, self._route.path_m, remaining_m),
             period_s=period_s,
         )
         if self._arrival.at_place and is_still(twist) and self._arrival.within_tolerance(map_from_base):
@@ -186,20 +199,15 @@ class Navigator:
             return self._fail(self._reason)
         return self._guarded(time_s, result, request, map_from_base.inverse().apply(hits_in_map))
 
-    def _speed_limit(self, remaining_m: float) -> float:
-        limits = self._options.limits
-        stoppable_m_s = stoppable_speed(remaining_m, limits.v_accel_m_s2, limits.latency_s)
-        return min(limits.v_max_m_s, max(self._options.approach_m_s, stoppable_m_s))
-
     def _follow(
         self, time_s: float, request: ControlRequest, goal: Goal, remaining_m: float
     ) -> ControlResult:
         complaint, nearer = self._progress.update(time_s, request.map_from_base, remaining_m)
         if nearer:
-            self._recovery.attempts = 0
+            self._recovery.reset()
         if self._progress.is_hopeless(time_s):
             self._recovery.give_up()
-            why = f"no nearer to the goal for {self._options.progress.give_up_s:.0f} s"
+            why = f"no nearer to the goal for {self._progress.idle_for_s(time_s):.0f} s"
             return self._begin_recovery(time_s, request, f"{why}; {self._reason}" if self._reason else why)
         if complaint:
             if self._arrival.within_tolerance(request.map_from_base):
@@ -278,6 +286,13 @@ class Navigator:
             plan=request.path_m,
             local_plan=np.empty((0, 3)) if trajectory is None else trajectory,
         )
+
+    def _stand(self, reason: str) -> NavigationOutput:
+        """Stop for now; what was under way begins afresh afterwards."""
+        self._follower.reset()
+        self._progress.renew()
+        self._reason = reason
+        return NavigationOutput(state=self._state, reason=reason)
 
     def _fail(self, reason: str) -> NavigationOutput:
         self._state, self._reason = NavigationState.FAILED, reason

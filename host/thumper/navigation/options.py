@@ -1,16 +1,18 @@
 """All options of navigation, as the `[navigation]` table of the robot's TOML holds them."""
 
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt
 
 from thumper.navigation.astar import AStarOptions
+from thumper.navigation.cascade import CascadeOptions
 from thumper.navigation.costmap import CostmapOptions
 from thumper.navigation.dwa import DwaOptions
 from thumper.navigation.lattice import LatticeOptions
 from thumper.navigation.limits import SpeedLimits
 from thumper.navigation.manoeuvre import ManoeuvreOptions
+from thumper.navigation.masks import MaskOptions
 from thumper.navigation.memory import MemoryOptions
 from thumper.navigation.monitor import MonitorOptions
 from thumper.navigation.mppi import MppiOptions
@@ -30,6 +32,8 @@ class NavigationOptions:
     planner: str = "astar"
     # Local controller by name.
     controller: str = "dwa"
+    # Who follows a path with room on both sides: "cascade", the trajectory tracker, or "" for the controller.
+    tracker: Literal["cascade", ""] = ""
     # Time without any safe motion or path before a recovery begins [s].
     patience_s: Annotated[float, Gt(0)] = 2.0
     # Space kept round the footprint in all planned motion [m]: the map is as coarse as its cells and noisy.
@@ -38,12 +42,14 @@ class NavigationOptions:
     approach_m_s: Annotated[float, Gt(0)] = 0.06
     limits: SpeedLimits = field(default_factory=SpeedLimits)
     costmap: CostmapOptions = field(default_factory=CostmapOptions)
+    masks: MaskOptions = field(default_factory=MaskOptions)
     astar: AStarOptions = field(default_factory=AStarOptions)
     navfn: NavfnOptions = field(default_factory=NavfnOptions)
     lattice: LatticeOptions = field(default_factory=LatticeOptions)
     dwa: DwaOptions = field(default_factory=DwaOptions)
     trajectory_rollout: DwaOptions = field(default_factory=DwaOptions)
     pure_pursuit: PurePursuitOptions = field(default_factory=PurePursuitOptions)
+    cascade: CascadeOptions = field(default_factory=CascadeOptions)
     mppi: MppiOptions = field(default_factory=MppiOptions)
     memory: MemoryOptions = field(default_factory=MemoryOptions)
     manoeuvre: ManoeuvreOptions = field(default_factory=ManoeuvreOptions)

@@ -1,8 +1,14 @@
-"""What the robot does when it is stuck: back up, turn, wait; each a little further than the last time."""
+"""What the robot does when it is stuck: move_base's ladder, with back-up and wait for where it cannot turn.
+
+Conservative reset, rotate, aggressive reset, rotate, then back up, wait, and give up
+(http://wiki.ros.org/move_base). There a rotation in a place too tight for it does nothing; here the robot
+backs up instead, and where that is not free either it waits. After each step the controller has its full
+patience.
+"""
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt
@@ -16,17 +22,35 @@ from thumper.navigation.turning import is_open, straight_poses
 SLOWEST_BACK_M_S = 0.05
 BACK_UP_PARTS = np.array((1.0, 0.5, 0.25))  # of the wanted way back, tried in turn
 
+Behaviour = Literal["conservative_reset", "aggressive_reset", "rotate", "back_up", "wait"]
+LADDER: tuple[Behaviour, ...] = (
+    "conservative_reset",
+    "rotate",
+    "aggressive_reset",
+    "rotate",
+    "back_up",
+    "wait",
+)
+NAMES: dict[Behaviour, str] = {
+    "conservative_reset": "conservative reset",
+    "aggressive_reset": "aggressive reset",
+    "rotate": "turning to look round",
+    "back_up": "backing up",
+    "wait": "waiting for the way to clear",
+}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecoveryOptions:
     """How the robot frees itself."""
 
-    # Remembered points further away than this are forgotten in the first recovery [m] ...
+    # What is tried, in this order, before the goal is given up: conservative_reset, aggressive_reset, rotate,
+    # back_up, wait. It begins afresh when the robot has come nearer to the goal; empty gives up at once.
+    behaviours: tuple[Behaviour, ...] = LADDER
+    # The conservative reset forgets remembered points further away than this [m] ...
     conservative_m: Annotated[float, Gt(0)] = 0.5
-    # ... and further than this in the third; within the robot's own circle nothing is ever forgotten [m].
+    # ... and the aggressive one further than this [m]; within the robot's own circle nothing is forgotten.
     aggressive_m: Annotated[float, Gt(0)] = 0.3
-    # Recoveries tried without coming nearer to the goal before it is given up; 0 gives up at once.
-    attempts: Annotated[int, Ge(0)] = 6
     # Way back in the first back-up [m]; every further one is longer by as much.
     back_up_m: Annotated[float, Gt(0)] = 0.20
     # Fastest backward speed [m/s].
@@ -34,7 +58,7 @@ class RecoveryOptions:
     # Turn of a recovery turn, to see more [rad].
     turn_rad: Annotated[float, Gt(0)] = 1.6
     # Wait when nothing else is free: what is in the way may leave [s].
-    wait_s: Annotated[float, Gt(0)] = 2.0
+    wait_s: Annotated[float, Ge(0)] = 2.0
     # Longest time of one recovery [s].
     limit_s: Annotated[float, Gt(0)] = 10.0
 
@@ -54,51 +78,67 @@ class Recovery:
         self.forget_radius_m: float | None = None  # what this recovery forgets of the remembered points
 
     def start(self, time_s: float, request: ControlRequest) -> bool:
-        """Choose the next recovery; False when all attempts are used up."""
-        if self._hopeless or self.attempts >= self._options.attempts:
+        """Take the next step of the ladder; False when there is none left."""
+        if self._hopeless or self.attempts >= len(self._options.behaviours):
             return False
+        self._behaviour = self._possible(self._options.behaviours[self.attempts], request)
+        self.name = NAMES[self._behaviour]
         self.attempts += 1
         circle_m = self._footprint.circumscribed_radius_m
-        resets = {1: self._options.conservative_m, 3: self._options.aggressive_m}
-        reset_m = resets.get(self.attempts)
+        resets: dict[str, float] = {
+            "conservative_reset": self._options.conservative_m,
+            "aggressive_reset": self._options.aggressive_m,
+        }
+        reset_m = resets.get(self._behaviour)
         self.forget_radius_m = None if reset_m is None else max(circle_m, reset_m)
         self._begun_s = time_s
         self._from = request.map_from_base
-        longest_m = self._options.back_up_m * (1 + self.attempts // 2)
-        back_m = next((m for m in longest_m * BACK_UP_PARTS if self._can_back_up(request, float(m))), 0.0)
-        can_back = back_m > 0.0
-        can_turn = self._controller.turn(request, self._options.turn_rad).command is not None
-        prefers_turn = self.attempts % 2 == 0
-        if can_back and not (prefers_turn and can_turn):
-            self.name, self._amount = "backing up", float(back_m)
-        elif can_turn:
-            self.name, self._amount = "turning to look round", self._options.turn_rad
-        else:
-            self.name, self._amount = "waiting for the way to clear", 0.0
         self._target_rad = request.map_from_base.theta_rad + self._options.turn_rad
         return True
+
+    def _possible(self, wanted: Behaviour, request: ControlRequest) -> Behaviour:
+        """The wanted behaviour, or what takes its place where it is not free."""
+        order: list[Behaviour] = [wanted]
+        if wanted in ("rotate", "back_up"):
+            order = ["rotate", "back_up"] if wanted == "rotate" else ["back_up", "rotate"]
+        for behaviour in order:
+            if behaviour == "rotate":
+                if self._controller.turn(request, self._options.turn_rad).command is not None:
+                    return behaviour
+            elif behaviour == "back_up":
+                longest_m = self._options.back_up_m * (1 + self._backed_up)
+                ways_m = [float(m) for m in longest_m * BACK_UP_PARTS if self._can_back_up(request, float(m))]
+                if ways_m:
+                    self._way_m = ways_m[0]
+                    self._backed_up += 1
+                    return behaviour
+            else:
+                return behaviour
+        return "wait"
 
     def give_up(self) -> None:
         """Let every further `start` refuse."""
         self._hopeless = True
 
     def reset(self) -> None:
-        """Begin to count afresh, for a new goal."""
-        self.attempts, self._hopeless = 0, False
+        """Begin the ladder afresh: a new goal, or new ground won."""
+        self.attempts, self._hopeless, self._backed_up = 0, False, 0
 
     def step(self, time_s: float, request: ControlRequest) -> Twist2 | None:
         """Return the next twist, or None when the recovery is over."""
         elapsed_s = time_s - self._begun_s
         if elapsed_s > self._options.limit_s:
             return None
-        if self.name == "backing up":
+        if self.forget_radius_m is not None:
+            return Twist2() if elapsed_s == 0.0 else None  # forgetting takes one cycle
+        if self._behaviour == "back_up":
             return self._back_up(request)
-        if self._amount > 0.0:
+        if self._behaviour == "rotate":
             return self._turn(request)
         return Twist2() if elapsed_s < self._options.wait_s else None
 
     def _back_up(self, request: ControlRequest) -> Twist2 | None:
-        left_m = self._amount - self._from.distance_m(request.map_from_base)
+        left_m = self._way_m - self._from.distance_m(request.map_from_base)
         if left_m <= 0.01 or not self._can_back_up(request, min(left_m, 0.15)):
             return None
         change = self._limits.v_accel_m_s2 * request.period_s

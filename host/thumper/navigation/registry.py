@@ -5,9 +5,11 @@ from collections.abc import Callable, Mapping
 from thumper.errors import ThumperError
 from thumper.navigation.astar import AStarPlanner
 from thumper.navigation.carrot import CarrotPlanner
+from thumper.navigation.cascade import CascadeController
 from thumper.navigation.controller import Controller
 from thumper.navigation.dwa import DwaController
 from thumper.navigation.footprint import Footprint
+from thumper.navigation.free_way import FreeWayController
 from thumper.navigation.lattice import LatticePlanner
 from thumper.navigation.mppi import MppiController
 from thumper.navigation.navfn import NavfnPlanner
@@ -30,21 +32,32 @@ CONTROLLERS: Mapping[str, Callable[[NavigationOptions, Footprint], Controller]] 
     "pure_pursuit": lambda options, footprint: PurePursuitController(
         options.pure_pursuit, options.limits, footprint
     ),
+    "cascade": lambda options, footprint: CascadeController(options.cascade, options.limits, footprint),
     "mppi": lambda options, footprint: MppiController(options.mppi, options.limits, footprint),
 }
 
 
+def check_names(options: NavigationOptions) -> None:
+    """Raise ThumperError, with exit code 2, for a planner or controller that there is none of."""
+    for kind, name, known in (
+        ("planner", options.planner, PLANNERS),
+        ("controller", options.controller, CONTROLLERS),
+    ):
+        if name not in known:
+            raise ThumperError(f"no {kind} '{name}': choose one of {', '.join(sorted(known))}", exit_code=2)
+
+
 def make_planner(options: NavigationOptions, footprint: Footprint) -> Planner:
-    """Return the planner that the options name. Raises ThumperError for a name that there is none of."""
-    if options.planner not in PLANNERS:
-        raise ThumperError(f"no planner '{options.planner}': choose one of {', '.join(sorted(PLANNERS))}")
+    """Return the planner that the options name. Raises as `check_names`."""
+    check_names(options)
     return PLANNERS[options.planner](options, footprint)
 
 
 def make_controller(options: NavigationOptions, footprint: Footprint) -> Controller:
-    """Return the controller that the options name. Raises ThumperError for a name that there is none of."""
-    if options.controller not in CONTROLLERS:
-        raise ThumperError(
-            f"no controller '{options.controller}': choose one of {', '.join(sorted(CONTROLLERS))}"
-        )
-    return CONTROLLERS[options.controller](options, footprint)
+    """Return the controller that the options name, with the tracker before it. Raises as `check_names`."""
+    check_names(options)
+    chosen = CONTROLLERS[options.controller](options, footprint)
+    if options.tracker in ("", options.controller):
+        return chosen
+    tracker = CascadeController(options.cascade, options.limits, footprint)
+    return FreeWayController(tracker, chosen, options.cascade, footprint)

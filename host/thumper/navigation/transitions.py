@@ -2,6 +2,7 @@
 
 import logging
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 MOST = 1000  # a robot that drives for days must not fill its memory with words
@@ -11,18 +12,19 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Transition:
-    """One change."""
+    """One change of state; a recovery that follows another is one too."""
 
     time_s: float
-    before: str
+    before: str  # a `NavigationState`'s value; empty at the very first
     after: str
-    reason: str
+    reason: str  # in words; names the recovery and why it began
 
 
 class TransitionLog:
-    """Keeps the newest changes and tells them to the logger `thumper.navigation.transitions`."""
+    """Keeps the newest changes, tells them to a listener and the logger `thumper.navigation.transitions`."""
 
-    def __init__(self) -> None:
+    def __init__(self, listener: Callable[[Transition], None] | None = None) -> None:
+        self._listener = listener
         self.entries: deque[Transition] = deque(maxlen=MOST)
         self._state, self._told = "", ""
 
@@ -36,3 +38,9 @@ class TransitionLog:
         self._state, self._told = state, told
         self.entries.append(entry)
         log.info("%.1f s: %s -> %s: %s", entry.time_s, entry.before or "start", entry.after, entry.reason)
+        if self._listener is not None:
+            try:
+                self._listener(entry)
+            except Exception:
+                # Whoever listens must not be able to stop the robot's control.
+                log.exception("the listener to transitions has failed")

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from tests.host.navigation.maps import read_octile
 from thumper.geometry import FloatArray, Pose2
 from thumper.mapping.grid import OccupancyGrid
 from thumper.navigation.astar import AStarOptions, AStarPlanner, is_blocked
@@ -20,6 +19,7 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.grid_search import NO_GOAL, search, trace
 from thumper.navigation.path import arc_lengths
+from thumper_hil.arena.maps import read_octile
 
 NO_HITS = np.empty((0, 2))
 

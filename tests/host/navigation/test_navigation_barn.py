@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.host.navigation.closed_loop import Conditions, drive
-from tests.host.navigation.world import World
 from thumper.geometry import Pose2
 from thumper.navigation.goal import Goal
+from thumper_hil.arena.closed_loop import Conditions, drive
+from thumper_hil.arena.world import World
 
 
 @pytest.mark.parametrize(("index", "scale"), [(60, 1.0), (0, 0.65), (240, 0.65), (165, 0.65), (60, 0.5)])

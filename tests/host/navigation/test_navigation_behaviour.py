@@ -5,8 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from tests.host.navigation.closed_loop import drive
-from tests.host.navigation.world import World, box
 from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.mapping.grid import OccupancyGrid
 from thumper.navigation.footprint import Footprint
@@ -62,23 +60,6 @@ def test_memory_keeps_what_is_hidden_and_clears_what_a_ray_passes() -> None:
     assert left == pytest.approx(np.array(((0.25, 0.2),)))
 
 
-def test_every_transition_is_kept_with_its_reason() -> None:
-    room = World.of(box(0.8, 0.0, 4.8, 3.8), box(0.0, 0.0, 0.8, 0.8))
-    run = drive(
-        room,
-        Pose2(x_m=1.73, theta_rad=math.pi),
-        Goal(x_m=0.0, y_m=0.0),
-        (-4.2, -5.0, 10.0, 10.0),
-        limit_s=120.0,
-    )
-    assert run.state is NavigationState.FAILED
-    afters = [entry.after for entry in run.transitions]
-    assert afters[-1] == "failed"
-    assert afters.count("recovering") == 6
-    assert all(entry.reason for entry in run.transitions if entry.after in ("recovering", "failed"))
-    assert [entry.before for entry in run.transitions][1:] == afters[:-1]
-
-
 def test_a_goal_that_comes_and_goes_is_given_up() -> None:
     """Its cell is free in one cycle and taken in the next: nothing retries for ever."""
     navigator = Navigator(NavigationOptions(), Footprint())
@@ -105,7 +86,7 @@ def test_a_goal_that_comes_and_goes_is_given_up() -> None:
             break
     assert output.state is NavigationState.FAILED
     assert "gave up" in output.reason
-    assert time_s < 100.0
+    assert time_s < 90.0
 
 
 def two_rooms(seen: int) -> OccupancyGrid:

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt
 
-from tests.host.navigation.maps import read_pgm
 from thumper.mapping.grid import OccupancyGrid
 from thumper.navigation.costmap import Costmap, CostmapOptions, build_costmap
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.inflation import INSCRIBED, LETHAL, UNKNOWN, cost_table, squared_distances
+from thumper_hil.arena.maps import read_pgm
 
 ROS_OPTIONS = CostmapOptions(inflation_radius_m=0.55, decay_per_m=10.0)
 NO_HITS = np.empty((0, 2))

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.host.navigation.maps import read_pgm
 from thumper.geometry import FloatArray, Pose2
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.footprint_check import lethal_count, safe_squared_cells
 from thumper.navigation.inflation import LETHAL, squared_distances
+from thumper_hil.arena.maps import read_pgm
 
 CELL_M = 0.05
 

@@ -5,13 +5,13 @@ from collections.abc import Callable
 
 import pytest
 
-from tests.host.navigation.closed_loop import Conditions, Run, drive
-from tests.host.navigation.world import World, box
 from thumper.geometry import Pose2
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationState
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.recovery import RecoveryOptions
+from thumper_hil.arena.closed_loop import Conditions, Run, drive
+from thumper_hil.arena.world import World, box
 
 ROOM = World.of(box(0.8, 0.0, 4.8, 3.8))
 AREA = (-4.2, -5.0, 10.0, 10.0)
@@ -83,7 +83,7 @@ def appearing(at_s: float, obstacle: list[list[float]]) -> Callable[[float], Wor
 @pytest.mark.parametrize("x_m", [0.55, 0.75])
 def test_stops_for_a_wall_that_appears(x_m: float) -> None:
     """At full speed, a wall from side to side appears ahead: no contact, and in the end a reason."""
-    options = NavigationOptions(recovery=RecoveryOptions(attempts=0))
+    options = NavigationOptions(recovery=RecoveryOptions(behaviours=()))
     wall = box(x_m - 0.05, 0.0, 0.1, 3.8)
     start, (goal_x_m, goal_y_m) = STRAIGHT
     run = drive(appearing(1.5, wall), start, Goal(x_m=goal_x_m, y_m=goal_y_m), AREA, options=options)

@@ -82,7 +82,7 @@ def test_an_internal_error_is_a_stop_with_a_reason() -> None:
 def test_unknown_names_are_refused_at_start() -> None:
     with pytest.raises(ThumperError, match="no planner 'warp': choose one of astar"):
         Navigator(NavigationOptions(planner="warp"), Footprint())
-    with pytest.raises(ThumperError, match="no controller 'warp': choose one of dwa"):
+    with pytest.raises(ThumperError, match="no controller 'warp': choose one of cascade, dwa"):
         Navigator(NavigationOptions(controller="warp"), Footprint())
 
 

@@ -7,12 +7,12 @@ from collections.abc import Callable
 
 import pytest
 
-from tests.host.navigation.closed_loop import drive
-from tests.host.navigation.people import Walker, with_people
-from tests.host.navigation.world import World, box
 from thumper.geometry import Pose2
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationState
+from thumper_hil.arena.closed_loop import drive
+from thumper_hil.arena.people import Walker, with_people
+from thumper_hil.arena.world import World, box
 
 HALL = World.of(box(2.0, 0.0, 7.0, 4.0))
 AREA = (-4.0, -4.0, 12.0, 8.0)

@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from tests.host.navigation.maps import read_trinary
 from tests.host.navigation.test_navigation_astar import START, costmap_of, room_with_wall
 from thumper.geometry import FloatArray, Pose2
 from thumper.mapping.grid import OccupancyGrid
@@ -25,6 +24,7 @@ from thumper.navigation.navfn import NavfnOptions, NavfnPlanner
 from thumper.navigation.path import arc_lengths
 from thumper.navigation.planner import Planner
 from thumper.navigation.wavefront import flood
+from thumper_hil.arena.maps import read_trinary
 
 PLANNERS: dict[str, Planner] = {
     "navfn": NavfnPlanner(NavfnOptions()),

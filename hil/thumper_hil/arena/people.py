@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tests.host.navigation.world import World
 from thumper.geometry import FloatArray
+from thumper_hil.arena.world import World
 
 RADIUS_M = 0.20
 

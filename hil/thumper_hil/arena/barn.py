@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import convolve, distance_transform_edt, label
 
-from tests.host.navigation.closed_loop import Conditions, Run, drive
-from tests.host.navigation.world import World
 from thumper.geometry import FloatArray, Pose2
 from thumper.navigation.goal import Goal
 from thumper.navigation.options import NavigationOptions
+from thumper_hil.arena.closed_loop import Conditions, Run, drive
+from thumper_hil.arena.world import World
 
 POST_RADIUS_M = 0.075
 CELL_M = 2.0 * POST_RADIUS_M

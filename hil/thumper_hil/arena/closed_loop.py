@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tests.host.navigation.world import World
 from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.kernel import kernel
 from thumper.mapping.grid import OccupancyGrid
@@ -21,6 +20,7 @@ from thumper.navigation.inflation import IntArray
 from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.transitions import Transition
+from thumper_hil.arena.world import World
 
 BASE_FROM_LASER = Pose2(x_m=0.12)
 TICK_S, CYCLE_TICKS = 0.02, 5

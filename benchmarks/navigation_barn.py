@@ -1,0 +1,137 @@
+"""BARN worlds by every controller: `python benchmarks/navigation_barn.py [--controllers dwa ...] [--help]`.
+
+20 recorded worlds (or, with --made, 20 made ones of the same kind) x scales x speeds x seeds, mapless, exact
+pose, 1 cm range noise. One line a set of 20, every drive that failed by its reason, and with --csv a row a
+drive. The score is the challenge's: success x OT / clip(time, 2 OT, 8 OT), OT the reference length / 2 m/s.
+Recorded worlds come from $THUMPER_DATA (default ../shared/data).
+"""
+
+import argparse
+import csv
+import itertools
+import os
+import time
+from dataclasses import astuple, dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+
+from thumper.navigation.navigator import NavigationState
+from thumper.navigation.options import NavigationOptions
+from thumper_hil.arena.barn import drive_through, has_arrived, made_world, recorded_world
+
+DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2] / "shared" / "data")) / "nav" / "barn"
+WORLDS = range(0, 300, 15)
+OPTIMAL_M_S = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drive:
+    """One drive; a row of the CSV."""
+
+    controller: str
+    tracker: str
+    scale: float
+    v_max_m_s: float
+    seed: int
+    world: int
+    outcome: str  # success, contact, timeout or abort
+    time_s: float
+    clearance_m: float
+    score: float
+    reason: str
+
+
+def drive_one(options: NavigationOptions, *, made: bool, world: int, scale: float, seed: int) -> Drive:
+    """Drive through one world and judge it."""
+    place = made_world(world, scale) if made else recorded_world(DATA, world, scale)
+    run = drive_through(place, scale, options, seed)
+    outcome = "abort" if run.state is NavigationState.FAILED else "timeout"
+    if run.clearance_m < 0.0:
+        outcome = "contact"
+    elif has_arrived(run, scale):
+        outcome = "success"
+    optimal_s = 0.0 if made else _reference_m(world) * scale / OPTIMAL_M_S
+    score = optimal_s / min(max(run.time_s, 2.0 * optimal_s), 8.0 * optimal_s) if optimal_s else 0.0
+    return Drive(
+        controller=options.controller,
+        tracker=options.tracker,
+        scale=scale,
+        v_max_m_s=options.limits.v_max_m_s,
+        seed=seed,
+        world=world,
+        outcome=outcome,
+        time_s=run.time_s,
+        clearance_m=run.clearance_m,
+        score=score if outcome == "success" else 0.0,
+        reason=run.reason,
+    )
+
+
+def _reference_m(world: int) -> float:
+    with (DATA / "index.csv").open(newline="", encoding="utf-8") as stream:
+        row = next(row for row in csv.DictReader(stream) if int(row["world"]) == world)
+    return float(row["reference_path_length_m"])
+
+
+def line(drives: list[Drive]) -> str:
+    """A set of drives as a row of the table."""
+    first = drives[0]
+    count = {
+        kind: sum(d.outcome == kind for d in drives) for kind in ("success", "contact", "timeout", "abort")
+    }
+    times = [d.time_s for d in drives if d.outcome == "success"]
+    name = first.controller + (f" + {first.tracker}" if first.tracker else "")
+    return (
+        f"| {name} | {first.scale:.2f} | {first.v_max_m_s:.1f} | {first.seed} "
+        f"| {count['success']}/{len(drives)} | {count['contact']} | {count['timeout']} | {count['abort']} "
+        f"| {np.mean(times) if times else np.nan:.1f} | {np.median([d.clearance_m for d in drives]):.3f} "
+        f"| {min(d.clearance_m for d in drives):.3f} | {np.mean([d.score for d in drives]):.3f} |"
+    )
+
+
+HEADINGS = (
+    "controller | scale | v max [m/s] | seed | success | contact | timeout | abort | mean time [s] "
+    "| clearance, median [m] | least [m] | score"
+)
+
+
+def main() -> None:
+    """Run what was asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--controllers", nargs="+", default=["dwa"])
+    parser.add_argument("--tracker", default="", help="cascade: the tracker drives where the path is free")
+    parser.add_argument("--scales", nargs="+", type=float, default=[1.0, 0.65, 0.50, 0.45])
+    parser.add_argument("--speeds", nargs="+", type=float, default=[0.5])
+    parser.add_argument("--seeds", nargs="+", type=int, default=[0])
+    parser.add_argument("--made", action="store_true", help="20 made worlds instead of the recorded ones")
+    parser.add_argument("--csv", type=Path, help="write a row a drive to this file")
+    given = parser.parse_args()
+    usual = NavigationOptions(tracker=given.tracker)
+    all_drives: list[Drive] = []
+    print(f"| {HEADINGS} |\n|{'---|' * (HEADINGS.count('|') + 1)}", flush=True)
+    for name, speed, scale, seed in itertools.product(
+        given.controllers, given.speeds, given.scales, given.seeds
+    ):
+        options = replace(usual, controller=name, limits=replace(usual.limits, v_max_m_s=speed))
+        begun = time.process_time()
+        drives = [
+            drive_one(options, made=given.made, world=world, scale=scale, seed=seed)
+            for world in (range(len(WORLDS)) if given.made else WORLDS)
+        ]
+        all_drives += drives
+        print(line(drives), flush=True)
+        for drive in drives:
+            if drive.outcome != "success":
+                print(f"    world {drive.world}: {drive.outcome} at {drive.time_s:.0f} s, {drive.reason}")
+        simulated_s = sum(drive.time_s for drive in drives)
+        print(f"    {(time.process_time() - begun) / simulated_s:.3f} core s a simulated s", flush=True)
+        if given.csv:
+            with given.csv.open("w", newline="", encoding="utf-8") as stream:
+                writer = csv.writer(stream, lineterminator="\n")
+                writer.writerow([field.name for field in fields(Drive)])
+                writer.writerows(astuple(drive) for drive in all_drives)
+
+
+if __name__ == "__main__":
+    main()
