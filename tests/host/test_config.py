@@ -35,6 +35,12 @@ def test_a_configuration_survives_a_recording(tmp_path: Path) -> None:
     assert config_from_json(config_to_json(config)) == config != RobotConfig()
 
 
+def test_masks_are_looked_for_beside_the_file(tmp_path: Path) -> None:
+    config = load_config(written(tmp_path, '[navigation.masks]\nkeepout = "kitchen.yaml"\n'))
+    assert config.navigation.masks.keepout == str(tmp_path / "kitchen.yaml")
+    assert config.navigation.masks.speed == ""
+
+
 @pytest.mark.parametrize(
     ("text", "named"),
     [
@@ -45,6 +51,10 @@ def test_a_configuration_survives_a_recording(tmp_path: Path) -> None:
         ("[drives]\n", ["drives", "drive"]),
         ("[mapping.matching]\nspeed = 1\n", ["mapping.matching.speed"]),
         ("board = 3\n", ["board", "3"]),
+        ('[navigation]\nplanner = "warp"\n', ["navigation", "no planner 'warp'", "astar"]),
+        ('[navigation]\ncontroller = "warp"\n', ["navigation", "no controller 'warp'", "dwa"]),
+        ('[navigation.recovery]\nbehaviours = ["jump"]\n', ["navigation.recovery.behaviours", "jump"]),
+        ("[navigation.limits]\nv_max_m_s = 40.0\n", ["navigation.limits.v_max_m_s", "40.0", "less than"]),
         ("[board\n", ["not valid TOML", "line 1"]),
     ],
 )

@@ -12,6 +12,7 @@ from annotated_types import Ge, Gt, Le
 from pydantic import TypeAdapter, ValidationError
 
 from thumper.bus.options import BusOptions
+from thumper.dashboard.options import DashboardOptions
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
 from thumper.kinematics import DriveGeometry
@@ -21,8 +22,9 @@ from thumper.localization.options import AmclOptions
 from thumper.mapping.method import MappingOptions
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.options import NavigationOptions
-from thumper.service.options import ServiceOptions
+from thumper.navigation.registry import check_names
 from thumper.recording.options import RecordingOptions
+from thumper.service.options import ServiceOptions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,6 +75,7 @@ class RobotConfig:
     navigation: NavigationOptions = field(default_factory=NavigationOptions)
     service: ServiceOptions = field(default_factory=ServiceOptions)
     bus: BusOptions = field(default_factory=BusOptions)
+    dashboard: DashboardOptions = field(default_factory=DashboardOptions)
     recording: RecordingOptions = field(default_factory=RecordingOptions)
 
 
@@ -98,11 +101,24 @@ def load_config(path: Path | None) -> RobotConfig:
     _refuse_unknown_keys(data, RobotConfig, path, "")
     try:
         # By way of JSON: in strict mode pydantic takes tables for dataclasses only from there.
-        return _ADAPTER.validate_json(json.dumps(data, default=str), strict=True)
+        config = _ADAPTER.validate_json(json.dumps(data, default=str), strict=True)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])
         raise ThumperError(f"{path}: {key} = {first['input']!r}: {first['msg']}", exit_code=2) from error
+    try:
+        check_names(config.navigation)
+    except ThumperError as error:
+        raise ThumperError(f"{path}: navigation: {error}", exit_code=2) from error
+    return _with_files_beside(config, path.parent)
+
+
+def _with_files_beside(config: RobotConfig, folder: Path) -> RobotConfig:
+    """Files that the configuration names are looked for from its own folder."""
+    masks = config.navigation.masks
+    keepout, speed = (str(folder / name) if name else "" for name in (masks.keepout, masks.speed))
+    masks = replace(masks, keepout=keepout, speed=speed)
+    return replace(config, navigation=replace(config.navigation, masks=masks))
 
 
 def config_to_json(config: RobotConfig) -> str:
