@@ -6,6 +6,7 @@ import numpy as np
 
 from thumper.geometry import FloatArray, Pose2
 from thumper.link.board import TelemetrySample
+from thumper.navigation.transitions import Transition
 
 SPEED_COLUMNS = (
     "time_s",
@@ -24,6 +25,7 @@ class MissionLog:
 
     _poses: list[tuple[float, float, float, float]] = field(default_factory=list)
     _speeds: list[tuple[float, ...]] = field(default_factory=list)
+    transitions: list[Transition] = field(default_factory=list)  # navigation's changes of state
     plans: list[FloatArray] = field(default_factory=list)  # each new global plan, shape (n, 2) [m] in `map`
 
     def add_pose(self, time_s: float, map_from_base: Pose2) -> None:

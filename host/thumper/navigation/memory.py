@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt, Interval
+from annotated_types import Ge, Gt
 
 from thumper.geometry import FloatArray, Pose2
+from thumper.navigation.lidar_view import LidarView
 
 BIN_RAD = math.radians(1.0)
 THICKNESS_M = 0.08  # a ray must pass this far behind a point before the point counts as gone
@@ -27,17 +28,14 @@ class MemoryOptions:
     radius_m: Annotated[float, Ge(0)] = 0.8
     # A point that no ray has confirmed or cleared is forgotten after this time [s].
     keep_s: Annotated[float, Gt(0)] = 20.0
-    # Opening of the lidar, centred ahead [rad].
-    view_rad: Annotated[float, Interval(gt=0, le=6.29)] = 4.18
-    # Where the lidar is on the robot [m ahead of its centre].
-    sensor_x_m: float = 0.12
 
 
 class HitMemory:
     """Adds to each scan the points near the robot that it could not see again."""
 
-    def __init__(self, options: MemoryOptions) -> None:
+    def __init__(self, options: MemoryOptions, view: LidarView) -> None:
         self._options = options
+        self._view = view
         self.clear()
 
     def clear(self) -> None:
@@ -76,18 +74,13 @@ class HitMemory:
         self, points_m: FloatArray, map_from_base: Pose2, hits_m: FloatArray
     ) -> np.typing.NDArray[np.bool_]:
         """Whether the scan says nothing of a point: out of view, or behind something nearer."""
-        laser_from_map = (map_from_base @ Pose2(x_m=self._options.sensor_x_m)).inverse()
-        bearing_rad, range_m = _polar(laser_from_map.apply(points_m))
-        hit_rad, hit_m = _polar(laser_from_map.apply(hits_m))
+        bearing_rad, range_m = self._view.polar(map_from_base, points_m)
+        hit_rad, hit_m = self._view.polar(map_from_base, hits_m)
         seen_m = np.full(round(math.tau / BIN_RAD) + 2, np.inf)
         np.minimum.at(seen_m, 1 + ((hit_rad + math.pi) / BIN_RAD).astype(np.int64) % (seen_m.size - 2), hit_m)
         seen_m[0], seen_m[-1] = seen_m[-2], seen_m[1]
         around_m = np.minimum(np.minimum(seen_m[:-2], seen_m[1:-1]), seen_m[2:])
         there_m = around_m[((bearing_rad + math.pi) / BIN_RAD).astype(np.int64) % around_m.size]
-        out_of_view = np.abs(bearing_rad) > 0.5 * self._options.view_rad - BIN_RAD
-        hidden: np.typing.NDArray[np.bool_] = out_of_view | (there_m < range_m - THICKNESS_M)
+        in_view = self._view.holds(bearing_rad, range_m, edge_rad=BIN_RAD)
+        hidden: np.typing.NDArray[np.bool_] = ~in_view | (there_m < range_m - THICKNESS_M)
         return hidden
-
-
-def _polar(points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    return np.arctan2(points_m[:, 1], points_m[:, 0]), np.hypot(points_m[:, 0], points_m[:, 1])

@@ -21,6 +21,7 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.lattice import LatticePlanner
 from thumper.navigation.layers import CostmapLayers
+from thumper.navigation.lidar_view import LidarView
 from thumper.navigation.manoeuvre import Manoeuvre
 from thumper.navigation.masks import load_masks
 from thumper.navigation.memory import HitMemory
@@ -55,6 +56,7 @@ class Navigator:
         footprint: Footprint,
         drive: DriveGeometry | None = None,
         *,
+        view: LidarView | None = None,
         on_transition: Callable[[Transition], None] | None = None,
     ) -> None:
         self._options = options
@@ -78,11 +80,11 @@ class Navigator:
         self._layers = CostmapLayers(footprint, options.costmap, masks.keepout)
         self._speed_rule = SpeedRule(options.limits, approach_m_s=options.approach_m_s, mask=masks.speed)
         self._bearings = Bearings(options.progress)
-        self._memory = HitMemory(options.memory)
-        self._traffic = Traffic(options.traffic, options.limits, footprint)
+        view = view or LidarView()
+        self._memory = HitMemory(options.memory, view)
+        self._traffic = Traffic(options.traffic, options.limits, footprint, view)
         self._goal: Goal | None = None
-        self._state = NavigationState.IDLE
-        self._reason = ""
+        self._state, self._reason = NavigationState.IDLE, ""
         self._last_command = Twist2()
         self._last_s: float | None = None
         self._transitions = TransitionLog(on_transition)
@@ -229,8 +231,7 @@ class Navigator:
             tried = f" after {self._recovery.attempts} recoveries" if self._recovery.attempts else ""
             self._state, self._reason = NavigationState.FAILED, f"gave up{tried}: {why}"
             return ControlResult(command=None)
-        radius_m = self._recovery.forget_radius_m
-        if radius_m is not None:
+        if (radius_m := self._recovery.forget_radius_m) is not None:
             self._memory.forget_beyond(request.map_from_base, radius_m)
         self._state, self._reason = NavigationState.RECOVERING, f"{self._recovery.name}, because {why}"
         return self._recover(time_s, request)

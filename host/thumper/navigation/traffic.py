@@ -13,6 +13,7 @@ from annotated_types import Ge, Gt
 
 from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.navigation.footprint import Footprint
+from thumper.navigation.lidar_view import LidarView
 from thumper.navigation.limits import SpeedLimits
 from thumper.navigation.memory import BIN_RAD
 
@@ -36,17 +37,16 @@ class TrafficOptions:
     between_s: Annotated[float, Gt(0)] = 0.3
     # Slower things count as standing [m/s].
     least_m_s: Annotated[float, Gt(0)] = 0.25
-    # Opening of the lidar, centred ahead [rad].
-    view_rad: Annotated[float, Gt(0)] = 4.18
-    # Where the lidar is on the robot [m ahead of its centre].
-    sensor_x_m: float = 0.12
 
 
 class Traffic:
     """Remembers the last scans and says when a command would cross the way of something that moves."""
 
-    def __init__(self, options: TrafficOptions, limits: SpeedLimits, footprint: Footprint) -> None:
+    def __init__(
+        self, options: TrafficOptions, limits: SpeedLimits, footprint: Footprint, view: LidarView
+    ) -> None:
         self._options = options
+        self._view = view
         self._limits = limits
         self._half_planes = footprint.half_planes()
         self._scans: deque[tuple[float, Pose2, FloatArray]] = deque()
@@ -118,18 +118,15 @@ class Traffic:
 
     def _came(self, hits_m: FloatArray, then_from: Pose2, then_m: FloatArray) -> np.typing.NDArray[np.bool_]:
         """Which hits lie where the earlier scan's rays passed."""
-        laser_from_map = (then_from @ Pose2(x_m=self._options.sensor_x_m)).inverse()
         bins = round(math.tau / BIN_RAD)
-        then = laser_from_map.apply(then_m)
-        now = laser_from_map.apply(hits_m)
+        then_rad, then_range_m = self._view.polar(then_from, then_m)
+        bearing_rad, range_m = self._view.polar(then_from, hits_m)
         seen_m = np.full(bins, np.inf)
-        index = (np.arctan2(then[:, 1], then[:, 0]) / BIN_RAD).astype(np.int64) % bins
-        np.minimum.at(seen_m, index, np.hypot(*then.T))
+        np.minimum.at(seen_m, (then_rad / BIN_RAD).astype(np.int64) % bins, then_range_m)
         around_m = np.minimum(np.minimum(np.roll(seen_m, 1), seen_m), np.roll(seen_m, -1))
-        bearing_rad = np.arctan2(now[:, 1], now[:, 0])
         passed_m = around_m[(bearing_rad / BIN_RAD).astype(np.int64) % bins]
-        in_view = np.abs(bearing_rad) < 0.5 * self._options.view_rad - 2.0 * BIN_RAD
-        came: np.typing.NDArray[np.bool_] = in_view & (passed_m > np.hypot(*now.T) + BEHIND_M)
+        in_view = self._view.holds(bearing_rad, range_m, edge_rad=2.0 * BIN_RAD)
+        came: np.typing.NDArray[np.bool_] = in_view & (passed_m > range_m + BEHIND_M)
         return came
 
 

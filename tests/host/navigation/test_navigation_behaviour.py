@@ -10,6 +10,7 @@ from thumper.mapping.grid import OccupancyGrid
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.frontiers import ExplorationOptions, Explorer, find_frontiers
 from thumper.navigation.goal import Goal
+from thumper.navigation.lidar_view import LidarView
 from thumper.navigation.limits import SpeedLimits
 from thumper.navigation.memory import HitMemory, MemoryOptions
 from thumper.navigation.monitor import CollisionMonitor, MonitorOptions
@@ -46,7 +47,7 @@ def ring(radius_m: float) -> FloatArray:
 
 
 def test_memory_keeps_what_is_hidden_and_clears_what_a_ray_passes() -> None:
-    memory = HitMemory(MemoryOptions(sensor_x_m=0.0))
+    memory = HitMemory(MemoryOptions(), LidarView(base_from_laser=Pose2()))
     post = np.array(((0.5, 0.0),))
     assert len(memory.update(0.0, Pose2(), post)) == 0  # seen now: nothing to add
     assert memory.update(0.1, Pose2(theta_rad=math.pi), np.empty((0, 2))) == pytest.approx(post)  # behind
