@@ -7,6 +7,7 @@ from importlib.metadata import entry_points
 import typer
 
 from thumper import __version__
+from thumper.cli.dashboard import dashboard
 from thumper.cli.doctor import doctor
 from thumper.cli.explore import explore
 from thumper.cli.flash import flash
@@ -44,7 +45,7 @@ def _build() -> typer.Typer:
             app.add_typer(part, name=plugin.name)
         else:
             app.command(plugin.name)(part)
-    for command in (run, explore, plan, map_log, flash, doctor):
+    for command in (run, explore, plan, map_log, flash, doctor, dashboard):
         app.command(command.__name__.replace("_", "-"))(command)
     return app
 

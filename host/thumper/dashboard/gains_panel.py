@@ -8,6 +8,7 @@ from typing import Any
 
 from nicegui import ui
 
+from thumper.dashboard.page_parts import box, button
 from thumper.dashboard.parameters import DOCS, Parameter, Parameters
 from thumper.errors import ThumperError
 
@@ -27,21 +28,20 @@ class GainsPanel:
 
     def build(self) -> None:
         """Put the panel where NiceGUI is; it asks the robot as soon as the page is open."""
-        with ui.element("div").classes("tp-buttons"):
+        with box("tp-buttons"):
             self._apply = self._button("Apply", self._on_apply, "tp-go")
             self._undo = self._button("Undo", self._on_undo, "tp-plain")
             self._button("Revert to saved", self._on_revert, "tp-plain")
             self._button("Save on board", self._on_save, "tp-plain")
         self._message = ui.html("", tag="p", sanitize=False).classes("tp-message").props("role=status")
-        self._list = ui.element("div").classes("tp-gains")
+        self._list = box("tp-gains")
         self._button("Read from the board", self._load, "tp-plain")
         ui.timer(0.1, self._load, once=True)
 
     def _button(self, text: str, action: Callable[[], Any], kind: str) -> ui.element:
-        button = ui.element("button").classes(kind).props("type=button").on("click", action)
-        with button:
+        with button(kind).on("click", action) as made:
             ui.html(text, tag="span", sanitize=False)
-        return button
+        return made
 
     async def _load(self) -> None:
         async def ask() -> str:
@@ -64,7 +64,7 @@ class GainsPanel:
 
     def _row(self, parameter: Parameter) -> None:
         name, value = parameter.name, round(self._on_board[parameter.name], SHOWN_DIGITS)
-        with ui.element("div").classes("tp-gain"):
+        with box("tp-gain"):
             title = f"{DOCS.get(name, '')} {parameter.minimum:g} … {parameter.maximum:g} {parameter.unit}"
             ui.html(name, tag="label", sanitize=False).props(f'title="{title}"')
             ui.html(parameter.unit, tag="small", sanitize=False)
@@ -110,8 +110,8 @@ class GainsPanel:
         changes = self._changes()
         for name, number in self._numbers.items():
             number.classes(add="tp-changed") if name in changes else number.classes(remove="tp-changed")
-        for button in (self._apply, self._undo):
-            button.props("disabled") if not changes else button.props(remove="disabled")
+        for needing in (self._apply, self._undo):
+            needing.props("disabled") if not changes else needing.props(remove="disabled")
 
     async def _on_apply(self) -> None:
         async def change() -> str:

@@ -8,7 +8,7 @@ from typing import Any
 from nicegui import ui
 
 from thumper.dashboard.gains_panel import GainsPanel
-from thumper.dashboard.page_parts import STATIC, Part
+from thumper.dashboard.page_parts import STATIC, Part, box, button, inline
 from thumper.dashboard.parameters import Asker, Parameters
 from thumper.dashboard.simulator_panel import simulator_panel
 from thumper.dashboard.tune_panel import tune_panel
@@ -47,33 +47,33 @@ def build_page(options: PageOptions, robot: Asker) -> None:
     dark = ui.dark_mode(value=None)
     ui.query(".nicegui-content").classes("tp-content")
     _header(options.robot, dark)
-    with _box("tp-banner-row"):
-        _box("tp-banner").props("id=tp-banner data-kind=lost role=status")
-    with _box("tp-main"):
-        with _box("tp-left"):
+    with box("tp-banner-row"):
+        box("tp-banner").props("id=tp-banner data-kind=lost role=status")
+    with box("tp-main"):
+        with box("tp-left"):
             Part("map", {"footprint": options.footprint_m}).classes("tp-map")
             _state_line()
             Part("charts").classes("tp-wheels")
-        with _box("tp-right"):
-            _fault_box()
+        with box("tp-right"):
+            _faultbox()
             _tabs(robot)
-    _box("tp-notices").props("id=tp-notices role=alert")
-    with _button("tp-estop", {"data-estop": ""}, "Emergency stop: Space or Esc anywhere"):
-        ui.html("<b>STOP</b><small>Space · Esc</small>", sanitize=False)
+    box("tp-notices").props("id=tp-notices role=alert")
+    with button("tp-estop", {"data-estop": ""}, "Emergency stop: Space or Esc anywhere"):
+        inline("<b>STOP</b><small>Space · Esc</small>")
 
 
 def _header(robot: str, dark: ui.dark_mode) -> None:
     with ui.element("header").classes("tp-header"):
-        ui.html("<b>Thumper</b>", sanitize=False).classes("tp-brand")
+        inline('<b class="tp-brand">Thumper</b>')
         _field("robot", robot).classes("tp-robot")
-        with _box("tp-chips"):
+        with box("tp-chips"):
             _chip("battery_full", "battery", "Battery").classes("tp-battery")
             _chip("memory", "board_state", "Motor board")
             _chip("lan", "rtt", "Round trip of this page").classes("tp-wide")
-        with _button("tp-record", {"data-record": ""}, "Start or stop the recording"):
-            ui.html('<i class="tp-dot"></i><span>REC</span>', sanitize=False)
+        with button("tp-record", {"data-record": ""}, "Start or stop the recording"):
+            inline('<i class="tp-dot"></i><span>REC</span>')
             _field("recorded")
-        with _button("tp-icon", {}, "Light or dark").on("click", partial(_turn, dark)):
+        with button("tp-icon", {}, "Light or dark").on("click", partial(_turn, dark)):
             ui.icon("contrast")
 
 
@@ -85,19 +85,19 @@ async def _turn(dark: ui.dark_mode) -> None:
 
 
 def _state_line() -> None:
-    with _box("tp-state"):
+    with box("tp-state"):
         _field("mode").classes("tp-mode")
         _field("reason").classes("tp-reason")
         for name, title in (("distance", "to goal"), ("pose", "at"), ("heading", "heading")):
             with ui.element("span").classes(f"tp-pair tp-{name}"):
-                ui.html(f"<small>{title}</small>", sanitize=False)
+                inline(f"<small>{title}</small>")
                 _field(name)
 
 
-def _fault_box() -> None:
-    with _box("tp-fault").props("role=alert"):
-        ui.html('<i class="material-icons">error</i>', sanitize=False)
-        with _box(""):
+def _faultbox() -> None:
+    with box("tp-fault").props("role=alert"):
+        inline('<i class="material-icons">error</i>')
+        with box(""):
             _field("fault_words").classes("tp-fault-words")
             _field("fault_cure").classes("tp-fault-cure")
             _order("Clear fault", {"kind": "command", "name": "clear_fault"}, "tp-plain")
@@ -108,7 +108,7 @@ def _tabs(robot: Asker) -> None:
     with ui.tabs().props("dense no-caps inline-label align=justify").classes("tp-tabs") as tabs:
         for name, title in names.items():
             ui.tab(name, label=title).classes(f"tp-tab-{name}")
-    with ui.tab_panels(tabs, value="drive").props("keep-alive").classes("tp-panels"):
+    with ui.tab_panels(tabs, value="drive", animated=False).props("keep-alive").classes("tp-panels"):
         with ui.tab_panel("drive"):
             _drive_panel()
         with ui.tab_panel("gains"):
@@ -118,31 +118,31 @@ def _tabs(robot: Asker) -> None:
         with ui.tab_panel("sim"):
             simulator_panel(robot)
         with ui.tab_panel("log"):
-            _figures()
-            ui.html("<h2>Events</h2>", sanitize=False)
             Part("log").classes("tp-log")
 
 
 def _drive_panel() -> None:
-    with _box("tp-buttons"):
+    with box("tp-buttons"):
         _order("Arm", {"kind": "command", "name": "arm"}, "tp-go")
         _order("Disarm", {"kind": "command", "name": "disarm"}, "tp-plain")
         _order("Cancel goal", {"kind": "command", "name": "cancel"}, "tp-plain")
         _order("Save map", {"kind": "command", "name": "save_map"}, "tp-plain")
-    ui.html("<h2>By hand</h2>", sanitize=False)
+    inline("<h2>By hand</h2>")
     Part("drive").classes("tp-drive")
     ui.html(
         "<p>Hold the stick to drive, let go to stop; it goes before any goal. Gamepad: hold LB, RB is turbo, "
-        "B stops, Start arms. The robot stops when this page is hidden, frozen or closed.</p>",
+        "B stops, Start arms. What this page has set going stops when it is hidden, frozen or closed.</p>",
         sanitize=False,
     ).classes("tp-hint")
+    inline("<h2>Links and loop</h2>")
+    _figures()
 
 
 def _figures() -> None:
-    with _box("tp-figures"):
+    with box("tp-figures"):
         for name, title, meaning in FIGURES:
-            with _box("tp-figure").props(f'title="{meaning}"'):
-                ui.html(f"<small>{title}</small>", sanitize=False)
+            with box("tp-figure").props(f'title="{meaning}"'):
+                inline(f"<small>{title}</small>")
                 _field(name)
 
 
@@ -160,18 +160,6 @@ def _field(name: str, text: str = "") -> ui.element:
 
 def _order(text: str, order: dict[str, Any], kind: str) -> ui.element:
     """A button that `static/orders.js` acts on."""
-    with _button(kind, {"data-order": json.dumps(order)}, "") as button:
+    with button(kind, {"data-order": json.dumps(order)}) as ordering:
         ui.html(text, tag="span", sanitize=False)
-    return button
-
-
-def _button(classes: str, data: dict[str, str], title: str) -> ui.element:
-    button = ui.element("button").classes(classes)
-    button._props.update(
-        {"type": "button", **data, **({"title": title, "aria-label": title} if title else {})}
-    )
-    return button
-
-
-def _box(classes: str) -> ui.element:
-    return ui.element("div").classes(classes)
+    return ordering

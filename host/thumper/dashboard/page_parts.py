@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from nicegui import ui
 from nicegui.element import Element
 
 STATIC = Path(__file__).parent / "static"
@@ -15,3 +16,23 @@ class Part(Element, component="part.js", esm={"thumper-dashboard": str(STATIC)})
         super().__init__()
         self._props["name"] = name
         self._props["options"] = options or {}
+
+
+def box(classes: str) -> ui.element:
+    """A place for others."""
+    return ui.element("div").classes(classes)
+
+
+def inline(content: str) -> ui.html:
+    """HTML of our own, as if it stood in its parent."""
+    return ui.html(content, sanitize=False).classes("tp-inline")
+
+
+def button(classes: str, data: dict[str, str] | None = None, title: str = "") -> ui.element:
+    """A plain button; `data` are attributes that `static/` looks for."""
+    made = ui.element("button").classes(classes)
+    made._props["type"] = "button"
+    made._props.update(data or {})
+    if title:
+        made._props.update({"title": title, "aria-label": title})
+    return made

@@ -12,10 +12,10 @@ const COLUMNS = [
   ]),
 ];
 const PLOTS = [
-  { title: "Left wheels · rad/s", columns: [1, 2], names: ["set-point", "speed"], floor: 2 },
-  { title: "Right wheels · rad/s", columns: [6, 7], names: ["set-point", "speed"], floor: 2 },
-  { title: "Left motor · PWM of 255", columns: [3, 4], names: ["PWM", "integral"], floor: 40 },
-  { title: "Right motor · PWM of 255", columns: [8, 9], names: ["PWM", "integral"], floor: 40 },
+  { title: "Left · rad/s", columns: [1, 2], names: ["set-point", "speed"], floor: 2 },
+  { title: "Right · rad/s", columns: [6, 7], names: ["set-point", "speed"], floor: 2 },
+  { title: "Left · of 255", columns: [3, 4], names: ["PWM", "integral"], floor: 40 },
+  { title: "Right · of 255", columns: [8, 9], names: ["PWM", "integral"], floor: 40 },
 ];
 const STROKES = [["setpoint", "speed"], ["setpoint", "speed"], ["pwm", "integral"], ["pwm", "integral"]];
 
@@ -130,7 +130,7 @@ class Charts {
     const times = rows.map((row) => row[0] - newest);
     for (const { chart, columns, values, digits } of this.plots) {
       chart.setData([times, ...columns.map((column) => rows.map((row) => row[column]))]);
-      values.forEach((output, k) => { output.textContent = rows.at(-1)[columns[k]].toFixed(digits); });
+      values.forEach((output, k) => { output.textContent = rows.at(-1)[columns[k]].toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1"); });
     }
   }
 

@@ -9,7 +9,7 @@ const TOOLS = {
   look: { icon: "pan_tool", title: "Look: drag moves, wheel or two fingers zoom", key: "v" },
   goal: { icon: "flag", title: "Goal: press where, drag which way", key: "g" },
   waypoints: { icon: "route", title: "Waypoints: click one after the other, then Drive", key: "w" },
-  pose: { icon: "my_location", title: "Pose estimate: press where the robot is, drag its heading", key: "p" },
+  pose: { icon: "assistant_navigation", title: "Pose estimate: press where the robot is, drag its heading", key: "p" },
   obstacle: { icon: "add_box", title: "Obstacle: click to put a pillar into the simulated world", key: "o" },
 };
 const OBSTACLE_RADIUS_M = 0.15;

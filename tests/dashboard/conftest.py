@@ -1,0 +1,159 @@
+"""A fake robot on a real bus, the real server process, and a real browser without a window."""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from tests.dashboard.fake_robot import FakeRobot
+
+CHROMIUM = "/usr/bin/chromium"
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+START_S = 60.0
+
+
+def free_port() -> int:
+    """A port that nobody listens at just now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def until(holds: Callable[[], Any], timeout_s: float = 10.0) -> Any:
+    """Wait until `holds()` is true and return it; the test fails when that takes too long."""
+    end_s = time.monotonic() + timeout_s
+    while not (value := holds()):
+        assert time.monotonic() < end_s, "it did not come about in time"
+        time.sleep(0.02)
+    return value
+
+
+class Server:
+    """`thumper dashboard` as a process of its own."""
+
+    def __init__(self, robot_address: str, folder: Path, *more: str, port: int | None = None) -> None:
+        self.port = port or free_port()
+        self.scheme = "http"
+        self._log = folder / f"dashboard-{self.port}.log"
+        self._command = [
+            *(sys.executable, "-c", "from thumper.cli import main; main()", "dashboard"),
+            *("--robot-address", robot_address, "--port", str(self.port), *more),
+        ]
+        self.start()
+
+    @property
+    def url(self) -> str:
+        """Where the page is."""
+        return f"{self.scheme}://localhost:{self.port}"
+
+    def start(self) -> None:
+        """Start, and wait until it answers."""
+        with self._log.open("wb") as log:
+            self.process = subprocess.Popen(self._command, stdout=log, stderr=log)
+        until(self._answers, START_S)
+
+    def kill(self) -> None:
+        """End it as a crash would."""
+        self.process.kill()
+        self.process.wait()
+
+    def close(self) -> None:
+        """End it as Ctrl-C would."""
+        self.process.send_signal(signal.SIGINT)
+        self.process.wait(10.0)
+
+    def _answers(self) -> bool:
+        assert self.process.poll() is None, self._log.read_text(encoding="utf-8")
+        with socket.socket() as probe:
+            return probe.connect_ex(("127.0.0.1", self.port)) == 0
+
+
+@pytest.fixture(scope="session")
+def robot() -> Iterator[FakeRobot]:
+    robot = FakeRobot(address=f"127.0.0.1:{free_port()}")
+    yield robot
+    robot.close()
+
+
+@pytest.fixture(scope="session")
+def server(robot: FakeRobot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    server = Server(robot.address, tmp_path_factory.mktemp("dashboard"))
+    yield server
+    server.close()
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    if not Path(CHROMIUM).exists():
+        pytest.skip(f"{CHROMIUM} is not there; `make test` installs it")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def page(browser: Browser, server: Server, robot: FakeRobot) -> Iterator[Page]:
+    """An open page, connected; whatever it asked another host for fails the test."""
+    robot.reset()
+    context = browser.new_context(viewport={"width": 1440, "height": 900})
+    page = context.new_page()
+    outside: list[str] = []
+    own = re.compile(rf"^(https?|wss?)://localhost:{server.port}/|^(blob|data):")
+    page.on("request", lambda request: None if own.match(request.url) else outside.append(request.url))
+    page.on("websocket", lambda socket: None if own.match(socket.url) else outside.append(socket.url))
+    problems: list[str] = []
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    open_page(page, server)
+    yield page
+    context.close()
+    assert not outside
+    assert not problems
+
+
+def open_page(page: Page, server: Server) -> None:
+    """Open it and wait until the robot is seen."""
+    page.goto(server.url)
+    page.wait_for_function("window.thumper?.state.connected && window.thumper.state.values.status")
+    page.wait_for_selector(".tp-map canvas")
+
+
+def chromium_processes(root: int) -> list[int]:
+    """A process and all that it has started."""
+    parents: dict[int, list[int]] = {}
+    for entry in Path("/proc").glob("[0-9]*"):
+        try:
+            stat = (entry / "stat").read_text()
+        except OSError:
+            continue
+        parents.setdefault(int(stat.rpartition(")")[2].split()[1]), []).append(int(entry.name))
+    found = [root]
+    for process in found:
+        found += parents.get(process, [])
+    return found
+
+
+def signal_all(processes: list[int], number: signal.Signals) -> None:
+    """Send a signal to each of them that still lives."""
+    for process in processes:
+        with suppress(ProcessLookupError):
+            os.kill(process, number)

@@ -1,0 +1,256 @@
+"""A robot for the page to talk to: the real bus and the real messages, but nothing that moves.
+
+It drives in a circle in a room of 4 x 3 m, so that every layer of the map has something to show, and notes
+what it is asked for.
+"""
+
+import math
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from thumper.bus.options import BusOptions
+from thumper.bus.server import BusServer
+from thumper.geometry import Pose2, Twist2
+from thumper.lidar.scan import Scan
+from thumper.link.board import TelemetrySample
+from thumper.link.messages import PARAMETERS, Fault, State, Telemetry
+from thumper.mapping.grid import OccupancyGrid
+from thumper.ros.convert import INFO, WARN, Messages
+from thumper.ros.status import Status
+from thumper.service import board_parameters
+from thumper.service.inbox import Inbox
+from thumper.service.requests import Ask, EmergencyStop, Heartbeat, Order, Request, Simulate, Velocity
+
+PERIOD_S = 0.1
+WIDTH_M, HEIGHT_M, CELL_M = 4.0, 3.0, 0.05
+BEAMS = 682
+BASE_FROM_LASER = Pose2(x_m=0.12)
+
+
+@dataclass
+class FakeRobot:
+    """One robot on a bus at `address`; `asked` holds every request with its time, newest last."""
+
+    address: str
+    simulated: bool = True
+    token: str = ""
+    fault: Fault = Fault.NONE
+    fault_words: str = ""
+    fault_cure: str = ""
+    recording: bool = False
+    goal: Pose2 | None = None
+    battery_V: float = 7.62
+    frozen_pose: Pose2 | None = None
+    asked: list[tuple[float, Request]] = field(default_factory=list)
+    parameters: dict[str, float] = field(default_factory=dict)
+    period_s: float = PERIOD_S
+
+    def __post_init__(self) -> None:
+        self.reset()
+        self._inbox = Inbox()
+        self._bus = BusServer(
+            "thumper", BusOptions(address=self.address, token=self.token), self._inbox, lambda text: None
+        )
+        self._messages = Messages()
+        self._end = threading.Event()
+        self._grid = _room()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._end.set()
+        self._thread.join()
+        self._bus.close()
+
+    def reset(self) -> None:
+        """Forget what was asked, be well again."""
+        self.asked.clear()
+        self.fault, self.fault_words, self.fault_cure = Fault.NONE, "", ""
+        self.goal, self.recording, self.battery_V = None, False, 7.62
+        self.parameters = {spec.name: spec.default for spec in PARAMETERS}
+
+    def said(self, kind: type[Any]) -> list[Any]:
+        """The requests of one kind so far."""
+        return [request for _, request in self.asked if isinstance(request, kind)]
+
+    def last_s(self, kind: type[Any]) -> float:
+        """When the newest request of a kind came [s, monotonic]."""
+        return max((at_s for at_s, request in self.asked if isinstance(request, kind)), default=-math.inf)
+
+    def event(self, text: str, level: int = INFO) -> None:
+        """Say a line."""
+        self._send("events", self._messages.event(time.time(), level, text))
+
+    def _run(self) -> None:
+        beat = 0
+        self.event("the robot is there")
+        while not self._end.wait(self.period_s):
+            for at_s, request in self._inbox.take():
+                self.asked.append((at_s, request))
+                self._do(request)
+            self._beat(beat)
+            beat += 1
+
+    def _do(self, request: Request) -> None:
+        match request:
+            case EmergencyStop():
+                self.fault, self.goal = Fault.E_STOP, None
+                self.fault_words, self.fault_cure = "e stop", "the emergency stop was pressed"
+                self.event("emergency stop", WARN)
+            case Order(name=name):
+                self._order(name)
+            case Ask():
+                try:
+                    answer: dict[str, Any] = {"ok": True, **self._answer(request.name, request.content)}
+                except ValueError as error:
+                    answer = {"ok": False, "error": str(error)}
+                request.reply(answer)
+            case Heartbeat() | Velocity() | Simulate():
+                pass
+
+    def _order(self, name: str) -> None:
+        if name == "clear_fault":
+            self.fault, self.fault_words, self.fault_cure = Fault.NONE, "", ""
+        elif name in ("record_start", "record_stop"):
+            self.recording = name == "record_start"
+        elif name == "cancel":
+            self.goal = None
+
+    def _answer(self, name: str, content: Mapping[str, Any]) -> dict[str, Any]:
+        match name:
+            case "parameters/schema":
+                return board_parameters.schema()
+            case "parameters/get" | "parameters/revert":
+                return {"values": self.parameters}
+            case "parameters/set":
+                for key, value in content.items():
+                    spec = next(spec for spec in PARAMETERS if spec.name == key)
+                    if not spec.minimum <= value <= spec.maximum:
+                        raise ValueError(f"the board refused {key} = {value:g}")
+                self.parameters.update(content)
+                return {"values": {key: self.parameters[key] for key in content}}
+            case "parameters/save":
+                return {}
+            case "command":
+                self._order(content["command"])
+                return {"text": f"done: {content['command']}"}
+            case "mission/send":
+                self.goal = Pose2(x_m=content["x_m"], y_m=content["y_m"], theta_rad=content.get("yaw_rad", 0))
+                return {"mission": 1}
+        raise ValueError(f"no such question: {name}")
+
+    def _beat(self, beat: int) -> None:
+        now_s, say = time.time(), self._messages
+        angle = 0.25 * beat * PERIOD_S
+        pose = self.frozen_pose or Pose2(
+            x_m=2.0 + 0.8 * math.cos(angle), y_m=1.5 + 0.6 * math.sin(angle), theta_rad=angle + math.pi / 2
+        )
+        self._send("pose", say.pose(now_s, pose))
+        self._send("scan", say.scan(_scan(now_s, pose)))
+        self._send("wheels", say.wheels(self._telemetry(now_s, beat)))
+        self._send("cmd_vel", say.twist(now_s, Twist2(v_m_s=0.2)))
+        spread = np.random.default_rng(beat).normal(0.0, 0.04, (60, 3))
+        self._send("particles", say.particles(now_s, spread + np.array([pose.x_m, pose.y_m, pose.theta_rad])))
+        if self.goal is not None:
+            way = np.linspace((pose.x_m, pose.y_m), (self.goal.x_m, self.goal.y_m), 20)
+            self._send("plan", say.path(now_s, way))
+            self._send("local_plan", say.path(now_s, way[:6] + 0.03))
+        if beat % 10 == 0:
+            self._send("map", say.grid(now_s, self._grid))
+        self._send("status", say.status(self._status(now_s, pose)))
+
+    def _telemetry(self, now_s: float, beat: int) -> TelemetrySample:
+        goal_mrad_s = 3000 if beat % 80 < 50 else 0
+        left = round(goal_mrad_s * (1 - math.exp(-(beat % 80) / 4))) if goal_mrad_s else 0
+        state = State.FAULT if self.fault else State.CLOSED_LOOP
+        return TelemetrySample(
+            time_s=now_s,
+            telemetry=Telemetry(
+                time_us=beat * 100_000,
+                left_count=beat * 40,
+                left_speed=left + (beat * 37) % 90 - 45,
+                left_setpoint=goal_mrad_s,
+                left_pwm=left // 40,
+                left_integral=left // 2,
+                right_count=beat * 41,
+                right_speed=left + (beat * 53) % 90 - 45,
+                right_setpoint=goal_mrad_s,
+                right_pwm=left // 38,
+                right_integral=left // 2,
+                lost_edges=0,
+                battery_mV=round(1000 * self.battery_V),
+                left_current_mA=900,
+                right_current_mA=950,
+                state=state,
+                fault=self.fault,
+                warnings=int(self.battery_V < 7.0),
+                rx_frames=beat % 65536,
+                rx_errors=2,
+            ),
+        )
+
+    def _status(self, now_s: float, pose: Pose2) -> Status:
+        goal = self.goal
+        return Status(
+            time_s=now_s,
+            robot="thumper",
+            mode="driving" if goal else "idle",
+            reason="following the plan" if goal else "waiting for a goal",
+            simulated=self.simulated,
+            recording=self.recording,
+            has_goal=goal is not None,
+            goal_x_m=goal.x_m if goal else 0.0,
+            goal_y_m=goal.y_m if goal else 0.0,
+            goal_yaw_rad=goal.theta_rad if goal else 0.0,
+            distance_to_goal_m=pose.distance_m(goal) if goal else 0.0,
+            board_state="FAULT" if self.fault else "CLOSED_LOOP",
+            fault=int(self.fault),
+            fault_words=self.fault_words,
+            fault_cure=self.fault_cure,
+            loop_late_s=0.0012,
+            loop_busy_s=0.013,
+            telemetry_age_s=0.04,
+            scan_age_s=0.08,
+            link_frames=1234,
+            link_errors=2,
+            lidar_scans=567,
+        )
+
+    def _send(self, topic: str, message: Any) -> None:
+        self._bus.publish(topic, time.time(), message)
+
+
+def _room() -> OccupancyGrid:
+    cells = np.full((80, 100), -1, dtype=np.int8)
+    cells[10:70, 10:90] = 0
+    for row in (10, 69):
+        cells[row, 10:90] = 100
+    for column in (10, 89):
+        cells[10:70, column] = 100
+    cells[50:58, 60:70] = 100
+    return OccupancyGrid(cells=cells, resolution_m=CELL_M, origin_x_m=-0.5, origin_y_m=-0.5)
+
+
+def _scan(now_s: float, pose: Pose2) -> Scan:
+    """What a lidar sees of the room's four walls."""
+    laser = pose @ BASE_FROM_LASER
+    angles_rad = -2.0862 + 0.0061359 * np.arange(BEAMS)
+    headings = laser.theta_rad + angles_rad
+    with np.errstate(divide="ignore"):
+        along_x = np.where(np.cos(headings) > 0, WIDTH_M - laser.x_m, -laser.x_m) / np.cos(headings)
+        along_y = np.where(np.sin(headings) > 0, HEIGHT_M - laser.y_m, -laser.y_m) / np.sin(headings)
+    return Scan(
+        time_s=now_s,
+        ranges_m=np.minimum(along_x, along_y),
+        angle_min_rad=-2.0862,
+        angle_increment_rad=0.0061359,
+        time_increment_s=0.0,
+        range_min_m=0.02,
+        range_max_m=5.6,
+    )
