@@ -43,6 +43,18 @@ class Uart {
 
   bool empty() const { return RxHead() == rx_tail_; }
 
+  // For the interrupts.
+  static constexpr uint8_t kSize = 64;
+  static_assert((kSize & (kSize - 1)) == 0, "a power of two wraps by masking");
+  static constexpr uint8_t kOn = 1 << RXEN0 | 1 << TXEN0 | 1 << RXCIE0;
+
+  // The two indices that the interrupts write live in scratch registers: a cycle less at each access.
+  static volatile uint8_t& RxHead() { return GPIOR1; }
+  static volatile uint8_t& TxTail() { return GPIOR2; }
+
+  volatile uint8_t rx_[kSize], tx_[kSize];
+  volatile uint8_t rx_tail_ = 0, tx_head_ = 0;
+
  private:
   static constexpr uint32_t kDivider = (F_CPU + 4 * THUMPER_BAUD) / (8 * THUMPER_BAUD) - 1;
   static constexpr uint32_t kActual = F_CPU / (8 * (kDivider + 1));
@@ -56,17 +68,4 @@ class Uart {
     index &= kSize - 1;
     return index;
   }
-
- public:
-  // For the interrupts.
-  static constexpr uint8_t kSize = 64;
-  static_assert((kSize & (kSize - 1)) == 0, "a power of two wraps by masking");
-  static constexpr uint8_t kOn = 1 << RXEN0 | 1 << TXEN0 | 1 << RXCIE0;
-
-  // The two indices that the interrupts write live in scratch registers: a cycle less at each access.
-  static volatile uint8_t& RxHead() { return GPIOR1; }
-  static volatile uint8_t& TxTail() { return GPIOR2; }
-
-  volatile uint8_t rx_[kSize], tx_[kSize];
-  volatile uint8_t rx_tail_ = 0, tx_head_ = 0;
 };

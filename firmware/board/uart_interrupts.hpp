@@ -7,7 +7,7 @@
 /// wait for them. As in encoder_edge.hpp the flags are kept in GPIOR0: nothing interrupts these.
 namespace uart_interrupts {
 
-/// USART_RX_vect: 42 cycles. A byte that has no room, or came broken, is left to the frame's CRC.
+/// USART_RX_vect: 41 cycles. A byte that has no room, or came broken, is left to the frame's CRC.
 /// kData: address of the data register.
 template <Uart& kUart, uint16_t kData>
 __attribute__((always_inline)) inline void OnReceive() {
@@ -43,7 +43,7 @@ __attribute__((always_inline)) inline void OnReceive() {
       : "memory");
 }
 
-/// USART_UDRE_vect: 44 cycles, 45 with the last byte, which ends these interrupts.
+/// USART_UDRE_vect: 43 cycles, 45 with the last byte, which ends these interrupts.
 template <Uart& kUart, uint16_t kData>
 __attribute__((always_inline)) inline void OnReady() {
   __asm__ volatile(

@@ -51,6 +51,21 @@ def test_each_rate_builds_within_budget(rate_Hz: int, tmp_path: Path) -> None:
     assert (tmp_path / "thumper.hex").exists()
 
 
+def test_other_options_build_anew_and_the_same_do_not(tmp_path: Path) -> None:
+    def built(*options: str) -> tuple[bytes, bool]:
+        before = (tmp_path / "thumper.elf").stat().st_mtime_ns if (tmp_path / "thumper.elf").exists() else 0
+        assert make(f"BUILD={tmp_path}", *options).returncode == 0
+        return (tmp_path / "thumper.hex").read_bytes(), (tmp_path / "thumper.elf").stat().st_mtime_ns > before
+
+    ten, _ = built()
+    assert built() == (ten, False)
+    fifty, anew = built("RATE=50")
+    assert anew
+    assert fifty != ten
+    assert built("RATE=50", "BAUD=250000")[1]
+    assert built() == (ten, True)
+
+
 def test_a_baud_rate_off_by_two_percent_is_refused(tmp_path: Path) -> None:
     result = make("BAUD=115200", f"BUILD={tmp_path}")
     assert result.returncode != 0

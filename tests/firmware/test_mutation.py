@@ -3,7 +3,7 @@
 import random
 
 from tests.firmware.mutation.mutants import CORE, mutants
-from tests.firmware.mutation.run import survivors
+from tests.firmware.mutation.run import fails_unchanged, survivors
 
 SAMPLE = 3
 
@@ -16,7 +16,12 @@ def test_each_mutant_changes_its_line_only() -> None:
         assert differing == [mutant.line]
 
 
+def test_the_suite_passes_without_a_change() -> None:
+    """Or every mutant would count as noticed."""
+    assert fails_unchanged() == ""
+
+
 def test_a_sample_of_mutants_is_killed() -> None:
     """`make mutation` takes all of them; docs/firmware.md says who survives, and why."""
     chosen = random.Random(4).sample([m for m in mutants() if m.file == "pi.hpp"], SAMPLE)
-    assert len(survivors(chosen, jobs=1)) <= 1
+    assert list(survivors(chosen, jobs=1)) == []

@@ -2,6 +2,7 @@
 
 import ctypes
 import math
+from collections.abc import Callable
 
 import pytest
 
@@ -119,12 +120,12 @@ def test_stops_and_stays_stopped(core: ctypes.CDLL) -> None:
 @pytest.mark.parametrize("rate_Hz", [10, 100])
 @pytest.mark.parametrize("tau_s", [0.02, 0.04, 0.075, 0.15, 0.3])
 def test_prediction_constants_match_the_exponential(
-    core_at_rate: dict[int, ctypes.CDLL], rate_Hz: int, tau_s: float
+    core_at_rate: Callable[[int], ctypes.CDLL], rate_Hz: int, tau_s: float
 ) -> None:
     """a = exp(-T/tau), b = (1-a) tau/T (feedforward.hpp)."""
     out = (ctypes.c_int32 * 8)()
     values = (ctypes.c_int32 * 7)(0, 0, 0, round(17.12 * 524.288), round(17.12 * tau_s * 524.288), 800, 18000)
-    core_at_rate[rate_Hz].derive(values, 7400, out)
+    core_at_rate(rate_Hz).derive(values, 7400, out)
     x = 1 / (rate_Hz * tau_s)
     a = math.exp(-x)
     b = (1 - a) / x

@@ -75,6 +75,13 @@ int pi_step(int pi, int kp, int ki, int error, int feed_forward, int idle) {
   const fw::PiGains gains = {static_cast<int16_t>(kp), static_cast<int16_t>(ki)};
   return Pool<fw::PiController>()[pi].Step(gains, static_cast<int16_t>(error), feed_forward, idle != 0);
 }
+/// A whole run from rest, without feed-forward. Returns the integral at its end.
+int pi_run(int kp, int ki, const int16_t* errors, int ticks, int16_t* pwms) {
+  const fw::PiGains gains = {static_cast<int16_t>(kp), static_cast<int16_t>(ki)};
+  fw::PiController pi;
+  for (int tick = 0; tick < ticks; ++tick) pwms[tick] = pi.Step(gains, errors[tick], 0, false);
+  return pi.integral();
+}
 int pi_integral(int pi) { return Pool<fw::PiController>()[pi].integral(); }
 
 /// parameters: kParameterCount wire values. out: speed, set-point, PWM, integral, prediction constants.

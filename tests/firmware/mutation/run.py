@@ -7,33 +7,42 @@ python -m tests.firmware.mutation.run --sample 20      a random few, by --seed
 import argparse
 import os
 import random
+import resource
 import shutil
-import subprocess
 import sys
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
+from multiprocessing import get_context
+from multiprocessing.connection import wait
+from multiprocessing.context import ForkProcess
 from pathlib import Path
 
+import pytest
+from hypothesis import Phase, settings
+
+from tests.firmware import speaker  # noqa: F401  imported once, here, for every process to come
 from tests.firmware.mutation.mutants import CORE, Mutant, mutants
 
-REPO = Path(__file__).resolve().parents[3]
-QUICK_FIRST = [
+TESTS = Path(__file__).resolve().parents[1]
+SUITE = [
     "test_wheel",
     "test_supervisor",
     "test_monitors",
     "test_ramp_battery_units",
-    "test_quadrature",
     "test_host_interface",
-    "test_framing",
     "test_store",
+    "test_quadrature",
+    "test_framing",
     "test_law",
     "test_pi",
 ]
+"""The quick ones first: pytest stops at the first failure."""
 OWN = {
     "battery.hpp": "test_ramp_battery_units",
     "beep.hpp": "test_monitors",
     "config.hpp": "test_law",
     "crc.hpp": "test_framing",
+    "drive.hpp": "test_quadrature",
     "feedforward.hpp": "test_law",
     "fixed.hpp": "test_law",
     "framing.hpp": "test_framing",
@@ -48,59 +57,103 @@ OWN = {
     "units.hpp": "test_ramp_battery_units",
     "wheel.hpp": "test_wheel",
 }
-"""The test likeliest to notice goes first: pytest stops at the first failure."""
-TIMEOUT_S = 120.0
-"""A mutant that runs for ever is noticed too."""
+"""The test likeliest to notice a change of a file; it goes before all others."""
+LONG = "million or long_drive"
+"""Which tests take seconds."""
+TIMEOUT_S = 60
+"""Of processor time: a mutant that runs for ever is noticed too."""
+NOTICED, UNNOTICED = 1, 0
+
+# Which example fails does not matter here, so none is made smaller.
+settings.register_profile(
+    "mutation", deadline=None, derandomize=True, phases=(Phase.explicit, Phase.generate)
+)
 
 
-def is_killed(mutant: Mutant) -> bool:
-    """Build and test a copy of the firmware with this one change."""
-    with tempfile.TemporaryDirectory() as scratch:
-        tests = Path(scratch) / "tests" / "firmware"
-        shutil.copytree(REPO / "firmware" / "core", Path(scratch) / "firmware" / "core")
-        shutil.copytree(REPO / "tests" / "firmware", tests, ignore=shutil.ignore_patterns("build", "fuzz"))
-        path = Path(scratch) / "firmware" / "core" / mutant.file
+def suite_for(file: str | None) -> Iterator[list[str]]:
+    """Yield pytest's arguments for one run after the other: long tests come last."""
+    own = OWN.get(file or "")
+    modules = [str(TESTS / f"{name}.py") for name in SUITE if name != own]
+    if own:
+        yield [str(TESTS / f"{own}.py"), "-k", f"not ({LONG})"]
+    yield [*modules, "-k", f"not ({LONG})"]
+    yield [*modules, *([str(TESTS / f"{own}.py")] if own else []), "-k", LONG]
+
+
+def _test(folder: str, file: str | None, log: str) -> None:
+    """In a process of its own: leave with NOTICED or UNNOTICED."""
+    resource.setrlimit(resource.RLIMIT_CPU, (TIMEOUT_S, TIMEOUT_S))
+    os.environ["THUMPER_MUTANT"] = folder
+    descriptor = os.open(log, os.O_WRONLY | os.O_CREAT)
+    os.dup2(descriptor, 1)
+    os.dup2(descriptor, 2)
+    os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"  # or each process imports a browser's
+    options = ["-x", "-q", "--hypothesis-profile=mutation", "-p", "no:cacheprovider"]
+    options += ["-p", "pytest_timeout", "-p", "_hypothesis_pytestplugin"]
+    for arguments in suite_for(file):
+        if pytest.main([*options, *arguments]) != pytest.ExitCode.OK:
+            os._exit(NOTICED)
+    os._exit(UNNOTICED)
+
+
+def start(mutant: Mutant | None, scratch: Path) -> ForkProcess:
+    """Begin to build and test a copy of the core with this one change, or with none."""
+    shutil.copytree(CORE, scratch / "core")
+    if mutant:
+        path = scratch / "core" / mutant.file
         path.write_text(mutant.apply(path.read_text(encoding="utf-8")), encoding="utf-8")
-        own = OWN.get(mutant.file)
-        suite = sorted(QUICK_FIRST, key=lambda name: name != own)  # stable: the others keep their order
-        files = [str(tests / f"{name}.py") for name in suite]
-        options = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--import-mode=importlib"]
-        environment = os.environ | {"PYTHONPATH": f"{scratch}:{REPO / 'host'}"}
-        try:
-            result = subprocess.run(
-                [sys.executable, "-m", "pytest", *options, "--rootdir", scratch, *files],
-                cwd=scratch,
-                env=environment,
-                capture_output=True,
-                timeout=TIMEOUT_S,
-                check=False,
-            )
-        except subprocess.TimeoutExpired:
-            return True
-        return result.returncode != 0
+    arguments = (str(scratch), mutant.file if mutant else None, str(scratch / "log"))
+    process = get_context("fork").Process(target=_test, args=arguments)  # pytest is imported once
+    process.start()
+    return process
 
 
-def survivors(chosen: list[Mutant], jobs: int) -> list[Mutant]:
-    """Return the mutants that no test noticed."""
-    with ThreadPoolExecutor(jobs) as pool:
-        return [m for m, killed in zip(chosen, pool.map(is_killed, chosen), strict=True) if not killed]
+def fails_unchanged() -> str:
+    """Return what the suite says about the core as it is, if that is not good."""
+    with tempfile.TemporaryDirectory() as scratch:
+        process = start(None, Path(scratch))
+        process.join()
+        return "" if process.exitcode == UNNOTICED else (Path(scratch) / "log").read_text(encoding="utf-8")
+
+
+def survivors(chosen: list[Mutant], jobs: int) -> Iterator[Mutant]:
+    """Yield the mutants that no test noticed, as they are found."""
+    waiting, running = list(reversed(chosen)), dict[int, tuple[ForkProcess, Mutant, Path]]()
+    while waiting or running:
+        while waiting and len(running) < jobs:
+            scratch = Path(tempfile.mkdtemp())
+            process = start(waiting[-1], scratch)
+            running[process.sentinel] = process, waiting.pop(), scratch
+        for sentinel in wait(list(running)):
+            assert isinstance(sentinel, int)
+            process, mutant, scratch = running.pop(sentinel)
+            process.join()
+            shutil.rmtree(scratch)
+            if process.exitcode == UNNOTICED:
+                yield mutant
 
 
 def main() -> int:
     """Print the survivors and their share; fail below 90 % killed."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--sample", type=int, default=0, help="how many, 0 = all")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--files", nargs="+", help="only those of some files, such as pi.hpp")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     arguments = parser.parse_args()
-    chosen = mutants()
+    if said := fails_unchanged():
+        print(said)
+        print("the suite fails without any change: mend that first")
+        return 2
+    chosen = [mutant for mutant in mutants() if mutant.file in (arguments.files or OWN)]
     if arguments.sample:
         chosen = random.Random(arguments.seed).sample(chosen, arguments.sample)
-    alive = survivors(chosen, arguments.jobs)
-    for mutant in alive:
+    alive = 0
+    for mutant in survivors(chosen, arguments.jobs):
         line = (CORE / mutant.file).read_text(encoding="utf-8").splitlines()[mutant.line - 1]
-        print(f"{mutant}    {line.strip()}")
-    killed = len(chosen) - len(alive)
+        print(f"{mutant}    {line.strip()}", flush=True)
+        alive += 1
+    killed = len(chosen) - alive
     print(f"{killed} of {len(chosen)} mutants killed, {100 * killed / len(chosen):.1f} %")
     return 0 if killed >= 0.9 * len(chosen) else 1
 
