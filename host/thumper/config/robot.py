@@ -21,6 +21,7 @@ from thumper.lidar.urg04lx import Urg04LxOptions
 from thumper.localization.options import AmclOptions
 from thumper.mapping.method import MappingOptions
 from thumper.navigation.footprint import Footprint
+from thumper.navigation.lidar_view import LidarView
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.registry import check_names
 from thumper.recording.options import RecordingOptions
@@ -52,6 +53,14 @@ class LidarConfig:
     def base_from_laser(self) -> Pose2:
         """The mounting as a transform."""
         return Pose2(x_m=self.x_m, y_m=self.y_m, theta_rad=math.radians(self.yaw_deg))
+
+    @property
+    def view(self) -> LidarView:
+        """What it can see, by its model's data sheet."""
+        opening_deg, range_m = {"urg04lx": (240.0, 4.0), "ld19": (360.0, 12.0)}[self.model]
+        return LidarView(
+            base_from_laser=self.base_from_laser, opening_rad=math.radians(opening_deg), range_m=range_m
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
