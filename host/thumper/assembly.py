@@ -46,6 +46,7 @@ def open_robot(config: RobotConfig, map_from_base: Pose2) -> Iterator[Runtime]:
                 perception=Perception(drive=config.drive, base_from_laser=base_from_laser, mapper=mapper),
                 navigation=config.navigation,
                 footprint=config.footprint,
+                view=config.lidar.view,
                 drive=config.drive,
                 max_wheel_rad_s=config.drive.max_wheel_rad_s,
             )

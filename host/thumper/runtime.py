@@ -21,6 +21,7 @@ from thumper.mapping.mapper import Mapper
 from thumper.mission_log import MissionLog, path_length_m
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
+from thumper.navigation.lidar_view import LidarView
 from thumper.navigation.navigator import NavigationOutput, Navigator
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.validate import validate_goal
@@ -71,6 +72,7 @@ class Runtime:
         drive: DriveGeometry,
         max_wheel_rad_s: float,
         products: Products,
+        view: LidarView | None = None,
         service: ServiceOptions | None = None,
         simulator: Simulator | None = None,
     ) -> None:
@@ -81,7 +83,9 @@ class Runtime:
         self._footprint = footprint
         self.pilot = Pilot(
             board=board,
-            navigator=Navigator(navigation, footprint, drive),
+            navigator=Navigator(
+                navigation, footprint, drive, view=view, on_transition=self.senses.log.transitions.append
+            ),
             drive=drive,
             max_wheel_rad_s=max_wheel_rad_s,
             options=service or ServiceOptions(),
