@@ -9,7 +9,12 @@ Method = Literal["graph", "rbpf", "scan_match"]
 
 
 def map_log(
-    file: Annotated[Path, typer.Argument(help="CARMEN log (.log, .clf) or MINES log (.dat), plain or .gz.")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="CARMEN log (.log, .clf) or MINES log (.dat), plain or .gz; or ROS 2 recording (.mcap)."
+        ),
+    ],
     out: Annotated[
         Path, typer.Option(help="Folder for map.pgm, map.yaml, map.png and trajectory.csv.")
     ] = Path("out/map-log"),

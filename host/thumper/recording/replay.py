@@ -8,7 +8,7 @@ import numpy as np
 
 from thumper.config.robot import RobotConfig
 from thumper.errors import ThumperError
-from thumper.geometry import FloatArray, Pose2
+from thumper.geometry import FloatArray
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.method import PathMapper, make_mapper
 from thumper.perception import Perception
@@ -71,8 +71,9 @@ def replay(
         try:
             message = said.message()
             if said.topic == "wheels":
-                perception.add_telemetry(parse.telemetry_of(message, session.epoch_ns))
-                _note_pose(out, perception)
+                sample = parse.telemetry_of(message, session.epoch_ns)
+                _note_pose(out, perception)  # of the beat before: its scans have come meanwhile
+                perception.add_telemetry(sample)
             elif said.topic == "scan":
                 perception.add_scan(parse.scan_of(message, session.epoch_ns))
             elif said.topic == "map" and comparable and parse.stamp_ns_of(message) != compared_ns:
@@ -84,6 +85,7 @@ def replay(
             continue
         if on_said is not None and said.topic in TOPICS:
             on_said(said, message)
+    _note_pose(out, perception)
     out.scans = perception.scans_mapped
     if not out.scans:
         raise ThumperError(
@@ -95,9 +97,9 @@ def replay(
 
 def _note_pose(out: Replayed, perception: Perception) -> None:
     situation = perception.situation()
-    assert situation is not None  # telemetry has just come
-    pose: Pose2 = situation.map_from_base
-    out.poses.append((situation.time_s, pose.x_m, pose.y_m, pose.theta_rad))
+    if situation is not None:
+        pose = situation.map_from_base
+        out.poses.append((situation.time_s, pose.x_m, pose.y_m, pose.theta_rad))
 
 
 def _same(one: OccupancyGrid, other: OccupancyGrid) -> bool:

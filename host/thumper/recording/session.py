@@ -2,10 +2,11 @@
 
 import json
 import platform
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 
 from thumper import __version__
+from thumper.bus.options import BusOptions
 from thumper.config.robot import RobotConfig, config_from_json, config_to_json
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
@@ -27,8 +28,9 @@ class Session:
     from_start: bool = True  # whether it begins before the first scan was mapped
 
     def as_metadata(self) -> dict[str, str]:
-        """Strings by name, as MCAP keeps them."""
+        """Strings by name, as MCAP keeps them. Who may join the bus is nobody's business: it is left out."""
         pose = self.map_from_base
+        config = replace(self.config, bus=BusOptions())
         return {
             "version": __version__,
             "robot": self.config.name,
@@ -40,7 +42,7 @@ class Session:
             "python": platform.python_version(),
             "machine": f"{platform.system()} {platform.machine()}",
             "packages": json.dumps({name: _version(name) for name in PACKAGES}),
-            "config": config_to_json(self.config),
+            "config": config_to_json(config),
         }
 
 

@@ -11,10 +11,11 @@ from thumper.mapping.logs.mines import is_mines, read_mines
 from thumper.mapping.logs.record import RobotLog
 
 GZIP_MAGIC = b"\x1f\x8b"
+MCAP_MAGIC = b"\x89MCAP0\r\n"
 
 
 def open_log(path: Path) -> RobotLog:
-    """Read a CARMEN or MINES log, plain or gzip-compressed: the content decides, not the name.
+    """Read a CARMEN or MINES log, plain or gzip-compressed, or an MCAP file: the content decides.
 
     Raises
     ------
@@ -23,7 +24,12 @@ def open_log(path: Path) -> RobotLog:
     """
     try:
         with path.open("rb") as plain:
-            packed = plain.read(2) == GZIP_MAGIC
+            start = plain.read(len(MCAP_MAGIC))
+        if start == MCAP_MAGIC:
+            from thumper.mapping.logs.mcap import read_mcap  # loads the ROS 2 types
+
+            return read_mcap(path)
+        packed = start.startswith(GZIP_MAGIC)
         # Line by line: a text held whole, and again as lines, would be the largest thing in memory.
         opener = gzip.open if packed else open
         with opener(path, "rt", encoding="ascii") as stream:
@@ -45,10 +51,10 @@ def open_log(path: Path) -> RobotLog:
         ) from error
     except UnicodeDecodeError as error:
         raise ThumperError(
-            f"{path}: not a text log; give a CARMEN (.log, .clf) or MINES (.dat) log", exit_code=2
+            f"{path}: not a text log; give a CARMEN (.log, .clf), MINES (.dat) or MCAP log", exit_code=2
         ) from error
     raise ThumperError(
-        f"{path}: unknown log format; give a CARMEN (.log, .clf) or MINES (.dat) log", exit_code=2
+        f"{path}: unknown log format; give a CARMEN (.log, .clf), MINES (.dat) or MCAP log", exit_code=2
     )
 
 

@@ -1,0 +1,50 @@
+"""`thumper record`: record a robot that runs, from beside it or from another machine."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def record(
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the recordings; without it, as configured.")
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option(help="Record for so long; without it, until Ctrl-C.", min=0.1)
+    ] = None,
+    robot_address: Annotated[
+        str, typer.Option(help="HOST:PORT of the robot's bus; overrides the configuration.")
+    ] = "",
+    config: Annotated[Path | None, typer.Option(help="The robot's TOML; without it, a Wild Thumper.")] = None,
+) -> None:
+    """Record everything that a running robot says, in MCAP files.
+
+    `thumper run --record` does the same inside the robot's program, and loses nothing to the network.
+    """
+    import sys
+
+    from rich.console import Console
+
+    from thumper.bus.client import BusClient
+    from thumper.cli.output import prepare_output
+    from thumper.config.robot import load_config
+    from thumper.errors import ThumperError
+    from thumper.recording.on_bus import record_from_bus
+    from thumper.recording.recover import recover_left_behind
+
+    settings = load_config(config)
+    folder = prepare_output(out or Path(settings.recording.folder))
+    console = Console()
+
+    def say(text: str) -> None:
+        print(f"thumper: {text}", file=sys.stderr)
+
+    recover_left_behind(folder, say)
+    with BusClient(settings.name, robot_address or settings.bus.address, settings.bus.token) as client:
+        console.print(f"recording to {folder}/; Ctrl-C ends it", markup=False)
+        recorder = record_from_bus(client, folder, settings.recording, seconds=seconds, say=say)
+    if recorder.trouble:
+        raise ThumperError(f"the recording ended early: {recorder.trouble}")
+    dropped = f", {recorder.dropped} dropped: the disk is too slow" if recorder.dropped else ""
+    console.print(f"{recorder.written} messages{dropped}: {recorder.files[-1]}", markup=False)

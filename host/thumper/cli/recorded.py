@@ -1,0 +1,47 @@
+"""`--record` of the commands that drive a robot."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from thumper.config.robot import RobotConfig
+    from thumper.geometry import Pose2
+    from thumper.runtime import Runtime
+
+
+@contextmanager
+def recorded(
+    robot: "Runtime", settings: "RobotConfig", start: "Pose2 | None", record: bool, record_to: Path | None
+) -> Iterator[None]:
+    """Record from now on if asked to; in any case `record_start` and `record_stop` work over the bus.
+
+    Raises
+    ------
+    ThumperError
+        The folder cannot be written.
+    """
+    from thumper.cli.output import prepare_output
+    from thumper.geometry import Pose2
+    from thumper.recording.switch import recording_switch
+    from thumper.service.requests import Notice
+
+    folder = record_to or Path(settings.recording.folder)
+
+    def say(text: str) -> None:
+        print(f"thumper: {text}", file=sys.stderr)
+        robot.inbox.put(Notice(text=text))
+
+    with recording_switch(robot, settings, start or Pose2(), folder, say) as switch:
+        if record or record_to:
+            prepare_output(folder)
+            switch.start()
+        try:
+            yield
+        finally:
+            recorder = switch.close()
+            if recorder is not None and recorder.files and not recorder.trouble:
+                dropped = f", {recorder.dropped} dropped: the disk is too slow" if recorder.dropped else ""
+                print(f"recorded {recorder.written} messages{dropped}: {recorder.files[-1]}")

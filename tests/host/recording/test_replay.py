@@ -1,0 +1,161 @@
+"""A recorded run gives the same map again, bit by bit, and tables that others' programs can read."""
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.host.recording.samples import EPOCH_NS, MESSAGES, SESSION, beats
+from thumper.assembly import open_robot
+from thumper.config.robot import BoardConfig, LidarConfig, RobotConfig
+from thumper.errors import ThumperError
+from thumper.geometry import FloatArray, Pose2
+from thumper.mapping.grid import OccupancyGrid
+from thumper.mapping.logs.open_log import open_log
+from thumper.mapping.method import MappingOptions
+from thumper.navigation.goal import Goal
+from thumper.recording.export import export_csv, last_map
+from thumper.recording.reader import Recording, find_recordings
+from thumper.recording.recorder import Recorder
+from thumper.recording.replay import replay
+from thumper.recording.switch import recording_switch
+
+START = Pose2(x_m=1.73, y_m=0.08, theta_rad=math.pi)
+GOAL = Goal(x_m=-0.49, y_m=0.02)
+Live = tuple[Path, RobotConfig, OccupancyGrid, FloatArray]
+
+
+@pytest.fixture(scope="module")
+def live(tmp_path_factory: pytest.TempPathFactory) -> Live:
+    """A simulated mission: its recording, its configuration, its map and the poses of its log."""
+    folder = tmp_path_factory.mktemp("live")
+    board = f"sim://recorded/board?world=lab&x_m={START.x_m}&y_m={START.y_m}&yaw_deg=180"
+    config = RobotConfig(
+        name="recorded", board=BoardConfig(port=board), lidar=LidarConfig(port="sim://recorded/lidar")
+    )
+    said: list[str] = []
+    with (
+        open_robot(config, START) as robot,
+        recording_switch(robot, config, START, folder, said.append) as switch,
+    ):
+        switch.start()
+        assert robot.drive_to(GOAL, lambda _: None).reached
+        recorder = switch.close()
+        assert recorder is not None
+        assert (recorder.trouble, recorder.dropped, said) == ("", 0, [])
+        return recorder.files[0], config, robot.mapper.grid(), robot.log.poses
+
+
+def test_the_map_is_the_live_one_bit_by_bit(live: Live) -> None:
+    path, config, grid, _ = live
+    out = replay(Recording((path,)))
+    again = out.mapper.grid()
+    np.testing.assert_array_equal(again.cells, grid.cells)
+    assert (again.origin_x_m, again.origin_y_m, again.resolution_m) == (
+        grid.origin_x_m,
+        grid.origin_y_m,
+        grid.resolution_m,
+    )
+    assert out.maps_recorded > 5
+    assert out.maps_same == out.maps_recorded
+    assert out.unreadable == 0
+    session = Recording((path,)).session()
+    assert session is not None
+    assert session.config == config
+    assert session.simulated
+
+
+def test_the_poses_are_the_live_ones_bit_by_bit(live: Live) -> None:
+    path, _, _, poses = live
+    again = {row[0]: tuple(row[1:]) for row in replay(Recording((path,))).path.tolist()}
+    assert len(poses) > 50
+    for time_s, x_m, y_m, theta_rad in poses.tolist():
+        assert again[round(time_s * 1e9) / 1e9] == (x_m, y_m, theta_rad)
+
+
+def test_other_options_make_another_map(live: Live) -> None:
+    other = RobotConfig(mapping=MappingOptions(resolution_m=0.1))
+    out = replay(Recording((live[0],)), other)
+    assert out.maps_recorded == 0  # nothing to compare with
+    assert out.mapper.grid().resolution_m == 0.1
+
+
+def test_a_torn_recording_is_replayed_as_far_as_it_goes(live: Live, tmp_path: Path) -> None:
+    torn = tmp_path / "torn.mcap"
+    content = live[0].read_bytes()
+    torn.write_bytes(content[: len(content) // 2])
+    recording = Recording((torn,))
+    out = replay(recording)
+    assert 10 < out.scans < replay(Recording((live[0],))).scans
+    assert "ends early" in recording.notes[0]
+
+
+def test_map_log_reads_it_like_any_other_log(live: Live) -> None:
+    log = open_log(live[0])
+    assert log.format_name == "MCAP"
+    assert log.base_from_laser.x_m == pytest.approx(0.12)
+    assert len(log.records) > 70
+    driven_m = log.records[0].odom_from_base.distance_m(log.records[-1].odom_from_base)
+    assert driven_m == pytest.approx(2.2, abs=0.15)
+    assert log.notes == ()
+
+
+@pytest.fixture(scope="module")
+def made_up(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    recorder = Recorder(tmp_path_factory.mktemp("made_up"), SESSION)
+    for topic, now_s, message in beats(30):
+        recorder(topic, now_s, message)
+    recorder("plan", 9.0, MESSAGES.path(9.0, np.empty((0, 2))))
+    recorder.close()
+    return recorder.files[0]
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="", encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_tables(made_up: Path, tmp_path: Path) -> None:
+    files = export_csv(Recording((made_up,)), tmp_path)
+    assert {path.name for path in files} >= {"wheels.csv", "scan.csv", "pose.csv", "plan.csv", "tf.csv"}
+    wheels = rows(tmp_path / "wheels.csv")
+    assert len(wheels) == 30
+    assert [int(row["left_count"]) for row in wheels] == list(range(0, 300, 10))
+    assert wheels[1]["log_time_s"] == "1750000005.223456789"
+    scan = rows(tmp_path / "scan.csv")[4]
+    assert scan["ranges.3"] == "inf"
+    assert scan["ranges.7"] == "nan"
+    assert len([name for name in scan if name.startswith("ranges.")]) == 682
+    assert float(rows(tmp_path / "pose.csv")[7]["pose.pose.position.x"]) == pytest.approx(0.07)
+    plan = rows(tmp_path / "plan.csv")
+    assert [row["index"] for row in plan] == ["0", "1"] * 3
+    assert float(plan[1]["pose.orientation.yaw"]) == pytest.approx(math.atan2(0.5, 1.0))
+    assert {row["child_frame_id"] for row in rows(tmp_path / "tf.csv")} == {"odom", "base_link"}
+
+
+def test_the_last_map_and_the_path(made_up: Path) -> None:
+    grid, path_m = last_map(Recording((made_up,)))
+    assert grid.cells.shape == (40, 30)
+    assert (grid.resolution_m, grid.origin_x_m) == (0.05, -1.0)
+    assert path_m[-1].tolist() == pytest.approx([0.29, 0.0])
+
+
+def test_several_files_are_one_run(made_up: Path, tmp_path: Path) -> None:
+    (tmp_path / "a_001.mcap").write_bytes(made_up.read_bytes())
+    (tmp_path / "a_000.mcap").write_bytes(made_up.read_bytes())
+    paths = find_recordings([tmp_path])
+    assert [path.name for path in paths] == ["a_000.mcap", "a_001.mcap"]
+    assert sum(1 for _ in Recording(paths).said()) == 2 * sum(1 for _ in Recording((made_up,)).said())
+    assert next(Recording(paths).said()).log_ns == EPOCH_NS + 5_000_000_000
+
+
+def test_what_is_no_recording_is_told(tmp_path: Path) -> None:
+    text = tmp_path / "a.mcap"
+    text.write_text("hello")
+    for path, why in ((text, "no MCAP"), (tmp_path / "none.mcap", "cannot be read")):
+        with pytest.raises(ThumperError, match=why):
+            Recording((path,))
+    with pytest.raises(ThumperError, match="no recording"):
+        Recording(find_recordings([]))
