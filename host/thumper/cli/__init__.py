@@ -13,6 +13,9 @@ from thumper.cli.explore import explore
 from thumper.cli.flash import flash
 from thumper.cli.map_log import map_log
 from thumper.cli.plan import plan
+from thumper.cli.record import record
+from thumper.cli.recordings import export, recover
+from thumper.cli.replay import replay
 from thumper.cli.run import run
 from thumper.errors import ThumperError
 
@@ -45,7 +48,7 @@ def _build() -> typer.Typer:
             app.add_typer(part, name=plugin.name)
         else:
             app.command(plugin.name)(part)
-    for command in (run, explore, plan, map_log, flash, doctor, dashboard):
+    for command in (run, explore, plan, map_log, flash, doctor, dashboard, record, replay, recover, export):
         app.command(command.__name__.replace("_", "-"))(command)
     return app
 

@@ -45,6 +45,10 @@ def run(
         float,
         typer.Option(help="Pace of a simulated robot that is at service; 1 is real time.", min=0.1, max=20.0),
     ] = 1.0,
+    record: Annotated[
+        bool, typer.Option("--record", help="Record everything, in the folder that is configured.")
+    ] = False,
+    record_to: Annotated[Path | None, typer.Option(help="Record everything, in this folder.")] = None,
 ) -> None:
     """Drive to a goal, or round waypoints, in a place that the robot has never seen; leave the map behind.
 
@@ -57,6 +61,7 @@ def run(
     from thumper.assembly import open_robot
     from thumper.cli.mission import INTERRUPTED, drive_with_progress
     from thumper.cli.output import prepare_output
+    from thumper.cli.recorded import recorded
     from thumper.config.robot import load_config, with_ports
     from thumper.errors import ThumperError
     from thumper.geometry import Pose2
@@ -77,10 +82,17 @@ def run(
     if heading is not None:
         goals = (*goals[:-1], replace(goals[-1], theta_rad=math.radians(heading)))
     if not goals:
-        with open_robot(settings, start_pose) as robot:
+        with (
+            open_robot(settings, start_pose) as robot,
+            recorded(robot, settings, start_pose, record, record_to),
+        ):
             _serve(robot, settings, speed, console)
         return
-    with open_robot(settings, start_pose) as robot, _on_bus_if_free(robot, settings):
+    with (
+        open_robot(settings, start_pose) as robot,
+        recorded(robot, settings, start_pose, record, record_to),
+        _on_bus_if_free(robot, settings),
+    ):
         result = follow(
             Itinerary(goals=goals, rounds=patrol),
             lambda name, leg: drive_with_progress(robot, leg, name, console, clear_fault=clear_fault),
