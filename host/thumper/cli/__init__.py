@@ -19,6 +19,18 @@ from thumper.cli.replay import replay
 from thumper.cli.run import run
 from thumper.errors import ThumperError
 
+# Packages that only some commands need, by the extra that brings them.
+EXTRA_OF = {
+    "control": "tuning",
+    "nicegui": "ui",
+    "cryptography": "ui",
+    "pygame": "gamepad",
+    "websockets": "rosbridge",
+    "distributed": "campaign",
+    "dask": "campaign",
+    "pyarrow": "campaign",
+}
+
 
 def _show_version(wanted: bool) -> None:
     if wanted:
@@ -61,3 +73,9 @@ def main() -> None:
     except ThumperError as error:
         print(f"thumper: {error}", file=sys.stderr)
         sys.exit(error.exit_code)
+    except ModuleNotFoundError as error:
+        extra = EXTRA_OF.get((error.name or "").split(".")[0])
+        if extra is None:
+            raise
+        print(f"thumper: a part is not installed; pip install 'thumper[{extra}]'", file=sys.stderr)
+        sys.exit(4)
