@@ -15,11 +15,15 @@ from thumper.link.board import TelemetrySample
 from thumper.mapping.input_monitor import Flaw, InputMonitor
 from thumper.mapping.mapper import Mapper
 from thumper.mapping.scan_points import scan_points
+from thumper.odometry.fused import FusedOdometry
 from thumper.odometry.history import PoseHistory
+from thumper.odometry.imu import ImuOptions, ImuSample
 from thumper.odometry.odometry import Odometry, OdometrySample
+from thumper.odometry.slip import SlipWatch
 from thumper.ros.stamps import rounded_s
 
 MAX_WAITING_SCANS = 10
+GOOD_MATCH = 0.5  # share of the beams explained: such a pose can convict the wheels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,10 +41,20 @@ class Situation:
 class Perception:
     """Odometry and mapping behind two inputs and one output."""
 
-    def __init__(self, *, drive: DriveGeometry, base_from_laser: Pose2, mapper: Mapper) -> None:
+    def __init__(
+        self,
+        *,
+        drive: DriveGeometry,
+        base_from_laser: Pose2,
+        mapper: Mapper,
+        imu: ImuOptions | None = None,
+    ) -> None:
         self.mapper = mapper
         self._base_from_laser = base_from_laser
-        self._odometry = Odometry(drive)
+        self._odometry: Odometry | FusedOdometry = Odometry(drive)
+        if imu is not None and imu.enabled:
+            self._odometry = FusedOdometry(drive, imu=imu)
+        self._slip = SlipWatch()
         self._history = PoseHistory()
         self._newest: OdometrySample | None = None
         self._waiting: deque[Scan] = deque(maxlen=MAX_WAITING_SCANS)
@@ -56,6 +70,18 @@ class Perception:
         self._newest = self._odometry.update(time_s, telemetry.left_count, telemetry.right_count)
         self._history.add(self._newest)
         self._map_what_is_covered()
+
+    def add_imu(self, sample: ImuSample) -> None:
+        """Take a reading of the gyroscope, before the telemetry that it precedes; ignored unless enabled."""
+        if isinstance(self._odometry, FusedOdometry):
+            self._odometry.add_imu(sample)
+
+    def lines(self) -> list[str]:
+        """What was wrong with the input so far, one line a kind with its count."""
+        lines = [*self.monitor.lines(), *self._slip.lines()]
+        if isinstance(self._odometry, FusedOdometry) and self._odometry.slips:
+            lines.append(f"{self._odometry.slips} times wheels and gyroscope disagreed: the wheels slip")
+        return lines
 
     def add_scan(self, scan: Scan) -> None:
         """Queue a scan; it is mapped as soon as odometry covers its whole turn."""
@@ -100,7 +126,11 @@ class Perception:
             twist = Twist2()
             if turn_s > 0.0:
                 twist = Twist2(v_m_s=turned.x_m / turn_s, w_rad_s=turned.theta_rad / turn_s)
-            self.mapper.update(odom_from_base, scan, twist)
+            update = self.mapper.update(odom_from_base, scan, twist)
+            if update.match_score >= GOOD_MATCH:
+                self._slip.look(odom_from_base, update.map_from_base)
+            elif update.match_score < GOOD_MATCH:
+                self._slip.skip()
             self.scans_mapped += 1
             self._scan_time_s = scan.time_s + turn_s
             points = scan_points(scan, twist, self._base_from_laser, scan.range_max_m)
