@@ -22,6 +22,7 @@ from thumper_hil.faults.scenario import load_scenario
 from thumper_hil.faults.switches import Switches
 from thumper_hil.parts.ld19 import Ld19
 from thumper_hil.parts.params import RobotParams
+from thumper_hil.parts.recent import RecentWorlds
 from thumper_hil.parts.scene import Scene
 from thumper_hil.parts.start import why_not_here
 from thumper_hil.parts.urg04lx import Urg04Lx
@@ -88,9 +89,10 @@ class Bench:
         self._poses: deque[tuple[float, ...]] = deque(maxlen=REMEMBERED_POSES)
         self._ticks = 0
         self._remember()
+        self._seen = RecentWorlds(self.world)
         lidar = Ld19 if options.lidar == "ld19" else Urg04Lx
         self._lidar: Ld19 | Urg04Lx = lidar(
-            world=self.world, pose_at=self._pose_at, base_from_laser=BASE_FROM_LASER, seed=options.seed
+            world=self._seen, pose_at=self._pose_at, base_from_laser=BASE_FROM_LASER, seed=options.seed
         )
         self._lidar_bytes = bytearray()
         self._wall_start_s = time.monotonic() if options.realtime else None
@@ -220,7 +222,7 @@ class Bench:
         pose = self._contact.check(truth.map_from_base, TICK_S)
         if self._scene.changes and self._scene.step(truth.time_s, TICK_S, pose.apply(HULL_M)):
             self._contact.look_again(self.world)
-            self._lidar.world = self.world
+            self._seen.change(self.world, truth.time_s)
         self._poses.append((truth.time_s, pose.x_m, pose.y_m, pose.theta_rad))
         self._truth.append((*self._poses[-1], *truth.wheel_rad_s))
         self._lidar.advance(self.time_s)

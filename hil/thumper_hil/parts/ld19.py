@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from thumper.geometry import FloatArray, Pose2
-from thumper_hil.parts.world import World
+from thumper_hil.parts.recent import Surroundings
 
 POINTS_PER_S = 4500.0
 POINTS_PER_FRAME = 12
@@ -57,9 +57,14 @@ class Ld19:
     """
 
     def __init__(
-        self, *, world: World, pose_at: Callable[[FloatArray], FloatArray], base_from_laser: Pose2, seed: int
+        self,
+        *,
+        world: Surroundings,
+        pose_at: Callable[[FloatArray], FloatArray],
+        base_from_laser: Pose2,
+        seed: int,
     ) -> None:
-        self.world = world  # may be replaced at any time: an obstacle set down
+        self._world = world
         self._pose_at = pose_at
         self._base_from_laser = base_from_laser
         rng = np.random.default_rng(seed)
@@ -97,7 +102,8 @@ class Ld19:
         poses = self._pose_at(times_s)
         mount = self._base_from_laser
         cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-        true_m = self.world.cast(
+        true_m = self._world.cast_at(
+            times_s,
             poses[:, 0] + cos * mount.x_m - sin * mount.y_m,
             poses[:, 1] + sin * mount.x_m + cos * mount.y_m,
             poses[:, 2] + mount.theta_rad + self._angle_error_rad - np.deg2rad(angles_deg),

@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from thumper.geometry import FloatArray, Pose2
+from thumper_hil.parts.recent import Surroundings
 from thumper_hil.parts.scip_reply import scan_reply, status_reply, table_reply, time_reply
 from thumper_hil.parts.urg_noise import RANGE_MAX_MM, RANGE_MIN_MM, CodeArray, device_bias, measure_mm
 from thumper_hil.parts.urg_request import (
@@ -22,7 +23,6 @@ from thumper_hil.parts.urg_request import (
     fixed_setting_status,
     split_line,
 )
-from thumper_hil.parts.world import World
 
 STEPS_PER_TURN = 1024
 FRONT_STEP, FIRST_STEP, LAST_STEP = 384, 44, 725
@@ -63,13 +63,13 @@ class Urg04Lx:
     def __init__(
         self,
         *,
-        world: World,
+        world: Surroundings,
         pose_at: Callable[[FloatArray], FloatArray],
         base_from_laser: Pose2,
         seed: int,
         turn_s: float = TURN_S,
     ) -> None:
-        self.world = world  # may be replaced at any time: an obstacle set down
+        self._world = world
         self._pose_at = pose_at
         self._base_from_laser = base_from_laser
         self._seed = seed
@@ -244,10 +244,12 @@ class Urg04Lx:
     def _scan(self, turn: int) -> CodeArray:
         """Measure one turn: reported values [mm or code] of steps 0 ... 768."""
         steps = np.arange(FIRST_STEP, LAST_STEP + 1)
-        poses = self._pose_at(self._turn_start_s(turn) + steps * self._turn_s / STEPS_PER_TURN)
+        times_s = self._turn_start_s(turn) + steps * self._turn_s / STEPS_PER_TURN
+        poses = self._pose_at(times_s)
         mount = self._base_from_laser
         cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-        true_m = self.world.cast(
+        true_m = self._world.cast_at(
+            times_s,
             poses[:, 0] + cos * mount.x_m - sin * mount.y_m,
             poses[:, 1] + sin * mount.x_m + cos * mount.y_m,
             poses[:, 2] + mount.theta_rad + (steps - FRONT_STEP) * math.tau / STEPS_PER_TURN,

@@ -75,6 +75,12 @@ class World:
             self.grid.cast(origins_m, angles_rad, ranges_m)
         return ranges_m
 
+    def cast_at(
+        self, times_s: FloatArray, x_m: FloatArray, y_m: FloatArray, angles_rad: FloatArray
+    ) -> FloatArray:
+        """As `cast`, whatever the times: this world stands still."""
+        return self.cast(x_m, y_m, angles_rad)
+
     def clearance_m(self, pose: Pose2, polygon_m: FloatArray) -> float:
         """Distance [m] from a body to the nearest thing, 0 if they meet.
 
