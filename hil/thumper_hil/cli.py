@@ -15,6 +15,9 @@ def demo(
     seeds: Annotated[
         int, typer.Option(help="Drive both missions with this many seeds, --seed being the first.", min=1)
     ] = 1,
+    ui: Annotated[
+        bool, typer.Option("--ui", help="Show it in the browser, at the speed of the clock on the wall.")
+    ] = False,
 ) -> None:
     """Drive two missions with the real firmware on a simulated robot, and show how it went.
 
@@ -23,12 +26,14 @@ def demo(
     """
     from rich.console import Console
 
+    from thumper.bus.options import BusOptions
     from thumper.cli.output import prepare_output
+    from thumper.dashboard.start import beside
     from thumper.errors import ThumperError
     from thumper_hil.demo.run import run_demo
 
-    if seeds > 1 and realtime:
-        raise ThumperError("--seeds is a statistic: leave --realtime", exit_code=2)
+    if seeds > 1 and (realtime or ui):
+        raise ThumperError("--seeds is a statistic: leave --realtime and --ui", exit_code=2)
     prepare_output(out)
     if seeds > 1:
         from thumper_hil.demo.campaign import run_campaign
@@ -36,8 +41,9 @@ def demo(
         if not run_campaign(out, first_seed=seed, seeds=seeds, console=Console()):
             raise typer.Exit(1)
         return
-    if not run_demo(out, seed=seed, realtime=realtime, console=Console()):
-        raise typer.Exit(1)
+    with beside(None, BusOptions().address, wanted=ui):
+        if not run_demo(out, seed=seed, realtime=realtime or ui, on_the_bus=ui, console=Console()):
+            raise typer.Exit(1)
 
 
 def sim(

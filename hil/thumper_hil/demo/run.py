@@ -2,12 +2,14 @@
 
 import math
 import time
+from contextlib import ExitStack
 from pathlib import Path
 from urllib.parse import urlencode
 
 from rich.console import Console
 
 from thumper.assembly import open_robot, warm_up
+from thumper.bus.attach import on_bus
 from thumper.cli.mission import drive_with_progress, raise_if_interrupted
 from thumper.config.robot import BoardConfig, LidarConfig, RobotConfig
 from thumper.navigation.goal import Goal
@@ -19,17 +21,25 @@ from thumper_hil.demo.results import write_results
 from thumper_hil.parts.world import World
 
 
-def run_demo(out: Path, *, seed: int, realtime: bool, console: Console) -> bool:
+def run_demo(out: Path, *, seed: int, realtime: bool, console: Console, on_the_bus: bool = False) -> bool:
     """Drive, write the results to `out`, say where they are; returns whether every mission passed."""
     with console.status("loading the compiled kernels (compiling them, the first time)"):
         warm_up(RobotConfig())
-    outcomes = [drive_mission(mission, seed=seed, realtime=realtime, console=console) for mission in MISSIONS]
+    outcomes = [
+        drive_mission(mission, seed=seed, realtime=realtime, console=console, on_the_bus=on_the_bus)
+        for mission in MISSIONS
+    ]
     write_results(out, outcomes, seed, console)
     return all(outcome.passed for outcome in outcomes)
 
 
-def drive_mission(mission: Mission, *, seed: int, realtime: bool, console: Console) -> Outcome:
-    """Put a new robot at the mission's start, in a world that it does not know, and let it drive."""
+def drive_mission(
+    mission: Mission, *, seed: int, realtime: bool, console: Console, on_the_bus: bool = False
+) -> Outcome:
+    """Put a new robot at the mission's start, in a world that it does not know, and let it drive.
+
+    `on_the_bus` it can be watched and stopped.
+    """
     options = {
         "world": mission.world,
         "x_m": mission.start.x_m,
@@ -45,7 +55,10 @@ def drive_mission(mission: Mission, *, seed: int, realtime: bool, console: Conso
     )
     goal = Goal(x_m=mission.goal_x_m, y_m=mission.goal_y_m)
     started_s = time.perf_counter()
-    with open_robot(config, mission.start) as robot:
+    with ExitStack() as stack:
+        robot = stack.enter_context(open_robot(config, mission.start))
+        if on_the_bus:
+            stack.enter_context(on_bus(robot, config.name, config.bus))
         bench = simulation(mission.name)
         result = drive_with_progress(robot, goal, mission.title, console)
         raise_if_interrupted(result)

@@ -42,8 +42,11 @@ def run_dashboard(settings: "RobotConfig", listening: Listening, robot_address: 
 
 
 @contextmanager
-def beside(config: Path | None, robot_address: str) -> Iterator[None]:
-    """Run the page in its own process while the robot's runs in this one."""
+def beside(config: Path | None, robot_address: str, *, wanted: bool = True) -> Iterator[None]:
+    """Run the page in its own process, if it is wanted, while the robot's runs in this one."""
+    if not wanted:
+        yield
+        return
     start = "from thumper.cli import main; main()"
     command = [sys.executable, "-c", start, "dashboard", "--robot-address", robot_address]
     if config is not None:

@@ -37,7 +37,7 @@ export class Camera {
   }
 
   fit(left, bottom, right, top) {
-    const margin = 0.4;
+    const margin = 0.3;
     this.x = (left + right) / 2;
     this.y = (bottom + top) / 2;
     const wide = this.width / (right - left + 2 * margin);

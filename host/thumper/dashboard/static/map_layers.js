@@ -39,7 +39,7 @@ export function costPalette() {
   const high = rgb("cost-high");
   for (let value = 2; value <= 101; value += 1) {
     const share = (value - 1) / 100;
-    table.set([...mix(low, high, share), Math.round(30 + 130 * share)], 4 * value);
+    table.set([...mix(low, high, share), Math.round(15 + 110 * share ** 2)], 4 * value);
   }
   return table;
 }
@@ -54,8 +54,17 @@ export async function gridImage({ place, cells }, palette) {
   const context = canvas.getContext("2d", { willReadFrequently: true });
   context.drawImage(bitmap, 0, 0);
   const pixels = context.getImageData(0, 0, canvas.width, canvas.height);
+  const known = { left: place.columns, right: 0, top: place.rows, bottom: 0 }; // in cells of the picture
   for (let k = 0; k < pixels.data.length; k += 4) {
     const from = 4 * pixels.data[k];
+    if (from) {
+      const column = (k / 4) % place.columns;
+      const row = Math.floor(k / 4 / place.columns);
+      known.left = Math.min(known.left, column);
+      known.right = Math.max(known.right, column + 1);
+      known.top = Math.min(known.top, row);
+      known.bottom = Math.max(known.bottom, row + 1);
+    }
     pixels.data.set(palette.subarray(from, from + 4), k);
   }
   context.putImageData(pixels, 0, 0);
@@ -67,7 +76,7 @@ export async function gridImage({ place, cells }, palette) {
   turned.translate(0, canvas.height);
   turned.scale(1, -1);
   turned.drawImage(canvas, 0, 0);
-  return { image: upright, place };
+  return { image: upright, place, known };
 }
 
 export function drawGrid(context, camera, { image, place }) {

@@ -85,10 +85,12 @@ class MapView {
   }
 
   fit() {
-    const place = this.raw.map?.place;
-    if (!place) return;
+    const { place, known } = this.grids.map ?? {};
+    if (!place || known.left >= known.right) return;
     const [x, y] = place.origin;
-    this.camera.fit(x, y, x + place.columns * place.resolution_m, y + place.rows * place.resolution_m);
+    const size = place.resolution_m;
+    this.camera.fit(x + known.left * size, y + (place.rows - known.bottom) * size,
+      x + known.right * size, y + (place.rows - known.top) * size);
     this.dirty = true;
   }
 
@@ -110,7 +112,8 @@ class MapView {
     if (shown.scan) layers.drawPoints(context, camera, data.scan, "scan", 3);
     const status = state.values.status;
     if (status?.has_goal) {
-      layers.drawArrow(context, camera, status.goal_x_m, status.goal_y_m, status.goal_yaw_rad, "goal");
+      layers.drawArrow(context, camera, status.goal_x_m, status.goal_y_m,
+        status.goal_yaw_rad || null, "goal"); // no heading asked for: none shown
     }
     this.tools.draw(context, camera);
     this.drawn += 1;
