@@ -24,8 +24,6 @@ def record(
     """
     import sys
 
-    from rich.console import Console
-
     from thumper.bus.client import BusClient
     from thumper.cli.output import prepare_output
     from thumper.config.robot import load_config
@@ -35,16 +33,15 @@ def record(
 
     settings = load_config(config)
     folder = prepare_output(out or Path(settings.recording.folder))
-    console = Console()
 
     def say(text: str) -> None:
         print(f"thumper: {text}", file=sys.stderr)
 
     recover_left_behind(folder, say)
     with BusClient(settings.name, robot_address or settings.bus.address, settings.bus.token) as client:
-        console.print(f"recording to {folder}/; Ctrl-C ends it", markup=False)
+        print(f"recording to {folder}/; Ctrl-C ends it")
         recorder = record_from_bus(client, folder, settings.recording, seconds=seconds, say=say)
     if recorder.trouble:
         raise ThumperError(f"the recording ended early: {recorder.trouble}")
     dropped = f", {recorder.dropped} dropped: the disk is too slow" if recorder.dropped else ""
-    console.print(f"{recorder.written} messages{dropped}: {recorder.files[-1]}", markup=False)
+    print(f"{recorder.written} messages{dropped}: {recorder.files[-1]}")

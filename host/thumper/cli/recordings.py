@@ -12,23 +12,20 @@ def recover(
     ],
 ) -> None:
     """Make recordings whole that a crash or a full disk has torn; everything up to the tear is kept."""
-    from rich.console import Console
-
     from thumper.recording.recover import left_behind
     from thumper.recording.recover import recover as repair_file
 
-    console = Console()
     for place in places:
         paths = left_behind(place) if place.is_dir() else [place]
         if not paths:
-            console.print(f"{place}/: nothing to repair", markup=False)
+            print(f"{place}/: nothing to repair")
         for path in paths:
             repair = repair_file(path)
             if repair is None:
-                console.print(f"{path}: whole already", markup=False)
+                print(f"{path}: whole already")
             else:
                 note = f" ({repair.note})" if repair.note else ""
-                console.print(f"{repair.path}: {repair.messages} messages{note}", markup=False)
+                print(f"{repair.path}: {repair.messages} messages{note}")
 
 
 def export(
@@ -42,8 +39,6 @@ def export(
     png: Annotated[Path | None, typer.Option(help="A picture of the last map and the path driven.")] = None,
 ) -> None:
     """Turn a recording into tables (CSV), a map file, a picture."""
-    from rich.console import Console
-
     from thumper.cli.output import prepare_output
     from thumper.errors import ThumperError
     from thumper.mapping.map_io import save_map
@@ -54,24 +49,23 @@ def export(
     if not (csv or map_file or png):
         raise ThumperError("nothing to export: give --csv DIR, --map FILE or --png FILE", exit_code=2)
     recording = Recording(find_recordings(files))
-    console = Console()
     if csv:
         prepare_output(csv)
         tables = export_csv(recording, csv)
-        console.print(f"in {csv}/: {', '.join(path.name for path in tables)}", markup=False)
+        print(f"in {csv}/: {', '.join(path.name for path in tables)}")
     if map_file or png:
         grid, path_m = last_map(recording)
         if map_file:
             prepare_output(map_file.parent)
             description = map_file.with_suffix(".yaml")
             image = save_map(grid, description)
-            console.print(f"{description} and {image.name}", markup=False)
+            print(f"{description} and {image.name}")
         if png:
             prepare_output(png.parent)
             try:
                 plot_map(grid, path_m, png, recording.paths[0].name)
             except (OSError, ValueError) as error:
                 raise ThumperError(f"{png}: cannot be written ({error})", exit_code=2) from error
-            console.print(str(png), markup=False)
+            print(str(png))
     for note in recording.notes:
-        console.print(f"note: {note}", markup=False)
+        print(f"note: {note}")

@@ -26,8 +26,6 @@ def replay(
     """Give recorded wheels and scans to the robot's mapper again: the same inputs, the same map."""
     import csv
 
-    from rich.console import Console
-
     from thumper.cli.output import prepare_output
     from thumper.config.robot import load_config
     from thumper.mapping.map_io import save_map
@@ -45,7 +43,6 @@ def replay(
         result: Replayed = replay_on_bus(recording, settings, bus, speed or 1.0)
     else:
         result = run(recording, settings, speed=speed)
-    console = Console()
     grid, path = result.mapper.grid(), result.path
     save_map(grid, out / "map.yaml")
     plot_map(grid, path[:, 1:3], out / "map.png", recording.paths[0].name)
@@ -53,11 +50,11 @@ def replay(
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(("time_s", "x_m", "y_m", "theta_rad"))
         writer.writerows((f"{t:.6f}", f"{x:.6f}", f"{y:.6f}", f"{theta:.6f}") for t, x, y, theta in path)
-    console.print(f"{result.time_s:.1f} s replayed, {result.scans} scans mapped")
+    print(f"{result.time_s:.1f} s replayed, {result.scans} scans mapped")
     if result.maps_recorded:
-        console.print(f"{result.maps_same} of {result.maps_recorded} maps are the recorded ones cell by cell")
+        print(f"{result.maps_same} of {result.maps_recorded} maps are the recorded ones cell by cell")
     if result.unreadable:
-        console.print(f"note: {result.unreadable} messages could not be read")
+        print(f"note: {result.unreadable} messages could not be read")
     for note in recording.notes:
-        console.print(f"note: {note}", markup=False)
-    console.print(f"in {out}/: map.pgm, map.yaml, map.png, trajectory.csv")
+        print(f"note: {note}")
+    print(f"in {out}/: map.pgm, map.yaml, map.png, trajectory.csv")

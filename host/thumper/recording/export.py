@@ -3,7 +3,7 @@
 import csv
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import fields, is_dataclass
+from dataclasses import Field, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -91,7 +91,7 @@ def _rows(message: Message) -> Iterator[Row]:
     """The message flattened; its list of messages, if it has one, becomes rows."""
     shared: Row = {}
     many: list[Any] | None = None
-    for field in fields(message):
+    for field in _fields(message):
         value = getattr(message, field.name)
         if isinstance(value, list):
             many = value
@@ -113,7 +113,7 @@ def _flatten(name: str, value: Any, into: Row) -> None:
     elif kind == "geometry_msgs/msg/Quaternion":
         into[f"{name}.yaw"] = _yaw_rad(value)
     elif is_dataclass(value):
-        for field in fields(value):
+        for field in _fields(value):
             _flatten(f"{name}.{field.name}" if name else field.name, getattr(value, field.name), into)
     elif isinstance(value, np.ndarray):
         if value.size <= LARGEST_ARRAY:
@@ -124,3 +124,8 @@ def _flatten(name: str, value: Any, into: Row) -> None:
 
 def _yaw_rad(q: Any) -> float:
     return float(np.arctan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2)))
+
+
+def _fields(message: Message) -> list[Field[Any]]:
+    """What the message holds; its type's name is kept as one more field."""
+    return [field for field in fields(message) if field.name != "__msgtype__"]

@@ -122,6 +122,7 @@ def test_tables(made_up: Path, tmp_path: Path) -> None:
     assert {path.name for path in files} >= {"wheels.csv", "scan.csv", "pose.csv", "plan.csv", "tf.csv"}
     wheels = rows(tmp_path / "wheels.csv")
     assert len(wheels) == 30
+    assert list(wheels[0])[:4] == ["log_time_s", "header.stamp", "header.frame_id", "time_us"]
     assert [int(row["left_count"]) for row in wheels] == list(range(0, 300, 10))
     assert wheels[1]["log_time_s"] == "1750000005.223456789"
     scan = rows(tmp_path / "scan.csv")[4]
