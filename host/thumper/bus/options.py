@@ -1,10 +1,12 @@
 """Where the bus listens, and who may join it: the `[bus]` table of the robot's TOML."""
 
 import ipaddress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 from annotated_types import Ge, Le
+
+from thumper.errors import ThumperError
 
 LEAST_TOKEN_CHARACTERS = 12
 
@@ -28,6 +30,19 @@ class BusOptions:
             raise ValueError("a token has no colon, line break or control character")
         if not is_loopback(host) and not self.token:
             raise ValueError(f"{host}:{port} can be reached from other machines: set a token as well")
+
+    def at(self, address: str) -> "BusOptions":
+        """The same bus at another address.
+
+        Raises
+        ------
+        ThumperError
+            It is no address, or one that needs a token.
+        """
+        try:
+            return replace(self, address=address)
+        except ValueError as error:
+            raise ThumperError(f"--bus {address}: {error}", exit_code=2) from error
 
 
 def split_address(address: str) -> tuple[str, int]:

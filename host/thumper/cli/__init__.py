@@ -11,12 +11,14 @@ from thumper.cli.dashboard import dashboard
 from thumper.cli.doctor import doctor
 from thumper.cli.explore import explore
 from thumper.cli.flash import flash
+from thumper.cli.goto import goto, stop
 from thumper.cli.map_log import map_log
 from thumper.cli.plan import plan
 from thumper.cli.record import record
 from thumper.cli.recordings import export, recover
 from thumper.cli.replay import replay
 from thumper.cli.run import run
+from thumper.cli.status import status, watch
 from thumper.errors import ThumperError
 
 # Packages that only some commands need, by the extra that brings them.
@@ -60,7 +62,23 @@ def _build() -> typer.Typer:
             app.add_typer(part, name=plugin.name)
         else:
             app.command(plugin.name)(part)
-    for command in (run, explore, plan, map_log, flash, doctor, dashboard, record, replay, recover, export):
+    for command in (
+        run,
+        goto,
+        stop,
+        status,
+        watch,
+        explore,
+        plan,
+        map_log,
+        flash,
+        doctor,
+        dashboard,
+        record,
+        replay,
+        recover,
+        export,
+    ):
         app.command(command.__name__.replace("_", "-"))(command)
     return app
 

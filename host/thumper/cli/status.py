@@ -1,0 +1,136 @@
+"""`thumper status`, `thumper watch`: what a running robot says of itself."""
+
+import json
+import threading
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from thumper.cli.bus_options import Address, Config, Robot, join
+
+if TYPE_CHECKING:
+    import queue
+
+STATUS_TIMEOUT_S = 3.0
+MOST_WAITING = 100
+LONGEST_LIST = 1000  # of a message's values that are printed as JSON
+
+
+def status(
+    as_json: Annotated[bool, typer.Option("--json", help="Print everything as one JSON object.")] = False,
+    config: Config = None,
+    bus: Address = "",
+    robot: Robot = "",
+) -> None:
+    """Tell what a running robot does, and how board, lidar and loop keep up."""
+    from thumper.errors import ThumperError
+
+    heard = threading.Event()
+    newest: list[Any] = []
+
+    def take(message: Any) -> None:
+        newest.append(message)
+        heard.set()
+
+    with join(config, bus, robot) as client:
+        client.subscribe("status", take)
+        if not heard.wait(STATUS_TIMEOUT_S):
+            raise ThumperError("the robot is on the bus but says nothing; is its board connected?")
+    message = newest[-1]
+    if as_json:
+        print(json.dumps(plain(message)))
+    else:
+        print(_in_words(message))
+
+
+def _in_words(of: Any) -> str:
+    lines = [
+        f"{of.robot} ({'SIMULATED' if of.simulated else 'REAL'}): {of.mode}"
+        + (f", {of.reason}" if of.reason else "")
+    ]
+    if of.has_goal:
+        lines.append(f"goal     ({of.goal_x_m:.2f}, {of.goal_y_m:.2f}), {of.distance_to_goal_m:.2f} m to go")
+    lines.append(f"board    {of.board_state.lower().replace('_', ' ')}")
+    if of.fault:
+        lines.append(f"fault    {of.fault}, {of.fault_words}: {of.fault_cure}")
+    lines += [
+        f"link     {of.link_errors} bad frames, {of.lost_edges} lost encoder edges, "
+        f"telemetry {1e3 * of.telemetry_age_s:.0f} ms old",
+        f"lidar    {of.lidar_scans} scans, {of.lidar_errors} errors, {of.lidar_restarts} restarts, "
+        f"scan {1e3 * of.scan_age_s:.0f} ms old",
+        f"loop     {1e3 * of.loop_late_s:.1f} ms late, busy for {1e3 * of.loop_busy_s:.1f} ms",
+        f"recording {'on' if of.recording else 'off'}",
+    ]
+    return "\n".join(lines)
+
+
+def watch(
+    topic: Annotated[str, typer.Argument(help="Which topic; docs/operate.md lists them.")],
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False,
+    count: Annotated[int, typer.Option(help="End after so many messages; 0: at Ctrl-C.", min=0)] = 0,
+    config: Config = None,
+    bus: Address = "",
+    robot: Robot = "",
+) -> None:
+    """Print the messages of a topic of a running robot as they come."""
+    import queue
+
+    from thumper.errors import ThumperError
+    from thumper.ros.topics import TOPICS
+
+    if topic not in TOPICS:
+        raise ThumperError(f"no topic {topic!r}; there are {', '.join(TOPICS)}", exit_code=2)
+    waiting: queue.Queue[Any] = queue.Queue(MOST_WAITING)
+    with join(config, bus, robot) as client:
+        client.subscribe(topic, lambda message: _leave(waiting, message))
+        shown = 0
+        try:
+            while not count or shown < count:
+                message = plain(waiting.get())
+                print(json.dumps(message) if as_json else _in_lines(topic, message), flush=True)
+                shown += 1
+        except KeyboardInterrupt:
+            pass
+
+
+def _leave(waiting: "queue.Queue[Any]", message: Any) -> None:
+    """A terminal that is too slow misses messages; it must not gather them."""
+    if not waiting.full():
+        waiting.put_nowait(message)
+
+
+def plain(message: Any) -> Any:
+    """A message as JSON takes it: what is no number is null, and a long list is told by its length."""
+    import dataclasses
+    import math
+
+    import numpy as np
+
+    if dataclasses.is_dataclass(message) and not isinstance(message, type):
+        names = [field.name for field in dataclasses.fields(message) if field.name != "__msgtype__"]
+        return {name: plain(getattr(message, name)) for name in names}
+    if isinstance(message, np.ndarray):
+        message = message.tolist()
+    if isinstance(message, list | tuple):
+        if len(message) > LONGEST_LIST:
+            return f"{len(message)} values"
+        return [plain(value) for value in message]
+    if isinstance(message, float) and not math.isfinite(message):
+        return None
+    return message
+
+
+def _in_lines(topic: str, message: Any) -> str:
+    """For people: a line a message; of `events` only what is said."""
+    if topic == "events":
+        return f"{message['name']}: {message['msg']}"
+    return ", ".join(_pairs("", message))
+
+
+def _pairs(prefix: str, value: Any) -> "list[str]":
+    if isinstance(value, dict):
+        inside = f"{prefix}." if prefix else ""
+        return [pair for name, part in value.items() for pair in _pairs(inside + name, part)]
+    if isinstance(value, list) and len(value) > 8:
+        return [f"{prefix}: {len(value)} values"]
+    return [f"{prefix}: {value}"]
