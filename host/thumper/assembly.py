@@ -11,6 +11,8 @@ from thumper.lidar.open_lidar import open_lidar
 from thumper.link.board import Board
 from thumper.link.messages import Identity
 from thumper.link.port import is_simulated, simulates
+from thumper.localization.switching import SwitchingMapper
+from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.method import make_mapper
 from thumper.navigation import warm
 from thumper.perception import Perception
@@ -21,8 +23,12 @@ from thumper.runtime import Runtime
 
 
 @contextmanager
-def open_robot(config: RobotConfig, map_from_base: Pose2) -> Iterator[Runtime]:
+def open_robot(
+    config: RobotConfig, map_from_base: Pose2 | None, known: OccupancyGrid | None = None
+) -> Iterator[Runtime]:
     """Give a robot that answers, standing at `map_from_base`; on the way out stop it and close the ports.
+
+    In a `known` map it localises and does not map; None for the pose then means anywhere in it.
 
     Raises
     ------
@@ -36,14 +42,18 @@ def open_robot(config: RobotConfig, map_from_base: Pose2) -> Iterator[Runtime]:
         lidar = open_lidar(config.lidar)
         try:
             base_from_laser = config.lidar.base_from_laser
-            mapper = make_mapper(config.mapping, base_from_laser=base_from_laser, map_from_base=map_from_base)
+            mapper = robot_mapper(config, map_from_base or Pose2())
+            if known is not None:
+                mapper.localise_in(known, map_from_base)
             yield Runtime(
                 board=board,
                 lidar=lidar,
                 products=_products(config, board),
                 service=config.service,
                 simulator=getattr(board.port, "simulator", None),
-                perception=Perception(drive=config.drive, base_from_laser=base_from_laser, mapper=mapper),
+                perception=Perception(
+                    drive=config.drive, base_from_laser=base_from_laser, mapper=mapper, imu=config.imu
+                ),
                 navigation=config.navigation,
                 footprint=config.footprint,
                 view=config.lidar.view,
@@ -56,14 +66,22 @@ def open_robot(config: RobotConfig, map_from_base: Pose2) -> Iterator[Runtime]:
         board.close()
 
 
+def robot_mapper(config: RobotConfig, map_from_base: Pose2) -> SwitchingMapper:
+    """The mapper that the configuration names, which can be told to localise instead."""
+    base_from_laser = config.lidar.base_from_laser
+    mapper = make_mapper(config.mapping, base_from_laser=base_from_laser, map_from_base=map_from_base)
+    return SwitchingMapper(mapper, config.mapping, config.localization, base_from_laser=base_from_laser)
+
+
 def _products(config: RobotConfig, board: Board) -> Products:
+    simulated = is_simulated(board.port)
     # A simulation begins at zero; a real robot's stamps are the date.
     epoch_ns = 0 if simulates(board.port) else epoch_of(board.now_s())
     return Products(
         robot=config.name,
         base_from_laser=config.lidar.base_from_laser,
         messages=Messages(epoch_ns=epoch_ns),
-        simulated=is_simulated(board.port),
+        simulated=simulated,
     )
 
 
@@ -81,5 +99,5 @@ def _check_geometry(drive: DriveGeometry, identity: Identity) -> None:
 
 def warm_up(config: RobotConfig) -> None:
     """Compile the kernels, or load them from the cache."""
-    make_mapper(config.mapping).warm_up()
+    robot_mapper(config, Pose2()).warm_up()
     warm.warm_up(config.navigation, config.footprint)

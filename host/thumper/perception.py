@@ -19,11 +19,10 @@ from thumper.odometry.fused import FusedOdometry
 from thumper.odometry.history import PoseHistory
 from thumper.odometry.imu import ImuOptions, ImuSample
 from thumper.odometry.odometry import Odometry, OdometrySample
-from thumper.odometry.slip import SlipWatch
+from thumper.odometry.slip import GOOD_MATCH, SlipWatch
 from thumper.ros.stamps import rounded_s
 
 MAX_WAITING_SCANS = 10
-GOOD_MATCH = 0.5  # share of the beams explained: such a pose can convict the wheels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

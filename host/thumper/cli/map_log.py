@@ -54,5 +54,5 @@ def map_log(
         f"{summary.cpu_ms_per_scan:.2f} ms CPU a scan, mean match {summary.mean_score:.2f} of 1"
     )
     for note in summary.notes:
-        console.print(f"note: {note}", markup=False)
+        console.print(f"note: {note}", markup=False, soft_wrap=True)
     console.print(f"in {out}/: {', '.join(path.name for path in summary.files)}")

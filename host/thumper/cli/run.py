@@ -34,9 +34,15 @@ def run(
     board: Annotated[str, typer.Option(help="Board port or URL; overrides the configuration.")] = "",
     lidar: Annotated[str, typer.Option(help="Lidar port or URL; overrides the configuration.")] = "",
     start: Annotated[
-        tuple[float, float, float],
-        typer.Option(help="Where the robot stands: X Y in metres, then its heading in degrees."),
-    ] = (0.0, 0.0, 0.0),
+        tuple[float, float, float] | None,
+        typer.Option(
+            help="Where the robot stands: X Y in metres, then its heading in degrees. Without it the origin, "
+            "or with --map wherever it recognises."
+        ),
+    ] = None,
+    saved_map: Annotated[
+        Path | None, typer.Option("--map", help="Localise in this map (its .yaml) instead of mapping.")
+    ] = None,
     tolerance: Annotated[float, typer.Option(help="How near is near enough, in metres.", min=0.02)] = 0.1,
     clear_fault: Annotated[bool, typer.Option(help="Clear a fault that the board has latched.")] = False,
     config: Annotated[Path | None, typer.Option(help="The robot's TOML; without it, a Wild Thumper.")] = None,
@@ -45,6 +51,10 @@ def run(
         float,
         typer.Option(help="Pace of a simulated robot that is at service; 1 is real time.", min=0.1, max=20.0),
     ] = 1.0,
+    bus: Annotated[str, typer.Option(help="HOST:PORT of the bus; overrides the configuration.")] = "",
+    ui: Annotated[
+        bool, typer.Option("--ui", help="Serve the page in the browser beside it; see `thumper dashboard`.")
+    ] = False,
     record: Annotated[
         bool, typer.Option("--record", help="Record everything, in the folder that is configured.")
     ] = False,
@@ -63,34 +73,41 @@ def run(
     from thumper.cli.output import prepare_output
     from thumper.cli.recorded import recorded
     from thumper.config.robot import load_config, with_ports
+    from thumper.dashboard.start import beside
     from thumper.errors import ThumperError
     from thumper.geometry import Pose2
     from thumper.itinerary import Itinerary, follow
+    from thumper.mapping.map_io import load_map
     from thumper.navigation.goal import Goal
     from thumper.report import write_run
 
     places = [*map(_place, waypoint or []), *([goal] if goal else [])]
-    if not all(map(math.isfinite, (*chain(*places), *start, tolerance, heading or 0.0))):
+    if not all(map(math.isfinite, (*chain(*places), *(start or ()), tolerance, heading or 0.0))):
         raise ThumperError("--goal, --heading, --waypoint and --start take finite numbers", exit_code=2)
     if heading is not None and goal is None:
         raise ThumperError("--heading belongs to --goal X Y", exit_code=2)
     settings = with_ports(load_config(config), board=board, lidar=lidar)
+    if bus:
+        settings = replace(settings, bus=settings.bus.at(bus))
     prepare_output(out)
     console = Console()
-    start_pose = Pose2(x_m=start[0], y_m=start[1], theta_rad=math.radians(start[2]))
+    start_pose = Pose2(x_m=start[0], y_m=start[1], theta_rad=math.radians(start[2])) if start else None
+    known = load_map(saved_map) if saved_map else None
     goals = tuple(Goal(x_m=x_m, y_m=y_m, tolerance_m=tolerance) for x_m, y_m in places)
     if heading is not None:
         goals = (*goals[:-1], replace(goals[-1], theta_rad=math.radians(heading)))
     if not goals:
         with (
-            open_robot(settings, start_pose) as robot,
-            recorded(robot, settings, start_pose, record, record_to),
+            beside(config, settings.bus.address, wanted=ui),
+            open_robot(settings, start_pose, known) as robot,
+            recorded(robot, settings, start_pose or Pose2(), record, record_to),
         ):
             _serve(robot, settings, speed, console)
         return
     with (
-        open_robot(settings, start_pose) as robot,
-        recorded(robot, settings, start_pose, record, record_to),
+        beside(config, settings.bus.address, wanted=ui),
+        open_robot(settings, start_pose, known) as robot,
+        recorded(robot, settings, start_pose or Pose2(), record, record_to),
         _on_bus_if_free(robot, settings),
     ):
         result = follow(
@@ -98,6 +115,8 @@ def run(
             lambda name, leg: drive_with_progress(robot, leg, name, console, clear_fault=clear_fault),
         )
         files = write_run(out, robot.mapper.grid(), robot.log, result)
+        for line in robot.senses.perception.lines():
+            console.print(f"note: {line}", markup=False, soft_wrap=True)
     console.print(f"{result.path_length_m:.2f} m in {result.time_s:.1f} s; {', '.join(files)} are in {out}/")
     if not result.reached:
         raise ThumperError(

@@ -24,6 +24,7 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.lidar_view import LidarView
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.registry import check_names
+from thumper.odometry.imu import ImuOptions
 from thumper.recording.options import RecordingOptions
 from thumper.service.options import ServiceOptions
 
@@ -78,6 +79,7 @@ class RobotConfig:
     board: BoardConfig = field(default_factory=BoardConfig)
     lidar: LidarConfig = field(default_factory=LidarConfig)
     drive: DriveConfig = field(default_factory=DriveConfig)
+    imu: ImuOptions = field(default_factory=ImuOptions)
     mapping: MappingOptions = field(default_factory=MappingOptions)
     localization: AmclOptions = field(default_factory=AmclOptions)
     footprint: Footprint = field(default_factory=Footprint)

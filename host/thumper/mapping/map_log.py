@@ -13,11 +13,13 @@ from thumper.errors import ThumperError
 from thumper.geometry import FloatArray
 from thumper.mapping.apart import compile_apart, plot_apart
 from thumper.mapping.grid import OccupancyGrid
+from thumper.mapping.input_monitor import InputMonitor
 from thumper.mapping.logs.open_log import open_log
 from thumper.mapping.logs.record import RobotLog
 from thumper.mapping.map_io import save_map
 from thumper.mapping.mapper import MapperUpdate
 from thumper.mapping.method import MappingOptions, make_mapper
+from thumper.odometry.slip import GOOD_MATCH, SlipWatch
 
 PROGRESS_EVERY = 20  # scans
 
@@ -45,6 +47,7 @@ class MappedLog:
     updates: tuple[MapperUpdate, ...]
     grid: OccupancyGrid
     cpu_s: float  # without compiling the kernels and reading the file
+    lines: tuple[str, ...] = ()  # what was odd about the scans, a line each
 
 
 def default_options(log: RobotLog) -> MappingOptions:
@@ -61,9 +64,14 @@ def map_records(
     mapper.warm_up()
     total = len(log.records)
     updates: list[MapperUpdate] = []
+    monitor, slip = InputMonitor(), SlipWatch()
     start_s = time.process_time()
     for done, record in enumerate(log.records, start=1):
-        updates.append(mapper.update(record.odom_from_base, record.scan, record.twist))
+        monitor.look(record.scan)
+        update = mapper.update(record.odom_from_base, record.scan, record.twist)
+        updates.append(update)
+        if update.match_score >= GOOD_MATCH:
+            slip.look(record.odom_from_base, update.map_from_base)
         if progress is not None and (done % PROGRESS_EVERY == 0 or done == total):
             progress(done, total)
     cpu_s = time.process_time() - start_s
@@ -74,6 +82,7 @@ def map_records(
         updates=tuple(updates),
         grid=mapper.grid(),
         cpu_s=cpu_s,
+        lines=(*monitor.lines(), *slip.lines()),
     )
 
 
@@ -120,7 +129,7 @@ def map_log(
         mean_score=float(np.mean(scores)) if scores else math.nan,
         cpu_ms_per_scan=1e3 * mapped.cpu_s / len(log.records),
         files=tuple(files),
-        notes=log.notes,
+        notes=(*log.notes, *mapped.lines),
     )
 
 

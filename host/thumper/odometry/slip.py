@@ -8,6 +8,8 @@ from annotated_types import Ge, Gt
 
 from thumper.geometry import Pose2
 
+GOOD_MATCH = 0.5  # share of the beams explained: such a pose can convict the wheels
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlipOptions:

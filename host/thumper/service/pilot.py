@@ -232,6 +232,7 @@ class Pilot:
             situation.twist,
             grid().including(self.goal.x_m, self.goal.y_m, GOAL_MARGIN_M),
             situation.hits_in_map_m,
+            lost=situation.lost,
         )
         self.command, self.reason = output.command, output.reason
         self._speeds = limit_wheel_speeds(wheel_speeds(output.command, self._drive), self._max_wheel_rad_s)
