@@ -115,7 +115,8 @@ def records_until_error(stream: IO[bytes], size: int) -> Iterator[McapRecord | s
         except StopIteration:
             return
         except Exception as error:  # cut off, or no MCAP from here on
-            yield f"ends early: nothing can be read beyond byte {stream.tell()} of {size} ({type(error).__name__})"
+            where = f"byte {stream.tell()} of {size}"
+            yield f"ends early: nothing can be read beyond {where} ({type(error).__name__})"
             return
         if not isinstance(record, Chunk):
             yield record
