@@ -88,6 +88,7 @@ class Bench:
         self._truth: list[tuple[float, ...]] = []
         self._poses: deque[tuple[float, ...]] = deque(maxlen=REMEMBERED_POSES)
         self._ticks = 0
+        self._pillars: list[tuple[float, float, float]] = []
         self._remember()
         self._seen = RecentWorlds(self.world)
         lidar = Ld19 if options.lidar == "ld19" else Urg04Lx
@@ -164,6 +165,39 @@ class Bench:
             action_of(name, value)(self._switches)
         except FaultError as error:
             raise ThumperError(str(error), exit_code=2) from error
+
+    @property
+    def pillars(self) -> int:
+        """How many posts were put up by `put_pillar`."""
+        return len(self._pillars)
+
+    def put_pillar(self, base_from_pillar: Pose2, radius_m: float) -> Pose2:
+        """Put up a post, from now on, as seen from the robot; returns where it stands in the world.
+
+        Raises
+        ------
+        ThumperError
+            The robot stands there.
+        """
+        pose = self.chip.truth().map_from_base
+        at = pose @ base_from_pillar
+        post = (at.x_m, at.y_m, radius_m)
+        nothing = np.zeros((0, 4))
+        if World(segments_m=nothing, circles_m=np.array([post])).touches(pose, HULL_M):
+            raise ThumperError("the robot stands there: put the pillar beside it")
+        self._pillars.append(post)
+        self._stand()
+        return at
+
+    def clear_pillars(self) -> None:
+        """Take down what `put_pillar` has put up."""
+        self._pillars.clear()
+        self._stand()
+
+    def _stand(self) -> None:
+        self._scene.stand(np.reshape(self._pillars, (-1, 3)))
+        self._contact.look_again(self.world)
+        self._seen.change(self.world, self.time_s)
 
     def is_plugged(self, device: str) -> bool:
         """Whether the USB plug of the `board` or the `lidar` is in."""

@@ -12,6 +12,7 @@ from serial.serialutil import PortNotOpenError, SerialBase, SerialException
 
 from thumper.errors import ThumperError
 from thumper_hil.bench.bench import Bench
+from thumper_hil.bench.controls import Controls
 from thumper_hil.bench.registry import join, leave
 
 if TYPE_CHECKING:
@@ -56,6 +57,11 @@ class Serial(SerialBase):
         if self._bench is None:
             raise PortNotOpenError
         return self._bench.time_s
+
+    @property
+    def simulator(self) -> Controls:
+        """What can be done to the robot and its world beside driving it."""
+        return Controls(self._world())
 
     @property
     def in_waiting(self) -> int:

@@ -22,6 +22,7 @@ class Scene:
         self._fixed = world
         self._people = [_Person(walker) for walker in world.walkers]
         self._present: tuple[Timed, ...] = ()
+        self._stood_m = np.zeros((0, 3))
         self.bumps = 0
         self.world = world
         if self.changes:
@@ -32,6 +33,11 @@ class Scene:
     def changes(self) -> bool:
         """Whether anything ever appears, goes or moves."""
         return bool(self._fixed.timed or self._people)
+
+    def stand(self, circles_m: FloatArray) -> None:
+        """Have these posts, shape (n, 3), stand from now on, in place of those stood up before."""
+        self._stood_m = circles_m
+        self.world = self._composed()
 
     def step(self, time_s: float, elapsed_s: float, hull_m: FloatArray) -> bool:
         """Let time pass up to `time_s` round the robot's outline, shape (k, 2). True: the world changed."""
@@ -54,7 +60,7 @@ class Scene:
         return replace(
             self._fixed,
             segments_m=np.vstack([self._fixed.segments_m, *(box_sides(box) for box in boxes)]),
-            circles_m=np.vstack([self._fixed.circles_m, np.reshape(circles, (-1, 3))]),
+            circles_m=np.vstack([self._fixed.circles_m, self._stood_m, np.reshape(circles, (-1, 3))]),
             boxes_m=self._fixed.boxes_m + boxes,
         )
 

@@ -23,6 +23,7 @@ from thumper.dashboard.orders import (
     Teleop,
     Waypoints,
 )
+from thumper.errors import ThumperError
 from thumper.geometry import Pose2, Twist2
 from thumper.ros.codec import Message
 from thumper.ros.convert import Messages, flag
@@ -55,8 +56,10 @@ class TeleopLimits:
 class Helm:
     """Takes the orders of all pages."""
 
-    def __init__(self, robot: Robot, limits: TeleopLimits) -> None:
+    def __init__(self, robot: Robot, limits: TeleopLimits, map_from_base: Callable[[], Pose2 | None]) -> None:
+        """`map_from_base` tells where the robot believes it is; None before it is known."""
         self._robot = robot
+        self._map_from_base = map_from_base
         self._limits = limits
         self._messages = Messages()
         self._answering: set[str] = set()
@@ -96,9 +99,16 @@ class Helm:
             case CommandOrder():
                 return lambda: self._answer("command", {"command": order.name}, page)
             case Obstacle():
-                content = {"obstacle": order.model_dump(exclude={"kind"})}
-                return lambda: self._answer("simulator/command", content, page)
+                return lambda: self._answer("simulator/command", {"pillar": self._pillar(order)}, page)
         return None
+
+    def _pillar(self, order: Obstacle) -> dict[str, float]:
+        """The simulated world has a frame of its own: what both know is the robot."""
+        map_from_base = self._map_from_base()
+        if map_from_base is None:
+            raise ThumperError("the robot does not know yet where it is")
+        at = map_from_base.inverse() @ Pose2(x_m=order.x_m, y_m=order.y_m)
+        return {"x_m": at.x_m, "y_m": at.y_m, "radius_m": order.radius_m}
 
     def _goal(self, page: str, goal: Mapping[str, float]) -> Question:
         def ask() -> str:

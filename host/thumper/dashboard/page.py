@@ -10,7 +10,7 @@ from nicegui import ui
 from thumper.dashboard.gains_panel import GainsPanel
 from thumper.dashboard.page_parts import STATIC, Part, box, button, inline
 from thumper.dashboard.parameters import Asker, Parameters
-from thumper.dashboard.simulator_panel import simulator_panel
+from thumper.dashboard.simulator_panel import SimulatorPanel
 from thumper.dashboard.tune_panel import tune_panel
 
 FIGURES = (
@@ -116,7 +116,7 @@ def _tabs(robot: Asker) -> None:
         with ui.tab_panel("tune"):
             tune_panel(robot)
         with ui.tab_panel("sim"):
-            simulator_panel(robot)
+            SimulatorPanel(robot).build()
         with ui.tab_panel("log"):
             Part("log").classes("tp-log")
 

@@ -57,7 +57,7 @@ def build_app(
         }
 
     view = View(base_from_laser)
-    hub = Hub(view, Helm(robot, limits), extra)
+    hub = Hub(view, Helm(robot, limits, lambda: view.map_from_base), extra)
     view.on_change = hub.on_change
     robot.start(view.take, TOPICS)
     hosts = frozenset({"localhost", "127.0.0.1", "::1"}) if is_loopback(listening.host) else frozenset()

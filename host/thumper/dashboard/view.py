@@ -39,6 +39,7 @@ class View:
         self._heard_s = -np.inf
         # From here on touched by the ticks alone.
         self._track = PoseTrack()
+        self.map_from_base: Pose2 | None = None
         self._values: dict[str, Any] = {}
         self._arrays: dict[str, Part] = {}
         self._rows: deque[convert.Row] = deque(maxlen=KEPT_WHEEL_ROWS)
@@ -105,6 +106,7 @@ class View:
         if name == "pose":
             time_s, pose = convert.stamped_pose(message)
             self._track.add(time_s, pose)
+            self.map_from_base = pose
             values["pose"] = convert.triple(pose)
         elif name in GRIDS:
             values[name], arrays[name] = convert.grid(message)

@@ -54,7 +54,7 @@ export async function gridImage({ place, cells }, palette) {
   const context = canvas.getContext("2d", { willReadFrequently: true });
   context.drawImage(bitmap, 0, 0);
   const pixels = context.getImageData(0, 0, canvas.width, canvas.height);
-  const known = { left: place.columns, right: 0, top: place.rows, bottom: 0 }; // in cells of the picture
+  const known = { left: place.columns, right: 0, low: place.rows, high: 0 }; // in cells
   for (let k = 0; k < pixels.data.length; k += 4) {
     const from = 4 * pixels.data[k];
     if (from) {
@@ -62,8 +62,8 @@ export async function gridImage({ place, cells }, palette) {
       const row = Math.floor(k / 4 / place.columns);
       known.left = Math.min(known.left, column);
       known.right = Math.max(known.right, column + 1);
-      known.top = Math.min(known.top, row);
-      known.bottom = Math.max(known.bottom, row + 1);
+      known.low = Math.min(known.low, row);
+      known.high = Math.max(known.high, row + 1);
     }
     pixels.data.set(palette.subarray(from, from + 4), k);
   }

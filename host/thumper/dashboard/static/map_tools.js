@@ -30,6 +30,10 @@ export class Tools {
     canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
     document.addEventListener("keydown", (event) => this.key(event));
+    document.addEventListener("click", (event) => { // a button elsewhere that chooses a tool
+      const wanted = event.target.closest?.("[data-choose]")?.dataset.choose;
+      if (wanted) this.choose(wanted);
+    });
   }
 
   buildBar(root) {

@@ -89,8 +89,8 @@ class MapView {
     if (!place || known.left >= known.right) return;
     const [x, y] = place.origin;
     const size = place.resolution_m;
-    this.camera.fit(x + known.left * size, y + (place.rows - known.bottom) * size,
-      x + known.right * size, y + (place.rows - known.top) * size);
+    this.camera.fit(x + known.left * size, y + known.low * size,
+      x + known.right * size, y + known.high * size);
     this.dirty = true;
   }
 
