@@ -1,5 +1,6 @@
 """`thumper map-log`: a map and a trajectory from a recorded log."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -28,6 +29,10 @@ def map_log(
         Method, typer.Option(help="Mapper: pose graph, particle filter or plain scan matching.")
     ] = "graph",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the particle filter.")] = 1,
+    fov: Annotated[
+        float | None,
+        typer.Option(min=1, max=360, help="The laser's field of view in degrees, if a CARMEN log lacks it."),
+    ] = None,
 ) -> None:
     """Build a map from a recorded lidar log, with the odometry and the mapper that the robot uses."""
     from rich.console import Console
@@ -48,6 +53,7 @@ def map_log(
             lambda done, total: progress.update(task, completed=done, total=total),
             MappingOptions(method=method, filter=RbpfOptions(seed=seed)),
             online=online,
+            fov_rad=math.radians(fov) if fov else None,
         )
     console.print(
         f"{summary.format_name} log: {summary.scans} scans, {summary.path_m:.1f} m driven, "

@@ -31,7 +31,7 @@ MIN_HITS = 10  # a scan of fewer cannot fix three unknowns against noise
 class GridMapperOptions:
     """Options of `GridMapper`."""
 
-    resolution_m: Annotated[float, Gt(0)] = 0.05  # side of a cell
+    resolution_m: Annotated[float, Interval(ge=0.005, le=1.0)] = 0.05  # side of a cell
     usable_range_m: Annotated[float, Gt(0)] = (
         30.0  # beams count up to here, and never beyond 98 % of the sensor's own limit
     )

@@ -93,6 +93,7 @@ def map_log(
     options: MappingOptions | None = None,
     *,
     online: bool = False,
+    fov_rad: float | None = None,
 ) -> MapLogSummary:
     """Write `map.pgm`, `map.yaml`, `map.png` and `trajectory.csv` of a log into `out_dir`.
 
@@ -104,7 +105,7 @@ def map_log(
     ThumperError
         The log cannot be read, or the folder cannot be written.
     """
-    log = open_log(path)
+    log = open_log(path, fov_rad)
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
     except OSError as error:

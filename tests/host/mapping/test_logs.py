@@ -176,3 +176,36 @@ def test_odometry_comes_from_odom_lines_where_laser_lines_have_none(tmp_path: Pa
     )
     log = open_log(written(tmp_path / "a.log", text))
     assert [record.odom_from_base.x_m for record in log.records] == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
+
+
+def beams_line(n: int) -> str:
+    return f"FLASER {n} " + "2.0 " * n + "0 0 0 0 0 0 1.0 nohost 1.0\n"
+
+
+@pytest.mark.parametrize(
+    ("n", "params", "given_deg", "first_deg", "step_deg", "noted"),
+    [
+        (181, "", None, -90.0, 1.0, False),
+        (361, "", None, -90.0, 0.5, False),
+        (360, "", None, -90.0, 0.5, True),  # as in Freiburg's building 079; a whole turn is as likely
+        (360, "PARAM laser_front_laser_fov 360.0\n", None, -180.0, 1.0, False),
+        (360, "PARAM laser_front_laser_fov 360.0\n", 180.0, -90.0, 0.5, False),
+        (720, "", 360.0, -180.0, 0.5, False),
+        (541, "", None, -135.0, 0.5, False),
+    ],
+)
+def test_the_field_of_view_is_named_given_or_guessed_aloud(
+    tmp_path: Path,
+    n: int,
+    params: str,
+    given_deg: float | None,
+    first_deg: float,
+    step_deg: float,
+    noted: bool,
+) -> None:
+    path = written(tmp_path / "a.log", params + beams_line(n))
+    log = open_log(path, math.radians(given_deg) if given_deg else None)
+    scan = log.records[0].scan
+    assert math.degrees(scan.angle_min_rad) == pytest.approx(first_deg)
+    assert math.degrees(scan.angle_increment_rad) == pytest.approx(step_deg)
+    assert any("--fov" in note for note in log.notes) == noted

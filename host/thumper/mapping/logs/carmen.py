@@ -13,13 +13,21 @@ import numpy as np
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2, Twist2
 from thumper.lidar.scan import Scan
-from thumper.mapping.logs.carmen_lines import LaserLine, flaser, odom, robotlaser
+from thumper.mapping.logs.carmen_lines import (
+    FIELD_OF_VIEW_RAD,
+    LaserLine,
+    beam_angles,
+    flaser,
+    odom,
+    robotlaser,
+)
 from thumper.mapping.logs.record import LogRecord, RobotLog
 
 NO_RETURN_M = 80.0  # SICK scanners report 81.83 or 81.91 for "nothing came back", whatever the reason
 KEYWORDS = ("FLASER", "RLASER", "ROBOTLASER1")
 MOST_BROKEN = 0.1  # share of broken lines beyond which the file is not worth trusting
 FARTHEST_MOUNT_M = 2.0
+HALF_TURN_BEAMS = (180, 181, 361, 401)  # a SICK's, beyond doubt; 360 may be a half turn or a whole one
 
 
 def is_carmen(lines: Iterable[str]) -> bool:
@@ -27,8 +35,10 @@ def is_carmen(lines: Iterable[str]) -> bool:
     return any(line.split(maxsplit=1)[0] in KEYWORDS for line in lines if line.strip())
 
 
-def read_carmen(name: str, lines: Iterable[str]) -> RobotLog:
+def read_carmen(name: str, lines: Iterable[str], fov_rad: float | None = None) -> RobotLog:
     """Parse the lines; `name` is the file's, for messages. One laser is used: the front one if there is one.
+
+    `fov_rad` is the laser's field of view, for old laser lines, which do not tell it.
 
     Broken lines are left out and counted in the log's notes.
 
@@ -66,6 +76,8 @@ def read_carmen(name: str, lines: Iterable[str]) -> RobotLog:
     for other in KEYWORDS:
         if other != used and lasers[other]:
             notes.append(f"{len(lasers[other])} {other} lines not used: {used} is mapped")
+    if used != "ROBOTLASER1":
+        scans = _with_angles(scans, fov_rad or _named_fov_rad(params), notes)
     limit_m = _range_limit_m(scans, params)
     poses = [scan.odom_from_base for scan in scans]
     if not _moves(poses) and _moves([pose for _, pose in odometry]):
@@ -92,6 +104,32 @@ def _record(line: LaserLine, odom_from_base: Pose2, limit_m: float) -> LogRecord
         range_max_m=limit_m,
     )
     return LogRecord(time_s=line.time_s, odom_from_base=odom_from_base, twist=Twist2(), scan=scan)
+
+
+def _named_fov_rad(params: dict[str, str]) -> float | None:
+    """The field of view that the log's own parameters name, in degrees there; none if they do not."""
+    for key in ("robot_frontlaser_fov", "laser_front_laser_fov", "laser_laser1_fov"):
+        try:
+            named_rad = math.radians(float(params.get(key, "nan")))
+        except ValueError:
+            continue
+        if 0.0 < named_rad <= math.tau + 1e-6:
+            return named_rad
+    return None
+
+
+def _with_angles(scans: list[LaserLine], fov_rad: float | None, notes: list[str]) -> list[LaserLine]:
+    """Old lines with the field of view that is known; where only their number of beams speaks, a note."""
+    if fov_rad is None:
+        n = scans[0].ranges_m.size
+        if n not in FIELD_OF_VIEW_RAD and n not in HALF_TURN_BEAMS:
+            notes.append(f"{n} beams without a field of view: taken as half a turn; else give --fov DEGREES")
+        return scans
+    found = []
+    for scan in scans:
+        angle_min_rad, increment_rad = beam_angles(scan.ranges_m.size, fov_rad)
+        found.append(replace(scan, angle_min_rad=angle_min_rad, angle_increment_rad=increment_rad))
+    return found
 
 
 def _range_limit_m(scans: list[LaserLine], params: dict[str, str]) -> float:

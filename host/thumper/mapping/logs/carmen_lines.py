@@ -37,18 +37,22 @@ def flaser(fields: list[str]) -> LaserLine:
     n = int(fields[1])
     if n < 2 or len(fields) < n + 9:
         raise ValueError(f"{len(fields)} fields, {n + 9} expected")
-    fov_rad = FIELD_OF_VIEW_RAD.get(n, math.pi)
-    # An odd number of beams includes both ends of the field of view, an even one only the first.
-    increment_rad = fov_rad / (n - 1 if n % 2 or n in FIELD_OF_VIEW_RAD else n)
+    angle_min_rad, increment_rad = beam_angles(n, FIELD_OF_VIEW_RAD.get(n, math.pi))
     return LaserLine(
         time_s=float(fields[8 + n]),
         odom_from_base=_pose(fields[5 + n : 8 + n]),
         odom_from_laser=_pose(fields[2 + n : 5 + n]),
         ranges_m=np.array(fields[2 : 2 + n], dtype=np.float64),
-        angle_min_rad=-0.5 * fov_rad,
+        angle_min_rad=angle_min_rad,
         angle_increment_rad=increment_rad,
         range_max_m=math.inf,
     )
+
+
+def beam_angles(n: int, fov_rad: float) -> tuple[float, float]:
+    """Angle of the first beam and between two, for old lines: symmetric about straight ahead."""
+    # An odd number of beams includes both ends of the field of view, an even one only the first.
+    return -0.5 * fov_rad, fov_rad / (n - 1 if n % 2 or n in FIELD_OF_VIEW_RAD else n)
 
 
 def robotlaser(fields: list[str]) -> LaserLine:

@@ -14,8 +14,10 @@ GZIP_MAGIC = b"\x1f\x8b"
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 
 
-def open_log(path: Path) -> RobotLog:
+def open_log(path: Path, fov_rad: float | None = None) -> RobotLog:
     """Read a CARMEN or MINES log, plain or gzip-compressed, or an MCAP file: the content decides.
+
+    `fov_rad` is the laser's field of view where a CARMEN log does not tell it.
 
     Raises
     ------
@@ -36,7 +38,7 @@ def open_log(path: Path) -> RobotLog:
             kind = _kind(stream)
         with opener(path, "rt", encoding="ascii") as stream:
             if kind == "CARMEN":
-                return read_carmen(str(path), stream)
+                return read_carmen(str(path), stream, fov_rad)
             if kind == "MINES":
                 return read_mines(str(path), (line for line in stream if not line.isspace()))
     except FileNotFoundError as error:
