@@ -5,7 +5,7 @@ PYTHON ?=
 VENV := .venv
 BIN := $(VENV)/bin
 PACKAGES := gcc-avr avr-libc binutils-avr libsimavr-dev libelf-dev g++ python3-venv
-TEST_PACKAGES := clang-format clang libclang-rt-dev simavr arduino-core-avr avrdude chromium
+TEST_PACKAGES := clang-format clang libclang-rt-dev simavr arduino-core-avr avrdude chromium python3-rosbag
 
 help:
 	@echo "make demo      install what is missing, build, and drive the two missions in simulation (results in out/)"
