@@ -5,7 +5,9 @@ those that the motion seen from outside asks for, `w = (v -+ yaw rate * l / 2) /
 """
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,12 +15,16 @@ from matplotlib.figure import Figure
 from thumper.geometry import FloatArray
 from thumper.link.framing import encode_frame
 from thumper.link.messages import Command, CommandRequest, SetMotorPwm, SetWheelSpeeds
-from thumper_hil.bench.bench import Bench
+from thumper_hil.bench.bench import DEFAULT_ELF, Bench
 from thumper_hil.bench.options import BenchOptions
+from thumper_hil.chip.chip import CPU_HZ, Chip
+from thumper_hil.parts.params import RobotParams
 
 RADIUS_M, GEOMETRIC_TRACK_M = 0.062, 0.245
 THESIS = "thesis: left +0.80 / 0.88, right -0.43 / 0.65 rad/s"
 SEEDS = range(1, 6)
+STOPS_FROM_M_S = (0.3, 0.5)
+OCR2A, OCR2B = 0xB3, 0xB4  # the duty of right and left
 SMOOTHING = 10  # of 100 Hz samples: the thesis low-pass filtered its speeds
 BY_HAND = ((5.0, 1.0), (8.0, 8.0), (7.0, -5.0), (7.0, 0.5), (1.0, 7.0), (8.0, 8.0), (7.0, -5.0), (4.0, 4.0))
 """Wheel speeds [rad/s], left and right, for 1.3 s each: round and round, mostly to the right."""
@@ -56,11 +62,41 @@ def step_response(seed: int) -> FloatArray:
     return truth[truth[:, 0] >= start_s][:, [0, 4, 5]] - (start_s, 0.0, 0.0)
 
 
+def emergency_stop(pwm_low: Literal["coast", "brake"], v_m_s: float) -> FloatArray:
+    """Stop from a straight drive; rows time since the PWM fell [s], speed [m/s], way since then [m]."""
+    params = RobotParams.load()
+    params = replace(params, board=replace(params.board, pwm_low=pwm_low))
+    chip = Chip(DEFAULT_ELF, params=params, seed=1)
+
+    def run_for(seconds: float) -> None:
+        chip.run(chip.cycle + round(seconds * CPU_HZ))
+
+    run_for(0.1)
+    _command(chip, Command.ARM)
+    speed = round(1000.0 * v_m_s / RADIUS_M)
+    for _ in range(20):
+        chip.send(encode_frame(SetWheelSpeeds.ID, 1, SetWheelSpeeds(left=speed, right=speed).pack()))
+        run_for(0.1)
+    _command(chip, Command.E_STOP)
+    while chip.data(OCR2A) or chip.data(OCR2B):
+        run_for(0.001)
+    start, rows = chip.truth(), list[tuple[float, float, float]]()
+    while not rows or rows[-1][1] > 0.0:
+        truth = chip.truth()
+        way_m = truth.map_from_base.distance_m(start.map_from_base)
+        rows.append((truth.time_s - start.time_s, RADIUS_M * max(truth.wheel_rad_s), way_m))
+        run_for(0.001)
+    return np.array(rows)
+
+
+def _command(chip: Chip, command: Command) -> None:
+    chip.send(encode_frame(CommandRequest.ID, 1, CommandRequest(command=command).pack()))
+
+
 def _armed(seed: int) -> Bench:
     bench = Bench(BenchOptions(world="hall", x_m=-3.0, seed=seed))
     bench.advance(0.1)
-    arm = CommandRequest(command=Command.ARM)
-    bench.chip.send(encode_frame(arm.ID, 1, arm.pack()))
+    _command(bench.chip, Command.ARM)
     return bench
 
 
@@ -93,10 +129,25 @@ def main() -> None:
     axes.set(xlabel="time [s]", ylabel="left wheel [rad/s]", title="PWM 160 from rest, five robots")
     axes.legend(frameon=False)
     figure.savefig(out / "sim_step.png", dpi=120)
-    print(f"sim_odometry.png and sim_step.png are in {out}/")
+    _show_stops(out / "sim_stop.png")
+    print(f"sim_odometry.png, sim_step.png and sim_stop.png are in {out}/")
 
 
 SIDES = ((0, "left"), (1, "right"))
+
+
+def _show_stops(path: Path) -> None:
+    figure = Figure(figsize=(8, 4), layout="constrained")
+    axes = figure.subplots()
+    print("emergency stop, from when the PWM is 0:")
+    for pwm_low in ("coast", "brake"):
+        for v_m_s in STOPS_FROM_M_S:
+            time_s, speed_m_s, way_m = emergency_stop(pwm_low, v_m_s).T
+            print(f"  {pwm_low}, from {v_m_s} m/s: {time_s[-1]:.2f} s, {100.0 * way_m[-1]:.1f} cm")
+            axes.plot(time_s, speed_m_s, lw=1, label=f"{pwm_low}: {100.0 * way_m[-1]:.1f} cm")
+    axes.set(xlabel="time since PWM 0 [s]", ylabel="speed [m/s]", title="What a bridge does at PWM 0")
+    axes.legend(frameon=False)
+    figure.savefig(path, dpi=120)
 
 
 def _plot_speeds(path: Path, wheels: FloatArray, seen: FloatArray) -> None:
