@@ -50,6 +50,7 @@ def open_robot(
                 lidar=lidar,
                 products=_products(config, board),
                 service=config.service,
+                open_board=lambda: Board.open(config.board.port, baud=config.board.baud),
                 simulator=getattr(board.port, "simulator", None),
                 perception=Perception(
                     drive=config.drive, base_from_laser=base_from_laser, mapper=mapper, imu=config.imu

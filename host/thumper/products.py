@@ -72,7 +72,7 @@ class Products:
         if not self._outlets or situation is None:
             return
         self._time_s = time_s = situation.time_s
-        if not self._latched:
+        if "tf_static" not in self._latched:
             self._send("tf_static", self.messages.fixed_transforms(time_s, self._base_from_laser))
         for sample in senses.samples:
             self._put("wheels", sample.time_s, self.messages.wheels(sample))

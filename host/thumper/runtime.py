@@ -13,10 +13,9 @@ from dataclasses import dataclass
 
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
-from thumper.kinematics import DriveGeometry, WheelSpeeds
+from thumper.kinematics import DriveGeometry
 from thumper.lidar.driver import LidarDriver
-from thumper.link.board import Board, TelemetrySample
-from thumper.link.messages import Command, Telemetry
+from thumper.link.board import Board
 from thumper.mapping.mapper import Mapper
 from thumper.mission_log import MissionLog, path_length_m
 from thumper.navigation.footprint import Footprint
@@ -27,13 +26,19 @@ from thumper.navigation.options import NavigationOptions
 from thumper.navigation.validate import validate_goal
 from thumper.perception import Perception
 from thumper.products import Products, Timing
-from thumper.senses import TELEMETRY_TIMEOUT_S, Senses
+from thumper.ros.convert import ERROR
+from thumper.senses import Senses
 from thumper.service.desk import Desk, Simulator
 from thumper.service.inbox import Inbox
 from thumper.service.options import ServiceOptions
 from thumper.service.pacer import Pacer
-from thumper.service.pilot import GOAL_MARGIN_M, STOP_BEATS, Ending, Pilot
+from thumper.service.pilot import GOAL_MARGIN_M, Ending, Pilot
+from thumper.service.requests import EmergencyStop
+from thumper.service.stopping import bring_to_stand
 
+RECONNECT_PERIOD_S = 0.5
+MOST_SILENT_BEATS = 3  # of half a second each
+SILENT = "the board went silent; it stops its motors by itself"
 FARTHEST_GOAL_M = 50.0  # the map of a whole drive must fit into memory and planning time
 
 
@@ -74,6 +79,7 @@ class Runtime:
         products: Products,
         view: LidarView | None = None,
         service: ServiceOptions | None = None,
+        open_board: Callable[[], Board],
         simulator: Simulator | None = None,
     ) -> None:
         self.senses = Senses(board=board, lidar=lidar, perception=perception)
@@ -98,6 +104,7 @@ class Runtime:
             check_goal=self._check_goal,
             simulator=simulator,
         )
+        self._open_board = open_board
         self._timing = Timing()
 
     @property
@@ -151,29 +158,61 @@ class Runtime:
 
         A simulated robot is kept at `speed` times the clock on the wall.
 
-        Raises
-        ------
-        ThumperError
-            The board's port fails: its motors are off by its own time-out, and the cure is named.
+        When the board is lost its motors go off by its own time-out; it is looked for until it answers.
         """
         self.desk.takes_goals, self.senses.keeps_log = True, False
         pacer = Pacer(self.senses.board, speed)
+        self.desk.set_speed = pacer.set_speed
+        silent_beats = 0
         try:
             while True:
                 try:
-                    alive, _ = self._beat()
+                    silent_beats = 0 if self._beat()[0] else silent_beats + 1
+                    if silent_beats:
+                        self.pilot.give_up(SILENT)
                     self.desk.follow_up()
-                    if not alive:
-                        self.pilot.give_up("the board is silent; is its cable loose?")
-                except ThumperError:
-                    raise
+                    if self.senses.board.restarted:
+                        self._reconnect("the board has restarted; look at its supply and cable")
+                    elif silent_beats > MOST_SILENT_BEATS:
+                        self._reconnect(SILENT)
+                except ThumperError as error:
+                    self._reconnect(str(error))
                 except Exception as error:  # in motion nothing may pass the stop that follows
-                    self.pilot.stop(f"internal error: {type(error).__name__}: {error}")
+                    self.pilot.give_up(f"internal error: {type(error).__name__}: {error}")
+                    self._stop()
+                    self.desk.follow_up()
                 pacer.wait()
         except KeyboardInterrupt:
             pass
         finally:
             self._stop()
+
+    def _reconnect(self, why: str) -> None:
+        """The board is out of reach and stops its motors by itself: try until it answers, then go on.
+
+        What was asked for is not taken up again.
+        """
+        self.pilot.give_up(why)
+        self.desk.follow_up()
+        self.products.event(why, ERROR, name="board")
+        must_latch = False
+        while True:
+            self.senses.samples, self.senses.scans = [], self.senses.lidar.poll()
+            self.products.beat(self.senses, self.pilot, None, self._timing)
+            must_latch |= self.desk.refuse(why)
+            self.senses.board.close()
+            try:
+                board = self._open_board()
+            except ThumperError:
+                time.sleep(RECONNECT_PERIOD_S)
+                continue
+            self.senses.replace_board(board)
+            self.pilot.board = board
+            self.products.event("the board answers again; the motors are off", name="board")
+            self.pilot.reason = ""
+            if must_latch:
+                self.inbox.put(EmergencyStop())
+            return
 
     def _drive(self, goal: Goal, start_s: float, on_progress: Callable[[Progress], None]) -> Ending:
         """Beat until the end."""
@@ -186,9 +225,7 @@ class Runtime:
                         reason="the board has restarted on the way; look at its supply and cable",
                     )
                 if not alive:
-                    return Ending(
-                        reached=False, reason="the board went silent; it stops its motors by itself"
-                    )
+                    return Ending(reached=False, reason=SILENT)
                 situation = self.senses.perception.situation()
                 if output is not None and situation is not None:
                     self.log.add_pose(situation.time_s, situation.map_from_base)
@@ -233,33 +270,14 @@ class Runtime:
         validate_goal(goal, grid, self._footprint, self._navigation.costmap)
 
     def _stop(self) -> bool:
-        """Zero speed until the wheels stand, then disarm; returns whether the board confirmed it.
+        """Stop and disarm; returns whether the board confirmed it.
 
         It runs on every way out: it never raises, and minds nothing but the board before that has stopped.
-        Ctrl-C cuts the ramp short, never the disarming.
         """
-        board = self.senses.board
-        samples: list[TelemetrySample] = []
-        confirmed = False
-        try:
-            with suppress(KeyboardInterrupt):
-                for _ in range(STOP_BEATS):
-                    board.set_wheel_speeds(WheelSpeeds())
-                    heard = board.poll(TELEMETRY_TIMEOUT_S)
-                    samples += heard
-                    if not heard or _stands(heard[-1].telemetry):
-                        break
-            while not confirmed:
-                with suppress(KeyboardInterrupt):
-                    board.command(Command.DISARM)
-                    confirmed = True
-        except ThumperError:
-            pass
+        samples, confirmed = bring_to_stand(self.senses.board)
         with suppress(Exception):  # a fault here must not hide how the drive ended
             self.senses.take_in(samples)
+            self.senses.scans = []
+            self.products.beat(self.senses, self.pilot, None, self._timing)  # a recording holds the stop too
         self.pilot.settle()
         return confirmed
-
-
-def _stands(telemetry: Telemetry) -> bool:
-    return telemetry.left_speed == telemetry.right_speed == 0

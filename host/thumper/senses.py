@@ -1,6 +1,7 @@
 """What the robot takes in: one beat of the board's telemetry, the scans beside it, and what they mean."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from thumper.errors import ThumperError
 from thumper.lidar.driver import LidarDriver
@@ -28,6 +29,8 @@ class Senses:
         self.scans: list[Scan] = []
         self.log = MissionLog()
         self.keeps_log = True  # a robot that is on for days must not fill its memory
+        self._offset_counts = (0, 0)  # to the board's counts, which begin anew when it restarts
+        self._is_new_board = False
 
     def beat(self, standing_order: Callable[[], None] | None = None) -> bool:
         """Take in one beat of both ports; False when the board is silent.
@@ -47,12 +50,34 @@ class Senses:
 
     def take_in(self, samples: list[TelemetrySample]) -> None:
         """Believe telemetry."""
-        self.samples = samples
-        for sample in samples:
+        self.samples = [self._continued(sample) for sample in samples]
+        for sample in self.samples:
             self.telemetry = sample.telemetry
             self.perception.add_telemetry(sample)
             if self.keeps_log:
                 self.log.add_speeds(sample)
+
+    def replace_board(self, board: Board) -> None:
+        """Go on with a board that was reached anew; should it have restarted, its counts are carried on."""
+        self.board, self._is_new_board = board, True
+
+    def _continued(self, sample: TelemetrySample) -> TelemetrySample:
+        telemetry, last = sample.telemetry, self.telemetry
+        if self._is_new_board and last is not None and telemetry.time_us < last.time_us:
+            self._offset_counts = (
+                last.left_count - telemetry.left_count,
+                last.right_count - telemetry.right_count,
+            )
+        self._is_new_board = False
+        if self._offset_counts == (0, 0):
+            return sample
+        left, right = self._offset_counts
+        moved = replace(
+            telemetry,
+            left_count=_int32(telemetry.left_count + left),
+            right_count=_int32(telemetry.right_count + right),
+        )
+        return replace(sample, telemetry=moved)
 
     @property
     def has_looked(self) -> bool:
@@ -83,3 +108,7 @@ class Senses:
         situation = self.perception.situation()
         assert situation is not None  # a scan is only mapped once odometry covers it
         return situation
+
+
+def _int32(value: int) -> int:
+    return (value + 0x8000_0000) % 0x1_0000_0000 - 0x8000_0000

@@ -31,6 +31,9 @@ Handler = Callable[[], str]
 """Carries out a command and returns what it did, in words; raises ThumperError with the cure."""
 
 
+SLOWEST, FASTEST = 0.1, 20.0  # times real time
+
+
 class Simulator(Protocol):
     """What a simulated robot's port offers beside its bytes."""
 
@@ -59,6 +62,7 @@ class Desk:
         self.missions = Missions()
         self.handlers: dict[str, Handler] = {}  # of commands that others carry out
         self.takes_goals = True
+        self.set_speed: Callable[[float], None] | None = None  # of the simulation's clock
         self._inbox = inbox
         self._pilot = pilot
         self._senses = senses
@@ -75,6 +79,17 @@ class Desk:
                 self._products.event(str(error), WARN)
             except Exception as error:  # a request must not end the robot's loop
                 self._products.event(f"internal error: {type(error).__name__}: {error}", ERROR)
+
+    def refuse(self, why: str) -> bool:
+        """Do nothing of what waits, and say so: a request must not be carried out long after it was made.
+
+        Returns whether an emergency stop was among it, which must not be lost.
+        """
+        requests = [request for _, request in self._inbox.take()]
+        for request in requests:
+            if isinstance(request, Ask):
+                request.reply({"ok": False, "error": why})
+        return any(isinstance(request, EmergencyStop) for request in requests)
 
     def follow_up(self) -> None:
         """Go on with the next leg of a mission, or note how it ended."""
@@ -229,7 +244,17 @@ class Desk:
     def _simulate(self, content: Mapping[str, Any]) -> str:
         if self._simulator is None:
             raise ThumperError("this robot is real, or its simulator runs elsewhere: nothing to simulate")
+        if set(content) == {"speed"}:
+            return self._change_speed(content["speed"])
         return self._simulator.apply(content)
+
+    def _change_speed(self, speed: object) -> str:
+        if not isinstance(speed, int | float) or isinstance(speed, bool) or not SLOWEST <= speed <= FASTEST:
+            raise ThumperError(f"the speed is {SLOWEST:g}...{FASTEST:g} times real time")
+        if self.set_speed is None:
+            raise ThumperError("this run is not kept at any speed; `thumper run` without a goal is")
+        self.set_speed(float(speed))
+        return f"{speed:g} times real time"
 
     def _must_stand(self, what: str) -> None:
         if self._pilot.mode in (Mode.DRIVING, Mode.MANUAL, Mode.STOPPING):

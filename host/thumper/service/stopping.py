@@ -1,0 +1,34 @@
+"""To a stand and off, on every way out."""
+
+from contextlib import suppress
+
+from thumper.errors import ThumperError
+from thumper.kinematics import WheelSpeeds
+from thumper.link.board import Board, TelemetrySample
+from thumper.link.messages import Command
+from thumper.senses import TELEMETRY_TIMEOUT_S
+from thumper.service.pilot import STOP_BEATS
+
+
+def bring_to_stand(board: Board) -> tuple[list[TelemetrySample], bool]:
+    """Zero speed until the wheels stand, then disarm; returns what the board said, and whether it confirmed.
+
+    It never raises. Ctrl-C cuts the ramp short, never the disarming.
+    """
+    samples: list[TelemetrySample] = []
+    confirmed = False
+    try:
+        with suppress(KeyboardInterrupt):
+            for _ in range(STOP_BEATS):
+                board.set_wheel_speeds(WheelSpeeds())
+                heard = board.poll(TELEMETRY_TIMEOUT_S)
+                samples += heard
+                if not heard or heard[-1].telemetry.left_speed == heard[-1].telemetry.right_speed == 0:
+                    break
+        while not confirmed:
+            with suppress(KeyboardInterrupt):
+                board.command(Command.DISARM)
+                confirmed = True
+    except ThumperError:
+        pass
+    return samples, confirmed
