@@ -12,18 +12,16 @@ constexpr uint8_t kOutputs = 1 << COM2A1 | 1 << COM2B1;
 constexpr uint8_t kLeftWay = pins::kLeftForward ^ pins::kLeftReverse;
 constexpr uint8_t kRightWay = pins::kRightForward ^ pins::kRightReverse;
 
-/// Both motors off at once, brakes released.
-inline void Off() {
-  OCR2A = 0;
-  OCR2B = 0;
-}
-
+/// Start the timer with both motors off, facing forward.
 inline void Start() {
   PORTD &= static_cast<uint8_t>(~pins::kLeftOutputs);  // after a restart they may still be high
   PORTB &= static_cast<uint8_t>(~pins::kRightOutputs);
+  PORTD |= pins::kLeftForward;
+  PORTB |= pins::kRightForward;
   DDRD |= pins::kLeftOutputs;
   DDRB |= pins::kRightOutputs;
-  Off();
+  OCR2A = 0;
+  OCR2B = 0;
   TCCR2A = kPhaseCorrect | kOutputs;
   TCCR2B = 1 << CS22 | 1 << CS21;  // 16 MHz / 256 / 510
 }
@@ -35,26 +33,49 @@ inline void Halt() {
   PORTB &= static_cast<uint8_t>(~pins::kRightOutputs);
 }
 
-/// One way off, then the other on: never both at once. Constants, so each is a single instruction.
-inline void Turn(volatile uint8_t& port, uint8_t off, uint8_t on) {
-  if (off != 0) port &= static_cast<uint8_t>(~off);
-  if (on != 0) port |= on;
-}
+/// The PWM of both motors. The timer takes a new duty at the top of its period, up to 8.2 ms after it was
+/// written: a motor that is to turn round would be kicked by the old duty in the new direction. So its pin
+/// goes low at once, before its direction changes, and the timer gets it back when the new duty has arrived.
+class Drive {
+ public:
+  /// Both off within a PWM period, brakes released. The control tick must know, or it would contradict.
+  void Off() {
+    OCR2A = 0;
+    OCR2B = 0;
+  }
 
-/// PWM in [-255, 255], positive forward. Interrupts must be off: the ports hold other pins too.
-inline void Set(int16_t left, int16_t right) {
-  if (left < 0) {
-    Turn(PORTD, pins::kLeftForward, pins::kLeftReverse);
-  } else {
-    Turn(PORTD, pins::kLeftReverse, pins::kLeftForward);
+  /// PWM in [-255, 255], positive forward. For the control tick.
+  void Set(int16_t left, int16_t right) {
+    if (left != 0 && (left < 0) == ((PORTD & pins::kLeftForward) != 0)) {
+      TCCR2A &= static_cast<uint8_t>(~(1 << COM2B1));
+      PIND = kLeftWay;  // writing 1 toggles
+      rest_ms_ = kRest_ms;
+    }
+    if (right != 0 && (right < 0) == ((PORTB & pins::kRightForward) != 0)) {
+      TCCR2A &= static_cast<uint8_t>(~(1 << COM2A1));
+      PINB = kRightWay;
+      rest_ms_ = kRest_ms;
+    }
+    OCR2B = static_cast<uint8_t>(left < 0 ? -left : left);
+    OCR2A = static_cast<uint8_t>(right < 0 ? -right : right);
   }
-  if (right < 0) {
-    Turn(PORTB, pins::kRightForward, pins::kRightReverse);
-  } else {
-    Turn(PORTB, pins::kRightReverse, pins::kRightForward);
+
+  /// Let time pass; the timer takes its pins back. Not while the tick may come, nor a tone.
+  void Wait(uint8_t elapsed_ms) {
+    if (rest_ms_ == 0) return;
+    if (rest_ms_ > elapsed_ms) {
+      rest_ms_ = static_cast<uint8_t>(rest_ms_ - elapsed_ms);
+    } else {
+      rest_ms_ = 0;
+      TCCR2A = kPhaseCorrect | kOutputs;
+    }
   }
-  OCR2B = static_cast<uint8_t>(left < 0 ? -left : left);
-  OCR2A = static_cast<uint8_t>(right < 0 ? -right : right);
-}
+
+ private:
+  static constexpr uint8_t kRest_ms = 10;  // the first of them may be short
+  static_assert((kRest_ms - 1) * (F_CPU / 1000) >= 510 * 256UL, "a PWM period must pass");
+
+  uint8_t rest_ms_ = 0;
+};
 
 }  // namespace motors

@@ -8,14 +8,8 @@ constexpr uint16_t kRestarted = 0x57A6;
 // SRAM keeps them through a restart. After power-on they hold anything, hence a pattern.
 uint8_t flags __attribute__((section(".noinit")));
 uint16_t mark __attribute__((section(".noinit")));
-// The latched fault, and what tells it from rubbish: the fault both ways, over the schema's hash, so that
-// another firmware's fault is not taken for ours.
-uint8_t kept __attribute__((section(".noinit")));
-uint16_t kept_check __attribute__((section(".noinit")));
-
-uint16_t Check(uint8_t fault) {
-  return static_cast<uint16_t>(fw::kSchemaHash) ^ static_cast<uint16_t>(fault << 8 | (fault ^ 0xFF));
-}
+// The latched fault over the schema's hash, which tells it from rubbish and from another firmware's.
+uint32_t kept __attribute__((section(".noinit")));
 }  // namespace
 
 /// After a watchdog reset the watchdog runs on at 16 ms: stop it before .data and .bss are set up.
@@ -38,14 +32,12 @@ fw::ResetCause Cause() {
   return fw::ResetCause::kUnknown;
 }
 
-void Keep(fw::Fault fault) {
-  kept = static_cast<uint8_t>(fault);
-  kept_check = Check(kept);
-}
+void Keep(fw::Fault fault) { kept = fw::kSchemaHash ^ static_cast<uint8_t>(fault); }
 
 fw::Fault Kept() {
-  const bool ours = kept < fw::kFaultCount && kept_check == Check(kept) && (flags & 1 << PORF) == 0;
-  return ours ? static_cast<fw::Fault>(kept) : fw::Fault::kNone;
+  const uint32_t fault = kept ^ fw::kSchemaHash;
+  const bool ours = fault < fw::kFaultCount && (flags & 1 << PORF) == 0;
+  return ours ? static_cast<fw::Fault>(fault) : fw::Fault::kNone;
 }
 
 void Restart() {

@@ -19,4 +19,14 @@ inline void Start() {
   TIMSK1 = 1 << OCIE1A;
 }
 
+/// Keep the tick off for a moment, it comes afterwards; encoders and serial port go on.
+inline void Hold() {
+  TIMSK1 = 0;
+  asm volatile("" ::: "memory");
+}
+inline void Release() {
+  asm volatile("" ::: "memory");
+  TIMSK1 = 1 << OCIE1A;
+}
+
 }  // namespace tick

@@ -6,7 +6,7 @@
 
 namespace fw {
 
-constexpr uint32_t kSchemaHash = 0x54A18B46UL;
+constexpr uint32_t kSchemaHash = 0x0C3C0383UL;
 constexpr size_t kMaxHostPayload = 4;  ///< [bytes] largest payload the host sends
 constexpr size_t kMaxPayload = 43;     ///< [bytes] largest payload of all
 
@@ -232,7 +232,7 @@ constexpr ParameterRange kParameterRanges[kParameterCount] = {
     {0, 31457, 8976},  // kv
     {0, 10486, 673},  // ka
     {0, 20000, 800},  // acceleration
-    {1000, 20000, 18000},  // current_limit
+    {1000, 20000, 8000},  // current_limit
 };
 
 }  // namespace fw

@@ -25,6 +25,8 @@ WATCHDOG_S = 0.26
 OCR2A, OCR2B = 0xB3, 0xB4
 DDRB, DDRD = 0x24, 0x2A
 SLEEP = bytes((0x88, 0x95))
+RETI = bytes((0x18, 0x95))
+TICK_S = 0.1
 SEI = bytes((0x78, 0x94))
 PCINT2, TIMER0_COMPA = 5, 14
 """The left encoder's interrupt runs with interrupts off, the millisecond's lets others in."""
@@ -33,7 +35,7 @@ PCINT2, TIMER0_COMPA = 5, 14
 def driving_robot() -> LabChip:
     """A robot with the boot loader that has driven for a second."""
     chip = chip_with_program(ELF, params=RobotParams.load())
-    run_for(chip, BOOT_S + 0.1)
+    run_for(chip, BOOT_S + 0.2)
     send(chip, CommandRequest(command=Command.ARM))
     for _ in range(10):
         send(chip, SetWheelSpeeds(left=6000, right=6000))
@@ -43,8 +45,10 @@ def driving_robot() -> LabChip:
 
 
 def handler(chip: LabChip, vector: int) -> int:
-    """Where an interrupt's handler starts: the target of the `rjmp` in the vector table."""
+    """Where an interrupt's handler starts: the target of the `jmp` or `rjmp` in the vector table."""
     word = int.from_bytes(chip.read_flash(4 * vector, 2), "little")
+    if word == 0x940C:
+        return 2 * int.from_bytes(chip.read_flash(4 * vector + 2, 2), "little")
     assert word >> 12 == 0xC
     offset = word & 0xFFF
     return 4 * vector + 2 + 2 * (offset - 0x1000 if offset & 0x800 else offset)
@@ -122,6 +126,42 @@ def test_a_hang_that_stays_never_drives_again() -> None:
     run_for(chip, 2.0)
     assert chip.truth().wheel_rad_s == (0.0, 0.0)
     assert [chip.data(address) for address in (OCR2A, OCR2B)] == [0, 0]
+
+
+def test_a_dead_millisecond_timer_is_noticed() -> None:
+    """Without it the link would never time out: ticks alone do not hold off the watchdog."""
+    chip = driving_robot()
+    vector = chip.read_flash(4 * TIMER0_COMPA, 2)
+    chip.write_flash(4 * TIMER0_COMPA, RETI)
+    assert motors_off_after(chip, 1.0) <= WATCHDOG_S + TICK_S + 0.01
+    chip.write_flash(4 * TIMER0_COMPA, vector)
+    run_for(chip, 0.2)
+    telemetry = last_telemetry(chip)
+    assert (telemetry.state, telemetry.fault) == (State.FAULT, Fault.WATCHDOG)
+
+
+@pytest.mark.parametrize("bootloader", [False, True])
+def test_a_latched_fault_outlasts_a_reset(bootloader: bool) -> None:
+    """As opening the port makes one; and it is cleared for good only on command."""
+    chip = chip_with_program(ELF) if bootloader else LabChip(ELF, params=RobotParams.load())
+    run_for(chip, BOOT_S + 0.3)
+    send(chip, CommandRequest(command=Command.E_STOP))
+    run_for(chip, 0.1)
+    for _ in range(2):
+        chip.reset()
+        run_for(chip, BOOT_S + 0.1)
+        telemetry = last_telemetry(chip)
+        assert (telemetry.state, telemetry.fault) == (State.FAULT, Fault.E_STOP)
+    answer = identity(chip)
+    assert answer is not None
+    assert answer.reset_cause is ResetCause.EXTERNAL
+    if bootloader:
+        return  # without a robot there is no battery, and so nothing may be cleared
+    send(chip, CommandRequest(command=Command.CLEAR_FAULT))
+    run_for(chip, 0.1)
+    chip.reset()
+    run_for(chip, BOOT_S + 0.1)
+    assert last_telemetry(chip).state is State.DISARMED
 
 
 def test_a_hang_with_interrupts_off_ends_safe_but_dead() -> None:

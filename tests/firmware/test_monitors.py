@@ -198,13 +198,13 @@ def test_lost_edges_may_wrap(core: ctypes.CDLL) -> None:
     assert core.edge_monitor_step(monitor, 30) == 1
 
 
-@pytest.mark.parametrize(("left", "right"), [(18_001, 0), (-18_001, 0), (0, 18_001), (0, -18_001)])
+@pytest.mark.parametrize(("left", "right"), [(8_001, 0), (-8_001, 0), (0, 8_001), (0, -8_001)])
 def test_three_readings_in_a_row_above_the_limit_are_over_current(
     core: ctypes.CDLL, left: int, right: int
 ) -> None:
     host = Host(core)
     host.command(m.Command.ARM)
-    for currents in [(left, right)] * 2 + [(18_000, -18_000)] + [(left, right)] * 2:
+    for currents in [(left, right)] * 2 + [(8_000, -8_000)] + [(left, right)] * 2:
         core.host_currents(host.handle, *currents)
         assert host.status()[1] is m.Fault.NONE
     core.host_currents(host.handle, left, right)

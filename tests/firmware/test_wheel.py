@@ -26,9 +26,9 @@ DEFAULTS = {
     "kv": 17.12,
     "ka": 1.284,
     "acceleration": 8.0,
-    "current_limit": 18.0,
+    "current_limit": 8.0,
 }
-THESIS = {"kp": 15.0, "ki": 0.5, "ks": 0.0, "kv": 0.0, "ka": 0.0, "acceleration": 0.0, "current_limit": 18.0}
+THESIS = {"kp": 15.0, "ki": 0.5, "ks": 0.0, "kv": 0.0, "ka": 0.0, "acceleration": 0.0, "current_limit": 8.0}
 
 
 class Wheel:

@@ -4,6 +4,7 @@
 #include <cstdarg>
 #include <cstdlib>
 #include <stdexcept>
+#include <vector>
 
 #include "programmer.hpp"
 
@@ -100,7 +101,11 @@ void Chip::OnReset(avr_io_t* io) {
 }
 
 void Chip::Reset() {
+  // SRAM outlasts a reset; simavr empties it.
+  uint8_t* const sram = avr_->data + avr_->ioend + 1;
+  const std::vector<uint8_t> kept(sram, avr_->data + avr_->ramend + 1);
   avr_reset(avr_);
+  std::copy(kept.begin(), kept.end(), sram);
   avr_regbit_set(avr_, avr_->reset_flags.extrf);  // simavr leaves MCUSR empty
 }
 

@@ -11,7 +11,7 @@ from struct import Struct
 from types import MappingProxyType
 from typing import ClassVar, Protocol, Self
 
-SCHEMA_HASH: int = 0x54A18B46
+SCHEMA_HASH: int = 0x0C3C0383
 
 
 class Command(IntEnum):
@@ -554,7 +554,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         unit="A",
         minimum=1.0,
         maximum=20.0,
-        default=18.0,
+        default=8.0,
         scale=1000.0,
         doc="A motor current above it for 0.3 s is a fault; the sensor ends at 20 A.",
     ),
