@@ -1,0 +1,59 @@
+"""`thumper campaign`. Heavy imports wait until it runs."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def campaign(
+    file: Annotated[Path, typer.Argument(help="The campaign's TOML: missions, seeds, parameter sets.")],
+    out: Annotated[Path, typer.Option(help="Folder for rows.csv, rows.parquet and the summary.")] = Path(
+        "out/campaign"
+    ),
+    scheduler: Annotated[
+        str, typer.Option(help="Address of a running Dask scheduler; without it, this machine's cores.")
+    ] = "",
+    workers: Annotated[int, typer.Option(help="Processes of the local cluster; 0: one a core.", min=0)] = 0,
+) -> None:
+    """Drive every mission with every seed and parameter set, in simulation; one row a drive.
+
+    Run again after a kill it goes on where it was. It leaves with 1 if a drive failed or touched something.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from thumper.cli.output import prepare_output
+    from thumper_hil.campaign.figures import draw
+    from thumper_hil.campaign.job import Row
+    from thumper_hil.campaign.parquet import write_parquet
+    from thumper_hil.campaign.rows import RowStore
+    from thumper_hil.campaign.runner import run_jobs
+    from thumper_hil.campaign.spec import digest_of, jobs_of, load_campaign
+    from thumper_hil.campaign.summary import markdown, succeeded, summarise
+
+    console = Console()
+    jobs = jobs_of(load_campaign(file), file.parent)
+    prepare_output(out)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with RowStore(out, digest_of(jobs)) as store, Progress(*columns, console=console) as progress:
+        wanted = {job.key for job in jobs}
+        task = progress.add_task(
+            "drives", total=len(jobs), completed=sum(r.key in wanted for r in store.rows)
+        )
+
+        def show(row: Row) -> None:
+            progress.advance(task)
+            if not succeeded(row):
+                progress.console.print(f"{row.key}: {row.reason}, {row.contacts} contacts", highlight=False)
+
+        run_jobs(jobs, store, scheduler=scheduler or None, workers=workers or None, show=show)
+        rows = sorted((row for row in store.rows if row.key in wanted), key=lambda row: row.key)
+    write_parquet(out / "rows.parquet", rows)
+    summaries = summarise(rows)
+    (out / "summary.md").write_text(markdown(summaries), encoding="utf-8")
+    draw(out / "summary.png", rows, summaries)
+    console.print(markdown(summaries), highlight=False, markup=False, soft_wrap=True)
+    console.print(f"in {out}/: rows.csv, rows.parquet, summary.md, summary.png", highlight=False)
+    if not all(map(succeeded, rows)):
+        raise typer.Exit(1)

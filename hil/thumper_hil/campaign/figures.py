@@ -1,0 +1,39 @@
+"""The picture of a campaign: every run's value, and each group's mean with its interval."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from thumper.report import BLUE, ORANGE
+from thumper_hil.campaign.job import Row
+from thumper_hil.campaign.summary import MEASURES, Summary
+
+
+def draw(path: Path, rows: Sequence[Row], summaries: Sequence[Summary]) -> Path:
+    """One panel a measure, one column a group."""
+    figure = Figure(figsize=(4.2 * len(MEASURES), 4.5), layout="constrained")
+    labels = [f"{s.mission}\n{s.parameters}" for s in summaries]
+    at = np.arange(len(summaries))
+    for axes, (name, title) in zip(figure.subplots(1, len(MEASURES)), MEASURES.items(), strict=True):
+        for k, s in enumerate(summaries):
+            values = [
+                getattr(row, name)
+                for row in rows
+                if (row.mission, row.parameters) == (s.mission, s.parameters)
+            ]
+            spread = np.linspace(-0.18, 0.18, len(values)) if len(values) > 1 else np.zeros(1)
+            axes.plot(k + spread, values, ".", color=BLUE, alpha=0.5)
+        means = [s.means[name] for s in summaries]
+        middle = np.array([m.value for m in means])
+        errors = np.abs(np.array([[m.low for m in means], [m.high for m in means]]) - middle)
+        axes.errorbar(at, middle, yerr=errors, fmt="o", color=ORANGE, capsize=5, label="mean, 95 %")
+        axes.set_xticks(at, labels, rotation=30, ha="right", fontsize=8)
+        axes.set_title(title, fontsize=10)
+        axes.set_ylim(bottom=0.0)
+        axes.set_xlim(-0.6, len(summaries) - 0.4)
+        axes.grid(axis="y", alpha=0.3)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower right")
+    figure.savefig(path, dpi=110)
+    return path

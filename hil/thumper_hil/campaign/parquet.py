@@ -1,0 +1,16 @@
+"""The rows as Parquet, for pandas, Dask and the like."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from thumper_hil.campaign.job import Row
+
+
+def write_parquet(path: Path, rows: Sequence[Row]) -> Path:
+    """Write all rows, columns typed as in `Row`."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    pq.write_table(pa.Table.from_pylist([asdict(row) for row in rows]), path)
+    return path

@@ -1,0 +1,101 @@
+"""Rows to figures with confidence intervals, for each mission and parameter set. Pure."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import bootstrap
+
+from thumper_hil.campaign.job import Row
+
+CONFIDENCE = 0.95
+Z = 1.959964  # of the normal distribution, two-sided 95 %
+
+MEASURES = {
+    "goal_error_m": "goal error [m]",
+    "time_s": "time [s]",
+    "pose_rmse_m": "SLAM pose error, rms [m]",
+    "odometry_error_m": "odometry error at the end [m]",
+    "speed_error_std_rad_s": "wheel speed error, std [rad/s]",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interval:
+    """A figure and where it lies with 95 % confidence."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """What the seeds of one mission with one parameter set came to."""
+
+    mission: str
+    parameters: str
+    runs: int
+    success: Interval  # share of the runs that reached the goal and touched nothing
+    contacts: int
+    means: dict[str, Interval]  # by the keys of MEASURES
+
+
+def succeeded(row: Row) -> bool:
+    """Goal reached, nothing touched."""
+    return row.reached and row.contacts == 0
+
+
+def summarise(rows: Sequence[Row]) -> list[Summary]:
+    """One summary for each mission and parameter set, in the order of first appearance."""
+    summaries = []
+    for mission, parameters in dict.fromkeys((row.mission, row.parameters) for row in rows):
+        chosen = [row for row in rows if (row.mission, row.parameters) == (mission, parameters)]
+        summaries.append(
+            Summary(
+                mission=mission,
+                parameters=parameters,
+                runs=len(chosen),
+                success=wilson(sum(map(succeeded, chosen)), len(chosen)),
+                contacts=sum(row.contacts for row in chosen),
+                means={name: mean_of([getattr(row, name) for row in chosen]) for name in MEASURES},
+            )
+        )
+    return summaries
+
+
+def wilson(hits: int, runs: int) -> Interval:
+    """A share's score interval (Wilson 1927): sound for few runs, and for none or all that hit."""
+    share = hits / runs
+    middle = (share + Z**2 / (2 * runs)) / (1 + Z**2 / runs)
+    half = Z / (1 + Z**2 / runs) * math.sqrt(share * (1 - share) / runs + Z**2 / (4 * runs**2))
+    return Interval(value=share, low=max(middle - half, 0.0), high=min(middle + half, 1.0))
+
+
+def mean_of(values: Sequence[float]) -> Interval:
+    """The mean of what is there, with a bootstrap interval (Efron 1987); NaN when nothing is."""
+    known = np.array([value for value in values if math.isfinite(value)])
+    if known.size == 0:
+        return Interval(value=math.nan, low=math.nan, high=math.nan)
+    mean = float(known.mean())
+    if known.size < 2 or float(np.ptp(known)) == 0.0:
+        return Interval(value=mean, low=mean, high=mean)
+    found = bootstrap(
+        (known,), np.mean, confidence_level=CONFIDENCE, n_resamples=2000, method="BCa", rng=0
+    ).confidence_interval
+    return Interval(value=mean, low=float(found.low), high=float(found.high))
+
+
+def markdown(summaries: Sequence[Summary]) -> str:
+    """A table with one line a summary."""
+    headings = ["mission", "parameters", "runs", "success", "contacts", *MEASURES.values()]
+    lines = [f"| {' | '.join(headings)} |", "|---" * len(headings) + "|"]
+    for s in summaries:
+        share = f"{s.success.value:.0%} ({s.success.low:.0%} ... {s.success.high:.0%})"
+        cells = [s.mission, s.parameters, str(s.runs), share, str(s.contacts)]
+        cells += [f"{m.value:.3g} ({m.low:.3g} ... {m.high:.3g})" for m in s.means.values()]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(
+        [*lines, "", "Means with 95 % confidence intervals (shares: Wilson; means: bootstrap).", ""]
+    )

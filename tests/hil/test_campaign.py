@@ -1,0 +1,169 @@
+"""Campaigns: what a file may say, what a kill leaves, and drives on workers of which one dies."""
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thumper.errors import ThumperError
+from thumper_hil.campaign.job import Row
+from thumper_hil.campaign.rows import RowStore
+from thumper_hil.campaign.spec import digest_of, jobs_of, load_campaign
+from thumper_hil.campaign.summary import mean_of, summarise, wilson
+
+FILE = """
+seeds = { first = 3, count = 2 }
+parameters = [{ name = "default" }, { name = "gentle", robot = "gentle.toml" }]
+
+[[missions]]
+name = "step"
+world = "lab"
+start = [1.0, 0.0, 180.0]
+goal = [0.6, 0.0]
+"""
+BIN = Path(sys.executable).parent
+
+
+def written(folder: Path, text: str = FILE) -> Path:
+    (folder / "gentle.toml").write_text("[navigation.limits]\nv_max_m_s = 0.3\n")
+    path = folder / "campaign.toml"
+    path.write_text(text)
+    return path
+
+
+def row(key: str, **changed: object) -> Row:
+    numbers = dict.fromkeys((name for name, kind in Row.__annotations__.items() if kind is float), 0.25)
+    fixed = {"key": key, "mission": "m", "parameters": "p", "seed": 1, "reached": True, "contacts": 0}
+    return Row(**(numbers | fixed | {"reason": 'said "so", and more'} | changed))  # type: ignore[arg-type]
+
+
+def test_every_mission_seed_and_parameter_set_is_a_job(tmp_path: Path) -> None:
+    jobs = jobs_of(load_campaign(written(tmp_path)), tmp_path)
+    assert [job.key for job in jobs[:3]] == ["step/default/3", "step/gentle/3", "step/default/4"]
+    assert len(jobs) == len({job.key for job in jobs}) == 4
+    assert '"v_max_m_s":0.3' in jobs[1].robot_json
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('world = "lab"', 'world = "moon"', "moon"),
+        ("count = 2", "count = 0", "seeds.count"),
+        ("goal = ", "gaol = ", "missions.0.goal"),
+        ("[0.6, 0.0]", '"there"', "goal"),
+        ('"gentle.toml"', '"none.toml"', "none.toml"),
+        ('name = "gentle"', 'name = "default"', "same name"),
+        ("seeds =", "seeds", "TOML"),
+    ],
+)
+def test_a_wrong_file_is_one_line_that_names_it(tmp_path: Path, old: str, new: str, says: str) -> None:
+    with pytest.raises(ThumperError, match=says) as caught:
+        jobs_of(load_campaign(written(tmp_path, FILE.replace(old, new))), tmp_path)
+    assert caught.value.exit_code == 2
+    assert "\n" not in str(caught.value)
+
+
+def test_rows_outlast_a_kill_and_are_there_once(tmp_path: Path) -> None:
+    with RowStore(tmp_path, "d") as store:
+        store.add(row("a"))
+        store.add(row("b", goal_error_m=math.nan))
+    whole = (tmp_path / "rows.csv").read_bytes()
+    for cut in range(whole.index(b"\na,") + 1, len(whole), 5):
+        (tmp_path / "rows.csv").write_bytes(whole[:cut])
+        with RowStore(tmp_path, "d") as store:
+            keys = [r.key for r in store.rows]
+            assert keys in (["a"], [])
+            store.add(row("c"))
+        with RowStore(tmp_path, "d") as store:
+            assert [r.key for r in store.rows] == [*keys, "c"]
+
+
+def test_a_folder_of_another_campaign_is_refused(tmp_path: Path) -> None:
+    with RowStore(tmp_path, "d"):
+        pass
+    with pytest.raises(ThumperError, match="another campaign"):
+        RowStore(tmp_path, "e")
+
+
+def test_more_seeds_go_on_in_the_same_folder(tmp_path: Path) -> None:
+    few = jobs_of(load_campaign(written(tmp_path)), tmp_path)
+    more = jobs_of(load_campaign(written(tmp_path, FILE.replace("count = 2", "count = 9"))), tmp_path)
+    other = jobs_of(load_campaign(written(tmp_path, FILE.replace("[0.6,", "[0.5,"))), tmp_path)
+    assert digest_of(few) == digest_of(more) != digest_of(other)
+
+
+def test_intervals_hold_what_they_promise() -> None:
+    """About 95 of 100 samples' intervals hold the truth."""
+    rng = np.random.default_rng(1)
+    means = [mean_of(list(rng.normal(3.0, 1.0, 30))) for _ in range(100)]
+    assert 88 <= sum(m.low < 3.0 < m.high for m in means) <= 100
+    shares = [wilson(int(rng.binomial(40, 0.9)), 40) for _ in range(300)]
+    assert 270 <= sum(s.low < 0.9 < s.high for s in shares) <= 300
+    assert wilson(10, 10).high == pytest.approx(1.0)
+    assert wilson(10, 10).low == pytest.approx(0.722, abs=0.001)
+    assert math.isnan(mean_of([math.nan]).value)
+
+
+def test_a_touch_is_no_success() -> None:
+    summary = summarise([row("a"), row("b", contacts=2), row("c", reached=False)])[0]
+    assert (summary.runs, summary.contacts) == (3, 2)
+    assert summary.success.value == pytest.approx(1 / 3)
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """A scheduler and two workers, each a process of its own."""
+    file = tmp_path / "scheduler.json"
+    scheduler = subprocess.Popen(
+        [BIN / "dask", "scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", file],
+        stderr=subprocess.DEVNULL,
+    )
+    workers: list[subprocess.Popen[bytes]] = []
+    try:
+        while not file.exists():
+            assert scheduler.poll() is None
+            time.sleep(0.1)
+        command: list[str | Path] = [
+            BIN / "dask",
+            "worker",
+            "--scheduler-file",
+            file,
+            "--nthreads",
+            "1",
+            "--no-dashboard",
+        ]
+        workers += [subprocess.Popen(command, stderr=subprocess.DEVNULL, cwd=tmp_path) for _ in range(2)]
+        address = file.read_text().split('"address": "')[1].split('"')[0]
+        yield address, workers
+    finally:
+        for process in (*workers, scheduler):
+            process.kill()
+            process.wait()
+
+
+def test_a_worker_that_is_killed_midway_costs_no_row(
+    tmp_path: Path, cluster: tuple[str, list[subprocess.Popen[bytes]]]
+) -> None:
+    address, workers = cluster
+    path = written(tmp_path)
+    out = tmp_path / "out"
+    run = subprocess.Popen(
+        [BIN / "thumper", "campaign", path, "--out", out, "--scheduler", address], stdout=subprocess.DEVNULL
+    )
+    rows = out / "rows.csv"
+    while not rows.exists() or rows.read_text().count("\n") < 2:  # the header and a row
+        assert run.poll() is None
+        time.sleep(0.05)
+    os.kill(workers[0].pid, signal.SIGKILL)
+    assert run.wait(200) == 0
+    keys = [line.split(",")[0] for line in rows.read_text().splitlines()[1:]]
+    assert sorted(keys) == ["step/default/3", "step/default/4", "step/gentle/3", "step/gentle/4"]
+    assert (out / "rows.parquet").read_bytes().startswith(b"PAR1")
+    assert (out / "summary.png").read_bytes().startswith(b"\x89PNG")
