@@ -100,7 +100,7 @@ def main() -> None:
     """Run what was asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--controllers", nargs="+", default=["dwa"])
-    parser.add_argument("--tracker", default="", help="cascade: the tracker drives where the path is free")
+    parser.add_argument("--tracker", default="", help="cascade: as the default stack has it")
     parser.add_argument("--scales", nargs="+", type=float, default=[1.0, 0.65, 0.50, 0.45])
     parser.add_argument("--speeds", nargs="+", type=float, default=[0.5])
     parser.add_argument("--seeds", nargs="+", type=int, default=[0])

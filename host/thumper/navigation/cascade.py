@@ -40,9 +40,9 @@ class CascadeOptions:
     # Part of the fastest turn that the trajectory may use in bends; the rest is left to the controller [-].
     turn_part: Annotated[float, Gt(0)] = 0.7
     # Path direction off the robot's heading beyond which it turns on the spot first [rad] ...
-    turn_start_rad: Annotated[float, Gt(0)] = 0.8
+    turn_start_rad: Annotated[float, Gt(0)] = 1.0
     # ... and below which it drives on [rad].
-    turn_end_rad: Annotated[float, Gt(0)] = 0.15
+    turn_end_rad: Annotated[float, Gt(0)] = 0.25
     # Way ahead that must be free for this tracker to take over from the controller [m].
     free_ahead_m: Annotated[float, Gt(0)] = 1.0
     # Room beyond the robot's circumscribed circle on all that way [m].

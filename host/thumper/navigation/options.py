@@ -33,7 +33,7 @@ class NavigationOptions:
     # Local controller by name.
     controller: str = "dwa"
     # Who follows a path with room on both sides: "cascade", the trajectory tracker, or "" for the controller.
-    tracker: Literal["cascade", ""] = ""
+    tracker: Literal["cascade", ""] = "cascade"
     # Time without any safe motion or path before a recovery begins [s].
     patience_s: Annotated[float, Gt(0)] = 2.0
     # Space kept round the footprint in all planned motion [m]: the map is as coarse as its cells and noisy.

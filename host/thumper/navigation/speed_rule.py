@@ -7,6 +7,9 @@ from thumper.mapping.grid import OccupancyGrid
 from thumper.navigation.limits import SpeedLimits, stoppable_speed
 from thumper.navigation.masks import speed_parts
 
+PERIOD_S = 0.1
+BRAKE_PART = 0.8
+
 
 class SpeedRule:
     """The fastest forward speed from place and way left."""
@@ -22,7 +25,9 @@ class SpeedRule:
         if self._mask is not None:
             place_m = np.array((map_from_base.x_m, map_from_base.y_m))
             fastest_m_s = self._zone_limit_m_s(self._mask, place_m, path_m)
-        stoppable_m_s = stoppable_speed(remaining_m, self._limits.v_accel_m_s2, self._limits.latency_s)
+        # A command holds for a period, and a brake that is already at its limit could not mend an error.
+        late_s = self._limits.latency_s + PERIOD_S
+        stoppable_m_s = stoppable_speed(remaining_m, BRAKE_PART * self._limits.v_accel_m_s2, late_s)
         return max(self._approach_m_s, min(fastest_m_s, stoppable_m_s))
 
     def _zone_limit_m_s(self, mask: OccupancyGrid, place_m: FloatArray, path_m: FloatArray | None) -> float:
