@@ -45,7 +45,6 @@ class FakeRobot:
     recording: bool = False
     goal: Pose2 | None = None
     battery_V: float = 7.62
-    frozen_pose: Pose2 | None = None
     asked: list[tuple[float, Request]] = field(default_factory=list)
     parameters: dict[str, float] = field(default_factory=dict)
     period_s: float = PERIOD_S
@@ -83,14 +82,22 @@ class FakeRobot:
         """When the newest request of a kind came [s, monotonic]."""
         return max((at_s for at_s, request in self.asked if isinstance(request, kind)), default=-math.inf)
 
+    def place(self, beat: int) -> Pose2:
+        """Where it is at a beat."""
+        angle = 0.025 * beat
+        return Pose2(
+            x_m=2.0 + 0.8 * math.cos(angle), y_m=1.5 + 0.6 * math.sin(angle), theta_rad=angle + math.pi / 2
+        )
+
     def event(self, text: str, level: int = INFO) -> None:
         """Say a line."""
         self._send("events", self._messages.event(time.time(), level, text))
 
     def _run(self) -> None:
-        beat = 0
+        beat, due_s = 0, time.monotonic()
         self.event("the robot is there")
-        while not self._end.wait(self.period_s):
+        while not self._end.wait(max(0.0, due_s - time.monotonic())):
+            due_s += self.period_s
             for at_s, request in self._inbox.take():
                 self.asked.append((at_s, request))
                 self._do(request)
@@ -147,10 +154,7 @@ class FakeRobot:
 
     def _beat(self, beat: int) -> None:
         now_s, say = time.time(), self._messages
-        angle = 0.25 * beat * PERIOD_S
-        pose = self.frozen_pose or Pose2(
-            x_m=2.0 + 0.8 * math.cos(angle), y_m=1.5 + 0.6 * math.sin(angle), theta_rad=angle + math.pi / 2
-        )
+        pose = self.place(beat)
         self._send("pose", say.pose(now_s, pose))
         self._send("scan", say.scan(_scan(now_s, pose)))
         self._send("wheels", say.wheels(self._telemetry(now_s, beat)))

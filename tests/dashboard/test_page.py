@@ -117,7 +117,7 @@ def test_gains_are_applied_and_refused(page: Page, robot: FakeRobot) -> None:
     page.click(".tp-tab-gains")
     number = page.locator("[data-gain=kp]")
     apply = page.locator(".q-tab-panel button", has_text="Apply")
-    expect(number).to_have_value("11.6")
+    expect(number).to_have_value("6.1")
     expect(apply).to_be_disabled()
     number.fill("14.5")
     apply.click()

@@ -1,0 +1,152 @@
+"""How fast a page follows the robot: packets a second, latency from the bus to the drawn picture, CPU.
+
+Run: python benchmarks/dashboard.py [--seconds S]
+A robot publishes pose, a scan of 682 beams, wheels, particles and status 20 times a second on the bus; the
+server is the real one, the browser a headless Chromium that draws in software, on the same machine. Latency
+runs from before the pose is published to the end of the frame that shows it. The other pages of "10 pages"
+are plain websockets that take every packet, as ten browsers would need more cores than the machine has.
+"""
+
+import argparse
+import asyncio
+import os
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from playwright.sync_api import Page, sync_playwright
+from rich.console import Console
+from rich.table import Table
+from websockets.asyncio.client import connect
+
+from thumper.geometry import Pose2
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from tests.dashboard.conftest import CHROMIUM, FLAGS, Server, chromium_processes, free_port, open_page
+from tests.dashboard.fake_robot import FakeRobot
+
+RATE_HZ = 20.0
+WRAP_S = 50.0
+OTHER_PAGES = 9
+
+# Each new pose that is drawn leaves how old it is: the robot's x tells when it was there.
+WATCH = """() => {
+  const view = document.querySelector('.tp-map').mapView;
+  const draw = view.draw.bind(view);
+  let last = null;
+  window.ages = [];
+  view.draw = () => {
+    draw();
+    const x = view.pose?.[0];
+    if (x === undefined || x === last) return;
+    last = x;
+    const now = ((performance.timeOrigin + performance.now()) / 1000) % WRAP;
+    window.ages.push((now - x + WRAP) % WRAP);
+  };
+}""".replace("WRAP", str(WRAP_S))
+
+
+class Clockwork(FakeRobot):
+    """Drives at 1 m/s, so that its place tells the time."""
+
+    def place(self, beat: int) -> Pose2:
+        """At x = now."""
+        return Pose2(x_m=time.time() % WRAP_S, y_m=1.5)
+
+
+def cpu_s(processes: list[int]) -> float:
+    """CPU time of the processes so far [s]."""
+    ticks = 0
+    for process in processes:
+        fields = Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+        ticks += int(fields[11]) + int(fields[12])
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
+def measure(page: Page, server: Server, seconds: float) -> list[str]:
+    """Watch for a while; returns a row."""
+    browser = [
+        process
+        for process in chromium_processes(os.getpid())
+        if "chrom" in Path(f"/proc/{process}/comm").read_text(encoding="utf-8")
+    ]
+    groups = ([server.process.pid], browser)
+    page.evaluate("window.ages.length = 0")
+    packets = page.evaluate("window.thumper.state.packets")
+    before, begun_s = [cpu_s(group) for group in groups], time.monotonic()
+    page.wait_for_timeout(1000 * seconds)
+    took_s = time.monotonic() - begun_s
+    used = [100.0 * (cpu_s(group) - was) / took_s for group, was in zip(groups, before, strict=True)]
+    ages_ms = 1000.0 * np.array(page.evaluate("window.ages"))
+    rate_Hz = (page.evaluate("window.thumper.state.packets") - packets) / took_s
+    p50, p99 = np.percentile(ages_ms, (50, 99))
+    return [
+        f"{rate_Hz:.1f}",
+        f"{len(ages_ms) / took_s:.1f}",
+        f"{p50:.0f} / {p99:.0f}",
+        f"{used[0]:.0f}",
+        f"{used[1]:.0f}",
+    ]
+
+
+class Crowd(threading.Thread):
+    """The other pages, on a thread of their own."""
+
+    def __init__(self, url: str, seconds: float, done: Callable[[float], None]) -> None:
+        super().__init__()
+        self._url, self._seconds, self._done = url, seconds, done
+        self.start()
+
+    def run(self) -> None:
+        """Until their time is over."""
+        asyncio.run(self._all())
+
+    async def _all(self) -> None:
+        await asyncio.gather(*(listen(self._url, self._seconds, self._done) for _ in range(OTHER_PAGES)))
+
+
+async def listen(url: str, seconds: float, done: Callable[[float], None]) -> None:
+    """Be one page that takes every packet; `done` is given its rate [Hz]."""
+    async with connect(url, max_size=None) as socket:
+        begun_s, packets = time.monotonic(), 0
+        while time.monotonic() - begun_s < seconds:
+            packets += isinstance(await socket.recv(), bytes)
+        done(packets / seconds)
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=15.0, help="how long to watch each case")
+    seconds = parser.parse_args().seconds
+    table = Table(title=f"load average {os.getloadavg()[0]:.1f}, {os.cpu_count()} cores")
+    for column in ("pages", "packets/s", "poses drawn/s", "latency p50 / p99 [ms]", "server %", "browser %"):
+        table.add_column(column, justify="right")
+    robot = Clockwork(address=f"127.0.0.1:{free_port()}", period_s=1.0 / RATE_HZ)
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+        server = Server(robot.address, Path(folder))
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        open_page(page, server)
+        page.wait_for_timeout(3000)
+        page.evaluate(WATCH)
+        table.add_row("1", *measure(page, server, seconds))
+        rates: list[float] = []
+        crowd = Crowd(server.url.replace("http", "ws") + "/stream", seconds + 2.0, rates.append)
+        table.add_row(str(1 + OTHER_PAGES), *measure(page, server, seconds))
+        crowd.join()
+        browser.close()
+        server.close()
+    robot.close()
+    table.add_row("aim", "20", "20", "- / 50", "", "")
+    Console().print(table)
+    print(f"the other {OTHER_PAGES} pages: {min(rates):.1f}...{max(rates):.1f} packets/s each")
+
+
+if __name__ == "__main__":
+    main()

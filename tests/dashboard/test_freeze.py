@@ -1,0 +1,89 @@
+"""The page that sent the robot off freezes: the robot stops. Real firmware, real bus, real browser."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import BrowserType
+
+from tests.dashboard.conftest import (
+    CHROMIUM,
+    FLAGS,
+    Server,
+    chromium_processes,
+    free_port,
+    open_page,
+    signal_all,
+    until,
+)
+from thumper.bus.client import BusClient
+from thumper.ros.codec import Message
+from thumper.ros.parse import stamp_ns_of
+
+STOP_S = 0.5
+BEAT_S = 0.1  # the freeze falls somewhere between two beats
+
+
+@pytest.fixture
+def robot_address(tmp_path: Path) -> Iterator[str]:
+    """`thumper run` at service in simulation."""
+    address = f"127.0.0.1:{free_port()}"
+    config = tmp_path / "robot.toml"
+    config.write_text(f'[bus]\naddress = "{address}"\n', encoding="utf-8")
+    board = "sim://freeze/board?world=lab&x_m=1.7&y_m=0.1&yaw_deg=180&seed=1"
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-c", "from thumper.cli import main; main()", "run", "--config", str(config)),
+            *("--board", board, "--lidar", "sim://freeze/lidar", "--start", "1.7", "0.1", "180"),
+            *("--out", str(tmp_path / "out")),
+        ],
+        stdout=subprocess.DEVNULL,
+    )
+    yield address
+    process.send_signal(signal.SIGINT)
+    process.wait(20.0)
+
+
+def test_a_frozen_page_stops_the_robot(robot_address: str, tmp_path: Path, chromium: BrowserType) -> None:
+    server = Server(robot_address, tmp_path)
+    statuses: list[Message] = []
+    try:
+        browser = chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
+        page = browser.new_page(viewport={"width": 1440, "height": 900})
+        open_page(page, server)
+        page.wait_for_function("window.thumper.state.values.map")
+        with BusClient("thumper", robot_address) as client:
+            client.subscribe("status", statuses.append)
+            page.keyboard.press("g")
+            page.mouse.click(
+                *page.evaluate("""() => {
+                  const view = document.querySelector('.tp-map').mapView;
+                  const box = view.canvas.getBoundingClientRect();
+                  const [x, y] = view.camera.toScreen(0.2, 0.2);
+                  return [x + box.left, y + box.top];
+                }""")
+            )
+            until(lambda: statuses and statuses[-1].mode == "driving", 20.0)
+            until(lambda: statuses[-1].distance_to_goal_m < 1.3, 20.0)  # well under way
+            frozen = [
+                process
+                for process in chromium_processes(os.getpid())
+                if "chrom" in Path(f"/proc/{process}/comm").read_text(encoding="utf-8")
+            ]
+            before = statuses[-1]
+            signal_all(frozen, signal.SIGSTOP)
+            try:
+                until(lambda: statuses[-1].mode != "driving", 5.0)
+            finally:
+                signal_all(frozen, signal.SIGCONT)
+            after = next(s for s in statuses if stamp_ns_of(s) > stamp_ns_of(before) and s.mode != "driving")
+        browser.close()
+    finally:
+        server.close()
+    assert before.mode == "driving"
+    assert after.reason == "the page that sent the goal is gone; send it again"
+    assert 1e-9 * (stamp_ns_of(after) - stamp_ns_of(before)) <= STOP_S + BEAT_S
