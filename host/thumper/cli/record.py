@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from thumper.cli.bus_options import Address, Config, Robot, join
+
 
 def record(
     out: Annotated[
@@ -13,10 +15,9 @@ def record(
     seconds: Annotated[
         float | None, typer.Option(help="Record for so long; without it, until Ctrl-C.", min=0.1)
     ] = None,
-    robot_address: Annotated[
-        str, typer.Option(help="HOST:PORT of the robot's bus; overrides the configuration.")
-    ] = "",
-    config: Annotated[Path | None, typer.Option(help="The robot's TOML; without it, a Wild Thumper.")] = None,
+    config: Config = None,
+    bus: Address = "",
+    robot: Robot = "",
 ) -> None:
     """Record everything that a running robot says, in MCAP files.
 
@@ -24,7 +25,6 @@ def record(
     """
     import sys
 
-    from thumper.bus.client import BusClient
     from thumper.cli.output import prepare_output
     from thumper.config.robot import load_config
     from thumper.errors import ThumperError
@@ -38,7 +38,7 @@ def record(
         print(f"thumper: {text}", file=sys.stderr)
 
     recover_left_behind(folder, say)
-    with BusClient(settings.name, robot_address or settings.bus.address, settings.bus.token) as client:
+    with join(config, bus, robot) as client:
         print(f"recording to {folder}/; Ctrl-C ends it")
         recorder = record_from_bus(client, folder, settings.recording, seconds=seconds, say=say)
     if recorder.trouble:

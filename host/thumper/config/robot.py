@@ -27,6 +27,7 @@ from thumper.navigation.registry import check_names
 from thumper.odometry.imu import ImuOptions
 from thumper.recording.options import RecordingOptions
 from thumper.service.options import ServiceOptions
+from thumper.teleop.options import TeleopOptions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,6 +89,7 @@ class RobotConfig:
     bus: BusOptions = field(default_factory=BusOptions)
     dashboard: DashboardOptions = field(default_factory=DashboardOptions)
     recording: RecordingOptions = field(default_factory=RecordingOptions)
+    teleop: TeleopOptions = field(default_factory=TeleopOptions)
 
 
 _ADAPTER = TypeAdapter(RobotConfig)

@@ -1,0 +1,103 @@
+"""`thumper teleop`: drive a running robot by hand, from the keyboard or a gamepad."""
+
+import time
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from thumper.cli.bus_options import Address, Config, Robot, join
+
+if TYPE_CHECKING:
+    from thumper.teleop.drive import Driver
+    from thumper.teleop.gamepad import Gamepad
+
+LINE_PERIOD_S = 0.2
+HELP = """hold a key to drive:   u i o    (or the arrow keys; with Shift: turbo)
+                       j k l    k stops
+                       m , .
+Space, Esc: EMERGENCY STOP   c: clear the fault   r: arm   f: disarm   q: leave
+gamepad: hold LB to drive (RB: turbo), left stick forward, right stick turns, B: EMERGENCY STOP,
+         Start: arm, Back: disarm"""
+
+
+def teleop(
+    gamepad: Annotated[
+        bool, typer.Option(help="Look for a gamepad as well (needs `pip install thumper[gamepad]`).")
+    ] = True,
+    config: Config = None,
+    bus: Address = "",
+    robot: Robot = "",
+) -> None:
+    """Drive a running robot by hand; whatever it was driving to by itself is given up.
+
+    The robot drives only while a key or the pad's button is held. Without either, or when this program, the
+    pad or the network fails, it stands within half a second.
+    """
+    from thumper.config.robot import load_config
+    from thumper.errors import ThumperError
+    from thumper.teleop.drive import Driver
+    from thumper.teleop.terminal import raw_terminal
+
+    settings = load_config(config)
+    heard: dict[str, str] = {}
+    with ExitStack() as stack:
+        client = stack.enter_context(join(config, bus, robot))
+        client.subscribe("status", lambda message: heard.update(status=_status_words(message)))
+        client.subscribe("events", lambda message: heard.update(event=message.msg))
+        pad = _gamepad(stack) if gamepad else None
+        terminal = stack.enter_context(raw_terminal())
+        if terminal is None and pad is None:
+            raise ThumperError(
+                "neither a terminal to type in nor a gamepad: start it in a terminal", exit_code=2
+            )
+        print(HELP)
+        driver = Driver(settings, client.publish, terminal.read if terminal else bytes, pad)
+        stack.callback(driver.release)
+        try:
+            _drive(driver, pad, heard, 1.0 / settings.teleop.rate_Hz)
+        except KeyboardInterrupt:
+            pass
+        finally:
+            print()
+
+
+def _drive(driver: "Driver", pad: "Gamepad | None", heard: dict[str, str], period_s: float) -> None:
+    line_s, last_event = 0.0, ""
+    due_s = time.monotonic()
+    while driver.step(time.monotonic(), period_s):
+        now_s = time.monotonic()
+        if now_s >= line_s + LINE_PERIOD_S:
+            line_s = now_s
+            event = heard.get("event", "")
+            if event != last_event:
+                print(f"\r\033[K{event}")
+                last_event = event
+            hand = pad.name if pad and pad.name else "keyboard"
+            twist = driver.twist
+            said = heard.get("status", "")
+            print(
+                f"\r\033[K{hand}: {twist.v_m_s:+.2f} m/s {twist.w_rad_s:+.2f} rad/s | {said}",
+                end="",
+                flush=True,
+            )
+        due_s = max(due_s + period_s, now_s)  # a late beat is not made up for
+        time.sleep(max(0.0, due_s - now_s))
+
+
+def _gamepad(stack: ExitStack) -> "Gamepad | None":
+    from thumper.errors import ThumperError
+    from thumper.teleop.gamepad import Gamepad
+
+    try:
+        pad = Gamepad()
+    except ThumperError as error:
+        print(f"no gamepad: {error}")
+        return None
+    stack.callback(pad.close)
+    return pad
+
+
+def _status_words(message: Any) -> str:
+    fault = f", {message.fault_words}: {message.fault_cure}" if message.fault else ""
+    return f"{message.robot}: {message.mode}, {message.board_state}{fault}"

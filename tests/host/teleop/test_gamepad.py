@@ -1,0 +1,175 @@
+"""A pad that SDL itself makes up: what its sticks and buttons do, and what happens when it is pulled out."""
+
+import ctypes
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from thumper.config.robot import RobotConfig
+from thumper.geometry import Twist2
+from thumper.ros.parse import twist_of
+from thumper.teleop.drive import Driver
+from thumper.teleop.gamepad import Gamepad
+from thumper.teleop.keys import Action
+
+pytest.importorskip("pygame", reason="pygame is not installed (pip install thumper[gamepad])")
+PAD_TYPE, AXES, BUTTONS, HATS = 1, 6, 15, 1
+LB, RB, B, START = 9, 10, 1, 6
+PERIOD_S = 0.05
+
+
+class VirtualPad:
+    """A pad of SDL's own making, plugged into the very library that pygame has loaded."""
+
+    def __init__(self) -> None:
+        with open("/proc/self/maps", encoding="utf-8") as maps:
+            path = next(line.split()[-1] for line in maps if "libSDL2-2" in line)
+        self._sdl = ctypes.CDLL(path)
+        self._sdl.SDL_JoystickOpen.restype = ctypes.c_void_p
+        self._sdl.SDL_JoystickSetVirtualAxis.argtypes = [ctypes.c_void_p, ctypes.c_int, ctypes.c_int16]
+        self._sdl.SDL_JoystickSetVirtualButton.argtypes = [ctypes.c_void_p, ctypes.c_int, ctypes.c_uint8]
+        self._index = self._sdl.SDL_JoystickAttachVirtual(PAD_TYPE, AXES, BUTTONS, HATS)
+        assert self._index >= 0
+        self._pad = self._sdl.SDL_JoystickOpen(self._index)
+
+    def axis(self, number: int, value: int) -> None:
+        assert self._sdl.SDL_JoystickSetVirtualAxis(self._pad, number, value) == 0
+
+    def button(self, number: int, down: bool) -> None:
+        assert self._sdl.SDL_JoystickSetVirtualButton(self._pad, number, down) == 0
+
+    def unplug(self) -> None:
+        assert self._sdl.SDL_JoystickDetachVirtual(self._index) == 0
+
+
+@pytest.fixture
+def gamepad() -> Iterator[Gamepad]:
+    pad = Gamepad()
+    yield pad
+    pad.close()
+
+
+def test_sticks_and_buttons(gamepad: Gamepad) -> None:
+    assert gamepad.poll() is None
+    assert gamepad.name == ""
+    virtual = VirtualPad()
+    virtual.axis(1, -32767)
+    virtual.axis(2, 16384)
+    virtual.button(LB, True)
+    state = gamepad.poll()
+    state = gamepad.poll()  # SDL tells of the pad first, of its sticks then
+    assert state is not None
+    assert "Virtual" in gamepad.name
+    assert state.stick.forward == pytest.approx(1.0)
+    assert state.stick.turn == pytest.approx(-0.5, abs=0.01)
+    assert state.stick.hold
+    assert not state.stick.turbo
+    virtual.button(RB, True)
+    virtual.button(B, True)
+    state = gamepad.poll()
+    assert state is not None
+    assert state.stick.turbo
+    assert state.pressed == (Action.ESTOP,)
+    state = gamepad.poll()
+    assert state is not None
+    assert state.pressed == ()  # held: it was told once
+    virtual.unplug()
+    assert gamepad.poll() is None
+    VirtualPad().unplug()
+
+
+Sent = list[tuple[str, Any]]
+
+
+@pytest.fixture
+def driver(gamepad: Gamepad) -> tuple[Driver, Sent, Callable[[bytes], None]]:
+    sent: Sent = []
+    typed: list[bytes] = []
+
+    def read() -> bytes:
+        data = b"".join(typed)
+        typed.clear()
+        return data
+
+    return (
+        Driver(RobotConfig(), lambda topic, message: sent.append((topic, message)), read, gamepad),
+        sent,
+        typed.append,
+    )
+
+
+def twists(sent: Sent, topic: str) -> list[Twist2]:
+    return [twist_of(message.twist) for name, message in sent if name == topic]
+
+
+def test_pulling_the_plug_sends_one_zero_and_the_way_back_is_to_let_go_first(
+    driver: tuple[Driver, Sent, Callable[[bytes], None]],
+) -> None:
+    drive, sent, _ = driver
+    virtual = VirtualPad()
+    for k in range(3):
+        drive.step(0.1 * k, PERIOD_S)
+    assert sent == []  # nobody holds the button
+    virtual.axis(1, -32767)
+    virtual.button(LB, True)
+    for k in range(20):
+        drive.step(1.0 + 0.05 * k, PERIOD_S)
+    assert twists(sent, "gamepad")[-1].v_m_s == pytest.approx(RobotConfig().teleop.v_max_m_s)
+    sent.clear()
+    virtual.unplug()
+    for k in range(5):
+        drive.step(3.0 + 0.05 * k, PERIOD_S)
+    assert twists(sent, "gamepad") == [Twist2()]
+    sent.clear()
+    again = VirtualPad()
+    again.axis(1, -32767)
+    again.button(LB, True)
+    for k in range(5):
+        drive.step(4.0 + 0.05 * k, PERIOD_S)
+    assert sent == []
+    again.button(LB, False)
+    drive.step(5.0, PERIOD_S)
+    again.button(LB, True)
+    drive.step(5.1, PERIOD_S)
+    drive.step(5.15, PERIOD_S)
+    assert twists(sent, "gamepad")[-1].v_m_s > 0.0
+    again.unplug()
+
+
+def test_the_emergency_button_goes_out_at_once_with_zeros_behind_it(
+    driver: tuple[Driver, Sent, Callable[[bytes], None]],
+) -> None:
+    drive, sent, _ = driver
+    virtual = VirtualPad()
+    drive.step(0.0, PERIOD_S)
+    virtual.button(LB, True)
+    virtual.axis(1, -32767)
+    drive.step(0.1, PERIOD_S)
+    drive.step(0.15, PERIOD_S)
+    sent.clear()
+    virtual.button(B, True)
+    drive.step(0.2, PERIOD_S)
+    assert [topic for topic, _ in sent] == ["estop", "teleop", "gamepad"]
+    assert sent[0][1].data is True
+    sent.clear()
+    drive.step(0.25, PERIOD_S)  # still holding both
+    assert sent == []
+    virtual.unplug()
+
+
+def test_the_keyboard_drives_beside_it(driver: tuple[Driver, Sent, Callable[[bytes], None]]) -> None:
+    drive, sent, type_in = driver
+    drive.step(0.0, PERIOD_S)
+    type_in(b"i")
+    drive.step(0.1, PERIOD_S)
+    drive.step(0.5, PERIOD_S)
+    drive.step(0.8, PERIOD_S)
+    drive.step(0.9, PERIOD_S)
+    speeds = [twist.v_m_s for twist in twists(sent, "teleop")]
+    assert speeds == pytest.approx([0.075, 0.15, 0.0])  # ramps up, and says zero once
+    type_in(b"r")
+    drive.step(1.0, PERIOD_S)
+    assert (sent[-1][0], sent[-1][1].data) == ("command", "arm")
+    type_in(b"q")
+    assert not drive.step(1.1, PERIOD_S)
