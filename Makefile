@@ -1,5 +1,5 @@
 # Two commands matter: `make demo` (see the robot drive) and `make test`. Both install what is missing.
-.PHONY: help demo test lint format firmware chip protocol bench mutation clean
+.PHONY: help demo test lint format firmware chip protocol docs bench mutation clean
 
 PYTHON ?=
 VENV := .venv
@@ -12,6 +12,7 @@ help:
 	@echo "make test      install what is missing, build, and run every test"
 	@echo "make lint      ruff, mypy --strict, clang-format"
 	@echo "make firmware  build firmware/build/thumper.elf and .hex and those of the second board, print their size"
+	@echo "make docs      build the documentation's site into site/, offline; a dead link is an error"
 	@echo "make bench     run the benchmarks"
 	@echo "make mutation  flip every operator and constant of the firmware's core and count who notices (hours)"
 
@@ -42,6 +43,9 @@ chip: $(VENV)/.run $(VENV)/.packages
 protocol: $(VENV)/.run
 	$(BIN)/python firmware/protocol/generate.py
 
+docs: $(VENV)/.dev
+	@$(BIN)/zensical build --clean --strict
+
 bench: firmware chip $(VENV)/.run
 	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
 
@@ -49,7 +53,7 @@ mutation: $(VENV)/.dev
 	@$(BIN)/python -m tests.firmware.mutation.run
 
 clean:
-	rm -rf firmware/build hil/thumper_hil/chip/build out
+	rm -rf firmware/build hil/thumper_hil/chip/build out site
 
 # Stamps: set-up is repeated only when what it depends on has changed.
 $(VENV)/.packages: scripts/install-packages Makefile
