@@ -19,6 +19,7 @@ from thumper.cli.recordings import export, recover
 from thumper.cli.replay import replay
 from thumper.cli.run import run
 from thumper.cli.status import status, watch
+from thumper.cli.teleop import teleop
 from thumper.errors import ThumperError
 
 # Packages that only some commands need, by the extra that brings them.
@@ -75,6 +76,7 @@ def _build() -> typer.Typer:
         doctor,
         dashboard,
         record,
+        teleop,
         replay,
         recover,
         export,
