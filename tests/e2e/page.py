@@ -1,0 +1,16 @@
+"""Run as a program: what a page does. Sends a goal, then a heartbeat each tenth of a second."""
+
+import sys
+import time
+
+from thumper.bus.client import BusClient
+from thumper.ros.convert import Messages
+
+if __name__ == "__main__":
+    address, x_m, y_m = sys.argv[1:]
+    with BusClient("thumper", address) as client:
+        client.publish("heartbeat", Messages().header(0.0))
+        print(client.query("mission/send", {"x_m": float(x_m), "y_m": float(y_m)}), flush=True)
+        while True:
+            client.publish("heartbeat", Messages().header(0.0))
+            time.sleep(0.1)

@@ -1,0 +1,195 @@
+"""Each hop of the safety chain is cut while the robot drives: its motors go off in time, and stay off.
+
+Everything is a process of its own: the simulated robot in real time on two pseudo-terminals, the robot's
+program, and a page. Times are simulated ones, as the motors' own registers show them.
+"""
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.conftest import THUMPER
+from thumper.bus.client import BusClient
+from thumper.errors import ThumperError
+
+HERE = Path(__file__).parent
+FAR, NEAR = (0.0, 0.05), (1.5, 0.08)
+PAGE_LIMIT_S = 0.5
+LINK_LIMIT_S = 0.45  # 300 ms, and a tick of the board's supervisor
+START_S, DRIVE_S = 60.0, 20.0
+STAYS_S = 0.5
+
+
+class Chain:
+    """The processes, and what the witness has said of the motors."""
+
+    def __init__(self, folder: Path) -> None:
+        board, lidar = folder / "board", folder / "lidar"
+        self._said: list[dict[str, float]] = []
+        self.sim = subprocess.Popen(
+            [sys.executable, str(HERE / "witness.py"), str(board), str(lidar), "1.73", "0.08", "180"],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        threading.Thread(target=self._listen, daemon=True).start()
+        wait_until(lambda: board.exists() and lidar.exists(), START_S)
+        self.address = f"127.0.0.1:{free_port()}"
+        ports = ["--board", board, "--lidar", lidar, "--start", "1.73", "0.08", "180"]
+        self.robot = subprocess.Popen(
+            [THUMPER, "run", *ports, "--bus", self.address, "--out", folder], stdout=subprocess.DEVNULL
+        )
+        wait_until(self._answers, START_S)
+        self.client = BusClient("thumper", self.address)
+        wait_until(self._has_looked, START_S)
+        self._goals = [NEAR, FAR]
+
+    def _listen(self) -> None:
+        assert self.sim.stdout is not None
+        for line in self.sim.stdout:
+            if line.startswith("{"):
+                self._said.append(json.loads(line))
+
+    def _answers(self) -> bool:
+        try:
+            BusClient("thumper", self.address).close()
+        except ThumperError:
+            return False
+        return True
+
+    def _has_looked(self) -> bool:
+        answer: list[int] = []
+        self.client.subscribe("status", lambda of: answer.append(of.lidar_scans))
+        return bool(answer) and answer[-1] > 5
+
+    @property
+    def driven(self) -> bool:
+        return bool(self._said[-1]["on"])
+
+    def next_goal(self) -> tuple[float, float]:
+        self._goals.reverse()
+        return self._goals[-1]
+
+    def drive(self) -> None:
+        """Send the robot off and wait until it is well under way."""
+        x_m, y_m = self.next_goal()
+        wait_until(lambda: self._sent(x_m, y_m), DRIVE_S)
+        self.wait_for_motion()
+
+    def _sent(self, x_m: float, y_m: float) -> bool:
+        try:
+            self.client.query("mission/send", {"x_m": x_m, "y_m": y_m})
+        except ThumperError:
+            return False  # it has only just been given its board back
+        return True
+
+    def wait_for_motion(self) -> None:
+        wait_until(lambda: self.driven, DRIVE_S)
+        time.sleep(1.0)
+        assert self.driven
+
+    def off_after_s(self, cut: float) -> float:
+        """Simulated time from the wall's time `cut` until the motors were off; they must stay off."""
+        wait_until(lambda: not self.driven, DRIVE_S)
+        time.sleep(STAYS_S)
+        before = [line for line in self._said if line["wall_s"] <= cut]
+        after = [line for line in self._said if line["wall_s"] > cut]
+        off = next(n for n, line in enumerate(after) if not line["on"])
+        assert not any(line["on"] for line in after[off:])
+        return after[off]["sim_s"] - before[-1]["sim_s"]
+
+    def reason(self) -> str:
+        return str(self.client.query("mission/state")["reason"])
+
+    def close(self) -> None:
+        self.client.close()
+        for process in (self.robot, self.sim):
+            process.send_signal(signal.SIGCONT)
+            process.send_signal(signal.SIGINT)
+            try:
+                process.wait(10.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+def wait_until(condition: object, timeout_s: float) -> None:
+    assert callable(condition)
+    deadline_s = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.02)
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@pytest.fixture(scope="module")
+def chain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chain]:
+    chain = Chain(tmp_path_factory.mktemp("chain"))
+    yield chain
+    chain.close()
+
+
+@pytest.fixture
+def page(chain: Chain) -> Iterator[subprocess.Popen[str]]:
+    """A page that has sent a goal and watches; the robot is under way."""
+    x_m, y_m = chain.next_goal()
+    command = [sys.executable, str(HERE / "page.py"), chain.address, str(x_m), str(y_m)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert "True" in process.stdout.readline()
+    chain.wait_for_motion()
+    yield process
+    process.kill()
+    process.wait()
+
+
+@pytest.mark.parametrize("by", [signal.SIGSTOP, signal.SIGKILL], ids=["frozen", "bus cut"])
+def test_page_gone(chain: Chain, page: subprocess.Popen[str], by: signal.Signals) -> None:
+    cut_s = time.monotonic()
+    page.send_signal(by)
+    assert chain.off_after_s(cut_s) <= PAGE_LIMIT_S
+    assert "page" in chain.reason()
+    page.send_signal(signal.SIGCONT)
+    time.sleep(STAYS_S)
+    assert not chain.driven  # heartbeats alone do not set it off again
+
+
+def test_serial_cut(chain: Chain) -> None:
+    chain.drive()
+    cut_s = time.monotonic()
+    chain.sim.send_signal(signal.SIGUSR1)
+    assert chain.off_after_s(cut_s) <= LINK_LIMIT_S
+    chain.sim.send_signal(signal.SIGUSR2)
+    time.sleep(STAYS_S)
+    assert not chain.driven
+    chain.drive()  # a new goal is the way back
+
+
+def test_robots_process_hangs(chain: Chain) -> None:
+    chain.drive()
+    cut_s = time.monotonic()
+    chain.robot.send_signal(signal.SIGSTOP)
+    assert chain.off_after_s(cut_s) <= LINK_LIMIT_S
+    chain.robot.send_signal(signal.SIGCONT)
+    time.sleep(STAYS_S)
+    assert not chain.driven
+    assert "stopped the motors" in chain.reason()
+    chain.drive()
+
+
+def test_robots_process_killed(chain: Chain) -> None:
+    chain.drive()
+    cut_s = time.monotonic()
+    chain.robot.kill()
+    assert chain.off_after_s(cut_s) <= LINK_LIMIT_S
