@@ -30,6 +30,12 @@ def plan(
         float, typer.Option(help="How near to the goal is near enough [m].", min=1e-6)
     ] = 0.1,
     heading: Annotated[float, typer.Option(help="The robot's heading at the start [degrees].")] = 0.0,
+    keepout: Annotated[
+        Path | None, typer.Option(help="YAML of a keep-out mask; overrides the robot's.")
+    ] = None,
+    speed_mask: Annotated[
+        Path | None, typer.Option(help="YAML of a speed mask; overrides the robot's.")
+    ] = None,
     batch: Annotated[Path | None, typer.Option(help="CSV of start_x, start_y, goal_x, goal_y.")] = None,
     config: Annotated[Path | None, typer.Option(help="The robot's TOML; without it, a Wild Thumper.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON with the path.")] = False,
@@ -37,16 +43,23 @@ def plan(
 ) -> None:
     """Plan a path and print its length; leaves with 1 when there is no way.
 
+    The time is that of driving it at the fastest speed that the robot and the speed mask allow.
     With --batch one line of CSV (or one JSON object) a row: found, length, milliseconds, reason.
     """
     import dataclasses
     import json
 
+    import numpy as np
+
     from thumper.config.robot import load_config
     from thumper.errors import ThumperError
     from thumper.mapping.map_io import load_map
+    from thumper.navigation.categories import category_at
+    from thumper.navigation.costmap import build_costmap
+    from thumper.navigation.masks import load_masks
     from thumper.navigation.queries import Query, read_queries
     from thumper.navigation.registry import make_planner
+    from thumper.navigation.speed_rule import SpeedRule
 
     if batch is None and (start is None or goal is None):
         raise ThumperError(
@@ -64,9 +77,14 @@ def plan(
         names = ("navfn", "astar", "lattice")
         changed = {n: dataclasses.replace(getattr(options, n), allow_unknown=unknown) for n in names}
         options = dataclasses.replace(options, **changed)
+    given = {"keepout": keepout, "speed": speed_mask}
+    masks = load_masks(
+        dataclasses.replace(options.masks, **{name: str(path) for name, path in given.items() if path})
+    )
     chosen = make_planner(options, settings.footprint)
+    rule = SpeedRule(options.limits, approach_m_s=options.approach_m_s, mask=masks.speed)
     grid = load_map(file)
-    costmap = _costmap(grid, settings.footprint, options.costmap)
+    costmap = build_costmap(grid, np.empty((0, 2)), settings.footprint, options.costmap, masks.keepout)
     if batch is not None:
         queries = read_queries(batch, grid)
     else:
@@ -80,6 +98,10 @@ def plan(
     answers, paths = [], []
     for query in queries:
         answer, path_m = _answer(chosen, costmap, query, tolerance, heading)
+        answer["travel_s"] = None if path_m is None else round(rule.travel_s(path_m), DECIMALS)
+        for end, (x_m, y_m) in (("start", query.start_m), ("goal", query.goal_m)):
+            category = category_at(costmap, settings.footprint, x_m, y_m)
+            answer[f"{end}_category"] = "off the map" if category is None else category.value
         answers.append(answer)
         paths.append(path_m)
     if batch is not None:
@@ -94,17 +116,6 @@ def plan(
             _draw(grid, paths[0], png, f"{file.name}: {options.planner}")
     if not all(answer["found"] for answer in answers):
         raise typer.Exit(1)
-
-
-def _costmap(grid: "OccupancyGrid", footprint: object, options: object) -> "Costmap":
-    import numpy as np
-
-    from thumper.navigation.costmap import CostmapOptions, build_costmap
-    from thumper.navigation.footprint import Footprint
-
-    assert isinstance(footprint, Footprint)
-    assert isinstance(options, CostmapOptions)
-    return build_costmap(grid, np.empty((0, 2)), footprint, options)
 
 
 def _answer(
@@ -141,8 +152,11 @@ def _answer(
 def _words(answer: "Answer", points: int) -> str:
     told = f"; {answer['reason']}" if answer["found"] and answer["reason"] else ""
     if not answer["found"]:
-        return f"no path: {answer['reason']}"
-    return f"{answer['length_m']:.3f} m in {points} points, planned in {answer['time_ms']:.2f} ms{told}"
+        return f"no path: {answer['reason']} (goal: {answer['goal_category']})"
+    return (
+        f"{answer['length_m']:.3f} m in {points} points, {answer['travel_s']:.1f} s at the fastest, "
+        f"planned in {answer['time_ms']:.2f} ms{told}"
+    )
 
 
 def _csv(answers: "list[Answer]") -> str:

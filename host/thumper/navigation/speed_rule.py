@@ -30,6 +30,13 @@ class SpeedRule:
         stoppable_m_s = stoppable_speed(remaining_m, BRAKE_PART * self._limits.v_accel_m_s2, late_s)
         return max(self._approach_m_s, min(fastest_m_s, stoppable_m_s))
 
+    def travel_s(self, path_m: FloatArray) -> float:
+        """Time that a path, shape (n, 2) [m], takes at the fastest speeds allowed along it [s]."""
+        steps_m = np.hypot(*np.diff(path_m, axis=0).T)
+        parts = np.ones(len(steps_m)) if self._mask is None else speed_parts(self._mask, path_m[1:])
+        speeds_m_s = np.maximum(self._approach_m_s, self._limits.v_max_m_s * parts)
+        return float((steps_m / speeds_m_s).sum())
+
     def _zone_limit_m_s(self, mask: OccupancyGrid, place_m: FloatArray, path_m: FloatArray | None) -> float:
         """The robot slows down before a slower zone, so that it enters at the zone's speed.
 

@@ -12,6 +12,7 @@ from thumper import cli
 from thumper.errors import ThumperError
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.map_io import save_map
+from thumper.mapping.pgm import encode_pgm
 
 
 @pytest.fixture
@@ -101,3 +102,37 @@ def test_bad_batches(room: Path, tmp_path: Path, rows: str, message: str) -> Non
     code, text = call(room, "--batch", tmp_path / "q.csv")
     assert code == 2
     assert message in text
+
+
+def mask(folder: Path, name: str, pixels: np.typing.NDArray[np.uint8], mode: str) -> Path:
+    """A mask over the room, row 0 of the pixels on top."""
+    (folder / f"{name}.pgm").write_bytes(encode_pgm(pixels))
+    (folder / f"{name}.yaml").write_text(
+        f"image: {name}.pgm\nmode: {mode}\nresolution: 0.05\norigin: [-1.0, 0.0, 0]\nnegate: 0\n"
+        "occupied_thresh: 0.99\nfree_thresh: 0.25\n"
+    )
+    return folder / f"{name}.yaml"
+
+
+def test_masks_make_the_way_longer_and_the_drive_slower(room: Path, tmp_path: Path) -> None:
+    shape = room_with_wall().shape
+    pixels = np.full(shape, 254, np.uint8)
+    ends = ("--start", 0, 1, "--goal", 0, 2, "--json")
+    plain = json.loads(call(room, *ends)[1])
+    assert plain["travel_s"] == pytest.approx(plain["length_m"] / 0.4, rel=1e-3)
+    assert (plain["start_category"], plain["goal_category"]) == ("free", "free")
+
+    pixels[:] = 103  # darkness 0.596: (0.596 - 0.25) / 0.74 takes 47 % off
+    slow = json.loads(call(room, *ends, "--speed-mask", mask(tmp_path, "slow", pixels, "scale"))[1])
+    assert slow["length_m"] == plain["length_m"]
+    assert slow["travel_s"] == pytest.approx(plain["travel_s"] / 0.53, rel=1e-3)
+
+    pixels[:] = 254
+    pixels[shape[0] - 30, 15:25] = 0  # row 29 from the bottom: y = 1.45 to 1.5, x = -0.25 to 0.25
+    shut = mask(tmp_path, "shut", pixels, "trinary")
+    round_ = json.loads(call(room, *ends, "--keepout", shut)[1])
+    assert round_["length_m"] > plain["length_m"] + 0.1
+    code, text = call(room, "--start", 0, 1, "--goal", 0, 1.47, "--keepout", shut, "--json")
+    assert (code, json.loads(text)["goal_category"]) == (1, "lethal")
+    code, text = call(room, *ends, "--keepout", tmp_path / "none.yaml")
+    assert (code, "none.yaml" in text) == (2, True)
