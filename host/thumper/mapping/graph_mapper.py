@@ -6,7 +6,7 @@ the old map stays out of the match until a search has found
 where the new one lies on it; so drift shows as drift, and no scan is torn between two positions.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 from annotated_types import Gt, Interval
@@ -19,7 +19,10 @@ from thumper.mapping.grid_mapper import GridMapper, GridMapperOptions
 from thumper.mapping.loop_search import LoopSearch
 from thumper.mapping.mapper import MapperUpdate, PoseQuality
 from thumper.mapping.place_graph import PlaceGraph
+from thumper.mapping.pose_graph import Solver
 from thumper.mapping.scan_points import scan_points
+
+SCANS_AT_ONCE = 6  # entered an update while a map is drawn again: a few ms
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,6 +36,20 @@ class LoopOptions:
     largest_window_m: Annotated[float, Gt(0)] = 12.0  # half side of the window at most
     accept_score: Annotated[float, Interval(gt=0, le=1)] = 0.6  # beams that a closure must explain
     rival_ratio: Annotated[float, Interval(gt=0, le=1)] = 0.9  # refused if another place explains this share
+
+
+@dataclass(slots=True, kw_only=True)
+class Drawing:
+    """A map that is drawn from the kept scans, some at a time."""
+
+    cells: Cells
+    chosen: set[int] | None = None  # places; None for all
+    entered: int = 0  # kept scans looked at so far
+
+    def draw(self, places: PlaceGraph, most: int | None) -> bool:
+        """Enter some more; whether it holds all there are."""
+        self.entered = places.enter(self.cells, self.entered, self.chosen, most)
+        return self.entered == len(places.scans)
 
 
 class GraphMapper:
@@ -60,14 +77,19 @@ class GraphMapper:
         )  # fmt: skip
         self._active: set[int] = set()
         self._trimmed_at_m = 0.0
-        self._world: Cells | None = None
-        self._world_scans = 0
+        self._solver: Solver | None = None
+        self._drawn: Drawing | None = None  # the next active map
+        self._world: Drawing | None = None  # the whole map, where it is more than the active one
+        self._next_world: Drawing | None = None
+        self._graph_from_front = (
+            Pose2()
+        )  # until the next active map is drawn, the front end works in the old one
         self.loops_closed = 0
 
     @property
     def map_from_odom(self) -> Pose2:
-        """The correction that the last match found."""
-        return self._front.map_from_odom
+        """The correction that the last match, and the loops closed since, found."""
+        return self._graph_from_front @ self._front.map_from_odom
 
     def quality(self) -> PoseQuality:
         """How sure the newest pose is."""
@@ -75,20 +97,25 @@ class GraphMapper:
 
     def continue_from(self, map_from_base: Pose2, map_from_odom: Pose2, covariance: FloatArray) -> None:
         """Go on with the same map from a pose that somebody else found at a newer scan."""
-        self._front.continue_from(map_from_base, map_from_odom, covariance)
+        front_from_graph = self._graph_from_front.inverse()
+        self._front.continue_from(
+            front_from_graph @ map_from_base, front_from_graph @ map_from_odom, covariance
+        )
 
     def path(self) -> FloatArray:
-        """x, y, theta at each scan so far, as all loops closed since say, shape (scans, 3)."""
+        """x, y, theta at each scan so far, as all loops closed since say, shape (scans, 3).
+
+        It first ends all work that `update` has spread over the next scans.
+        """
+        while self._solver or self._drawn or self._next_world:
+            self._work(None)
         return self.places.path()
 
     def grid(self) -> OccupancyGrid:
-        """The whole map (a copy): free, occupied or unknown."""
-        if self._active.issuperset(range(self.places.newest + 1)):
-            return self._front.grid()
+        """The whole map (a copy): free, occupied or unknown; after a loop it follows some scans later."""
         if self._world is None:
-            self._world, self._world_scans = self._empty(), 0
-        self._world_scans = self.places.enter(self._world, self._world_scans)
-        return self._world.grid(percent=False)
+            return self._front.grid()
+        return self._world.cells.grid(percent=False)
 
     def warm_up(self) -> None:
         """Compile the kernels (or load them from the cache) on a map that is thrown away."""
@@ -98,50 +125,62 @@ class GraphMapper:
     def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
         """Take the odometry pose at `scan.time_s` (beam 0) and the speed during the turn, for de-skewing."""
         update = self._front.update(odom_from_base, scan, twist)
-        pose = update.map_from_base
+        pose = self._graph_from_front @ update.map_from_base
         points = None
         if update.integrated:
             points = scan_points(scan, twist, self._base_from_laser, self._options.usable_range_m)
         new_place = self.places.add(pose, points)
-        if not update.integrated:
-            return update
-        self._active.add(self.places.newest)
-        if new_place:
-            corrected = self._close(pose)
-            if corrected is not None:
-                self.loops_closed += 1
-                return MapperUpdate(map_from_base=corrected, match_score=update.match_score, integrated=True)
-            self._trim(pose)
-        return update
+        if update.integrated:
+            self._active.add(self.places.newest)
+        if self._drawn is not None and self._drawn.chosen is not None:
+            self._drawn.chosen.add(self.places.newest)
+        if new_place and self._solver is None and self._drawn is None:
+            self._look_for_loop()
+        else:
+            self._work(SCANS_AT_ONCE)
+        pose = self._graph_from_front @ update.map_from_base
+        return replace(update, map_from_base=pose)
 
-    def _close(self, pose: Pose2) -> Pose2 | None:
-        """Look for a place seen before a long loop; return the corrected pose once one is sure."""
+    def _look_for_loop(self) -> None:
         near = self.places.within(self._loops.active_m)
         self.places.tie(near)
-        if not self._search.look(near):
-            return None
-        place = self.places.newest
-        before = self.places.pose(place)
-        self.places.optimise()
-        corrected = self.places.pose(place) @ before.inverse() @ pose
-        self._world = None
-        self._rebuild(corrected)
-        return corrected
+        if self._search.look(near):
+            self._solver = Solver(self.places.poses, self.places.edges)
+        elif self.places.driven_m - self._trimmed_at_m >= 0.5 * self._loops.active_m:
+            # Now and then drop from the active map what has become far along the graph.
+            self._trimmed_at_m = self.places.driven_m
+            if not self._active <= near.keys():
+                self._draw_active()
 
-    def _trim(self, pose: Pose2) -> None:
-        """Now and then drop from the active map what has become far along the graph."""
-        if self.places.driven_m - self._trimmed_at_m < 0.5 * self._loops.active_m:
-            return
-        self._trimmed_at_m = self.places.driven_m
-        if not self._active <= self.places.within(self._loops.active_m).keys():
-            self._rebuild(pose)
+    def _work(self, most: int | None) -> None:
+        """Do a part of what closing a loop takes: a step of the solver, or `most` scans of a map."""
+        if self._solver is not None:
+            if self._solver.step():
+                before = self.places.pose(self.places.newest)
+                self.places.adopt(self._solver.poses)
+                bend = self.places.pose(self.places.newest) @ before.inverse()
+                self._graph_from_front = bend @ self._graph_from_front
+                self._solver = None
+                self.loops_closed += 1
+                self._draw_active()
+                self._next_world = Drawing(cells=self._empty())
+        elif self._drawn is not None:
+            if self._drawn.draw(self.places, most):
+                self._front.restart(self._drawn.cells, self._graph_from_front @ self._front.map_from_base)
+                self._graph_from_front = Pose2()
+                self._active = self._drawn.chosen or set()
+                self._drawn = None
+                if self._world is None and self._next_world is None:
+                    self._next_world = Drawing(cells=self._empty())
+        elif self._next_world is not None:
+            if self._next_world.draw(self.places, most):
+                self._world, self._next_world = self._next_world, None
+        elif self._world is not None:
+            self._world.draw(self.places, most)
 
-    def _rebuild(self, pose: Pose2) -> None:
-        self._active = set(self.places.within(self._loops.active_m))
-        cells = self._empty()
-        self.places.enter(cells, 0, self._active)
-        self._front.restart(cells, pose)
+    def _draw_active(self) -> None:
         self._trimmed_at_m = self.places.driven_m
+        self._drawn = Drawing(cells=self._empty(), chosen=set(self.places.within(self._loops.active_m)))
 
     def _empty(self) -> Cells:
         options = self._options

@@ -143,7 +143,8 @@ class GridMapper:
             trust = odometry_information(self._options.matching, moved, along)
             pose, match_score = self._matched(hits_m, pose, trust)
             self._confidence.matched(self._information(hits_m, pose), along, match_score)
-        integrated = hits_m.shape[0] >= MIN_HITS and self._has_moved(pose)
+        fits = not match_score < self._options.confidence.lost_below  # a first scan, of score NaN, does
+        integrated = hits_m.shape[0] >= MIN_HITS and fits and self._has_moved(pose)
         if integrated:
             self.cells.integrate(pose, points)
             self._integrated_at = pose

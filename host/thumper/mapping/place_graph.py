@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from thumper.geometry import FloatArray, Pose2, wrap_angle
 from thumper.mapping.cells import Cells
-from thumper.mapping.pose_graph import Edge, optimise
+from thumper.mapping.pose_graph import Edge
 from thumper.mapping.scan_points import SILENT, KindArray, ScanPoints
 
 TIE_EVERY_M = 3.0  # an old place this near, matched against in the active map, is tied to the new one
@@ -57,8 +57,7 @@ class PlaceGraph:
 
     def pose(self, place: int) -> Pose2:
         """`map_from_place`."""
-        x_m, y_m, theta_rad = (float(value) for value in self.poses[place])
-        return Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
+        return _pose(self.poses[place])
 
     def way_m(self, one: int, two: int) -> float:
         """How far the robot drove between two places [m]."""
@@ -140,18 +139,30 @@ class PlaceGraph:
                     heapq.heappush(queue, (distance_m + length_m, other))
         return found
 
-    def optimise(self) -> None:
-        """Bend the places until the edges agree."""
-        self.poses = optimise(self.poses, self.edges)
+    def adopt(self, poses: FloatArray) -> None:
+        """Take bent poses of the first places, shape (n, 3); those begun since go along with the last."""
+        n = len(poses)
+        bend = _pose(poses[-1]) @ self.pose(n - 1).inverse()
+        newer = [bend @ self.pose(place) for place in range(n, self.newest + 1)]
+        rows = np.array([(p.x_m, p.y_m, p.theta_rad) for p in newer]).reshape(-1, 3)
+        self.poses = np.concatenate((poses, rows))
         if self._last is not None:
             place, x_m, y_m, theta_rad = self._relative[-1]
             self._last = self.pose(place) @ Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
 
-    def enter(self, cells: Cells, start: int, places: set[int] | None = None) -> int:
-        """Enter the kept scans from number `start` on, of some places or all; return how many are kept."""
-        for scan in self.scans[start:]:
+    def enter(self, cells: Cells, start: int, places: set[int] | None = None, most: int | None = None) -> int:
+        """Enter the kept scans from number `start` on, of some places or all; return the first not looked at.
+
+        With `most`, no more than so many are entered.
+        """
+        entered = 0
+        for number in range(start, len(self.scans)):
+            scan = self.scans[number]
             if places is None or scan.place in places:
+                if entered == most:
+                    return number
                 cells.integrate(self.pose(scan.place) @ scan.place_from_base, scan.points())
+                entered += 1
         return len(self.scans)
 
     def path(self) -> FloatArray:
@@ -170,6 +181,11 @@ class PlaceGraph:
         if self.newest > 0:
             before = self.newest - 1
             self.connect(before, self.newest, self.pose(before).inverse() @ map_from_base, loop=False)
+
+
+def _pose(row: FloatArray) -> Pose2:
+    x_m, y_m, theta_rad = (float(value) for value in row)
+    return Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
 
 
 def _compact(origins_m: NDArray[np.float32]) -> NDArray[np.float32]:

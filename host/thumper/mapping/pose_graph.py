@@ -8,6 +8,7 @@ import numpy as np
 from thumper.geometry import FloatArray, Pose2, wrap_angle
 
 DENSE_NODES = 300  # up to here a dense solution takes less than 0.1 s and 7 MB
+MOST_STEPS = 12
 FIXED = 1e9  # information that nails the first node down: the map's origin must not float
 
 
@@ -24,28 +25,43 @@ class Edge:
     length_m: float  # way between the two, for distances within the graph
 
 
-def optimise(poses: FloatArray, edges: list[Edge], iterations: int = 12) -> FloatArray:
-    """Return the poses, shape (n, 3), of least squared error of all edges; node 0 stays.
+class Solver:
+    """Bends poses until the edges agree, one step a call: a robot cannot wait for all of them.
 
     Gauss-Newton with Cauchy weights on the loops (Grisetti, Kuemmerle, Stachniss, Burgard, "A tutorial on
     graph-based SLAM", IEEE ITS Magazine 2(4), 2010).
     """
-    poses = poses.copy()
-    first = np.array([edge.first for edge in edges])
-    second = np.array([edge.second for edge in edges])
-    measured = np.array([[*_row(edge.first_from_second)] for edge in edges])
-    information = np.array([[edge.std_m**-2, edge.std_m**-2, edge.std_rad**-2] for edge in edges])
-    loop = np.array([edge.loop for edge in edges])
-    for _ in range(iterations):
-        error, a, b = _linearised(poses[first], poses[second], measured)
+
+    def __init__(self, poses: FloatArray, edges: list[Edge]) -> None:
+        """Begin with poses, shape (n, 3); node 0 will stay. Edges beyond these nodes are left out."""
+        edges = [edge for edge in edges if max(edge.first, edge.second) < len(poses)]
+        self.poses = poses.copy()
+        self._first = np.array([edge.first for edge in edges])
+        self._second = np.array([edge.second for edge in edges])
+        self._measured = np.array([[*_row(edge.first_from_second)] for edge in edges])
+        self._information = np.array([[edge.std_m**-2, edge.std_m**-2, edge.std_rad**-2] for edge in edges])
+        self._loop = np.array([edge.loop for edge in edges])
+        self._left = MOST_STEPS
+
+    def step(self) -> bool:
+        """Take one step; whether it was the last one."""
+        first, second, information = self._first, self._second, self._information
+        error, a, b = _linearised(self.poses[first], self.poses[second], self._measured)
         squared = np.sum(information * error * error, axis=1)
-        weight = np.where(loop, 1.0 / (1.0 + squared / 9.0), 1.0)[:, np.newaxis] * information
-        step = _solve(poses.shape[0], first, second, error, a, b, weight)
-        poses += step
-        if float(np.abs(step).max()) < 1e-5:
-            break
-    poses[:, 2] = np.remainder(poses[:, 2] + math.pi, math.tau) - math.pi
-    return poses
+        weight = np.where(self._loop, 1.0 / (1.0 + squared / 9.0), 1.0)[:, np.newaxis] * information
+        step = _solve(self.poses.shape[0], first, second, error, a, b, weight)
+        self.poses += step
+        self.poses[:, 2] = np.remainder(self.poses[:, 2] + math.pi, math.tau) - math.pi
+        self._left -= 1
+        return self._left == 0 or float(np.abs(step).max()) < 1e-5
+
+
+def optimise(poses: FloatArray, edges: list[Edge]) -> FloatArray:
+    """Return the poses, shape (n, 3), of least squared error of all edges; node 0 stays."""
+    solver = Solver(poses, edges)
+    while not solver.step():
+        pass
+    return solver.poses
 
 
 def residual(poses: FloatArray, edge: Edge) -> tuple[float, float]:

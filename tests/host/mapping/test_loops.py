@@ -5,9 +5,12 @@ import pytest
 
 from tests.host.mapping.corridors import corridor_loop, drive, errors_m, round_trip
 from thumper.geometry import Pose2, Twist2
-from thumper.mapping.graph_mapper import GraphMapper, LoopOptions
+from thumper.mapping.cells import Cells
+from thumper.mapping.graph_mapper import SCANS_AT_ONCE, GraphMapper, LoopOptions
+from thumper.mapping.grid import FREE
 from thumper.mapping.mapper import Mapper
 from thumper.mapping.pose_graph import Edge, optimise, residual
+from thumper.mapping.scan_points import ScanPoints
 
 LENGTH_M, BREADTH_M = 32.0, 20.0
 
@@ -73,3 +76,32 @@ def test_a_bent_square_becomes_square() -> None:
 def test_consistent_poses_stay() -> None:
     poses, edges = square(0.0)
     np.testing.assert_allclose(optimise(poses, edges)[:, :2], poses[:, :2], atol=1e-6)
+
+
+def test_closing_a_loop_is_spread_over_many_scans_and_grid_and_path_agree_in_the_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A robot drives meanwhile: no update may draw the whole map again."""
+    start = round_trip(LENGTH_M, BREADTH_M, 0.0)[0]
+    mapper = GraphMapper(loops=LoopOptions(active_m=30.0), map_from_base=start)
+    entered: list[int] = []
+    integrate = Cells.integrate
+
+    def counted(cells: Cells, map_from_base: Pose2, points: ScanPoints) -> None:
+        entered[-1] += 1
+        integrate(cells, map_from_base, points)
+
+    monkeypatch.setattr(Cells, "integrate", counted)
+    rng = np.random.default_rng(1)
+    world, poses = corridor_loop(LENGTH_M, BREADTH_M, rng), round_trip(LENGTH_M, BREADTH_M, 12.0)
+    for odometry, scan in drive(world, poses, rng):
+        entered.append(0)
+        mapper.update(odometry, scan, Twist2())
+    assert mapper.loops_closed >= 1
+    assert sorted(entered)[-10] <= 1 + SCANS_AT_ONCE  # but for the few places that a loop was looked for at
+    entered.append(0)
+    path = mapper.path()
+    grid = mapper.grid()
+    cells = [grid.cells[grid.cell_of(x, y)] for x, y, _ in path]
+    assert np.mean(np.array(cells) == FREE) > 0.97
+    assert errors_m(path, poses).max() < 1.5
