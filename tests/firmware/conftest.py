@@ -44,7 +44,11 @@ def build(target: Path, compiler: list[str], sources: list[Path], flags: list[st
 def core_at_rate() -> Callable[[int], ctypes.CDLL]:
     """The core by control rate [Hz]."""
     flags = ["-std=c++14", "-fPIC", "-shared", f"-I{FIRMWARE}", f"-I{HERE}", f"-I{HERE / 'desk'}"]
-    flags += ["-O0"] if MUTANT else ["-O1", "-Wall", "-Wextra", "-Werror", *SANITIZE]
+    flags += (
+        ["-O0", *SANITIZE, "-fsanitize-trap=all"]
+        if MUTANT
+        else ["-O1", "-Wall", "-Wextra", "-Werror", *SANITIZE]
+    )
 
     @cache
     def at_rate(rate_Hz: int) -> ctypes.CDLL:

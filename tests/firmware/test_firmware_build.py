@@ -41,16 +41,6 @@ def test_every_core_header_stands_alone(header: Path, tmp_path: Path) -> None:
     assert result.returncode == 0, result.stderr
 
 
-@pytest.mark.parametrize("rate_Hz", [10, 20, 50, 100])
-def test_each_rate_builds_within_budget(rate_Hz: int, tmp_path: Path) -> None:
-    result = make(f"RATE={rate_Hz}", f"BUILD={tmp_path}")
-    assert result.returncode == 0, result.stderr
-    sizes = re.search(r"flash +(\d+) of 8192 bytes, static SRAM +(\d+) of 512 bytes", result.stdout)
-    assert sizes, result.stdout
-    assert (tmp_path / "thumper.elf").exists()
-    assert (tmp_path / "thumper.hex").exists()
-
-
 def test_other_options_build_anew_and_the_same_do_not(tmp_path: Path) -> None:
     def built(*options: str) -> tuple[bytes, bool]:
         before = (tmp_path / "thumper.elf").stat().st_mtime_ns if (tmp_path / "thumper.elf").exists() else 0

@@ -91,3 +91,12 @@ def test_too_long_a_frame_is_refused_without_harm(core: ctypes.CDLL) -> None:
     decoder = core.decoder_new()
     assert push(core, decoder, frame(bytes(range(2, 100))) + frame(b"\x01\x02")) == [b"\x01\x02"]
     assert core.decoder_errors(decoder) == 1
+
+
+def test_the_longest_frame_fits_and_a_byte_more_does_not(core: ctypes.CDLL) -> None:
+    """The desk's decoder takes 60 bytes of payload."""
+    decoder = core.decoder_new()
+    longest, longer = bytes(range(1, 63)), bytes(range(1, 64))
+    assert push(core, decoder, frame(longest)) == [longest]
+    assert push(core, decoder, frame(longer) + frame(longest)) == [longest]
+    assert core.decoder_errors(decoder) == 1

@@ -197,3 +197,14 @@ def test_no_byte_stream_moves_a_silent_robot(core: ctypes.CDLL, noise: list[byte
     assert state in (m.State.DISARMED, m.State.FAULT)
     assert (left, right) == (0, 0)
     assert isinstance(host.send(m.Identify())[0], m.Identity)
+
+
+def test_before_any_reading_it_tells_no_current(host: Host) -> None:
+    told = host.telemetry()
+    assert (told.left_current_mA, told.right_current_mA) == (0, 0)
+
+
+@pytest.mark.parametrize(("left", "right"), [(0, 0), (5, 0), (0, -5), (5, 5)])
+def test_it_is_quiet_while_both_wheels_stand(host: Host, left: int, right: int) -> None:
+    host.core.host_speeds(host.handle, left, right)
+    assert host.core.host_quiet(host.handle) == int(left == right == 0)

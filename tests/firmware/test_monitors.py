@@ -276,3 +276,12 @@ def test_beeps_wait_for_quiet_wheels(core: ctypes.CDLL) -> None:
     assert tones[:199] == [1] * 199
     core.beep_start(beep, 1)
     assert core.beep_step(beep, 255, 1) + core.beep_step(beep, 255, 1) == 0, "long steps do not wrap"
+
+
+@pytest.mark.parametrize("way", [(1, 0), (-1, 0), (0, 1), (0, -1)])
+def test_a_current_at_the_limit_is_no_fault_and_above_it_is(core: ctypes.CDLL, way: tuple[int, int]) -> None:
+    at, above = core.current_monitor_new(), core.current_monitor_new()
+    for _ in range(3):
+        at_limit = core.current_monitor_step(at, way[0] * 5000, way[1] * 5000, 5000)
+        over = core.current_monitor_step(above, way[0] * 5001, way[1] * 5001, 5000)
+    assert (at_limit, over) == (0, 1)

@@ -56,6 +56,11 @@ def test_battery_and_current_scales(core: ctypes.CDLL) -> None:
     assert core.current_from_sum(101 * 32) == pytest.approx(-410 * 48.828, abs=1)
 
 
+def test_the_battery_scale_is_rounded_once_over_its_range(core: ctypes.CDLL) -> None:
+    for sum_ in range(0, 1023 * 32, 97):
+        assert -0.3 <= sum_ * 30_000 / 1007 / 32 - core.battery_from_sum(sum_) <= 1.3
+
+
 def test_supply_ratio_follows_the_voltage_within_limits(core: ctypes.CDLL) -> None:
     assert core.supply_ratio(0) == 4096
     for battery_mV in range(5000, 14_000, 50):

@@ -102,6 +102,20 @@ int wheel_step(int wheel, const int32_t* values, int target, int counts, int bat
   out[3] = sample.integral_pwm_64;
   return 0;
 }
+/// out: all that the controller remembers: integral [Q19 PWM], model's speed and prediction, set-point
+/// [mrad/s].
+void wheel_state(int wheel, int32_t* out) {
+  struct {
+    int32_t integral;
+    int16_t speed, predicted, setpoint;
+  } state;
+  static_assert(sizeof(state) == sizeof(fw::WheelController), "the same members in the same order");
+  std::memcpy(&state, &Pool<fw::WheelController>()[wheel], sizeof(state));
+  out[0] = state.integral;
+  out[1] = state.speed;
+  out[2] = state.predicted;
+  out[3] = state.setpoint;
+}
 /// out: kp, ki, friction, kv, lead, decay, mean, ramp step.
 void derive(const int32_t* values, int battery_mV, int32_t* out) {
   fw::Parameters parameters;
@@ -275,6 +289,11 @@ int host_telemetry(int host, uint8_t* out) {
   return static_cast<int>(sink.data.size());
 }
 int host_rx_errors(int host) { return Pool<Interface>()[host].host.rx_errors(); }
+void host_speeds(int host, int left, int right) {
+  auto* samples = Pool<Interface>()[host].host.samples();
+  samples->left.wheel.speed_mrad_s = static_cast<int16_t>(left);
+  samples->right.wheel.speed_mrad_s = static_cast<int16_t>(right);
+}
 int host_quiet(int host) { return Pool<Interface>()[host].host.quiet(); }
 /// out: state, fault, mode, left, right.
 void host_status(int host, int* out) {
