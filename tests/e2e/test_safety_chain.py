@@ -26,6 +26,7 @@ PAGE_LIMIT_S = 0.5
 LINK_LIMIT_S = 0.45  # 300 ms, and a tick of the board's supervisor
 START_S, DRIVE_S = 60.0, 20.0
 STAYS_S = 0.5
+UNDER_WAY_LINES = 25  # half a second of motors that are driven
 
 
 class Chain:
@@ -42,9 +43,9 @@ class Chain:
         threading.Thread(target=self._listen, daemon=True).start()
         wait_until(lambda: board.exists() and lidar.exists(), START_S)
         self.address = f"127.0.0.1:{free_port()}"
-        ports = ["--board", board, "--lidar", lidar, "--start", "1.73", "0.08", "180"]
+        ports = ["--board", str(board), "--lidar", str(lidar), "--start", "1.73", "0.08", "180"]
         self.robot = subprocess.Popen(
-            [THUMPER, "run", *ports, "--bus", self.address, "--out", folder], stdout=subprocess.DEVNULL
+            [THUMPER, "run", *ports, "--bus", self.address, "--out", str(folder)], stdout=subprocess.DEVNULL
         )
         wait_until(self._answers, START_S)
         self.client = BusClient("thumper", self.address)
@@ -91,9 +92,7 @@ class Chain:
         return True
 
     def wait_for_motion(self) -> None:
-        wait_until(lambda: self.driven, DRIVE_S)
-        time.sleep(1.0)
-        assert self.driven
+        wait_until(lambda: all(line["on"] for line in self._said[-UNDER_WAY_LINES:]), DRIVE_S)
 
     def off_after_s(self, cut: float) -> float:
         """Simulated time from the wall's time `cut` until the motors were off; they must stay off."""
