@@ -6,7 +6,7 @@
 
 namespace fw {
 
-constexpr uint32_t kSchemaHash = 0x0C3C0383UL;
+constexpr uint32_t kSchemaHash = 0x69B7F337UL;
 constexpr size_t kMaxHostPayload = 4;  ///< [bytes] largest payload the host sends
 constexpr size_t kMaxPayload = 43;     ///< [bytes] largest payload of all
 
@@ -226,8 +226,8 @@ struct ParameterRange {
   int16_t minimum, maximum, initial;
 };
 constexpr ParameterRange kParameterRanges[kParameterCount] = {
-    {0, 31457, 6082},  // kp
-    {0, 15729, 4194},  // ki
+    {0, 31457, 3198},  // kp
+    {0, 15729, 5715},  // ki
     {0, 12800, 2470},  // ks
     {0, 31457, 8976},  // kv
     {0, 10486, 673},  // ka

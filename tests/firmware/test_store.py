@@ -59,7 +59,7 @@ def test_saved_parameters_survive_a_restart(core: ctypes.CDLL) -> None:
     assert {name: again.get(name) for name in wanted} == wanted
     assert source(again) is m.ParameterSource.SAVED
     again.command(m.Command.RESTORE_DEFAULTS)
-    assert again.get("kp") == 6082
+    assert again.get("kp") == 3198
     assert again.command_later(m.Command.LOAD) is m.AckStatus.OK
     assert again.get("kp") == wanted["kp"]
 
@@ -85,7 +85,7 @@ def test_power_may_fail_at_any_byte_of_a_save(core: ctypes.CDLL, saves_before: i
     """The set before it is there, or the new one; never a mixture, never a fault."""
     for cut in range(1, SLOT_BYTES + 1):
         eeprom = core.eeprom_new()
-        old = 6082
+        old = 3198
         for save in range(saves_before):
             old = 1000 + save
             saved(core, old, eeprom)
@@ -97,7 +97,7 @@ def test_power_may_fail_at_any_byte_of_a_save(core: ctypes.CDLL, saves_before: i
         host.work()
 
         again = Host(core, eeprom=eeprom)
-        assert (again.get("kp"), again.get("ki")) in ((old, 4194), (0x1234, 0x2345))
+        assert (again.get("kp"), again.get("ki")) in ((old, 5715), (0x1234, 0x2345))
         if cut < SLOT_BYTES - 4:
             assert again.get("kp") == old
         fault = again.status()[1]
@@ -123,7 +123,7 @@ def test_any_spoilt_byte_is_noticed(core: ctypes.CDLL, address: int) -> None:
     saved(core, 777, eeprom)
     core.eeprom_set(eeprom, address, cells(core, eeprom)[address] ^ 0x10)
     host = Host(core, eeprom=eeprom)
-    assert host.get("kp") == 6082
+    assert host.get("kp") == 3198
     assert host.status()[:2] == (m.State.FAULT, m.Fault.BAD_PARAMETERS)
     assert source(host) is m.ParameterSource.DEFAULTS
     assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.OK

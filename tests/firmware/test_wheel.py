@@ -20,8 +20,8 @@ SCALES = {
     "current_limit": 1000.0,
 }
 DEFAULTS = {
-    "kp": 11.6,
-    "ki": 8.0,
+    "kp": 6.1,
+    "ki": 10.9,
     "ks": 19.3,
     "kv": 17.12,
     "ka": 1.284,

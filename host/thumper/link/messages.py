@@ -11,7 +11,7 @@ from struct import Struct
 from types import MappingProxyType
 from typing import ClassVar, Protocol, Self
 
-SCHEMA_HASH: int = 0x0C3C0383
+SCHEMA_HASH: int = 0x69B7F337
 
 
 class Command(IntEnum):
@@ -494,7 +494,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         unit="PWM/(rad/s)",
         minimum=0.0,
         maximum=60.0,
-        default=11.6,
+        default=6.1,
         scale=524.288,
         doc="Proportional gain.",
     ),
@@ -504,7 +504,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         unit="PWM/(rad/s) per tick",
         minimum=0.0,
         maximum=30.0,
-        default=8.0,
+        default=10.9,
         scale=524.288,
         doc="Integral gain; added once a control tick.",
     ),
