@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from thumper.teleop.gamepad import Gamepad
 
 LINE_PERIOD_S = 0.2
-HELP = """hold a key to drive:   u i o    (or the arrow keys; with Shift: turbo)
-                       j k l    k stops
-                       m , .
-Space, Esc: EMERGENCY STOP   c: clear the fault   r: arm   f: disarm   q: leave
+HELP = """r: arm, then hold a key to drive:   u i o    (or the arrow keys; with Shift: turbo)
+                                    j k l    k stops
+                                    m , .
+Space, Esc: EMERGENCY STOP   c: clear the fault   f: disarm   q: leave
 gamepad: hold LB to drive (RB: turbo), left stick forward, right stick turns, B: EMERGENCY STOP,
          Start: arm, Back: disarm"""
 
@@ -100,4 +100,5 @@ def _gamepad(stack: ExitStack) -> "Gamepad | None":
 
 def _status_words(message: Any) -> str:
     fault = f", {message.fault_words}: {message.fault_cure}" if message.fault else ""
-    return f"{message.robot}: {message.mode}, {message.board_state}{fault}"
+    why = f" ({message.reason})" if message.reason else ""
+    return f"{message.robot}: {message.mode}, {message.board_state}{why}{fault}"
