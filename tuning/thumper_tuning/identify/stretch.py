@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thumper.geometry import FloatArray
-from thumper_tuning.log.motor_log import MotorLog
+from thumper_tuning.log.motor_log import BoolArray, DriveUnit, MotorLog
 from thumper_tuning.log.units import smallest_step
 
 IndexArray = NDArray[np.intp]
@@ -41,8 +41,40 @@ class Stretch:
 
 def cut(log: MotorLog) -> list[Stretch]:
     """The stretches of a log that are long enough to say something."""
-    found = [_stretch(log, rows, k > 0) for k, rows in enumerate(log.stretches)]
+    parts = [rows for whole in log.stretches for rows in _without_coasting(log, whole)]
+    found = [_stretch(log, rows, k > 0) for k, rows in enumerate(parts)]
     return [stretch for stretch in found if stretch is not None]
+
+
+def _without_coasting(log: MotorLog, rows: slice) -> list[slice]:
+    """Leave out what follows PWM 0 until the motor stands: many bridges open then, and it rolls on friction
+    alone, which says nothing of the driven motor. A drive in volts is one that really is applied at 0."""
+    if log.drive_unit is not DriveUnit.PWM:
+        return [rows]
+    off = log.drive[rows] == 0.0
+    moves = _moves(log, rows)
+    parts, first, k = [], 0, 1
+    while k < len(off):
+        if not off[k] or off[k - 1]:
+            k += 1
+            continue
+        driven = np.flatnonzero(~off[k:])
+        end = k + int(driven[0]) if driven.size else len(off)
+        parts.append(slice(rows.start + first, rows.start + k + 1))
+        moving = np.flatnonzero(moves[k + 1 : end])
+        first = k + 1 + int(moving[-1]) if moving.size else k
+        if first == end - 1:  # it has not come to rest
+            first = end
+        k = end
+    return [*parts, slice(rows.start + first, rows.stop)] if first < len(off) else parts
+
+
+def _moves(log: MotorLog, rows: slice) -> BoolArray:
+    """Whether the motor has turned since the row before, shape (n,)."""
+    if log.speed_rad_s is not None:
+        return np.asarray(log.speed_rad_s[rows] != 0.0)
+    assert log.position_rad is not None
+    return np.abs(np.diff(log.position_rad[rows], prepend=np.nan)) > AT_REST_QUANTA * log.quantum_rad
 
 
 def _stretch(log: MotorLog, rows: slice, continues: bool) -> Stretch | None:

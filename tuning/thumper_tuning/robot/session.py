@@ -8,6 +8,7 @@ from thumper.link.board import Board, TelemetrySample
 from thumper.link.messages import Command, Fault, State
 from thumper_tuning.design.wire import BoardGains
 
+ROLLS_OUT_S = 2.0
 BEAT_TIMEOUT_S = 0.5
 
 
@@ -44,6 +45,14 @@ def beat(board: Board, state: State) -> TelemetrySample:
     if sample.telemetry.state != state and state is State.CLOSED_LOOP:
         raise ThumperError(f"the board went to {sample.telemetry.state.name}; is somebody else driving?")
     return sample
+
+
+def wait_for_rest(board: Board) -> None:
+    """Wait until the wheels stand: from full speed a board that coasts at PWM 0 rolls for a second."""
+    for _ in range(round(ROLLS_OUT_S * board.identity.control_rate_Hz)):
+        telemetry = beat(board, State.DISARMED).telemetry
+        if telemetry.left_speed == 0 and telemetry.right_speed == 0:
+            return
 
 
 def read_gains(board: Board) -> BoardGains:

@@ -14,7 +14,7 @@ from thumper.link.board import Board
 from thumper.link.messages import State
 from thumper_tuning.design.wire import BoardGains
 from thumper_tuning.robot.record import Show
-from thumper_tuning.robot.session import armed, beat, write_gains
+from thumper_tuning.robot.session import armed, beat, wait_for_rest, write_gains
 
 COLUMNS = ("time_s", "acceleration", "direction", "left_setpoint", "left_speed", "left_pwm",
            "right_setpoint", "right_speed", "right_pwm", "battery_V")  # fmt: skip
@@ -64,6 +64,7 @@ def verify(board: Board, gains: BoardGains, options: VerifyOptions, path: Path, 
     rate_Hz = board.identity.control_rate_Hz
     total = sum(2 * _ticks(options, a, rate_Hz) for a in options.accelerations_rad_s2)
     try:
+        wait_for_rest(board)
         for acceleration in options.accelerations_rad_s2:
             write_gains(board, replace(gains, acceleration=acceleration))
             with armed(board):
