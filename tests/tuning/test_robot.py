@@ -12,6 +12,8 @@ from rich.console import Console
 from thumper.errors import ThumperError
 from thumper.link.board import Board
 from thumper.link.messages import State
+from thumper.recording.reader import Recording
+from thumper.ros.parse import telemetry_of
 from thumper_tuning.commands import tune_all
 from thumper_tuning.design.design import DesignOptions
 from thumper_tuning.robot.excitation import ExcitationOptions
@@ -68,6 +70,9 @@ def test_an_interrupted_recording_stops_the_motors_and_leaves_its_log(tmp_path: 
         rows = list(csv.DictReader(file))
     assert len(rows) == 12
     assert {"time_s", "left_pwm", "left_counts", "battery_V"} <= rows[0].keys()
+    said = [message for message in Recording((tmp_path / "log.mcap",)).said() if message.topic == "wheels"]
+    counts = [telemetry_of(message.message()).telemetry.left_count for message in said]
+    assert counts == [int(row["left_counts"]) for row in rows]
 
 
 def test_the_robot_stays_in_its_lane(tmp_path: Path) -> None:

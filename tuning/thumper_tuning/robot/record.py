@@ -8,6 +8,8 @@ from pathlib import Path
 
 from thumper.link.board import Board, TelemetrySample
 from thumper.link.messages import State
+from thumper.link.port import simulates
+from thumper.ros.stamps import epoch_of
 from thumper_tuning.robot.excitation import ExcitationOptions, blocks
 from thumper_tuning.robot.session import armed, beat
 
@@ -33,21 +35,27 @@ class Row:
 def record(board: Board, options: ExcitationOptions, path: Path, show: Show) -> Path:
     """Drive the experiment along the lane and write the CSV, also when it is cut short.
 
+    Beside it, under the same name, an MCAP recording holds all that the board said.
+
     Raises
     ------
     ThumperError
         The board fails; motors are stopped, the log so far is written.
     """
-    rows: list[Row] = []
+    from thumper.recording.wheels import write_wheels  # loads the ROS 2 types
+
+    samples: list[TelemetrySample] = []
     try:
         with armed(board):
-            _drive(board, options, rows, show)
+            _drive(board, options, samples, show)
     finally:
-        write_rows(path, rows)
+        write_rows(path, [_row(sample) for sample in samples])
+        epoch_ns = 0 if simulates(board.port) else epoch_of(board.now_s())
+        write_wheels(path.with_suffix(".mcap"), samples, epoch_ns)
     return path
 
 
-def _drive(board: Board, options: ExcitationOptions, rows: list[Row], show: Show) -> None:
+def _drive(board: Board, options: ExcitationOptions, samples: list[TelemetrySample], show: Show) -> None:
     rate_Hz = board.identity.control_rate_Hz
     m_per_count = 2e-3 * math.pi * board.identity.wheel_radius_mm / board.identity.counts_per_rev
     experiment = blocks(options, rate_Hz)
@@ -63,7 +71,7 @@ def _drive(board: Board, options: ExcitationOptions, rows: list[Row], show: Show
             pwm = side * level if ahead_m > 0.0 else 0
             board.set_motor_pwm(pwm, pwm)
             sample = beat(board, State.MANUAL)
-            rows.append(_row(sample))
+            samples.append(sample)
             counts = sample.telemetry.left_count + sample.telemetry.right_count - start
             where_m = 0.5 * counts * m_per_count
             done += 1
