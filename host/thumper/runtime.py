@@ -9,15 +9,15 @@ not make the loop wait.
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 
 from thumper.errors import ThumperError
-from thumper.geometry import Pose2
 from thumper.kinematics import DriveGeometry
 from thumper.lidar.driver import LidarDriver
-from thumper.link.board import Board
+from thumper.link.board import Board, TelemetrySample
+from thumper.link.port import simulates
 from thumper.mapping.mapper import Mapper
 from thumper.mission_log import MissionLog, path_length_m
+from thumper.mission_result import MissionResult, Progress
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.lidar_view import LidarView
@@ -36,31 +36,12 @@ from thumper.service.pilot import GOAL_MARGIN_M, Ending, Pilot
 from thumper.service.requests import EmergencyStop
 from thumper.service.stopping import bring_to_stand
 
+__all__ = ["MissionResult", "Progress", "Runtime"]
+
 RECONNECT_PERIOD_S = 0.5
 MOST_SILENT_BEATS = 3  # of half a second each
 SILENT = "the board went silent; it stops its motors by itself"
 FARTHEST_GOAL_M = 50.0  # the map of a whole drive must fit into memory and planning time
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MissionResult:
-    """How a drive to a goal ended."""
-
-    reached: bool
-    interrupted: bool  # by the user, with Ctrl-C
-    reason: str
-    time_s: float
-    path_length_m: float
-    map_from_base: Pose2  # where the robot believes it stopped
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Progress:
-    """What a display needs once a beat."""
-
-    time_s: float
-    distance_to_goal_m: float
-    reason: str
 
 
 class Runtime:
@@ -105,6 +86,8 @@ class Runtime:
             simulator=simulator,
         )
         self._open_board = open_board
+        self._pacer = Pacer(self._now_s, paced=simulates(board.port))
+        self._silent_beats = 0
         self._timing = Timing()
 
     @property
@@ -161,31 +144,54 @@ class Runtime:
         When the board is lost its motors go off by its own time-out; it is looked for until it answers.
         """
         self.desk.takes_goals, self.senses.keeps_log = True, False
-        pacer = Pacer(self.senses.board, speed)
-        self.desk.set_speed = pacer.set_speed
-        silent_beats = 0
+        self._pacer.set_speed(speed)
+        self.desk.set_speed = self._pacer.set_speed
         try:
             while True:
-                try:
-                    silent_beats = 0 if self._beat()[0] else silent_beats + 1
-                    if silent_beats:
-                        self.pilot.give_up(SILENT)
-                    self.desk.follow_up()
-                    if self.senses.board.restarted:
-                        self._reconnect("the board has restarted; look at its supply and cable")
-                    elif silent_beats > MOST_SILENT_BEATS:
-                        self._reconnect(SILENT)
-                except ThumperError as error:
-                    self._reconnect(str(error))
-                except Exception as error:  # in motion nothing may pass the stop that follows
-                    self.pilot.give_up(f"internal error: {type(error).__name__}: {error}")
-                    self._stop()
-                    self.desk.follow_up()
-                pacer.wait()
+                self.serve_beat()
+                self._pacer.wait()
         except KeyboardInterrupt:
             pass
         finally:
             self._stop()
+
+    def _experiment(self) -> None:
+        """Lend the board out; at each of its beats the rest of the loop goes on, but for deciding."""
+        experiments, supervision = self.desk.experiments, self.pilot.supervision
+
+        def beat(samples: list[TelemetrySample]) -> None:
+            self.senses.take_in(samples)
+            self.senses.take_scans()
+            self.desk.attend()
+            if supervision.is_lost(experiments.source, time.monotonic()):
+                experiments.stop("the page that began it is gone")
+            self.products.beat(self.senses, self.pilot, None, self._timing)
+            self._pacer.wait()
+
+        self.products.event(f"{experiments.wanted} begins")
+        ending = experiments.run(self.senses.board, beat)
+        self._stop()
+        self.products.event(ending)
+
+    def serve_beat(self) -> None:
+        """One beat at service: whatever goes wrong in it, the robot stops and the next beat follows."""
+        try:
+            self._silent_beats = 0 if self._beat()[0] else self._silent_beats + 1
+            if self._silent_beats:
+                self.pilot.give_up(SILENT)
+            self.desk.follow_up()
+            if self.senses.board.restarted:
+                self._reconnect("the board has restarted; look at its supply and cable")
+            elif self._silent_beats > MOST_SILENT_BEATS:
+                self._reconnect(SILENT)
+            elif self.desk.experiments.wanted:
+                self._experiment()
+        except ThumperError as error:
+            self._reconnect(str(error))
+        except Exception as error:  # in motion nothing may pass the stop that follows
+            self.pilot.give_up(f"internal error: {type(error).__name__}: {error}")
+            self._stop()
+            self.desk.follow_up()
 
     def _reconnect(self, why: str) -> None:
         """The board is out of reach and stops its motors by itself: try until it answers, then go on.
@@ -213,6 +219,9 @@ class Runtime:
             if must_latch:
                 self.inbox.put(EmergencyStop())
             return
+
+    def _now_s(self) -> float:
+        return self.senses.board.now_s()  # the board may be another one than at the start
 
     def _drive(self, goal: Goal, start_s: float, on_progress: Callable[[Progress], None]) -> Ending:
         """Beat until the end."""

@@ -43,10 +43,14 @@ class Senses:
                 standing_order()
             samples = self.board.poll(TELEMETRY_TIMEOUT_S - LATE_BEAT_S)
         self.take_in(samples)
+        self.take_scans()
+        return bool(samples)
+
+    def take_scans(self) -> None:
+        """Take in what the lidar has sent, without waiting."""
         self.scans = self.lidar.poll()
         for scan in self.scans:
             self.perception.add_scan(scan)
-        return bool(samples)
 
     def take_in(self, samples: list[TelemetrySample]) -> None:
         """Believe telemetry."""

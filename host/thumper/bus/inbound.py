@@ -43,6 +43,9 @@ QUESTIONS = (
     "command",
     "simulator/world",
     "simulator/command",
+    "experiment/start",
+    "experiment/state",
+    "experiment/report",
 )
 
 

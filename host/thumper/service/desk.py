@@ -10,6 +10,7 @@ from thumper.products import Products
 from thumper.ros.convert import ERROR, INFO, WARN
 from thumper.senses import Senses
 from thumper.service import board_parameters
+from thumper.service.experiments import Experiments
 from thumper.service.inbox import Inbox
 from thumper.service.missions import Missions
 from thumper.service.pilot import Mode, Pilot
@@ -63,6 +64,7 @@ class Desk:
         self.handlers: dict[str, Handler] = {}  # of commands that others carry out
         self.takes_goals = True
         self.set_speed: Callable[[float], None] | None = None  # of the simulation's clock
+        self.experiments = Experiments()
         self._inbox = inbox
         self._pilot = pilot
         self._senses = senses
@@ -122,6 +124,7 @@ class Desk:
             case Heartbeat():
                 self._pilot.supervision.beat(request.source, came_s)
             case EmergencyStop():
+                self.experiments.stop("emergency stop")
                 self._pilot.emergency_stop()
             case GoTo():
                 self._go(request.goals, request.source)
@@ -153,6 +156,7 @@ class Desk:
             case "parameters/get":
                 return board_parameters.values(board)
             case "parameters/set":
+                self._must_not_experiment()
                 answer = board_parameters.change(board, ask.content)
                 self._products.event(f"parameters set: {answer['values']}")
                 return answer
@@ -172,12 +176,19 @@ class Desk:
                 return self._world()
             case "simulator/command":
                 return {"text": self._simulate(ask.content)}
+            case "experiment/start":
+                return {"text": self._begin_experiment(ask.content, ask.source)}
+            case "experiment/state":
+                return self.experiments.state()
+            case "experiment/report":
+                return self.experiments.report()
         raise ThumperError(f"no such question: {ask.name}")
 
     def _go(self, goals: tuple[Goal, ...], source: str) -> int:
         """Set out, or say why not; returns the mission's number."""
         if not self.takes_goals:
             raise ThumperError("this run has goals of its own; `thumper run` without one takes others")
+        self._must_not_experiment()
         if not self._senses.has_looked:
             raise ThumperError("no goal is taken yet: nothing was seen to plan with; is the lidar on?")
         self._check_goal(goals[0])
@@ -205,6 +216,8 @@ class Desk:
         if not isinstance(name, str) or name not in COMMANDS:
             raise ThumperError(f"no command {name!r}; there are {', '.join(COMMANDS)}")
         match name:
+            case "cancel" | "disarm" if self.experiments.stop("stopped on request"):
+                return "the experiment stops"
             case "cancel":
                 was = pilot.mode
                 pilot.stop("cancelled")
@@ -216,6 +229,7 @@ class Desk:
                 pilot.clear_fault()
                 return "fault cleared; the motors are off"
             case "arm":
+                self._must_not_experiment()
                 pilot.arm(self._senses.telemetry)
                 return "armed: the wheels are held"
             case "disarm":
@@ -248,6 +262,13 @@ class Desk:
             return self._change_speed(content["speed"])
         return self._simulator.apply(content)
 
+    def _begin_experiment(self, content: Mapping[str, Any], source: str) -> str:
+        if not self.takes_goals:
+            raise ThumperError("this run has goals of its own; `thumper run` without one takes experiments")
+        if self._pilot.mode is not Mode.IDLE:
+            raise ThumperError("an experiment begins with the motors off: stop and disarm the robot first")
+        return self.experiments.ask_for(content, source)
+
     def _change_speed(self, speed: object) -> str:
         if not isinstance(speed, int | float) or isinstance(speed, bool) or not SLOWEST <= speed <= FASTEST:
             raise ThumperError(f"the speed is {SLOWEST:g}...{FASTEST:g} times real time")
@@ -255,6 +276,10 @@ class Desk:
             raise ThumperError("this run is not kept at any speed; `thumper run` without a goal is")
         self.set_speed(float(speed))
         return f"{speed:g} times real time"
+
+    def _must_not_experiment(self) -> None:
+        if self.experiments.running:
+            raise ThumperError(f"{self.experiments.running} is under way: cancel it first")
 
     def _must_stand(self, what: str) -> None:
         if self._pilot.mode in (Mode.DRIVING, Mode.MANUAL, Mode.STOPPING):
