@@ -1,0 +1,217 @@
+"""Both ends of the bus, with a real Zenoh between them."""
+
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from thumper.bus.client import BusClient
+from thumper.bus.options import BusOptions, is_loopback
+from thumper.bus.server import MOST_QUEUED, BusServer
+from thumper.errors import ThumperError
+from thumper.geometry import Twist2
+from thumper.mapping.grid import OccupancyGrid
+from thumper.ros.convert import Messages, flag, text
+from thumper.service.inbox import Inbox
+from thumper.service.requests import Ask, Channel, EmergencyStop, Request, Velocity
+
+M = Messages()
+GRID = OccupancyGrid(
+    cells=np.arange(12, dtype=np.int8).reshape(3, 4), resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0
+)
+TOKEN = "correct horse"
+
+
+def free_address() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"127.0.0.1:{probe.getsockname()[1]}"
+
+
+def soon(condition: Callable[[], bool]) -> None:
+    deadline_s = time.monotonic() + 20.0
+    while not condition():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.005)
+
+
+class Robot:
+    """The robot's end alone."""
+
+    def __init__(self, token: str = "") -> None:
+        self.address = free_address()
+        self.inbox = Inbox()
+        self.told: list[str] = []
+        options = BusOptions(address=self.address, token=token)
+        self.server = BusServer("r1", options, self.inbox, self.told.append)
+
+    def asked_now(self) -> list[Request]:
+        return [request for _, request in self.inbox.take()]
+
+    def asked(self) -> list[Request]:
+        found: list[Request] = []
+
+        def any_yet() -> bool:
+            found.extend(self.asked_now())
+            return bool(found)
+
+        soon(any_yet)
+        return found
+
+
+@pytest.fixture
+def robot() -> Iterator[Robot]:
+    robot = Robot()
+    yield robot
+    robot.server.close()
+
+
+@pytest.fixture
+def client(robot: Robot) -> Iterator[BusClient]:
+    with BusClient("r1", robot.address) as client:
+        yield client
+
+
+def test_a_product_arrives_as_the_message_it_was(robot: Robot, client: BusClient) -> None:
+    heard: list[Any] = []
+    client.subscribe("cmd_vel", heard.append)
+
+    def sent_and_heard() -> bool:
+        robot.server.publish("cmd_vel", 0.0, M.twist(1.5, Twist2(v_m_s=0.25)))
+        return bool(heard)
+
+    soon(sent_and_heard)
+    assert heard[0].twist.linear.x == 0.25
+    assert heard[0].header.stamp.nanosec == 500_000_000
+
+
+def test_who_comes_late_still_gets_the_newest_map(robot: Robot, client: BusClient) -> None:
+    robot.server.publish("map", 0.0, M.grid(0.0, GRID))
+    soon(lambda: robot.server.figures.sent == 1)
+    heard: list[Any] = []
+    client.subscribe("map", heard.append)
+    assert (heard[0].info.width, heard[0].info.height) == (4, 3)
+    assert heard[0].data.tolist() == list(range(12))
+
+
+def test_a_command_comes_in_checked_and_with_its_sender(robot: Robot, client: BusClient) -> None:
+    client.publish("gamepad", M.twist(0.0, Twist2(w_rad_s=0.5)))
+    client.publish("teleop", M.twist(0.0, Twist2(v_m_s=0.1)), source="tab 3")
+    asked: list[Request] = []
+    while len(asked) < 2:
+        asked += robot.asked()
+    assert asked == [
+        Velocity(channel=Channel.GAMEPAD, twist=Twist2(w_rad_s=0.5), source=client.source),
+        Velocity(channel=Channel.TELEOP, twist=Twist2(v_m_s=0.1), source="tab 3"),
+    ]
+
+
+def test_what_makes_no_sense_is_counted_told_and_forgotten(robot: Robot, client: BusClient) -> None:
+    client.publish("command", text("rm -rf /"))
+    client.publish_raw("goal", b"\x00\x01\x00\x00 nonsense")
+    soon(lambda: robot.server.figures.refused == 2)
+    assert "no such command" in robot.told[0]
+    client.publish("estop", flag(True))
+    assert robot.asked() == [EmergencyStop()]
+
+
+def test_a_flood_is_refused_while_an_emergency_stop_passes(robot: Robot, client: BusClient) -> None:
+    for _ in range(500):
+        client.publish("command", text("arm"))
+    client.publish("estop", flag(True))
+    asked: list[Request] = []
+    while EmergencyStop() not in asked:
+        asked += robot.asked()
+    soon(lambda: robot.server.figures.refused > 400)
+    assert len(asked) < 100
+
+
+def test_a_question_is_answered_from_another_thread(robot: Robot, client: BusClient) -> None:
+    def answer() -> None:
+        (ask,) = robot.asked()
+        assert isinstance(ask, Ask)
+        ask.reply({"ok": True, "values": {"kp": 1.0, **ask.content}})
+
+    thread = threading.Thread(target=answer)
+    thread.start()
+    assert client.query("parameters/set", {"ki": 2.0})["values"] == {"kp": 1.0, "ki": 2.0}
+    thread.join()
+
+
+def test_a_refusal_is_told_in_words(robot: Robot, client: BusClient) -> None:
+    with pytest.raises(ThumperError, match="no robot 'r1' answers"):
+        client.query("shutdown")
+    with pytest.raises(ThumperError, match="no robot 'r2' answers"), BusClient("r2", robot.address) as other:
+        other.query("command", {"command": "arm"})
+
+
+def test_without_the_token_nobody_joins() -> None:
+    robot = Robot(token=TOKEN)
+    try:
+        for token in ("", "wrong horse !"):
+            with pytest.raises(ThumperError, match="token"):
+                BusClient("r1", robot.address, token)
+        with BusClient("r1", robot.address, TOKEN) as client:
+            client.publish("estop", flag(True))
+            assert robot.asked() == [EmergencyStop()]
+    finally:
+        robot.server.close()
+
+
+def test_no_robot_there() -> None:
+    with pytest.raises(ThumperError, match=r"no robot is running at 127\.0\.0\.1:"):
+        BusClient("r1", free_address())
+
+
+def test_an_address_that_is_taken(robot: Robot) -> None:
+    with pytest.raises(ThumperError, match="another robot's process"):
+        BusServer("r2", BusOptions(address=robot.address), Inbox(), print)
+
+
+def test_a_bus_that_cannot_keep_up_drops_the_oldest_and_never_waits(robot: Robot) -> None:
+    begun, release = threading.Event(), threading.Event()
+
+    def stand_still() -> None:
+        begun.set()
+        release.wait(20.0)
+
+    robot.server._enqueue(stand_still)
+    begun.wait(20.0)
+    for n in range(3 * MOST_QUEUED):
+        robot.server.publish("cmd_vel", 0.0, M.twist(float(n), Twist2()))
+    assert not release.is_set()  # all were taken although nothing could be sent
+    assert robot.server.figures.dropped == 2 * MOST_QUEUED
+    release.set()
+    soon(lambda: robot.server.figures.sent >= MOST_QUEUED)
+
+
+@pytest.mark.parametrize(
+    ("address", "token", "why"),
+    [
+        ("0.0.0.0:7447", "", "set a token"),
+        ("192.168.1.5:7447", "", "set a token"),
+        ("robot.local:7447", "", "set a token"),
+        ("127.0.0.1:7447", "short", "12 characters"),
+        ("127.0.0.1:7447", "with:a colon in it", "no colon"),
+        ("127.0.0.1", "", "no address"),
+        ("127.0.0.1:0", "", "no address"),
+        (":7447", "", "no address"),
+    ],
+)
+def test_options_that_are_refused(address: str, token: str, why: str) -> None:
+    with pytest.raises(ValueError, match=why):
+        BusOptions(address=address, token=token)
+
+
+def test_options_that_pass() -> None:
+    assert BusOptions().address == "127.0.0.1:7447"
+    assert BusOptions(address="0.0.0.0:7447", token=TOKEN).token == TOKEN
+    assert BusOptions().at("[::1]:7448").address == "[::1]:7448"
+    with pytest.raises(ThumperError, match="set a token"):
+        BusOptions().at("10.0.0.1:7447")
+    assert is_loopback("127.3.2.1")
+    assert not is_loopback("128.0.0.1")
