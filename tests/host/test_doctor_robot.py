@@ -1,11 +1,13 @@
 """`thumper doctor` on a simulated robot: what it measures, and what it finds broken."""
 
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+import serial
 from typer.testing import CliRunner
 
 from thumper.cli import _build
@@ -90,3 +92,23 @@ def test_a_missing_port_is_a_line_of_the_report() -> None:
     assert code == 4
     assert "/dev/ttyNONE7" in line(checks, "board")["cure"]
     assert "/dev/ttyNONE8" in line(checks, "lidar")["cure"]
+
+
+def test_a_wrong_rate_is_named(tmp_path: Path) -> None:
+    config = tmp_path / "robot.toml"
+    config.write_text('[board]\nport = "sim://d9/board"\nbaud = 250000\n[lidar]\nport = "sim://d9/lidar"\n')
+    code, checks = diagnose("--config", str(config))
+    assert code == 4
+    assert "at 250000 baud is not the Thumper protocol" in line(checks, "board")["cure"]
+
+
+def test_a_port_that_another_program_has_open_is_named() -> None:
+    master, slave = os.openpty()
+    try:
+        with serial.Serial(os.ttyname(slave), exclusive=True) as port:
+            code, checks = diagnose("--board", str(port.name))
+    finally:
+        os.close(master)
+        os.close(slave)
+    assert code == 4
+    assert "another program has it open; close that program first" in line(checks, "board")["cure"]

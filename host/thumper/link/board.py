@@ -201,9 +201,11 @@ class Board:
                 )
             if isinstance(reply, Identity):
                 return reply
-        what = "what it sends is not the Thumper protocol" if heard_bytes else "it stays silent"
+        sends = f"what it sends at {self._port.baudrate} baud is not the Thumper protocol"
+        what = sends if heard_bytes else "it stays silent"
         raise ThumperError(
-            f"no Thumper board answers on {self._name}: {what}; is it the right port, flashed and powered?",
+            f"no Thumper board answers on {self._name}: {what}; "
+            "is it the right port and rate, flashed and powered?",
             exit_code=EXIT_NO_HARDWARE,
         )
 
