@@ -15,6 +15,7 @@ import numpy as np
 from thumper.dashboard.orders import (
     CommandOrder,
     EStop,
+    ExperimentOrder,
     GoalOrder,
     Heartbeat,
     InitialPose,
@@ -98,6 +99,9 @@ class Helm:
                 return self._goal(page, order.model_dump(exclude={"kind"}, exclude_none=True))
             case CommandOrder():
                 return lambda: self._answer("command", {"command": order.name}, page)
+            case ExperimentOrder():
+                content = order.model_dump(exclude={"kind"})
+                return lambda: self._answer("experiment/start", content, page)
             case Obstacle():
                 return lambda: self._answer("simulator/command", {"pillar": self._pillar(order)}, page)
         return None
@@ -134,4 +138,4 @@ class Helm:
 def _moves(order: Order) -> bool:
     if isinstance(order, Teleop):
         return order.forward != 0.0 or order.left != 0.0
-    return isinstance(order, GoalOrder | Waypoints)
+    return isinstance(order, GoalOrder | Waypoints | ExperimentOrder)

@@ -81,7 +81,25 @@ class Obstacle(_Order):
     radius_m: Annotated[FiniteFloat, Field(ge=0.02, le=2.0)]
 
 
-Order = Heartbeat | EStop | GoalOrder | InitialPose | Waypoints | Teleop | CommandOrder | Obstacle
+class ExperimentOrder(_Order):
+    """Have the robot drive an experiment by itself."""
+
+    kind: Literal["experiment"]
+    name: Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[a-z_]+$")]
+    lane_m: Annotated[FiniteFloat, Field(ge=0.6, le=10.0)]
+
+
+Order = (
+    Heartbeat
+    | EStop
+    | GoalOrder
+    | InitialPose
+    | Waypoints
+    | Teleop
+    | CommandOrder
+    | Obstacle
+    | ExperimentOrder
+)
 
 _ADAPTER: TypeAdapter[Order] = TypeAdapter(Annotated[Order, Field(discriminator="kind")])
 

@@ -11,7 +11,6 @@ from thumper.dashboard.gains_panel import GainsPanel
 from thumper.dashboard.page_parts import STATIC, Part, box, button, inline
 from thumper.dashboard.parameters import Asker, Parameters
 from thumper.dashboard.simulator_panel import SimulatorPanel
-from thumper.dashboard.tune_panel import tune_panel
 
 FIGURES = (
     ("telemetry_age", "Board heard", "age of the newest telemetry"),
@@ -114,7 +113,7 @@ def _tabs(robot: Asker) -> None:
         with ui.tab_panel("gains"):
             GainsPanel(Parameters(robot)).build()
         with ui.tab_panel("tune"):
-            tune_panel(robot)
+            Part("tune").classes("tp-tune")
         with ui.tab_panel("sim"):
             SimulatorPanel(robot).build()
         with ui.tab_panel("log"):

@@ -5,10 +5,12 @@ import errno
 import socket
 import time
 from contextlib import suppress
+from html import escape
 from pathlib import Path
 from typing import Any
 
 from fastapi import FastAPI, WebSocket
+from fastapi.responses import HTMLResponse
 from nicegui import app as nicegui_app
 from nicegui import ui
 from starlette.middleware import Middleware
@@ -24,7 +26,27 @@ from thumper.dashboard.view import TOPICS, View
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
 
+EXPERIMENT_PERIOD_S = 0.5
+REPORT_POLICY = "sandbox; default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 LARGEST_SOCKET_MESSAGE_BYTES = 64 * 1024
+
+
+class ExperimentWatch:
+    """How far the robot's experiment is: asked for once for all pages."""
+
+    def __init__(self, robot: RobotLink) -> None:
+        self._robot = robot
+        self.state: dict[str, Any] | None = None  # None: the robot cannot tell
+
+    async def run(self) -> None:
+        """Ask until cancelled."""
+        while True:
+            try:
+                answer = await asyncio.to_thread(self._robot.query, "experiment/state", {})
+                self.state = {name: value for name, value in answer.items() if name != "ok"}
+            except ThumperError:
+                self.state = None
+            await asyncio.sleep(EXPERIMENT_PERIOD_S)
 
 
 class RecordingClock:
@@ -48,10 +70,12 @@ def build_app(
 ) -> FastAPI:
     """Wire the page to the bus."""
     recording = RecordingClock()
+    experiment = ExperimentWatch(robot)
 
     def extra() -> dict[str, Any]:
         status = view.value("status") or {}
         return {
+            "experiment": experiment.state,
             "recording_s": recording.elapsed_s(bool(status.get("recording"))),
             "limits": {"v_m_s": limits.v_m_s, "w_rad_s": limits.w_rad_s, "slow": limits.slow},
         }
@@ -72,6 +96,15 @@ def build_app(
     async def stream(socket: WebSocket) -> None:
         await hub.serve(socket)
 
+    @app.get("/report")
+    def report() -> HTMLResponse:
+        try:
+            html = str(robot.query("experiment/report", {})["html"])
+        except ThumperError as error:
+            return HTMLResponse(escape(str(error)), status_code=404)
+        # From the robot's files: shown, and kept from doing anything.
+        return HTMLResponse(html, headers={"Content-Security-Policy": REPORT_POLICY})
+
     @ui.page("/", title=f"Thumper · {page.robot}", favicon=STATIC / "icon.svg")
     def index() -> None:
         build_page(page, robot)
@@ -80,6 +113,7 @@ def build_app(
 
     async def begin() -> None:
         ticks.append(asyncio.create_task(hub.run()))
+        ticks.append(asyncio.create_task(experiment.run()))
 
     def end() -> None:
         for task in ticks:

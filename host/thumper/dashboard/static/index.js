@@ -7,8 +7,9 @@ import { map } from "./map_view.js";
 import { startOrders } from "./orders.js";
 import { startReadouts } from "./readouts.js";
 import { start, state } from "./stream.js";
+import { tune } from "./tune.js";
 
-export const parts = { charts, drive, log, map };
+export const parts = { charts, drive, log, map, tune };
 
 let started = false;
 
