@@ -112,9 +112,10 @@ def test_a_command_comes_in_checked_and_with_its_sender(robot: Robot, client: Bu
 
 def test_what_makes_no_sense_is_counted_told_and_forgotten(robot: Robot, client: BusClient) -> None:
     client.publish("command", text("rm -rf /"))
+    soon(lambda: robot.server.figures.refused == 1)
+    assert "no such command" in robot.told[0]
     client.publish_raw("goal", b"\x00\x01\x00\x00 nonsense")
     soon(lambda: robot.server.figures.refused == 2)
-    assert "no such command" in robot.told[0]
     client.publish("estop", flag(True))
     assert robot.asked() == [EmergencyStop()]
 
