@@ -14,7 +14,7 @@ help:
 	@echo "make firmware  build firmware/build/thumper.elf and .hex and those of the second board, print their size"
 	@echo "make docs      build the documentation's site into site/, offline; a dead link is an error"
 	@echo "make bench     run the benchmarks"
-	@echo "make mutation  flip every operator and constant of the firmware's core and count who notices (hours)"
+	@echo "make mutation  flip every operator and constant of the firmware's core and count who notices (half an hour)"
 
 demo: firmware chip
 	@$(BIN)/thumper demo
