@@ -123,8 +123,8 @@ class GridMapper:
             angle_increment_rad=math.tau / 64,
         )
         scratch.update(Pose2(), scan, Twist2())
+        scratch.update(Pose2(), scan, Twist2())  # the first one has nothing to match against
         points = scan_points(scan, Twist2(), Pose2(), self._options.usable_range_m)
-        scratch._match(points.hits_m(), Pose2(), np.eye(3))
         scratch._search(points.hits_m(), Pose2())
 
     def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
