@@ -1,3 +1,18 @@
 """Thumper: the brain of a differential-drive robot (link, odometry, lidar, mapping, navigation)."""
 
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from thumper.robot import Robot
+
+__all__ = ["Robot", "__version__"]
 __version__ = "0.1.0"
+
+
+def __getattr__(name: str) -> Any:
+    """`from thumper import Robot` loads what a robot takes; `import thumper` alone stays quick."""
+    if name == "Robot":
+        from thumper.robot import Robot
+
+        return Robot
+    raise AttributeError(f"module 'thumper' has no attribute {name!r}")

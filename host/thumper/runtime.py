@@ -113,7 +113,7 @@ class Runtime:
             Before anything moves: no telemetry, no scan, a latched fault, or a goal that makes no sense.
         """
         self.desk.takes_goals = False
-        start = self.senses.look_round(lambda: self._beat()[0])
+        start = self.senses.look_round(lambda: self.beat()[0])
         self._check_goal(goal)
         self.pilot.start(goal, self.senses.telemetry, clear_fault=clear_fault)
         interrupted = False
@@ -122,7 +122,7 @@ class Runtime:
         except KeyboardInterrupt:
             interrupted, ending = True, Ending(reached=False, reason="interrupted")
         finally:
-            stopped = self._stop()
+            stopped = self.stop()
         reason = ending.reason
         if not stopped:
             reason += "; the board did not confirm the stop, it stops by itself after 300 ms without commands"
@@ -153,7 +153,7 @@ class Runtime:
         except KeyboardInterrupt:
             pass
         finally:
-            self._stop()
+            self.stop()
 
     def _experiment(self) -> None:
         """Lend the board out; at each of its beats the rest of the loop goes on, but for deciding."""
@@ -163,20 +163,21 @@ class Runtime:
             self.senses.take_in(samples)
             self.senses.take_scans()
             self.desk.attend()
-            if supervision.is_lost(experiments.source, time.monotonic()):
+            armed = self.senses.telemetry is not None and self.senses.telemetry.state is not State.DISARMED
+            if armed and supervision.is_lost(experiments.source, time.monotonic()):
                 experiments.stop("the page that began it is gone")
             self.products.beat(self.senses, self.pilot, None, self._timing)
             self._pacer.wait()
 
         self.products.event(f"{experiments.wanted} begins")
         ending = experiments.run(self.senses.board, beat)
-        self._stop()
+        self.stop()
         self.products.event(ending)
 
     def serve_beat(self) -> None:
         """One beat at service: whatever goes wrong in it, the robot stops and the next beat follows."""
         try:
-            self._silent_beats = 0 if self._beat()[0] else self._silent_beats + 1
+            self._silent_beats = 0 if self.beat()[0] else self._silent_beats + 1
             if self._silent_beats:
                 self.pilot.give_up(SILENT)
             self.desk.follow_up()
@@ -190,7 +191,7 @@ class Runtime:
             self._reconnect(str(error))
         except Exception as error:  # in motion nothing may pass the stop that follows
             self.pilot.give_up(f"internal error: {type(error).__name__}: {error}")
-            self._stop()
+            self.stop()
             self.desk.follow_up()
 
     def _reconnect(self, why: str) -> None:
@@ -227,7 +228,7 @@ class Runtime:
         """Beat until the end."""
         try:
             while True:
-                alive, output = self._beat()
+                alive, output = self.beat()
                 if self.senses.board.restarted:
                     return Ending(
                         reached=False,
@@ -253,7 +254,7 @@ class Runtime:
         except Exception as error:  # in motion nothing may pass the stop that follows
             return Ending(reached=False, reason=f"internal error: {type(error).__name__}: {error}")
 
-    def _beat(self) -> tuple[bool, NavigationOutput | None]:
+    def beat(self) -> tuple[bool, NavigationOutput | None]:
         """One beat: sense, heed, decide, act, tell. Returns whether the board was heard, and the decision."""
         alive = self.senses.beat(self.pilot.repeat)
         begun_s = time.perf_counter()
@@ -278,7 +279,7 @@ class Runtime:
         grid = self.mapper.grid().including(goal.x_m, goal.y_m, GOAL_MARGIN_M)
         validate_goal(goal, grid, self._footprint, self._navigation.costmap)
 
-    def _stop(self) -> bool:
+    def stop(self) -> bool:
         """Stop and disarm; returns whether the board confirmed it.
 
         It runs on every way out: it never raises, and minds nothing but the board before that has stopped.

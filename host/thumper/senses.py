@@ -27,6 +27,7 @@ class Senses:
         self.telemetry: Telemetry | None = None
         self.samples: list[TelemetrySample] = []
         self.scans: list[Scan] = []
+        self.newest_scan: Scan | None = None
         self.log = MissionLog()
         self.keeps_log = True  # a robot that is on for days must not fill its memory
         self._offset_counts = (0, 0)  # to the board's counts, which begin anew when it restarts
@@ -50,6 +51,7 @@ class Senses:
         """Take in what the lidar has sent, without waiting."""
         self.scans = self.lidar.poll()
         for scan in self.scans:
+            self.newest_scan = scan
             self.perception.add_scan(scan)
 
     def take_in(self, samples: list[TelemetrySample]) -> None:

@@ -74,6 +74,7 @@ class Pilot:
         self.source = ""  # who sent the goal
         self.ending: Ending | None = None  # of the newest drive, once it is over
         self.command = Twist2()  # as last asked of the wheels
+        self._cruise = Twist2()
         self._speeds = WheelSpeeds()
         self._pwm = (0, 0)
         self._feel: MotorFeel | None = None
@@ -100,6 +101,10 @@ class Pilot:
             self._speeds, self.mode, self.reason = WheelSpeeds(), Mode.HOLDING, "armed"
         self._armed_by_hand = True
 
+    def cruise(self, twist: Twist2) -> None:
+        """Hold this speed instead of zero until the robot is stopped. It must be armed, and heeds no wall."""
+        self._cruise = twist
+
     def disarm(self, reason: str) -> None:
         """Switch the motors off, now."""
         self._end(reason)
@@ -120,6 +125,7 @@ class Pilot:
         """Give up the drive, if there is one; slow down to a stand, then motors off."""
         self._end(reason)
         self.mux.clear()
+        self._cruise = Twist2()
         if self.mode is not Mode.IDLE:
             if self.mode is Mode.MANUAL:
                 self.board.command(Command.ARM)
@@ -256,7 +262,8 @@ class Pilot:
             self.board.set_wheel_speeds(WheelSpeeds())
 
     def _hold(self, reason: str) -> None:
-        self._speeds, self.mode, self.reason = WheelSpeeds(), Mode.HOLDING, reason
+        self.command, self.mode, self.reason = self._cruise, Mode.HOLDING, reason
+        self._speeds = limit_wheel_speeds(wheel_speeds(self._cruise, self._drive), self._max_wheel_rad_s)
         self.board.set_wheel_speeds(self._speeds)
 
     def _end(self, reason: str, *, reached: bool = False) -> None:
@@ -265,6 +272,7 @@ class Pilot:
             self.goal = None
 
     def _rest(self, reason: str) -> None:
+        self._cruise = Twist2()
         self._armed_by_hand, self._speeds, self._pwm = False, WheelSpeeds(), (0, 0)
         self.mux.clear()
         self.mode, self.reason = Mode.IDLE, reason

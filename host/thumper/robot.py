@@ -1,0 +1,185 @@
+"""The robot as an object, for scripts and notebooks: drive it, send it somewhere, look at its map.
+
+    from thumper import Robot
+
+    with Robot("sim://") as robot:
+        robot.drive(v_m_s=0.3, duration_s=2.0)
+        robot.goto(0.5, -0.5)
+        print(robot.pose, robot.battery_V)
+
+Everything happens within the calls: between them the robot stands, its motors off. On the way out, whatever
+the reason, the motors are stopped first.
+"""
+
+import itertools
+import math
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Self
+
+from thumper.assembly import open_robot
+from thumper.config.robot import RobotConfig, load_config, with_ports
+from thumper.errors import ThumperError
+from thumper.geometry import Pose2, Twist2
+from thumper.kinematics import WheelSpeeds
+from thumper.lidar.scan import Scan
+from thumper.link.messages import Telemetry
+from thumper.mapping.grid import OccupancyGrid
+from thumper.mapping.map_io import save_map
+from thumper.mission_log import MissionLog
+from thumper.navigation.goal import Goal
+from thumper.perception import Situation
+from thumper.runtime import MissionResult
+from thumper.service.pilot import Mode
+
+SIMULATION = "sim://"
+LONGEST_DRIVE_S = 600.0
+_simulation_numbers = itertools.count(1)
+
+
+class Robot:
+    """A robot on its ports, or a simulated one. Use it in a `with` statement."""
+
+    def __init__(
+        self,
+        board: str = "",
+        *,
+        lidar: str = "",
+        config: str | Path | None = None,
+        start: Pose2 | None = None,
+    ) -> None:
+        """Name the ports; they are opened by `with`.
+
+        `board` is a port or "sim://", which simulates a new robot and its lidar; what follows "sim://?" sets
+        the simulation up ("sim://?world=hall&seed=3"). Without ports those of the `config` file are taken.
+        The map's frame is laid by `start`, where the robot stands; by default its origin.
+        """
+        self._config = _on_ports(load_config(Path(config) if config else None), board, lidar)
+        self._start = start or Pose2()
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        """Open the ports and look round; raises ThumperError when board or lidar do not answer."""
+        with ExitStack() as stack:
+            self._runtime = stack.enter_context(open_robot(self._config, self._start))
+            self._runtime.senses.look_round(self._beat)
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def drive(self, *, v_m_s: float = 0.0, w_rad_s: float = 0.0, duration_s: float = 1.0) -> None:
+        """Drive at this speed (forward, counter-clockwise) for so long, then stop. It heeds no wall.
+
+        Raises
+        ------
+        ThumperError
+            A number that cannot be, or the board has stopped the motors; the message says why.
+        """
+        if not (math.isfinite(v_m_s) and math.isfinite(w_rad_s) and 0.0 < duration_s <= LONGEST_DRIVE_S):
+            raise ThumperError(
+                f"drive: give finite speeds and a duration of up to {LONGEST_DRIVE_S:g} s", exit_code=2
+            )
+        pilot = self._runtime.pilot
+        pilot.arm(self._runtime.senses.telemetry)
+        try:
+            pilot.cruise(Twist2(v_m_s=v_m_s, w_rad_s=w_rad_s))
+            self._let_pass(duration_s, while_armed=True)
+        finally:
+            self._runtime.stop()
+
+    def goto(
+        self, x_m: float, y_m: float, heading_rad: float | None = None, *, tolerance_m: float = 0.1
+    ) -> MissionResult:
+        """Plan a way to a place in the map and drive there, round what stands in it; tells how it went.
+
+        Raises
+        ------
+        ThumperError
+            Before anything moves: a goal in a wall or out of reach, a latched fault.
+        """
+        goal = Goal(x_m=x_m, y_m=y_m, theta_rad=heading_rad, tolerance_m=tolerance_m)
+        result = self._runtime.drive_to(goal, lambda _progress: None)
+        if result.interrupted:
+            raise KeyboardInterrupt
+        return result
+
+    def wait(self, duration_s: float = 1.0) -> None:
+        """Stand and go on looking and mapping for a while."""
+        self._let_pass(duration_s, while_armed=False)
+
+    @property
+    def pose(self) -> Pose2:
+        """Where the robot is in the map."""
+        return self._situation.map_from_base
+
+    @property
+    def map(self) -> OccupancyGrid:
+        """The map so far."""
+        return self._runtime.mapper.grid()
+
+    @property
+    def scan(self) -> Scan:
+        """The lidar's newest turn."""
+        scan = self._runtime.senses.newest_scan
+        assert scan is not None  # the robot has looked round
+        return scan
+
+    @property
+    def telemetry(self) -> Telemetry:
+        """What the board said last, in its own units."""
+        telemetry = self._runtime.senses.telemetry
+        assert telemetry is not None
+        return telemetry
+
+    @property
+    def wheel_speeds(self) -> WheelSpeeds:
+        """What the wheels do."""
+        return WheelSpeeds(
+            left_rad_s=self.telemetry.left_speed / 1000.0, right_rad_s=self.telemetry.right_speed / 1000.0
+        )
+
+    @property
+    def battery_V(self) -> float:
+        """The battery's voltage."""
+        return self.telemetry.battery_mV / 1000.0
+
+    @property
+    def log(self) -> MissionLog:
+        """Poses, wheel speeds and plans since the beginning, as arrays."""
+        return self._runtime.log
+
+    def save_map(self, path: str | Path) -> Path:
+        """Write the map as map_server's PATH.yaml and PATH.pgm; returns the former."""
+        yaml_path = Path(path).with_suffix(".yaml")
+        save_map(self.map, yaml_path)
+        return yaml_path
+
+    @property
+    def _situation(self) -> Situation:
+        situation = self._runtime.senses.perception.situation()
+        assert situation is not None
+        return situation
+
+    def _let_pass(self, duration_s: float, *, while_armed: bool) -> None:
+        until_s = self._situation.time_s + duration_s
+        while self._situation.time_s < until_s:
+            if not self._beat():
+                raise ThumperError("the board went silent; is the cable loose?", exit_code=3)
+            if while_armed and self._runtime.pilot.mode is Mode.IDLE:
+                raise ThumperError(f"the drive ended early: {self._runtime.pilot.reason}")
+
+    def _beat(self) -> bool:
+        alive, _ = self._runtime.beat()
+        return alive
+
+
+def _on_ports(config: RobotConfig, board: str, lidar: str) -> RobotConfig:
+    if not board.startswith(SIMULATION):
+        return with_ports(config, board=board, lidar=lidar)
+    rest = board.removeprefix(SIMULATION)
+    if rest and not rest.startswith("?"):
+        return with_ports(config, board=board, lidar=lidar)  # a simulation with a name, as commands take it
+    name = f"{SIMULATION}robot{next(_simulation_numbers)}"
+    return with_ports(config, board=f"{name}/board{rest or '?world=lab'}", lidar=f"{name}/lidar")

@@ -1,0 +1,60 @@
+"""The robot as an object: what the first lines of a student do, on the real firmware in simulation."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from thumper import Robot
+from thumper.errors import ThumperError
+from thumper.mapping.map_io import load_map
+from thumper_hil.bench import Bench, simulation
+
+
+def test_ten_lines_of_a_student(tmp_path: Path) -> None:
+    with Robot("sim://") as robot:
+        assert robot.pose.x_m == pytest.approx(0.0, abs=0.02)
+        robot.drive(v_m_s=0.3, duration_s=1.5)
+        assert robot.pose.x_m == pytest.approx(0.45, abs=0.12)
+        assert robot.wheel_speeds.left_rad_s == robot.wheel_speeds.right_rad_s == 0.0
+        result = robot.goto(0.6, -0.5)
+        assert result.reached, result.reason
+        assert math.hypot(robot.pose.x_m - 0.6, robot.pose.y_m + 0.5) < 0.12
+        assert robot.battery_V > 7.0
+        assert robot.scan.ranges_m.size == 682
+        saved = load_map(robot.save_map(tmp_path / "lab"))
+    assert (saved.cells >= 65).sum() > 100
+
+
+def test_a_turn_to_the_left_is_positive() -> None:
+    with Robot("sim://?world=hall") as robot:
+        robot.drive(w_rad_s=0.8, duration_s=1.5)
+        assert 0.6 < robot.pose.theta_rad < 1.8
+
+
+def test_motors_are_off_after_an_error_in_the_script() -> None:
+    def script() -> None:
+        with Robot("sim://api_error/board?world=hall", lidar="sim://api_error/lidar") as robot:
+            nonlocal bench
+            bench = simulation("api_error")
+            robot.drive(v_m_s=0.3, duration_s=0.5)
+            raise ZeroDivisionError
+
+    bench: Bench | None = None
+    with pytest.raises(ZeroDivisionError):
+        script()
+    assert bench is not None
+    left_rad_s, right_rad_s = bench.truth()[-1, 4:6]
+    assert left_rad_s == pytest.approx(0.0, abs=0.2)
+    assert right_rad_s == pytest.approx(0.0, abs=0.2)
+
+
+def test_a_goal_out_of_reach_is_refused_before_anything_moves() -> None:
+    with Robot("sim://") as robot, pytest.raises(ThumperError, match="50 m"):
+        robot.goto(60.0, 0.0)
+
+
+@pytest.mark.parametrize("speed", [math.nan, math.inf])
+def test_numbers_that_cannot_be(speed: float) -> None:
+    with Robot("sim://") as robot, pytest.raises(ThumperError, match="finite"):
+        robot.drive(v_m_s=speed)
