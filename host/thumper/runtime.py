@@ -14,6 +14,7 @@ from thumper.errors import ThumperError
 from thumper.kinematics import DriveGeometry
 from thumper.lidar.driver import LidarDriver
 from thumper.link.board import Board, TelemetrySample
+from thumper.link.messages import State
 from thumper.link.port import simulates
 from thumper.mapping.mapper import Mapper
 from thumper.mission_log import MissionLog, path_length_m
