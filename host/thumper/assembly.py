@@ -45,7 +45,7 @@ def open_robot(
             mapper = robot_mapper(config, map_from_base or Pose2())
             if known is not None:
                 mapper.localise_in(known, map_from_base)
-            yield Runtime(
+            robot = Runtime(
                 board=board,
                 lidar=lidar,
                 products=_products(config, board),
@@ -61,6 +61,10 @@ def open_robot(
                 drive=config.drive,
                 max_wheel_rad_s=config.drive.max_wheel_rad_s,
             )
+            try:
+                yield robot
+            finally:
+                robot.senses.board.close()  # the one at the end, should the first have been lost
         finally:
             lidar.close()
     finally:

@@ -33,18 +33,17 @@ def test_a_turn_to_the_left_is_positive() -> None:
 
 
 def test_motors_are_off_after_an_error_in_the_script() -> None:
+    benches: list[Bench] = []
+
     def script() -> None:
         with Robot("sim://api_error/board?world=hall", lidar="sim://api_error/lidar") as robot:
-            nonlocal bench
-            bench = simulation("api_error")
+            benches.append(simulation("api_error"))
             robot.drive(v_m_s=0.3, duration_s=0.5)
             raise ZeroDivisionError
 
-    bench: Bench | None = None
     with pytest.raises(ZeroDivisionError):
         script()
-    assert bench is not None
-    left_rad_s, right_rad_s = bench.truth()[-1, 4:6]
+    left_rad_s, right_rad_s = benches[0].truth()[-1, 4:6]
     assert left_rad_s == pytest.approx(0.0, abs=0.2)
     assert right_rad_s == pytest.approx(0.0, abs=0.2)
 
