@@ -32,7 +32,7 @@ class Recording:
     """One recording: a file, or the files of one run in their order."""
 
     def __init__(self, paths: tuple[Path, ...]) -> None:
-        """Look into the first file. Raises ThumperError when one cannot be read or is no MCAP file."""
+        """Look into the files. Raises ThumperError when one cannot be read, is no MCAP file or another run's."""
         if not paths:
             raise ThumperError("no recording: give .mcap files, or a folder that holds them", exit_code=2)
         self.paths = paths
@@ -40,6 +40,11 @@ class Recording:
         for path in paths:
             _check(path)
         self.metadata = _metadata(paths[0])
+        for path in paths[1:]:
+            if _metadata(path).get("run") != self.metadata.get("run"):
+                raise ThumperError(
+                    f"{path} is of another run than {paths[0]}: give the files of one run", exit_code=2
+                )
 
     @property
     def name(self) -> str:

@@ -40,6 +40,7 @@ class Recorder:
         self._largest_bytes = min(self._options.file_MB, 0.25 * self._options.budget_MB) * MB
         self._queue: queue.Queue[_Item | None] = queue.Queue(self._options.waiting_messages)
         self._newest_ns = 0
+        self._run_ns = time.time_ns()  # what the files of this recording have in common
         self._part = 0
         self._begun_s = 0.0
         self._latched: dict[str, tuple[str, bytes]] = {}  # type and CDR of the newest
@@ -140,7 +141,8 @@ class Recorder:
         self._begun_s = time.monotonic()
         path = new_name(self._folder, self._session.config.name, self._part)
         self._part += 1
-        metadata = {METADATA_NAME: self._session.as_metadata() | {"part": str(self._part - 1)}}
+        place = {"run": str(self._run_ns), "part": str(self._part - 1)}
+        metadata = {METADATA_NAME: self._session.as_metadata() | place}
         self.files.append(path)
         make_room(
             self._folder,

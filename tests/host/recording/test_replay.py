@@ -152,6 +152,11 @@ def test_several_files_are_one_run(made_up: Path, tmp_path: Path) -> None:
     assert next(Recording(paths).said()).log_ns == EPOCH_NS + 5_000_000_000
 
 
+def test_two_runs_are_not_taken_for_one(made_up: Path, live: Live) -> None:
+    with pytest.raises(ThumperError, match="another run"):
+        Recording((made_up, live[0]))
+
+
 def test_what_is_no_recording_is_told(tmp_path: Path) -> None:
     text = tmp_path / "a.mcap"
     text.write_text("hello")
