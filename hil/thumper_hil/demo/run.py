@@ -11,6 +11,7 @@ from rich.console import Console
 from thumper.assembly import open_robot, warm_up
 from thumper.bus.attach import on_bus
 from thumper.cli.mission import drive_with_progress, raise_if_interrupted
+from thumper.cli.recorded import recorded
 from thumper.config.robot import BoardConfig, LidarConfig, RobotConfig
 from thumper.navigation.goal import Goal
 from thumper_hil.bench import simulation
@@ -26,7 +27,14 @@ def run_demo(out: Path, *, seed: int, realtime: bool, console: Console, on_the_b
     with console.status("loading the compiled kernels (compiling them, the first time)"):
         warm_up(RobotConfig())
     outcomes = [
-        drive_mission(mission, seed=seed, realtime=realtime, console=console, on_the_bus=on_the_bus)
+        drive_mission(
+            mission,
+            seed=seed,
+            realtime=realtime,
+            console=console,
+            on_the_bus=on_the_bus,
+            record_to=out / "recordings",
+        )
         for mission in MISSIONS
     ]
     write_results(out, outcomes, seed, console)
@@ -34,11 +42,17 @@ def run_demo(out: Path, *, seed: int, realtime: bool, console: Console, on_the_b
 
 
 def drive_mission(
-    mission: Mission, *, seed: int, realtime: bool, console: Console, on_the_bus: bool = False
+    mission: Mission,
+    *,
+    seed: int,
+    realtime: bool,
+    console: Console,
+    on_the_bus: bool = False,
+    record_to: Path | None = None,
 ) -> Outcome:
     """Put a new robot at the mission's start, in a world that it does not know, and let it drive.
 
-    `on_the_bus` it can be watched and stopped.
+    `on_the_bus` it can be watched and stopped. `record_to` is the folder for its recording, None for none.
     """
     options = {
         "world": mission.world,
@@ -57,6 +71,8 @@ def drive_mission(
     started_s = time.perf_counter()
     with ExitStack() as stack:
         robot = stack.enter_context(open_robot(config, mission.start))
+        if record_to:
+            stack.enter_context(recorded(robot, config, mission.start, True, record_to))
         if on_the_bus:
             stack.enter_context(on_bus(robot, config.name, config.bus))
         bench = simulation(mission.name)

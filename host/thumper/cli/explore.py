@@ -21,6 +21,10 @@ def explore(
     minutes: Annotated[float, typer.Option(help="Go home after this time [min].", min=0.1)] = 15.0,
     config: Annotated[Path | None, typer.Option(help="The robot's TOML; without it, a Wild Thumper.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for map, pictures and summary.")] = Path("out/explore"),
+    record: Annotated[
+        bool, typer.Option("--record", help="Record everything, in the folder that is configured.")
+    ] = False,
+    record_to: Annotated[Path | None, typer.Option(help="Record everything, in this folder.")] = None,
 ) -> None:
     """Drive to the borders of the known until there are none, return to the start, and leave the map.
 
@@ -30,6 +34,7 @@ def explore(
 
     from thumper.assembly import open_robot
     from thumper.cli.output import prepare_output
+    from thumper.cli.recorded import recorded
     from thumper.config.robot import load_config, with_ports
     from thumper.geometry import Pose2
     from thumper.navigation.frontiers import ExplorationOptions, Explorer
@@ -41,7 +46,7 @@ def explore(
     console = Console()
     home = Goal(x_m=0.0, y_m=0.0, tolerance_m=HOME_TOLERANCE_M)
     explorer = Explorer(ExplorationOptions(), settings.footprint)
-    with open_robot(settings, Pose2()) as robot:
+    with open_robot(settings, Pose2()) as robot, recorded(robot, settings, Pose2(), record, record_to):
         ending = _explore(robot, explorer, 60.0 * minutes, console)
         console.print(ending)
         result = _drive(robot, home, "home", console)
