@@ -112,8 +112,12 @@ def json_object(text: str) -> dict[str, Any]:
     def refuse(constant: str) -> float:
         raise RefusedError(f"{constant} is no number")
 
+    def finite(digits: str) -> float:
+        value = float(digits)
+        return value if math.isfinite(value) else refuse(digits)  # 1e999
+
     try:
-        content = json.loads(text, parse_constant=refuse)
+        content = json.loads(text, parse_constant=refuse, parse_float=finite)
     except (ValueError, RecursionError) as error:
         raise RefusedError(f"no JSON: {error}") from error
     if not isinstance(content, dict):

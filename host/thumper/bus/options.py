@@ -19,8 +19,8 @@ class BusOptions:
     address: str = "127.0.0.1:7447"
     # Shared secret that everybody who joins must know; at least 12 characters, empty for none.
     token: str = ""
-    # Port of the rosbridge server on the same host; 0 for none.
-    rosbridge_port: Annotated[int, Ge(0), Le(65535)] = 0
+    # Port at which `thumper rosbridge` listens.
+    rosbridge_port: Annotated[int, Ge(1), Le(65535)] = 9090
 
     def __post_init__(self) -> None:
         host, port = split_address(self.address)

@@ -17,6 +17,7 @@ from thumper.cli.plan import plan
 from thumper.cli.record import record
 from thumper.cli.recordings import export, recover
 from thumper.cli.replay import replay
+from thumper.cli.rosbridge import rosbridge
 from thumper.cli.run import run
 from thumper.cli.status import status, watch
 from thumper.cli.teleop import teleop
@@ -69,6 +70,7 @@ def _build() -> typer.Typer:
         stop,
         status,
         watch,
+        rosbridge,
         explore,
         plan,
         map_log,

@@ -37,5 +37,11 @@ def join(config: Path | None, address: str, robot: str) -> "BusClient":
         split_address(address)
     except ValueError as error:
         raise ThumperError(f"--bus {error}", exit_code=2) from error
-    token = os.environ.get(TOKEN_VARIABLE) or settings.bus.token
-    return BusClient(robot or settings.name, address, token)
+    return BusClient(robot or settings.name, address, token_of(config))
+
+
+def token_of(config: Path | None) -> str:
+    """The shared secret: from the environment, or the configuration; empty for none."""
+    from thumper.config.robot import load_config
+
+    return os.environ.get(TOKEN_VARIABLE) or load_config(config).bus.token

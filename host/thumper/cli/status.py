@@ -13,7 +13,6 @@ if TYPE_CHECKING:
 
 STATUS_TIMEOUT_S = 3.0
 MOST_WAITING = 100
-LONGEST_LIST = 1000  # of a message's values that are printed as JSON
 
 
 def status(
@@ -24,6 +23,7 @@ def status(
 ) -> None:
     """Tell what a running robot does, and how board, lidar and loop keep up."""
     from thumper.errors import ThumperError
+    from thumper.ros.json_form import to_json
 
     heard = threading.Event()
     newest: list[Any] = []
@@ -38,7 +38,7 @@ def status(
             raise ThumperError("the robot is on the bus but says nothing; is its board connected?")
     message = newest[-1]
     if as_json:
-        print(json.dumps(plain(message)))
+        print(json.dumps(to_json(message)))
     else:
         print(_in_words(message))
 
@@ -76,6 +76,7 @@ def watch(
     import queue
 
     from thumper.errors import ThumperError
+    from thumper.ros.json_form import to_json
     from thumper.ros.topics import TOPICS
 
     if topic not in TOPICS:
@@ -86,7 +87,7 @@ def watch(
         shown = 0
         try:
             while not count or shown < count:
-                message = plain(waiting.get())
+                message = to_json(waiting.get())
                 print(json.dumps(message) if as_json else _in_lines(topic, message), flush=True)
                 shown += 1
         except KeyboardInterrupt:
@@ -97,27 +98,6 @@ def _leave(waiting: "queue.Queue[Any]", message: Any) -> None:
     """A terminal that is too slow misses messages; it must not gather them."""
     if not waiting.full():
         waiting.put_nowait(message)
-
-
-def plain(message: Any) -> Any:
-    """A message as JSON takes it: what is no number is null, and a long list is told by its length."""
-    import dataclasses
-    import math
-
-    import numpy as np
-
-    if dataclasses.is_dataclass(message) and not isinstance(message, type):
-        names = [field.name for field in dataclasses.fields(message) if field.name != "__msgtype__"]
-        return {name: plain(getattr(message, name)) for name in names}
-    if isinstance(message, np.ndarray):
-        message = message.tolist()
-    if isinstance(message, list | tuple):
-        if len(message) > LONGEST_LIST:
-            return f"{len(message)} values"
-        return [plain(value) for value in message]
-    if isinstance(message, float) and not math.isfinite(message):
-        return None
-    return message
 
 
 def _in_lines(topic: str, message: Any) -> str:

@@ -161,3 +161,5 @@ def test_numbers_that_are_none_are_refused() -> None:
     assert json_object('{"a": [1, {"b": null}]}') == {"a": [1, {"b": None}]}
     with pytest.raises(RefusedError, match="Infinity"):
         json_object('{"a": Infinity}')
+    with pytest.raises(RefusedError, match="1e999"):
+        json_object('{"a": 1e999}')

@@ -1,0 +1,37 @@
+"""`thumper rosbridge`: let web pages and ROS tools that speak rosbridge talk to a running robot."""
+
+from typing import Annotated
+
+import typer
+
+from thumper.cli.bus_options import Address, Config, Robot, join
+
+USUAL_PORT = 9090
+
+
+def rosbridge(
+    port: Annotated[
+        int, typer.Option(help="Port to listen at; 0: [bus] rosbridge_port, 9090.", min=0, max=65535)
+    ] = 0,
+    host: Annotated[
+        str, typer.Option(help="Address to listen at; any but a loopback one needs [bus] token.")
+    ] = "127.0.0.1",
+    config: Config = None,
+    bus: Address = "",
+    robot: Robot = "",
+) -> None:
+    """Serve rosbridge v2 for a running robot until Ctrl-C: roslibpy, roslibjs and others can connect."""
+    import asyncio
+    from contextlib import suppress
+
+    from thumper.bus.rosbridge import Rosbridge
+    from thumper.cli.bus_options import token_of
+    from thumper.config.robot import load_config
+
+    port = port or load_config(config).bus.rosbridge_port
+    with join(config, bus, robot) as client:
+        bridge = Rosbridge(client, host=host, port=port, token=token_of(config))
+        with suppress(KeyboardInterrupt):
+            asyncio.run(
+                bridge.serve(lambda at: print(f"rosbridge at ws://{host}:{at}; Ctrl-C ends it", flush=True))
+            )

@@ -1,0 +1,92 @@
+"""ROS 2 messages as JSON and back, in the way that rosbridge writes them."""
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+
+from thumper.ros.codec import Message, message, typestore
+
+_BASE, _NAME, _ARRAY = Nodetype.BASE, Nodetype.NAME, Nodetype.ARRAY
+INTEGERS = {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)} | {"byte", "char"}
+
+
+def to_json(of: Any) -> Any:
+    """A message as dictionaries, lists and numbers; what is no number becomes null."""
+    if dataclasses.is_dataclass(of) and not isinstance(of, type):
+        names = [field.name for field in dataclasses.fields(of) if field.name != "__msgtype__"]
+        return {name: to_json(getattr(of, name)) for name in names}
+    if isinstance(of, np.ndarray):
+        return [to_json(value) for value in of.tolist()] if of.dtype.kind == "f" else of.tolist()
+    if isinstance(of, list | tuple):
+        return [to_json(value) for value in of]
+    if isinstance(of, float) and not math.isfinite(of):
+        return None
+    return of
+
+
+def from_json(type_name: str, content: Any) -> Message:
+    """The message that the JSON describes; what is left out is zero or empty.
+
+    Raises
+    ------
+    ValueError
+        A field that the type does not have, or a value that it cannot hold; the message names it.
+    """
+    if not isinstance(content, dict):
+        raise ValueError(f"{type_name}: give an object")
+    fields = dict(typestore().fielddefs[type_name][1])
+    if unknown := sorted(set(content) - set(fields)):
+        raise ValueError(f"{type_name} has no {', '.join(map(repr, unknown))}; it has {', '.join(fields)}")
+    values = {}
+    for name, (kind, of) in fields.items():
+        try:
+            values[name] = _value(kind, of, content.get(name))
+        except (ValueError, OverflowError) as error:
+            raise ValueError(f"{name}: {error}") from error
+    return message(type_name, **values)
+
+
+def _value(kind: Nodetype, of: Any, content: Any) -> Any:
+    """`content` None is what was left out, and also a float that is no number."""
+    if kind is _NAME:
+        return from_json(of, {} if content is None else content)
+    if kind is _BASE:
+        return _scalar(of[0], content)
+    (item_kind, item_of), length = of
+    content = [] if content is None else content
+    if not isinstance(content, list):
+        raise ValueError("give a list")
+    if kind is _ARRAY:
+        content = content or [None] * length
+        if len(content) != length:
+            raise ValueError(f"{len(content)} values instead of {length}")
+    values = [_value(item_kind, item_of, item) for item in content]
+    if item_kind is _BASE and item_of[0] != "string":
+        return np.array(values, dtype=_dtype(item_of[0]))
+    return values
+
+
+def _scalar(type_name: str, content: Any) -> Any:
+    if type_name == "string":
+        if not isinstance(content, str | None):
+            raise ValueError(f"{content!r} is no text")
+        return content or ""
+    if type_name == "bool":
+        if not isinstance(content, bool | None):
+            raise ValueError(f"{content!r} is neither true nor false")
+        return bool(content)
+    if isinstance(content, bool) or not isinstance(content, int | float | None):
+        raise ValueError(f"{content!r} is no number")
+    if type_name in INTEGERS:
+        value, limits = 0 if content is None else content, np.iinfo(_dtype(type_name))
+        if not limits.min <= value <= limits.max or value != int(value):
+            raise ValueError(f"{value!r} is no {type_name}")
+        return int(value)
+    return 0.0 if content is None else float(content)
+
+
+def _dtype(type_name: str) -> np.dtype[Any]:
+    return np.dtype({"byte": "u1", "char": "u1"}.get(type_name, type_name))

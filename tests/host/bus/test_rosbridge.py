@@ -1,0 +1,224 @@
+"""The rosbridge server with a real client, roslibpy, and a real Zenoh bus behind it."""
+
+import asyncio
+import json
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+import pytest
+import roslibpy
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+from tests.host.bus.test_bus import GRID, TOKEN, M, Robot, soon
+from thumper.bus.client import BusClient
+from thumper.bus.rosbridge import Rosbridge
+from thumper.errors import ThumperError
+from thumper.geometry import Twist2
+from thumper.lidar.scan import Scan
+from thumper.service.requests import Ask, Channel, Velocity
+
+
+class Bridge:
+    """A robot's end of the bus, and a rosbridge in a thread of its own."""
+
+    def __init__(self, token: str = "") -> None:
+        self.robot = Robot(token)
+        self.bus = BusClient("r1", self.robot.address, token)
+        bridge = Rosbridge(self.bus, host="127.0.0.1", port=0, token=token)
+        ready = threading.Event()
+
+        def serve() -> None:
+            self._loop = asyncio.new_event_loop()
+
+            def note(port: int) -> None:
+                self.port = port
+                ready.set()
+
+            self._task = self._loop.create_task(bridge.serve(note))
+            with suppress(asyncio.CancelledError):
+                self._loop.run_until_complete(self._task)
+
+        self._thread = threading.Thread(target=serve)
+        self._thread.start()
+        assert ready.wait(20.0)
+
+    @property
+    def url(self) -> str:
+        return f"ws://127.0.0.1:{self.port}"
+
+    def close(self) -> None:
+        self._loop.call_soon_threadsafe(self._task.cancel)
+        self._thread.join(20.0)
+        self.bus.close()
+        self.robot.server.close()
+
+
+@pytest.fixture
+def bridge() -> Iterator[Bridge]:
+    bridge = Bridge()
+    yield bridge
+    bridge.close()
+
+
+@pytest.fixture
+def ros(bridge: Bridge) -> Iterator[roslibpy.Ros]:
+    ros = roslibpy.Ros("127.0.0.1", bridge.port)
+    ros.run(timeout=20)
+    yield ros
+    ros.close()
+
+
+def heard_from(topic: roslibpy.Topic, publish: Callable[[], None]) -> Any:
+    heard: list[Any] = []
+    topic.subscribe(heard.append)
+
+    def sent_and_heard() -> bool:
+        publish()
+        return bool(heard)
+
+    soon(sent_and_heard)
+    return heard[0]
+
+
+def test_a_scan_reaches_roslibpy(bridge: Bridge, ros: roslibpy.Ros) -> None:
+    ranges_m = np.array([1.0, np.nan, np.inf])
+    scan = Scan(time_s=1.5, ranges_m=ranges_m, angle_min_rad=-1.0, angle_increment_rad=1.0)
+    heard = heard_from(
+        roslibpy.Topic(ros, "/scan", "sensor_msgs/LaserScan"),
+        lambda: bridge.robot.server.publish("scan", 1.5, M.scan(scan)),
+    )
+    assert heard["ranges"] == [1.0, None, None]
+    assert heard["header"] == {"stamp": {"sec": 1, "nanosec": 500_000_000}, "frame_id": "laser"}
+
+
+def test_who_comes_late_still_gets_the_map(bridge: Bridge, ros: roslibpy.Ros) -> None:
+    bridge.robot.server.publish("map", 0.0, M.grid(0.0, GRID))
+    soon(lambda: bridge.robot.server.figures.sent == 1)
+    for _ in range(2):  # the second one comes when the bridge has it already
+        heard = heard_from(roslibpy.Topic(ros, "/map", "nav_msgs/OccupancyGrid"), lambda: None)
+        assert heard["data"] == list(range(12))
+
+
+def test_roslibpy_drives(bridge: Bridge, ros: roslibpy.Ros) -> None:
+    topic = roslibpy.Topic(ros, "/teleop", "geometry_msgs/TwistStamped")
+    topic.publish(roslibpy.Message({"twist": {"linear": {"x": 0.25}}}))
+    (asked,) = bridge.robot.asked()
+    assert isinstance(asked, Velocity)
+    assert (asked.channel, asked.twist) == (Channel.TELEOP, Twist2(v_m_s=0.25))
+    assert asked.source.startswith("rosbridge-")
+
+
+def test_a_service_is_a_question_to_the_robot(bridge: Bridge, ros: roslibpy.Ros) -> None:
+    def answer(reply: dict[str, Any]) -> threading.Thread:
+        def serve() -> None:
+            (ask,) = bridge.robot.asked()
+            assert isinstance(ask, Ask)
+            ask.reply({**reply, "asked": [ask.name, dict(ask.content)]})
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        return thread
+
+    service = roslibpy.Service(ros, "/command", "thumper_msgs/Command")
+    thread = answer({"ok": True})
+    answered = service.call(roslibpy.ServiceRequest({"command": "arm"}), timeout=20)
+    assert answered["asked"] == ["command", {"command": "arm"}]
+    thread.join()
+    thread = answer({"ok": False, "error": "a fault is latched"})
+    with pytest.raises(Exception, match="a fault is latched"):
+        service.call(roslibpy.ServiceRequest({"command": "arm"}), timeout=20)
+    thread.join()
+
+
+def test_it_says_what_there_is(ros: roslibpy.Ros) -> None:
+    assert "/scan" in ros.get_topics()
+    assert ros.get_topic_type("/map") == "nav_msgs/OccupancyGrid"
+
+
+@pytest.mark.parametrize(
+    ("sent", "why"),
+    [
+        ("nonsense", "no JSON"),
+        ("[]", "JSON object"),
+        ('{"op": "exec", "cmd": "ls"}', "no operation 'exec'"),
+        ('{"op": "subscribe", "topic": "/etc/passwd"}', "no topic"),
+        ('{"op": "subscribe", "topic": "/goal"}', "only goes to the robot"),
+        ('{"op": "subscribe", "topic": "/scan", "type": "nav_msgs/Path"}', "sensor_msgs/msg/LaserScan"),
+        ('{"op": "subscribe", "topic": "/scan", "throttle_rate": -1}', "throttle_rate"),
+        ('{"op": "publish", "topic": "/scan", "msg": {}}', "is published by the robot"),
+        ('{"op": "publish", "topic": "/teleop", "msg": {"twist": 1}}', "twist"),
+        ('{"op": "publish", "topic": "/teleop", "msg": {"speed": 1}}', "no 'speed'"),
+        ('{"op": "publish", "topic": "/teleop", "msg": {"twist": {"linear": {"x": "1"}}}}', "no number"),
+        ('{"op": "publish", "topic": "/estop", "msg": {"data": 1}}', "neither true nor false"),
+        ('{"op": "publish", "topic": "/goal", "msg": {"header": {"stamp": {"sec": 0.5}}}}', "no int32"),
+        ('{"op": "publish", "topic": "/goal", "msg": {"header": {"stamp": {"sec": 1e300}}}}', "no int32"),
+        ('{"op": "publish", "topic": "/command", "msg": {"data": 1}}', "no text"),
+    ],
+)
+def test_what_makes_no_sense_is_answered_with_why(bridge: Bridge, sent: str, why: str) -> None:
+    with connect(bridge.url) as socket:
+        socket.send(sent)
+        answer = json.loads(socket.recv(20))
+    assert (answer["op"], answer["level"]) == ("status", "error")
+    assert why in answer["msg"]
+
+
+def test_too_much_at_once_ends_the_connection_alone(bridge: Bridge) -> None:
+    with connect(bridge.url) as socket, connect(bridge.url) as other:
+        socket.send("x" * 100_000)
+        with pytest.raises(ConnectionClosed):
+            socket.recv(20)
+        other.send('{"op": "call_service", "service": "/rosapi/services", "id": "7"}')
+        answer = json.loads(other.recv(20))
+    assert answer["id"] == "7"
+    assert "/command" in answer["values"]["services"]
+
+
+def test_throttled_topics_come_less_often(bridge: Bridge) -> None:
+    with connect(bridge.url) as socket:
+        socket.send('{"op": "subscribe", "topic": "/cmd_vel", "throttle_rate": 60000}')
+        for _ in range(50):
+            bridge.robot.server.publish("cmd_vel", 0.0, M.twist(0.0, Twist2()))
+            time.sleep(0.01)
+        assert json.loads(socket.recv(20))["topic"] == "/cmd_vel"
+        with pytest.raises(TimeoutError):
+            socket.recv(0.3)
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "https://127.0.0.1.evil.example", "null"])
+def test_a_foreign_page_is_not_let_in(bridge: Bridge, origin: str) -> None:
+    with (
+        pytest.raises(InvalidStatus, match="403"),
+        connect(bridge.url, additional_headers={"Origin": origin}),
+    ):
+        pass
+    with connect(bridge.url, additional_headers={"Origin": "http://localhost:8080"}) as socket:
+        socket.ping()
+
+
+def test_with_a_token_nobody_is_let_in_without_it() -> None:
+    bridge = Bridge(TOKEN)
+    try:
+        for headers in ({}, {"Authorization": "Bearer wrong horse !"}):
+            with pytest.raises(InvalidStatus, match="401"), connect(bridge.url, additional_headers=headers):
+                pass
+        ros = roslibpy.Ros("127.0.0.1", bridge.port, headers={"Authorization": f"Bearer {TOKEN}"})
+        ros.run(timeout=20)
+        assert "/scan" in ros.get_topics()
+        ros.close()
+    finally:
+        bridge.close()
+
+
+def test_beyond_this_machine_only_with_a_token() -> None:
+    robot = Robot()
+    try:
+        with BusClient("r1", robot.address) as bus, pytest.raises(ThumperError, match="token"):
+            Rosbridge(bus, host="0.0.0.0", port=0, token="")
+    finally:
+        robot.server.close()
