@@ -18,10 +18,13 @@ from thumper.navigation.limits import SpeedLimits
 from thumper.navigation.wheel_ramp import WheelRamp
 
 # A point already inside the margin may come nearer by this much in a motion (scan noise between two steps),
-# but only through a part of the margin, and beyond that hardly at all (rounding).
+# but only through a part of the margin, beyond that hardly at all, and in its last part no more: each cycle
+# begins afresh, and the least slack of many cycles would add up to a contact.
 DEEPER_M = 0.003
 CREEP_PART = 0.5
 LEAST_SLACK_M = 0.0003
+LAST_PART = 0.85
+ROUNDING_M = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +32,7 @@ class MonitorOptions:
     """How the collision monitor judges."""
 
     # Space kept round the footprint [m].
-    margin_m: Annotated[float, Ge(0)] = 0.02
+    margin_m: Annotated[float, Ge(0)] = 0.025
     # Step of its simulation [s].
     step_s: Annotated[float, Gt(0)] = 0.05
     # A contact nearer in time than this, at the present command, slows the robot in proportion [s]; 0 never.
@@ -59,8 +62,9 @@ def deepening_point(points_m: FloatArray, half_planes: FloatArray, margin_m: flo
                 inside = half_planes[k, 2] + margin_m - half_planes[k, 0] * bx - half_planes[k, 1] * by
                 depth = min(depth, inside)
             if j < 0:
-                # Each cycle begins afresh: without the second bound the slack would add up to a contact.
                 slack = min(DEEPER_M, max(LEAST_SLACK_M, CREEP_PART * margin_m - depth))
+                if depth > LAST_PART * margin_m:
+                    slack = ROUNDING_M
                 allowed = max(0.0, depth + slack)
             elif depth > allowed:
                 return i
@@ -105,18 +109,21 @@ class CollisionMonitor:
         """Return what the command would touch, or an empty string.
 
         The motion judged is: the measured twist during the latency, the command for one period, then the
-        zero command: v and w fade as the wheels' ramps or as the limits say, whichever takes longer.
+        zero command: v and w fade as the wheels' ramps or as the limits say, whichever takes longer; and once
+        more with a turn that ends at once: a base that straightens out sooner than thought leaves the bend.
         `hits_in_base_m` has shape (n, 2).
         """
-        poses = self._stopping_poses(command, twist, period_s)
-        reach_m = self._radius_m + self._options.margin_m + float(np.hypot(poses[:, 0], poses[:, 1]).max())
-        near = np.hypot(hits_in_base_m[:, 0], hits_in_base_m[:, 1]) <= reach_m
-        points_m = np.ascontiguousarray(hits_in_base_m[near])
-        index = deepening_point(points_m, self._half_planes, self._options.margin_m, poses)
-        if index < 0:
-            return ""
-        x_m, y_m = points_m[index]
-        return f"stopped before an obstacle {x_m:.2f} m ahead, {y_m:+.2f} m to the left of the robot's centre"
+        for turns_on in (True, False) if command.w_rad_s else (True,):
+            poses = self._stopping_poses(command, twist, period_s, turns_on=turns_on)
+            reach_m = self._radius_m + self._options.margin_m + float(np.hypot(*poses[:, :2].T).max())
+            near = np.hypot(hits_in_base_m[:, 0], hits_in_base_m[:, 1]) <= reach_m
+            points_m = np.ascontiguousarray(hits_in_base_m[near])
+            index = deepening_point(points_m, self._half_planes, self._options.margin_m, poses)
+            if index >= 0:
+                x_m, y_m = points_m[index]
+                place = f"{x_m:.2f} m ahead, {y_m:+.2f} m to the left of the robot's centre"
+                return f"stopped before an obstacle {place}"
+        return ""
 
     def slowed(self, command: Twist2, hits_in_base_m: FloatArray) -> Twist2:
         """Return the command, slowed in proportion when it would touch something within `slow_s`.
@@ -139,7 +146,9 @@ class CollisionMonitor:
         part = max(self._options.slow_part, free * step_s / slow_s)
         return Twist2(v_m_s=part * command.v_m_s, w_rad_s=part * command.w_rad_s)
 
-    def _stopping_poses(self, command: Twist2, twist: Twist2, period_s: float) -> FloatArray:
+    def _stopping_poses(
+        self, command: Twist2, twist: Twist2, period_s: float, *, turns_on: bool
+    ) -> FloatArray:
         limits, step_s = self._limits, self._options.step_s
         driven_s = limits.latency_s + period_s
         braking_s = max(
@@ -153,6 +162,8 @@ class CollisionMonitor:
         obeys = times_s > limits.latency_s
         v = np.where(obeys, _slower(command.v_m_s, limits.v_accel_m_s2, fading_s, v_ramp), twist.v_m_s)
         w = np.where(obeys, _slower(command.w_rad_s, limits.w_accel_rad_s2, fading_s, w_ramp), twist.w_rad_s)
+        if not turns_on:
+            w = np.where(fading_s > 0.0, 0.0, w)
         headings_rad = np.cumsum(w) * step_s
         middles_rad = headings_rad - 0.5 * w * step_s
         x_m, y_m = np.cumsum(v * np.cos(middles_rad)) * step_s, np.cumsum(v * np.sin(middles_rad)) * step_s

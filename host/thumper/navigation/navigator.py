@@ -1,8 +1,6 @@
-"""Drives the robot to a goal: costmap, plan, control, collision monitor, recovery; one `update` a control
-cycle.
+"""Drives the robot to a goal: costmap, plan, control, recovery, collision monitor; one `update` a cycle.
 
-Pure: time and sensor data come in, a twist goes out. Nothing raises out of `update`: an error stops the robot
-and is told in words.
+Pure: time and sensor data in, a twist out. Nothing raises out of `update`: an error is a stop with a reason.
 """
 
 from collections.abc import Callable
@@ -233,7 +231,8 @@ class Navigator:
             return ControlResult(command=None)
         if (radius_m := self._recovery.forget_radius_m) is not None:
             self._memory.forget_beyond(request.map_from_base, radius_m)
-        self._state, self._reason = NavigationState.RECOVERING, f"{self._recovery.name}, because {why}"
+        self._recovery.why = f"{self._recovery.name}, because {why}"
+        self._state, self._reason = NavigationState.RECOVERING, self._recovery.why
         return self._recover(time_s, request)
 
     def _recover(self, time_s: float, request: ControlRequest) -> ControlResult:
@@ -259,13 +258,14 @@ class Navigator:
             command = self._monitor.slowed(command, hits_in_base)
             reason = self._monitor.objection(command, request.twist, hits_in_base, request.period_s)
         if command is None or reason:
-            if self._stuck_since_s is None:
-                self._stuck_since_s = time_s
+            self._stuck_since_s = time_s if self._stuck_since_s is None else self._stuck_since_s
             if time_s - self._stuck_since_s > self._options.patience_s:
                 self._begin_recovery(time_s, request, reason)
                 if self._has_failed():
                     return self._fail(self._reason)
                 reason = self._reason
+            elif self._state is NavigationState.RECOVERING:
+                reason = f"{self._recovery.why}; {reason}"
             self._reason = reason
             return self._output(Twist2(), request, result.trajectory)
         self._stuck_since_s = None

@@ -74,7 +74,7 @@ class Recovery:
         self._footprint = footprint
         self._controller = controller
         self.reset()
-        self.name = ""
+        self.name, self.why = "", ""  # what is done, and that with its cause
         self.forget_radius_m: float | None = None  # what this recovery forgets of the remembered points
 
     def start(self, time_s: float, request: ControlRequest) -> bool:

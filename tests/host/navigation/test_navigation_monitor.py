@@ -12,7 +12,7 @@ from thumper.navigation.monitor import CollisionMonitor, MonitorOptions
 
 LIMITS = SpeedLimits()
 MONITOR = CollisionMonitor(MonitorOptions(), LIMITS, Footprint())
-FRONT_M, SIDE_M, MARGIN_M = 0.21, 0.1225, 0.02
+FRONT_M, SIDE_M, MARGIN_M = 0.21, 0.1225, 0.025
 
 
 def at(x_m: float, y_m: float) -> FloatArray:
@@ -67,3 +67,30 @@ def test_nothing_seen_nothing_objected() -> None:
 def test_stoppable_speed_solves_its_equation(distance: float) -> None:
     v = stoppable_speed(distance, 0.4, 0.2)
     assert v * 0.2 + v**2 / (2 * 0.4) == pytest.approx(distance)
+
+
+def test_a_base_that_straightens_out_sooner_than_thought_touches_nothing_either() -> None:
+    """In a bend to the left at speed: a post that only the straight way out of the bend would reach."""
+    bend = Twist2(v_m_s=0.45, w_rad_s=0.9)
+    driven_s = LIMITS.latency_s + 0.1
+    turned_rad = bend.w_rad_s * driven_s
+    radius_m = bend.v_m_s / bend.w_rad_s
+    begin_m = radius_m * np.array((math.sin(turned_rad), 1.0 - math.cos(turned_rad)))
+    ahead = np.array((math.cos(turned_rad), math.sin(turned_rad)))
+    right = np.array((ahead[1], -ahead[0]))
+    post_m = begin_m + (FRONT_M + 0.15) * ahead + 0.9 * SIDE_M * right
+    assert objection(bend, bend, post_m[None, :])
+
+
+def test_creeping_never_adds_up_to_a_contact() -> None:
+    """Each cycle the motion judged admissible is driven; the point is 20 mm from the front at first."""
+    gap_m = 0.02
+    for _ in range(500):
+        moved_m = 0.0
+        for step_m in (0.003, 0.001, 0.0003, 0.0001):
+            slow = Twist2(v_m_s=step_m / (LIMITS.latency_s + 0.1))
+            if not objection(slow, Twist2(), at(FRONT_M + gap_m, 0.0)):
+                moved_m = step_m
+                break
+        gap_m -= moved_m
+    assert gap_m > 0.002

@@ -67,6 +67,17 @@ def test_the_ladder_is_move_bases_with_back_up_and_wait_and_every_step_is_told()
     assert ended_s < 40.0
 
 
+def test_a_recovery_that_the_monitor_stops_is_still_told_as_that_recovery() -> None:
+    """Points that only the scan knows lie round the hull: whatever is tried, the monitor objects."""
+    navigator = Navigator(NavigationOptions(recovery=RecoveryOptions(behaviours=("wait",))), Footprint())
+    navigator.set_goal(Goal(x_m=2.0, y_m=0.0))
+    hull_m = Footprint().grown(0.015).outline_m(0.02)
+    for cycle in range(60):
+        navigator.update(0.1 * cycle, Pose2(), Twist2(), walled_in(), hull_m)
+    begun = [entry for entry in navigator.transitions if entry.after == "recovering"]
+    assert [entry.reason.split(", because")[0] for entry in begun] == ["waiting for the way to clear"]
+
+
 @pytest.mark.parametrize("behaviours", [(), ("rotate",), ("wait", "conservative_reset")])
 def test_the_ladder_is_the_one_of_the_options(behaviours: tuple[Behaviour, ...]) -> None:
     options = NavigationOptions(recovery=RecoveryOptions(behaviours=behaviours))
