@@ -29,7 +29,7 @@ def record(
     from thumper.config.robot import load_config
     from thumper.errors import ThumperError
     from thumper.recording.on_bus import record_from_bus
-    from thumper.recording.recover import recover_left_behind
+    from thumper.recording.recover import recover_apart
 
     settings = load_config(config)
     folder = prepare_output(out or Path(settings.recording.folder))
@@ -37,7 +37,7 @@ def record(
     def say(text: str) -> None:
         print(f"thumper: {text}", file=sys.stderr)
 
-    recover_left_behind(folder, say)
+    recover_apart(folder)
     with join(config, bus, robot) as client:
         print(f"recording to {folder}/; Ctrl-C ends it")
         recorder = record_from_bus(client, folder, settings.recording, seconds=seconds, say=say)

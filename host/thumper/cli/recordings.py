@@ -12,20 +12,16 @@ def recover(
     ],
 ) -> None:
     """Make recordings whole that a crash or a full disk has torn; everything up to the tear is kept."""
-    from thumper.recording.recover import left_behind
-    from thumper.recording.recover import recover as repair_file
+    from thumper.errors import ThumperError
+    from thumper.recording.recover import left_behind, recover_all
 
-    for place in places:
-        paths = left_behind(place) if place.is_dir() else [place]
-        if not paths:
-            print(f"{place}/: nothing to repair")
-        for path in paths:
-            repair = repair_file(path)
-            if repair is None:
-                print(f"{path}: whole already")
-            else:
-                note = f" ({repair.note})" if repair.note else ""
-                print(f"{repair.path}: {repair.messages} messages{note}")
+    paths = [path for place in places for path in (left_behind(place) if place.is_dir() else [place])]
+    if not paths:
+        print("nothing to repair")
+    if not recover_all(paths, print):
+        raise ThumperError(
+            "not every file could be repaired; those that could not are as they were", exit_code=2
+        )
 
 
 def export(

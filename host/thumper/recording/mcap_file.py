@@ -27,7 +27,7 @@ class McapFile:
         self.path = path
         self._part = path.with_name(path.name + PART)
         self._stream: IO[bytes] = self._part.open("xb")
-        fcntl.flock(self._stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(self._stream, fcntl.LOCK_EX)  # who looks whether it is held has it for an instant
         self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}

@@ -32,7 +32,7 @@ class Recording:
     """One recording: a file, or the files of one run in their order."""
 
     def __init__(self, paths: tuple[Path, ...]) -> None:
-        """Look into the files. Raises ThumperError when one cannot be read, is no MCAP file or another run's."""
+        """Look into the files. Raises ThumperError when one cannot be read, is no MCAP or another run's."""
         if not paths:
             raise ThumperError("no recording: give .mcap files, or a folder that holds them", exit_code=2)
         self.paths = paths

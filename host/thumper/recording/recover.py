@@ -2,7 +2,9 @@
 
 import fcntl
 import os
-from collections.abc import Callable, Iterator
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -78,16 +80,29 @@ def recover(path: Path) -> Repair | None:
     return Repair(path=target, messages=messages, note=note)
 
 
-def recover_left_behind(folder: Path, say: Callable[[str], None]) -> None:
-    """Repair what crashes left in the folder; `say` is told of each file. Never raises."""
-    for path in left_behind(folder):
+def recover_all(paths: Iterable[Path], say: Callable[[str], None]) -> bool:
+    """Repair one after another; `say` is told of each. Returns whether all are whole now. Never raises."""
+    good = True
+    for path in paths:
         try:
-            if path.stat().st_size == 0:  # the crash came before the first byte
+            if path.stat().st_size == 0 and path.name.endswith(PART):  # the crash came before the first byte
                 path.unlink()
             elif repair := recover(path):
-                say(f"{repair.path.name}: repaired after a crash, {repair.messages} messages")
+                lost = f" ({repair.note})" if repair.note else ""
+                say(f"{repair.path}: repaired, {repair.messages} messages{lost}")
+            else:
+                say(f"{path}: whole already")
         except (ThumperError, OSError) as error:
             say(str(error))
+            good = False
+    return good
+
+
+def recover_apart(folder: Path) -> None:
+    """Repair what crashes left in the folder, in a process of its own: a robot's loop must not wait."""
+    if folder.is_dir() and (paths := left_behind(folder)):
+        command = [sys.executable, "-c", "from thumper.cli import main; main()", "recover", *map(str, paths)]
+        subprocess.Popen(["nice", *command], start_new_session=True)  # Ctrl-C is not meant for it
 
 
 def is_whole(path: Path) -> bool:

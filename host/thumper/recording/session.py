@@ -8,6 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from thumper import __version__
 from thumper.bus.options import BusOptions
 from thumper.config.robot import RobotConfig, config_from_json, config_to_json
+from thumper.dashboard.options import DashboardOptions
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
 from thumper.link.messages import Identity
@@ -28,9 +29,9 @@ class Session:
     from_start: bool = True  # whether it begins before the first scan was mapped
 
     def as_metadata(self) -> dict[str, str]:
-        """Strings by name, as MCAP keeps them. Who may join the bus is nobody's business: it is left out."""
+        """Strings by name, as MCAP keeps them. Secrets of bus and page are left out."""
         pose = self.map_from_base
-        config = replace(self.config, bus=BusOptions())
+        config = replace(self.config, bus=BusOptions(), dashboard=DashboardOptions())
         return {
             "version": __version__,
             "robot": self.config.name,

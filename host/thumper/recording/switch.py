@@ -9,7 +9,7 @@ from thumper.config.robot import RobotConfig
 from thumper.geometry import Pose2
 from thumper.link.port import is_simulated
 from thumper.recording.recorder import Recorder
-from thumper.recording.recover import recover_left_behind
+from thumper.recording.recover import recover_apart
 from thumper.recording.session import Session, firmware_words
 from thumper.ros.convert import text
 from thumper.runtime import Runtime
@@ -86,8 +86,7 @@ def recording_switch(
     robot: Runtime, config: RobotConfig, map_from_base: Pose2, folder: Path, say: Callable[[str], None]
 ) -> Iterator[RecordSwitch]:
     """Give the robot its switch, also for `record_start` and `record_stop`; first mend what a crash left."""
-    if folder.is_dir():
-        recover_left_behind(folder, say)
+    recover_apart(folder)
     switch = RecordSwitch(robot, config, map_from_base, folder, say)
     robot.products.text("session", text(json.dumps(switch.session().as_metadata())))  # for `thumper record`
     robot.desk.handlers.update(record_start=switch.start, record_stop=switch.stop)

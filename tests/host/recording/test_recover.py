@@ -5,6 +5,7 @@ import random
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import mcap.reader
@@ -14,7 +15,7 @@ from mcap.writer import CompressionType, Writer
 from tests.host.recording.samples import EPOCH_NS, SESSION, beats
 from thumper.errors import ThumperError
 from thumper.recording.mcap_file import McapFile
-from thumper.recording.recover import is_whole, left_behind, recover, recover_left_behind
+from thumper.recording.recover import is_whole, left_behind, recover, recover_all, recover_apart
 from thumper.recording.session import METADATA_NAME
 from thumper.ros.codec import encode
 from thumper.ros.stamps import stamp_ns
@@ -178,15 +179,24 @@ def test_no_mcap_at_all_is_told_and_kept(tmp_path: Path, content: bytes) -> None
     assert list(tmp_path.iterdir()) == [part]
 
 
-def test_at_the_next_start_all_that_crashes_left_is_repaired(
+def test_a_start_has_it_done_by_another_process(
     tmp_path: Path, torn: tuple[bytes, list[tuple[int, int]]]
 ) -> None:
+    (tmp_path / "a.mcap.part").write_bytes(torn[0])
+    recover_apart(tmp_path)
+    deadline_s = time.monotonic() + 30.0
+    while (tmp_path / "a.mcap.part").exists() and time.monotonic() < deadline_s:
+        time.sleep(0.05)
+    assert is_whole(tmp_path / "a.mcap")
+
+
+def test_all_that_crashes_left_is_repaired(tmp_path: Path, torn: tuple[bytes, list[tuple[int, int]]]) -> None:
     content, sizes = torn
     (tmp_path / "a.mcap.part").write_bytes(content)
     (tmp_path / "b.mcap.part").write_bytes(b"")
     (tmp_path / "c.mcap.part").write_bytes(b"something else")
     said: list[str] = []
-    recover_left_behind(tmp_path, said.append)
-    assert said[0] == f"a.mcap: repaired after a crash, {sizes[-1][1]} messages"
+    assert not recover_all(left_behind(tmp_path), said.append)
+    assert f"a.mcap: repaired, {sizes[-1][1]} messages" in said[0]
     assert "c.mcap.part: no MCAP file" in said[1]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.mcap", "c.mcap.part"]
