@@ -104,6 +104,14 @@ def _see(covariance: FloatArray, information: FloatArray, along: FloatArray) -> 
                 for m in range(3):
                     seen[i, j] += keep[i, k] * information[k, m] * keep[m, j]
     fused = inverse3(inverse3(covariance) + seen)
+    # The direction is known to a degree or so: what leaks in through that must not make the pose sure.
+    leaked = 0.0
+    for i in range(2):
+        for j in range(2):
+            leaked += along[i] * (covariance[i, j] - fused[i, j]) * along[j]
+    for i in range(2):
+        for j in range(2):
+            fused[i, j] += max(0.0, leaked) * along[i] * along[j]
     for i in range(3):
         for j in range(3):
             covariance[i, j] = 0.5 * (fused[i, j] + fused[j, i])
