@@ -14,10 +14,13 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from tests.host.recording.samples import EPOCH_NS, SESSION, beats
+from thumper.bus.options import BusOptions
+from thumper.config.robot import RobotConfig
+from thumper.dashboard.options import DashboardOptions
 from thumper.recording.options import RecordingOptions
 from thumper.recording.recorder import Recorder
 from thumper.recording.recover import is_whole
-from thumper.recording.session import session_of
+from thumper.recording.session import Session, session_of
 from thumper.ros.topics import TOPICS
 
 
@@ -86,6 +89,13 @@ def test_it_tells_the_whole_configuration_and_who_made_it(recording: Path) -> No
         (record_of,) = list(mcap.reader.make_reader(stream).iter_metadata())
     assert session_of(record_of.metadata, "it") == SESSION
     assert {"version", "firmware", "packages", "python"} <= record_of.metadata.keys()
+
+
+def test_no_secret_is_recorded() -> None:
+    bus, page = BusOptions(token="correct horse battery"), DashboardOptions(password="open sesame 1234")
+    text = str(Session(config=RobotConfig(bus=bus, dashboard=page), epoch_ns=0).as_metadata())
+    assert "correct horse" not in text
+    assert "sesame" not in text
 
 
 def test_rotation_keeps_to_the_budget_and_to_its_own_files(tmp_path: Path) -> None:

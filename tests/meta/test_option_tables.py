@@ -1,0 +1,28 @@
+"""The pages' tables of options name every one of them, with its default."""
+
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from thumper.recording.options import RecordingOptions
+from thumper.teleop.options import TeleopOptions
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+@pytest.mark.parametrize(
+    ("page", "options"), [("recording.md", RecordingOptions), ("teleop.md", TeleopOptions)]
+)
+def test_every_option_stands_in_its_page_with_its_default(page: str, options: type) -> None:
+    rows = {
+        cells[1].strip("` "): cells[4].strip("` ")
+        for line in (DOCS / page).read_text(encoding="utf-8").splitlines()
+        if line.startswith("| `") and len(cells := line.split("|")) == 7
+    }
+    for field in fields(options):
+        default = field.default
+        assert rows[field.name] == (f'"{default}"' if isinstance(default, str) else f"{default:g}"), (
+            field.name
+        )
+    assert len(rows) == len(fields(options))
