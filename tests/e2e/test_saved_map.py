@@ -1,0 +1,32 @@
+"""Drive in a map that was saved: placed by hand, or found anywhere in it."""
+
+import pytest
+
+from thumper.assembly import open_robot
+from thumper.config.robot import RobotConfig, with_ports
+from thumper.geometry import Pose2
+from thumper.localization.switching import SwitchingMapper
+from thumper.navigation.goal import Goal
+from thumper_hil.bench.registry import simulation
+from thumper_hil.parts.world import World
+
+START = Pose2(x_m=1.7, y_m=0.1, theta_rad=3.0)
+
+
+@pytest.mark.parametrize("told", [Pose2(x_m=1.75, y_m=0.05, theta_rad=3.05), None])
+def test_the_robot_reaches_a_goal_of_the_saved_map(told: Pose2 | None) -> None:
+    name = f"saved-{told is None}"
+    config = with_ports(
+        RobotConfig(),
+        board=f"sim://{name}/board?world=lab&x_m=1.7&y_m=0.1&yaw_deg=171.9&seed=4",
+        lidar=f"sim://{name}/lidar",
+    )
+    known = World.load("lab").to_grid()
+    with open_robot(config, told, known) as robot:
+        result = robot.drive_to(Goal(x_m=-0.3, y_m=0.0, tolerance_m=0.1), lambda _: None)
+        _, x_m, y_m, theta_rad = simulation(name).truth()[-1, :4]
+        assert result.reached, result.reason
+        assert isinstance(robot.mapper, SwitchingMapper)
+        assert robot.mapper.grid() is known
+        assert robot.mapper.quality().lost == ""
+    assert Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad).distance_m(result.map_from_base) < 0.06
