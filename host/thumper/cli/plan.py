@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     Answer = dict[str, object]
 
 DECIMALS = 4
+KEEP_OUT_SHADE = 40  # percent of occupancy, as which a keep-out zone is drawn
 
 
 def plan(
@@ -56,7 +57,7 @@ def plan(
     from thumper.mapping.map_io import load_map
     from thumper.navigation.categories import category_at
     from thumper.navigation.costmap import build_costmap
-    from thumper.navigation.masks import load_masks
+    from thumper.navigation.masks import is_closed, load_masks
     from thumper.navigation.queries import Query, read_queries
     from thumper.navigation.registry import make_planner
     from thumper.navigation.speed_rule import SpeedRule
@@ -113,6 +114,10 @@ def plan(
         else:
             typer.echo(_words(answers[0], len(points)))
         if png is not None:
+            closed = is_closed(masks.keepout, grid) & (grid.cells < KEEP_OUT_SHADE)
+            grid = dataclasses.replace(
+                grid, cells=np.where(closed, KEEP_OUT_SHADE, grid.cells).astype(np.int8)
+            )
             _draw(grid, paths[0], png, f"{file.name}: {options.planner}")
     if not all(answer["found"] for answer in answers):
         raise typer.Exit(1)
