@@ -24,6 +24,7 @@ Outlet = Callable[[str, float, Message], None]
 MAP_PERIOD_S = 1.0
 COSTMAP_PERIOD_S = 0.5
 COSTMAP_REACH_M = 2.5
+PARTICLES_PERIOD_S, MOST_PARTICLES = 0.5, 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +49,7 @@ class Products:
         self._simulated = simulated
         self._outlets: list[Outlet] = []
         self._latched: dict[str, tuple[float, Message]] = {}
-        self._map_s = self._costmap_s = -np.inf
+        self._map_s = self._costmap_s = self._particles_s = -np.inf
         self._scans_in_map = 0
         self._plan_m: FloatArray = np.empty((0, 2))
         self._transition: object = None
@@ -105,8 +106,10 @@ class Products:
         map_from_odom = perception.mapper.map_from_odom
         self._send("tf", self.messages.transforms(time_s, map_from_odom, odometry.odom_from_base))
         poses = getattr(perception.mapper, "particle_poses", None)
-        if poses is not None and senses.scans:
-            self._send("particles", self.messages.particles(time_s, poses))
+        if poses is not None and len(poses) and time_s >= self._particles_s + PARTICLES_PERIOD_S:
+            self._particles_s = time_s
+            some = poses[:: -(-len(poses) // MOST_PARTICLES)]
+            self._send("particles", self.messages.particles(time_s, some))
 
     def _tell_plans(self, pilot: Pilot, output: NavigationOutput, situation: Situation) -> None:
         time_s = situation.time_s

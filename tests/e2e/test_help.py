@@ -17,6 +17,11 @@ COMMANDS = {
     "experiment": ["odometry", "speed"],
     "calibrate": ["odometry"],
     "doctor": ["--board", "--lidar"],
+    "goto": ["--tolerance", "--bus", "--clear-fault"],
+    "stop": ["--emergency"],
+    "status": ["--json"],
+    "watch": ["--json", "--count"],
+    "rosbridge": ["--port", "--host"],
 }
 
 

@@ -102,7 +102,7 @@ def run(
             open_robot(settings, start_pose, known) as robot,
             recorded(robot, settings, start_pose or Pose2(), record, record_to),
         ):
-            _serve(robot, settings, speed, console)
+            _serve(robot, settings, speed, out, console)
         return
     with (
         beside(config, settings.bus.address, wanted=ui),
@@ -125,9 +125,11 @@ def run(
     console.print(f"reached: {result.reason}")
 
 
-def _serve(robot: "Runtime", settings: "RobotConfig", speed: float, console: "Console") -> None:
+def _serve(robot: "Runtime", settings: "RobotConfig", speed: float, out: Path, console: "Console") -> None:
     from thumper.bus.attach import on_bus
+    from thumper.mapping.map_io import save_map
 
+    robot.desk.handlers["save_map"] = lambda: f"map saved: {save_map(robot.mapper.grid(), out / 'map.yaml')}"
     with on_bus(robot, settings.name, settings.bus):
         console.print(f"{settings.name} is at service on {settings.bus.address}; Ctrl-C ends it")
         robot.serve(speed=speed)

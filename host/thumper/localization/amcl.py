@@ -108,6 +108,11 @@ class Amcl:
         """How many are followed just now."""
         return len(self._poses)
 
+    @property
+    def particle_poses(self) -> FloatArray:
+        """x, y, theta of each, shape (n, 3)."""
+        return self._poses
+
     def _lost(self) -> str:
         if self._odometry is None and not self._searching:
             return "no scan has been laid on the map yet"

@@ -52,6 +52,12 @@ class SwitchingMapper:
         """How sure the newest pose is."""
         return (self.localiser or self._mapper).quality()
 
+    @property
+    def particle_poses(self) -> FloatArray | None:
+        """x, y, theta of each particle, shape (n, 3); None from a method that has none."""
+        poses: FloatArray | None = getattr(self.localiser or self._mapper, "particle_poses", None)
+        return poses
+
     def path(self) -> FloatArray:
         """x, y, theta at each scan that was mapped, shape (scans, 3)."""
         return self._mapper.path()

@@ -97,6 +97,11 @@ class RbpfMapper:
         self._confidence.reset(covariance)
 
     @property
+    def particle_poses(self) -> FloatArray:
+        """x, y, theta of each particle, shape (n, 3)."""
+        return self._poses
+
+    @property
     def effective_particles(self) -> float:
         """N_eff of the weights, 1 to the number of particles."""
         weights = self._weights()

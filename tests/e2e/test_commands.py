@@ -1,0 +1,100 @@
+"""`thumper goto`, `stop`, `status`, `watch` against a robot at service: each a process of its own."""
+
+import json
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.conftest import THUMPER
+from tests.e2e.test_safety_chain import free_port, wait_until
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+START_S = 60.0
+
+
+@pytest.fixture(scope="module")
+def bus(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The bus of a simulated robot in the lab."""
+    address, out = f"127.0.0.1:{free_port()}", tmp_path_factory.mktemp("service")
+    world = "sim://commands/board?world=lab&x_m=1.73&y_m=0.08&yaw_deg=180"
+    command = [str(THUMPER), "run", "--board", world, "--lidar", "sim://commands/lidar", "--bus", address]
+    command += ["--start", "1.73", "0.08", "180", "--speed", "1", "--out", str(out)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert "at service" in process.stdout.readline()
+    yield address
+    process.send_signal(signal.SIGINT)
+    rest, errors = process.communicate(timeout=20)
+    assert process.returncode == 0, errors
+    assert "stopped" in rest
+
+
+def test_goto_waits_until_it_is_there(thumper: Run, bus: str) -> None:
+    done = thumper("goto", "1.2", "0.05", "--bus", bus)
+    assert done.returncode == 0, done.stderr
+    assert "m to go" in done.stdout
+    assert "reached: at the goal (1.20, 0.05)" in done.stdout
+    told = json.loads(thumper("status", "--json", "--bus", bus).stdout)
+    assert (told["robot"], told["simulated"], told["has_goal"]) == ("thumper", True, False)
+
+
+def test_ctrl_c_cancels_the_goal(thumper: Run, bus: str) -> None:
+    command = [str(THUMPER), "goto", "--bus", bus, "--", "0.2", "0.05", "180"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert "m to go" in process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert "the goal is cancelled" in errors
+    wait_until(lambda: '"idle"' in thumper("status", "--json", "--bus", bus).stdout, START_S)
+
+
+def test_stop(thumper: Run, bus: str) -> None:
+    assert thumper("goto", "--no-wait", "--bus", bus, "--", "-0.4", "0.05").returncode == 0
+    assert "cancelled; the robot stops" in thumper("stop", "--bus", bus).stdout
+    assert "latched" not in thumper("status", "--bus", bus).stdout
+    assert "emergency stop" in thumper("stop", "--emergency", "--bus", bus).stdout
+    time.sleep(0.5)
+    assert "emergency stop was pressed" in thumper("status", "--bus", bus).stdout
+    refused = thumper("goto", "1.5", "0.05", "--bus", bus)
+    assert refused.returncode == 1
+    assert "--clear-fault" in refused.stderr
+    assert thumper("goto", "--clear-fault", "1.5", "0.05", "--bus", bus).returncode == 0
+
+
+def test_watch(thumper: Run, bus: str) -> None:
+    lines = thumper("watch", "wheels", "--json", "--count", "3", "--bus", bus).stdout.splitlines()
+    times = [json.loads(line)["time_us"] for line in lines]
+    assert [after - before for before, after in pairwise(times)] == [100_000] * 2
+    assert "pose.pose.position.x" in thumper("watch", "pose", "--count", "1", "--bus", bus).stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["status", "--bus", "127.0.0.1:1"], 1, "no robot is running at 127.0.0.1:1"),
+        (["stop", "--bus", "nonsense"], 2, "give HOST:PORT"),
+        (["watch", "nonsense"], 2, "no topic 'nonsense'"),
+        (["goto", "nan", "0"], 2, "finite"),
+        (["run", "--bus", "0.0.0.0:7447"], 2, "set a token"),
+    ],
+)
+def test_what_is_wrong_is_told_in_one_line(thumper: Run, arguments: list[str], code: int, words: str) -> None:
+    done = thumper(*arguments)
+    assert done.returncode == code
+    assert words in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_another_robot_on_this_bus_does_not_answer(thumper: Run, bus: str, tmp_path: Path) -> None:
+    config = tmp_path / "other.toml"
+    config.write_text(f'name = "other"\n[bus]\naddress = "{bus}"\n', encoding="utf-8")
+    done = thumper("stop", "--config", config)
+    assert done.returncode == 1
+    assert "no robot 'other' answers" in done.stderr
