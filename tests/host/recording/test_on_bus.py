@@ -1,0 +1,58 @@
+"""A recording said again on a bus: whoever listens cannot tell it from a robot."""
+
+import socket
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from tests.host.recording.samples import SESSION, beats
+from thumper.bus.client import BusClient
+from thumper.errors import ThumperError
+from thumper.recording.on_bus import replay_on_bus
+from thumper.recording.reader import Recording
+from thumper.recording.recorder import Recorder
+from thumper.recording.replay import Replayed
+
+
+def free_address() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"127.0.0.1:{probe.getsockname()[1]}"
+
+
+def test_a_replay_is_heard_on_the_bus(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path, SESSION)
+    for topic, now_s, message in beats(60):
+        recorder(topic, now_s, message)
+    recorder.close()
+    address, done = free_address(), []
+
+    def run() -> None:
+        done.append(replay_on_bus(Recording((recorder.files[0],)), None, address, speed=2.0))
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    client = joined(address)
+    heard: list[Any] = []
+    client.subscribe("wheels", heard.append)
+    maps: list[Any] = []
+    client.subscribe("map", maps.append)
+    thread.join(30.0)
+    client.close()
+    out: Replayed = done[0]
+    assert out.scans > 40
+    assert len(heard) > 10
+    counts = [message.left_count for message in heard]
+    assert counts == sorted(counts)
+    assert (maps[-1].info.width, maps[-1].info.height) == (30, 40)
+
+
+def joined(address: str) -> BusClient:
+    deadline_s = time.monotonic() + 20.0
+    while True:
+        try:
+            return BusClient(SESSION.config.name, address)
+        except ThumperError:
+            assert time.monotonic() < deadline_s
+            time.sleep(0.05)
