@@ -113,6 +113,8 @@ def map_log(
     options = options or default_options(log)
     compile_apart(options.method)
     mapped = map_records(log, options, progress)
+    if not any(update.integrated for update in mapped.updates):
+        raise ThumperError(f"{path}: no scan has enough usable beams: there is nothing to map", exit_code=2)
     yaml_path, png_path, csv_path = out_dir / "map.yaml", out_dir / "map.png", out_dir / "trajectory.csv"
     pgm_path = save_map(mapped.grid, yaml_path)
     _write_path(csv_path, log, mapped.online if online else mapped.poses)

@@ -56,14 +56,6 @@ class Solver:
         return self._left == 0 or float(np.abs(step).max()) < 1e-5
 
 
-def optimise(poses: FloatArray, edges: list[Edge]) -> FloatArray:
-    """Return the poses, shape (n, 3), of least squared error of all edges; node 0 stays."""
-    solver = Solver(poses, edges)
-    while not solver.step():
-        pass
-    return solver.poses
-
-
 def residual(poses: FloatArray, edge: Edge) -> tuple[float, float]:
     """How far [m, rad] the poses are from what the edge says."""
     one, two = (Pose2(x_m=p[0], y_m=p[1], theta_rad=p[2]) for p in poses[[edge.first, edge.second]])

@@ -9,6 +9,8 @@ import pytest
 
 from thumper.errors import ThumperError
 from thumper.mapping.logs.open_log import open_log
+from thumper.mapping.map_log import map_log
+from thumper.mapping.method import MappingOptions
 
 FLASER = "FLASER 4 1.00 81.83 2.50 0.0 1.1 2.0 0.5 1.0 2.0 0.5 976052890.5 nohost {stamp}"
 ROBOTLASER = (
@@ -209,3 +211,11 @@ def test_the_field_of_view_is_named_given_or_guessed_aloud(
     assert math.degrees(scan.angle_min_rad) == pytest.approx(first_deg)
     assert math.degrees(scan.angle_increment_rad) == pytest.approx(step_deg)
     assert any("--fov" in note for note in log.notes) == noted
+
+
+def test_a_log_without_a_usable_beam_is_refused_in_one_line(tmp_path: Path) -> None:
+    line = "FLASER 3 nan nan 0 0 0 0 {x} 0 0 1.0 nohost 1.0\n"
+    path = written(tmp_path / "blind.log", "".join(line.format(x=x) for x in range(5)))
+    with pytest.raises(ThumperError, match="nothing to map"):
+        map_log(path, tmp_path / "out", options=MappingOptions())
+    assert not list((tmp_path / "out").iterdir())

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from tests.host.mapping.corridors import corridor_loop, drive, errors_m, round_trip
-from thumper.geometry import Pose2, Twist2
+from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.mapping.cells import Cells
 from thumper.mapping.graph_mapper import SCANS_AT_ONCE, GraphMapper, LoopOptions
 from thumper.mapping.grid import FREE
 from thumper.mapping.mapper import Mapper
-from thumper.mapping.pose_graph import Edge, optimise, residual
+from thumper.mapping.pose_graph import Edge, Solver, residual
 from thumper.mapping.scan_points import ScanPoints
 
 LENGTH_M, BREADTH_M = 32.0, 20.0
@@ -49,6 +49,13 @@ def square(drift: float) -> tuple[np.ndarray[tuple[int, int], np.dtype[np.float6
         edges.append(_edge(k, k + 1, step, loop=False))
     edges.append(_edge(0, 4, Pose2(), loop=True))
     return np.array([(p.x_m, p.y_m, p.theta_rad) for p in poses]), edges
+
+
+def optimise(poses: FloatArray, edges: list[Edge]) -> FloatArray:
+    solver = Solver(poses, edges)
+    while not solver.step():
+        pass
+    return solver.poses
 
 
 def _edge(first: int, second: int, relative: Pose2, *, loop: bool) -> Edge:
