@@ -36,7 +36,7 @@ def recorded(
 
     with recording_switch(robot, settings, start or Pose2(), folder, say) as switch:
         if record or record_to:
-            prepare_output(folder)
+            prepare_output(folder, "--record-to")
             switch.start()
         try:
             yield

@@ -46,18 +46,18 @@ def export(
         raise ThumperError("nothing to export: give --csv DIR, --map FILE or --png FILE", exit_code=2)
     recording = Recording(find_recordings(files))
     if csv:
-        prepare_output(csv)
+        prepare_output(csv, "--csv")
         tables = export_csv(recording, csv)
         print(f"in {csv}/: {', '.join(path.name for path in tables)}")
     if map_file or png:
         grid, path_m = last_map(recording)
         if map_file:
-            prepare_output(map_file.parent)
+            prepare_output(map_file.parent, "--map")
             description = map_file.with_suffix(".yaml")
             image = save_map(grid, description)
             print(f"{description} and {image.name}")
         if png:
-            prepare_output(png.parent)
+            prepare_output(png.parent, "--png")
             try:
                 plot_map(grid, path_m, png, recording.paths[0].name)
             except (OSError, ValueError) as error:

@@ -92,8 +92,11 @@ def recover_all(paths: Iterable[Path], say: Callable[[str], None]) -> bool:
                 say(f"{repair.path}: repaired, {repair.messages} messages{lost}")
             else:
                 say(f"{path}: whole already")
-        except (ThumperError, OSError) as error:
+        except ThumperError as error:
             say(str(error))
+            good = False
+        except OSError as error:
+            say(f"{path}: cannot be read ({error.strerror}); check the path")
             good = False
     return good
 

@@ -1,0 +1,71 @@
+"""The recording commands with what they cannot use: one line, the right exit code, nothing changed."""
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.host.recording.samples import SESSION, beats
+from thumper.recording.recorder import Recorder
+
+Thumper = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (("replay", "none.mcap"), 2, "none.mcap: cannot be read"),
+        (("replay", "bad.mcap"), 2, "bad.mcap: no MCAP file"),
+        (("replay", "empty"), 2, "no recording"),
+        (("export", "bad.mcap"), 2, "nothing to export"),
+        (("export", "bad.mcap", "--csv", "x"), 2, "no MCAP file"),
+        (("recover", "bad.mcap"), 2, "not every file could be repaired"),
+        (("record", "--bus", "127.0.0.1:9"), 1, "no robot is running"),
+        (("teleop", "--bus", "127.0.0.1:9"), 1, "no robot is running"),
+        (("map-log", "bad.mcap"), 2, "unknown log format"),
+    ],
+)
+def test_one_line_and_the_right_code(
+    thumper: Thumper, tmp_path: Path, arguments: tuple[str, ...], code: int, words: str
+) -> None:
+    (tmp_path / "bad.mcap").write_text("hello")
+    (tmp_path / "empty").mkdir()
+    here = [
+        str(tmp_path / part) if part in ("none.mcap", "bad.mcap", "empty", "x") else part
+        for part in arguments
+    ]
+    done = thumper(*here)
+    assert done.returncode == code
+    assert words in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert (tmp_path / "bad.mcap").read_text() == "hello"
+
+
+def test_a_recording_from_the_command_line_to_tables_map_and_picture(
+    thumper: Thumper, tmp_path: Path
+) -> None:
+    recorder = Recorder(tmp_path, SESSION)
+    for topic, now_s, message in beats(30):
+        recorder(topic, now_s, message)
+    recorder.close()
+    torn = tmp_path / "torn.mcap.part"
+    torn.write_bytes(recorder.files[0].read_bytes()[:-400])
+    assert "torn.mcap: repaired" in thumper("recover", tmp_path).stdout
+    whole = tmp_path / "torn.mcap"
+    done = thumper(
+        "export", whole, "--csv", tmp_path / "t", "--map", tmp_path / "m.yaml", "--png", tmp_path / "p.png"
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "t" / "wheels.csv").stat().st_size > 1000
+    assert (tmp_path / "m.pgm").exists()
+    assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
+    done = thumper("replay", whole, "--out", tmp_path / "r")
+    assert done.returncode == 0, done.stderr
+    assert "scans mapped" in done.stdout
+    assert {path.name for path in (tmp_path / "r").iterdir()} == {
+        "map.pgm",
+        "map.yaml",
+        "map.png",
+        "trajectory.csv",
+    }
