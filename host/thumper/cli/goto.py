@@ -77,5 +77,9 @@ def stop(
     robot: Robot = "",
 ) -> None:
     """Cancel what a running robot does and stop it."""
+    from thumper.ros.convert import flag
+
     with join(config, bus, robot) as client:
+        if emergency:
+            client.publish("estop", flag(True))  # it goes before all questions
         print(client.query("command", {"command": "estop" if emergency else "cancel"})["text"])

@@ -113,9 +113,9 @@ class Pilot:
 
     def emergency_stop(self) -> None:
         """Switch the motors off and have the board latch it."""
-        self.board.command(Command.E_STOP)
         self._end("emergency stop")
-        self._rest("emergency stop")
+        self._rest("emergency stop")  # should the board not hear it, it hears nothing else either, and stops
+        self.board.command(Command.E_STOP)
 
     def clear_fault(self) -> None:
         """Unlatch; the motors stay off."""

@@ -1,9 +1,11 @@
 """Both ends of the bus, with a real Zenoh between them."""
 
+import os
 import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -161,6 +163,20 @@ def test_without_the_token_nobody_joins() -> None:
             assert robot.asked() == [EmergencyStop()]
     finally:
         robot.server.close()
+
+
+def test_nothing_listens_beyond_this_machine(robot: Robot) -> None:
+    """Every listening TCP socket of this process, and every bound UDP one, is on a loopback address."""
+    links = [os.readlink(path) for path in Path("/proc/self/fd").iterdir() if path.is_symlink()]
+    mine = {link[len("socket:[") : -1] for link in links if link.startswith("socket:[")}
+    found = []
+    for table, listens in (("tcp", "0A"), ("tcp6", "0A"), ("udp", "07"), ("udp6", "07")):
+        for line in Path(f"/proc/self/net/{table}").read_text(encoding="ascii").splitlines()[1:]:
+            cells = line.split()
+            if cells[9] in mine and cells[3] == listens:
+                found.append(cells[1].split(":")[0])
+    assert found
+    assert set(found) <= {"0100007F"}  # 127.0.0.1
 
 
 def test_no_robot_there() -> None:

@@ -122,6 +122,9 @@ def test_too_often_is_refused_and_waiting_helps() -> None:
     with pytest.raises(RefusedError, match="20 messages a second"):
         gate.message("command", raw, "", 0.0)
     assert gate.message("command", raw, "", 0.1) == Order(name="arm")
+    for _ in range(1000):
+        assert gate.message("estop", encode(flag(False)), "", 0.0) is None
+    assert gate.message("estop", encode(flag(True)), "", 0.0) == EmergencyStop()  # no flood keeps it out
     assert gate.message("heartbeat", encode(M.header(0.0)), "", 0.0)  # each topic for itself
 
 
