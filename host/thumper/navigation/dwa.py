@@ -87,7 +87,8 @@ class DwaController:
         if options.horizon_s < stop_s + 4.0 * options.step_s:
             raise ThumperError(
                 f"[navigation.dwa] horizon_s = {options.horizon_s} is too short to stop from full speed: "
-                f"use at least {stop_s + 4.0 * options.step_s:.2f}"
+                f"use at least {stop_s + 4.0 * options.step_s:.2f}",
+                exit_code=2,
             )
         self._options = options
         self._limits = limits

@@ -23,7 +23,7 @@ from thumper.navigation.wheel_ramp import WheelRamp
 DEEPER_M = 0.003
 CREEP_PART = 0.5
 LEAST_SLACK_M = 0.0003
-LAST_PART = 0.85
+LAST_PART = 0.8
 ROUNDING_M = 1e-9
 
 
@@ -32,7 +32,7 @@ class MonitorOptions:
     """How the collision monitor judges."""
 
     # Space kept round the footprint [m].
-    margin_m: Annotated[float, Ge(0)] = 0.025
+    margin_m: Annotated[float, Ge(0)] = 0.02
     # Step of its simulation [s].
     step_s: Annotated[float, Gt(0)] = 0.05
     # A contact nearer in time than this, at the present command, slows the robot in proportion [s]; 0 never.

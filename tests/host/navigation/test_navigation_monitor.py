@@ -12,7 +12,7 @@ from thumper.navigation.monitor import CollisionMonitor, MonitorOptions
 
 LIMITS = SpeedLimits()
 MONITOR = CollisionMonitor(MonitorOptions(), LIMITS, Footprint())
-FRONT_M, SIDE_M, MARGIN_M = 0.21, 0.1225, 0.025
+FRONT_M, SIDE_M, MARGIN_M = 0.21, 0.1225, 0.02
 
 
 def at(x_m: float, y_m: float) -> FloatArray:
