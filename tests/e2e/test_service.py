@@ -16,7 +16,7 @@ from thumper.geometry import Pose2, Twist2
 from thumper.link.messages import Fault, State, Telemetry
 from thumper.navigation.goal import Goal
 from thumper.ros.codec import Message
-from thumper.runtime import Runtime
+from thumper.runtime import Progress, Runtime
 from thumper.service.requests import (
     Ask,
     Channel,
@@ -291,3 +291,27 @@ def test_a_part_that_breaks_stops_the_robot_and_not_its_process(
     service.beats(2)
     assert service.telemetry.state is State.DISARMED
     assert "IndexError" in service.ask("mission/state")["reason"]
+
+
+@pytest.mark.parametrize(
+    ("request_", "why"),
+    [(Order(name="cancel"), "cancelled"), (EmergencyStop(), "emergency stop")],
+    ids=["cancel", "emergency stop"],
+)
+def test_a_drive_with_a_goal_of_its_own_can_be_stopped_but_not_sent_elsewhere(
+    service: Service, request_: Request, why: str
+) -> None:
+    told = False
+
+    def ask(beat: Progress) -> None:
+        nonlocal told
+        if beat.time_s > 1.5 and not told:
+            told = True
+            service.robot.inbox.put(GoTo(goals=(NEAR,)))
+            service.robot.inbox.put(request_)
+
+    result = service.robot.drive_to(FAR, ask)
+    assert not result.reached
+    assert result.reason == why
+    assert any("goals of its own" in event for event in service.events)
+    assert abs(service.bench.truth()[-1, 4]) < 0.05
