@@ -30,7 +30,9 @@ def test_keys_are_taken(tmp_path: Path) -> None:
 
 
 def test_a_configuration_survives_a_recording(tmp_path: Path) -> None:
-    text = 'name = "mole"\n[lidar]\nmodel = "ld19"\n[mapping]\nmethod = "rbpf"\n[navigation]\nplanner = "navfn"\n'
+    text = (
+        'name = "mole"\n[lidar]\nmodel = "ld19"\n[mapping]\nmethod = "rbpf"\n[navigation]\nplanner="navfn"\n'
+    )
     config = load_config(written(tmp_path, text))
     assert config_from_json(config_to_json(config)) == config != RobotConfig()
 

@@ -32,13 +32,14 @@ def record(
     from thumper.recording.recover import recover_apart
 
     settings = load_config(config)
-    folder = prepare_output(out or Path(settings.recording.folder))
+    folder = out or Path(settings.recording.folder)
 
     def say(text: str) -> None:
         print(f"thumper: {text}", file=sys.stderr)
 
-    recover_apart(folder)
     with join(config, bus, robot) as client:
+        prepare_output(folder)
+        recover_apart(folder)
         print(f"recording to {folder}/; Ctrl-C ends it")
         recorder = record_from_bus(client, folder, settings.recording, seconds=seconds, say=say)
     if recorder.trouble:
