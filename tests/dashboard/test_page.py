@@ -157,6 +157,19 @@ def test_the_stick_drives_while_it_is_held(page: Page, robot: FakeRobot) -> None
     assert len(robot.said(Velocity)) == count  # silence once it has let go
 
 
+def test_charts_freeze_and_are_saved(page: Page) -> None:
+    rows = "document.querySelector('.tp-wheels').charts.rows.length"
+    page.wait_for_function(f"{rows} > 5")
+    page.click("[data-chart=freeze]")
+    count = page.evaluate(rows)
+    with page.expect_download() as download:
+        page.click("[data-chart=csv]")
+    lines = download.value.path().read_text(encoding="utf-8").splitlines()
+    assert lines[0].startswith("time_s,left_setpoint_rad_s,left_speed_rad_s,left_pwm,left_integral_pwm")
+    assert len(lines) == 1 + count == 1 + page.evaluate(rows)
+    assert {len(line.split(",")) for line in lines} == {11}
+
+
 def test_recording(page: Page, robot: FakeRobot) -> None:
     page.click(".tp-record")
     until(lambda: robot.recording)

@@ -13,6 +13,7 @@ from thumper.dashboard.parameters import DOCS, Parameter, Parameters
 from thumper.errors import ThumperError
 
 SHOWN_DIGITS = 3
+RETRY_S = 2.0  # the robot may come later than the page
 
 
 class GainsPanel:
@@ -36,7 +37,7 @@ class GainsPanel:
         self._message = ui.html("", tag="p", sanitize=False).classes("tp-message").props("role=status")
         self._list = box("tp-gains")
         self._button("Read from the board", self._load, "tp-plain")
-        ui.timer(0.1, self._load, once=True)
+        self._until_loaded = ui.timer(RETRY_S, self._load, immediate=True)
 
     def _button(self, text: str, action: Callable[[], Any], kind: str) -> ui.element:
         with button(kind).on("click", action) as made:
@@ -50,6 +51,7 @@ class GainsPanel:
             self._known = {parameter.name: parameter for parameter in schema}
             self._wanted = dict(self._on_board)
             self._rows()
+            self._until_loaded.deactivate()
             return ""
 
         await self._do(ask)

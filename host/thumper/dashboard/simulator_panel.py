@@ -13,6 +13,7 @@ from thumper.dashboard.parameters import Asker
 from thumper.errors import ThumperError
 
 SPEEDS = (0.25, 0.5, 1.0, 2.0, 5.0)
+RETRY_S = 2.0  # the robot may come later than the page
 CARRY_HINT = "x, y, heading°"
 
 
@@ -54,13 +55,14 @@ class SimulatorPanel:
             "the test bench's page of the manual.</p>"
         )
         self._on_name()
-        ui.timer(0.2, self._load, once=True)
+        self._until_loaded = ui.timer(RETRY_S, self._load, immediate=True)
 
     async def _load(self) -> None:
         try:
             self._faults = (await asyncio.to_thread(self._robot.query, "simulator/world", {}))["faults"]
         except ThumperError:
-            return  # a real robot: the tab is not shown
+            return  # no robot yet, or a real one: the tab is not shown
+        self._until_loaded.deactivate()
         self._name.set_options(list(self._faults), value=next(iter(self._faults), None))
 
     def _on_name(self) -> None:
