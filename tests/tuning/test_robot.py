@@ -75,10 +75,18 @@ def test_an_interrupted_recording_stops_the_motors_and_leaves_its_log(tmp_path: 
     assert counts == [int(row["left_counts"]) for row in rows]
 
 
-def test_the_robot_stays_in_its_lane(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "options",
+    [
+        ExcitationOptions(lane_m=1.0),
+        ExcitationOptions(lane_m=1.0, steps_pwm=(255,), low_pwm=200, high_pwm=255, switching_blocks=2),
+    ],
+    ids=["as it is", "at full power"],
+)
+def test_the_robot_stays_in_its_lane(tmp_path: Path, options: ExcitationOptions) -> None:
     board = Board.open("sim://tune_lane/board?world=hall", baud=500_000)
     try:
-        path = record(board, ExcitationOptions(lane_m=1.0), tmp_path / "log.csv", lambda *_: None)
+        path = record(board, options, tmp_path / "log.csv", lambda *_: None)
     finally:
         board.close()
     with path.open() as file:

@@ -10,22 +10,19 @@ app = typer.Typer(
     invoke_without_command=True,
 )
 
-FIT_HELP = """Identify motors from logs: gain, time constant, static friction, delay, each with its
-uncertainty.
-
-A log is a CSV file with a header. Columns: time_s (or time_ms, time_us); pwm (of 255) or voltage_V, forward
-positive; counts (of the encoder, running on) or speed_rad_s (or speed_rpm, speed_counts_s). For
-several wheels:
-left_pwm, left_counts, right_pwm and so on. Optional: battery_V, current_A.
-
-A row holds the counts at its time and the drive applied from then until the next row. Rows may come
-irregularly,
-be missing, or hold glitches. Several files are runs of the same motor. SysId's JSON is read as well.
-
-With --json: per motor gain_rad_s_per_pwm (or _per_V), time_constant_s, static_friction_pwm (or _V) and
-delay_s,
-each with its _std, fit_percent on held-out data, and warnings; for several motors one object each.
-"""
+# One line a paragraph: the help breaks them itself.
+FIT_HELP = (
+    "Identify motors from logs: gain, time constant, static friction, delay, each with its uncertainty.\n\n"
+    "A log is a CSV file with a header. Columns: time_s (or time_ms, time_us); pwm (of 255) or voltage_V, "
+    "forward positive; counts (of the encoder, running on) or speed_rad_s (or speed_rpm, speed_counts_s). "
+    "For several wheels: left_pwm, left_counts, right_pwm and so on. Optional: battery_V, current_A.\n\n"
+    "A row holds the counts at its time and the drive applied from then until the next row. Rows may come "
+    "irregularly, be missing, or hold glitches. Several files are runs of the same motor. SysId's JSON is "
+    "read as well.\n\n"
+    "With --json: per motor gain_rad_s_per_pwm (or _per_V), time_constant_s, static_friction_pwm (or _V) and "
+    "delay_s, each with its _std, fit_percent on held-out data, and warnings; for several motors one object "
+    "each."
+)
 
 Board = Annotated[
     str, typer.Option(help="Board port or URL, for example /dev/ttyUSB0 or sim://tune/board?world=hall.")
@@ -33,17 +30,31 @@ Board = Annotated[
 Out = Annotated[Path, typer.Option(help="Folder for logs, gains and report.")]
 Files = Annotated[list[Path], typer.Argument(help="Logs of one robot or motor.")]
 CountsPerRev = Annotated[float, typer.Option(help="Encoder counts a turn of the wheel.", min=1.0)]
-Lane = Annotated[
-    float, typer.Option(help="Free floor ahead of the robot, and as much behind it, in metres.", min=0.6)
+Settings = Annotated[
+    Path | None,
+    typer.Option(help="TOML with tables [excitation], [verify], [design]; options given here come first."),
 ]
-Hold = Annotated[float, typer.Option(help="How long verification holds its top speed, in seconds.", min=0.0)]
+Lane = Annotated[
+    float | None,
+    typer.Option(
+        help="Free floor ahead of the robot, and as much behind it, in metres.", min=0.6, show_default="1.2"
+    ),
+]
+Hold = Annotated[
+    float | None,
+    typer.Option(help="How long verification holds its top speed, in seconds.", min=0.0, show_default="1.5"),
+]
 Yes = Annotated[bool, typer.Option("--yes", help="Ask nothing: the lane is free, and the gains are saved.")]
 OneDirection = Annotated[bool, typer.Option("--one-direction", help="Accept a log that drives one way only.")]
 Rule = Annotated[
-    str, typer.Option(help="migo, improved-simc, simc, amigo, ziegler-nichols or pole-placement.")
+    str | None,
+    typer.Option(
+        help="migo, improved-simc, simc, amigo, ziegler-nichols or pole-placement.", show_default="migo"
+    ),
 ]
 Sensitivity = Annotated[
-    float, typer.Option(help="Largest Ms for migo: 1.4 is safe, 2 is brisk.", min=1.05, max=3.0)
+    float | None,
+    typer.Option(help="Largest Ms for migo: 1.4 is safe, 2 is brisk.", min=1.05, max=3.0, show_default="1.6"),
 ]
 Manual = Annotated[
     tuple[float, float] | None, typer.Option(help="KP KI of your own instead of a rule: judged, not changed.")
@@ -55,10 +66,11 @@ def tune(
     context: typer.Context,
     board: Board = "/dev/ttyUSB0",
     out: Out = Path("out/tune"),
-    lane: Lane = 1.2,
-    hold: Hold = 1.5,
-    rule: Rule = "migo",
-    ms: Sensitivity = 1.6,
+    lane: Lane = None,
+    hold: Hold = None,
+    rule: Rule = None,
+    ms: Sensitivity = None,
+    settings: Settings = None,
     yes: Yes = False,
 ) -> None:
     """Record, fit, design, verify and report in one go; the gains are written when you confirm."""
@@ -68,16 +80,15 @@ def tune(
 
     from thumper.cli.output import prepare_output
     from thumper_tuning.commands import tune_all
-    from thumper_tuning.design.design import DesignOptions
-    from thumper_tuning.robot.excitation import ExcitationOptions
-    from thumper_tuning.robot.verify import VerifyOptions
+    from thumper_tuning.settings import load_settings
 
+    wanted = load_settings(settings).but(lane_m=lane, hold_s=hold, rule=rule, largest_sensitivity=ms)
     tune_all(
         board,
         prepare_output(out),
-        ExcitationOptions(lane_m=lane),
-        VerifyOptions(hold_s=hold),
-        DesignOptions(rule=rule, largest_sensitivity=ms),
+        wanted.excitation,
+        wanted.verify,
+        wanted.design,
         yes=yes,
         console=Console(),
     )
@@ -87,21 +98,24 @@ def tune(
 def record(
     board: Board = "/dev/ttyUSB0",
     out: Out = Path("out/tune"),
-    lane: Lane = 1.2,
+    lane: Lane = None,
+    settings: Settings = None,
 ) -> None:
-    """Drive the identification experiment to and fro and leave identification.csv. Ctrl-C stops the
-    motors."""
+    """Drive the identification experiment to and fro, leave identification.csv. Ctrl-C stops the motors."""
     from rich.console import Console
 
     from thumper.cli.output import prepare_output
     from thumper_tuning.commands import LANE_WIDTH_M, opened, record_to
-    from thumper_tuning.robot.excitation import ExcitationOptions
+    from thumper_tuning.settings import load_settings
 
     console = Console()
+    options = load_settings(settings).but(lane_m=lane).excitation
     prepare_output(out)
     with opened(board) as robot:
-        console.print(f"needs a lane {LANE_WIDTH_M:g} m wide, {lane:g} m free ahead and behind; Ctrl-C stops")
-        path = record_to(robot, out / "identification.csv", ExcitationOptions(lane_m=lane), console)
+        console.print(
+            f"needs a lane {LANE_WIDTH_M:g} m wide, {options.lane_m:g} m free ahead and behind; Ctrl-C stops"
+        )
+        path = record_to(robot, out / "identification.csv", options, console)
     console.print(f"{path} is there; next: thumper tune fit {path}")
 
 
@@ -135,8 +149,8 @@ def fit(
 def design(
     files: Files,
     out: Out = Path("out/tune"),
-    rule: Rule = "migo",
-    ms: Sensitivity = 1.6,
+    rule: Rule = None,
+    ms: Sensitivity = None,
     manual: Manual = None,
     rate: Annotated[int, typer.Option(help="The firmware's control rate in Hz.", min=1, max=255)] = 10,
     battery: Annotated[
@@ -145,25 +159,26 @@ def design(
     ] = None,
     counts_per_rev: CountsPerRev = 1200.0,
     one_direction: OneDirection = False,
+    settings: Settings = None,
 ) -> None:
     """Design gains for logged motors, on the wire's grid, and leave gains.json and report.html."""
+    from dataclasses import replace
+
     from rich.console import Console
 
     from thumper.cli.output import prepare_output
     from thumper_tuning.commands import design_for, identify_files, write_gains_file
-    from thumper_tuning.design.design import DesignOptions
     from thumper_tuning.design.rules import PiGains
     from thumper_tuning.report.page import write_report
+    from thumper_tuning.settings import load_settings
 
     console = Console()
+    wanted = load_settings(settings).but(rule=rule, largest_sensitivity=ms)
+    options = replace(wanted.design, period_s=1.0 / rate)
+    if manual:
+        options = replace(options, manual=PiGains(kp=manual[0], ki=manual[1]))
     prepare_output(out)
     motors = identify_files(files, counts_per_rev, one_direction)
-    options = DesignOptions(
-        rule=rule,
-        largest_sensitivity=ms,
-        period_s=1.0 / rate,
-        manual=PiGains(kp=manual[0], ki=manual[1]) if manual else None,
-    )
     result = design_for(motors, options, battery, console)
     path = write_gains_file(out / "gains.json", result)
     page = write_report(out / "report.html", motors, result)
@@ -175,19 +190,20 @@ def verify(
     gains: Annotated[Path, typer.Argument(help="gains.json of `tune design`.")],
     board: Board = "/dev/ttyUSB0",
     out: Out = Path("out/tune"),
-    hold: Hold = 1.5,
+    hold: Hold = None,
+    settings: Settings = None,
 ) -> None:
     """Set the gains, drive trapezoids there and back, and print how well the set-point was followed."""
     from rich.console import Console
 
     from thumper.cli.output import prepare_output
     from thumper_tuning.commands import LANE_WIDTH_M, opened, read_gains_file, verify_on
-    from thumper_tuning.robot.verify import VerifyOptions
+    from thumper_tuning.settings import load_settings
 
     console = Console()
-    prepare_output(out)
+    options = load_settings(settings).but(hold_s=hold).verify
     wanted = read_gains_file(gains)
-    options = VerifyOptions(hold_s=hold)
+    prepare_output(out)
     with opened(board) as robot:
         lane_m = options.lane_m(robot.identity.wheel_radius_mm / 1000.0)
         console.print(f"needs a lane {LANE_WIDTH_M:g} m wide and {lane_m:.1f} m free ahead; Ctrl-C stops")
@@ -198,14 +214,14 @@ def verify(
 def report(
     files: Files,
     out: Out = Path("out/tune"),
-    rule: Rule = "migo",
-    ms: Sensitivity = 1.6,
+    rule: Rule = None,
+    ms: Sensitivity = None,
     counts_per_rev: CountsPerRev = 1200.0,
     one_direction: OneDirection = False,
+    settings: Settings = None,
 ) -> None:
-    """Write report.html for logs: data and model, residuals, Bode, Nyquist, step, sensitivity,
-    pole-zero map."""
+    """Write report.html for logs: data, model, residuals, Bode, Nyquist, step, sensitivity, pole-zero map."""
     design(
         files, out=out, rule=rule, ms=ms, manual=None, rate=10, battery=None, counts_per_rev=counts_per_rev,
-        one_direction=one_direction,
+        one_direction=one_direction, settings=settings,
     )  # fmt: skip

@@ -1,17 +1,15 @@
 """Read the robot's TOML and check every key, type and range. Nothing unknown is ignored."""
 
-import difflib
-import json
 import math
-import tomllib
-from dataclasses import dataclass, field, is_dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast, get_type_hints
+from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from thumper.bus.options import BusOptions
+from thumper.config.checked import read_checked
 from thumper.dashboard.options import DashboardOptions
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
@@ -105,20 +103,7 @@ def load_config(path: Path | None) -> RobotConfig:
     """
     if path is None:
         return RobotConfig()
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ThumperError(f"{path}: cannot read the configuration: {error.strerror}", exit_code=2) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ThumperError(f"{path}: not valid TOML: {error}", exit_code=2) from error
-    _refuse_unknown_keys(data, RobotConfig, path, "")
-    try:
-        # By way of JSON: in strict mode pydantic takes tables for dataclasses only from there.
-        config = _ADAPTER.validate_json(json.dumps(data, default=str), strict=True)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise ThumperError(f"{path}: {key} = {first['input']!r}: {first['msg']}", exit_code=2) from error
+    config = read_checked(path, _ADAPTER, RobotConfig, "configuration")
     try:
         check_names(config.navigation)
     except ThumperError as error:
@@ -151,17 +136,3 @@ def with_ports(config: RobotConfig, *, board: str, lidar: str) -> RobotConfig:
         board=replace(config.board, port=board or config.board.port),
         lidar=replace(config.lidar, port=lidar or config.lidar.port),
     )
-
-
-def _refuse_unknown_keys(table: dict[str, Any], of: type, path: Path, prefix: str) -> None:
-    """pydantic ignores what a plain dataclass does not know; a typing error must not pass unseen."""
-    types = get_type_hints(of)
-    for key, value in table.items():
-        if key not in types:
-            close = difflib.get_close_matches(key, types, n=1)
-            hint = f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(sorted(types))}"
-            raise ThumperError(f"{path}: unknown key {prefix}{key}; {hint}", exit_code=2)
-        if isinstance(value, dict) and is_dataclass(types[key]):
-            _refuse_unknown_keys(value, cast("type", types[key]), path, f"{prefix}{key}.")
-        elif isinstance(value, float) and not math.isfinite(value):
-            raise ThumperError(f"{path}: {prefix}{key} = {value}: give a finite number", exit_code=2)

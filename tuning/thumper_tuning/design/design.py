@@ -1,6 +1,9 @@
 """One set of gains for the board from its identified wheels, and what it promises."""
 
 from dataclasses import dataclass, replace
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Le, Lt
 
 from thumper.errors import ThumperError
 from thumper_tuning.design.family import worst
@@ -19,12 +22,12 @@ class DesignOptions:
     """What to design for."""
 
     rule: str = "migo"
-    largest_sensitivity: float = 1.6  # of migo
-    natural_rad_s: float = 8.0  # of pole-placement
-    damping: float = 0.8  # of pole-placement
-    period_s: float = 0.1
+    largest_sensitivity: Annotated[float, Ge(1.05), Le(3)] = 1.6  # of migo
+    natural_rad_s: Annotated[float, Gt(0)] = 8.0  # of pole-placement
+    damping: Annotated[float, Gt(0), Lt(1)] = 0.8  # of pole-placement
+    period_s: Annotated[float, Gt(0)] = 0.1
     feed_forward: bool = True
-    acceleration_rad_s2: float = 8.0
+    acceleration_rad_s2: Annotated[float, Ge(0), Le(200)] = 8.0
     manual: PiGains | None = None
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Gt, Le, MinLen
 from numpy.typing import NDArray
 
 IntArray = NDArray[np.int64]
@@ -15,14 +15,14 @@ class ExcitationOptions:
     """The experiment. The defaults fit a Wild Thumper and need 1.2 m of free floor ahead and behind."""
 
     lane_m: Annotated[float, Gt(0.3)] = 1.2  # free floor ahead, and as much behind
-    steps_pwm: tuple[int, ...] = (60, 110, 160)
+    steps_pwm: Annotated[tuple[Annotated[int, Ge(1), Le(255)], ...], MinLen(1)] = (60, 110, 160)
     low_pwm: Annotated[int, Ge(30), Le(255)] = 70
     high_pwm: Annotated[int, Ge(30), Le(255)] = 160
     step_s: Annotated[float, Gt(0)] = 1.2
     pause_s: Annotated[float, Gt(0)] = 0.6
     switching_blocks: Annotated[int, Ge(2)] = 14
     block_s: Annotated[float, Gt(0)] = 1.8
-    seed: int = 1
+    seed: Annotated[int, Ge(0)] = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

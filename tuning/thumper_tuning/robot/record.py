@@ -15,7 +15,8 @@ from thumper_tuning.robot.session import armed, beat
 
 Show = Callable[[int, int, str], None]  # done, total, what
 
-SLOWING_M = 0.25  # a block ends this far before the lane does
+SLOWING_M = 0.25  # a block ends at least this far before the lane does
+COASTING_M_S2 = 0.8  # the robot at PWM 0 slows down by at least this; simulated: 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,16 +64,18 @@ def _drive(board: Board, options: ExcitationOptions, samples: list[TelemetrySamp
     board.set_motor_pwm(0, 0)
     first = beat(board, State.MANUAL)
     start = first.telemetry.left_count + first.telemetry.right_count
-    where_m, side = 0.0, -1
+    where_m, step_m, side = 0.0, 0.0, -1
     for block in experiment:
-        side = _side(where_m, side, options.lane_m)
+        side, free = _side(where_m, side, options.lane_m), True
         for level in block.levels.tolist():
-            ahead_m = options.lane_m - SLOWING_M - side * where_m
-            pwm = side * level if ahead_m > 0.0 else 0
+            slowing_m = max(SLOWING_M, (step_m * rate_Hz) ** 2 / (2.0 * COASTING_M_S2) + step_m)
+            free = free and side * where_m < options.lane_m - slowing_m
+            pwm = side * level if free else 0
             board.set_motor_pwm(pwm, pwm)
             sample = beat(board, State.MANUAL)
             samples.append(sample)
             counts = sample.telemetry.left_count + sample.telemetry.right_count - start
+            step_m = abs(0.5 * counts * m_per_count - where_m)
             where_m = 0.5 * counts * m_per_count
             done += 1
             show(done, total, block.name)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Gt, Le, MinLen
 
 from thumper.geometry import FloatArray
 from thumper.kinematics import WheelSpeeds
@@ -27,7 +27,7 @@ class VerifyOptions:
 
     speed_rad_s: Annotated[float, Gt(0), Le(13)] = 8.0
     hold_s: Annotated[float, Ge(0)] = 1.5
-    accelerations_rad_s2: tuple[float, ...] = (4.0, 8.0)
+    accelerations_rad_s2: Annotated[tuple[Annotated[float, Gt(0), Le(200)], ...], MinLen(1)] = (4.0, 8.0)
 
     def lane_m(self, radius_m: float) -> float:
         """Free floor that it needs ahead."""
