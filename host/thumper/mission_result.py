@@ -10,7 +10,7 @@ class MissionResult:
     """How a drive to a goal ended."""
 
     reached: bool
-    interrupted: bool  # by the user, with Ctrl-C
+    interrupted: bool  # by the user, with Ctrl-C or over the bus
     reason: str
     time_s: float
     path_length_m: float

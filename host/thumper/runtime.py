@@ -130,7 +130,7 @@ class Runtime:
         end = self.senses.perception.situation() or start
         return MissionResult(
             reached=ending.reached,
-            interrupted=interrupted,
+            interrupted=interrupted or ending.by_user,
             reason=reason,
             time_s=end.time_s - start.time_s,
             path_length_m=path_length_m(self.log.poses),

@@ -1,12 +1,25 @@
 """Put a robot on the bus for as long as it runs."""
 
+import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 from thumper.bus.options import BusOptions
 from thumper.bus.server import BusServer
+from thumper.errors import ThumperError
 from thumper.runtime import Runtime
 from thumper.service.requests import Notice
+
+
+@contextmanager
+def on_bus_if_free(robot: Runtime, name: str, options: BusOptions) -> Iterator[None]:
+    """Let a drive be watched and stopped over the bus; it does not depend on it."""
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(on_bus(robot, name, options))
+        except ThumperError as error:
+            print(f"thumper: nobody can watch or stop this drive: {error}", file=sys.stderr)
+        yield
 
 
 @contextmanager

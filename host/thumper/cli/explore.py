@@ -33,6 +33,7 @@ def explore(
     from rich.console import Console
 
     from thumper.assembly import open_robot
+    from thumper.bus.attach import on_bus_if_free
     from thumper.cli.output import prepare_output
     from thumper.cli.recorded import recorded
     from thumper.config.robot import load_config, with_ports
@@ -46,7 +47,11 @@ def explore(
     console = Console()
     home = Goal(x_m=0.0, y_m=0.0, tolerance_m=HOME_TOLERANCE_M)
     explorer = Explorer(ExplorationOptions(), settings.footprint)
-    with open_robot(settings, Pose2()) as robot, recorded(robot, settings, Pose2(), record, record_to):
+    with (
+        open_robot(settings, Pose2()) as robot,
+        recorded(robot, settings, Pose2(), record, record_to),
+        on_bus_if_free(robot, settings.name, settings.bus),
+    ):
         ending = _explore(robot, explorer, 60.0 * minutes, console)
         console.print(ending)
         result = _drive(robot, home, "home", console)

@@ -1,9 +1,6 @@
 """`thumper run`: start the robot; with goals drive to them and end, without keep it at others' service."""
 
 import math
-import sys
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -69,6 +66,7 @@ def run(
     from rich.console import Console
 
     from thumper.assembly import open_robot
+    from thumper.bus.attach import on_bus_if_free
     from thumper.cli.mission import INTERRUPTED, drive_with_progress
     from thumper.cli.output import prepare_output
     from thumper.cli.recorded import recorded
@@ -108,7 +106,7 @@ def run(
         beside(config, settings.bus.address, wanted=ui),
         open_robot(settings, start_pose, known) as robot,
         recorded(robot, settings, start_pose or Pose2(), record, record_to),
-        _on_bus_if_free(robot, settings),
+        on_bus_if_free(robot, settings.name, settings.bus),
     ):
         result = follow(
             Itinerary(goals=goals, rounds=patrol),
@@ -134,20 +132,6 @@ def _serve(robot: "Runtime", settings: "RobotConfig", speed: float, out: Path, c
         console.print(f"{settings.name} is at service on {settings.bus.address}; Ctrl-C ends it")
         robot.serve(speed=speed)
     console.print("stopped")
-
-
-@contextmanager
-def _on_bus_if_free(robot: "Runtime", settings: "RobotConfig") -> Iterator[None]:
-    """A drive can be watched and stopped over the bus; but it does not depend on it."""
-    from thumper.bus.attach import on_bus
-    from thumper.errors import ThumperError
-
-    with ExitStack() as stack:
-        try:
-            stack.enter_context(on_bus(robot, settings.name, settings.bus))
-        except ThumperError as error:
-            print(f"thumper: nobody can watch or stop this drive: {error}", file=sys.stderr)
-        yield
 
 
 def _place(text: str) -> tuple[float, float]:

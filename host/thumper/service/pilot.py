@@ -47,6 +47,7 @@ class Ending:
 
     reached: bool
     reason: str
+    by_user: bool = False  # stopped, or overridden, by somebody's wish
 
 
 class Pilot:
@@ -107,13 +108,13 @@ class Pilot:
 
     def disarm(self, reason: str) -> None:
         """Switch the motors off, now."""
-        self._end(reason)
+        self._end(reason, by_user=True)
         self._rest(reason)
         self.board.command(Command.DISARM)
 
     def emergency_stop(self) -> None:
         """Switch the motors off and have the board latch it."""
-        self._end("emergency stop")
+        self._end("emergency stop", by_user=True)
         self._rest("emergency stop")  # should the board not hear it, it hears nothing else either, and stops
         self.board.command(Command.E_STOP)
 
@@ -123,7 +124,7 @@ class Pilot:
 
     def stop(self, reason: str) -> None:
         """Give up the drive, if there is one; slow down to a stand, then motors off."""
-        self._end(reason)
+        self._end(reason, by_user=True)
         self.mux.clear()
         self._cruise = Twist2()
         if self.mode is not Mode.IDLE:
@@ -207,7 +208,7 @@ class Pilot:
 
     def _drive_by_hand(self, who: str, twist: Twist2, telemetry: Telemetry) -> None:
         reason = f"driven by {who}"
-        self._end(f"overridden: {reason}")
+        self._end(f"overridden: {reason}", by_user=True)
         if self._feel is None:
             self._feel = MotorFeel(
                 ks_pwm=self.board.get_parameter("ks"), kv_pwm_s=self.board.get_parameter("kv")
@@ -266,9 +267,9 @@ class Pilot:
         self._speeds = limit_wheel_speeds(wheel_speeds(self._cruise, self._drive), self._max_wheel_rad_s)
         self.board.set_wheel_speeds(self._speeds)
 
-    def _end(self, reason: str, *, reached: bool = False) -> None:
+    def _end(self, reason: str, *, reached: bool = False, by_user: bool = False) -> None:
         if self.goal is not None:
-            self.ending = Ending(reached=reached, reason=reason)
+            self.ending = Ending(reached=reached, reason=reason, by_user=by_user)
             self.goal = None
 
     def _rest(self, reason: str) -> None:
