@@ -1,5 +1,5 @@
 # Two commands matter: `make demo` (see the robot drive) and `make test`. Both install what is missing.
-.PHONY: help demo test lint format firmware chip protocol docs bench mutation clean
+.PHONY: help demo test lint format firmware chip protocol reference docs bench mutation clean
 
 PYTHON ?=
 VENV := .venv
@@ -12,6 +12,7 @@ help:
 	@echo "make test      install what is missing, build, and run every test"
 	@echo "make lint      ruff, mypy --strict, clang-format"
 	@echo "make firmware  build firmware/build/thumper.elf and .hex and those of the second board, print their size"
+	@echo "make reference  write the reference pages of commands and options anew"
 	@echo "make docs      build the documentation's site into site/, offline; a dead link is an error"
 	@echo "make bench     run the benchmarks"
 	@echo "make mutation  flip every operator and constant of the firmware's core and count who notices (half an hour)"
@@ -42,6 +43,9 @@ chip: $(VENV)/.run $(VENV)/.packages
 
 protocol: $(VENV)/.run
 	$(BIN)/python firmware/protocol/generate.py
+
+reference: $(VENV)/.run
+	$(BIN)/python scripts/generate_reference.py
 
 docs: $(VENV)/.dev
 	@$(BIN)/zensical build --clean --strict

@@ -10,13 +10,13 @@ import pytest
 import serial
 from typer.testing import CliRunner
 
-from thumper.cli import _build
+from thumper.cli import build_app
 from thumper_hil.parts.params import RobotParams
 
 
 def diagnose(*arguments: str, answer: str = "y\n") -> tuple[int, list[dict[str, Any]]]:
     """Run the doctor for a second a link; returns its exit code and the lines on the robot."""
-    done = CliRunner().invoke(_build(), ["doctor", "--seconds", "1", "--json", *arguments], input=answer)
+    done = CliRunner().invoke(build_app(), ["doctor", "--seconds", "1", "--json", *arguments], input=answer)
     report = json.loads(done.stdout)
     assert report["ok"] == (done.exit_code == 0)
     checks: list[dict[str, Any]] = report["checks"]

@@ -42,7 +42,8 @@ def _show_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-def _build() -> typer.Typer:
+def build_app() -> typer.Typer:
+    """All commands, those of other packages included."""
     app = typer.Typer(
         help="A brain for differential-drive robots: holds wheel speeds, maps, and drives to a goal.",
         no_args_is_help=True,
@@ -91,7 +92,7 @@ def main() -> None:
     """Run the command line; a fault that the user can mend is one line on stderr, never a traceback."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a polite kill is a Ctrl-C: motors first
     try:
-        _build()()
+        build_app()()
     except ThumperError as error:
         print(f"thumper: {error}", file=sys.stderr)
         sys.exit(error.exit_code)

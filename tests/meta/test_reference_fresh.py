@@ -1,0 +1,72 @@
+"""The generated reference pages say what the commands and the configuration say."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import get_type_hints
+
+from thumper.config.robot import RobotConfig
+
+ROOT = Path(__file__).parents[2]
+GENERATE = ROOT / "scripts/generate_reference.py"
+REFERENCE = ROOT / "docs/reference"
+
+
+def check(script: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, str(script), "--check"], capture_output=True, text=True, check=False
+    )
+
+
+def test_the_pages_are_fresh() -> None:
+    result = check(GENERATE)
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+def test_check_notices_a_stale_page_and_leaves_it(tmp_path: Path) -> None:
+    (tmp_path / "scripts").mkdir()
+    script = tmp_path / "scripts" / GENERATE.name
+    script.write_bytes(GENERATE.read_bytes())
+    folder = tmp_path / "docs" / "reference"
+    folder.mkdir(parents=True)
+    (folder / "cli.md").write_bytes((REFERENCE / "cli.md").read_bytes())
+    changed = (REFERENCE / "options.md").read_text(encoding="utf-8").replace("model", "modle")
+    (folder / "options.md").write_text(changed, encoding="utf-8")
+
+    result = check(script)
+
+    assert result.returncode == 1
+    assert "stale: docs/reference/options.md" in result.stdout
+    assert "cli.md" not in result.stdout
+    assert (folder / "options.md").read_text(encoding="utf-8") == changed
+
+
+def keys_of(table: type, name: str = "") -> Iterator[tuple[str, str]]:
+    """Every key of the robot's TOML, with the table that it stands in."""
+    hints = get_type_hints(table)
+    for field in fields(table):
+        if is_dataclass(hints[field.name]):
+            yield from keys_of(hints[field.name], f"{name}.{field.name}".lstrip("."))
+        else:
+            yield name, field.name
+
+
+def test_every_key_stands_in_the_reference_under_its_table() -> None:
+    sections = re.split(r"^## ", (REFERENCE / "options.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    rows = {
+        (section.splitlines()[0].strip("[]").replace("At the top", ""), key)
+        for section in sections[1:]
+        for key in re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE)
+    }
+    assert rows == set(keys_of(RobotConfig))
+
+
+def test_every_key_is_explained_in_a_page_that_a_person_wrote() -> None:
+    text = "\n".join(
+        page.read_text(encoding="utf-8") for page in (ROOT / "docs").rglob("*.md") if page.parent != REFERENCE
+    )
+    words = set(re.findall(r"\w+", text))
+    assert {key for _, key in keys_of(RobotConfig)} <= words
