@@ -2,11 +2,13 @@
 
 import math
 import time
+from functools import partial
+from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, expect
 
-from tests.dashboard.conftest import Server, until
+from tests.dashboard.conftest import Server, free_port, until
 from tests.dashboard.fake_robot import FakeRobot
 from thumper.geometry import Pose2
 from thumper.link.messages import Fault
@@ -208,3 +210,23 @@ def test_it_comes_back_when_the_server_does(page: Page, server: Server, robot: F
     page.wait_for_function("document.querySelector('#tp-banner')?.textContent === 'Simulated robot'")
     page.keyboard.press("Escape")
     until(lambda: robot.said(EmergencyStop))
+
+
+def test_it_follows_a_robot_that_was_started_anew(browser: Browser, tmp_path: Path) -> None:
+    address = f"127.0.0.1:{free_port()}"
+    server = Server(address, tmp_path)  # before there is a robot
+    page = browser.new_page()
+    banner = page.locator("#tp-banner")
+    try:
+        page.goto(server.url)
+        expect(banner).to_have_text("Waiting for the robot …")
+        for _ in range(2):
+            robot = FakeRobot(address=address)
+            expect(banner).to_have_text("Simulated robot", timeout=15_000)
+            page.click(".tp-estop")
+            until(partial(robot.said, EmergencyStop))
+            robot.close()
+            expect(banner).to_contain_text("No word from the robot")
+    finally:
+        page.close()
+        server.close()

@@ -1,6 +1,8 @@
 """The page's end of the bus: there before the robot is, and again when the robot comes back."""
 
+import math
 import threading
+import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, Protocol
@@ -9,6 +11,7 @@ from thumper.errors import ThumperError
 from thumper.ros.codec import Message
 
 RETRY_S = 1.0
+SILENT_S = 3.0  # a robot at work says something ten times a second
 
 
 class Client(Protocol):
@@ -39,6 +42,7 @@ class RobotLink:
         self._join = join
         self._client: Client | None = None
         self._end = threading.Event()
+        self._heard_s = -math.inf
         self.problem = ""  # why there is no robot, in words
 
     def start(self, take: Callable[[str, Message], None], topics: tuple[str, ...]) -> None:
@@ -59,18 +63,29 @@ class RobotLink:
     def close(self) -> None:
         """Leave the bus, or stop trying to join."""
         self._end.set()
-        if self._client is not None:
-            self._client.close()
+        self._leave()
 
     def _run(self, take: Callable[[str, Message], None], topics: tuple[str, ...]) -> None:
+        """Join, and join anew when the robot has fallen silent: another one may have taken its place."""
+
+        def heard(topic: str, message: Message) -> None:
+            self._heard_s = time.monotonic()
+            take(topic, message)
+
         while not self._end.is_set():
-            try:
-                client = self._join()
-            except ThumperError as error:
-                self.problem = str(error)
-                self._end.wait(RETRY_S)
-                continue
-            self._client = client
-            for topic in topics:
-                client.subscribe(topic, partial(take, topic))
-            return
+            if self._client is None or time.monotonic() - self._heard_s > SILENT_S:
+                self._leave()
+                try:
+                    client = self._join()
+                    for topic in topics:
+                        client.subscribe(topic, partial(heard, topic))
+                except ThumperError as error:
+                    self.problem = str(error)
+                else:
+                    self._client, self._heard_s = client, time.monotonic()
+            self._end.wait(RETRY_S)
+
+    def _leave(self) -> None:
+        client, self._client = self._client, None
+        if client is not None:
+            client.close()
