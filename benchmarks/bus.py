@@ -109,6 +109,7 @@ def main() -> None:
         address = f"127.0.0.1:{probe.getsockname()[1]}"
         probe.close()
         with robot(Path(folder), address):
+            watch(address)  # the first seconds load what is used for the first time
             tell("nobody listens", *watch(address))
             listeners = []
             for _ in range(LISTENERS):

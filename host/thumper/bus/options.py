@@ -9,6 +9,7 @@ from annotated_types import Ge, Le
 from thumper.errors import ThumperError
 
 LEAST_TOKEN_CHARACTERS = 12
+USUAL_ROBOT = "thumper"  # the name of a robot without a configuration
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,6 +8,7 @@ import typer
 
 if TYPE_CHECKING:
     from thumper.bus.client import BusClient
+    from thumper.bus.options import BusOptions
 
 TOKEN_VARIABLE = "THUMPER_TOKEN"  # not an option: others can read a command line
 
@@ -28,20 +29,28 @@ def join(config: Path | None, address: str, robot: str) -> "BusClient":
     """
     from thumper.bus.client import BusClient
     from thumper.bus.options import split_address
-    from thumper.config.robot import load_config
     from thumper.errors import ThumperError
 
-    settings = load_config(config)
-    address = address or settings.bus.address
+    name, options = _settings(config)
+    address = address or options.address
     try:
         split_address(address)
     except ValueError as error:
         raise ThumperError(f"--bus {error}", exit_code=2) from error
-    return BusClient(robot or settings.name, address, token_of(config))
+    return BusClient(robot or name, address, token_of(config))
 
 
 def token_of(config: Path | None) -> str:
     """The shared secret: from the environment, or the configuration; empty for none."""
+    return os.environ.get(TOKEN_VARIABLE) or _settings(config)[1].token
+
+
+def _settings(config: Path | None) -> "tuple[str, BusOptions]":
+    from thumper.bus.options import USUAL_ROBOT, BusOptions
+
+    if config is None:  # reading the configuration takes a second that a stop does not have
+        return USUAL_ROBOT, BusOptions()
     from thumper.config.robot import load_config
 
-    return os.environ.get(TOKEN_VARIABLE) or load_config(config).bus.token
+    settings = load_config(config)
+    return settings.name, settings.bus

@@ -77,9 +77,9 @@ def stop(
     robot: Robot = "",
 ) -> None:
     """Cancel what a running robot does and stop it."""
-    from thumper.ros.convert import flag
+    from thumper.ros.codec import message
 
     with join(config, bus, robot) as client:
         if emergency:
-            client.publish("estop", flag(True))  # it goes before all questions
+            client.publish("estop", message("std_msgs/msg/Bool", data=True))  # it goes before all questions
         print(client.query("command", {"command": "estop" if emergency else "cancel"})["text"])
