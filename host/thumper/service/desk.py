@@ -1,6 +1,5 @@
 """Takes what others ask of the robot, has it done by those who can, and answers. Runs in the robot's loop."""
 
-import math
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
@@ -11,6 +10,7 @@ from thumper.ros.convert import ERROR, INFO, WARN
 from thumper.senses import Senses
 from thumper.service import board_parameters
 from thumper.service.experiments import Experiments
+from thumper.service.goal_content import goal_of
 from thumper.service.inbox import Inbox
 from thumper.service.missions import Missions
 from thumper.service.pilot import Mode, Pilot
@@ -167,7 +167,7 @@ class Desk:
             case "parameters/revert":
                 return board_parameters.revert(board)
             case "mission/send":
-                return {"mission": self._go((_goal_of(ask.content),), ask.source)}
+                return {"mission": self._go((goal_of(ask.content),), ask.source)}
             case "mission/state":
                 return self._mission_state(ask.content)
             case "command":
@@ -284,24 +284,3 @@ class Desk:
     def _must_stand(self, what: str) -> None:
         if self._pilot.mode in (Mode.DRIVING, Mode.MANUAL, Mode.STOPPING):
             raise ThumperError(f"the robot must stand to {what}: stop it first")
-
-
-def _goal_of(content: Mapping[str, Any]) -> Goal:
-    """x_m, y_m, and perhaps yaw_rad and tolerance_m; nothing else, and all of them numbers."""
-    known = {"x_m", "y_m", "yaw_rad", "tolerance_m"}
-    numbers = {
-        name: float(value)
-        for name, value in content.items()
-        if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    }
-    if set(numbers) != set(content) or not {"x_m", "y_m"} <= set(numbers) <= known:
-        raise ThumperError("a goal is x_m, y_m and perhaps yaw_rad and tolerance_m, all of them numbers")
-    tolerance_m = numbers.get("tolerance_m", 0.1)
-    if not 0.02 <= tolerance_m <= 1.0:
-        raise ThumperError("a goal's tolerance is 0.02...1 m")
-    return Goal(
-        x_m=numbers["x_m"],
-        y_m=numbers["y_m"],
-        theta_rad=numbers.get("yaw_rad"),
-        tolerance_m=tolerance_m,
-    )
