@@ -1,4 +1,4 @@
-"""Figures of navigation: `python benchmarks/navigation.py [planner] [costmap] [rollouts] [cycle]`.
+"""Figures of navigation: `python benchmarks/navigation.py [planner] [costmap] [rollouts] [cycle] [loop]`.
 
 Without arguments: all of them. Recorded maps come from $THUMPER_DATA (default
 ../shared/data). Times are CPU milliseconds of this thread.
@@ -7,13 +7,16 @@ Without arguments: all of them. Recorded maps come from $THUMPER_DATA (default
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.console import Console
 
 from thumper.geometry import Pose2, Twist2
 from thumper.mapping.grid import OccupancyGrid
@@ -32,9 +35,13 @@ from thumper.navigation.navfn import NavfnOptions, NavfnPlanner
 from thumper.navigation.navigator import Navigator
 from thumper.navigation.path import arc_lengths
 from thumper.navigation.planner import Planner
+from thumper.perception import Perception
+from thumper.service.pilot import Pilot
 from thumper_hil.arena.closed_loop import drive
 from thumper_hil.arena.maps import read_pgm, read_trinary
 from thumper_hil.arena.world import World, box
+from thumper_hil.demo.missions import MISSIONS
+from thumper_hil.demo.run import drive_mission
 
 DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2] / "shared" / "data")) / "nav"
 NO_HITS = np.empty((0, 2))
@@ -168,30 +175,67 @@ def rollouts() -> None:
 
 def cycle() -> None:
     """The whole `Navigator.update` on a 10 m x 10 m map at 0.05 m, in a mission that maps as it goes."""
-    times: list[float] = []
-    original = Navigator.update
-
-    def timed(self: Navigator, *inputs: object) -> object:
-        begun = time.thread_time()
-        output = original(self, *inputs)  # type: ignore[arg-type]
-        times.append(time.thread_time() - begun)
-        return output
-
-    Navigator.update = timed  # type: ignore[method-assign,assignment]
     room = World.of(box(0.8, 0.0, 4.8, 3.8), box(1.2, 0.1, 0.40, 0.30, 0.58))
     start, goal = Pose2(x_m=2.05, y_m=0.64, theta_rad=-2.56), Goal(x_m=0.38, y_m=-0.45)
-    for seed in range(6):
-        drive(room, start, goal, (-4.2, -5.0, 10.0, 10.0), seed=seed)
-        if seed == 0:
-            times.clear()  # kernels were loaded in the first run
-    Navigator.update = original  # type: ignore[method-assign]
+    with timing(Navigator, "update") as times:
+        for seed in range(6):
+            drive(room, start, goal, (-4.2, -5.0, 10.0, 10.0), seed=seed)
+            if seed == 0:
+                times.clear()  # kernels were loaded in the first run
     p50, p99 = 1e3 * np.percentile(times, (50, 99))
     print(f"cycle: {len(times)} updates, p50 {p50:.2f} ms, p99 {p99:.2f} ms, max {1e3 * max(times):.2f} ms")
 
 
+def loop() -> None:
+    """The robot's own loop, SLAM beside navigation: the demo's missions with the real firmware, simulated.
+
+    Navigation is all that the pilot does in a beat, the copy of the map included; SLAM all that telemetry
+    and scans cost. The simulator's time is in neither.
+    """
+    with ExitStack() as stack:
+        cycles = stack.enter_context(timing(Pilot, "step"))
+        odometry = stack.enter_context(timing(Perception, "add_telemetry"))
+        mapping = stack.enter_context(timing(Perception, "add_scan"))
+        driven_s = 0.0
+        for seed in range(6):
+            for mission in MISSIONS:
+                outcome = drive_mission(mission, seed=seed, realtime=False, console=Console(quiet=True))
+                if seed > 0:
+                    driven_s += outcome.result.time_s
+            if seed == 0:  # kernels were loaded
+                for times in (cycles, odometry, mapping):
+                    times.clear()
+    print(f"loop: {driven_s:.0f} simulated s")
+    slam = [a + b for a, b in zip_longest(odometry, mapping, fillvalue=0.0)]
+    for name, times in (("navigation", cycles), ("SLAM", slam)):
+        p50, p99 = 1e3 * np.percentile(times, (50, 99))
+        print(
+            f"  {name}: p50 {p50:.2f} ms, p99 {p99:.2f} ms, max {1e3 * max(times):.2f} ms, "
+            f"{sum(times) / driven_s:.3f} core s a simulated s"
+        )
+
+
+@contextmanager
+def timing(owner: type, name: str) -> Iterator[list[float]]:
+    """CPU seconds of every call of a method, for as long as the context lasts."""
+    original, times = getattr(owner, name), []
+
+    def timed(*inputs: object, **named: object) -> object:
+        begun = time.thread_time()
+        output = original(*inputs, **named)
+        times.append(time.thread_time() - begun)
+        return output
+
+    setattr(owner, name, timed)
+    try:
+        yield times
+    finally:
+        setattr(owner, name, original)
+
+
 def main(arguments: list[str]) -> None:
     """Run what was asked for."""
-    parts = {"planner": planner, "costmap": costmap, "rollouts": rollouts, "cycle": cycle}
+    parts = {"planner": planner, "costmap": costmap, "rollouts": rollouts, "cycle": cycle, "loop": loop}
     for name in arguments or parts:
         parts[name]()
 

@@ -128,6 +128,7 @@ def drive(
     for tick in range(round(limit_s / TICK_S)):
         run.time_s = tick * TICK_S
         now = world_at(run.time_s)
+        run.clearance_m = min(run.clearance_m, now.clearance_m(pose, footprint))
         if tick % CYCLE_TICKS == 0:
             noise = rng.standard_normal(3) * (given.pose_noise_m, given.pose_noise_m, given.pose_noise_rad)
             map_from_base = pose @ Pose2(x_m=noise[0], y_m=noise[1], theta_rad=noise[2])
@@ -144,7 +145,6 @@ def drive(
             output = navigator.update(run.time_s, map_from_base, twist, mapped.grid(), ends_m[is_hit])
             run.outputs.append(output)
             run.track.append(pose)
-            run.clearance_m = min(run.clearance_m, now.clearance_m(pose, footprint))
             ended = output.state in (NavigationState.REACHED, NavigationState.FAILED)
             if (ended and abs(v) < 1e-3) or is_there(pose) or run.clearance_m < 0.0:
                 break

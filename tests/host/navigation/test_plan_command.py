@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.host.navigation.test_navigation_astar import room_with_wall
-from thumper import cli
+from thumper.cli import build_app
 from thumper.errors import ThumperError
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.map_io import save_map
@@ -23,7 +23,7 @@ def room(tmp_path: Path) -> Path:
 
 
 def call(*words: object) -> tuple[int, str]:
-    result = CliRunner().invoke(cli._build(), ["plan", *map(str, words)])
+    result = CliRunner().invoke(build_app(), ["plan", *map(str, words)])
     if isinstance(result.exception, ThumperError):
         assert "\n" not in str(result.exception)
         return result.exception.exit_code, str(result.exception)
