@@ -2,7 +2,6 @@
 // declarations. Objects are numbered; `*_new` returns the number.
 
 #include <cstring>
-#include <deque>
 #include <vector>
 
 #include "core/beep.hpp"
@@ -12,16 +11,18 @@
 
 namespace {
 
+// One list for all types: a container of each would be most of what the compiler has to do.
+std::vector<void*> objects;
+
 template <typename T>
-std::deque<T>& Pool() {
-  static std::deque<T> pool;
-  return pool;
+T& At(int number) {
+  return *static_cast<T*>(objects[number]);
 }
 
 template <typename T, typename... Args>
 int New(Args... args) {
-  Pool<T>().emplace_back(args...);
-  return static_cast<int>(Pool<T>().size()) - 1;
+  objects.push_back(new T(args...));
+  return static_cast<int>(objects.size()) - 1;
 }
 
 struct Bytes {
@@ -73,7 +74,7 @@ extern "C" {
 int pi_new() { return New<fw::PiController>(); }
 int pi_step(int pi, int kp, int ki, int error, int feed_forward, int idle) {
   const fw::PiGains gains = {static_cast<int16_t>(kp), static_cast<int16_t>(ki)};
-  return Pool<fw::PiController>()[pi].Step(gains, static_cast<int16_t>(error), feed_forward, idle != 0);
+  return At<fw::PiController>(pi).Step(gains, static_cast<int16_t>(error), feed_forward, idle != 0);
 }
 /// A whole run from rest, without feed-forward. Returns the integral at its end.
 int pi_run(int kp, int ki, const int16_t* errors, int ticks, int16_t* pwms) {
@@ -82,7 +83,7 @@ int pi_run(int kp, int ki, const int16_t* errors, int ticks, int16_t* pwms) {
   for (int tick = 0; tick < ticks; ++tick) pwms[tick] = pi.Step(gains, errors[tick], 0, false);
   return pi.integral();
 }
-int pi_integral(int pi) { return Pool<fw::PiController>()[pi].integral(); }
+int pi_integral(int pi) { return At<fw::PiController>(pi).integral(); }
 
 /// parameters: kParameterCount wire values. out: speed, set-point, PWM, integral, prediction constants.
 int wheel_new() { return New<fw::WheelController>(); }
@@ -94,8 +95,8 @@ int wheel_step(int wheel, const int32_t* values, int target, int counts, int bat
   fw::WheelConfig config;
   parameters.Derive(static_cast<uint16_t>(battery_mV), &config);
   fw::WheelSample sample;
-  Pool<fw::WheelController>()[wheel].Step(config, static_cast<int16_t>(target), static_cast<int16_t>(counts),
-                                          &sample);
+  At<fw::WheelController>(wheel).Step(config, static_cast<int16_t>(target), static_cast<int16_t>(counts),
+                                      &sample);
   out[0] = sample.speed_mrad_s;
   out[1] = sample.setpoint_mrad_s;
   out[2] = sample.pwm;
@@ -110,7 +111,7 @@ void wheel_state(int wheel, int32_t* out) {
     int16_t speed, predicted, setpoint;
   } state;
   static_assert(sizeof(state) == sizeof(fw::WheelController), "the same members in the same order");
-  std::memcpy(&state, &Pool<fw::WheelController>()[wheel], sizeof(state));
+  std::memcpy(&state, &At<fw::WheelController>(wheel), sizeof(state));
   out[0] = state.integral;
   out[1] = state.speed;
   out[2] = state.predicted;
@@ -141,23 +142,24 @@ int ramp(int setpoint, int target, int step) {
 
 int quadrature_new(int ab) {
   const int decoder = New<Quadrature>();
-  Pool<Quadrature>()[decoder].Reset(static_cast<uint8_t>(ab));
+  At<Quadrature>(decoder).Reset(static_cast<uint8_t>(ab));
   return decoder;
 }
-void quadrature_step(int decoder, int port) { Pool<Quadrature>()[decoder].Step(static_cast<uint8_t>(port)); }
-int quadrature_count(int decoder) { return Pool<Quadrature>()[decoder].count(); }
-int quadrature_lost(int decoder) { return Pool<Quadrature>()[decoder].lost(); }
+void quadrature_step(int decoder, int port) { At<Quadrature>(decoder).Step(static_cast<uint8_t>(port)); }
+int quadrature_count(int decoder) { return At<Quadrature>(decoder).count(); }
+int quadrature_lost(int decoder) { return At<Quadrature>(decoder).lost(); }
 
-int side_new() {
-  Pool<fw::SideSample>().emplace_back();
-  return New<fw::Side>();
-}
+struct DrivenSide {
+  fw::Side side;
+  fw::SideSample sample;
+};
+int side_new() { return New<DrivenSide>(); }
 int side_step(int side, int mode, int value, int count, int* out) {
   fw::WheelConfig config;
   fw::Parameters().Derive(7400, &config);
-  auto& sample = Pool<fw::SideSample>()[side];
-  Pool<fw::Side>()[side].Step(static_cast<fw::State>(mode), config, static_cast<int16_t>(value),
-                              static_cast<uint16_t>(count), &sample);
+  auto& sample = At<DrivenSide>(side).sample;
+  At<DrivenSide>(side).side.Step(static_cast<fw::State>(mode), config, static_cast<int16_t>(value),
+                                 static_cast<uint16_t>(count), &sample);
   out[0] = sample.wheel.setpoint_mrad_s;
   out[1] = sample.wheel.pwm;
   out[2] = sample.wheel.integral_pwm_64;
@@ -167,16 +169,16 @@ int side_step(int side, int mode, int value, int count, int* out) {
 int wheel_monitor_new() { return New<fw::WheelMonitor>(); }
 int wheel_monitor_step(int monitor, int count, int next_pwm) {
   return static_cast<int>(
-      Pool<fw::WheelMonitor>()[monitor].Step(static_cast<uint16_t>(count), static_cast<int16_t>(next_pwm)));
+      At<fw::WheelMonitor>(monitor).Step(static_cast<uint16_t>(count), static_cast<int16_t>(next_pwm)));
 }
 int edge_monitor_new() { return New<fw::EdgeMonitor>(); }
 int edge_monitor_step(int monitor, int lost) {
-  return Pool<fw::EdgeMonitor>()[monitor].Step(static_cast<uint16_t>(lost));
+  return At<fw::EdgeMonitor>(monitor).Step(static_cast<uint16_t>(lost));
 }
 int current_monitor_new() { return New<fw::CurrentMonitor>(); }
 int current_monitor_step(int monitor, int left, int right, int limit) {
-  return Pool<fw::CurrentMonitor>()[monitor].Step(static_cast<int16_t>(left), static_cast<int16_t>(right),
-                                                  static_cast<int16_t>(limit));
+  return At<fw::CurrentMonitor>(monitor).Step(static_cast<int16_t>(left), static_cast<int16_t>(right),
+                                              static_cast<int16_t>(limit));
 }
 
 int crc16(const uint8_t* data, int size) {
@@ -192,87 +194,85 @@ int frame_encode(uint8_t* body, int size, uint8_t* out) {
   return static_cast<int>(sink.data.size());
 }
 int decoder_new() { return New<Decoder>(); }
-int decoder_push(int decoder, int byte) { return Pool<Decoder>()[decoder].Push(static_cast<uint8_t>(byte)); }
+int decoder_push(int decoder, int byte) { return At<Decoder>(decoder).Push(static_cast<uint8_t>(byte)); }
 /// out: id, seq, payload of the frame just completed. Returns their size.
 int decoder_frame(int decoder, uint8_t* out) {
-  const auto& frame = Pool<Decoder>()[decoder];
+  const auto& frame = At<Decoder>(decoder);
   out[0] = frame.id();
   out[1] = frame.seq();
   std::memcpy(out + 2, frame.payload(), frame.payload_size());
   return 2 + frame.payload_size();
 }
-int decoder_frames(int decoder) { return Pool<Decoder>()[decoder].frames(); }
-int decoder_errors(int decoder) { return Pool<Decoder>()[decoder].errors(); }
+int decoder_frames(int decoder) { return At<Decoder>(decoder).frames(); }
+int decoder_errors(int decoder) { return At<Decoder>(decoder).errors(); }
 
 int supervisor_new() { return New<fw::Supervisor>(); }
 int supervisor_handle(int supervisor, int event, int battery) {
-  auto& machine = Pool<fw::Supervisor>()[supervisor];
+  auto& machine = At<fw::Supervisor>(supervisor);
   return static_cast<int>(machine.Handle(static_cast<fw::Event>(event), static_cast<fw::AckStatus>(battery)));
 }
 void supervisor_relatch(int supervisor, int fault) {
-  Pool<fw::Supervisor>()[supervisor].Relatch(static_cast<fw::Fault>(fault));
+  At<fw::Supervisor>(supervisor).Relatch(static_cast<fw::Fault>(fault));
 }
 void supervisor_trip(int supervisor, int fault) {
-  Pool<fw::Supervisor>()[supervisor].Trip(static_cast<fw::Fault>(fault));
+  At<fw::Supervisor>(supervisor).Trip(static_cast<fw::Fault>(fault));
 }
-int supervisor_state(int supervisor) { return static_cast<int>(Pool<fw::Supervisor>()[supervisor].state()); }
-int supervisor_fault(int supervisor) { return static_cast<int>(Pool<fw::Supervisor>()[supervisor].fault()); }
+int supervisor_state(int supervisor) { return static_cast<int>(At<fw::Supervisor>(supervisor).state()); }
+int supervisor_fault(int supervisor) { return static_cast<int>(At<fw::Supervisor>(supervisor).fault()); }
 
 int battery_new() { return New<fw::Battery>(); }
 int battery_update(int battery, int reading) {
-  return Pool<fw::Battery>()[battery].Update(static_cast<uint16_t>(reading));
+  return At<fw::Battery>(battery).Update(static_cast<uint16_t>(reading));
 }
-int battery_filtered(int battery) { return Pool<fw::Battery>()[battery].filtered_mV(); }
-int battery_warning(int battery) { return Pool<fw::Battery>()[battery].warning(); }
-int battery_status(int battery) { return static_cast<int>(Pool<fw::Battery>()[battery].status()); }
+int battery_filtered(int battery) { return At<fw::Battery>(battery).filtered_mV(); }
+int battery_warning(int battery) { return At<fw::Battery>(battery).warning(); }
+int battery_status(int battery) { return static_cast<int>(At<fw::Battery>(battery).status()); }
 
 int eeprom_new() { return New<Eeprom>(); }
-uint8_t* eeprom_cells(int eeprom) { return Pool<Eeprom>()[eeprom].cells; }
+uint8_t* eeprom_cells(int eeprom) { return At<Eeprom>(eeprom).cells; }
 void eeprom_copy(int eeprom, uint8_t* out) { std::memcpy(out, eeprom_cells(eeprom), 256); }
 void eeprom_set(int eeprom, int address, int byte) {
   eeprom_cells(eeprom)[address] = static_cast<uint8_t>(byte);
 }
-void eeprom_power(int eeprom, int writes) { Pool<Eeprom>()[eeprom].writes_left = writes; }
-int eeprom_writes_left(int eeprom) { return Pool<Eeprom>()[eeprom].writes_left; }
+void eeprom_power(int eeprom, int writes) { At<Eeprom>(eeprom).writes_left = writes; }
+int eeprom_writes_left(int eeprom) { return At<Eeprom>(eeprom).writes_left; }
 
 int beep_new() { return New<fw::BeepPattern>(); }
-void beep_start(int beep, int beeps) { Pool<fw::BeepPattern>()[beep].Start(static_cast<uint8_t>(beeps)); }
+void beep_start(int beep, int beeps) { At<fw::BeepPattern>(beep).Start(static_cast<uint8_t>(beeps)); }
 int beep_step(int beep, int elapsed_ms, int quiet) {
-  return Pool<fw::BeepPattern>()[beep].Step(static_cast<uint8_t>(elapsed_ms), quiet != 0);
+  return At<fw::BeepPattern>(beep).Step(static_cast<uint8_t>(elapsed_ms), quiet != 0);
 }
 
 /// A main loop after a start for this reason, with this fault latched before, on this EEPROM.
 int host_new(int cause, int latched, int eeprom) {
   return New<Interface>(static_cast<fw::ResetCause>(cause), static_cast<fw::Fault>(latched),
-                        &Pool<Eeprom>()[eeprom]);
+                        &At<Eeprom>(eeprom));
 }
 /// Feed bytes; the answers' bytes go to out (room for 30 a byte fed). Returns their size.
 int host_receive(int host, const uint8_t* data, int size, uint8_t* out) {
   Bytes sink;
-  for (int i = 0; i < size; ++i) Pool<Interface>()[host].host.Receive(data[i], sink);
+  for (int i = 0; i < size; ++i) At<Interface>(host).host.Receive(data[i], sink);
   std::memcpy(out, sink.data.data(), sink.data.size());
   return static_cast<int>(sink.data.size());
 }
 /// One pass of the main loop's slow work. Returns the size of the answers in out.
 int host_work(int host, uint8_t* out) {
   Bytes sink;
-  Pool<Interface>()[host].host.Work(*Pool<Interface>()[host].eeprom, sink);
+  At<Interface>(host).host.Work(*At<Interface>(host).eeprom, sink);
   std::memcpy(out, sink.data.data(), sink.data.size());
   return static_cast<int>(sink.data.size());
 }
-int host_take_change(int host) { return Pool<Interface>()[host].host.TakeChange(); }
-void host_wait(int host, int elapsed_ms) {
-  Pool<Interface>()[host].host.Wait(static_cast<uint8_t>(elapsed_ms));
-}
+int host_take_change(int host) { return At<Interface>(host).host.TakeChange(); }
+void host_wait(int host, int elapsed_ms) { At<Interface>(host).host.Wait(static_cast<uint8_t>(elapsed_ms)); }
 int host_battery(int host, int reading) {
-  return Pool<Interface>()[host].host.UpdateBattery(static_cast<uint16_t>(reading));
+  return At<Interface>(host).host.UpdateBattery(static_cast<uint16_t>(reading));
 }
 void host_currents(int host, int left, int right) {
-  Pool<Interface>()[host].host.UpdateCurrents(static_cast<int16_t>(left), static_cast<int16_t>(right));
+  At<Interface>(host).host.UpdateCurrents(static_cast<int16_t>(left), static_cast<int16_t>(right));
 }
 /// A control tick's samples: counts, PWM and lost edges.
 void host_watch(int host, int left, int right, int left_pwm, int right_pwm, int lost) {
-  auto& interface = Pool<Interface>()[host].host;
+  auto& interface = At<Interface>(host).host;
   auto* samples = interface.samples();
   samples->time_us += fw::kTick_us;
   samples->left.count = left;
@@ -284,20 +284,20 @@ void host_watch(int host, int left, int right, int left_pwm, int right_pwm, int 
 }
 int host_telemetry(int host, uint8_t* out) {
   Bytes sink;
-  Pool<Interface>()[host].host.SendTelemetry(sink);
+  At<Interface>(host).host.SendTelemetry(sink);
   std::memcpy(out, sink.data.data(), sink.data.size());
   return static_cast<int>(sink.data.size());
 }
-int host_rx_errors(int host) { return Pool<Interface>()[host].host.rx_errors(); }
+int host_rx_errors(int host) { return At<Interface>(host).host.rx_errors(); }
 void host_speeds(int host, int left, int right) {
-  auto* samples = Pool<Interface>()[host].host.samples();
+  auto* samples = At<Interface>(host).host.samples();
   samples->left.wheel.speed_mrad_s = static_cast<int16_t>(left);
   samples->right.wheel.speed_mrad_s = static_cast<int16_t>(right);
 }
-int host_quiet(int host) { return Pool<Interface>()[host].host.quiet(); }
+int host_quiet(int host) { return At<Interface>(host).host.quiet(); }
 /// out: state, fault, mode, left, right.
 void host_status(int host, int* out) {
-  const auto& interface = Pool<Interface>()[host].host;
+  const auto& interface = At<Interface>(host).host;
   out[0] = static_cast<int>(interface.supervisor().state());
   out[1] = static_cast<int>(interface.supervisor().fault());
   out[2] = static_cast<int>(interface.command().mode);

@@ -2,6 +2,7 @@
 
 python -m tests.firmware.mutation.run                  all of them (`make mutation`)
 python -m tests.firmware.mutation.run --sample 20      a random few, by --seed
+python -m tests.firmware.mutation.run --only pi.hpp battery.hpp:35:    those whose printed place begins so
 """
 
 import argparse
@@ -142,14 +143,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--sample", type=int, default=0, help="how many, 0 = all")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--files", nargs="+", help="only those of some files, such as pi.hpp")
+    parser.add_argument("--only", nargs="+", default=[""], help="only those whose printed place begins so")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     arguments = parser.parse_args()
     if said := fails_unchanged():
         print(said)
         print("the suite fails without any change: mend that first")
         return 2
-    chosen = [mutant for mutant in mutants() if mutant.file in (arguments.files or OWN)]
+    chosen = [mutant for mutant in mutants() if str(mutant).startswith(tuple(arguments.only))]
     if arguments.sample:
         chosen = random.Random(arguments.seed).sample(chosen, arguments.sample)
     alive = 0
