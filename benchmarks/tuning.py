@@ -1,11 +1,8 @@
-"""Identification and design beside what other methods reach on the same logs; tracking through the
-real firmware.
+"""Identification and design beside other methods on the same logs; tracking through the real firmware.
 
-python benchmarks/tuning.py [simulated] [recorded] [rules] [tracking]; without a word: all. The
-recordings are looked
-for in $THUMPER_DATA or ../shared/data. The regression is WPILib SysId's form (acceleration on speed,
-drive and
-sign), without its trimming; SysId itself is not run.
+python benchmarks/tuning.py [simulated] [recorded] [rules] [tracking]; without a word: all. The recordings are
+looked for in $THUMPER_DATA or ../shared/data. The regression is WPILib SysId's form (acceleration on speed,
+drive and sign), without its trimming; SysId itself is not run. ERA is python-control's.
 """
 
 import os
@@ -24,6 +21,7 @@ sys.path.insert(0, str(ROOT))
 from tests.tuning.plant import COUNT_RAD, Wheel, counted, steps_and_prbs  # noqa: E402
 from thumper.geometry import FloatArray  # noqa: E402
 from thumper.link.board import Board  # noqa: E402
+from thumper_hil.bench import simulation  # noqa: E402
 from thumper_hil.parts.params import RobotParams  # noqa: E402
 from thumper_tuning.design.design import Design, DesignOptions, design, nominal  # noqa: E402
 from thumper_tuning.design.rules import RULES  # noqa: E402
@@ -40,11 +38,20 @@ from thumper_tuning.robot.verify import Verification, VerifyOptions, verify  # n
 
 DATA = Path(os.environ.get("THUMPER_DATA", ROOT.parent / "shared" / "data")) / "motor"
 SEEDS = 20
+STAIRS = 144  # rows before the switching
+EMPTY = 0.05  # charge: 6.7 V open-circuit, the lowest that does not stop under load
+MARKOV = 20  # samples of the impulse response
 EXACT = Uncertainty(
     gain=0.0, time_constant_s=0.0, friction=0.0, delay_s=0.0, friction_forward=0.0, friction_backward=0.0
 )
 Found = tuple[float, float, float]  # gain, time constant, friction
 Method = Callable[[MotorLog], Found]
+
+
+def _rows(log: MotorLog) -> tuple[FloatArray, FloatArray]:
+    """Speeds over each row's interval and the drives at the rows, as the other methods take them."""
+    assert log.position_rad is not None
+    return np.diff(log.position_rad) / np.diff(log.time_s), log.drive
 
 
 def ours(log: MotorLog) -> Found:
@@ -55,10 +62,9 @@ def ours(log: MotorLog) -> Found:
 
 def regression(log: MotorLog) -> Found:
     """Acceleration (central difference) on speed, drive and sign of the speed, over all moving samples."""
-    s = cut(log)[0]
-    # drive at the end of each window: the time of its speed, as SysId takes it
-    y, u = s.speed_rad_s, s.drive[1:]
-    acceleration = (y[2:] - y[:-2]) / (s.edge_s[3:] - s.edge_s[1:-2])
+    y, u = _rows(log)
+    u = u[1:]  # at the end of each window: the time of its speed, as SysId takes it
+    acceleration = (y[2:] - y[:-2]) / (log.time_s[3:] - log.time_s[1:-2])
     y, u = y[1:-1], u[1 : len(y) - 1]
     moving = np.abs(y) > 0.3
     X = np.column_stack((y, u, np.sign(y)))[moving]
@@ -70,8 +76,7 @@ def arx(taps: int) -> Method:
     """Least-squares ARX with `taps` numerator taps and the sign of the motion."""
 
     def fit(log: MotorLog) -> Found:
-        s = cut(log)[0]
-        y, u = s.speed_rad_s, s.drive
+        y, u = _rows(log)
         rows = np.flatnonzero((np.abs(y[1:]) > 0.3) & (np.abs(y[:-1]) > 0.3)) + 1
         X = np.column_stack([y[rows - 1], *(u[rows - k] for k in range(taps)), np.sign(y[rows])])
         theta = np.linalg.lstsq(X, y[rows], rcond=None)[0]
@@ -86,16 +91,41 @@ def instantaneous(log: MotorLog) -> Found:
     no friction."""
     from scipy.optimize import least_squares
 
-    s = cut(log)[0]
+    speed, drive = _rows(log)
 
     def predicted(x: FloatArray) -> FloatArray:
-        a, y = np.exp(-log.period_s / np.exp(x[1])), np.zeros(len(s.speed_rad_s))
+        a, y = np.exp(-log.period_s / np.exp(x[1])), np.zeros(len(speed))
         for k in range(1, len(y)):
-            y[k] = a * y[k - 1] + (1.0 - a) * np.exp(x[0]) * s.drive[k]
+            y[k] = a * y[k - 1] + (1.0 - a) * np.exp(x[0]) * drive[k]
         return y
 
-    x = least_squares(lambda x: predicted(x) - s.speed_rad_s, [np.log(0.05), np.log(0.1)]).x
+    x = least_squares(lambda x: predicted(x) - speed, [np.log(0.05), np.log(0.1)]).x
     return float(np.exp(x[0])), float(np.exp(x[1])), 0.0
+
+
+def era(order: int) -> Method:
+    """python-control's impulse response (markov) and eigensystem realization, on the switching alone.
+
+    The mean of each side is taken off both drive and speed: with it goes the friction, which a linear model
+    does not hold.
+    """
+    import control
+
+    def fit(log: MotorLog) -> Found:
+        speed, drive = _rows(log)
+        y, u = speed[STAIRS:].copy(), drive[STAIRS:-1].copy()
+        for side in (u > 0, u < 0):
+            y[side] -= y[side].mean()
+            u[side] -= u[side].mean()
+        response = control.markov(y, u, MARKOV)
+        system, _ = control.eigensys_realization(response, order)
+        poles, modes = np.linalg.eig(system.A)
+        share = (system.C @ modes)[0] * np.linalg.solve(modes, system.B)[:, 0] / (1.0 - poles)
+        pole = np.abs(poles[np.abs(share).argmax()])  # the one that carries most of the gain
+        tau_s = -log.period_s / np.log(pole) if pole < 1.0 else np.inf
+        return float(system.dcgain()), float(tau_s), float("nan")
+
+    return fit
 
 
 METHODS: dict[str, Method] = {
@@ -104,6 +134,8 @@ METHODS: dict[str, Method] = {
     "least squares ARX(1,1) + sign": arx(1),
     "regression of the acceleration": regression,
     "output error, momentary, no friction": instantaneous,
+    "ERA of order 2": era(2),
+    "ERA of order 1": era(1),
 }
 
 
@@ -119,6 +151,7 @@ def simulated() -> None:
             errors[:, :2] *= 100.0 / np.array((wheel.gain, tau_s))
             worst = errors[np.abs(errors).argmax(axis=0), range(3)]
             figures = f"{worst[0]:+7.1f} {worst[1]:+8.1f} {worst[2]:+7.1f}"
+            figures = figures.replace("nan", "  -")
             print(f"  tau {1e3 * tau_s:3.0f} ms  {name:40} {figures}", flush=True)
         percents = [identify([log]).validation.fit_percent for log in logs]
         print(f"  tau {1e3 * tau_s:3.0f} ms  held-out speeds predicted, worst seed: {min(percents):.1f} %")
@@ -186,16 +219,20 @@ def tracking() -> None:
     """The trapezoid through the real firmware on the simulated chip: gains of the nominal robot, 27
     robots."""
     whole = RobotParams.load()
+    usual = whole.battery.state_of_charge
     gains: Design | None = None
     worst: dict[float, tuple[float, float]] = {}
-    for supply in (1.0, 6.7 / 7.4, 8.4 / 7.4):
+    for charge in (usual, EMPTY, 1.0):
         for inertia in (1.0, 0.36, 2.0):
             for friction in (1.0, 0.5, 2.0):
-                params = _varied(whole, supply, inertia, friction)
-                url = f"sim://v{supply:.3f}_{inertia}_{friction}/board?world=hall&x_m=-4"
+                params = _varied(whole, inertia, friction)
+                name = f"v{charge:.3f}_{inertia}_{friction}"
+                url = f"sim://{name}/board?world=hall&x_m=-4&charge={max(charge, usual)}"
                 with patch.object(RobotParams, "load", return_value=params):
                     board = Board.open(url, baud=500_000)
                 try:
+                    board.poll(3.0)  # the board arms only once it has seen more than 7.0 V
+                    simulation(name).fault("battery.charge", charge)
                     if gains is None:
                         with TemporaryDirectory() as folder:
                             log = record(board, ExcitationOptions(), Path(folder) / "run.csv", _silent)
@@ -204,7 +241,9 @@ def tracking() -> None:
                     result = verify(board, gains.gains, VerifyOptions(hold_s=8.0), Path("/dev/null"), _silent)
                 finally:
                     board.close()
-                _show(f"supply x{supply:.2f} inertia x{inertia} friction x{friction}", result)
+                _show(
+                    f"{_open_circuit_V(whole, charge):.1f} V inertia x{inertia} friction x{friction}", result
+                )
                 for t in result.tracking:
                     std, mean = worst.get(t.acceleration_rad_s2, (0.0, 0.0))
                     worst[t.acceleration_rad_s2] = (max(std, t.std_rad_s), max(mean, abs(t.mean_rad_s)))
@@ -212,7 +251,12 @@ def tracking() -> None:
         print(f"  worst of 27 at {ramp:g} rad/s^2: std {std:.3f}, |mean| {mean:.3f} rad/s")
 
 
-def _varied(whole: RobotParams, supply: float, inertia: float, friction: float) -> RobotParams:
+def _open_circuit_V(whole: RobotParams, charge: float) -> float:
+    volts = whole.battery.open_circuit_V
+    return float(np.interp(charge, np.linspace(0.0, 1.0, len(volts)), volts))
+
+
+def _varied(whole: RobotParams, inertia: float, friction: float) -> RobotParams:
     return replace(
         whole,
         motor=replace(
@@ -224,9 +268,6 @@ def _varied(whole: RobotParams, supply: float, inertia: float, friction: float) 
             whole.body,
             mass_kg=whole.body.mass_kg * inertia,
             yaw_inertia_kg_m2=whole.body.yaw_inertia_kg_m2 * inertia,
-        ),
-        battery=replace(
-            whole.battery, open_circuit_V=tuple(volts * supply for volts in whole.battery.open_circuit_V)
         ),
     )
 

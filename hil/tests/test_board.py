@@ -35,10 +35,14 @@ def at(board: Board, left_rad_s: float, right_rad_s: float) -> Callable[[], None
 def rest(board: Board) -> None:
     """Stop, and wait until the wheels stand."""
     board.command(Command.DISARM)
-    for _ in range(50):
-        last = board.poll(0.2)[-1].telemetry
-        if last.left_speed == last.right_speed == 0:
+    until_s = time.monotonic() + 5.0
+    seen: list[Telemetry] = []
+    while time.monotonic() < until_s:
+        samples = board.poll(0.2)  # none, when this computer is late
+        seen += [sample.telemetry for sample in samples[-1:]]
+        if samples and seen[-1].left_speed == seen[-1].right_speed == 0:
             return
+    assert seen, "the board sends no telemetry"
     pytest.fail("the wheels do not come to rest within 5 s of DISARM")
 
 

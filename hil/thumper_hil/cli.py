@@ -50,12 +50,12 @@ def sim(
     board_pty: Annotated[Path, typer.Option(help="Path at which the simulated board shall appear.")],
     lidar_pty: Annotated[Path, typer.Option(help="Path at which the simulated lidar shall appear.")],
     world: Annotated[
-        str, typer.Option(help="A built-in world (lab, lab_box) or a world's TOML file.")
+        str, typer.Option(help="A built-in world (hall, lab, lab_box), a world's TOML, or a map's YAML.")
     ] = "lab",
     seed: Annotated[int, typer.Option(help="Seed of all that is random.", min=0)] = 1,
     start: Annotated[
         tuple[float, float, float],
-        typer.Option(help="Where the robot stands: X Y [m] HEADING [deg]."),
+        typer.Option(help="Where the robot stands: X and Y in metres, HEADING in degrees."),
     ] = (0.0, 0.0, 0.0),
     reset_on_open: Annotated[
         bool, typer.Option(help="Opening the board's port resets it through its boot loader, as DTR does.")

@@ -128,6 +128,8 @@ def test_two_wheels_in_one_file(fit: Fit) -> None:
             "saturated",
         ),
         ("time_s,pwm,speed_rad_s", (TIME_S, PWM, SPEED.clip(-7.0, 7.0)), "speed is saturated"),
+        ("time_s,pwm,speed_rad_s", (TIME_S, PWM, SPEED.clip(-5.5, 5.5)), "speed is saturated"),
+        ("time_s,pwm,speed_rad_s", (TIME_S, PWM, 4.0 * np.tanh(SPEED / 3.0)), "it is cut off or limited"),
         (NAMES, (TIME_S[:25], PWM[:25], COUNTS[:25]), "too few"),
         (NAMES, (1e3 * TIME_S, PWM, COUNTS), "time_ms"),
         (NAMES, (TIME_S, PWM / 255.0, COUNTS), "duty"),

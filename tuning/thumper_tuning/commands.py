@@ -89,8 +89,7 @@ def verify_on(
     for t in result.tracking:
         console.print(
             f"  ramp {t.acceleration_rad_s2:g} rad/s^2: error mean {t.mean_rad_s:+.3f}, std "
-            f"{t.std_rad_s:.3f} rad/s "
-            f"(no loop without preview gets below {t.floor_rad_s:.2f})"
+            f"{t.std_rad_s:.3f} rad/s (no loop without preview gets below {t.floor_rad_s:.2f})"
         )
     return result
 
@@ -141,7 +140,7 @@ def tune_all(
         console.print(
             f"The robot will drive by itself: it needs a lane {LANE_WIDTH_M:g} m wide, "
             f"{max(excitation.lane_m, lane_m):.1f} m free ahead and {excitation.lane_m:.1f} m behind. "
-            f"Ctrl-C stops it."
+            "Ctrl-C stops it."
         )
         if not yes and not typer.confirm("Is the lane free?"):
             raise ThumperError("not confirmed; nothing was driven")

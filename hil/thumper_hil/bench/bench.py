@@ -126,6 +126,10 @@ class Bench:
         """
         return np.array(self._truth).reshape(-1, len(TRUTH_COLUMNS))
 
+    def forget_truth(self) -> None:
+        """Begin the ground truth anew: hours of it would fill the memory."""
+        self._truth.clear()
+
     def advance(self, until_s: float, *, board_bytes: int = 0) -> None:
         """Let time pass until `until_s`, or until the board has sent so many bytes that are not fetched yet.
 

@@ -47,8 +47,7 @@ def on_the_wire(
         if not spec.minimum <= value <= spec.maximum:
             raise ThumperError(
                 f"{name} = {value:.4g} {spec.unit} does not fit the board "
-                f"({spec.minimum:g}...{spec.maximum:g}); "
-                "check the log's units, or choose a slower design"
+                f"({spec.minimum:g}...{spec.maximum:g}); check the log's units, or choose a slower design"
             )
         rounded[name] = round(value * spec.scale) / spec.scale
     return BoardGains(**rounded)

@@ -11,8 +11,7 @@ from thumper_tuning.log.units import FULL_PWM, refusal
 
 RECORD = (
     "record 20 s or more at 10 Hz or faster: steps to three levels forward and the same backward, with "
-    "pauses, "
-    "then random switching between two levels (`thumper tune record` drives exactly this)"
+    "pauses, then random switching between two levels (`thumper tune record` drives exactly this)"
 )
 FEWEST_WINDOWS = 30
 FEWEST_COUNTS = 30.0
@@ -21,6 +20,7 @@ CEILING_RATIO = 1.08
 LEVEL_RATIO = 1.15  # two drive levels are different if they are this far apart
 LARGEST_STD = {"gain": 0.15, "time_constant": 0.3}
 POOR_FIT_PERCENT = 40.0
+MOST_NEGATIVE = -0.2  # friction over the largest drive: what a crooked driver explains at most
 
 
 def check_before(logs: list[MotorLog], stretches: list[Stretch], *, one_direction: bool) -> None:
@@ -46,13 +46,13 @@ def check_before(logs: list[MotorLog], stretches: list[Stretch], *, one_directio
     if not moving.any() or travelled_rad < FEWEST_COUNTS * quantum:
         raise refusal(
             f"{name}: the wheel does not move ({np.abs(drive).max():g} {unit} at most); drive it beyond "
-            f"the dead "
-            f"band, check motor and encoder cables; {RECORD}"
+            f"the dead band, check motor and encoder cables; {RECORD}"
         )
     _check_directions(name, drive, speed, moving, one_direction)
     _check_levels(name, logs[0].drive_unit, drive)
-    for s in stretches:
-        _check_ceiling(name, s)
+    if logs[0].position_rad is None:  # counts cannot be cut off
+        for group in (*([s] for s in stretches), stretches):
+            _check_ceiling(name, group)
 
 
 def _check_directions(
@@ -82,45 +82,51 @@ def _check_levels(name: str, unit: DriveUnit, drive: FloatArray) -> None:
     what = "saturated: the drive is at its limit" if full else "one drive level only"
     raise refusal(
         f"{name}: {what} ({high:g} {unit.value}) all the time it drives: gain and static friction "
-        f"cannot be told "
-        f"apart; {RECORD}"
+        f"cannot be told apart; {RECORD}"
     )
 
 
-def _check_ceiling(name: str, s: Stretch) -> None:
-    """A speed that stays at its largest value while the drive moves on was cut off by the one who
-    wrote it."""
-    top = np.abs(s.speed_rad_s) >= np.abs(s.speed_rad_s).max() * (1.0 - 1e-9)
-    if top.mean() < 0.08 or s.quantum_rad_s > 0.03 * np.abs(s.speed_rad_s).max():
+def _check_ceiling(name: str, stretches: list[Stretch]) -> None:
+    """A speed that stays at its largest value while the drive moves on was cut off by who wrote it."""
+    speed = np.abs(np.concatenate([s.speed_rad_s for s in stretches]))
+    top = speed >= speed.max() * (1.0 - 1e-9)
+    if top.mean() < 0.08 or max(s.quantum_rad_s for s in stretches) > 0.03 * speed.max():
         return
-    at = np.clip(np.searchsorted(s.change_s, s.edge_s[:-1] + 1e-9, side="right") - 1, 0, None)
-    drive = np.abs(s.drive[at][top])
+    drive = np.abs(np.concatenate([_drive_at(s) for s in stretches]))[top]
     if np.percentile(drive, 95) > CEILING_RATIO * np.percentile(drive, 20):
         raise refusal(
-            f"{name}: the speed is saturated: it stays at {np.abs(s.speed_rad_s).max():g} rad/s while "
-            f"the drive "
-            "rises on; log it with a wider range, or log the counts"
+            f"{name}: the speed is saturated: it stays at {speed.max():g} rad/s while the drive rises on; "
+            "log it with a wider range, or log the counts"
         )
 
 
-def check_after(name: str, fit: Fit, fit_percent: float, unit: str) -> None:
+def _drive_at(s: Stretch) -> FloatArray:
+    """The drive at the begin of each window."""
+    return s.drive[np.clip(np.searchsorted(s.change_s, s.edge_s[:-1] + 1e-9, side="right") - 1, 0, None)]
+
+
+def check_after(name: str, fit: Fit, fit_percent: float, unit: DriveUnit, largest_drive: float) -> None:
     """Refuse an answer that its own uncertainty denies.
 
     Raises
     ------
     ThumperError
-        A parameter is not determined, or the model does not describe the log.
+        A parameter is not determined or impossible, or the model does not describe the log.
     """
     model, std = fit.model, fit.uncertainty
     if fit_percent < POOR_FIT_PERCENT:
         raise refusal(
             f"{name}: the model explains only {max(fit_percent, 0.0):.0f} % of held-out speeds: check "
-            f"units, sign "
-            f"and that each row holds the drive applied until the next; else {RECORD}"
+            f"units, sign and that each row holds the drive applied until the next; else {RECORD}"
+        )
+    if model.friction < MOST_NEGATIVE * largest_drive:
+        raise refusal(
+            f"{name}: the static friction comes out at {model.friction:.3g} {unit.value}: at high drive the "
+            "speed hardly follows, it is cut off or limited; log the counts, or record at lower levels"
         )
     loose = _loose(model, std)
     if loose:
-        raise refusal(f"{name}: the log does not determine the {loose} ({unit}); {RECORD}")
+        raise refusal(f"{name}: the log does not determine the {loose} (rad/s per {unit.value}); {RECORD}")
 
 
 def _loose(model: MotorModel, std: Uncertainty) -> str:

@@ -55,7 +55,8 @@ def identify(logs: list[MotorLog], *, one_direction: bool = False) -> Identified
     if one_direction:
         fit = replace(fit, model=_one_sided(fit.model, stretches))
     validation = cross_validate(stretches, fit)
-    check_after(name, fit, validation.fit_percent, f"rad/s per {logs[0].drive_unit.value}")
+    largest = max(float(np.abs(s.drive).max()) for s in stretches)
+    check_after(name, fit, validation.fit_percent, logs[0].drive_unit, largest)
     notes = list(dict.fromkeys(note for log in logs for note in log.warnings))
     if flipped:
         notes.append(

@@ -6,8 +6,7 @@ from thumper_tuning.identify.identify import Identified
 
 NOT_IDENTIFIABLE = (
     "from drive and speed follow gain, time constant, static friction and delay, and no more: R, L, Kt, "
-    "Kf, J and "
-    "B enter only in combinations; give --resistance, and log current_A, to have them apart"
+    "Kf, J and B enter only in combinations; give --resistance, and log current_A, to have them apart"
 )
 
 

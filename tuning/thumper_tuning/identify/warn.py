@@ -36,16 +36,15 @@ def warnings_of(
         found.append("the speeds fit better as momentary ones than as means over the row's interval")
     if model.time_constant_s < 0.25 * period_s:
         found.append(
-            f"the time constant is under a quarter of the rows' interval ({period_s:g} s): log faster "
-            f"to be sure"
+            f"the time constant is under a quarter of the rows' interval ({period_s:g} s): log faster to be "
+            "sure"
         )
     if speed.min() > -0.02 * speed.max() or speed.max() < -0.02 * speed.min():
         found.append("one direction only: the other direction's friction is not known")
     if model.friction < -2.0 * std.friction:
         found.append(
-            f"the static friction comes out negative ({model.friction:.2g} {unit}): the driver's "
-            f"voltage is no "
-            "straight line of the command; take it as that line's offset"
+            f"the static friction comes out negative ({model.friction:.2g} {unit}): the driver's voltage is "
+            "no straight line of the command; take it as that line's offset"
         )
     elif np.abs(drive[drive != 0.0]).min() > 0.9 * max(
         model.friction_forward, model.friction_backward, 0.0
@@ -62,8 +61,8 @@ def warnings_of(
         )
     if model.breakaway_ratio > 1.0:
         found.append(
-            f"it takes {model.breakaway_ratio * model.friction:.3g} {unit} to break away, more than to "
-            f"keep going"
+            f"it takes {model.breakaway_ratio * model.friction:.3g} {unit} to break away, more than to keep "
+            "going"
         )
     # Counting alone gives a negative correlation at lag 1: what one window lacks the next one has too much.
     if float(np.max(autocorrelation(validation.residual_rad_s[~fit.is_glitch]))) > NOT_WHITE:

@@ -56,7 +56,7 @@ def check_speed(speed_rad_s: FloatArray, period_s: float, counts_per_rev: float,
     if largest > HIGHEST_SPEED_RAD_S:
         raise refusal(
             f"column {header!r} reaches {largest:g} rad/s; name its unit: speed_rpm, speed_deg_s, "
-            f"speed_counts_s"
+            "speed_counts_s"
         )
     if header.strip().lower() not in ("speed_rad_s", "speed (rad/s)", "speed [rad/s]"):
         return
@@ -66,8 +66,7 @@ def check_speed(speed_rad_s: FloatArray, period_s: float, counts_per_rev: float,
         if quantum > 0.0 and abs(quantum / (count_rad_s * factor) - 1.0) < 0.005:
             raise refusal(
                 f"column {header!r} moves in steps of {quantum:.4g}: one count in "
-                f"{name.removeprefix('speed_')}, "
-                f"not in rad/s ({count_rad_s:.4g}); name it {name}"
+                f"{name.removeprefix('speed_')}, not in rad/s ({count_rad_s:.4g}); name it {name}"
             )
 
 
