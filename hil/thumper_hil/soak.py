@@ -1,0 +1,215 @@
+"""Soak: a robot at service for hours, with random goals, and a random fault in every second drive.
+
+    python -m thumper_hil.soak --hours 2
+
+It is the product's own service loop on the real firmware. After each fault the robot must come to a stand,
+the fault is mended, and the way back (clear, send again) must be open. Nothing may be touched, nothing may
+be raised, and memory must not grow.
+"""
+
+import argparse
+import math
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+
+from thumper.assembly import open_robot
+from thumper.config.robot import RobotConfig, with_ports
+from thumper.geometry import Pose2
+from thumper.link.messages import State
+from thumper.navigation.goal import Goal
+from thumper.runtime import Runtime
+from thumper.service.pilot import Mode
+from thumper.service.requests import EmergencyStop, GoTo, Order
+from thumper_hil.bench import Bench, simulation
+
+START = Pose2(x_m=1.0, y_m=0.0, theta_rad=math.pi)
+PLACES_M = ((1.0, 0.0), (-0.4, 0.2), (0.4, -0.9), (0.9, 1.0), (1.9, 0.4), (2.2, -0.6), (0.0, 0.9))
+MOST_BEATS = 900  # of one drive
+STANDING_RAD_S = 0.1
+STOP_S = 4.0  # a wheel at a low set-point takes 1.7 s to be noticed, and then coasts
+MOST_GROWTH_MB = 25.0
+E_STOP = "e-stop"
+# What breaks, how, and what mends it; None mends itself.
+FAULTS: tuple[tuple[str, str | float, str | float | None], ...] = (
+    ("encoder.left.a", "cut", "ok"),
+    ("encoder.right.b", "cut", "ok"),
+    ("motor.left", "dead", "ok"),
+    ("motor.right", "swapped", "ok"),
+    ("wheels.left", "blocked", "ok"),
+    ("firmware", "hang", None),
+    ("firmware", "loop", None),
+    ("firmware", "reset", None),
+    ("board", "unplugged", "ok"),
+    ("lidar", "unplugged", "ok"),
+    ("host.hang", 0.6, None),
+    (E_STOP, "", None),
+    # The robot is to drive on through these:
+    ("line.noise", 2e-5, 0.0),
+    ("encoder.left.glitches", 2000.0, 0.0),
+    ("slip.right", 0.2, 0.0),
+)
+DRIVES_ON = {"line.noise", "encoder.left.glitches", "slip.right"}
+
+
+@dataclass(slots=True, kw_only=True)
+class Report:
+    """What came of it."""
+
+    simulated_s: float = 0.0
+    drives: int = 0
+    reached: int = 0
+    faults: Counter[str] = field(default_factory=Counter)
+    longest_stop_s: float = 0.0  # from a fault to standing wheels
+    contacts: int = 0
+    memory_MB: list[float] = field(default_factory=list)  # resident, once a drive
+    complaints: list[str] = field(default_factory=list)  # what must not have been
+
+    @property
+    def growth_MB(self) -> float:
+        """Memory of the last tenth of the drives over that of the second tenth."""
+        tenth = max(len(self.memory_MB) // 10, 1)
+        early, late = self.memory_MB[tenth : 2 * tenth], self.memory_MB[-tenth:]
+        return float(np.median(late) - np.median(early)) if early else 0.0
+
+
+def soak(duration_s: float, seed: int = 1) -> Report:
+    """Run for so many simulated seconds."""
+    rng, report = np.random.default_rng(seed), Report()
+    url = f"sim://soak{seed}"
+    board = f"{url}/board?world=lab&seed={seed}&x_m={START.x_m}&y_m={START.y_m}&yaw_deg=180"
+    config = with_ports(RobotConfig(), board=board, lidar=f"{url}/lidar")
+    with open_robot(config, START) as robot:
+        bench = simulation(f"soak{seed}")
+        robot.desk.takes_goals, robot.senses.keeps_log = True, False
+        robot.senses.look_round(lambda: robot.beat()[0])
+        with _time_passes_in_naps(bench):
+            while bench.time_s < duration_s and not report.complaints:
+                _one_drive(robot, bench, rng, report)
+        report.simulated_s, report.contacts = bench.time_s, bench.contacts
+    if abs(report.growth_MB) > MOST_GROWTH_MB:
+        report.complaints.append(f"memory grew by {report.growth_MB:.1f} MB")
+    if report.contacts:
+        report.complaints.append(f"{report.contacts} contacts")
+    return report
+
+
+def _one_drive(robot: Runtime, bench: Bench, rng: np.random.Generator, report: Report) -> None:
+    bench.fault("battery.charge", 1.0)
+    x_m, y_m = PLACES_M[rng.integers(len(PLACES_M))]
+    robot.inbox.put(GoTo(goals=(Goal(x_m=x_m, y_m=y_m),)))
+    robot.serve_beat()
+    report.drives += 1
+    breaks = report.drives % 2 == 0
+    name, bad, good = FAULTS[rng.integers(len(FAULTS))]
+    at_beat = int(rng.integers(5, 40))
+    for beat in range(MOST_BEATS):
+        if breaks and beat == at_beat and robot.pilot.mode is Mode.DRIVING:
+            report.faults[name] += 1
+            _break(robot, bench, name, bad)
+            if name not in DRIVES_ON:
+                _must_stop(robot, bench, name, report)
+                break
+        if robot.pilot.mode is Mode.IDLE:
+            break
+        robot.serve_beat()
+    else:
+        report.complaints.append(f"drive {report.drives} to ({x_m}, {y_m}) never ended: {robot.pilot.reason}")
+    mission = robot.desk.missions.newest
+    report.reached += mission is not None and mission.state.value == "reached"
+    if good is not None:
+        bench.fault(name, good)
+    _way_back(robot, report, name if breaks else "no fault")
+    bench.forget_truth()
+    report.memory_MB.append(_resident_MB())
+
+
+def _break(robot: Runtime, bench: Bench, name: str, bad: str | float) -> None:
+    if name == E_STOP:
+        robot.inbox.put(EmergencyStop())
+    else:
+        bench.fault(name, bad)
+
+
+def _must_stop(robot: Runtime, bench: Bench, name: str, report: Report) -> None:
+    broke_s = bench.time_s
+    while bench.time_s < broke_s + STOP_S or robot.pilot.mode is Mode.DRIVING:
+        robot.serve_beat()
+        if bench.time_s > broke_s + 3.0 * STOP_S:
+            break
+    truth = bench.truth()[-round(100 * (bench.time_s - broke_s)) :]
+    moving_s = truth[(np.abs(truth[:, 4:6]) > STANDING_RAD_S).any(axis=1), 0]
+    stop_s = float(moving_s[-1] - broke_s) if moving_s.size else 0.0
+    report.longest_stop_s = max(report.longest_stop_s, stop_s)
+    if stop_s > STOP_S or robot.pilot.mode is Mode.DRIVING:
+        report.complaints.append(f"{name}: the robot stood after {stop_s:.1f} s, then {robot.pilot.reason}")
+
+
+def _way_back(robot: Runtime, report: Report, after: str) -> None:
+    """Clear what is latched, as the operator would; the next drive shows that the way is open."""
+    for _ in range(15):
+        robot.serve_beat()
+    telemetry = robot.senses.telemetry
+    if telemetry is not None and telemetry.state is State.FAULT:
+        robot.inbox.put(Order(name="clear_fault"))
+        for _ in range(5):
+            robot.serve_beat()
+    telemetry = robot.senses.telemetry
+    if telemetry is None or telemetry.state is not State.DISARMED:
+        state = telemetry.state.name if telemetry else "silent"
+        report.complaints.append(f"after {after} the board is {state}: {robot.pilot.reason}")
+
+
+@contextmanager
+def _time_passes_in_naps(bench: Bench) -> Iterator[None]:
+    """The loop naps while it looks for a lost board: simulated time passes then, and the board comes back."""
+    naps = 0
+
+    def nap(duration_s: float) -> None:
+        nonlocal naps
+        naps += 1
+        bench.advance(bench.time_s + duration_s)
+        if naps % 3 == 0:
+            bench.fault("board", "ok")
+
+    with patch("thumper.runtime.time.sleep", nap):
+        yield
+
+
+def _resident_MB() -> float:
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * 4096 / 1e6
+
+
+def main() -> int:
+    """Print what came of it; 1 when something was not as it must be."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--hours", type=float, default=2.0, help="of simulated time")
+    parser.add_argument("--seed", type=int, default=1)
+    arguments = parser.parse_args()
+    begun_s = time.perf_counter()
+    report = soak(3600.0 * arguments.hours, arguments.seed)
+    wall_s = time.perf_counter() - begun_s
+    hours, minutes = report.simulated_s / 3600.0, wall_s / 60.0
+    print(
+        f"{hours:.2f} simulated hours in {minutes:.1f} min: {report.drives} drives, {report.reached} reached"
+    )
+    print(
+        f"{sum(report.faults.values())} faults, longest stop {report.longest_stop_s:.2f} s, "
+        f"{report.contacts} contacts, memory grew by {report.growth_MB:+.1f} MB"
+    )
+    print(", ".join(f"{name} {count}" for name, count in sorted(report.faults.items())))
+    for complaint in report.complaints:
+        print(f"NOT AS IT MUST BE: {complaint}")
+    return 1 if report.complaints else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
