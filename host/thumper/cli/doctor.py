@@ -49,10 +49,12 @@ def _checks(board: str, lidar: str, config: Path | None, seconds: float, spin: b
     from thumper.config.robot import load_config
     from thumper.doctor.board import check_board
     from thumper.doctor.lidar import check_lidar
+    from thumper.doctor.set_up import check_set_up
 
     settings = load_config(config)
     yield from _computer()
     yield from _ports()
+    yield from check_set_up(KNOWN_USB)
     lidar_checks: Iterator[Check] = iter(())
     if lidar or config:
         lidar_config = replace(settings.lidar, port=lidar or settings.lidar.port)
