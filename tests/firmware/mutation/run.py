@@ -8,11 +8,13 @@ python -m tests.firmware.mutation.run --only pi.hpp battery.hpp:35:    those who
 import argparse
 import os
 import random
+import re
 import resource
 import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
+from functools import cache
 from multiprocessing import get_context
 from multiprocessing.connection import wait
 from multiprocessing.context import ForkProcess
@@ -25,19 +27,20 @@ from tests.firmware import speaker  # noqa: F401  imported once, here, for every
 from tests.firmware.mutation.mutants import CORE, Mutant, mutants
 
 TESTS = Path(__file__).resolve().parents[1]
-SUITE = [
-    "test_wheel",
-    "test_supervisor",
-    "test_monitors",
-    "test_ramp_battery_units",
-    "test_host_interface",
-    "test_store",
-    "test_quadrature",
-    "test_framing",
-    "test_law",
-    "test_pi",
-]
-"""The quick ones first: pytest stops at the first failure."""
+SUITE = {
+    "test_wheel": {"parameters.hpp"},
+    "test_supervisor": {"supervisor.hpp"},
+    "test_monitors": {"host_interface.hpp", "beep.hpp"},
+    "test_ramp_battery_units": {"parameters.hpp", "battery.hpp"},
+    "test_host_interface": {"host_interface.hpp"},
+    "test_store": {"host_interface.hpp"},
+    "test_quadrature": {"quadrature.hpp", "drive.hpp"},
+    "test_framing": {"framing.hpp"},
+    "test_law": {"parameters.hpp"},
+    "test_pi": {"pi.hpp"},
+}
+"""Which headers a test goes through; with what these include it is all that it can notice a change of. The
+quick ones first: pytest stops at the first failure."""
 OWN = {
     "battery.hpp": "test_ramp_battery_units",
     "beep.hpp": "test_monitors",
@@ -59,7 +62,8 @@ OWN = {
     "wheel.hpp": "test_wheel",
 }
 """The test likeliest to notice a change of a file; it goes before all others."""
-LONG = "million or long_drive"
+INCLUDE = re.compile(r'#include "core/(.+)"')
+LONG, HAVE_LONG = "million or long_drive", {"test_law", "test_pi"}
 """Which tests take seconds."""
 TIMEOUT_S = 60
 """Of processor time: a mutant that runs for ever is noticed too."""
@@ -75,14 +79,22 @@ settings.register_profile(
 )
 
 
+@cache
+def reached(header: str) -> frozenset[str]:
+    """Return a header of the core and all that it includes."""
+    included = INCLUDE.findall((CORE / header).read_text(encoding="utf-8"))
+    return frozenset({header}).union(*map(reached, included))
+
+
 def suite_for(file: str | None) -> Iterator[list[str]]:
     """Yield pytest's arguments for one run after the other: long tests come last."""
-    own = OWN.get(file or "")
-    modules = [str(TESTS / f"{name}.py") for name in SUITE if name != own]
-    if own:
-        yield [str(TESTS / f"{own}.py"), "-k", f"not ({LONG})"]
-    yield [*modules, "-k", f"not ({LONG})"]
-    yield [*modules, *([str(TESTS / f"{own}.py")] if own else []), "-k", LONG]
+    able = [name for name, roots in SUITE.items() if not file or any(file in reached(root) for root in roots)]
+    own = [name for name in able if name == OWN.get(file or "")]
+    others = [name for name in able if name not in own]
+    long = [name for name in able if name in HAVE_LONG]
+    for names, which in ((own, f"not ({LONG})"), (others, f"not ({LONG})"), (long, LONG)):
+        if names:
+            yield [*(str(TESTS / f"{name}.py") for name in names), "-k", which]
 
 
 def _test(folder: str, file: str | None, log: str) -> None:
