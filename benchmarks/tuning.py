@@ -151,7 +151,7 @@ def simulated() -> None:
             errors[:, :2] *= 100.0 / np.array((wheel.gain, tau_s))
             worst = errors[np.abs(errors).argmax(axis=0), range(3)]
             figures = f"{worst[0]:+7.1f} {worst[1]:+8.1f} {worst[2]:+7.1f}"
-            figures = figures.replace("nan", "  -")
+            figures = figures.replace("+nan", "   -")
             print(f"  tau {1e3 * tau_s:3.0f} ms  {name:40} {figures}", flush=True)
         percents = [identify([log]).validation.fit_percent for log in logs]
         print(f"  tau {1e3 * tau_s:3.0f} ms  held-out speeds predicted, worst seed: {min(percents):.1f} %")

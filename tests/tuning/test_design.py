@@ -1,16 +1,24 @@
 """Gains against closed forms, published figures and the wire."""
 
+import io
 import math
+from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from thumper.errors import ThumperError
+from thumper_tuning.commands import design_for, read_gains_file
 from thumper_tuning.design.design import DesignOptions, design
 from thumper_tuning.design.loop import Plant, judge, judge_step, step_response, transfer
 from thumper_tuning.design.rules import RULES, PiGains, migo, pole_placement
 from thumper_tuning.design.wire import SPECS, on_the_wire
+from thumper_tuning.identify.identify import Identified
 from thumper_tuning.identify.model import MotorModel, Uncertainty
+from thumper_tuning.log.motor_log import DriveUnit
 
 MODEL = MotorModel(gain=0.0584, time_constant_s=0.075, friction_forward=19.3, friction_backward=19.3)
 SURE = Uncertainty(
@@ -95,3 +103,25 @@ def test_manual_gains_are_judged_not_changed() -> None:
 def test_a_slow_loop_settles_late() -> None:
     plant = Plant.of(MODEL, 0.1)
     assert judge_step(plant, 4.0, 1.5).settle_s > judge_step(plant, 6.0, 10.9).settle_s
+
+
+@pytest.mark.parametrize("text", ["", "{}", '{"gains": {"kp": 1.0}}', '{"gains": {"kp": "fast"}}', "[1]"])
+def test_a_file_without_all_gains_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "gains.json"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ThumperError, match="not each of kp, ki, ks, kv, ka, acceleration") as refused:
+        read_gains_file(path)
+    assert refused.value.exit_code == 2
+
+
+def test_a_loop_that_another_load_brings_near_to_ringing_is_named() -> None:
+    said = io.StringIO()
+    known = SimpleNamespace(unit=DriveUnit.PWM, model=MODEL, uncertainty=SURE, supply_V=7.4)
+    motor = cast("Identified", known)
+    for ms, noted in ((1.6, True), (1.15, False)):
+        said.seek(0)
+        said.truncate()
+        options = DesignOptions(period_s=0.01, largest_sensitivity=ms)
+        result = design_for([motor], options, None, Console(file=said, width=200))
+        assert (result.worst.sensitivity > 2.0) is noted
+        assert ("near to ringing" in said.getvalue()) is noted

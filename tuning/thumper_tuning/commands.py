@@ -22,6 +22,7 @@ from thumper_tuning.robot.session import read_gains, write_gains
 from thumper_tuning.robot.verify import Verification, VerifyOptions, verify
 
 LANE_WIDTH_M = 0.8
+LARGEST_WORST = 2.0  # Ms over the family that is passed over in silence
 
 
 @contextmanager
@@ -77,6 +78,11 @@ def design_for(
     )
     if not result.worst.stable:
         console.print("  note: not every plant of the family is stable with these gains; choose a smaller Ms")
+    elif result.worst.sensitivity > LARGEST_WORST:
+        console.print(
+            "  note: with another load or battery the loop comes near to ringing (worst Ms); "
+            "`--ms 1.4` or a lower control rate leaves more margin"
+        )
     return result
 
 
@@ -109,13 +115,16 @@ def write_gains_file(path: Path, result: Design) -> Path:
 
 def read_gains_file(path: Path) -> BoardGains:
     """Read what `tune design` has written."""
+    names = [entry.name for entry in dataclasses.fields(BoardGains)]
     try:
-        return on_the_wire(**json.loads(path.read_text(encoding="utf-8"))["gains"])
+        gains = json.loads(path.read_text(encoding="utf-8"))["gains"]
+        return on_the_wire(**{name: float(gains[name]) for name in names})
     except OSError as error:
         raise ThumperError(f"{path}: cannot read the gains: {error.strerror}", exit_code=2) from error
     except (ValueError, KeyError, TypeError) as error:
         raise ThumperError(
-            f"{path}: no gains in it ({error}); `thumper tune design` writes them", exit_code=2
+            f"{path}: there is not each of {', '.join(names)} in it; `thumper tune design` writes them",
+            exit_code=2,
         ) from error
 
 
