@@ -165,7 +165,7 @@ class Runtime:
             self.senses.take_scans()
             self.desk.attend()
             armed = self.senses.telemetry is not None and self.senses.telemetry.state is not State.DISARMED
-            if armed and supervision.is_lost(experiments.source, time.monotonic()):
+            if supervision.is_lost(experiments.source, time.monotonic()) and armed:
                 experiments.stop("the page that began it is gone")
             self.products.beat(self.senses, self.pilot, None, self._timing)
             self._pacer.wait()

@@ -6,6 +6,7 @@ Simulated time passes beat by beat; hands and heartbeats run on the clock on the
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -202,6 +203,23 @@ def test_without_its_page_a_goal_is_given_up(service: Service) -> None:
     assert "page" in service.ask("mission/state")["reason"]
     service.put(Heartbeat(source="page"))
     assert service.mode == "idle"
+
+
+def test_a_goal_that_waited_while_the_process_hung_is_not_driven(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    woken_s = time.monotonic() + 60.0
+    monkeypatch.setattr("thumper.service.desk.time", SimpleNamespace(monotonic=lambda: woken_s))
+    service.put(GoTo(goals=(FAR,)), Order(name="arm"))
+    assert service.mode == "idle"
+    assert "hung" in service.ask("mission/send", {"x_m": FAR.x_m, "y_m": FAR.y_m})["error"]
+    service.put(EmergencyStop())
+    service.beats(2)
+    assert service.telemetry.fault is Fault.E_STOP
+    service.put(Order(name="clear_fault"))
+    woken_s += 1.5
+    service.put(GoTo(goals=(FAR,)))
+    assert service.mode == "driving"
 
 
 def test_parameters(service: Service) -> None:

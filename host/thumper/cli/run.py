@@ -125,9 +125,13 @@ def run(
 
 def _serve(robot: "Runtime", settings: "RobotConfig", speed: float, out: Path, console: "Console") -> None:
     from thumper.bus.attach import on_bus
-    from thumper.mapping.map_io import save_map
+    from thumper.service.map_saver import MapSaver
+    from thumper.service.requests import Notice
 
-    robot.desk.handlers["save_map"] = lambda: f"map saved: {save_map(robot.mapper.grid(), out / 'map.yaml')}"
+    def tell(text: str, good: bool) -> None:
+        robot.inbox.put(Notice(text=text, good=good))
+
+    robot.desk.handlers["save_map"] = MapSaver(robot.mapper.grid, out / "map.yaml", tell)
     with on_bus(robot, settings.name, settings.bus):
         console.print(f"{settings.name} is at service on {settings.bus.address}; Ctrl-C ends it")
         robot.serve(speed=speed)

@@ -1,5 +1,6 @@
 """Takes what others ask of the robot, has it done by those who can, and answers. Runs in the robot's loop."""
 
+import time
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
@@ -27,6 +28,7 @@ from thumper.service.requests import (
     Simulate,
     Velocity,
 )
+from thumper.service.waking import TOLD, Waking, sets_going
 
 Handler = Callable[[], str]
 """Carries out a command and returns what it did, in words; raises ThumperError with the cure."""
@@ -66,6 +68,7 @@ class Desk:
         self.set_speed: Callable[[float], None] | None = None  # of the simulation's clock
         self.experiments = Experiments()
         self._inbox = inbox
+        self._waking = Waking()
         self._pilot = pilot
         self._senses = senses
         self._products = products
@@ -74,8 +77,13 @@ class Desk:
 
     def attend(self) -> None:
         """Take and do everything that waits. Never raises: what cannot be done is told to who asked."""
+        late = self._waking.is_late(time.monotonic())
         for came_s, request in self._inbox.take():
             try:
+                if late and sets_going(request):
+                    if isinstance(request, Ask):
+                        request.reply({"ok": False, "error": TOLD})
+                    raise ThumperError(TOLD)
                 self._do(came_s, request)
             except ThumperError as error:
                 self._products.event(str(error), WARN)
@@ -135,7 +143,7 @@ class Desk:
             case Simulate():
                 self._products.event(self._simulate(request.content))
             case Notice():
-                self._products.event(request.text, WARN)
+                self._products.event(request.text, INFO if request.good else WARN)
             case Ask():
                 self._answer(request)
 
@@ -161,10 +169,12 @@ class Desk:
                 self._products.event(f"parameters set: {answer['values']}")
                 return answer
             case "parameters/save":
+                self._must_not_experiment()
                 self._must_stand("save the parameters")
                 self._products.event("parameters saved on the board")
                 return board_parameters.save(board)
             case "parameters/revert":
+                self._must_not_experiment()
                 return board_parameters.revert(board)
             case "mission/send":
                 return {"mission": self._go((goal_of(ask.content),), ask.source)}
@@ -243,6 +253,7 @@ class Desk:
         return text
 
     def _relocate(self, request: Relocate) -> None:
+        self._must_not_experiment()
         self._must_stand("be told where it is")
         set_pose = getattr(self._senses.perception.mapper, "set_pose", None)
         if set_pose is None:

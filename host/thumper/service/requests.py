@@ -74,6 +74,7 @@ class Notice:
     """A line for people, from another thread."""
 
     text: str
+    good: bool = False  # a mere word that something is done
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -39,3 +39,12 @@ def test_too_many_sources_push_out_the_one_silent_longest() -> None:
         supervision.beat(str(n), float(n))
     assert not supervision.is_lost("0", 1e9)  # forgotten
     assert supervision.is_lost("1", 1e9)
+
+
+def test_the_source_that_is_watched_is_not_pushed_out() -> None:
+    supervision = Supervision(0.3)
+    supervision.beat("page", 0.0)
+    assert not supervision.is_lost("page", 0.1)
+    for n in range(2 * MOST_SOURCES):
+        supervision.beat(str(n), 1.0)
+    assert supervision.is_lost("page", 1.0)
