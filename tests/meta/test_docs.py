@@ -1,17 +1,21 @@
 """The pages agree with the code: links lead somewhere, and the example configuration is the default one."""
 
 import re
+import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from thumper.config.robot import RobotConfig, load_config
+from thumper.ros.topics import TOPICS
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+SITE = sorted((ROOT / "docs").rglob("*.md"))
+PAGES = [*(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")), *SITE]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_links_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text(encoding="utf-8")):
         if "://" not in target:
@@ -25,3 +29,34 @@ def test_the_example_configuration_is_the_default(tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
     path.write_text(block.group(1), encoding="utf-8")
     assert load_config(path) == RobotConfig()
+
+
+def named_in(navigation: list[object]) -> Iterator[str]:
+    """The pages that the site's navigation names, at any depth."""
+    for entry in navigation:
+        assert isinstance(entry, dict)
+        for target in entry.values():
+            if isinstance(target, str):
+                yield target
+            else:
+                yield from named_in(target)
+
+
+def test_every_page_is_in_the_navigation_or_linked_from_another() -> None:
+    settings = tomllib.loads((ROOT / "zensical.toml").read_text(encoding="utf-8"))
+    reached = {ROOT / "docs" / name for name in named_in(settings["project"]["nav"])}
+    assert all(page.exists() for page in reached)
+    for page in PAGES:
+        for target in re.findall(r"\]\(([^)#]+\.md)[^)]*\)", page.read_text(encoding="utf-8")):
+            reached.add((page.parent / target).resolve())
+    assert set(SITE) <= reached
+
+
+def test_every_topic_stands_in_the_operators_guide() -> None:
+    rows = [
+        line
+        for line in (ROOT / "docs" / "operate.md").read_text(encoding="utf-8").splitlines()
+        if line.startswith("| `")
+    ]
+    for name, topic in TOPICS.items():
+        assert any(f"`{name}`" in row and f"`{topic.type_name}`" in row for row in rows), name
