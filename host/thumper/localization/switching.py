@@ -45,7 +45,7 @@ class SwitchingMapper:
         return (self.localiser or self._mapper).map_from_odom
 
     def grid(self) -> OccupancyGrid:
-        """The map (a copy while mapping, the frozen one while localising)."""
+        """The map so far, or the frozen one while localising."""
         return (self.localiser or self._mapper).grid()
 
     def quality(self) -> PoseQuality:

@@ -7,8 +7,8 @@ import numpy as np
 from thumper.errors import ThumperError
 from thumper.geometry import FloatArray, Pose2
 from thumper.mapping.distance_field import CountArray, mark
-from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from thumper.mapping.integrate import integrate
+from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, CellArray, OccupancyGrid
+from thumper.mapping.integrate import integrate, states
 from thumper.mapping.scan_points import SILENT, ScanPoints
 
 SEEN = 5  # observations that a cell of a finished map is worth
@@ -28,6 +28,7 @@ class Cells:
         self.occupied_fraction = occupied_fraction
         self._first_row = self._first_col = 0
         self._stamp = 0
+        self._shown: OccupancyGrid | None = None  # the map as last asked for, until a scan changes it
         self._allocate(0, 0)
 
     @classmethod
@@ -73,6 +74,7 @@ class Cells:
         self._cover(np.concatenate((origins_m, ends_m)))
         corner = np.array(self.corner_m)
         self._stamp += 1
+        self._shown = None
         integrate(
             (origins_m - corner) / self.resolution_m,
             (ends_m - corner) / self.resolution_m,
@@ -116,21 +118,25 @@ class Cells:
         return distance_m
 
     def grid(self, *, percent: bool) -> OccupancyGrid:
-        """A copy as free, occupied or unknown, or with the share of hits in percent."""
+        """The map as free, occupied or unknown, or with the share of hits in percent.
+
+        The former is the same object until a scan is entered, and never changes: the loop asks ten times a
+        second.
+        """
+        if not percent:
+            if self._shown is None:
+                self._shown = self._as_grid(states(self.hits, self.misses, self.distance_m))
+            return self._shown
         total = self.hits.astype(np.int32) + self.misses
-        if percent:
-            known = np.rint(np.float32(100.0) * self.hits / np.maximum(total, 1)).astype(np.int8)
-        else:
-            known = np.where(self.occupied(), OCCUPIED, FREE).astype(np.int8)
+        share = np.rint(np.float32(100.0) * self.hits / np.maximum(total, 1)).astype(np.int8)
+        return self._as_grid(np.where(total > 0, share, UNKNOWN).astype(np.int8))
+
+    def _as_grid(self, cells: CellArray) -> OccupancyGrid:
         x_m, y_m = self.corner_m
-        return OccupancyGrid(
-            cells=np.where(total > 0, known, UNKNOWN).astype(np.int8),
-            resolution_m=self.resolution_m,
-            origin_x_m=x_m,
-            origin_y_m=y_m,
-        )
+        return OccupancyGrid(cells=cells, resolution_m=self.resolution_m, origin_x_m=x_m, origin_y_m=y_m)
 
     def _allocate(self, rows: int, cols: int) -> None:
+        self._shown = None
         self.hits = np.zeros((rows, cols), dtype=np.uint16)
         self.misses = np.zeros((rows, cols), dtype=np.uint16)
         self.distance_m = np.full((rows, cols), self.reach_m, dtype=np.float32)

@@ -112,7 +112,7 @@ class GraphMapper:
         return self.places.path()
 
     def grid(self) -> OccupancyGrid:
-        """The whole map (a copy): free, occupied or unknown; after a loop it follows some scans later."""
+        """The whole map: free, occupied or unknown; after a loop it follows some scans later."""
         if self._world is None:
             return self._front.grid()
         return self._world.cells.grid(percent=False)

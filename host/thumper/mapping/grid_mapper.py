@@ -106,7 +106,7 @@ class GridMapper:
         return np.array(self._path).reshape(-1, 3)
 
     def grid(self) -> OccupancyGrid:
-        """The map so far (a copy): free, occupied or unknown."""
+        """The map so far: free, occupied or unknown; the same object until a scan is entered."""
         return self.cells.grid(percent=False)
 
     def grid_percent(self) -> OccupancyGrid:
@@ -126,6 +126,7 @@ class GridMapper:
         scratch.update(Pose2(), scan, Twist2())  # the first one has nothing to match against
         points = scan_points(scan, Twist2(), Pose2(), self._options.usable_range_m)
         scratch._search(points.hits_m(), Pose2())
+        scratch.grid()
 
     def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
         """Take the odometry pose at `scan.time_s` (beam 0) and the speed during the turn, for de-skewing.

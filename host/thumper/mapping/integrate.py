@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thumper.geometry import FloatArray
 from thumper.kernel import kernel
@@ -15,9 +14,12 @@ from thumper.mapping.distance_field import (
     mark,
     unmark,
 )
-from thumper.mapping.scan_points import HIT, SILENT, KindArray
+from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, CellArray
+from thumper.mapping.scan_points import HIT, KindArray
+from thumper.mapping.trace import StampArray, trace
 
 COUNT_MAX = 60_000  # halved together beyond this, so that the fraction stays and uint16 never wraps
+NO_FOLD = 0x7FFFFFFF
 
 
 @kernel
@@ -55,7 +57,7 @@ def integrate(
     ends: FloatArray,
     kinds: KindArray,
     stamp: int,
-    stamps: NDArray[np.int32],
+    stamps: StampArray,
     hits: CountArray,
     misses: CountArray,
     distance_m: FieldArray,
@@ -68,8 +70,7 @@ def integrate(
 
     Each cell counts once a scan, and a hit outweighs any number of beams that pass through the same cell:
     otherwise beams that graze a wall wear it away. `stamps` remembers the last scan that touched a cell.
-    Everything must lie inside the arrays. Traversal: Amanatides and Woo, "A fast voxel traversal algorithm",
-    Eurographics 1987.
+    Everything must lie inside the arrays.
     """
     for i in range(kinds.size):
         if kinds[i] == HIT:
@@ -79,27 +80,28 @@ def integrate(
                 count(
                     row, col, True, hits, misses, distance_m, nearest, resolution_m, reach, occupied_fraction
                 )
-    for i in range(kinds.size):
-        if kinds[i] == SILENT:
-            continue
-        row, col = math.floor(origins[i, 1]), math.floor(origins[i, 0])
-        end_row, end_col = math.floor(ends[i, 1]), math.floor(ends[i, 0])
-        dx, dy = ends[i, 0] - origins[i, 0], ends[i, 1] - origins[i, 1]
-        step_col, step_row = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
-        # Fraction of the beam at which it crosses into the next column or row, and between two crossings.
-        next_x = ((col + (dx > 0.0)) - origins[i, 0]) / dx if dx != 0.0 else math.inf
-        next_y = ((row + (dy > 0.0)) - origins[i, 1]) / dy if dy != 0.0 else math.inf
-        every_x = abs(1.0 / dx) if dx != 0.0 else math.inf
-        every_y = abs(1.0 / dy) if dy != 0.0 else math.inf
-        for _ in range(abs(end_row - row) + abs(end_col - col)):
-            if stamps[row, col] != stamp:
-                stamps[row, col] = stamp
-                count(
-                    row, col, False, hits, misses, distance_m, nearest, resolution_m, reach, occupied_fraction
-                )
-            if next_x < next_y:
-                next_x += every_x
-                col += step_col
-            else:
-                next_y += every_y
-                row += step_row
+    crossed = trace(origins, ends, kinds, 0, 1, stamp, stamps, NO_FOLD)
+    for i in range(crossed.shape[0]):
+        count(
+            crossed[i, 0],
+            crossed[i, 1],
+            False,
+            hits,
+            misses,
+            distance_m,
+            nearest,
+            resolution_m,
+            reach,
+            occupied_fraction,
+        )
+
+
+@kernel
+def states(hits: CountArray, misses: CountArray, distance_m: FieldArray) -> CellArray:
+    """Each cell free, occupied or unknown, shape (rows, columns); an occupied one is at distance 0."""
+    found = np.empty(hits.shape, dtype=np.int8)
+    for row in range(hits.shape[0]):
+        for col in range(hits.shape[1]):
+            known = hits[row, col] > 0 or misses[row, col] > 0
+            found[row, col] = UNKNOWN if not known else OCCUPIED if distance_m[row, col] == 0.0 else FREE
+    return found

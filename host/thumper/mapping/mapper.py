@@ -47,7 +47,7 @@ class Mapper(Protocol):
         ...
 
     def grid(self) -> OccupancyGrid:
-        """The map so far (a copy)."""
+        """The map so far; a grid once given does not change, and nobody may write to it."""
         ...
 
     def quality(self) -> PoseQuality:

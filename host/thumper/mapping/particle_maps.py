@@ -5,12 +5,22 @@ import math
 import numpy as np
 
 from thumper.geometry import FloatArray, Pose2
-from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from thumper.mapping.patch_integrate import integrate_all, quantised_distances
-from thumper.mapping.patches import FAR, SIDE, IndexArray, empty_pool, grown_pool, render, share
+from thumper.mapping.grid import OccupancyGrid
+from thumper.mapping.patch_integrate import distance_stencil, integrate_all, quantised_distances
+from thumper.mapping.patches import (
+    FAR,
+    SIDE,
+    IndexArray,
+    empty_pool,
+    grown_pool,
+    render,
+    render_states,
+    share,
+)
 from thumper.mapping.scan_points import ScanPoints
 
 FIRST_PATCHES = 256
+APART = 0.25  # cells by which free space may be misplaced; hits never are
 
 
 class ParticleMaps:
@@ -36,12 +46,13 @@ class ParticleMaps:
         self.pool = empty_pool(FIRST_PATCHES)
         self.tables: IndexArray = np.zeros((particles, 0, 0), dtype=np.int32)
         self._occupied_fraction = occupied_fraction
-        self._levels = quantised_distances(self.reach)
+        self._levels, self._stencil = quantised_distances(self.reach), distance_stencil(self.reach)
         self._first_row = self._first_col = 0
         side = 1 << math.ceil(math.log2(2.0 * (range_m / resolution_m + 2.0)))
         self._stamps = np.zeros((side, side), dtype=np.int32)
-        self._stamp = 1
+        self._stamp = np.zeros(1, dtype=np.int32)
         self._turn = 0
+        self._shown: tuple[int, OccupancyGrid] | None = None  # particle and map as last asked for
 
     @property
     def corner_m(self) -> FloatArray:
@@ -69,9 +80,9 @@ class ParticleMaps:
             (math.ceil(2.0 * length_m / (SIDE * self.resolution_m)) + 2) ** 2,
             self.tables.shape[1] * self.tables.shape[2],
         )
-        from_corner = poses.copy()
-        from_corner[:, :2] -= self.corner_m
-        self._stamp += poses.shape[0]
+        self._shown = None
+        placed = self.in_cells(poses)
+        order, middles = grouped(placed, length_m / self.resolution_m)
         self._turn += 1
         clear_every = max(1, round(np.count_nonzero(points.kinds) / self._cleared_beams))
         done = 0
@@ -80,18 +91,20 @@ class ParticleMaps:
                 self.pool = grown_pool(self.pool, max(need, self.pool.references.size // 4))
             done = integrate_all(
                 done,
-                from_corner,
-                points.origins_m,
-                points.ends_m,
+                order,
+                placed,
+                middles,
+                points.origins_m / self.resolution_m,
+                points.ends_m / self.resolution_m,
                 points.kinds,
                 self._turn % clear_every,
                 clear_every,
-                self.resolution_m,
                 self._stamp,
                 self._stamps,
                 need,
                 self.tables,
                 self.pool,
+                self._stencil,
                 self._levels,
                 self.reach,
                 self._occupied_fraction,
@@ -99,6 +112,7 @@ class ParticleMaps:
 
     def inherit(self, parents: IndexArray) -> None:
         """Give particle k the map of `parents[k]`; a parent must keep its own."""
+        self._shown = None
         share(self.tables, parents, self.pool)
 
     def distance_m(self, particle: int) -> np.ndarray[tuple[int, int], np.dtype[np.float32]]:
@@ -107,17 +121,24 @@ class ParticleMaps:
         return near * np.float32(self.reach * self.resolution_m / 254.0)
 
     def grid(self, particle: int) -> OccupancyGrid:
-        """One particle's map: free, occupied or unknown."""
-        hits = render(self.tables[particle], self.pool.hits, 0).astype(np.float32)
-        total = hits + render(self.tables[particle], self.pool.misses, 0)
-        known = np.where((hits > 0) & (hits >= self._occupied_fraction * total), OCCUPIED, FREE)
-        x_m, y_m = self.corner_m
-        return OccupancyGrid(
-            cells=np.where(total > 0, known, UNKNOWN).astype(np.int8),
-            resolution_m=self.resolution_m,
-            origin_x_m=float(x_m),
-            origin_y_m=float(y_m),
-        )
+        """One particle's map: free, occupied or unknown, no larger than the patches it knows.
+
+        The same object until a scan is entered: the loop asks ten times a second.
+        """
+        if self._shown is None or self._shown[0] != particle:
+            table = self.tables[particle]
+            rows, cols = np.flatnonzero(table.any(axis=1)), np.flatnonzero(table.any(axis=0))
+            row, col = (int(rows[0]), int(cols[0])) if rows.size else (0, 0)
+            known = table[row : rows[-1] + 1, col : cols[-1] + 1] if rows.size else table[:0, :0]
+            x_m, y_m = self.corner_m + SIDE * self.resolution_m * np.array([col, row])
+            grid = OccupancyGrid(
+                cells=render_states(np.ascontiguousarray(known), self.pool),
+                resolution_m=self.resolution_m,
+                origin_x_m=float(x_m),
+                origin_y_m=float(y_m),
+            )
+            self._shown = particle, grid
+        return self._shown[1]
 
     def _cover(self, low_m: FloatArray, high_m: FloatArray) -> None:
         """Grow the tables to hold the box."""
@@ -135,6 +156,18 @@ class ParticleMaps:
         if rows:
             tables[:, r : r + rows, c : c + cols] = self.tables
         self.tables, self._first_row, self._first_col = tables, top, left
+
+
+def grouped(poses: FloatArray, length: float) -> tuple[IndexArray, FloatArray]:
+    """Groups of poses, shape (n, 3) in cells and radians, that see nearly the same up to `length` cells away.
+
+    Returns the order that puts each group together, shape (n,), and the middle of each pose's group, (n, 3):
+    `APART` cells from the pose at most along x and y, and across at the end of the longest beam.
+    """
+    steps = 2.0 * APART * np.array([1.0, 1.0, 1.0 / length])
+    centre = poses.mean(axis=0)
+    groups = np.rint((poses - centre) / steps)
+    return np.lexsort(groups.T).astype(np.int32), centre + groups * steps
 
 
 def pose_row(pose: Pose2) -> FloatArray:

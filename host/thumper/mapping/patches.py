@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thumper.kernel import kernel
+from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, CellArray
 
 SIDE_BITS = 5
 SIDE = 1 << SIDE_BITS  # cells along a patch; a power of two, so that indices split by shift and mask
@@ -113,4 +114,22 @@ def render(table: IndexArray, source: ByteArray, unknown: int) -> ByteArray:
         for c in range(cols):
             if table[r, c] != 0:
                 out[r * SIDE : (r + 1) * SIDE, c * SIDE : (c + 1) * SIDE] = source[table[r, c]]
+    return out
+
+
+@kernel
+def render_states(table: IndexArray, pool: Pool) -> CellArray:
+    """One particle's cells as free, occupied or unknown; a cell at distance 0 is the occupied one."""
+    rows, cols = table.shape
+    out = np.full((rows * SIDE, cols * SIDE), UNKNOWN, dtype=np.int8)
+    for r in range(rows):
+        for c in range(cols):
+            patch = table[r, c]
+            if patch == 0:
+                continue
+            for i in range(SIDE):
+                for j in range(SIDE):
+                    if pool.hits[patch, i, j] > 0 or pool.misses[patch, i, j] > 0:
+                        state = OCCUPIED if pool.near[patch, i, j] == 0 else FREE
+                        out[r * SIDE + i, c * SIDE + j] = state
     return out

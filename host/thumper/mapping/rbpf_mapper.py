@@ -108,7 +108,7 @@ class RbpfMapper:
         return float(1.0 / np.sum(weights * weights))
 
     def grid(self) -> OccupancyGrid:
-        """The best particle's map (a copy): free, occupied or unknown."""
+        """The best particle's map: free, occupied or unknown; the same object until a scan is entered."""
         return self.maps.grid(self._best)
 
     def path(self) -> FloatArray:

@@ -9,9 +9,9 @@ from tests.host.mapping.rooms import ROOM, room_scan
 from tests.host.mapping.test_grid_mapper import driven_any, tour
 from thumper.geometry import Pose2, Twist2
 from thumper.mapping.grid import OCCUPIED
-from thumper.mapping.grid_mapper import GridMapperOptions
+from thumper.mapping.grid_mapper import GridMapper, GridMapperOptions
 from thumper.mapping.patch_integrate import quantised_distances
-from thumper.mapping.patches import FAR, empty_pool, grown_pool, share, writable
+from thumper.mapping.patches import FAR, empty_pool, grown_pool, render, share, writable
 from thumper.mapping.rbpf_mapper import RbpfMapper, RbpfOptions
 from thumper_hil.parts.world import World
 
@@ -51,11 +51,26 @@ def test_distances_are_kept_exactly_while_walls_come_and_go() -> None:
     driven_any(mapper, slip=0.1)
     maps = mapper.maps
     distance_m = maps.distance_m(mapper._best)
-    occupied = np.argwhere(maps.grid(mapper._best).cells == OCCUPIED)
+    table = maps.tables[mapper._best]
+    hits, misses = (render(table, counts, 0).astype(int) for counts in (maps.pool.hits, maps.pool.misses))
+    walls = (hits > 0) & (hits >= 0.25 * (hits + misses))
+    assert np.array_equal(walls, distance_m == 0.0)
+    occupied = np.argwhere(walls)
     levels = quantised_distances(maps.reach)
     for row, col in np.argwhere(distance_m < maps.reach * 0.05 * FAR / 254)[::37]:
         squared = int(((occupied - (row, col)) ** 2).sum(axis=1).min())
         assert round(float(distance_m[row, col]) / (maps.reach * 0.05) * 254) == int(levels[squared])
+
+
+@pytest.mark.parametrize("mapper", [RbpfMapper(filtering=RbpfOptions(particles=2)), GridMapper()])
+def test_a_map_once_given_stays_as_it_is(mapper: RbpfMapper | GridMapper) -> None:
+    driven_any(mapper, slip=0.0)
+    grid = mapper.grid()
+    before = grid.cells.copy()
+    assert mapper.grid() is grid
+    driven_any(mapper, slip=0.1)
+    assert np.array_equal(grid.cells, before)
+    assert not np.array_equal(mapper.grid().cells, before)
 
 
 @pytest.mark.parametrize("seed", range(10))
