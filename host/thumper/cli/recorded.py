@@ -37,7 +37,7 @@ def recorded(
     with recording_switch(robot, settings, start or Pose2(), folder, say) as switch:
         if record or record_to:
             prepare_output(folder, "--record-to")
-            switch.start()
+            print(f"{switch.start()}; at most {settings.recording.budget_MB:g} MB, the oldest go first")
         try:
             yield
         finally:

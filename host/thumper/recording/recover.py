@@ -59,22 +59,25 @@ def recover(path: Path) -> Repair | None:
     unfinished = path.name.endswith(PART)
     target = _free(path.with_name(path.name.removesuffix(PART))) if unfinished else path
     try:
-        if _is_held(path):
-            raise ThumperError(f"{path}: is being recorded just now; stop that program first", exit_code=2)
         if not unfinished and is_whole(path):
             return None
         repaired = target.with_name(target.name + REPAIRED)
-        profile = _profile(path)
-        with path.open("rb") as source, repaired.open("wb") as sink:
-            messages, note = _copy(source, sink, profile)
-            sink.flush()
-            os.fsync(sink.fileno())
-        if not unfinished:
-            path.rename(_free(path.with_name(path.name + DAMAGED)))
-        repaired.rename(target)
-        sync_folder(target.parent)
-        if unfinished:
-            path.unlink()
+        with path.open("rb") as source:
+            if not _take(source):  # and hold it: two that repair the same file would write into one
+                raise ThumperError(
+                    f"{path}: is being recorded or repaired just now; stop that program first", exit_code=2
+                )
+            profile = _profile(path)
+            with repaired.open("wb") as sink:
+                messages, note = _copy(source, sink, profile)
+                sink.flush()
+                os.fsync(sink.fileno())
+            if not unfinished:
+                path.rename(_free(path.with_name(path.name + DAMAGED)))
+            repaired.rename(target)
+            sync_folder(target.parent)
+            if unfinished:
+                path.unlink()
     except OSError as error:
         raise ThumperError(f"{path}: cannot be repaired ({error}); the file is kept", exit_code=2) from error
     return Repair(path=target, messages=messages, note=note)
@@ -196,11 +199,16 @@ def _copy(source: IO[bytes], sink: IO[bytes], profile: str) -> tuple[int, str]:
 
 def _is_held(path: Path) -> bool:
     with path.open("rb") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
-    return False
+        return not _take(stream)
+
+
+def _take(stream: IO[bytes]) -> bool:
+    """Hold the file for as long as the stream is open; False when another program does."""
+    try:
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
 
 
 def _free(path: Path) -> Path:

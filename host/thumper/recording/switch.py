@@ -48,6 +48,7 @@ class RecordSwitch:
         """Record from now on; returns what was done, in words."""
         if self._recorder is not None and self._recorder.active:
             return "it records already"
+        self._leave()  # one that has stopped by itself
         products = self._robot.products
         self._recorder = Recorder(self._folder, self.session(), say=self._told)
         products.add(self._recorder)

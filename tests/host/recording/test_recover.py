@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import IO
 
 import mcap.reader
 import pytest
@@ -14,8 +15,9 @@ from mcap.writer import CompressionType, Writer
 
 from tests.host.recording.samples import EPOCH_NS, SESSION, beats
 from thumper.errors import ThumperError
+from thumper.recording import recover as module
 from thumper.recording.mcap_file import McapFile
-from thumper.recording.recover import is_whole, left_behind, recover, recover_all, recover_apart
+from thumper.recording.recover import _copy, is_whole, left_behind, recover, recover_all, recover_apart
 from thumper.recording.session import METADATA_NAME
 from thumper.ros.codec import encode
 from thumper.ros.stamps import stamp_ns
@@ -177,6 +179,26 @@ def test_no_mcap_at_all_is_told_and_kept(tmp_path: Path, content: bytes) -> None
         recover(part)
     assert part.read_bytes() == content
     assert list(tmp_path.iterdir()) == [part]
+
+
+def test_two_do_not_repair_the_same_file(
+    tmp_path: Path, torn: tuple[bytes, list[tuple[int, int]]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    part = tmp_path / "a.mcap.part"
+    part.write_bytes(torn[0])
+    copied: list[str] = []
+
+    def copy_while_another_tries(source: IO[bytes], sink: IO[bytes], profile: str) -> tuple[int, str]:
+        copied.append(profile)
+        with pytest.raises(ThumperError, match="repaired just now"):
+            recover(part)
+        assert left_behind(tmp_path) == []
+        return _copy(source, sink, profile)
+
+    monkeypatch.setattr(module, "_copy", copy_while_another_tries)
+    assert recover(part) is not None
+    assert copied == ["ros2"]
+    assert is_whole(tmp_path / "a.mcap")
 
 
 def test_a_start_has_it_done_by_another_process(
