@@ -54,7 +54,8 @@ class HostInterface {
     if (store_.Step(memory)) {
       const bool saved = store_.Verify(memory);
       if (saved) source_ = ParameterSource::kSaved;
-      AnswerLater(sink, saved ? AckStatus::kOk : AckStatus::kNotSaved);
+      // Asked for more meanwhile: pending_seq_ is that request's, and what is saved now may be old.
+      if (pending_ == Command::kDisarm) AnswerLater(sink, saved ? AckStatus::kOk : AckStatus::kNotSaved);
     }
     if (pending_ == Command::kDisarm || store_.saving()) return;
     const Command todo = pending_;
@@ -182,13 +183,13 @@ class HostInterface {
     if (command <= Command::kClearFault) {
       status = Apply(static_cast<Event>(command));
     } else if (command == Command::kRestoreDefaults) {
-      RestoreDefaults();
-      status = AckStatus::kOk;
+      status = supervisor_.armed() ? AckStatus::kArmed : AckStatus::kOk;
+      if (status == AckStatus::kOk) RestoreDefaults();
     } else if (command == Command::kSave && battery_.status() != AckStatus::kOk) {
       status = battery_.status();  // the supply may fail in the midst of it
     } else if (command <= Command::kLoad) {
-      pending_seq_ = decoder_.seq();  // Work() answers, once it is done
-      if (command == Command::kLoad || !store_.saving()) pending_ = command;
+      pending_seq_ = decoder_.seq();  // Work() answers the newest, once it is done
+      pending_ = command;
       return;
     }
     Acknowledge(sink, status);

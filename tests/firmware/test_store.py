@@ -146,12 +146,46 @@ def test_control_goes_on_during_a_save_and_takes_new_values(core: ctypes.CDLL) -
     host.send(m.CommandRequest(command=m.Command.SAVE), seq=1)
     host.work(7)
     assert host.set("kp", 222) is m.AckStatus.OK
-    assert host.send(m.CommandRequest(command=m.Command.SAVE), seq=2) == [], "asked again: the same save"
+    ((seq, ack),) = host.work()
+    assert isinstance(ack, m.Ack)
+    assert (seq, ack.status) == (1, m.AckStatus.OK)
+    assert host.status()[0] is m.State.CLOSED_LOOP
+    assert Host(core, eeprom=eeprom).get("kp") == 111, "what was asked to be saved, not what came later"
+
+
+def test_a_save_asked_for_during_a_save_is_answered_when_it_is_true(core: ctypes.CDLL) -> None:
+    eeprom = core.eeprom_new()
+    host = Host(core, eeprom=eeprom)
+    host.set("kp", 111)
+    host.send(m.CommandRequest(command=m.Command.SAVE), seq=1)
+    host.work(7)
+    host.set("kp", 222)
+    assert host.send(m.CommandRequest(command=m.Command.SAVE), seq=2) == []
     ((seq, ack),) = host.work()
     assert isinstance(ack, m.Ack)
     assert (seq, ack.status) == (2, m.AckStatus.OK)
-    assert host.status()[0] is m.State.CLOSED_LOOP
-    assert Host(core, eeprom=eeprom).get("kp") == 111, "what was asked to be saved, not what came later"
+    assert Host(core, eeprom=eeprom).get("kp") == 222
+
+
+def test_a_load_asked_for_during_a_save_is_answered_as_a_load(core: ctypes.CDLL) -> None:
+    host = Host(core, eeprom=core.eeprom_new())
+    host.set("kp", 111)
+    host.send(m.CommandRequest(command=m.Command.SAVE), seq=1)
+    host.work(7)
+    host.set("kp", 222)
+    assert host.send(m.CommandRequest(command=m.Command.LOAD), seq=2) == []
+    ((seq, ack),) = host.work()
+    assert isinstance(ack, m.Ack)
+    assert (seq, ack.status) == (2, m.AckStatus.OK)
+    assert host.get("kp") == 111
+
+
+def test_defaults_are_not_taken_under_way(core: ctypes.CDLL) -> None:
+    host = Host(core)
+    host.set("kp", 111)
+    host.command(m.Command.ARM)
+    assert host.command(m.Command.RESTORE_DEFAULTS) is m.AckStatus.ARMED
+    assert host.get("kp") == 111
 
 
 def test_an_empty_battery_refuses_to_save(core: ctypes.CDLL) -> None:
