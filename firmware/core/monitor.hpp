@@ -11,8 +11,9 @@ namespace fw {
 /// PWM times time is summed up while the wheel does not get on, by 3 counts the way it is pushed, and starts
 /// anew when it does. At 38 PWM s (half PWM for 300 ms, less PWM for longer, more than half for 300 ms too),
 /// fewer than 3 counts either way is a stall (or a dead encoder or motor); more of them backwards, and still
-/// going, is a swapped wire. So the sum bounds the way that a wheel runs unseen, whatever its set-point; and
-/// a wheel that is being reversed turns round within that time.
+/// going, is a swapped wire. So the sum bounds the way that a wheel runs unseen at any steady set-point; and
+/// a wheel that is being reversed turns round within that time. (A push that changes its sign more often than
+/// each 300 ms begins anew each time: such a wheel is only shaken.)
 class WheelMonitor {
  public:
   enum class Verdict : uint8_t { kFine, kStall, kReversed };
