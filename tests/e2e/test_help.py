@@ -38,6 +38,15 @@ def test_each_command_explains_its_options(thumper: Run, command: str) -> None:
     assert all(option in done.stdout for option in COMMANDS[command])
 
 
+def test_help_shows_what_stands_in_brackets(thumper: Run) -> None:
+    assert "X in the map [m]." in thumper("goto", "--help").stdout
+
+
+def test_negative_coordinates_are_no_options(thumper: Run) -> None:
+    done = thumper("goto", "-0.5", "-1", "-90", "--bus", "127.0.0.1:1")
+    assert "no robot is running" in done.stderr
+
+
 def test_help_loads_no_slow_library() -> None:
     """`benchmarks/cli.py` measures the time itself."""
     code = (

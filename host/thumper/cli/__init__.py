@@ -47,6 +47,7 @@ def build_app() -> typer.Typer:
     app = typer.Typer(
         help="A brain for differential-drive robots: holds wheel speeds, maps, and drives to a goal.",
         no_args_is_help=True,
+        rich_markup_mode="markdown",  # in "rich" a unit such as [m] is markup and vanishes
         pretty_exceptions_enable=False,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
@@ -84,7 +85,9 @@ def build_app() -> typer.Typer:
         recover,
         export,
     ):
-        app.command(command.__name__.replace("_", "-"))(command)
+        # goto's negative coordinates are no options
+        settings = {"ignore_unknown_options": True} if command is goto else None
+        app.command(command.__name__.replace("_", "-"), context_settings=settings)(command)
     return app
 
 
