@@ -1,13 +1,16 @@
 """What the firmware answers and does, message by message, spoken with the generated Python codec."""
 
 import ctypes
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.firmware.speaker import Host, frame
+from tests.firmware.speaker import Host, frame, read_frames
 from thumper.link import messages as m
+
+DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "firmware.md"
 
 
 @pytest.fixture
@@ -22,6 +25,8 @@ def test_identity_carries_the_schema_hash(host: Host) -> None:
     assert (identity.control_rate_Hz, identity.counts_per_rev) == (10, 1200)
     assert (identity.wheel_radius_mm, identity.track_mm) == (62, 245)
     assert identity.reset_cause is m.ResetCause.POWER_ON
+    version = f"{identity.version_major}.{identity.version_minor}.{identity.version_patch}"
+    assert DOCUMENT.read_text(encoding="utf-8").splitlines()[2].startswith(f"Version {version} ")
 
 
 def test_set_points_act_only_in_closed_loop(host: Host) -> None:
@@ -160,7 +165,11 @@ def test_parameters_start_at_their_default_and_keep_their_range(host: Host, spec
 
 def test_unknown_requests_are_refused_by_name(host: Host) -> None:
     index = len(m.PARAMETERS)
-    for request in (m.GetParameter(index=index), m.SetParameter(index=255, value=0)):
+    for request in (
+        m.GetParameter(index=index),
+        m.SetParameter(index=index, value=0),
+        m.SetParameter(index=255, value=0),
+    ):
         (answer,) = host.send(request)
         assert isinstance(answer, m.Ack)
         assert (answer.request_id, answer.status) == (request.ID, m.AckStatus.UNKNOWN_PARAMETER)
@@ -197,6 +206,16 @@ def test_no_byte_stream_moves_a_silent_robot(core: ctypes.CDLL, noise: list[byte
     assert state in (m.State.DISARMED, m.State.FAULT)
     assert (left, right) == (0, 0)
     assert isinstance(host.send(m.Identify())[0], m.Identity)
+
+
+def test_telemetry_is_numbered_from_zero_on(core: ctypes.CDLL, host: Host) -> None:
+    """Round the byte's end, so that the host sees each frame that is missing."""
+    out = ctypes.create_string_buffer(100)
+    numbers = []
+    for _ in range(300):
+        size = core.host_telemetry(host.handle, out)
+        numbers += [number for number, _ in read_frames(out.raw[:size])]
+    assert numbers == [number % 256 for number in range(300)]
 
 
 def test_before_any_reading_it_tells_no_current(host: Host) -> None:

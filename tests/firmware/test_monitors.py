@@ -268,7 +268,7 @@ def test_beeps_wait_for_quiet_wheels(core: ctypes.CDLL) -> None:
     """Five of 200 ms with as long a pause, not a moment while anything moves."""
     beep = core.beep_new()
     assert [core.beep_step(beep, 1, 1) for _ in range(10)] == [0] * 10
-    core.beep_start(beep, 5)
+    core.beep_start(beep, core.low_battery_beeps())
     assert [core.beep_step(beep, 1, 0) for _ in range(10)] == [0] * 10
     tones = [core.beep_step(beep, 1, 1) for _ in range(2500)]
     assert sum(tones) == 1000

@@ -1,6 +1,7 @@
 """The small parts: set-point ramp, battery monitor, conversions."""
 
 import ctypes
+import itertools
 import math
 from collections.abc import Callable
 
@@ -47,6 +48,12 @@ def test_speed_is_the_thesis_formula_to_a_hundred_thousandth(
     assert 32_000 < core_at_rate(rate_Hz).speed_from_counts(32_767) <= 32_767
 
 
+def test_a_difference_is_limited_and_never_wraps(core: ctypes.CDLL) -> None:
+    edges = [-32_768, -32_767, -16_384, -1, 0, 1, 16_384, 32_767]
+    for a, b in itertools.product(edges, repeat=2):
+        assert core.difference(a, b) == max(-32_767, min(32_767, a - b))
+
+
 def test_battery_and_current_scales(core: ctypes.CDLL) -> None:
     """1007 counts are 30 V; 100 mV/A round 511 (sums of 32 samples)."""
     assert core.battery_from_sum(1007 * 32) == pytest.approx(30_000, abs=2)
@@ -62,10 +69,12 @@ def test_the_battery_scale_is_rounded_once_over_its_range(core: ctypes.CDLL) -> 
 
 
 def test_supply_ratio_follows_the_voltage_within_limits(core: ctypes.CDLL) -> None:
+    """7.4 V over the voltage, Q12, rounded down; two thirds to twice of 7.4 V count."""
     assert core.supply_ratio(0) == 4096
-    for battery_mV in range(5000, 14_000, 50):
-        assert core.supply_ratio(battery_mV) == pytest.approx(4096 * 7400 / battery_mV, abs=1)
-    assert core.supply_ratio(100) <= 6144
+    for battery_mV in range(4934, 14_801):
+        assert core.supply_ratio(battery_mV) == 4096 * 7400 // battery_mV
+    assert core.supply_ratio(1) == core.supply_ratio(4933) == core.supply_ratio(4934)
+    assert core.supply_ratio(14_801) == 2048
     assert core.supply_ratio(65_535) == 2048
 
 
@@ -88,6 +97,14 @@ def test_a_battery_shows_its_charge_before_it_counts_as_charged(core: ctypes.CDL
     assert core.battery_status(battery) == AckStatus.OK
     assert core.battery_update(core.battery_new(), 6399) == 1
     assert core.battery_update(core.battery_new(), 6400) == 0
+
+
+def test_the_operator_is_warned_below_seven_volts(core: ctypes.CDLL) -> None:
+    for reading_mV, warning in ((7000, 0), (6999, 1), (16, 1)):
+        battery = core.battery_new()
+        assert core.battery_warning(battery) == 0, "nothing is known yet"
+        core.battery_update(battery, reading_mV)
+        assert core.battery_warning(battery) == warning
 
 
 def test_low_battery_trips_late_once_and_releases_above_seven_volts(core: ctypes.CDLL) -> None:

@@ -237,6 +237,7 @@ void eeprom_set(int eeprom, int address, int byte) {
 void eeprom_power(int eeprom, int writes) { At<Eeprom>(eeprom).writes_left = writes; }
 int eeprom_writes_left(int eeprom) { return At<Eeprom>(eeprom).writes_left; }
 
+int low_battery_beeps() { return fw::kLowBatteryBeeps; }
 int beep_new() { return New<fw::BeepPattern>(); }
 void beep_start(int beep, int beeps) { At<fw::BeepPattern>(beep).Start(static_cast<uint8_t>(beeps)); }
 int beep_step(int beep, int elapsed_ms, int quiet) {

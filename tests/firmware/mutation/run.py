@@ -30,12 +30,13 @@ TESTS = Path(__file__).resolve().parents[1]
 SUITE = {
     "test_wheel": {"parameters.hpp"},
     "test_supervisor": {"supervisor.hpp"},
-    "test_monitors": {"host_interface.hpp", "beep.hpp"},
+    "test_monitors": {"host_interface.hpp", "beep.hpp", "config.hpp"},
     "test_ramp_battery_units": {"parameters.hpp", "battery.hpp"},
     "test_host_interface": {"host_interface.hpp"},
     "test_store": {"host_interface.hpp"},
     "test_quadrature": {"quadrature.hpp", "drive.hpp"},
     "test_framing": {"framing.hpp"},
+    "test_model": {"parameters.hpp"},
     "test_law": {"parameters.hpp"},
     "test_pi": {"pi.hpp"},
 }
@@ -47,7 +48,7 @@ OWN = {
     "config.hpp": "test_law",
     "crc.hpp": "test_framing",
     "drive.hpp": "test_quadrature",
-    "feedforward.hpp": "test_law",
+    "feedforward.hpp": "test_model",
     "fixed.hpp": "test_law",
     "framing.hpp": "test_framing",
     "host_interface.hpp": "test_host_interface",
