@@ -1,5 +1,5 @@
 # Two commands matter: `make demo` (see the robot drive) and `make test`. Both install what is missing.
-.PHONY: help demo test lint format firmware chip protocol reference docs bench mutation clean
+.PHONY: help demo test lint format firmware chip protocol reference docs bench results mutation clean
 
 PYTHON ?=
 VENV := .venv
@@ -12,9 +12,10 @@ help:
 	@echo "make test      install what is missing, build, and run every test"
 	@echo "make lint      ruff, mypy --strict, clang-format"
 	@echo "make firmware  build firmware/build/thumper.elf and .hex and those of the second board, print their size"
-	@echo "make reference  write the reference pages of commands and options anew"
+	@echo "make reference write the reference pages of commands and options anew"
 	@echo "make docs      build the documentation's site into site/, offline; a dead link is an error"
 	@echo "make bench     run the benchmarks"
+	@echo "make results   drive the sample campaigns anew and write their reports into docs/results/"
 	@echo "make mutation  flip every operator and constant of the firmware's core and count who notices (half an hour)"
 
 demo: firmware chip
@@ -52,6 +53,9 @@ docs: $(VENV)/.dev
 
 bench: firmware chip $(VENV)/.run
 	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
+
+results: firmware chip $(VENV)/.dev
+	@scripts/make-results
 
 mutation: $(VENV)/.dev
 	@$(BIN)/python -m tests.firmware.mutation.run
