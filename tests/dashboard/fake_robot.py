@@ -48,6 +48,7 @@ class FakeRobot:
     asked: list[tuple[float, Request]] = field(default_factory=list)
     parameters: dict[str, float] = field(default_factory=dict)
     period_s: float = PERIOD_S
+    lidar_scans: int = 567
 
     def __post_init__(self) -> None:
         self.reset()
@@ -71,7 +72,7 @@ class FakeRobot:
         """Forget what was asked, be well again."""
         self.asked.clear()
         self.fault, self.fault_words, self.fault_cure = Fault.NONE, "", ""
-        self.goal, self.recording, self.battery_V = None, False, 7.62
+        self.goal, self.recording, self.battery_V, self.lidar_scans = None, False, 7.62, 567
         self.parameters = {spec.name: spec.default for spec in PARAMETERS}
 
     def said(self, kind: type[Any]) -> list[Any]:
@@ -223,7 +224,7 @@ class FakeRobot:
             scan_age_s=0.08,
             link_frames=1234,
             link_errors=2,
-            lidar_scans=567,
+            lidar_scans=self.lidar_scans,
         )
 
     def _send(self, topic: str, message: Any) -> None:

@@ -159,6 +159,62 @@ def test_the_stick_drives_while_it_is_held(page: Page, robot: FakeRobot) -> None
     assert len(robot.said(Velocity)) == count  # silence once it has let go
 
 
+PAD = """([lb, forward, stop]) => {
+  const pressed = (button) => button === 4 && lb || button === stop;
+  const buttons = Array.from({ length: 17 }, (_, button) => ({ pressed: pressed(button) }));
+  navigator.getGamepads = () => [{ connected: true, id: "pad", buttons, axes: [0, -forward, 0, 0] }];
+}"""
+
+
+def test_a_gamepad_drives_while_its_button_is_held_and_the_page_has_the_focus(
+    page: Page, robot: FakeRobot
+) -> None:
+    def drives() -> bool:
+        robot.asked.clear()
+        time.sleep(0.4)
+        return any(velocity.twist.v_m_s > 0.3 for velocity in robot.said(Velocity))
+
+    page.evaluate(PAD, [True, 1.0])
+    assert not drives()  # held when it was first seen: it must be let go of once
+    page.evaluate(PAD, [False, 1.0])
+    assert not drives()
+    page.evaluate(PAD, [True, 1.0])
+    assert until(drives)
+    page.evaluate("document.hasFocus = () => false")  # the browser shows the pad as it was, for ever
+    until(lambda: [v for v in robot.said(Velocity) if v.twist.v_m_s == 0.0])
+    assert not drives()
+    page.evaluate(PAD, [True, 1.0, 1])
+    until(lambda: robot.said(EmergencyStop))  # the stop needs no focus
+    page.evaluate(PAD, [True, 1.0])
+    page.evaluate("document.hasFocus = () => true")
+    assert not drives()
+    page.evaluate(PAD, [False, 0.0])
+    time.sleep(0.2)
+    page.evaluate(PAD, [True, 1.0])
+    assert until(drives)
+
+
+def test_the_trail_ends_where_another_map_begins(page: Page, robot: FakeRobot) -> None:
+    length = "document.querySelector('.tp-map').mapView.data.trail.length"
+    page.wait_for_function(f"{length} > 8")
+    before = page.evaluate(length)
+    robot.lidar_scans = 3
+    page.wait_for_function(f"{length} < {before}")
+
+
+def test_the_report_does_not_keep_the_stop_to_itself(page: Page, robot: FakeRobot) -> None:
+    page.click(".tp-tab-tune")
+    assert page.evaluate("""() => {
+      const frame = document.querySelector('.tp-tune iframe');
+      frame.hidden = false;
+      frame.focus();
+      return document.activeElement === frame;
+    }""")
+    page.wait_for_function("document.activeElement.tagName !== 'IFRAME'")
+    page.keyboard.press("Space")
+    until(lambda: robot.said(EmergencyStop))
+
+
 def test_charts_freeze_and_are_saved(page: Page) -> None:
     rows = "document.querySelector('.tp-wheels').charts.rows.length"
     page.wait_for_function(f"{rows} > 5")

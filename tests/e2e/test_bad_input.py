@@ -49,6 +49,17 @@ def test_unknown_key_in_the_configuration(thumper: Run, tmp_path: Path) -> None:
     refused(thumper("run", *SIM, "--goal", "1", "0", "--config", config), str(config), "navigation.speeed")
 
 
+@pytest.mark.parametrize("name", ["", "../up", "*"])
+def test_a_name_that_no_robot_can_have(thumper: Run, tmp_path: Path, name: str) -> None:
+    config = tmp_path / "robot.toml"
+    config.write_text(f'name = "{name}"\n')
+    refused(thumper("status", "--config", config), str(config), "name")
+
+
+def test_a_robot_that_no_robot_can_be_called(thumper: Run) -> None:
+    refused(thumper("status", "--robot", "**", "--bus", "127.0.0.1:1"), "--robot", "'**'")
+
+
 def test_configuration_for_another_robot_than_the_firmware(thumper: Run, tmp_path: Path) -> None:
     config = tmp_path / "robot.toml"
     config.write_text("[drive]\ncounts_per_rev = 1000\n")

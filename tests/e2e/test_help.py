@@ -1,5 +1,6 @@
 """`--help` of each command is there, useful, and pulls in none of the slow libraries."""
 
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -22,13 +23,24 @@ COMMANDS = {
     "status": ["--json"],
     "watch": ["--json", "--count"],
     "rosbridge": ["--port", "--host"],
+    "campaign": ["--workers", "--out"],
+    "explore": ["--board", "--out"],
+    "plan": ["--start", "--goal"],
+    "flash": ["--port"],
+    "dashboard": ["--host", "--port", "--make-certificate"],
+    "record": ["--out", "--seconds"],
+    "teleop": ["--gamepad", "--bus"],
+    "replay": ["--speed"],
+    "recover": [],
+    "export": ["--csv", "--map", "--png"],
 }
 
 
 def test_the_overview_names_each_command(thumper: Run) -> None:
     done = thumper("--help")
     assert done.returncode == 0
-    assert all(command in done.stdout for command in COMMANDS)
+    listed = done.stdout.partition("Commands")[2]
+    assert set(re.findall(r"^│ ([a-z-]+) ", listed, re.MULTILINE)) == set(COMMANDS)
 
 
 @pytest.mark.parametrize("command", COMMANDS)

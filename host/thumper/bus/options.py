@@ -10,6 +10,7 @@ from thumper.errors import ThumperError
 
 LEAST_TOKEN_CHARACTERS = 12
 USUAL_ROBOT = "thumper"  # the name of a robot without a configuration
+ROBOT_NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,39}$"  # a part of the bus's keys, where / * and $ mean something
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

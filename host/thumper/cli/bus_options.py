@@ -1,6 +1,7 @@
 """The options by which a command finds a running robot, and the way to it."""
 
 import os
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,9 +29,11 @@ def join(config: Path | None, address: str, robot: str) -> "BusClient":
         No such robot, or wrong options.
     """
     from thumper.bus.client import BusClient
-    from thumper.bus.options import split_address
+    from thumper.bus.options import ROBOT_NAME, split_address
     from thumper.errors import ThumperError
 
+    if robot and not re.fullmatch(ROBOT_NAME, robot):
+        raise ThumperError(f"--robot {robot!r} is no robot's name: letters, digits, - and _", exit_code=2)
     name, options = _settings(config)
     address = address or options.address
     try:

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
-from pydantic import TypeAdapter
+from pydantic import StringConstraints, TypeAdapter
 
-from thumper.bus.options import BusOptions
+from thumper.bus.options import ROBOT_NAME, BusOptions
 from thumper.config.checked import read_checked
 from thumper.dashboard.options import DashboardOptions
 from thumper.errors import ThumperError
@@ -74,7 +74,8 @@ class DriveConfig(DriveGeometry):
 class RobotConfig:
     """Everything that `thumper` needs to know of one robot; the defaults are the Wild Thumper's."""
 
-    name: str = "thumper"
+    # Letters, digits, - and _: a part of the bus's keys and of recordings' names.
+    name: Annotated[str, StringConstraints(pattern=ROBOT_NAME)] = "thumper"
     board: BoardConfig = field(default_factory=BoardConfig)
     lidar: LidarConfig = field(default_factory=LidarConfig)
     drive: DriveConfig = field(default_factory=DriveConfig)

@@ -68,8 +68,8 @@ class GainsPanel:
         name, value = parameter.name, round(self._on_board[parameter.name], SHOWN_DIGITS)
         with box("tp-gain"):
             title = f"{DOCS.get(name, '')} {parameter.minimum:g} … {parameter.maximum:g} {parameter.unit}"
-            ui.html(name, tag="label", sanitize=False).props(f'title="{title}"')
-            ui.html(parameter.unit, tag="small", sanitize=False)
+            ui.html(escape(name), tag="label", sanitize=False).props(f'title="{title}"')
+            ui.html(escape(parameter.unit), tag="small", sanitize=False)
             number = (
                 ui.number(
                     value=value,

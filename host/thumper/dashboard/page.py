@@ -3,6 +3,7 @@
 import json
 from dataclasses import dataclass
 from functools import partial
+from html import escape
 from typing import Any
 
 from nicegui import ui
@@ -154,7 +155,7 @@ def _chip(icon: str, field: str, title: str) -> ui.element:
 
 def _field(name: str, text: str = "") -> ui.element:
     """A place that `static/readouts.js` fills."""
-    return ui.html(text, tag="span", sanitize=False).props(f"data-field={name}")
+    return ui.html(escape(text), tag="span", sanitize=False).props(f"data-field={name}")
 
 
 def _order(text: str, order: dict[str, Any], kind: str) -> ui.element:

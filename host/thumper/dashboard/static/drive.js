@@ -1,6 +1,6 @@
 // Driving by hand: a stick on the page, and a gamepad of the browser. Hold to drive; letting go is a zero.
 
-import { send, state } from "./stream.js";
+import { on, send, state } from "./stream.js";
 
 const PERIOD_MS = 50;
 const DEAD = 0.1;
@@ -19,12 +19,14 @@ class Drive {
     this.stick = null; // [forward, left] while held
     this.turbo = false;
     this.driving = false;
+    this.mustLetGo = true; // the pad's button must be seen up before it counts
     this.pressed = new Set();
     this.build(root);
     setInterval(() => this.tick(), PERIOD_MS);
     document.addEventListener("visibilitychange", () => { if (document.hidden) this.release(); });
     window.addEventListener("blur", () => this.release());
     window.addEventListener("pagehide", () => this.release());
+    on("connected", (connected) => { if (!connected) this.release(); });
   }
 
   build(root) {
@@ -72,19 +74,23 @@ class Drive {
     this.knob.style.setProperty("--dy", 0);
     if (this.driving) this.order(0, 0, false);
     this.driving = false;
+    this.mustLetGo = true;
   }
 
   gamepad() {
     const pad = [...(navigator.getGamepads?.() ?? [])].find((one) => one?.connected);
-    if (!pad || document.hidden) {
-      this.pad.textContent = pad ? "" : "No gamepad: press a button of it";
+    const down = (button) => Boolean(pad?.buttons[button]?.pressed);
+    this.onPress("stop", down(PAD.stop), { kind: "estop" }); // whatever has the focus
+    // Without the focus a browser may go on showing the pad as it was: a stick that never comes back.
+    if (!pad || document.hidden || !document.hasFocus()) {
+      this.pad.textContent = pad ? "Click this page to drive with the gamepad" : "No gamepad: press a button of it";
+      this.mustLetGo = true;
       return null;
     }
-    const down = (button) => Boolean(pad.buttons[button]?.pressed);
-    this.onPress("stop", down(PAD.stop), { kind: "estop" });
     this.onPress("arm", down(PAD.arm), { kind: "command", name: "arm" });
     this.pad.textContent = `${pad.id.slice(0, 24)}: ${down(PAD.hold) ? "driving" : "hold LB to drive"}`;
-    if (!down(PAD.hold)) return null;
+    if (!down(PAD.hold)) this.mustLetGo = false;
+    if (!down(PAD.hold) || this.mustLetGo) return null;
     return [-pad.axes[PAD.forward], -pad.axes[PAD.turn], down(PAD.turbo)];
   }
 

@@ -20,6 +20,7 @@ class MapView {
     this.grids = {};
     this.raw = {};
     this.pose = null;
+    this.scans = 0;
     this.follow = false;
     this.shown = Object.fromEntries(layers.LAYERS.map(([name]) => [name, true]));
     this.dirty = true;
@@ -32,7 +33,10 @@ class MapView {
     }
     for (const name of ["map", "local_costmap"]) on(name, (grid) => this.setGrid(name, grid));
     on("pose", (pose) => this.change(() => this.setPose(pose)));
-    on("status", () => this.change(() => {}));
+    on("status", ({ lidar_scans }) => this.change(() => {
+      if (lidar_scans < this.scans) this.data.trail = []; // the robot was started anew, with another map
+      this.scans = lidar_scans;
+    }));
     on("fresh", () => this.change(() => { this.data.trail = []; }));
     this.resize();
     const frame = () => {

@@ -28,6 +28,10 @@ export function tune(root) {
   const frame = root.querySelector("iframe");
   let shown = "";
   let running = "";
+  // Keys that are typed into the report would not reach the page, and Space is the stop.
+  window.addEventListener("blur", () => setTimeout(() => {
+    if (document.activeElement === frame) frame.blur();
+  }));
 
   const enable = () => {
     for (const name of ["identify", "tune"]) find(name).disabled = Boolean(running) || !find("free").checked;
