@@ -1,0 +1,108 @@
+"""SLAM in the loop: a simulated robot drives tours by its own map; pose and walls against the truth.
+
+Run: python benchmarks/slam_closed_loop.py [--seeds N] [--place NAME ...]
+The whole host drives the firmware on the simulated chip. Its wheels differ from the configured geometry, slip
+and veer; the robot sees the world only through its lidar.
+"""
+
+import argparse
+import itertools
+import math
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.slam_truth import wall_figures
+
+from thumper import Robot
+from thumper.geometry import FloatArray, Pose2
+from thumper_hil.bench.registry import simulation
+from thumper_hil.parts.world import World
+
+Points = list[tuple[float, float]]
+
+# Closed polylines of wall, and the goals of the tour; the robot sets out from the first of them.
+PLACES: dict[str, tuple[list[Points], Points]] = {
+    "rooms": (
+        [
+            [(0, 0), (9, 0), (9, 7), (0, 7)],
+            [(0, 3), (1.6, 3), (1.6, 3.1), (0, 3.1)],
+            [(2.8, 3), (6.2, 3), (6.2, 3.1), (2.8, 3.1)],
+            [(7.4, 3), (9, 3), (9, 3.1), (7.4, 3.1)],
+            [(4.5, 0), (4.6, 0), (4.6, 3), (4.5, 3)],
+            [(0.4, 0.4), (1.1, 0.4), (1.1, 0.9), (0.4, 0.9)],
+            [(8.0, 6.2), (8.7, 6.2), (8.7, 6.7), (8.0, 6.7)],
+        ],
+        [(1.2, 5.0), (7.0, 5.0), (6.8, 1.5), (6.8, 4.6), (2.2, 4.6), (2.2, 1.6), (1.2, 5.0)],
+    ),
+    "corridor": (
+        [[(0, 0), (14, 0), (14, 1.8), (9.4, 1.8), (9.4, 2.2), (8.6, 2.2), (8.6, 1.8), (0, 1.8)]],
+        [(1.0, 0.9), (13.0, 0.9), (1.0, 0.9)],
+    ),
+    "loop": (
+        [[(0, 0), (9, 0), (9, 7), (0, 7)], [(1.8, 1.8), (7.2, 1.8), (7.2, 5.2), (1.8, 5.2)]],
+        [(0.9, 0.9), (8.1, 0.9), (8.1, 6.1), (0.9, 6.1), (0.9, 0.9)],
+    ),
+    "symmetric": (
+        [
+            [(0, 0), (6, 0), (6, 6), (0, 6)],
+            *[
+                [(x - 0.2, y - 0.2), (x + 0.2, y - 0.2), (x + 0.2, y + 0.2), (x - 0.2, y + 0.2)]
+                for x in (1.8, 4.2)
+                for y in (1.8, 4.2)
+            ],
+        ],
+        [(3.0, 3.0), (5.2, 3.0), (3.0, 5.2), (0.8, 3.0), (3.0, 0.8), (3.0, 3.0)],
+    ),
+}
+
+
+def world_toml(walls: list[Points]) -> str:
+    """The walls as a world file."""
+    return "".join(f"[[wall]]\nclosed = true\npoints_m = {[list(p) for p in wall]}\n" for wall in walls)
+
+
+def pose_errors(poses: FloatArray, truth: FloatArray) -> FloatArray:
+    """Distance of each believed pose from where the robot truly was then [m]; both begin with t, x, y."""
+    true_xy = [np.interp(poses[:, 0], truth[:, 0], truth[:, axis]) for axis in (1, 2)]
+    return np.asarray(np.hypot(poses[:, 1] - true_xy[0], poses[:, 2] - true_xy[1]))
+
+
+def run(place: str, seed: int, folder: Path) -> str:
+    """Drive a tour; returns a line of figures."""
+    walls, tour = PLACES[place]
+    path = folder / f"{place}.toml"
+    path.write_text(world_toml(walls))
+    name, start = f"{place}{seed}", Pose2(x_m=tour[0][0], y_m=tour[0][1])
+    board = f"sim://{name}/board?world={path}&x_m={start.x_m}&y_m={start.y_m}&seed={seed}"
+    with Robot(board, lidar=f"sim://{name}/lidar", start=start) as robot:
+        bench = simulation(name)
+        results = [robot.goto(x_m, y_m, tolerance_m=0.15) for x_m, y_m in tour[1:]]
+        error_m = pose_errors(robot.log.poses, bench.truth())
+        iou, offset_m = wall_figures(robot.map, World.load(path))
+    way_m = float(np.hypot(*np.diff(bench.truth()[:, 1:3], axis=0).T).sum())
+    reached = sum(result.reached for result in results)
+    return (
+        f"{place} | {seed} | {reached} of {len(results)} | {way_m:.1f} | "
+        f"{math.sqrt(float((error_m**2).mean())):.3f} / {error_m.max():.3f} | {iou:.2f} | {offset_m:.3f}"
+    )
+
+
+def main() -> None:
+    """Print a line for each place and seed."""
+    parser = argparse.ArgumentParser(description="SLAM in the loop")
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--place", nargs="+", default=list(PLACES), choices=list(PLACES))
+    arguments = parser.parse_args()
+    print("place | seed | goals reached | way, m | pose error, m, RMSE / max | IoU | offset, m")
+    with tempfile.TemporaryDirectory() as folder:
+        for place, seed in itertools.product(arguments.place, range(1, arguments.seeds + 1)):
+            print(run(place, seed, Path(folder)), flush=True)
+
+
+if __name__ == "__main__":
+    main()
