@@ -13,11 +13,10 @@ import resource
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from multiprocessing import get_context
-from multiprocessing.connection import wait
-from multiprocessing.context import ForkProcess
+from multiprocessing.queues import SimpleQueue
 from pathlib import Path
 
 import pytest
@@ -64,8 +63,9 @@ OWN = {
 }
 """The test likeliest to notice a change of a file; it goes before all others."""
 INCLUDE = re.compile(r'#include "core/(.+)"')
-LONG, HAVE_LONG = "million or long_drive", {"test_law", "test_pi"}
+LONG = re.compile("million|long_drive")
 """Which tests take seconds."""
+Result = tuple[Mutant | None, str]
 TIMEOUT_S = 60
 """Of processor time: a mutant that runs for ever is noticed too."""
 NOTICED, UNNOTICED = 1, 0
@@ -87,68 +87,102 @@ def reached(header: str) -> frozenset[str]:
     return frozenset({header}).union(*map(reached, included))
 
 
-def suite_for(file: str | None) -> Iterator[list[str]]:
-    """Yield pytest's arguments for one run after the other: long tests come last."""
+def suite_for(items: list[pytest.Item], file: str | None) -> list[pytest.Item]:
+    """Return the tests that can notice a change of a file: the likeliest first, the long ones last."""
     able = [name for name, roots in SUITE.items() if not file or any(file in reached(root) for root in roots)]
-    own = [name for name in able if name == OWN.get(file or "")]
-    others = [name for name in able if name not in own]
-    long = [name for name in able if name in HAVE_LONG]
-    for names, which in ((own, f"not ({LONG})"), (others, f"not ({LONG})"), (long, LONG)):
-        if names:
-            yield [*(str(TESTS / f"{name}.py") for name in names), "-k", which]
+    able.sort(key=lambda name: name != OWN.get(file or ""))
+    chosen = [item for item in items if item.path.stem in able]
+    return sorted(chosen, key=lambda item: (bool(LONG.search(item.name)), able.index(item.path.stem)))
 
 
-def _test(folder: str, file: str | None, log: str) -> None:
-    """In a process of its own: leave with NOTICED or UNNOTICED."""
-    resource.setrlimit(resource.RLIMIT_CPU, (TIMEOUT_S, TIMEOUT_S))
-    os.environ["THUMPER_MUTANT"] = folder
-    descriptor = os.open(log, os.O_WRONLY | os.O_CREAT)
-    os.dup2(descriptor, 1)
-    os.dup2(descriptor, 2)
-    os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"  # or each process imports a browser's
-    options = ["-x", "-q", "--hypothesis-profile=mutation", "-p", "no:cacheprovider"]
-    options += ["-p", "pytest_timeout", "-p", "_hypothesis_pytestplugin"]
-    for arguments in suite_for(file):
-        if pytest.main([*options, *arguments]) != pytest.ExitCode.OK:
+class Worker:
+    """A pytest that collects once, then tests one mutant after the other, each in a process of its own."""
+
+    def __init__(self, folder: Path, chosen: Sequence[Mutant | None], tell: Callable[[Result], None]) -> None:
+        self.folder, self.chosen, self.tell = folder, chosen, tell
+
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        """Stand in for pytest's own loop."""
+        for mutant in self.chosen:
+            self.tell((mutant, self.test(session, mutant)))
+        return True
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Keep what the first failure says, and end with it."""
+        if report.failed:
+            failure = self.folder / "failure"
+            failure.write_text(f"{report.nodeid}\n{report.longreprtext}", encoding="utf-8")
             os._exit(NOTICED)
-    os._exit(UNNOTICED)
+
+    def test(self, session: pytest.Session, mutant: Mutant | None) -> str:
+        """Return what notices that a copy of the core has this one change, or none: empty if nothing does."""
+        failure = self.folder / "failure"
+        failure.write_text("it did not get as far as a test", encoding="utf-8")
+        for name in ("core", "build"):
+            shutil.rmtree(self.folder / name, ignore_errors=True)
+        shutil.copytree(CORE, self.folder / "core")
+        if mutant:
+            path = self.folder / "core" / mutant.file
+            path.write_text(mutant.apply(path.read_text(encoding="utf-8")), encoding="utf-8")
+        child = os.fork()
+        if child == 0:
+            try:
+                resource.setrlimit(resource.RLIMIT_CPU, (TIMEOUT_S, TIMEOUT_S))
+                items = suite_for(session.items, mutant.file if mutant else None)
+                for item, after in zip(items, [*items[1:], None], strict=True):
+                    item.config.hook.pytest_runtest_protocol(item=item, nextitem=after)
+            except BaseException:  # it does not compile
+                os._exit(NOTICED)
+            os._exit(UNNOTICED)
+        noticed = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) != UNNOTICED
+        return failure.read_text(encoding="utf-8") if noticed else ""
 
 
-def start(mutant: Mutant | None, scratch: Path) -> ForkProcess:
-    """Begin to build and test a copy of the core with this one change, or with none."""
-    shutil.copytree(CORE, scratch / "core")
-    if mutant:
-        path = scratch / "core" / mutant.file
-        path.write_text(mutant.apply(path.read_text(encoding="utf-8")), encoding="utf-8")
-    arguments = (str(scratch), mutant.file if mutant else None, str(scratch / "log"))
-    process = get_context("fork").Process(target=_test, args=arguments)  # pytest is imported once
-    process.start()
-    return process
+def _work(chosen: Sequence[Mutant | None], results: "SimpleQueue[Result | None]") -> None:
+    """In a process of its own: test these mutants, and say None at the end."""
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["THUMPER_MUTANT"] = folder
+        os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"  # or each process imports a browser's
+        descriptor = os.open(Path(folder) / "log", os.O_WRONLY | os.O_CREAT)
+        os.dup2(descriptor, 1)
+        os.dup2(descriptor, 2)
+        options = ["-q", "--hypothesis-profile=mutation", "-p", "no:cacheprovider"]
+        options += ["-p", "pytest_timeout", "-p", "_hypothesis_pytestplugin"]
+        modules = [str(TESTS / f"{name}.py") for name in SUITE]
+        pytest.main([*options, *modules], plugins=[Worker(Path(folder), chosen, results.put)])
+    results.put(None)
+
+
+def results_of(chosen: Sequence[Mutant | None], jobs: int) -> Iterator[Result]:
+    """Yield each mutant (None: the core unchanged), and what noticed it, as they are tested."""
+    fork = get_context("fork")
+    results = fork.SimpleQueue()
+    workers = [
+        fork.Process(target=_work, args=(chosen[job::jobs], results), daemon=True) for job in range(jobs)
+    ]
+    for worker in workers:
+        worker.start()
+    count, working = 0, jobs
+    while working:
+        result = results.get()
+        if result is None:
+            working -= 1
+        else:
+            count += 1
+            yield result
+    if count != len(chosen):
+        raise RuntimeError(f"only {count} of {len(chosen)} mutants were tested")
 
 
 def fails_unchanged() -> str:
     """Return what the suite says about the core as it is, if that is not good."""
-    with tempfile.TemporaryDirectory() as scratch:
-        process = start(None, Path(scratch))
-        process.join()
-        return "" if process.exitcode == UNNOTICED else (Path(scratch) / "log").read_text(encoding="utf-8")
+    ((_, failure),) = results_of([None], jobs=1)
+    return failure
 
 
-def survivors(chosen: list[Mutant], jobs: int) -> Iterator[Mutant]:
+def survivors(chosen: Sequence[Mutant], jobs: int) -> Iterator[Mutant]:
     """Yield the mutants that no test noticed, as they are found."""
-    waiting, running = list(reversed(chosen)), dict[int, tuple[ForkProcess, Mutant, Path]]()
-    while waiting or running:
-        while waiting and len(running) < jobs:
-            scratch = Path(tempfile.mkdtemp())
-            process = start(waiting[-1], scratch)
-            running[process.sentinel] = process, waiting.pop(), scratch
-        for sentinel in wait(list(running)):
-            assert isinstance(sentinel, int)
-            process, mutant, scratch = running.pop(sentinel)
-            process.join()
-            shutil.rmtree(scratch)
-            if process.exitcode == UNNOTICED:
-                yield mutant
+    return (mutant for mutant, failure in results_of(chosen, jobs) if mutant and not failure)
 
 
 def main() -> int:
@@ -166,14 +200,19 @@ def main() -> int:
     chosen = [mutant for mutant in mutants() if str(mutant).startswith(tuple(arguments.only))]
     if arguments.sample:
         chosen = random.Random(arguments.seed).sample(chosen, arguments.sample)
-    alive = 0
-    for mutant in survivors(chosen, arguments.jobs):
-        line = (CORE / mutant.file).read_text(encoding="utf-8").splitlines()[mutant.line - 1]
-        print(f"{mutant}    {line.strip()}", flush=True)
-        alive += 1
-    killed = len(chosen) - alive
-    print(f"{killed} of {len(chosen)} mutants killed, {100 * killed / len(chosen):.1f} %")
-    return 0 if killed >= 0.9 * len(chosen) else 1
+    tested = alive = 0
+    try:
+        for mutant, failure in results_of(chosen, arguments.jobs):
+            tested += 1
+            if mutant and not failure:
+                alive += 1
+                line = (CORE / mutant.file).read_text(encoding="utf-8").splitlines()[mutant.line - 1]
+                print(f"{mutant}    {line.strip()}", flush=True)
+    except KeyboardInterrupt:
+        print(f"stopped after {tested} of {len(chosen)} mutants")
+    killed = tested - alive
+    print(f"{killed} of {tested} mutants killed, {100 * killed / max(tested, 1):.1f} %")
+    return 0 if tested and killed >= 0.9 * tested else 1
 
 
 if __name__ == "__main__":
