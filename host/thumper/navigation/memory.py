@@ -18,6 +18,7 @@ from thumper.navigation.lidar_view import LidarView
 BIN_RAD = math.radians(1.0)
 THICKNESS_M = 0.08  # a ray must pass this far behind a point before the point counts as gone
 VOXEL_M = 0.02
+BESIDE_M = 0.1  # beyond the robot's own circle; a hull that has long stood beside a post must not forget it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,15 +27,21 @@ class MemoryOptions:
 
     # Points within this distance of the robot are remembered [m]; 0 remembers nothing.
     radius_m: Annotated[float, Ge(0)] = 0.8
-    # A point that no ray has confirmed or cleared is forgotten after this time [s].
+    # A point that no ray has confirmed or cleared is forgotten after this time, unless it is beside the robot
+    # [s].
     keep_s: Annotated[float, Gt(0)] = 20.0
 
 
 class HitMemory:
-    """Adds to each scan the points near the robot that it could not see again."""
+    """Adds to each scan the points near the robot that it could not see again.
 
-    def __init__(self, options: MemoryOptions, view: LidarView) -> None:
+    `hull_m` is the radius of the robot's own circle: what lies in it or right beside it is kept until a ray
+    clears it.
+    """
+
+    def __init__(self, options: MemoryOptions, view: LidarView, hull_m: float) -> None:
         self._options = options
+        self._beside_m = hull_m + BESIDE_M
         self._view = view
         self.clear()
 
@@ -46,29 +53,25 @@ class HitMemory:
         """Forget what is further away; what is nearer may touch the robot and is never forgotten on
         purpose.
         """
-        near = np.hypot(*(self._points_m - (map_from_base.x_m, map_from_base.y_m)).T) <= radius_m
+        near = _within(self._points_m, map_from_base, radius_m)
         self._points_m, self._times_s = self._points_m[near], self._times_s[near]
 
     def update(self, time_s: float, map_from_base: Pose2, hits_in_map_m: FloatArray) -> FloatArray:
         """Take a scan's hits, shape (n, 2) [m]; return the remembered points in `map`, shape (m, 2) [m]."""
         options = self._options
         fresh = self._times_s > time_s - options.keep_s
+        fresh |= _within(self._points_m, map_from_base, self._beside_m)
         points_m, times_s = self._points_m[fresh], self._times_s[fresh]
         hidden = self._is_hidden(points_m, map_from_base, hits_in_map_m)
-        near = self._is_near(hits_in_map_m, map_from_base)
+        near = _within(hits_in_map_m, map_from_base, options.radius_m)
         kept_m, kept_s = points_m[hidden], times_s[hidden]
-        around = self._is_near(kept_m, map_from_base)
+        around = _within(kept_m, map_from_base, options.radius_m)
         remembered_m = kept_m[around]
         all_m = np.vstack((hits_in_map_m[near], remembered_m))
         all_s = np.concatenate((np.full(int(near.sum()), time_s), kept_s[around]))
         _, first = np.unique(np.floor(all_m / VOXEL_M).astype(np.int64), axis=0, return_index=True)
         self._points_m, self._times_s = all_m[first], all_s[first]
         return remembered_m
-
-    def _is_near(self, points_m: FloatArray, map_from_base: Pose2) -> np.typing.NDArray[np.bool_]:
-        dx_m, dy_m = points_m[:, 0] - map_from_base.x_m, points_m[:, 1] - map_from_base.y_m
-        near: np.typing.NDArray[np.bool_] = np.hypot(dx_m, dy_m) <= self._options.radius_m
-        return near
 
     def _is_hidden(
         self, points_m: FloatArray, map_from_base: Pose2, hits_m: FloatArray
@@ -84,3 +87,10 @@ class HitMemory:
         in_view = self._view.holds(bearing_rad, range_m, edge_rad=BIN_RAD)
         hidden: np.typing.NDArray[np.bool_] = ~in_view | (there_m < range_m - THICKNESS_M)
         return hidden
+
+
+def _within(points_m: FloatArray, map_from_base: Pose2, radius_m: float) -> np.typing.NDArray[np.bool_]:
+    """Whether points, shape (n, 2), lie within a distance of the robot."""
+    dx_m, dy_m = points_m[:, 0] - map_from_base.x_m, points_m[:, 1] - map_from_base.y_m
+    within: np.typing.NDArray[np.bool_] = np.hypot(dx_m, dy_m) <= radius_m
+    return within

@@ -79,7 +79,7 @@ class Navigator:
         self._speed_rule = SpeedRule(options.limits, approach_m_s=options.approach_m_s, mask=masks.speed)
         self._bearings = Bearings(options.progress)
         view = view or LidarView()
-        self._memory = HitMemory(options.memory, view)
+        self._memory = HitMemory(options.memory, view, footprint.circumscribed_radius_m)
         self._traffic = Traffic(options.traffic, options.limits, footprint, view)
         self._goal: Goal | None = None
         self._state, self._reason = NavigationState.IDLE, ""

@@ -19,6 +19,7 @@ from thumper.navigation.options import NavigationOptions
 from thumper.navigation.smoother import smoothed
 
 FRONT_M = 0.21
+HULL_M = Footprint().circumscribed_radius_m
 
 
 @pytest.mark.parametrize(("gap_m", "part"), [(0.10, 0.4), (0.24, 0.6), (0.36, 0.9), (0.6, 1.0)])
@@ -47,7 +48,7 @@ def ring(radius_m: float) -> FloatArray:
 
 
 def test_memory_keeps_what_is_hidden_and_clears_what_a_ray_passes() -> None:
-    memory = HitMemory(MemoryOptions(), LidarView(base_from_laser=Pose2()))
+    memory = HitMemory(MemoryOptions(), LidarView(base_from_laser=Pose2()), HULL_M)
     post = np.array(((0.5, 0.0),))
     assert len(memory.update(0.0, Pose2(), post)) == 0  # seen now: nothing to add
     assert memory.update(0.1, Pose2(theta_rad=math.pi), np.empty((0, 2))) == pytest.approx(post)  # behind
@@ -59,6 +60,18 @@ def test_memory_keeps_what_is_hidden_and_clears_what_a_ray_passes() -> None:
     memory.forget_beyond(Pose2(), 0.4)
     left = memory.update(31.1, Pose2(theta_rad=math.pi), np.empty((0, 2)))
     assert left == pytest.approx(np.array(((0.25, 0.2),)))
+
+
+def test_what_is_beside_the_hull_is_kept_however_long_the_robot_stands() -> None:
+    """A robot that stood for half a minute beside a post behind it once forgot it, and swung into it."""
+    memory, turned = (
+        HitMemory(MemoryOptions(), LidarView(base_from_laser=Pose2()), HULL_M),
+        Pose2(theta_rad=3.0),
+    )
+    post, further = np.array(((HULL_M + 0.05, 0.0),)), np.array(((HULL_M + 0.15, 0.1),))
+    memory.update(0.0, Pose2(), np.vstack((post, further)))
+    assert memory.update(600.0, turned, np.empty((0, 2))) == pytest.approx(post)
+    assert len(memory.update(600.1, Pose2(), ring(2.0))) == 0  # until rays pass
 
 
 def test_a_goal_that_comes_and_goes_is_given_up() -> None:
