@@ -9,7 +9,7 @@ import numpy as np
 from thumper.geometry import FloatArray, Pose2, wrap_angle
 from thumper.navigation.costmap import Costmap
 from thumper.navigation.footprint import Footprint
-from thumper.navigation.footprint_check import lethal_count, safe_squared_cells
+from thumper.navigation.footprint_check import Ground, lethal_count
 from thumper.navigation.goal import Goal
 from thumper.navigation.path import arc_lengths, resample
 from thumper.navigation.planner import PlanResult
@@ -50,22 +50,13 @@ class CarrotPlanner:
 
     def _free_points(self, costmap: Costmap, line_m: FloatArray, start: Pose2) -> int:
         """How many points of a line the outline can stand on, one after the other from the start."""
-        outline_m = self._footprint.outline_m(0.5 * costmap.resolution_m)
-        safe = safe_squared_cells(self._footprint.circumscribed_radius_m, costmap.resolution_m)
-        layers = (
-            costmap.costs,
-            costmap.squared_cells,
-            costmap.origin_m,
-            costmap.resolution_m,
-            outline_m,
-            safe,
-        )
-        touching = max(0, lethal_count(*layers, False, start.x_m, start.y_m, start.theta_rad))
+        ground = Ground.of(costmap, self._footprint)
+        touching = max(0, lethal_count(ground, False, start.x_m, start.y_m, start.theta_rad))
         away = int(np.searchsorted(arc_lengths(line_m), self._footprint.circumscribed_radius_m))
         dx_m, dy_m = line_m[-1] - line_m[0]
         theta_rad = wrap_angle(math.atan2(dy_m, dx_m))
         for index, (x_m, y_m) in enumerate(line_m):
-            meets = lethal_count(*layers, False, float(x_m), float(y_m), theta_rad)
+            meets = lethal_count(ground, False, float(x_m), float(y_m), theta_rad)
             if meets < 0 or meets > (touching if index <= away else 0):
                 return index
         return len(line_m)

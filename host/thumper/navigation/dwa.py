@@ -17,7 +17,7 @@ from thumper.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.navigation.controller import ControlRequest, ControlResult
 from thumper.navigation.costmap import Costmap
 from thumper.navigation.footprint import Footprint
-from thumper.navigation.footprint_check import safe_squared_cells
+from thumper.navigation.footprint_check import Ground
 from thumper.navigation.limits import SpeedLimits
 from thumper.navigation.oscillation import OscillationFlags
 from thumper.navigation.path import arc_lengths, nearest_index
@@ -166,12 +166,7 @@ class DwaController:
             twist,
             motion,
             steps,
-            costmap.costs,
-            costmap.squared_cells,
-            costmap.origin_m,
-            costmap.resolution_m,
-            self._footprint.outline_m(0.5 * costmap.resolution_m),
-            safe_squared_cells(self._footprint.circumscribed_radius_m, costmap.resolution_m),
+            Ground.of(costmap, self._footprint),
             ahead_m,
             options.front_m,
             request.period_s,

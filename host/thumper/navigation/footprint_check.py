@@ -1,47 +1,67 @@
 """Where the robot's outline lies on the costmap. Kernels: arrays in, numbers out."""
 
 import math
+from typing import NamedTuple
 
 from thumper.geometry import FloatArray
 from thumper.kernel import kernel
+from thumper.navigation.costmap import Costmap
+from thumper.navigation.footprint import Footprint
 from thumper.navigation.inflation import LETHAL, UNKNOWN, ByteArray, IntArray
 
 OFF_MAP = -1
 
 
+class Ground(NamedTuple):
+    """A costmap and the outline that is laid on it, as kernels take them.
+
+    The outline, shape (n, 2), is in the unit of `resolution`; it is walked only where the centre cell is
+    within `safe_squared` [cells^2] of an obstacle.
+    """
+
+    costs: ByteArray
+    squared_cells: IntArray
+    origin: FloatArray
+    resolution: float
+    outline: FloatArray
+    safe_squared: float
+
+    @classmethod
+    def of(cls, costmap: Costmap, footprint: Footprint) -> "Ground":
+        """Lay a footprint on a costmap; lengths in metres."""
+        return cls(
+            costs=costmap.costs,
+            squared_cells=costmap.squared_cells,
+            origin=costmap.origin_m,
+            resolution=costmap.resolution_m,
+            outline=footprint.outline_m(0.5 * costmap.resolution_m),
+            safe_squared=safe_squared_cells(footprint.circumscribed_radius_m, costmap.resolution_m),
+        )
+
+
 @kernel
-def lethal_count(
-    costs: ByteArray,
-    squared_cells: IntArray,
-    origin_m: FloatArray,
-    resolution_m: float,
-    outline_m: FloatArray,
-    safe_squared: float,
-    unknown_blocks: bool,
-    x_m: float,
-    y_m: float,
-    theta_rad: float,
-) -> int:
-    """Number of outline points, shape (n, 2), on obstacle cells (254, and 255 if `unknown_blocks`); -1 off
-    the map.
+def lethal_count(ground: Ground, unknown_blocks: bool, x: float, y: float, theta_rad: float) -> int:
+    """Number of outline points on obstacle cells (254, and 255 if `unknown_blocks`); -1 off the map.
 
     Only the outline is tested: whatever is inside it had to cross it, as long as a step is shorter than a
-    cell. It is walked only where the centre cell is within `safe_squared` [cells^2] of an obstacle.
+    cell.
     """
+    costs, squared_cells, outline = ground.costs, ground.squared_cells, ground.outline
+    origin_x, origin_y, resolution = ground.origin[0], ground.origin[1], ground.resolution
     rows, cols = costs.shape
-    col = math.floor((x_m - origin_m[0]) / resolution_m)
-    row = math.floor((y_m - origin_m[1]) / resolution_m)
+    col = math.floor((x - origin_x) / resolution)
+    row = math.floor((y - origin_y) / resolution)
     if row < 0 or col < 0 or row >= rows or col >= cols:
         return OFF_MAP
-    if not unknown_blocks and squared_cells[row, col] > safe_squared:
+    if not unknown_blocks and squared_cells[row, col] > ground.safe_squared:
         return 0
     cos, sin = math.cos(theta_rad), math.sin(theta_rad)
     count = 0
-    for i in range(outline_m.shape[0]):
-        px = x_m + cos * outline_m[i, 0] - sin * outline_m[i, 1]
-        py = y_m + sin * outline_m[i, 0] + cos * outline_m[i, 1]
-        col = math.floor((px - origin_m[0]) / resolution_m)
-        row = math.floor((py - origin_m[1]) / resolution_m)
+    for i in range(outline.shape[0]):
+        px = x + cos * outline[i, 0] - sin * outline[i, 1]
+        py = y + sin * outline[i, 0] + cos * outline[i, 1]
+        col = math.floor((px - origin_x) / resolution)
+        row = math.floor((py - origin_y) / resolution)
         if row < 0 or col < 0 or row >= rows or col >= cols:
             return OFF_MAP
         cost = costs[row, col]

@@ -11,7 +11,7 @@ from thumper.navigation.astar import AStarOptions, AStarPlanner
 from thumper.navigation.costmap import Costmap
 from thumper.navigation.endpoints import locate
 from thumper.navigation.footprint import Footprint
-from thumper.navigation.footprint_check import safe_squared_cells
+from thumper.navigation.footprint_check import Ground
 from thumper.navigation.goal import Goal
 from thumper.navigation.lattice_search import search_poses
 from thumper.navigation.path import polyline_cost, relax, resample
@@ -117,13 +117,11 @@ class LatticePlanner:
     ) -> FloatArray:
         options, cell_m = self._options, costmap.resolution_m
         goal_cells = (np.array((goal.x_m, goal.y_m)) - costmap.origin_m) / cell_m
+        ground = Ground.of(costmap, self._footprint)
         return search_poses(
             prices,
             potential,
-            costmap.costs,
-            costmap.squared_cells,
-            self._footprint.outline_m(0.5 * cell_m) / cell_m,
-            safe_squared_cells(self._footprint.circumscribed_radius_m, cell_m),
+            ground._replace(origin=np.zeros(2), resolution=1.0, outline=ground.outline / cell_m),
             start,
             goal_cells,
             max(2.0, goal.tolerance_m / cell_m),

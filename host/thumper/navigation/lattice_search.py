@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from thumper.geometry import FloatArray
 from thumper.kernel import kernel
-from thumper.navigation.footprint_check import lethal_count
+from thumper.navigation.footprint_check import Ground, lethal_count
 from thumper.navigation.grid_search import CostArray, _drop_root, _grown, _push
-from thumper.navigation.inflation import ByteArray, IntArray
 
 HEADINGS = 24
 TURN_RAD = math.tau / HEADINGS
@@ -26,10 +25,7 @@ STEP_CELLS = 3.0  # length of a move; longer than a bin's diagonal, so that each
 def search_poses(
     prices: CostArray,
     potential: CostArray,
-    costs: ByteArray,
-    squared_cells: IntArray,
-    outline: FloatArray,
-    safe_squared: float,
+    ground: Ground,
     start: FloatArray,
     goal: FloatArray,
     near: float,
@@ -45,7 +41,7 @@ def search_poses(
     All lengths are in cells; `prices`, `potential` (from the goal) as in `wavefront.flood`. A turn costs
     `turn_price` for each radian, a cell backward `back_price` times its price. `greed` >= 1 weighs what is
     left to go: more finds a way sooner, which costs at most this much more. Gives up after `most` nodes. The
-    outline, shape (k, 2), must be free everywhere but within `escape` of the start, where it may touch what
+    outline must be free everywhere but within `escape` of the start, where it may touch what
     it touches.
     """
     rows, cols = prices.shape
@@ -55,9 +51,7 @@ def search_poses(
     turn, parent = np.empty(4096, np.int32), np.empty(4096, np.int32)
     closed: NDArray[np.bool_] = np.zeros(4096, np.bool_)
     keys, items = np.empty(4096), np.empty(4096, np.int32)
-    origin = np.zeros(2)
-    layers = (costs, squared_cells, origin, 1.0, outline, safe_squared, False)
-    touching = max(0, lethal_count(*layers, start[0], start[1], start[2]))
+    touching = max(0, lethal_count(ground, False, start[0], start[1], start[2]))
     x[0], y[0], way[0], turn[0], parent[0] = start[0], start[1], 0.0, 0, -1
     _push(keys, items, 0, 0.0, 0)
     size, count, found = 1, 1, -1
@@ -98,10 +92,10 @@ def search_poses(
             quarter = theta + 0.25 * change * TURN_RAD
             mx = x[node] + 0.5 * length * math.cos(quarter)
             my = y[node] + 0.5 * length * math.sin(quarter)
-            meets = lethal_count(*layers, nx, ny, theta + change * TURN_RAD)
+            meets = lethal_count(ground, False, nx, ny, theta + change * TURN_RAD)
             if meets < 0 or meets > allowed:
                 continue
-            meets = lethal_count(*layers, mx, my, mean)
+            meets = lethal_count(ground, False, mx, my, mean)
             if meets < 0 or meets > allowed:
                 continue
             if count == x.size:

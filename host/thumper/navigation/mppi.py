@@ -13,7 +13,7 @@ from annotated_types import Ge, Gt
 from thumper.geometry import FloatArray, Twist2, wrap_angle
 from thumper.navigation.controller import ControlRequest, ControlResult
 from thumper.navigation.footprint import Footprint
-from thumper.navigation.footprint_check import safe_squared_cells
+from thumper.navigation.footprint_check import Ground
 from thumper.navigation.limits import SpeedLimits, step_toward
 from thumper.navigation.mppi_kernel import score_futures, weighted_mean
 from thumper.navigation.path import arc_lengths, nearest_index
@@ -134,12 +134,7 @@ class MppiController:
                     options.step_s,
                 )
             ),
-            costmap.costs,
-            costmap.squared_cells,
-            costmap.origin_m,
-            costmap.resolution_m,
-            self._footprint.outline_m(0.5 * costmap.resolution_m),
-            safe_squared_cells(self._footprint.circumscribed_radius_m, costmap.resolution_m),
+            Ground.of(costmap, self._footprint),
             ahead_m,
             np.array(
                 (

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from thumper.geometry import FloatArray
 from thumper.kernel import kernel
-from thumper.navigation.footprint_check import lethal_count
-from thumper.navigation.inflation import ByteArray, IntArray
+from thumper.navigation.footprint_check import Ground, lethal_count
 from thumper.navigation.rollout import distance_to_path
 
 NoiseArray = NDArray[np.float32]
@@ -23,12 +22,7 @@ def score_futures(
     mean: FloatArray,
     state: FloatArray,
     limits: FloatArray,
-    costs: ByteArray,
-    squared_cells: IntArray,
-    origin_m: FloatArray,
-    resolution_m: float,
-    outline_m: FloatArray,
-    safe_squared: float,
+    ground: Ground,
     path_m: FloatArray,
     weights: FloatArray,
     inscribed_m: float,
@@ -51,19 +45,9 @@ def score_futures(
     step_s = limits[5]
     dv, dw = limits[2] * step_s, limits[3] * step_s
     blind = int(limits[4] / step_s)
-    touching = lethal_count(
-        costs,
-        squared_cells,
-        origin_m,
-        resolution_m,
-        outline_m,
-        safe_squared,
-        False,
-        state[0],
-        state[1],
-        state[2],
-    )
-    touching = max(0, touching)
+    touching = max(0, lethal_count(ground, False, state[0], state[1], state[2]))
+    origin_x, origin_y, resolution_m = ground.origin[0], ground.origin[1], ground.resolution
+    rows, cols = ground.costs.shape
     end_x, end_y = path_m[-1, 0], path_m[-1, 1]
     for n in range(count):
         x, y, theta, v, w = state[0], state[1], state[2], state[3], state[4]
@@ -79,25 +63,14 @@ def score_futures(
             y += v * step_s * math.sin(theta)
             theta += w * step_s
             if i % CHECK_EVERY == 0:
-                col = math.floor((x - origin_m[0]) / resolution_m)
-                row = math.floor((y - origin_m[1]) / resolution_m)
-                if row < 0 or col < 0 or row >= costs.shape[0] or col >= costs.shape[1]:
+                col = math.floor((x - origin_x) / resolution_m)
+                row = math.floor((y - origin_y) / resolution_m)
+                if row < 0 or col < 0 or row >= rows or col >= cols:
                     total += weights[3] * (steps - i) / steps
                     break
-                squared = squared_cells[row, col]
-                if squared <= safe_squared:
-                    meets = lethal_count(
-                        costs,
-                        squared_cells,
-                        origin_m,
-                        resolution_m,
-                        outline_m,
-                        safe_squared,
-                        False,
-                        x,
-                        y,
-                        theta,
-                    )
+                squared = ground.squared_cells[row, col]
+                if squared <= ground.safe_squared:
+                    meets = lethal_count(ground, False, x, y, theta)
                     if meets < 0 or meets > touching:
                         total += weights[3] * (1.0 + (steps - i) / steps)
                         break

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from thumper.geometry import FloatArray
 from thumper.kernel import kernel
-from thumper.navigation.footprint_check import lethal_count
-from thumper.navigation.inflation import ByteArray, IntArray
+from thumper.navigation.footprint_check import Ground, lethal_count
 
 OPEN, HITS, LEAVES_MAP = 0, 1, 2
 CLEARANCE, PATH, GOAL, FRONT, CUT = 0, 1, 2, 3, 4
@@ -40,17 +39,7 @@ def simulate(
 
 
 @kernel
-def first_contact(
-    poses: FloatArray,
-    costs: ByteArray,
-    squared_cells: IntArray,
-    origin_m: FloatArray,
-    resolution_m: float,
-    outline_m: FloatArray,
-    safe_squared: float,
-    unknown_blocks: bool,
-    touching: int,
-) -> tuple[int, int]:
+def first_contact(poses: FloatArray, ground: Ground, unknown_blocks: bool, touching: int) -> tuple[int, int]:
     """(status, step) of the first pose, shape (n, 3), whose outline meets an obstacle; (OPEN, n) if none
     does.
 
@@ -60,18 +49,7 @@ def first_contact(
     allowed = touching + SLIDE_POINTS if touching > 0 else 0
     count = touching
     for i in range(poses.shape[0]):
-        count = lethal_count(
-            costs,
-            squared_cells,
-            origin_m,
-            resolution_m,
-            outline_m,
-            safe_squared,
-            unknown_blocks,
-            poses[i, 0],
-            poses[i, 1],
-            poses[i, 2],
-        )
+        count = lethal_count(ground, unknown_blocks, poses[i, 0], poses[i, 1], poses[i, 2])
         if count < 0:
             return LEAVES_MAP, i
         if count > allowed:
@@ -97,12 +75,7 @@ def measure(
     twist: FloatArray,
     motion: FloatArray,
     steps: int,
-    costs: ByteArray,
-    squared_cells: IntArray,
-    origin_m: FloatArray,
-    resolution_m: float,
-    outline_m: FloatArray,
-    safe_squared: float,
+    ground: Ground,
     path_m: FloatArray,
     front_m: float,
     period_s: float,
@@ -126,25 +99,12 @@ def measure(
     status = np.zeros(count, np.int64)
     terms = np.zeros((count, 5))
     poses = np.empty((steps, 3))
-    touching = lethal_count(
-        costs,
-        squared_cells,
-        origin_m,
-        resolution_m,
-        outline_m,
-        safe_squared,
-        False,
-        pose[0],
-        pose[1],
-        pose[2],
-    )
-    touching = max(0, touching)
+    touching = max(0, lethal_count(ground, False, pose[0], pose[1], pose[2]))
+    origin_x, origin_y, resolution_m = ground.origin[0], ground.origin[1], ground.resolution
     end_x, end_y = path_m[-1, 0], path_m[-1, 1]
     for n in range(count):
         simulate(pose, twist, commands[n], motion, poses)
-        status[n], free = first_contact(
-            poses, costs, squared_cells, origin_m, resolution_m, outline_m, safe_squared, False, touching
-        )
+        status[n], free = first_contact(poses, ground, False, touching)
         if status[n] != OPEN:
             braking_s = max(abs(commands[n, 0]) / motion[0], abs(commands[n, 1]) / motion[1])
             if free * motion[3] < motion[2] + period_s + 0.5 * braking_s + motion[3]:
@@ -153,9 +113,9 @@ def measure(
         least = np.int32(2147483647)
         off_path = 0.0
         for i in range(free):
-            col = math.floor((poses[i, 0] - origin_m[0]) / resolution_m)
-            row = math.floor((poses[i, 1] - origin_m[1]) / resolution_m)
-            least = min(least, squared_cells[row, col])
+            col = math.floor((poses[i, 0] - origin_x) / resolution_m)
+            row = math.floor((poses[i, 1] - origin_y) / resolution_m)
+            least = min(least, ground.squared_cells[row, col])
             if i % 2 == 0:
                 off_path += distance_to_path(path_m, poses[i, 0], poses[i, 1])
         x, y, theta = poses[free - 1]

@@ -8,7 +8,7 @@ from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.navigation.controller import ControlRequest, ControlResult
 from thumper.navigation.costmap import Costmap
 from thumper.navigation.footprint import Footprint
-from thumper.navigation.footprint_check import lethal_count, safe_squared_cells
+from thumper.navigation.footprint_check import Ground, lethal_count
 from thumper.navigation.limits import SpeedLimits, step_toward, stoppable_speed
 from thumper.navigation.rollout import OPEN, first_contact
 
@@ -21,11 +21,9 @@ def is_open(
     costmap: Costmap, footprint: Footprint, poses: FloatArray, start: Pose2, *, unknown_blocks: bool
 ) -> bool:
     """Whether the outline can pass through all poses, shape (n, 3), touching no more than at `start`."""
-    outline_m = footprint.outline_m(0.5 * costmap.resolution_m)
-    safe = safe_squared_cells(footprint.circumscribed_radius_m, costmap.resolution_m)
-    layers = (costmap.costs, costmap.squared_cells, costmap.origin_m, costmap.resolution_m, outline_m, safe)
-    touching = lethal_count(*layers, False, start.x_m, start.y_m, start.theta_rad)
-    status, _ = first_contact(poses, *layers, unknown_blocks, max(0, touching))
+    ground = Ground.of(costmap, footprint)
+    touching = lethal_count(ground, False, start.x_m, start.y_m, start.theta_rad)
+    status, _ = first_contact(poses, ground, unknown_blocks, max(0, touching))
     return status == OPEN
 
 

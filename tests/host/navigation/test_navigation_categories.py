@@ -8,7 +8,7 @@ from thumper.mapping.grid import OccupancyGrid
 from thumper.navigation.categories import ORDER, Category, categories, category_at
 from thumper.navigation.costmap import CostmapOptions, build_costmap
 from thumper.navigation.footprint import Footprint
-from thumper.navigation.footprint_check import lethal_count, safe_squared_cells
+from thumper.navigation.footprint_check import Ground, lethal_count, safe_squared_cells
 
 CELL_M = 0.05
 
@@ -39,23 +39,10 @@ def test_free_means_that_no_heading_touches() -> None:
         costmap = build_costmap(grid, np.empty((0, 2)), footprint, CostmapOptions())
         found = categories(costmap, footprint)
         safe = safe_squared_cells(footprint.circumscribed_radius_m, CELL_M)
+        everywhere = Ground.of(costmap, footprint)._replace(outline=outline_m, safe_squared=math.inf)
         for row, col in rng.integers(6, 34, (20, 2)):
             x_m, y_m = grid.centre_of(int(row), int(col))
-            touching = [
-                lethal_count(
-                    costmap.costs,
-                    costmap.squared_cells,
-                    costmap.origin_m,
-                    CELL_M,
-                    outline_m,
-                    math.inf,
-                    False,
-                    x_m,
-                    y_m,
-                    turn * math.tau / 24,
-                )
-                for turn in range(24)
-            ]
+            touching = [lethal_count(everywhere, False, x_m, y_m, turn * math.tau / 24) for turn in range(24)]
             if ORDER[int(found[row, col])] is Category.FREE:
                 assert max(touching) == 0
                 assert costmap.squared_cells[row, col] > safe

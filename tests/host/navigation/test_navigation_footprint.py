@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from thumper.geometry import FloatArray, Pose2
 from thumper.navigation.footprint import Footprint
-from thumper.navigation.footprint_check import lethal_count, safe_squared_cells
+from thumper.navigation.footprint_check import Ground, lethal_count, safe_squared_cells
 from thumper.navigation.inflation import LETHAL, squared_distances
 from thumper_hil.arena.maps import read_pgm
 
@@ -55,10 +55,15 @@ def test_outline_is_dense_and_on_the_edges() -> None:
 
 def count_at(costs: np.typing.NDArray[np.uint8], pose: Pose2, outline_m: FloatArray, safe: float) -> int:
     squared = squared_distances(costs == LETHAL, 8)
-    origin = np.zeros(2)
-    return lethal_count(
-        costs, squared, origin, CELL_M, outline_m, safe, False, pose.x_m, pose.y_m, pose.theta_rad
+    ground = Ground(
+        costs=costs,
+        squared_cells=squared,
+        origin=np.zeros(2),
+        resolution=CELL_M,
+        outline=outline_m,
+        safe_squared=safe,
     )
+    return lethal_count(ground, False, pose.x_m, pose.y_m, pose.theta_rad)
 
 
 @settings(max_examples=60, deadline=None)

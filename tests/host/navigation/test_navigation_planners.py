@@ -16,7 +16,7 @@ from thumper.navigation.astar import AStarOptions, AStarPlanner, is_blocked
 from thumper.navigation.carrot import CarrotPlanner
 from thumper.navigation.costmap import CostmapOptions, build_costmap
 from thumper.navigation.footprint import Footprint
-from thumper.navigation.footprint_check import lethal_count, safe_squared_cells
+from thumper.navigation.footprint_check import Ground, lethal_count
 from thumper.navigation.goal import Goal
 from thumper.navigation.inflation import UNKNOWN
 from thumper.navigation.lattice import LatticeOptions, LatticePlanner
@@ -139,22 +139,10 @@ def test_unknown_ground_only_when_allowed() -> None:
 
 def outline_hits(cells: NDArray[np.int8], path_m: FloatArray) -> int:
     """Most outline points on obstacles of a robot that points along the path."""
-    costmap, footprint = costmap_of(cells), Footprint()
-    outline_m, safe = footprint.outline_m(0.025), safe_squared_cells(footprint.circumscribed_radius_m, 0.05)
+    ground = Ground.of(costmap_of(cells), Footprint())
     steps = np.diff(path_m, axis=0)
     return max(
-        lethal_count(
-            costmap.costs,
-            costmap.squared_cells,
-            costmap.origin_m,
-            0.05,
-            outline_m,
-            safe,
-            False,
-            float(x_m),
-            float(y_m),
-            math.atan2(dy_m, dx_m),
-        )
+        lethal_count(ground, False, float(x_m), float(y_m), math.atan2(dy_m, dx_m))
         for (x_m, y_m), (dx_m, dy_m) in zip(path_m, steps, strict=False)
     )
 
