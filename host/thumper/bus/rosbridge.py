@@ -8,6 +8,7 @@ import asyncio
 import hmac
 import json
 import re
+import ssl
 import uuid
 from collections.abc import Callable
 from http import HTTPStatus
@@ -33,12 +34,20 @@ OWN_PAGES = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?")
 class Rosbridge:
     """Serves the bus of one robot at one port."""
 
-    def __init__(self, bus: BusClient, *, host: str, port: int, token: str) -> None:
+    def __init__(
+        self, bus: BusClient, *, host: str, port: int, token: str, tls: ssl.SSLContext | None = None
+    ) -> None:
         if not is_loopback(host) and not token:
             raise ThumperError(
                 f"{host} can be reached from other machines: set [bus] token as well", exit_code=2
             )
-        self._bus, self._host, self._port, self._token = bus, host, port, token
+        if not is_loopback(host) and tls is None:
+            raise ThumperError(
+                f"rosbridge on {host} needs a certificate, or anybody could read the token: "
+                "run `thumper dashboard --make-certificate` once, or set [dashboard] certificate and key",
+                exit_code=2,
+            )
+        self._bus, self._host, self._port, self._token, self._tls = bus, host, port, token, tls
         self._topics: set[str] = set()
         self._clients: set[Conversation] = set()
         self._newest: dict[str, str] = {}
@@ -57,6 +66,7 @@ class Rosbridge:
                 self._talk,
                 self._host,
                 self._port,
+                ssl=self._tls,
                 process_request=self._admit,
                 max_size=MOST_BYTES,
                 max_queue=4,

@@ -14,7 +14,8 @@ def rosbridge(
         int, typer.Option(help="Port to listen at; 0: [bus] rosbridge_port, 9090.", min=0, max=65535)
     ] = 0,
     host: Annotated[
-        str, typer.Option(help="Address to listen at; any but a loopback one needs [bus] token.")
+        str,
+        typer.Option(help="Address to listen at; any but loopback needs [bus] token and a certificate."),
     ] = "127.0.0.1",
     config: Config = None,
     bus: Address = "",
@@ -24,14 +25,21 @@ def rosbridge(
     import asyncio
     from contextlib import suppress
 
+    from thumper.bus.options import is_loopback
     from thumper.bus.rosbridge import Rosbridge
     from thumper.cli.bus_options import token_of
     from thumper.config.robot import load_config
+    from thumper.dashboard.certificate import server_tls
+    from thumper.dashboard.options import certificate_pair
 
-    port = port or load_config(config).bus.rosbridge_port
+    settings = load_config(config)
+    port = port or settings.bus.rosbridge_port
+    pair = None if is_loopback(host) else certificate_pair(settings.dashboard)
+    tls = server_tls(*pair) if pair else None
     with join(config, bus, robot) as client:
-        bridge = Rosbridge(client, host=host, port=port, token=token_of(config))
+        bridge = Rosbridge(client, host=host, port=port, token=token_of(config), tls=tls)
+        url = f"{'wss' if tls else 'ws'}://{host}"
         with suppress(KeyboardInterrupt):
             asyncio.run(
-                bridge.serve(lambda at: print(f"rosbridge at ws://{host}:{at}; Ctrl-C ends it", flush=True))
+                bridge.serve(lambda at: print(f"rosbridge at {url}:{at}; Ctrl-C ends it", flush=True))
             )

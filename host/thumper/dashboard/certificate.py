@@ -4,6 +4,7 @@ import datetime
 import ipaddress
 import os
 import socket
+import ssl
 from pathlib import Path
 
 from thumper.errors import ThumperError
@@ -46,6 +47,16 @@ def make_certificate(certificate: Path, key: Path, names: list[str]) -> str:
     _write_new(key, pem, mode=0o600)
     _write_new(certificate, signed.public_bytes(serialization.Encoding.PEM), mode=0o644)
     return signed.fingerprint(hashes.SHA256()).hex(":").upper()
+
+
+def server_tls(certificate: Path, key: Path) -> ssl.SSLContext:
+    """What a server of ours shows to its clients; raises ThumperError when the files are none for that."""
+    tls = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
+    try:
+        tls.load_cert_chain(certificate, key)
+    except OSError as error:  # also ssl's own
+        raise ThumperError(f"{certificate}, {key}: they cannot be used ({error})", exit_code=2) from error
+    return tls
 
 
 def own_names(host: str) -> list[str]:

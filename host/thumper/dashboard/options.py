@@ -63,16 +63,9 @@ def checked(options: DashboardOptions) -> Listening:
     ThumperError
         The page would leave this machine without a password or without HTTPS, or a file is missing.
     """
-    certificate, key = own_certificate()
-    if options.certificate or options.key:
-        if not (options.certificate and options.key):
-            raise ThumperError("[dashboard] certificate and key belong together: set both", exit_code=2)
-        certificate, key = Path(options.certificate).expanduser(), Path(options.key).expanduser()
-        for path in (certificate, key):
-            if not path.is_file():
-                raise ThumperError(f"{path}: no such file; see [dashboard] certificate and key", exit_code=2)
+    pair = certificate_pair(options)
     local = is_loopback(options.host)
-    wants_https = bool(options.certificate) or (not local and certificate.is_file() and key.is_file())
+    wants_https = pair is not None and (bool(options.certificate) or not local)
     if not local and len(options.password) < SHORTEST_PASSWORD:
         raise ThumperError(
             f"the dashboard would be open to everybody who reaches {options.host}: "
@@ -89,9 +82,29 @@ def checked(options: DashboardOptions) -> Listening:
         host=options.host,
         port=options.port,
         password=options.password,
-        certificate=certificate if wants_https else None,
-        key=key if wants_https else None,
+        certificate=pair[0] if pair and wants_https else None,
+        key=pair[1] if pair and wants_https else None,
     )
+
+
+def certificate_pair(options: DashboardOptions) -> tuple[Path, Path] | None:
+    """Certificate and key: those that are configured, else those of `--make-certificate`, if there are any.
+
+    Raises
+    ------
+    ThumperError
+        What is configured is not there.
+    """
+    if not (options.certificate or options.key):
+        own = own_certificate()
+        return own if all(path.is_file() for path in own) else None
+    if not (options.certificate and options.key):
+        raise ThumperError("[dashboard] certificate and key belong together: set both", exit_code=2)
+    certificate, key = Path(options.certificate).expanduser(), Path(options.key).expanduser()
+    for path in (certificate, key):
+        if not path.is_file():
+            raise ThumperError(f"{path}: no such file; see [dashboard] certificate and key", exit_code=2)
+    return certificate, key
 
 
 def is_loopback(host: str) -> bool:

@@ -16,6 +16,7 @@ from nicegui import ui
 from starlette.middleware import Middleware
 
 from thumper.dashboard.access import Access
+from thumper.dashboard.certificate import server_tls
 from thumper.dashboard.helm import Helm, TeleopLimits
 from thumper.dashboard.hub import Hub
 from thumper.dashboard.options import Listening, is_loopback
@@ -143,6 +144,8 @@ def serve(app: FastAPI, listening: Listening) -> None:
     """
     import uvicorn
 
+    if listening.certificate and listening.key:
+        server_tls(listening.certificate, listening.key)  # says in one line what is wrong with them
     with _bound(listening) as listener:
         config = uvicorn.Config(
             app,

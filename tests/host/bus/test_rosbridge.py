@@ -2,21 +2,24 @@
 
 import asyncio
 import json
+import ssl
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import roslibpy
-from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidMessage, InvalidStatus
 from websockets.sync.client import connect
 
 from tests.host.bus.test_bus import GRID, TOKEN, M, Robot, soon
 from thumper.bus.client import BusClient
 from thumper.bus.rosbridge import Rosbridge
+from thumper.dashboard.certificate import make_certificate, server_tls
 from thumper.errors import ThumperError
 from thumper.geometry import Twist2
 from thumper.lidar.scan import Scan
@@ -26,10 +29,10 @@ from thumper.service.requests import Ask, Channel, Velocity
 class Bridge:
     """A robot's end of the bus, and a rosbridge in a thread of its own."""
 
-    def __init__(self, token: str = "") -> None:
+    def __init__(self, token: str = "", tls: ssl.SSLContext | None = None) -> None:
         self.robot = Robot(token)
         self.bus = BusClient("r1", self.robot.address, token)
-        bridge = Rosbridge(self.bus, host="127.0.0.1", port=0, token=token)
+        bridge = Rosbridge(self.bus, host="127.0.0.1", port=0, token=token, tls=tls)
         ready = threading.Event()
 
         def serve() -> None:
@@ -215,10 +218,37 @@ def test_with_a_token_nobody_is_let_in_without_it() -> None:
         bridge.close()
 
 
-def test_beyond_this_machine_only_with_a_token() -> None:
+def test_beyond_this_machine_only_with_a_token_and_a_certificate() -> None:
     robot = Robot()
     try:
-        with BusClient("r1", robot.address) as bus, pytest.raises(ThumperError, match="token"):
-            Rosbridge(bus, host="0.0.0.0", port=0, token="")
+        with BusClient("r1", robot.address) as bus:
+            with pytest.raises(ThumperError, match="token"):
+                Rosbridge(bus, host="0.0.0.0", port=0, token="")
+            with pytest.raises(ThumperError, match="certificate"):
+                Rosbridge(bus, host="0.0.0.0", port=0, token=TOKEN)
     finally:
         robot.server.close()
+
+
+def test_with_a_certificate_the_token_does_not_cross_the_network_in_clear(tmp_path: Path) -> None:
+    certificate, key = tmp_path / "a.crt", tmp_path / "a.key"
+    make_certificate(certificate, key, ["127.0.0.1"])
+    headers = {"Authorization": f"Bearer {TOKEN}"}
+    bridge = Bridge(TOKEN, server_tls(certificate, key))
+    try:
+        trusted = ssl.create_default_context(cafile=str(certificate))
+        url = bridge.url.replace("ws:", "wss:")
+        with connect(url, additional_headers=headers, ssl=trusted) as socket:
+            socket.send('{"op": "call_service", "service": "/rosapi/services", "id": "1"}')
+            assert "/mission/send" in json.loads(socket.recv(20.0))["values"]["services"]
+        with pytest.raises((OSError, InvalidMessage)), connect(bridge.url, additional_headers=headers):
+            pass
+    finally:
+        bridge.close()
+
+
+def test_files_that_are_no_certificate_are_told(tmp_path: Path) -> None:
+    for path in (tmp_path / "a.crt", tmp_path / "a.key"):
+        path.write_text("nothing")
+    with pytest.raises(ThumperError, match="they cannot be used"):
+        server_tls(tmp_path / "a.crt", tmp_path / "a.key")
