@@ -51,6 +51,7 @@ def open_robot(
                 products=_products(config, board),
                 service=config.service,
                 open_board=lambda: Board.open(config.board.port, baud=config.board.baud),
+                open_lidar=lambda: open_lidar(config.lidar),
                 simulator=getattr(board.port, "simulator", None),
                 perception=Perception(
                     drive=config.drive, base_from_laser=base_from_laser, mapper=mapper, imu=config.imu
@@ -64,7 +65,8 @@ def open_robot(
             try:
                 yield robot
             finally:
-                robot.senses.board.close()  # the one at the end, should the first have been lost
+                robot.senses.board.close()  # those at the end, should the first have been lost
+                robot.senses.lidar.close()
         finally:
             lidar.close()
     finally:

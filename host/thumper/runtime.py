@@ -33,7 +33,7 @@ from thumper.service.desk import Desk, Simulator
 from thumper.service.inbox import Inbox
 from thumper.service.options import ServiceOptions
 from thumper.service.pacer import Pacer
-from thumper.service.pilot import GOAL_MARGIN_M, Ending, Pilot
+from thumper.service.pilot import GOAL_MARGIN_M, Ending, Mode, Pilot
 from thumper.service.requests import EmergencyStop
 from thumper.service.stopping import bring_to_stand
 
@@ -62,9 +62,10 @@ class Runtime:
         view: LidarView | None = None,
         service: ServiceOptions | None = None,
         open_board: Callable[[], Board],
+        open_lidar: Callable[[], LidarDriver] | None = None,
         simulator: Simulator | None = None,
     ) -> None:
-        self.senses = Senses(board=board, lidar=lidar, perception=perception)
+        self.senses = Senses(board=board, lidar=lidar, perception=perception, open_lidar=open_lidar)
         self.products = products
         self.inbox = Inbox()
         self._navigation = navigation
@@ -72,7 +73,7 @@ class Runtime:
         self.pilot = Pilot(
             board=board,
             navigator=Navigator(
-                navigation, footprint, drive, view=view, on_transition=self.senses.log.transitions.append
+                navigation, footprint, drive, view=view, on_transition=self.senses.note_transition
             ),
             drive=drive,
             max_wheel_rad_s=max_wheel_rad_s,
@@ -188,6 +189,8 @@ class Runtime:
                 self._reconnect(SILENT)
             elif self.desk.experiments.wanted:
                 self._experiment()
+            elif self.pilot.mode is Mode.IDLE and self.senses.reopen_lidar():
+                self.products.event("the lidar answers again", name="lidar")
         except ThumperError as error:
             self._reconnect(str(error))
         except Exception as error:  # in motion nothing may pass the stop that follows

@@ -1,7 +1,7 @@
 """What the robot takes in: one beat of the board's telemetry, the scans beside it, and what they mean."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 
 from thumper.errors import ThumperError
 from thumper.lidar.driver import LidarDriver
@@ -9,10 +9,13 @@ from thumper.lidar.scan import Scan
 from thumper.link.board import Board, TelemetrySample
 from thumper.link.messages import Telemetry
 from thumper.mission_log import MissionLog
+from thumper.navigation.transitions import Transition
 from thumper.perception import Perception, Situation
 
 TELEMETRY_TIMEOUT_S = 0.5
 LATE_BEAT_S = 0.15  # a telemetry frame was lost on the way: the board must not miss a command for it
+LIDAR_GONE_ERRORS = 5  # of its port one after another, without a scan between: the port itself has gone
+LIDAR_RETRY_S = 5.0
 FIRST_LOOK_SCANS = 3
 FIRST_LOOK_TIMEOUT_S = 5.0
 
@@ -20,7 +23,14 @@ FIRST_LOOK_TIMEOUT_S = 5.0
 class Senses:
     """Both ports behind one call a beat; `samples` and `scans` hold what the newest beat brought."""
 
-    def __init__(self, *, board: Board, lidar: LidarDriver, perception: Perception) -> None:
+    def __init__(
+        self,
+        *,
+        board: Board,
+        lidar: LidarDriver,
+        perception: Perception,
+        open_lidar: Callable[[], LidarDriver] | None = None,
+    ) -> None:
         self.board = board
         self.lidar = lidar
         self.perception = perception
@@ -32,6 +42,9 @@ class Senses:
         self.keeps_log = True  # a robot that is on for days must not fill its memory
         self._offset_counts = (0, 0)  # to the board's counts, which begin anew when it restarts
         self._is_new_board = False
+        self._open_lidar = open_lidar
+        self._port_errors = 0  # of the lidar when its newest scan came
+        self._open_again_s = 0.0
 
     def beat(self, standing_order: Callable[[], None] | None = None) -> bool:
         """Take in one beat of both ports; False when the board is silent.
@@ -50,6 +63,8 @@ class Senses:
     def take_scans(self) -> None:
         """Take in what the lidar has sent, without waiting."""
         self.scans = self.lidar.poll()
+        if self.scans:
+            self._port_errors = self.lidar.counters.port_errors
         for scan in self.scans:
             self.newest_scan = scan
             self.perception.add_scan(scan)
@@ -66,6 +81,33 @@ class Senses:
     def replace_board(self, board: Board) -> None:
         """Go on with a board that was reached anew; should it have restarted, its counts are carried on."""
         self.board, self._is_new_board = board, True
+
+    def reopen_lidar(self) -> bool:
+        """Open the lidar anew once its port has gone; returns whether it answers again.
+
+        It may wait for seconds: only for a robot that stands.
+        """
+        gone = self.lidar.counters.port_errors - self._port_errors >= LIDAR_GONE_ERRORS
+        now_s = self.board.now_s()
+        if not gone or self._open_lidar is None or now_s < self._open_again_s:
+            return False
+        self._open_again_s = now_s + LIDAR_RETRY_S
+        self.lidar.close()  # else its name stays taken
+        try:
+            lidar = self._open_lidar()
+        except ThumperError:
+            return False
+        for counter in fields(lidar.counters):  # they count from the start of the run
+            before: int = getattr(self.lidar.counters, counter.name)
+            setattr(lidar.counters, counter.name, before + getattr(lidar.counters, counter.name))
+        lidar.counters.restarts += 1
+        self.lidar, self._port_errors = lidar, lidar.counters.port_errors
+        return True
+
+    def note_transition(self, transition: Transition) -> None:
+        """Keep a change of navigation's state for the log."""
+        if self.keeps_log:
+            self.log.transitions.append(transition)
 
     def _continued(self, sample: TelemetrySample) -> TelemetrySample:
         telemetry, last = sample.telemetry, self.telemetry

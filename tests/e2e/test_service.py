@@ -294,6 +294,26 @@ def test_a_board_that_was_unplugged_is_found_again_and_the_map_stays(
     assert service.ask("mission/state")["state"] == "reached"
 
 
+def test_a_lidar_that_was_unplugged_is_opened_again_once_the_robot_stands(service: Service) -> None:
+    first = service.robot.senses.lidar
+    service.put(GoTo(goals=(FAR,)))
+    service.beats(10)
+    service.bench.fault("lidar", "unplugged")
+    service.until(lambda: service.mode == "idle")
+    assert "lidar" in service.ask("mission/state")["reason"]
+    service.beats(60)
+    service.bench.fault("lidar", "ok")
+    service.until(lambda: "the lidar answers again" in service.events)
+    lidar = service.robot.senses.lidar
+    assert lidar is not first
+    assert lidar.counters.scans > 10  # counted on
+    assert lidar.counters.restarts > 0
+    service.beats(10)
+    service.put(GoTo(goals=(NEAR,)))
+    service.until(lambda: service.mode == "idle")
+    assert service.ask("mission/state")["state"] == "reached"
+
+
 def test_a_part_that_breaks_stops_the_robot_and_not_its_process(
     service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
