@@ -93,6 +93,13 @@ def test_too_long_a_frame_is_refused_without_harm(core: ctypes.CDLL) -> None:
     assert core.decoder_errors(decoder) == 1
 
 
+def test_a_whole_frame_with_more_behind_it_is_refused(core: ctypes.CDLL) -> None:
+    """What does not fit is not simply cut off."""
+    body = bytes(range(1, 63))
+    longer = body + crc(body).to_bytes(2, "little") + b"\x01"
+    assert push(core, core.decoder_new(), bytes(cobs.encode(longer)) + b"\0") == []
+
+
 def test_the_longest_frame_fits_and_a_byte_more_does_not(core: ctypes.CDLL) -> None:
     """The desk's decoder takes 60 bytes of payload."""
     decoder = core.decoder_new()

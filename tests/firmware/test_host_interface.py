@@ -67,6 +67,20 @@ def test_silence_stops_the_motors_after_300_ms(host: Host) -> None:
     assert host.command(m.Command.ARM) is m.AckStatus.OK
 
 
+@pytest.mark.parametrize("last", [m.SetWheelSpeeds(left=1, right=1), m.SetMotorPwm(left=1, right=1), None])
+def test_the_time_runs_from_the_change_of_state_or_the_last_command(
+    host: Host, last: m.Message | None
+) -> None:
+    host.command(m.Command.ARM)
+    if last:
+        host.wait(200)
+        host.send(last)
+    host.wait(299)
+    assert host.status()[1] is m.Fault.NONE
+    host.wait(1)
+    assert host.status()[1] is m.Fault.LINK_LOST
+
+
 def test_a_planner_does_not_keep_a_dead_gamepad_alive(host: Host) -> None:
     host.command(m.Command.ARM)
     host.send(m.SetMotorPwm(left=100, right=100))
@@ -185,6 +199,26 @@ def test_wrong_ids_and_lengths_are_counted_and_do_nothing(core: ctypes.CDLL, hos
     assert host.feed(b"".join(bad)) == []
     assert core.host_rx_errors(host.handle) == len(bad)
     assert host.status() == (m.State.CLOSED_LOOP, m.Fault.NONE, 0, 0)
+
+
+def test_every_known_request_is_a_good_frame(core: ctypes.CDLL, host: Host) -> None:
+    """Answered or not, obeyed or refused: it was understood, and it shows that the host is there."""
+    requests = [
+        m.Identify(),
+        m.SetWheelSpeeds(left=0, right=0),
+        m.SetMotorPwm(left=0, right=0),
+        *(m.CommandRequest(command=command) for command in m.Command),
+        m.SetParameter(index=0, value=1),
+        m.SetParameter(index=99, value=1),
+        m.GetParameter(index=0),
+        m.GetParameter(index=99),
+    ]
+    for number, request in enumerate(requests, start=1):
+        host.send(request)
+        assert core.host_handled(host.handle) == number
+    assert core.host_rx_errors(host.handle) == 0
+    host.feed(b"\x01\x02\0")
+    assert core.host_handled(host.handle) == len(requests)
 
 
 @settings(max_examples=150, deadline=None)

@@ -103,3 +103,24 @@ def test_friction_is_overcome_from_the_smallest_set_point_on(
     out = (ctypes.c_int * 4)()
     assert core.wheel_step(core.wheel_new(), wire(ks=20 * 128), target, 0, 7400, out) == 0
     assert out[2] == pwm
+
+
+def test_it_starts_from_rest_and_a_reset_forgets_all(core: ctypes.CDLL) -> None:
+    wheel, state, out = core.wheel_new(), (ctypes.c_int32 * 4)(), (ctypes.c_int * 4)()
+    core.wheel_state(wheel, state)
+    assert list(state) == [0, 0, 0, 0]
+    for _ in range(3):
+        core.wheel_step(wheel, wire(kp=5000, ki=5000, kv=2560, ka=300), 5000, 7, 7400, out)
+    core.wheel_state(wheel, state)
+    assert 0 not in list(state)
+    core.wheel_reset(wheel)
+    core.wheel_state(wheel, state)
+    assert list(state) == [0, 0, 0, 0]
+
+
+def test_a_wheel_that_is_to_stand_and_does_keeps_no_integral(core: ctypes.CDLL) -> None:
+    wheel, state, out = core.wheel_new(), (ctypes.c_int32 * 4)(), (ctypes.c_int * 4)()
+    for target, integral in ((1000, 5000 * 1000), (0, 0)):
+        core.wheel_step(wheel, wire(ki=5000), target, 0, 7400, out)
+        core.wheel_state(wheel, state)
+        assert state[0] == integral

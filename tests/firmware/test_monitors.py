@@ -42,7 +42,7 @@ def test_a_wheel_that_stands_under_half_pwm_is_a_stall_after_300_ms(
 
 
 @pytest.mark.parametrize(
-    ("pwm", "ticks_to_fault"), [(255, 3), (128, 3), (127, 3), (126, 4), (60, 7), (33, 12)]
+    ("pwm", "ticks_to_fault"), [(255, 3), (128, 3), (127, 3), (126, 4), (95, 4), (94, 5), (60, 7), (33, 12)]
 )
 @pytest.mark.parametrize("mode", [m.State.CLOSED_LOOP, m.State.MANUAL])
 def test_less_pwm_is_a_stall_after_longer(
@@ -72,6 +72,26 @@ def test_below_what_starts_it_a_wheel_may_stand(core: ctypes.CDLL) -> None:
         assert ticks.step(left_pwm=33) is m.Fault.NONE
     for _ in range(12):
         assert ticks.step(left_pwm=32) is m.Fault.NONE, "and it starts anew"
+    for _ in range(12):
+        assert ticks.step(left_pwm=33) is m.Fault.NONE
+    assert ticks.step(left_pwm=33) is m.Fault.STALL_LEFT
+
+
+def test_the_push_is_summed_from_nothing_each_time(core: ctypes.CDLL) -> None:
+    """126, 126 and 127 are one short of 38 PWM s."""
+    monitor = core.wheel_monitor_new()
+    for _ in range(3):
+        pwms = [126, 126, 127, 126, 0]
+        verdicts = [core.wheel_monitor_step(monitor, 0, pwm) for pwm in pwms]
+        assert verdicts == [FINE] * 4 + [STALL]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_backwards_and_then_still_is_a_stall_and_no_swapped_wire(core: ctypes.CDLL, sign: int) -> None:
+    monitor = core.wheel_monitor_new()
+    counts = [0, -3, -3, -3, -3, -3, -3]
+    verdicts = [core.wheel_monitor_step(monitor, count * sign % 65536, 200 * sign) for count in counts]
+    assert verdicts == [FINE] * 6 + [STALL]
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -285,3 +305,4 @@ def test_a_current_at_the_limit_is_no_fault_and_above_it_is(core: ctypes.CDLL, w
         at_limit = core.current_monitor_step(at, way[0] * 5000, way[1] * 5000, 5000)
         over = core.current_monitor_step(above, way[0] * 5001, way[1] * 5001, 5000)
     assert (at_limit, over) == (0, 1)
+    assert [core.current_monitor_step(above, *way, 0) for _ in range(5)] == [1] * 5, "for as long as it lasts"

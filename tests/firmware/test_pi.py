@@ -3,6 +3,7 @@
 import ctypes
 import random
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -80,6 +81,25 @@ def test_only_the_integral_freezes_while_saturated(core: ctypes.CDLL) -> None:
     assert core.pi_step(chip, kp, ki, 17_000, 0, 0) == 255
     assert core.pi_integral(chip) == frozen
     assert core.pi_step(chip, kp, ki, 1_000, 0, 0) == round((frozen + (kp + ki) * 1000) / Q19)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("error", [1, 2, 1000])
+def test_it_freezes_from_the_very_end_of_the_output_on(core: ctypes.CDLL, sign: int, error: int) -> None:
+    """Feed-forward alone takes all of the output: outwards nothing is added, inwards it is, and short of the
+    end both ways."""
+    full = 255 * 2**19
+    for feed_forward, way, grows in ((full, 1, False), (full, -1, True), (full - 1, 1, True)):
+        chip = core.pi_new()
+        core.pi_step(chip, 0, 4194, sign * way * error, sign * feed_forward, 0)
+        assert core.pi_integral(chip) == (sign * way * error * 4194 if grows else 0)
+
+
+def test_a_reset_forgets_the_integral(core: ctypes.CDLL) -> None:
+    chip = core.pi_new()
+    core.pi_step(chip, 0, 4194, 1000, 0, 0)
+    core.pi_reset(chip)
+    assert core.pi_integral(chip) == 0
 
 
 def test_integral_clears_only_at_rest(core: ctypes.CDLL) -> None:

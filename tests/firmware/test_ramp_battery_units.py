@@ -29,12 +29,18 @@ def test_no_limit_means_at_once(core: ctypes.CDLL, start: int, target: int) -> N
     assert core.ramp(start, target, core.ramp_step(0)) == target
 
 
-@pytest.mark.parametrize(("acceleration", "step"), [(800, 800), (20_000, 20_000), (1, 1), (15, 15)])
-def test_ramp_step_is_the_acceleration_a_tick(core: ctypes.CDLL, acceleration: int, step: int) -> None:
-    assert core.ramp_step(acceleration) == step
+@pytest.mark.parametrize("rate_Hz", [10, 50, 100])
+def test_ramp_step_is_the_acceleration_a_tick(
+    core_at_rate: Callable[[int], ctypes.CDLL], rate_Hz: int
+) -> None:
+    """Rounded; 0 alone means no limit, so that the slowest ramp is one step a tick."""
+    core, steps = core_at_rate(rate_Hz), rate_Hz // 10
+    for acceleration in range(20_001):
+        rounded = (2 * acceleration + steps) // (2 * steps)
+        assert core.ramp_step(acceleration) == (max(1, rounded) if acceleration else 0)
 
 
-@pytest.mark.parametrize("rate_Hz", [10, 100])
+@pytest.mark.parametrize("rate_Hz", [10, 50, 100])
 def test_speed_is_the_thesis_formula_to_a_hundred_thousandth(
     core_at_rate: Callable[[int], ctypes.CDLL], rate_Hz: int
 ) -> None:

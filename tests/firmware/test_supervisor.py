@@ -43,10 +43,10 @@ def feed(core: ctypes.CDLL, machine: int, event: int) -> None:
         core.supervisor_handle(machine, event, 0)
 
 
-def without_cell(row: str, column: int) -> str:
-    """The row with a cell in its place that nobody has filled in."""
+def with_cell(row: str, column: int, reaction: str) -> str:
+    """The row with another reaction in a cell."""
     cells = row.split("{")[1].split("}", maxsplit=1)[0].split(", ")
-    cells[column] = "Reaction::kUnhandled"
+    cells[column] = reaction
     return f"{{{', '.join(cells)}}},"
 
 
@@ -159,12 +159,32 @@ SPOILT = {
         f"no cell {column} in row {row}": (
             TABLE,
             ROWS[row],
-            without_cell(ROWS[row], column),
+            with_cell(ROWS[row], column, "Reaction::kUnhandled"),
             "without a reaction",
         )
         for row in range(4)
         for column in range(7)
     },
+    **{
+        f"a stop (column {column}) ignored in row {row}": (
+            TABLE,
+            ROWS[row],
+            with_cell(ROWS[row], column, "kOff"),
+            "does not stop",
+        )
+        for row, column in [(0, 2), (0, 6), (1, 2), (1, 5), (1, 6), (2, 2), (2, 5), (2, 6)]
+    },
+    **{
+        f"a fault left by event {column}": (
+            TABLE,
+            ROWS[3],
+            with_cell(ROWS[3], column, "kOff"),
+            "unlatches",
+        )
+        for column in (0, 1, 4)
+    },
+    "a fault never left": (TABLE, ROWS[3], with_cell(ROWS[3], 3, "kFail"), "static assertion"),
+    "a refusal outside FAULT": (TABLE, ROWS[1], with_cell(ROWS[1], 4, "kHeld"), "without a reaction"),
 }
 
 

@@ -61,6 +61,7 @@ struct Eeprom {
 struct Interface {
   fw::HostInterface host;
   Eeprom* eeprom;
+  int handled = 0;  // good frames
   Interface(fw::ResetCause cause, fw::Fault latched, Eeprom* memory)
       : host(fw::Board::kTrex, cause), eeprom(memory) {
     host.Start(*eeprom, latched);
@@ -83,6 +84,7 @@ int pi_run(int kp, int ki, const int16_t* errors, int ticks, int16_t* pwms) {
   for (int tick = 0; tick < ticks; ++tick) pwms[tick] = pi.Step(gains, errors[tick], 0, false);
   return pi.integral();
 }
+void pi_reset(int pi) { At<fw::PiController>(pi).Reset(); }
 int pi_integral(int pi) { return At<fw::PiController>(pi).integral(); }
 
 /// parameters: kParameterCount wire values. out: speed, set-point, PWM, integral, prediction constants.
@@ -103,6 +105,7 @@ int wheel_step(int wheel, const int32_t* values, int target, int counts, int bat
   out[3] = sample.integral_pwm_64;
   return 0;
 }
+void wheel_reset(int wheel) { At<fw::WheelController>(wheel).Reset(); }
 /// out: all that the controller remembers: integral [Q19 PWM], model's speed and prediction, set-point
 /// [mrad/s].
 void wheel_state(int wheel, int32_t* out) {
@@ -252,7 +255,8 @@ int host_new(int cause, int latched, int eeprom) {
 /// Feed bytes; the answers' bytes go to out (room for 30 a byte fed). Returns their size.
 int host_receive(int host, const uint8_t* data, int size, uint8_t* out) {
   Bytes sink;
-  for (int i = 0; i < size; ++i) At<Interface>(host).host.Receive(data[i], sink);
+  for (int i = 0; i < size; ++i)
+    At<Interface>(host).handled += At<Interface>(host).host.Receive(data[i], sink);
   std::memcpy(out, sink.data.data(), sink.data.size());
   return static_cast<int>(sink.data.size());
 }
@@ -289,6 +293,7 @@ int host_telemetry(int host, uint8_t* out) {
   std::memcpy(out, sink.data.data(), sink.data.size());
   return static_cast<int>(sink.data.size());
 }
+int host_handled(int host) { return At<Interface>(host).handled; }
 int host_rx_errors(int host) { return At<Interface>(host).host.rx_errors(); }
 void host_speeds(int host, int left, int right) {
   auto* samples = At<Interface>(host).host.samples();

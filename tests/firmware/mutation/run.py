@@ -11,6 +11,7 @@ import random
 import re
 import resource
 import shutil
+import signal
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -103,6 +104,8 @@ class Worker:
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         """Stand in for pytest's own loop."""
+        if session.testsfailed:
+            raise session.Failed("a test module cannot be imported")
         for mutant in self.chosen:
             self.tell((mutant, self.test(session, mutant)))
         return True
@@ -143,6 +146,7 @@ def _work(chosen: Sequence[Mutant | None], results: "SimpleQueue[Result | None]"
     with tempfile.TemporaryDirectory() as folder:
         os.environ["THUMPER_MUTANT"] = folder
         os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"  # or each process imports a browser's
+        shutil.copytree(CORE, Path(folder) / "core")  # a test module reads it as it is imported
         descriptor = os.open(Path(folder) / "log", os.O_WRONLY | os.O_CREAT)
         os.dup2(descriptor, 1)
         os.dup2(descriptor, 2)
@@ -201,6 +205,7 @@ def main() -> int:
     if arguments.sample:
         chosen = random.Random(arguments.seed).sample(chosen, arguments.sample)
     tested = alive = 0
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # however it is stopped, it says how far it got
     try:
         for mutant, failure in results_of(chosen, arguments.jobs):
             tested += 1
