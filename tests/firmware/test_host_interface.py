@@ -203,7 +203,7 @@ def test_wrong_ids_and_lengths_are_counted_and_do_nothing(core: ctypes.CDLL, hos
 
 def test_every_known_request_is_a_good_frame(core: ctypes.CDLL, host: Host) -> None:
     """Answered or not, obeyed or refused: it was understood, and it shows that the host is there."""
-    requests = [
+    requests: list[m.Message] = [
         m.Identify(),
         m.SetWheelSpeeds(left=0, right=0),
         m.SetMotorPwm(left=0, right=0),
