@@ -61,7 +61,7 @@ def replay(
     base_from_laser = used.lidar.base_from_laser
     mapper = make_mapper(used.mapping, base_from_laser=base_from_laser, map_from_base=session.map_from_base)
     mapper.warm_up()
-    perception = Perception(drive=used.drive, base_from_laser=base_from_laser, mapper=mapper)
+    perception = Perception(drive=used.drive, base_from_laser=base_from_laser, mapper=mapper, imu=used.imu)
     out = Replayed(mapper=mapper)
     compared_ns = -1
     comparable = session.from_start and config is None

@@ -95,6 +95,7 @@ class Desk:
 
         Returns whether an emergency stop was among it, which must not be lost.
         """
+        self._waking.is_late(time.monotonic())  # it does not hang: it refuses
         requests = [request for _, request in self._inbox.take()]
         for request in requests:
             if isinstance(request, Ask):
