@@ -115,6 +115,15 @@ def test_a_fault_is_shown_with_its_cure(page: Page, robot: FakeRobot) -> None:
     expect(page.locator(".tp-battery")).to_have_css("background-color", "rgb(207, 34, 46)")
 
 
+def test_the_log_holds_what_was_said_before_its_tab_was_opened(page: Page, robot: FakeRobot) -> None:
+    robot.event("a wheel slips")
+    robot.fault_words = robot.fault_cure = "stall left"
+    robot.fault = Fault.STALL_LEFT
+    expect(page.locator(".tp-fault-words")).to_have_text("stall left")
+    page.click(".tp-tab-log")
+    expect(page.locator(".tp-logline", has_text="a wheel slips")).to_be_visible()
+
+
 def test_gains_are_applied_and_refused(page: Page, robot: FakeRobot) -> None:
     page.click(".tp-tab-gains")
     number = page.locator("[data-gain=kp]")

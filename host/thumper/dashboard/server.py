@@ -134,19 +134,19 @@ def build_app(
     return app
 
 
-def serve(app: FastAPI, listening: Listening) -> None:
+def serve(app: FastAPI, listening: Listening, listener: socket.socket) -> None:
     """Serve until Ctrl-C.
 
     Raises
     ------
     ThumperError
-        The port is taken, or the certificate cannot be used.
+        The certificate cannot be used.
     """
     import uvicorn
 
     if listening.certificate and listening.key:
         server_tls(listening.certificate, listening.key)  # says in one line what is wrong with them
-    with _bound(listening) as listener:
+    with listener:
         config = uvicorn.Config(
             app,
             log_level="warning",
@@ -160,7 +160,14 @@ def serve(app: FastAPI, listening: Listening) -> None:
             uvicorn.Server(config).run(sockets=[listener])
 
 
-def _bound(listening: Listening) -> socket.socket:
+def bound(listening: Listening) -> socket.socket:
+    """Take the port, before anything is started that would have to be ended again.
+
+    Raises
+    ------
+    ThumperError
+        The port is taken.
+    """
     family = socket.AF_INET6 if ":" in listening.host else socket.AF_INET
     listener = socket.socket(family)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -169,7 +176,11 @@ def _bound(listening: Listening) -> socket.socket:
     except (OSError, socket.gaierror) as error:
         listener.close()
         taken = isinstance(error, OSError) and error.errno == errno.EADDRINUSE
-        why = "it is taken; choose another with --port" if taken else str(error.strerror)
+        why = (
+            "it is taken; choose another with `thumper dashboard --port` or [dashboard] port"
+            if taken
+            else str(error.strerror)
+        )
         raise ThumperError(f"cannot listen on {listening.host}:{listening.port}: {why}") from error
     return listener
 

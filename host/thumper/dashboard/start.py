@@ -19,7 +19,7 @@ END_TIMEOUT_S = 3.0
 def run_dashboard(settings: "RobotConfig", listening: Listening, robot_address: str) -> None:
     """Serve until Ctrl-C."""
     try:
-        from thumper.dashboard.server import build_app, serve
+        from thumper.dashboard.server import bound, build_app, serve
     except ModuleNotFoundError as error:
         raise ThumperError(
             f"the dashboard needs {error.name}: pip install 'thumper[ui]'", exit_code=2
@@ -29,6 +29,7 @@ def run_dashboard(settings: "RobotConfig", listening: Listening, robot_address: 
     from thumper.dashboard.page import PageOptions
     from thumper.dashboard.robot_link import RobotLink
 
+    listener = bound(listening)
     service = settings.service
     app = build_app(
         RobotLink(lambda: BusClient(settings.name, robot_address, settings.bus.token)),
@@ -38,7 +39,7 @@ def run_dashboard(settings: "RobotConfig", listening: Listening, robot_address: 
         settings.lidar.base_from_laser,
     )
     print(f"dashboard: {listening.url}  (robot at {robot_address}; Ctrl-C ends it)", flush=True)
-    serve(app, listening)
+    serve(app, listening, listener)
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 const HEARTBEAT_MS = 100;
 const RETRY_MS = [200, 500, 1000, 2000];
 const STALE_MS = 1500; // no packet for so long: the picture is old, whatever the socket says
+const EVENTS_KEPT = 100; // for the log, which is there only once its tab has been opened
 
 const listeners = new Map(); // name -> functions; a name is a key of a packet, or one of the events below
 export const state = { connected: false, me: "", packets: 0, rttMs: null, values: {} };
@@ -53,7 +54,8 @@ function take(buffer) {
     all[name] = name in header ? { place: header[name], cells: array } : array;
   }
   for (const [name, value] of Object.entries(all)) {
-    if (name !== "wheels" && name !== "events") state.values[name] = value;
+    if (name === "events") state.values.events = [...(state.values.events ?? []), ...value].slice(-EVENTS_KEPT);
+    else if (name !== "wheels") state.values[name] = value;
     tell(name, value);
   }
   tell("packet", header);
@@ -81,6 +83,7 @@ function connect() {
   socket.binaryType = "arraybuffer";
   socket.onopen = () => {
     tries = 0;
+    delete state.values.events;
     tell("fresh", null); // what was kept belongs to another run of the server
   };
   socket.onmessage = (event) => {
