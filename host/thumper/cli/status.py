@@ -35,7 +35,9 @@ def status(
     with join(config, bus, robot) as client:
         client.subscribe("status", take)
         if not heard.wait(STATUS_TIMEOUT_S):
-            raise ThumperError("the robot is on the bus but says nothing; is its board connected?")
+            raise ThumperError(
+                "the robot is on the bus but says nothing; is its board connected, and is --robot its name?"
+            )
     message = newest[-1]
     if as_json:
         print(json.dumps(to_json(message)))
