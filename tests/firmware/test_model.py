@@ -124,3 +124,13 @@ def test_a_wheel_that_is_to_stand_and_does_keeps_no_integral(core: ctypes.CDLL) 
         core.wheel_step(wheel, wire(ki=5000), target, 0, 7400, out)
         core.wheel_state(wheel, state)
         assert state[0] == integral
+
+
+def test_the_gains_follow_the_battery_rounded_to_nearest(core: ctypes.CDLL) -> None:
+    out = (ctypes.c_int32 * 8)()
+    for battery_mV in range(5000, 14_000, 37):
+        ratio = core.supply_ratio(battery_mV) / 4096
+        for kv in (1, 2, 3, 8976, 20_001):
+            core.derive(wire(ks=2470, kv=kv), battery_mV, out)
+            assert out[2] == 2470 * ratio * 4096
+            assert abs(out[3] - kv * ratio) <= 0.5
