@@ -5,6 +5,7 @@ of particles: Fox, "Adapting the sample size in particle filters through KLD-sam
 """
 
 import math
+from array import array
 
 import numpy as np
 
@@ -50,7 +51,7 @@ class Amcl:
         self._rng = np.random.default_rng(self._options.seed)
         self._odometry: Pose2 | None = None  # at the newest scan that was weighed
         self._map_from_odom = Pose2()
-        self._path: list[tuple[float, float, float]] = []
+        self._path = array("d")  # x, y, theta in turn: a robot at service is on for days
         self._pose, self._explained, self._doubts, self._share = Pose2(), 0.0, 0, 1.0
         self._searching, self._wait = map_from_base is None, 0
         self.relocalisations = 0
@@ -70,7 +71,7 @@ class Amcl:
     def map_from_base(self) -> Pose2:
         """Where the robot was at the newest scan."""
         return (
-            Pose2(x_m=self._path[-1][0], y_m=self._path[-1][1], theta_rad=self._path[-1][2])
+            Pose2(x_m=self._path[-3], y_m=self._path[-2], theta_rad=self._path[-1])
             if (self._path)
             else self._pose
         )
@@ -166,7 +167,7 @@ class Amcl:
             if self._doubts >= options.lost_after:
                 self._searching = True
         self._map_from_odom = pose @ odom_from_base.inverse()
-        self._path.append((pose.x_m, pose.y_m, pose.theta_rad))
+        self._path.extend((pose.x_m, pose.y_m, pose.theta_rad))
         return MapperUpdate(map_from_base=pose, match_score=score, integrated=False)
 
     def _has_moved(self, moved: Pose2) -> bool:

@@ -1,6 +1,7 @@
 """Mapping with one hypothesis: match each scan to the map, enter it when the robot has moved."""
 
 import math
+from array import array
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -71,7 +72,7 @@ class GridMapper:
         self._odometry: Pose2 | None = None
         self._integrated_at: Pose2 | None = None
         self._map_from_odom = Pose2()
-        self._path: list[tuple[float, float, float]] = []
+        self._path = array("d")  # x, y, theta in turn: a robot at service is on for days
         self._confidence = Confidence(self._options.confidence)
         self.cells = Cells(self._options.resolution_m, self._options.reach_m, self._options.occupied_fraction)
 
@@ -150,7 +151,7 @@ class GridMapper:
             self.cells.integrate(pose, points)
             self._integrated_at = pose
         self._pose, self._odometry = pose, odom_from_base
-        self._path.append((pose.x_m, pose.y_m, pose.theta_rad))
+        self._path.extend((pose.x_m, pose.y_m, pose.theta_rad))
         self._map_from_odom = pose @ odom_from_base.inverse()
         return MapperUpdate(map_from_base=pose, match_score=match_score, integrated=integrated)
 
