@@ -251,5 +251,9 @@ def test_each_change_is_told_to_the_control_loop_once(core: ctypes.CDLL) -> None
     assert [core.host_take_change(host.handle) for _ in range(2)] == [1, 0]
     host.command_later(m.Command.LOAD)
     assert [core.host_take_change(host.handle) for _ in range(2)] == [1, 0]
+    host.command_later(m.Command.SAVE)
+    assert core.host_take_change(host.handle) == 0
+    host.command_later(m.Command.LOAD)
+    assert [core.host_take_change(host.handle) for _ in range(2)] == [1, 0]
     host.get("kp")
     assert core.host_take_change(host.handle) == 0
