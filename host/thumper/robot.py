@@ -29,7 +29,7 @@ from thumper.mapping.map_io import save_map
 from thumper.mission_log import MissionLog
 from thumper.navigation.goal import Goal
 from thumper.perception import Situation
-from thumper.runtime import MissionResult
+from thumper.runtime import MissionResult, Runtime
 from thumper.service.pilot import Mode
 
 SIMULATION = "sim://"
@@ -57,16 +57,18 @@ class Robot:
         self._config = _on_ports(load_config(Path(config) if config else None), board, lidar)
         self._start = start or Pose2()
         self._stack = ExitStack()
+        self._opened: Runtime | None = None
 
     def __enter__(self) -> Self:
         """Open the ports and look round; raises ThumperError when board or lidar do not answer."""
         with ExitStack() as stack:
-            self._runtime = stack.enter_context(open_robot(self._config, self._start))
+            self._opened = stack.enter_context(open_robot(self._config, self._start))
             self._runtime.senses.look_round(self._beat)
             self._stack = stack.pop_all()
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._opened = None
         self._stack.close()
 
     def drive(self, *, v_m_s: float = 0.0, w_rad_s: float = 0.0, duration_s: float = 1.0) -> None:
@@ -77,6 +79,13 @@ class Robot:
         ThumperError
             A number that cannot be, or the board has stopped the motors; the message says why.
         """
+        limit = self._config.service
+        if abs(v_m_s) > limit.manual_v_max_m_s or abs(w_rad_s) > limit.manual_w_max_rad_s:
+            raise ThumperError(
+                f"drive: {v_m_s:g} m/s, {w_rad_s:g} rad/s is too fast; at most {limit.manual_v_max_m_s:g} m/s"
+                f" and {limit.manual_w_max_rad_s:g} rad/s ([service] in the configuration)",
+                exit_code=2,
+            )
         if not (math.isfinite(v_m_s) and math.isfinite(w_rad_s) and 0.0 < duration_s <= LONGEST_DRIVE_S):
             raise ThumperError(
                 f"drive: give finite speeds and a duration of up to {LONGEST_DRIVE_S:g} s", exit_code=2
@@ -99,6 +108,8 @@ class Robot:
         ThumperError
             Before anything moves: a goal in a wall or out of reach, a latched fault.
         """
+        if not all(map(math.isfinite, (x_m, y_m, heading_rad or 0.0, tolerance_m))):
+            raise ThumperError("goto: give finite numbers", exit_code=2)
         goal = Goal(x_m=x_m, y_m=y_m, theta_rad=heading_rad, tolerance_m=tolerance_m)
         result = self._runtime.drive_to(goal, lambda _progress: None)
         if result.interrupted:
@@ -147,7 +158,7 @@ class Robot:
 
     @property
     def log(self) -> MissionLog:
-        """Poses, wheel speeds and plans since the beginning, as arrays."""
+        """Wheel speeds since the beginning, poses and plans of all `goto`, as arrays."""
         return self._runtime.log
 
     def save_map(self, path: str | Path) -> Path:
@@ -155,6 +166,12 @@ class Robot:
         yaml_path = Path(path).with_suffix(".yaml")
         save_map(self.map, yaml_path)
         return yaml_path
+
+    @property
+    def _runtime(self) -> Runtime:
+        if self._opened is None:
+            raise ThumperError("the robot is not open: use it in `with Robot(...) as robot:`", exit_code=2)
+        return self._opened
 
     @property
     def _situation(self) -> Situation:

@@ -62,7 +62,8 @@ def open_joiner(address: str, token: str) -> zenoh.Session:
         return zenoh.open(_config(settings, token))
     except zenoh.ZError as error:
         raise ThumperError(
-            f"the robot at {address} refuses: give the token of its configuration ([bus] token)"
+            f"the robot at {address} lets nobody in: it is only just starting or ending (try again), "
+            "or wants the token of its configuration ([bus] token)"
         ) from error
 
 
