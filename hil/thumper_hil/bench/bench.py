@@ -36,6 +36,7 @@ TICK_S = 0.01
 
 TICK_CYCLES = round(TICK_S * CPU_HZ)
 LIDAR_LOOK_S = 0.001
+REMEMBERED_TRUTHS = 720_000  # two hours; a robot at service for days must not fill the memory
 REMEMBERED_POSES = 256  # a sweep of the lidar lasts 75 ms, and a busy reader looks each millisecond
 TRUTH_COLUMNS = ("time_s", "x_m", "y_m", "theta_rad", "left_rad_s", "right_rad_s")
 
@@ -85,7 +86,7 @@ class Bench:
         self._switches = Switches(chip=self.chip)
         self._events = deque(load_scenario(Path(options.scenario)) if options.scenario else ())
         self._contact = ContactWatch(self.chip, self.world)
-        self._truth: list[tuple[float, ...]] = []
+        self._truth: deque[tuple[float, ...]] = deque(maxlen=REMEMBERED_TRUTHS)
         self._poses: deque[tuple[float, ...]] = deque(maxlen=REMEMBERED_POSES)
         self._ticks = 0
         self._pillars: list[tuple[float, float, float]] = []
@@ -119,7 +120,7 @@ class Bench:
         return self._scene.bumps
 
     def truth(self) -> FloatArray:
-        """Return the ground truth so far at 100 Hz, shape (n, 6): columns `TRUTH_COLUMNS`.
+        """Return the ground truth so far (of the last two hours) at 100 Hz, shape (n, 6): columns `TRUTH_COLUMNS`.
 
         The pose is in the world's frame, the heading in [-pi, pi]; the wheel speeds are the wheels' own,
         positive forward.

@@ -121,6 +121,8 @@ class Pilot:
     def clear_fault(self) -> None:
         """Unlatch; the motors stay off."""
         self.board.command(Command.CLEAR_FAULT)
+        if self.mode is Mode.IDLE:
+            self.reason = "fault cleared"
 
     def stop(self, reason: str) -> None:
         """Give up the drive, if there is one; slow down to a stand, then motors off."""
@@ -190,7 +192,7 @@ class Pilot:
             if telemetry.fault is not Fault.LINK_LOST and not clear_fault:
                 raise ThumperError(
                     f"the board has latched a fault: {FAULT_CURES[telemetry.fault]}; "
-                    "when it is safe, run again with --clear-fault"
+                    "when it is safe, clear it (--clear-fault, or the page's button)"
                 )
             self.board.command(Command.CLEAR_FAULT)
         self.board.command(Command.ARM)
