@@ -120,7 +120,7 @@ class Bench:
         return self._scene.bumps
 
     def truth(self) -> FloatArray:
-        """Return the ground truth so far (of the last two hours) at 100 Hz, shape (n, 6): columns `TRUTH_COLUMNS`.
+        """Return the ground truth at 100 Hz, of two hours at most, shape (n, 6): columns `TRUTH_COLUMNS`.
 
         The pose is in the world's frame, the heading in [-pi, pi]; the wheel speeds are the wheels' own,
         positive forward.
