@@ -213,6 +213,7 @@ def test_the_trail_ends_where_another_map_begins(page: Page, robot: FakeRobot) -
 
 def test_the_report_does_not_keep_the_stop_to_itself(page: Page, robot: FakeRobot) -> None:
     page.click(".tp-tab-tune")
+    page.wait_for_selector(".tp-tune iframe", state="attached")
     assert page.evaluate("""() => {
       const frame = document.querySelector('.tp-tune iframe');
       frame.hidden = false;
@@ -273,8 +274,13 @@ def test_it_comes_back_when_the_server_does(page: Page, server: Server, robot: F
     expect(page.locator("#tp-banner")).to_contain_text("No connection")
     server.start()
     page.wait_for_function("document.querySelector('#tp-banner')?.textContent === 'Simulated robot'")
-    page.keyboard.press("Escape")
-    until(lambda: robot.said(EmergencyStop))
+    # The page may load itself anew in this moment: whoever wants a stop presses until it is said.
+
+    def pressed_and_said() -> bool:
+        page.keyboard.press("Escape")
+        return bool(robot.said(EmergencyStop))
+
+    until(pressed_and_said)
 
 
 def test_it_follows_a_robot_that_was_started_anew(browser: Browser, tmp_path: Path) -> None:
