@@ -47,10 +47,10 @@ volatile bool ticked = false;
 
 }  // namespace
 
-ISR(PCINT2_vect, ISR_NAKED) { encoders::StepOnEdge<LeftEncoder, left_encoder, _SFR_IO_ADDR(PIND)>(); }
-ISR(PCINT0_vect, ISR_NAKED) { encoders::StepOnEdge<RightEncoder, right_encoder, _SFR_IO_ADDR(PINB)>(); }
-ISR(USART_RX_vect, ISR_NAKED) { uart_interrupts::OnReceive<uart, _SFR_MEM_ADDR(UDR0)>(); }
-ISR(USART_UDRE_vect, ISR_NAKED) { uart_interrupts::OnReady<uart, _SFR_MEM_ADDR(UDR0)>(); }
+ISR(PCINT2_vect, ISR_NAKED) { encoders::StepOnEdge<LeftEncoder, left_encoder>(_SFR_IO_ADDR(PIND)); }
+ISR(PCINT0_vect, ISR_NAKED) { encoders::StepOnEdge<RightEncoder, right_encoder>(_SFR_IO_ADDR(PINB)); }
+ISR(USART_RX_vect, ISR_NAKED) { uart_interrupts::OnReceive<uart>(_SFR_MEM_ADDR(UDR0)); }
+ISR(USART_UDRE_vect, ISR_NAKED) { uart_interrupts::OnReady<uart>(_SFR_MEM_ADDR(UDR0)); }
 ISR(TIMER0_COMPB_vect) { beeper.End(); }
 
 ISR(WDT_vect) {

@@ -4,11 +4,12 @@
 namespace encoders {
 
 /// The whole body of a naked interrupt: fw::QuadratureDecoder::Step() on the port, by hand.
-/// kPort: I/O address of the port's input register. The compiler's own version takes 17 cycles more, half of
-/// them to save registers that it does not need; both wheels' edges wait for each other's. Two registers and
-/// the flags are all it needs; nothing interrupts it, so GPIOR0 can keep the flags: faster than the stack.
-template <typename Decoder, Decoder& kDecoder, uint8_t kPort>
-__attribute__((always_inline)) inline void StepOnEdge() {
+/// port: I/O address of the port's input register, a constant (but no template's: gcc 7 takes no register
+/// there). The compiler's own version takes 17 cycles more, half of them to save registers that it does not
+/// need; both wheels' edges wait for each other's. Two registers and the flags are all it needs; nothing
+/// interrupts it, so GPIOR0 can keep the flags: faster than the stack.
+template <typename Decoder, Decoder& kDecoder>
+__attribute__((always_inline)) inline void StepOnEdge(uint8_t port) {
   __asm__ volatile(
       "push r24\n\t"
       "in r24, __SREG__\n\t"
@@ -63,7 +64,7 @@ __attribute__((always_inline)) inline void StepOnEdge() {
       "pop r24\n\t"
       "reti"
       :
-      : [port] "I"(kPort), [flags] "I"(_SFR_IO_ADDR(GPIOR0)), [pins] "M"(Decoder::kAB),
+      : [port] "I"(port), [flags] "I"(_SFR_IO_ADDR(GPIOR0)), [pins] "M"(Decoder::kAB),
         [a] "I"(__builtin_ctz(Decoder::kA)), [b] "I"(__builtin_ctz(Decoder::kA) + 1), [ab] "i"(&kDecoder.ab_),
         [low] "i"(&kDecoder.low_), [high] "i"(&kDecoder.high_), [lost_low] "i"(&kDecoder.lost_low_),
         [lost_high] "i"(&kDecoder.lost_high_)

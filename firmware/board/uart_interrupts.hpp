@@ -8,9 +8,9 @@
 namespace uart_interrupts {
 
 /// USART_RX_vect: 41 cycles. A byte that has no room, or came broken, is left to the frame's CRC.
-/// kData: address of the data register.
-template <Uart& kUart, uint16_t kData>
-__attribute__((always_inline)) inline void OnReceive() {
+/// data: address of the data register, a constant (but no template's: gcc 7 takes no register there).
+template <Uart& kUart>
+__attribute__((always_inline)) inline void OnReceive(uint16_t data) {
   __asm__ volatile(
       "push r24\n\t"
       "in r24, __SREG__\n\t"
@@ -38,14 +38,14 @@ __attribute__((always_inline)) inline void OnReceive() {
       "pop r24\n\t"
       "reti"
       :
-      : [flags] "I"(_SFR_IO_ADDR(GPIOR0)), [head] "I"(_SFR_IO_ADDR(GPIOR1)), [data] "i"(kData),
+      : [flags] "I"(_SFR_IO_ADDR(GPIOR0)), [head] "I"(_SFR_IO_ADDR(GPIOR1)), [data] "i"(data),
         [rx] "i"(&kUart.rx_[0]), [tail] "i"(&kUart.rx_tail_), [mask] "M"(Uart::kSize - 1)
       : "memory");
 }
 
 /// USART_UDRE_vect: 43 cycles, 45 with the last byte, which ends these interrupts.
-template <Uart& kUart, uint16_t kData>
-__attribute__((always_inline)) inline void OnReady() {
+template <Uart& kUart>
+__attribute__((always_inline)) inline void OnReady(uint16_t data) {
   __asm__ volatile(
       "push r24\n\t"
       "in r24, __SREG__\n\t"
@@ -77,7 +77,7 @@ __attribute__((always_inline)) inline void OnReady() {
       "pop r24\n\t"
       "reti"
       :
-      : [flags] "I"(_SFR_IO_ADDR(GPIOR0)), [tail] "I"(_SFR_IO_ADDR(GPIOR2)), [data] "i"(kData),
+      : [flags] "I"(_SFR_IO_ADDR(GPIOR0)), [tail] "I"(_SFR_IO_ADDR(GPIOR2)), [data] "i"(data),
         [tx] "i"(&kUart.tx_[0]), [head] "i"(&kUart.tx_head_), [mask] "M"(Uart::kSize - 1),
         [control] "i"(_SFR_MEM_ADDR(UCSR0B)), [on] "M"(int{Uart::kOn})
       : "memory");

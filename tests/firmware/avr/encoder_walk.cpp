@@ -77,11 +77,9 @@ void Walk(const Decoder& on_chip) {
 }  // namespace
 
 extern "C" {
-__attribute__((naked, used)) void StepLow() { encoders::StepOnEdge<Low, low, _SFR_IO_ADDR(GPIOR1)>(); }
-__attribute__((naked, used)) void StepMiddle() {
-  encoders::StepOnEdge<Middle, middle, _SFR_IO_ADDR(GPIOR1)>();
-}
-__attribute__((naked, used)) void StepHigh() { encoders::StepOnEdge<High, high, _SFR_IO_ADDR(GPIOR1)>(); }
+__attribute__((naked, used)) void StepLow() { encoders::StepOnEdge<Low, low>(_SFR_IO_ADDR(GPIOR1)); }
+__attribute__((naked, used)) void StepMiddle() { encoders::StepOnEdge<Middle, middle>(_SFR_IO_ADDR(GPIOR1)); }
+__attribute__((naked, used)) void StepHigh() { encoders::StepOnEdge<High, high>(_SFR_IO_ADDR(GPIOR1)); }
 }
 
 int main() {

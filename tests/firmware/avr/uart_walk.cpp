@@ -56,8 +56,8 @@ uint8_t Random() {
 }  // namespace
 
 extern "C" {
-__attribute__((naked, used)) void Receive() { uart_interrupts::OnReceive<uart, _SFR_MEM_ADDR(EEDR)>(); }
-__attribute__((naked, used)) void Ready() { uart_interrupts::OnReady<uart, _SFR_MEM_ADDR(EEDR)>(); }
+__attribute__((naked, used)) void Receive() { uart_interrupts::OnReceive<uart>(_SFR_MEM_ADDR(EEDR)); }
+__attribute__((naked, used)) void Ready() { uart_interrupts::OnReady<uart>(_SFR_MEM_ADDR(EEDR)); }
 }
 
 int main() {
