@@ -180,6 +180,18 @@ def test_a_load_asked_for_during_a_save_is_answered_as_a_load(core: ctypes.CDLL)
     assert host.get("kp") == 111
 
 
+def test_a_cell_that_loses_its_value_during_a_save_is_noticed(core: ctypes.CDLL) -> None:
+    eeprom = core.eeprom_new()
+    host = Host(core, eeprom=eeprom)
+    host.send(m.CommandRequest(command=m.Command.SAVE), seq=1)
+    host.work(9)  # it is written from the end on
+    last = SLOTS[0] + 2 * len(m.PARAMETERS) + 2
+    core.eeprom_set(eeprom, last, cells(core, eeprom)[last] ^ 0x10)
+    ((seq, ack),) = host.work()
+    assert isinstance(ack, m.Ack)
+    assert (seq, ack.status) == (1, m.AckStatus.NOT_SAVED)
+
+
 def test_defaults_are_not_taken_under_way(core: ctypes.CDLL) -> None:
     host = Host(core)
     host.set("kp", 111)
