@@ -1,17 +1,11 @@
 """The generated header, codec and protocol page say what messages.toml says, and a stale one is noticed."""
 
-import subprocess
-import sys
 from pathlib import Path
+
+from tests.meta.freshness import check
 
 REPO = Path(__file__).parents[2]
 GENERATE = REPO / "firmware/protocol/generate.py"
-
-
-def check(script: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, str(script), "--check"], capture_output=True, text=True, check=False
-    )
 
 
 def test_generated_files_are_fresh() -> None:

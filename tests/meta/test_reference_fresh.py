@@ -1,24 +1,17 @@
 """The generated reference pages say what the commands and the configuration say."""
 
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import get_type_hints
 
+from tests.meta.freshness import check
 from thumper.config.robot import RobotConfig
 
 ROOT = Path(__file__).parents[2]
 GENERATE = ROOT / "scripts/generate_reference.py"
 REFERENCE = ROOT / "docs/reference"
-
-
-def check(script: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, str(script), "--check"], capture_output=True, text=True, check=False
-    )
 
 
 def test_the_pages_are_fresh() -> None:

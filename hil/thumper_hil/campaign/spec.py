@@ -2,15 +2,15 @@
 
 import hashlib
 import json
-import tomllib
 from dataclasses import asdict, dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from annotated_types import Ge, Gt, MinLen
-from pydantic import ConfigDict, TypeAdapter, ValidationError, with_config
+from pydantic import ConfigDict, TypeAdapter, with_config
 
+from thumper.config.checked import read_checked
 from thumper.config.robot import config_to_json, load_config
 from thumper.errors import ThumperError
 from thumper_hil.parts.world import World
@@ -80,17 +80,7 @@ def load_campaign(path: Path) -> Campaign:
     ThumperError
         It cannot be read, or says something that cannot be: the key is named.
     """
-    try:
-        data: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-        campaign = TypeAdapter(Campaign).validate_json(json.dumps(data, default=str), strict=True)
-    except OSError as error:
-        raise ThumperError(f"{path}: cannot read the campaign: {error.strerror}", exit_code=2) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ThumperError(f"{path}: not valid TOML: {error}", exit_code=2) from error
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise ThumperError(f"{path}: {key}: {first['msg']}", exit_code=2) from error
+    campaign = read_checked(path, TypeAdapter(Campaign), Campaign, "campaign")
     for what, names in (("missions", campaign.missions), ("parameters", campaign.parameters)):
         if len({one.name for one in names}) < len(names):
             raise ThumperError(f"{path}: two {what} have the same name", exit_code=2)

@@ -1,12 +1,12 @@
 """Options of the page: the `[dashboard]` table of the robot's TOML."""
 
-import ipaddress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from annotated_types import Ge, Le
 
+from thumper.bus.options import is_loopback
 from thumper.errors import ThumperError
 
 SHORTEST_PASSWORD = 8
@@ -105,13 +105,3 @@ def certificate_pair(options: DashboardOptions) -> tuple[Path, Path] | None:
         if not path.is_file():
             raise ThumperError(f"{path}: no such file; see [dashboard] certificate and key", exit_code=2)
     return certificate, key
-
-
-def is_loopback(host: str) -> bool:
-    """Whether only this machine can reach the address."""
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False

@@ -15,11 +15,12 @@ from nicegui import app as nicegui_app
 from nicegui import ui
 from starlette.middleware import Middleware
 
+from thumper.bus.options import is_loopback
 from thumper.dashboard.access import Access
 from thumper.dashboard.certificate import server_tls
 from thumper.dashboard.helm import Helm, TeleopLimits
 from thumper.dashboard.hub import Hub
-from thumper.dashboard.options import Listening, is_loopback
+from thumper.dashboard.options import Listening
 from thumper.dashboard.page import PageOptions, build_page
 from thumper.dashboard.page_parts import STATIC
 from thumper.dashboard.robot_link import RobotLink
