@@ -172,7 +172,7 @@ class HostInterface {
         }
         return true;
       }
-      default:
+      default:  // a message that the schema has and this has not; there is none
         return false;
     }
   }

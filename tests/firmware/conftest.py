@@ -1,7 +1,8 @@
 """Builds the firmware's core for this machine, once, and hands it to the tests as a ctypes library.
 
 Every function of the library takes and returns plain ints (see desk/desk.cpp): ctypes needs no declarations.
-THUMPER_MUTANT names a folder with a changed core to test instead (mutation/run.py).
+THUMPER_MUTANT names a folder with a changed core to test instead (mutation/run.py). With LLVM_PROFILE_FILE
+set, the core counts what is run of it (coverage.py).
 """
 
 import ctypes
@@ -19,6 +20,7 @@ FIRMWARE = Path(MUTANT) if MUTANT else HERE.parents[1] / "firmware"
 BUILD = FIRMWARE / "build" if MUTANT else HERE / "build"
 # Overflow, bad shifts and out-of-bounds indices end the run: the chip would go on with a wrong number.
 SANITIZE = ["-fsanitize=signed-integer-overflow,shift-exponent,bounds", "-fno-sanitize-recover=all"]
+COUNT = ["-O0", "-fprofile-instr-generate", "-fcoverage-mapping"] if "LLVM_PROFILE_FILE" in os.environ else []
 
 
 def run(command: list[str]) -> None:
@@ -44,17 +46,18 @@ def build(target: Path, compiler: list[str], sources: list[Path], flags: list[st
 def core_at_rate() -> Callable[[int], ctypes.CDLL]:
     """The core by control rate [Hz]."""
     flags = ["-std=c++14", "-fPIC", "-shared", f"-I{FIRMWARE}", f"-I{HERE}", f"-I{HERE / 'desk'}"]
-    flags += (
-        ["-O0", *SANITIZE, "-fsanitize-trap=all"]
-        if MUTANT
-        else ["-O1", "-Wall", "-Wextra", "-Werror", *SANITIZE]
-    )
+    if COUNT:
+        flags += COUNT
+    elif MUTANT:
+        flags += ["-O0", *SANITIZE, "-fsanitize-trap=all"]
+    else:
+        flags += ["-O1", "-Wall", "-Wextra", "-Werror", *SANITIZE]
 
     @cache
     def at_rate(rate_Hz: int) -> ctypes.CDLL:
-        target = BUILD / f"core{rate_Hz}.so"
+        target = BUILD / f"core{rate_Hz}{'_counted' if COUNT else ''}.so"
         rate = f"-DTHUMPER_CONTROL_RATE_HZ={rate_Hz}"
-        compiler = ["clang++" if MUTANT else "g++"]  # twice as fast
+        compiler = ["clang++" if MUTANT or COUNT else "g++"]  # twice as fast
         return ctypes.CDLL(str(build(target, compiler, [HERE / "desk/desk.cpp"], [*flags, rate])))
 
     return at_rate

@@ -261,3 +261,34 @@ def test_before_any_reading_it_tells_no_current(host: Host) -> None:
 def test_it_is_quiet_while_both_wheels_stand(host: Host, left: int, right: int) -> None:
     host.core.host_speeds(host.handle, left, right)
     assert host.core.host_quiet(host.handle) == int(left == right == 0)
+
+
+def test_it_is_not_quiet_while_armed(host: Host) -> None:
+    host.command(m.Command.ARM)
+    assert host.core.host_quiet(host.handle) == 0
+
+
+def test_the_tick_gets_the_live_parameters_at_the_measured_battery(core: ctypes.CDLL) -> None:
+    host = Host(core, battery_mV=8000)
+    host.set("kp", 1234)
+    initial = [round(spec.default * spec.scale) for spec in m.PARAMETERS]
+    values = (ctypes.c_int32 * 7)(1234, *initial[1:])
+    due, given = (ctypes.c_int32 * 8)(), (ctypes.c_int32 * 8)()
+    core.derive(values, 8000, due)
+    core.host_derive(host.handle, given)
+    assert list(given) == list(due)
+
+
+def test_only_what_the_host_sends_has_a_length(core: ctypes.CDLL) -> None:
+    sent = (
+        m.Identify(),
+        m.SetWheelSpeeds(left=0, right=0),
+        m.SetMotorPwm(left=0, right=0),
+        m.CommandRequest(command=m.Command.ARM),
+        m.SetParameter(index=0, value=0),
+        m.GetParameter(index=0),
+    )
+    lengths = {message.ID: len(message.pack()) for message in sent}
+    assert [core.host_payload_size(id_) for id_ in range(256)] == [
+        lengths.get(id_, 0xFF) for id_ in range(256)
+    ]

@@ -269,3 +269,10 @@ def test_each_change_is_told_to_the_control_loop_once(core: ctypes.CDLL) -> None
     assert [core.host_take_change(host.handle) for _ in range(2)] == [1, 0]
     host.get("kp")
     assert core.host_take_change(host.handle) == 0
+
+
+def test_one_copy_that_cannot_be_read_is_a_fault_in_either_place(core: ctypes.CDLL) -> None:
+    for slot in SLOTS:
+        eeprom = core.eeprom_new()
+        core.eeprom_set(eeprom, slot, 7)  # a number, and no copy that it belongs to
+        assert Host(core, eeprom=eeprom).status()[:2] == (m.State.FAULT, m.Fault.BAD_PARAMETERS)

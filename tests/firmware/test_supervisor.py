@@ -88,6 +88,13 @@ def test_every_fault(core: ctypes.CDLL, state: State, fault: Fault) -> None:
     assert core.supervisor_fault(machine) == Fault.NONE
 
 
+@pytest.mark.parametrize("number", [Fault.NONE, 200])
+def test_a_trip_without_a_known_fault_stops_as_well(core: ctypes.CDLL, number: int) -> None:
+    machine = machine_in(core, State.CLOSED_LOOP)
+    core.supervisor_trip(machine, number)
+    assert core.supervisor_state(machine) == State.FAULT
+
+
 @pytest.mark.parametrize(("latched", "fault"), list(itertools.product(FAULTS, FAULTS)))
 def test_the_most_severe_fault_stays(core: ctypes.CDLL, latched: Fault, fault: Fault) -> None:
     machine = machine_in(core, State.CLOSED_LOOP)

@@ -68,6 +68,16 @@ struct Interface {
   }
 };
 
+/// out: kp, ki, friction, kv, lead, decay, mean, ramp step.
+void Derive(const fw::Parameters& parameters, uint16_t battery_mV, int32_t* out) {
+  fw::WheelConfig config;
+  parameters.Derive(battery_mV, &config);
+  const auto& f = config.feed_forward;
+  const int32_t all[] = {config.pi.kp, config.pi.ki, f.friction, f.kv,
+                         f.lead,       f.decay,      f.mean,     config.ramp_step_mrad_s};
+  std::memcpy(out, all, sizeof(all));
+}
+
 }  // namespace
 
 extern "C" {
@@ -120,17 +130,13 @@ void wheel_state(int wheel, int32_t* out) {
   out[2] = state.predicted;
   out[3] = state.setpoint;
 }
-/// out: kp, ki, friction, kv, lead, decay, mean, ramp step.
 void derive(const int32_t* values, int battery_mV, int32_t* out) {
   fw::Parameters parameters;
   for (uint8_t i = 0; i < fw::kParameterCount; ++i) parameters.Set(i, static_cast<int16_t>(values[i]));
-  fw::WheelConfig config;
-  parameters.Derive(static_cast<uint16_t>(battery_mV), &config);
-  const auto& f = config.feed_forward;
-  const int32_t all[] = {config.pi.kp, config.pi.ki, f.friction, f.kv,
-                         f.lead,       f.decay,      f.mean,     config.ramp_step_mrad_s};
-  std::memcpy(out, all, sizeof(all));
+  Derive(parameters, static_cast<uint16_t>(battery_mV), out);
 }
+
+int host_payload_size(int id) { return fw::HostPayloadSize(static_cast<uint8_t>(id)); }
 
 int product(int a, int b) { return fw::Product(static_cast<int16_t>(a), static_cast<int16_t>(b)); }
 int difference(int a, int b) { return fw::Difference(static_cast<int16_t>(a), static_cast<int16_t>(b)); }
@@ -266,6 +272,11 @@ int host_work(int host, uint8_t* out) {
   At<Interface>(host).host.Work(*At<Interface>(host).eeprom, sink);
   std::memcpy(out, sink.data.data(), sink.data.size());
   return static_cast<int>(sink.data.size());
+}
+/// What the control tick gets after a change of the parameters or the battery; out as for derive().
+void host_derive(int host, int32_t* out) {
+  const auto& interface = At<Interface>(host).host;
+  Derive(interface.parameters(), interface.battery_mV(), out);
 }
 int host_take_change(int host) { return At<Interface>(host).host.TakeChange(); }
 void host_wait(int host, int elapsed_ms) { At<Interface>(host).host.Wait(static_cast<uint8_t>(elapsed_ms)); }
