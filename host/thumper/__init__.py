@@ -1,7 +1,6 @@
 """Thumper: the brain of a differential-drive robot (link, odometry, lidar, mapping, navigation)."""
 
-from typing import TYPE_CHECKING, Any
-
+TYPE_CHECKING = False  # of `typing`, which takes longer to import than all that stands before the command
 if TYPE_CHECKING:
     from thumper.robot import Robot
 
@@ -9,7 +8,7 @@ __all__ = ["Robot", "__version__"]
 __version__ = "0.1.0"
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """`from thumper import Robot` loads what a robot takes; `import thumper` alone stays quick."""
     if name == "Robot":
         from thumper.robot import Robot

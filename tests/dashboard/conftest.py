@@ -55,7 +55,7 @@ class Server:
         self.scheme = "http"
         self._log = folder / f"dashboard-{self.port}.log"
         self._command = [
-            *(sys.executable, "-c", "from thumper.cli import main; main()", "dashboard"),
+            *(sys.executable, "-m", "thumper", "dashboard"),
             *("--robot-address", robot_address, "--port", str(self.port), *more),
         ]
         self.start()

@@ -45,9 +45,8 @@ def test_leaving_the_machine_needs_password_and_https(
 
 
 def test_refusal_is_one_line() -> None:
-    command = "from thumper.cli import main; main()"
     done = subprocess.run(
-        [sys.executable, "-c", command, "dashboard", "--host", "0.0.0.0"],
+        [sys.executable, "-m", "thumper", "dashboard", "--host", "0.0.0.0"],
         capture_output=True,
         text=True,
         check=False,

@@ -37,7 +37,7 @@ def robot_address(tmp_path: Path) -> Iterator[str]:
     board = "sim://freeze/board?world=lab&x_m=1.7&y_m=0.1&yaw_deg=180&seed=1"
     process = subprocess.Popen(
         [
-            *(sys.executable, "-c", "from thumper.cli import main; main()", "run", "--config", str(config)),
+            *(sys.executable, "-m", "thumper", "run", "--config", str(config)),
             *("--board", board, "--lidar", "sim://freeze/lidar", "--start", "1.7", "0.1", "180"),
             *("--out", str(tmp_path / "out")),
         ],

@@ -1,7 +1,9 @@
-"""Ctrl-C ends a command that would drive on: no next mission, no next frontier."""
+"""Ctrl-C ends a command: at once while it loads; no next mission, no next frontier once it drives."""
 
+import os
 import signal
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -35,3 +37,20 @@ def test_nothing_is_driven_after_an_interrupt(
     assert next_drive not in rest
     assert "interrupted" in errors
     assert "Traceback" not in errors
+
+
+def test_while_the_command_loads_ctrl_c_just_ends_it(tmp_path: Path) -> None:
+    """The library that the command line imports first takes as long here as the test needs."""
+    (tmp_path / "typer.py").write_text("import time\nprint('loading', flush=True)\ntime.sleep(60)\n")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "thumper", "status"],
+        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "loading\n"
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=30)
+    assert (process.returncode, errors) == (130, "")

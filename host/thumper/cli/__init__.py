@@ -93,7 +93,9 @@ def build_app() -> typer.Typer:
 
 def main() -> None:
     """Run the command line; a fault that the user can mend is one line on stderr, never a traceback."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a polite kill is a Ctrl-C: motors first
+    for number in (signal.SIGINT, signal.SIGTERM):  # a polite kill is a Ctrl-C: motors first
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, signal.default_int_handler)
     try:
         build_app()()
     except ThumperError as error:

@@ -48,8 +48,7 @@ def beside(config: Path | None, robot_address: str, *, wanted: bool = True) -> I
     if not wanted:
         yield
         return
-    start = "from thumper.cli import main; main()"
-    command = [sys.executable, "-c", start, "dashboard", "--robot-address", robot_address]
+    command = [sys.executable, "-m", "thumper", "dashboard", "--robot-address", robot_address]
     if config is not None:
         command += ["--config", str(config)]
     process = subprocess.Popen(command, start_new_session=True)  # Ctrl-C is the robot's first

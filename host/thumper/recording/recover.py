@@ -107,7 +107,7 @@ def recover_all(paths: Iterable[Path], say: Callable[[str], None]) -> bool:
 def recover_apart(folder: Path) -> None:
     """Repair what crashes left in the folder, in a process of its own: a robot's loop must not wait."""
     if folder.is_dir() and (paths := left_behind(folder)):
-        command = [sys.executable, "-c", "from thumper.cli import main; main()", "recover", *map(str, paths)]
+        command = [sys.executable, "-m", "thumper", "recover", *map(str, paths)]
         subprocess.Popen(["nice", *command], start_new_session=True)  # Ctrl-C is not meant for it
 
 

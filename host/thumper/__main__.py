@@ -1,0 +1,21 @@
+"""The `thumper` command as it is started: minds Ctrl-C before anything that takes time is imported."""
+
+import os
+import signal
+
+INTERRUPTED = 130  # what a shell expects of a program that Ctrl-C has ended
+
+
+def main() -> None:
+    """Load the command line and run it; until it is there, Ctrl-C or a polite kill just ends the process."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) is not signal.SIG_IGN:  # a shell's `&` makes it ignored
+            # Not an exception: an import that is interrupted halfway may turn it into another error.
+            signal.signal(number, lambda *_: os._exit(INTERRUPTED))
+    from thumper.cli import main as run_command
+
+    run_command()
+
+
+if __name__ == "__main__":
+    main()
