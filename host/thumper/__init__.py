@@ -5,7 +5,7 @@ if TYPE_CHECKING:
     from thumper.robot import Robot
 
 __all__ = ["Robot", "__version__"]
-__version__ = "0.1.0"
+__version__ = "0.2.0"  # the firmware's too
 
 
 def __getattr__(name: str) -> object:
