@@ -22,7 +22,9 @@ from thumper.odometry.odometry import Odometry, OdometrySample
 from thumper.odometry.slip import GOOD_MATCH, SlipWatch
 from thumper.ros.stamps import rounded_s
 
-MAX_WAITING_SCANS = 10
+LONGEST_WAIT_S = 1.0  # of a scan for its odometry
+MOST_WAITING_SCANS = 100  # whatever their stamps say
+UNUSABLE = {Flaw.STAMP, Flaw.BEAMS}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +58,7 @@ class Perception:
         self._slip = SlipWatch()
         self._history = PoseHistory()
         self._newest: OdometrySample | None = None
-        self._waiting: deque[Scan] = deque(maxlen=MAX_WAITING_SCANS)
+        self._waiting: deque[Scan] = deque()
         self._hits_in_map_m = np.empty((0, 2))
         self._scan_time_s = -np.inf
         self.monitor = InputMonitor()
@@ -84,12 +86,17 @@ class Perception:
 
     def add_scan(self, scan: Scan) -> None:
         """Queue a scan; it is mapped as soon as odometry covers its whole turn."""
-        scan = scan.as_recorded()
-        if Flaw.STAMP in self.monitor.look(scan):
+        if UNUSABLE.intersection(self.monitor.look(scan)):
             return
-        if len(self._waiting) == MAX_WAITING_SCANS:
-            self.monitor.note(Flaw.QUEUE_FULL)
+        scan = scan.as_recorded()
         self._waiting.append(scan)
+        # By time, not by count alone; a scan stamped far ahead must not hold up those that follow it.
+        while (
+            abs(scan.time_s - self._waiting[0].time_s) > LONGEST_WAIT_S
+            or len(self._waiting) > MOST_WAITING_SCANS
+        ):
+            self._waiting.popleft()
+            self.monitor.note(Flaw.WAITED)
         self._map_what_is_covered()
 
     @property

@@ -1,6 +1,8 @@
 """Perception joins odometry and scans by time, whichever arrives first."""
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from thumper.lidar.scan import Scan
 from thumper.link.board import TelemetrySample
 from thumper.link.messages import Fault, State, Telemetry
 from thumper.mapping.grid_mapper import GridMapper
+from thumper.mapping.input_monitor import Flaw
 from thumper.perception import Perception
 
 DRIVE = DriveGeometry()
@@ -113,3 +116,55 @@ def test_hits_lie_on_the_walls_though_the_robot_turned_during_the_scan() -> None
     assert situation is not None
     room_from_map = poses[0]  # the first scan lays the map's origin where it was taken
     assert wall_distance_m(room_from_map.apply(situation.hits_in_map_m)).max() < 0.01
+
+
+def test_a_scan_from_the_future_does_not_hold_up_the_others() -> None:
+    robot = perception()
+    for k in range(30):
+        robot.add_telemetry(telemetry(0.1 * k, 0, 0))
+        robot.add_scan(scan(100.0 if k == 10 else 0.1 * k - 0.1, [Pose2()] * 100))
+    robot.add_telemetry(telemetry(3.0, 0, 0))
+    assert robot.monitor.counts == {
+        Flaw.NO_ODOMETRY: 1,  # the first one, from before the board was heard
+        Flaw.GAP: 1,
+        Flaw.BACKWARDS: 1,
+        Flaw.WAITED: 1,
+    }
+    assert robot.scans_mapped == 28
+
+
+def test_a_silent_board_costs_scans_that_are_counted() -> None:
+    robot = perception()
+    robot.add_telemetry(telemetry(0.0, 0, 0))
+    for k in range(40):
+        robot.add_scan(scan(0.1 * k, [Pose2()] * 100))
+    robot.add_telemetry(telemetry(4.1, 0, 0))
+    counts = robot.monitor.counts
+    assert counts.keys() == {Flaw.WAITED, Flaw.NO_ODOMETRY} or counts.keys() == {Flaw.WAITED}
+    assert robot.scans_mapped + sum(counts.values()) == 40
+
+
+@pytest.mark.parametrize(
+    ("broken", "flaw"),
+    [
+        ({"time_s": math.nan}, Flaw.STAMP),
+        ({"time_s": math.inf}, Flaw.STAMP),
+        ({"ranges_m": np.empty(0)}, Flaw.BEAMS),
+        ({"angle_increment_rad": math.nan}, Flaw.BEAMS),
+        ({"ranges_m": np.full(100, math.nan)}, Flaw.EMPTY),
+        ({"ranges_m": np.full(100, -1.0)}, Flaw.EMPTY),
+        ({"range_max_m": math.nan}, Flaw.EMPTY),
+    ],
+)
+def test_a_scan_that_makes_no_sense_is_counted_and_harmless(broken: dict[str, Any], flaw: Flaw) -> None:
+    robot = perception()
+    for k in range(8):
+        robot.add_telemetry(telemetry(0.1 * k, 0, 0))
+        good = scan(0.1 * k, [Pose2()] * 100)
+        robot.add_scan(replace(good, **broken) if k == 4 else good)
+    robot.add_telemetry(telemetry(0.9, 0, 0))
+    assert robot.monitor.counts == {flaw: 1}
+    assert robot.lines() == [f"1 of 8 scans {flaw.value}"]
+    situation = robot.situation()
+    assert situation is not None
+    assert situation.map_from_base.distance_m(Pose2()) < 0.01

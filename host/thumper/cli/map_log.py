@@ -35,6 +35,7 @@ def map_log(
     ] = None,
 ) -> None:
     """Build a map from a recorded lidar log, with the odometry and the mapper that the robot uses."""
+    import numpy as np
     from rich.console import Console
     from rich.progress import Progress
 
@@ -45,7 +46,8 @@ def map_log(
 
     prepare_output(out)
     console = Console()
-    with Progress(console=console, transient=True) as progress:
+    # Without a terminal the bar would leave an empty line.
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task(f"mapping {file.name}", total=None)
         summary = build(
             file,
@@ -57,8 +59,14 @@ def map_log(
         )
     console.print(
         f"{summary.format_name} log: {summary.scans} scans, {summary.path_m:.1f} m driven, "
-        f"{summary.cpu_ms_per_scan:.2f} ms CPU a scan, mean match {summary.mean_score:.2f} of 1"
+        f"mean match {summary.mean_score:.2f} of 1"
     )
     for note in summary.notes:
         console.print(f"note: {note}", markup=False, soft_wrap=True)
     console.print(f"in {out}/: {', '.join(path.name for path in summary.files)}")
+    memory = f", {summary.peak_MB:.0f} MB of memory at most" if summary.peak_MB is not None else ""
+    console.print(
+        f"CPU a scan: mean {summary.cpu_ms.mean():.2f} ms, p99 {np.percentile(summary.cpu_ms, 99):.2f} ms; "
+        f"{summary.wall_s:.1f} s in all{memory}",
+        soft_wrap=True,
+    )

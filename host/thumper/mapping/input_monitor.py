@@ -1,7 +1,10 @@
 """Counting what is wrong with scans, so that none is dropped without a word."""
 
+import math
+from collections import deque
 from dataclasses import dataclass
 from enum import StrEnum
+from statistics import median
 from typing import Annotated
 
 import numpy as np
@@ -9,16 +12,22 @@ from annotated_types import Gt
 
 from thumper.lidar.scan import Scan
 
+PERIODS = 11  # steps whose median is the sensor's period: it follows a new rate after six scans
+FAR_PERIODS = 5.0  # a gap is also this many periods long: a log may hold every fifth scan
+BURST_PERIODS = 0.1
+
 
 class Flaw(StrEnum):
     """What can be wrong with a scan; the text names the cause to look for."""
 
     BACKWARDS = "stamped before the scan before it; do two programs set the clock?"
+    DUPLICATE = "with the same stamp as the scan before; is each sent twice, or the clock too coarse?"
     BURST = "came within a tenth of the usual period; is the reader stalled now and then?"
     GAP = "came after a gap; did the lidar stop and come back?"
     NO_ODOMETRY = "without odometry for its time; is the board silent, or its clock another?"
-    QUEUE_FULL = "dropped, the oldest of a full queue; is odometry late?"
+    WAITED = "dropped, having waited too long for odometry; is the board silent, or its clock another?"
     STAMP = "without a usable stamp; look at the driver"
+    BEAMS = "without beams or their directions; look at the driver"
     EMPTY = "with too few usable beams; is the lidar covered or its range limit wrong?"
     ZEROS = "with zeros for ranges: taken as no reading, not as free space"
 
@@ -27,7 +36,7 @@ class Flaw(StrEnum):
 class MonitorOptions:
     """When a scan counts as odd."""
 
-    gap_s: Annotated[float, Gt(0)] = 1.0  # a silence longer than this is a gap
+    gap_s: Annotated[float, Gt(0)] = 1.0  # a silence longer than this, and than five periods, is a gap
     fewest_beams: Annotated[int, Gt(0)] = 10
 
 
@@ -37,7 +46,8 @@ class InputMonitor:
     def __init__(self, options: MonitorOptions | None = None) -> None:
         self._options = options or MonitorOptions()
         self._last_s: float | None = None
-        self._period_s = 0.0
+        self._steps_s: deque[float] = deque(maxlen=PERIODS)
+        self._longest_gap_s = 0.0
         self.scans = 0
         self.counts: dict[Flaw, int] = {}
 
@@ -48,24 +58,32 @@ class InputMonitor:
     def look(self, scan: Scan) -> list[Flaw]:
         """Judge one scan in the order of arrival; returns what is odd about it, and counts it."""
         self.scans += 1
-        found = [*self._time_flaws(scan.time_s)]
-        ranges_m = scan.ranges_m
-        if np.any(ranges_m == 0.0):
-            found.append(Flaw.ZEROS)
-        usable = (ranges_m >= scan.range_min_m) & ((ranges_m <= scan.range_max_m) | np.isposinf(ranges_m))
-        if np.count_nonzero(usable) < self._options.fewest_beams:
-            found.append(Flaw.EMPTY)
+        found = [*self._time_flaws(scan.time_s), *self._beam_flaws(scan)]
         for flaw in found:
             self.note(flaw)
         return found
 
     def lines(self) -> list[str]:
         """One line for each kind of flaw, the most frequent first."""
-        ordered = sorted(self.counts.items(), key=lambda item: -item[1])
-        return [f"{count} of {self.scans} scans {flaw.value}" for flaw, count in ordered]
+        lines = []
+        for flaw, count in sorted(self.counts.items(), key=lambda item: -item[1]):
+            longest = f" (the longest {self._longest_gap_s:.1f} s)" if flaw is Flaw.GAP else ""
+            lines.append(f"{count} of {self.scans} scans {flaw.value}{longest}")
+        return lines
+
+    def _beam_flaws(self, scan: Scan) -> list[Flaw]:
+        ranges_m, step_rad = scan.ranges_m, scan.angle_increment_rad
+        directions = scan.angle_min_rad + step_rad + scan.time_increment_s
+        if ranges_m.size == 0 or step_rad == 0.0 or not math.isfinite(directions):
+            return [Flaw.BEAMS]
+        found = [Flaw.ZEROS] if np.any(ranges_m == 0.0) else []
+        usable = (ranges_m >= scan.range_min_m) & ((ranges_m <= scan.range_max_m) | np.isposinf(ranges_m))
+        if np.count_nonzero(usable) < self._options.fewest_beams:
+            found.append(Flaw.EMPTY)
+        return found
 
     def _time_flaws(self, time_s: float) -> list[Flaw]:
-        if not np.isfinite(time_s):
+        if not math.isfinite(time_s):
             return [Flaw.STAMP]
         last_s, self._last_s = self._last_s, time_s
         if last_s is None:
@@ -73,10 +91,11 @@ class InputMonitor:
         step_s = time_s - last_s
         if step_s < 0.0:
             return [Flaw.BACKWARDS]
-        if step_s > self._options.gap_s:
+        if step_s == 0.0:
+            return [Flaw.DUPLICATE]
+        period_s = median(self._steps_s) if self._steps_s else step_s
+        self._steps_s.append(step_s)
+        if step_s > max(self._options.gap_s, FAR_PERIODS * period_s):
+            self._longest_gap_s = max(self._longest_gap_s, step_s)
             return [Flaw.GAP]
-        if self._period_s and step_s < 0.1 * self._period_s:
-            return [Flaw.BURST]
-        # Bursts and gaps left out, the mean of about ten steps is the sensor's period.
-        self._period_s = step_s if not self._period_s else 0.9 * self._period_s + 0.1 * step_s
-        return []
+        return [Flaw.BURST] if step_s < BURST_PERIODS * period_s else []

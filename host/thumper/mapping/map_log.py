@@ -2,15 +2,16 @@
 
 import csv
 import math
+import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from thumper.errors import ThumperError
-from thumper.geometry import FloatArray
+from thumper.geometry import FloatArray, Pose2
 from thumper.mapping.apart import compile_apart, plot_apart
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.input_monitor import InputMonitor
@@ -22,6 +23,9 @@ from thumper.mapping.method import MappingOptions, make_mapper
 from thumper.odometry.slip import GOOD_MATCH, SlipWatch
 
 PROGRESS_EVERY = 20  # scans
+# A guess from the motion before says little: a robot may start, stop and turn between two scans.
+COASTING_STD_M, COASTING_STD_RAD = 0.1, 0.1
+LEAP_M, LEAP_RAD = 0.25, 0.4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,7 +37,9 @@ class MapLogSummary:
     integrated: int  # scans that changed the map
     path_m: float  # length of the corrected path
     mean_score: float  # mean match score, 0...1
-    cpu_ms_per_scan: float
+    cpu_ms: FloatArray  # CPU time of each scan [ms], shape (scans,)
+    wall_s: float  # from opening the log to the last file written
+    peak_MB: float | None  # largest memory of this process; None where the system does not tell
     files: tuple[Path, ...]
     notes: tuple[str, ...]  # what was left out or guessed, a line each
 
@@ -46,8 +52,31 @@ class MappedLog:
     online: FloatArray  # as reported at the time, shape (n, 3)
     updates: tuple[MapperUpdate, ...]
     grid: OccupancyGrid
-    cpu_s: float  # without compiling the kernels and reading the file
+    cpu_ms: FloatArray  # of each scan, shape (n,); without compiling the kernels and reading the file
     lines: tuple[str, ...] = ()  # what was odd about the scans, a line each
+
+
+class Coasting:
+    """In the place of odometry: the robot goes on as it moved between the two scans before."""
+
+    def __init__(self) -> None:
+        self._odom_from_base = Pose2()
+        self._map_from_base: Pose2 | None = None
+        self._step = Pose2()
+
+    def predict(self) -> Pose2:
+        """`odom_from_base` of the next scan."""
+        self._odom_from_base = self._odom_from_base @ self._step
+        return self._odom_from_base
+
+    def moved(self, map_from_base: Pose2) -> None:
+        """Where that scan was found to have been taken."""
+        if self._map_from_base is not None:
+            step = self._map_from_base.inverse() @ map_from_base
+            # A closed loop bends the map, and the pose with it: that is no motion.
+            if step.distance_m(self._step) < LEAP_M and abs(step.theta_rad - self._step.theta_rad) < LEAP_RAD:
+                self._step = step
+        self._map_from_base = map_from_base
 
 
 def default_options(log: RobotLog) -> MappingOptions:
@@ -60,28 +89,36 @@ def map_records(
     log: RobotLog, options: MappingOptions, progress: Callable[[int, int], None] | None = None
 ) -> MappedLog:
     """Run the mapper over a log that was read; `progress(done, total)` is called now and then."""
+    if not log.has_odometry:
+        trust = replace(options.matching, odometry_std_m=COASTING_STD_M, odometry_std_rad=COASTING_STD_RAD)
+        options = replace(options, matching=trust)
     mapper = make_mapper(options, base_from_laser=log.base_from_laser)
     mapper.warm_up()
     total = len(log.records)
     updates: list[MapperUpdate] = []
     monitor, slip = InputMonitor(), SlipWatch()
-    start_s = time.process_time()
+    coasting = None if log.has_odometry else Coasting()
+    cpu_ms = np.empty(total)
     for done, record in enumerate(log.records, start=1):
+        start_s = time.process_time()
         monitor.look(record.scan)
-        update = mapper.update(record.odom_from_base, record.scan, record.twist)
+        odom_from_base = coasting.predict() if coasting else record.odom_from_base
+        update = mapper.update(odom_from_base, record.scan, record.twist)
         updates.append(update)
-        if update.match_score >= GOOD_MATCH:
-            slip.look(record.odom_from_base, update.map_from_base)
+        if coasting:
+            coasting.moved(update.map_from_base)
+        elif update.match_score >= GOOD_MATCH:
+            slip.look(odom_from_base, update.map_from_base)
+        cpu_ms[done - 1] = 1e3 * (time.process_time() - start_s)
         if progress is not None and (done % PROGRESS_EVERY == 0 or done == total):
             progress(done, total)
-    cpu_s = time.process_time() - start_s
     online = [(u.map_from_base.x_m, u.map_from_base.y_m, u.map_from_base.theta_rad) for u in updates]
     return MappedLog(
         poses=mapper.path(),
         online=np.array(online),
         updates=tuple(updates),
         grid=mapper.grid(),
-        cpu_s=cpu_s,
+        cpu_ms=cpu_ms,
         lines=(*monitor.lines(), *slip.lines()),
     )
 
@@ -105,6 +142,7 @@ def map_log(
     ThumperError
         The log cannot be read, or the folder cannot be written.
     """
+    start_s = time.monotonic()
     log = open_log(path, fov_rad)
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
@@ -130,10 +168,21 @@ def map_log(
         integrated=sum(u.integrated for u in mapped.updates),
         path_m=float(np.hypot(*np.diff(mapped.poses[:, :2], axis=0).T).sum()),
         mean_score=float(np.mean(scores)) if scores else math.nan,
-        cpu_ms_per_scan=1e3 * mapped.cpu_s / len(log.records),
+        cpu_ms=mapped.cpu_ms,
+        wall_s=time.monotonic() - start_s,
+        peak_MB=_peak_MB(),
         files=tuple(files),
         notes=(*log.notes, *mapped.lines),
     )
+
+
+def _peak_MB() -> float | None:
+    try:
+        import resource
+    except ModuleNotFoundError:  # Windows
+        return None
+    unit = 1024**2 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
 
 
 def _write_path(csv_path: Path, log: RobotLog, poses: FloatArray) -> None:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from thumper.errors import ThumperError
+from thumper.geometry import Pose2
 from thumper.mapping.logs.open_log import open_log
-from thumper.mapping.map_log import map_log
+from thumper.mapping.map_log import map_log, map_records
 from thumper.mapping.method import MappingOptions
 
 FLASER = "FLASER 4 1.00 81.83 2.50 0.0 1.1 2.0 0.5 1.0 2.0 0.5 976052890.5 nohost {stamp}"
@@ -81,7 +82,7 @@ def test_mines(tmp_path: Path) -> None:
         ("a.txt", b"", "unknown log format"),
         ("a.bin", bytes(range(256)), "not a text log"),
         ("a.gz", gzip.compress(b"FLASER" * 1000, mtime=0)[:40], "cut off"),
-        ("a.gz", b"\x1f\x8b\x08\0garbage-garbage", "cut off|cannot be read"),
+        ("a.gz", b"\x1f\x8b\x08\0garbage-garbage", "cut off or damaged"),
     ],
 )
 def test_a_broken_file_is_one_clear_line(tmp_path: Path, name: str, data: bytes, word: str) -> None:
@@ -192,6 +193,9 @@ def beams_line(n: int) -> str:
         (360, "", None, -90.0, 0.5, True),  # as in Freiburg's building 079; a whole turn is as likely
         (360, "PARAM laser_front_laser_fov 360.0\n", None, -180.0, 1.0, False),
         (360, "PARAM laser_front_laser_fov 360.0\n", 180.0, -90.0, 0.5, False),
+        (361, "PARAM laser_front_laser_fov 3.14159\n", None, -90.0, 0.5, False),  # MIT's CSAIL: radians
+        (360, "PARAM laser_front_laser_resolution 0.5\n", None, -90.0, 0.5, False),
+        (360, "PARAM laser_front_laser_resolution 1.0\n", None, -180.0, 1.0, False),
         (720, "", 360.0, -180.0, 0.5, False),
         (541, "", None, -135.0, 0.5, False),
     ],
@@ -208,8 +212,8 @@ def test_the_field_of_view_is_named_given_or_guessed_aloud(
     path = written(tmp_path / "a.log", params + beams_line(n))
     log = open_log(path, math.radians(given_deg) if given_deg else None)
     scan = log.records[0].scan
-    assert math.degrees(scan.angle_min_rad) == pytest.approx(first_deg)
-    assert math.degrees(scan.angle_increment_rad) == pytest.approx(step_deg)
+    assert math.degrees(scan.angle_min_rad) == pytest.approx(first_deg, abs=1e-3)
+    assert math.degrees(scan.angle_increment_rad) == pytest.approx(step_deg, abs=1e-5)
     assert any("--fov" in note for note in log.notes) == noted
 
 
@@ -219,3 +223,65 @@ def test_a_log_without_a_usable_beam_is_refused_in_one_line(tmp_path: Path) -> N
     with pytest.raises(ThumperError, match="nothing to map"):
         map_log(path, tmp_path / "out", options=MappingOptions())
     assert not list((tmp_path / "out").iterdir())
+
+
+RAWLASER = (
+    "RAWLASER1 0 -0.5 1.0 0.5 50.0 0.01 0 3 1.5 50.0 2.5 2 7 8 {stamp} nohost {stamp}\n"
+    "SYNC {stamp}\nODOM {x} 0 0 0.1 0 0 {later} nohost {later}\n"
+)
+
+
+def test_raw_lines_take_their_odometry_between_the_odom_lines(tmp_path: Path) -> None:
+    text = "PARAM robot_frontlaser_offset 0.2\nODOM 0 0 0 0.1 0 0 0.0 nohost 0.0\n"
+    text += "".join(RAWLASER.format(stamp=k + 0.25, later=k + 1.0, x=k + 1.0) for k in range(3))
+    log = open_log(written(tmp_path / "raw.log", text))
+    assert log.base_from_laser == Pose2(x_m=0.2)
+    assert [record.time_s for record in log.records] == [0.25, 1.25, 2.25]
+    assert [record.odom_from_base.x_m for record in log.records] == pytest.approx([0.25, 1.25, 2.25])
+    np.testing.assert_array_equal(log.records[0].scan.ranges_m, [1.5, np.nan, 2.5])
+    assert log.records[0].scan.angles_rad() == pytest.approx([-0.5, 0.0, 0.5])
+
+
+@pytest.mark.parametrize("mark", [b"\xef\xbb\xbf", b"# recorded by H\xe4hnel\n", b"# by H\xc3\xa4hnel\n"])
+def test_other_programs_ends_of_line_marks_and_letters(tmp_path: Path, mark: bytes) -> None:
+    text = (FLASER.format(stamp=1.0) + "\n" + FLASER.format(stamp=2.0) + "\n").replace("\n", "\r\n")
+    (tmp_path / "a.log").write_bytes(mark + text.encode())
+    log = open_log(tmp_path / "a.log")
+    assert (len(log.records), log.records[0].time_s) == (2, 976052890.5)
+
+
+def test_a_compressed_log_that_is_cut_off_is_used_up_to_there(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    lines = [flaser_line(list(rng.uniform(1.0, 8.0, 180)), (0.1 * k, 0, 0)) for k in range(200)]
+    packed = gzip.compress("".join(lines).encode(), mtime=0)
+    (tmp_path / "cut.clf.gz").write_bytes(packed[: len(packed) // 2])
+    log = open_log(tmp_path / "cut.clf.gz")
+    assert 60 < len(log.records) < 140
+    assert any("cut off" in note for note in log.notes)
+
+
+def test_a_broken_mines_line_is_left_out_and_noted(tmp_path: Path) -> None:
+    lines = [mines_line(100_000 * k, 10 * k, 10 * k, [1000] * 682) + "\n" for k in range(20)]
+    lines[7] = lines[7].replace("1000", "10x0", 1)
+    log = open_log(written(tmp_path / "a.dat", "".join(lines)))
+    assert len(log.records) == 19
+    assert log.notes[0].startswith("1 broken lines left out, the first: line 8")
+
+
+def test_a_log_without_odometry_says_so_and_is_mapped_by_its_scans(tmp_path: Path) -> None:
+    """A square room, driven through at 1 m/s, and nobody counted the wheels."""
+    angles = np.radians(np.arange(-90.0, 90.0))
+    lines = []
+    for k in range(60):
+        x_m = 1.0 + 0.002 * min(k, 30) ** 2 + 0.05 * max(k - 30, 0)  # it starts to move, and stops at once
+        cos, sin = np.cos(angles), np.sin(angles)
+        with np.errstate(divide="ignore"):
+            ranges = np.minimum((8.0 - x_m) / np.maximum(cos, 1e-9), 2.0 / np.abs(sin))
+        lines.append(flaser_line(list(ranges), (0, 0, 0), stamp=0.1 * k))
+    log = open_log(written(tmp_path / "a.log", "".join(lines)))
+    assert not log.has_odometry
+    assert any("no odometry" in note for note in log.notes)
+    mapped = map_records(log, MappingOptions())
+    true_m = 0.002 * 900 + 0.05 * 29
+    assert mapped.poses[-1, 0] == pytest.approx(true_m, abs=0.03)
+    assert np.abs(mapped.poses[:, 1]).max() < 0.05  # a cell

@@ -82,8 +82,18 @@ def test_ros_itself_reads_the_values(bag: Path) -> None:
     assert [int(count) for count in lines[-1].split()] == list(range(0, 200, 10))
 
 
-def foreign(path: Path, *, odometry: bool, scans: bool = True) -> None:
-    """A recording as another ROS 2 robot would make it: its names, its order, its ideas of "nothing seen"."""
+def foreign(
+    path: Path,
+    *,
+    odometry: bool,
+    scans: bool = True,
+    driven: range = range(40),
+    set_back_at: int = 40,
+) -> None:
+    """A recording as another ROS 2 robot would make it: its names, its order, its ideas of "nothing seen".
+
+    It says where it is at the steps `driven`; at the step `set_back_at` its clock is set back by an hour.
+    """
     with path.open("wb") as stream:
         writer = Writer(stream)
         schemas = {
@@ -95,6 +105,8 @@ def foreign(path: Path, *, odometry: bool, scans: bool = True) -> None:
             writer.write_message(topic, schemas[kind], message, log_time=time_ns, publish_time=time_ns)
 
         def header(time_ns: int, frame: str) -> dict[str, Any]:
+            if time_ns >= start + 100_000_000 * set_back_at:
+                time_ns -= 3600 * 1_000_000_000
             stamp = {"sec": time_ns // 1_000_000_000, "nanosec": time_ns % 1_000_000_000}
             return {"stamp": stamp, "frame_id": frame}
 
@@ -112,7 +124,9 @@ def foreign(path: Path, *, odometry: bool, scans: bool = True) -> None:
         message: dict[str, Any]
         for k in range(40):
             now = start + 100_000_000 * k
-            if odometry:
+            if k not in driven:
+                pass
+            elif odometry:
                 at: dict[str, Any] = {
                     "position": {"x": 0.1 * k, "y": 0.0, "z": 0.0},
                     "orientation": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0},
@@ -159,6 +173,27 @@ def test_a_foreign_recording_is_a_log_like_any_other(tmp_path: Path, odometry: b
     assert record.odom_from_base.x_m == pytest.approx(1.05)  # half-way between two readings
     assert record.twist.v_m_s == pytest.approx(1.0)
     np.testing.assert_array_equal(record.scan.ranges_m, [np.nan, 2.0, np.inf, np.nan, 3.0])
+
+
+def test_a_clock_that_was_set_back_does_not_mix_two_hours(tmp_path: Path) -> None:
+    foreign(tmp_path / "theirs.mcap", odometry=True, set_back_at=20)
+    log = open_log(tmp_path / "theirs.mcap")
+    assert any("clock was set" in note for note in log.notes)
+    way_m = [record.odom_from_base.x_m for record in log.records]
+    assert way_m == pytest.approx([0.1 * k + 0.06 for k in range(39)] + [3.9])  # by the times of recording
+
+
+def test_scans_without_odometry_are_kept_and_counted(tmp_path: Path) -> None:
+    foreign(tmp_path / "theirs.mcap", odometry=True, driven=range(25))
+    log = open_log(tmp_path / "theirs.mcap")
+    assert len(log.records) == 40
+    assert log.notes == (
+        "13 of 40 scans without odometry for their time: that before and after is used",
+    )  # the others are within 0.25 s
+    foreign(tmp_path / "theirs.mcap", odometry=True, driven=range(0))
+    log = open_log(tmp_path / "theirs.mcap")
+    assert (len(log.records), log.has_odometry) == (40, False)
+    assert any("no odometry" in note for note in log.notes)
 
 
 def test_a_recording_without_scans_is_told(tmp_path: Path) -> None:

@@ -1,11 +1,11 @@
-"""CARMEN text logs (.log, .clf): FLASER, RLASER and ROBOTLASER1 lines, with ODOM and PARAM lines.
+"""CARMEN text logs (.log, .clf): FLASER, ROBOTLASER, RAWLASER and RLASER lines, with ODOM and PARAM lines.
 
 Format: the header that CARMEN's logger writes, and http://carmen.sourceforge.net/doc/binary__loggerplayback.html.
 Logs differ: every reading is checked against the rest of its log rather than trusted.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -19,20 +19,33 @@ from thumper.mapping.logs.carmen_lines import (
     beam_angles,
     flaser,
     odom,
+    rawlaser,
     robotlaser,
 )
-from thumper.mapping.logs.record import LogRecord, RobotLog
+from thumper.mapping.logs.record import MOST_BROKEN, NO_ODOMETRY, LogRecord, RobotLog, broken_note
+from thumper.odometry.history import interpolate
 
 NO_RETURN_M = 80.0  # SICK scanners report 81.83 or 81.91 for "nothing came back", whatever the reason
-KEYWORDS = ("FLASER", "RLASER", "ROBOTLASER1")
-MOST_BROKEN = 0.1  # share of broken lines beyond which the file is not worth trusting
+# How to read each laser's lines; the first kind that a log has is mapped.
+LINES: dict[str, Callable[[list[str]], LaserLine]] = {
+    "FLASER": flaser,
+    "ROBOTLASER1": robotlaser,
+    "ROBOTLASER0": robotlaser,
+    "RAWLASER1": rawlaser,
+    "RLASER": flaser,
+}
+OLD_LINES = ("FLASER", "RLASER")  # which do not tell their field of view
 FARTHEST_MOUNT_M = 2.0
+MOST_RADIANS = math.tau + 0.01
 HALF_TURN_BEAMS = (180, 181, 361, 401)  # a SICK's, beyond doubt; 360 may be a half turn or a whole one
+
+
+OdomLine = tuple[int, float, Pose2]  # number of the line, stamp [s], pose
 
 
 def is_carmen(lines: Iterable[str]) -> bool:
     """Whether a line starts with a keyword that this reader understands."""
-    return any(line.split(maxsplit=1)[0] in KEYWORDS for line in lines if line.strip())
+    return any(line.split(maxsplit=1)[0] in LINES for line in lines if line.strip())
 
 
 def read_carmen(name: str, lines: Iterable[str], fov_rad: float | None = None) -> RobotLog:
@@ -47,8 +60,8 @@ def read_carmen(name: str, lines: Iterable[str], fov_rad: float | None = None) -
     ThumperError
         No laser line can be read, or too many are broken.
     """
-    lasers: dict[str, list[LaserLine]] = {keyword: [] for keyword in KEYWORDS}
-    odometry: list[tuple[int, Pose2]] = []  # with the number of laser lines before each
+    lasers: dict[str, list[LaserLine]] = {keyword: [] for keyword in LINES}
+    odometry: list[OdomLine] = []
     params: dict[str, str] = {}
     broken: list[str] = []
     for number, line in enumerate(lines, start=1):
@@ -58,36 +71,39 @@ def read_carmen(name: str, lines: Iterable[str], fov_rad: float | None = None) -
             if keyword == "PARAM" and len(fields) >= 3:
                 params[fields[1]] = fields[2]
             elif keyword == "ODOM":
-                odometry.append((sum(map(len, lasers.values())), odom(fields)))
-            elif keyword in KEYWORDS:
-                line_of = robotlaser(fields) if keyword == "ROBOTLASER1" else flaser(fields)
-                lasers[keyword].append(replace(line_of, number=number))
+                odometry.append((number, *odom(fields)))
+            elif keyword in LINES:
+                lasers[keyword].append(replace(LINES[keyword](fields), number=number))
         except (ValueError, IndexError) as error:
             broken.append(f"line {number}: broken {keyword} ({error})")
-    used = next((keyword for keyword in ("FLASER", "ROBOTLASER1", "RLASER") if lasers[keyword]), "")
+    used = next((keyword for keyword in LINES if lasers[keyword]), "")
     scans = lasers.get(used, [])
     if not scans or len(broken) > max(1, MOST_BROKEN * len(scans)):
         if broken:
             raise ThumperError(f"{name}: {broken[0]}; the file may be cut off: copy it again", exit_code=2)
-        raise ThumperError(f"{name}: no FLASER or ROBOTLASER1 line in it; is it the right file?", exit_code=2)
-    notes = []
-    if broken:
-        notes.append(f"{len(broken)} broken lines left out, the first: {broken[0]}")
-    for other in KEYWORDS:
+        raise ThumperError(
+            f"{name}: no FLASER, ROBOTLASER1 or RAWLASER1 line in it; is it the right file?", exit_code=2
+        )
+    notes = [*broken_note(broken)]
+    for other in LINES:
         if other != used and lasers[other]:
             notes.append(f"{len(lasers[other])} {other} lines not used: {used} is mapped")
-    if used != "ROBOTLASER1":
-        scans = _with_angles(scans, fov_rad or _named_fov_rad(params), notes)
+    if used in OLD_LINES:
+        scans = _with_angles(scans, fov_rad or _named_fov_rad(params, scans[0].ranges_m.size), notes)
     limit_m = _range_limit_m(scans, params)
     poses = [scan.odom_from_base for scan in scans]
-    if not _moves(poses) and _moves([pose for _, pose in odometry]):
+    if not _moves(poses) and odometry:
         poses = _from_odom_lines(scans, odometry)
         notes.append("the laser lines hold no odometry; the ODOM lines are used")
+    has_odometry = _moves(poses)
+    if not has_odometry and len(scans) > 1:
+        notes.append(NO_ODOMETRY)
     return RobotLog(
         format_name="CARMEN",
         base_from_laser=_mount(scans, used, params, notes),
         records=tuple(_record(scan, pose, limit_m) for scan, pose in zip(scans, poses, strict=True)),
         notes=tuple(notes),
+        has_odometry=has_odometry,
     )
 
 
@@ -106,16 +122,26 @@ def _record(line: LaserLine, odom_from_base: Pose2, limit_m: float) -> LogRecord
     return LogRecord(time_s=line.time_s, odom_from_base=odom_from_base, twist=Twist2(), scan=scan)
 
 
-def _named_fov_rad(params: dict[str, str]) -> float | None:
-    """The field of view that the log's own parameters name, in degrees there; none if they do not."""
+def _named_fov_rad(params: dict[str, str], n: int) -> float | None:
+    """The field of view of `n` beams that the log's own parameters name; none if they do not."""
     for key in ("robot_frontlaser_fov", "laser_front_laser_fov", "laser_laser1_fov"):
-        try:
-            named_rad = math.radians(float(params.get(key, "nan")))
-        except ValueError:
-            continue
-        if 0.0 < named_rad <= math.tau + 1e-6:
+        named = _number(params, key)
+        # Degrees by CARMEN's rule, but some logs hold radians; no laser sees less than 6.3 degrees.
+        named_rad = named if named <= MOST_RADIANS else math.radians(named)
+        if 0.0 < named_rad <= MOST_RADIANS:
+            return named_rad
+    for key in ("laser_front_laser_resolution", "laser_laser1_resolution"):
+        named_rad = math.radians(_number(params, key)) * (n - n % 2)
+        if 0.0 < named_rad <= MOST_RADIANS:
             return named_rad
     return None
+
+
+def _number(params: dict[str, str], key: str) -> float:
+    try:
+        return float(params.get(key, "nan"))
+    except ValueError:
+        return math.nan
 
 
 def _with_angles(scans: list[LaserLine], fov_rad: float | None, notes: list[str]) -> list[LaserLine]:
@@ -138,10 +164,7 @@ def _range_limit_m(scans: list[LaserLine], params: dict[str, str]) -> float:
     readings_m = readings_m[np.isfinite(readings_m) & (readings_m < NO_RETURN_M)]
     limit_m = NO_RETURN_M
     for key in ("robot_frontlaser_max", "robot_front_laser_max", "laser_front_laser_max"):
-        try:
-            named_m = float(params.get(key, "nan"))
-        except ValueError:
-            continue
+        named_m = _number(params, key)
         if named_m > 1.0:
             limit_m = min(limit_m, named_m)
     if readings_m.size:
@@ -155,7 +178,13 @@ def _range_limit_m(scans: list[LaserLine], params: dict[str, str]) -> float:
 
 def _mount(scans: list[LaserLine], used: str, params: dict[str, str], notes: list[str]) -> Pose2:
     """Where the laser sits: from the two poses of each line, if they are steady and near each other."""
+    offset_m = _number(params, "robot_rearlaser_offset" if used == "RLASER" else "robot_frontlaser_offset")
+    named = Pose2(
+        x_m=offset_m if math.isfinite(offset_m) else 0.0, theta_rad=math.pi if used == "RLASER" else 0.0
+    )
     offsets = [scan.odom_from_base.inverse() @ scan.odom_from_laser for scan in scans]
+    if used == "RAWLASER1":
+        return named  # these lines hold no poses
     table = np.array([(o.x_m, o.y_m, math.cos(o.theta_rad), math.sin(o.theta_rad)) for o in offsets])
     middle = np.median(table, axis=0)
     spread = float(np.quantile(np.abs(table - middle).max(axis=1), 0.9))
@@ -165,20 +194,22 @@ def _mount(scans: list[LaserLine], used: str, params: dict[str, str], notes: lis
     notes.append(
         "the laser's pose is not fixed to the robot's; its mounting is taken from PARAM lines or as 0"
     )
-    key = "robot_rearlaser_offset" if used == "RLASER" else "robot_frontlaser_offset"
-    try:
-        offset_m = float(params.get(key, "0"))
-    except ValueError:
-        offset_m = 0.0
-    return Pose2(x_m=offset_m, theta_rad=math.pi if used == "RLASER" else 0.0)
+    return named
 
 
 def _moves(poses: list[Pose2]) -> bool:
     return any(pose != poses[0] for pose in poses[1:])
 
 
-def _from_odom_lines(scans: list[LaserLine], odometry: list[tuple[int, Pose2]]) -> list[Pose2]:
-    """The newest ODOM line before each laser line, or the first one."""
-    before = np.array([count for count, _ in odometry])
-    index = np.searchsorted(before, np.arange(len(scans)), side="right") - 1
-    return [odometry[max(0, int(i))][1] for i in index]
+def _from_odom_lines(scans: list[LaserLine], odometry: list[OdomLine]) -> list[Pose2]:
+    """The odometry of each laser line: between the ODOM lines before and after it, if stamps tell where."""
+    numbers = np.array([number for number, _, _ in odometry])
+    poses = []
+    for scan, after in zip(scans, np.searchsorted(numbers, [scan.number for scan in scans]), strict=True):
+        _, before_s, pose = odometry[max(0, int(after) - 1)]
+        if 0 < after < len(odometry):
+            _, after_s, after_pose = odometry[int(after)]
+            if before_s < scan.time_s < after_s:
+                pose = interpolate(pose, after_pose, (scan.time_s - before_s) / (after_s - before_s))
+        poses.append(pose)
+    return poses

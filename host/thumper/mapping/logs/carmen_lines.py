@@ -61,24 +61,48 @@ def robotlaser(fields: list[str]) -> LaserLine:
     after = 10 + n + int(fields[9 + n])
     if n < 2 or len(fields) < after + 12:
         raise ValueError(f"{len(fields)} fields, {after + 12} expected")
+    return _with_header(
+        fields,
+        n,
+        float(fields[after + 11]),
+        _pose(fields[after + 3 : after + 6]),
+        _pose(fields[after : after + 3]),
+    )
+
+
+def rawlaser(fields: list[str]) -> LaserLine:
+    """RAWLASER1 type start fov step max accuracy mode n r1..rn m s1..sm ipc_timestamp host logger_stamp"""
+    n = int(fields[8])
+    after = 10 + n + int(fields[9 + n])
+    if n < 2 or len(fields) <= after:
+        raise ValueError(f"{len(fields)} fields, {after + 1} expected")
+    return _with_header(fields, n, float(fields[after]), Pose2(), Pose2())
+
+
+def odom(fields: list[str]) -> tuple[float, Pose2]:
+    """ODOM x y theta tv rv accel ipc_timestamp host logger_timestamp"""
+    return float(fields[7]) if len(fields) > 7 else math.nan, _pose(fields[1:4])
+
+
+def _with_header(
+    fields: list[str], n: int, time_s: float, odom_from_base: Pose2, odom_from_laser: Pose2
+) -> LaserLine:
+    """The beams and what the newer laser lines tell of them."""
     start_rad, fov_rad, step_rad = (float(field) for field in fields[2:5])
     if step_rad == 0.0:
         step_rad = fov_rad / (n - 1)
+    if not math.isfinite(start_rad) or not math.isfinite(step_rad) or step_rad == 0.0:
+        raise ValueError("beams without directions")
     maximum_m = float(fields[5])
     return LaserLine(
-        time_s=float(fields[after + 11]),
-        odom_from_base=_pose(fields[after + 3 : after + 6]),
-        odom_from_laser=_pose(fields[after : after + 3]),
+        time_s=time_s,
+        odom_from_base=odom_from_base,
+        odom_from_laser=odom_from_laser,
         ranges_m=np.array(fields[9 : 9 + n], dtype=np.float64),
         angle_min_rad=start_rad,
         angle_increment_rad=step_rad,
         range_max_m=maximum_m if maximum_m > 0.0 else math.inf,
     )
-
-
-def odom(fields: list[str]) -> Pose2:
-    """ODOM x y theta tv rv accel ipc_timestamp host logger_timestamp"""
-    return _pose(fields[1:4])
 
 
 def _pose(fields: list[str]) -> Pose2:

@@ -1,6 +1,7 @@
 """MCAP recordings of ROS 2 robots, ours and others': a LaserScan topic, with Odometry or with transforms.
 
-The odometry is interpolated to each scan's stamp; where the lidar sits comes from the transforms.
+The odometry is interpolated to each scan's stamp; where the lidar sits comes from the transforms. Scans keep
+their order in the file.
 """
 
 from collections import Counter
@@ -13,26 +14,28 @@ import numpy as np
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2, Twist2
 from thumper.lidar.scan import Scan
-from thumper.mapping.logs.record import LogRecord, RobotLog
+from thumper.mapping.logs.record import NO_ODOMETRY, LogRecord, RobotLog
 from thumper.odometry.history import interpolate
-from thumper.recording.reader import Recording
+from thumper.recording.reader import Recording, Said
 from thumper.ros import parse
-from thumper.ros.codec import Message
 
 SCAN, ODOMETRY, TRANSFORMS = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage"
 BASES = ("base_link", "base_footprint", "base")
-FARTHEST_S = 0.25  # from the nearest odometry, beyond which a scan is left out
+FARTHEST_S = 0.25  # from the nearest odometry, beyond which a scan has none of its own
+CLOCK_SET_BACK_S = 1.0  # stamps that step back by more are of a clock that was set
 LONGEST_CHAIN = 16  # transforms from base to lidar
 
+Stamp = tuple[int, int]  # in the message's header, and when it was recorded [ns]
 Track = list[tuple[int, Pose2]]  # stamp [ns] and odom_from_base
+StampedTrack = list[tuple[Stamp, Pose2]]
 
 
 @dataclass(slots=True, kw_only=True)
 class _Found:
-    scans: dict[str, list[tuple[int, str, Scan]]] = field(default_factory=dict)  # stamp, frame
-    odometry: dict[str, Track] = field(default_factory=dict)
+    scans: dict[str, list[tuple[Stamp, str, Scan]]] = field(default_factory=dict)  # with the frame
+    odometry: dict[str, StampedTrack] = field(default_factory=dict)
     bases: dict[str, str] = field(default_factory=dict)  # of each odometry topic
-    moving: dict[tuple[str, str], Track] = field(default_factory=dict)  # transforms by (parent, child)
+    moving: dict[tuple[str, str], StampedTrack] = field(default_factory=dict)  # transforms, (parent, child)
     broken: int = 0
 
 
@@ -42,7 +45,7 @@ def read_mcap(path: Path) -> RobotLog:
     Raises
     ------
     ThumperError
-        The file cannot be read, or holds no scans or no odometry.
+        The file cannot be read, or holds no scans.
     """
     recording = Recording((path,))
     found = _Found()
@@ -50,7 +53,7 @@ def read_mcap(path: Path) -> RobotLog:
         if said.type_name not in (SCAN, ODOMETRY, TRANSFORMS):
             continue
         try:
-            _take(found, said.topic, said.type_name, said.message())
+            _take(found, said)
         except ValueError:
             found.broken += 1
     if not found.scans:
@@ -60,56 +63,66 @@ def read_mcap(path: Path) -> RobotLog:
     notes += [f"{len(found.scans[name])} scans of {name} not used" for name in found.scans if name != topic]
     if found.broken:
         notes.append(f"{found.broken} broken messages left out")
-    track, base = _track(found, path)
-    scans = sorted(found.scans[topic], key=lambda entry: entry[0])
+    scans = found.scans[topic]
+    stamps = np.array([stamp for stamp, _, _ in scans])
+    clock = int(np.diff(stamps[:, 0]).min(initial=0) < -1e9 * CLOCK_SET_BACK_S)
+    if clock:
+        notes.append("the stamps step back: a clock was set; the times of recording are used")
+    track, base = _track(found, clock)
+    if not track:
+        notes.append(NO_ODOMETRY)
     frame = Counter(frame for _, frame, _ in scans).most_common(1)[0][0]
     base_from_laser = _mount(found.moving, base, frame)
     if base_from_laser is None:
         notes.append(f"no transform from {base} to {frame}: the lidar is taken to sit at the robot's centre")
-    records = _records(scans, track)
-    if not records:
-        raise ThumperError(f"{path}: its odometry and its scans are of different times", exit_code=2)
-    if len(records) < len(scans):
-        notes.append(f"{len(scans) - len(records)} scans without odometry left out")
+    records, alone = _records([(stamp[clock], scan) for stamp, _, scan in scans], track)
+    if alone and track:
+        notes.append(
+            f"{alone} of {len(scans)} scans without odometry for their time: that before and after is used"
+        )
     return RobotLog(
         format_name="MCAP",
         base_from_laser=base_from_laser or Pose2(),
         records=tuple(records),
         notes=tuple(notes),
+        has_odometry=bool(track),
     )
 
 
-def _take(found: _Found, topic: str, type_name: str, message: Message) -> None:
-    if type_name == SCAN:
-        entry = (parse.stamp_ns_of(message), message.header.frame_id, parse.scan_of(message))
-        found.scans.setdefault(topic, []).append(entry)
-    elif type_name == ODOMETRY:
-        pose = parse.pose_of(message.pose.pose)
-        found.odometry.setdefault(topic, []).append((parse.stamp_ns_of(message), pose))
-        found.bases[topic] = message.child_frame_id
+def _take(found: _Found, said: Said) -> None:
+    message = said.message()
+    if said.type_name == SCAN:
+        stamp = parse.stamp_ns_of(message), said.log_ns
+        found.scans.setdefault(said.topic, []).append(
+            (stamp, message.header.frame_id, parse.scan_of(message))
+        )
+    elif said.type_name == ODOMETRY:
+        stamp = parse.stamp_ns_of(message), said.log_ns
+        found.odometry.setdefault(said.topic, []).append((stamp, parse.pose_of(message.pose.pose)))
+        found.bases[said.topic] = message.child_frame_id
     else:
         for stamped in message.transforms:
             names = (stamped.header.frame_id.lstrip("/"), stamped.child_frame_id.lstrip("/"))
-            at = parse.transform_of(stamped.transform)
-            found.moving.setdefault(names, []).append((parse.stamp_ns_of(stamped), at))
+            stamp = parse.stamp_ns_of(stamped), said.log_ns
+            found.moving.setdefault(names, []).append((stamp, parse.transform_of(stamped.transform)))
 
 
-def _track(found: _Found, path: Path) -> tuple[Track, str]:
-    """The odometry in the order of time, and the name of the frame that it moves."""
+def _track(found: _Found, clock: int) -> tuple[Track, str]:
+    """The odometry in the order of time, empty if there is none, and the name of the frame that it moves."""
+    poses: StampedTrack = []
+    base = BASES[0]
     if found.odometry:
         topic = max(found.odometry, key=lambda name: len(found.odometry[name]))
-        track, base = found.odometry[topic], found.bases[topic].lstrip("/") or BASES[0]
+        poses, base = found.odometry[topic], found.bases[topic].lstrip("/") or BASES[0]
     else:
-        for (parent, child), poses in found.moving.items():
+        for (parent, child), moving in found.moving.items():
             if child in BASES and "odom" in parent:
-                track, base = poses, child
+                poses, base = moving, child
                 break
-        else:
-            raise ThumperError(f"{path}: neither Odometry nor transforms of it; is it recorded?", exit_code=2)
-    return sorted(dict(track).items()), base
+    return sorted({stamp[clock]: pose for stamp, pose in poses}.items()), base
 
 
-def _mount(moving: Mapping[tuple[str, str], Track], base: str, laser: str) -> Pose2 | None:
+def _mount(moving: Mapping[tuple[str, str], StampedTrack], base: str, laser: str) -> Pose2 | None:
     """Go up from the lidar's frame until the base, along the newest transforms."""
     parents = {child: (parent, track[-1][1]) for (parent, child), track in moving.items()}
     frame, base_from_laser = laser.lstrip("/"), Pose2()
@@ -123,18 +136,18 @@ def _mount(moving: Mapping[tuple[str, str], Track], base: str, laser: str) -> Po
     return None
 
 
-def _records(scans: list[tuple[int, str, Scan]], track: Track) -> list[LogRecord]:
+def _records(scans: list[tuple[int, Scan]], track: Track) -> tuple[list[LogRecord], int]:
+    """One record a scan, and how many of them have no odometry near their time."""
     stamps = np.array([stamp for stamp, _ in track])
     first_ns = scans[0][0]
-    records = []
-    for stamp, _, scan in scans:
+    records, alone = [], 0
+    for stamp, scan in scans:
         turn_s = scan.time_increment_s * (scan.ranges_m.size - 1)
-        start = _pose_at(stamp, stamps, track)
-        end = _pose_at(stamp + round(1e9 * turn_s), stamps, track)
-        if start is None:
-            continue
+        start, near = _pose_at(stamp, stamps, track)
+        end, _ = _pose_at(stamp + round(1e9 * turn_s), stamps, track)
+        alone += not near
         time_s = 1e-9 * (stamp - first_ns)
-        turned = start.inverse() @ end if end else Pose2()
+        turned = start.inverse() @ end
         records.append(
             LogRecord(
                 time_s=time_s,
@@ -145,18 +158,20 @@ def _records(scans: list[tuple[int, str, Scan]], track: Track) -> list[LogRecord
                 scan=_usable(scan, time_s),
             )
         )
-    return records
+    return records, alone
 
 
-def _pose_at(stamp: int, stamps: np.ndarray, track: Track) -> Pose2 | None:
-    """The odometry at a time, between two readings or at the nearest one if that is near enough."""
+def _pose_at(stamp: int, stamps: np.ndarray, track: Track) -> tuple[Pose2, bool]:
+    """The odometry at a time, between two readings or the nearest one; and whether one is near."""
+    if not track:
+        return Pose2(), False
     index = int(np.searchsorted(stamps, stamp))
     if 0 < index < len(track):
         (before_ns, before), (after_ns, after) = track[index - 1], track[index]
-        if after_ns - before_ns <= 4e9 * FARTHEST_S:
-            return interpolate(before, after, (stamp - before_ns) / (after_ns - before_ns))
-    nearest = min((max(index - 1, 0), min(index, len(track) - 1)), key=lambda k: abs(track[k][0] - stamp))
-    return track[nearest][1] if abs(track[nearest][0] - stamp) <= 1e9 * FARTHEST_S else None
+        fraction = (stamp - before_ns) / (after_ns - before_ns)
+        return interpolate(before, after, fraction), after_ns - before_ns <= 4e9 * FARTHEST_S
+    nearest_ns, pose = track[min(index, len(track) - 1)]
+    return pose, abs(nearest_ns - stamp) <= 1e9 * FARTHEST_S
 
 
 def _usable(scan: Scan, time_s: float) -> Scan:

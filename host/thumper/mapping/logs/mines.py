@@ -13,7 +13,7 @@ from thumper.errors import ThumperError
 from thumper.geometry import Pose2
 from thumper.kinematics import DriveGeometry
 from thumper.lidar.scan import Scan
-from thumper.mapping.logs.record import LogRecord, RobotLog
+from thumper.mapping.logs.record import MOST_BROKEN, LogRecord, RobotLog, broken_note
 from thumper.odometry.odometry import Odometry
 
 GEOMETRY = DriveGeometry(wheel_radius_m=0.077, track_m=0.33, counts_per_rev=2000)
@@ -36,24 +36,29 @@ def is_mines(lines: Sequence[str]) -> bool:
 
 
 def read_mines(name: str, lines: Iterable[str]) -> RobotLog:
-    """Parse the lines; `name` is the file's, for messages.
+    """Parse the lines; `name` is the file's, for messages. Broken lines are left out and noted.
 
     Raises
     ------
     ThumperError
-        A line is cut off or has a field that is not a number.
+        Too many lines are cut off or have fields that are no numbers.
     """
     odometry = Odometry(GEOMETRY)
     records: list[LogRecord] = []
+    broken: list[str] = []
     for number, line in enumerate(lines, start=1):
         try:
             records.append(_record(line.split(), odometry))
         except ValueError as error:
-            raise ThumperError(
-                f"{name}: line {number}: broken scan ({error}); the file may be cut off: copy it again",
-                exit_code=2,
-            ) from error
-    return RobotLog(format_name="MINES", base_from_laser=BASE_FROM_LASER, records=tuple(records))
+            broken.append(f"line {number}: broken scan ({error})")
+    if not records or len(broken) > max(1, MOST_BROKEN * len(records)):
+        raise ThumperError(f"{name}: {broken[0]}; the file may be cut off: copy it again", exit_code=2)
+    return RobotLog(
+        format_name="MINES",
+        base_from_laser=BASE_FROM_LASER,
+        records=tuple(records),
+        notes=broken_note(broken),
+    )
 
 
 def _record(fields: list[str], odometry: Odometry) -> LogRecord:

@@ -2,8 +2,10 @@
 
 import gzip
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import TextIO
 
 from thumper.errors import ThumperError
 from thumper.mapping.logs.carmen import is_carmen, read_carmen
@@ -11,19 +13,22 @@ from thumper.mapping.logs.mines import is_mines, read_mines
 from thumper.mapping.logs.record import RobotLog
 
 GZIP_MAGIC = b"\x1f\x8b"
+FORMATS = "give a CARMEN (.log, .clf), MINES (.dat) or MCAP log"
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 
 
 def open_log(path: Path, fov_rad: float | None = None) -> RobotLog:
     """Read a CARMEN or MINES log, plain or gzip-compressed, or an MCAP file: the content decides.
 
-    `fov_rad` is the laser's field of view where a CARMEN log does not tell it.
+    `fov_rad` is the laser's field of view where a CARMEN log does not tell it. A compressed file that is cut
+    off is read up to there, with a note.
 
     Raises
     ------
     ThumperError
-        The file cannot be read, is cut off, or is in none of these formats.
+        The file cannot be read, or is in none of these formats.
     """
+    cut: list[str] = []
     try:
         with path.open("rb") as plain:
             start = plain.read(len(MCAP_MAGIC))
@@ -31,38 +36,50 @@ def open_log(path: Path, fov_rad: float | None = None) -> RobotLog:
             from thumper.mapping.logs.mcap import read_mcap  # loads the ROS 2 types
 
             return read_mcap(path)
-        packed = start.startswith(GZIP_MAGIC)
-        # Line by line: a text held whole, and again as lines, would be the largest thing in memory.
-        opener = gzip.open if packed else open
-        with opener(path, "rt", encoding="ascii") as stream:
-            kind = _kind(stream)
-        with opener(path, "rt", encoding="ascii") as stream:
+        with _text(path, start) as stream:
+            kind = _kind(_until_cut(stream, cut), path)
+        with _text(path, start) as stream:
+            lines = _until_cut(stream, cut)
             if kind == "CARMEN":
-                return read_carmen(str(path), stream, fov_rad)
-            if kind == "MINES":
-                return read_mines(str(path), (line for line in stream if not line.isspace()))
+                log = read_carmen(str(path), lines, fov_rad)
+            elif kind == "MINES":
+                log = read_mines(str(path), (line for line in lines if not line.isspace()))
+            elif cut:
+                raise ThumperError(f"{path}: {cut[0]}; copy it again", exit_code=2)
+            else:
+                raise ThumperError(f"{path}: unknown log format; {FORMATS}", exit_code=2)
     except FileNotFoundError as error:
         raise ThumperError(f"{path}: no such file; check the path", exit_code=2) from error
-    except (EOFError, zlib.error) as error:
-        raise ThumperError(
-            f"{path}: the compressed file is cut off ({error}); copy it again", exit_code=2
-        ) from error
     except OSError as error:
         raise ThumperError(
             f"{path}: cannot be read ({error}); check the file and its permissions", exit_code=2
         ) from error
-    except UnicodeDecodeError as error:
-        raise ThumperError(
-            f"{path}: not a text log; give a CARMEN (.log, .clf), MINES (.dat) or MCAP log", exit_code=2
-        ) from error
-    raise ThumperError(
-        f"{path}: unknown log format; give a CARMEN (.log, .clf), MINES (.dat) or MCAP log", exit_code=2
-    )
+    return replace(log, notes=(*log.notes, *cut))
 
 
-def _kind(lines: Iterable[str]) -> str:
+def _text(path: Path, start: bytes) -> TextIO:
+    """The file line by line: a text held whole, and again as lines, would be the largest thing in memory.
+
+    Only comments hold letters beyond ASCII, in whatever code their author used.
+    """
+    if start.startswith(GZIP_MAGIC):
+        return gzip.open(path, "rt", encoding="utf-8-sig", errors="replace")
+    return path.open(encoding="utf-8-sig", errors="replace")
+
+
+def _until_cut(lines: Iterable[str], cut: list[str]) -> Iterator[str]:
+    """The lines up to where a compressed file breaks off, which is noted in `cut`."""
+    try:
+        yield from lines
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        cut[:] = [f"the compressed file is cut off or damaged, and used up to there ({error})"]
+
+
+def _kind(lines: Iterable[str], path: Path) -> str:
     """The format by the first line that tells it; CARMEN's may come after thousands of other lines."""
     for number, line in enumerate(line for line in lines if not line.isspace()):
+        if "\0" in line:
+            raise ThumperError(f"{path}: not a text log; {FORMATS}", exit_code=2)
         if is_carmen((line,)):
             return "CARMEN"
         if number == 0 and is_mines((line,)):

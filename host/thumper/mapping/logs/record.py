@@ -5,6 +5,9 @@ from dataclasses import dataclass
 from thumper.geometry import Pose2, Twist2
 from thumper.lidar.scan import Scan
 
+MOST_BROKEN = 0.1  # share of broken lines beyond which a file is not worth trusting
+NO_ODOMETRY = "no odometry that moves: the scans alone tell the way; --method scan_match is the surest then"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogRecord:
@@ -24,3 +27,9 @@ class RobotLog:
     base_from_laser: Pose2
     records: tuple[LogRecord, ...]
     notes: tuple[str, ...] = ()  # what the reader left out or guessed, a line each
+    has_odometry: bool = True  # else all `odom_from_base` are the same
+
+
+def broken_note(broken: list[str]) -> tuple[str, ...]:
+    """One line on the lines that were left out, or none."""
+    return (f"{len(broken)} broken lines left out, the first: {broken[0]}",) if broken else ()
