@@ -14,7 +14,7 @@ help:
 	@echo "make firmware  build firmware/build/thumper.elf and .hex and those of the second board, print their size"
 	@echo "make reference write the reference pages of commands and options anew"
 	@echo "make docs      build the documentation's site into site/, offline; a dead link is an error"
-	@echo "make bench     run the benchmarks"
+	@echo "make bench     run every benchmark and write the table in docs/results/benchmarks.md"
 	@echo "make results   drive the sample campaigns anew and write their reports into docs/results/"
 	@echo "make mutation  flip every operator and constant of the firmware's core and count who notices (half an hour)"
 
@@ -51,8 +51,8 @@ reference: $(VENV)/.run
 docs: $(VENV)/.dev
 	@$(BIN)/zensical build --clean --strict
 
-bench: firmware chip $(VENV)/.run
-	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
+bench: firmware chip $(VENV)/.dev
+	@$(BIN)/python benchmarks/table.py
 
 results: firmware chip $(VENV)/.dev
 	@scripts/make-results

@@ -20,6 +20,10 @@ from thumper.bus.client import BusClient
 from thumper.errors import ThumperError
 from thumper.ros.topics import TOPICS, Direction
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.figure import figure
+
 THUMPER = str(Path(sys.executable).with_name("thumper"))
 WATCH_S = 20.0
 START_S = 90.0
@@ -98,6 +102,7 @@ def tell(what: str, late_ms: np.ndarray, busy_ms: np.ndarray) -> None:
         f"{what:34} {late_ms.size:5} beats   late {late[0]:6.2f} {late[1]:6.2f} {late[2]:6.2f}   "
         f"busy {busy[0]:6.2f} {busy[1]:6.2f} {busy[2]:6.2f}"
     )
+    figure(f"loop at 10 Hz, {what}: late, median / 99 %", f"{late[0]:.1f} / {late[1]:.1f}", "ms")
 
 
 def main() -> None:

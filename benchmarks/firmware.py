@@ -8,6 +8,7 @@ ros_arduino_bridge (L298, pin-change encoders). A dash: the peer has none, or it
 import re
 import statistics
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -27,6 +28,10 @@ from thumper_hil.chip.edge_rate import most_edges_per_s
 from thumper_hil.chip.lab import TICK_VECTOR, LabChip
 from thumper_hil.parts.params import RobotParams
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.figure import figure
+
 FIRMWARE = DEFAULT_ELF.parents[1]
 VECTORS = {3: "right edge", 5: "left edge", 11: "control tick", 14: "millisecond", 18: "receive", 19: "send"}
 LOAD_S = 3.0
@@ -40,8 +45,11 @@ def pack(message: Message, sequence: int = 0) -> bytes:
 
 
 def row(what: str, here: str, aim: str, peers: str) -> None:
-    """Print one line of the table."""
-    print(f"{what:34} {here:>22}  {aim:>10}  {peers}")
+    """One figure; a dash is nothing."""
+    name, _, unit = what.partition(" [")
+    aim, peers = (text.replace("-", "", 1) if text == "-" else text for text in (aim, peers))
+    source = "measured in the same simulator, with the same compiler" if peers else ""
+    figure(name.strip(), here, unit.rstrip("]"), aim=aim, peers=peers, source=source)
 
 
 def sizes() -> None:
@@ -77,7 +85,8 @@ def load() -> None:
     tick = report.vector[TICK_VECTOR]
     row("control tick, both wheels", f"{tick.cycles / tick.entries:.0f} ({tick.most})", "1500", "bridge 3206")
     where = source_of(report.interrupts_off_address)
-    row("longest interrupts off [cycles]", str(report.interrupts_off), "150", f"here: {where}")
+    row("longest interrupts off [cycles]", str(report.interrupts_off), "150", "-")
+    print(f"  in {where}")
     late_us = max(report.tick_most - CPU_HZ / 10, CPU_HZ / 10 - report.tick_least) / CPU_HZ * 1e6
     row(
         "jitter of the control period [us]", f"{late_us:.1f}", "-", "rosserial, bridge: loop() polls millis()"
@@ -141,7 +150,6 @@ def control_law(flag: str, what: str, aim: str, peers: str) -> None:
 
 def main() -> None:
     """Print the table."""
-    row("", "here", "aim", "peers")
     sizes()
     load()
     control_law(

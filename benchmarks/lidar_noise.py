@@ -16,6 +16,10 @@ from numpy.typing import NDArray
 
 from thumper_hil.parts.urg_noise import device_bias, measure_mm
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.figure import figure, need
+
 DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2] / "shared" / "data"))
 CODES = (0, 7, 6, 1, 2, 10, 8, 15)
 EDGES_MM = (20, 1000, 1500, 2000, 3000, 4000, 5601)
@@ -31,9 +35,7 @@ def read_log(path: Path) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
 
 def main() -> None:
     log = Path(sys.argv[1]) if len(sys.argv) > 1 else DATA / "slam" / "mines-exp1.dat.gz"
-    if not log.exists():
-        print(f"skipped: there is no log at {log}")
-        return
+    need(log)
     real_mm, counts = read_log(log)
     rng = np.random.default_rng(1)
     bias = device_bias(real_mm.shape[1], rng)
@@ -45,7 +47,9 @@ def main() -> None:
         print(
             f"{code:4d}  {100 * (real_mm == code).mean():8.3f}  {100 * (simulated_mm == code).mean():10.3f}"
         )
-    print(f"valid {100 * (real_mm >= 20).mean():8.2f}  {100 * (simulated_mm >= 20).mean():10.2f}")
+    valid = [f"{100 * (values >= 20).mean():.1f}" for values in (real_mm, simulated_mm)]
+    source = "MINES log, recorded by a real one"
+    figure("simulated URG-04LX: beams with a range", valid[1], "%", peers=f"real {valid[0]}", source=source)
     quartiles = [np.percentile(values[values >= 20], [5, 50, 95]) for values in (real_mm, simulated_mm)]
     print(f"valid ranges, 5/50/95 %: real {quartiles[0]} mm, simulated {quartiles[1]} mm")
 
@@ -61,9 +65,14 @@ def main() -> None:
         walls = np.array([measure_mm(truth_m, np.zeros(606), rng) for _ in range(200)]).astype(np.float64)
         lost = walls < 20
         walls[lost] = np.nan
+        sigma_mm = f"{np.median(np.nanstd(walls, axis=0)):.1f}"
+        if low_mm == 1000:
+            figure(
+                "its noise, 1.0 to 1.5 m", sigma_mm, "mm", peers=f"real {real_sigma_mm:.1f}", source=source
+            )
         print(
             f"{low_mm:5d}-{high_mm:4d}  {100 * (after[chosen] < 20).mean():20.1f} / {100 * lost.mean():.1f}"
-            f"  {real_sigma_mm:32.1f} / {np.median(np.nanstd(walls, axis=0)):.1f}"
+            f"  {real_sigma_mm:32.1f} / {sigma_mm}"
         )
 
 

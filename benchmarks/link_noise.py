@@ -1,18 +1,29 @@
 """A million requests, three quarters of them damaged, through the simulated serial line to the built ELF."""
 
+import argparse
+import sys
+from itertools import zip_longest
+from pathlib import Path
+
 from thumper_hil.bench import DEFAULT_ELF
 from thumper_hil.chip.chip import CPU_HZ, Chip
 from thumper_hil.chip.link_noise import drive
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.figure import figure
 
 FRAMES = 1_000_000
 
 
 def main() -> None:
     """Print what became of them."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--frames", type=int, default=FRAMES)
     chip = Chip(DEFAULT_ELF)
     chip.run(CPU_HZ // 10)
     chip.receive(chip.available)
-    result = drive(chip, frames=FRAMES, seed=7)
+    result = drive(chip, frames=parser.parse_args().frames, seed=7)
     print(f"requests sent                        {result.frames}")
     print(f"whole by the host's decoder          {result.whole}")
     print(f"answers due, given, identical        {len(result.expected)}, {len(result.answers)}, ", end="")
@@ -21,6 +32,9 @@ def main() -> None:
     print(f"{result.expected_errors % 2**16} modulo 2^16; the board's {result.counted_errors}")
     print(f"frames from the board that were bad  {result.host_errors}")
     print(f"simulated time                       {chip.time_s:.0f} s, {chip.resets} resets")
+    wrong = sum(due != given for due, given in zip_longest(result.expected, result.answers))
+    figure(f"wrong answers to {result.frames} requests, most damaged", str(wrong), aim="0")
+    figure("resets meanwhile", str(chip.resets), aim="0")
 
 
 if __name__ == "__main__":

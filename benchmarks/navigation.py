@@ -43,6 +43,12 @@ from thumper_hil.arena.world import World, box
 from thumper_hil.demo.missions import MISSIONS
 from thumper_hil.demo.run import drive_mission
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.figure import figure, there
+
+SAME = "ROS's own C++ on the same input, a machine of the same kind"
+NAVFN_MS = {"willow-full-0.05": 13.7, "depot": 2.2}
 DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2] / "shared" / "data")) / "nav"
 NO_HITS = np.empty((0, 2))
 PEER_COSTS = CostmapOptions(inflation_radius_m=0.55, decay_per_m=10.0)
@@ -73,6 +79,8 @@ def navfn_costmap(cells: NDArray[np.int8]) -> tuple[Costmap, float]:
 
 def planner() -> None:
     """The pairs of the real navfn: time, and length against its Dijkstra path."""
+    if not there(DATA):
+        return
     print("planner: 50 pairs a map, unknown blocked")
     planners: dict[str, Planner] = {
         "navfn": NavfnPlanner(NavfnOptions(allow_unknown=False)),
@@ -95,6 +103,15 @@ def planner() -> None:
                     ratios.append(float(arc_lengths(path_m)[-1]) / navfn_m)
                     times.append(cpu_ms(plan, 2))
             p50, p95 = np.percentile(times, (50, 95))
+            what = f"plan with {title} on {name.split('-')[0]}: {len(ratios)} of {len(pairs)} found, median"
+            figure(what, f"{p50:.2f}", "ms", aim="" if title != "navfn" else f"<= {NAVFN_MS[name]}",
+                   peers=f"navfn, Dijkstra to the goal {NAVFN_MS[name]}", source=SAME)  # fmt: skip
+            figure(
+                "its length",
+                f"{np.mean(ratios):.3f}",
+                "x navfn's",
+                aim="" if title != "navfn" else "1 +- 0.01",
+            )
             print(
                 f"    {title}: {len(ratios)}/{len(pairs)} found, {p50:.2f} ms (p95 {p95:.1f}), "
                 f"length x {np.mean(ratios):.3f} of navfn"
@@ -103,6 +120,8 @@ def planner() -> None:
 
 def costmap() -> None:
     """Inflation of one window, and the update for one scan on maps of growing size."""
+    if not there(DATA):
+        return
     lethal = read_pgm(DATA / "oracle" / "inflation_in_120.pgm") == LETHAL
     cells = np.where(lethal, 100, 0).astype(np.int8)
     window = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
@@ -110,6 +129,8 @@ def costmap() -> None:
     distances_ms = cpu_ms(partial(squared_distances, lethal, 11), 50)
     whole_ms = cpu_ms(partial(build_costmap, window, NO_HITS, Footprint(), PEER_COSTS), 50)
     print(f"costmap: inflation of 120 x 120: {whole_ms:.3f} ms, of it distances {distances_ms:.3f} ms")
+    figure("inflation of a window, 120 x 120", f"{whole_ms:.3f}", "ms", aim="<= 0.25",
+           peers="costmap_2d 0.36", source=SAME)  # fmt: skip
     rng = np.random.default_rng(0)
     angles_rad = np.linspace(-2.09, 2.09, 480)
     for side in (200, 400, 800, 1600, 3200):
@@ -127,6 +148,8 @@ def costmap() -> None:
             if scan > 1:  # the first ones build everything
                 updates.append(took_ms)
                 afresh.append(cpu_ms(partial(build_costmap, grid, hits_m, Footprint(), PEER_COSTS), 1))
+        if side in (200, 1600):
+            figure(f"costmap update for a scan, map of {side} x {side}", f"{np.median(updates):.2f}", "ms")
         print(
             f"  map of {side} x {side}: update for a scan {np.median(updates):.2f} ms, "
             f"afresh {np.median(afresh):.2f} ms"
@@ -158,6 +181,8 @@ def window_request(name: str) -> ControlRequest:
 
 def rollouts() -> None:
     """One controller cycle: the default window, and the 2020 x 20 of the peers' table."""
+    if not there(DATA):
+        return
     print("rollouts: one DWA cycle (footprint check, path, goal and front terms)")
     for name in ("open", "median", "tight"):
         request = window_request(name)
@@ -170,7 +195,12 @@ def rollouts() -> None:
             line += f"  {v_samples * w_samples} x {round(horizon_s / 0.1)}: {1e3 * work_ms:.0f} us"
         mppi = MppiController(MppiOptions(futures=2000, steps=56), SpeedLimits(), Footprint())
         mppi.command(request)
-        print(f"{line}  MPPI 2000 x 56: {1e3 * cpu_ms(partial(mppi.command, request), 10):.0f} us")
+        mppi_ms = cpu_ms(partial(mppi.command, request), 10)
+        print(f"{line}  MPPI 2000 x 56: {1e3 * mppi_ms:.0f} us")
+        figure(f"DWA cycle, 2020 x 20 steps, {name} window", f"{work_ms:.2f}", "ms", aim="<= 5",
+               peers="ROS 1 critics 11.8 to 15.1", source=SAME)  # fmt: skip
+        figure(f"MPPI cycle, 2000 x 56 steps, {name} window", f"{mppi_ms:.2f}", "ms", aim="<= 5",
+               peers="Nav2: 2000 at 30 Hz, that is 33", source="Nav2's documentation, an i5")  # fmt: skip
 
 
 def cycle() -> None:
@@ -183,6 +213,7 @@ def cycle() -> None:
             if seed == 0:
                 times.clear()  # kernels were loaded in the first run
     p50, p99 = 1e3 * np.percentile(times, (50, 99))
+    figure("a whole update of the navigator, median / 99 %", f"{p50:.1f} / {p99:.1f}", "ms")
     print(f"cycle: {len(times)} updates, p50 {p50:.2f} ms, p99 {p99:.2f} ms, max {1e3 * max(times):.2f} ms")
 
 
@@ -209,6 +240,12 @@ def loop() -> None:
     slam = [a + b for a, b in zip_longest(odometry, mapping, fillvalue=0.0)]
     for name, times in (("navigation", cycles), ("SLAM", slam)):
         p50, p99 = 1e3 * np.percentile(times, (50, 99))
+        ours = name == "navigation"
+        figure(f"the robot's loop, {name}: median / 99 %", f"{p50:.1f} / {p99:.1f}", "ms",
+               aim="- / 20" if ours else "")  # fmt: skip
+        figure("its share of a core", f"{sum(times) / driven_s:.3f}", "core s a s",
+               aim="<= 0.3" if ours else "", peers="move_base with costmaps 0.07 to 0.10" if ours else "",
+               source="the same BARN worlds" if ours else "")  # fmt: skip
         print(
             f"  {name}: p50 {p50:.2f} ms, p99 {p99:.2f} ms, max {1e3 * max(times):.2f} ms, "
             f"{sum(times) / driven_s:.3f} core s a simulated s"

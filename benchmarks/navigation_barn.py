@@ -10,6 +10,7 @@ import argparse
 import csv
 import itertools
 import os
+import sys
 import time
 from dataclasses import astuple, dataclass, fields, replace
 from pathlib import Path
@@ -19,6 +20,10 @@ import numpy as np
 from thumper.navigation.navigator import NavigationState
 from thumper.navigation.options import NavigationOptions
 from thumper_hil.arena.barn import drive_through, has_arrived, made_world, recorded_world
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.figure import figure, need
 
 DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2] / "shared" / "data")) / "nav" / "barn"
 WORLDS = range(0, 300, 15)
@@ -90,6 +95,21 @@ def line(drives: list[Drive]) -> str:
     )
 
 
+def tell(drives: list[Drive]) -> None:
+    """A set of drives in the table of all benchmarks."""
+    first, count = drives[0], sum(d.outcome == "success" for d in drives)
+    name = first.controller + (f" + {first.tracker}" if first.tracker else "")
+    peers = {1.0: "20 of 20", 0.65: "20 of 20", 0.5: "13 of 20", 0.45: "12 of 20"}.get(first.scale, "")
+    figure(
+        f"BARN x {first.scale:.2f}, {name}, {first.v_max_m_s} m/s, seed {first.seed}: gets through",
+        f"{count} of {len(drives)}",
+        aim={1.0: "20", 0.65: "20", 0.5: ">= 18", 0.45: ">= 17"}.get(first.scale, ""),
+        peers=peers and f"ROS 1 move_base {peers}",
+        source=peers and "same worlds",
+    )
+    figure("contacts", str(sum(d.outcome == "contact" for d in drives)), aim="0")
+
+
 HEADINGS = (
     "controller | scale | v max [m/s] | seed | success | contact | timeout | abort | mean time [s] "
     "| clearance, median [m] | least [m] | score"
@@ -107,6 +127,8 @@ def main() -> None:
     parser.add_argument("--made", action="store_true", help="20 made worlds instead of the recorded ones")
     parser.add_argument("--csv", type=Path, help="write a row a drive to this file")
     given = parser.parse_args()
+    if not given.made:
+        need(DATA)
     usual = NavigationOptions(tracker=given.tracker)
     all_drives: list[Drive] = []
     print(f"| {HEADINGS} |\n|{'---|' * (HEADINGS.count('|') + 1)}", flush=True)
@@ -121,6 +143,7 @@ def main() -> None:
         ]
         all_drives += drives
         print(line(drives), flush=True)
+        tell(drives)
         for drive in drives:
             if drive.outcome != "success":
                 print(f"    world {drive.world}: {drive.outcome} at {drive.time_s:.0f} s, {drive.reason}")

@@ -1,15 +1,21 @@
 """Time one lidar turn of ray casting, and contact, in the lab and in a large maps."""
 
 import math
+import sys
 import time
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
 from thumper.geometry import Pose2
 from thumper_hil.parts.solid_grid import SolidGrid
 from thumper_hil.parts.world import World
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.figure import figure
 
 BEAMS, REPEATS = 682, 500
 
@@ -32,15 +38,17 @@ def main() -> None:
     footprint_m = np.array([[0.21, 0.1225], [-0.21, 0.1225], [-0.21, -0.1225], [0.21, -0.1225]])
     shapes = f"{len(world.segments_m)} segments, {len(world.circles_m)} circles"
     print(f"lab_box: {shapes}")
-    print(
-        f"cast, {BEAMS} beams, one origin each: {median_us(lambda: world.cast(x_m, y_m, angles_rad)):.0f} us"
-    )
-    print(f"clearance of the footprint: {median_us(lambda: world.clearance_m(Pose2(), footprint_m)):.0f} us")
+    turn_us = median_us(lambda: world.cast(x_m, y_m, angles_rad))
+    figure(f"simulated lidar: a turn of {BEAMS} beams in the lab", f"{turn_us:.0f}", "us")
+    clear_us = median_us(lambda: world.clearance_m(Pose2(), footprint_m))
+    figure("simulator: clearance of the footprint", f"{clear_us:.0f}", "us")
     for share in (0.0, 0.001, 0.01):
         large = random_map(share)
         cast_us = median_us(partial(large.cast, 0.0, 0.0, angles_rad))
         clearance_us = median_us(partial(large.clearance_m, Pose2(), footprint_m))
-        print(f"1000 x 1000 cells, {share:.1%} solid: cast {cast_us:.0f} us, clearance {clearance_us:.0f} us")
+        figure(
+            f"the same in 1000 x 1000 cells, {share:.1%} solid", f"{cast_us:.0f}, {clearance_us:.0f}", "us"
+        )
 
 
 def random_map(share: float) -> World:

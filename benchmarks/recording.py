@@ -23,6 +23,8 @@ from thumper.recording.recorder import Recorder
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.figure import figure
+
 from tests.host.recording.samples import SESSION, beat, beats
 
 BEATS_PER_S = 10.0
@@ -86,6 +88,11 @@ def main() -> None:
             p50, p99 = np.percentile(1e3 * late, (50, 99))
             figures = f"late p50 {p50:.2f}, p99 {p99:.2f}, max {1e3 * late.max():.1f} ms"
             table.add_row(f"50 Hz loop {name} recording", f"{figures}; {100.0 * share:.1f} % of a core")
+            beside = f"recording: 50 Hz loop {name} it, late, 99 %"
+            figure(beside, f"{p99:.1f}", "ms")
+    figure("recording: messages written and synced", f"{rate:.0f}", "1/s",
+           peers="mcap + rosbags 28 600, mcap-ros2-support 6 100, foxglove-sdk 55 600",
+           source="other messages, not synced, a machine of the same kind")  # fmt: skip
     Console().print(table)
 
 

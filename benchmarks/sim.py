@@ -6,6 +6,7 @@ take less time than a busy loop's. What is above that is simavr's timers, motors
 
 import itertools
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -17,6 +18,10 @@ from thumper_hil.bench import DEFAULT_ELF, Bench
 from thumper_hil.bench.options import BenchOptions
 from thumper_hil.chip.chip import CPU_HZ, Chip
 from thumper_hil.parts.params import RobotParams
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.figure import figure
 
 SIM_S = 10.0
 RUNS = 5
@@ -99,6 +104,10 @@ def main() -> None:
     for name, (speed, awake_share) in stages:
         limit = rate_Hz / CPU_HZ / awake_share
         print(f"{name:42} {speed:11.0f} {awake_share:9.1%} {limit:7.0f} {speed / limit:9.0%}")
+    avr8js = "avr8js 3.0 on a firmware that never sleeps"
+    figure(f"simulator: {stages[-1][0]}", f"{stages[-1][1][0]:.0f}", "x real time", aim="> 1", peers=avr8js,
+           source="avr8js 0.21 on Node 20, a machine of the same kind")  # fmt: skip
+    figure("simulator: a firmware that never sleeps", f"{rate_Hz / CPU_HZ:.1f}", "x real time")
     costs_s = [1.0 / speed for _, (speed, _) in (stages[0], stages[2], stages[4], stages[5])]
     shares = [costs_s[0], *(after - before for before, after in itertools.pairwise(costs_s))]
     parts = (

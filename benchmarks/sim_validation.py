@@ -5,6 +5,7 @@ those that the motion seen from outside asks for, `w = (v -+ yaw rate * l / 2) /
 """
 
 import argparse
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -20,8 +21,12 @@ from thumper_hil.bench.options import BenchOptions
 from thumper_hil.chip.chip import CPU_HZ, Chip
 from thumper_hil.parts.params import RobotParams
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.figure import figure
+
 RADIUS_M, GEOMETRIC_TRACK_M = 0.062, 0.245
-THESIS = "thesis: left +0.80 / 0.88, right -0.43 / 0.65 rad/s"
+THESIS = {"left": "+0.80 / 0.88", "right": "-0.43 / 0.65"}
 SEEDS = range(1, 6)
 STOPS_FROM_M_S = (0.3, 0.5)
 OCR2A, OCR2B = 0xB3, 0xB4  # the duty of right and left
@@ -113,22 +118,27 @@ def main() -> None:
     out.mkdir(parents=True, exist_ok=True)
 
     print("wheel speed from the encoders less the speed seen from outside [rad/s], mean / std:")
+    both = []
     for seed in SEEDS:
         wheels, seen = by_hand(seed)
         error = wheels - seen
-        cells = [f"{name} {error[:, side].mean():+.2f} / {error[:, side].std():.2f}" for side, name in SIDES]
+        both.append([f"{error[:, side].mean():+.2f} / {error[:, side].std():.2f}" for side, _ in SIDES])
+        cells = [f"{name} {cell}" for cell, (_, name) in zip(both[-1], SIDES, strict=True)]
         print(f"  robot {seed}: {', '.join(cells)}")
         if seed == SEEDS[0]:
             _plot_speeds(out / "sim_odometry.png", wheels, seen)
-    print(f"  {THESIS}")
-    figure = Figure(figsize=(8, 4), layout="constrained")
-    axes = figure.subplots()
+    what = "simulated robot 1 driven by hand, encoders less motion,"
+    for side, name in SIDES:
+        figure(f"{what} {name}, mean / std", both[0][side], "rad/s", peers=f"real {THESIS[name]}",
+               source="thesis, experiment 8.1")  # fmt: skip
+    picture = Figure(figsize=(8, 4), layout="constrained")
+    axes = picture.subplots()
     for seed in SEEDS:
         time_s, left, _ = step_response(seed).T
         axes.plot(time_s, left, lw=1, label=f"robot {seed}")
     axes.set(xlabel="time [s]", ylabel="left wheel [rad/s]", title="PWM 160 from rest, five robots")
     axes.legend(frameon=False)
-    figure.savefig(out / "sim_step.png", dpi=120)
+    picture.savefig(out / "sim_step.png", dpi=120)
     _show_stops(out / "sim_stop.png")
     print(f"sim_odometry.png, sim_step.png and sim_stop.png are in {out}/")
 

@@ -7,6 +7,7 @@ The folder holds the logs; by default THUMPER_DATA or ../shared/data, each with 
 import argparse
 import os
 import resource
+import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,10 @@ from thumper.mapping.logs.open_log import open_log
 from thumper.mapping.logs.record import RobotLog
 from thumper.mapping.method import MappingOptions, Method, make_mapper
 from thumper.mapping.quality import RelationErrors, load_relations, relation_errors, squareness
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.figure import figure, need
 
 # Others on the same log and relations, on a machine of the same kind: path error, CPU time a processed scan.
 # "Online" is the pose that was reported at the time; a path improved afterwards knows more than a robot does.
@@ -92,6 +97,29 @@ def intel_table(errors: RelationErrors, online: RelationErrors, result: Run, met
     return table
 
 
+def tell(
+    method: Method, mines: Run, intel: Run, errors: RelationErrors, online: RelationErrors, peak_MB: float
+) -> None:
+    """The rows of the table of all benchmarks."""
+    source, logs = "same log, a machine of the same kind", {"MINES": mines, "Intel": intel}
+    peers = {
+        "MINES": "; ".join(f"{name} {ms}" for name, ms in MINES_PEERS),
+        "Intel": "; ".join(f"{row[0]} {row[4]}" for row in INTEL_PEERS),
+    }
+    for name, run_ in logs.items():
+        cost = f"{run_.cpu_ms.mean():.2f} / {np.percentile(run_.cpu_ms, 99):.1f}"
+        figure(f"{method}, {name}: CPU a scan, mean / 99 %", cost, "ms", peers=peers[name], source=source)
+    rows = (
+        ("path error", f"{errors.translation_m.mean():.4f}", "m", "<= 0.022", 1),
+        ("path error", f"{np.degrees(errors.rotation_rad.mean()):.2f}", "deg", "<= 0.6", 2),
+        ("error at the time", f"{online.translation_m.mean():.3f}", "m", "<= 0.05", 3),
+    )
+    for what, ours, unit, aim, column in rows:
+        others = "; ".join(f"{row[0]} {row[column].split(' ')[0]}" for row in INTEL_PEERS)
+        figure(f"{method}, Intel: {what}", ours, unit, aim=aim, peers=others, source=source)
+    figure(f"{method}: peak memory, both logs loaded", f"{peak_MB:.0f}", "MB", aim="<= 250")
+
+
 def main() -> None:
     """Print both tables."""
     default = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2] / "shared" / "data"))
@@ -101,9 +129,10 @@ def main() -> None:
     arguments = parser.parse_args()
     folder, method = arguments.data / "slam", arguments.method
     console = Console()
+    need(folder / "intel-lab.clf.gz")
 
     mines = open_log(folder / "mines-exp1.dat.gz")
-    result = run(mines, method)
+    result = first = run(mines, method)
     console.print(timing("MINES", result))
     console.print(f"MINES: squareness {squareness(mines, result.poses):.3f}")
     table = Table(title="MINES, URG-04LX, 682 beams")
@@ -119,9 +148,11 @@ def main() -> None:
     console.print(timing("Intel", result))
     relations = load_relations(folder / "intel-lab.relations-by-scan.gz")
     errors = relation_errors(result.poses, relations)
-    console.print(intel_table(errors, relation_errors(result.online, relations), result, method))
+    online = relation_errors(result.online, relations)
+    console.print(intel_table(errors, online, result, method))
     peak_MB = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     console.print(f"Peak memory with both logs loaded: {peak_MB:.0f} MB")
+    tell(method, first, result, errors, online, peak_MB)
 
 
 if __name__ == "__main__":

@@ -22,6 +22,8 @@ from scipy.ndimage import distance_transform_edt
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from benchmarks.figure import figure  # noqa: E402
+
 from tests.host.mapping.corridors import corridor_loop, round_trip  # noqa: E402
 from thumper.geometry import FloatArray, Pose2, Twist2  # noqa: E402
 from thumper.lidar.scan import Scan  # noqa: E402
@@ -221,6 +223,8 @@ def run(name: str, method: Method, seed: int) -> tuple[str, ...]:
     final, now, raw_m = (f"{_rmse(error):.2f} / {error.max():.2f}" for error in errors)
     iou, offset_m = wall_figures(mapper.grid(), world)
     share = f"{100.0 * lost / len(truth):.0f} %"
+    wheels_m = raw_m.split(" ", maxsplit=1)[0]
+    figure(f"{method} in {name}: path error, rms / worst", final, "m", peers=f"wheels alone {wheels_m}")
     timing = f"{np.mean(cpu_ms):.2f} / {np.percentile(cpu_ms, 99):.1f} / {np.max(cpu_ms):.0f}"
     return name, lidar, method, str(seed), raw_m, final, now, f"{iou:.2f}", f"{offset_m:.3f}", share, timing
 

@@ -1,0 +1,99 @@
+"""Run every benchmark and gather their figures: `python benchmarks/table.py [NAME ...]` (`make bench`).
+
+Each is a program of its own and prints its own text; what it tells `figure()` becomes a row of
+docs/results/benchmarks.md. With names only these are run, and their rows alone are changed.
+"""
+
+import json
+import os
+import platform
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+PAGE = HERE.parent / "docs" / "results" / "benchmarks.md"
+MARK = "<!-- below: made by `make bench` -->\n"
+BENCHMARKS: dict[str, tuple[str, ...]] = {
+    "cli": ("",),
+    "firmware": ("",),
+    "link_noise": ("--frames 100000",),
+    "sim": ("",),
+    "sim_validation": ("",),
+    "raycast": ("",),
+    "lidar_noise": ("",),
+    "tuning": ("",),
+    "slam": ("--method scan_match", "--method graph", "--method rbpf"),
+    "slam_truth": ("",),
+    "slam_closed_loop": ("",),
+    "navigation": ("",),
+    "navigation_barn": ("--tracker cascade",),
+    "bus": ("",),
+    "recording": ("",),
+    "dashboard": ("",),
+}
+"""In the order of the table: the options of each run."""
+COLUMNS = ("what", "ours", "unit", "aim", "peers", "source")
+HEAD = "| benchmark | what | ours | unit | aim | others | source of the others |\n" + "|---" * 7 + "|\n"
+
+
+def run(name: str, options: str) -> tuple[list[dict[str, str]], bool]:
+    """Run one; returns its figures, and whether it ended well."""
+    command = [sys.executable, str(HERE / f"{name}.py"), *options.split()]
+    print(f"== {' '.join(Path(part).name for part in command)}", flush=True)
+    begun_s = time.monotonic()
+    with tempfile.TemporaryDirectory() as folder:
+        rows = Path(folder) / "rows"
+        rows.touch()
+        code = subprocess.run(
+            command, env=os.environ | {"THUMPER_FIGURES": str(rows)}, check=False
+        ).returncode
+        figures = [json.loads(line) for line in rows.read_text(encoding="utf-8").splitlines()]
+    print(f"== {name}: {time.monotonic() - begun_s:.0f} s", flush=True)
+    if code != 0:
+        figures.append({"what": name, "ours": f"failed with {code}"})
+    return figures, code == 0
+
+
+def line(name: str, figure: dict[str, str]) -> str:
+    """A row of the table, in Markdown."""
+    return f"| {name} | {' | '.join(figure.get(key, '') for key in COLUMNS)} |"
+
+
+def machine() -> str:
+    """Where it was measured."""
+    info = Path("/proc/cpuinfo")
+    found = re.search(r"model name\s*: (.*)", info.read_text(encoding="utf-8")) if info.exists() else None
+    load = os.getloadavg()[0]
+    return (
+        f"{found[1].strip() if found else platform.machine()}, {os.cpu_count()} cores, "
+        f"Python {platform.python_version()}, load average at the end {load:.1f}."
+    )
+
+
+def main(names: list[str]) -> int:
+    """Run, write the page, and return the exit code."""
+    unknown = sorted(set(names) - set(BENCHMARKS))
+    if unknown:
+        print(f"no benchmark {unknown[0]}; there are {', '.join(BENCHMARKS)}", file=sys.stderr)
+        return 2
+    text, _, made = PAGE.read_text(encoding="utf-8").partition(MARK)
+    rows = {name: re.findall(rf"(?m)^\| {name} \|.*$", made) for name in BENCHMARKS}
+    all_well = True
+    for name in names or BENCHMARKS:
+        rows[name] = []
+        for options in BENCHMARKS[name]:
+            figures, well = run(name, options)
+            all_well &= well
+            rows[name] += [line(name, figure) for figure in figures]
+    table = "\n".join(row for name in BENCHMARKS for row in rows[name])
+    PAGE.write_text(f"{text}{MARK}\n{machine()}\n\n{HEAD}{table}\n", encoding="utf-8")
+    print(f"written: {PAGE.relative_to(HERE.parent)}")
+    return 0 if all_well else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
