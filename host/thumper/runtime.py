@@ -169,6 +169,8 @@ class Runtime:
             if supervision.is_lost(experiments.source, time.monotonic()) and armed:
                 experiments.stop("the page that began it is gone")
             self.products.beat(self.senses, self.pilot, None, self._timing)
+            if samples:
+                self.desk.errands.go_on(self._now_s)
             self._pacer.wait()
 
         self.products.event(f"{experiments.wanted} begins")
@@ -187,7 +189,7 @@ class Runtime:
                 self._reconnect("the board has restarted; look at its supply and cable")
             elif self._silent_beats > MOST_SILENT_BEATS:
                 self._reconnect(SILENT)
-            elif self.desk.experiments.wanted:
+            elif self.desk.experiments.wanted and not self.desk.errands:
                 self._experiment()
             elif self.pilot.mode is Mode.IDLE and self.senses.reopen_lidar():
                 self.products.event("the lidar answers again", name="lidar")
@@ -269,6 +271,8 @@ class Runtime:
         if alive and situation is not None and self.senses.telemetry is not None:
             output = self.pilot.step(self.senses.telemetry, situation, self.mapper.grid)
         self.products.beat(self.senses, self.pilot, output, self._timing)
+        if alive:
+            self.desk.errands.go_on(self._now_s)
         self._timing = Timing(late_s=late_s, busy_s=time.perf_counter() - begun_s)
         return alive, output
 

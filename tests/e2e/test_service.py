@@ -14,6 +14,7 @@ import pytest
 from thumper.assembly import open_robot
 from thumper.config.robot import BoardConfig, LidarConfig, RobotConfig
 from thumper.geometry import Pose2, Twist2
+from thumper.kinematics import WheelSpeeds
 from thumper.link.messages import Fault, State, Telemetry
 from thumper.navigation.goal import Goal
 from thumper.ros.codec import Message
@@ -235,6 +236,31 @@ def test_parameters(service: Service) -> None:
     assert service.ask("parameters/revert")["values"]["kp"] == pytest.approx(kp)
     service.put(GoTo(goals=(FAR,)))
     assert "must stand" in service.ask("parameters/save")["error"]
+
+
+def test_the_wheels_do_not_wait_for_parameters(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Simulated time stands still but where the board is waited for."""
+    service.put(GoTo(goals=(FAR,)))
+    service.beats(10)
+    senses, board, heard_s, ordered_s = service.robot.senses, service.robot.senses.board, [0.0], [0.0]
+    hear, order = senses.beat, board.set_wheel_speeds
+
+    def beat(standing_order: Callable[[], None] | None = None) -> bool:
+        alive = hear(standing_order)
+        heard_s[0] = service.bench.time_s
+        return alive
+
+    def set_wheel_speeds(speeds: WheelSpeeds) -> None:
+        ordered_s[0] = service.bench.time_s
+        order(speeds)
+
+    monkeypatch.setattr(senses, "beat", beat)
+    monkeypatch.setattr(board, "set_wheel_speeds", set_wheel_speeds)
+    values = service.ask("parameters/get")["values"]
+    assert ordered_s == heard_s
+    assert service.ask("parameters/set", values)["ok"]
+    assert ordered_s == heard_s
+    assert service.bench.time_s > heard_s[0]
 
 
 @pytest.mark.parametrize(

@@ -1,13 +1,14 @@
 """The board's parameters for those who ask over the bus: names, ranges, values, and keeping them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from thumper.errors import ThumperError
 from thumper.link.board import Board
 from thumper.link.messages import PARAMETERS, Command
+from thumper.service.errands import Errand
 
-MOST_AT_ONCE = len(PARAMETERS)
+NAMES = tuple(spec.name for spec in PARAMETERS)
 
 
 def schema() -> dict[str, Any]:
@@ -27,12 +28,16 @@ def schema() -> dict[str, Any]:
     }
 
 
-def values(board: Board) -> dict[str, Any]:
+def values(board: Board, names: Iterable[str] = NAMES) -> Errand:
     """What the board uses now."""
-    return {"values": {spec.name: board.get_parameter(spec.name) for spec in PARAMETERS}}
+    known = {}
+    for name in names:
+        known[name] = board.get_parameter(name)
+        yield
+    return {"values": known}
 
 
-def change(board: Board, content: Mapping[str, Any]) -> dict[str, Any]:
+def change(board: Board, content: Mapping[str, Any]) -> Errand:
     """Set parameters by name; nothing is set unless every name and value is right.
 
     Raises
@@ -54,16 +59,18 @@ def change(board: Board, content: Mapping[str, Any]) -> dict[str, Any]:
             )
     for name, value in content.items():
         board.set_parameter(name, float(value))
-    return {"values": {name: board.get_parameter(name) for name in content}}
+        yield
+    return (yield from values(board, content))
+
+
+def revert(board: Board) -> Errand:
+    """Go back to what was saved."""
+    board.command(Command.LOAD)
+    yield
+    return (yield from values(board))
 
 
 def save(board: Board) -> dict[str, Any]:
     """Keep what is set across resets."""
     board.command(Command.SAVE)
     return {}
-
-
-def revert(board: Board) -> dict[str, Any]:
-    """Go back to what was saved."""
-    board.command(Command.LOAD)
-    return values(board)

@@ -1,15 +1,17 @@
 """Takes what others ask of the robot, has it done by those who can, and answers. Runs in the robot's loop."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from typing import Any, Protocol
 
 from thumper.errors import ThumperError
+from thumper.link.board import Board
 from thumper.navigation.goal import Goal
 from thumper.products import Products
 from thumper.ros.convert import ERROR, INFO, WARN
 from thumper.senses import Senses
 from thumper.service import board_parameters
+from thumper.service.errands import Errand, Errands
 from thumper.service.experiments import Experiments
 from thumper.service.goal_content import goal_of
 from thumper.service.inbox import Inbox
@@ -67,6 +69,7 @@ class Desk:
         self.takes_goals = True
         self.set_speed: Callable[[float], None] | None = None  # of the simulation's clock
         self.experiments = Experiments()
+        self.errands = Errands()
         self._inbox = inbox
         self._waking = Waking()
         self._pilot = pilot
@@ -96,6 +99,7 @@ class Desk:
         Returns whether an emergency stop was among it, which must not be lost.
         """
         self._waking.is_late(time.monotonic())  # it does not hang: it refuses
+        self.errands.refuse(why)
         requests = [request for _, request in self._inbox.take()]
         for request in requests:
             if isinstance(request, Ask):
@@ -150,14 +154,19 @@ class Desk:
 
     def _answer(self, ask: Ask) -> None:
         try:
-            answer = {"ok": True, **self._reply_to(ask)}
+            reply = self._reply_to(ask)
+            if isinstance(reply, Generator):
+                self.errands.add(ask, reply)
+                return
+            answer = {"ok": True, **reply}
         except ThumperError as error:
             answer = {"ok": False, "error": str(error)}
         except Exception as error:
             answer = {"ok": False, "error": f"internal error: {type(error).__name__}: {error}"}
         ask.reply(answer)
 
-    def _reply_to(self, ask: Ask) -> dict[str, Any]:
+    def _reply_to(self, ask: Ask) -> dict[str, Any] | Errand:
+        """The answer, or how to come by it."""
         board = self._pilot.board
         match ask.name:
             case "parameters/schema":
@@ -166,9 +175,7 @@ class Desk:
                 return board_parameters.values(board)
             case "parameters/set":
                 self._must_not_experiment()
-                answer = board_parameters.change(board, ask.content)
-                self._products.event(f"parameters set: {answer['values']}")
-                return answer
+                return self._change(board, ask.content)
             case "parameters/save":
                 self._must_not_experiment()
                 self._must_stand("save the parameters")
@@ -194,6 +201,11 @@ class Desk:
             case "experiment/report":
                 return self.experiments.report()
         raise ThumperError(f"no such question: {ask.name}")
+
+    def _change(self, board: Board, content: Mapping[str, Any]) -> Errand:
+        answer = yield from board_parameters.change(board, content)
+        self._products.event(f"parameters set: {answer['values']}")
+        return answer
 
     def _go(self, goals: tuple[Goal, ...], source: str) -> int:
         """Set out, or say why not; returns the mission's number."""

@@ -211,7 +211,7 @@ class Pilot:
     def _drive_by_hand(self, who: str, twist: Twist2, telemetry: Telemetry) -> None:
         reason = f"driven by {who}"
         self._end(f"overridden: {reason}", by_user=True)
-        if self._feel is None:
+        if self._feel is None or self.mode is not Mode.MANUAL:  # they may have been set since the last time
             self._feel = MotorFeel(
                 ks_pwm=self.board.get_parameter("ks"), kv_pwm_s=self.board.get_parameter("kv")
             )
