@@ -14,6 +14,7 @@ from thumper.navigation.arrival import Arrival
 from thumper.navigation.bearings import Bearings
 from thumper.navigation.controller import ControlRequest, ControlResult
 from thumper.navigation.costmap import Costmap, build_window
+from thumper.navigation.escape import Escape
 from thumper.navigation.follower import Follower
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
@@ -32,6 +33,7 @@ from thumper.navigation.registry import make_controller, make_planner
 from thumper.navigation.route import Route
 from thumper.navigation.smoother import smoothed
 from thumper.navigation.speed_rule import SpeedRule
+from thumper.navigation.surface import surface_points
 from thumper.navigation.traffic import Traffic
 from thumper.navigation.transitions import Transition, TransitionLog
 from thumper.navigation.wheel_ramp import WheelRamp
@@ -60,6 +62,7 @@ class Navigator:
         self._options = options
         ramp = WheelRamp.of(options.limits, drive)
         self._monitor = CollisionMonitor(options.monitor, options.limits, footprint, ramp)
+        self._escape = Escape(self._monitor, options.limits, footprint)
         footprint = footprint.grown(options.padding_m)
         self._footprint = footprint
         self._controller = make_controller(options, footprint)
@@ -78,9 +81,9 @@ class Navigator:
         self._layers = CostmapLayers(footprint, options.costmap, masks.keepout)
         self._speed_rule = SpeedRule(options.limits, approach_m_s=options.approach_m_s, mask=masks.speed)
         self._bearings = Bearings(options.progress)
-        view = view or LidarView()
-        self._memory = HitMemory(options.memory, view, footprint.circumscribed_radius_m)
-        self._traffic = Traffic(options.traffic, options.limits, footprint, view)
+        self._view = view or LidarView()
+        self._memory = HitMemory(options.memory, self._view, footprint.circumscribed_radius_m)
+        self._traffic = Traffic(options.traffic, options.limits, footprint, self._view)
         self._goal: Goal | None = None
         self._state, self._reason = NavigationState.IDLE, ""
         self._last_command = Twist2()
@@ -169,6 +172,7 @@ class Navigator:
             return self._fail(objection) if final else self._stand(objection)
 
         hits_in_map = hits_in_map[np.isfinite(hits_in_map).all(axis=1)]
+        hits_in_map = surface_points(map_from_base, hits_in_map, self._view)
         self._traffic.update(time_s, map_from_base, hits_in_map)
         remembered_m = self._memory.update(time_s, map_from_base, hits_in_map)
         hits_in_map = np.vstack((hits_in_map, remembered_m))
@@ -257,6 +261,9 @@ class Navigator:
             command = smoothed(command, self._last_command, self._options.limits, request.period_s)
             command = self._monitor.slowed(command, hits_in_base)
             reason = self._monitor.objection(command, request.twist, hits_in_base, request.period_s)
+        if (command is None or reason) and (freeing := self._freeing(request, hits_in_base)) is not None:
+            self._stuck_since_s, self._reason = None, f"freeing itself: {reason}"
+            return self._output(freeing, request)
         if command is None or reason:
             self._stuck_since_s = time_s if self._stuck_since_s is None else self._stuck_since_s
             if time_s - self._stuck_since_s > self._options.patience_s:
@@ -273,6 +280,16 @@ class Navigator:
             self._state = NavigationState.ROTATING if result.rotating else NavigationState.NAVIGATING
             self._reason = self._route.reason
         return self._output(command, request, result.trajectory)
+
+    def _freeing(self, request: ControlRequest, hits_in_base: FloatArray) -> Twist2 | None:
+        """The way out of a refusal, if there is one: only on the way, and not before somebody who moves."""
+        on_the_way = self._state in (NavigationState.NAVIGATING, NavigationState.ROTATING)
+        if not on_the_way or self._arrival.at_place or len(request.path_m) == 0:
+            return None
+        command = self._escape.command(request, hits_in_base)
+        if command is None or self._traffic.objection(command, request.twist, request.map_from_base):
+            return None
+        return command
 
     def _has_failed(self) -> bool:
         return self._state is NavigationState.FAILED
