@@ -26,7 +26,7 @@ def open_listener(address: str, token: str) -> zenoh.Session:
     ThumperError
         The address is taken, or is none of this machine's.
     """
-    _check_free(address)
+    check_free(address)
     settings: dict[str, Any] = {"mode": "router", "listen/endpoints": [f"tcp/{address}"]}
     with _dictionary(token) as path:
         if path:
@@ -95,8 +95,8 @@ def _dictionary(token: str) -> Iterator[str]:
             Path(path).unlink()
 
 
-def _check_free(address: str) -> None:
-    """Zenoh takes seconds to find out that an address is taken."""
+def check_free(address: str) -> None:
+    """Raise ThumperError when the address is taken or none of this machine's; Zenoh takes seconds to do so."""
     host, port = split_address(address)
     try:
         family = socket.AF_INET6 if ":" in host else socket.AF_INET

@@ -1,7 +1,6 @@
 """The server's process: bus on one side, browsers on the other."""
 
 import asyncio
-import errno
 import socket
 import time
 from contextlib import suppress
@@ -159,31 +158,6 @@ def serve(app: FastAPI, listening: Listening, listener: socket.socket) -> None:
         )
         with suppress(KeyboardInterrupt):
             uvicorn.Server(config).run(sockets=[listener])
-
-
-def bound(listening: Listening) -> socket.socket:
-    """Take the port, before anything is started that would have to be ended again.
-
-    Raises
-    ------
-    ThumperError
-        The port is taken.
-    """
-    family = socket.AF_INET6 if ":" in listening.host else socket.AF_INET
-    listener = socket.socket(family)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listener.bind((listening.host, listening.port))
-    except (OSError, socket.gaierror) as error:
-        listener.close()
-        taken = isinstance(error, OSError) and error.errno == errno.EADDRINUSE
-        why = (
-            "it is taken; choose another with `thumper dashboard --port` or [dashboard] port"
-            if taken
-            else str(error.strerror)
-        )
-        raise ThumperError(f"cannot listen on {listening.host}:{listening.port}: {why}") from error
-    return listener
 
 
 def _path(path: Path | None) -> str | None:

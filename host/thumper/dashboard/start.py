@@ -4,11 +4,12 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from thumper.dashboard.options import Listening
-from thumper.errors import ThumperError
+from thumper.dashboard.listener import bound
+from thumper.dashboard.options import Listening, checked
 
 if TYPE_CHECKING:
     from thumper.config.robot import RobotConfig
@@ -18,18 +19,13 @@ END_TIMEOUT_S = 3.0
 
 def run_dashboard(settings: "RobotConfig", listening: Listening, robot_address: str) -> None:
     """Serve until Ctrl-C."""
-    try:
-        from thumper.dashboard.server import bound, build_app, serve
-    except ModuleNotFoundError as error:
-        raise ThumperError(
-            f"the dashboard needs {error.name}: pip install 'thumper[ui]'", exit_code=2
-        ) from error
+    listener = bound(listening)  # before the slow imports: that it is taken is said at once
     from thumper.bus.client import BusClient
     from thumper.dashboard.helm import TeleopLimits
     from thumper.dashboard.page import PageOptions
     from thumper.dashboard.robot_link import RobotLink
+    from thumper.dashboard.server import build_app, serve
 
-    listener = bound(listening)
     service = settings.service
     app = build_app(
         RobotLink(lambda: BusClient(settings.name, robot_address, settings.bus.token)),
@@ -44,10 +40,25 @@ def run_dashboard(settings: "RobotConfig", listening: Listening, robot_address: 
 
 @contextmanager
 def beside(config: Path | None, robot_address: str, *, wanted: bool = True) -> Iterator[None]:
-    """Run the page in its own process, if it is wanted, while the robot's runs in this one."""
+    """Run the page in its own process, if it is wanted, while the robot's runs in this one.
+
+    Raises
+    ------
+    ThumperError
+        The page could not be served: its port or the bus's is taken, or it is not set up.
+    ModuleNotFoundError
+        It is not installed.
+    """
     if not wanted:
         yield
         return
+    from thumper.bus.session import check_free
+    from thumper.config.robot import load_config
+
+    if find_spec("nicegui") is None:
+        raise ModuleNotFoundError(name="nicegui")
+    bound(checked(load_config(config).dashboard)).close()
+    check_free(robot_address)  # the page would show another robot
     command = [sys.executable, "-m", "thumper", "dashboard", "--robot-address", robot_address]
     if config is not None:
         command += ["--config", str(config)]

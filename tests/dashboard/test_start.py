@@ -1,0 +1,33 @@
+"""`thumper run --ui` begins with a page or not at all."""
+
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.dashboard.conftest import free_port
+
+
+@pytest.mark.parametrize("taken", ["page", "bus"])
+def test_without_its_ports_the_robot_is_not_even_looked_for(taken: str, tmp_path: Path) -> None:
+    ports = {"page": free_port(), "bus": free_port()}
+    config = tmp_path / "robot.toml"
+    config.write_text(
+        f'[board]\nport = "/dev/ttyNONE9"\n[bus]\naddress = "127.0.0.1:{ports["bus"]}"\n'
+        f"[dashboard]\nport = {ports['page']}\n",
+        encoding="utf-8",
+    )
+    with socket.create_server(("127.0.0.1", ports[taken])):
+        done = subprocess.run(
+            [sys.executable, "-m", "thumper", "run", "--ui", "--config", config, "--out", tmp_path],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 1
+    assert done.stderr.startswith("thumper: ")
+    assert done.stderr.count("\n") == 1
+    assert f"127.0.0.1:{ports[taken]}" in done.stderr
+    assert "names another" in done.stderr
