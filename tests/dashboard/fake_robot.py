@@ -47,6 +47,7 @@ class FakeRobot:
     battery_V: float = 7.62
     asked: list[tuple[float, Request]] = field(default_factory=list)
     parameters: dict[str, float] = field(default_factory=dict)
+    simulated_faults: dict[str, Any] = field(default_factory=dict)
     period_s: float = PERIOD_S
     lidar_scans: int = 567
 
@@ -73,6 +74,7 @@ class FakeRobot:
         self.asked.clear()
         self.fault, self.fault_words, self.fault_cure = Fault.NONE, "", ""
         self.goal, self.recording, self.battery_V, self.lidar_scans = None, False, 7.62, 567
+        self.simulated_faults = {}
         self.parameters = {spec.name: spec.default for spec in PARAMETERS}
 
     def said(self, kind: type[Any]) -> list[Any]:
@@ -148,6 +150,12 @@ class FakeRobot:
             case "command":
                 self._order(content["command"])
                 return {"text": f"done: {content['command']}"}
+            case "simulator/world":
+                kinds = {"lidar": {"choices": ["ok", "unplugged"]}, "slip.left": {"most": 1.0, "unit": ""}}
+                return {"faults": kinds, "on": self.simulated_faults}
+            case "simulator/command":
+                self.simulated_faults[content["fault"]] = content["value"]
+                return {"text": f"{content['fault']} is {content['value']}"}
             case "mission/send":
                 self.goal = Pose2(x_m=content["x_m"], y_m=content["y_m"], theta_rad=content.get("yaw_rad", 0))
                 return {"mission": 1}

@@ -150,6 +150,20 @@ def test_gains_are_applied_and_refused(page: Page, robot: FakeRobot) -> None:
     until(lambda: asked(robot, "parameters/save"))
 
 
+def test_what_is_wrong_with_a_simulated_robot_is_shown_to_every_page(page: Page, robot: FakeRobot) -> None:
+    robot.simulated_faults["slip.left"] = 0.5  # by somebody else
+    page.click(".tp-tab-sim")
+    expect(page.locator(".tp-faults-on")).to_have_text("Wrong now: slip.left 0.5")
+    page.locator(".tp-faultrow .q-select", has_text="How").click()
+    page.locator(".q-menu >> text=unplugged").click()
+    page.click("text=Do it")
+    wrong = "Wrong now: slip.left 0.5, lidar unplugged"
+    expect(page.locator(".tp-faults-on")).to_have_text(wrong)
+    page.reload()
+    page.click(".tp-tab-sim")
+    expect(page.locator(".tp-faults-on")).to_have_text(wrong)
+
+
 def test_the_stick_drives_while_it_is_held(page: Page, robot: FakeRobot) -> None:
     box = page.locator(".tp-stick").bounding_box()
     assert box is not None

@@ -139,8 +139,9 @@ def test_without_eyes_it_goes_no_further_than_it_must() -> None:
 def test_an_emergency_stop_is_cleared_only_on_request() -> None:
     with robot_in_the_lab() as (robot, bench):
         drive(robot, bench, stop_by_another_hand)
-        with pytest.raises(ThumperError, match=r"emergency stop.*--clear-fault"):
+        with pytest.raises(ThumperError, match=r"emergency stop.*clear the fault") as refused:
             robot.drive_to(GOAL, lambda _: None)
+        assert refused.value.option == "--clear-fault"
         assert robot.drive_to(GOAL, lambda _: None, clear_fault=True).reached
     assert bench.contacts == 0
 

@@ -50,6 +50,26 @@ def test_a_fault_is_done_and_mended(bench: Bench) -> None:
     assert bench.is_plugged("lidar")
 
 
+def test_what_is_wrong_is_told_until_it_is_mended(bench: Bench) -> None:
+    controls = Controls(bench)
+    told: list[dict[str, Any]] = []
+    for name, value in (
+        ("slip.left", 0.5),
+        ("motor.left", "dead"),
+        ("battery.charge", 0.0),
+        ("robot.carried", [0.1, 0.0, 10.0]),  # once, and over
+        ("host.hang", 0.1),
+        ("firmware", "reset"),
+        ("motor.left", "ok"),
+        ("slip.left", 0.0),
+    ):
+        controls.apply({"fault": name, "value": value})
+        told.append(controls.describe()["on"])
+    assert told[1] == {"slip.left": 0.5, "motor.left": "dead"}
+    assert told[5] == told[2] == {**told[1], "battery.charge": 0.0}
+    assert told[-1] == {"battery.charge": 0.0}
+
+
 @pytest.mark.parametrize(
     "content",
     [

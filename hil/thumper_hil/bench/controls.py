@@ -7,7 +7,7 @@ from typing import Any
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
 from thumper_hil.bench.bench import Bench
-from thumper_hil.faults.catalogue import FAULTS, Amount, Choice
+from thumper_hil.faults.catalogue import FAULTS, Amount, Choice, FaultValue
 
 SMALLEST_PILLAR_M, LARGEST_PILLAR_M = 0.02, 2.0
 FARTHEST_PILLAR_M = 50.0
@@ -19,11 +19,13 @@ class Controls:
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
+        self._on: dict[str, FaultValue] = {}
 
     def describe(self) -> dict[str, Any]:
-        """Every fault with the values that it takes, and how many pillars were put up."""
+        """Every fault with the values that it takes, those ordered that last, and how many pillars stand."""
         return {
             "faults": {name: _values(kind) for name, kind in FAULTS.items()},
+            "on": dict(self._on),
             "pillars": self._bench.pillars,
         }
 
@@ -32,6 +34,9 @@ class Controls:
         match dict(content):
             case {"fault": str(name), "value": value, **rest} if not rest:
                 self._bench.fault(name, value)
+                self._on.pop(name, None)
+                if FAULTS[name].lasts(value):
+                    self._on[name] = value
                 return f"{name} is {value}"
             case {"pillar": dict(pillar), **rest} if not rest and set(pillar) == {"x_m", "y_m", "radius_m"}:
                 x_m, y_m, radius_m = (_number(pillar[name]) for name in ("x_m", "y_m", "radius_m"))

@@ -28,6 +28,10 @@ class Choice:
             raise FaultError(f"{value!r}: give {' or '.join(self.acts)}")
         return self.acts[value]
 
+    def lasts(self, value: object) -> bool:
+        """Whether something is wrong from now on, until the next value."""
+        return "ok" in self.acts and value != "ok"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Amount:
@@ -36,12 +40,18 @@ class Amount:
     act: Callable[[Switches, float], None]
     unit: str
     most: float
+    well: float | None = 0.0  # at which nothing is wrong; None: any amount is a change
+    passes: bool = False  # by itself
 
     def action(self, value: object) -> Callable[[Switches], None]:
         """Return what the number does."""
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= self.most:
             raise FaultError(f"{value!r}: give a number, 0...{self.most:g} {self.unit}".rstrip())
         return partial(self._apply, float(value))
+
+    def lasts(self, value: object) -> bool:
+        """Whether something is wrong from now on, until the next value."""
+        return not self.passes and value != self.well
 
     def _apply(self, amount: float, switches: Switches) -> None:
         self.act(switches, amount)
@@ -58,6 +68,10 @@ class Place:
         x_m, y_m, heading_deg = value
         pose = Pose2(x_m=float(x_m), y_m=float(y_m), theta_rad=math.radians(heading_deg))
         return lambda switches: switches.carry_to(pose)
+
+    def lasts(self, _value: object) -> bool:
+        """It was carried, and that is all."""
+        return False
 
 
 def action_of(name: str, value: object) -> Callable[[Switches], None]:
@@ -136,14 +150,17 @@ FAULTS: dict[str, Choice | Amount | Place] = {
     **{f"wheels.{side}": _wheels(SIDES[side]) for side in SIDES},
     **{f"slip.{side}": _slip(SIDES[side]) for side in SIDES},
     "battery.charge": Amount(
-        act=lambda switches, share: switches.chip.set_battery(charge=share), unit="", most=1.0
+        act=lambda switches, share: switches.chip.set_battery(charge=share), unit="", most=1.0, well=None
     ),
     "battery.resistance": Amount(
-        act=lambda switches, ohm: switches.chip.set_battery(resistance_Ohm=ohm), unit="Ohm", most=10.0
+        act=lambda switches, ohm: switches.chip.set_battery(resistance_Ohm=ohm),
+        unit="Ohm",
+        most=10.0,
+        well=None,
     ),
     "line.loss": Amount(act=lambda switches, share: switches.set_line(line_loss=share), unit="", most=1.0),
     "line.noise": Amount(act=lambda switches, share: switches.set_line(line_flip=share), unit="", most=1.0),
-    "host.hang": Amount(act=_hang_host, unit="s", most=60.0),
+    "host.hang": Amount(act=_hang_host, unit="s", most=60.0, passes=True),
     "firmware": Choice(
         acts={
             "loop": lambda switches: switches.chip.hang(interrupts_off=False),

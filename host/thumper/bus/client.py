@@ -96,10 +96,10 @@ class BusClient:
                 if not isinstance(answer, dict):
                     break
                 if not answer.get("ok"):
-                    raise ThumperError(str(answer.get("error")))
+                    raise ThumperError(str(answer.get("error")), option=str(answer.get("option", "")))
                 return answer
         name = self._prefix.split("/")[1]
-        raise ThumperError(f"no robot {name!r} answers on this bus; --robot or the configuration names it")
+        raise ThumperError(f"no robot {name!r} answers on this bus; is that its name?", option="--robot")
 
     def close(self) -> None:
         """Leave the bus."""

@@ -96,7 +96,7 @@ def _dictionary(token: str) -> Iterator[str]:
 
 
 def check_free(address: str) -> None:
-    """Raise ThumperError when the address is taken or none of this machine's; Zenoh takes seconds to do so."""
+    """Raise ThumperError when the address is taken, or none of this machine's: sooner than Zenoh would."""
     host, port = split_address(address)
     try:
         family = socket.AF_INET6 if ":" in host else socket.AF_INET

@@ -99,7 +99,8 @@ def main() -> None:
     try:
         build_app()()
     except ThumperError as error:
-        print(f"thumper: {error}", file=sys.stderr)
+        option = f" ({error.option})" if error.option else ""
+        print(f"thumper: {error}{option}", file=sys.stderr)
         sys.exit(error.exit_code)
     except ModuleNotFoundError as error:
         extra = EXTRA_OF.get((error.name or "").split(".")[0])

@@ -13,7 +13,7 @@ from thumper.dashboard.parameters import Asker
 from thumper.errors import ThumperError
 
 SPEEDS = (0.25, 0.5, 1.0, 2.0, 5.0)
-RETRY_S = 2.0  # the robot may come later than the page
+LOOK_PERIOD_S = 2.0  # the robot may come later than the page, and other pages order faults too
 CARRY_HINT = "x, y, heading°"
 
 
@@ -49,21 +49,24 @@ class SimulatorPanel:
             self._place = ui.input(label="Where", placeholder=CARRY_HINT).props("dense outlined")
             with button("tp-go").on("click", self._on_fault):
                 ui.html("Do it", tag="span", sanitize=False)
+        self._on = ui.html("", tag="p", sanitize=False).classes("tp-faults-on")
         self._message = ui.html("", tag="p", sanitize=False).classes("tp-message").props("role=status")
         inline(
             '<p class="tp-hint">Everything goes on until it is set to ok again. What each fault does is in '
             "the test bench's page of the manual.</p>"
         )
         self._on_name()
-        self._until_loaded = ui.timer(RETRY_S, self._load, immediate=True)
+        ui.timer(LOOK_PERIOD_S, self._look, immediate=True)
 
-    async def _load(self) -> None:
+    async def _look(self) -> None:
         try:
-            self._faults = (await asyncio.to_thread(self._robot.query, "simulator/world", {}))["faults"]
+            world = await asyncio.to_thread(self._robot.query, "simulator/world", {})
         except ThumperError:
             return  # no robot yet, or a real one: the tab is not shown
-        self._until_loaded.deactivate()
-        self._name.set_options(list(self._faults), value=next(iter(self._faults), None))
+        self._on.set_content(escape(_in_words(world["on"])))
+        if not self._faults:
+            self._faults = world["faults"]
+            self._name.set_options(list(self._faults), value=next(iter(self._faults), None))
 
     def _on_name(self) -> None:
         kind = self._faults.get(str(self._name.value), {})
@@ -94,7 +97,13 @@ class SimulatorPanel:
             self._say(str(error), good=False)
         else:
             self._say(str(answer.get("text", "")), good=True)
+        await self._look()
 
     def _say(self, text: str, *, good: bool) -> None:
         self._message.set_content(escape(text))
         self._message.classes(add="good" if good else "bad", remove="bad" if good else "good")
+
+
+def _in_words(faults: Mapping[str, Any]) -> str:
+    """What is wrong now, as it was ordered on any page or over the bus."""
+    return f"Wrong now: {', '.join(f'{name} {value}' for name, value in faults.items()) or 'nothing'}"

@@ -160,7 +160,7 @@ class Desk:
                 return
             answer = {"ok": True, **reply}
         except ThumperError as error:
-            answer = {"ok": False, "error": str(error)}
+            answer = {"ok": False, "error": str(error), "option": error.option}
         except Exception as error:
             answer = {"ok": False, "error": f"internal error: {type(error).__name__}: {error}"}
         ask.reply(answer)
@@ -270,7 +270,9 @@ class Desk:
         self._must_stand("be told where it is")
         set_pose = getattr(self._senses.perception.mapper, "set_pose", None)
         if set_pose is None:
-            raise ThumperError("this mapping method cannot be told where the robot is; start with --start")
+            raise ThumperError(
+                "this mapping method cannot be told where the robot is; start it there by `thumper run --start`"
+            )
         set_pose(request.map_from_base)
         self._products.event("the robot was told where it is")
 

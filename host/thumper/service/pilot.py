@@ -192,7 +192,8 @@ class Pilot:
             if telemetry.fault is not Fault.LINK_LOST and not clear_fault:
                 raise ThumperError(
                     f"the board has latched a fault: {FAULT_CURES[telemetry.fault]}; "
-                    "when it is safe, clear it (--clear-fault, or the page's button)"
+                    "clear the fault when it is safe",
+                    option="--clear-fault",
                 )
             self.board.command(Command.CLEAR_FAULT)
         self.board.command(Command.ARM)
