@@ -108,6 +108,7 @@ void Obey(const fw::HostInterface& host) {
 void Configure(const fw::HostInterface& host) {
   const uint8_t next = active_config ^ 1;
   host.parameters().Derive(host.battery_mV(), &configs[next]);
+  __asm__ volatile("" ::: "memory");  // whole before the tick may read it
   active_config = next;
 }
 
@@ -183,7 +184,7 @@ int main() {
       host.Wait(elapsed_ms);
       Obey(host);
       tick::Hold();
-      drive.Wait(elapsed_ms);
+      drive.Wait();
       tick::Release();
       beeper.Sound(beeps.Step(elapsed_ms, host.quiet()));
     }

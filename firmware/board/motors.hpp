@@ -49,26 +49,20 @@ class Drive {
     if ((PORTD & pins::kLeftForward) != 0 ? left < 0 : left > 0) {
       TCCR2A &= static_cast<uint8_t>(~(1 << COM2B1));
       PIND = kLeftWay;  // writing 1 toggles
-      rest_ms_ = kRest_ms;
+      rest_ = kRest;
     }
     if ((PORTB & pins::kRightForward) != 0 ? right < 0 : right > 0) {
       TCCR2A &= static_cast<uint8_t>(~(1 << COM2A1));
       PINB = kRightWay;
-      rest_ms_ = kRest_ms;
+      rest_ = kRest;
     }
     OCR2B = Duty(left);
     OCR2A = Duty(right);
   }
 
-  /// Let time pass; the timer takes its pins back. Not while the tick may come, nor a tone.
-  void Wait(uint8_t elapsed_ms) {
-    if (rest_ms_ == 0) return;
-    if (rest_ms_ > elapsed_ms) {
-      rest_ms_ = static_cast<uint8_t>(rest_ms_ - elapsed_ms);
-    } else {
-      rest_ms_ = 0;
-      TCCR2A = kPhaseCorrect | kOutputs;
-    }
+  /// Let a millisecond or more pass; the timer takes its pins back. Not while the tick may come, nor a tone.
+  void Wait() {
+    if (rest_ != 0 && --rest_ == 0) TCCR2A = kPhaseCorrect | kOutputs;
   }
 
  private:
@@ -79,10 +73,12 @@ class Drive {
     return duty;
   }
 
-  static constexpr uint8_t kRest_ms = 10;  // the first of them may be short
-  static_assert((kRest_ms - 1) * (F_CPU / 1000) >= 510 * 256UL, "a PWM period must pass");
+  // Calls of Wait(). Not milliseconds: a main loop that is late would count some of before the rest. All of
+  // the first one's may be of before, and most of the second one's.
+  static constexpr uint8_t kRest = 11;
+  static_assert((kRest - 2) * (F_CPU / 1000) >= 510 * 256UL, "a PWM period must pass");
 
-  uint8_t rest_ms_ = 0;
+  uint8_t rest_ = 0;
 };
 
 }  // namespace motors
