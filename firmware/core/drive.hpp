@@ -39,8 +39,9 @@ class Side {
       controller_.Step(config, value, counts, &sample->wheel);
       return;
     }
-    controller_.Reset();
-    sample->wheel = {SpeedFromCounts(counts), 0, mode == State::kManual ? value : int16_t(0), 0};
+    const int16_t speed = SpeedFromCounts(counts);
+    controller_.Follow(speed);
+    sample->wheel = {speed, 0, mode == State::kManual ? value : int16_t(0), 0};
   }
 
  private:

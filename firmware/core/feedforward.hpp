@@ -86,9 +86,10 @@ class FeedForward {
   /// The counted speed that the model expects for the tick just begun [mrad/s].
   int16_t predicted() const { return predicted_; }
 
-  void Reset() {
-    speed_ = 0;
-    predicted_ = 0;
+  /// Take this for the wheel's speed.
+  void Follow(int16_t speed_mrad_s) {
+    speed_ = speed_mrad_s;
+    predicted_ = speed_mrad_s;
   }
 
  private:

@@ -45,10 +45,11 @@ class WheelController {
     sample->integral_pwm_64 = IntegralInPwm64(pi_.integral());
   }
 
-  /// Forget everything: the next tick starts from standstill.
-  void Reset() {
+  /// The motors are not ours: forget all but the speed just counted. A wheel that still rolls when they are
+  /// ours again is expected to run down; taken for standing, it would be braked until it ran backwards.
+  void Follow(int16_t speed_mrad_s) {
     pi_.Reset();
-    feed_forward_.Reset();
+    feed_forward_.Follow(speed_mrad_s);
     setpoint_mrad_s_ = 0;
   }
 

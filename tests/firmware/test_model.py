@@ -105,7 +105,7 @@ def test_friction_is_overcome_from_the_smallest_set_point_on(
     assert out[2] == pwm
 
 
-def test_it_starts_from_rest_and_a_reset_forgets_all(core: ctypes.CDLL) -> None:
+def test_it_starts_from_rest_and_forgets_all_but_the_wheel_s_speed(core: ctypes.CDLL) -> None:
     wheel, state, out = core.wheel_new(), (ctypes.c_int32 * 4)(), (ctypes.c_int * 4)()
     core.wheel_state(wheel, state)
     assert list(state) == [0, 0, 0, 0]
@@ -113,9 +113,9 @@ def test_it_starts_from_rest_and_a_reset_forgets_all(core: ctypes.CDLL) -> None:
         core.wheel_step(wheel, wire(kp=5000, ki=5000, kv=2560, ka=300), 5000, 7, 7400, out)
     core.wheel_state(wheel, state)
     assert 0 not in list(state)
-    core.wheel_reset(wheel)
+    core.wheel_follow(wheel, -1234)
     core.wheel_state(wheel, state)
-    assert list(state) == [0, 0, 0, 0]
+    assert list(state) == [0, -1234, -1234, 0]
 
 
 def test_a_wheel_that_is_to_stand_and_does_keeps_no_integral(core: ctypes.CDLL) -> None:

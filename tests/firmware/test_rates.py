@@ -80,14 +80,15 @@ def test_it_is_within_budget_and_says_its_rate(build: Build) -> None:
 
 @pytest.mark.parametrize(("left_rad_s", "right_rad_s"), [(6.0, 4.0), (-3.0, 3.0)])
 def test_it_drives_the_motors_at_its_rate(build: Build, left_rad_s: float, right_rad_s: float) -> None:
-    """The mean of a second within 1.5 %, by the wheels' own counts; each tick as long as it should be."""
+    """The mean of a second within 3 %, by the wheels' own counts (gears and floor make 0.9 % of it, one
+    sigma); each tick as long as it should be."""
     drive = Drive(build.elf)
     drive.say(CommandRequest(command=Command.ARM))
     drive.go(left_rad_s, right_rad_s, 2.0)
     before = drive.chip.truth().encoder_count
     samples = drive.go(left_rad_s, right_rad_s, 1.0)
     turned = np.subtract(drive.chip.truth().encoder_count, before) * 2 * np.pi / 1200
-    assert turned == pytest.approx([left_rad_s, right_rad_s], rel=0.015)
+    assert turned == pytest.approx([left_rad_s, right_rad_s], rel=0.03)
     assert len(samples) == pytest.approx(build.rate_Hz, abs=1)
     assert set(np.diff([sample.time_us for sample in samples])) == {1_000_000 // build.rate_Hz}
     assert {sample.state for sample in samples} == {State.CLOSED_LOOP}

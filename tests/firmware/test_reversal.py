@@ -4,7 +4,8 @@ import pytest
 
 from tests.firmware.boot import ELF
 from tests.firmware.wire import run_for, send
-from thumper.link.messages import Command, CommandRequest, SetMotorPwm
+from thumper.link.framing import encode_frame
+from thumper.link.messages import Command, CommandRequest, Identify, SetMotorPwm, SetWheelSpeeds
 from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.lab import LabChip
 from thumper_hil.parts.params import RobotParams
@@ -52,6 +53,56 @@ def test_a_turning_motor_rests_first(side: str, before: int, after: int) -> None
     assert turned_s is not None
     assert on_s is not None
     assert PWM_PERIOD_S <= on_s - turned_s <= 0.012, "the old duty has gone when the timer drives again"
+
+
+def test_a_late_main_loop_shortens_no_rest() -> None:
+    """Answers to a busy host make it late: milliseconds of before the rest must not count for it."""
+    chip = LabChip(ELF, params=RobotParams.load())
+    run_for(chip, 0.5)
+    send(chip, CommandRequest(command=Command.ARM))
+    requests = 9 * encode_frame(Identify.ID, 7, Identify().pack())
+    rests_s, turned_s = [], None
+    forward = chip.data(PORTD) >> 2 & 1
+    for step in range(round(2.0 / STEP_S)):
+        if step % 5000 == 0:
+            pwm = 200 if step % 10_000 else -200
+            send(chip, SetMotorPwm(left=pwm, right=pwm))
+        elif step % 251 == 0:  # at any phase to the millisecond
+            chip.send(requests)
+        run_for(chip, STEP_S)
+        if chip.data(PORTD) >> 2 & 1 != forward:
+            forward, turned_s = 1 - forward, chip.time_s
+        if turned_s is not None and chip.data(TCCR2A) >> 5 & 1:
+            rests_s.append(chip.time_s - turned_s)
+            turned_s = None
+    assert len(rests_s) >= 15
+    assert min(rests_s) >= PWM_PERIOD_S
+
+
+@pytest.mark.parametrize("speed_rad_s", [-8.0, 4.0, 12.0])
+def test_a_rolling_wheel_that_is_taken_over_does_not_swing_back(speed_rad_s: float) -> None:
+    """As when a hand lets go of the stick. Taken for standing, the wheel would come back with 40 to 70 % of
+    its speed; up to 26 % are left when the first output is a 0 by chance: then the motors coast."""
+    chip = LabChip(ELF, params=RobotParams.load(), seed=1)
+    run_for(chip, 0.5)
+    speed, pwm = round(1000 * speed_rad_s), round(17.0 * speed_rad_s)
+    send(chip, CommandRequest(command=Command.ARM))
+    for _ in range(40):
+        send(chip, SetWheelSpeeds(left=speed, right=speed))
+        run_for(chip, 0.05)
+    send(chip, SetMotorPwm(left=pwm, right=pwm))
+    run_for(chip, 0.12)
+    begun = chip.truth()
+    send(chip, CommandRequest(command=Command.ARM))
+    shares = []
+    for _ in range(150):
+        send(chip, SetWheelSpeeds(left=0, right=0))
+        run_for(chip, 0.01)
+        shares.append(chip.truth().wheel_rad_s[0] / begun.wheel_rad_s[0])
+    assert min(shares) >= -0.3
+    assert shares[-1] == 0.0
+    way_rad = abs(chip.truth().wheel_rad[0] - begun.wheel_rad[0])
+    assert way_rad <= speed_rad_s**2 / (2 * 8.0), "no farther than down the ramp"
 
 
 def test_at_zero_a_motor_keeps_its_way() -> None:

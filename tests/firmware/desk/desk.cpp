@@ -115,7 +115,9 @@ int wheel_step(int wheel, const int32_t* values, int target, int counts, int bat
   out[3] = sample.integral_pwm_64;
   return 0;
 }
-void wheel_reset(int wheel) { At<fw::WheelController>(wheel).Reset(); }
+void wheel_follow(int wheel, int speed) {
+  At<fw::WheelController>(wheel).Follow(static_cast<int16_t>(speed));
+}
 /// out: all that the controller remembers: integral [Q19 PWM], model's speed and prediction, set-point
 /// [mrad/s].
 void wheel_state(int wheel, int32_t* out) {
