@@ -18,6 +18,8 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from benchmarks.figure import figure, there  # noqa: E402
+
 from tests.tuning.plant import COUNT_RAD, Wheel, counted, steps_and_prbs  # noqa: E402
 from thumper.geometry import FloatArray  # noqa: E402
 from thumper.link.board import Board  # noqa: E402
@@ -145,6 +147,7 @@ def simulated() -> None:
     for tau_s in (0.03, 0.075, 0.2, 0.3):
         wheel = Wheel(tau_s=tau_s)
         logs = [_log(wheel, seed) for seed in range(SEEDS)]
+        errors_of = {}
         for name, method in METHODS.items():
             found = np.array([method(log) for log in logs])
             errors = found - (wheel.gain, tau_s, wheel.friction)
@@ -152,8 +155,14 @@ def simulated() -> None:
             worst = errors[np.abs(errors).argmax(axis=0), range(3)]
             figures = f"{worst[0]:+7.1f} {worst[1]:+8.1f} {worst[2]:+7.1f}"
             figures = figures.replace("+nan", "   -")
+            errors_of[name] = " / ".join(figures.split())
             print(f"  tau {1e3 * tau_s:3.0f} ms  {name:40} {figures}", flush=True)
+        (_, found_by_us), *others = errors_of.items()
+        figure(f"wheel of {1e3 * tau_s:.0f} ms identified, worst of {SEEDS}: gain, time constant, friction",
+               found_by_us, "%, %, PWM", aim="2 / 5 / 2", peers="; ".join(map(" ".join, others)),
+               source="same logs, same run")  # fmt: skip
         percents = [identify([log]).validation.fit_percent for log in logs]
+        figure("its held-out speeds predicted, worst", f"{min(percents):.1f}", "%", aim=">= 93")
         print(f"  tau {1e3 * tau_s:3.0f} ms  held-out speeds predicted, worst seed: {min(percents):.1f} %")
 
 
@@ -171,8 +180,7 @@ def recorded() -> None:
     steps = [
         read_logs(path, counts_per_rev=1320.0)[0] for path in sorted(DATA.glob("geared-steps-odd/*.csv"))
     ]
-    if not steps:
-        print(f"recorded: none in {DATA}; set THUMPER_DATA")
+    if not there(DATA):
         return
     motor = identify(steps, one_direction=True)
     print(f"geared motor, five steps: held-out tenths {motor.validation.fit_percent:.1f} %")
@@ -184,6 +192,8 @@ def recorded() -> None:
             measured.append(s.speed_rad_s)
     percent = fit_percent(np.concatenate(measured), np.concatenate(held_out))
     print(f"geared motor, each whole step predicted from the four others: {percent:.1f} %")
+    figure("recorded geared motor: held-out tenths predicted", f"{motor.validation.fit_percent:.1f}", "%")
+    figure("each whole step predicted from the others", f"{percent:.1f}", "%")
     for side in read_logs(next(DATA.glob("drivetrain-sysid/*.json"))):
         motor = identify([side])
         stretches, first, parts = list(motor.stretches), 0, []
@@ -191,6 +201,8 @@ def recorded() -> None:
             last = first + len(s.speed_rad_s)
             parts.append(f"{fit_percent(s.speed_rad_s, motor.fit.residual_rad_s[first:last]):.1f}")
             first = last
+        figure(f"recorded drive train, {side.name}: held-out speeds predicted",
+               f"{motor.validation.fit_percent:.1f}", "%")  # fmt: skip
         print(f"drive train {side.name}: ramps and steps {' '.join(parts)} %, held out "
               f"{motor.validation.fit_percent:.1f} %")  # fmt: skip
         for richer in compare_variants(stretches, motor.fit):
@@ -249,6 +261,9 @@ def tracking() -> None:
                     worst[t.acceleration_rad_s2] = (max(std, t.std_rad_s), max(mean, abs(t.mean_rad_s)))
     for ramp, (std, mean) in worst.items():
         print(f"  worst of 27 at {ramp:g} rad/s^2: std {std:.3f}, |mean| {mean:.3f} rad/s")
+        figure(f"wheel speed error on 27 robots at {ramp:g} rad/s^2, worst: mean / std",
+               f"{mean:.3f} / {std:.3f}", "rad/s", aim="0.04 / 0.30",
+               peers="-0.04 / 0.31", source="thesis, experiment 8.2")  # fmt: skip
 
 
 def _open_circuit_V(whole: RobotParams, charge: float) -> float:
