@@ -17,7 +17,9 @@ from thumper.odometry.imu import ImuOptions, ImuSample
 from thumper.odometry.odometry import OdometryOptions, OdometrySample, advance, count_delta
 
 STANDING_STD_RAD = 1e-4  # of a step in which no wheel has counted
-SLIP_STEPS = 4  # in a row: one may be noise
+# Page's cumulative sum test ("Continuous inspection schemes", Biometrika 41, 1954) on the wheels' turns less
+# the gyroscope's: what a step is off beyond the allowance adds up, and a sum at the limit is a slip.
+SLIP_ALLOWANCE, SLIP_LIMIT = 0.75, 9.0  # standard deviations
 LARGEST_GAP_S = 0.1  # a gyroscope silent for longer says nothing about the step
 
 
@@ -37,7 +39,8 @@ class FusedOdometry:
         self._pose, self._time_s, self._twist = Pose2(), 0.0, Twist2()
         self.bias_rad_s = 0.0
         self.covariance: FloatArray = np.diag([0.0, 0.0, 0.0, self._imu.bias_rad_s**2])  # x, y, theta, bias
-        self._contradicted = 0  # steps in a row
+        self._disagreement = [0.0, 0.0]  # cumulative sums, counter-clockwise and clockwise
+        self._slipping = False
         self.slips = 0  # how often wheels and gyroscope contradicted each other for a while
 
     def add_imu(self, sample: ImuSample) -> None:
@@ -106,11 +109,10 @@ class FusedOdometry:
         largest_rad = max(abs(wheels_rad), abs(turn_rad))
         wheels_var = self._wheels_var(arc_m, largest_rad) if moves else STANDING_STD_RAD**2
         innovation, innovation_var = wheels_rad - turn_rad, turn_var + wheels_var
-        if innovation**2 > imu.slip_sigmas**2 * innovation_var:
-            self._contradicted += 1
-            self.slips += self._contradicted == SLIP_STEPS
+        sigmas = innovation / math.sqrt(innovation_var)
+        self._watch_slip(max(-imu.slip_sigmas, min(imu.slip_sigmas, sigmas)))
+        if self._slipping or abs(sigmas) > imu.slip_sigmas:
             return turn_rad
-        self._contradicted = 0
         gain = cross / innovation_var
         x_m, y_m, theta_rad, bias = gain * innovation
         self._pose = Pose2(
@@ -121,6 +123,19 @@ class FusedOdometry:
         self.bias_rad_s += float(bias)
         self.covariance -= np.outer(gain, cross)
         return float(turn_rad + turn_var / innovation_var * innovation)
+
+    def _watch_slip(self, sigmas: float) -> None:
+        """Add up what a step is off, in standard deviations; a slip lasts until both sums are used up."""
+        sums = [
+            min(SLIP_LIMIT, max(0.0, before + sign * sigmas - SLIP_ALLOWANCE))
+            for before, sign in zip(self._disagreement, (1.0, -1.0), strict=True)
+        ]
+        self._disagreement = sums
+        if max(sums) >= SLIP_LIMIT:
+            self.slips += not self._slipping
+            self._slipping = True
+        elif max(sums) == 0.0:
+            self._slipping = False
 
     def _wheels_var(self, arc_m: float, turn_rad: float) -> float:
         options = self._options

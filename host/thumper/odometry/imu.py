@@ -22,4 +22,4 @@ class ImuOptions:
     noise_rad_s: Annotated[float, Gt(0)] = 0.005  # std of the mean rate over 1 s
     bias_rad_s: Annotated[float, Gt(0)] = 0.05  # std of the bias when switched on
     bias_walk_rad_s: Annotated[float, Gt(0)] = 0.0005  # std of the bias's change in 1 s
-    slip_sigmas: Annotated[float, Gt(0)] = 3.0  # a turn of the wheels this far from the gyroscope's is a slip
+    slip_sigmas: Annotated[float, Gt(0.75)] = 3.0  # a step further off is not fused, and counts as this much
