@@ -72,7 +72,7 @@ def test_watch(thumper: Run, bus: str) -> None:
     lines = thumper("watch", "wheels", "--json", "--count", "3", "--bus", bus).stdout.splitlines()
     times = [json.loads(line)["time_us"] for line in lines]
     assert [after - before for before, after in pairwise(times)] == [100_000] * 2
-    assert "pose.pose.position.x" in thumper("watch", "pose", "--count", "1", "--bus", bus).stdout
+    assert " V, 0.00 A drawn" in thumper("watch", "battery", "--count", "1", "--bus", bus).stdout
 
 
 @pytest.mark.parametrize(

@@ -80,6 +80,7 @@ def watch(
     from thumper.errors import ThumperError
     from thumper.ros.json_form import to_json
     from thumper.ros.topics import TOPICS
+    from thumper.ros.words import in_words
 
     if topic not in TOPICS:
         raise ThumperError(f"no topic {topic!r}; there are {', '.join(TOPICS)}", exit_code=2)
@@ -89,8 +90,8 @@ def watch(
         shown = 0
         try:
             while not count or shown < count:
-                message = to_json(waiting.get())
-                print(json.dumps(message) if as_json else _in_lines(topic, message), flush=True)
+                message = waiting.get()
+                print(json.dumps(to_json(message)) if as_json else in_words(message), flush=True)
                 shown += 1
         except KeyboardInterrupt:
             pass
@@ -100,19 +101,3 @@ def _leave(waiting: "queue.Queue[Any]", message: Any) -> None:
     """A terminal that is too slow misses messages; it must not gather them."""
     if not waiting.full():
         waiting.put_nowait(message)
-
-
-def _in_lines(topic: str, message: Any) -> str:
-    """For people: a line a message; of `events` only what is said."""
-    if topic == "events":
-        return f"{message['name']}: {message['msg']}"
-    return ", ".join(_pairs("", message))
-
-
-def _pairs(prefix: str, value: Any) -> "list[str]":
-    if isinstance(value, dict):
-        inside = f"{prefix}." if prefix else ""
-        return [pair for name, part in value.items() for pair in _pairs(inside + name, part)]
-    if isinstance(value, list) and len(value) > 8:
-        return [f"{prefix}: {len(value)} values"]
-    return [f"{prefix}: {value}"]

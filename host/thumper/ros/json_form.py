@@ -16,8 +16,8 @@ INTEGERS = {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)
 def to_json(of: Any) -> Any:
     """A message as dictionaries, lists and numbers; what is no number becomes null."""
     if dataclasses.is_dataclass(of) and not isinstance(of, type):
-        names = [field.name for field in dataclasses.fields(of) if field.name != "__msgtype__"]
-        return {name: to_json(getattr(of, name)) for name in names}
+        fields = typestore().fielddefs[of.__msgtype__][1]  # without the type's constants
+        return {name: to_json(getattr(of, name)) for name, _ in fields}
     if isinstance(of, np.ndarray):
         return [to_json(value) for value in of.tolist()] if of.dtype.kind == "f" else of.tolist()
     if isinstance(of, list | tuple):

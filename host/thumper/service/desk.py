@@ -271,7 +271,7 @@ class Desk:
         set_pose = getattr(self._senses.perception.mapper, "set_pose", None)
         if set_pose is None:
             raise ThumperError(
-                "this mapping method cannot be told where the robot is; start it there by `thumper run --start`"
+                "this mapping method cannot be told where the robot is; give it to `thumper run --start`"
             )
         set_pose(request.map_from_base)
         self._products.event("the robot was told where it is")
