@@ -1,10 +1,15 @@
 """The commands as a user meets them: help without slow libraries, refusals in one line."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from tests.tuning.plant import Wheel, counted, steps_and_prbs
+from thumper_tuning.cli import report
 
 THUMPER = Path(sys.executable).with_name("thumper")
 
@@ -39,3 +44,16 @@ def test_a_log_that_says_nothing_is_one_line_on_stderr(tmp_path: Path) -> None:
     assert done.stdout == ""
     assert len(done.stderr.splitlines()) == 1
     assert "record" in done.stderr
+
+
+def test_a_report_is_for_the_rate_and_battery_that_are_given(tmp_path: Path) -> None:
+    time_s, pwm = 0.1 * np.arange(400), steps_and_prbs(400, seed=1)
+    counts = counted(Wheel().drive(time_s, pwm, seed=1))
+    log = tmp_path / "log.csv"
+    rows = (f"{t:.1f},{u:.0f},{n:.0f}" for t, u, n in zip(time_s, pwm, counts, strict=True))
+    log.write_text("time_s,pwm,counts\n" + "\n".join(rows) + "\n")
+    report([log], out=tmp_path, rate=50, battery=3.7)
+    gains = json.loads((tmp_path / "gains.json").read_text())
+    assert gains["period_s"] == 0.02
+    assert gains["gains"]["ks"] == pytest.approx(Wheel().friction * 3.7 / 7.4, rel=0.1), "ks holds at 7.4 V"
+    assert (tmp_path / "report.html").exists()

@@ -59,6 +59,11 @@ Sensitivity = Annotated[
 Manual = Annotated[
     tuple[float, float] | None, typer.Option(help="KP KI of your own instead of a rule: judged, not changed.")
 ]
+Rate = Annotated[int, typer.Option(help="The firmware's control rate in Hz.", min=1, max=255)]
+Battery = Annotated[
+    float | None,
+    typer.Option(help="Battery voltage during the log, in volts; else its battery_V column, else 7.4."),
+]
 
 
 @app.callback()
@@ -152,11 +157,8 @@ def design(
     rule: Rule = None,
     ms: Sensitivity = None,
     manual: Manual = None,
-    rate: Annotated[int, typer.Option(help="The firmware's control rate in Hz.", min=1, max=255)] = 10,
-    battery: Annotated[
-        float | None,
-        typer.Option(help="Battery voltage during the log, in volts; else its battery_V column, else 7.4."),
-    ] = None,
+    rate: Rate = 10,
+    battery: Battery = None,
     counts_per_rev: CountsPerRev = 1200.0,
     one_direction: OneDirection = False,
     settings: Settings = None,
@@ -216,12 +218,14 @@ def report(
     out: Out = Path("out/tune"),
     rule: Rule = None,
     ms: Sensitivity = None,
+    rate: Rate = 10,
+    battery: Battery = None,
     counts_per_rev: CountsPerRev = 1200.0,
     one_direction: OneDirection = False,
     settings: Settings = None,
 ) -> None:
     """Write report.html for logs: data, model, residuals, Bode, Nyquist, step, sensitivity, pole-zero map."""
     design(
-        files, out=out, rule=rule, ms=ms, manual=None, rate=10, battery=None, counts_per_rev=counts_per_rev,
-        one_direction=one_direction, settings=settings,
+        files, out=out, rule=rule, ms=ms, manual=None, rate=rate, battery=battery,
+        counts_per_rev=counts_per_rev, one_direction=one_direction, settings=settings,
     )  # fmt: skip
