@@ -6,17 +6,9 @@ from cobs import cobs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.firmware.speaker import crc
+
 payloads = st.one_of(st.binary(max_size=60), st.lists(st.sampled_from([0, 1, 255]), max_size=60).map(bytes))
-
-
-def crc(data: bytes) -> int:
-    """CRC-16/X-25, bit by bit."""
-    value = 0xFFFF
-    for byte in data:
-        value ^= byte
-        for _ in range(8):
-            value = (value >> 1) ^ 0x8408 if value & 1 else value >> 1
-    return value ^ 0xFFFF
 
 
 def frame(body: bytes) -> bytes:

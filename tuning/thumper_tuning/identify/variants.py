@@ -14,8 +14,6 @@ from thumper_tuning.identify.stretch import Stretch
 from thumper_tuning.identify.validate import blocks_of, fit_percent
 from thumper_tuning.log.motor_log import BoolArray
 
-SMALLEST_GAIN_PERCENT = 0.5  # a richer model must predict this much better to be named
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RicherModel:
