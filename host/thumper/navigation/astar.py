@@ -66,7 +66,7 @@ class AStarPlanner:
             cost, parent = search(prices, ends.start, NO_GOAL)
             found = substitute(costmap, prices, cost, ends, goal)
             if isinstance(found, str):
-                return PlanResult(reason=found)
+                return PlanResult(reason=found, closed=True)
             target, point, told = found
         cells = trace(parent, target)
         points = np.column_stack((cells % cols, cells // cols)) + 0.5

@@ -79,7 +79,7 @@ def substitute(
     nearest = nearest_open(field, row, col, goal.tolerance_m / costmap.resolution_m)
     if nearest is None:
         blocked = not np.isfinite(prices[row, col])
-        where = "lies inside or too near an obstacle" if blocked else "is walled in by obstacles"
+        where = "lies inside or too near an obstacle" if blocked else "is shut off by obstacles"
         return f"no way to the goal {goal}: it {where}"
     centre = np.array((nearest[1] + 0.5, nearest[0] + 0.5))
     x_m, y_m = costmap.origin_m + centre * costmap.resolution_m

@@ -1,5 +1,6 @@
 """The lattice planner: a way that the whole robot can drive, turns included, with clearance."""
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -75,7 +76,7 @@ class LatticePlanner:
         if len(poses) == 0:
             fallback = self._circle.plan(costmap, map_from_base, goal)
             told = f"no drivable way to the goal {goal} is known yet: following the shortest one"
-            return PlanResult(path_m=fallback.path_m, reason=fallback.reason or told)
+            return dataclasses.replace(fallback, reason=fallback.reason or told)
         poses[:, :2] = (poses[:, :2] - costmap.origin_m) / costmap.resolution_m
         points = np.vstack((poses[:, :2], ends.goal_cells))
         moved = np.append(True, np.hypot(*np.diff(points, axis=0).T) > 1e-6)

@@ -27,6 +27,8 @@ class MemoryOptions:
 
     # Points within this distance of the robot are remembered [m]; 0 remembers nothing.
     radius_m: Annotated[float, Ge(0)] = 0.8
+    # The same for the global planner alone: it does not take up again a way that it has just seen shut [m].
+    planning_radius_m: Annotated[float, Ge(0)] = 3.0
     # A point that no ray has confirmed or cleared is forgotten after this time, unless it is beside the robot
     # [s].
     keep_s: Annotated[float, Gt(0)] = 20.0
@@ -35,12 +37,13 @@ class MemoryOptions:
 class HitMemory:
     """Adds to each scan the points near the robot that it could not see again.
 
-    `hull_m` is the radius of the robot's own circle: what lies in it or right beside it is kept until a ray
+    They are kept within `radius_m`. `hull_m` is the radius of the robot's own circle: what lies in it or right beside it is kept until a ray
     clears it.
     """
 
-    def __init__(self, options: MemoryOptions, view: LidarView, hull_m: float) -> None:
-        self._options = options
+    def __init__(self, options: MemoryOptions, radius_m: float, view: LidarView, hull_m: float) -> None:
+        self._keep_s = options.keep_s
+        self._radius_m = radius_m
         self._beside_m = hull_m + BESIDE_M
         self._view = view
         self.clear()
@@ -58,14 +61,13 @@ class HitMemory:
 
     def update(self, time_s: float, map_from_base: Pose2, hits_in_map_m: FloatArray) -> FloatArray:
         """Take a scan's hits, shape (n, 2) [m]; return the remembered points in `map`, shape (m, 2) [m]."""
-        options = self._options
-        fresh = self._times_s > time_s - options.keep_s
+        fresh = self._times_s > time_s - self._keep_s
         fresh |= _within(self._points_m, map_from_base, self._beside_m)
         points_m, times_s = self._points_m[fresh], self._times_s[fresh]
         hidden = self._is_hidden(points_m, map_from_base, hits_in_map_m)
-        near = _within(hits_in_map_m, map_from_base, options.radius_m)
+        near = _within(hits_in_map_m, map_from_base, self._radius_m)
         kept_m, kept_s = points_m[hidden], times_s[hidden]
-        around = _within(kept_m, map_from_base, options.radius_m)
+        around = _within(kept_m, map_from_base, self._radius_m)
         remembered_m = kept_m[around]
         all_m = np.vstack((hits_in_map_m[near], remembered_m))
         all_s = np.concatenate((np.full(int(near.sum()), time_s), kept_s[around]))

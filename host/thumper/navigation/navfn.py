@@ -65,7 +65,7 @@ class NavfnPlanner:
         if not np.isfinite(potential[ends.goal]):
             found = substitute(costmap, prices, potential, ends, goal)
             if isinstance(found, str):
-                return PlanResult(reason=found)
+                return PlanResult(reason=found, closed=True)
             _, point, told = found
         down = descend(potential, cols, float(point[0]), float(point[1]), STEP_CELLS)
         if len(down) == 0:

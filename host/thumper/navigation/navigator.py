@@ -13,7 +13,7 @@ from thumper.mapping.grid import OccupancyGrid
 from thumper.navigation.arrival import Arrival
 from thumper.navigation.bearings import Bearings
 from thumper.navigation.controller import ControlRequest, ControlResult
-from thumper.navigation.costmap import Costmap, build_window
+from thumper.navigation.costmap import Costmap, build_costmap, build_window
 from thumper.navigation.escape import Escape
 from thumper.navigation.follower import Follower
 from thumper.navigation.footprint import Footprint
@@ -28,6 +28,7 @@ from thumper.navigation.monitor import CollisionMonitor
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.output import NavigationOutput, NavigationState
 from thumper.navigation.progress import ProgressChecker
+from thumper.navigation.prospects import Prospects
 from thumper.navigation.recovery import Recovery, is_still
 from thumper.navigation.registry import make_controller, make_planner
 from thumper.navigation.route import Route
@@ -66,7 +67,8 @@ class Navigator:
         footprint = footprint.grown(options.padding_m)
         self._footprint = footprint
         self._controller = make_controller(options, footprint)
-        self._route = Route(make_planner(options, footprint), options.route)
+        planner = make_planner(options, footprint)
+        self._route, self._prospects = Route(planner, options.route), Prospects(planner)
         self._progress = ProgressChecker(options.progress)
         self._recovery = Recovery(options.recovery, options.limits, footprint, self._controller)
         lattice = LatticePlanner(options.lattice, footprint)
@@ -82,7 +84,9 @@ class Navigator:
         self._speed_rule = SpeedRule(options.limits, approach_m_s=options.approach_m_s, mask=masks.speed)
         self._bearings = Bearings(options.progress)
         self._view = view or LidarView()
-        self._memory = HitMemory(options.memory, self._view, footprint.circumscribed_radius_m)
+        hull_m = footprint.circumscribed_radius_m
+        self._memory = HitMemory(options.memory, options.memory.radius_m, self._view, hull_m)
+        self._plan_memory = HitMemory(options.memory, options.memory.planning_radius_m, self._view, hull_m)
         self._traffic = Traffic(options.traffic, options.limits, footprint, self._view)
         self._goal: Goal | None = None
         self._state, self._reason = NavigationState.IDLE, ""
@@ -102,6 +106,7 @@ class Navigator:
         self._arrival = Arrival(goal)
         self._state, self._reason = NavigationState.NAVIGATING, ""
         self._route.clear()
+        self._prospects.reset()
         self._follower.reset()
         self._progress.reset()
         self._recovery.reset()
@@ -174,9 +179,13 @@ class Navigator:
         hits_in_map = hits_in_map[np.isfinite(hits_in_map).all(axis=1)]
         hits_in_map = surface_points(map_from_base, hits_in_map, self._view)
         self._traffic.update(time_s, map_from_base, hits_in_map)
-        remembered_m = self._memory.update(time_s, map_from_base, hits_in_map)
-        hits_in_map = np.vstack((hits_in_map, remembered_m))
-        self.costmap = self._layers.update(grid, hits_in_map)
+        near_m = self._memory.update(time_s, map_from_base, hits_in_map)
+        far_m = self._plan_memory.update(time_s, map_from_base, hits_in_map)
+        self.costmap = self._layers.update(grid, np.vstack((hits_in_map, far_m)))
+        hits_in_map = np.vstack((hits_in_map, near_m))
+        if self._prospects.are_unasked:
+            self._prospects.note(-np.inf, self._map_alone(grid))
+        self._prospects.note(time_s, self.costmap)
         self._route.update(time_s, self.costmap, map_from_base, goal)
         self._arrival.update(map_from_base)
         remaining_m = self._route.remaining_m(map_from_base)
@@ -229,15 +238,27 @@ class Navigator:
     def _begin_recovery(self, time_s: float, request: ControlRequest, why: str) -> ControlResult:
         self._stuck_since_s = None
         self._follower.reset()
-        if not self._recovery.start(time_s, request):
-            tried = f" after {self._recovery.attempts} recoveries" if self._recovery.attempts else ""
+        if not self._recovery.start(time_s, request, only_look=self._is_closed(request)):
+            count = self._recovery.attempts
+            tried = f" after {count} {'recovery' if count == 1 else 'recoveries'}" if count else ""
             self._state, self._reason = NavigationState.FAILED, f"gave up{tried}: {why}"
             return ControlResult(command=None)
         if (radius_m := self._recovery.forget_radius_m) is not None:
             self._memory.forget_beyond(request.map_from_base, radius_m)
+            self._plan_memory.forget_beyond(request.map_from_base, radius_m)
         self._recovery.why = f"{self._recovery.name}, because {why}"
         self._state, self._reason = NavigationState.RECOVERING, self._recovery.why
         return self._recover(time_s, request)
+
+    def _map_alone(self, grid: OccupancyGrid) -> Costmap:
+        """The costmap without what is seen just now and remembered: it may have moved since."""
+        return build_costmap(grid, np.empty((0, 2)), self._footprint, self._options.costmap, self._keepout)
+
+    def _is_closed(self, request: ControlRequest) -> bool:
+        """Whether there is no way and none was ever seen open: then nothing but a look round can help."""
+        if self._goal is None or self.costmap is None or len(request.path_m):
+            return False
+        return self._prospects.are_none(self.costmap, request.map_from_base, self._goal)
 
     def _recover(self, time_s: float, request: ControlRequest) -> ControlResult:
         command = self._recovery.step(time_s, request)

@@ -14,6 +14,7 @@ class PlanResult:
 
     path_m: FloatArray | None = None  # shape (n, 2), in map, from the robot to the goal
     reason: str = ""
+    closed: bool = False  # the search saw all that can be reached, and the goal is not of it
 
 
 class Planner(Protocol):

@@ -77,11 +77,17 @@ class Recovery:
         self.name, self.why = "", ""  # what is done, and that with its cause
         self.forget_radius_m: float | None = None  # what this recovery forgets of the remembered points
 
-    def start(self, time_s: float, request: ControlRequest) -> bool:
-        """Take the next step of the ladder; False when there is none left."""
-        if self._hopeless or self.attempts >= len(self._options.behaviours):
+    def start(self, time_s: float, request: ControlRequest, *, only_look: bool = False) -> bool:
+        """Take the next step of the ladder; False when there is none left.
+
+        With `only_look` that is a turn to look round, unless there was one already: nothing else helps.
+        """
+        left = self._options.behaviours[self.attempts :]
+        if self._hopeless or not left or (only_look and (self._has_looked or "rotate" not in left)):
             return False
-        self._behaviour = self._possible(self._options.behaviours[self.attempts], request)
+        wanted = "rotate" if only_look else left[0]
+        self._has_looked |= wanted == "rotate"
+        self._behaviour = self._possible(wanted, request)
         self.name = NAMES[self._behaviour]
         self.attempts += 1
         circle_m = self._footprint.circumscribed_radius_m
@@ -123,6 +129,7 @@ class Recovery:
     def reset(self) -> None:
         """Begin the ladder afresh: a new goal, or new ground won."""
         self.attempts, self._hopeless, self._backed_up = 0, False, 0
+        self._has_looked = False
 
     def step(self, time_s: float, request: ControlRequest) -> Twist2 | None:
         """Return the next twist, or None when the recovery is over."""

@@ -135,7 +135,7 @@ def test_walled_in_goal_is_told_apart_from_a_goal_in_an_obstacle() -> None:
     planner = AStarPlanner(AStarOptions())
     result = planner.plan(costmap_of(cells), START, Goal(x_m=4.0, y_m=1.0))
     assert result.path_m is None
-    assert "walled in" in result.reason
+    assert "shut off by obstacles" in result.reason
     result = planner.plan(costmap_of(cells), START, Goal(x_m=2.52, y_m=1.0))
     assert result.path_m is None
     assert "obstacle" in result.reason

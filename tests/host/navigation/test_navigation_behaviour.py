@@ -48,7 +48,7 @@ def ring(radius_m: float) -> FloatArray:
 
 
 def test_memory_keeps_what_is_hidden_and_clears_what_a_ray_passes() -> None:
-    memory = HitMemory(MemoryOptions(), LidarView(base_from_laser=Pose2()), HULL_M)
+    memory = HitMemory(MemoryOptions(), 0.8, LidarView(base_from_laser=Pose2()), HULL_M)
     post = np.array(((0.5, 0.0),))
     assert len(memory.update(0.0, Pose2(), post)) == 0  # seen now: nothing to add
     assert memory.update(0.1, Pose2(theta_rad=math.pi), np.empty((0, 2))) == pytest.approx(post)  # behind
@@ -65,7 +65,7 @@ def test_memory_keeps_what_is_hidden_and_clears_what_a_ray_passes() -> None:
 def test_what_is_beside_the_hull_is_kept_however_long_the_robot_stands() -> None:
     """A robot that stood for half a minute beside a post behind it once forgot it, and swung into it."""
     memory, turned = (
-        HitMemory(MemoryOptions(), LidarView(base_from_laser=Pose2()), HULL_M),
+        HitMemory(MemoryOptions(), 0.8, LidarView(base_from_laser=Pose2()), HULL_M),
         Pose2(theta_rad=3.0),
     )
     post, further = np.array(((HULL_M + 0.05, 0.0),)), np.array(((HULL_M + 0.15, 0.1),))

@@ -120,7 +120,7 @@ def test_refusals_in_words(name: str) -> None:
     cells[72:88, 50] = 100
     closed = planner.plan(costmap_of(cells), START, Goal(x_m=4.0, y_m=1.0))
     assert closed.path_m is None
-    assert "walled in" in closed.reason
+    assert "shut off by obstacles" in closed.reason
     beside = planner.plan(costmap_of(cells), Pose2(x_m=2.45, y_m=1.0), Goal(x_m=1.0, y_m=1.0))
     assert beside.path_m is not None
     assert beside.path_m[0] == pytest.approx((2.45, 1.0))
