@@ -37,8 +37,8 @@ class MemoryOptions:
 class HitMemory:
     """Adds to each scan the points near the robot that it could not see again.
 
-    They are kept within `radius_m`. `hull_m` is the radius of the robot's own circle: what lies in it or right beside it is kept until a ray
-    clears it.
+    They are kept within `radius_m`. `hull_m` is the radius of the robot's own circle: what lies in it or
+    right beside it is kept until a ray clears it.
     """
 
     def __init__(self, options: MemoryOptions, radius_m: float, view: LidarView, hull_m: float) -> None:
