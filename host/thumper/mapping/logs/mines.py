@@ -14,7 +14,7 @@ from thumper.geometry import Pose2
 from thumper.kinematics import DriveGeometry
 from thumper.lidar.scan import Scan
 from thumper.mapping.logs.record import MOST_BROKEN, LogRecord, RobotLog, broken_note
-from thumper.odometry.odometry import Odometry
+from thumper.odometry.odometry import Odometry, advance
 
 GEOMETRY = DriveGeometry(wheel_radius_m=0.077, track_m=0.33, counts_per_rev=2000)
 BASE_FROM_LASER = Pose2(x_m=0.145)
@@ -75,4 +75,7 @@ def _record(fields: list[str], odometry: Odometry) -> LogRecord:
         time_increment_s=TURN_S / 1024,
         range_max_m=5.6,
     )
-    return LogRecord(time_s=time_s, odom_from_base=sample.odom_from_base, twist=sample.twist, scan=scan)
+    # A line is written when the mirror has come round: the first beam left one turn earlier.
+    twist = sample.twist
+    odom_from_base = advance(sample.odom_from_base, -TURN_S * twist.v_m_s, -TURN_S * twist.w_rad_s)
+    return LogRecord(time_s=time_s, odom_from_base=odom_from_base, twist=twist, scan=scan)
