@@ -165,9 +165,9 @@ def grouped(poses: FloatArray, length: float) -> tuple[IndexArray, FloatArray]:
     `APART` cells from the pose at most along x and y, and across at the end of the longest beam.
     """
     steps = 2.0 * APART * np.array([1.0, 1.0, 1.0 / length])
-    centre = poses.mean(axis=0)
-    groups = np.rint((poses - centre) / steps)
-    return np.lexsort(groups.T).astype(np.int32), centre + groups * steps
+    groups = np.rint((poses - poses[0]) / steps)
+    key = groups @ np.array([1.0, 2.0**17, 2.0**34])  # exact: no group is 2^16 steps away
+    return np.argsort(key, kind="stable").astype(np.int32), poses[0] + groups * steps
 
 
 def pose_row(pose: Pose2) -> FloatArray:

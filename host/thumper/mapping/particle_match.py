@@ -136,7 +136,7 @@ def _descend(
         shrink = min(1.0, 6.0 / max(TINY, math.hypot(step[0], step[1])), 0.15 / max(TINY, abs(step[2])))
         for axis in range(3):
             pose[axis] -= shrink * step[axis]
-        if abs(step[0]) + abs(step[1]) < 0.01 and abs(step[2]) < 2e-4:
+        if abs(step[0]) + abs(step[1]) < 0.02 and abs(step[2]) < 4e-4:
             break
     return cost
 
@@ -166,10 +166,18 @@ def match_all(
     samples of the proposal in `draws`, the beams' costs, the scores, and the information of the modes, shape
     (particles, 3, 3). Where Gauss-Newton explains less than `climb_below`, it starts again from the top of a
     hill climb, and the better of the two stays.
+
+    Odometry's error is nearly the same for all particles, so each match starts with the correction that the
+    one before has found. The prior stays at the particle's own prediction.
     """
     hessian, other = np.zeros((3, 3)), np.zeros((3, 3))
+    found = np.zeros(3)  # the correction, in the robot's frame
     for k in range(predicted.shape[0]):
         pose = predicted[k].copy()
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+        pose[0] += cos * found[0] - sin * found[1]
+        pose[1] += sin * found[0] + cos * found[1]
+        pose[2] += found[2]
         costs[k] = _descend(
             points, pose, predicted[k], information, tables[k], near, beam_std, outlier, iterations, hessian
         )
@@ -195,4 +203,6 @@ def match_all(
                 pose[:] = again
                 hessian[:] = other
         matched[k], informations[k] = pose, hessian
+        dx, dy = pose[0] - predicted[k, 0], pose[1] - predicted[k, 1]
+        found[0], found[1], found[2] = cos * dx + sin * dy, cos * dy - sin * dx, pose[2] - predicted[k, 2]
         draws[k] = pose + spread3(hessian, draws[k])

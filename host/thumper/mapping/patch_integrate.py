@@ -6,10 +6,12 @@ import numpy as np
 
 from thumper.geometry import FloatArray
 from thumper.kernel import kernel
+from thumper.mapping.distance_field import FieldArray
 from thumper.mapping.patches import FAR, MASK, SIDE, SIDE_BITS, ByteArray, IndexArray, Pool, writable
 from thumper.mapping.scan_points import HIT, KindArray
 from thumper.mapping.trace import StampArray, trace
 
+RELEASE = 0.7  # a wall turns free below this part of `occupied_fraction`: at one limit its edge would flicker
 COUNT_MAX = 250  # both counts are halved beyond this: the fraction stays, and old evidence fades
 
 
@@ -47,6 +49,22 @@ def _mark(row: int, col: int, table: IndexArray, pool: Pool, stencil: ByteArray,
 
 
 @kernel
+def _has_zero_byte(word: np.uint64) -> bool:
+    """Whether one of the eight bytes is 0 (Mycroft's test)."""
+    return bool((word - np.uint64(0x0101010101010101)) & ~word & np.uint64(0x8080808080808080))
+
+
+@kernel
+def _nearer(row: int, col: int, rows: FieldArray, cols: FieldArray, squared: FieldArray) -> None:
+    """Lower the squared distances of cells to that of a wall."""
+    wall_row, wall_col = np.float32(row), np.float32(col)
+    for i in range(rows.size):
+        dr, dc = rows[i] - wall_row, cols[i] - wall_col
+        found, old = dr * dr + dc * dc, squared[i]
+        squared[i] = found if found < old else old
+
+
+@kernel
 def _unmark(
     row: int,
     col: int,
@@ -60,8 +78,9 @@ def _unmark(
 
     A cell is occupied exactly where the level is 0, so the neighbourhood is read from the levels alone.
     """
-    side, n_lost, n_walls = 2 * reach + 1, 0, 0
-    lost = np.empty((side * side, 2), dtype=np.int32)
+    side, n_lost = 2 * reach + 1, 0
+    lost_rows = np.empty(side * side, dtype=np.float32)  # float32, of which the compiler makes vectors
+    lost_cols, best = np.empty_like(lost_rows), np.empty_like(lost_rows)
     top, bottom, left, right = row, row, col, col
     for pr in range((row - reach) >> SIDE_BITS, ((row + reach) >> SIDE_BITS) + 1):
         for pc in range((col - reach) >> SIDE_BITS, ((col + reach) >> SIDE_BITS) + 1):
@@ -73,26 +92,25 @@ def _unmark(
                         if not own:
                             patch, own = writable(table, pr, pc, pool), True
                         pool.near[patch, r & MASK, c & MASK] = FAR
-                        lost[n_lost, 0], lost[n_lost, 1] = r, c
+                        lost_rows[n_lost], lost_cols[n_lost], best[n_lost] = r, c, reach * reach
                         n_lost += 1
                         top, bottom = min(top, r), max(bottom, r)
                         left, right = min(left, c), max(right, c)
     top, bottom, left, right = top - reach, bottom + reach, left - reach, right + reach
-    wall_rows = np.empty((4 * reach + 1) * (4 * reach + 1), dtype=np.int32)
-    wall_cols = np.empty_like(wall_rows)
     for pr in range(top >> SIDE_BITS, (bottom >> SIDE_BITS) + 1):
         for pc in range(left >> SIDE_BITS, (right >> SIDE_BITS) + 1):
-            near = pool.near[table[pr, pc]]
+            near, first, last = pool.near[table[pr, pc]], pc * SIDE, (pc + 1) * SIDE - 1
+            words = near.view(np.uint64)  # eight cells at a time: few hold a wall
             for r in range(max(top, pr * SIDE), min(bottom + 1, (pr + 1) * SIDE)):
-                for c in range(max(left, pc * SIDE), min(right + 1, (pc + 1) * SIDE)):
-                    if near[r & MASK, c & MASK] == 0:
-                        wall_rows[n_walls], wall_cols[n_walls] = r, c
-                        n_walls += 1
+                for w in range((max(left, first) & MASK) >> 3, ((min(right, last) & MASK) >> 3) + 1):
+                    if not _has_zero_byte(words[r & MASK, w]):
+                        continue
+                    for c in range(8 * w, 8 * w + 8):
+                        if near[r & MASK, c] == 0:
+                            _nearer(r, first + c, lost_rows[:n_lost], lost_cols, best)
     for i in range(n_lost):
-        r, c, best = lost[i, 0], lost[i, 1], reach * reach
-        for j in range(n_walls):
-            best = min(best, (wall_rows[j] - r) ** 2 + (wall_cols[j] - c) ** 2)
-        pool.near[table[r >> SIDE_BITS, c >> SIDE_BITS], r & MASK, c & MASK] = levels[best]
+        r, c = int(lost_rows[i]), int(lost_cols[i])
+        pool.near[table[r >> SIDE_BITS, c >> SIDE_BITS], r & MASK, c & MASK] = levels[int(best[i])]
 
 
 @kernel
@@ -110,7 +128,7 @@ def _count(
     patch = writable(table, row >> SIDE_BITS, col >> SIDE_BITS, pool)
     r, c = row & MASK, col & MASK
     hits, misses = int(pool.hits[patch, r, c]), int(pool.misses[patch, r, c])
-    before = _is_wall(hits, misses, occupied_fraction)
+    before = pool.near[patch, r, c] == 0
     if hits >= COUNT_MAX or misses >= COUNT_MAX:
         hits, misses = hits // 2, misses // 2
     if hit:
@@ -118,7 +136,7 @@ def _count(
     else:
         misses += 1
     pool.hits[patch, r, c], pool.misses[patch, r, c] = hits, misses
-    after = _is_wall(hits, misses, occupied_fraction)
+    after = _is_wall(hits, misses, (RELEASE if before else 1.0) * occupied_fraction)
     if after and not before:
         _mark(row, col, table, pool, stencil, reach)
     elif before and not after:
@@ -169,7 +187,8 @@ def integrate_all(
     """
     fold = stamps.shape[0] - 1
     hits, misses, near, references = pool.hits, pool.misses, pool.near, pool.references
-    placed_origins, placed = np.empty_like(origins), np.empty_like(ends)
+    seen = ends[kinds == HIT]
+    placed_origins, placed_ends, placed = np.empty_like(origins), np.empty_like(ends), np.empty_like(seen)
     crossed, traced = np.empty((0, 2), dtype=np.int32), -1
     for done in range(first, order.size):
         if pool.size[0] < need:
@@ -177,31 +196,29 @@ def integrate_all(
         k = order[done]
         if traced < 0 or not np.array_equal(middles[k], middles[traced]):
             _place(origins, middles[k], placed_origins)
-            _place(ends, middles[k], placed)
+            _place(ends, middles[k], placed_ends)
             stamp[0] += 1
-            crossed = trace(placed_origins, placed, kinds, clear_from, clear_every, stamp[0], stamps, fold)
+            crossed = trace(
+                placed_origins, placed_ends, kinds, clear_from, clear_every, stamp[0], stamps, fold
+            )
             traced = k
         stamp[0] += 1
         table, mine = tables[k], stamp[0]
-        _place(ends, poses[k], placed)
-        for i in range(kinds.size):
-            if kinds[i] == HIT:
-                row, col = math.floor(placed[i, 1]), math.floor(placed[i, 0])
-                if stamps[row & fold, col & fold] == mine:
-                    continue
-                stamps[row & fold, col & fold] = mine
-                patch, r, c = table[row >> SIDE_BITS, col >> SIDE_BITS], row & MASK, col & MASK
-                if near[patch, r, c] == 0 and references[patch] == 1 and hits[patch, r, c] < COUNT_MAX:
-                    hits[patch, r, c] += 1  # a wall stays a wall: no call, which costs more than the count
-                else:
-                    _count(row, col, True, table, pool, stencil, levels, reach, occupied_fraction)
+        _place(seen, poses[k], placed)
+        for i in range(placed.shape[0]):
+            row, col = math.floor(placed[i, 1]), math.floor(placed[i, 0])
+            if stamps[row & fold, col & fold] == mine:
+                continue
+            stamps[row & fold, col & fold] = mine
+            patch, r, c = table[row >> SIDE_BITS, col >> SIDE_BITS], row & MASK, col & MASK
+            if near[patch, r, c] == 0 and references[patch] == 1 and hits[patch, r, c] < COUNT_MAX:
+                hits[patch, r, c] += 1  # a wall stays a wall: no call, which costs more than the count
+            else:
+                _count(row, col, True, table, pool, stencil, levels, reach, occupied_fraction)
         patch_row = patch_col = -1
         patch = 0
         for i in range(crossed.shape[0]):
             row, col = crossed[i, 0], crossed[i, 1]
-            if stamps[row & fold, col & fold] == mine:
-                continue
-            # Count here what changes no cell's state: a call costs more, for its reference counting.
             if row >> SIDE_BITS != patch_row or col >> SIDE_BITS != patch_col:
                 patch_row, patch_col = row >> SIDE_BITS, col >> SIDE_BITS
                 patch = table[patch_row, patch_col]
@@ -209,10 +226,14 @@ def integrate_all(
                     patch = writable(table, patch_row, patch_col, pool)
             r, c = row & MASK, col & MASK
             missed = int(misses[patch, r, c]) + 1
+            # Count here what changes no cell's state: a call costs more, for its reference counting.
             if hits[patch, r, c] == 0:
                 misses[patch, r, c] = min(missed, COUNT_MAX)
+            elif stamps[row & fold, col & fold] == mine:
+                continue
             elif missed < COUNT_MAX and (
-                near[patch, r, c] != 0 or _is_wall(int(hits[patch, r, c]), missed, occupied_fraction)
+                near[patch, r, c] != 0
+                or _is_wall(int(hits[patch, r, c]), missed, RELEASE * occupied_fraction)
             ):
                 misses[patch, r, c] = missed
             else:

@@ -55,7 +55,9 @@ class RbpfMapper:
         self._options = options or GridMapperOptions()
         self._filtering = filtering or RbpfOptions()
         self._base_from_laser = base_from_laser or Pose2()
-        n, mount = self._filtering.particles, self._base_from_laser
+        n, mount, cell_m = self._filtering.particles, self._base_from_laser, self._options.resolution_m
+        metres = np.array([cell_m, cell_m, 1.0])  # a cell, a cell and a radian
+        self._square_metres: FloatArray = np.outer(metres, metres)
         self._poses = np.tile(pose_row(map_from_base or Pose2()), (n, 1))
         self._log_weights = np.zeros(n)
         self._rng = np.random.default_rng(self._filtering.seed)
@@ -204,7 +206,8 @@ class RbpfMapper:
         self._best = int(np.argmax(self._log_weights))
         self._confidence.moved(before, before @ moved)
         along = open_along(self._options.matching, before.theta_rad + moved.theta_rad, hits_m)
-        self._confidence.matched(informations[self._best], along, float(scores[self._best]))
+        information = informations[self._best] / self._square_metres
+        self._confidence.matched(information, along, float(scores[self._best]))
         self._lineage.step(self._poses, self._parents)
         self._parents = np.arange(self._log_weights.size, dtype=np.int32)
         return _pose(matched[self._best]), float(scores[self._best])
@@ -212,12 +215,15 @@ class RbpfMapper:
     def _matched(
         self, hits_m: FloatArray, predicted: FloatArray, moved: Pose2, which: slice, draws: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Modes and samples, shape (n, 3) [m, m, rad]; costs and scores, (n,); informations, (n, 3, 3)."""
+        """Modes and samples, shape (n, 3) [m, m, rad]; costs and scores, (n,); informations, (n, 3, 3).
+
+        The last are in cells and radians.
+        """
         options, matching = self._options, self._options.matching
         resolution_m, level = options.resolution_m, self.maps.levels_per_cell / options.resolution_m
-        # A direction that is open for one particle is so for all: their headings differ by little.
-        trust = odometry_information(matching, moved, open_along(matching, float(predicted[0, 2]), hits_m))
-        metres = np.array([resolution_m, resolution_m, 1.0])  # a cell, a cell and a radian
+        # What is open or unsure for one particle is so for all: they differ by little.
+        along = open_along(matching, float(predicted[0, 2]), hits_m)
+        trust = odometry_information(matching, moved, along, self._confidence.covariance)
         thin = max(1, round(hits_m.shape[0] / self._filtering.matched_beams))
         n = predicted.shape[0]
         matched, drawn = np.empty((n, 3)), draws.copy()
@@ -225,7 +231,7 @@ class RbpfMapper:
         match_all(
             hits_m[::thin] / resolution_m,
             self.maps.in_cells(predicted),
-            trust * np.outer(metres, metres),
+            trust * self._square_metres,
             self.maps.tables[which],
             self.maps.pool.near,
             matching.beam_std_m * level,
@@ -239,7 +245,6 @@ class RbpfMapper:
             scores,
             informations,
         )
-        informations /= np.outer(metres, metres)
         return self.maps.in_metres(matched), self.maps.in_metres(drawn), costs, scores, informations
 
     def _search(self, hits_m: FloatArray, predicted: FloatArray) -> FloatArray:

@@ -16,8 +16,9 @@ from thumper.geometry import FloatArray, Pose2
 from thumper.kernel import kernel
 from thumper.mapping.distance_field import FieldArray
 from thumper.mapping.open_direction import open_direction
-from thumper.mapping.small_linalg import solve3
+from thumper.mapping.small_linalg import inverse3, solve3
 
+SURE: FloatArray = np.zeros((3, 3))  # the covariance of a pose that is known
 OPEN_STD_M = 0.001  # of odometry, between two scans, along a direction that the walls leave open
 
 
@@ -48,13 +49,30 @@ def open_along(options: MatchOptions, heading_rad: float, hits_m: FloatArray) ->
     return np.array([cos * x - sin * y, sin * x + cos * y])
 
 
-def odometry_information(options: MatchOptions, moved: Pose2, along: FloatArray) -> FloatArray:
-    """Trust in odometry after it `moved`, shape (3, 3); `along`, shape (2,), it alone decides."""
+def odometry_information(
+    options: MatchOptions, moved: Pose2, along: FloatArray, covariance: FloatArray = SURE
+) -> FloatArray:
+    """Trust in odometry after it `moved`, shape (3, 3); `along`, shape (2,), it alone decides.
+
+    `covariance`, shape (3, 3), is that of the pose that it moved from: what a corridor has left open on the
+    way, the first walls across it may set right.
+    """
     way_m, turn_rad = math.hypot(moved.x_m, moved.y_m), abs(moved.theta_rad)
     std_m = options.odometry_std_m + options.slip_per_m * way_m
     std_rad = options.odometry_std_rad + options.slip_per_m * way_m + options.slip_per_rad * turn_rad
-    information = np.diag([std_m**-2, std_m**-2, std_rad**-2])
-    information[:2, :2] += np.outer(along, along) / OPEN_STD_M**2
+    return _prediction(covariance, std_m, std_rad, along)
+
+
+@kernel
+def _prediction(covariance: FloatArray, std_m: float, std_rad: float, along: FloatArray) -> FloatArray:
+    predicted = covariance.copy()
+    predicted[0, 0] += std_m * std_m
+    predicted[1, 1] += std_m * std_m
+    predicted[2, 2] += std_rad * std_rad
+    information = inverse3(predicted)
+    for i in range(2):
+        for j in range(2):
+            information[i, j] += along[i] * along[j] / (OPEN_STD_M * OPEN_STD_M)
     return information
 
 

@@ -12,6 +12,7 @@ from thumper.mapping.grid_mapper import GridMapper, GridMapperOptions
 from thumper.mapping.mapper import Mapper
 from thumper.mapping.open_direction import open_direction
 from thumper.mapping.rbpf_mapper import RbpfMapper
+from thumper.mapping.scan_match import OPEN_STD_M, MatchOptions, odometry_information
 from thumper_hil.parts.world import World
 
 WALLS = np.array([[-60.0, -1.2, 60.0, -1.2], [-60.0, 1.2, 60.0, 1.2]])
@@ -102,3 +103,15 @@ def test_a_corner_leaves_nothing_open() -> None:
     )
     assert open_direction(points_m)[2] > 0.4
     assert open_direction(np.zeros((0, 2)))[2] == 0.0
+
+
+def test_an_unsure_pose_loosens_the_prediction() -> None:
+    """What a corridor left open on the way, the first walls across it may set right; nothing else slackens."""
+    options, moved = MatchOptions(), Pose2(x_m=0.1)
+    sure = odometry_information(options, moved, np.zeros(2))
+    unsure = odometry_information(options, moved, np.zeros(2), np.diag([0.3**2, 0.0, 0.0]))
+    assert sure[0, 0] == pytest.approx(0.03**-2)
+    assert unsure[0, 0] == pytest.approx(1.0 / (0.03**2 + 0.3**2))
+    np.testing.assert_allclose(np.diag(unsure)[1:], np.diag(sure)[1:])
+    still_open = odometry_information(options, moved, np.array([1.0, 0.0]), np.diag([0.3**2, 0.0, 0.0]))
+    assert still_open[0, 0] > 0.9 * OPEN_STD_M**-2
