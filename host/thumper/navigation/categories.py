@@ -3,7 +3,6 @@
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thumper.navigation.costmap import Costmap
 from thumper.navigation.footprint import Footprint
@@ -12,7 +11,7 @@ from thumper.navigation.inflation import INSCRIBED, LETHAL, UNKNOWN
 
 
 class Category(Enum):
-    """What a cell means for a robot whose centre is in it."""
+    """What a place means for a robot whose centre is in it."""
 
     FREE = "free"  # the outline touches nothing, whichever way the robot looks
     POSSIBLY_CIRCUMSCRIBED = "possibly circumscribed"  # whether it does depends on the heading
@@ -21,33 +20,19 @@ class Category(Enum):
     UNKNOWN = "unknown"  # never seen
 
 
-ORDER = tuple(Category)
-
-
-def categories(costmap: Costmap, footprint: Footprint) -> NDArray[np.uint8]:
-    """Index into `ORDER` of each cell, shape (rows, cols).
-
-    The border of "possibly circumscribed" is the distance from which `lethal_count` walks the outline.
-    """
-    safe = safe_squared_cells(footprint.circumscribed_radius_m, costmap.resolution_m)
-    found = np.where(costmap.squared_cells <= safe, _index(Category.POSSIBLY_CIRCUMSCRIBED), 0)
-    for cost, category in (
-        (UNKNOWN, Category.UNKNOWN),
-        (INSCRIBED, Category.INSCRIBED),
-        (LETHAL, Category.LETHAL),
-    ):
-        found[costmap.costs == cost] = _index(category)
-    return found.astype(np.uint8)
+OF_COST = {UNKNOWN: Category.UNKNOWN, INSCRIBED: Category.INSCRIBED, LETHAL: Category.LETHAL}
 
 
 def category_at(costmap: Costmap, footprint: Footprint, x_m: float, y_m: float) -> Category | None:
-    """The category of a place; None off the map."""
-    rows, cols = costmap.cells_of(np.array(((x_m, y_m),)))
-    row, col = int(rows[0]), int(cols[0])
+    """The category of a place; None off the map.
+
+    The border of "possibly circumscribed" is the distance from which `lethal_count` walks the outline.
+    """
+    (row,), (col,) = costmap.cells_of(np.array(((x_m, y_m),)))
     if not (0 <= row < costmap.costs.shape[0] and 0 <= col < costmap.costs.shape[1]):
         return None
-    return ORDER[int(categories(costmap, footprint)[row, col])]
-
-
-def _index(category: Category) -> int:
-    return ORDER.index(category)
+    cost, squared = int(costmap.costs[row, col]), costmap.squared_cells[row, col]
+    if cost in OF_COST:
+        return OF_COST[cost]
+    safe = safe_squared_cells(footprint.circumscribed_radius_m, costmap.resolution_m)
+    return Category.POSSIBLY_CIRCUMSCRIBED if squared <= safe else Category.FREE

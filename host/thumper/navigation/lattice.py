@@ -35,7 +35,7 @@ class LatticeOptions:
     unknown_weight: Annotated[float, Ge(0)] = 1.0
     # How far the search may begin from a robot that stands too near an obstacle [m].
     escape_radius_m: Annotated[float, Gt(0)] = 0.30
-    # Price of a turn [m of free way for each rad]; more prefers wide bends and straight ways.
+    # Price of a turn [m/rad]: free way for each radian; more prefers wide bends and straight ways.
     turn_m_per_rad: Annotated[float, Ge(0)] = 0.10
     # How many times dearer backward is than forward; the robot is blind there.
     back_weight: Annotated[float, Ge(1)] = 5.0

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from thumper.mapping.grid import OccupancyGrid
-from thumper.navigation.categories import ORDER, Category, categories, category_at
+from thumper.navigation.categories import Category, category_at
 from thumper.navigation.costmap import CostmapOptions, build_costmap
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.footprint_check import Ground, lethal_count, safe_squared_cells
@@ -19,13 +19,12 @@ def test_each_category_by_its_distance() -> None:
     cells[20, 20], cells[:, 34:] = 100, -1
     grid = OccupancyGrid(cells=cells, resolution_m=CELL_M, origin_x_m=0.0, origin_y_m=0.0)
     costmap, footprint = build_costmap(grid, np.empty((0, 2)), Footprint(), CostmapOptions()), Footprint()
-    along = [ORDER[index] for index in categories(costmap, footprint)[20, 20:]]
+    along = [category_at(costmap, footprint, 1.025 + CELL_M * cell, 1.025) for cell in range(21)]
     # Inscribed up to 0.1225 m, 2 cells; circumscribed 0.243 m and the cells' diagonals, 6 cells.
     assert along[:3] == [Category.LETHAL, Category.INSCRIBED, Category.INSCRIBED]
     assert along[3:7] == [Category.POSSIBLY_CIRCUMSCRIBED] * 4
     assert along[7:14] == [Category.FREE] * 7
     assert along[14:] == [Category.UNKNOWN] * 7
-    assert category_at(costmap, footprint, 1.025, 1.025) is Category.LETHAL
     assert category_at(costmap, footprint, -0.1, 1.0) is None
 
 
@@ -37,12 +36,11 @@ def test_free_means_that_no_heading_touches() -> None:
         cells = np.where(rng.random((40, 40)) < 0.02, 100, 0).astype(np.int8)
         grid = OccupancyGrid(cells=cells, resolution_m=CELL_M, origin_x_m=0.0, origin_y_m=0.0)
         costmap = build_costmap(grid, np.empty((0, 2)), footprint, CostmapOptions())
-        found = categories(costmap, footprint)
         safe = safe_squared_cells(footprint.circumscribed_radius_m, CELL_M)
         everywhere = Ground.of(costmap, footprint)._replace(outline=outline_m, safe_squared=math.inf)
         for row, col in rng.integers(6, 34, (20, 2)):
             x_m, y_m = grid.centre_of(int(row), int(col))
             touching = [lethal_count(everywhere, False, x_m, y_m, turn * math.tau / 24) for turn in range(24)]
-            if ORDER[int(found[row, col])] is Category.FREE:
+            if category_at(costmap, footprint, x_m, y_m) is Category.FREE:
                 assert max(touching) == 0
                 assert costmap.squared_cells[row, col] > safe
