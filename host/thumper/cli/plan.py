@@ -144,8 +144,8 @@ def _answer(
     took_ms = 1e3 * (time.perf_counter() - begun)
     length_m = None if result.path_m is None else round(float(arc_lengths(result.path_m)[-1]), DECIMALS)
     answer: Answer = {
-        "start": list(query.start_m),
-        "goal": list(query.goal_m),
+        "start": [round(number, DECIMALS) for number in query.start_m],
+        "goal": [round(number, DECIMALS) for number in query.goal_m],
         "found": result.path_m is not None,
         "length_m": length_m,
         "time_ms": round(took_ms, 3),
