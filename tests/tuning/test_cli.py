@@ -47,7 +47,7 @@ def test_a_log_that_says_nothing_is_one_line_on_stderr(tmp_path: Path) -> None:
 
 
 def test_a_report_is_for_the_rate_and_battery_that_are_given(tmp_path: Path) -> None:
-    time_s, pwm = 0.1 * np.arange(400), steps_and_prbs(400, seed=1)
+    time_s, pwm = 0.1 * np.arange(400.0), steps_and_prbs(400, seed=1)
     counts = counted(Wheel().drive(time_s, pwm, seed=1))
     log = tmp_path / "log.csv"
     rows = (f"{t:.1f},{u:.0f},{n:.0f}" for t, u, n in zip(time_s, pwm, counts, strict=True))

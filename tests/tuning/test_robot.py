@@ -5,17 +5,20 @@ import csv
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
+import serial
 from rich.console import Console
 
 from thumper.errors import ThumperError
 from thumper.link.board import Board
-from thumper.link.messages import State
+from thumper.link.messages import PARAMETERS, State
 from thumper.recording.reader import Recording
 from thumper.ros.parse import telemetry_of
 from thumper_tuning.commands import tune_all
 from thumper_tuning.design.design import DesignOptions
+from thumper_tuning.design.rules import PiGains
 from thumper_tuning.robot.excitation import ExcitationOptions
 from thumper_tuning.robot.record import record
 from thumper_tuning.robot.verify import VerifyOptions
@@ -38,7 +41,8 @@ def test_one_command_tunes_the_robot(tmp_path: Path) -> None:
     content = json.loads((tmp_path / "gains.json").read_text())
     assert content["Ms"] <= 1.65
     assert content["model"]["gain"] == pytest.approx(0.0584, rel=0.03)
-    assert content["model"]["time_constant_s"] == pytest.approx(0.075, rel=0.06)
+    # 75 ms and the battery's 4 %; of eight robots one standard deviation is 2 %.
+    assert content["model"]["time_constant_s"] == pytest.approx(0.078, rel=0.06)
     after = said[said.index("after:") :]
     errors = [tuple(map(float, found)) for found in re.findall(r"mean ([+-][\d.]+), std ([\d.]+)", after)]
     assert len(errors) == 2
@@ -48,6 +52,38 @@ def test_one_command_tunes_the_robot(tmp_path: Path) -> None:
     assert len(images) == 12
     assert all(base64.b64decode(image).startswith(b"\x89PNG") for image in images)
     assert not re.search(r'(src|href)="http', page)
+
+
+class ImpatientConsole(Console):
+    """Its reader presses Ctrl-C at the first line of figures about the new gains."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print, or be interrupted."""
+        self.after = getattr(self, "after", False) or objects == ("after:",)
+        if self.after and "ramp" in str(objects):
+            raise KeyboardInterrupt
+        super().print(*objects, **options)
+
+
+def test_cut_short_the_board_has_its_old_gains_again(tmp_path: Path) -> None:
+    stays = serial.serial_for_url("sim://tune_short/lidar?world=hall")  # and with it the robot
+    with (tmp_path / "out.txt").open("w") as text, pytest.raises(ThumperError, match="interrupted"):
+        tune_all(
+            "sim://tune_short/board",
+            tmp_path,
+            ExcitationOptions(),
+            VerifyOptions(speed_rad_s=4.0, hold_s=0.5, accelerations_rad_s2=(8.0,)),
+            DesignOptions(manual=PiGains(kp=2.0, ki=3.0), acceleration_rad_s2=5.0),
+            yes=True,
+            console=ImpatientConsole(file=text),
+        )
+    board = Board.open("sim://tune_short/board", baud=500_000)
+    try:
+        left = {spec.name: board.get_parameter(spec.name) for spec in PARAMETERS}
+    finally:
+        board.close()
+        stays.close()
+    assert left == pytest.approx({spec.name: spec.default for spec in PARAMETERS}, rel=1e-3)
 
 
 def test_an_interrupted_recording_stops_the_motors_and_leaves_its_log(tmp_path: Path) -> None:

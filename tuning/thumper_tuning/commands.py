@@ -3,7 +3,7 @@
 import dataclasses
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from rich.console import Console
@@ -139,7 +139,7 @@ def tune_all(
     console: Console,
 ) -> None:
     """Record, fit, design, verify before and after, report; the board keeps the new gains only if
-    confirmed, and then over resets."""
+    confirmed, and then over resets. Cut short, it has its old ones again."""
     import typer
 
     from thumper_tuning.report.page import write_report
@@ -154,20 +154,26 @@ def tune_all(
         if not yes and not typer.confirm("Is the lane free?"):
             raise ThumperError("not confirmed; nothing was driven")
         old = read_gains(board)
-        log = record_to(board, out / "identification.csv", excitation, console)
-        motors = identify_files([log], board.identity.counts_per_rev)
-        period_s = 1.0 / board.identity.control_rate_Hz
-        result = design_for(motors, dataclasses.replace(options, period_s=period_s), None, console)
-        write_gains_file(out / "gains.json", result)
-        console.print("before:")
-        before = verify_on(board, old, verification, out / "verify_before.csv", console)
-        console.print("after:")
-        after = verify_on(board, result.gains, verification, out / "verify_after.csv", console)
-        report = write_report(out / "report.html", motors, result, old, before, after)
-        keep = yes or typer.confirm("Save the new gains on the board?")
-        write_gains(board, result.gains if keep else old)
+        try:
+            log = record_to(board, out / "identification.csv", excitation, console)
+            motors = identify_files([log], board.identity.counts_per_rev)
+            period_s = 1.0 / board.identity.control_rate_Hz
+            result = design_for(motors, dataclasses.replace(options, period_s=period_s), None, console)
+            write_gains_file(out / "gains.json", result)
+            console.print("before:")
+            before = verify_on(board, old, verification, out / "verify_before.csv", console)
+            console.print("after:")
+            after = verify_on(board, result.gains, verification, out / "verify_after.csv", console)
+            report = write_report(out / "report.html", motors, result, old, before, after)
+            keep = yes or typer.confirm("Save the new gains on the board?")
+        except BaseException:  # Ctrl-C too: perhaps because the robot shakes with the new ones
+            with suppress(ThumperError):
+                write_gains(board, old)
+            raise
         if keep:
             board.command(Command.SAVE)
+        else:
+            write_gains(board, old)
         console.print(
             ("the board has saved the new gains" if keep else "the board has its old gains again")
             + f"; {report} shows all"

@@ -1,6 +1,7 @@
 """The proof on the robot: follow trapezoids there and back, and measure the same-tick tracking error."""
 
 import csv
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -8,6 +9,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
 
+from thumper.errors import ThumperError
 from thumper.geometry import FloatArray
 from thumper.kinematics import WheelSpeeds
 from thumper.link.board import Board
@@ -70,8 +72,9 @@ def verify(board: Board, gains: BoardGains, options: VerifyOptions, path: Path, 
             with armed(board):
                 for direction in (1.0, -1.0):
                     _trapezoid(board, direction, acceleration, options, rows, total, show)
-        board.set_parameter("acceleration", gains.acceleration)
     finally:
+        with suppress(ThumperError):  # a board that is gone has forgotten them all
+            board.set_parameter("acceleration", gains.acceleration)
         with path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             writer.writerow(COLUMNS)
