@@ -126,7 +126,8 @@ def test_calibrating_the_simulated_robot_lessens_its_error(tmp_path: Path, by_li
     assert row is not None
     assert float(row.group(2)) < 0.6 * float(row.group(1))
     values = tomllib.loads((tmp_path / "odometry.toml").read_text())["drive"]
-    assert values["track_m"] == pytest.approx(0.381, abs=0.011)  # 0.3675 m and 4 % a rad/s; robots differ by 2 %
+    # 0.3675 m and 4 % a rad/s; robots differ by 2 %.
+    assert values["track_m"] == pytest.approx(0.381, abs=0.011)
     assert load_config(tmp_path / "odometry.toml").drive.track_m == values["track_m"]
 
 
