@@ -34,7 +34,7 @@ class GridMapperOptions:
 
     resolution_m: Annotated[float, Interval(ge=0.005, le=1.0)] = 0.05  # side of a cell
     usable_range_m: Annotated[float, Gt(0)] = (
-        30.0  # beams count up to here, and never beyond 98 % of the sensor's own limit
+        80.0  # beams count up to here, and never beyond 98 % of the sensor's own limit
     )
     integrate_distance_m: Annotated[float, Ge(0)] = 0.1  # enter a scan after this much way ...
     integrate_angle_rad: Annotated[float, Ge(0)] = 0.1  # ... or this much turn
