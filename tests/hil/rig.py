@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from thumper_hil.chip.chip import CPU_HZ, Chip
-from thumper_hil.chip.lab import LabChip
+from thumper_hil.chip.faulty import FaultyChip
 from thumper_hil.parts.params import RobotParams
 
 REPLY_BYTES = 5
@@ -28,7 +28,7 @@ class Rig:
     """The simulated robot under direct command."""
 
     def __init__(self, elf: Path, params: RobotParams, seed: int = 1) -> None:
-        self.chip = LabChip(elf, params=params, seed=seed)
+        self.chip = FaultyChip(elf, params=params, seed=seed)
         run_for(self.chip, 0.001)
 
     def set(self, left_pwm: int, right_pwm: int, *, brake: bool = False) -> Counts:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from tests.hil.conftest import BuildAvr
 from tests.hil.rig import Rig
+from thumper_hil.chip.faulty import SideFaults
 from thumper_hil.parts.params import RobotParams
 
 RADIUS_M = 0.062
@@ -94,6 +95,23 @@ def test_battery_sags_and_empties(build_avr: BuildAvr, even_params: RobotParams)
     open_circuit_V = np.interp(after.charge, table, battery.open_circuit_V)
     assert after.battery_V == pytest.approx(open_circuit_V - 0.015 * current_A, abs=2e-3)
     assert before.charge - after.charge == pytest.approx(current_A / 3600.0 / battery.capacity_Ah, rel=0.05)
+
+
+@pytest.mark.parametrize("pwm", [50, 100, 200])
+def test_a_short_takes_from_the_battery_what_its_heat_needs(
+    build_avr: BuildAvr, even_params: RobotParams, pwm: int
+) -> None:
+    """V^2 / R for the duty's share of the time: a short has no inductance that would carry a current on."""
+    rig = Rig(
+        build_avr("bridge"), replace(even_params, battery=replace(even_params.battery, idle_current_A=0.0))
+    )
+    rig.chip.set_side_faults(0, SideFaults(connected=0.0, shorted=True))
+    rig.set(pwm, 0)
+    rig.run_for(0.1)
+    truth = rig.chip.truth()
+    drawn_A = (7.68 - truth.battery_V) / even_params.battery.resistance_Ohm
+    assert drawn_A * truth.battery_V == pytest.approx(pwm / 255 * truth.battery_V**2 / 0.1, rel=0.01)
+    assert truth.current_A[0] == pytest.approx(drawn_A, rel=0.01)
 
 
 def test_brake_pin(build_avr: BuildAvr, even_params: RobotParams) -> None:

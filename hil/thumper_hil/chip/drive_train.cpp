@@ -42,7 +42,8 @@ void DriveTrain::Step(const BridgeCommand (&command)[2], double dt_s) {
     const double per_Ohm = n * faults_[side].connected * signed_duty / motor.resistance_Ohm;
     conductance_S += per_Ohm * signed_duty;
     source_A -= per_Ohm * motor.back_emf_V_s_rad * state_.wheel_rad_s[side];
-    if (faults_[side].shorted) conductance_S += bridge.duty * bridge.duty / kShort_Ohm;
+    // A short stores nothing: what the battery sees of it is there for the duty's share, and then at once.
+    if (faults_[side].shorted) conductance_S += bridge.duty / kShort_Ohm;
   }
   battery_.Load(conductance_S, source_A);
   for (int side = 0; side < 2; ++side) {

@@ -28,7 +28,6 @@ class UartLine {
   std::size_t Receive(uint8_t* data, uint64_t* cycles,
                       std::size_t capacity);  ///< what has fully arrived by now
   std::size_t Available() const;
-  void ClearReceived() { from_chip_.clear(); }
   uint64_t overruns() const { return overruns_; }
 
   void Rearm();          ///< after a reset
