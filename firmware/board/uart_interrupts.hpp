@@ -7,8 +7,9 @@
 /// wait for them. As in encoder_edge.hpp the flags are kept in GPIOR0: nothing interrupts these.
 namespace uart_interrupts {
 
-/// USART_RX_vect: 41 cycles, 42 if its vector jumps far. A byte that has no room, or came broken, is left to the frame's CRC.
-/// data: address of the data register, a constant (but no template's: gcc 7 takes no register there).
+/// USART_RX_vect: 41 cycles, 42 if its vector jumps far. A byte that has no room, or came broken, is left to
+/// the frame's CRC. data: address of the data register, a constant (but no template's: gcc 7 takes no
+/// register there).
 template <Uart& kUart>
 __attribute__((always_inline)) inline void OnReceive(uint16_t data) {
   __asm__ volatile(
