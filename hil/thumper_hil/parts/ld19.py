@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from thumper.geometry import FloatArray, Pose2
-from thumper_hil.parts.recent import Surroundings
+from thumper_hil.parts.recent import Surroundings, cast_from_robot
 
 POINTS_PER_S = 4500.0
 POINTS_PER_FRAME = 12
@@ -99,15 +99,8 @@ class Ld19:
         numbers = self._points + 1 + np.arange(frames * POINTS_PER_FRAME)
         times_s = numbers / POINTS_PER_S
         angles_deg = self._first_deg + 360.0 * self._turns_per_s * times_s
-        poses = self._pose_at(times_s)
-        mount = self._base_from_laser
-        cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-        true_m = self._world.cast_at(
-            times_s,
-            poses[:, 0] + cos * mount.x_m - sin * mount.y_m,
-            poses[:, 1] + sin * mount.x_m + cos * mount.y_m,
-            poses[:, 2] + mount.theta_rad + self._angle_error_rad - np.deg2rad(angles_deg),
-        )
+        bearings_rad = self._angle_error_rad - np.deg2rad(angles_deg)
+        true_m = cast_from_robot(self._world, self._pose_at, self._base_from_laser, times_s, bearings_rad)
         seen_m = true_m + self._bias_m + NOISE_M * self._rng.standard_normal(true_m.size)
         seen = (seen_m >= RANGE_MIN_M) & (true_m <= RANGE_MAX_M)
         ranges_mm = np.rint(1000.0 * np.where(seen, seen_m, 0.0))

@@ -1,11 +1,12 @@
 """What surrounds a lidar during a turn: a world that stands still, or the last tenths of one that changes."""
 
 from collections import deque
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 
-from thumper.geometry import FloatArray
+from thumper.geometry import FloatArray, Pose2
 from thumper_hil.parts.world import World
 
 REMEMBERED = 32
@@ -20,6 +21,28 @@ class Surroundings(Protocol):
     ) -> FloatArray:
         """Distance [m] along each ray at its own time, all shape (n,), +inf for none; times never go back."""
         ...
+
+
+def cast_from_robot(
+    world: Surroundings,
+    pose_at: Callable[[FloatArray], FloatArray],
+    base_from_laser: Pose2,
+    times_s: FloatArray,
+    bearings_rad: FloatArray,
+) -> FloatArray:
+    """Distance [m] along each beam, shape (n,), from where the robot has its lidar at that beam's own time.
+
+    `pose_at(times_s)` returns map_from_base as rows (x_m, y_m, theta_rad), shape (n, 3); bearings are the
+    laser's own, counter-clockwise from its front.
+    """
+    poses, mount = pose_at(times_s), base_from_laser
+    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    return world.cast_at(
+        times_s,
+        poses[:, 0] + cos * mount.x_m - sin * mount.y_m,
+        poses[:, 1] + sin * mount.x_m + cos * mount.y_m,
+        poses[:, 2] + mount.theta_rad + bearings_rad,
+    )
 
 
 class RecentWorlds:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from thumper.geometry import FloatArray, Pose2
-from thumper_hil.parts.recent import Surroundings
+from thumper_hil.parts.recent import Surroundings, cast_from_robot
 from thumper_hil.parts.scip_reply import scan_reply, status_reply, table_reply, time_reply
 from thumper_hil.parts.urg_noise import RANGE_MAX_MM, RANGE_MIN_MM, CodeArray, device_bias, measure_mm
 from thumper_hil.parts.urg_request import (
@@ -245,15 +245,8 @@ class Urg04Lx:
         """Measure one turn: reported values [mm or code] of steps 0 ... 768."""
         steps = np.arange(FIRST_STEP, LAST_STEP + 1)
         times_s = self._turn_start_s(turn) + steps * self._turn_s / STEPS_PER_TURN
-        poses = self._pose_at(times_s)
-        mount = self._base_from_laser
-        cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-        true_m = self._world.cast_at(
-            times_s,
-            poses[:, 0] + cos * mount.x_m - sin * mount.y_m,
-            poses[:, 1] + sin * mount.x_m + cos * mount.y_m,
-            poses[:, 2] + mount.theta_rad + (steps - FRONT_STEP) * math.tau / STEPS_PER_TURN,
-        )
+        bearings_rad = (steps - FRONT_STEP) * math.tau / STEPS_PER_TURN
+        true_m = cast_from_robot(self._world, self._pose_at, self._base_from_laser, times_s, bearings_rad)
         values = np.full(LAST_MEASURABLE_STEP + 1, NOT_MEASURABLE, np.int32)
         rng = np.random.default_rng([self._seed, turn])
         values[FIRST_STEP : LAST_STEP + 1] = measure_mm(true_m, self._bias, rng)
