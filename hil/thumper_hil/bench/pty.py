@@ -14,6 +14,7 @@ from pathlib import Path
 from thumper.errors import ThumperError
 from thumper_hil.bench.bench import Bench
 from thumper_hil.bench.options import BenchOptions
+from thumper_hil.chip.pty_board import BAUD_OF_SPEED
 
 STEP_S = 0.002
 """How often bytes are carried over: about as often as a USB adapter does it."""
@@ -21,9 +22,6 @@ STEP_S = 0.002
 BOOT_S = 0.05
 """The firmware has started when the ports appear."""
 
-BAUD_OF_SPEED = {
-    getattr(termios, name): int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdigit()
-}
 CHUNK_BYTES = 4096
 
 

@@ -19,6 +19,8 @@ CHUNK_BYTES = 4096
 BAUD_OF_SPEED = {
     getattr(termios, name): int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdigit()
 }
+"""Of the constants in a terminal's settings."""
+
 
 
 @contextmanager
