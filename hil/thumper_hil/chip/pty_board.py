@@ -22,7 +22,6 @@ BAUD_OF_SPEED = {
 """Of the constants in a terminal's settings."""
 
 
-
 @contextmanager
 def on_pty(chip: LabChip) -> Iterator[Path]:
     """Serve the chip's serial port at the path that this yields, from a thread, until the block ends.
