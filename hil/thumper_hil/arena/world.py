@@ -81,8 +81,11 @@ class World:
             t = np.linspace(0.0, 1.0, count)
             points.append(np.column_stack((x0 + t * (x1 - x0), y0 + t * (y1 - y0))))
             radii.append(np.zeros(count))
-        in_base = pose.inverse().apply(np.concatenate(points))
-        return float((_distance_outside_m(in_base, footprint) - np.concatenate(radii)).min())
+        in_base, radius_m = pose.inverse().apply(np.concatenate(points)), np.concatenate(radii)
+        from_centre_m = np.hypot(*in_base.T) - radius_m
+        spread_m = footprint.circumscribed_radius_m - footprint.inscribed_radius_m
+        near = from_centre_m <= from_centre_m.min() + spread_m  # none further away can be nearer to it
+        return float((_distance_outside_m(in_base[near], footprint) - radius_m[near]).min())
 
 
 def _distance_outside_m(points_m: FloatArray, footprint: Footprint) -> FloatArray:

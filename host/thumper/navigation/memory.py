@@ -18,7 +18,7 @@ from thumper.navigation.lidar_view import LidarView
 BIN_RAD = math.radians(1.0)
 THICKNESS_M = 0.08  # a ray must pass this far behind a point before the point counts as gone
 VOXEL_M = 0.02
-BESIDE_M = 0.1  # beyond the robot's own circle; a hull that has long stood beside a post must not forget it
+BESIDE_M = 0.25  # beyond the robot's own circle; about as far as it backs up, where only this memory sees
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,11 +53,16 @@ class HitMemory:
         self._points_m, self._times_s = np.empty((0, 2)), np.empty(0)
 
     def forget_beyond(self, map_from_base: Pose2, radius_m: float) -> None:
-        """Forget what is further away; what is nearer may touch the robot and is never forgotten on
-        purpose.
+        """Forget what is further away; what is nearer may touch the robot and is never forgotten on purpose.
+
+        Nor is what lies beside the robot where the lidar does not look: it would not be seen again before the
+        robot backs into it.
         """
-        near = _within(self._points_m, map_from_base, radius_m)
-        self._points_m, self._times_s = self._points_m[near], self._times_s[near]
+        bearing_rad, range_m = self._view.polar(map_from_base, self._points_m)
+        kept = ~self._view.holds(bearing_rad, range_m, edge_rad=BIN_RAD)
+        kept &= _within(self._points_m, map_from_base, self._beside_m)
+        kept |= _within(self._points_m, map_from_base, radius_m)
+        self._points_m, self._times_s = self._points_m[kept], self._times_s[kept]
 
     def update(self, time_s: float, map_from_base: Pose2, hits_in_map_m: FloatArray) -> FloatArray:
         """Take a scan's hits, shape (n, 2) [m]; return the remembered points in `map`, shape (m, 2) [m]."""

@@ -6,6 +6,7 @@ something.
 
 import math
 from dataclasses import dataclass
+from itertools import product
 from typing import Annotated
 
 import numpy as np
@@ -18,13 +19,12 @@ from thumper.navigation.limits import SpeedLimits
 from thumper.navigation.wheel_ramp import WheelRamp
 
 # A point already inside the margin may come nearer by this much in a motion (scan noise between two steps),
-# but only through a part of the margin, beyond that hardly at all, and in its last part no more: each cycle
-# begins afresh, and the least slack of many cycles would add up to a contact.
+# but only through a part of the margin and then no more: each cycle begins afresh, and the least slack of
+# many cycles would add up to a contact.
 DEEPER_M = 0.003
 CREEP_PART = 0.5
-LEAST_SLACK_M = 0.0003
-LAST_PART = 0.8
 ROUNDING_M = 1e-9
+NOISE_M_S, NOISE_RAD_S = 0.03, 0.06  # a slower twist may as well be none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,9 +62,7 @@ def deepening_point(points_m: FloatArray, half_planes: FloatArray, margin_m: flo
                 inside = half_planes[k, 2] + margin_m - half_planes[k, 0] * bx - half_planes[k, 1] * by
                 depth = min(depth, inside)
             if j < 0:
-                slack = min(DEEPER_M, max(LEAST_SLACK_M, CREEP_PART * margin_m - depth))
-                if depth > LAST_PART * margin_m:
-                    slack = ROUNDING_M
+                slack = min(DEEPER_M, max(ROUNDING_M, CREEP_PART * margin_m - depth))
                 allowed = max(0.0, depth + slack)
             elif depth > allowed:
                 return i
@@ -110,11 +108,14 @@ class CollisionMonitor:
 
         The motion judged is: the measured twist during the latency, the command for one period, then the
         zero command: v and w fade as the wheels' ramps or as the limits say, whichever takes longer; and once
-        more with a turn that ends at once: a base that straightens out sooner than thought leaves the bend.
-        `hits_in_base_m` has shape (n, 2).
+        more with a turn that ends at once: a base that straightens out sooner than thought leaves the bend;
+        and, when the twist is hardly more than its noise, from a stand: noise that points away from an
+        obstacle must not excuse a command toward it. `hits_in_base_m` has shape (n, 2).
         """
-        for turns_on in (True, False) if command.w_rad_s else (True,):
-            poses = self._stopping_poses(command, twist, period_s, turns_on=turns_on)
+        stands = abs(twist.v_m_s) < NOISE_M_S and abs(twist.w_rad_s) < NOISE_RAD_S
+        ends = (True, False) if command.w_rad_s else (True,)
+        for begin, turns_on in product((twist, Twist2()) if stands else (twist,), ends):
+            poses = self._stopping_poses(command, begin, period_s, turns_on=turns_on)
             reach_m = self._radius_m + self._options.margin_m + float(np.hypot(*poses[:, :2].T).max())
             near = np.hypot(hits_in_base_m[:, 0], hits_in_base_m[:, 1]) <= reach_m
             points_m = np.ascontiguousarray(hits_in_base_m[near])

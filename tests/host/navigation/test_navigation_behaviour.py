@@ -68,10 +68,20 @@ def test_what_is_beside_the_hull_is_kept_however_long_the_robot_stands() -> None
         HitMemory(MemoryOptions(), 0.8, LidarView(base_from_laser=Pose2()), HULL_M),
         Pose2(theta_rad=3.0),
     )
-    post, further = np.array(((HULL_M + 0.05, 0.0),)), np.array(((HULL_M + 0.15, 0.1),))
+    post, further = np.array(((HULL_M + 0.05, 0.0),)), np.array(((HULL_M + 0.30, 0.1),))
     memory.update(0.0, Pose2(), np.vstack((post, further)))
     assert memory.update(600.0, turned, np.empty((0, 2))) == pytest.approx(post)
     assert len(memory.update(600.1, Pose2(), ring(2.0))) == 0  # until rays pass
+
+
+def test_a_reset_forgets_only_what_the_lidar_can_look_at_again() -> None:
+    """After a reset the robot backs up: a post behind it that was forgotten was once almost backed into."""
+    memory = HitMemory(MemoryOptions(), 0.8, LidarView(base_from_laser=Pose2()), HULL_M)
+    ahead, behind = np.array(((0.4, 0.0),)), np.array(((-0.4, 0.0),))
+    memory.update(0.0, Pose2(), np.vstack((ahead, behind)))
+    memory.forget_beyond(Pose2(), 0.3)
+    hiding = np.array(((0.2, 0.0),))
+    assert memory.update(0.1, Pose2(), hiding) == pytest.approx(behind)
 
 
 def test_a_goal_that_comes_and_goes_is_given_up() -> None:

@@ -93,4 +93,14 @@ def test_creeping_never_adds_up_to_a_contact() -> None:
                 moved_m = step_m
                 break
         gap_m -= moved_m
-    assert gap_m > 0.002
+    assert gap_m > 0.007
+
+
+def test_noise_of_a_standing_robot_does_not_add_up_to_a_contact_either() -> None:
+    """Told to back up whenever that is allowed, toward a post 20 mm behind it, its measured twist noisy."""
+    rng, gap_m, slow = np.random.default_rng(0), 0.02, Twist2(v_m_s=-0.02)
+    for _ in range(500):
+        measured = Twist2(v_m_s=0.01 * rng.standard_normal(), w_rad_s=0.02 * rng.standard_normal())
+        if not objection(slow, measured, at(-FRONT_M - gap_m, 0.0)):
+            gap_m -= 0.1 * abs(slow.v_m_s)
+    assert gap_m > 0.007

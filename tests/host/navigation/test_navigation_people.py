@@ -11,7 +11,7 @@ from thumper.geometry import Pose2
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationState
 from thumper_hil.arena.closed_loop import drive
-from thumper_hil.arena.people import Walker, with_people
+from thumper_hil.arena.people import Walker, push_m_s, with_people
 from thumper_hil.arena.world import World, box
 
 HALL = World.of(box(2.0, 0.0, 7.0, 4.0))
@@ -41,11 +41,18 @@ STAYING = [Walker(a_m=(2.0, 0.0), b_m=(2.0, 0.0))]
 def test_nobody_is_driven_into(walkers: list[Walker]) -> None:
     run = drive(seen(walkers), START, GOAL, AREA, limit_s=60.0)
     if run.clearance_m < 0.0:  # then the robot stood, and somebody walked into it
-        speeds = [a.distance_m(b) / 0.1 for a, b in zip(run.track[-4:], run.track[-3:], strict=False)]
-        assert max(speeds) < STANDING_M_S
+        assert push_m_s(run.track[-2], run.track[-1], walkers, run.time_s) < STANDING_M_S
     else:
         assert run.state is NavigationState.REACHED, run.reason
         assert run.goal_error_m < 0.12
+
+
+@pytest.mark.parametrize(("place_m", "push"), [((0.45, 0.0), 0.4), ((-0.4, 0.0), -0.4), ((0.0, 0.4), 0.0)])
+def test_a_robot_that_drives_ahead_pushes_who_is_ahead(place_m: tuple[float, float], push: float) -> None:
+    """A person behind is left, one beside is passed."""
+    ahead, person = Pose2(x_m=0.04), Walker(a_m=place_m, b_m=place_m)
+    assert push_m_s(Pose2(), ahead, [person], 1.0) == pytest.approx(push, abs=0.03)
+    assert push_m_s(ahead, ahead, [person], 1.0) == 0.0
 
 
 def test_a_corridor_blocked_for_good_is_told() -> None:

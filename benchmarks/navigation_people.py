@@ -1,0 +1,108 @@
+"""People at 1 m/s about a robot: `python benchmarks/navigation_people.py [--scenes 60] [--speeds 0.4 ...]`.
+
+They cross its way, pace across it to and fro, come along it, or stand on it and leave; they see nothing and
+never give way. A contact is the robot's fault when the touched part of its hull moved toward the person.
+"""
+
+import argparse
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from thumper.geometry import Pose2
+from thumper.navigation.goal import Goal
+from thumper.navigation.navigator import NavigationState
+from thumper.navigation.options import NavigationOptions
+from thumper_hil.arena.closed_loop import drive
+from thumper_hil.arena.people import Walker, push_m_s, with_people
+from thumper_hil.arena.world import World, box
+
+HALL = World.of(box(2.0, 0.0, 7.0, 4.0))
+AREA_M = (-4.0, -4.0, 12.0, 8.0)
+START, GOAL = Pose2(x_m=0.0, y_m=0.0), Goal(x_m=4.5, y_m=0.0)
+LIMIT_S = 90.0
+STANDING_M_S = 0.06  # what moves slower than this is walked into
+
+
+def pacing(rng: np.random.Generator) -> list[Walker]:
+    """One to three people who walk to and fro across the hall, straight or aslant."""
+    walkers = []
+    for _ in range(int(rng.integers(1, 4))):
+        x_m, side = float(rng.uniform(1.0, 3.8)), float(rng.choice((-1.7, 1.7)))
+        there_m = (float(np.clip(x_m + rng.uniform(-1.0, 1.0), 0.9, 4.0)), -side)
+        walkers.append(Walker(a_m=(x_m, side), b_m=there_m, from_s=float(rng.uniform(0.0, 6.0))))
+    return walkers
+
+
+def crossing(rng: np.random.Generator) -> list[Walker]:
+    """The same people, each of whom crosses once."""
+    return [replace(walker, returns=False) for walker in pacing(rng)]
+
+
+def oncoming(rng: np.random.Generator) -> list[Walker]:
+    """Somebody who walks along the robot's way, to behind it."""
+    y_m = float(rng.uniform(-0.6, 0.6))
+    return [Walker(a_m=(5.2, y_m), b_m=(-1.0, y_m), from_s=float(rng.uniform(0.0, 5.0)), returns=False)]
+
+
+def blocking(rng: np.random.Generator) -> list[Walker]:
+    """Somebody who stands on the robot's way, and leaves."""
+    x_m, side = float(rng.uniform(1.2, 3.5)), float(rng.choice((-1.6, 1.6)))
+    y_m, leaves_s = float(rng.uniform(-0.2, 0.2)), float(rng.uniform(4.0, 15.0))
+    place_m, aside_m = (x_m, y_m), (x_m, side)
+    steps = [Walker(a_m=place_m, b_m=aside_m, from_s=leaves_s, returns=False)]
+    return steps + crossing(rng)[:1] if rng.random() < 0.5 else steps
+
+
+KINDS: dict[str, Callable[[np.random.Generator], list[Walker]]] = {
+    "crossing": crossing,
+    "pacing": pacing,
+    "oncoming": oncoming,
+    "blocking": blocking,
+}
+
+
+def judged(walkers: list[Walker], options: NavigationOptions, seed: int) -> str:
+    """Drive through one scene; what came of it."""
+    run = drive(
+        lambda time_s: with_people(HALL, walkers, time_s),
+        START,
+        GOAL,
+        AREA_M,
+        seed=seed,
+        options=options,
+        limit_s=LIMIT_S,
+    )
+    if run.clearance_m < 0.0:
+        push = push_m_s(run.track[-2], run.track[-1], walkers, run.time_s)
+        return "walked into" if push < STANDING_M_S else f"drove into somebody at {push:.2f} m/s"
+    return "arrived" if run.state is NavigationState.REACHED else "not arrived"
+
+
+def main() -> None:
+    """Run the scenes and print a row of each kind."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--scenes", type=int, default=60, help="of each kind")
+    parser.add_argument("--speeds", nargs="+", type=float, default=[0.4], help="fastest speeds [m/s]")
+    given = parser.parse_args()
+    usual = NavigationOptions()
+    print("| people | v max [m/s] | scenes | arrived | not arrived | walked into | drove into somebody |")
+    print("|---|---|---|---|---|---|---|", flush=True)
+    for speed in given.speeds:
+        options = replace(usual, limits=replace(usual.limits, v_max_m_s=speed))
+        for kind, make in KINDS.items():
+            count: Counter[str] = Counter()
+            for seed in range(given.scenes):
+                outcome = judged(make(np.random.default_rng(seed)), options, seed)
+                fault = outcome.startswith("drove into")
+                count["drove into" if fault else outcome] += 1
+                if outcome not in ("arrived", "walked into"):
+                    print(f"    {kind} {seed}: {outcome}", flush=True)
+            row = [count[what] for what in ("arrived", "not arrived", "walked into", "drove into")]
+            print(f"| {kind} | {speed} | {given.scenes} | {' | '.join(map(str, row))} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
