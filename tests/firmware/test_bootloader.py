@@ -44,6 +44,17 @@ def driving_robot() -> LabChip:
     return chip
 
 
+def test_the_boot_loader_drives_no_pin_but_its_light() -> None:
+    """Its light is on D13: an encoder's wire there wants the 1 kohm of docs/firmware.md."""
+    chip = chip_with_program(ELF)
+    driven = set()
+    for _ in range(round(0.9 * BOOT_S / 0.001)):
+        run_for(chip, 0.001)
+        driven.add((chip.data(DDRB), chip.data(DDRD)))
+    assert driven <= {(0, 0), (1 << 5, 0)}
+    assert (1 << 5, 0) in driven
+
+
 def handler(chip: LabChip, vector: int) -> int:
     """Where an interrupt's handler starts: the target of the `jmp` or `rjmp` in the vector table."""
     word = int.from_bytes(chip.read_flash(4 * vector, 2), "little")
