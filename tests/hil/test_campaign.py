@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from thumper.errors import ThumperError
-from thumper_hil.campaign.job import Row
+from thumper_hil.campaign.job import Row, run_job
 from thumper_hil.campaign.rows import RowStore
 from thumper_hil.campaign.spec import digest_of, jobs_of, load_campaign
-from thumper_hil.campaign.summary import mean_of, summarise, wilson
+from thumper_hil.campaign.summary import markdown, mean_of, summarise, wilson
 
 FILE = """
 seeds = { first = 3, count = 2 }
@@ -26,6 +26,7 @@ parameters = [{ name = "default" }, { name = "gentle", robot = "gentle.toml" }]
 name = "step"
 world = "lab"
 start = [1.0, 0.0, 180.0]
+via = [[0.8, 0.0]]
 goal = [0.6, 0.0]
 """
 BIN = Path(sys.executable).parent
@@ -60,6 +61,8 @@ def test_every_mission_seed_and_parameter_set_is_a_job(tmp_path: Path) -> None:
         ("[0.6, 0.0]", '"there"', "goal"),
         ('"gentle.toml"', '"none.toml"', "none.toml"),
         ('name = "gentle"', 'name = "default"', "same name"),
+        ('robot = "gentle.toml"', 'scenario = "gentle.toml"', "gentle.toml"),
+        ("seeds = ", 'show = ["luck"]\nseeds = ', "show"),
         ("seeds =", "seeds", "TOML"),
     ],
 )
@@ -112,9 +115,25 @@ def test_intervals_hold_what_they_promise() -> None:
 
 
 def test_a_touch_is_no_success() -> None:
-    summary = summarise([row("a"), row("b", contacts=2), row("c", reached=False)])[0]
+    summary = summarise([row("a"), row("b", contacts=2), row("c", reached=False)], ["time_s"])[0]
     assert (summary.runs, summary.contacts) == (3, 2)
     assert summary.success.value == pytest.approx(1 / 3)
+
+
+def test_a_tour_with_a_fault_is_driven_to_its_end(tmp_path: Path) -> None:
+    """It starts at x = 1; by way of 1.3 it comes to 0.6 on wheels of which one side slips."""
+    (tmp_path / "slip.toml").write_text("faults = [{ at_s = 0.5, slip.left = 0.4 }]")
+    plain = 'parameters = [{ name = "default" }, { name = "gentle", robot = "gentle.toml" }]'
+    slips = 'parameters = [{ name = "whole" }, { name = "slips", scenario = "slip.toml" }]'
+    text = FILE.replace(plain, slips).replace("via = [[0.8, 0.0]]", "via = [[1.3, 0.0]]")
+    whole, slipping = (run_job(job) for job in jobs_of(load_campaign(written(tmp_path, text)), tmp_path)[:2])
+    assert whole.reached, whole.reason
+    assert slipping.reached, slipping.reason
+    assert 0.8 < whole.path_length_m < 2.0
+    assert slipping.odometry_error_m > 1.5 * whole.odometry_error_m
+    (summary,) = summarise([slipping], ["path_length_m", "pose_max_m"])
+    assert list(summary.means) == ["path_length_m", "pose_max_m"]
+    assert "| way [m] | SLAM pose error, worst [m] |" in markdown([summary])
 
 
 @pytest.fixture

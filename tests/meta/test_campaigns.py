@@ -9,9 +9,13 @@ from thumper_hil.campaign.spec import jobs_of, load_campaign
 FOLDER = Path(__file__).parents[2] / "campaigns"
 
 
-@pytest.mark.parametrize("file", [FOLDER / "robustness.toml"], ids=lambda file: file.stem)
+@pytest.mark.parametrize(
+    "file",
+    [FOLDER / f"{name}.toml" for name in ("robustness", "odometry", "speed", "slam")],
+    ids=lambda file: file.stem,
+)
 def test_it_draws_up_its_jobs(file: Path) -> None:
     campaign = load_campaign(file)
     jobs = jobs_of(campaign, FOLDER)
     assert len(jobs) == campaign.seeds.count * len(campaign.missions) * len(campaign.parameters)
-    assert len({job.robot_json for job in jobs}) == len(campaign.parameters)
+    assert len({(job.robot_json, job.scenario) for job in jobs}) == len(campaign.parameters)

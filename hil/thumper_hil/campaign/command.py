@@ -33,7 +33,8 @@ def campaign(
     from thumper_hil.campaign.summary import markdown, succeeded, summarise
 
     console = Console()
-    jobs = jobs_of(load_campaign(file), file.parent)
+    plan = load_campaign(file)
+    jobs = jobs_of(plan, file.parent)
     prepare_output(out)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with RowStore(out, digest_of(jobs)) as store, Progress(*columns, console=console) as progress:
@@ -50,7 +51,7 @@ def campaign(
         run_jobs(jobs, store, scheduler=scheduler or None, workers=workers or None, show=show)
         rows = sorted((row for row in store.rows if row.key in wanted), key=lambda row: row.key)
     write_parquet(out / "rows.parquet", rows)
-    summaries = summarise(rows)
+    summaries = summarise(rows, plan.show)
     (out / "summary.md").write_text(markdown(summaries), encoding="utf-8")
     draw(out / "summary.png", rows, summaries)
     console.print(markdown(summaries), highlight=False, markup=False, soft_wrap=True)

@@ -8,15 +8,16 @@ from matplotlib.figure import Figure
 
 from thumper.report import BLUE, ORANGE
 from thumper_hil.campaign.job import Row
-from thumper_hil.campaign.summary import MEASURES, Summary
+from thumper_hil.campaign.summary import TITLES, Summary
 
 
 def draw(path: Path, rows: Sequence[Row], summaries: Sequence[Summary]) -> Path:
     """One panel a measure, one column a group."""
-    figure = Figure(figsize=(4.2 * len(MEASURES), 4.5), layout="constrained")
+    measures = list(summaries[0].means)
+    figure = Figure(figsize=(4.2 * len(measures), 4.5), layout="constrained")
     labels = [f"{s.mission}\n{s.parameters}" for s in summaries]
     at = np.arange(len(summaries))
-    for axes, (name, title) in zip(figure.subplots(1, len(MEASURES)), MEASURES.items(), strict=True):
+    for axes, name in zip(figure.subplots(1, len(measures), squeeze=False)[0], measures, strict=True):
         for k, s in enumerate(summaries):
             values = [
                 getattr(row, name)
@@ -30,8 +31,9 @@ def draw(path: Path, rows: Sequence[Row], summaries: Sequence[Summary]) -> Path:
         errors = np.abs(np.array([[m.low for m in means], [m.high for m in means]]) - middle)
         axes.errorbar(at, middle, yerr=errors, fmt="o", color=ORANGE, capsize=5, label="mean, 95 %")
         axes.set_xticks(at, labels, rotation=30, ha="right", fontsize=8)
-        axes.set_title(title, fontsize=10)
-        axes.set_ylim(bottom=0.0)
+        axes.set_title(TITLES[name], fontsize=10)
+        if name != "speed_error_mean_rad_s":  # the one that has a sign
+            axes.set_ylim(bottom=0.0)
         axes.set_xlim(-0.6, len(summaries) - 0.4)
         axes.grid(axis="y", alpha=0.3)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside lower right")

@@ -25,9 +25,10 @@ def run_jobs(
     Raises
     ------
     ThumperError
-        Nobody answers at `scheduler`, or a job's worker died again and again. The rows so far are kept.
+        Nobody answers at `scheduler`, or not any more; a job's worker died again and again. The rows so far
+        are kept.
     """
-    from distributed import Client, LocalCluster, as_completed
+    from distributed import CancelledError, Client, LocalCluster, as_completed
     from distributed.scheduler import KilledWorker
 
     done = {row.key for row in store.rows}
@@ -58,6 +59,11 @@ def run_jobs(
                 raise ThumperError(
                     f"{future.key}: its workers died {RETRIES} times; is there enough memory? "
                     "The rows so far are kept: run the same command again"
+                ) from error
+            except CancelledError as error:
+                raise ThumperError(
+                    "the Dask scheduler is gone; the rows so far are kept: run the same command again",
+                    exit_code=3,
                 ) from error
             store.add(row)
             show(row)

@@ -5,7 +5,7 @@ import json
 from dataclasses import asdict, dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, MinLen
 from pydantic import ConfigDict, TypeAdapter, with_config
@@ -13,9 +13,22 @@ from pydantic import ConfigDict, TypeAdapter, with_config
 from thumper.config.checked import read_checked
 from thumper.config.robot import config_to_json, load_config
 from thumper.errors import ThumperError
+from thumper_hil.faults.scenario import load_scenario
 from thumper_hil.parts.world import World
 
 _STRICT = ConfigDict(extra="forbid")
+Measure = Literal[
+    "goal_error_m",
+    "time_s",
+    "path_length_m",
+    "pose_rmse_m",
+    "pose_max_m",
+    "odometry_error_m",
+    "odometry_error_rad",
+    "speed_error_mean_rad_s",
+    "speed_error_std_rad_s",
+]
+"""The figures of a row (job.Row) that a mean says something of."""
 
 
 @with_config(_STRICT)
@@ -36,25 +49,34 @@ class MissionSpec:
     world: str
     start: tuple[float, float, float]
     goal: tuple[float, float]
+    via: tuple[tuple[float, float], ...] = ()  # goals before it, one after the other: a tour
 
 
 @with_config(_STRICT)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterSet:
-    """A robot's configuration; without a file the Wild Thumper's."""
+    """A robot's configuration, without a file the Wild Thumper's, and what is wrong with it."""
 
     name: Annotated[str, MinLen(1)] = "default"
     robot: str = ""  # a robot's TOML, from the campaign file's folder
+    scenario: str = ""  # a TOML of faults, likewise
 
 
 @with_config(_STRICT)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Campaign:
-    """Every mission with every seed and every parameter set."""
+    """Every mission with every seed and every parameter set; `show` is what the summary tells of them."""
 
     missions: Annotated[tuple[MissionSpec, ...], MinLen(1)]
     seeds: Seeds = field(default_factory=Seeds)
     parameters: Annotated[tuple[ParameterSet, ...], MinLen(1)] = (ParameterSet(),)
+    show: Annotated[tuple[Measure, ...], MinLen(1)] = (
+        "goal_error_m",
+        "time_s",
+        "pose_rmse_m",
+        "odometry_error_m",
+        "speed_error_std_rad_s",
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +87,7 @@ class Job:
     seed: int
     parameters: str
     robot_json: str  # the whole configuration
+    scenario: str = ""  # a path
 
     @property
     def key(self) -> str:
@@ -87,7 +110,14 @@ def load_campaign(path: Path) -> Campaign:
     missions = tuple(replace(one, world=_beside(one.world, path.parent)) for one in campaign.missions)
     for mission in missions:
         World.load(mission.world)  # refused here, in one line, and not by each job
-    return replace(campaign, missions=missions)
+    sets = tuple(
+        replace(one, scenario=str((path.parent / one.scenario).resolve())) if one.scenario else one
+        for one in campaign.parameters
+    )
+    for one in sets:
+        if one.scenario:
+            load_scenario(Path(one.scenario))
+    return replace(campaign, missions=missions, parameters=sets)
 
 
 def _beside(world: str, folder: Path) -> str:
@@ -109,7 +139,13 @@ def jobs_of(campaign: Campaign, folder: Path) -> list[Job]:
     }
     seeds = range(campaign.seeds.first, campaign.seeds.first + campaign.seeds.count)
     return [
-        Job(mission=mission, seed=seed, parameters=one.name, robot_json=robots[one.name])
+        Job(
+            mission=mission,
+            seed=seed,
+            parameters=one.name,
+            robot_json=robots[one.name],
+            scenario=one.scenario,
+        )
         for seed, mission, one in product(seeds, campaign.missions, campaign.parameters)
     ]
 

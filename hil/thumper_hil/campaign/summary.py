@@ -8,15 +8,20 @@ import numpy as np
 from scipy.stats import bootstrap
 
 from thumper_hil.campaign.job import Row
+from thumper_hil.campaign.spec import Measure
 
 CONFIDENCE = 0.95
 Z = 1.959964  # of the normal distribution, two-sided 95 %
 
-MEASURES = {
+TITLES: dict[Measure, str] = {
     "goal_error_m": "goal error [m]",
     "time_s": "time [s]",
+    "path_length_m": "way [m]",
     "pose_rmse_m": "SLAM pose error, rms [m]",
+    "pose_max_m": "SLAM pose error, worst [m]",
     "odometry_error_m": "odometry error at the end [m]",
+    "odometry_error_rad": "odometry error at the end [rad]",
+    "speed_error_mean_rad_s": "wheel speed error, mean [rad/s]",
     "speed_error_std_rad_s": "wheel speed error, std [rad/s]",
 }
 
@@ -39,7 +44,7 @@ class Summary:
     runs: int
     success: Interval  # share of the runs that reached the goal and touched nothing
     contacts: int
-    means: dict[str, Interval]  # by the keys of MEASURES
+    means: dict[Measure, Interval]
 
 
 def succeeded(row: Row) -> bool:
@@ -47,7 +52,7 @@ def succeeded(row: Row) -> bool:
     return row.reached and row.contacts == 0
 
 
-def summarise(rows: Sequence[Row]) -> list[Summary]:
+def summarise(rows: Sequence[Row], measures: Sequence[Measure]) -> list[Summary]:
     """One summary for each mission and parameter set, in the order of first appearance."""
     summaries = []
     for mission, parameters in dict.fromkeys((row.mission, row.parameters) for row in rows):
@@ -59,7 +64,7 @@ def summarise(rows: Sequence[Row]) -> list[Summary]:
                 runs=len(chosen),
                 success=wilson(sum(map(succeeded, chosen)), len(chosen)),
                 contacts=sum(row.contacts for row in chosen),
-                means={name: mean_of([getattr(row, name) for row in chosen]) for name in MEASURES},
+                means={name: mean_of([getattr(row, name) for row in chosen]) for name in measures},
             )
         )
     return summaries
@@ -88,8 +93,9 @@ def mean_of(values: Sequence[float]) -> Interval:
 
 
 def markdown(summaries: Sequence[Summary]) -> str:
-    """A table with one line a summary."""
-    headings = ["mission", "parameters", "runs", "success", "contacts", *MEASURES.values()]
+    """A table with one line a summary; there is at least one."""
+    headings = ["mission", "parameters", "runs", "success", "contacts"]
+    headings += [TITLES[name] for name in summaries[0].means]
     lines = [f"| {' | '.join(headings)} |", "|---" * len(headings) + "|"]
     for s in summaries:
         share = f"{s.success.value:.0%} ({s.success.low:.0%} ... {s.success.high:.0%})"
