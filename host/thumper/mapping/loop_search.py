@@ -119,7 +119,7 @@ class LoopSearch:
                 scan.ends_m[scan.kinds == HIT].astype(np.float64)
             )
             for scan in places.scans[-20 * RECENT_PLACES * 3 :]
-            if new - RECENT_PLACES < scan.place <= new
+            if scan is not None and new - RECENT_PLACES < scan.place <= new
         ]
         points_m = np.concatenate(parts)
         return np.ascontiguousarray(points_m[:: max(1, len(points_m) // MATCHED_BEAMS)])

@@ -2,12 +2,13 @@
 
 import heapq
 import math
+from array import array
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thumper.geometry import FloatArray, Pose2, wrap_angle
+from thumper.geometry import FloatArray, Pose2
 from thumper.mapping.cells import Cells
 from thumper.mapping.pose_graph import Edge
 from thumper.mapping.scan_points import SILENT, KindArray, ScanPoints
@@ -15,6 +16,7 @@ from thumper.mapping.scan_points import SILENT, KindArray, ScanPoints
 TIE_EVERY_M = 3.0  # an old place this near, matched against in the active map, is tied to the new one
 CHAIN_STD_M, CHAIN_STD_RAD = 0.01, 0.002  # of one place's way: what a scan matcher loses in 2 m
 TIE_STD_M, TIE_STD_RAD = 0.02, 0.004
+MOST_KEPT = 16_000  # scans: some 100 MB of a lidar of 400 beams, or a kilometre and more of way
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,10 +45,11 @@ class PlaceGraph:
     place_m: float
     poses: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     edges: list[Edge] = field(default_factory=list)
-    scans: list[KeptScan] = field(default_factory=list)
+    scans: list[KeptScan | None] = field(default_factory=list)  # in the order of the drive; None was thinned
     driven_m: float = 0.0
     _last: Pose2 | None = None
-    _relative: list[tuple[int, float, float, float]] = field(default_factory=list)
+    _relative: "array[float]" = field(default_factory=lambda: array("d"))  # place, x, y, theta of each scan
+    _kept: int = 0
     _neighbours: list[list[tuple[int, float]]] = field(default_factory=list)
     _began_at_m: list[float] = field(default_factory=list)
 
@@ -75,7 +78,7 @@ class PlaceGraph:
         if begun:
             self._begin(map_from_base)
         relative = self.pose(self.newest).inverse() @ map_from_base
-        self._relative.append((self.newest, relative.x_m, relative.y_m, relative.theta_rad))
+        self._relative.extend((self.newest, relative.x_m, relative.y_m, relative.theta_rad))
         if points is not None:
             said = points.kinds != SILENT
             self.scans.append(
@@ -87,7 +90,17 @@ class PlaceGraph:
                     kinds=points.kinds[said],
                 )
             )
+            self._kept += 1
+            if self._kept > MOST_KEPT:
+                self._thin()
         return begun
+
+    def _thin(self) -> None:
+        """Drop every second scan of the older half: a long drive has seen its places many times."""
+        kept = [number for number, scan in enumerate(self.scans) if scan is not None]
+        for number in kept[: len(kept) // 2 : 2]:
+            self.scans[number] = None
+            self._kept -= 1
 
     def connect(self, first: int, second: int, first_from_second: Pose2, *, loop: bool) -> None:
         """Add an edge: of the loop search, or of the active map's match."""
@@ -147,8 +160,8 @@ class PlaceGraph:
         rows = np.array([(p.x_m, p.y_m, p.theta_rad) for p in newer]).reshape(-1, 3)
         self.poses = np.concatenate((poses, rows))
         if self._last is not None:
-            place, x_m, y_m, theta_rad = self._relative[-1]
-            self._last = self.pose(place) @ Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
+            place, x_m, y_m, theta_rad = self._relative[-4:]
+            self._last = self.pose(int(place)) @ Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
 
     def enter(self, cells: Cells, start: int, places: set[int] | None = None, most: int | None = None) -> int:
         """Enter the kept scans from number `start` on, of some places or all; return the first not looked at.
@@ -158,7 +171,7 @@ class PlaceGraph:
         entered = 0
         for number in range(start, len(self.scans)):
             scan = self.scans[number]
-            if places is None or scan.place in places:
+            if scan is not None and (places is None or scan.place in places):
                 if entered == most:
                     return number
                 cells.integrate(self.pose(scan.place) @ scan.place_from_base, scan.points())
@@ -167,11 +180,17 @@ class PlaceGraph:
 
     def path(self) -> FloatArray:
         """x, y, theta at each scan, shape (scans, 3)."""
-        out = np.zeros((len(self._relative), 3))
-        for i, (place, x_m, y_m, theta_rad) in enumerate(self._relative):
-            pose = self.pose(place) @ Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
-            out[i] = pose.x_m, pose.y_m, wrap_angle(pose.theta_rad)
-        return out
+        rows = np.array(self._relative).reshape(-1, 4)
+        at, relative = self.poses[rows[:, 0].astype(np.int64)], rows[:, 1:]
+        cos, sin = np.cos(at[:, 2]), np.sin(at[:, 2])
+        theta_rad = at[:, 2] + relative[:, 2]
+        return np.column_stack(
+            (
+                at[:, 0] + cos * relative[:, 0] - sin * relative[:, 1],
+                at[:, 1] + sin * relative[:, 0] + cos * relative[:, 1],
+                np.remainder(theta_rad + math.pi, math.tau) - math.pi,
+            )
+        )
 
     def _begin(self, map_from_base: Pose2) -> None:
         row = np.array([[map_from_base.x_m, map_from_base.y_m, map_from_base.theta_rad]])
