@@ -1,7 +1,7 @@
 """The last word before the wheels: would this command touch what the scan sees right now?
 
-Works on the raw points, not on the map, so that no mapping or planning error can drive the robot into
-something.
+Works on the points of scan and memory, not on the map, so that no mapping or planning error can drive the
+robot into something.
 """
 
 import math
