@@ -1,10 +1,11 @@
 """SLAM in the loop: a simulated robot drives tours by its own map; pose and walls against the truth.
 
-Run: python benchmarks/slam_closed_loop.py [--seeds N] [--place NAME ...] [--track M]
+Run: python benchmarks/slam_closed_loop.py [--seeds N] [--place NAME ...] [--track M] [--slip SHARE]
 The whole host drives the firmware on the simulated chip. Its wheels differ from the configured geometry, slip
 and veer; the robot sees the world only through its lidar. Its odometry errs as in experiment 1 of the thesis:
 it reckons with the distance between the wheels (0.245 m), as the thesis did, though a skid-steered base turns
-as if they were further apart. The wheel speed error is printed by the thesis's definition.
+as if they were further apart. The wheel speed error is printed by the thesis's definition. With `--slip` the
+left wheels lose that share of their way on the second leg.
 """
 
 import argparse
@@ -101,7 +102,7 @@ def wheels_alone(truth: FloatArray, track_m: float, start: Pose2) -> FloatArray:
     return np.column_stack((truth[:, 0], x_m, y_m))
 
 
-def run(place: str, seed: int, track_m: float, folder: Path) -> str:
+def run(place: str, seed: int, track_m: float, slip: float, folder: Path) -> str:
     """Drive a tour; returns a line of figures."""
     walls, tour = PLACES[place]
     path, config = folder / f"{place}.toml", folder / "robot.toml"
@@ -111,7 +112,10 @@ def run(place: str, seed: int, track_m: float, folder: Path) -> str:
     board = f"sim://{name}/board?world={path}&x_m={start.x_m}&y_m={start.y_m}&seed={seed}"
     with Robot(board, lidar=f"sim://{name}/lidar", config=config, start=start) as robot:
         bench = simulation(name)
-        results = [robot.goto(x_m, y_m, tolerance_m=0.15) for x_m, y_m in tour[1:]]
+        results = []
+        for leg, (x_m, y_m) in enumerate(tour[1:], start=1):
+            bench.fault("slip.left", slip if leg == 2 else 0.0)
+            results.append(robot.goto(x_m, y_m, tolerance_m=0.15))
         error_m = pose_errors(robot.log.poses, bench.truth())
         odometry_m = pose_errors(wheels_alone(bench.truth(), track_m, start), bench.truth())
         iou, offset_m = wall_figures(robot.map, World.load(path))
@@ -141,6 +145,7 @@ def main() -> None:
         default=GEOMETRIC_TRACK_M,
         help="wheels' distance that odometry reckons with, m",
     )
+    parser.add_argument("--slip", type=float, default=0.0, help="share of the left wheels' way, 0...1")
     arguments = parser.parse_args()
     print(
         "place | seed | goals reached | way, m | pose error, m, RMSE / max | IoU | offset, m | "
@@ -148,7 +153,7 @@ def main() -> None:
     )
     with tempfile.TemporaryDirectory() as folder:
         for place, seed in itertools.product(arguments.place, range(1, arguments.seeds + 1)):
-            print(run(place, seed, arguments.track, Path(folder)), flush=True)
+            print(run(place, seed, arguments.track, arguments.slip, Path(folder)), flush=True)
 
 
 if __name__ == "__main__":
