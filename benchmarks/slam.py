@@ -1,6 +1,6 @@
 """SLAM on recorded logs: CPU time a scan, and error against reference relations, beside other programs.
 
-Run: python benchmarks/slam.py [--data FOLDER] [--method graph|rbpf|scan_match]
+Run: python benchmarks/slam.py [--data FOLDER] [--method graph|rbpf|scan_match] [--seeds N]
 The folder holds the logs; by default THUMPER_DATA or ../shared/data, each with its `slam` subfolder.
 """
 
@@ -9,7 +9,7 @@ import os
 import resource
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -50,31 +50,44 @@ class Run:
     poses: np.ndarray[tuple[int, int], np.dtype[np.float64]]  # as known at the end
     online: np.ndarray[tuple[int, int], np.dtype[np.float64]]  # as reported at the time
     cpu_ms: np.ndarray[tuple[int], np.dtype[np.float64]]
-    integrated: int
+    entered: np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 
-def run(log: RobotLog, method: Method) -> Run:
+def run(log: RobotLog, method: Method, seed: int) -> Run:
     """Map the log as on the robot, timing each scan."""
-    mapper = make_mapper(MappingOptions(method=method), base_from_laser=log.base_from_laser)
+    options = MappingOptions(method=method)
+    options = replace(options, filter=replace(options.filter, seed=seed))
+    mapper = make_mapper(options, base_from_laser=log.base_from_laser)
     mapper.warm_up()
-    online, cpu_ms, integrated = [], [], 0
+    online, cpu_ms, entered = [], [], []
     for record in log.records:
         start_s = time.process_time()
         update = mapper.update(record.odom_from_base, record.scan, record.twist)
         cpu_ms.append(1e3 * (time.process_time() - start_s))
-        integrated += update.integrated
+        entered.append(update.integrated)
         pose = update.map_from_base
         online.append((pose.x_m, pose.y_m, pose.theta_rad))
-    return Run(poses=mapper.path(), online=np.array(online), cpu_ms=np.array(cpu_ms), integrated=integrated)
+    return Run(
+        poses=mapper.path(), online=np.array(online), cpu_ms=np.array(cpu_ms), entered=np.array(entered)
+    )
 
 
 def timing(name: str, result: Run) -> str:
     """One line on the cost."""
-    quantiles = np.percentile(result.cpu_ms, [50, 99])
+    quantiles, entered = np.percentile(result.cpu_ms, [50, 99]), result.cpu_ms[result.entered]
     return (
-        f"{name}: {len(result.cpu_ms)} scans, all matched, {result.integrated} entered; CPU ms a scan: "
+        f"{name}: {len(result.cpu_ms)} scans, all matched, {len(entered)} entered; CPU ms a scan: "
         f"mean {result.cpu_ms.mean():.2f}, median {quantiles[0]:.2f}, 99 % {quantiles[1]:.2f}, "
-        f"worst {result.cpu_ms.max():.1f}"
+        f"worst {result.cpu_ms.max():.1f}; of those entered: mean {entered.mean():.2f}"
+    )
+
+
+def accuracy(name: str, errors: RelationErrors, online: RelationErrors) -> str:
+    """One line on the errors."""
+    turn_deg = np.degrees(errors.rotation_rad.mean())
+    return (
+        f"{name}: path {errors.translation_m.mean():.4f} m, {turn_deg:.3f} deg, "
+        f"worst relation {errors.translation_m.max():.2f} m, online {online.translation_m.mean():.4f} m"
     )
 
 
@@ -126,15 +139,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="SLAM benchmark on recorded logs")
     parser.add_argument("--data", type=Path, default=default, help="folder that holds slam/")
     parser.add_argument("--method", choices=("graph", "rbpf", "scan_match"), default="graph")
+    parser.add_argument("--seeds", type=int, default=1, help="run the particle filter with seeds 1 to N")
     arguments = parser.parse_args()
     folder, method = arguments.data / "slam", arguments.method
     console = Console()
     need(folder / "intel-lab.clf.gz")
 
     mines = open_log(folder / "mines-exp1.dat.gz")
-    result = first = run(mines, method)
-    console.print(timing("MINES", result))
-    console.print(f"MINES: squareness {squareness(mines, result.poses):.3f}")
+    seeds = range(arguments.seeds, 0, -1)  # the tables are of seed 1
+    for seed in seeds:
+        result = first = run(mines, method, seed)
+        console.print(timing(f"MINES, seed {seed}", result), soft_wrap=True)
+        console.print(f"MINES, seed {seed}: squareness {squareness(mines, result.poses):.3f}")
     table = Table(title="MINES, URG-04LX, 682 beams")
     table.add_column("program")
     table.add_column("CPU [ms a processed scan]")
@@ -144,11 +160,21 @@ def main() -> None:
     console.print(table)
 
     intel = open_log(folder / "intel-lab.clf.gz")
-    result = run(intel, method)
-    console.print(timing("Intel", result))
     relations = load_relations(folder / "intel-lab.relations-by-scan.gz")
-    errors = relation_errors(result.poses, relations)
-    online = relation_errors(result.online, relations)
+    means = []  # path [m], path [deg], online [m]
+    for seed in seeds:
+        result = run(intel, method, seed)
+        errors, online = relation_errors(result.poses, relations), relation_errors(result.online, relations)
+        console.print(timing(f"Intel, seed {seed}", result), soft_wrap=True)
+        console.print(accuracy(f"Intel, seed {seed}", errors, online), soft_wrap=True)
+        turn_deg = np.degrees(errors.rotation_rad.mean())
+        means.append((errors.translation_m.mean(), turn_deg, online.translation_m.mean()))
+    mean, worst = np.mean(means, axis=0), np.max(means, axis=0)
+    console.print(
+        f"Intel, {len(means)} seeds, mean and worst: path {mean[0]:.4f} {worst[0]:.4f} m, "
+        f"{mean[1]:.3f} {worst[1]:.3f} deg, online {mean[2]:.4f} {worst[2]:.4f} m",
+        soft_wrap=True,
+    )
     console.print(intel_table(errors, online, result, method))
     peak_MB = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     console.print(f"Peak memory with both logs loaded: {peak_MB:.0f} MB")

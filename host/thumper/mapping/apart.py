@@ -5,17 +5,14 @@ import sys
 from pathlib import Path
 
 from thumper.errors import ThumperError
+from thumper.mapping import compile_kernels
 from thumper.mapping.correlative import correlative_search
 from thumper.mapping.method import Method
-from thumper.mapping.particle_match import match_all
+from thumper.mapping.patches import render_states
 from thumper.mapping.wide_search import block_maximum
 
-LAST_KERNELS = {"scan_match": correlative_search, "graph": block_maximum, "rbpf": match_all}
-COMPILE = (
-    "import sys; from thumper.mapping.method import MappingOptions, make_mapper; "
-    "make_mapper(MappingOptions(method=sys.argv[1])).warm_up()"
-)
-
+LAST_KERNELS = {"scan_match": correlative_search, "graph": block_maximum, "rbpf": render_states}
+MOST_ROUNDS = 12  # of compiling, in case the cache cannot be written; four do it
 
 PLOT = (
     "import sys; from pathlib import Path; import numpy as np; "
@@ -49,4 +46,7 @@ def compile_apart(method: Method) -> None:
     cache = getattr(kernel, "_cache", None)  # numba offers no other way to ask
     folder = Path(getattr(cache, "cache_path", None) or ".")
     if not any(folder.glob(f"*.{kernel.__name__}-*.nbi")):
-        subprocess.run([sys.executable, "-c", COMPILE, method], check=False, capture_output=True)
+        command = [sys.executable, "-m", compile_kernels.__name__, method]
+        for _ in range(MOST_ROUNDS):
+            if subprocess.run(command, check=False, capture_output=True).returncode != compile_kernels.GO_ON:
+                break

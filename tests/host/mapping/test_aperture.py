@@ -106,7 +106,7 @@ def test_a_corner_leaves_nothing_open() -> None:
 
 
 def test_an_unsure_pose_loosens_the_prediction() -> None:
-    """What a corridor left open on the way, the first walls across it may set right; nothing else slackens."""
+    """What a corridor left open on the way, the first walls across it may set right; the rest stays tight."""
     options, moved = MatchOptions(), Pose2(x_m=0.1)
     sure = odometry_information(options, moved, np.zeros(2))
     unsure = odometry_information(options, moved, np.zeros(2), np.diag([0.3**2, 0.0, 0.0]))
