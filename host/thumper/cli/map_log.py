@@ -63,7 +63,7 @@ def map_log(
     )
     for note in summary.notes:
         console.print(f"note: {note}", markup=False, soft_wrap=True)
-    console.print(f"in {out}/: {', '.join(path.name for path in summary.files)}")
+    console.print(f"in {out}/: {', '.join(path.name for path in summary.files)}", soft_wrap=True)
     memory = f", {summary.peak_MB:.0f} MB of memory at most" if summary.peak_MB is not None else ""
     console.print(
         f"CPU a scan: mean {summary.cpu_ms.mean():.2f} ms, p99 {np.percentile(summary.cpu_ms, 99):.2f} ms; "
