@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import serial
 
+from tests.hil.memory_port import MemoryPort, standing
 from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.ld19 import Ld19Driver, Ld19Options
 from thumper.lidar.ld19_frame import FrameCutter
@@ -21,46 +22,6 @@ MOUNT = Pose2(x_m=0.12)
 POLL_S = 0.02
 
 
-class MemoryPort:
-    """A port whose blocking read advances simulated time; `spoil` may change what the host gets to read."""
-
-    port = "memory"
-    baudrate = 230_400
-
-    def __init__(self, lidar: Ld19) -> None:
-        self.lidar = lidar
-        self.timeout = 0.02
-        self.time_s = 0.0
-        self.spoil: Callable[[bytes], bytes] = lambda data: data
-        self.unplugged = False
-        self._buffer = b""
-
-    def clock_s(self) -> float:
-        return self.time_s
-
-    def pass_time(self, seconds: float) -> None:
-        self.time_s += seconds
-        self.lidar.advance(self.time_s)
-        self._buffer += self.spoil(self.lidar.read())
-
-    @property
-    def in_waiting(self) -> int:
-        if self.unplugged:
-            raise OSError("gone")
-        return len(self._buffer)
-
-    def read(self, size: int) -> bytes:
-        until_s = self.time_s + self.timeout
-        while len(self._buffer) < size and self.time_s < until_s:
-            self.pass_time(0.001)
-        data, self._buffer = self._buffer[:size], self._buffer[size:]
-        return data
-
-
-def standing(times_s: FloatArray) -> FloatArray:
-    return np.tile([0.3, -0.2, 0.5], (times_s.size, 1))
-
-
 def turning(times_s: FloatArray) -> FloatArray:
     still = np.zeros_like(times_s)
     return np.column_stack([still, still, 2.0 * times_s])
@@ -72,13 +33,13 @@ def connect(
     world: World = ROOM,
     options: Ld19Options | None = None,
     seed: int = 1,
-) -> tuple[MemoryPort, Ld19Driver]:
+) -> tuple[MemoryPort[Ld19], Ld19Driver]:
     lidar = Ld19(world=world, pose_at=pose_at, base_from_laser=MOUNT, seed=seed)
     port = MemoryPort(lidar)
     return port, Ld19Driver(cast("serial.Serial", port), options=options)
 
 
-def scans_of(port: MemoryPort, driver: Ld19Driver, seconds: float) -> Iterator[Scan]:
+def scans_of(port: MemoryPort[Ld19], driver: Ld19Driver, seconds: float) -> Iterator[Scan]:
     for _ in range(round(seconds / POLL_S)):
         port.pass_time(POLL_S)
         yield from driver.poll()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import serial
 
+from tests.hil.memory_port import MemoryPort, standing
 from thumper.geometry import FloatArray, Pose2
 from thumper.lidar.scan import Scan
 from thumper.lidar.urg04lx import Urg04LxDriver, Urg04LxOptions
@@ -16,55 +17,6 @@ from thumper_hil.parts.world import World
 
 POLL_S = 0.1
 ROOM = World.load("lab")
-
-
-class MemoryPort:
-    """A port whose blocking read advances simulated time; `spoil` may change what the host gets to read."""
-
-    port = "memory"
-
-    def __init__(self, lidar: Urg04Lx) -> None:
-        self.lidar = lidar
-        self.timeout = 0.02
-        self.time_s = 0.0
-        self.spoil: Callable[[bytes], bytes] = lambda data: data
-        self.unplugged = False
-        self.closed = False
-        self._buffer = b""
-
-    def clock_s(self) -> float:
-        return self.time_s
-
-    def pass_time(self, seconds: float) -> None:
-        self.time_s += seconds
-        self.lidar.advance(self.time_s)
-        self._buffer += self.spoil(self.lidar.read())
-
-    def write(self, data: bytes) -> int:
-        if self.unplugged:
-            raise serial.SerialException("gone")
-        self.lidar.write(data, self.time_s)
-        return len(data)
-
-    @property
-    def in_waiting(self) -> int:
-        if self.unplugged:
-            raise OSError("gone")
-        return len(self._buffer)
-
-    def read(self, size: int) -> bytes:
-        until_s = self.time_s + self.timeout
-        while len(self._buffer) < size and self.time_s < until_s:
-            self.pass_time(0.001)
-        data, self._buffer = self._buffer[:size], self._buffer[size:]
-        return data
-
-    def close(self) -> None:
-        self.closed = True
-
-
-def standing(times_s: FloatArray) -> FloatArray:
-    return np.tile([0.3, -0.2, 0.5], (times_s.size, 1))
 
 
 def turning(rate_rad_s: float) -> Callable[[FloatArray], FloatArray]:
@@ -82,13 +34,13 @@ def connect(
     turn_s: float = 0.1,
     options: Urg04LxOptions | None = None,
     seed: int = 1,
-) -> tuple[MemoryPort, Urg04LxDriver]:
+) -> tuple[MemoryPort[Urg04Lx], Urg04LxDriver]:
     lidar = Urg04Lx(world=world, pose_at=pose_at, base_from_laser=Pose2(x_m=0.12), seed=seed, turn_s=turn_s)
     port = MemoryPort(lidar)
     return port, Urg04LxDriver(cast("serial.Serial", port), options=options)
 
 
-def scans_of(port: MemoryPort, driver: Urg04LxDriver, seconds: float) -> Iterator[Scan]:
+def scans_of(port: MemoryPort[Urg04Lx], driver: Urg04LxDriver, seconds: float) -> Iterator[Scan]:
     for _ in range(round(seconds / POLL_S)):
         port.pass_time(POLL_S)
         yield from driver.poll()

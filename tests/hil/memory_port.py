@@ -1,0 +1,64 @@
+"""A simulated lidar behind a port in memory, for its driver; and a robot that stands."""
+
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+import numpy as np
+import serial
+
+from thumper.geometry import FloatArray
+from thumper_hil.parts.ld19 import Ld19
+from thumper_hil.parts.urg04lx import Urg04Lx
+
+
+Lidar = TypeVar("Lidar", Ld19, Urg04Lx)
+
+
+class MemoryPort(Generic[Lidar]):
+    """A port whose blocking read advances simulated time; `spoil` may change what the host gets to read."""
+
+    port = "memory"
+    baudrate = 230_400  # the LD19's; to the URG-04LX, which is on USB, any is right
+
+    def __init__(self, lidar: Lidar) -> None:
+        self.lidar = lidar
+        self.timeout = 0.02
+        self.time_s = 0.0
+        self.spoil: Callable[[bytes], bytes] = lambda data: data
+        self.unplugged = False
+        self.closed = False
+        self._buffer = b""
+
+    def clock_s(self) -> float:
+        return self.time_s
+
+    def pass_time(self, seconds: float) -> None:
+        self.time_s += seconds
+        self.lidar.advance(self.time_s)
+        self._buffer += self.spoil(self.lidar.read())
+
+    def write(self, data: bytes) -> int:
+        if self.unplugged:
+            raise serial.SerialException("gone")
+        self.lidar.write(data, self.time_s)
+        return len(data)
+
+    @property
+    def in_waiting(self) -> int:
+        if self.unplugged:
+            raise OSError("gone")
+        return len(self._buffer)
+
+    def read(self, size: int) -> bytes:
+        until_s = self.time_s + self.timeout
+        while len(self._buffer) < size and self.time_s < until_s:
+            self.pass_time(0.001)
+        data, self._buffer = self._buffer[:size], self._buffer[size:]
+        return data
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def standing(times_s: FloatArray) -> FloatArray:
+    return np.tile([0.3, -0.2, 0.5], (times_s.size, 1))
