@@ -10,7 +10,6 @@ from thumper.geometry import FloatArray
 from thumper_hil.parts.ld19 import Ld19
 from thumper_hil.parts.urg04lx import Urg04Lx
 
-
 Lidar = TypeVar("Lidar", Ld19, Urg04Lx)
 
 
@@ -21,7 +20,7 @@ class MemoryPort(Generic[Lidar]):
     baudrate = 230_400  # the LD19's; to the URG-04LX, which is on USB, any is right
 
     def __init__(self, lidar: Lidar) -> None:
-        self.lidar = lidar
+        self.lidar: Lidar = lidar
         self.timeout = 0.02
         self.time_s = 0.0
         self.spoil: Callable[[bytes], bytes] = lambda data: data
