@@ -1,11 +1,12 @@
 """Open the ports that a configuration names and wire the robot's parts to them."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 from thumper.config.robot import RobotConfig
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
+from thumper.interrupts import remembered
 from thumper.kinematics import DriveGeometry
 from thumper.lidar.open_lidar import open_lidar
 from thumper.link.board import Board
@@ -36,41 +37,39 @@ def open_robot(
         A port, the board or the lidar does not answer; the message names it and the cure.
     """
     warm_up(config)  # compiling takes seconds, and must not happen while wheels turn
-    board = Board.open(config.board.port, baud=config.board.baud)
-    try:
+    with ExitStack() as stack:
+        stack.enter_context(remembered())
+        board = Board.open(config.board.port, baud=config.board.baud)
+        stack.callback(board.close)
         _check_geometry(config.drive, board.identity)
         lidar = open_lidar(config.lidar)
+        stack.callback(lidar.close)
+        base_from_laser = config.lidar.base_from_laser
+        mapper = robot_mapper(config, map_from_base or Pose2())
+        if known is not None:
+            mapper.localise_in(known, map_from_base)
+        robot = Runtime(
+            board=board,
+            lidar=lidar,
+            products=_products(config, board),
+            service=config.service,
+            open_board=lambda: Board.open(config.board.port, baud=config.board.baud),
+            open_lidar=lambda: open_lidar(config.lidar),
+            simulator=getattr(board.port, "simulator", None),
+            perception=Perception(
+                drive=config.drive, base_from_laser=base_from_laser, mapper=mapper, imu=config.imu
+            ),
+            navigation=config.navigation,
+            footprint=config.footprint,
+            view=config.lidar.view,
+            drive=config.drive,
+            max_wheel_rad_s=config.drive.max_wheel_rad_s,
+        )
         try:
-            base_from_laser = config.lidar.base_from_laser
-            mapper = robot_mapper(config, map_from_base or Pose2())
-            if known is not None:
-                mapper.localise_in(known, map_from_base)
-            robot = Runtime(
-                board=board,
-                lidar=lidar,
-                products=_products(config, board),
-                service=config.service,
-                open_board=lambda: Board.open(config.board.port, baud=config.board.baud),
-                open_lidar=lambda: open_lidar(config.lidar),
-                simulator=getattr(board.port, "simulator", None),
-                perception=Perception(
-                    drive=config.drive, base_from_laser=base_from_laser, mapper=mapper, imu=config.imu
-                ),
-                navigation=config.navigation,
-                footprint=config.footprint,
-                view=config.lidar.view,
-                drive=config.drive,
-                max_wheel_rad_s=config.drive.max_wheel_rad_s,
-            )
-            try:
-                yield robot
-            finally:
-                robot.senses.board.close()  # those at the end, should the first have been lost
-                robot.senses.lidar.close()
+            yield robot
         finally:
-            lidar.close()
-    finally:
-        board.close()
+            robot.senses.board.close()  # those at the end, should the first have been lost
+            robot.senses.lidar.close()
 
 
 def robot_mapper(config: RobotConfig, map_from_base: Pose2) -> SwitchingMapper:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from thumper.errors import ThumperError
+from thumper.interrupts import none_lost
 from thumper.kinematics import DriveGeometry
 from thumper.lidar.driver import LidarDriver
 from thumper.link.board import Board, TelemetrySample
@@ -161,6 +162,7 @@ class Runtime:
         """Lend the board out; at each of its beats the rest of the loop goes on, but for deciding."""
         experiments, supervision = self.desk.experiments, self.pilot.supervision
 
+        @none_lost()
         def beat(samples: list[TelemetrySample]) -> None:
             self.senses.take_in(samples)
             self.senses.take_scans()
@@ -260,6 +262,7 @@ class Runtime:
         except Exception as error:  # in motion nothing may pass the stop that follows
             return Ending(reached=False, reason=f"internal error: {type(error).__name__}: {error}")
 
+    @none_lost()
     def beat(self) -> tuple[bool, NavigationOutput | None]:
         """One beat: sense, heed, decide, act, tell. Returns whether the board was heard, and the decision."""
         alive = self.senses.beat(self.pilot.repeat)

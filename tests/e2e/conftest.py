@@ -2,10 +2,16 @@
 
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+
+from tests.e2e.service import START, Service
+from thumper.assembly import open_robot
+from thumper.config.robot import BoardConfig, LidarConfig, RobotConfig
+from thumper_hil.bench import simulation
 
 THUMPER = Path(sys.executable).with_name("thumper")
 
@@ -20,3 +26,17 @@ def thumper() -> Callable[..., subprocess.CompletedProcess[str]]:
         )
 
     return run
+
+
+@pytest.fixture
+def service(monkeypatch: pytest.MonkeyPatch) -> Iterator[Service]:
+    """A robot at service that has looked round."""
+    board = f"sim://service/board?world=lab&x_m={START.x_m}&y_m={START.y_m}&yaw_deg=180"
+    config = RobotConfig(board=BoardConfig(port=board), lidar=LidarConfig(port="sim://service/lidar"))
+    with open_robot(config, START) as robot:
+        service = Service(robot, simulation("service"))
+        for part in ("desk", "inbox", "pilot"):
+            clock = SimpleNamespace(monotonic=service.wall_s)
+            monkeypatch.setattr(f"thumper.service.{part}.time", clock)
+        service.beats(8)
+        yield service

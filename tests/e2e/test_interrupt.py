@@ -16,7 +16,7 @@ COMMANDS = {
     "explore": (
         ["explore", "--board", "sim://r/board?world=lab", "--lidar", "sim://r/lidar"],
         "frontier 1",
-        "home",
+        "\nhome: ",
     ),
 }
 

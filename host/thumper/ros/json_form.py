@@ -1,6 +1,5 @@
 """ROS 2 messages as JSON and back, in the way that rosbridge writes them."""
 
-import dataclasses
 import math
 from typing import Any
 
@@ -15,8 +14,9 @@ INTEGERS = {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)
 
 def to_json(of: Any) -> Any:
     """A message as dictionaries, lists and numbers; what is no number becomes null."""
-    if dataclasses.is_dataclass(of) and not isinstance(of, type):
-        fields = typestore().fielddefs[of.__msgtype__][1]  # without the type's constants
+    type_name = getattr(of, "__msgtype__", None)
+    if type_name is not None:
+        fields = typestore().fielddefs[type_name][1]  # without the type's constants
         return {name: to_json(getattr(of, name)) for name, _ in fields}
     if isinstance(of, np.ndarray):
         return [to_json(value) for value in of.tolist()] if of.dtype.kind == "f" else of.tolist()

@@ -1,0 +1,71 @@
+"""A robot at service in simulation, asked over its inbox, with the firmware's own word for what came of it.
+
+Simulated time passes beat by beat, and with it the clock on the wall, by which hands and heartbeats go.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from thumper.geometry import Pose2
+from thumper.link.messages import Telemetry
+from thumper.navigation.goal import Goal
+from thumper.ros.codec import Message
+from thumper.runtime import Runtime
+from thumper.service.requests import Ask, Request
+from thumper_hil.bench import Bench
+
+START = Pose2(x_m=1.73, y_m=0.08, theta_rad=math.pi)
+NEAR, FAR = Goal(x_m=1.2, y_m=0.05), Goal(x_m=0.0, y_m=0.05)
+HAND_TIMEOUT_S = 0.3
+
+
+class Service:
+    """A robot and the beats that it lives by."""
+
+    def __init__(self, robot: Runtime, bench: Bench) -> None:
+        self.robot, self.bench = robot, bench
+        self.waited_s = 0.0
+        self.events: list[str] = []
+        robot.products.add(self._listen)
+        robot.desk.takes_goals = True
+
+    def wall_s(self) -> float:
+        """The clock on the wall: beats take no time but the board's, and a test may wait between them."""
+        return self.bench.time_s + self.waited_s
+
+    def _listen(self, topic: str, _stamp_s: float, message: Message) -> None:
+        if topic == "events":
+            self.events.append(message.msg)
+
+    def beats(self, count: int) -> None:
+        for _ in range(count):
+            self.robot.serve_beat()
+
+    def put(self, *requests: Request) -> None:
+        for request in requests:
+            self.robot.inbox.put(request)
+        self.beats(1)
+
+    def until(self, condition: Callable[[], bool], most_beats: int = 300) -> None:
+        for _ in range(most_beats):
+            if condition():
+                return
+            self.beats(1)
+        raise AssertionError(self.robot.pilot.reason)
+
+    def ask(self, name: str, content: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        answers: list[Mapping[str, Any]] = []
+        self.put(Ask(name=name, content=content or {}, reply=answers.append))
+        (answer,) = answers
+        return dict(answer)
+
+    @property
+    def telemetry(self) -> Telemetry:
+        telemetry = self.robot.senses.telemetry
+        assert telemetry is not None
+        return telemetry
+
+    @property
+    def mode(self) -> str:
+        return self.robot.pilot.mode.value

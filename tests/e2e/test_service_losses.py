@@ -1,0 +1,101 @@
+"""A robot at service that loses a part of itself: it stops, says why, and goes on when it can."""
+
+import signal
+import sys
+import time
+from types import FrameType
+
+import pytest
+
+from tests.e2e.service import FAR, NEAR, Service
+from thumper.link.messages import State
+from thumper.service.requests import GoTo
+
+
+def test_a_board_that_was_unplugged_is_found_again_and_the_map_stays(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service.put(GoTo(goals=(FAR,)))
+    service.beats(15)
+    before = service.robot.senses.perception.situation()
+    known = (service.robot.mapper.grid().cells >= 0).sum()
+    service.bench.fault("board", "unplugged")
+    naps: list[float] = []
+
+    def plug_in(nap_s: float) -> None:
+        naps.append(nap_s)
+        service.bench.advance(service.bench.time_s + nap_s)
+        service.bench.fault("board", "ok")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(time, "sleep", plug_in)
+        service.beats(1)
+    assert naps
+    service.beats(5)
+    after = service.robot.senses.perception.situation()
+    assert before is not None
+    assert after is not None
+    assert after.map_from_base.distance_m(before.map_from_base) < 0.4
+    assert (service.robot.mapper.grid().cells >= 0).sum() >= known
+    assert service.mode == "idle"
+    assert "cable" in service.ask("mission/state")["reason"]
+    service.put(GoTo(goals=(NEAR,)))
+    service.until(lambda: service.mode == "idle")
+    assert service.ask("mission/state")["state"] == "reached"
+
+
+def test_a_lidar_that_was_unplugged_is_opened_again_once_the_robot_stands(service: Service) -> None:
+    first = service.robot.senses.lidar
+    service.put(GoTo(goals=(FAR,)))
+    service.beats(10)
+    service.bench.fault("lidar", "unplugged")
+    service.until(lambda: service.mode == "idle")
+    assert "lidar" in service.ask("mission/state")["reason"]
+    service.beats(60)
+    service.bench.fault("lidar", "ok")
+    service.until(lambda: "the lidar answers again" in service.events)
+    lidar = service.robot.senses.lidar
+    assert lidar is not first
+    assert lidar.counters.scans > 10  # counted on
+    assert lidar.counters.restarts > 0
+    service.beats(10)
+    service.put(GoTo(goals=(NEAR,)))
+    service.until(lambda: service.mode == "idle")
+    assert service.ask("mission/state")["state"] == "reached"
+
+
+def test_a_part_that_breaks_stops_the_robot_and_not_its_process(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service.put(GoTo(goals=(FAR,)))
+    service.beats(10)
+
+    def broken(*_: object) -> None:
+        raise IndexError("no such cell")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(service.robot.senses.perception, "add_scan", broken)
+        service.beats(2)
+    service.beats(2)
+    assert service.telemetry.state is State.DISARMED
+    assert "IndexError" in service.ask("mission/state")["reason"]
+
+
+@pytest.mark.timeout(60)
+def test_a_ctrl_c_that_a_kernel_swallows_ends_it_all_the_same(service: Service) -> None:
+    """Where the result of a kernel becomes an array, an exception goes no further than to the C code."""
+    came: list[int] = []
+
+    def interrupt(frame: FrameType, event: str, _: object) -> None:
+        if (event, frame.f_code.co_name) == ("call", "_numba_unpickle"):
+            sys.setprofile(None)
+            came.append(service.telemetry.time_us)
+            signal.raise_signal(signal.SIGINT)
+
+    service.put(GoTo(goals=(FAR,)))
+    sys.setprofile(interrupt)
+    service.robot.serve(speed=20.0)
+    assert came
+    assert service.mode == "idle"
+    service.beats(1)
+    assert service.telemetry.state is State.DISARMED

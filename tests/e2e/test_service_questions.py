@@ -1,0 +1,75 @@
+"""What a robot at service is asked and answers."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from tests.e2e.service import FAR, Service
+from thumper.kinematics import WheelSpeeds
+from thumper.service.requests import GoTo
+
+
+def test_parameters(service: Service) -> None:
+    schema = {spec["name"]: spec for spec in service.ask("parameters/schema")["parameters"]}
+    values = service.ask("parameters/get")["values"]
+    assert set(schema) == set(values)
+    kp = values["kp"]
+    changed = service.ask("parameters/set", {"kp": kp + 1.0})["values"]["kp"]
+    assert changed == pytest.approx(kp + 1.0, abs=schema["kp"]["step"])
+    refused = service.ask("parameters/set", {"ki": 1.0, "kp": 1e6})
+    assert "kp = 1000000.0 is refused" in refused["error"]
+    assert service.ask("parameters/get")["values"]["ki"] == values["ki"]  # none, or all
+    assert service.ask("parameters/revert")["values"]["kp"] == pytest.approx(kp)
+    service.put(GoTo(goals=(FAR,)))
+    assert "must stand" in service.ask("parameters/save")["error"]
+
+
+def test_the_wheels_do_not_wait_for_parameters(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Simulated time stands still but where the board is waited for."""
+    service.put(GoTo(goals=(FAR,)))
+    service.beats(10)
+    senses, board, heard_s, ordered_s = service.robot.senses, service.robot.senses.board, [0.0], [0.0]
+    hear, order = senses.beat, board.set_wheel_speeds
+
+    def beat(standing_order: Callable[[], None] | None = None) -> bool:
+        alive = hear(standing_order)
+        heard_s[0] = service.bench.time_s
+        return alive
+
+    def set_wheel_speeds(speeds: WheelSpeeds) -> None:
+        ordered_s[0] = service.bench.time_s
+        order(speeds)
+
+    monkeypatch.setattr(senses, "beat", beat)
+    monkeypatch.setattr(board, "set_wheel_speeds", set_wheel_speeds)
+    values = service.ask("parameters/get")["values"]
+    assert ordered_s == heard_s
+    assert service.ask("parameters/set", values)["ok"]
+    assert ordered_s == heard_s
+    assert service.bench.time_s > heard_s[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("mission/send", {"x_m": 1.0}),
+        ("mission/send", {"x_m": 1.0, "y_m": True}),
+        ("mission/send", {"x_m": 1.0, "y_m": 0.0, "path": "/etc"}),
+        ("mission/state", {"mission": 99}),
+        ("command", {"command": "reboot"}),
+        ("command", {}),
+        ("parameters/set", {}),
+        ("parameters/set", {"kp": "1"}),
+        ("parameters/set", {"nix": 1.0}),
+        ("simulator/command", {"speed": 1e9}),
+        ("simulator/command", {"fault": "nix", "value": "ok"}),
+    ],
+)
+def test_a_question_that_makes_no_sense_is_answered_with_why(
+    service: Service, name: str, content: dict[str, Any]
+) -> None:
+    answer = service.ask(name, content)
+    assert not answer["ok"]
+    assert answer["error"]
+    assert "internal" not in answer["error"]
