@@ -1,5 +1,6 @@
 """`thumper explore`: map an unknown place without being told where to go, and come back."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -34,67 +35,76 @@ def explore(
 
     from thumper.assembly import open_robot
     from thumper.bus.attach import on_bus_if_free
+    from thumper.cli.mission import raise_if_interrupted
     from thumper.cli.output import prepare_output
     from thumper.cli.recorded import recorded
     from thumper.config.robot import load_config, with_ports
     from thumper.geometry import Pose2
     from thumper.navigation.frontiers import ExplorationOptions, Explorer
-    from thumper.navigation.goal import Goal
     from thumper.report import write_run
 
     settings = with_ports(load_config(config), board=board, lidar=lidar)
     prepare_output(out)
     console = Console()
-    home = Goal(x_m=0.0, y_m=0.0, tolerance_m=HOME_TOLERANCE_M)
     explorer = Explorer(ExplorationOptions(), settings.footprint)
     with (
         open_robot(settings, Pose2()) as robot,
         recorded(robot, settings, Pose2(), record, record_to),
         on_bus_if_free(robot, settings.name, settings.bus),
     ):
-        ending = _explore(robot, explorer, 60.0 * minutes, console)
+        ending, result = _explore(robot, explorer, 60.0 * minutes, console)
         console.print(ending)
-        result = _drive(robot, home, "home", console)
-        if result is None:
-            raise typer.Exit(1)
+        if not result.interrupted:
+            result = _home(robot, result, console)
         files = write_run(out, robot.mapper.grid(), robot.log, result)
     console.print(f"{'home' if result.reached else 'not home'}: {result.reason}")
     console.print(f"{', '.join(files)} are in {out}/")
+    raise_if_interrupted(result)
     if not result.reached:
         raise typer.Exit(1)
 
 
-def _explore(robot: "Runtime", explorer: "Explorer", limit_s: float, console: "Console") -> str:
-    """Drive from frontier to frontier; returns why it ended, in words."""
-    from thumper.geometry import Pose2
+def _explore(
+    robot: "Runtime", explorer: "Explorer", limit_s: float, console: "Console"
+) -> "tuple[str, MissionResult]":
+    """Drive from frontier to frontier; returns why it ended, in words, and how the last drive did."""
+    from thumper.cli.mission import drive_with_progress
+    from thumper.errors import ThumperError
+    from thumper.navigation.output import NavigationState
 
     # The first drive ends where it began: it makes the robot look round and gives the first map.
-    from thumper.navigation.goal import Goal
-
-    result = _drive(robot, Goal(x_m=0.0, y_m=0.0, tolerance_m=HOME_TOLERANCE_M), "look", console)
-    pose, spent_s, count = Pose2() if result is None else result.map_from_base, 0.0, 0
-    while spent_s < limit_s:
-        goal = explorer.next_goal(robot.mapper.grid(), pose)
+    result = drive_with_progress(robot, _start(), "look", console)
+    spent_s, tried, reached = result.time_s, 0, 0
+    while spent_s < limit_s and not result.interrupted:
+        goal = explorer.next_goal(robot.mapper.grid(), result.map_from_base)
         if goal is None:
-            return f"explored after {spent_s:.0f} s: no frontier is left ({count} were driven to)"
-        count += 1
-        result = _drive(robot, goal, f"frontier {count}", console)
-        if result is not None:
-            pose, spent_s = result.map_from_base, spent_s + result.time_s
-            if not result.reached:
-                console.print(f"frontier {count} at {goal} is left: {result.reason}")
-    return f"time is up after {spent_s:.0f} s and {count} frontiers"
+            return f"explored after {spent_s:.0f} s: of {tried} frontiers {reached} were reached", result
+        tried += 1
+        try:
+            result = drive_with_progress(robot, goal, f"frontier {tried}", console)
+        except ThumperError as error:  # what borders on free ground is no bad goal: the robot cannot drive
+            return f"ended after {spent_s:.0f} s: {error}", replace(result, reached=False, reason=str(error))
+        spent_s, reached = spent_s + result.time_s, reached + result.reached
+        if not result.reached and not result.interrupted:
+            if robot.pilot.navigator.state is not NavigationState.FAILED:  # then it is no fault of the place
+                return f"ended after {spent_s:.0f} s: {result.reason}", result
+            console.print(f"frontier {tried} at {goal} is left: {result.reason}")
+    why = "interrupted" if result.interrupted else "time is up"
+    return f"{why} after {spent_s:.0f} s: of {tried} frontiers {reached} were reached", result
 
 
-def _drive(robot: "Runtime", goal: "Goal", name: str, console: "Console") -> "MissionResult | None":
-    """Drive there; None when the goal was refused before anything moved."""
-    from thumper.cli.mission import drive_with_progress, raise_if_interrupted
+def _home(robot: "Runtime", last: "MissionResult", console: "Console") -> "MissionResult":
+    """Drive home; a robot that cannot leaves what it has mapped all the same."""
+    from thumper.cli.mission import drive_with_progress
     from thumper.errors import ThumperError
 
     try:
-        result = drive_with_progress(robot, goal, name, console)
+        return drive_with_progress(robot, _start(), "home", console)
     except ThumperError as error:
-        console.print(f"{name} at {goal} is left: {error}")
-        return None
-    raise_if_interrupted(result)
-    return result
+        return replace(last, reached=False, reason=str(error))
+
+
+def _start() -> "Goal":
+    from thumper.navigation.goal import Goal
+
+    return Goal(x_m=0.0, y_m=0.0, tolerance_m=HOME_TOLERANCE_M)

@@ -96,6 +96,11 @@ class Navigator:
         self.costmap: Costmap | None = None  # of the newest cycle, for display and record
 
     @property
+    def state(self) -> NavigationState:
+        """What it is doing."""
+        return self._state
+
+    @property
     def transitions(self) -> tuple[Transition, ...]:
         """The newest changes of state, oldest first, each with its reason."""
         return tuple(self._transitions.entries)

@@ -1,0 +1,19 @@
+"""`thumper explore` of a robot that fails on the way: it ends in words, and the map so far is left behind."""
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+
+def test_a_lost_lidar_ends_the_exploration_and_the_map_is_kept(thumper: Run, tmp_path: Path) -> None:
+    (tmp_path / "faults.toml").write_text('faults = [{ at_s = 6.0, lidar = "unplugged" }]\n')
+    board = f"sim://robot/board?world=lab&scenario={tmp_path / 'faults.toml'}"
+    out = tmp_path / "out"
+    done = thumper("explore", "--board", board, "--lidar", "sim://robot/lidar", "--out", out)
+    told = " ".join(done.stdout.split())
+    assert done.returncode == 1, done.stderr
+    assert "s: the lidar sends no more scans; is its cable loose?" in told.split("ended after")[1]
+    assert "not home: the lidar sends no more scans" in told
+    assert {"map.yaml", "map.pgm", "summary.json"} <= {path.name for path in out.iterdir()}
