@@ -3,12 +3,12 @@
 import json
 import uuid
 from collections.abc import Callable, Mapping
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import zenoh
 
 from thumper.bus.session import open_joiner
+from thumper.closable import Closable
 from thumper.errors import ThumperError
 from thumper.ros.codec import Message, decode, encode
 from thumper.ros.topics import TOPICS
@@ -16,7 +16,7 @@ from thumper.ros.topics import TOPICS
 QUERY_TIMEOUT_S = 3.0
 
 
-class BusClient:
+class BusClient(Closable):
     """Joins the bus of one robot.
 
     Raises
@@ -104,13 +104,3 @@ class BusClient:
     def close(self) -> None:
         """Leave the bus."""
         self._session.close()  # type: ignore[no-untyped-call]
-
-    def __enter__(self) -> Self:
-        """The client itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Leave the bus."""
-        self.close()

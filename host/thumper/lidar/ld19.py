@@ -2,13 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Annotated, Self
 
 import numpy as np
 import serial
 from annotated_types import Ge, Le
 
+from thumper.closable import Closable
 from thumper.errors import ThumperError
 from thumper.lidar.driver import LidarCounters
 from thumper.lidar.ld19_frame import FRAME_BYTES, STAMP_WRAP_MS, FrameCutter, Ld19Frame
@@ -38,7 +38,7 @@ class Ld19Options:
     min_intensity: Annotated[int, Ge(0), Le(255)] = 0
 
 
-class Ld19Driver:
+class Ld19Driver(Closable):
     """A lidar that streams. The constructor waits for its first frame; `poll` never waits."""
 
     def __init__(
@@ -83,14 +83,6 @@ class Ld19Driver:
         except BaseException:
             port.close()
             raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def poll(self) -> list[Scan]:
         """Return the scans that have arrived since the last call, oldest first. Never waits, never raises."""

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Annotated, Self
 
 import numpy as np
 import serial
 from annotated_types import Ge, Le
 
+from thumper.closable import Closable
 from thumper.errors import ThumperError
 from thumper.geometry import FloatArray
 from thumper.lidar.driver import LidarCounters
@@ -52,7 +52,7 @@ class Urg04LxOptions:
     stamp_step: Annotated[int, Ge(-512), Le(1023)] = 0
 
 
-class Urg04LxDriver:
+class Urg04LxDriver(Closable):
     """A lidar that streams. The constructor wakes it, which takes a second or two; `poll` never waits."""
 
     def __init__(
@@ -105,14 +105,6 @@ class Urg04LxDriver:
         except BaseException:
             port.close()
             raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def poll(self) -> list[Scan]:
         """Return the scans that have arrived since the last call, oldest first. Never waits, never raises."""
