@@ -75,7 +75,7 @@ class SlipWatch:
         if not self.slips:
             return []
         return [
-            f"{self.slips} times the wheels and the scans disagreed, by up to {self.worst_m:.2f} m and "
+            f"{self.slips} time{'s' * (self.slips > 1)} the wheels and the scans disagreed, by up to {self.worst_m:.2f} m and "
             f"{math.degrees(self.worst_rad):.0f} degrees: the wheels slip, or [drive] is not calibrated"
         ]
 
