@@ -74,8 +74,9 @@ class SlipWatch:
         """Nothing, or one line."""
         if not self.slips:
             return []
+        often = "once" if self.slips == 1 else f"{self.slips} times"
         return [
-            f"{self.slips} time{'s' * (self.slips > 1)} the wheels and the scans disagreed, by up to {self.worst_m:.2f} m and "
+            f"{often} the wheels and the scans disagreed, by up to {self.worst_m:.2f} m and "
             f"{math.degrees(self.worst_rad):.0f} degrees: the wheels slip, or [drive] is not calibrated"
         ]
 
