@@ -54,10 +54,9 @@ class RefusedError(ValueError):
 
 
 class Gate:
-    """Lets requests through; `refused` counts the others."""
+    """Lets requests through, and no more of a kind than a robot can want."""
 
     def __init__(self) -> None:
-        self.refused = 0
         self._allowance: dict[str, tuple[float, float]] = {}  # topic -> messages left, at [s]
 
     def message(self, topic: str, raw: bytes, source: str, now_s: float) -> Request | None:
@@ -75,7 +74,6 @@ class Gate:
             self._check(topic, len(raw), source, now_s)
             return _READERS[topic](decode(raw, known.type_name), source)
         except ValueError as error:
-            self.refused += 1
             raise RefusedError(f"{topic}: {error}") from error
 
     def question(
@@ -90,7 +88,6 @@ class Gate:
                 name=name, content=json_object(raw.decode()) if raw else {}, reply=reply, source=source
             )
         except ValueError as error:
-            self.refused += 1
             raise RefusedError(f"{name}: {error}") from error
 
     def _check(self, name: str, size_bytes: int, source: str, now_s: float) -> None:

@@ -6,8 +6,6 @@ import typer
 
 from thumper.cli.bus_options import Address, Config, Robot, join
 
-USUAL_PORT = 9090
-
 
 def rosbridge(
     port: Annotated[

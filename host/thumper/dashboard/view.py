@@ -8,6 +8,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -46,7 +47,6 @@ class View:
         self._lines: deque[dict[str, Any]] = deque(maxlen=KEPT_EVENTS)
         self._grid_sent_s: dict[str, float] = {}
         self._number = 0
-        self.spoilt = 0  # messages that could not be shown
 
     def take(self, topic: str, message: Message) -> None:
         """Note a message of the bus; on any thread."""
@@ -122,10 +122,8 @@ class View:
 
     def _try(self, show: Callable[..., None], *what: Any) -> None:
         """A message from elsewhere that makes no sense must not stop the pages."""
-        try:
+        with suppress(ValueError, OverflowError):
             show(*what)
-        except (ValueError, OverflowError):
-            self.spoilt += 1
 
     def _packet(
         self,

@@ -65,8 +65,6 @@ class TurnAssembler:
         self._stamped_s: float | None = None
         self._number = 0
         self._end_deg = 0.0
-        self.lost_points = 0
-        self.short_turns = 0
 
     def feed(self, frame: Ld19Frame, last_point_s: float, point_s: float) -> Turn | None:
         """Take a frame whose last point was measured at `last_point_s`, the points `point_s` apart."""
@@ -79,7 +77,6 @@ class TurnAssembler:
             lost = max(round(gap_deg / frame.step_deg) - 1, 0)
             if lost > FULL_TURN_DEG / frame.step_deg / 2:  # it went back a little: no gap at all
                 lost, gap_deg = 0, frame.step_deg
-            self.lost_points += lost
             first_number += lost
             start_deg = self._end_deg + gap_deg
         order = np.arange(POINTS)
@@ -108,7 +105,6 @@ class TurnAssembler:
         places = numbers - numbers[0]
         beams = int(places[-1]) + 1
         if places.size < LEAST_SHARE * beams:
-            self.short_turns += 1
             return None
         angles_deg = np.concatenate([piece.angles_deg for piece in self._pieces])
         times_s = np.concatenate([piece.times_s for piece in self._pieces])

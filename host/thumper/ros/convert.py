@@ -16,7 +16,7 @@ from thumper.ros.stamps import NS_PER_S, stamp_ns
 from thumper.ros.status import Status
 
 MAP, ODOM, BASE, LASER = "map", "odom", "base_link", "laser"
-DEBUG, INFO, WARN, ERROR, FATAL = 10, 20, 30, 40, 50  # levels of rcl_interfaces/Log
+INFO, WARN, ERROR = 20, 30, 40  # levels of rcl_interfaces/Log
 
 # As ROS's costmap publisher does: 0 free, 1...98 decaying, 99 inscribed, 100 obstacle, -1 unknown.
 _PERCENT_OF_COST = np.array(
@@ -194,7 +194,7 @@ class Messages:
         return message("thumper_msgs/msg/Status", header=self.header(fields.pop("time_s")), **fields)
 
     def event(self, time_s: float, level: int, text: str, name: str = "thumper") -> Message:
-        """rcl_interfaces/Log: one line for people; `level` is one of DEBUG...FATAL."""
+        """rcl_interfaces/Log: one line for people; `level` is INFO, WARN or ERROR."""
         return message(
             "rcl_interfaces/msg/Log",
             stamp=self.time(time_s),

@@ -45,7 +45,6 @@ class Driver:
         self._key_helm = Helm(options, config.drive, limit)
         self._pad_helm = Helm(options, config.drive, limit)
         self._messages = Messages()
-        self._typed_s = 0.0
         self.twist = Twist2()  # as last sent
 
     def step(self, now_s: float, period_s: float) -> bool:
