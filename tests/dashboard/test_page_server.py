@@ -1,0 +1,44 @@
+"""The page in a real browser, when its server or the robot is started anew."""
+
+from functools import partial
+from pathlib import Path
+
+from playwright.sync_api import Browser, Page, expect
+
+from tests.dashboard.conftest import Server, free_port, until
+from tests.dashboard.fake_robot import FakeRobot
+from thumper.service.requests import EmergencyStop
+
+
+def test_it_comes_back_when_the_server_does(page: Page, server: Server, robot: FakeRobot) -> None:
+    server.kill()
+    expect(page.locator("#tp-banner")).to_contain_text("No connection")
+    server.start()
+    page.wait_for_function("document.querySelector('#tp-banner')?.textContent === 'Simulated robot'")
+    # The page may load itself anew in this moment: whoever wants a stop presses until it is said.
+
+    def pressed_and_said() -> bool:
+        page.keyboard.press("Escape")
+        return bool(robot.said(EmergencyStop))
+
+    until(pressed_and_said)
+
+
+def test_it_follows_a_robot_that_was_started_anew(browser: Browser, tmp_path: Path) -> None:
+    address = f"127.0.0.1:{free_port()}"
+    server = Server(address, tmp_path)  # before there is a robot
+    page = browser.new_page()
+    banner = page.locator("#tp-banner")
+    try:
+        page.goto(server.url)
+        expect(banner).to_have_text("Waiting for the robot …")
+        for _ in range(2):
+            robot = FakeRobot(address=address)
+            expect(banner).to_have_text("Simulated robot", timeout=15_000)
+            page.click(".tp-estop")
+            until(partial(robot.said, EmergencyStop))
+            robot.close()
+            expect(banner).to_contain_text("No word from the robot")
+    finally:
+        page.close()
+        server.close()
