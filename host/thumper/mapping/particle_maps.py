@@ -12,7 +12,7 @@ from thumper.mapping.patches import (
     SIDE,
     IndexArray,
     empty_pool,
-    grown_pool,
+    grow,
     render,
     render_states,
     share,
@@ -88,7 +88,7 @@ class ParticleMaps:
         done = 0
         while done < poses.shape[0]:
             if self.pool.size[0] < need:
-                self.pool = grown_pool(self.pool, max(need, self.pool.references.size // 4))
+                grow(self.pool, max(need, self.pool.references.size // 8))
             done = integrate_all(
                 done,
                 order,

@@ -47,21 +47,19 @@ def empty_pool(patches: int) -> Pool:
     )
 
 
-def grown_pool(pool: Pool, extra: int) -> Pool:
-    """The same patches under the same numbers, and `extra` free ones."""
+def grow(pool: Pool, extra: int) -> None:
+    """Add `extra` free patches, in place: a copy would take twice the memory for a moment.
+
+    Nobody may hold a view of the pool's arrays meanwhile.
+    """
     before, free = pool.references.size, int(pool.size[0])
-    fresh = np.arange(before + extra - 1, before - 1, -1, dtype=np.int32)
-    unused = np.zeros(before + extra, dtype=np.int32)
-    unused[: free + extra] = np.concatenate((pool.unused[:free], fresh))
-    blank = np.zeros((extra, SIDE, SIDE), dtype=np.uint8)
-    return Pool(
-        hits=np.concatenate((pool.hits, blank)),
-        misses=np.concatenate((pool.misses, blank)),
-        near=np.concatenate((pool.near, blank + np.uint8(FAR))),
-        references=np.concatenate((pool.references, np.zeros(extra, dtype=np.int32))),
-        unused=unused,
-        size=np.array([free + extra], dtype=np.int32),
-    )
+    for patches in (pool.hits, pool.misses, pool.near):
+        patches.resize((before + extra, SIDE, SIDE), refcheck=False)
+    pool.near[before:] = FAR
+    pool.references.resize(before + extra, refcheck=False)
+    pool.unused.resize(before + extra, refcheck=False)
+    pool.unused[free : free + extra] = np.arange(before + extra - 1, before - 1, -1)
+    pool.size[0] += extra
 
 
 @kernel

@@ -11,7 +11,7 @@ from thumper.geometry import Pose2, Twist2
 from thumper.mapping.grid import OCCUPIED
 from thumper.mapping.grid_mapper import GridMapper, GridMapperOptions
 from thumper.mapping.patch_integrate import RELEASE, quantised_distances
-from thumper.mapping.patches import FAR, empty_pool, grown_pool, render, share, writable
+from thumper.mapping.patches import FAR, empty_pool, grow, render, share, writable
 from thumper.mapping.rbpf_mapper import RbpfMapper, RbpfOptions
 from thumper_hil.parts.world import World
 
@@ -38,11 +38,13 @@ def test_a_grown_pool_keeps_numbers_and_gains_free_patches() -> None:
     table = np.zeros((1, 1), dtype=np.int32)
     patch = writable(table, 0, 0, pool)
     pool.misses[patch] = 5
-    bigger = grown_pool(pool, 3)
-    assert int(bigger.size[0]) == 3
-    assert (bigger.misses[patch] == 5).all()
-    assert len(set(bigger.unused[:3].tolist())) == 3
-    assert patch not in bigger.unused[:3]
+    grow(pool, 3)
+    assert int(pool.size[0]) == 3
+    assert (pool.misses[patch] == 5).all()
+    assert len(set(pool.unused[:3].tolist())) == 3
+    assert patch not in pool.unused[:3]
+    assert (pool.near[pool.unused[:3]] == FAR).all()
+    assert (pool.hits[pool.unused[:3]] == 0).all()
 
 
 def test_distances_are_kept_exactly_while_walls_come_and_go() -> None:
