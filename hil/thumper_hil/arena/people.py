@@ -7,9 +7,12 @@ import numpy as np
 
 from thumper.geometry import FloatArray, Pose2
 from thumper.navigation.footprint import Footprint
+from thumper.navigation.lidar_view import LidarView
+from thumper.navigation.limits import SpeedLimits
 from thumper_hil.arena.world import World
 
 RADIUS_M = 0.20
+STANDING_M_S = 0.06  # what moves slower than this is walked into
 CYCLE_S = 0.1  # between two poses of a drive's track
 
 
@@ -39,17 +42,43 @@ def with_people(room: World, walkers: list[Walker], time_s: float) -> World:
     return World(segments_m=room.segments_m, circles_m=np.vstack((room.circles_m, discs)))
 
 
-def push_m_s(before: Pose2, after: Pose2, walkers: list[Walker], time_s: float) -> float:
-    """Speed at which the nearest part of the hull moved toward the nearest walker [m/s].
+def contact(track: list[Pose2], walkers: list[Walker], time_s: float, limits: SpeedLimits) -> str:
+    """What a contact at the end of a drive was: "walked into", "caught from behind" or "drove into somebody".
+
+    `track` holds the poses of all cycles until `time_s`. Who touches a robot that stands, or moves away, has
+    walked into it. Who came into the lidar's view less than a stopping time ago came from behind.
+    """
+    place_m = (track[-1].x_m, track[-1].y_m)
+    walker = min(walkers, key=lambda someone: math.dist(someone.place_m(time_s), place_m))
+    if push_m_s(track[-2], track[-1], walker, time_s) < STANDING_M_S:
+        return "walked into"
+    stopping_s = limits.latency_s + limits.v_max_m_s / limits.v_accel_m_s2
+    return "caught from behind" if seen_s(track, walker, time_s) < stopping_s else "drove into somebody"
+
+
+def seen_s(track: list[Pose2], walker: Walker, time_s: float) -> float:
+    """How long the lidar has had a walker in its view without a break, hidden by others or not [s].
+
+    `track` holds the poses of all cycles until `time_s`.
+    """
+    view, cycles = LidarView(), 0
+    for pose in reversed(track):
+        bearing_rad, range_m = view.polar(pose, walker.place_m(time_s - cycles * CYCLE_S)[None, :])
+        if not view.holds(bearing_rad, range_m, edge_rad=0.0)[0]:
+            break
+        cycles += 1
+    return cycles * CYCLE_S
+
+
+def push_m_s(before: Pose2, after: Pose2, walker: Walker, time_s: float) -> float:
+    """Speed at which the nearest part of the hull moved toward a walker [m/s].
 
     `before` and `after` are a cycle apart, `after` at `time_s`. It is not above zero when the robot stood, or
     moved away and was caught up.
     """
-    footprint = Footprint()
-    outline_m = footprint.outline_m(0.01)
-    places_m = np.array([walker.place_m(time_s) for walker in walkers])
-    points_m, were_m = after.apply(outline_m), before.apply(outline_m)
-    away_m = places_m[None, :, :] - points_m[:, None, :]
-    point, walker = np.unravel_index(np.argmin(np.hypot(*away_m.T).T), away_m.shape[:2])
-    toward = away_m[point, walker] / max(1e-9, math.hypot(*away_m[point, walker]))
-    return float(toward @ (points_m[point] - were_m[point])) / CYCLE_S
+    outline_m = Footprint().outline_m(0.01)
+    points_m = after.apply(outline_m)
+    away_m = walker.place_m(time_s) - points_m
+    nearest = int(np.argmin(np.hypot(*away_m.T)))
+    toward = away_m[nearest] / max(1e-9, math.hypot(*away_m[nearest]))
+    return float(toward @ (points_m[nearest] - before.apply(outline_m)[nearest])) / CYCLE_S

@@ -9,15 +9,15 @@ import pytest
 
 from thumper.geometry import Pose2
 from thumper.navigation.goal import Goal
+from thumper.navigation.limits import SpeedLimits
 from thumper.navigation.navigator import NavigationState
 from thumper_hil.arena.closed_loop import drive
-from thumper_hil.arena.people import Walker, push_m_s, with_people
+from thumper_hil.arena.people import Walker, contact, push_m_s, seen_s, with_people
 from thumper_hil.arena.world import World, box
 
 HALL = World.of(box(2.0, 0.0, 7.0, 4.0))
 AREA = (-4.0, -4.0, 12.0, 8.0)
 START, GOAL = Pose2(x_m=0.0, y_m=0.0), Goal(x_m=4.5, y_m=0.0)
-STANDING_M_S = 0.06  # a robot slower than this is run into, it does not run into anyone
 
 
 def seen(walkers: list[Walker]) -> Callable[[float], World]:
@@ -40,8 +40,8 @@ STAYING = [Walker(a_m=(2.0, 0.0), b_m=(2.0, 0.0))]
 )
 def test_nobody_is_driven_into(walkers: list[Walker]) -> None:
     run = drive(seen(walkers), START, GOAL, AREA, limit_s=60.0)
-    if run.clearance_m < 0.0:  # then the robot stood, and somebody walked into it
-        assert push_m_s(run.track[-2], run.track[-1], walkers, run.time_s) < STANDING_M_S
+    if run.clearance_m < 0.0:  # then somebody walked into it
+        assert contact(run.track, walkers, run.time_s, SpeedLimits()) != "drove into somebody"
     else:
         assert run.state is NavigationState.REACHED, run.reason
         assert run.goal_error_m < 0.12
@@ -51,8 +51,26 @@ def test_nobody_is_driven_into(walkers: list[Walker]) -> None:
 def test_a_robot_that_drives_ahead_pushes_who_is_ahead(place_m: tuple[float, float], push: float) -> None:
     """A person behind is left, one beside is passed."""
     ahead, person = Pose2(x_m=0.04), Walker(a_m=place_m, b_m=place_m)
-    assert push_m_s(Pose2(), ahead, [person], 1.0) == pytest.approx(push, abs=0.03)
-    assert push_m_s(ahead, ahead, [person], 1.0) == 0.0
+    assert push_m_s(Pose2(), ahead, person, 1.0) == pytest.approx(push, abs=0.03)
+    assert push_m_s(ahead, ahead, person, 1.0) == 0.0
+
+
+def test_a_person_is_seen_from_when_they_come_into_view() -> None:
+    """On a line across, 1 m behind the lidar and out of its view all the time, and 1 m before it."""
+    track = [Pose2()] * 31
+    behind, before = (Walker(a_m=(x_m, -1.5), b_m=(x_m, 1.5)) for x_m in (-0.88, 1.12))
+    assert seen_s(track, behind, 3.0) == pytest.approx(0.0, abs=0.1)
+    assert seen_s(track, before, 3.0) == pytest.approx(3.1)
+
+
+@pytest.mark.parametrize(
+    ("speed_m_s", "x_m", "what"),
+    [(0.4, 0.4, "drove into somebody"), (0.0, 0.4, "walked into"), (-0.4, -0.4, "caught from behind")],
+)
+def test_whose_fault_a_contact_is(speed_m_s: float, x_m: float, what: str) -> None:
+    """Driving at somebody ahead for 3 s, standing before them, backing up into one who was never in view."""
+    track = [Pose2(x_m=speed_m_s * 0.1 * (cycle - 30)) for cycle in range(31)]
+    assert contact(track, [Walker(a_m=(x_m, 0.0), b_m=(x_m, 0.0))], 3.0, SpeedLimits()) == what
 
 
 def test_a_corridor_blocked_for_good_is_told() -> None:
