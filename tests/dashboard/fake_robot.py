@@ -13,12 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from tests.host.telemetry import telemetry_sample
 from thumper.bus.options import BusOptions
 from thumper.bus.server import BusServer
 from thumper.geometry import Pose2, Twist2
 from thumper.lidar.scan import Scan
 from thumper.link.board import TelemetrySample
-from thumper.link.messages import PARAMETERS, Fault, State, Telemetry
+from thumper.link.messages import PARAMETERS, Fault, State
 from thumper.mapping.grid import OccupancyGrid
 from thumper.ros.convert import INFO, WARN, Messages
 from thumper.ros.status import Status
@@ -182,30 +183,27 @@ class FakeRobot:
         goal_mrad_s = 3000 if beat % 80 < 50 else 0
         left = round(goal_mrad_s * (1 - math.exp(-(beat % 80) / 4))) if goal_mrad_s else 0
         state = State.FAULT if self.fault else State.CLOSED_LOOP
-        return TelemetrySample(
-            time_s=now_s,
-            telemetry=Telemetry(
-                time_us=beat * 100_000,
-                left_count=beat * 40,
-                left_speed=left + (beat * 37) % 90 - 45,
-                left_setpoint=goal_mrad_s,
-                left_pwm=left // 40,
-                left_integral=left // 2,
-                right_count=beat * 41,
-                right_speed=left + (beat * 53) % 90 - 45,
-                right_setpoint=goal_mrad_s,
-                right_pwm=left // 38,
-                right_integral=left // 2,
-                lost_edges=0,
-                battery_mV=round(1000 * self.battery_V),
-                left_current_mA=900,
-                right_current_mA=950,
-                state=state,
-                fault=self.fault,
-                warnings=int(self.battery_V < 7.0),
-                rx_frames=beat % 65536,
-                rx_errors=2,
-            ),
+        return telemetry_sample(
+            now_s,
+            time_us=beat * 100_000,
+            left_count=beat * 40,
+            left_speed=left + (beat * 37) % 90 - 45,
+            left_setpoint=goal_mrad_s,
+            left_pwm=left // 40,
+            left_integral=left // 2,
+            right_count=beat * 41,
+            right_speed=left + (beat * 53) % 90 - 45,
+            right_setpoint=goal_mrad_s,
+            right_pwm=left // 38,
+            right_integral=left // 2,
+            battery_mV=round(1000 * self.battery_V),
+            left_current_mA=900,
+            right_current_mA=950,
+            state=state,
+            fault=self.fault,
+            warnings=int(self.battery_V < 7.0),
+            rx_frames=beat % 65536,
+            rx_errors=2,
         )
 
     def _status(self, now_s: float, pose: Pose2) -> Status:

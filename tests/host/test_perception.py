@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.host.telemetry import telemetry_sample
 from thumper.geometry import FloatArray, Pose2
 from thumper.kinematics import DriveGeometry
 from thumper.lidar.scan import Scan
 from thumper.link.board import TelemetrySample
-from thumper.link.messages import Fault, State, Telemetry
 from thumper.mapping.grid_mapper import GridMapper
 from thumper.mapping.input_monitor import Flaw
 from thumper.perception import Perception
@@ -23,25 +23,7 @@ ROOM_M = (-1.5, 2.5, -1.0, 1.4)  # x from ... to, y from ... to
 
 
 def telemetry(time_s: float, left_count: int, right_count: int) -> TelemetrySample:
-    zeros = dict.fromkeys(
-        [
-            *("left_speed", "right_speed", "left_setpoint", "right_setpoint", "left_pwm", "right_pwm"),
-            *("left_integral", "right_integral", "left_current_mA", "right_current_mA"),
-            *("battery_mV", "rx_errors", "lost_edges"),
-        ],
-        0,
-    )
-    message = Telemetry(
-        time_us=round(time_s * 1e6),
-        left_count=left_count,
-        right_count=right_count,
-        state=State.CLOSED_LOOP,
-        fault=Fault.NONE,
-        warnings=0,
-        rx_frames=0,
-        **zeros,
-    )
-    return TelemetrySample(time_s=time_s, telemetry=message)
+    return telemetry_sample(time_s, left_count=left_count, right_count=right_count)
 
 
 def room_range_m(pose: Pose2, angle_rad: float) -> float:

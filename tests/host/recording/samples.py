@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from tests.host.telemetry import telemetry_sample
 from thumper.config.robot import RobotConfig
 from thumper.geometry import Pose2, Twist2
 from thumper.lidar.scan import Scan
 from thumper.link.board import TelemetrySample
-from thumper.link.messages import Fault, State, Telemetry
 from thumper.mapping.grid import OccupancyGrid
 from thumper.odometry.odometry import OdometrySample
 from thumper.recording.session import Session
@@ -22,30 +22,22 @@ MESSAGES = Messages(epoch_ns=EPOCH_NS)
 
 
 def telemetry(time_s: float, count: int) -> TelemetrySample:
-    return TelemetrySample(
-        time_s=time_s,
-        telemetry=Telemetry(
-            time_us=round(1e6 * time_s),
-            left_count=count,
-            left_speed=1000,
-            left_setpoint=1100,
-            left_pwm=70,
-            left_integral=-3,
-            right_count=count + 1,
-            right_speed=1001,
-            right_setpoint=1100,
-            right_pwm=71,
-            right_integral=4,
-            lost_edges=0,
-            battery_mV=7600,
-            left_current_mA=300,
-            right_current_mA=310,
-            state=State.CLOSED_LOOP,
-            fault=Fault.NONE,
-            warnings=0,
-            rx_frames=count % 65536,
-            rx_errors=0,
-        ),
+    return telemetry_sample(
+        time_s,
+        left_count=count,
+        left_speed=1000,
+        left_setpoint=1100,
+        left_pwm=70,
+        left_integral=-3,
+        right_count=count + 1,
+        right_speed=1001,
+        right_setpoint=1100,
+        right_pwm=71,
+        right_integral=4,
+        battery_mV=7600,
+        left_current_mA=300,
+        right_current_mA=310,
+        rx_frames=count % 65536,
     )
 
 
