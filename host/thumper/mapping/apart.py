@@ -12,7 +12,7 @@ from thumper.mapping.patches import render_states
 from thumper.mapping.wide_search import block_maximum
 
 LAST_KERNELS = {"scan_match": correlative_search, "graph": block_maximum, "rbpf": render_states}
-MOST_ROUNDS = 12  # of compiling, in case the cache cannot be written; four do it
+MOST_ROUNDS = 12  # of compiling, in case the cache cannot be written; five to seven do it
 
 PLOT = (
     "import sys; from pathlib import Path; import numpy as np; "
