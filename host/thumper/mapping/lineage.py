@@ -37,7 +37,7 @@ class Lineage:
             self._fold()
 
     def scan(self, best_from_scan: Pose2) -> None:
-        """A scan was placed relative to the best particle of the newest step."""
+        """A scan was placed, relative to the best particle of the newest step; before the first, in the map."""
         self._scans.extend((self.steps - 1, best_from_scan.x_m, best_from_scan.y_m, best_from_scan.theta_rad))
 
     def path(self, best: int) -> FloatArray:
@@ -50,6 +50,7 @@ class Lineage:
             who = int(self._parents[step][who])
         scans = np.array(self._scans).reshape(-1, 4)
         at, relative = chain[np.maximum(scans[:, 0], 0.0).astype(np.int64)], scans[:, 1:]
+        at[scans[:, 0] < 0.0] = 0.0
         cos, sin = np.cos(at[:, 2]), np.sin(at[:, 2])
         theta_rad = at[:, 2] + relative[:, 2]
         return np.column_stack(

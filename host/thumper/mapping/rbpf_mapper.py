@@ -61,7 +61,7 @@ class RbpfMapper:
         self._poses = np.tile(pose_row(map_from_base or Pose2()), (n, 1))
         self._log_weights = np.zeros(n)
         self._rng = np.random.default_rng(self._filtering.seed)
-        self._odometry: Pose2 | None = None  # at the newest scan that was entered
+        self._odometry: Pose2 | None = None  # at the newest scan entered, before them at the newest
         self._map_from_odom = Pose2()
         self._best = 0
         self._confidence = Confidence(self._options.confidence)
@@ -139,9 +139,9 @@ class RbpfMapper:
         """
         points = scan_points(scan, twist, self._base_from_laser, self._options.usable_range_m)
         hits_m = points.hits_m()
-        if self._odometry is None:
-            return self._first(odom_from_base, points, hits_m.shape[0])
-        moved = self._odometry.inverse() @ odom_from_base
+        moved = Pose2() if self._odometry is None else self._odometry.inverse() @ odom_from_base
+        if not self._lineage.steps:
+            return self._first(odom_from_base, moved, points, hits_m.shape[0])
         usable = hits_m.shape[0] >= MIN_HITS
         entered = usable and (
             math.hypot(moved.x_m, moved.y_m) >= self._options.integrate_distance_m
@@ -173,15 +173,16 @@ class RbpfMapper:
             or abs(wrap_angle(pose.theta_rad - last.theta_rad)) >= 2.0 * self._options.integrate_angle_rad
         )
 
-    def _first(self, odom_from_base: Pose2, points: ScanPoints, hits: int) -> MapperUpdate:
-        pose = _pose(self._poses[0])
-        if hits >= MIN_HITS:
+    def _first(self, odom_from_base: Pose2, moved: Pose2, points: ScanPoints, hits: int) -> MapperUpdate:
+        """Enter the first scan of enough beams; until there is one, odometry alone moves the particles."""
+        self._poses, self._odometry = _moved(self._poses, moved), odom_from_base
+        pose, entered = _pose(self._poses[0]), hits >= MIN_HITS
+        if entered:
             self.maps.integrate(self._poses, points)
-            self._odometry = odom_from_base
             self._lineage.step(self._poses, self._parents)
-        self._lineage.scan(Pose2() if hits >= MIN_HITS else pose)
+        self._lineage.scan(Pose2() if entered else pose)
         self._map_from_odom = pose @ odom_from_base.inverse()
-        return MapperUpdate(map_from_base=pose, match_score=math.nan, integrated=hits >= MIN_HITS)
+        return MapperUpdate(map_from_base=pose, match_score=math.nan, integrated=entered)
 
     def _step(self, hits_m: FloatArray, points: ScanPoints, moved: Pose2) -> tuple[Pose2, float]:
         """Move, match, weigh and enter; return the best particle's mode and its score."""

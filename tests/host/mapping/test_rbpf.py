@@ -1,6 +1,7 @@
 """The particle filter: patches, seeds, and the same rooms as the single-hypothesis mapper."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from tests.host.mapping.test_grid_mapper import driven_any, tour
 from thumper.geometry import Pose2, Twist2
 from thumper.mapping.grid import OCCUPIED
 from thumper.mapping.grid_mapper import GridMapper, GridMapperOptions
+from thumper.mapping.method import MappingOptions, Method, make_mapper
 from thumper.mapping.patch_integrate import RELEASE, quantised_distances
 from thumper.mapping.patches import FAR, empty_pool, grow, render, share, writable
 from thumper.mapping.rbpf_mapper import RbpfMapper, RbpfOptions
@@ -117,3 +119,18 @@ def test_standing_still_changes_nothing() -> None:
     for _ in range(20):
         assert not mapper.update(Pose2(), room_scan(Pose2(), noise_m=0.02, rng=rng), Twist2()).integrated
     np.testing.assert_array_equal(mapper.grid().cells, before)
+
+
+@pytest.mark.parametrize("method", ["scan_match", "graph", "rbpf"])
+def test_a_lidar_that_is_blind_at_the_start_costs_no_way(method: Method) -> None:
+    """Nothing is mapped until there are beams, but the wheels count from the start."""
+    start = Pose2(x_m=-1.0, y_m=0.5)
+    mapper = make_mapper(MappingOptions(method=method), map_from_base=start)
+    for k in range(10):
+        step = Pose2(x_m=0.1 * k)
+        scan = room_scan(start @ step)
+        if k < 6:
+            scan = replace(scan, ranges_m=np.full_like(scan.ranges_m, np.nan))
+        update = mapper.update(step, scan, Twist2())
+        assert update.map_from_base.distance_m(start @ step) < 0.05  # a cell
+    np.testing.assert_allclose(mapper.path()[:, 0], start.x_m + 0.1 * np.arange(10), atol=0.05)
