@@ -54,6 +54,7 @@ class Amcl:
         self._path = array("d")  # x, y, theta in turn: a robot at service is on for days
         self._pose, self._explained, self._doubts, self._share = Pose2(), 0.0, 0, 1.0
         self._searching, self._wait = map_from_base is None, 0
+        self._unweighed = 0  # scans since the newest one that was weighed
         self.relocalisations = 0
         self._poses = np.zeros((0, 3))
         if map_from_base is None:
@@ -143,7 +144,7 @@ class Amcl:
         """Take the odometry pose at `scan.time_s` (beam 0) and the speed during the turn, for de-skewing.
 
         A robot that stands still keeps its particles: weighing the same view again and again would make it
-        sure of whatever it believes.
+        sure of whatever it believes. One in doubt looks again: nobody drives it until it knows.
         """
         options = self._options
         points = scan_points(scan, twist, self._base_from_laser, options.usable_range_m)
@@ -154,7 +155,9 @@ class Amcl:
         score = math.nan
         pose = self._pose @ moved
         self._wait = max(0, self._wait - 1)
-        due = self._wait == 0 if self._searching else fresh or self._has_moved(moved)
+        self._unweighed += 1
+        in_doubt = self._doubts > 0 and self._unweighed >= RETRY_SCANS
+        due = self._wait == 0 if self._searching else fresh or in_doubt or self._has_moved(moved)
         if len(hits_m) >= MIN_HITS and due:
             if self._searching:
                 self._look_everywhere(hits_m)
@@ -163,6 +166,7 @@ class Amcl:
                 self._diffuse(moved)
             pose, score = self._weigh(hits_m)
             self._pose, self._odometry, self._explained = pose, odom_from_base, score
+            self._unweighed = 0
             self._doubts = self._doubts + 1 if score < options.lost_below else 0
             if self._doubts >= options.lost_after:
                 self._searching = True

@@ -37,7 +37,7 @@ class Lineage:
             self._fold()
 
     def scan(self, best_from_scan: Pose2) -> None:
-        """A scan was placed, relative to the best particle of the newest step; before the first, in the map."""
+        """A scan was placed relative to the best particle of the newest step; before the first in the map."""
         self._scans.extend((self.steps - 1, best_from_scan.x_m, best_from_scan.y_m, best_from_scan.theta_rad))
 
     def path(self, best: int) -> FloatArray:

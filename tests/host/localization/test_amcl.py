@@ -90,6 +90,16 @@ def test_a_kidnapped_robot_says_so_and_is_found_again() -> None:
     assert error_m(localiser, elsewhere[-1]) < 0.06
 
 
+def test_a_robot_that_was_placed_wrongly_is_found_though_it_stands() -> None:
+    """Nobody drives a lost robot: it must not need to be driven to be found."""
+    true = Pose2(x_m=0.3, y_m=0.4, theta_rad=2.0)
+    localiser = Amcl(GRID, map_from_base=Pose2(x_m=-1.0, y_m=1.5))
+    for _ in range(30):
+        localiser.update(Pose2(), room_scan(true), STILL)
+    assert error_m(localiser, true) < 0.05
+    assert localiser.quality().explained > 0.7
+
+
 def test_a_robot_that_stands_still_keeps_pose_and_particles() -> None:
     start = Pose2(x_m=0.2, y_m=0.3)
     localiser = Amcl(GRID, map_from_base=start)
