@@ -65,3 +65,15 @@ def test_an_emergency_stop_latches_until_cleared(service: Service) -> None:
     service.beats(1)
     assert service.telemetry.state is State.DISARMED
     assert service.ask("mission/send", {"x_m": 1.2, "y_m": 0.05})["ok"]
+
+
+def test_on_a_dead_line_the_person_is_told_to_cut_the_power(service: Service) -> None:
+    service.put(GoTo(goals=(FAR,)))
+    service.beats(10)
+    service.bench.fault("line.loss", 1.0)
+    service.put(EmergencyStop())
+    service.bench.fault("line.loss", 0.0)
+    assert any("cut its power" in event for event in service.events)
+    service.beats(3)
+    assert service.telemetry.state is State.FAULT
+    assert (service.telemetry.left_pwm, service.telemetry.right_pwm) == (0, 0)

@@ -25,6 +25,16 @@ def test_parameters(service: Service) -> None:
     assert "must stand" in service.ask("parameters/save")["error"]
 
 
+def test_what_the_board_did_not_save_is_not_told_as_saved(service: Service) -> None:
+    service.bench.fault("line.loss", 1.0)
+    told = "parameters saved on the board"
+    assert not service.ask("parameters/save")["ok"]
+    assert told not in service.events
+    service.bench.fault("line.loss", 0.0)
+    assert service.ask("parameters/save")["ok"]
+    assert told in service.events
+
+
 def test_the_wheels_do_not_wait_for_parameters(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     """Simulated time stands still but where the board is waited for."""
     service.put(GoTo(goals=(FAR,)))

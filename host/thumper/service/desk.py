@@ -179,8 +179,9 @@ class Desk:
             case "parameters/save":
                 self._must_not_experiment()
                 self._must_stand("save the parameters")
+                answer = board_parameters.save(board)
                 self._products.event("parameters saved on the board")
-                return board_parameters.save(board)
+                return answer
             case "parameters/revert":
                 self._must_not_experiment()
                 return board_parameters.revert(board)

@@ -139,11 +139,14 @@ class Experiments:
             self._progress = (done, total, what)
 
         def think(work: Callable[[], T]) -> T:
-            with ThreadPoolExecutor(1) as pool:
+            pool = ThreadPoolExecutor(1)
+            try:
                 result = pool.submit(work)
                 while not result.done():
                     board.poll(BEAT_TIMEOUT_S)
                 return result.result()
+            finally:
+                pool.shutdown(wait=False)  # who stops the experiment must not wait for what it works out
 
         return Workbench(
             board=board,

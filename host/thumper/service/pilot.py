@@ -113,10 +113,10 @@ class Pilot:
         self.board.command(Command.DISARM)
 
     def emergency_stop(self) -> None:
-        """Switch the motors off and have the board latch it."""
+        """Switch the motors off and have the board latch it; raises ThumperError when it does not confirm."""
         self._end("emergency stop", by_user=True)
         self._rest("emergency stop")  # should the board not hear it, it hears nothing else either, and stops
-        self.board.command(Command.E_STOP)
+        self.board.emergency_stop()
 
     def clear_fault(self) -> None:
         """Unlatch; the motors stay off."""
