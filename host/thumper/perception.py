@@ -133,10 +133,10 @@ class Perception:
             if turn_s > 0.0:
                 twist = Twist2(v_m_s=turned.x_m / turn_s, w_rad_s=turned.theta_rad / turn_s)
             update = self.mapper.update(odom_from_base, scan, twist)
-            if update.match_score >= GOOD_MATCH:
-                self._slip.look(odom_from_base, update.map_from_base)
-            elif update.match_score < GOOD_MATCH:
+            if update.jumped or update.match_score < GOOD_MATCH:
                 self._slip.skip()
+            elif update.match_score >= GOOD_MATCH:
+                self._slip.look(odom_from_base, update.map_from_base)
             self.scans_mapped += 1
             self._scan_time_s = scan.time_s + turn_s
             points = scan_points(scan, twist, self._base_from_laser, scan.range_max_m)

@@ -12,6 +12,7 @@ from thumper.geometry import FloatArray, Pose2
 from thumper.kinematics import DriveGeometry
 from thumper.lidar.scan import Scan
 from thumper.link.board import TelemetrySample
+from thumper.localization.switching import SwitchingMapper
 from thumper.mapping.grid_mapper import GridMapper
 from thumper.mapping.input_monitor import Flaw
 from thumper.perception import Perception
@@ -150,3 +151,24 @@ def test_a_scan_that_makes_no_sense_is_counted_and_harmless(broken: dict[str, An
     situation = robot.situation()
     assert situation is not None
     assert situation.map_from_base.distance_m(Pose2()) < 0.01
+
+
+def test_a_pose_given_by_hand_is_no_slip() -> None:
+    """The room looks the same half a turn round its middle, and the robot is told to be there."""
+    mapper = SwitchingMapper(GridMapper(base_from_laser=LASER), base_from_laser=LASER)
+    robot = Perception(drive=DRIVE, base_from_laser=LASER, mapper=mapper)
+    step = round(0.05 / M_PER_COUNT)  # counts in 0.1 s
+    for k in range(30):
+        robot.add_telemetry(telemetry(0.1 * k, step * k, step * k))
+        begin_m, step_m = (k - 1) * step * M_PER_COUNT - 0.7, step * M_PER_COUNT
+        robot.add_scan(scan(0.1 * k - 0.1, [Pose2(x_m=begin_m + step_m * i / 100) for i in range(100)]))
+        if k == 15:
+            here = mapper.map_from_odom @ Pose2(x_m=begin_m + 0.7)
+            mapper.localise()
+            mapper.set_pose(Pose2(x_m=2.4 - here.x_m, y_m=0.4 - here.y_m, theta_rad=math.pi))
+    situation = robot.situation()
+    assert situation is not None
+    assert abs(situation.map_from_base.theta_rad) > 3.0
+    assert situation.lost == ""
+    assert robot.scans_mapped == 29
+    assert robot.lines() == ["1 of 30 scans " + Flaw.NO_ODOMETRY]  # the one from before the board was heard

@@ -152,6 +152,7 @@ class Amcl:
         hits_m = np.ascontiguousarray(hits_m[:: max(1, len(hits_m) // options.beams)])
         moved = Pose2() if self._odometry is None else self._odometry.inverse() @ odom_from_base
         fresh = self._odometry is None
+        jumped = fresh or self._searching
         score = math.nan
         pose = self._pose @ moved
         self._wait = max(0, self._wait - 1)
@@ -172,7 +173,7 @@ class Amcl:
                 self._searching = True
         self._map_from_odom = pose @ odom_from_base.inverse()
         self._path.extend((pose.x_m, pose.y_m, pose.theta_rad))
-        return MapperUpdate(map_from_base=pose, match_score=score, integrated=False)
+        return MapperUpdate(map_from_base=pose, match_score=score, integrated=False, jumped=jumped)
 
     def _has_moved(self, moved: Pose2) -> bool:
         return (

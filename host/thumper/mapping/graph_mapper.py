@@ -126,6 +126,7 @@ class GraphMapper:
         """Take the odometry pose at `scan.time_s` (beam 0) and the speed during the turn, for de-skewing."""
         update = self._front.update(odom_from_base, scan, twist)
         pose = self._graph_from_front @ update.map_from_base
+        closed = self.loops_closed
         points = None
         if update.integrated:
             points = scan_points(scan, twist, self._base_from_laser, self._options.usable_range_m)
@@ -138,8 +139,9 @@ class GraphMapper:
             self._look_for_loop()
         else:
             self._work(SCANS_AT_ONCE)
-        pose = self._graph_from_front @ update.map_from_base
-        return replace(update, map_from_base=pose)
+        # By now the loop may be closed, or the front end work in another map.
+        pose = self._graph_from_front @ self._front.map_from_base
+        return replace(update, map_from_base=pose, jumped=self.loops_closed > closed)
 
     def _look_for_loop(self) -> None:
         near = self.places.within(self._loops.active_m)

@@ -107,10 +107,10 @@ def map_records(
         updates.append(update)
         if coasting:
             coasting.moved(update.map_from_base)
+        elif update.jumped or update.match_score < GOOD_MATCH:
+            slip.skip()
         elif update.match_score >= GOOD_MATCH:
             slip.look(odom_from_base, update.map_from_base)
-        elif update.match_score < GOOD_MATCH:
-            slip.skip()
         cpu_ms[done - 1] = 1e3 * (time.process_time() - start_s)
         if progress is not None and (done % PROGRESS_EVERY == 0 or done == total):
             progress(done, total)

@@ -16,6 +16,7 @@ class MapperUpdate:
     map_from_base: Pose2  # corrected pose of the robot at `scan.time_s`
     match_score: float  # mean likelihood of the beams at that pose, 0...1; NaN when the scan was not matched
     integrated: bool  # whether the scan changed the map
+    jumped: bool = False  # a loop closed, or the place was given or searched for: the robot did not move so
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

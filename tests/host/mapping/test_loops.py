@@ -112,3 +112,18 @@ def test_closing_a_loop_is_spread_over_many_scans_and_grid_and_path_agree_in_the
     cells = [grid.cells[grid.cell_of(x, y)] for x, y, _ in path]
     assert np.mean(np.array(cells) == FREE) > 0.97
     assert errors_m(path, poses).max() < 1.5
+
+
+def test_the_pose_given_follows_the_map_through_a_closed_loop() -> None:
+    """The scan at which the loop closes says that the pose jumped; no other one jumps, or is told in an old map."""
+    start = round_trip(LENGTH_M, BREADTH_M, 0.0)[0]
+    mapper = GraphMapper(loops=LoopOptions(active_m=30.0), map_from_base=start)
+    rng = np.random.default_rng(1)
+    world, poses = corridor_loop(LENGTH_M, BREADTH_M, rng), round_trip(LENGTH_M, BREADTH_M, 12.0)
+    drives = list(drive(world, poses, rng))
+    jumps = 0
+    for odometry, scan in drives + 100 * drives[-1:]:  # it stands at the end, and the map is drawn again
+        update = mapper.update(odometry, scan, Twist2())
+        assert update.map_from_base.distance_m(mapper.map_from_odom @ odometry) < 1e-9
+        jumps += update.jumped
+    assert jumps == mapper.loops_closed == 1
