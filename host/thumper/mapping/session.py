@@ -1,7 +1,7 @@
 """A map in the making on disk, so that mapping can go on another day: counts, not just black and white.
 
 The file is one line of JSON and then the counts, compressed with zlib. The line names the format's version,
-the shape, and the SHA-256 of what follows: a file that was cut off or changed is refused, never half read.
+the shape, the pose, and the SHA-256 of it all: a file that was cut off or changed is refused, never half read.
 """
 
 import hashlib
@@ -9,6 +9,7 @@ import json
 import os
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from thumper.geometry import Pose2
 from thumper.mapping.cells import Cells
 from thumper.mapping.grid_mapper import GridMapper, GridMapperOptions
 
-VERSION = 1
+VERSION = 2
 LARGEST_CELLS = 400_000_000  # 1 km by 1 km at 5 cm
 
 
@@ -31,14 +32,14 @@ def save_session(mapper: GridMapper, path: Path) -> None:
     """
     cells, pose = mapper.cells, mapper.map_from_base
     payload = zlib.compress(np.stack((cells.hits, cells.misses)).astype("<u2").tobytes(), 6)
-    header = {
+    header: dict[str, Any] = {
         "thumper_session": VERSION,
-        "sha256": hashlib.sha256(payload).hexdigest(),
         "shape": cells.hits.shape,
         "first_cell": cells.first_cell,
         "resolution_m": cells.resolution_m,
         "pose": [pose.x_m, pose.y_m, pose.theta_rad],
     }
+    header["sha256"] = _checksum(header, payload)
     partial = path.with_name(path.name + ".part")
     try:
         with partial.open("wb") as stream:
@@ -80,7 +81,7 @@ def load_session(
             raise ThumperError(
                 f"{path}: session version {version}; this program reads version {VERSION}", exit_code=2
             )
-        if hashlib.sha256(payload).hexdigest() != header["sha256"]:
+        if _checksum(header, payload) != header["sha256"]:
             raise ThumperError(
                 f"{path}: the checksum is wrong, the file is damaged; use a backup", exit_code=2
             )
@@ -104,3 +105,9 @@ def load_session(
     mapper = GridMapper(options, base_from_laser=base_from_laser, map_from_base=pose)
     mapper.restart(cells, pose)
     return mapper
+
+
+def _checksum(header: dict[str, Any], payload: bytes) -> str:
+    """Of the counts and of all that the header says but itself."""
+    said = {key: value for key, value in header.items() if key != "sha256"}
+    return hashlib.sha256(json.dumps(said, sort_keys=True).encode() + payload).hexdigest()

@@ -115,7 +115,7 @@ def test_closing_a_loop_is_spread_over_many_scans_and_grid_and_path_agree_in_the
 
 
 def test_the_pose_given_follows_the_map_through_a_closed_loop() -> None:
-    """The scan at which the loop closes says that the pose jumped; no other one jumps, or is told in an old map."""
+    """Only the scan at which the loop closes says that the pose jumped; none is told in the map before it."""
     start = round_trip(LENGTH_M, BREADTH_M, 0.0)[0]
     mapper = GraphMapper(loops=LoopOptions(active_m=30.0), map_from_base=start)
     rng = np.random.default_rng(1)

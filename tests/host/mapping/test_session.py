@@ -44,9 +44,11 @@ def test_a_session_goes_on_where_it_stopped(tmp_path: Path) -> None:
     [
         (lambda data: data[:-10], "checksum"),
         (lambda data: data[:-1] + bytes([data[-1] ^ 1]), "checksum"),
-        (lambda data: data.replace(b'"thumper_session": 1', b'"thumper_session": 9'), "version 9"),
+        (lambda data: data.replace(b'"pose": [', b'"pose": [1'), "checksum"),
+        (lambda data: data.replace(b'"first_cell": [-', b'"first_cell": ['), "checksum"),
+        (lambda data: data.replace(b'"thumper_session": 2', b'"thumper_session": 9'), "version 9"),
         (lambda data: b"hello", "not a mapping session"),
-        (lambda data: json.dumps({"thumper_session": 1}).encode() + b"\n", "not a mapping session"),
+        (lambda data: json.dumps({"thumper_session": 2}).encode() + b"\n", "not a mapping session"),
     ],
 )
 def test_a_damaged_session_is_refused(tmp_path: Path, harm: object, word: str) -> None:
