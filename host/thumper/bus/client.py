@@ -2,7 +2,8 @@
 
 import json
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import zenoh
@@ -17,12 +18,12 @@ QUERY_TIMEOUT_S = 3.0
 
 
 class BusClient(Closable):
-    """Joins the bus of one robot.
+    """Joins the bus of one robot; any thread may use it, or close it.
 
     Raises
     ------
     ThumperError
-        No robot runs there, or the token is not its own.
+        No robot runs there, or the token is not its own; later, from every method: it has been closed.
     """
 
     def __init__(self, robot: str, address: str, token: str = "") -> None:
@@ -45,19 +46,17 @@ class BusClient(Closable):
                 return
             callback(message)
 
-        subscribe = self._session.declare_subscriber
-        self._subscribers.append(subscribe(self._prefix + topic, lambda sample: take(sample.payload)))
+        self._subscribe(topic, take)
         if TOPICS[topic].latched:
-            for reply in self._session.get(self._prefix + topic, timeout=QUERY_TIMEOUT_S):
+            with _explained():
+                replies = self._session.get(self._prefix + topic, timeout=QUERY_TIMEOUT_S)
+            for reply in replies:
                 if reply.ok is not None:
                     take(reply.ok.payload)
 
     def subscribe_raw(self, topic: str, callback: Callable[[bytes], None]) -> None:
         """Have each message of a topic as it comes over the wire (CDR), not the newest of a latched one."""
-        subscribe = self._session.declare_subscriber
-        self._subscribers.append(
-            subscribe(self._prefix + topic, lambda sample: callback(sample.payload.to_bytes()))
-        )
+        self._subscribe(topic, lambda payload: callback(payload.to_bytes()))
 
     def publish(self, topic: str, message: Message, *, source: str = "") -> None:
         """Send a message; `source` names who sends when one client speaks for several."""
@@ -65,14 +64,15 @@ class BusClient(Closable):
 
     def publish_raw(self, topic: str, raw: bytes, *, source: str = "") -> None:
         """Send a message that is CDR already."""
-        self._session.put(
-            self._prefix + topic,
-            raw,
-            attachment=(source or self.source).encode(),
-            congestion_control=zenoh.CongestionControl.BLOCK,
-            priority=zenoh.Priority.REAL_TIME if topic == "estop" else zenoh.Priority.INTERACTIVE_HIGH,
-            express=True,
-        )
+        with _explained():
+            self._session.put(
+                self._prefix + topic,
+                raw,
+                attachment=(source or self.source).encode(),
+                congestion_control=zenoh.CongestionControl.BLOCK,
+                priority=zenoh.Priority.REAL_TIME if topic == "estop" else zenoh.Priority.INTERACTIVE_HIGH,
+                express=True,
+            )
 
     def query(
         self, name: str, payload: Mapping[str, Any] | None = None, *, source: str = ""
@@ -84,12 +84,13 @@ class BusClient(Closable):
         ThumperError
             The robot refuses, in its words; or it does not answer.
         """
-        replies = self._session.get(
-            f"{self._prefix}ask/{name}",
-            payload=json.dumps(payload or {}),
-            attachment=(source or self.source).encode(),
-            timeout=QUERY_TIMEOUT_S,
-        )
+        with _explained():
+            replies = self._session.get(
+                f"{self._prefix}ask/{name}",
+                payload=json.dumps(payload or {}),
+                attachment=(source or self.source).encode(),
+                timeout=QUERY_TIMEOUT_S,
+            )
         for reply in replies:
             if reply.ok is not None:
                 answer = json.loads(reply.ok.payload.to_bytes())
@@ -104,3 +105,18 @@ class BusClient(Closable):
     def close(self) -> None:
         """Leave the bus."""
         self._session.close()  # type: ignore[no-untyped-call]
+
+    def _subscribe(self, topic: str, take: Callable[[zenoh.ZBytes], None]) -> None:
+        with _explained():
+            self._subscribers.append(
+                self._session.declare_subscriber(self._prefix + topic, lambda sample: take(sample.payload))
+            )
+
+
+@contextmanager
+def _explained() -> Iterator[None]:
+    """Tell a bus that fails in words: mostly, it was left on another thread."""
+    try:
+        yield
+    except zenoh.ZError as error:
+        raise ThumperError(f"the bus fails: {error}") from error

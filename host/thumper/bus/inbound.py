@@ -115,8 +115,12 @@ def json_object(text: str) -> dict[str, Any]:
         value = float(digits)
         return value if math.isfinite(value) else refuse(digits)  # 1e999
 
+    def whole(digits: str) -> int:
+        finite(digits)  # nor may an integer be beyond what a float holds
+        return int(digits)
+
     try:
-        content = json.loads(text, parse_constant=refuse, parse_float=finite)
+        content = json.loads(text, parse_constant=refuse, parse_float=finite, parse_int=whole)
     except (ValueError, RecursionError) as error:
         raise RefusedError(f"no JSON: {error}") from error
     if not isinstance(content, dict):

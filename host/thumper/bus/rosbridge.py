@@ -21,13 +21,14 @@ from websockets.http11 import Request, Response
 from thumper.bus.client import BusClient
 from thumper.bus.inbound import MOST_BYTES, json_object
 from thumper.bus.options import is_loopback
-from thumper.bus.rosbridge_ops import Conversation
+from thumper.bus.rosbridge_ops import Conversation, Question
 from thumper.errors import ThumperError
 from thumper.ros.codec import Message
 from thumper.ros.json_form import to_json
 
 MOST_CLIENTS = 16
 MOST_QUEUED = 64  # of a client that is slow; the oldest go
+MOST_QUESTIONS = 20  # of a client, that wait for the robot
 OWN_PAGES = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?")
 
 
@@ -120,27 +121,44 @@ class Rosbridge:
 
         client = Conversation(self._bus, self.want, send, source=f"rosbridge-{uuid.uuid4().hex[:12]}")
         self._clients.add(client)
-        writer = asyncio.create_task(_write(connection, queue))
+        questions: asyncio.Queue[Question] = asyncio.Queue(MOST_QUESTIONS)
+        workers = [
+            asyncio.create_task(_write(connection, queue)),
+            asyncio.create_task(self._answer(questions, send)),
+        ]
         try:
             async for data in connection:
-                await self._do(client, data, send)
+                _do(client, data, questions, send)
         except ConnectionClosed:
             pass
         finally:
             self._clients.discard(client)
-            writer.cancel()
+            for worker in workers:
+                worker.cancel()
 
-    async def _do(self, client: Conversation, data: str | bytes, send: Callable[[str], None]) -> None:
-        answer_id: Any = None
-        try:
-            content = json_object(data if isinstance(data, str) else data.decode())
-            answer_id = content.get("id")
-            call = client.take(content)
-            if call is not None:  # a question waits for the robot: not in the loop
-                send(json.dumps(await self._loop.run_in_executor(None, call)))
-        except (ValueError, ThumperError) as error:
-            status = {"op": "status", "level": "error", "msg": str(error)}
-            send(json.dumps(status | ({"id": answer_id} if isinstance(answer_id, str) else {})))
+    async def _answer(self, questions: "asyncio.Queue[Question]", send: Callable[[str], None]) -> None:
+        """One after another, beside what else the client sends: no stop and no heartbeat waits for an answer."""
+        while True:
+            question = await questions.get()
+            send(json.dumps(await self._loop.run_in_executor(None, question)))
+
+
+def _do(
+    client: Conversation, data: str | bytes, questions: "asyncio.Queue[Question]", send: Callable[[str], None]
+) -> None:
+    answer_id: Any = None
+    try:
+        content = json_object(data if isinstance(data, str) else data.decode())
+        answer_id = content.get("id")
+        question = client.take(content)
+        if question is None:
+            return
+        if questions.full():
+            raise ThumperError("too many questions to the robot wait already: ask again")
+        questions.put_nowait(question)
+    except (ValueError, ThumperError) as error:
+        status = {"op": "status", "level": "error", "msg": str(error)}
+        send(json.dumps(status | ({"id": answer_id} if isinstance(answer_id, str) else {})))
 
 
 async def _write(connection: ServerConnection, queue: "asyncio.Queue[str]") -> None:

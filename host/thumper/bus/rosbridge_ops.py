@@ -15,6 +15,9 @@ from thumper.ros.topics import TOPICS, Direction
 LONGEST_THROTTLE_MS = 60_000
 QUIET = ("unadvertise", "set_level", "fragment", "png", "auth")  # nothing to be done for these here
 
+Question = Callable[[], dict[str, Any]]
+"""Asks the robot, waits for its answer or refusal, and returns what to send."""
+
 
 @dataclass(slots=True)
 class _Subscription:
@@ -44,7 +47,7 @@ class Conversation:
             subscription.told_s = now_s
             self._send(f'{{"op": "publish", "topic": "/{topic}", "msg": {text}}}')
 
-    def take(self, content: Mapping[str, Any]) -> Callable[[], dict[str, Any]] | None:
+    def take(self, content: Mapping[str, Any]) -> Question | None:
         """Do an operation; returns what takes longer, for another thread, with the answer to send.
 
         Raises
@@ -93,7 +96,7 @@ class Conversation:
             if not isinstance(arguments, dict):
                 raise ThumperError("args is an object")
             answer["values"] = self._answer(service, arguments)
-        except ThumperError as error:
+        except (ThumperError, ValueError) as error:
             answer |= {"values": str(error), "result": False}
         return answer
 

@@ -4,6 +4,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from typing import Any, Protocol
 
@@ -51,14 +52,17 @@ class RobotLink:
 
     def publish(self, topic: str, of: Message, *, source: str) -> None:
         """Send a message, if there is a robot."""
-        if self._client is not None:
-            self._client.publish(topic, of, source=source)
+        client = self._client  # the thread that joins may take it away at any moment
+        if client is not None:
+            with suppress(ThumperError):
+                client.publish(topic, of, source=source)
 
     def query(self, name: str, content: Mapping[str, Any], *, source: str = "") -> Mapping[str, Any]:
         """Ask the robot; raises ThumperError when it refuses or does not answer."""
-        if self._client is None:
+        client = self._client
+        if client is None:
             raise ThumperError(self.problem or "there is no robot yet")
-        return self._client.query(name, content, source=source)
+        return client.query(name, content, source=source)
 
     def close(self) -> None:
         """Leave the bus, or stop trying to join."""

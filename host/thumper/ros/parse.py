@@ -81,7 +81,7 @@ def transform_of(of: Message) -> Pose2:
 def _planar(at: Message, q: Message) -> Pose2:
     if not all(map(math.isfinite, (at.x, at.y, at.z, q.x, q.y, q.z, q.w))):
         raise ValueError("a pose that is not finite")
-    length = math.sqrt(q.x**2 + q.y**2 + q.z**2 + q.w**2)
+    length = math.hypot(q.x, q.y, q.z, q.w)  # whose squares may be beyond any float
     if abs(length - 1.0) > UNIT_TOLERANCE:
         raise ValueError(f"an orientation of length {length:g}, not 1")
     yaw_rad = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))

@@ -233,3 +233,17 @@ def test_options_that_pass() -> None:
         BusOptions().at("10.0.0.1:7447")
     assert is_loopback("127.3.2.1")
     assert not is_loopback("128.0.0.1")
+
+
+def test_a_client_that_was_closed_on_another_thread_says_so(robot: Robot) -> None:
+    client = BusClient("r1", robot.address)
+    client.close()
+    uses: tuple[Callable[[], Any], ...] = (
+        lambda: client.query("mission/state"),
+        lambda: client.publish("estop", flag(True)),
+        lambda: client.subscribe("map", lambda _: None),
+        lambda: client.subscribe_raw("scan", lambda _: None),
+    )
+    for use in uses:
+        with pytest.raises(ThumperError, match="closed"):
+            use()

@@ -35,6 +35,12 @@ def request(topic: str, message: Any, source: str = "me", gate: Gate | None = No
     return (gate or Gate()).message(topic, encode(message), source, 0.0)
 
 
+def turned_by(x: float) -> Any:
+    goal = M.goal(0.0, HERE)
+    goal.pose.orientation.x = x
+    return goal
+
+
 def test_a_goal() -> None:
     asked = request("goal", M.goal(0.0, HERE))
     assert isinstance(asked, GoTo)
@@ -84,6 +90,7 @@ def test_what_passes(topic: str, message: Any, expected: Request | None) -> None
         ("command", text("../../save_map"), "no such command"),
         ("goal", M.goal(0.0, Pose2(x_m=math.nan)), "not finite"),
         ("goal", M.goal(0.0, Pose2(x_m=1e9)), "farther"),
+        ("goal", turned_by(1e200), "an orientation of length"),
         ("goal", text("not a pose"), "no geometry_msgs"),
         ("waypoints", M.path(0.0, np.zeros((0, 2))), "0 waypoints"),
         ("waypoints", M.path(0.0, np.zeros((201, 2))), "201 waypoints"),
@@ -165,3 +172,5 @@ def test_numbers_that_are_none_are_refused() -> None:
         json_object('{"a": Infinity}')
     with pytest.raises(RefusedError, match="1e999"):
         json_object('{"a": 1e999}')
+    with pytest.raises(RefusedError, match="is no number"):
+        json_object('{"a": 1%s}' % ("0" * 400))

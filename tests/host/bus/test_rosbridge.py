@@ -23,7 +23,7 @@ from thumper.dashboard.certificate import make_certificate, server_tls
 from thumper.errors import ThumperError
 from thumper.geometry import Twist2
 from thumper.lidar.scan import Scan
-from thumper.service.requests import Ask, Channel, Velocity
+from thumper.service.requests import Ask, Channel, EmergencyStop, Request, Velocity
 
 
 class Bridge:
@@ -136,6 +136,23 @@ def test_a_service_is_a_question_to_the_robot(bridge: Bridge, ros: roslibpy.Ros)
     with pytest.raises(Exception, match="a fault is latched"):
         service.call(roslibpy.ServiceRequest({"command": "arm"}), timeout=20)
     thread.join()
+
+
+def test_a_stop_does_not_wait_for_the_answer_to_a_question(bridge: Bridge) -> None:
+    asked: list[Request] = []
+
+    def both_came() -> bool:
+        asked.extend(bridge.robot.asked_now())
+        return {Ask, EmergencyStop} <= set(map(type, asked))
+
+    with connect(bridge.url) as socket:
+        socket.send('{"op": "call_service", "service": "/command", "args": {"command": "cancel"}}')
+        socket.send('{"op": "publish", "topic": "/estop", "msg": {"data": true}}')
+        soon(both_came)
+        for request in asked:
+            if isinstance(request, Ask):
+                request.reply({"ok": True, "text": "it stops"})
+        assert json.loads(socket.recv(20))["values"]["text"] == "it stops"
 
 
 def test_it_says_what_there_is(ros: roslibpy.Ros) -> None:
