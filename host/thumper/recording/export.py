@@ -2,7 +2,7 @@
 
 import csv
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import Field, fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from thumper.mapping.grid import OccupancyGrid
 from thumper.recording.reader import Recording
 from thumper.ros import parse
 from thumper.ros.codec import Message
+from thumper.ros.topics import TOPICS
 
 LARGEST_ARRAY = 2048  # numbers that a row may hold: a scan, not a map
 Row = dict[str, Any]
@@ -45,7 +46,8 @@ def export_csv(recording: Recording, folder: Path) -> list[Path]:
                         path = folder / f"{said.topic.replace('/', '_')}.csv"
                         columns = ["log_time_s", *row]
                         writer = csv.writer(
-                            stack.enter_context(path.open("w", newline="")), lineterminator="\n"
+                            stack.enter_context(path.open("w", newline="", encoding="utf-8")),
+                            lineterminator="\n",
                         )
                         writer.writerow(columns)
                         writers[said.topic] = (writer, columns, path)
@@ -60,7 +62,9 @@ def export_csv(recording: Recording, folder: Path) -> list[Path]:
 
 
 def last_map(recording: Recording) -> tuple[OccupancyGrid, FloatArray]:
-    """The newest map that was published, and the path driven: x, y in it, shape (n, 2).
+    """The newest map that was published, and the path driven: x, y in it [m], shape (n, 2).
+
+    What other programs say under the names of our topics in other types, or as we cannot take it, is left out.
 
     Raises
     ------
@@ -70,11 +74,14 @@ def last_map(recording: Recording) -> tuple[OccupancyGrid, FloatArray]:
     grid: OccupancyGrid | None = None
     poses: list[tuple[float, float]] = []
     for said in recording.said():
-        if said.topic == "map":
-            grid = parse.grid_of(said.message())
-        elif said.topic == "pose":
-            pose = parse.pose_of(said.message().pose.pose)
-            poses.append((pose.x_m, pose.y_m))
+        if said.topic not in ("map", "pose") or said.type_name != TOPICS[said.topic].type_name:
+            continue
+        with suppress(ValueError):
+            if said.topic == "map":
+                grid = parse.grid_of(said.message())
+            else:
+                pose = parse.pose_of(said.message().pose.pose)
+                poses.append((pose.x_m, pose.y_m))
     if grid is None:
         raise ThumperError(
             f"{recording.name}: no map in it; `thumper replay` makes one from the scans", exit_code=2

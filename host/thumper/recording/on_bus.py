@@ -43,20 +43,21 @@ def record_from_bus(
         The robot does not say which run this is: nobody is there, or another version.
     """
     recorder = Recorder(folder, _ask_session(client), options, say=say)
-    for name, topic in TOPICS.items():
-        if topic.direction is Direction.IN:
-            continue
-        if topic.latched:  # only so is the newest of it given
-            client.subscribe(name, _add_message(recorder, name, topic.type_name))
-        else:
-            client.subscribe_raw(name, _add_raw(recorder, name, topic.type_name))
-    until_s = time.monotonic() + seconds if seconds is not None else None
     try:
+        for name, topic in TOPICS.items():
+            if topic.direction is Direction.IN:
+                continue
+            if topic.latched:  # only so is the newest of it given
+                client.subscribe(name, _add_message(recorder, name, topic.type_name))
+            else:
+                client.subscribe_raw(name, _add_raw(recorder, name, topic.type_name))
+        until_s = time.monotonic() + seconds if seconds is not None else None
         while recorder.active and (until_s is None or time.monotonic() < until_s):
             time.sleep(LOOK_PERIOD_S)
     except KeyboardInterrupt:
         pass
-    recorder.close()
+    finally:
+        recorder.close()
     return recorder
 
 

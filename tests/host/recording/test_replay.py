@@ -17,13 +17,18 @@ from thumper.mapping.logs.open_log import open_log
 from thumper.mapping.method import MappingOptions
 from thumper.navigation.goal import Goal
 from thumper.recording.export import export_csv, last_map
+from thumper.recording.mcap_file import McapFile
 from thumper.recording.reader import Recording, find_recordings
 from thumper.recording.recorder import Recorder
 from thumper.recording.replay import replay
 from thumper.recording.switch import recording_switch
+from thumper.ros.codec import encode
 
 START = Pose2(x_m=1.73, y_m=0.08, theta_rad=math.pi)
 GOAL = Goal(x_m=-0.49, y_m=0.02)
+SMALL = OccupancyGrid(
+    cells=np.array([[0, 100, -1]], dtype=np.int8), resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0
+)
 Live = tuple[Path, RobotConfig, OccupancyGrid, FloatArray]
 
 
@@ -141,6 +146,21 @@ def test_the_last_map_and_the_path(made_up: Path) -> None:
     assert grid.cells.shape == (40, 30)
     assert (grid.resolution_m, grid.origin_x_m) == (0.05, -1.0)
     assert path_m[-1].tolist() == pytest.approx([0.29, 0.0])
+
+
+def test_of_another_programs_recording_the_map_is_taken_and_poses_of_another_type_are_not(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "other.mcap"
+    file = McapFile(path, {})
+    goal, turned = MESSAGES.goal(0.0, Pose2(x_m=1.0)), MESSAGES.grid(0.0, SMALL)
+    turned.info.origin.orientation.z, turned.info.origin.orientation.w = 1.0, 0.0
+    for topic, message in (("pose", goal), ("map", MESSAGES.grid(0.0, SMALL)), ("map", turned)):
+        file.add(topic, message.__msgtype__, 0, encode(message))
+    file.close()
+    grid, path_m = last_map(Recording((path,)))
+    assert grid.cells.tolist() == SMALL.cells.tolist()
+    assert path_m.shape == (0, 2)
 
 
 def test_several_files_are_one_run(made_up: Path, tmp_path: Path) -> None:
