@@ -97,6 +97,7 @@ def map_records(
     total = len(log.records)
     updates: list[MapperUpdate] = []
     monitor, slip = InputMonitor(), SlipWatch()
+    lost: list[tuple[int, str]] = []  # number of the scan, and why nobody should trust its pose
     coasting = None if log.has_odometry else Coasting()
     cpu_ms = np.empty(total)
     for done, record in enumerate(log.records, start=1):
@@ -112,6 +113,8 @@ def map_records(
         elif update.match_score >= GOOD_MATCH:
             slip.look(odom_from_base, update.map_from_base)
         cpu_ms[done - 1] = 1e3 * (time.process_time() - start_s)
+        if why := mapper.quality().lost:
+            lost.append((done, why))
         if progress is not None and (done % PROGRESS_EVERY == 0 or done == total):
             progress(done, total)
     online = [(u.map_from_base.x_m, u.map_from_base.y_m, u.map_from_base.theta_rad) for u in updates]
@@ -121,8 +124,16 @@ def map_records(
         updates=tuple(updates),
         grid=mapper.grid(),
         cpu_ms=cpu_ms,
-        lines=(*monitor.lines(), *slip.lines()),
+        lines=(*monitor.lines(), *slip.lines(), *_lost_lines(lost, total)),
     )
+
+
+def _lost_lines(lost: list[tuple[int, str]], total: int) -> list[str]:
+    """Nothing, or one line."""
+    if not lost:
+        return []
+    first, why = lost[0]
+    return [f"the pose was lost at {len(lost)} of {total} scans, first at scan {first}: {why}"]
 
 
 def map_log(

@@ -1,7 +1,7 @@
 """A map in the making on disk, so that mapping can go on another day: counts, not just black and white.
 
 The file is one line of JSON and then the counts, compressed with zlib. The line names the format's version,
-the shape, the pose, and the SHA-256 of it all: a file that was cut off or changed is refused, never half read.
+the shape, the pose, and the SHA-256 of it all: a file that was cut off or changed is refused, not half read.
 """
 
 import hashlib

@@ -286,3 +286,17 @@ def test_a_log_without_odometry_says_so_and_is_mapped_by_its_scans(tmp_path: Pat
     true_m = 0.002 * 900 + 0.05 * 29
     assert mapped.poses[-1, 0] == pytest.approx(true_m, abs=0.03)
     assert np.abs(mapped.poses[:, 1]).max() < 0.05  # a cell
+
+
+@pytest.mark.parametrize(("leap_m", "lost"), [(0.0, 0), (40.0, 1)])
+def test_a_log_whose_odometry_leaps_says_where_the_pose_was_lost(
+    tmp_path: Path, leap_m: float, lost: int
+) -> None:
+    rng = np.random.default_rng(1)
+    ranges_m = list(rng.uniform(2.0, 3.0, 180))
+    lines = [flaser_line(ranges_m, (leap_m * (k >= 30), 0, 0), stamp=0.1 * k) for k in range(60)]
+    lines.append(flaser_line(ranges_m, (leap_m, 0.001, 0), stamp=6.0))
+    lines_said = map_records(open_log(written(tmp_path / "a.log", "".join(lines))), MappingOptions()).lines
+    assert [line.split(":")[0] for line in lines_said] == lost * [
+        "the pose was lost at 31 of 61 scans, first at scan 31"
+    ]
