@@ -137,7 +137,7 @@ class Rosbridge:
                 worker.cancel()
 
     async def _answer(self, questions: "asyncio.Queue[Question]", send: Callable[[str], None]) -> None:
-        """One after another, beside what else the client sends: no stop and no heartbeat waits for an answer."""
+        """One after another, beside what else the client sends: no stop or heartbeat waits for an answer."""
         while True:
             question = await questions.get()
             send(json.dumps(await self._loop.run_in_executor(None, question)))

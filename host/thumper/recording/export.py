@@ -64,7 +64,7 @@ def export_csv(recording: Recording, folder: Path) -> list[Path]:
 def last_map(recording: Recording) -> tuple[OccupancyGrid, FloatArray]:
     """The newest map that was published, and the path driven: x, y in it [m], shape (n, 2).
 
-    What other programs say under the names of our topics in other types, or as we cannot take it, is left out.
+    What other programs say under our topics' names in other types, or as we cannot take it, is left out.
 
     Raises
     ------
