@@ -164,7 +164,7 @@ class RbpfMapper:
                 self._odometry = odom_from_base
         self._lineage.scan(_pose(self._poses[self._best]).inverse() @ pose)
         self._map_from_odom = pose @ odom_from_base.inverse()
-        return MapperUpdate(map_from_base=pose, match_score=score, integrated=entered)
+        return MapperUpdate(map_from_base=pose, match_score=score, integrated=entered and self._fits(score))
 
     def _pushed(self, pose: Pose2) -> bool:
         last = _pose(self._poses[self._best])
@@ -185,7 +185,7 @@ class RbpfMapper:
         return MapperUpdate(map_from_base=pose, match_score=math.nan, integrated=entered)
 
     def _step(self, hits_m: FloatArray, points: ScanPoints, moved: Pose2) -> tuple[Pose2, float]:
-        """Move, match, weigh and enter; return the best particle's mode and its score."""
+        """Move, match, weigh, and enter what fits; return the best particle's mode and its score."""
         if self.effective_particles < self._filtering.resample_below * self._log_weights.size:
             self._resample()
         predicted = _moved(self._poses, moved)
@@ -203,15 +203,21 @@ class RbpfMapper:
         self._log_weights -= self._log_weights.max()
         self._poses = drawn
         self._poses[:, 2] = np.remainder(drawn[:, 2] + math.pi, math.tau) - math.pi
-        self.maps.integrate(self._poses, points)
         self._best = int(np.argmax(self._log_weights))
+        score = float(scores[self._best])
+        if self._fits(score):
+            self.maps.integrate(self._poses, points)
         self._confidence.moved(before, before @ moved)
         along = open_along(self._options.matching, before.theta_rad + moved.theta_rad, hits_m)
         information = informations[self._best] / self._square_metres
-        self._confidence.matched(information, along, float(scores[self._best]))
+        self._confidence.matched(information, along, score)
         self._lineage.step(self._poses, self._parents)
         self._parents = np.arange(self._log_weights.size, dtype=np.int32)
-        return _pose(matched[self._best]), float(scores[self._best])
+        return _pose(matched[self._best]), score
+
+    def _fits(self, score: float) -> bool:
+        """Whether a scan of this score may be entered: at a pose that is wrong it would spoil the maps."""
+        return score >= self._options.confidence.lost_below
 
     def _matched(
         self, hits_m: FloatArray, predicted: FloatArray, moved: Pose2, which: slice, draws: FloatArray

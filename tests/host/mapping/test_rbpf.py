@@ -134,3 +134,15 @@ def test_a_lidar_that_is_blind_at_the_start_costs_no_way(method: Method) -> None
         update = mapper.update(step, scan, Twist2())
         assert update.map_from_base.distance_m(start @ step) < 0.05  # a cell
     np.testing.assert_allclose(mapper.path()[:, 0], start.x_m + 0.1 * np.arange(10), atol=0.05)
+
+
+def test_odometry_that_leaps_costs_neither_the_map_nor_the_memory() -> None:
+    """A table up to where it claims to be would be terabytes: what does not fit the map is not entered."""
+    mapper = RbpfMapper()
+    mapper.update(Pose2(), room_scan(Pose2()), Twist2())
+    before = mapper.grid()
+    update = mapper.update(Pose2(x_m=1e7, y_m=1e7), room_scan(Pose2()), Twist2())
+    assert not update.integrated
+    assert update.match_score < 0.3
+    np.testing.assert_array_equal(mapper.grid().cells, before.cells)
+    assert "off" in mapper.quality().lost
