@@ -86,6 +86,7 @@ def test_other_pages_stay_outside(server: Server) -> None:
     assert status(server) == 200
     assert status(server, Host="evil.example") == 403  # a name that was pointed at this machine
     assert status(server, Origin="http://evil.example") == 403
+    assert status(server, Host="[") == status(server, Origin="http://[") == 403  # no address at all
     stream = f"ws://127.0.0.1:{server.port}/stream"
     assert refused(stream, "http://evil.example")
     assert not refused(stream, f"http://127.0.0.1:{server.port}")

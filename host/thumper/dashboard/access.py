@@ -62,11 +62,13 @@ class Access:
             await self._app(scope, receive, _with_policy(send) if scope["type"] == "http" else send)
 
     def _is_same_page(self, headers: Headers) -> bool:
-        host = headers.get("host", "")
-        if self._hosts and urlsplit(f"//{host}").hostname not in self._hosts:
-            return False  # a name that somebody else has pointed at this machine
-        origin = headers.get("origin")
-        return origin is None or urlsplit(origin).netloc == host
+        host, origin = headers.get("host", ""), headers.get("origin")
+        try:
+            if self._hosts and urlsplit(f"//{host}").hostname not in self._hosts:
+                return False  # a name that somebody else has pointed at this machine
+            return origin is None or urlsplit(origin).netloc == host
+        except ValueError:  # no address at all
+            return False
 
     def _knows(self, headers: Headers) -> bool:
         try:

@@ -26,7 +26,7 @@ def export_csv(recording: Recording, folder: Path) -> list[Path]:
 
     A message is a row; of a path, a cloud of particles or a set of transforms each element is one, with its
     index. Quaternions become `yaw`; stamps and `log_time_s` are seconds since 1970, or since the start of a
-    simulation. Maps are left out: they are no table.
+    simulation. Of a map the row says where it lies; its cells are left out: they are no table.
 
     Raises
     ------
