@@ -5,6 +5,7 @@ import numpy as np
 from tests.hil.conftest import BuildAvr
 from tests.hil.rig import run_for
 from thumper_hil.chip.chip import Chip
+from thumper_hil.chip.faulty import FaultyChip
 
 BYTE_CYCLES = 320  # ten bits at 500 000 baud
 BURST = 64
@@ -80,3 +81,18 @@ def test_nothing_arrives_before_it_was_sent(build_avr: BuildAvr) -> None:
     assert chip.available == 0
     chip.run(2 * BYTE_CYCLES)
     assert chip.available == 1
+
+
+def test_each_robot_has_its_own_noise(build_avr: BuildAvr) -> None:
+    """Half of the bytes wrong: the same ones for the same seed, others for another."""
+
+    def heard(seed: int) -> bytes:
+        chip = FaultyChip(build_avr("burst"), seed=seed)
+        chip.set_line_noise(loss=0.0, flip=0.5)
+        run_for(chip, 0.01)
+        return chip.receive(BURST)
+
+    first = heard(1)
+    assert len(first) == BURST
+    assert heard(1) == first
+    assert heard(2) != first

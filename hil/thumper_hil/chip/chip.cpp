@@ -44,7 +44,7 @@ Chip::Chip(const std::string& elf_path, const PlantParams* plant_params, const W
   avr_->custom.data = this;
 
   MendPhaseCorrectPwm(avr_);
-  uart_.emplace(avr_);
+  uart_.emplace(avr_, seed);
   watchdog_.emplace(avr_);
   if (plant_params != nullptr) {
     plant_.emplace(avr_, *plant_params, wiring, seed);

@@ -19,7 +19,9 @@ int FifoSize(const avr_uart_t* uart) {
 
 }  // namespace
 
-UartLine::UartLine(avr_t* avr) : avr_(avr), uart_(FindPeripheral<avr_uart_t>(avr, "uart")) {
+// The seed's noise is apart from the motors' of the same seed.
+UartLine::UartLine(avr_t* avr, uint64_t seed)
+    : avr_(avr), uart_(FindPeripheral<avr_uart_t>(avr, "uart")), random_(seed ^ 0x5E71A1) {
   uart_->flags = 0;  // no copy to stdout, no sleeping in real time
   avr_irq_register_notify(uart_->io.irq + UART_IRQ_OUTPUT, OnTransmit, this);
 }

@@ -15,7 +15,7 @@ namespace thumper {
 /// shifted in.
 class UartLine {
  public:
-  explicit UartLine(avr_t* avr);
+  UartLine(avr_t* avr, uint64_t seed);
 
   void SetHostBaud(uint32_t baud) { host_baud_ = baud; }
 
@@ -53,7 +53,7 @@ class UartLine {
   uint64_t line_free_cycle_ = 0;
   uint64_t overruns_ = 0;
   double loss_ = 0.0, flip_ = 0.0;
-  Random random_{0x5E71A1};
+  Random random_;
 };
 
 }  // namespace thumper
