@@ -11,6 +11,7 @@ from thumper.errors import ThumperError
 from thumper.kinematics import WheelSpeeds
 from thumper.link.board import Board
 from thumper.link.messages import Command, Fault, State, Telemetry
+from thumper.senses import LATE_BEAT_S
 from thumper_hil.bench import Bench, simulation
 
 NAME = "fault-test"
@@ -193,6 +194,22 @@ def test_noise_on_the_line_is_counted_and_survived(driving: Open) -> None:
     assert believed <= {(5000, 5000), (0, 0)}
     assert last_errors > 0
     assert board.receive_errors > 0
+
+
+def test_one_command_in_fifty_lost_stops_nothing(driving: Open) -> None:
+    """Two bytes in 1000 wrong, for a minute of beats as the robot's loop makes them."""
+    board, bench = driving("world=hall&seed=3")
+    spin = WheelSpeeds(left_rad_s=1.0, right_rad_s=-1.0)
+    bench.fault("line.noise", 0.002)
+    until_s = bench.time_s + 60.0
+    errors = 0
+    while bench.time_s < until_s:
+        board.set_wheel_speeds(spin)
+        for sample in board.poll(LATE_BEAT_S):
+            errors = sample.telemetry.rx_errors
+            assert sample.telemetry.state is State.CLOSED_LOOP, sample.telemetry.fault
+    assert errors > 10
+    bench.fault("line.noise", 0.0)
 
 
 def test_a_dead_line_stops_the_robot(driving: Open) -> None:
