@@ -1,4 +1,4 @@
-"""Motion orders on a bad line: no one wrong bit or lost byte may cost one, as two lost ones stop the robot."""
+"""Motion orders on a bad line: one wrong bit or lost byte may not cost one, for two lost stop the robot."""
 
 from collections.abc import Callable, Iterator
 
