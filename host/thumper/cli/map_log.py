@@ -13,7 +13,7 @@ def map_log(
     file: Annotated[
         Path,
         typer.Argument(
-            help="CARMEN log (.log, .clf) or MINES log (.dat), plain or .gz; or ROS 2 recording (.mcap)."
+            help="CARMEN log (.log, .clf), MINES log (.dat) or ROS 2 recording (.mcap), plain or .gz."
         ),
     ],
     out: Annotated[

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.host.recording.test_ros import foreign
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
 from thumper.mapping.logs.open_log import open_log
@@ -300,3 +301,24 @@ def test_a_log_whose_odometry_leaps_says_where_the_pose_was_lost(
     assert [line.split(":")[0] for line in lines_said] == lost * [
         "the pose was lost at 31 of 61 scans, first at scan 31"
     ]
+
+
+@pytest.mark.parametrize(("keep", "word"), [(1.0, ""), (0.9, "cut off")])
+def test_a_compressed_recording_is_a_log_like_any_other(tmp_path: Path, keep: float, word: str) -> None:
+    foreign(tmp_path / "plain.mcap", odometry=True)
+    packed = gzip.compress((tmp_path / "plain.mcap").read_bytes(), mtime=0)
+    path = tmp_path / "packed.mcap.gz"
+    path.write_bytes(packed[: round(keep * len(packed))])
+    log = open_log(path)
+    assert (log.format_name, len(log.records)) == ("MCAP", 40)
+    assert any(word in note for note in log.notes) == bool(word)
+    assert not any(str(tmp_path) in note for note in log.notes)
+
+
+def test_a_compressed_recording_without_scans_is_named_as_it_was_given(tmp_path: Path) -> None:
+    foreign(tmp_path / "plain.mcap", odometry=True, scans=False)
+    path = tmp_path / "packed.mcap.gz"
+    path.write_bytes(gzip.compress((tmp_path / "plain.mcap").read_bytes(), mtime=0))
+    with pytest.raises(ThumperError, match="no LaserScan") as error:
+        open_log(path)
+    assert str(error.value).startswith(str(path))

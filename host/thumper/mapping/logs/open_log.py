@@ -5,6 +5,7 @@ import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TextIO
 
 from thumper.errors import ThumperError
@@ -14,11 +15,12 @@ from thumper.mapping.logs.record import RobotLog
 
 GZIP_MAGIC = b"\x1f\x8b"
 FORMATS = "give a CARMEN (.log, .clf), MINES (.dat) or MCAP log"
+CUT = "the compressed file is cut off or damaged, and used up to there ({})"
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 
 
 def open_log(path: Path, fov_rad: float | None = None) -> RobotLog:
-    """Read a CARMEN or MINES log, plain or gzip-compressed, or an MCAP file: the content decides.
+    """Read a CARMEN, MINES or MCAP log, plain or gzip-compressed: the content decides.
 
     `fov_rad` is the laser's field of view where a CARMEN log does not tell it. A compressed file that is cut
     off is read up to there, with a note.
@@ -36,6 +38,8 @@ def open_log(path: Path, fov_rad: float | None = None) -> RobotLog:
             from thumper.mapping.logs.mcap import read_mcap  # loads the ROS 2 types
 
             return read_mcap(path)
+        if start.startswith(GZIP_MAGIC) and _starts_as_mcap(path):
+            return _unpacked_mcap(path)
         with _text(path, start) as stream:
             kind = _kind(_until_cut(stream, cut), path)
         with _text(path, start) as stream:
@@ -57,6 +61,33 @@ def open_log(path: Path, fov_rad: float | None = None) -> RobotLog:
     return replace(log, notes=(*log.notes, *cut))
 
 
+def _starts_as_mcap(path: Path) -> bool:
+    try:
+        with gzip.open(path) as packed:
+            return packed.read(len(MCAP_MAGIC)) == MCAP_MAGIC
+    except (EOFError, zlib.error, gzip.BadGzipFile):
+        return False  # which the reader of text will name
+
+
+def _unpacked_mcap(path: Path) -> RobotLog:
+    """Read a compressed recording by way of a file: its reader seeks."""
+    from thumper.mapping.logs.mcap import read_mcap
+
+    cut: tuple[str, ...] = ()
+    with TemporaryDirectory() as folder:
+        unpacked = Path(folder) / path.name
+        with gzip.open(path) as packed, unpacked.open("wb") as stream:
+            try:
+                stream.writelines(iter(packed.read1, b""))
+            except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+                cut = (CUT.format(error),)
+        try:
+            log = read_mcap(unpacked)
+        except ThumperError as error:
+            raise ThumperError(str(error).replace(str(unpacked), str(path)), exit_code=2) from error
+    return replace(log, notes=(*log.notes, *cut))
+
+
 def _text(path: Path, start: bytes) -> TextIO:
     """The file line by line: a text held whole, and again as lines, would be the largest thing in memory.
 
@@ -72,7 +103,7 @@ def _until_cut(lines: Iterable[str], cut: list[str]) -> Iterator[str]:
     try:
         yield from lines
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        cut[:] = [f"the compressed file is cut off or damaged, and used up to there ({error})"]
+        cut[:] = [CUT.format(error)]
 
 
 def _kind(lines: Iterable[str], path: Path) -> str:
