@@ -11,7 +11,7 @@ FOLDER = Path(__file__).parents[2] / "campaigns"
 
 @pytest.mark.parametrize(
     "file",
-    [FOLDER / f"{name}.toml" for name in ("robustness", "odometry", "speed", "slam")],
+    [FOLDER / f"{name}.toml" for name in ("robustness", "odometry", "speed", "slam", "noise")],
     ids=lambda file: file.stem,
 )
 def test_it_draws_up_its_jobs(file: Path) -> None:
