@@ -132,8 +132,10 @@ def test_a_silent_board_costs_scans_that_are_counted() -> None:
     [
         ({"time_s": math.nan}, Flaw.STAMP),
         ({"time_s": math.inf}, Flaw.STAMP),
+        ({"time_s": 1e300}, Flaw.STAMP),
         ({"ranges_m": np.empty(0)}, Flaw.BEAMS),
         ({"angle_increment_rad": math.nan}, Flaw.BEAMS),
+        ({"angle_min_rad": 1e300}, Flaw.BEAMS),
         ({"ranges_m": np.full(100, math.nan)}, Flaw.EMPTY),
         ({"ranges_m": np.full(100, -1.0)}, Flaw.EMPTY),
         ({"range_max_m": math.nan}, Flaw.EMPTY),

@@ -1,6 +1,5 @@
 """Counting what is wrong with scans, so that none is dropped without a word."""
 
-import math
 from collections import deque
 from dataclasses import dataclass
 from enum import StrEnum
@@ -15,6 +14,8 @@ from thumper.lidar.scan import Scan
 PERIODS = 11  # steps whose median is the sensor's period: it follows a new rate after six scans
 FAR_PERIODS = 5.0  # a gap is also this many periods long: a log may hold every fifth scan
 BURST_PERIODS = 0.1
+FARTHEST_S = 1e10  # no clock is 300 years from its epoch
+LARGEST = 1e6  # of an angle [rad] or a time [s]
 
 
 class Flaw(StrEnum):
@@ -73,8 +74,8 @@ class InputMonitor:
 
     def _beam_flaws(self, scan: Scan) -> list[Flaw]:
         ranges_m, step_rad = scan.ranges_m, scan.angle_increment_rad
-        directions = scan.angle_min_rad + step_rad + scan.time_increment_s
-        if ranges_m.size == 0 or step_rad == 0.0 or not math.isfinite(directions):
+        directions = abs(scan.angle_min_rad) + abs(step_rad) + abs(scan.time_increment_s)
+        if ranges_m.size == 0 or step_rad == 0.0 or not directions < LARGEST:  # nor is NaN
             return [Flaw.BEAMS]
         found = [Flaw.ZEROS] if np.any(ranges_m == 0.0) else []
         usable = (ranges_m >= scan.range_min_m) & ((ranges_m <= scan.range_max_m) | np.isposinf(ranges_m))
@@ -83,7 +84,7 @@ class InputMonitor:
         return found
 
     def _time_flaws(self, time_s: float) -> list[Flaw]:
-        if not math.isfinite(time_s):
+        if not abs(time_s) < FARTHEST_S:  # nor is NaN
             return [Flaw.STAMP]
         last_s, self._last_s = self._last_s, time_s
         if last_s is None:

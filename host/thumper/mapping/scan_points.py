@@ -33,9 +33,10 @@ class ScanPoints:
 def scan_points(scan: Scan, twist: Twist2, base_from_laser: Pose2, usable_range_m: float) -> ScanPoints:
     """De-skew a scan: beam i is seen from where the robot was `i * time_increment_s` after beam 0.
 
-    NaN and ranges outside the sensor's limits are silent. A beam that went beyond `usable_range_m`, or saw
-    nothing (+inf), passed: it proves free space up to there and nothing more. The last 2 % of the sensor's
-    own range count as beyond: what it reports there is as often its code for "nothing" as a thing.
+    NaN, ranges outside the sensor's limits and beams without a direction are silent. A beam that went beyond
+    `usable_range_m`, or saw nothing (+inf), passed: it proves free space up to there and nothing more. The
+    last 2 % of the sensor's own range count as beyond: what it reports there is as often its code for
+    "nothing" as a thing.
     """
     usable_range_m = min(usable_range_m, SURE_SHARE * scan.range_max_m)
     origins_m, ends_m, kinds = _points(
@@ -90,8 +91,10 @@ def _points(
         x_m = chord_m * math.cos(half_rad) + cos * laser_x_m - sin * laser_y_m
         y_m = chord_m * math.sin(half_rad) + sin * laser_x_m + cos * laser_y_m
         bearing_rad = turn_rad + laser_theta_rad + angle_min_rad + i * angle_increment_rad
+        end_x_m, end_y_m = x_m + range_m * math.cos(bearing_rad), y_m + range_m * math.sin(bearing_rad)
+        if not (math.isfinite(end_x_m) and math.isfinite(end_y_m)):
+            continue
         origins_m[i, 0], origins_m[i, 1] = x_m, y_m
-        ends_m[i, 0] = x_m + range_m * math.cos(bearing_rad)
-        ends_m[i, 1] = y_m + range_m * math.sin(bearing_rad)
+        ends_m[i, 0], ends_m[i, 1] = end_x_m, end_y_m
         kinds[i] = kind
     return origins_m, ends_m, kinds

@@ -160,12 +160,18 @@ def test_what_a_beam_says_about_a_cell(range_m: float, cell: int, where_m: float
     assert (grid.cells[row, col] if grid.contains(row, col) else UNKNOWN) == cell
 
 
-def test_an_empty_scan_moves_by_odometry_alone() -> None:
+@pytest.mark.parametrize(("range_m", "angle_min_rad"), [(math.nan, 0.0), (1.0, math.nan), (1.0, math.inf)])
+def test_a_scan_without_ranges_or_directions_moves_by_odometry_alone(
+    range_m: float, angle_min_rad: float
+) -> None:
     mapper = GridMapper()
     mapper.update(Pose2(), room_scan(Pose2()), STILL)
     before = mapper.grid()
     blind = Scan(
-        time_s=0.0, ranges_m=np.full(500, np.nan), angle_min_rad=0.0, angle_increment_rad=math.tau / 500
+        time_s=0.0,
+        ranges_m=np.full(500, range_m),
+        angle_min_rad=angle_min_rad,
+        angle_increment_rad=math.tau / 500,
     )
     update = mapper.update(Pose2(x_m=0.4, theta_rad=0.2), blind, STILL)
     assert update.map_from_base == Pose2(x_m=0.4, theta_rad=0.2)
