@@ -43,6 +43,27 @@ def test_the_log_holds_what_was_said_before_its_tab_was_opened(page: Page, robot
     expect(page.locator(".tp-logline", has_text="a wheel slips")).to_be_visible()
 
 
+def test_a_page_that_fell_behind_shows_no_line_of_the_log_twice(page: Page, robot: FakeRobot) -> None:
+    """It is given the whole picture again, as it was when it was opened."""
+    robot.event("a wheel slips again")
+    page.add_init_script("""window.WebSocket = class extends WebSocket {
+      constructor(...how) {
+        super(...how);
+        this.addEventListener("message", (event) => {
+          if (typeof event.data !== "string") window.fallBehind ??= () => this.onmessage(event);
+        });
+      }
+    };""")
+    page.reload()
+    page.click(".tp-tab-log")
+    line = page.locator(".tp-logline", has_text="a wheel slips again")
+    expect(line).to_have_count(1)
+    page.evaluate("fallBehind()")
+    expect(line).to_have_count(1)
+    page.evaluate("fallBehind()")
+    expect(line).to_have_count(1)
+
+
 def test_what_is_wrong_with_a_simulated_robot_is_shown_to_every_page(page: Page, robot: FakeRobot) -> None:
     robot.simulated_faults["slip.left"] = 0.5  # by somebody else
     page.click(".tp-tab-sim")

@@ -100,7 +100,8 @@ class View:
 
     def whole(self, extra: dict[str, Any]) -> bytes:
         """Return the packet with all there is, for a page that has just opened or fallen behind."""
-        return self._packet(self._values, self._arrays, list(self._rows), list(self._lines), extra)
+        everything = {"whole": True, **extra}
+        return self._packet(self._values, self._arrays, list(self._rows), list(self._lines), everything)
 
     def _show(self, name: str, message: Message, values: dict[str, Any], arrays: dict[str, Part]) -> None:
         if name == "pose":

@@ -16,5 +16,5 @@ export function log(root) {
     }
     while (root.children.length > KEPT) root.lastChild.remove();
   });
-  on("fresh", () => root.replaceChildren());
+  on("whole", () => root.replaceChildren());
 }

@@ -49,6 +49,11 @@ function take(buffer) {
   const { header, arrays } = decode(buffer);
   lastPacketMs = performance.now();
   state.packets += 1;
+  if (header.whole) { // all there is: its events are no news, and what was kept may be of another run
+    delete header.whole;
+    delete state.values.events;
+    tell("whole", null);
+  }
   const all = { ...header };
   for (const [name, array] of Object.entries(arrays)) {
     all[name] = name in header ? { place: header[name], cells: array } : array;
@@ -83,7 +88,6 @@ function connect() {
   socket.binaryType = "arraybuffer";
   socket.onopen = () => {
     tries = 0;
-    delete state.values.events;
     tell("fresh", null); // what was kept belongs to another run of the server
   };
   socket.onmessage = (event) => {
