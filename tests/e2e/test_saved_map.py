@@ -6,6 +6,7 @@ from thumper.assembly import open_robot
 from thumper.config.robot import RobotConfig, with_ports
 from thumper.geometry import Pose2
 from thumper.localization.switching import SwitchingMapper
+from thumper.mission_result import Progress
 from thumper.navigation.goal import Goal
 from thumper_hil.bench.registry import simulation
 from thumper_hil.parts.world import World
@@ -29,4 +30,27 @@ def test_the_robot_reaches_a_goal_of_the_saved_map(told: Pose2 | None) -> None:
         assert isinstance(robot.mapper, SwitchingMapper)
         assert robot.mapper.grid() is known
         assert robot.mapper.quality().lost == ""
+    assert Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad).distance_m(result.map_from_base) < 0.06
+
+
+def test_a_robot_that_is_carried_away_stops_finds_itself_and_drives_on() -> None:
+    config = with_ports(
+        RobotConfig(),
+        board="sim://carried/board?world=lab&x_m=1.7&y_m=0.1&yaw_deg=171.9&seed=4",
+        lidar="sim://carried/lidar",
+    )
+    with open_robot(config, START, World.load("lab").to_grid()) as robot:
+        lab, said = simulation("carried"), list[str]()
+
+        def carry_after_3_s(_: Progress) -> None:
+            if not said and lab.truth()[-1, 0] >= 3.0:
+                lab.chip.place(Pose2(x_m=2.5))
+                said.append("carried")
+            elif said:
+                said.append(robot.mapper.quality().lost)
+
+        result = robot.drive_to(Goal(x_m=-0.3, y_m=0.0, tolerance_m=0.1), carry_after_3_s)
+        assert result.reached, result.reason
+        assert any("of the scan fit the map" in reason for reason in said)
+        _, x_m, y_m, theta_rad = lab.truth()[-1, :4]
     assert Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad).distance_m(result.map_from_base) < 0.06
