@@ -17,7 +17,7 @@ from thumper.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.navigation.controller import ControlRequest, ControlResult
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.limits import SpeedLimits, step_toward
-from thumper.navigation.path import arc_lengths, nearest_index
+from thumper.navigation.path import arc_lengths, nearest_place
 from thumper.navigation.turning import SpotTurn
 from thumper.navigation.twist_check import TwistCheck
 
@@ -50,11 +50,12 @@ class CascadeOptions:
 
 
 class Reference:
-    """A path as a trajectory: pose, bend and speed at a way along it."""
+    """A path as a trajectory: pose, bend and speed at a way along it, which counts from the robot on."""
 
-    def __init__(self, path_m: FloatArray) -> None:
-        self._path_m = path_m
-        self._along_m = arc_lengths(path_m)
+    def __init__(self, path_m: FloatArray, base: Pose2) -> None:
+        segment, passed_m = nearest_place(path_m, base.x_m, base.y_m)
+        self._path_m = path_m[segment:]
+        self._along_m = arc_lengths(self._path_m) - passed_m
         self.length_m = float(self._along_m[-1])
 
     def point(self, way_m: float) -> FloatArray:
@@ -63,7 +64,8 @@ class Reference:
 
     def heading_rad(self, way_m: float) -> float:
         """Direction of the path there."""
-        low_m = min(max(0.0, way_m - HALF_CHORD_M), max(0.0, self.length_m - HALF_CHORD_M))
+        first_m = float(self._along_m[0])
+        low_m = min(max(first_m, way_m - HALF_CHORD_M), max(first_m, self.length_m - HALF_CHORD_M))
         dx_m, dy_m = self.point(max(way_m, low_m) + HALF_CHORD_M) - self.point(low_m)
         return math.atan2(dy_m, dx_m)
 
@@ -107,8 +109,7 @@ class CascadeController:
         """Turn toward the path, or track it; None when that is not free even slowly."""
         options, limits, period_s = self._options, self._limits, request.period_s
         base = self._obeying(request)
-        start = nearest_index(request.path_m, base.x_m, base.y_m)
-        reference = Reference(request.path_m[min(start, len(request.path_m) - 2) :])
+        reference = Reference(request.path_m, base)
         off_rad = wrap_angle(reference.heading_rad(0.0) - request.map_from_base.theta_rad)
         limit_rad = options.turn_end_rad if self._turning else options.turn_start_rad
         self._turning = abs(off_rad) > limit_rad and reference.length_m > HALF_CHORD_M

@@ -97,6 +97,15 @@ def arc_lengths(points: FloatArray) -> FloatArray:
     return np.concatenate((np.zeros(1), np.cumsum(steps)))
 
 
+def nearest_place(points: FloatArray, x: float, y: float) -> tuple[int, float]:
+    """Where a polyline, shape (n, 2), is nearest to (x, y): the index of a segment, and the way along it."""
+    steps, away = np.diff(points, axis=0), np.array((x, y)) - points[:-1]
+    squared = np.maximum((steps**2).sum(axis=1), np.finfo(np.float64).tiny)
+    part = np.clip((away * steps).sum(axis=1) / squared, 0.0, 1.0)
+    segment = int(np.argmin(((away - part[:, None] * steps) ** 2).sum(axis=1)))
+    return segment, float(part[segment] * math.sqrt(squared[segment]))
+
+
 def nearest_index(points: FloatArray, x: float, y: float) -> int:
     """Index of the vertex nearest to (x, y)."""
     return int(np.argmin((points[:, 0] - x) ** 2 + (points[:, 1] - y) ** 2))

@@ -11,8 +11,10 @@ from thumper.geometry import FloatArray, Pose2
 from thumper.navigation.astar import is_blocked
 from thumper.navigation.costmap import Costmap
 from thumper.navigation.goal import Goal
-from thumper.navigation.path import arc_lengths, nearest_index
+from thumper.navigation.path import arc_lengths, nearest_index, nearest_place
 from thumper.navigation.planner import Planner
+
+TINY_M = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,8 +71,11 @@ class Route:
         """Way left to the end of the path [m]; inf without a path."""
         if self.path_m is None:
             return math.inf
-        joint_m = math.hypot(self.path_m[0, 0] - map_from_base.x_m, self.path_m[0, 1] - map_from_base.y_m)
-        return joint_m + float(arc_lengths(self.path_m)[-1])
+        segment, along_m = nearest_place(self.path_m, map_from_base.x_m, map_from_base.y_m)
+        begin, end = self.path_m[segment : segment + 2]
+        place = begin + along_m * (end - begin) / max(math.dist(begin, end), TINY_M)
+        joint_m = math.dist(place, (map_from_base.x_m, map_from_base.y_m))
+        return joint_m + float(arc_lengths(self.path_m[segment:])[-1]) - along_m
 
     def _drop_passed(self, map_from_base: Pose2) -> None:
         if self.path_m is not None:

@@ -21,8 +21,9 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.inflation import UNKNOWN
 from thumper.navigation.lattice import LatticeOptions, LatticePlanner
 from thumper.navigation.navfn import NavfnOptions, NavfnPlanner
-from thumper.navigation.path import arc_lengths
+from thumper.navigation.path import arc_lengths, nearest_place
 from thumper.navigation.planner import Planner
+from thumper.navigation.route import Route, RouteOptions
 from thumper.navigation.wavefront import flood
 from thumper_hil.arena.maps import read_trinary
 
@@ -170,3 +171,24 @@ def test_carrot_goes_straight_and_stops_before_a_wall() -> None:
     assert near.path_m is not None
     assert near.path_m[-1, 0] < 2.5 - 0.21
     assert "as far as" in near.reason
+
+
+def test_the_nearest_place_on_a_path_lies_between_its_points() -> None:
+    corner = np.array(((0.0, 0.0), (1.0, 0.0), (1.0, 2.0)))
+    assert nearest_place(corner, 0.3, 0.2) == pytest.approx((0, 0.3))
+    assert nearest_place(corner, -1.0, 0.0) == (0, 0.0)
+    assert nearest_place(corner, 1.4, 1.5) == pytest.approx((1, 1.5))
+    assert nearest_place(corner, 1.0, 9.0) == pytest.approx((1, 2.0))
+    assert nearest_place(np.zeros((2, 2)), 1.0, 0.0) == (0, 0.0)  # a path of a robot that is there
+
+
+def test_the_way_left_shrinks_as_the_robot_drives() -> None:
+    """By as much as it drives, wherever between the path's points it is."""
+    route = Route(AStarPlanner(AStarOptions()), RouteOptions())
+    costmap, goal = costmap_of(np.zeros((60, 60), np.int8)), Goal(x_m=2.5, y_m=1.525)
+    left_m = []
+    for step in range(30):
+        pose = Pose2(x_m=0.5 + 0.013 * step, y_m=1.525)
+        route.update(0.1, costmap, pose, goal)
+        left_m.append(route.remaining_m(pose))
+    assert np.diff(left_m) == pytest.approx(-0.013, abs=1e-6)
