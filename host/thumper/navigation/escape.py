@@ -56,8 +56,10 @@ class Escape:
         self._reach_m = footprint.circumscribed_radius_m + 2.0 * ENOUGH_M
         self._motions = [(Twist2(v_m_s=v, w_rad_s=w), _arc(v, w)) for v in SPEEDS_M_S for w in TURNS_RAD_S]
 
-    def command(self, request: ControlRequest, hits_in_base_m: FloatArray) -> Twist2 | None:
-        """Return the next twist, or None when no motion gains anything; hits of shape (n, 2)."""
+    def command(
+        self, request: ControlRequest, hits_in_base_m: FloatArray, spread_m: FloatArray
+    ) -> Twist2 | None:
+        """Return the next twist, or None when no motion gains anything; hits as the monitor takes them."""
         near = np.hypot(hits_in_base_m[:, 0], hits_in_base_m[:, 1]) <= self._reach_m
         points_m, aim_m = np.ascontiguousarray(hits_in_base_m[near]), _aim(request)
         here_m = self._worth_m(points_m, np.zeros(3), aim_m)
@@ -69,7 +71,9 @@ class Escape:
             if wanted.v_m_s < 0.0 and not self._is_known(request, arc):
                 continue
             command = smoothed(wanted, request.last_command, self._limits, request.period_s)
-            if not self._monitor.objection(command, request.twist, hits_in_base_m, request.period_s):
+            if not self._monitor.objection(
+                command, request.twist, hits_in_base_m, spread_m, request.period_s
+            ):
                 return command
         return None
 

@@ -18,6 +18,10 @@ from thumper.navigation.lidar_view import LidarView
 BIN_RAD = math.radians(1.0)
 THICKNESS_M = 0.08  # a ray must pass this far behind a point before the point counts as gone
 VOXEL_M = 0.02
+# The pose drifts against what is out of view: by about this part of the way since then, and, as the map holds
+# it, hardly by more than the second.
+SPREAD_PART, MOST_SPREAD_M = 0.025, 0.02
+STEP_M = 0.05  # a pose nearer than this to the one counted last is a standing robot's noise
 BESIDE_M = 0.25  # beyond the robot's own circle; about as far as it backs up, where only this memory sees
 
 
@@ -44,13 +48,16 @@ class HitMemory:
     def __init__(self, options: MemoryOptions, radius_m: float, view: LidarView, hull_m: float) -> None:
         self._keep_s = options.keep_s
         self._radius_m = radius_m
+        self._hull_m = hull_m
         self._beside_m = hull_m + BESIDE_M
         self._view = view
         self.clear()
 
     def clear(self) -> None:
         """Forget everything."""
-        self._points_m, self._times_s = np.empty((0, 2)), np.empty(0)
+        self._points_m, self._times_s, self._seen_m = np.empty((0, 2)), np.empty(0), np.empty(0)
+        self.spread_m: FloatArray = np.empty(0)
+        self._travel_m, self._anchor = 0.0, Pose2()
 
     def forget_beyond(self, map_from_base: Pose2, radius_m: float) -> None:
         """Forget what is further away; what is nearer may touch the robot and is never forgotten on purpose.
@@ -62,23 +69,40 @@ class HitMemory:
         kept = ~self._view.holds(bearing_rad, range_m, edge_rad=BIN_RAD)
         kept &= _within(self._points_m, map_from_base, self._beside_m)
         kept |= _within(self._points_m, map_from_base, radius_m)
-        self._points_m, self._times_s = self._points_m[kept], self._times_s[kept]
+        self._keep(kept)
 
     def update(self, time_s: float, map_from_base: Pose2, hits_in_map_m: FloatArray) -> FloatArray:
-        """Take a scan's hits, shape (n, 2) [m]; return the remembered points in `map`, shape (m, 2) [m]."""
+        """Take a scan's hits, shape (n, 2) [m]; return the remembered points in `map`, shape (m, 2) [m].
+
+        `spread_m`, shape (m,), then tells how far off each of them may be by now.
+        """
+        self._count_travel(map_from_base)
         fresh = self._times_s > time_s - self._keep_s
         fresh |= _within(self._points_m, map_from_base, self._beside_m)
-        points_m, times_s = self._points_m[fresh], self._times_s[fresh]
-        hidden = self._is_hidden(points_m, map_from_base, hits_in_map_m)
-        near = _within(hits_in_map_m, map_from_base, self._radius_m)
-        kept_m, kept_s = points_m[hidden], times_s[hidden]
-        around = _within(kept_m, map_from_base, self._radius_m)
-        remembered_m = kept_m[around]
-        all_m = np.vstack((hits_in_map_m[near], remembered_m))
-        all_s = np.concatenate((np.full(int(near.sum()), time_s), kept_s[around]))
+        self._keep(fresh)
+        self._keep(self._is_hidden(self._points_m, map_from_base, hits_in_map_m))
+        self._keep(_within(self._points_m, map_from_base, self._radius_m))
+        remembered_m = self._points_m
+        self.spread_m = np.minimum(MOST_SPREAD_M, SPREAD_PART * (self._travel_m - self._seen_m))
+        near = hits_in_map_m[_within(hits_in_map_m, map_from_base, self._radius_m)]
+        all_m = np.vstack((near, remembered_m))
+        all_s = np.concatenate((np.full(len(near), time_s), self._times_s))
+        all_seen_m = np.concatenate((np.full(len(near), self._travel_m), self._seen_m))
         _, first = np.unique(np.floor(all_m / VOXEL_M).astype(np.int64), axis=0, return_index=True)
-        self._points_m, self._times_s = all_m[first], all_s[first]
+        self._points_m, self._times_s, self._seen_m = all_m[first], all_s[first], all_seen_m[first]
         return remembered_m
+
+    def _keep(self, kept: np.typing.NDArray[np.bool_]) -> None:
+        self._points_m, self._times_s = self._points_m[kept], self._times_s[kept]
+        self._seen_m = self._seen_m[kept]
+
+    def _count_travel(self, map_from_base: Pose2) -> None:
+        """Add up the way of the outermost point; what a standing robot's pose does is no way."""
+        moved = self._anchor.inverse() @ map_from_base
+        way_m = math.hypot(moved.x_m, moved.y_m) + self._hull_m * abs(moved.theta_rad)
+        if way_m > STEP_M:
+            self._travel_m += way_m
+            self._anchor = map_from_base
 
     def _is_hidden(
         self, points_m: FloatArray, map_from_base: Pose2, hits_m: FloatArray

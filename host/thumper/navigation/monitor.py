@@ -19,8 +19,8 @@ from thumper.navigation.limits import SpeedLimits
 from thumper.navigation.wheel_ramp import WheelRamp
 
 # A point already inside the margin may come nearer by this much in a motion (scan noise between two steps),
-# but only through a part of the margin and then no more: each cycle begins afresh, and the least slack of
-# many cycles would add up to a contact.
+# but only through a part of the least margin and then no more: each cycle begins afresh, and the least slack
+# of many cycles would add up to a contact.
 DEEPER_M = 0.003
 CREEP_PART = 0.5
 ROUNDING_M = 1e-9
@@ -42,15 +42,18 @@ class MonitorOptions:
 
 
 @kernel
-def deepening_point(points_m: FloatArray, half_planes: FloatArray, margin_m: float, poses: FloatArray) -> int:
-    """Index of the first point, shape (n, 2), that a motion brings inside the footprint grown by the margin;
-    else -1.
+def deepening_point(
+    points_m: FloatArray, margins_m: FloatArray, creep_m: float, half_planes: FloatArray, poses: FloatArray
+) -> int:
+    """Index of the first point, shape (n, 2), that a motion brings inside the footprint grown by the point's
+    margin, shape (n,); else -1.
 
     `poses`, shape (m, 3), are base poses in the frame of the points; the base begins at the origin. A point
-    inside already at the beginning counts only when it gets deeper inside.
+    inside already at the beginning counts only when it gets deeper inside, up to `creep_m` by a little.
     """
     for i in range(points_m.shape[0]):
         px, py = points_m[i]
+        margin_m = margins_m[i]
         allowed = 0.0
         for j in range(-1, poses.shape[0]):
             x, y, theta = (0.0, 0.0, 0.0) if j < 0 else (poses[j, 0], poses[j, 1], poses[j, 2])
@@ -62,7 +65,7 @@ def deepening_point(points_m: FloatArray, half_planes: FloatArray, margin_m: flo
                 inside = half_planes[k, 2] + margin_m - half_planes[k, 0] * bx - half_planes[k, 1] * by
                 depth = min(depth, inside)
             if j < 0:
-                slack = min(DEEPER_M, max(ROUNDING_M, CREEP_PART * margin_m - depth))
+                slack = min(DEEPER_M, max(ROUNDING_M, creep_m - depth))
                 allowed = max(0.0, depth + slack)
             elif depth > allowed:
                 return i
@@ -103,23 +106,33 @@ class CollisionMonitor:
         self._half_planes = footprint.half_planes()
         self._radius_m = footprint.circumscribed_radius_m
 
-    def objection(self, command: Twist2, twist: Twist2, hits_in_base_m: FloatArray, period_s: float) -> str:
+    def objection(
+        self,
+        command: Twist2,
+        twist: Twist2,
+        hits_in_base_m: FloatArray,
+        spread_m: FloatArray,
+        period_s: float,
+    ) -> str:
         """Return what the command would touch, or an empty string.
 
         The motion judged is: the measured twist during the latency, the command for one period, then the
         zero command: v and w fade as the wheels' ramps or as the limits say, whichever takes longer; and once
         more with a turn that ends at once: a base that straightens out sooner than thought leaves the bend;
         and, when the twist is hardly more than its noise, from a stand: noise that points away from an
-        obstacle must not excuse a command toward it. `hits_in_base_m` has shape (n, 2).
+        obstacle must not excuse a command toward it. `hits_in_base_m` has shape (n, 2), `spread_m` (n,): each
+        is kept away from by so much more than the margin, since it may be off.
         """
+        margins_m = self._options.margin_m + spread_m
+        creep_m = CREEP_PART * self._options.margin_m
         stands = abs(twist.v_m_s) < NOISE_M_S and abs(twist.w_rad_s) < NOISE_RAD_S
         ends = (True, False) if command.w_rad_s else (True,)
         for begin, turns_on in product((twist, Twist2()) if stands else (twist,), ends):
             poses = self._stopping_poses(command, begin, period_s, turns_on=turns_on)
-            reach_m = self._radius_m + self._options.margin_m + float(np.hypot(*poses[:, :2].T).max())
+            reach_m = self._radius_m + margins_m.max(initial=0.0) + float(np.hypot(*poses[:, :2].T).max())
             near = np.hypot(hits_in_base_m[:, 0], hits_in_base_m[:, 1]) <= reach_m
             points_m = np.ascontiguousarray(hits_in_base_m[near])
-            index = deepening_point(points_m, self._half_planes, self._options.margin_m, poses)
+            index = deepening_point(points_m, margins_m[near], creep_m, self._half_planes, poses)
             if index >= 0:
                 x_m, y_m = points_m[index]
                 place = f"{x_m:.2f} m ahead, {y_m:+.2f} m to the left of the robot's centre"

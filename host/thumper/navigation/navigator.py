@@ -187,6 +187,7 @@ class Navigator:
         near_m = self._memory.update(time_s, map_from_base, hits_in_map)
         far_m = self._plan_memory.update(time_s, map_from_base, hits_in_map)
         self.costmap = self._layers.update(grid, np.vstack((hits_in_map, far_m)))
+        spread_m = np.concatenate((np.zeros(len(hits_in_map)), self._memory.spread_m))
         hits_in_map = np.vstack((hits_in_map, near_m))
         if self._prospects.are_unasked:
             self._prospects.note(-np.inf, self._map_alone(grid))
@@ -215,7 +216,7 @@ class Navigator:
             result = self._follow(time_s, request, goal, remaining_m)
         if self._has_failed():
             return self._fail(self._reason)
-        return self._guarded(time_s, result, request, map_from_base.inverse().apply(hits_in_map))
+        return self._guarded(time_s, result, request, map_from_base.inverse().apply(hits_in_map), spread_m)
 
     def _follow(
         self, time_s: float, request: ControlRequest, goal: Goal, remaining_m: float
@@ -276,7 +277,12 @@ class Navigator:
         return ControlResult(command=Twist2())
 
     def _guarded(
-        self, time_s: float, result: ControlResult, request: ControlRequest, hits_in_base: FloatArray
+        self,
+        time_s: float,
+        result: ControlResult,
+        request: ControlRequest,
+        hits_in_base: FloatArray,
+        spread_m: FloatArray,
     ) -> NavigationOutput:
         """Let the command through the collision monitor and keep the state and the patience."""
         command, reason = result.command, result.reason
@@ -286,8 +292,10 @@ class Navigator:
                 return self._output(Twist2(), request, result.trajectory)
             command = smoothed(command, self._last_command, self._options.limits, request.period_s)
             command = self._monitor.slowed(command, hits_in_base)
-            reason = self._monitor.objection(command, request.twist, hits_in_base, request.period_s)
-        if (command is None or reason) and (freeing := self._freeing(request, hits_in_base)) is not None:
+            reason = self._monitor.objection(command, request.twist, hits_in_base, spread_m, request.period_s)
+        if (command is None or reason) and (
+            freeing := self._freeing(request, hits_in_base, spread_m)
+        ) is not None:
             self._stuck_since_s, self._reason = None, f"freeing itself: {reason}"
             return self._output(freeing, request)
         if command is None or reason:
@@ -307,12 +315,14 @@ class Navigator:
             self._reason = self._route.reason
         return self._output(command, request, result.trajectory)
 
-    def _freeing(self, request: ControlRequest, hits_in_base: FloatArray) -> Twist2 | None:
+    def _freeing(
+        self, request: ControlRequest, hits_in_base: FloatArray, spread_m: FloatArray
+    ) -> Twist2 | None:
         """The way out of a refusal, if there is one: only on the way, and not before somebody who moves."""
         on_the_way = self._state in (NavigationState.NAVIGATING, NavigationState.ROTATING)
         if not on_the_way or self._arrival.at_place or len(request.path_m) == 0:
             return None
-        command = self._escape.command(request, hits_in_base)
+        command = self._escape.command(request, hits_in_base, spread_m)
         if command is None or self._traffic.objection(command, request.twist, request.map_from_base):
             return None
         return command

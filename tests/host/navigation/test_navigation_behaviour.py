@@ -12,7 +12,7 @@ from thumper.navigation.frontiers import ExplorationOptions, Explorer, find_fron
 from thumper.navigation.goal import Goal
 from thumper.navigation.lidar_view import LidarView
 from thumper.navigation.limits import SpeedLimits
-from thumper.navigation.memory import HitMemory, MemoryOptions
+from thumper.navigation.memory import MOST_SPREAD_M, SPREAD_PART, HitMemory, MemoryOptions
 from thumper.navigation.monitor import CollisionMonitor, MonitorOptions
 from thumper.navigation.navigator import NavigationState, Navigator
 from thumper.navigation.options import NavigationOptions
@@ -82,6 +82,25 @@ def test_a_reset_forgets_only_what_the_lidar_can_look_at_again() -> None:
     memory.forget_beyond(Pose2(), 0.3)
     hiding = np.array(((0.2, 0.0),))
     assert memory.update(0.1, Pose2(), hiding) == pytest.approx(behind)
+
+
+def test_what_was_last_seen_long_ago_may_be_off_by_more() -> None:
+    """The pose drifts by driving and by turning; a pose that only trembles does not move on."""
+    memory = HitMemory(MemoryOptions(), 0.8, LidarView(base_from_laser=Pose2()), HULL_M)
+    post, nothing, turned = np.array(((0.4, 0.0),)), np.empty((0, 2)), Pose2(theta_rad=math.pi)
+    memory.update(0.0, Pose2(), post)
+    assert memory.spread_m.size == 0  # in view
+    memory.update(0.1, turned, nothing)
+    assert memory.spread_m == pytest.approx([SPREAD_PART * math.pi * HULL_M])
+    for i in range(100):
+        memory.update(0.2, Pose2(x_m=0.003 * (i % 2), theta_rad=math.pi), nothing)
+    assert memory.spread_m == pytest.approx([SPREAD_PART * math.pi * HULL_M])
+    for i in range(10):
+        memory.update(0.3, Pose2(x_m=0.3 * (i % 2), theta_rad=math.pi), nothing)
+    assert memory.spread_m == pytest.approx([MOST_SPREAD_M])
+    memory.update(0.4, Pose2(), post)
+    memory.update(0.5, turned, nothing)
+    assert memory.spread_m == pytest.approx([SPREAD_PART * math.pi * HULL_M])  # seen again between
 
 
 def test_a_goal_that_comes_and_goes_is_given_up() -> None:

@@ -33,13 +33,15 @@ def request(hits_m: FloatArray, *, known: bool = True) -> ControlRequest:
 
 
 def command(hits_m: FloatArray, *, known: bool = True) -> Twist2 | None:
-    return Escape(MONITOR, LIMITS, FOOTPRINT).command(request(hits_m, known=known), hits_m)
+    return Escape(MONITOR, LIMITS, FOOTPRINT).command(
+        request(hits_m, known=known), hits_m, np.zeros(len(hits_m))
+    )
 
 
 def test_beside_a_post_it_turns_away_from_it_whatever_side_the_path_is_on() -> None:
     post_m = np.array(((0.08, SIDE_M + 0.008),))
     refused = Twist2(v_m_s=0.04, w_rad_s=0.15)  # along the path, which leads to the left
-    assert MONITOR.objection(refused, Twist2(), post_m, 0.1)
+    assert MONITOR.objection(refused, Twist2(), post_m, np.zeros(1), 0.1)
     freeing = command(post_m, known=False)
     assert freeing is not None
     assert freeing.v_m_s >= 0.0

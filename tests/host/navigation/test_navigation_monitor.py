@@ -20,7 +20,7 @@ def at(x_m: float, y_m: float) -> FloatArray:
 
 
 def objection(command: Twist2, twist: Twist2, hits_m: FloatArray) -> str:
-    return MONITOR.objection(command, twist, hits_m, 0.1)
+    return MONITOR.objection(command, twist, hits_m, np.zeros(len(hits_m)), 0.1)
 
 
 @pytest.mark.parametrize("v_m_s", [0.1, 0.25, 0.4])
@@ -50,6 +50,24 @@ def test_a_turn_sweeps_the_corners() -> None:
     assert objection(turning, turning, ahead_of_corner)
     assert not objection(Twist2(w_rad_s=-0.3), Twist2(), ahead_of_corner)
     assert objection(fast, fast, beside) == ""  # stops before it gets that far round
+
+
+def test_what_may_be_off_is_kept_away_from_by_so_much_more() -> None:
+    """Beside the rear, where a turn to the right swings the corner out: 3.5 cm are room enough, or not."""
+    turning, beside = Twist2(w_rad_s=-0.2), at(-0.19, SIDE_M + 0.035)
+    assert not MONITOR.objection(turning, Twist2(), beside, np.zeros(1), 0.1)
+    assert MONITOR.objection(turning, Twist2(), beside, np.array((0.02,)), 0.1)
+
+
+def test_nothing_is_crept_to_nearer_than_half_the_least_margin_from_where_it_may_be() -> None:
+    """Cycle after cycle, each from a stand; a point that may be off by 2 cm stays 3 cm away."""
+    for spread_m in (0.0, 0.02):
+        gap_m = MARGIN_M + spread_m - 0.001
+        for _ in range(100):
+            point, spread = at(FRONT_M + gap_m, 0.0), np.array((spread_m,))
+            if not MONITOR.objection(Twist2(v_m_s=0.01), Twist2(), point, spread, 0.1):
+                gap_m -= 0.002
+        assert gap_m == pytest.approx(spread_m + 0.5 * MARGIN_M, abs=0.004)
 
 
 def test_a_robot_that_touches_may_leave_but_not_press_on() -> None:

@@ -55,8 +55,8 @@ def test_the_monitor_sees_what_only_the_swing_hits() -> None:
         for point_m in pose.apply(outline_m):
             if np.all(np.abs(point_m) < (0.24, 0.15)):
                 continue  # under the robot as it begins
-            assert seeing.objection(BEND, BEND, point_m[None, :], PERIOD_S)
-            missed += not stiff.objection(BEND, BEND, point_m[None, :], PERIOD_S)
+            assert seeing.objection(BEND, BEND, point_m[None, :], np.zeros(1), PERIOD_S)
+            missed += not stiff.objection(BEND, BEND, point_m[None, :], np.zeros(1), PERIOD_S)
     assert missed > 10
 
 
