@@ -1,5 +1,6 @@
 """Everything the robot makes, once a beat, as ROS 2 messages, to whoever wants it: bus, recorder, page."""
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -30,10 +31,10 @@ PARTICLES_PERIOD_S, MOST_PARTICLES = 0.5, 200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timing:
-    """How the loop keeps up."""
+    """How the loop kept up in the beat before this one, which is not over yet."""
 
-    late_s: float = 0.0  # how much later than due the newest beat began
-    busy_s: float = 0.0  # how long the work of the beat before it took
+    late_s: float = 0.0  # how much later than due it began
+    busy_s: float = 0.0  # how long its work took
 
 
 class Products:
@@ -154,7 +155,7 @@ class Products:
             has_goal=goal is not None,
             goal_x_m=goal.x_m if goal else 0.0,
             goal_y_m=goal.y_m if goal else 0.0,
-            goal_yaw_rad=(goal.theta_rad or 0.0) if goal else 0.0,
+            goal_yaw_rad=math.nan if goal is None or goal.theta_rad is None else goal.theta_rad,
             distance_to_goal_m=goal.distance_m(situation.map_from_base) if goal else 0.0,
             board_state=telemetry.state.name,
             fault=int(telemetry.fault),

@@ -1,5 +1,6 @@
 """What a robot at service is asked and answers."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -23,6 +24,18 @@ def test_parameters(service: Service) -> None:
     assert service.ask("parameters/revert")["values"]["kp"] == pytest.approx(kp)
     service.put(GoTo(goals=(FAR,)))
     assert "must stand" in service.ask("parameters/save")["error"]
+
+
+def test_the_status_tells_a_heading_of_zero_from_none(service: Service) -> None:
+    told: list[float] = []
+    service.robot.products.add(
+        lambda topic, _stamp_s, message: told.append(message.goal_yaw_rad) if topic == "status" else None
+    )
+    place = {"x_m": FAR.x_m, "y_m": FAR.y_m}
+    assert service.ask("mission/send", place)["ok"]
+    assert math.isnan(told[-1])
+    assert service.ask("mission/send", {**place, "yaw_rad": 0.0})["ok"]
+    assert told[-1] == 0.0
 
 
 def test_what_the_board_did_not_save_is_not_told_as_saved(service: Service) -> None:

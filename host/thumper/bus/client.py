@@ -99,8 +99,8 @@ class BusClient(Closable):
                 if not answer.get("ok"):
                     raise ThumperError(str(answer.get("error")), option=str(answer.get("option", "")))
                 return answer
-        name = self._prefix.split("/")[1]
-        raise ThumperError(f"no robot {name!r} answers on this bus; is that its name?", option="--robot")
+        robot = self._prefix.split("/")[1]
+        raise ThumperError(f"no robot {robot!r} answers on this bus; is that its name?", option="--robot")
 
     def close(self) -> None:
         """Leave the bus."""

@@ -16,8 +16,8 @@ from thumper.dashboard.simulator_panel import SimulatorPanel
 FIGURES = (
     ("telemetry_age", "Board heard", "age of the newest telemetry"),
     ("scan_age", "Lidar heard", "age of the newest scan"),
-    ("loop_late", "Loop late", "how much later than due the newest beat began"),
-    ("loop_busy", "Loop busy", "how long the newest beat's work took"),
+    ("loop_late", "Loop late", "how much later than due the beat before began"),
+    ("loop_busy", "Loop busy", "how long the work of the beat before took"),
     ("link_frames", "Frames", "good frames that the board has heard since its reset; wraps at 65536"),
     ("link_errors", "Frame errors", "frames that did not check"),
     ("lost_edges", "Lost edges", "encoder edges of unknown direction"),

@@ -16,14 +16,14 @@ class Status:
     has_goal: bool = False
     goal_x_m: float = 0.0
     goal_y_m: float = 0.0
-    goal_yaw_rad: float = 0.0
+    goal_yaw_rad: float = 0.0  # NaN: no heading was asked for
     distance_to_goal_m: float = 0.0
     board_state: str = ""  # DISARMED, CLOSED_LOOP, MANUAL or FAULT
     fault: int = 0  # latched fault of the board; 0 none
     fault_words: str = ""
     fault_cure: str = ""
-    loop_late_s: float = 0.0  # how much later than due the newest beat began
-    loop_busy_s: float = 0.0  # how long the newest beat's work took
+    loop_late_s: float = 0.0  # how much later than due the beat before this one began
+    loop_busy_s: float = 0.0  # how long its work took
     telemetry_age_s: float = 0.0
     scan_age_s: float = 0.0
     link_frames: int = 0  # heard by the board since its reset; wraps at 65536

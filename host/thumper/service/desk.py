@@ -35,7 +35,6 @@ from thumper.service.waking import TOLD, Waking, sets_going
 Handler = Callable[[], str]
 """Carries out a command and returns what it did, in words; raises ThumperError with the cure."""
 
-
 SLOWEST, FASTEST = 0.1, 20.0  # times real time
 
 

@@ -117,7 +117,7 @@ class MapView {
     const status = state.values.status;
     if (status?.has_goal) {
       layers.drawArrow(context, camera, status.goal_x_m, status.goal_y_m,
-        status.goal_yaw_rad || null, "goal"); // no heading asked for: none shown
+        status.goal_yaw_rad ?? null, "goal"); // no heading asked for: none shown
     }
     this.tools.draw(context, camera);
     this.drawn += 1;
