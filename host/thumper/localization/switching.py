@@ -72,7 +72,13 @@ class SwitchingMapper:
         Amcl(small, self._options).warm_up()
 
     def localise(self) -> None:
-        """Freeze the own map and go on from the pose of the newest scan."""
+        """Freeze the own map and go on from the pose of the newest scan.
+
+        Raises
+        ------
+        ThumperError
+            Nothing has been mapped yet.
+        """
         if self.localiser is None:
             self._start(self._mapper.grid(), self._pose or Pose2())
             self._foreign = False
@@ -85,8 +91,6 @@ class SwitchingMapper:
         ThumperError
             There is no wall in the map.
         """
-        if not np.any(grid.cells == OCCUPIED):
-            raise ThumperError("there is no wall in the map to know a place by; give another", exit_code=2)
         self._start(grid, map_from_base)
         self._foreign = True
 
@@ -146,6 +150,8 @@ class SwitchingMapper:
         return update
 
     def _start(self, grid: OccupancyGrid, map_from_base: Pose2 | None) -> None:
+        if not np.any(grid.cells == OCCUPIED):
+            raise ThumperError("there is no wall in the map to know a place by; give another", exit_code=2)
         self.localiser = Amcl(
             grid,
             self._options,

@@ -192,3 +192,6 @@ def test_what_needs_a_saved_map_says_so(deed: str) -> None:
         robot.set_pose(Pose2()) if deed == "set_pose" else robot.relocalise()
     with pytest.raises(ThumperError, match="no wall in the map"):
         robot.localise_in(replace(GRID, cells=np.zeros((9, 9), np.int8)), None)
+    with pytest.raises(ThumperError, match="no wall in the map"):
+        robot.localise()  # before anything was mapped
+    assert robot.localiser is None
