@@ -95,7 +95,12 @@ def read_occupancy(yaml_path: Path, modes: tuple[str, ...]) -> tuple[Description
     ThumperError
         As `load_map`.
     """
-    description = _parse(yaml_path, _read(yaml_path).decode("utf-8", errors="replace"), modes)
+    content = _read(yaml_path)
+    if content.startswith((b"P5", b"P2", b"\x89PNG")):
+        raise ThumperError(
+            f"{yaml_path}: this is the map's image; give its description, the .yaml beside it", exit_code=2
+        )
+    description = _parse(yaml_path, content.decode("utf-8", errors="replace"), modes)
     pgm_path = yaml_path.parent / description.image
     try:
         image = decode_pgm(_read(pgm_path))

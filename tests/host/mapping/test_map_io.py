@@ -129,3 +129,9 @@ def test_a_missing_map_is_one_clear_line(tmp_path: Path) -> None:
 def test_pgm_keeps_every_byte(image: np.ndarray) -> None:
     """Also bytes that look like white space or a comment, right after the header."""
     np.testing.assert_array_equal(decode_pgm(encode_pgm(image)), image)
+
+
+def test_the_image_in_place_of_its_description_is_told_so(tmp_path: Path) -> None:
+    image = saved(tmp_path).with_suffix(".pgm")
+    with pytest.raises(ThumperError, match=r"map\.pgm: this is the map's image; give .* \.yaml"):
+        load_map(image)
