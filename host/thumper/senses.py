@@ -13,7 +13,8 @@ from thumper.navigation.transitions import Transition
 from thumper.perception import Perception, Situation
 
 TELEMETRY_TIMEOUT_S = 0.5
-LATE_BEAT_S = 0.15  # a telemetry frame was lost on the way: the board must not miss a command for it
+LATE_BEAT_S = 0.15  # telemetry frames were lost on the way: the board must not miss commands for it
+LATE_BEATS = 2
 LIDAR_GONE_ERRORS = 5  # of its port one after another, without a scan between: the port itself has gone
 LIDAR_RETRY_S = 5.0
 FIRST_LOOK_SCANS = 3
@@ -49,13 +50,16 @@ class Senses:
     def beat(self, standing_order: Callable[[], None] | None = None) -> bool:
         """Take in one beat of both ports; False when the board is silent.
 
-        When a beat is late, `standing_order` is given once more, so that one lost frame is not a lost link.
+        While a beat is late, `standing_order` is given again, so that lost frames are not a lost link.
         """
+        silence_s = TELEMETRY_TIMEOUT_S - LATE_BEATS * LATE_BEAT_S
         samples = self.board.poll(LATE_BEAT_S)
-        if not samples:
+        for wait_s in (*(LATE_BEATS - 1) * (LATE_BEAT_S,), silence_s):
+            if samples:
+                break
             if standing_order is not None:
                 standing_order()
-            samples = self.board.poll(TELEMETRY_TIMEOUT_S - LATE_BEAT_S)
+            samples = self.board.poll(wait_s)
         self.take_in(samples)
         self.take_scans()
         return bool(samples)

@@ -99,3 +99,18 @@ def test_a_ctrl_c_that_a_kernel_swallows_ends_it_all_the_same(service: Service) 
     assert service.mode == "idle"
     service.beats(1)
     assert service.telemetry.state is State.DISARMED
+
+
+def test_orders_go_on_while_the_boards_frames_are_lost(service: Service) -> None:
+    """The firmware stops after 300 ms without a command; the host waits half a second for a frame."""
+    senses = service.robot.senses
+    senses.beat()
+    begun_s = senses.board.now_s()
+    given_s = [begun_s]
+    service.bench.fault("line.loss", 1.0)
+    assert not senses.beat(lambda: given_s.append(senses.board.now_s()))
+    assert senses.board.now_s() - begun_s == pytest.approx(0.5, abs=0.02)
+    gaps_s = [after - before for before, after in zip(given_s, given_s[1:], strict=False)]
+    assert len(gaps_s) == 2
+    assert max(gaps_s) < 0.2
+    service.bench.fault("line.loss", 0.0)
