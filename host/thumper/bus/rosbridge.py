@@ -11,6 +11,7 @@ import re
 import ssl
 import uuid
 from collections.abc import Callable
+from contextlib import suppress
 from http import HTTPStatus
 from typing import Any
 
@@ -29,6 +30,7 @@ from thumper.ros.json_form import to_json
 MOST_CLIENTS = 16
 MOST_QUEUED = 64  # of a client that is slow; the oldest go
 MOST_QUESTIONS = 20  # of a client, that wait for the robot
+CLOSE_TIMEOUT_S = 1.0  # a client that reads nothing must not hold up the end
 OWN_PAGES = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?")
 
 
@@ -71,6 +73,7 @@ class Rosbridge:
                 process_request=self._admit,
                 max_size=MOST_BYTES,
                 max_queue=4,
+                close_timeout=CLOSE_TIMEOUT_S,
             )
         except OSError as error:
             raise ThumperError(
@@ -90,7 +93,8 @@ class Rosbridge:
 
     def _take(self, topic: str, message: Message) -> None:
         text = json.dumps(to_json(message))
-        self._loop.call_soon_threadsafe(self._deliver, topic, text)
+        with suppress(RuntimeError):  # the loop has ended
+            self._loop.call_soon_threadsafe(self._deliver, topic, text)
 
     def _deliver(self, topic: str, text: str) -> None:
         self._newest[topic] = text

@@ -32,7 +32,7 @@ class Bridge:
     def __init__(self, token: str = "", tls: ssl.SSLContext | None = None) -> None:
         self.robot = Robot(token)
         self.bus = BusClient("r1", self.robot.address, token)
-        bridge = Rosbridge(self.bus, host="127.0.0.1", port=0, token=token, tls=tls)
+        self.rosbridge = Rosbridge(self.bus, host="127.0.0.1", port=0, token=token, tls=tls)
         ready = threading.Event()
 
         def serve() -> None:
@@ -42,7 +42,7 @@ class Bridge:
                 self.port = port
                 ready.set()
 
-            self._task = self._loop.create_task(bridge.serve(note))
+            self._task = self._loop.create_task(self.rosbridge.serve(note))
             with suppress(asyncio.CancelledError):
                 self._loop.run_until_complete(self._task)
 
@@ -54,9 +54,14 @@ class Bridge:
     def url(self) -> str:
         return f"ws://127.0.0.1:{self.port}"
 
-    def close(self) -> None:
+    def end(self) -> None:
         self._loop.call_soon_threadsafe(self._task.cancel)
         self._thread.join(20.0)
+        self._loop.close()
+
+    def close(self) -> None:
+        if not self._loop.is_closed():
+            self.end()
         self.bus.close()
         self.robot.server.close()
 
@@ -208,6 +213,11 @@ def test_throttled_topics_come_less_often(bridge: Bridge) -> None:
         assert json.loads(socket.recv(20))["topic"] == "/cmd_vel"
         with pytest.raises(TimeoutError):
             socket.recv(0.3)
+
+
+def test_what_the_bus_says_after_the_end_goes_nowhere(bridge: Bridge) -> None:
+    bridge.end()
+    bridge.rosbridge._take("cmd_vel", M.twist(0.0, Twist2()))  # on the bus's thread, which goes on
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "https://127.0.0.1.evil.example", "null"])
