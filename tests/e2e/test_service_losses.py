@@ -3,6 +3,7 @@
 import signal
 import sys
 import time
+from itertools import pairwise
 from types import FrameType
 
 import pytest
@@ -110,7 +111,7 @@ def test_orders_go_on_while_the_boards_frames_are_lost(service: Service) -> None
     service.bench.fault("line.loss", 1.0)
     assert not senses.beat(lambda: given_s.append(senses.board.now_s()))
     assert senses.board.now_s() - begun_s == pytest.approx(0.5, abs=0.02)
-    gaps_s = [after - before for before, after in zip(given_s, given_s[1:], strict=False)]
+    gaps_s = [after - before for before, after in pairwise(given_s)]
     assert len(gaps_s) == 2
     assert max(gaps_s) < 0.2
     service.bench.fault("line.loss", 0.0)
