@@ -70,11 +70,10 @@ class NavfnPlanner:
         down = descend(potential, cols, float(point[0]), float(point[1]), STEP_CELLS)
         if len(down) == 0:
             return PlanResult(reason=f"no way to the goal {goal}: the wave never came there")
-        path = down[::-1].copy()
-        if ends.start_moved:
-            path = np.vstack((ends.start_cells, path))
-        else:
-            path[0] = ends.start_cells
+        path = down[::-1]
+        if not ends.start_moved and len(path) > 1:
+            path = path[1:]  # the robot stands in this point's cell
+        path = np.vstack((ends.start_cells, path))
         return PlanResult(path_m=path * costmap.resolution_m + costmap.origin_m, reason=told)
 
     def path_cost_m(self, costmap: Costmap, path_m: FloatArray) -> float:

@@ -12,7 +12,7 @@ from thumper.navigation.goal import Goal
 class PlanResult:
     """A path, or None and why not. `reason` beside a path says where it ends if not at the goal."""
 
-    path_m: FloatArray | None = None  # shape (n, 2), in map, from the robot to the goal
+    path_m: FloatArray | None = None  # shape (n >= 2, 2), in map, from the robot to the goal
     reason: str = ""
     closed: bool = False  # the search saw all that can be reached, and the goal is not of it
 

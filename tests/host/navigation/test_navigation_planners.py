@@ -127,6 +127,23 @@ def test_refusals_in_words(name: str) -> None:
     assert beside.path_m[0] == pytest.approx((2.45, 1.0))
 
 
+@pytest.mark.parametrize(
+    "planner", [*PLANNERS.values(), AStarPlanner(AStarOptions()), CarrotPlanner(Footprint())]
+)
+@pytest.mark.parametrize("away_m", [0.0, 0.004, 0.02, 0.06])
+def test_a_path_has_a_begin_and_an_end_also_in_the_goals_own_cell(planner: Planner, away_m: float) -> None:
+    """Trajectory Rollout with navfn once stopped short of the goal: one point is no way."""
+    costmap = costmap_of(np.zeros((60, 60), dtype=np.int8))
+    goal = Goal(x_m=START.x_m + away_m, y_m=START.y_m)
+    path_m = planner.plan(costmap, START, goal).path_m
+    assert path_m is not None
+    assert len(path_m) >= 2
+    assert path_m[0] == pytest.approx((START.x_m, START.y_m), abs=0.001)
+    route = Route(planner, RouteOptions())
+    route.update(0.0, costmap, START, goal)
+    assert route.remaining_m(START) == pytest.approx(away_m, abs=0.051)
+
+
 def test_unknown_ground_only_when_allowed() -> None:
     cells = np.zeros((100, 100), np.int8)
     cells[:, 40:60] = -1
