@@ -13,6 +13,7 @@ from thumper.cli.explore import explore
 from thumper.cli.flash import flash
 from thumper.cli.goto import goto, stop
 from thumper.cli.map_log import map_log
+from thumper.cli.mode import mode
 from thumper.cli.plan import plan
 from thumper.cli.record import record
 from thumper.cli.recordings import export, recover
@@ -70,6 +71,7 @@ def build_app() -> typer.Typer:
         run,
         goto,
         stop,
+        mode,
         status,
         watch,
         rosbridge,

@@ -10,7 +10,7 @@ from thumper.navigation.goal import Goal
 from thumper.products import Products
 from thumper.ros.convert import ERROR, INFO, WARN
 from thumper.senses import Senses
-from thumper.service import board_parameters
+from thumper.service import board_parameters, map_mode
 from thumper.service.errands import Errand, Errands
 from thumper.service.experiments import Experiments
 from thumper.service.goal_content import goal_of
@@ -258,10 +258,19 @@ class Desk:
             case "disarm":
                 pilot.disarm("disarmed")
                 return "the motors are off"
+            case "localise" | "map_on" | "relocalise":
+                return self._change_mode(name)
         handler = self.handlers.get(name)
         if handler is None:
             raise ThumperError(f"this robot's process cannot {name.replace('_', ' ')}")
         text = handler()
+        self._products.event(text)
+        return text
+
+    def _change_mode(self, name: str) -> str:
+        self._must_not_experiment()
+        self._must_stand(f"{name.replace('_', ' ')}")
+        text = map_mode.change(self._senses.perception.mapper, name)
         self._products.event(text)
         return text
 

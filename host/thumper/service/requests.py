@@ -9,7 +9,10 @@ from thumper.geometry import Pose2, Twist2
 from thumper.navigation.goal import Goal
 
 # Words that the topic `command` takes; nothing else is ever carried out.
-COMMANDS = ("cancel", "clear_fault", "arm", "disarm", "estop", "record_start", "record_stop", "save_map")
+COMMANDS = (
+    *("cancel", "clear_fault", "arm", "disarm", "estop"),
+    *("record_start", "record_stop", "save_map", "localise", "map_on", "relocalise"),
+)
 
 
 class Channel(IntEnum):

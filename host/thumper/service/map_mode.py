@@ -1,0 +1,30 @@
+"""The commands `localise`, `map_on` and `relocalise`: what a standing robot does with its map from now on."""
+
+from thumper.errors import ThumperError
+from thumper.localization.switching import SwitchingMapper
+from thumper.mapping.mapper import Mapper
+
+MODES = ("localise", "map_on", "relocalise")
+
+
+def change(mapper: Mapper, mode: str) -> str:
+    """Carry out one of `MODES`; returns what was done.
+
+    Raises
+    ------
+    ThumperError
+        Nothing is mapped yet, the pose is lost, or this robot's mapper cannot change.
+    """
+    if not isinstance(mapper, SwitchingMapper):
+        raise ThumperError("this robot's mapper cannot change between mapping and localising")
+    match mode:
+        case "localise":
+            mapper.localise()
+            return "the map stays as it is; the robot localises in it"
+        case "map_on":
+            mapper.map_on()
+            return "the robot goes on mapping"
+        case "relocalise":
+            mapper.relocalise()
+            return "the robot looks for itself in the whole map"
+    raise ThumperError(f"no mode {mode!r}; there are {', '.join(MODES)}")

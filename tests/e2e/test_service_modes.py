@@ -1,0 +1,39 @@
+"""A robot at service changes between mapping and localising."""
+
+import numpy as np
+
+from tests.e2e.service import FAR, NEAR, Service
+from thumper.localization.switching import SwitchingMapper
+from thumper.service.requests import GoTo
+
+
+def command(service: Service, name: str) -> dict[str, object]:
+    return service.ask("command", {"command": name})
+
+
+def test_a_standing_robot_localises_in_its_map_and_maps_on(service: Service) -> None:
+    mapper = service.robot.mapper
+    assert isinstance(mapper, SwitchingMapper)
+    service.until(lambda: service.robot.senses.has_looked)
+    assert command(service, "localise") == {
+        "ok": True,
+        "text": "the map stays as it is; the robot localises in it",
+    }
+    frozen = mapper.grid()
+    service.put(GoTo(goals=(NEAR,)))
+    assert "must stand" in str(command(service, "map_on")["error"])
+    service.until(lambda: service.mode == "idle")
+    assert service.ask("mission/state")["state"] == "reached"
+    assert mapper.grid() is frozen
+    assert command(service, "relocalise")["ok"]
+    service.until(lambda: mapper.quality().lost == "")
+    assert command(service, "map_on")["ok"]
+    service.put(GoTo(goals=(FAR,)))
+    service.until(lambda: service.mode == "idle")
+    assert service.ask("mission/state")["state"] == "reached"
+    assert np.count_nonzero(mapper.grid().cells >= 0) > np.count_nonzero(frozen.cells >= 0)
+    assert command(service, "relocalise") == {
+        "ok": False,
+        "error": "the robot is mapping: localise first",
+        "option": "",
+    }
