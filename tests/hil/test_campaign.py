@@ -122,7 +122,7 @@ def test_a_touch_is_no_success() -> None:
 
 def test_a_tour_with_a_fault_is_driven_to_its_end(tmp_path: Path) -> None:
     """It starts at x = 1; by way of 1.3 it comes to 0.6 on wheels of which one side slips."""
-    (tmp_path / "slip.toml").write_text("faults = [{ at_s = 0.5, slip.left = 0.4 }]")
+    (tmp_path / "slip.toml").write_text("faults = [{ at_s = 0.5, slip.left = 0.7 }]")
     plain = 'parameters = [{ name = "default" }, { name = "gentle", robot = "gentle.toml" }]'
     slips = 'parameters = [{ name = "whole" }, { name = "slips", scenario = "slip.toml" }]'
     text = FILE.replace(plain, slips).replace("via = [[0.8, 0.0]]", "via = [[1.3, 0.0]]")
