@@ -29,6 +29,7 @@ class BusClient(Closable):
     def __init__(self, robot: str, address: str, token: str = "") -> None:
         self.source = uuid.uuid4().hex  # who sends; heartbeats and goals of one client belong together
         self._prefix = f"thumper/{robot}/"
+        self._has_answered = False
         self._session = open_joiner(address, token)
         self._subscribers: list[zenoh.Subscriber[None]] = []
 
@@ -98,8 +99,12 @@ class BusClient(Closable):
                     break
                 if not answer.get("ok"):
                     raise ThumperError(str(answer.get("error")), option=str(answer.get("option", "")))
+                self._has_answered = True
                 return answer
         robot = self._prefix.split("/")[1]
+        if self._has_answered:
+            why = "does not answer any more; what it was doing it may still do: `thumper stop`"
+            raise ThumperError(f"robot {robot!r} {why}", exit_code=3)
         raise ThumperError(f"no robot {robot!r} answers on this bus; is that its name?", option="--robot")
 
     def close(self) -> None:

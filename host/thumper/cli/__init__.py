@@ -95,11 +95,12 @@ def build_app() -> typer.Typer:
 
 def main() -> None:
     """Run the command line; a fault that the user can mend is one line on stderr, never a traceback."""
-    for number in (signal.SIGINT, signal.SIGTERM):  # a polite kill is a Ctrl-C: motors first
-        if signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, signal.default_int_handler)
     try:
-        build_app()()
+        app = build_app()  # which imports, so that Ctrl-C may just end the process till then
+        for number in (signal.SIGINT, signal.SIGTERM):  # a polite kill is a Ctrl-C: motors first
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, signal.default_int_handler)
+        app()
     except ThumperError as error:
         option = f" ({error.option})" if error.option else ""
         print(f"thumper: {error}{option}", file=sys.stderr)
