@@ -143,7 +143,7 @@ def test_a_question_is_answered_from_another_thread(robot: Robot, client: BusCli
     thread.start()
     assert client.query("parameters/set", {"ki": 2.0})["values"] == {"kp": 1.0, "ki": 2.0}
     thread.join()
-    with pytest.raises(ThumperError, match="does not answer any more; .*may still do") as caught:
+    with pytest.raises(ThumperError, match=r"does not answer any more; .*may still do") as caught:
         client.query("no such question")  # to which nobody answers
     assert caught.value.exit_code == 3
 
