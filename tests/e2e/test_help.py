@@ -14,6 +14,7 @@ COMMANDS = {
     "run": ["--board", "--lidar", "--goal", "--config"],
     "sim": ["--board-pty", "--lidar-pty", "--world"],
     "map-log": ["--out"],
+    "mode": ["--bus"],
     "tune": ["--board", "--lane", "record", "fit", "design", "verify", "report"],
     "experiment": ["odometry", "speed"],
     "calibrate": ["odometry"],
