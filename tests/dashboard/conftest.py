@@ -136,9 +136,11 @@ def page(browser: Browser, server: Server, robot: FakeRobot) -> Iterator[Page]:
 
 
 def open_page(page: Page, server: Server) -> None:
-    """Open it and wait until the robot is seen."""
+    """Open it and wait until the robot is seen: one that has just been started may still be compiling its kernels."""
     page.goto(server.url)
-    page.wait_for_function("window.thumper?.state.connected && window.thumper.state.values.status")
+    page.wait_for_function(
+        "window.thumper?.state.connected && window.thumper.state.values.status", timeout=120_000
+    )
     page.wait_for_selector(".tp-map canvas")
 
 
