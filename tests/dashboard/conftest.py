@@ -136,7 +136,7 @@ def page(browser: Browser, server: Server, robot: FakeRobot) -> Iterator[Page]:
 
 
 def open_page(page: Page, server: Server) -> None:
-    """Open it and wait until the robot is seen: one that has just been started may still be compiling its kernels."""
+    """Open it and wait until the robot is seen: one just started may still be compiling its kernels."""
     page.goto(server.url)
     page.wait_for_function(
         "window.thumper?.state.connected && window.thumper.state.values.status", timeout=120_000
