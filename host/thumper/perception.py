@@ -4,7 +4,7 @@ What comes in is first rounded to what a recording keeps of it, so that a replay
 """
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from thumper.mapping.scan_points import scan_points
 from thumper.odometry.fused import FusedOdometry
 from thumper.odometry.history import PoseHistory
 from thumper.odometry.imu import ImuOptions, ImuSample
+from thumper.odometry.leaps import LeapBridge
 from thumper.odometry.odometry import Odometry, OdometrySample
 from thumper.odometry.slip import GOOD_MATCH, SlipWatch
 from thumper.ros.stamps import rounded_s
@@ -55,6 +56,7 @@ class Perception:
         self._odometry: Odometry | FusedOdometry = Odometry(drive)
         if imu is not None and imu.enabled:
             self._odometry = FusedOdometry(drive, imu=imu)
+        self._bridge = LeapBridge()
         self._slip = SlipWatch()
         self._history = PoseHistory()
         self._newest: OdometrySample | None = None
@@ -68,7 +70,10 @@ class Perception:
         """Advance the odometry."""
         telemetry = sample.telemetry
         time_s = rounded_s(sample.time_s)
-        self._newest = self._odometry.update(time_s, telemetry.left_count, telemetry.right_count)
+        newest = self._odometry.update(time_s, telemetry.left_count, telemetry.right_count)
+        leaps = self._bridge.leaps
+        bridged = replace(newest, odom_from_base=self._bridge.take(time_s, newest.odom_from_base))
+        self._newest = bridged if self._bridge.leaps == leaps else replace(bridged, twist=Twist2())
         self._history.add(self._newest)
         self._map_what_is_covered()
 
@@ -79,7 +84,7 @@ class Perception:
 
     def lines(self) -> list[str]:
         """What was wrong with the input so far, one line a kind with its count."""
-        lines = [*self.monitor.lines(), *self._slip.lines()]
+        lines = [*self.monitor.lines(), *self._bridge.lines(), *self._slip.lines()]
         if isinstance(self._odometry, FusedOdometry) and self._odometry.slips:
             lines.append(f"{self._odometry.slips} times wheels and gyroscope disagreed: the wheels slip")
         return lines

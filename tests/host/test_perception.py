@@ -174,3 +174,17 @@ def test_a_pose_given_by_hand_is_no_slip() -> None:
     assert situation.lost == ""
     assert robot.scans_mapped == 29
     assert robot.lines() == ["1 of 30 scans " + Flaw.NO_ODOMETRY]  # the one from before the board was heard
+
+
+def test_counts_that_leap_are_no_motion_and_are_told() -> None:
+    robot = perception()
+    leap = round(30.0 / M_PER_COUNT)
+    for k in range(20):
+        count = leap if k >= 10 else 0
+        robot.add_telemetry(telemetry(0.1 * k, count, count))
+        robot.add_scan(scan(0.1 * k, [Pose2()] * 100))
+        situation = robot.situation()
+        assert situation is not None
+        assert situation.twist.v_m_s == 0.0
+        assert situation.map_from_base.distance_m(Pose2()) < 0.01
+    assert [line.split(":")[0] for line in robot.lines()] == ["once the odometry leapt, by up to 30.0 m"]

@@ -31,7 +31,11 @@ def map_log(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the particle filter.")] = 1,
     fov: Annotated[
         float | None,
-        typer.Option(min=1, max=360, help="The laser's field of view in degrees, if a CARMEN log lacks it."),
+        typer.Option(
+            min=1,
+            max=360,
+            help="The laser's field of view in degrees, if the log lacks it: FLASER and RLASER lines do.",
+        ),
     ] = None,
 ) -> None:
     """Build a map from a recorded lidar log, with the odometry and the mapper that the robot uses."""

@@ -20,6 +20,7 @@ from thumper.mapping.logs.record import RobotLog
 from thumper.mapping.map_io import save_map
 from thumper.mapping.mapper import MapperUpdate
 from thumper.mapping.method import MappingOptions, make_mapper
+from thumper.odometry.leaps import LeapBridge
 from thumper.odometry.slip import GOOD_MATCH, SlipWatch
 
 PROGRESS_EVERY = 20  # scans
@@ -96,14 +97,14 @@ def map_records(
     mapper.warm_up()
     total = len(log.records)
     updates: list[MapperUpdate] = []
-    monitor, slip = InputMonitor(), SlipWatch()
+    monitor, slip, bridge = InputMonitor(), SlipWatch(), LeapBridge()
     lost: list[tuple[int, str]] = []  # number of the scan, and why nobody should trust its pose
     coasting = None if log.has_odometry else Coasting()
     cpu_ms = np.empty(total)
     for done, record in enumerate(log.records, start=1):
         start_s = time.process_time()
         monitor.look(record.scan)
-        odom_from_base = coasting.predict() if coasting else record.odom_from_base
+        odom_from_base = coasting.predict() if coasting else bridge.take(record.time_s, record.odom_from_base)
         update = mapper.update(odom_from_base, record.scan, record.twist)
         updates.append(update)
         if coasting:
@@ -124,7 +125,7 @@ def map_records(
         updates=tuple(updates),
         grid=mapper.grid(),
         cpu_ms=cpu_ms,
-        lines=(*monitor.lines(), *slip.lines(), *_lost_lines(lost, total)),
+        lines=(*monitor.lines(), *bridge.lines(), *slip.lines(), *_lost_lines(lost, total)),
     )
 
 

@@ -289,18 +289,41 @@ def test_a_log_without_odometry_says_so_and_is_mapped_by_its_scans(tmp_path: Pat
     assert np.abs(mapped.poses[:, 1]).max() < 0.05  # a cell
 
 
-@pytest.mark.parametrize(("leap_m", "lost"), [(0.0, 0), (40.0, 1)])
-def test_a_log_whose_odometry_leaps_says_where_the_pose_was_lost(
-    tmp_path: Path, leap_m: float, lost: int
-) -> None:
+def test_a_log_whose_odometry_leaps_is_mapped_across_it_and_says_so(tmp_path: Path) -> None:
+    """Its program began anew at scan 30, and counted from its origin again."""
+    ranges_m = list(np.random.default_rng(1).uniform(2.0, 3.0, 180))
+    lines = [flaser_line(ranges_m, (40.0 * (k < 30) + 0.001 * k, 0, 0), stamp=0.1 * k) for k in range(60)]
+    mapped = map_records(open_log(written(tmp_path / "a.log", "".join(lines))), MappingOptions())
+    assert mapped.lines == (
+        "once the odometry leapt, by up to 40.0 m: taken as no motion; did its board or program begin anew?",
+    )
+    assert np.abs(mapped.poses[:, :2] - mapped.poses[0, :2]).max() < 0.1
+
+
+def test_a_log_says_where_the_pose_was_lost(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
-    ranges_m = list(rng.uniform(2.0, 3.0, 180))
-    lines = [flaser_line(ranges_m, (leap_m * (k >= 30), 0, 0), stamp=0.1 * k) for k in range(60)]
-    lines.append(flaser_line(ranges_m, (leap_m, 0.001, 0), stamp=6.0))
+    here, there = list(rng.uniform(2.0, 3.0, 180)), list(rng.uniform(5.0, 6.0, 180))
+    lines = [flaser_line(here if k < 30 else there, (0.001 * k, 0, 0), stamp=0.1 * k) for k in range(60)]
     lines_said = map_records(open_log(written(tmp_path / "a.log", "".join(lines))), MappingOptions()).lines
-    assert [line.split(":")[0] for line in lines_said] == lost * [
-        "the pose was lost at 31 of 61 scans, first at scan 31"
-    ]
+    assert len(lines_said) == 1
+    assert lines_said[0].startswith("the pose was lost at 21 of 60 scans, first at scan 40: ")
+
+
+@pytest.mark.parametrize("what", ["ROBOTLASER1", "MINES", "MCAP"])
+def test_a_field_of_view_for_a_log_that_tells_it_is_refused(tmp_path: Path, what: str) -> None:
+    path = tmp_path / "a.log"
+    if what == "MCAP":
+        foreign(path, odometry=True)
+    else:
+        line = ROBOTLASER if what == "ROBOTLASER1" else mines_line(0, 0, 0, [1000] * 682)
+        written(path, line + "\n")
+    with pytest.raises(ThumperError, match=f"an? {what}.* leave out --fov"):
+        open_log(path, math.radians(240))
+
+
+def test_a_folder_is_no_log(tmp_path: Path) -> None:
+    with pytest.raises(ThumperError, match="is a folder; give one log in it"):
+        open_log(tmp_path)
 
 
 @pytest.mark.parametrize(("keep", "word"), [(1.0, ""), (0.9, "cut off")])

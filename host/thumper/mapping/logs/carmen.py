@@ -22,7 +22,14 @@ from thumper.mapping.logs.carmen_lines import (
     rawlaser,
     robotlaser,
 )
-from thumper.mapping.logs.record import MOST_BROKEN, NO_ODOMETRY, LogRecord, RobotLog, broken_note
+from thumper.mapping.logs.record import (
+    MOST_BROKEN,
+    NO_ODOMETRY,
+    LogRecord,
+    RobotLog,
+    broken_note,
+    refuse_fov,
+)
 from thumper.odometry.history import interpolate
 
 NO_RETURN_M = 80.0  # SICK scanners report 81.83 or 81.91 for "nothing came back", whatever the reason
@@ -58,7 +65,7 @@ def read_carmen(name: str, lines: Iterable[str], fov_rad: float | None = None) -
     Raises
     ------
     ThumperError
-        No laser line can be read, or too many are broken.
+        No laser line can be read, too many are broken, or `fov_rad` is given though they tell it themselves.
     """
     lasers: dict[str, list[LaserLine]] = {keyword: [] for keyword in LINES}
     odometry: list[OdomLine] = []
@@ -90,6 +97,8 @@ def read_carmen(name: str, lines: Iterable[str], fov_rad: float | None = None) -
             notes.append(f"{len(lasers[other])} {other} lines not used: {used} is mapped")
     if used in OLD_LINES:
         scans = _with_angles(scans, fov_rad or _named_fov_rad(params, scans[0].ranges_m.size), notes)
+    else:
+        refuse_fov(name, fov_rad, f"a {used} line")
     limit_m = _range_limit_m(scans, params)
     poses = [scan.odom_from_base for scan in scans]
     if not _moves(poses) and odometry:

@@ -11,7 +11,7 @@ from typing import TextIO
 from thumper.errors import ThumperError
 from thumper.mapping.logs.carmen import is_carmen, read_carmen
 from thumper.mapping.logs.mines import is_mines, read_mines
-from thumper.mapping.logs.record import RobotLog
+from thumper.mapping.logs.record import RobotLog, refuse_fov
 
 GZIP_MAGIC = b"\x1f\x8b"
 FORMATS = "give a CARMEN (.log, .clf), MINES (.dat) or MCAP log"
@@ -28,7 +28,7 @@ def open_log(path: Path, fov_rad: float | None = None) -> RobotLog:
     Raises
     ------
     ThumperError
-        The file cannot be read, or is in none of these formats.
+        The file cannot be read, is in none of these formats, or tells its field of view itself.
     """
     cut: list[str] = []
     try:
@@ -37,8 +37,10 @@ def open_log(path: Path, fov_rad: float | None = None) -> RobotLog:
         if start == MCAP_MAGIC:
             from thumper.mapping.logs.mcap import read_mcap  # loads the ROS 2 types
 
+            refuse_fov(str(path), fov_rad, "an MCAP log")
             return read_mcap(path)
         if start.startswith(GZIP_MAGIC) and _starts_as_mcap(path):
+            refuse_fov(str(path), fov_rad, "an MCAP log")
             return _unpacked_mcap(path)
         with _text(path, start) as stream:
             kind = _kind(_until_cut(stream, cut), path)
@@ -47,6 +49,7 @@ def open_log(path: Path, fov_rad: float | None = None) -> RobotLog:
             if kind == "CARMEN":
                 log = read_carmen(str(path), lines, fov_rad)
             elif kind == "MINES":
+                refuse_fov(str(path), fov_rad, "a MINES log")
                 log = read_mines(str(path), (line for line in lines if not line.isspace()))
             elif cut:
                 raise ThumperError(f"{path}: {cut[0]}; copy it again", exit_code=2)
@@ -54,6 +57,8 @@ def open_log(path: Path, fov_rad: float | None = None) -> RobotLog:
                 raise ThumperError(f"{path}: unknown log format; {FORMATS}", exit_code=2)
     except FileNotFoundError as error:
         raise ThumperError(f"{path}: no such file; check the path", exit_code=2) from error
+    except IsADirectoryError as error:
+        raise ThumperError(f"{path}: is a folder; give one log in it", exit_code=2) from error
     except OSError as error:
         raise ThumperError(
             f"{path}: cannot be read ({error}); check the file and its permissions", exit_code=2

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from thumper.errors import ThumperError
 from thumper.geometry import Pose2, Twist2
 from thumper.lidar.scan import Scan
 
@@ -33,3 +34,9 @@ class RobotLog:
 def broken_note(broken: list[str]) -> tuple[str, ...]:
     """One line on the lines that were left out, or none."""
     return (f"{len(broken)} broken lines left out, the first: {broken[0]}",) if broken else ()
+
+
+def refuse_fov(name: str, fov_rad: float | None, what: str) -> None:
+    """Raise ThumperError for a field of view that was given for a log which tells its own."""
+    if fov_rad is not None:
+        raise ThumperError(f"{name}: {what} tells its field of view itself; leave out --fov", exit_code=2)
