@@ -108,6 +108,28 @@ def test_a_real_robot_is_named_so(page: Page, robot: FakeRobot) -> None:
         robot.simulated = True
 
 
+def test_a_stop_takes_the_plan_off_the_map_and_the_green_off_arm(page: Page, robot: FakeRobot) -> None:
+    planned = """() => {
+      const { canvas, context } = document.querySelector('.tp-map').mapView;
+      const { data } = context.getImageData(0, 0, canvas.width, canvas.height);
+      let count = 0;
+      for (let k = 0; k < data.length; k += 4) {
+        count += data[k] === 26 && data[k + 1] === 127 && data[k + 2] === 55;
+      }
+      return count;
+    }"""
+    arm = page.locator(".tp-arm")
+    robot.goal = Pose2(x_m=1.0, y_m=1.0)
+    page.wait_for_function(f"({planned})() > 50")
+    expect(arm).to_have_css("background-color", "rgb(26, 127, 55)")
+    page.click(".tp-estop")
+    page.wait_for_function(f"({planned})() === 0")
+    expect(arm).to_have_css("background-color", "rgba(0, 0, 0, 0)")
+    page.click("text=Clear fault")
+    expect(arm).to_have_css("background-color", "rgb(26, 127, 55)")
+    assert page.evaluate(f"({planned})()") == 0
+
+
 def test_a_phone_shows_all_of_it(page: Page, robot: FakeRobot) -> None:
     page.set_viewport_size({"width": 390, "height": 844})
     robot.goal = Pose2(x_m=1.0, y_m=1.0)
@@ -120,3 +142,10 @@ def test_a_phone_shows_all_of_it(page: Page, robot: FakeRobot) -> None:
         assert stop["y"] + stop["height"] <= 844
         assert stop["width"] > 300
         assert page.evaluate("document.documentElement.scrollWidth") == 390
+        main = page.locator(".tp-main").bounding_box()
+        assert main is not None
+        assert main["y"] + main["height"] <= stop["y"]  # it covers nothing
+    tools, canvas = (page.locator(f".tp-map {part}").bounding_box() for part in (".tp-toolbar", "canvas"))
+    assert tools is not None
+    assert canvas is not None
+    assert tools["y"] + tools["height"] <= canvas["y"]

@@ -91,8 +91,11 @@ def test_gains_are_applied_and_refused(page: Page, robot: FakeRobot) -> None:
 
 
 def test_recording(page: Page, robot: FakeRobot) -> None:
+    dot = page.locator(".tp-dot")
+    expect(dot).to_have_css("background-color", "rgba(0, 0, 0, 0)")
     page.click(".tp-record")
     until(lambda: robot.recording)
+    expect(dot).to_have_css("background-color", "rgb(207, 34, 46)")
     expect(page.locator("[data-field=recorded]")).to_have_text("0:01")
     page.click(".tp-record")
     until(lambda: not robot.recording)

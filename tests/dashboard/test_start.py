@@ -30,4 +30,4 @@ def test_without_its_ports_the_robot_is_not_even_looked_for(taken: str, tmp_path
     assert done.stderr.startswith("thumper: ")
     assert done.stderr.count("\n") == 1
     assert f"127.0.0.1:{ports[taken]}" in done.stderr
-    assert "names another" in done.stderr
+    assert {"page": "--port of `thumper dashboard`", "bus": "names another"}[taken] in done.stderr

@@ -123,7 +123,7 @@ def _tabs(robot: Asker) -> None:
 
 def _drive_panel() -> None:
     with box("tp-buttons"):
-        _order("Arm", {"kind": "command", "name": "arm"}, "tp-go")
+        _order("Arm", {"kind": "command", "name": "arm"}, "tp-go tp-arm")
         _order("Disarm", {"kind": "command", "name": "disarm"}, "tp-plain")
         _order("Cancel goal", {"kind": "command", "name": "cancel"}, "tp-plain")
         _order("Save map", {"kind": "command", "name": "save_map"}, "tp-plain")

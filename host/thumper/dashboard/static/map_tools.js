@@ -56,7 +56,7 @@ export class Tools {
     });
     const layersButton = this.button(bar, "layers", "Layers", () => { menu.hidden = !menu.hidden; });
     layersButton.dataset.tool = "layers";
-    const menu = root.appendChild(document.createElement("div"));
+    const menu = bar.appendChild(document.createElement("div"));
     menu.className = "tp-layers";
     menu.hidden = true;
     for (const [name, title] of LAYERS) {

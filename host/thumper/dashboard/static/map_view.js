@@ -26,7 +26,7 @@ class MapView {
     this.dirty = true;
     this.drawn = 0; // frames, for tests and benchmarks
     this.tools = new Tools(this, root);
-    new ResizeObserver(() => this.resize()).observe(root);
+    new ResizeObserver(() => this.resize()).observe(this.canvas);
     onTheme(() => this.repaint());
     for (const name of ["scan", "plan", "local_plan", "particles"]) {
       on(name, (points) => this.change(() => { this.data[name] = points; }));
@@ -52,7 +52,7 @@ class MapView {
   }
 
   resize() {
-    const box = this.canvas.parentElement.getBoundingClientRect();
+    const box = this.canvas.getBoundingClientRect();
     const ratio = window.devicePixelRatio || 1;
     this.camera.width = box.width;
     this.camera.height = box.height;
@@ -110,11 +110,13 @@ class MapView {
     layers.drawRuler(context, camera);
     if (shown.trail) layers.drawLine(context, camera, data.trail, "trail", 2);
     if (shown.particles) layers.drawParticles(context, camera, data.particles);
-    if (shown.plan) layers.drawLine(context, camera, data.plan, "plan", 3);
-    if (shown.local_plan) layers.drawLine(context, camera, data.local_plan, "local-plan", 3);
+    const status = state.values.status;
+    if (status?.has_goal) { // without one, the newest plan is an old one
+      if (shown.plan) layers.drawLine(context, camera, data.plan, "plan", 3);
+      if (shown.local_plan) layers.drawLine(context, camera, data.local_plan, "local-plan", 3);
+    }
     if (shown.footprint && this.pose) layers.drawRobot(context, camera, this.pose, this.footprint);
     if (shown.scan) layers.drawPoints(context, camera, data.scan, "scan", 3);
-    const status = state.values.status;
     if (status?.has_goal) {
       layers.drawArrow(context, camera, status.goal_x_m, status.goal_y_m,
         status.goal_yaw_rad ?? null, "goal"); // no heading asked for: none shown

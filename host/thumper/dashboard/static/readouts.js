@@ -78,8 +78,6 @@ function refresh() {
   body.recording = Boolean(status.recording);
   body.fault = Boolean(status.fault);
   body.batteryLow = Boolean(values.board?.battery_low);
-  body.state = values.board?.state ?? "";
-  body.moving = Boolean(status.has_goal);
 }
 
 export function startReadouts() {
