@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from thumper import Robot
-from thumper.errors import ThumperError
+from thumper import Robot, ThumperError
 from thumper.mapping.map_io import load_map
 from thumper_hil.bench import Bench, simulation
 
