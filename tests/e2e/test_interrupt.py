@@ -39,6 +39,24 @@ def test_nothing_is_driven_after_an_interrupt(
     assert "Traceback" not in errors
 
 
+@pytest.mark.parametrize("command", ["run", "explore"])
+def test_while_it_waits_for_the_board_ctrl_c_says_that_nothing_moves(command: str, tmp_path: Path) -> None:
+    """On the port is nobody; that it is asked to shake hands shows that the command waits."""
+    master, slave = os.openpty()
+    process = subprocess.Popen(
+        [str(THUMPER), command, "--board", os.ttyname(slave), "--out", str(tmp_path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert os.read(master, 1)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=30)
+    os.close(master)
+    os.close(slave)
+    assert (process.returncode, errors) == (130, "thumper: interrupted; the motors are off\n")
+
+
 def test_while_the_command_loads_ctrl_c_just_ends_it(tmp_path: Path) -> None:
     """The library that the command line imports first takes as long here as the test needs."""
     (tmp_path / "typer.py").write_text("import time\nprint('loading', flush=True)\ntime.sleep(60)\n")

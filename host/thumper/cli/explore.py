@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from thumper.cli.interrupted import motors_off_told
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
 HOME_TOLERANCE_M = 0.15
 
 
+@motors_off_told()
 def explore(
     board: Annotated[str, typer.Option(help="Board port or URL; overrides the configuration.")] = "",
     lidar: Annotated[str, typer.Option(help="Lidar port or URL; overrides the configuration.")] = "",

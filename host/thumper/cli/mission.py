@@ -3,13 +3,13 @@
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
+from thumper.cli.interrupted import INTERRUPTED
 from thumper.errors import ThumperError
 from thumper.navigation.goal import Goal
 from thumper.runtime import MissionResult, Runtime
 from thumper.runtime import Progress as Beat
 
 PLAIN_PERIOD_S = 1.0
-INTERRUPTED = 130  # the exit code after Ctrl-C
 
 
 def drive_with_progress(

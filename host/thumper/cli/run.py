@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from thumper.cli.interrupted import motors_off_told
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from thumper.runtime import Runtime
 
 
+@motors_off_told()
 def run(
     goal: Annotated[
         tuple[float, float] | None,
@@ -67,7 +70,8 @@ def run(
 
     from thumper.assembly import open_robot
     from thumper.bus.attach import on_bus_if_free
-    from thumper.cli.mission import INTERRUPTED, drive_with_progress
+    from thumper.cli.interrupted import INTERRUPTED
+    from thumper.cli.mission import drive_with_progress
     from thumper.cli.output import prepare_output
     from thumper.cli.recorded import recorded
     from thumper.config.robot import load_config, with_ports

@@ -1,0 +1,17 @@
+"""Ctrl-C outside a drive: while a command that moves the robot loads, waits for a device or writes files."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from thumper.errors import ThumperError
+
+INTERRUPTED = 130  # the exit code after Ctrl-C
+
+
+@contextmanager
+def motors_off_told() -> Iterator[None]:
+    """Say in one line that nothing moves; a drive itself minds Ctrl-C before this does."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise ThumperError("interrupted; the motors are off", exit_code=INTERRUPTED) from None
