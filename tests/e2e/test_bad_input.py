@@ -37,10 +37,12 @@ def test_board_port_is_the_lidar(thumper: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "url", ["sim://robot/board?world=atlantis", "sim://robot/board?colour=red", "sim://robot/engine"]
+    "url", ["sim://robot/board?world=atlantis", "sim://robot/board?colour=red", "simm://robot/board"]
 )
 def test_simulated_port_that_does_not_exist(thumper: Run, tmp_path: Path, url: str) -> None:
-    refused(thumper("run", "--board", url, "--goal", "1", "0", "--out", tmp_path), url)
+    done = thumper("run", "--board", url, "--goal", "1", "0", "--out", tmp_path)
+    refused(done, url)
+    assert done.returncode == 2
 
 
 def test_unknown_key_in_the_configuration(thumper: Run, tmp_path: Path) -> None:

@@ -115,12 +115,14 @@ def test_refusals_are_one_clear_line(open_sim: OpenPort, rest: str, words: str) 
         open_sim(rest)
     assert "\n" not in str(caught.value)
     assert rest in str(caught.value)
+    assert caught.value.exit_code == 2
 
 
 def test_one_device_opens_once_and_options_come_first(open_sim: OpenPort) -> None:
     open_sim("board?seed=5")
-    with pytest.raises(ThumperError, match="open already"):
+    with pytest.raises(ThumperError, match="open already") as caught:
         open_sim("board?seed=5")
+    assert caught.value.exit_code == 3
     with pytest.raises(ThumperError, match="other options"):
         open_sim("lidar?seed=6")
     open_sim("lidar?seed=5")

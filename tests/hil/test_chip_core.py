@@ -87,6 +87,7 @@ def test_unusable_firmware_gets_one_clear_line(tmp_path: Path) -> None:
     for path in (text, tmp_path / "missing.elf"):
         with pytest.raises(ChipError, match="make firmware") as caught:
             Chip(path)
+        assert caught.value.exit_code == 4
         assert str(path) in str(caught.value)
         assert "\n" not in str(caught.value)
 

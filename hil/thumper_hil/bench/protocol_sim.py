@@ -13,6 +13,7 @@ from serial.serialutil import PortNotOpenError, SerialBase, SerialException
 from thumper.errors import ThumperError
 from thumper_hil.bench.bench import Bench
 from thumper_hil.bench.controls import Controls
+from thumper_hil.bench.options import EXIT_USAGE
 from thumper_hil.bench.registry import join, leave
 
 if TYPE_CHECKING:
@@ -163,10 +164,12 @@ def _parse(url: str) -> tuple[str, str, dict[str, str]]:
     parts = urlsplit(url)
     device = parts.path.strip("/")
     if not parts.netloc or device not in DEVICES:
-        raise ThumperError(f"{url}: no simulated device; give sim://NAME/board or sim://NAME/lidar")
+        raise ThumperError(
+            f"{url}: no simulated device; give sim://NAME/board or sim://NAME/lidar", exit_code=EXIT_USAGE
+        )
     options: dict[str, str] = {}
     for name, value in parse_qsl(parts.query, keep_blank_values=True):
         if name in options:
-            raise ThumperError(f"{url}: the option {name} is given twice")
+            raise ThumperError(f"{url}: the option {name} is given twice", exit_code=EXIT_USAGE)
         options[name] = value
     return parts.netloc, device, options

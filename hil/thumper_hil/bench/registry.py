@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from thumper.errors import ThumperError
+from thumper.link.port import EXIT_NO_HARDWARE
 from thumper_hil.bench.bench import Bench
 from thumper_hil.bench.options import EXIT_USAGE, BenchOptions
 
@@ -46,7 +47,9 @@ def join(name: str, device: str, options: Mapping[str, str]) -> Bench:
         entry = _Entry(bench=Bench(BenchOptions.parse(options)), options=dict(options))
         _entries[name] = entry
     elif device in entry.open_devices:
-        raise ThumperError(f"the simulated {device} {name!r} is open already; close it first")
+        raise ThumperError(
+            f"the simulated {device} {name!r} is open already; close it first", exit_code=EXIT_NO_HARDWARE
+        )
     elif options and options != entry.options:
         raise ThumperError(
             f"the simulation {name!r} runs with other options; give them once, with the first of its ports",

@@ -18,7 +18,10 @@ EM_AVR = 83
 
 
 class ChipError(ThumperError):
-    """The simulated chip cannot start, or its firmware has crashed."""
+    """The simulated chip cannot start (something is not built or installed), or its firmware has crashed."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message, exit_code=4)
 
 
 class RunStatus(IntEnum):

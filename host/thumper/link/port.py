@@ -10,7 +10,7 @@ import serial
 
 from thumper.errors import ThumperError
 
-EXIT_NO_HARDWARE = 3
+EXIT_USAGE, EXIT_NO_HARDWARE = 2, 3
 
 
 def open_port(url: str, *, baud: int, name: str) -> serial.Serial:
@@ -29,7 +29,7 @@ def open_port(url: str, *, baud: int, name: str) -> serial.Serial:
         return serial.serial_for_url(url, **options)
     except (serial.SerialException, ValueError, OSError) as error:
         raise ThumperError(
-            f"cannot open the {name} port {url}: {_cause_and_cure(error)}", exit_code=EXIT_NO_HARDWARE
+            f"cannot open the {name} port {url}: {_cause_and_cure(error)}", exit_code=_exit_code(error)
         ) from error
 
 
@@ -55,6 +55,13 @@ def _register_plugins() -> None:
             serial.protocol_handler_packages.append(plugin.value)
 
 
+def _exit_code(error: Exception) -> int:
+    """2 for a URL that no port can have, else 3; a simulated port knows itself what is wrong."""
+    if isinstance(error.__cause__, ThumperError):
+        return error.__cause__.exit_code
+    return EXIT_USAGE if "unknown protocol" in str(error) or "invalid URL" in str(error) else EXIT_NO_HARDWARE
+
+
 def _cause_and_cure(error: Exception) -> str:
     text = str(error)
     if isinstance(error, FileNotFoundError) or "No such file" in text:
@@ -63,7 +70,7 @@ def _cause_and_cure(error: Exception) -> str:
         return "not permitted; add yourself to its group: sudo usermod -aG dialout $USER, then log in again"
     if "exclusively lock" in text or "busy" in text:
         return "another program has it open; close that program first"
-    if "Inappropriate ioctl" in text or "not a tty" in text:
+    if any(words in text for words in ("Inappropriate ioctl", "not a tty", "Is a directory")):
         return "it is no serial port; `ls /dev/ttyUSB* /dev/ttyACM*` shows which there are"
     if "unknown protocol" in text or "invalid URL" in text:
         return "no such kind of port; give a device such as /dev/ttyUSB0 or a URL such as sim://robot/board"

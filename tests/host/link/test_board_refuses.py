@@ -44,10 +44,10 @@ def device(answer: Callable[[bytes], bytes]) -> Iterator[str]:
         os.close(near)
 
 
-def refusal(url: str) -> str:
+def refusal(url: str, exit_code: int = EXIT_NO_HARDWARE) -> str:
     with pytest.raises(ThumperError) as caught:
         Board.open(url, baud=500_000)
-    assert caught.value.exit_code == EXIT_NO_HARDWARE
+    assert caught.value.exit_code == exit_code
     message = str(caught.value)
     assert "\n" not in message
     assert url in message
@@ -63,7 +63,7 @@ def test_a_missing_port() -> None:
 
 
 def test_an_unknown_kind_of_url() -> None:
-    assert "no such kind of port" in refusal("telepathy://robot")
+    assert "no such kind of port" in refusal("telepathy://robot", exit_code=2)
 
 
 def test_a_silent_port() -> None:
