@@ -24,7 +24,8 @@ def bound(listening: Listening) -> socket.socket:
         listener.close()
         taken = isinstance(error, OSError) and error.errno == errno.EADDRINUSE
         why = (
-            "it is taken; [dashboard] port in the configuration, or `thumper dashboard --port`, names another"
+            "it is taken; end the program that has it, or take another: [dashboard] port in the "
+            "configuration, or --port of `thumper dashboard`, which serves the page beside a robot that runs"
             if taken
             else str(error.strerror)
         )
