@@ -14,6 +14,7 @@ from thumper.lidar.scan import Scan
 from thumper.localization.amcl_kernels import beam_scores
 from thumper.localization.likelihood_field import LikelihoodField
 from thumper.localization.options import AmclOptions
+from thumper.mapping.counts import Counts
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.grid_mapper import MIN_HITS
 from thumper.mapping.mapper import MapperUpdate, PoseQuality
@@ -127,6 +128,10 @@ class Amcl:
     def grid(self) -> OccupancyGrid:
         """The map as it was given."""
         return self._field.grid
+
+    def counts(self) -> Counts:
+        """What the map says."""
+        return Counts.of(self._field.grid)
 
     def path(self) -> FloatArray:
         """x, y, theta at each scan, as given at the time, shape (scans, 3)."""

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from thumper.geometry import FloatArray, Pose2
 from thumper.mapping.distance_field import FieldArray
-from thumper.mapping.grid import FREE, OCCUPIED, OccupancyGrid
+from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from thumper.mapping.wide_search import SearchField
 
 SEARCH_STD_M = 0.15
@@ -21,15 +21,17 @@ class LikelihoodField:
         from scipy.ndimage import distance_transform_edt  # 25 MB that mapping never needs
 
         self.grid = grid
-        occupied = grid.cells == OCCUPIED
+        edge = math.ceil(reach_m / grid.resolution_m)  # a map may end at its walls, but not what is near them
+        padded = np.pad(grid.cells, edge, constant_values=UNKNOWN)
+        occupied = padded == OCCUPIED
         cells = distance_transform_edt(~occupied) if occupied.any() else np.full(occupied.shape, np.inf)
         self.distance_m: FieldArray = np.minimum(cells * grid.resolution_m, reach_m).astype(np.float32)
         self.reach_m = float(np.float32(reach_m))
-        self.corner_m = np.array([grid.origin_x_m, grid.origin_y_m])
-        self._free: NDArray[np.int64] = np.argwhere(grid.cells == FREE)
+        self.corner_m = np.array([grid.origin_x_m, grid.origin_y_m]) - edge * grid.resolution_m
+        self._free: NDArray[np.int64] = np.argwhere(padded == FREE)
 
     def to_corner(self, poses: FloatArray) -> FloatArray:
-        """Poses, shape (n, 3), in metres from the corner of the map's first cell."""
+        """Poses, shape (n, 3), in metres from the corner of the field's first cell."""
         moved = poses.copy()
         moved[..., :2] -= self.corner_m
         return moved
@@ -42,14 +44,14 @@ class LikelihoodField:
 
     def anywhere(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Poses drawn evenly from the free space, shape (count, 3)."""
-        cells = self._free if len(self._free) else np.argwhere(np.ones_like(self.grid.cells, dtype=np.bool_))
+        cells = self._free if len(self._free) else np.argwhere(np.ones_like(self.distance_m, dtype=np.bool_))
         rows_cols = cells[rng.integers(len(cells), size=count)] + rng.random((count, 2))
         xy_m = rows_cols[:, ::-1] * self.grid.resolution_m + self.corner_m
         return np.column_stack((xy_m, rng.uniform(-np.pi, np.pi, count)))
 
     def alike(self, hits_m: FloatArray, most: int, ratio: float) -> FloatArray:
         """Poses of the whole map that explain the scan best, and nearly as well; shape (1...most, 3)."""
-        rows, cols = self.grid.cells.shape
+        rows, cols = self.distance_m.shape
         half_m = 0.5 * self.grid.resolution_m * np.array([cols, rows])
         x_m, y_m = (float(value) for value in self.corner_m + half_m)
         return self._search_field().search_all(

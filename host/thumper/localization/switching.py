@@ -8,6 +8,7 @@ from thumper.lidar.scan import Scan
 from thumper.localization.amcl import Amcl
 from thumper.localization.options import AmclOptions
 from thumper.mapping.cells import Cells
+from thumper.mapping.counts import Counts
 from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from thumper.mapping.grid_mapper import GridMapper, GridMapperOptions
 from thumper.mapping.mapper import MapperUpdate, PoseQuality
@@ -36,7 +37,8 @@ class SwitchingMapper:
         self._base_from_laser = base_from_laser
         self._odometry: Pose2 | None = None  # at the newest scan
         self._pose: Pose2 | None = None
-        self._foreign = False  # the map localised in is not the mapper's
+        self._foreign: Counts | None = None  # the map localised in, where it is not the mapper's
+        self._goes_on = False  # to map in it, once the place is known
         self.localiser: Amcl | None = None
 
     @property
@@ -47,6 +49,10 @@ class SwitchingMapper:
     def grid(self) -> OccupancyGrid:
         """The map so far, or the frozen one while localising."""
         return (self.localiser or self._mapper).grid()
+
+    def counts(self) -> Counts:
+        """What the map that `grid` shows is made of, to go on with another day."""
+        return self._mapper.counts() if self._foreign is None else self._foreign
 
     def quality(self) -> PoseQuality:
         """How sure the newest pose is."""
@@ -79,9 +85,9 @@ class SwitchingMapper:
         ThumperError
             Nothing has been mapped yet.
         """
+        self._goes_on = False
         if self.localiser is None:
             self._start(self._mapper.grid(), self._pose or Pose2())
-            self._foreign = False
 
     def localise_in(self, grid: OccupancyGrid, map_from_base: Pose2 | None) -> None:
         """Go on in a map that was saved, at a pose given by hand, or looked for in all of it with None.
@@ -92,7 +98,20 @@ class SwitchingMapper:
             There is no wall in the map.
         """
         self._start(grid, map_from_base)
-        self._foreign = True
+        self._foreign, self._goes_on = Counts.of(grid), False
+
+    def continue_in(self, counts: Counts, map_from_base: Pose2 | None) -> None:
+        """Go on mapping in a map of another day, as soon as it is known where in it the robot is.
+
+        Until then it is localised in, from a pose given by hand, or looked for in all of it with None.
+
+        Raises
+        ------
+        ThumperError
+            There is no wall in the map.
+        """
+        self._start(counts.grid(self._mapping.occupied_fraction), map_from_base)
+        self._foreign, self._goes_on = counts, True
 
     def set_pose(self, map_from_base: Pose2) -> None:
         """Say by hand where the robot is, roughly; the next scan decides exactly.
@@ -132,21 +151,21 @@ class SwitchingMapper:
         quality = localiser.quality()
         if quality.lost:
             raise ThumperError(f"mapping on from a wrong pose would spoil the map: {quality.lost}")
-        if self._foreign:
-            options = self._mapping
-            cells = Cells.of(
-                localiser.grid(), options.resolution_m, options.reach_m, options.occupied_fraction
-            )
+        if self._foreign is not None:
+            options, fraction = self._mapping, self._mapping.occupied_fraction
+            cells = Cells.of(self._foreign.aged(fraction), options.resolution_m, options.reach_m, fraction)
             mapper = GridMapper(options, base_from_laser=self._base_from_laser)
             mapper.restart(cells, localiser.map_from_base)
-            self._mapper = mapper
+            self._mapper, self._foreign = mapper, None
         self._mapper.continue_from(localiser.map_from_base, localiser.map_from_odom, quality.covariance)
-        self.localiser = None
+        self.localiser, self._goes_on = None, False
 
     def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
         """Take one scan, as `Mapper.update`."""
         update = (self.localiser or self._mapper).update(odom_from_base, scan, twist)
         self._odometry, self._pose = odom_from_base, update.map_from_base
+        if self._goes_on and not self.quality().lost:
+            self.map_on()
         return update
 
     def _start(self, grid: OccupancyGrid, map_from_base: Pose2 | None) -> None:

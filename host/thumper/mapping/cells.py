@@ -6,12 +6,12 @@ import numpy as np
 
 from thumper.errors import ThumperError
 from thumper.geometry import FloatArray, Pose2
-from thumper.mapping.distance_field import CountArray, mark
-from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, CellArray, OccupancyGrid
+from thumper.mapping.counts import Counts
+from thumper.mapping.distance_field import mark
+from thumper.mapping.grid import UNKNOWN, CellArray, OccupancyGrid
 from thumper.mapping.integrate import integrate, states
 from thumper.mapping.scan_points import SILENT, ScanPoints
 
-SEEN = 5  # observations that a cell of a finished map is worth
 BLOCK = 64  # the array grows by multiples of this many cells
 
 
@@ -32,27 +32,38 @@ class Cells:
         self._allocate(0, 0)
 
     @classmethod
-    def of(
-        cls, grid: OccupancyGrid, resolution_m: float, reach_m: float, occupied_fraction: float
-    ) -> "Cells":
-        """Counts that say what a finished map says, to go on with; it is moved by half a cell at most.
+    def of(cls, counts: Counts, resolution_m: float, reach_m: float, occupied_fraction: float) -> "Cells":
+        """Cells to go on with, from what another day or a finished map knows.
 
         Raises
         ------
         ThumperError
-            The map's cells are of another size.
+            They are of another size.
         """
-        if abs(grid.resolution_m - resolution_m) > 1e-6:
+        if abs(counts.resolution_m - resolution_m) > 1e-6:
             raise ThumperError(
-                f"the map's cells are {grid.resolution_m:g} m: "
-                f"set mapping.resolution_m = {grid.resolution_m:g} to map on in it",
+                f"the map's cells are {counts.resolution_m:g} m: "
+                f"set mapping.resolution_m = {counts.resolution_m:g} to map on in it",
                 exit_code=2,
             )
         cells = cls(resolution_m, reach_m, occupied_fraction)
-        first = round(grid.origin_y_m / resolution_m), round(grid.origin_x_m / resolution_m)
-        hits = np.where(grid.cells == OCCUPIED, SEEN, 0).astype(np.uint16)
-        cells.fill(hits, np.where(grid.cells == FREE, SEEN, 0).astype(np.uint16), first)
+        edge = cells.reach + 2  # a map may end at its walls, but the distances to them do not
+        (row, col), hits, misses = counts.first_cell, counts.hits, counts.misses
+        cells._first_row, cells._first_col = row - edge, col - edge
+        cells._allocate(hits.shape[0] + 2 * edge, hits.shape[1] + 2 * edge)
+        cells.hits[edge:-edge, edge:-edge], cells.misses[edge:-edge, edge:-edge] = hits, misses
+        for row, col in np.argwhere(cells.occupied()):
+            mark(int(row), int(col), cells.distance_m, cells.nearest, resolution_m, cells.reach)
         return cells
+
+    def counts(self) -> Counts:
+        """A copy of what is known so far."""
+        return Counts(
+            hits=self.hits.copy(),
+            misses=self.misses.copy(),
+            first_cell=(self._first_row, self._first_col),
+            resolution_m=self.resolution_m,
+        )
 
     @property
     def reach_m(self) -> float:
@@ -89,19 +100,6 @@ class Cells:
             self.reach,
             self.occupied_fraction,
         )
-
-    @property
-    def first_cell(self) -> tuple[int, int]:
-        """(row, column) of cell [0, 0] on the lattice whose cell (0, 0) begins at the map's origin."""
-        return self._first_row, self._first_col
-
-    def fill(self, hits: CountArray, misses: CountArray, first_cell: tuple[int, int]) -> None:
-        """Take over counts of equal shape, as kept by another map of the same resolution."""
-        self._first_row, self._first_col = first_cell
-        self._allocate(*hits.shape)
-        self.hits[:], self.misses[:] = hits, misses
-        for row, col in np.argwhere(self.occupied()):
-            mark(int(row), int(col), self.distance_m, self.nearest, self.resolution_m, self.reach)
 
     def occupied(self) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
         """Mask of the occupied cells, shape (rows, columns)."""

@@ -14,6 +14,7 @@ from annotated_types import Gt, Interval
 from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.scan import Scan
 from thumper.mapping.cells import Cells
+from thumper.mapping.counts import Counts
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.grid_mapper import GridMapper, GridMapperOptions
 from thumper.mapping.loop_search import LoopSearch
@@ -116,6 +117,10 @@ class GraphMapper:
         if self._world is None:
             return self._front.grid()
         return self._world.cells.grid(percent=False)
+
+    def counts(self) -> Counts:
+        """Hits and misses of the whole map (a copy), as `grid` shows it."""
+        return (self._front if self._world is None else self._world).cells.counts()
 
     def warm_up(self) -> None:
         """Compile the kernels (or load them from the cache) on a map that is thrown away."""

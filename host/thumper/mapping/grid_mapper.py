@@ -13,6 +13,7 @@ from thumper.lidar.scan import Scan
 from thumper.mapping.cells import Cells
 from thumper.mapping.confidence import Confidence, ConfidenceOptions
 from thumper.mapping.correlative import correlative_search
+from thumper.mapping.counts import Counts
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.mapper import MapperUpdate, PoseQuality
 from thumper.mapping.scan_match import (
@@ -113,6 +114,10 @@ class GridMapper:
     def grid_percent(self) -> OccupancyGrid:
         """The map so far (a copy), each known cell with its share of hits in percent."""
         return self.cells.grid(percent=True)
+
+    def counts(self) -> Counts:
+        """Hits and misses of the map so far (a copy)."""
+        return self.cells.counts()
 
     def warm_up(self) -> None:
         """Compile the kernels (or load them from the cache) on a map that is thrown away."""

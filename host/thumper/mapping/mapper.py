@@ -6,6 +6,7 @@ from typing import Protocol
 
 from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.scan import Scan
+from thumper.mapping.counts import Counts
 from thumper.mapping.grid import OccupancyGrid
 
 
@@ -49,6 +50,10 @@ class Mapper(Protocol):
 
     def grid(self) -> OccupancyGrid:
         """The map so far; a grid once given does not change, and nobody may write to it."""
+        ...
+
+    def counts(self) -> Counts:
+        """What the map so far is made of (a copy), to go on with another day."""
         ...
 
     def quality(self) -> PoseQuality:

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from thumper.geometry import FloatArray, Pose2
+from thumper.mapping.counts import Counts
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.patch_integrate import distance_stencil, integrate_all, quantised_distances
 from thumper.mapping.patches import (
@@ -126,19 +127,35 @@ class ParticleMaps:
         The same object until a scan is entered: the loop asks ten times a second.
         """
         if self._shown is None or self._shown[0] != particle:
-            table = self.tables[particle]
-            rows, cols = np.flatnonzero(table.any(axis=1)), np.flatnonzero(table.any(axis=0))
-            row, col = (int(rows[0]), int(cols[0])) if rows.size else (0, 0)
-            known = table[row : rows[-1] + 1, col : cols[-1] + 1] if rows.size else table[:0, :0]
+            known, row, col = self._known(particle)
             x_m, y_m = self.corner_m + SIDE * self.resolution_m * np.array([col, row])
             grid = OccupancyGrid(
-                cells=render_states(np.ascontiguousarray(known), self.pool),
+                cells=render_states(known, self.pool),
                 resolution_m=self.resolution_m,
                 origin_x_m=float(x_m),
                 origin_y_m=float(y_m),
             )
             self._shown = particle, grid
         return self._shown[1]
+
+    def counts(self, particle: int) -> Counts:
+        """One particle's hits and misses, no more than the patches it knows."""
+        known, row, col = self._known(particle)
+        return Counts(
+            hits=render(known, self.pool.hits, 0).astype(np.uint16),
+            misses=render(known, self.pool.misses, 0).astype(np.uint16),
+            first_cell=(SIDE * (self._first_row + row), SIDE * (self._first_col + col)),
+            resolution_m=self.resolution_m,
+        )
+
+    def _known(self, particle: int) -> tuple[IndexArray, int, int]:
+        """The part of its table that holds patches, and that part's first row and column."""
+        table = self.tables[particle]
+        rows, cols = np.flatnonzero(table.any(axis=1)), np.flatnonzero(table.any(axis=0))
+        if not rows.size:
+            return table[:0, :0].copy(), 0, 0
+        row, col = int(rows[0]), int(cols[0])
+        return np.ascontiguousarray(table[row : rows[-1] + 1, col : cols[-1] + 1]), row, col
 
     def _cover(self, low_m: FloatArray, high_m: FloatArray) -> None:
         """Grow the tables to hold the box."""

@@ -11,6 +11,7 @@ from thumper.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.lidar.scan import Scan
 from thumper.mapping.confidence import Confidence
 from thumper.mapping.correlative import correlative_search
+from thumper.mapping.counts import Counts
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.grid_mapper import MIN_HITS, GridMapperOptions
 from thumper.mapping.lineage import Lineage
@@ -112,6 +113,10 @@ class RbpfMapper:
     def grid(self) -> OccupancyGrid:
         """The best particle's map: free, occupied or unknown; the same object until a scan is entered."""
         return self.maps.grid(self._best)
+
+    def counts(self) -> Counts:
+        """Hits and misses of the best particle's map (a copy)."""
+        return self.maps.counts(self._best)
 
     def path(self) -> FloatArray:
         """x, y, theta at each scan so far as the best particle sees it now, shape (scans, 3)."""

@@ -8,6 +8,7 @@ import hashlib
 import json
 import os
 import zlib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,28 +16,37 @@ import numpy as np
 
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
-from thumper.mapping.cells import Cells
-from thumper.mapping.grid_mapper import GridMapper, GridMapperOptions
+from thumper.mapping.counts import Counts
 
 VERSION = 2
 LARGEST_CELLS = 400_000_000  # 1 km by 1 km at 5 cm
 
 
-def save_session(mapper: GridMapper, path: Path) -> None:
-    """Write the map and the robot's pose; the file appears whole or not at all.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Session:
+    """All that it takes to go on with a map."""
+
+    counts: Counts
+    map_from_base: Pose2  # where the robot was when it was saved
+
+
+def save_session(session: Session, path: Path) -> Path:
+    """Write it; the file appears whole or not at all. Returns its path.
 
     Raises
     ------
     ThumperError
         The file cannot be written.
     """
-    cells, pose = mapper.cells, mapper.map_from_base
-    payload = zlib.compress(np.stack((cells.hits, cells.misses)).astype("<u2").tobytes(), 6)
+    counts, pose = session.counts, session.map_from_base
+    packer = zlib.compressobj(6)
+    payload = b"".join(packer.compress(each.astype("<u2").data) for each in (counts.hits, counts.misses))
+    payload += packer.flush()
     header: dict[str, Any] = {
         "thumper_session": VERSION,
-        "shape": cells.hits.shape,
-        "first_cell": cells.first_cell,
-        "resolution_m": cells.resolution_m,
+        "shape": counts.hits.shape,
+        "first_cell": counts.first_cell,
+        "resolution_m": counts.resolution_m,
         "pose": [pose.x_m, pose.y_m, pose.theta_rad],
     }
     header["sha256"] = _checksum(header, payload)
@@ -51,23 +61,17 @@ def save_session(mapper: GridMapper, path: Path) -> None:
         raise ThumperError(
             f"{path}: cannot be written ({error.strerror}); check the folder", exit_code=2
         ) from error
+    return path
 
 
-def load_session(
-    path: Path,
-    options: GridMapperOptions | None = None,
-    *,
-    base_from_laser: Pose2 | None = None,
-    map_from_base: Pose2 | None = None,
-) -> GridMapper:
-    """Give a mapper that goes on with a saved map, the robot standing where it stood or at `map_from_base`.
+def load_session(path: Path, resolution_m: float) -> Session:
+    """Read what `save_session` wrote, for a mapper whose cells are of this size.
 
     Raises
     ------
     ThumperError
-        The file cannot be read, is damaged, or is of another version or resolution.
+        The file cannot be read, is damaged or no session, or is of another version or resolution.
     """
-    options = options or GridMapperOptions()
     try:
         first, _, payload = path.read_bytes().partition(b"\n")
     except OSError as error:
@@ -79,7 +83,9 @@ def load_session(
         version = header["thumper_session"]
         if version != VERSION:
             raise ThumperError(
-                f"{path}: session version {version}; this program reads version {VERSION}", exit_code=2
+                f"{path}: session version {version}; this program reads version {VERSION}: use the one that "
+                "wrote it",
+                exit_code=2,
             )
         if _checksum(header, payload) != header["sha256"]:
             raise ThumperError(
@@ -87,24 +93,22 @@ def load_session(
             )
         rows, cols = (int(size) for size in header["shape"])
         row, col = (int(index) for index in header["first_cell"])
-        resolution_m = float(header["resolution_m"])
+        size_m = float(header["resolution_m"])
         x_m, y_m, theta_rad = (float(value) for value in header["pose"])
         if not 0 <= rows * cols <= LARGEST_CELLS:
             raise ValueError(f"{rows} x {cols} cells")
-        counts = np.frombuffer(zlib.decompress(payload), dtype="<u2").reshape(2, rows, cols)
+        hits, misses = np.frombuffer(zlib.decompress(payload), dtype="<u2").reshape(2, rows, cols)
     except (ValueError, KeyError, TypeError, zlib.error) as error:
-        raise ThumperError(f"{path}: not a mapping session ({error}); save it again", exit_code=2) from error
-    if resolution_m != options.resolution_m:
         raise ThumperError(
-            f"{path}: its cells are {resolution_m} m; set mapping.resolution_m = {resolution_m} to go on",
+            f"{path}: not a mapping session; give a .session file (a map's .yaml goes with --map)",
             exit_code=2,
+        ) from error
+    if size_m != resolution_m:
+        raise ThumperError(
+            f"{path}: its cells are {size_m} m; set mapping.resolution_m = {size_m} to go on", exit_code=2
         )
-    cells = Cells(options.resolution_m, options.reach_m, options.occupied_fraction)
-    cells.fill(counts[0], counts[1], (row, col))
-    pose = map_from_base or Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
-    mapper = GridMapper(options, base_from_laser=base_from_laser, map_from_base=pose)
-    mapper.restart(cells, pose)
-    return mapper
+    counts = Counts(hits=hits, misses=misses, first_cell=(row, col), resolution_m=size_m)
+    return Session(counts=counts, map_from_base=Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad))
 
 
 def _checksum(header: dict[str, Any], payload: bytes) -> str:

@@ -13,6 +13,7 @@ from thumper.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.lidar.scan import Scan
 from thumper.localization.amcl import Amcl
 from thumper.localization.switching import SwitchingMapper
+from thumper.mapping.counts import Counts
 from thumper.mapping.grid import OCCUPIED, OccupancyGrid
 from thumper.mapping.grid_mapper import GridMapper
 from thumper_hil.parts.world import World
@@ -175,6 +176,54 @@ def test_a_map_from_disk_is_localised_in_and_mapped_on() -> None:
     walls = np.argwhere(robot.grid().cells == OCCUPIED)
     known = np.argwhere(GRID.cells == OCCUPIED)
     assert 0.9 * len(known) < len(walls) < 1.3 * len(known)
+
+
+@pytest.mark.parametrize("told", [Pose2(x_m=0.05, y_m=-0.05), None])
+def test_mapping_goes_on_in_the_counts_of_another_day(told: Pose2 | None) -> None:
+    """A box that stood there has been taken away meanwhile; the robot is switched on elsewhere."""
+    box = np.concatenate((ROOM, rectangle(0.6, -0.3, 0.9, 0.0)))
+    begun = Pose2(y_m=0.8, theta_rad=1.0)
+    before = GridMapper(map_from_base=begun)
+    for pose in way(begun, 30):
+        before.update(pose, room_scan(pose, walls=box), STILL)
+    counts = before.counts()
+    robot, path = SwitchingMapper(GridMapper()), way(Pose2(), 40)
+    robot.continue_in(counts, told)
+    assert robot.counts() is counts
+    assert counts.hits.max() > 20
+    robot.update(Pose2(x_m=5.0), room_scan(path[0]), STILL)
+    odometry = drive(robot, path, Pose2(x_m=5.0))
+    assert robot.localiser is None
+    assert (robot.map_from_odom @ odometry).distance_m(path[-1]) < 0.05
+    old, new = before.grid(), robot.grid()
+    inside = [(x, y) for x in np.arange(0.55, 1.0, 0.05) for y in np.arange(-0.35, 0.1, 0.05)]
+    assert sum(old.cells[old.cell_of(x, y)] == OCCUPIED for x, y in inside) > 10
+    assert sum(new.cells[new.cell_of(x, y)] == OCCUPIED for x, y in inside) == 0
+    assert robot.counts().hits.sum() > counts.hits.sum()
+
+
+def test_mapping_does_not_go_on_before_the_place_is_known() -> None:
+    square = np.concatenate((rectangle(-2.0, -2.0, 2.0, 2.0), rectangle(4.0, -2.0, 8.0, 2.0)))
+    grid = World(segments_m=square, circles_m=np.zeros((0, 3))).to_grid()
+    robot = SwitchingMapper(GridMapper())
+    robot.continue_in(Counts.of(grid), None)
+    scan = room_scan(Pose2(x_m=0.4, y_m=0.3), walls=square)
+    for _ in range(3):
+        assert not robot.update(Pose2(), scan, STILL).integrated
+    assert "several places" in robot.quality().lost
+    robot.set_pose(Pose2(x_m=0.45, y_m=0.25))
+    for _ in range(3):
+        robot.update(Pose2(), scan, STILL)
+    assert robot.localiser is None
+    assert robot.quality().lost == ""
+
+
+def test_who_asks_to_localise_keeps_the_map_of_another_day_as_it_is() -> None:
+    robot = SwitchingMapper(GridMapper())
+    robot.continue_in(Counts.of(GRID), Pose2())
+    robot.localise()
+    drive(robot, way(Pose2(), 5), Pose2())
+    assert robot.localiser is not None
 
 
 def test_where_places_look_alike_the_pose_is_not_called_known() -> None:

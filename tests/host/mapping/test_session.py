@@ -6,37 +6,72 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from tests.host.mapping.rooms import room_scan
+from tests.host.mapping.rooms import ROOM, room_scan
 from thumper.errors import ThumperError
-from thumper.geometry import Pose2, Twist2
+from thumper.geometry import FloatArray, Pose2, Twist2
+from thumper.mapping.cells import Cells
+from thumper.mapping.counts import AGED, Counts
 from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from thumper.mapping.grid_mapper import GridMapper, GridMapperOptions
+from thumper.mapping.grid_mapper import GridMapper
 from thumper.mapping.map_edit import cropped, rotated
-from thumper.mapping.session import load_session, save_session
+from thumper.mapping.method import MappingOptions, Method, PathMapper, make_mapper
+from thumper.mapping.session import Session, load_session, save_session
+
+SIZE_M = 0.05
+METHODS: tuple[Method, ...] = ("scan_match", "graph", "rbpf")
 
 
-def mapped() -> GridMapper:
-    mapper = GridMapper()
+def mapped(method: Method = "scan_match", walls: FloatArray = ROOM) -> PathMapper:
+    mapper = make_mapper(MappingOptions(method=method))
     for x_m in (0.0, 0.2, 0.4):
-        mapper.update(Pose2(x_m=x_m), room_scan(Pose2(x_m=x_m)), Twist2())
+        mapper.update(Pose2(x_m=x_m), room_scan(Pose2(x_m=x_m), walls=walls), Twist2())
     return mapper
 
 
-def test_a_session_goes_on_where_it_stopped(tmp_path: Path) -> None:
+def saved(path: Path, mapper: PathMapper) -> Path:
+    return save_session(Session(counts=mapper.counts(), map_from_base=Pose2(x_m=0.4, theta_rad=0.1)), path)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_what_is_saved_is_the_map_of_each_method(tmp_path: Path, method: Method) -> None:
+    mapper = mapped(method)
+    session = load_session(saved(tmp_path / "room.session", mapper), SIZE_M)
+    assert session.map_from_base == Pose2(x_m=0.4, theta_rad=0.1)
+    grid, again = mapper.grid(), session.counts.grid(0.25)
+    row, col = again.cell_of(grid.origin_x_m + 0.01, grid.origin_y_m + 0.01)
+    rows, cols = grid.cells.shape
+    np.testing.assert_array_equal(again.cells[row : row + rows, col : col + cols], grid.cells)
+    assert np.count_nonzero(again.cells != UNKNOWN) == np.count_nonzero(grid.cells != UNKNOWN)
+    assert session.counts.hits.max() == 3  # scans
+
+
+@given(hits=st.integers(0, 60_000), misses=st.integers(0, 60_000))
+def test_a_cell_of_another_day_says_the_same_with_fewer_observations(hits: int, misses: int) -> None:
+    cell = (np.array([[n]], dtype=np.uint16) for n in (hits, misses))
+    counts = Counts(hits=next(cell), misses=next(cell), first_cell=(0, 0), resolution_m=SIZE_M)
+    aged = counts.aged(0.25)
+    assert int(aged.hits[0, 0]) + int(aged.misses[0, 0]) == min(hits + misses, AGED)
+    assert aged.grid(0.25).cells == counts.grid(0.25).cells
+
+
+def test_a_map_that_ends_at_its_walls_keeps_the_distances_behind_them() -> None:
     mapper = mapped()
-    save_session(mapper, tmp_path / "room.session")
-    again = load_session(tmp_path / "room.session")
-    assert again.map_from_base == mapper.map_from_base
-    np.testing.assert_array_equal(again.grid().cells, mapper.grid().cells)
-    np.testing.assert_allclose(again.cells.distance_m, mapper.cells.distance_m, atol=1e-6)
-    pose = Pose2(x_m=0.6, y_m=0.05, theta_rad=0.1)
-    # The wheels start at zero again: odometry's origin is wherever the program was started.
-    again.update(Pose2(), room_scan(mapper.map_from_base), Twist2())
-    update = again.update(mapper.map_from_base.inverse() @ pose, room_scan(pose), Twist2())
-    assert update.map_from_base.distance_m(pose) < 0.05  # a cell
-    assert update.match_score > 0.9
-    assert again.cells.hits.sum() > mapper.cells.hits.sum()
+    assert isinstance(mapper, GridMapper)
+    counts = mapper.counts()
+    rows, cols = np.nonzero(counts.hits)
+    low, high = (rows.min(), cols.min()), (rows.max() + 1, cols.max() + 1)
+    box = np.s_[low[0] : high[0], low[1] : high[1]]
+    first = (counts.first_cell[0] + int(low[0]), counts.first_cell[1] + int(low[1]))
+    tight = Counts(hits=counts.hits[box], misses=counts.misses[box], first_cell=first, resolution_m=SIZE_M)
+    cells = Cells.of(tight, SIZE_M, 0.5, 0.25)
+    np.testing.assert_allclose(cells.distance_m, cells.field_from_scratch())
+    inner, (x_m, y_m) = cells.distance_m, cells.corner_m
+    row, col = round(y_m / SIZE_M) - counts.first_cell[0], round(x_m / SIZE_M) - counts.first_cell[1]
+    whole = mapper.cells.distance_m[row : row + inner.shape[0], col : col + inner.shape[1]]
+    np.testing.assert_allclose(inner, whole, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -48,22 +83,22 @@ def test_a_session_goes_on_where_it_stopped(tmp_path: Path) -> None:
         (lambda data: data.replace(b'"first_cell": [-', b'"first_cell": ['), "checksum"),
         (lambda data: data.replace(b'"thumper_session": 2', b'"thumper_session": 9'), "version 9"),
         (lambda data: b"hello", "not a mapping session"),
+        (lambda data: b"image: map.pgm\nresolution: 0.05\n", "not a mapping session.*--map"),
+        (lambda data: b"[1]\n", "not a mapping session"),
         (lambda data: json.dumps({"thumper_session": 2}).encode() + b"\n", "not a mapping session"),
     ],
 )
 def test_a_damaged_session_is_refused(tmp_path: Path, harm: object, word: str) -> None:
-    path = tmp_path / "room.session"
-    save_session(mapped(), path)
+    path = saved(tmp_path / "room.session", mapped())
     assert callable(harm)
     path.write_bytes(harm(path.read_bytes()))
     with pytest.raises(ThumperError, match=word):
-        load_session(path)
+        load_session(path, SIZE_M)
 
 
 def test_another_resolution_is_refused(tmp_path: Path) -> None:
-    save_session(mapped(), tmp_path / "a")
     with pytest.raises(ThumperError, match=r"resolution_m = 0\.05"):
-        load_session(tmp_path / "a", GridMapperOptions(resolution_m=0.1))
+        load_session(saved(tmp_path / "a", mapped()), 0.1)
 
 
 def corner_map() -> OccupancyGrid:
