@@ -36,7 +36,7 @@ def cli_page() -> str:
         "| 0 | all is well |",
         "| 1 | what was asked for did not come about: a goal not reached, no way |",
         "| 2 | wrong input: an option, a file, a goal that cannot be |",
-        "| 3 | a device is missing or does not answer |",
+        "| 3 | a device, or the robot that is asked, is missing or does not answer |",
         "| 4 | a check failed, or a part is not installed |",
         "| 130 | interrupted with Ctrl-C; the motors were stopped first |",
         "",

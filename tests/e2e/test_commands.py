@@ -78,7 +78,7 @@ def test_watch(thumper: Run, bus: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        (["status", "--bus", "127.0.0.1:1"], 1, "no robot is running at 127.0.0.1:1"),
+        (["status", "--bus", "127.0.0.1:1"], 3, "no robot is running at 127.0.0.1:1"),
         (["stop", "--bus", "nonsense"], 2, "give HOST:PORT"),
         (["watch", "nonsense"], 2, "no topic 'nonsense'"),
         (["goto", "nan", "0"], 2, "finite"),
@@ -96,5 +96,5 @@ def test_another_robot_on_this_bus_does_not_answer(thumper: Run, bus: str, tmp_p
     config = tmp_path / "other.toml"
     config.write_text(f'name = "other"\n[bus]\naddress = "{bus}"\n', encoding="utf-8")
     done = thumper("stop", "--config", config)
-    assert done.returncode == 1
+    assert done.returncode == 3
     assert "no robot 'other' answers" in done.stderr

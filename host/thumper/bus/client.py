@@ -27,6 +27,7 @@ class BusClient(Closable):
     """
 
     def __init__(self, robot: str, address: str, token: str = "") -> None:
+        self.robot = robot
         self.source = uuid.uuid4().hex  # who sends; heartbeats and goals of one client belong together
         self._prefix = f"thumper/{robot}/"
         self._has_answered = False
@@ -101,11 +102,12 @@ class BusClient(Closable):
                     raise ThumperError(str(answer.get("error")), option=str(answer.get("option", "")))
                 self._has_answered = True
                 return answer
-        robot = self._prefix.split("/")[1]
         if self._has_answered:
             why = "does not answer any more; what it was doing it may still do: `thumper stop`"
-            raise ThumperError(f"robot {robot!r} {why}", exit_code=3)
-        raise ThumperError(f"no robot {robot!r} answers on this bus; is that its name?", option="--robot")
+            raise ThumperError(f"robot {self.robot!r} {why}", exit_code=3)
+        raise ThumperError(
+            f"no robot {self.robot!r} answers on this bus; is that its name?", option="--robot", exit_code=3
+        )
 
     def close(self) -> None:
         """Leave the bus."""

@@ -51,7 +51,8 @@ def open_joiner(address: str, token: str) -> zenoh.Session:
         socket.create_connection((host, port), CONNECT_TIMEOUT_S).close()
     except OSError as error:
         raise ThumperError(
-            f"no robot is running at {address} ({error.strerror or error}); start one with `thumper run`"
+            f"no robot is running at {address} ({error.strerror or error}); start one with `thumper run`",
+            exit_code=3,
         ) from error
     settings = {
         "mode": "client",
@@ -63,7 +64,8 @@ def open_joiner(address: str, token: str) -> zenoh.Session:
     except zenoh.ZError as error:
         raise ThumperError(
             f"the robot at {address} lets nobody in: it is only just starting or ending (try again), "
-            "or wants the token of its configuration ([bus] token)"
+            "or wants the token of its configuration ([bus] token)",
+            exit_code=3,
         ) from error
 
 

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     import queue
 
 STATUS_TIMEOUT_S = 3.0
+LOOK_PERIOD_S = 0.5
 MOST_WAITING = 100
 
 
@@ -36,7 +37,8 @@ def status(
         client.subscribe("status", take)
         if not heard.wait(STATUS_TIMEOUT_S):
             raise ThumperError(
-                "the robot is on the bus but says nothing; is its board connected, and is --robot its name?"
+                "the robot is on the bus but says nothing; is its board connected, and is --robot its name?",
+                exit_code=3,
             )
     message = newest[-1]
     if as_json:
@@ -77,6 +79,7 @@ def watch(
     """Print the messages of a topic of a running robot as they come."""
     import queue
 
+    from thumper.bus.pulse import Pulse
     from thumper.errors import ThumperError
     from thumper.ros.json_form import to_json
     from thumper.ros.topics import TOPICS
@@ -87,10 +90,15 @@ def watch(
     waiting: queue.Queue[Any] = queue.Queue(MOST_WAITING)
     with join(config, bus, robot) as client:
         client.subscribe(topic, lambda message: _leave(waiting, message))
+        pulse = Pulse(client)
         shown = 0
         try:
             while not count or shown < count:
-                message = waiting.get()
+                try:
+                    message = waiting.get(timeout=LOOK_PERIOD_S)
+                except queue.Empty:
+                    pulse.check()
+                    continue
                 print(json.dumps(to_json(message)) if as_json else in_words(message), flush=True)
                 shown += 1
         except KeyboardInterrupt:

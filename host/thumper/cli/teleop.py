@@ -9,6 +9,7 @@ import typer
 from thumper.cli.bus_options import Address, Config, Robot, join
 
 if TYPE_CHECKING:
+    from thumper.bus.pulse import Pulse
     from thumper.teleop.drive import Driver
     from thumper.teleop.gamepad import Gamepad
 
@@ -34,6 +35,7 @@ def teleop(
     The robot drives only while a key or the pad's button is held. Without either, or when this program, the
     pad or the network fails, it stands within half a second.
     """
+    from thumper.bus.pulse import Pulse
     from thumper.config.robot import load_config
     from thumper.errors import ThumperError
     from thumper.teleop.drive import Driver
@@ -55,20 +57,23 @@ def teleop(
         driver = Driver(settings, client.publish, terminal.read if terminal else bytes, pad)
         stack.callback(driver.release)
         try:
-            _drive(driver, pad, heard, 1.0 / settings.teleop.rate_Hz)
+            _drive(driver, pad, heard, Pulse(client), 1.0 / settings.teleop.rate_Hz)
         except KeyboardInterrupt:
             pass
         finally:
             print()
 
 
-def _drive(driver: "Driver", pad: "Gamepad | None", heard: dict[str, str], period_s: float) -> None:
+def _drive(
+    driver: "Driver", pad: "Gamepad | None", heard: dict[str, str], pulse: "Pulse", period_s: float
+) -> None:
     line_s, last_event = 0.0, ""
     due_s = time.monotonic()
     while driver.step(time.monotonic(), period_s):
         now_s = time.monotonic()
         if now_s >= line_s + LINE_PERIOD_S:
             line_s = now_s
+            pulse.check()
             event = heard.get("event", "")
             if event != last_event:
                 print(f"\r\033[K{event}")

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from thumper.bus.client import BusClient
 from thumper.bus.options import BusOptions
+from thumper.bus.pulse import Pulse
 from thumper.bus.server import BusServer
 from thumper.config.robot import RobotConfig
 from thumper.errors import ThumperError
@@ -40,7 +41,7 @@ def record_from_bus(
     Raises
     ------
     ThumperError
-        The robot does not say which run this is: nobody is there, or another version.
+        The robot does not say which run this is: nobody is there, or another version; or it falls silent.
     """
     recorder = Recorder(folder, _ask_session(client), options, say=say)
     try:
@@ -52,7 +53,9 @@ def record_from_bus(
             else:
                 client.subscribe_raw(name, _add_raw(recorder, name, topic.type_name))
         until_s = time.monotonic() + seconds if seconds is not None else None
+        pulse = Pulse(client)
         while recorder.active and (until_s is None or time.monotonic() < until_s):
+            pulse.check()
             time.sleep(LOOK_PERIOD_S)
     except KeyboardInterrupt:
         pass
@@ -94,7 +97,9 @@ def _ask_session(client: BusClient) -> Session:
 
     client.subscribe("session", take)
     if not came.wait(SESSION_TIMEOUT_S):
-        raise ThumperError("the robot does not say which run this is: does it run, under this name?")
+        raise ThumperError(
+            "the robot does not say which run this is: does it run, under this name?", exit_code=3
+        )
     try:
         session = session_of(json.loads(heard[-1]), "the running robot")
     except ValueError as error:

@@ -6,19 +6,23 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from thumper.bus import pulse
 from thumper.bus.client import BusClient
 from thumper.bus.options import USUAL_ROBOT, BusOptions, is_loopback
 from thumper.bus.server import MOST_QUEUED, BusServer
+from thumper.cli.status import watch
 from thumper.config.robot import RobotConfig
 from thumper.errors import ThumperError
 from thumper.geometry import Twist2
 from thumper.mapping.grid import OccupancyGrid
 from thumper.ros.convert import Messages, flag, text
+from thumper.ros.status import Status
 from thumper.service.inbox import Inbox
 from thumper.service.requests import Ask, Channel, EmergencyStop, Request, Velocity
 
@@ -155,6 +159,35 @@ def test_a_refusal_is_told_in_words(robot: Robot, client: BusClient) -> None:
         other.query("command", {"command": "arm"})
 
 
+@pytest.mark.parametrize(("talked", "words"), [(True, "says nothing any more"), (False, "its name")])
+def test_who_watches_a_robot_that_is_gone_is_told(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch, *, talked: bool, words: str
+) -> None:
+    monkeypatch.setattr(pulse, "SILENCE_S", 0.2)
+    if talked:
+        robot.server.publish("status", 0.0, M.status(Status(time_s=0.0)))
+        soon(lambda: robot.server.figures.sent == 1)
+    with pytest.raises(ThumperError, match=words) as caught:
+        watch("events", bus=robot.address, robot="r1")
+    assert caught.value.exit_code == 3
+
+
+def test_a_robot_that_says_nothing_of_the_topic_is_not_gone(
+    robot: Robot, client: BusClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock_s = [10.0]
+    monkeypatch.setattr(pulse, "time", SimpleNamespace(monotonic=lambda: clock_s[0]))
+    alive = pulse.Pulse(client)
+    clock_s[0] += 0.9 * pulse.SILENCE_S
+    robot.server.publish("status", 0.0, M.status(Status(time_s=0.0)))
+    soon(lambda: alive._has_talked)
+    clock_s[0] += 0.9 * pulse.SILENCE_S
+    alive.check()
+    clock_s[0] += 0.2 * pulse.SILENCE_S
+    with pytest.raises(ThumperError, match="'r1' says nothing any more"):
+        alive.check()
+
+
 def test_without_the_token_nobody_joins() -> None:
     robot = Robot(token=TOKEN)
     try:
@@ -183,8 +216,9 @@ def test_nothing_listens_beyond_this_machine(robot: Robot) -> None:
 
 
 def test_no_robot_there() -> None:
-    with pytest.raises(ThumperError, match=r"no robot is running at 127\.0\.0\.1:"):
+    with pytest.raises(ThumperError, match=r"no robot is running at 127\.0\.0\.1:") as caught:
         BusClient("r1", free_address())
+    assert caught.value.exit_code == 3
 
 
 def test_an_address_that_is_taken(robot: Robot) -> None:
