@@ -14,10 +14,14 @@ from thumper.geometry import FloatArray
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.map_io import save_map
 from thumper.mission_log import SPEED_COLUMNS, MissionLog, speed_errors
+from thumper.navigation.path import arc_lengths
 from thumper.runtime import MissionResult
 
 INK, BLUE, ORANGE, GREEN = "#1f2933", "#2563eb", "#ea580c", "#16a34a"
 BORDER_M = 0.3
+SHORTEST_PLAN_M = 0.1  # to look round, an exploring robot plans a way to where it stands
+LEGEND = {"loc": "lower center", "bbox_to_anchor": (0.56, 1.0), "ncols": 2, "frameon": False, "fontsize": 8}
+"""Above the axes, between title and error: inside it would cover the curves."""
 
 
 def draw_map(axes: Axes, grid: OccupancyGrid) -> None:
@@ -55,12 +59,11 @@ def draw_map(axes: Axes, grid: OccupancyGrid) -> None:
 
 def draw_drive(axes: Axes, log: MissionLog) -> None:
     """Draw the first plan and the path as the robot believes to have driven it."""
-    if log.plans:
-        for plan in log.plans[1:]:
+    plans = [plan for plan in log.plans if arc_lengths(plan)[-1] > SHORTEST_PLAN_M]
+    if plans:
+        for plan in plans[1:]:
             axes.plot(*plan.T, color=ORANGE, linewidth=0.6, alpha=0.35)
-        axes.plot(
-            *log.plans[0].T, "--", color=ORANGE, linewidth=1.6, label="planned at the start (thin: later)"
-        )
+        axes.plot(*plans[0].T, "--", color=ORANGE, linewidth=1.6, label="planned at the start (thin: later)")
     poses = log.poses
     axes.plot(poses[:, 1], poses[:, 2], color=BLUE, linewidth=2.0, label="driven (own estimate)")
 
@@ -80,7 +83,7 @@ def draw_speeds(figure: Figure, speeds: FloatArray, title: str) -> None:
         panel.set_title(
             f"error: mean {error.mean_rad_s:+.3f}, std {error.std_rad_s:.3f} rad/s", loc="right", fontsize=9
         )
-        panel.legend(loc="upper right", fontsize=8)
+        panel.legend(**LEGEND)
         panel.grid(alpha=0.3)
     axes[2].step(time_s, speeds[:, SPEED_COLUMNS.index("left_pwm")], where="post", color=BLUE, label="left")
     axes[2].step(
@@ -88,7 +91,7 @@ def draw_speeds(figure: Figure, speeds: FloatArray, title: str) -> None:
     )
     axes[2].set_ylabel("PWM [of 255]")
     axes[2].set_xlabel("time [s]")
-    axes[2].legend(loc="upper right", fontsize=8)
+    axes[2].legend(**LEGEND)
     axes[2].grid(alpha=0.3)
     axes[0].set_title(title, loc="left")
 
