@@ -1,5 +1,6 @@
 """`thumper explore` of a robot that fails on the way: it ends in words, and the map so far is left behind."""
 
+import json
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -16,4 +17,6 @@ def test_a_lost_lidar_ends_the_exploration_and_the_map_is_kept(thumper: Run, tmp
     assert done.returncode == 1, done.stderr
     assert "s: the lidar sends no more scans; is its cable loose?" in told.split("ended after")[1]
     assert "not home: the lidar sends no more scans" in told
+    spent_s = json.loads((out / "summary.json").read_text(encoding="utf-8"))["time_s"]
+    assert spent_s > float(told.split("ended after ")[1].split()[0]) - 0.5  # of all drives, not of the last
     assert {"map.yaml", "map.pgm", "summary.json"} <= {path.name for path in out.iterdir()}

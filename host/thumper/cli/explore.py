@@ -70,27 +70,31 @@ def explore(
 def _explore(
     robot: "Runtime", explorer: "Explorer", limit_s: float, console: "Console"
 ) -> "tuple[str, MissionResult]":
-    """Drive from frontier to frontier; returns why it ended, in words, and how the last drive did."""
+    """Drive from frontier to frontier; returns why it ended, in words, and how the last drive did.
+
+    The result's time is that of all drives, as its distance is.
+    """
     from thumper.cli.mission import drive_with_progress
     from thumper.errors import ThumperError
     from thumper.navigation.output import NavigationState
 
     # The first drive ends where it began: it makes the robot look round and gives the first map.
     result = drive_with_progress(robot, _start(), "look", console)
-    spent_s, tried, reached = result.time_s, 0, 0
-    while spent_s < limit_s and not result.interrupted:
+    tried, reached = 0, 0
+    while (spent_s := result.time_s) < limit_s and not result.interrupted:
         goal = explorer.next_goal(robot.mapper.grid(), result.map_from_base)
         if goal is None:
             return f"explored after {spent_s:.0f} s: of {tried} frontiers {reached} were reached", result
         tried += 1
         try:
-            result = drive_with_progress(robot, goal, f"frontier {tried}", console)
+            drive = drive_with_progress(robot, goal, f"frontier {tried}", console)
         except ThumperError as error:  # what borders on free ground is no bad goal: the robot cannot drive
             return f"ended after {spent_s:.0f} s: {error}", replace(result, reached=False, reason=str(error))
-        spent_s, reached = spent_s + result.time_s, reached + result.reached
-        if not result.reached and not result.interrupted:
+        result = replace(drive, time_s=spent_s + drive.time_s)
+        reached += drive.reached
+        if not drive.reached and not drive.interrupted:
             if robot.pilot.navigator.state is not NavigationState.FAILED:  # then it is no fault of the place
-                return f"ended after {spent_s:.0f} s: {result.reason}", result
+                return f"ended after {result.time_s:.0f} s: {result.reason}", result
             console.print(f"frontier {tried} at {goal} is left: {result.reason}")
     why = "interrupted" if result.interrupted else "time is up"
     return f"{why} after {spent_s:.0f} s: of {tried} frontiers {reached} were reached", result
@@ -102,9 +106,10 @@ def _home(robot: "Runtime", last: "MissionResult", console: "Console") -> "Missi
     from thumper.errors import ThumperError
 
     try:
-        return drive_with_progress(robot, _start(), "home", console)
+        back = drive_with_progress(robot, _start(), "home", console)
     except ThumperError as error:
         return replace(last, reached=False, reason=str(error))
+    return replace(back, time_s=last.time_s + back.time_s)
 
 
 def _start() -> "Goal":
