@@ -60,8 +60,12 @@ def test_a_certificate_is_made_once(tmp_path: Path) -> None:
     certificate, key = tmp_path / "x" / "a.crt", tmp_path / "x" / "a.key"
     make_certificate(certificate, key, ["localhost", "127.0.0.1"])
     assert stat.S_IMODE(key.stat().st_mode) == 0o600
-    with pytest.raises(ThumperError, match="there already"):
-        make_certificate(certificate, key, ["localhost"])
+    for other in (certificate, key):
+        other.unlink()
+        with pytest.raises(ThumperError, match="there already"):
+            make_certificate(certificate, key, ["localhost"])
+        assert not other.exists()
+        other.touch()
 
 
 def status(server: Server, path: str = "/", **headers: str) -> int:

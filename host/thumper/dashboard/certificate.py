@@ -26,6 +26,9 @@ def make_certificate(certificate: Path, key: Path, names: list[str]) -> str:
     from cryptography.hazmat.primitives.asymmetric import ec
     from cryptography.x509.oid import NameOID
 
+    for path in (certificate, key):  # before either is written: half a pair is of no use
+        if path.exists():
+            raise ThumperError(f"{path} is there already; move it away to make a new one", exit_code=2)
     secret = ec.generate_private_key(ec.SECP256R1())
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"Thumper on {socket.gethostname()}"[:64])])
     now = datetime.datetime.now(datetime.UTC)
@@ -81,7 +84,5 @@ def _write_new(path: Path, content: bytes, *, mode: int) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
             file.write(content)
-    except FileExistsError as error:
-        raise ThumperError(f"{path} is there already; move it away to make a new one", exit_code=2) from error
     except OSError as error:
         raise ThumperError(f"cannot write {path}: {error.strerror}", exit_code=2) from error
