@@ -16,6 +16,9 @@ from thumper.errors import ThumperError
 
 USER = "thumper"  # the token is what counts
 CONNECT_TIMEOUT_S = 2.0
+MOST_BATCHES = 16
+"""Messages that may wait for one listener, the most that Zenoh takes: a beat of the robot makes about ten,
+and on a busy machine Zenoh's thread is late by more. What finds no room within a millisecond is lost."""
 
 
 def open_listener(address: str, token: str) -> zenoh.Session:
@@ -73,6 +76,7 @@ def _config(settings: dict[str, Any], token: str) -> zenoh.Config:
     config = zenoh.Config()
     settings["scouting/multicast/enabled"] = False
     settings["scouting/gossip/enabled"] = False
+    settings["transport/link/tx/queue/size/data"] = MOST_BATCHES
     if token:
         settings["transport/auth/usrpwd/user"] = USER
         settings["transport/auth/usrpwd/password"] = token
