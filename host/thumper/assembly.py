@@ -15,6 +15,7 @@ from thumper.link.port import is_simulated, simulates
 from thumper.localization.switching import SwitchingMapper
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.method import make_mapper
+from thumper.mapping.session import Session
 from thumper.navigation import warm
 from thumper.perception import Perception
 from thumper.products import Products
@@ -25,11 +26,12 @@ from thumper.runtime import Runtime
 
 @contextmanager
 def open_robot(
-    config: RobotConfig, map_from_base: Pose2 | None, known: OccupancyGrid | None = None
+    config: RobotConfig, map_from_base: Pose2 | None, known: OccupancyGrid | Session | None = None
 ) -> Iterator[Runtime]:
     """Give a robot that answers, standing at `map_from_base`; on the way out stop it and close the ports.
 
-    In a `known` map it localises and does not map; None for the pose then means anywhere in it.
+    In a `known` map it localises and does not map, in a session it goes on mapping once it knows where it is;
+    None for the pose then means anywhere in it.
 
     Raises
     ------
@@ -46,7 +48,9 @@ def open_robot(
         stack.callback(lidar.close)
         base_from_laser = config.lidar.base_from_laser
         mapper = robot_mapper(config, map_from_base or Pose2())
-        if known is not None:
+        if isinstance(known, Session):
+            mapper.continue_in(known.counts, map_from_base)
+        elif known is not None:
             mapper.localise_in(known, map_from_base)
         robot = Runtime(
             board=board,

@@ -13,6 +13,8 @@ from matplotlib.figure import Figure
 from thumper.geometry import FloatArray
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.map_io import save_map
+from thumper.mapping.mapper import Mapper
+from thumper.mapping.session import Session, save_session
 from thumper.mission_log import SPEED_COLUMNS, MissionLog, speed_errors
 from thumper.navigation.path import arc_lengths
 from thumper.runtime import MissionResult
@@ -96,9 +98,12 @@ def draw_speeds(figure: Figure, speeds: FloatArray, title: str) -> None:
     axes[0].set_title(title, loc="left")
 
 
-def write_run(folder: Path, grid: OccupancyGrid, log: MissionLog, result: MissionResult) -> list[str]:
-    """Write map, two pictures and the summary of one run; returns the file names."""
+def write_run(folder: Path, mapper: Mapper, log: MissionLog, result: MissionResult) -> list[str]:
+    """Write map, session, two pictures and the summary of one run; returns the file names."""
+    grid = mapper.grid()
     save_map(grid, folder / "map.yaml")
+    session = Session(counts=mapper.counts(), map_from_base=result.map_from_base)
+    save_session(session, folder / "map.session")
     picture = Figure(figsize=(8, 7), layout="constrained")
     axes = picture.subplots()
     draw_map(axes, grid)
@@ -128,4 +133,4 @@ def write_run(folder: Path, grid: OccupancyGrid, log: MissionLog, result: Missio
         },
     }
     (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-    return ["map.pgm", "map.yaml", "map.png", "speed_control.png", "summary.json"]
+    return ["map.pgm", "map.yaml", "map.session", "map.png", "speed_control.png", "summary.json"]

@@ -26,7 +26,7 @@ from thumper.navigation.lidar_view import LidarView
 from thumper.navigation.navigator import NavigationOutput, Navigator
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.validate import validate_goal
-from thumper.perception import Perception
+from thumper.perception import Perception, Situation
 from thumper.products import Products, Timing
 from thumper.ros.convert import ERROR
 from thumper.senses import Senses
@@ -103,6 +103,17 @@ class Runtime:
         """What the drives so far leave for plots and tables."""
         return self.senses.log
 
+    def look_round(self) -> Situation:
+        """Stand until the first scans are mapped; from now on no goals come but from the caller.
+
+        Raises
+        ------
+        ThumperError
+            The board is silent, or the lidar is.
+        """
+        self.desk.takes_goals = False
+        return self.senses.look_round(lambda: self.beat()[0])
+
     def drive_to(
         self, goal: Goal, on_progress: Callable[[Progress], None], *, clear_fault: bool = False
     ) -> MissionResult:
@@ -115,8 +126,7 @@ class Runtime:
         ThumperError
             Before anything moves: no telemetry, no scan, a latched fault, or a goal that makes no sense.
         """
-        self.desk.takes_goals = False
-        start = self.senses.look_round(lambda: self.beat()[0])
+        start = self.look_round()
         self._check_goal(goal)
         self.pilot.start(goal, self.senses.telemetry, clear_fault=clear_fault)
         interrupted = False

@@ -55,6 +55,14 @@ def test_ctrl_c_cancels_the_goal(thumper: Run, bus: str) -> None:
     wait_until(lambda: '"idle"' in thumper("status", "--json", "--bus", bus).stdout, START_S)
 
 
+def test_save_waits_until_the_files_are_there(thumper: Run, bus: str) -> None:
+    done = thumper("save", "--bus", bus)
+    assert done.returncode == 0, done.stderr
+    image, *beside = done.stdout.strip().removeprefix("map saved: ").split(", ")
+    assert all((Path(image).parent / name).stat().st_size for name in (Path(image).name, *beside))
+    assert beside == ["map.yaml", "map.session"]
+
+
 def test_stop(thumper: Run, bus: str) -> None:
     assert thumper("goto", "--no-wait", "--bus", bus, "--", "-0.4", "0.05").returncode == 0
     assert "cancelled; the robot stops" in thumper("stop", "--bus", bus).stdout

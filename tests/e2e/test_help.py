@@ -15,6 +15,7 @@ COMMANDS = {
     "sim": ["--board-pty", "--lidar-pty", "--world"],
     "map-log": ["--out"],
     "mode": ["--bus"],
+    "save": ["--bus"],
     "tune": ["--board", "--lane", "record", "fit", "design", "verify", "report"],
     "experiment": ["odometry", "speed"],
     "calibrate": ["odometry"],

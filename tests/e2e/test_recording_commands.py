@@ -66,6 +66,7 @@ def test_a_recording_from_the_command_line_to_tables_map_and_picture(
     assert {path.name for path in (tmp_path / "r").iterdir()} == {
         "map.pgm",
         "map.yaml",
+        "map.session",
         "map.png",
         "trajectory.csv",
     }

@@ -20,6 +20,7 @@ from thumper.cli.recordings import export, recover
 from thumper.cli.replay import replay
 from thumper.cli.rosbridge import rosbridge
 from thumper.cli.run import run
+from thumper.cli.save import save
 from thumper.cli.status import status, watch
 from thumper.cli.teleop import teleop
 from thumper.errors import ThumperError
@@ -72,6 +73,7 @@ def build_app() -> typer.Typer:
         goto,
         stop,
         mode,
+        save,
         status,
         watch,
         rosbridge,

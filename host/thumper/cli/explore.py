@@ -1,5 +1,6 @@
 """`thumper explore`: map an unknown place without being told where to go, and come back."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -25,6 +26,16 @@ def explore(
     minutes: Annotated[float, typer.Option(help="Go home after this time [min].", min=0.1)] = 15.0,
     config: Annotated[Path | None, typer.Option(help="The robot's TOML; without it, a Wild Thumper.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for map, pictures and summary.")] = Path("out/explore"),
+    session: Annotated[
+        Path | None, typer.Option(help="Go on mapping in this map.session, from another run or `map-log`.")
+    ] = None,
+    start: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(
+            help="Where the robot stands in the --session: X Y in metres, then its heading in degrees. "
+            "Without it, wherever it recognises."
+        ),
+    ] = None,
     record: Annotated[
         bool, typer.Option("--record", help="Record everything, in the folder that is configured.")
     ] = False,
@@ -32,43 +43,54 @@ def explore(
 ) -> None:
     """Drive to the borders of the known until there are none, return to the start, and leave the map.
 
-    The robot starts at the map's origin and looks along x. Leaves with 1 when it did not come home.
+    The robot starts at the map's origin and looks along x, or where it finds itself in the --session. Leaves
+    with 1 when it did not come home.
     """
     from rich.console import Console
 
     from thumper.assembly import open_robot
     from thumper.bus.attach import on_bus_if_free
+    from thumper.cli.known import known_place
     from thumper.cli.mission import raise_if_interrupted
     from thumper.cli.output import prepare_output
     from thumper.cli.recorded import recorded
     from thumper.config.robot import load_config, with_ports
+    from thumper.errors import ThumperError
     from thumper.geometry import Pose2
     from thumper.navigation.frontiers import ExplorationOptions, Explorer
+    from thumper.navigation.goal import Goal
     from thumper.report import write_run
 
+    if start is not None and (session is None or not all(map(math.isfinite, start))):
+        raise ThumperError("--start X Y DEGREES belongs to --session, and takes finite numbers", exit_code=2)
     settings = with_ports(load_config(config), board=board, lidar=lidar)
     prepare_output(out)
+    known = known_place(settings, None, session)
+    begin = None if known else Pose2()
+    if start is not None:
+        begin = Pose2(x_m=start[0], y_m=start[1], theta_rad=math.radians(start[2]))
     console = Console()
     explorer = Explorer(ExplorationOptions(), settings.footprint)
     with (
-        open_robot(settings, Pose2()) as robot,
-        recorded(robot, settings, Pose2(), record, record_to),
+        open_robot(settings, begin, known) as robot,
+        recorded(robot, settings, begin, record, record_to),
         on_bus_if_free(robot, settings.name, settings.bus),
     ):
-        ending, result = _explore(robot, explorer, 60.0 * minutes, console)
+        home = _here(robot) if known else Goal(x_m=0.0, y_m=0.0, tolerance_m=HOME_TOLERANCE_M)
+        ending, result = _explore(robot, explorer, 60.0 * minutes, home, console)
         console.print(ending)
         if not result.interrupted:
-            result = _home(robot, result, console)
-        files = write_run(out, robot.mapper.grid(), robot.log, result)
+            result = _home(robot, result, home, console)
+        files = write_run(out, robot.mapper, robot.log, result)
     console.print(f"{'home' if result.reached else 'not home'}: {result.reason}")
-    console.print(f"{', '.join(files)} are in {out}/")
+    console.print(f"{', '.join(files)} are in {out}/", soft_wrap=True)
     raise_if_interrupted(result)
     if not result.reached:
         raise typer.Exit(1)
 
 
 def _explore(
-    robot: "Runtime", explorer: "Explorer", limit_s: float, console: "Console"
+    robot: "Runtime", explorer: "Explorer", limit_s: float, home: "Goal", console: "Console"
 ) -> "tuple[str, MissionResult]":
     """Drive from frontier to frontier; returns why it ended, in words, and how the last drive did.
 
@@ -79,7 +101,7 @@ def _explore(
     from thumper.navigation.output import NavigationState
 
     # The first drive ends where it began: it makes the robot look round and gives the first map.
-    result = drive_with_progress(robot, _start(), "look", console)
+    result = drive_with_progress(robot, home, "look", console)
     tried, reached = 0, 0
     while (spent_s := result.time_s) < limit_s and not result.interrupted:
         goal = explorer.next_goal(robot.mapper.grid(), result.map_from_base)
@@ -100,19 +122,25 @@ def _explore(
     return f"{why} after {spent_s:.0f} s: of {tried} frontiers {reached} were reached", result
 
 
-def _home(robot: "Runtime", last: "MissionResult", console: "Console") -> "MissionResult":
+def _home(robot: "Runtime", last: "MissionResult", home: "Goal", console: "Console") -> "MissionResult":
     """Drive home; a robot that cannot leaves what it has mapped all the same."""
     from thumper.cli.mission import drive_with_progress
     from thumper.errors import ThumperError
 
     try:
-        back = drive_with_progress(robot, _start(), "home", console)
+        back = drive_with_progress(robot, home, "home", console)
     except ThumperError as error:
         return replace(last, reached=False, reason=str(error))
     return replace(back, time_s=last.time_s + back.time_s)
 
 
-def _start() -> "Goal":
+def _here(robot: "Runtime") -> "Goal":
+    """Where it stands, to come back to; raises ThumperError when it does not know that."""
+    from thumper.errors import ThumperError
     from thumper.navigation.goal import Goal
 
-    return Goal(x_m=0.0, y_m=0.0, tolerance_m=HOME_TOLERANCE_M)
+    situation = robot.look_round()
+    if situation.lost:
+        raise ThumperError(f"the robot does not know where it stands: {situation.lost}; give --start")
+    here = situation.map_from_base
+    return Goal(x_m=here.x_m, y_m=here.y_m, tolerance_m=HOME_TOLERANCE_M)

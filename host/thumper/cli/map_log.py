@@ -17,7 +17,7 @@ def map_log(
         ),
     ],
     out: Annotated[
-        Path, typer.Option(help="Folder for map.pgm, map.yaml, map.png and trajectory.csv.")
+        Path, typer.Option(help="Folder for map.pgm, map.yaml, map.session, map.png and trajectory.csv.")
     ] = Path("out/map-log"),
     online: Annotated[
         bool,
@@ -26,8 +26,12 @@ def map_log(
         ),
     ] = False,
     method: Annotated[
-        Method, typer.Option(help="Mapper: pose graph, particle filter or plain scan matching.")
-    ] = "graph",
+        Method | None,
+        typer.Option(
+            help="Mapper: pose graph, particle filter or plain scan matching; without it graph, or "
+            "scan_match with --session."
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the particle filter.")] = 1,
     fov: Annotated[
         float | None,
@@ -37,6 +41,16 @@ def map_log(
             help="The laser's field of view in degrees, if the log lacks it: FLASER and RLASER lines do.",
         ),
     ] = None,
+    session: Annotated[
+        Path | None, typer.Option(help="Go on mapping in this map.session, from a robot or another log.")
+    ] = None,
+    start: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(
+            help="Where the log begins in the --session: X Y in metres, then the heading in degrees. Without "
+            "it, wherever the place is recognised."
+        ),
+    ] = None,
 ) -> None:
     """Build a map from a recorded lidar log, with the odometry and the mapper that the robot uses."""
     import numpy as np
@@ -44,10 +58,22 @@ def map_log(
     from rich.progress import Progress
 
     from thumper.cli.output import prepare_output
+    from thumper.errors import ThumperError
+    from thumper.geometry import Pose2
     from thumper.mapping.map_log import map_log as build
     from thumper.mapping.method import MappingOptions
     from thumper.mapping.rbpf_mapper import RbpfOptions
+    from thumper.mapping.session import load_session
 
+    if session is not None and method not in (None, "scan_match"):
+        raise ThumperError(
+            f"--session is gone on with by scan_match, not by {method}: leave out --method", exit_code=2
+        )
+    if start is not None and (session is None or not all(map(math.isfinite, start))):
+        raise ThumperError("--start X Y DEGREES belongs to --session, and takes finite numbers", exit_code=2)
+    begin = Pose2(x_m=start[0], y_m=start[1], theta_rad=math.radians(start[2])) if start else None
+    options = MappingOptions(method="graph" if method is None else method, filter=RbpfOptions(seed=seed))
+    known = load_session(session, options.resolution_m) if session else None
     prepare_output(out)
     console = Console()
     # Without a terminal the bar would leave an empty line.
@@ -57,9 +83,11 @@ def map_log(
             file,
             out,
             lambda done, total: progress.update(task, completed=done, total=total),
-            MappingOptions(method=method, filter=RbpfOptions(seed=seed)),
+            options,
             online=online,
             fov_rad=math.radians(fov) if fov else None,
+            session=known,
+            start=begin,
         )
     console.print(
         f"{summary.format_name} log: {summary.scans} scans, {summary.path_m:.1f} m driven, "

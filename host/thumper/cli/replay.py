@@ -11,7 +11,7 @@ def replay(
         list[Path], typer.Argument(help="Recordings (.mcap) of one run in their order, or their folder.")
     ],
     out: Annotated[
-        Path, typer.Option(help="Folder for map.pgm, map.yaml, map.png and trajectory.csv.")
+        Path, typer.Option(help="Folder for map.pgm, map.yaml, map.session, map.png and trajectory.csv.")
     ] = Path("out/replay"),
     speed: Annotated[
         float, typer.Option(help="How many times faster than it was; 0: as fast as it goes.", min=0.0)
@@ -28,8 +28,10 @@ def replay(
 
     from thumper.cli.output import prepare_output
     from thumper.config.robot import load_config
+    from thumper.geometry import Pose2
     from thumper.mapping.map_io import save_map
     from thumper.mapping.map_plot import plot_map
+    from thumper.mapping.session import Session, save_session
     from thumper.recording.reader import Recording, find_recordings
     from thumper.recording.replay import Replayed
     from thumper.recording.replay import replay as run
@@ -45,6 +47,9 @@ def replay(
         result = run(recording, settings, speed=speed)
     grid, path = result.mapper.grid(), result.path
     save_map(grid, out / "map.yaml")
+    x_m, y_m, theta_rad = (float(value) for value in path[-1, 1:])
+    end = Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
+    save_session(Session(counts=result.mapper.counts(), map_from_base=end), out / "map.session")
     plot_map(grid, path[:, 1:3], out / "map.png", recording.paths[0].name)
     with (out / "trajectory.csv").open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
@@ -57,4 +62,4 @@ def replay(
         print(f"note: {result.unreadable} messages could not be read")
     for note in recording.notes:
         print(f"note: {note}")
-    print(f"in {out}/: map.pgm, map.yaml, map.png, trajectory.csv")
+    print(f"in {out}/: map.pgm, map.yaml, map.session, map.png, trajectory.csv")

@@ -37,11 +37,14 @@ def run(
         tuple[float, float, float] | None,
         typer.Option(
             help="Where the robot stands: X Y in metres, then its heading in degrees. Without it the origin, "
-            "or with --map wherever it recognises."
+            "or with --map or --session wherever it recognises."
         ),
     ] = None,
     saved_map: Annotated[
         Path | None, typer.Option("--map", help="Localise in this map (its .yaml) instead of mapping.")
+    ] = None,
+    session: Annotated[
+        Path | None, typer.Option(help="Go on mapping in this map.session, from another run or `map-log`.")
     ] = None,
     tolerance: Annotated[float, typer.Option(help="How near is near enough, in metres.", min=0.02)] = 0.1,
     clear_fault: Annotated[bool, typer.Option(help="Clear a fault that the board has latched.")] = False,
@@ -63,6 +66,7 @@ def run(
     """Drive to a goal, or round waypoints, in a place that the robot has never seen; leave the map behind.
 
     The map's frame is laid by --start: by default the robot stands at its origin and looks along x.
+    In a --map or a --session that frame holds, and the robot first finds out where in it it stands.
     Without a goal the robot stays at service until Ctrl-C: it maps, and does what `thumper goto`, a page, a
     gamepad or another program asks of it over the bus.
     """
@@ -71,6 +75,7 @@ def run(
     from thumper.assembly import open_robot
     from thumper.bus.attach import on_bus_if_free
     from thumper.cli.interrupted import INTERRUPTED
+    from thumper.cli.known import known_place
     from thumper.cli.mission import drive_with_progress
     from thumper.cli.output import prepare_output
     from thumper.cli.recorded import recorded
@@ -79,7 +84,6 @@ def run(
     from thumper.errors import ThumperError
     from thumper.geometry import Pose2
     from thumper.itinerary import Itinerary, follow
-    from thumper.mapping.map_io import load_map
     from thumper.navigation.goal import Goal
     from thumper.report import write_run
 
@@ -94,7 +98,7 @@ def run(
     prepare_output(out)
     console = Console()
     start_pose = Pose2(x_m=start[0], y_m=start[1], theta_rad=math.radians(start[2])) if start else None
-    known = load_map(saved_map) if saved_map else None
+    known = known_place(settings, saved_map, session)
     goals = tuple(Goal(x_m=x_m, y_m=y_m, tolerance_m=tolerance) for x_m, y_m in places)
     if heading is not None:
         goals = (*goals[:-1], replace(goals[-1], theta_rad=math.radians(heading)))
@@ -116,10 +120,11 @@ def run(
             Itinerary(goals=goals, rounds=patrol),
             lambda name, leg: drive_with_progress(robot, leg, name, console, clear_fault=clear_fault),
         )
-        files = write_run(out, robot.mapper.grid(), robot.log, result)
+        files = write_run(out, robot.mapper, robot.log, result)
         for line in robot.senses.perception.lines():
             console.print(f"note: {line}", markup=False, soft_wrap=True)
-    console.print(f"{result.path_length_m:.2f} m in {result.time_s:.1f} s; {', '.join(files)} are in {out}/")
+    left = f"{result.path_length_m:.2f} m in {result.time_s:.1f} s; {', '.join(files)} are in {out}/"
+    console.print(left, soft_wrap=True)
     if not result.reached:
         raise ThumperError(
             f"goal not reached: {result.reason}", exit_code=INTERRUPTED if result.interrupted else 1
@@ -129,13 +134,20 @@ def run(
 
 def _serve(robot: "Runtime", settings: "RobotConfig", speed: float, out: Path, console: "Console") -> None:
     from thumper.bus.attach import on_bus
+    from thumper.geometry import Pose2
+    from thumper.mapping.session import Session
     from thumper.service.map_saver import MapSaver
     from thumper.service.requests import Notice
 
     def tell(text: str, good: bool) -> None:
         robot.inbox.put(Notice(text=text, good=good))
 
-    robot.desk.handlers["save_map"] = MapSaver(robot.mapper.grid, out / "map.yaml", tell)
+    def session() -> Session:
+        situation = robot.senses.perception.situation()
+        pose = situation.map_from_base if situation else Pose2()
+        return Session(counts=robot.mapper.counts(), map_from_base=pose)
+
+    robot.desk.handlers["save_map"] = MapSaver(robot.mapper.grid, session, out / "map.yaml", tell)
     with on_bus(robot, settings.name, settings.bus):
         console.print(f"{settings.name} is at service on {settings.bus.address}; Ctrl-C ends it")
         robot.serve(speed=speed)

@@ -12,14 +12,17 @@ import numpy as np
 
 from thumper.errors import ThumperError
 from thumper.geometry import FloatArray, Pose2
+from thumper.localization.switching import SwitchingMapper
 from thumper.mapping.apart import compile_apart, plot_apart
+from thumper.mapping.counts import Counts
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.input_monitor import InputMonitor
 from thumper.mapping.logs.open_log import open_log
 from thumper.mapping.logs.record import RobotLog
 from thumper.mapping.map_io import save_map
 from thumper.mapping.mapper import MapperUpdate
-from thumper.mapping.method import MappingOptions, make_mapper
+from thumper.mapping.method import MappingOptions, PathMapper, make_mapper
+from thumper.mapping.session import Session, save_session
 from thumper.odometry.leaps import LeapBridge
 from thumper.odometry.slip import GOOD_MATCH, SlipWatch
 
@@ -53,6 +56,7 @@ class MappedLog:
     online: FloatArray  # as reported at the time, shape (n, 3)
     updates: tuple[MapperUpdate, ...]
     grid: OccupancyGrid
+    counts: Counts
     cpu_ms: FloatArray  # of each scan, shape (n,); without compiling the kernels and reading the file
     lines: tuple[str, ...] = ()  # what was odd about the scans, a line each
 
@@ -87,13 +91,20 @@ def default_options(log: RobotLog) -> MappingOptions:
 
 
 def map_records(
-    log: RobotLog, options: MappingOptions, progress: Callable[[int, int], None] | None = None
+    log: RobotLog,
+    options: MappingOptions,
+    progress: Callable[[int, int], None] | None = None,
+    session: Session | None = None,
+    start: Pose2 | None = None,
 ) -> MappedLog:
-    """Run the mapper over a log that was read; `progress(done, total)` is called now and then."""
+    """Run the mapper over a log that was read; `progress(done, total)` is called now and then.
+
+    With a session it goes on in that map, from the pose `start` or from wherever the place is recognised.
+    """
     if not log.has_odometry:
         trust = replace(options.matching, odometry_std_m=COASTING_STD_M, odometry_std_rad=COASTING_STD_RAD)
         options = replace(options, matching=trust)
-    mapper = make_mapper(options, base_from_laser=log.base_from_laser)
+    mapper = _mapper(log, options, session, start)
     mapper.warm_up()
     total = len(log.records)
     updates: list[MapperUpdate] = []
@@ -118,15 +129,30 @@ def map_records(
             lost.append((done, why))
         if progress is not None and (done % PROGRESS_EVERY == 0 or done == total):
             progress(done, total)
-    online = [(u.map_from_base.x_m, u.map_from_base.y_m, u.map_from_base.theta_rad) for u in updates]
+    online = np.array(
+        [(u.map_from_base.x_m, u.map_from_base.y_m, u.map_from_base.theta_rad) for u in updates]
+    )
+    poses = mapper.path() if session is None else online  # that mapper revises nothing
     return MappedLog(
-        poses=mapper.path(),
-        online=np.array(online),
+        poses=poses,
+        online=online,
         updates=tuple(updates),
         grid=mapper.grid(),
+        counts=mapper.counts(),
         cpu_ms=cpu_ms,
         lines=(*monitor.lines(), *bridge.lines(), *slip.lines(), *_lost_lines(lost, total)),
     )
+
+
+def _mapper(
+    log: RobotLog, options: MappingOptions, session: Session | None, start: Pose2 | None
+) -> PathMapper | SwitchingMapper:
+    if session is None:
+        return make_mapper(options, base_from_laser=log.base_from_laser)
+    first = make_mapper(replace(options, method="scan_match"), base_from_laser=log.base_from_laser)
+    mapper = SwitchingMapper(first, options, base_from_laser=log.base_from_laser)
+    mapper.continue_in(session.counts, start)
+    return mapper
 
 
 def _lost_lines(lost: list[tuple[int, str]], total: int) -> list[str]:
@@ -145,16 +171,18 @@ def map_log(
     *,
     online: bool = False,
     fov_rad: float | None = None,
+    session: Session | None = None,
+    start: Pose2 | None = None,
 ) -> MapLogSummary:
-    """Write `map.pgm`, `map.yaml`, `map.png` and `trajectory.csv` of a log into `out_dir`.
+    """Write `map.pgm`, `map.yaml`, `map.session`, `map.png` and `trajectory.csv` of a log into `out_dir`.
 
     The trajectory is the final path; with `online` it is the poses reported at the time, and the final path
-    goes to `trajectory_final.csv`.
+    goes to `trajectory_final.csv`. `session` and `start` as in `map_records`.
 
     Raises
     ------
     ThumperError
-        The log cannot be read, or the folder cannot be written.
+        The log cannot be read, its place in the session is not recognised, or the folder cannot be written.
     """
     start_s = time.monotonic()
     log = open_log(path, fov_rad)
@@ -164,13 +192,21 @@ def map_log(
         raise ThumperError(f"{out_dir}: cannot be made ({error.strerror}); give another folder") from error
     options = options or default_options(log)
     compile_apart(options.method)
-    mapped = map_records(log, options, progress)
+    mapped = map_records(log, options, progress, session, start)
     if not any(update.integrated for update in mapped.updates):
+        if session is not None:
+            raise ThumperError(
+                f"{path}: {'; '.join(mapped.lines)}; does it belong to the session? --start may help"
+            )
         raise ThumperError(f"{path}: no scan has enough usable beams: there is nothing to map", exit_code=2)
     yaml_path, png_path, csv_path = out_dir / "map.yaml", out_dir / "map.png", out_dir / "trajectory.csv"
     pgm_path = save_map(mapped.grid, yaml_path)
+    session_path = out_dir / "map.session"
+    x_m, y_m, theta_rad = (float(value) for value in mapped.poses[-1])
+    end = Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
+    save_session(Session(counts=mapped.counts, map_from_base=end), session_path)
     _write_path(csv_path, log, mapped.online if online else mapped.poses)
-    files = [pgm_path, yaml_path, png_path, csv_path]
+    files = [pgm_path, yaml_path, session_path, png_path, csv_path]
     if online:
         files.append(out_dir / "trajectory_final.csv")
         _write_path(files[-1], log, mapped.poses)

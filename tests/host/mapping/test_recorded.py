@@ -64,7 +64,13 @@ def test_map_log_leaves_four_files_that_agree(tmp_path: Path) -> None:
     summary = map_log(MINES, tmp_path / "out", lambda done, total: seen.append((done, total)))
     assert (summary.format_name, summary.scans) == ("MINES", 756)
     assert seen[-1] == (756, 756)
-    assert [path.name for path in summary.files] == ["map.pgm", "map.yaml", "map.png", "trajectory.csv"]
+    assert [path.name for path in summary.files] == [
+        "map.pgm",
+        "map.yaml",
+        "map.session",
+        "map.png",
+        "trajectory.csv",
+    ]
     assert all(path.stat().st_size > 1000 for path in summary.files if path.suffix != ".yaml")
     with (tmp_path / "out" / "trajectory.csv").open() as stream:
         rows = list(csv.DictReader(stream))

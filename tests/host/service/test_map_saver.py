@@ -7,12 +7,16 @@ import numpy as np
 import pytest
 
 from thumper.errors import ThumperError
+from thumper.geometry import Pose2
+from thumper.mapping.counts import Counts
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.map_io import load_map, save_map
+from thumper.mapping.session import Session, load_session
 from thumper.service import map_saver
 from thumper.service.map_saver import MapSaver
 
 GRID = OccupancyGrid(cells=np.zeros((4, 5), dtype=np.int8), resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
+SESSION = Session(counts=Counts.of(GRID), map_from_base=Pose2(x_m=0.1))
 
 
 def test_the_caller_does_not_wait_for_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -28,14 +32,15 @@ def test_the_caller_does_not_wait_for_the_disk(tmp_path: Path, monkeypatch: pyte
         told.set()
 
     monkeypatch.setattr(map_saver, "save_map", slow)
-    saver = MapSaver(lambda: GRID, tmp_path / "map.yaml", say)
+    saver = MapSaver(lambda: GRID, lambda: SESSION, tmp_path / "map.yaml", say)
     assert "being saved" in saver()
     with pytest.raises(ThumperError, match="already"):
         saver()
     assert not said
     disk.set()
     assert told.wait(20.0)
-    assert said == [(f"map saved: {tmp_path / 'map.pgm'}", True)]
+    assert said == [(f"map saved: {tmp_path / 'map.pgm'}, map.yaml, map.session", True)]
+    assert load_session(tmp_path / "map.session", 0.05).map_from_base == SESSION.map_from_base
     assert load_map(tmp_path / "map.yaml").cells.shape == (4, 5)
 
 
@@ -48,7 +53,7 @@ def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path) -> None:
         said.append((text, good))
         told.set()
 
-    MapSaver(lambda: GRID, tmp_path / "file" / "map.yaml", say)()
+    MapSaver(lambda: GRID, lambda: SESSION, tmp_path / "file" / "map.yaml", say)()
     assert told.wait(20.0)
     assert said[0][0].startswith("the map was not saved")
     assert not said[0][1]

@@ -1,0 +1,69 @@
+"""`--session` of the commands: mapping goes on in the map of another run, from wherever the robot stands."""
+
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from tests.e2e.test_bad_input import refused
+from thumper.geometry import Pose2
+from thumper.mapping.grid import OCCUPIED
+from thumper.mapping.map_io import load_map
+from thumper.mapping.session import load_session
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+LIDAR = ("--lidar", "sim://robot/lidar")
+
+
+def board(x_m: float, y_m: float, yaw_deg: float) -> tuple[str, str]:
+    return "--board", f"sim://robot/board?world=lab&x_m={x_m}&y_m={y_m}&yaw_deg={yaw_deg}"
+
+
+def test_a_run_goes_on_in_the_session_of_another(thumper: Run, tmp_path: Path) -> None:
+    first, second, third = (tmp_path / name for name in ("first", "second", "third"))
+    begun = (*board(0.0, 0.0, 0.0), *LIDAR, "--start", "0", "0", "0")
+    done = thumper("run", *begun, "--goal", "1.0", "0.5", "--out", first)
+    assert done.returncode == 0, done.stderr
+    assert "map.yaml, map.session, map.png" in done.stdout
+    session = first / "map.session"
+    before = session.read_bytes()
+    done = thumper(
+        "run", *board(1.2, 0.4, 140.0), *LIDAR, "--session", session, "--goal", "-0.5", "0.3", "--out", second
+    )
+    assert done.returncode == 0, done.stderr
+    assert f"{session}: saved with the robot at " in done.stdout
+    assert session.read_bytes() == before
+    old, new = (load_map(folder / "map.yaml") for folder in (first, second))
+    assert np.count_nonzero(new.cells >= 0) > np.count_nonzero(old.cells >= 0)
+    walls = [
+        new.cell_of(*old.centre_of(int(row), int(col))) for row, col in np.argwhere(old.cells == OCCUPIED)
+    ]
+    near = [(new.cells[r - 1 : r + 2, c - 1 : c + 2] == OCCUPIED).any() for r, c in walls]
+    assert np.mean(near) > 0.95  # it is the same map still
+    pose = json.loads((second / "summary.json").read_text())["pose"]
+    assert load_session(second / "map.session", 0.05).map_from_base == Pose2(**pose)
+    done = thumper(
+        "explore", *board(0.3, 0.0, 90.0), *LIDAR, "--session", second / "map.session",
+        "--start", "0.25", "0.05", "85", "--minutes", "0.1", "--out", third,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "home: at the goal (0.3" in done.stdout
+    assert (third / "map.session").exists()
+
+
+def test_what_cannot_be_gone_on_with_is_refused_and_nothing_overwritten(thumper: Run, tmp_path: Path) -> None:
+    session = tmp_path / "map.session"
+    session.write_bytes(b'{"thumper_session": 3}\n')
+    robot = (*board(0.0, 0.0, 0.0), *LIDAR)
+    for command in (("run", *robot, "--goal", "1", "0"), ("explore", *robot), ("map-log", session)):
+        done = thumper(*command, "--session", session, "--out", tmp_path)
+        refused(done, str(session), "version 3")
+        assert done.returncode == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["map.session"]
+    refused(thumper("run", *robot, "--session", session, "--map", session, "--out", tmp_path), "give one")
+    refused(thumper("explore", *robot, "--start", "0", "0", "0", "--out", tmp_path), "--session")
+    refused(
+        thumper("map-log", session, "--session", session, "--method", "rbpf", "--out", tmp_path), "scan_match"
+    )
