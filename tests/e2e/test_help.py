@@ -28,6 +28,7 @@ COMMANDS = {
     "campaign": ["--workers", "--out"],
     "explore": ["--board", "--out"],
     "plan": ["--start", "--goal"],
+    "edit": ["--rotate", "--free", "--crop", "--out"],
     "flash": ["--port"],
     "dashboard": ["--host", "--port", "--make-certificate"],
     "record": ["--out", "--seconds"],

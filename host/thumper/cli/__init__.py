@@ -9,6 +9,7 @@ import typer
 from thumper import __version__
 from thumper.cli.dashboard import dashboard
 from thumper.cli.doctor import doctor
+from thumper.cli.edit import edit
 from thumper.cli.explore import explore
 from thumper.cli.flash import flash
 from thumper.cli.goto import goto, stop
@@ -79,6 +80,7 @@ def build_app() -> typer.Typer:
         rosbridge,
         explore,
         plan,
+        edit,
         map_log,
         flash,
         doctor,

@@ -6,7 +6,7 @@ written and read by hand: no YAML library is needed.
 
 import math
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from thumper.errors import ThumperError
 from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from thumper.mapping.map_edit import rotated
 from thumper.mapping.pgm import decode_pgm, encode_pgm
 
 FREE_THRESH, OCCUPIED_THRESH = 0.196, 0.65
@@ -32,6 +33,7 @@ class Description:
     resolution_m: float
     origin_x_m: float
     origin_y_m: float
+    yaw_rad: float
     negate: bool
     occupied_thresh: float
     free_thresh: float
@@ -75,6 +77,27 @@ def load_map(yaml_path: Path) -> OccupancyGrid:
         A file is missing or broken; the message names the file, the key and the value.
     """
     description, occupancy = read_occupancy(yaml_path, ("trinary",))
+    return _grid(description, occupancy)
+
+
+def load_turned_map(yaml_path: Path) -> tuple[OccupancyGrid, float]:
+    """Read a map whose origin may have a yaw: it is turned so that it has none. Returns that yaw, too.
+
+    Raises
+    ------
+    ThumperError
+        As `load_map`, but for the yaw.
+    """
+    description, occupancy = read_occupancy(yaml_path, ("trinary",), turned=True)
+    grid = _grid(description, occupancy)
+    if description.yaw_rad == 0.0:
+        return grid, 0.0
+    turned = rotated(replace(grid, origin_x_m=0.0, origin_y_m=0.0), description.yaw_rad)
+    x_m, y_m = turned.origin_x_m + grid.origin_x_m, turned.origin_y_m + grid.origin_y_m
+    return replace(turned, origin_x_m=x_m, origin_y_m=y_m), description.yaw_rad
+
+
+def _grid(description: Description, occupancy: NDArray[np.float64]) -> OccupancyGrid:
     cells = np.full(occupancy.shape, UNKNOWN, dtype=np.int8)
     cells[occupancy > description.occupied_thresh] = OCCUPIED
     cells[occupancy < description.free_thresh] = FREE
@@ -86,9 +109,13 @@ def load_map(yaml_path: Path) -> OccupancyGrid:
     )
 
 
-def read_occupancy(yaml_path: Path, modes: tuple[str, ...]) -> tuple[Description, NDArray[np.float64]]:
+def read_occupancy(
+    yaml_path: Path, modes: tuple[str, ...], *, turned: bool = False
+) -> tuple[Description, NDArray[np.float64]]:
     """Read a map's description, whose mode must be one of `modes`, and how dark each cell is: 0 white to 1
     black, shape (rows, cols), row 0 the smallest y; with `negate` the other way round.
+
+    Only where `turned` may the origin have a yaw.
 
     Raises
     ------
@@ -100,7 +127,18 @@ def read_occupancy(yaml_path: Path, modes: tuple[str, ...]) -> tuple[Description
         raise ThumperError(
             f"{yaml_path}: this is the map's image; give its description, the .yaml beside it", exit_code=2
         )
+    if content.startswith(b'{"thumper_session"'):
+        raise ThumperError(
+            f"{yaml_path}: this is a session, for --session; its map is the .yaml beside it",
+            exit_code=2,
+        )
     description = _parse(yaml_path, content.decode("utf-8", errors="replace"), modes)
+    if description.yaw_rad != 0.0 and not turned:
+        raise ThumperError(
+            f"{yaml_path}: origin has the yaw {description.yaw_rad:g}; "
+            f"turn it with `thumper edit {yaml_path} --out NEW.yaml`",
+            exit_code=2,
+        )
     pgm_path = yaml_path.parent / description.image
     try:
         image = decode_pgm(_read(pgm_path))
@@ -155,10 +193,6 @@ def _parse(path: Path, text: str, modes: tuple[str, ...]) -> Description:
             f"{path}: origin = '{origin}' is not of the form [x, y, yaw]; mend the value", exit_code=2
         )
     x_m, y_m, yaw_rad = (number("origin", part) for part in parts)
-    if yaw_rad != 0.0:
-        raise ThumperError(
-            f"{path}: origin has the yaw {yaw_rad:g}; turn the image so that the yaw is 0", exit_code=2
-        )
     graded = mode != "trinary"  # there the thresholds are the ends of the scale
     free_thresh = within("free_thresh", 0.0, 1.0, ends=graded)
     return Description(
@@ -167,6 +201,7 @@ def _parse(path: Path, text: str, modes: tuple[str, ...]) -> Description:
         resolution_m=within("resolution", 0.0, 10.0),
         origin_x_m=x_m,
         origin_y_m=y_m,
+        yaw_rad=yaw_rad,
         negate=number("negate", text_of("negate")) != 0.0,
         occupied_thresh=within("occupied_thresh", free_thresh, 1.0, ends=graded),
         free_thresh=free_thresh,

@@ -1,7 +1,6 @@
-"""Maps that are saved, gone on with, cropped and turned."""
+"""Maps that are saved to go on with another day."""
 
 import json
-import math
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +13,8 @@ from thumper.errors import ThumperError
 from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.mapping.cells import Cells
 from thumper.mapping.counts import AGED, Counts
-from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from thumper.mapping.grid import UNKNOWN
 from thumper.mapping.grid_mapper import GridMapper
-from thumper.mapping.map_edit import cropped, rotated
 from thumper.mapping.method import MappingOptions, Method, PathMapper, make_mapper
 from thumper.mapping.session import Session, load_session, save_session
 
@@ -99,29 +97,3 @@ def test_a_damaged_session_is_refused(tmp_path: Path, harm: object, word: str) -
 def test_another_resolution_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ThumperError, match=r"resolution_m = 0\.05"):
         load_session(saved(tmp_path / "a", mapped()), 0.1)
-
-
-def corner_map() -> OccupancyGrid:
-    cells = np.full((40, 60), UNKNOWN, dtype=np.int8)
-    cells[10:20, 20:30] = FREE
-    cells[10, 20] = OCCUPIED
-    return OccupancyGrid(cells=cells, resolution_m=0.1, origin_x_m=-1.0, origin_y_m=-2.0)
-
-
-def test_cropping_keeps_every_known_cell_in_place() -> None:
-    grid = corner_map()
-    small = cropped(grid, margin_m=0.2)
-    assert small.cells.shape == (14, 14)
-    assert small.cells[small.cell_of(*grid.centre_of(10, 20))] == OCCUPIED
-    assert np.count_nonzero(small.cells == FREE) == 99
-
-
-def test_four_quarter_turns_change_nothing() -> None:
-    grid = corner_map()
-    turned = rotated(grid, math.pi / 2)
-    x_m, y_m = grid.centre_of(10, 20)
-    assert turned.cells[turned.cell_of(-y_m, x_m)] == OCCUPIED
-    for _ in range(3):
-        turned = rotated(turned, math.pi / 2)
-    np.testing.assert_array_equal(turned.cells, grid.cells)
-    assert (turned.origin_x_m, turned.origin_y_m) == pytest.approx((-1.0, -2.0))

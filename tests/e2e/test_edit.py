@@ -1,0 +1,54 @@
+"""`thumper edit`: a new map, in one line; nothing is overwritten without being told."""
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from tests.e2e.test_bad_input import refused
+from thumper.mapping.grid import FREE, OCCUPIED
+from thumper.mapping.map_io import load_map, save_map
+from thumper_hil.parts.world import World
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+
+def test_a_map_is_edited_into_another(thumper: Run, tmp_path: Path) -> None:
+    lab, new = tmp_path / "lab.yaml", tmp_path / "sub" / "new.yaml"
+    grid = World.load("lab").to_grid()
+    save_map(grid, lab)
+    free, wall = "-0.2,-0.2,0.2,0.2", "-0.38,-0.3,-0.38,0.3"
+    done = thumper("edit", lab, "--free", free, "--wall", wall, "--crop", "-1,-1,1,1", "--out", new)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(
+        f"{lab}: 1 box made free, 1 box made a wall, cropped; now 40 x 40 cells of 0.05 m"
+    )
+    assert done.stdout.count("\n") == 1
+    made = load_map(new)
+    assert made.cells[made.cell_of(0.0, 0.0)] == FREE
+    assert made.cells[made.cell_of(-0.38, 0.1)] == OCCUPIED
+    before = new.read_bytes()
+    refused(thumper("edit", lab, "--trim", "--out", new), str(new), "there already")
+    refused(thumper("edit", new, "--rotate", "90", "--out", new), "there already")
+    assert new.read_bytes() == before
+    done = thumper("edit", new, "--rotate", "90", "--out", new, "--force")
+    assert done.returncode == 0, done.stderr
+    turned = load_map(new)
+    np.testing.assert_array_equal(turned.cells, made.cells.T[:, ::-1])
+
+
+def test_what_cannot_be_edited_is_refused(thumper: Run, tmp_path: Path) -> None:
+    lab = tmp_path / "lab.yaml"
+    save_map(World.load("lab").to_grid(), lab)
+    for arguments, word in (
+        ((lab,), "nothing to do"),
+        ((lab, "--wall", "1,2,3"), "--wall 1,2,3: give X0,Y0,X1,Y1"),
+        ((lab, "--free", "90,0,91,1"), "beside the map"),
+        ((lab, "--crop", "0,0,1,1", "--trim"), "give one"),
+        ((tmp_path / "none.yaml", "--trim"), "none.yaml"),
+    ):
+        done = thumper("edit", *arguments, "--out", tmp_path / "new.yaml")
+        refused(done, word)
+        assert done.returncode == 2
+    assert not (tmp_path / "new.yaml").exists()
