@@ -157,6 +157,7 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
             "--nthreads",
             "1",
             "--no-dashboard",
+            "--no-nanny",  # which would begin another, and outlive nothing but itself when it is killed
         ]
         workers += [subprocess.Popen(command, stderr=subprocess.DEVNULL, cwd=tmp_path) for _ in range(2)]
         address = file.read_text().split('"address": "')[1].split('"')[0]

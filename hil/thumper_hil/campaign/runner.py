@@ -1,12 +1,18 @@
 """Spread a campaign's jobs over Dask workers and keep each row as it comes."""
 
-from collections.abc import Callable
-from contextlib import ExitStack
+import logging
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from typing import TYPE_CHECKING
 
 from thumper.errors import ThumperError
 from thumper_hil.campaign.job import Row, run_job
 from thumper_hil.campaign.rows import RowStore
 from thumper_hil.campaign.spec import Job
+
+if TYPE_CHECKING:
+    from distributed import LocalCluster
 
 CONNECT_S = 10
 RETRIES = 3  # a job whose worker dies is given to another
@@ -28,7 +34,7 @@ def run_jobs(
         Nobody answers at `scheduler`, or not any more; a job's worker died again and again. The rows so far
         are kept.
     """
-    from distributed import CancelledError, Client, LocalCluster, as_completed
+    from distributed import CancelledError, Client, as_completed
     from distributed.scheduler import KilledWorker
 
     done = {row.key for row in store.rows}
@@ -36,14 +42,7 @@ def run_jobs(
     if not waiting:
         return
     with ExitStack() as stack:
-        address: str | LocalCluster
-        if scheduler is None:
-            cluster = LocalCluster(  # type: ignore[no-untyped-call]
-                n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None
-            )
-            address = stack.enter_context(cluster)
-        else:
-            address = scheduler
+        address = scheduler or stack.enter_context(_local_cluster(workers))
         try:
             client = stack.enter_context(Client(address, timeout=CONNECT_S))  # type: ignore[no-untyped-call]
         except (OSError, ValueError) as error:
@@ -68,3 +67,26 @@ def run_jobs(
             store.add(row)
             show(row)
             future.release()
+
+
+@contextmanager
+def _local_cluster(workers: int | None) -> "Iterator[LocalCluster]":
+    """Processes of this machine, which inherit that Ctrl-C is ignored: this process has it, and ends them."""
+    from distributed import LocalCluster
+
+    heeded = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        cluster = LocalCluster(  # type: ignore[no-untyped-call]
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            silence_logs=logging.ERROR,  # a drive that Ctrl-C ends is a warning
+        )
+    finally:
+        signal.signal(signal.SIGINT, heeded)
+    try:
+        yield cluster
+    finally:
+        with suppress(TimeoutError):  # on a busy machine a worker that was killed takes long to be gone
+            cluster.close()  # type: ignore[no-untyped-call]
