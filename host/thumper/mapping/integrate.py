@@ -19,7 +19,6 @@ from thumper.mapping.scan_points import HIT, KindArray
 from thumper.mapping.trace import StampArray, trace
 
 COUNT_MAX = 60_000  # halved together beyond this, so that the fraction stays and uint16 never wraps
-NO_FOLD = 0x7FFFFFFF
 
 
 @kernel
@@ -80,7 +79,7 @@ def integrate(
                 count(
                     row, col, True, hits, misses, distance_m, nearest, resolution_m, reach, occupied_fraction
                 )
-    crossed = trace(origins, ends, kinds, 0, 1, stamp, stamps, NO_FOLD)
+    crossed = trace(origins, ends, kinds, 0, 1, stamp, stamps)
     for i in range(crossed.shape[0]):
         count(
             crossed[i, 0],

@@ -1,7 +1,5 @@
 """The maps of all particles: tables that grow with the known world, over one pool of shared patches."""
 
-import math
-
 import numpy as np
 
 from thumper.geometry import FloatArray, Pose2
@@ -21,6 +19,7 @@ from thumper.mapping.patches import (
 from thumper.mapping.scan_points import ScanPoints
 
 FIRST_PATCHES = 256
+SPARE = 256  # patches more than are needed, so that the pool does not grow at each scan
 APART = 0.25  # cells by which free space may be misplaced; hits never are
 
 
@@ -33,10 +32,9 @@ class ParticleMaps:
         resolution_m: float,
         reach_m: float,
         occupied_fraction: float,
-        range_m: float,
         cleared_beams: int,
     ) -> None:
-        """Start without cells; no beam may be longer than `range_m`, the mounting's offset included.
+        """Start without cells.
 
         Free space is cleared along about `cleared_beams` beams a scan, other ones in each scan.
         """
@@ -49,9 +47,7 @@ class ParticleMaps:
         self._occupied_fraction = occupied_fraction
         self._levels, self._stencil = quantised_distances(self.reach), distance_stencil(self.reach)
         self._first_row = self._first_col = 0
-        side = 1 << math.ceil(math.log2(2.0 * (range_m / resolution_m + 2.0)))
-        self._stamps = np.zeros((side, side), dtype=np.int32)
-        self._stamp = np.zeros(1, dtype=np.int32)
+        self._layer = np.zeros((0, 0), dtype=np.uint8)  # scratch, a byte a cell of the tables
         self._turn = 0
         self._shown: tuple[int, OccupancyGrid] | None = None  # particle and map as last asked for
 
@@ -77,20 +73,14 @@ class ParticleMaps:
         length_m = float(np.hypot(points.ends_m[:, 0], points.ends_m[:, 1]).max())
         length_m += (2 * self.reach + 2) * self.resolution_m
         self._cover(poses[:, :2].min(axis=0) - length_m, poses[:, :2].max(axis=0) + length_m)
-        need = min(
-            (math.ceil(2.0 * length_m / (SIDE * self.resolution_m)) + 2) ** 2,
-            self.tables.shape[1] * self.tables.shape[2],
-        )
         self._shown = None
         placed = self.in_cells(poses)
         order, middles = grouped(placed, length_m / self.resolution_m)
         self._turn += 1
         clear_every = max(1, round(np.count_nonzero(points.kinds) / self._cleared_beams))
-        done = 0
-        while done < poses.shape[0]:
-            if self.pool.size[0] < need:
-                grow(self.pool, max(need, self.pool.references.size // 8))
-            done = integrate_all(
+        done, particles = 0, poses.shape[0]
+        while done < particles:
+            done, need = integrate_all(
                 done,
                 order,
                 placed,
@@ -100,9 +90,7 @@ class ParticleMaps:
                 points.kinds,
                 self._turn % clear_every,
                 clear_every,
-                self._stamp,
-                self._stamps,
-                need,
+                self._layer,
                 self.tables,
                 self.pool,
                 self._stencil,
@@ -110,6 +98,8 @@ class ParticleMaps:
                 self.reach,
                 self._occupied_fraction,
             )
+            if done < particles:
+                grow(self.pool, need - int(self.pool.size[0]) + SPARE)
 
     def inherit(self, parents: IndexArray) -> None:
         """Give particle k the map of `parents[k]`; a parent must keep its own."""
@@ -173,6 +163,7 @@ class ParticleMaps:
         if rows:
             tables[:, r : r + rows, c : c + cols] = self.tables
         self.tables, self._first_row, self._first_col = tables, top, left
+        self._layer = np.zeros((SIDE * (bottom - top), SIDE * (right - left)), dtype=np.uint8)
 
 
 def grouped(poses: FloatArray, length: float) -> tuple[IndexArray, FloatArray]:

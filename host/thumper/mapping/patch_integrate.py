@@ -7,12 +7,22 @@ import numpy as np
 from thumper.geometry import FloatArray
 from thumper.kernel import kernel
 from thumper.mapping.distance_field import FieldArray
+from thumper.mapping.patch_passed import (
+    COUNT_MAX,
+    ENDED,
+    PASSED,
+    WordArray,
+    all_round,
+    count_misses,
+    hit_and_passed,
+    painted,
+    wipe,
+)
 from thumper.mapping.patches import FAR, MASK, SIDE, SIDE_BITS, ByteArray, IndexArray, Pool, writable
 from thumper.mapping.scan_points import HIT, KindArray
-from thumper.mapping.trace import StampArray, trace
+from thumper.mapping.trace import trace
 
 RELEASE = 0.7  # a wall turns free below this part of `occupied_fraction`: at one limit its edge would flicker
-COUNT_MAX = 250  # both counts are halved beyond this: the fraction stays, and old evidence fades
 
 
 def quantised_distances(reach: int) -> ByteArray:
@@ -133,6 +143,7 @@ def _count(
         hits, misses = hits // 2, misses // 2
     if hit:
         hits += 1
+        pool.struck[patch] = True
     else:
         misses += 1
     pool.hits[patch, r, c], pool.misses[patch, r, c] = hits, misses
@@ -153,6 +164,59 @@ def _place(points: FloatArray, pose: FloatArray, placed: FloatArray) -> None:
 
 
 @kernel
+def _cells_at(points: FloatArray, pose: FloatArray, cells: IndexArray) -> None:
+    """(row, column) of the cells that hold the robot's points, shape (n, 2), as seen from a pose."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    for i in range(points.shape[0]):
+        cells[i, 0] = math.floor(pose[1] + sin * points[i, 0] + cos * points[i, 1])
+        cells[i, 1] = math.floor(pose[0] + cos * points[i, 0] - sin * points[i, 1])
+
+
+@kernel
+def _count_rest(
+    place: IndexArray,
+    passed: WordArray,
+    layer: ByteArray,
+    table: IndexArray,
+    pool: Pool,
+    stencil: ByteArray,
+    levels: ByteArray,
+    reach: int,
+    occupied_fraction: float,
+) -> None:
+    """Miss the cells of one patch that were passed, not ended in, and hit before: their state may change."""
+    patch = table[place[0], place[1]]
+    hits, misses, near = pool.hits[patch], pool.misses[patch], pool.near[patch]
+    hit_words = hits.reshape(SIDE * SIDE).view(np.uint64)
+    for i in range(passed.size):
+        if not hit_and_passed(passed[i], hit_words[i]):
+            continue
+        r = 8 * i >> SIDE_BITS
+        for c in range(8 * i & MASK, (8 * i & MASK) + 8):
+            row, col = place[0] * SIDE + r, place[1] * SIDE + c
+            if layer[row, col] != PASSED or hits[r, c] == 0:
+                continue
+            missed = int(misses[r, c]) + 1
+            # Count here what changes no cell's state: a call costs more, for its reference counting.
+            if missed < COUNT_MAX and (
+                near[r, c] != 0 or _is_wall(int(hits[r, c]), missed, RELEASE * occupied_fraction)
+            ):
+                misses[r, c] = missed
+            else:
+                _count(row, col, False, table, pool, stencil, levels, reach, occupied_fraction)
+
+
+@kernel
+def _needed(writes: IndexArray, table: IndexArray, pool: Pool) -> int:
+    """How many of the places, shape (n, 2), are not the table's own, and take a free patch when written."""
+    n = 0
+    for i in range(writes.shape[0]):
+        patch = table[writes[i, 0], writes[i, 1]]
+        n += patch == 0 or pool.references[patch] != 1
+    return n
+
+
+@kernel
 def integrate_all(
     first: int,
     order: IndexArray,
@@ -163,17 +227,18 @@ def integrate_all(
     kinds: KindArray,
     clear_from: int,
     clear_every: int,
-    stamp: IndexArray,
-    stamps: StampArray,
-    need: int,
+    layer: ByteArray,
     tables: IndexArray,
     pool: Pool,
     stencil: ByteArray,
     levels: ByteArray,
     reach: int,
     occupied_fraction: float,
-) -> int:
-    """Enter one scan into the maps of particles `order[first:]`; return how many of `order` are done.
+) -> tuple[int, int]:
+    """Enter one scan into the maps of particles `order[first:]`, as far as the free patches last.
+
+    Return how many of `order` are done, and how many free patches the next one may need: the caller grows the
+    pool and calls again.
 
     All lengths are in cells, `poses` and `middles`, shape (particles, 3), from the tables' corner. The hits
     are entered as seen from a particle's own pose. Free space is cleared as seen from its group's middle,
@@ -181,61 +246,55 @@ def integrate_all(
     after the other in `order`. It is cleared along one beam in `clear_every`, from `clear_from` on, which the
     caller turns over: neighbouring beams cross the same cells.
 
-    The kernel stops before a particle when fewer than `need` patches are free: the caller grows the pool and
-    calls again. `stamps` lets each cell count once a scan, a hit before beams that pass: the tables' cells,
-    folded into a square whose side is a power of two; `stamp`, shape (1,), is the newest in use.
+    Each cell counts once a scan, a hit before beams that pass. `layer`, a byte for each of the tables' cells,
+    tells them apart; it is empty before and after.
     """
-    fold = stamps.shape[0] - 1
-    hits, misses, near, references = pool.hits, pool.misses, pool.near, pool.references
+    rows, cols = tables.shape[1], tables.shape[2]
+    hits, near, references = pool.hits, pool.near, pool.references
+    hit_words = hits.reshape((-1, SIDE * SIDE)).view(np.uint64)
+    miss_words = pool.misses.reshape((-1, SIDE * SIDE)).view(np.uint64)
     seen = ends[kinds == HIT]
-    placed_origins, placed_ends, placed = np.empty_like(origins), np.empty_like(ends), np.empty_like(seen)
-    crossed, traced = np.empty((0, 2), dtype=np.int32), -1
+    placed_origins, placed_ends = np.empty_like(origins), np.empty_like(ends)
+    cells = np.empty(seen.shape, dtype=np.int32)
+    passed = painted(np.empty((0, 2), dtype=np.int32), layer)
+    writes, traced = passed.places, -1
     for done in range(first, order.size):
-        if pool.size[0] < need:
-            return done
         k = order[done]
+        table = tables[k]
         if traced < 0 or not np.array_equal(middles[k], middles[traced]):
+            wipe(passed.places, layer)
             _place(origins, middles[k], placed_origins)
             _place(ends, middles[k], placed_ends)
-            stamp[0] += 1
-            crossed = trace(
-                placed_origins, placed_ends, kinds, clear_from, clear_every, stamp[0], stamps, fold
-            )
+            crossed = trace(placed_origins, placed_ends, kinds, clear_from, clear_every, PASSED, layer)
+            passed = painted(crossed, layer)
+            # A particle's own hits are a cell off at most, and what is near them less than a patch.
+            _cells_at(seen, middles[k], cells)
+            writes = all_round(passed.places, cells, rows, cols)
             traced = k
-        stamp[0] += 1
-        table, mine = tables[k], stamp[0]
-        _place(seen, poses[k], placed)
-        for i in range(placed.shape[0]):
-            row, col = math.floor(placed[i, 1]), math.floor(placed[i, 0])
-            if stamps[row & fold, col & fold] == mine:
+        need = _needed(writes, table, pool)
+        if pool.size[0] < need:
+            wipe(passed.places, layer)
+            return done, need
+        _cells_at(seen, poses[k], cells)
+        for i in range(cells.shape[0]):
+            row, col = cells[i, 0], cells[i, 1]
+            if layer[row, col] & ENDED:
                 continue
-            stamps[row & fold, col & fold] = mine
+            layer[row, col] |= ENDED
             patch, r, c = table[row >> SIDE_BITS, col >> SIDE_BITS], row & MASK, col & MASK
             if near[patch, r, c] == 0 and references[patch] == 1 and hits[patch, r, c] < COUNT_MAX:
                 hits[patch, r, c] += 1  # a wall stays a wall: no call, which costs more than the count
             else:
                 _count(row, col, True, table, pool, stencil, levels, reach, occupied_fraction)
-        patch_row = patch_col = -1
-        patch = 0
-        for i in range(crossed.shape[0]):
-            row, col = crossed[i, 0], crossed[i, 1]
-            if row >> SIDE_BITS != patch_row or col >> SIDE_BITS != patch_col:
-                patch_row, patch_col = row >> SIDE_BITS, col >> SIDE_BITS
-                patch = table[patch_row, patch_col]
-                if patch == 0 or references[patch] != 1:
-                    patch = writable(table, patch_row, patch_col, pool)
-            r, c = row & MASK, col & MASK
-            missed = int(misses[patch, r, c]) + 1
-            # Count here what changes no cell's state: a call costs more, for its reference counting.
-            if hits[patch, r, c] == 0:
-                misses[patch, r, c] = min(missed, COUNT_MAX)
-            elif stamps[row & fold, col & fold] == mine:
-                continue
-            elif missed < COUNT_MAX and (
-                near[patch, r, c] != 0
-                or _is_wall(int(hits[patch, r, c]), missed, RELEASE * occupied_fraction)
-            ):
-                misses[patch, r, c] = missed
-            else:
-                _count(row, col, False, table, pool, stencil, levels, reach, occupied_fraction)
-    return int(order.size)
+        for i in range(passed.places.shape[0]):
+            place, words = passed.places[i], passed.words[i]
+            patch = table[place[0], place[1]]
+            if patch == 0 or references[patch] != 1:
+                patch = writable(table, place[0], place[1], pool)
+            # Patch 0, which has no hits, stands for all that have none: it stays in the fast memory.
+            if count_misses(words, hit_words[patch if pool.struck[patch] else 0], miss_words[patch]):
+                _count_rest(place, words, layer, table, pool, stencil, levels, reach, occupied_fraction)
+        for i in range(cells.shape[0]):
+            layer[cells[i, 0], cells[i, 1]] &= PASSED
+    wipe(passed.places, layer)
+    return int(order.size), 0

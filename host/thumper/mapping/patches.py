@@ -30,6 +30,7 @@ class Pool(NamedTuple):
     misses: ByteArray
     near: ByteArray  # distance to the nearest occupied cell, 0...254 up to the reach, or FAR
     references: IndexArray  # shape (patches,)
+    struck: ByteArray  # whether any of the hits is not 0, shape (patches,)
     unused: IndexArray  # a stack of free patch numbers; its first `size[0]` entries count
     size: IndexArray  # shape (1,)
 
@@ -42,6 +43,7 @@ def empty_pool(patches: int) -> Pool:
         misses=np.zeros(shape, dtype=np.uint8),
         near=np.full(shape, FAR, dtype=np.uint8),
         references=np.zeros(patches + 1, dtype=np.int32),
+        struck=np.zeros(patches + 1, dtype=np.uint8),
         unused=np.arange(patches, -1, -1, dtype=np.int32),  # the last entry, 0, is beyond the stack's top
         size=np.array([patches], dtype=np.int32),
     )
@@ -57,6 +59,7 @@ def grow(pool: Pool, extra: int) -> None:
         patches.resize((before + extra, SIDE, SIDE), refcheck=False)
     pool.near[before:] = FAR
     pool.references.resize(before + extra, refcheck=False)
+    pool.struck.resize(before + extra, refcheck=False)
     pool.unused.resize(before + extra, refcheck=False)
     pool.unused[free : free + extra] = np.arange(before + extra - 1, before - 1, -1)
     pool.size[0] += extra
@@ -73,7 +76,7 @@ def writable(table: IndexArray, patch_row: int, patch_col: int, pool: Pool) -> i
     pool.hits[new] = pool.hits[old]
     pool.misses[new] = pool.misses[old]
     pool.near[new] = pool.near[old]
-    pool.references[new] = 1
+    pool.references[new], pool.struck[new] = 1, pool.struck[old]
     if old != 0:
         pool.references[old] -= 1
     table[patch_row, patch_col] = new

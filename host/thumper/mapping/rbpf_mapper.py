@@ -56,7 +56,7 @@ class RbpfMapper:
         self._options = options or GridMapperOptions()
         self._filtering = filtering or RbpfOptions()
         self._base_from_laser = base_from_laser or Pose2()
-        n, mount, cell_m = self._filtering.particles, self._base_from_laser, self._options.resolution_m
+        n, cell_m = self._filtering.particles, self._options.resolution_m
         metres = np.array([cell_m, cell_m, 1.0])  # a cell, a cell and a radian
         self._square_metres: FloatArray = np.outer(metres, metres)
         self._poses = np.tile(pose_row(map_from_base or Pose2()), (n, 1))
@@ -73,8 +73,6 @@ class RbpfMapper:
             self._options.resolution_m,
             self._options.reach_m,
             self._options.occupied_fraction,
-            # De-skewing moves a beam's end by what the robot drives during a turn: 1 m is ample.
-            self._options.usable_range_m + math.hypot(mount.x_m, mount.y_m) + self._options.reach_m + 1.0,
             self._filtering.cleared_beams,
         )
         self.resamplings = 0

@@ -12,7 +12,9 @@ from thumper.geometry import Pose2, Twist2
 from thumper.mapping.grid import OCCUPIED
 from thumper.mapping.grid_mapper import GridMapper, GridMapperOptions
 from thumper.mapping.method import MappingOptions, Method, make_mapper
+from thumper.mapping.particle_maps import SPARE
 from thumper.mapping.patch_integrate import RELEASE, quantised_distances
+from thumper.mapping.patch_passed import COUNT_MAX, count_misses
 from thumper.mapping.patches import FAR, empty_pool, grow, render, share, writable
 from thumper.mapping.rbpf_mapper import RbpfMapper, RbpfOptions
 from thumper_hil.parts.world import World
@@ -47,6 +49,30 @@ def test_a_grown_pool_keeps_numbers_and_gains_free_patches() -> None:
     assert patch not in pool.unused[:3]
     assert (pool.near[pool.unused[:3]] == FAR).all()
     assert (pool.hits[pool.unused[:3]] == 0).all()
+
+
+def test_misses_are_counted_eight_at_a_time_as_one_by_one() -> None:
+    rng = np.random.default_rng(3)
+    passed = rng.integers(0, 2, 4096).astype(np.uint8)
+    hits = np.where(rng.random(4096) < 0.3, rng.integers(0, COUNT_MAX + 1, 4096), 0).astype(np.uint8)
+    misses = rng.integers(0, COUNT_MAX + 1, 4096).astype(np.uint8)
+    misses[::7] = COUNT_MAX
+    expected = np.where((passed == 1) & (hits == 0), np.minimum(misses + 1, COUNT_MAX), misses)
+    assert count_misses(passed.view(np.uint64), hits.view(np.uint64), misses.view(np.uint64))
+    np.testing.assert_array_equal(misses, expected)
+    hits[passed == 1] = 0
+    assert not count_misses(passed.view(np.uint64), hits.view(np.uint64), misses.view(np.uint64))
+
+
+def test_the_pool_knows_which_patches_were_ever_hit_and_holds_few_more_than_are_used() -> None:
+    mapper = RbpfMapper(filtering=RbpfOptions(particles=6))
+    driven_any(mapper, slip=0.1)
+    pool, used = mapper.maps.pool, np.unique(mapper.maps.tables)
+    np.testing.assert_array_equal(pool.struck[used] != 0, pool.hits[used].any(axis=(1, 2)))
+    assert 0 < np.count_nonzero(pool.struck[used]) < used.size - 1
+    assert not mapper.maps._layer.any()
+    # What a scan of this room may write in one map, at most, and the step by which the pool grows.
+    assert pool.references.size - used.size < 2 * SPARE
 
 
 def test_distances_are_kept_exactly_while_walls_come_and_go() -> None:
