@@ -29,8 +29,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.figure import figure, need
 
-from tests.dashboard.conftest import CHROMIUM, FLAGS, Server, chromium_processes, free_port, open_page
+from tests.dashboard.conftest import CHROMIUM, FLAGS, Server, chromium_processes, open_page
 from tests.dashboard.fake_robot import FakeRobot
+from tests.live import free_port
 
 RATE_HZ = 20.0
 WRAP_S = 50.0

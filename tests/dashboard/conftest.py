@@ -6,16 +6,15 @@ import signal
 import socket
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, BrowserType, Page, sync_playwright
+from playwright.sync_api import Browser, BrowserType, Page, expect, sync_playwright
 
 from tests.dashboard.fake_robot import FakeRobot
+from tests.live import free_port, until
 
 CHROMIUM = "/usr/bin/chromium"
 FLAGS = (
@@ -29,22 +28,7 @@ FLAGS = (
     "--disable-sync",
 )
 START_S = 60.0
-
-
-def free_port() -> int:
-    """A port that nobody listens at just now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-def until(holds: Callable[[], Any], timeout_s: float = 10.0) -> Any:
-    """Wait until `holds()` is true and return it; the test fails when that takes too long."""
-    end_s = time.monotonic() + timeout_s
-    while not (value := holds()):
-        assert time.monotonic() < end_s, "it did not come about in time"
-        time.sleep(0.02)
-    return value
+expect.set_options(timeout=30_000)  # a machine that is busy with other tests takes its time
 
 
 class Server:
@@ -79,7 +63,7 @@ class Server:
     def close(self) -> None:
         """End it as Ctrl-C would."""
         self.process.send_signal(signal.SIGINT)
-        self.process.wait(10.0)
+        self.process.wait(START_S)
 
     def _answers(self) -> bool:
         assert self.process.poll() is None, self._log.read_text(encoding="utf-8")

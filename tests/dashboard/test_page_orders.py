@@ -5,8 +5,8 @@ import math
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.dashboard.conftest import until
 from tests.dashboard.fake_robot import FakeRobot
+from tests.live import until
 from thumper.service.requests import Ask, GoTo, Heartbeat, Relocate
 
 TO_SCREEN = """([x, y]) => {

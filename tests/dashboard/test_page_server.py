@@ -5,8 +5,9 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, Page, expect
 
-from tests.dashboard.conftest import Server, free_port, until
+from tests.dashboard.conftest import Server
 from tests.dashboard.fake_robot import FakeRobot
+from tests.live import free_port, until
 from thumper.service.requests import EmergencyStop
 
 
@@ -34,7 +35,7 @@ def test_it_follows_a_robot_that_was_started_anew(browser: Browser, tmp_path: Pa
         expect(banner).to_have_text("Waiting for the robot …")
         for _ in range(2):
             robot = FakeRobot(address=address)
-            expect(banner).to_have_text("Simulated robot", timeout=15_000)
+            expect(banner).to_have_text("Simulated robot")
             page.click(".tp-estop")
             until(partial(robot.said, EmergencyStop))
             robot.close()

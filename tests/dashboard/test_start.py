@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.dashboard.conftest import free_port
+from tests.live import free_port
 
 
 @pytest.mark.parametrize("taken", ["page", "bus"])

@@ -11,10 +11,9 @@ from pathlib import Path
 import pytest
 
 from tests.e2e.conftest import THUMPER
-from tests.e2e.test_safety_chain import free_port, wait_until
+from tests.live import free_port, until
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
-START_S = 60.0
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +51,7 @@ def test_ctrl_c_cancels_the_goal(thumper: Run, bus: str) -> None:
     _, errors = process.communicate(timeout=20)
     assert process.returncode == 130
     assert "the goal is cancelled" in errors
-    wait_until(lambda: '"idle"' in thumper("status", "--json", "--bus", bus).stdout, START_S)
+    until(lambda: '"idle"' in thumper("status", "--json", "--bus", bus).stdout)
 
 
 def test_save_waits_until_the_files_are_there(thumper: Run, bus: str) -> None:

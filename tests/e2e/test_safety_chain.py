@@ -6,7 +6,6 @@ program, and a page. Times are simulated ones, as the motors' own registers show
 
 import json
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -17,14 +16,15 @@ from pathlib import Path
 import pytest
 
 from tests.e2e.conftest import THUMPER
+from tests.live import free_port, until
 from thumper.bus.client import BusClient
 from thumper.errors import ThumperError
+from thumper.ros.codec import Message
 
 HERE = Path(__file__).parent
 FAR, NEAR = (0.0, 0.05), (1.5, 0.08)
 PAGE_LIMIT_S = 0.5
 LINK_LIMIT_S = 0.45  # 300 ms, and a tick of the board's supervisor
-START_S, DRIVE_S = 60.0, 20.0
 STAYS_S = 0.5
 UNDER_WAY_LINES = 25  # half a second of motors that are driven
 
@@ -41,15 +41,17 @@ class Chain:
             text=True,
         )
         threading.Thread(target=self._listen, daemon=True).start()
-        wait_until(lambda: board.exists() and lidar.exists(), START_S)
+        until(lambda: board.exists() and lidar.exists())
         self.address = f"127.0.0.1:{free_port()}"
         ports = ["--board", str(board), "--lidar", str(lidar), "--start", "1.73", "0.08", "180"]
         self.robot = subprocess.Popen(
             [THUMPER, "run", *ports, "--bus", self.address, "--out", str(folder)], stdout=subprocess.DEVNULL
         )
-        wait_until(self._answers, START_S)
+        until(self._answers)
         self.client = BusClient("thumper", self.address)
-        wait_until(self._has_looked, START_S)
+        status: list[Message] = []
+        self.client.subscribe("status", status.append)
+        until(lambda: status and status[-1].lidar_scans > 5)  # it has looked round
         self._goals = [NEAR, FAR]
 
     def _listen(self) -> None:
@@ -65,11 +67,6 @@ class Chain:
             return False
         return True
 
-    def _has_looked(self) -> bool:
-        answer: list[int] = []
-        self.client.subscribe("status", lambda of: answer.append(of.lidar_scans))
-        return bool(answer) and answer[-1] > 5
-
     @property
     def driven(self) -> bool:
         return bool(self._said[-1]["on"])
@@ -81,7 +78,7 @@ class Chain:
     def drive(self) -> None:
         """Send the robot off and wait until it is well under way."""
         x_m, y_m = self.next_goal()
-        wait_until(lambda: self._sent(x_m, y_m), DRIVE_S)
+        until(lambda: self._sent(x_m, y_m))
         self.wait_for_motion()
 
     def _sent(self, x_m: float, y_m: float) -> bool:
@@ -92,11 +89,11 @@ class Chain:
         return True
 
     def wait_for_motion(self) -> None:
-        wait_until(lambda: all(line["on"] for line in self._said[-UNDER_WAY_LINES:]), DRIVE_S)
+        until(lambda: all(line["on"] for line in self._said[-UNDER_WAY_LINES:]))
 
     def off_after_s(self, cut: float) -> float:
         """Simulated time from the wall's time `cut` until the motors were off; they must stay off."""
-        wait_until(lambda: not self.driven, DRIVE_S)
+        until(lambda: not self.driven)
         time.sleep(STAYS_S)
         before = [line for line in self._said if line["wall_s"] <= cut]
         after = [line for line in self._said if line["wall_s"] > cut]
@@ -116,20 +113,6 @@ class Chain:
                 process.wait(10.0)
             except subprocess.TimeoutExpired:
                 process.kill()
-
-
-def wait_until(condition: object, timeout_s: float) -> None:
-    assert callable(condition)
-    deadline_s = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.02)
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 @pytest.fixture(scope="module")

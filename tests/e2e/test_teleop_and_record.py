@@ -3,7 +3,6 @@
 import os
 import pty
 import signal
-import socket
 import subprocess
 import time
 from collections.abc import Iterator
@@ -13,6 +12,7 @@ from typing import Any
 import pytest
 
 from tests.e2e.conftest import THUMPER
+from tests.live import free_port, until
 from thumper.bus.client import BusClient
 from thumper.link.messages import State
 from thumper.recording.reader import Recording, find_recordings
@@ -27,13 +27,10 @@ START_TIMEOUT_S = 60.0
 def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A robot of our own on a free port."""
     folder = tmp_path_factory.mktemp("robot")
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
     path = folder / "robot.toml"
     path.write_text(
         f'name = "handy"\n[board]\nport = "{BOARD}"\n[lidar]\nport = "sim://e2e/lidar"\n'
-        f'[bus]\naddress = "127.0.0.1:{port}"\n[recording]\nfolder = "{folder / "own"}"\n'
+        f'[bus]\naddress = "127.0.0.1:{free_port()}"\n[recording]\nfolder = "{folder / "own"}"\n'
     )
     return path
 
@@ -71,17 +68,10 @@ def client(robot: Path) -> Iterator[BusClient]:
         yield joined
 
 
-def wait_for(what: Any, timeout_s: float = 30.0) -> None:
-    deadline_s = time.monotonic() + timeout_s
-    while not what():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.02)
-
-
 def test_a_held_key_drives_and_a_killed_program_stops(robot: Path, client: BusClient) -> None:
     wheels: list[Any] = []
     client.subscribe("wheels", wheels.append)
-    wait_for(lambda: wheels)
+    until(lambda: wheels)
     ours, theirs = pty.openpty()
     with subprocess.Popen(
         [THUMPER, "teleop", "--config", robot, "--no-gamepad"], stdin=theirs, stdout=subprocess.PIPE
@@ -91,20 +81,20 @@ def test_a_held_key_drives_and_a_killed_program_stops(robot: Path, client: BusCl
             pass  # until it shows the robot's state: a key that is held at the start does not count
 
         os.write(ours, b"r")
-        wait_for(lambda: wheels[-1].state == State.CLOSED_LOOP)
+        until(lambda: wheels[-1].state == State.CLOSED_LOOP)
 
         def hold() -> bool:
             os.write(ours, b"i")
             time.sleep(0.05)
             return bool(wheels[-1].left_speed_mrad_s > 1500 and wheels[-1].right_speed_mrad_s > 1500)
 
-        wait_for(hold)
+        until(hold)
         assert wheels[-1].state == State.MANUAL
         os.kill(process.pid, signal.SIGKILL)
         killed_us = wheels[-1].time_us
-        wait_for(lambda: wheels[-1].state != State.MANUAL)
+        until(lambda: wheels[-1].state != State.MANUAL)
         assert wheels[-1].time_us - killed_us <= 600_000  # 0.3 s that a command holds, and two beats
-        wait_for(lambda: wheels[-1].left_speed_mrad_s == wheels[-1].right_speed_mrad_s == 0)
+        until(lambda: wheels[-1].left_speed_mrad_s == wheels[-1].right_speed_mrad_s == 0)
     os.close(ours)
     os.close(theirs)
 
@@ -116,13 +106,13 @@ def test_recording_from_beside_and_inside(robot: Path, client: BusClient, tmp_pa
     status: list[Any] = []
     client.subscribe("status", status.append)
     client.publish("command", text("record_start"))
-    wait_for(lambda: status and status[-1].recording)
+    until(lambda: status and status[-1].recording)
     time.sleep(3.0)
     client.publish("command", text("record_stop"))
-    wait_for(lambda: not status[-1].recording)
+    until(lambda: not status[-1].recording)
     assert beside.wait(60.0) == 0
     own = robot.parent / "own"
-    wait_for(lambda: not list(own.glob("*.part")))
+    until(lambda: not list(own.glob("*.part")))
     for folder, least_s in ((tmp_path, 4.0), (own, 2.0)):
         recording = Recording(find_recordings([folder]))
         session = recording.session()

@@ -80,13 +80,14 @@ class RobotLink:
             if self._client is None or time.monotonic() - self._heard_s > SILENT_S:
                 self._leave()
                 try:
-                    client = self._join()
+                    # Orders go out from here on: who sees the robot must be able to stop it.
+                    self._client = client = self._join()
+                    self._heard_s = time.monotonic()
                     for topic in topics:
                         client.subscribe(topic, partial(heard, topic))
                 except ThumperError as error:
                     self.problem = str(error)
-                else:
-                    self._client, self._heard_s = client, time.monotonic()
+                    self._leave()
             self._end.wait(RETRY_S)
 
     def _leave(self) -> None:

@@ -21,7 +21,8 @@ from thumper.ros.codec import Message
 from thumper.ros.parse import path_of, poses_of
 
 GRIDS = ("map", "local_costmap")
-TOPICS = ("pose", *GRIDS, "scan", "plan", "local_plan", "particles", "status", "wheels", "events")
+# The status last: who sees the robot has all the rest of it, too.
+TOPICS = ("pose", *GRIDS, "scan", "plan", "local_plan", "particles", "wheels", "events", "status")
 GRID_PERIOD_S = 0.5  # a grid goes to the pages at most this often
 KEPT_WHEEL_ROWS = 600  # a minute at 10 Hz: a page that comes late has charts at once
 KEPT_EVENTS = 50

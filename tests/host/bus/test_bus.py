@@ -1,9 +1,7 @@
 """Both ends of the bus, with a real Zenoh between them."""
 
 import os
-import socket
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.live import free_port, until
 from thumper.bus import pulse
 from thumper.bus.client import BusClient
 from thumper.bus.options import USUAL_ROBOT, BusOptions, is_loopback
@@ -33,24 +32,11 @@ GRID = OccupancyGrid(
 TOKEN = "correct horse"
 
 
-def free_address() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"127.0.0.1:{probe.getsockname()[1]}"
-
-
-def soon(condition: Callable[[], bool]) -> None:
-    deadline_s = time.monotonic() + 20.0
-    while not condition():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.005)
-
-
 class Robot:
     """The robot's end alone."""
 
     def __init__(self, token: str = "") -> None:
-        self.address = free_address()
+        self.address = f"127.0.0.1:{free_port()}"
         self.inbox = Inbox()
         self.told: list[str] = []
         options = BusOptions(address=self.address, token=token)
@@ -66,7 +52,7 @@ class Robot:
             found.extend(self.asked_now())
             return bool(found)
 
-        soon(any_yet)
+        until(any_yet)
         return found
 
 
@@ -91,14 +77,14 @@ def test_a_product_arrives_as_the_message_it_was(robot: Robot, client: BusClient
         robot.server.publish("cmd_vel", 0.0, M.twist(1.5, Twist2(v_m_s=0.25)))
         return bool(heard)
 
-    soon(sent_and_heard)
+    until(sent_and_heard)
     assert heard[0].twist.linear.x == 0.25
     assert heard[0].header.stamp.nanosec == 500_000_000
 
 
 def test_who_comes_late_still_gets_the_newest_map(robot: Robot, client: BusClient) -> None:
     robot.server.publish("map", 0.0, M.grid(0.0, GRID))
-    soon(lambda: robot.server.figures.sent == 1)
+    until(lambda: robot.server.figures.sent == 1)
     heard: list[Any] = []
     client.subscribe("map", heard.append)
     assert (heard[0].info.width, heard[0].info.height) == (4, 3)
@@ -118,10 +104,10 @@ def test_a_command_comes_in_checked_and_with_its_sender(robot: Robot, client: Bu
 
 def test_what_makes_no_sense_is_counted_told_and_forgotten(robot: Robot, client: BusClient) -> None:
     client.publish("command", text("rm -rf /"))
-    soon(lambda: robot.server.figures.refused == 1)
+    until(lambda: robot.server.figures.refused == 1)
     assert "no such command" in robot.told[0]
     client.publish_raw("goal", b"\x00\x01\x00\x00 nonsense")
-    soon(lambda: robot.server.figures.refused == 2)
+    until(lambda: robot.server.figures.refused == 2)
     client.publish("estop", flag(True))
     assert robot.asked() == [EmergencyStop()]
 
@@ -133,7 +119,7 @@ def test_a_flood_is_refused_while_an_emergency_stop_passes(robot: Robot, client:
     asked: list[Request] = []
     while EmergencyStop() not in asked:
         asked += robot.asked()
-    soon(lambda: robot.server.figures.refused > 400)
+    until(lambda: robot.server.figures.refused > 400)
     assert len(asked) < 100
 
 
@@ -166,7 +152,7 @@ def test_who_watches_a_robot_that_is_gone_is_told(
     monkeypatch.setattr(pulse, "SILENCE_S", 0.2)
     if talked:
         robot.server.publish("status", 0.0, M.status(Status(time_s=0.0)))
-        soon(lambda: robot.server.figures.sent == 1)
+        until(lambda: robot.server.figures.sent == 1)
     with pytest.raises(ThumperError, match=words) as caught:
         watch("events", bus=robot.address, robot="r1")
     assert caught.value.exit_code == 3
@@ -180,7 +166,7 @@ def test_a_robot_that_says_nothing_of_the_topic_is_not_gone(
     alive = pulse.Pulse(client)
     clock_s[0] += 0.9 * pulse.SILENCE_S
     robot.server.publish("status", 0.0, M.status(Status(time_s=0.0)))
-    soon(lambda: alive._has_talked)
+    until(lambda: alive._has_talked)
     clock_s[0] += 0.9 * pulse.SILENCE_S
     alive.check()
     clock_s[0] += 0.2 * pulse.SILENCE_S
@@ -217,7 +203,7 @@ def test_nothing_listens_beyond_this_machine(robot: Robot) -> None:
 
 def test_no_robot_there() -> None:
     with pytest.raises(ThumperError, match=r"no robot is running at 127\.0\.0\.1:") as caught:
-        BusClient("r1", free_address())
+        BusClient("r1", f"127.0.0.1:{free_port()}")
     assert caught.value.exit_code == 3
 
 
@@ -240,7 +226,7 @@ def test_a_bus_that_cannot_keep_up_drops_the_oldest_and_never_waits(robot: Robot
     assert not release.is_set()  # all were taken although nothing could be sent
     assert robot.server.figures.dropped == 2 * MOST_QUEUED
     release.set()
-    soon(lambda: robot.server.figures.sent >= MOST_QUEUED)
+    until(lambda: robot.server.figures.sent >= MOST_QUEUED)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,8 @@ import roslibpy
 from websockets.exceptions import ConnectionClosed, InvalidMessage, InvalidStatus
 from websockets.sync.client import connect
 
-from tests.host.bus.test_bus import GRID, TOKEN, M, Robot, soon
+from tests.host.bus.test_bus import GRID, TOKEN, M, Robot
+from tests.live import until
 from thumper.bus.client import BusClient
 from thumper.bus.rosbridge import Rosbridge
 from thumper.dashboard.certificate import make_certificate, server_tls
@@ -89,7 +90,7 @@ def heard_from(topic: roslibpy.Topic, publish: Callable[[], None]) -> Any:
         publish()
         return bool(heard)
 
-    soon(sent_and_heard)
+    until(sent_and_heard)
     return heard[0]
 
 
@@ -106,7 +107,7 @@ def test_a_scan_reaches_roslibpy(bridge: Bridge, ros: roslibpy.Ros) -> None:
 
 def test_who_comes_late_still_gets_the_map(bridge: Bridge, ros: roslibpy.Ros) -> None:
     bridge.robot.server.publish("map", 0.0, M.grid(0.0, GRID))
-    soon(lambda: bridge.robot.server.figures.sent == 1)
+    until(lambda: bridge.robot.server.figures.sent == 1)
     for _ in range(2):  # the second one comes when the bridge has it already
         heard = heard_from(roslibpy.Topic(ros, "/map", "nav_msgs/OccupancyGrid"), lambda: None)
         assert heard["data"] == list(range(12))
@@ -153,7 +154,7 @@ def test_a_stop_does_not_wait_for_the_answer_to_a_question(bridge: Bridge) -> No
     with connect(bridge.url) as socket:
         socket.send('{"op": "call_service", "service": "/command", "args": {"command": "cancel"}}')
         socket.send('{"op": "publish", "topic": "/estop", "msg": {"data": true}}')
-        soon(both_came)
+        until(both_came)
         for request in asked:
             if isinstance(request, Ask):
                 request.reply({"ok": True, "text": "it stops"})

@@ -1,12 +1,11 @@
 """A recording said again on a bus: whoever listens cannot tell it from a robot."""
 
-import socket
 import threading
-import time
 from pathlib import Path
 from typing import Any
 
 from tests.host.recording.samples import SESSION, beats
+from tests.live import free_port, until
 from thumper.bus.client import BusClient
 from thumper.errors import ThumperError
 from thumper.recording.on_bus import replay_on_bus
@@ -15,18 +14,12 @@ from thumper.recording.recorder import Recorder
 from thumper.recording.replay import Replayed
 
 
-def free_address() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"127.0.0.1:{probe.getsockname()[1]}"
-
-
 def test_a_replay_is_heard_on_the_bus(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path, SESSION)
     for topic, now_s, message in beats(60):
         recorder(topic, now_s, message)
     recorder.close()
-    address, done = free_address(), []
+    address, done = f"127.0.0.1:{free_port()}", []
 
     def run() -> None:
         done.append(replay_on_bus(Recording((recorder.files[0],)), None, address, speed=2.0))
@@ -49,10 +42,11 @@ def test_a_replay_is_heard_on_the_bus(tmp_path: Path) -> None:
 
 
 def joined(address: str) -> BusClient:
-    deadline_s = time.monotonic() + 20.0
-    while True:
+    def join() -> BusClient | None:
         try:
             return BusClient(SESSION.config.name, address)
         except ThumperError:
-            assert time.monotonic() < deadline_s
-            time.sleep(0.05)
+            return None
+
+    client: BusClient = until(join)
+    return client
