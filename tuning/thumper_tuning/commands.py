@@ -95,7 +95,7 @@ def verify_on(
     for t in result.tracking:
         console.print(
             f"  ramp {t.acceleration_rad_s2:g} rad/s^2: error mean {t.mean_rad_s:+.3f}, std "
-            f"{t.std_rad_s:.3f} rad/s (no loop without preview gets below {t.floor_rad_s:.2f})"
+            f"{t.std_rad_s:.3f} rad/s (a loop without preview: {t.floor_rad_s:.2f} at best)"
         )
     return result
 
