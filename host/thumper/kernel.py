@@ -1,9 +1,19 @@
 """One typed decorator for the hot loops: numba, cached on disk, single-threaded."""
 
+import sys
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar, cast
 
 import numba
+
+# Numba's array functions look whether scipy.linalg is there by loading it: 16 MB and 0.1 s for products of
+# matrices that no kernel makes. So it is not there for this moment.
+if "scipy.linalg" not in sys.modules:
+    sys.modules["scipy.linalg"] = None  # type: ignore[assignment]
+    try:
+        import numba.np.arraymath
+    finally:
+        del sys.modules["scipy.linalg"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
