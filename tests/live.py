@@ -20,7 +20,7 @@ def free_port() -> int:
             return port
 
 
-def until(holds: Callable[[], Any], timeout_s: float = 60.0) -> Any:
+def until(holds: Callable[[], Any], timeout_s: float = 120.0) -> Any:
     """Wait until `holds()` is true and return it; the test fails when that never comes about."""
     end_s = time.monotonic() + timeout_s
     while not (value := holds()):

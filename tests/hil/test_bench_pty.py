@@ -16,7 +16,7 @@ import serial
 from thumper.errors import ThumperError
 from thumper.link.framing import FrameDecoder, encode_frame
 from thumper.link.messages import Identify, Identity, Telemetry
-from thumper_hil.bench.pty import serve
+from thumper_hil.bench.pty import LONGEST_STEP_S, Clock, serve
 
 SERVE = """
 import sys
@@ -94,6 +94,13 @@ def test_the_terminals_are_raw_before_anybody_opens_them(served: Served) -> None
         assert iflag & (termios.ICRNL | termios.IXON | termios.ISTRIP) == 0
         assert oflag & termios.OPOST == 0
         assert stat.S_ISCHR(path.stat().st_mode)
+
+
+def test_a_machine_that_was_slow_is_not_raced_after() -> None:
+    clock = Clock(1000.0, 0.05)
+    assert clock.due_s(1000.002, 0.05) == pytest.approx(0.052)
+    assert clock.due_s(1000.602, 0.052) == pytest.approx(0.052 + LONGEST_STEP_S)
+    assert clock.due_s(1000.604, 0.152) == pytest.approx(0.154)  # and at the wall's pace again
 
 
 def test_a_file_in_the_way_stays(tmp_path: Path) -> None:

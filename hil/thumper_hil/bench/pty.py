@@ -22,6 +22,9 @@ STEP_S = 0.002
 BOOT_S = 0.05
 """The firmware has started when the ports appear."""
 
+LONGEST_STEP_S = 0.1
+"""A board that lived on for longer without its host's bytes would stop its motors."""
+
 CHUNK_BYTES = 4096
 
 
@@ -74,9 +77,22 @@ def serve(board_pty: Path, lidar_pty: Path, options: Mapping[str, str]) -> None:
             print("stopped")
 
 
+class Clock:
+    """How far the simulation has to be by the wall's clock; a machine that was slow is not raced after."""
+
+    def __init__(self, wall_s: float, simulated_s: float) -> None:
+        self._wall_from_simulated_s = wall_s - simulated_s
+
+    def due_s(self, wall_s: float, simulated_s: float) -> float:
+        """Simulated time to go on to: that of the wall, but no more than one step from `simulated_s`."""
+        late_s = wall_s - self._wall_from_simulated_s - simulated_s
+        self._wall_from_simulated_s += max(late_s - LONGEST_STEP_S, 0.0)
+        return wall_s - self._wall_from_simulated_s
+
+
 def _carry(bench: Bench, lines: tuple[_Line, ...], *, reset_on_open: bool) -> None:
     """Keep the simulated clock at the wall's and carry bytes both ways, for ever."""
-    behind_s = time.monotonic() - bench.time_s
+    clock = Clock(time.monotonic(), bench.time_s)
     was_open = True
     while True:
         if reset_on_open:
@@ -84,12 +100,8 @@ def _carry(bench: Bench, lines: tuple[_Line, ...], *, reset_on_open: bool) -> No
             if is_open and not was_open:
                 bench.pull_dtr()
             was_open = is_open
-        now_s = time.monotonic() - behind_s
-        if now_s - bench.time_s > 1.0:  # the machine slept: do not race after it
-            behind_s += now_s - bench.time_s
-            continue
         bench.chip.set_host_baud(_baud(lines[0].slave))
-        bench.advance(now_s)
+        bench.advance(clock.due_s(time.monotonic(), bench.time_s))
         for line in lines:
             if data := line.from_device():
                 _write(line, data)
