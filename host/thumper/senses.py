@@ -19,6 +19,7 @@ LIDAR_GONE_ERRORS = 5  # of its port one after another, without a scan between: 
 LIDAR_RETRY_S = 5.0
 FIRST_LOOK_SCANS = 3
 FIRST_LOOK_TIMEOUT_S = 5.0
+GONE = "the board went silent before the start; is the cable loose?"
 
 
 class Senses:
@@ -131,6 +132,10 @@ class Senses:
         )
         return replace(sample, telemetry=moved)
 
+    def _is_stale(self) -> bool:
+        situation = self.perception.situation()
+        return situation is not None and self.board.now_s() - situation.time_s > TELEMETRY_TIMEOUT_S
+
     @property
     def has_looked(self) -> bool:
         """Whether enough was seen to plan with."""
@@ -139,11 +144,15 @@ class Senses:
     def look_round(self, beat: Callable[[], bool]) -> Situation:
         """Stand still and let `beat` pass until the first scans are mapped: a plan needs a map.
 
+        What was heard long ago tells nothing of the board's state now: it is heard anew.
+
         Raises
         ------
         ThumperError
             The board is silent, or the lidar is.
         """
+        if self._is_stale() and not (beat() and beat()):  # the first takes in what has waited
+            raise ThumperError(GONE)
         waited_s = 0.0
         while not self.has_looked:
             if waited_s > FIRST_LOOK_TIMEOUT_S:
@@ -153,7 +162,7 @@ class Senses:
                 )
             before = self.perception.situation()
             if not beat():
-                raise ThumperError("the board went silent before the start; is the cable loose?")
+                raise ThumperError(GONE)
             now = self.perception.situation()
             if before and now:
                 waited_s += now.time_s - before.time_s

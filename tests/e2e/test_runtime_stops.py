@@ -15,7 +15,7 @@ from thumper.config.robot import BoardConfig, LidarConfig, RobotConfig
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
 from thumper.link.framing import encode_frame
-from thumper.link.messages import Command, CommandRequest, State
+from thumper.link.messages import Command, CommandRequest, Fault, State
 from thumper.navigation.goal import Goal
 from thumper.runtime import MissionResult, Progress, Runtime
 from thumper_hil.bench import Bench, simulation
@@ -144,6 +144,30 @@ def test_an_emergency_stop_is_cleared_only_on_request() -> None:
         assert refused.value.option == "--clear-fault"
         assert robot.drive_to(GOAL, lambda _: None, clear_fault=True).reached
     assert bench.contacts == 0
+
+
+def test_frames_lost_on_the_way_to_a_stand_are_no_lost_link() -> None:
+    def interrupt_and_disturb(robot: Runtime, bench: Bench) -> None:
+        bench.fault("line.noise", 0.02)
+        interrupt(robot, bench)
+
+    with robot_in_the_lab() as (robot, bench):
+        drive(robot, bench, interrupt_and_disturb)
+        bench.fault("line.noise", 0.0)
+        telemetry = robot.senses.board.poll(0.5)[-1].telemetry
+    assert (telemetry.state, telemetry.fault) == (State.DISARMED, Fault.NONE)
+
+
+def test_a_stop_pressed_between_two_drives_is_heard_before_the_second() -> None:
+    """The link was lost in the first: that fault alone would be cleared unasked."""
+    with robot_in_the_lab() as (robot, bench):
+        result = drive(robot, bench, lambda _, bench: bench.fault("host.hang", 1.0))
+        assert "no command for 300 ms" in result.reason
+        stop_by_another_hand(robot, bench)
+        bench.advance(bench.time_s + 10.0)
+        with pytest.raises(ThumperError, match=r"emergency stop.*clear the fault"):
+            robot.drive_to(GOAL, lambda _: None)
+        assert robot.drive_to(GOAL, lambda _: None, clear_fault=True).reached
 
 
 def test_after_a_restart_the_map_is_as_it_was() -> None:

@@ -6,7 +6,7 @@ from thumper.errors import ThumperError
 from thumper.kinematics import WheelSpeeds
 from thumper.link.board import Board, TelemetrySample
 from thumper.link.messages import Command
-from thumper.senses import TELEMETRY_TIMEOUT_S
+from thumper.senses import LATE_BEAT_S, LATE_BEATS
 from thumper.service.pilot import STOP_BEATS
 
 
@@ -16,14 +16,17 @@ def bring_to_stand(board: Board) -> tuple[list[TelemetrySample], bool]:
     It never raises. Ctrl-C cuts the ramp short, never the disarming.
     """
     samples: list[TelemetrySample] = []
-    confirmed = False
+    confirmed, silent_beats = False, 0
     try:
         with suppress(KeyboardInterrupt):
             for _ in range(STOP_BEATS):
                 board.set_wheel_speeds(WheelSpeeds())
-                heard = board.poll(TELEMETRY_TIMEOUT_S)
+                heard = board.poll(LATE_BEAT_S)  # a lost frame must not become a lost link
                 samples += heard
-                if not heard or heard[-1].telemetry.left_speed == heard[-1].telemetry.right_speed == 0:
+                silent_beats = 0 if heard else silent_beats + 1
+                if silent_beats > LATE_BEATS:
+                    break
+                if heard and heard[-1].telemetry.left_speed == heard[-1].telemetry.right_speed == 0:
                     break
         while not confirmed:
             with suppress(KeyboardInterrupt):
