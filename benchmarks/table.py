@@ -28,6 +28,7 @@ BENCHMARKS: dict[str, tuple[str, ...]] = {
     "slip": ("--drives 20 --hours 0.2",),
     "tuning": ("",),
     "slam": ("--method scan_match", "--method graph", "--method rbpf"),
+    "warm_up": ("",),
     "slam_truth": ("--method scan_match",),
     "slam_lidars": ("--seeds 1 --method scan_match --range 4 30",),
     "slam_closed_loop": ("",),

@@ -14,7 +14,7 @@ from numba.core import event
 from thumper.mapping.method import MappingOptions, Method, make_mapper
 
 GO_ON = 3  # exit code: there are kernels left
-ENOUGH_MB = 220  # one kernel more takes up to 20
+ENOUGH_MB = 210  # one kernel more takes up to 20
 
 
 class _Limit(event.Listener):

@@ -1,0 +1,70 @@
+"""What a mapper's kernels cost before the first scan: compiled on a new machine, and read from the cache.
+
+Run: python benchmarks/warm_up.py [--method graph|rbpf|scan_match ...]
+CPU time and the largest memory of a process. `thumper map-log` compiles in processes of their own, one after
+the other, whose start is counted; a robot compiles in its own, and there the warm-up alone is.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.figure import figure
+
+METHODS = ("scan_match", "graph", "rbpf")
+
+APART = """
+import resource, sys
+from thumper.mapping.apart import compile_apart
+compile_apart(sys.argv[1])
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
+"""
+WARM_UP = """
+import resource, sys, time
+from thumper.mapping.method import MappingOptions, make_mapper
+mapper = make_mapper(MappingOptions(method=sys.argv[1]))
+start_s = time.process_time()
+mapper.warm_up()
+print(time.process_time() - start_s, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+"""
+
+
+def cost(program: str, method: str, cache: str) -> tuple[float, float]:
+    """CPU time [s] and largest memory [MB] that the program prints."""
+    done = subprocess.run(
+        [sys.executable, "-c", program, method],
+        env=os.environ | {"NUMBA_CACHE_DIR": cache},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    cpu_s, peak_MB = (float(word) for word in done.stdout.split())
+    return cpu_s, peak_MB
+
+
+def main() -> None:
+    """Measure each method with an empty cache of its own."""
+    parser = argparse.ArgumentParser(description="what the kernels cost before the first scan")
+    parser.add_argument("--method", nargs="+", default=METHODS, choices=METHODS)
+    for method in parser.parse_args().method:
+        with tempfile.TemporaryDirectory() as cache:
+            alone_s, alone_MB = cost(WARM_UP, method, cache)
+        with tempfile.TemporaryDirectory() as cache:
+            apart_s, largest_MB = cost(APART, method, cache)
+            again_s, again_MB = min(cost(WARM_UP, method, cache) for _ in range(3))
+        for what, cpu_s, peak_MB in (
+            ("compiled in one process", alone_s, alone_MB),
+            ("compiled as map-log does", apart_s, largest_MB),
+            ("warm-up from the cache", again_s, again_MB),
+        ):
+            figure(f"{method}: {what}", f"{cpu_s:.1f} / {peak_MB:.0f}", "s / MB")
+
+
+if __name__ == "__main__":
+    main()
