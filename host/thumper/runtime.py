@@ -30,12 +30,13 @@ from thumper.perception import Perception, Situation
 from thumper.products import Products, Timing
 from thumper.ros.convert import ERROR
 from thumper.senses import Senses
-from thumper.service.desk import Desk, Simulator
+from thumper.service.desk import Desk
 from thumper.service.inbox import Inbox
 from thumper.service.options import ServiceOptions
 from thumper.service.pacer import Pacer
 from thumper.service.pilot import GOAL_MARGIN_M, Ending, Mode, Pilot
 from thumper.service.requests import EmergencyStop
+from thumper.service.simulation import Simulator
 from thumper.service.stopping import bring_to_stand
 
 __all__ = ["MissionResult", "Progress", "Runtime"]
@@ -158,7 +159,7 @@ class Runtime:
         """
         self.desk.takes_goals, self.senses.keeps_log = True, False
         self._pacer.set_speed(speed)
-        self.desk.set_speed = self._pacer.set_speed
+        self.desk.simulation.set_speed = self._pacer.set_speed
         try:
             while True:
                 self.serve_beat()

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Generator, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 from thumper.errors import ThumperError
 from thumper.link.board import Board
@@ -30,24 +30,11 @@ from thumper.service.requests import (
     Simulate,
     Velocity,
 )
+from thumper.service.simulation import Simulation, Simulator
 from thumper.service.waking import TOLD, Waking, sets_going
 
 Handler = Callable[[], str]
 """Carries out a command and returns what it did, in words; raises ThumperError with the cure."""
-
-SLOWEST, FASTEST = 0.1, 20.0  # times real time
-
-
-class Simulator(Protocol):
-    """What a simulated robot's port offers beside its bytes."""
-
-    def describe(self) -> dict[str, Any]:
-        """The world and what can be done to it, as JSON takes it."""
-        ...
-
-    def apply(self, content: Mapping[str, Any]) -> str:
-        """Do it; returns what was done, in words. Raises ThumperError."""
-        ...
 
 
 class Desk:
@@ -66,7 +53,7 @@ class Desk:
         self.missions = Missions()
         self.handlers: dict[str, Handler] = {}  # of commands that others carry out
         self.takes_goals = True
-        self.set_speed: Callable[[float], None] | None = None  # of the simulation's clock
+        self.simulation = Simulation(simulator)
         self.experiments = Experiments()
         self.errands = Errands()
         self._inbox = inbox
@@ -75,7 +62,6 @@ class Desk:
         self._senses = senses
         self._products = products
         self._check_goal = check_goal
-        self._simulator = simulator
 
     def attend(self) -> None:
         """Take and do everything that waits. Never raises: what cannot be done is told to who asked."""
@@ -145,7 +131,7 @@ class Desk:
             case Relocate():
                 self._relocate(request)
             case Simulate():
-                self._products.event(self._simulate(request.content))
+                self._products.event(self.simulation.apply(request.content))
             case Notice():
                 self._products.event(request.text, INFO if request.good else WARN)
             case Ask():
@@ -191,9 +177,9 @@ class Desk:
             case "command":
                 return {"text": self._order(ask.content.get("command"))}
             case "simulator/world":
-                return self._world()
+                return self.simulation.describe()
             case "simulator/command":
-                return {"text": self._simulate(ask.content)}
+                return {"text": self.simulation.apply(ask.content)}
             case "experiment/start":
                 return {"text": self._begin_experiment(ask.content, ask.source)}
             case "experiment/state":
@@ -285,32 +271,12 @@ class Desk:
         set_pose(request.map_from_base)
         self._products.event("the robot was told where it is")
 
-    def _world(self) -> dict[str, Any]:
-        if self._simulator is None:
-            raise ThumperError("this robot is real, or its simulator is elsewhere: its world cannot be told")
-        return self._simulator.describe()
-
-    def _simulate(self, content: Mapping[str, Any]) -> str:
-        if self._simulator is None:
-            raise ThumperError("this robot is real, or its simulator runs elsewhere: nothing to simulate")
-        if set(content) == {"speed"}:
-            return self._change_speed(content["speed"])
-        return self._simulator.apply(content)
-
     def _begin_experiment(self, content: Mapping[str, Any], source: str) -> str:
         if not self.takes_goals:
             raise ThumperError("this run has goals of its own; `thumper run` without one takes experiments")
         if self._pilot.mode is not Mode.IDLE:
             raise ThumperError("an experiment begins with the motors off: stop and disarm the robot first")
         return self.experiments.ask_for(content, source)
-
-    def _change_speed(self, speed: object) -> str:
-        if not isinstance(speed, int | float) or isinstance(speed, bool) or not SLOWEST <= speed <= FASTEST:
-            raise ThumperError(f"the speed is {SLOWEST:g}...{FASTEST:g} times real time")
-        if self.set_speed is None:
-            raise ThumperError("this run is not kept at any speed; `thumper run` without a goal is")
-        self.set_speed(float(speed))
-        return f"{speed:g} times real time"
 
     def _must_not_experiment(self) -> None:
         if self.experiments.running:
