@@ -15,7 +15,9 @@ UPLOAD_BAUD = {"old": 57_600, "new": 115_200}
 ASK_TIMEOUT_S = 8.0  # a boot loader answers within 2 s of the reset; avrdude alone would try for a minute
 FLASH_TIMEOUT_S = 120.0
 NO_SYNC = re.compile(r"not in sync|not responding|can't? ?sync|timeout communicating|bad cmd", re.IGNORECASE)
-NO_PORT = re.compile(r"can'?t open device|cannot open|could not open|no such file", re.IGNORECASE)
+NO_PORT = re.compile(
+    r"can'?t open device|cannot open|could not open|no such file|inappropriate ioctl", re.IGNORECASE
+)
 BUSY = re.compile(r"permission denied|resource busy|locked", re.IGNORECASE)
 MISMATCH = re.compile(r"verification error|content mismatch|doesn't match", re.IGNORECASE)
 
@@ -46,7 +48,7 @@ def flash_board(job: Job, *, tool: str) -> None:
     tool, executable = _find_tool(tool)
     if tool == "avrdude" and not job.hex_file.is_file():
         build = "make firmware" if job.board == "trex" else f"make -C firmware BOARD={job.board}"
-        raise ThumperError(f"{job.hex_file}: there is no firmware to flash; run `{build}`")
+        raise ThumperError(f"{job.hex_file}: there is no firmware to flash; run `{build}`", exit_code=4)
     if not Path(job.port).exists():
         raise ThumperError(
             f"{job.port}: no such port; is it plugged in? `thumper doctor` lists the ports that exist",
@@ -123,5 +125,5 @@ def _explain(job: Job, tool: str, executable: str, output: str) -> ThumperError:
             f"{job.port}: no boot loader answers; is it the right port, and the board powered?",
             exit_code=EXIT_NO_HARDWARE,
         )
-    lines = [line.strip() for line in output.splitlines() if line.strip()]
+    lines = [line.strip() for line in output.splitlines() if line.strip() and "avrdude done" not in line]
     return ThumperError(f"{job.port}: {tool} failed: {lines[-1] if lines else 'it said nothing'}")

@@ -65,6 +65,8 @@ def test_the_other_speed_is_found_out() -> None:
 @pytest.mark.parametrize(
     ("says", "expected"),
     [
+        ("avrdude OS error: cannot set attributes for port /dev/x: Inappropriate ioctl", "as a port"),
+        ("avrdude error: line 1 is no record\navrdude done.  Thank you.", "failed: avrdude error: line 1"),
         ("avrdude: stk500_getsync() attempt 10 of 10: not in sync: resp=0x00", "no boot loader answers"),
         ("avrdude: verification error, first mismatch at byte 0x0000", "does not read back"),
         ("avrdude ser_open() error: cannot open port /dev/x: Permission denied", "not permitted"),
@@ -80,7 +82,7 @@ def test_missing_things_are_named(tmp_path: Path) -> None:
     avrdude = tool(tmp_path, "avrdude", "exit 0")
     nothing = tmp_path / "nothing"
     assert "no such port" in one_line(flash("--port", nothing, "--hex", HEX, path=avrdude))
-    assert "make firmware" in one_line(flash("--port", "/dev/null", "--hex", nothing, path=avrdude))
+    assert "nothing: no such file" in one_line(flash("--port", "/dev/null", "--hex", nothing, path=avrdude))
     no_tool = flash("--port", "/dev/null", "--tool", "avrdude", path=nothing)
     assert "apt install avrdude" in one_line(no_tool)
 

@@ -57,6 +57,7 @@ def test_masks_are_looked_for_beside_the_file(tmp_path: Path) -> None:
         ('[navigation]\ncontroller = "warp"\n', ["navigation", "no controller 'warp'", "dwa"]),
         ('[navigation.recovery]\nbehaviours = ["jump"]\n', ["navigation.recovery.behaviours", "jump"]),
         ("[navigation.limits]\nv_max_m_s = 40.0\n", ["navigation.limits.v_max_m_s", "40.0", "less than"]),
+        ('[bus]\ntoken = "short"\n', [": bus: a token has at least 12 characters"]),
         ("[board\n", ["not valid TOML", "line 1"]),
     ],
 )

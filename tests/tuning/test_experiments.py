@@ -103,6 +103,9 @@ def test_files_in_place_of_a_robot(tmp_path: Path) -> None:
     assert "+0.796" in done.output
     assert "-0.427" in done.output
     assert (tmp_path / "odometry.png").read_bytes().startswith(b"\x89PNG")
+    alone = RUNNER.invoke(experiment_app, ["odometry", "--truth", str(truth), "--out", str(tmp_path)])
+    assert isinstance(alone.exception, ThumperError)
+    assert "--truth belongs to --log" in str(alone.exception)
 
 
 @pytest.mark.parametrize("by_lidar", [False, True])

@@ -89,4 +89,4 @@ def _local_cluster(workers: int | None) -> "Iterator[LocalCluster]":
         yield cluster
     finally:
         with suppress(TimeoutError):  # on a busy machine a worker that was killed takes long to be gone
-            cluster.close()  # type: ignore[no-untyped-call]
+            cluster.close()

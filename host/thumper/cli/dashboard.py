@@ -24,8 +24,10 @@ def dashboard(
 
     The page speaks to `thumper run` over the bus and may be started before it.
     """
+    from thumper.bus.options import split_address
     from thumper.config.robot import load_config
     from thumper.dashboard.options import checked, own_certificate
+    from thumper.errors import ThumperError
 
     settings = load_config(config)
     options = settings.dashboard
@@ -38,7 +40,12 @@ def dashboard(
         fingerprint = make(certificate, key, own_names(options.host))
         print(f"{certificate} and {key} are there; the browser will show SHA-256 {fingerprint}")
         return
+    address = robot_address or settings.bus.address
+    try:
+        split_address(address)
+    except ValueError as error:
+        raise ThumperError(f"--robot-address {error}", exit_code=2) from error
     listening = checked(options)  # before the slow imports: what is wrong is said at once
     from thumper.dashboard.start import run_dashboard
 
-    run_dashboard(settings, listening, robot_address or settings.bus.address)
+    run_dashboard(settings, listening, address)

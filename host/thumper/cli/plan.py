@@ -189,4 +189,6 @@ def _draw(grid: "OccupancyGrid", path_m: "FloatArray | None", png: Path, title: 
     try:
         plot_map(grid, np.empty((0, 2)) if path_m is None else path_m, png, title)
     except (OSError, ValueError) as error:
-        raise ThumperError(f"{png}: cannot be written ({error}); choose another file with --png") from error
+        raise ThumperError(
+            f"{png}: cannot be written ({error}); choose another file with --png", exit_code=2
+        ) from error

@@ -36,8 +36,12 @@ def read_checked(path: Path, adapter: TypeAdapter[T], of: type[T], what: str) ->
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])
-        said = key if first["type"] == "missing" else f"{key} = {first['input']!r}"
-        raise ThumperError(f"{path}: {said}: {first['msg']}", exit_code=2) from error
+        whole = first["type"] == "missing" or isinstance(
+            first["input"], dict
+        )  # a table, perhaps with a secret
+        said = key if whole else f"{key} = {first['input']!r}"
+        why = first["msg"].removeprefix("Value error, ")
+        raise ThumperError(f"{path}: {said}: {why}", exit_code=2) from error
 
 
 def _refuse_unknown_keys(table: dict[str, Any], of: type, path: Path, prefix: str) -> None:

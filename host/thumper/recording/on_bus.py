@@ -70,11 +70,11 @@ def replay_on_bus(recording: Recording, config: RobotConfig | None, address: str
     Raises
     ------
     ThumperError
-        As `replay`, or the address is taken.
+        As `replay`; or the address is taken, or none.
     """
     session = recording.session()
     name = session.config.name if session else "replay"
-    server = BusServer(name, BusOptions(address=address), Inbox(), lambda _: None)
+    server = BusServer(name, BusOptions().at(address), Inbox(), lambda _: None)
 
     def say(said: Said, message: Message) -> None:
         if TOPICS[said.topic].direction is Direction.OUT:

@@ -4,6 +4,8 @@ import threading
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from tests.host.recording.samples import SESSION, beats
 from tests.live import free_port, until
 from thumper.bus.client import BusClient
@@ -19,6 +21,8 @@ def test_a_replay_is_heard_on_the_bus(tmp_path: Path) -> None:
     for topic, now_s, message in beats(60):
         recorder(topic, now_s, message)
     recorder.close()
+    with pytest.raises(ThumperError, match="no address"):
+        replay_on_bus(Recording((recorder.files[0],)), None, "127.0.0.1:99999", speed=2.0)
     address, done = f"127.0.0.1:{free_port()}", []
 
     def run() -> None:

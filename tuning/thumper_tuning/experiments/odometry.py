@@ -60,6 +60,8 @@ def gather(
                 f"--log needs --truth: a CSV with the columns {', '.join(POSE_COLUMNS)}", exit_code=2
             )
         return joined(read_csv(source.log, COUNT_COLUMNS), read_csv(source.truth, POSE_COLUMNS))
+    if source.truth is not None:
+        raise ThumperError("--truth belongs to --log: a drive has a reference of its own", exit_code=2)
     console.print(f"The robot will drive by itself: it needs free floor of {FLOOR}. Ctrl-C stops it.")
     if not yes:
         import typer
