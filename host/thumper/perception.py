@@ -65,6 +65,7 @@ class Perception:
         self._scan_time_s = -np.inf
         self.monitor = InputMonitor()
         self.scans_mapped = 0
+        self.map_doubt = ""  # why the map localised in might be the wrong one, as was last said
 
     def add_telemetry(self, sample: TelemetrySample) -> None:
         """Advance the odometry."""
@@ -87,6 +88,8 @@ class Perception:
         lines = [*self.monitor.lines(), *self._bridge.lines(), *self._slip.lines()]
         if isinstance(self._odometry, FusedOdometry) and self._odometry.slips:
             lines.append(f"{self._odometry.slips} times wheels and gyroscope disagreed: the wheels slip")
+        if self.map_doubt:
+            lines.append(self.map_doubt)
         return lines
 
     def add_scan(self, scan: Scan) -> None:
@@ -142,6 +145,7 @@ class Perception:
                 self._slip.skip()
             elif update.match_score >= GOOD_MATCH:
                 self._slip.look(odom_from_base, update.map_from_base)
+            self.map_doubt = getattr(self.mapper, "map_doubt", "") or self.map_doubt
             self.scans_mapped += 1
             self._scan_time_s = scan.time_s + turn_s
             points = scan_points(scan, twist, self._base_from_laser, scan.range_max_m)

@@ -14,7 +14,7 @@ from thumper.navigation.costmap import Costmap
 from thumper.navigation.navigator import NavigationOutput
 from thumper.perception import Situation
 from thumper.ros.codec import Message
-from thumper.ros.convert import ERROR, INFO, Messages
+from thumper.ros.convert import ERROR, INFO, WARN, Messages
 from thumper.ros.status import Status
 from thumper.ros.topics import TOPICS
 from thumper.senses import Senses
@@ -55,6 +55,7 @@ class Products:
         self._plan_m: FloatArray = np.empty((0, 2))
         self._transition: object = None
         self._fault = Fault.NONE
+        self._doubted = False
         self._time_s = 0.0
 
     def add(self, outlet: Outlet) -> None:
@@ -136,6 +137,9 @@ class Products:
             self._transition = newest = transitions[-1]
             why = f": {newest.reason}" if newest.reason else ""
             self.event(f"{newest.before or 'start'} -> {newest.after}{why}", name="navigation")
+        if senses.perception.map_doubt and not self._doubted:
+            self._doubted = True
+            self.event(senses.perception.map_doubt, WARN, name="localisation")
         fault = Fault.NONE if senses.telemetry is None else senses.telemetry.fault
         if fault is not self._fault:
             self._fault = fault

@@ -26,6 +26,7 @@ from thumper.lidar.scan import Scan
 from thumper.link.messages import Telemetry
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.map_io import save_map
+from thumper.mapping.session import Session, load_session, save_session
 from thumper.mission_log import MissionLog
 from thumper.navigation.goal import Goal
 from thumper.perception import Situation
@@ -47,22 +48,28 @@ class Robot:
         lidar: str = "",
         config: str | Path | None = None,
         start: Pose2 | None = None,
+        session: str | Path | None = None,
     ) -> None:
         """Name the ports; they are opened by `with`.
 
         `board` is a port or "sim://", which simulates a new robot and its lidar; what follows "sim://?" sets
         the simulation up ("sim://?world=hall&seed=3"). Without ports those of the `config` file are taken.
-        The map's frame is laid by `start`, where the robot stands; by default its origin.
+        The map's frame is laid by `start`, where the robot stands; by default its origin. With the file of a
+        `session` the robot goes on in that map, once it has found out where in it it stands: near `start`, by
+        default anywhere.
         """
         self._config = _on_ports(load_config(Path(config) if config else None), board, lidar)
-        self._start = start or Pose2()
+        self._session = Path(session) if session else None
+        self._start = start if start or session else Pose2()
         self._stack = ExitStack()
         self._opened: Runtime | None = None
 
     def __enter__(self) -> Self:
         """Open the ports and look round; raises ThumperError when board or lidar do not answer."""
         with ExitStack() as stack:
-            self._opened = stack.enter_context(open_robot(self._config, self._start))
+            size_m = self._config.mapping.resolution_m
+            known = load_session(self._session, size_m) if self._session else None
+            self._opened = stack.enter_context(open_robot(self._config, self._start, known))
             self._runtime.senses.look_round(self._beat)
             self._stack = stack.pop_all()
         return self
@@ -162,9 +169,11 @@ class Robot:
         return self._runtime.log
 
     def save_map(self, path: str | Path) -> Path:
-        """Write the map as map_server's PATH.yaml and PATH.pgm; returns the former."""
+        """Write the map as map_server's PATH.yaml and PATH.pgm, and PATH.session; returns the first."""
         yaml_path = Path(path).with_suffix(".yaml")
         save_map(self.map, yaml_path)
+        session = Session(counts=self._runtime.mapper.counts(), map_from_base=self.pose)
+        save_session(session, yaml_path.with_suffix(".session"))
         return yaml_path
 
     @property

@@ -23,6 +23,9 @@ def test_ten_lines_of_a_student(tmp_path: Path) -> None:
         assert robot.scan.ranges_m.size == 682
         saved = load_map(robot.save_map(tmp_path / "lab"))
     assert (saved.cells >= 65).sum() > 100
+    with Robot("sim://?world=lab&x_m=0.6&y_m=-0.4&yaw_deg=90", session=tmp_path / "lab.session") as robot:
+        assert math.hypot(robot.pose.x_m - 0.6, robot.pose.y_m + 0.4) < 0.1
+        assert (robot.map.cells >= 0).sum() >= (saved.cells >= 0).sum()
 
 
 def test_a_turn_to_the_left_is_positive() -> None:

@@ -6,26 +6,28 @@ of particles: Fox, "Adapting the sample size in particle filters through KLD-sam
 
 import math
 from array import array
+from collections import deque
 
 import numpy as np
 
 from thumper.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.lidar.scan import Scan
-from thumper.localization.amcl_kernels import beam_scores
+from thumper.localization.laid_scan import LaidScan, Place
 from thumper.localization.likelihood_field import LikelihoodField
 from thumper.localization.options import AmclOptions
 from thumper.mapping.counts import Counts
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.grid_mapper import MIN_HITS
 from thumper.mapping.mapper import MapperUpdate, PoseQuality
-from thumper.mapping.scan_match import match
 from thumper.mapping.scan_points import scan_points
 
 RETRY_SCANS = 10  # a lost robot stands: it looks again as often as this
-HYPOTHESES = 4  # places that look alike, followed at the same time after a search
-ALIKE = 0.9  # a place that explains this share of what the best one does might be the right one
 SURE_SHARE = 0.8  # of the weight, that one place must have
 FIRST_GAIN = 0.5  # as `beam_gain`, for the look that a search is made with: nothing was weighed twice yet
+NEAR_M, NEAR_RAD = 1.0, 0.5  # a place found so near the one that a person names is meant by it
+TRUST = 20.0  # how much likelier than any other is the place that a person names, before the first look
+LOOKS, FITTING = 20, 0.7  # of the right map so many weighed scans explain more; of a wrong one about 0.6
+RIVAL, MOST_BETTER = 1.0, 50.0  # of the logarithm of a chance: what makes a rival; what is enough
 
 
 class Amcl:
@@ -41,10 +43,12 @@ class Amcl:
         std_m: float = 0.3,
         std_rad: float = 0.2,
         odom_from_base: Pose2 | None = None,
+        by_hand: bool = True,
     ) -> None:
         """Start round `map_from_base`, or anywhere in the map (global relocalisation) without it.
 
-        `odom_from_base` is the odometry at that pose, if the robot has driven before.
+        `odom_from_base` is the odometry at that pose, if the robot has driven before. A pose given `by_hand`
+        is compared with the rest of the map at the first scan.
         """
         self._options = options or AmclOptions()
         self._base_from_laser = base_from_laser or Pose2()
@@ -55,13 +59,17 @@ class Amcl:
         self._path = array("d")  # x, y, theta in turn: a robot at service is on for days
         self._pose, self._explained, self._doubts, self._share = Pose2(), 0.0, 0, 1.0
         self._searching, self._wait = map_from_base is None, 0
+        self._looks: deque[float] = deque(maxlen=LOOKS)  # what the newest weighed scans explained
         self._unweighed = 0  # scans since the newest one that was weighed
         self.relocalisations = 0
         self._poses = np.zeros((0, 3))
+        self._told: Pose2 | None = None  # by hand, and not yet compared with the rest of the map
+        self._named: Pose2 | None = None  # the last one that was told
         if map_from_base is None:
             self._poses = self._field.anywhere(self._options.most_particles, self._rng)
         else:
             self.place(map_from_base, std_m, std_rad, odom_from_base)
+            self._told = map_from_base if by_hand else None
         self._weights = np.full(len(self._poses), 1.0 / len(self._poses))
 
     @property
@@ -85,11 +93,16 @@ class Amcl:
         std_rad: float = 0.2,
         odom_from_base: Pose2 | None = None,
     ) -> None:
-        """Say by hand where the robot is, and how roughly; `odom_from_base` is the odometry there."""
+        """Say by hand where the robot is, and how roughly; `odom_from_base` is the odometry there.
+
+        Who names the same place again is believed, whatever the rest of the map looks like.
+        """
         n = self._options.most_particles
         spread = self._rng.standard_normal((n, 3)) * (std_m, std_m, std_rad)
         self._poses = spread + np.array([map_from_base.x_m, map_from_base.y_m, map_from_base.theta_rad])
         self._weights = np.full(n, 1.0 / n)
+        insisted = self._named is not None and _is_near(map_from_base, self._named)
+        self._told, self._named = None if insisted else map_from_base, map_from_base
         self._pose, self._odometry = map_from_base, None
         self._searching, self._doubts, self._explained, self._share = False, 0, 0.0, 1.0
         if odom_from_base is not None:
@@ -97,7 +110,7 @@ class Amcl:
 
     def relocalise(self) -> None:
         """Forget the pose: the next scan is looked for in the whole map."""
-        self._searching, self._odometry, self._wait = True, None, 0
+        self._searching, self._odometry, self._wait, self._told = True, None, 0, None
 
     def quality(self) -> PoseQuality:
         """How sure the newest pose is."""
@@ -115,6 +128,16 @@ class Amcl:
     def particle_poses(self) -> FloatArray:
         """x, y, theta of each, shape (n, 3)."""
         return self._poses
+
+    @property
+    def map_doubt(self) -> str:
+        """Why this might be the wrong map, or an old one; empty while it fits."""
+        share = sum(self._looks) / LOOKS
+        if len(self._looks) < LOOKS or share >= FITTING:
+            return ""
+        return (
+            f"the map explains only {100.0 * share:.0f} % of the scans: is it the right one, and up to date?"
+        )
 
     def _lost(self) -> str:
         if self._odometry is None and not self._searching:
@@ -155,6 +178,7 @@ class Amcl:
         points = scan_points(scan, twist, self._base_from_laser, options.usable_range_m)
         hits_m = points.hits_m()
         hits_m = np.ascontiguousarray(hits_m[:: max(1, len(hits_m) // options.beams)])
+        laid = LaidScan(hits_m, self._field, options)
         moved = Pose2() if self._odometry is None else self._odometry.inverse() @ odom_from_base
         fresh = self._odometry is None
         jumped = fresh or self._searching
@@ -166,13 +190,17 @@ class Amcl:
         due = self._wait == 0 if self._searching else fresh or in_doubt or self._has_moved(moved)
         if len(hits_m) >= MIN_HITS and due:
             if self._searching:
-                self._look_everywhere(hits_m)
+                self._look_everywhere(laid)
                 self._wait = RETRY_SCANS
+            elif self._told is not None:
+                self._compare(laid, self._told)
+                self._told = None
             else:
                 self._diffuse(moved)
-            pose, score = self._weigh(hits_m)
+            pose, score = self._weigh(laid)
             self._pose, self._odometry, self._explained = pose, odom_from_base, score
             self._unweighed = 0
+            self._looks.append(score)
             self._doubts = self._doubts + 1 if score < options.lost_below else 0
             if self._doubts >= options.lost_after:
                 self._searching = True
@@ -201,31 +229,45 @@ class Amcl:
         self._poses[:, 1] += sin * x_m + cos * y_m
         self._poses[:, 2] += moved.theta_rad + noise[:, 2]
 
-    def _look_everywhere(self, hits_m: FloatArray) -> None:
+    def _look_everywhere(self, scan: LaidScan) -> None:
         """Particles round the best places of the whole map, and some anywhere."""
-        options = self._options
-        n = options.most_particles
-        places = self._field.alike(hits_m, HYPOTHESES, ALIKE)
-        found = [self._refined(hits_m, place) for place in places]
-        logs = np.array([log for _, _, log in found])
+        n, found = self._options.most_particles, scan.everywhere()
+        logs = np.array([place.log for place in found])
         chances = np.exp(FIRST_GAIN * (logs - logs.max()))
-        rows = np.array([(pose.x_m, pose.y_m, pose.theta_rad) for pose, _, _ in found])
-        which = np.arange(n // 2) % len(found)
-        around = rows[which] + self._rng.standard_normal((n // 2, 3)) * (0.1, 0.1, 0.05)
+        around, weights = self._around(found, chances, n // 2)
         self._poses = np.vstack((around, self._field.anywhere(n - n // 2, self._rng)))
-        weights = np.concatenate((chances[which], np.full(n - n // 2, chances.min())))
+        weights = np.concatenate((weights, np.full(n - n // 2, chances.min())))
         self._weights = weights / weights.sum()
         self._searching, self._doubts = False, 0
         self.relocalisations += 1
 
-    def _weigh(self, hits_m: FloatArray) -> tuple[Pose2, float]:
+    def _compare(self, scan: LaidScan, told: Pose2) -> None:
+        """Particles round the place that a person has named, and round those that explain the scan better.
+
+        Half a turn round in a plain room it fits nearly as well: a wrong name would be believed and followed.
+        """
+        logs, _ = scan.scored(self._poses, 1.0)
+        own, found = scan.refined(self._poses[int(np.argmax(logs))]), scan.everywhere()
+        near = [place for place in found if _is_near(place.pose, told)]
+        named = max([own, *near], key=lambda place: place.log)
+        places, chances = [named], [TRUST]
+        for rival in found:
+            better = FIRST_GAIN * scan.better(rival, named)
+            if better > RIVAL and not _is_near(rival.pose, told):
+                places.append(rival)
+                chances.append(math.exp(min(better, MOST_BETTER)))
+        self._poses, weights = self._around(places, np.array(chances), self._options.most_particles)
+        self._weights = weights / weights.sum()
+
+    def _around(self, places: list[Place], chances: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+        """As many particles round each place, shape (count, 3), and their weights by its chance."""
+        rows = np.array([(place.pose.x_m, place.pose.y_m, place.pose.theta_rad) for place in places])
+        which = np.arange(count) % len(places)
+        return rows[which] + self._rng.standard_normal((count, 3)) * (0.1, 0.1, 0.05), chances[which]
+
+    def _weigh(self, scan: LaidScan) -> tuple[Pose2, float]:
         """Weigh, resample to the number that KLD asks for; return the refined pose and what it explains."""
-        options, walls = self._options, self._field
-        logs, scores = np.empty(len(self._poses)), np.empty(len(self._poses))
-        beam_scores(
-            hits_m, walls.to_corner(self._poses), walls.distance_m, walls.grid.resolution_m, walls.reach_m,
-            options.beam_std_m, options.random_share, options.beam_gain, logs, scores,
-        )  # fmt: skip
+        logs, _ = scan.scored(self._poses, self._options.beam_gain)
         weights = self._weights * np.exp(logs - logs.max())
         self._weights = weights / weights.sum()
         best = self._poses[int(np.argmax(self._weights))]
@@ -238,25 +280,8 @@ class Amcl:
         mean[2] += float(share @ turn)
         if 1.0 / float(np.sum(self._weights**2)) < 0.5 * len(self._weights):
             self._resample()
-        pose, explained, _ = self._refined(hits_m, mean)
-        return pose, explained
-
-    def _refined(self, hits_m: FloatArray, mean: FloatArray) -> tuple[Pose2, float, float]:
-        """Gauss-Newton from a pose; returns it, its mean likelihood 0...1 and the log of the likelihood."""
-        walls, matching = self._field, self._options.matching
-        start = walls.to_corner(mean)
-        found = match(
-            hits_m, start, start, np.diag([100.0, 100.0, 400.0]), walls.distance_m, walls.grid.resolution_m,
-            walls.reach_m, matching.beam_std_m, matching.outlier_m, matching.iterations,
-        )  # fmt: skip
-        log, value = np.empty(1), np.empty(1)
-        beam_scores(
-            hits_m, found[np.newaxis], walls.distance_m, walls.grid.resolution_m, walls.reach_m,
-            self._options.beam_std_m, self._options.random_share, 1.0, log, value,
-        )  # fmt: skip
-        x_m, y_m, theta_rad = (float(part) for part in walls.from_corner(found))
-        pose = Pose2(x_m=x_m, y_m=y_m, theta_rad=wrap_angle(theta_rad))
-        return pose, float(value[0]), float(log[0])
+        place = scan.refined(mean)
+        return place.pose, place.explained
 
     def _resample(self) -> None:
         """Draw until the cells that the particles fill have enough of them (Fox 2003, table 1)."""
@@ -283,3 +308,7 @@ class Amcl:
         k = 2.0 / (9.0 * (filled - 1))
         root = 1.0 - k + math.sqrt(k) * self._options.kld_quantile
         return (filled - 1) / (2.0 * self._options.kld_error) * root**3
+
+
+def _is_near(pose: Pose2, told: Pose2) -> bool:
+    return pose.distance_m(told) < NEAR_M and abs(wrap_angle(pose.theta_rad - told.theta_rad)) < NEAR_RAD

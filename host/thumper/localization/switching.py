@@ -59,6 +59,11 @@ class SwitchingMapper:
         return (self.localiser or self._mapper).quality()
 
     @property
+    def map_doubt(self) -> str:
+        """Why the map localised in might be the wrong one; empty while it fits, and while mapping."""
+        return self.localiser.map_doubt if self.localiser else ""
+
+    @property
     def particle_poses(self) -> FloatArray | None:
         """x, y, theta of each particle, shape (n, 3); None from a method that has none."""
         poses: FloatArray | None = getattr(self.localiser or self._mapper, "particle_poses", None)
@@ -87,7 +92,7 @@ class SwitchingMapper:
         """
         self._goes_on = False
         if self.localiser is None:
-            self._start(self._mapper.grid(), self._pose or Pose2())
+            self._start(self._mapper.grid(), self._pose or Pose2(), by_hand=False)
 
     def localise_in(self, grid: OccupancyGrid, map_from_base: Pose2 | None) -> None:
         """Go on in a map that was saved, at a pose given by hand, or looked for in all of it with None.
@@ -168,7 +173,7 @@ class SwitchingMapper:
             self.map_on()
         return update
 
-    def _start(self, grid: OccupancyGrid, map_from_base: Pose2 | None) -> None:
+    def _start(self, grid: OccupancyGrid, map_from_base: Pose2 | None, *, by_hand: bool = True) -> None:
         if not np.any(grid.cells == OCCUPIED):
             raise ThumperError("there is no wall in the map to know a place by; give another", exit_code=2)
         self.localiser = Amcl(
@@ -179,4 +184,5 @@ class SwitchingMapper:
             std_m=PLACED_STD_M,
             std_rad=PLACED_STD_RAD,
             odom_from_base=self._odometry,
+            by_hand=by_hand,
         )

@@ -22,7 +22,13 @@ STILL = Twist2()
 GRID = World(segments_m=ROOM, circles_m=np.zeros((0, 3))).to_grid()
 
 
-def drive(localiser: Amcl | SwitchingMapper, path: list[Pose2], odometry: Pose2, slip: float = 0.1) -> Pose2:
+def drive(
+    localiser: Amcl | SwitchingMapper,
+    path: list[Pose2],
+    odometry: Pose2,
+    slip: float = 0.1,
+    walls: FloatArray = ROOM,
+) -> Pose2:
     """Drive from pose to pose with odometry that turns and goes too far; returns the odometry at the end."""
     rng = np.random.default_rng(3)
     for before, pose in itertools.pairwise(path):
@@ -30,7 +36,7 @@ def drive(localiser: Amcl | SwitchingMapper, path: list[Pose2], odometry: Pose2,
         odometry = odometry @ Pose2(
             x_m=(1 + slip) * step.x_m, y_m=step.y_m, theta_rad=(1 + slip) * step.theta_rad
         )
-        localiser.update(odometry, room_scan(pose, noise_m=0.01, rng=rng), STILL)
+        localiser.update(odometry, room_scan(pose, noise_m=0.01, rng=rng, walls=walls), STILL)
     return odometry
 
 
@@ -74,6 +80,60 @@ def test_a_pose_by_hand_is_refined_and_followed_with_fewer_particles() -> None:
     assert after.std_m < 0.1 < before.std_m
     assert after.explained > 0.7
     assert localiser.relocalisations == 0
+
+
+PLAIN = np.concatenate((rectangle(-4.0, -2.5, 4.0, 2.5), rectangle(3.0, 1.9, 4.0, 2.5)))  # but for a cupboard
+PLAIN_GRID = World(segments_m=PLAIN, circles_m=np.zeros((0, 3))).to_grid()
+STARTS = [Pose2(x_m=1.0, y_m=0.5, theta_rad=0.3), Pose2(x_m=-1.2, y_m=-0.8, theta_rad=2.5)]
+
+
+@pytest.mark.parametrize("true", STARTS)
+def test_a_start_half_a_turn_round_in_a_plain_room_is_not_believed(true: Pose2) -> None:
+    localiser = Amcl(
+        PLAIN_GRID, map_from_base=Pose2(x_m=-true.x_m, y_m=-true.y_m, theta_rad=true.theta_rad + 3)
+    )
+    localiser.update(Pose2(), room_scan(true, walls=PLAIN), STILL)
+    assert localiser.quality().lost or error_m(localiser, true) < 0.05  # no drive begins
+    path = way(true, 8)
+    drive(localiser, path, Pose2(), walls=PLAIN)
+    assert error_m(localiser, path[-1]) < 0.05
+    assert localiser.quality().lost == ""
+
+
+def test_who_names_the_same_place_again_is_believed() -> None:
+    true, named = STARTS[0], Pose2(x_m=-1.0, y_m=-0.5, theta_rad=0.3 - math.pi)
+    localiser = Amcl(PLAIN_GRID, map_from_base=named)
+    localiser.update(Pose2(), room_scan(true, walls=PLAIN), STILL)
+    localiser.place(named @ Pose2(x_m=0.1))
+    localiser.update(Pose2(), room_scan(true, walls=PLAIN), STILL)
+    assert localiser.map_from_base.distance_m(named) < 0.1
+
+
+@pytest.mark.parametrize("moved", [[], [(0.2, 1.2, 0.8, 1.7)]])  # what stands there since the map was made
+@pytest.mark.parametrize("off", [(0.1, 3.0), (0.5, 20.0)])
+@pytest.mark.parametrize("true", STARTS)
+def test_a_rough_start_that_is_right_is_believed_at_once(
+    true: Pose2, off: tuple[float, float], moved: list[tuple[float, float, float, float]]
+) -> None:
+    walls = np.concatenate((PLAIN, *(rectangle(*box) for box in moved)))
+    for way_rad, sign in itertools.product((0.0, 2.0, 4.0), (-1.0, 1.0)):
+        slip = Pose2(x_m=off[0] * math.cos(way_rad), y_m=off[0] * math.sin(way_rad))
+        named = true @ slip @ Pose2(theta_rad=sign * math.radians(off[1]))
+        localiser = Amcl(PLAIN_GRID, map_from_base=named, std_m=0.1, std_rad=0.05)
+        localiser.update(Pose2(), room_scan(true, walls=walls), STILL)
+        assert localiser.quality().lost == ""
+        assert error_m(localiser, true) < 0.05
+
+
+def test_a_wrong_map_is_doubted_and_the_right_one_is_not() -> None:
+    path = way(Pose2(x_m=0.2, y_m=0.3), 30)
+    for grid, doubt in ((GRID, ""), (PLAIN_GRID, "the map explains only")):
+        localiser = Amcl(grid)
+        localiser.update(Pose2(), room_scan(path[0]), STILL)
+        assert localiser.map_doubt == ""  # from one scan nobody can tell
+        drive(localiser, path, Pose2())
+        assert localiser.map_doubt.startswith(doubt)
+        assert bool(localiser.map_doubt) == bool(doubt)
 
 
 def test_a_kidnapped_robot_says_so_and_is_found_again() -> None:
