@@ -95,3 +95,10 @@ def test_log_that_is_none(thumper: Run, tmp_path: Path) -> None:
     log.write_text("milk\n")
     refused(thumper("map-log", log, "--out", tmp_path), str(log))
     refused(thumper("map-log", tmp_path / "none.clf", "--out", tmp_path), "none.clf")
+
+
+def test_a_mistyped_option_of_goto_is_no_heading(thumper: Run) -> None:
+    """Negative coordinates look like options, so an option that does not exist is read as one."""
+    done = thumper("goto", "1", "-0.5", "--tolerence")
+    assert done.returncode == 2
+    assert "'--tolerence' is no number" in done.stderr

@@ -15,10 +15,20 @@ LOOK_PERIOD_S = 0.2
 LINE_PERIOD_S = 1.0
 
 
+def _number(text: str) -> float:
+    """Read a coordinate; as those may be negative, an option that does not exist comes here, too."""
+    try:
+        return float(text)
+    except ValueError as error:
+        raise typer.BadParameter(f"{text!r} is no number, and no option of `thumper goto`") from error
+
+
 def goto(
-    x: Annotated[float, typer.Argument(help="X in the map [m].")],
-    y: Annotated[float, typer.Argument(help="Y in the map [m].")],
-    yaw: Annotated[float | None, typer.Argument(help="Which way to look there [degrees from x].")] = None,
+    x: Annotated[float, typer.Argument(help="X in the map [m].", parser=_number)],
+    y: Annotated[float, typer.Argument(help="Y in the map [m].", parser=_number)],
+    yaw: Annotated[
+        float | None, typer.Argument(help="Which way to look there [degrees from x].", parser=_number)
+    ] = None,
     tolerance: Annotated[float, typer.Option(help="How near is near enough [m].", min=0.02, max=1.0)] = 0.1,
     wait: Annotated[bool, typer.Option(help="Wait until the robot is there.")] = True,
     clear_fault: Annotated[bool, typer.Option(help="Clear a fault that the board has latched.")] = False,
