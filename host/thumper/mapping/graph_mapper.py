@@ -15,6 +15,7 @@ from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.scan import Scan
 from thumper.mapping.cells import Cells
 from thumper.mapping.counts import Counts
+from thumper.mapping.drawing import Drawing
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.grid_mapper import GridMapper, GridMapperOptions
 from thumper.mapping.loop_search import LoopSearch
@@ -23,7 +24,8 @@ from thumper.mapping.place_graph import PlaceGraph
 from thumper.mapping.pose_graph import Solver
 from thumper.mapping.scan_points import scan_points
 
-SCANS_AT_ONCE = 6  # entered an update while a map is drawn again: a few ms
+SCANS_AT_ONCE = 6  # entered in one part of the work while a map is drawn again: a few ms
+PART_EVERY_M, MOST_PARTS = 0.1, 4  # of way since the last scan: after more of it there was more time
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,20 +39,6 @@ class LoopOptions:
     largest_window_m: Annotated[float, Gt(0)] = 12.0  # half side of the window at most
     accept_score: Annotated[float, Interval(gt=0, le=1)] = 0.6  # beams that a closure must explain
     rival_ratio: Annotated[float, Interval(gt=0, le=1)] = 0.9  # refused if another place explains this share
-
-
-@dataclass(slots=True, kw_only=True)
-class Drawing:
-    """A map that is drawn from the kept scans, some at a time."""
-
-    cells: Cells
-    chosen: set[int] | None = None  # places; None for all
-    entered: int = 0  # kept scans looked at so far
-
-    def draw(self, places: PlaceGraph, most: int | None) -> bool:
-        """Enter some more; whether it holds all there are."""
-        self.entered = places.enter(self.cells, self.entered, self.chosen, most)
-        return self.entered == len(places.scans)
 
 
 class GraphMapper:
@@ -108,8 +96,8 @@ class GraphMapper:
 
         It first ends all work that `update` has spread over the next scans.
         """
-        while self._solver or self._drawn or self._next_world:
-            self._work(None)
+        while self._solver or self._drawn or self._next_world or self._search.busy:
+            self._work()
         return self.places.path()
 
     def grid(self) -> OccupancyGrid:
@@ -135,32 +123,34 @@ class GraphMapper:
         points = None
         if update.integrated:
             points = scan_points(scan, twist, self._base_from_laser, self._options.usable_range_m)
+        driven_m = self.places.driven_m
         new_place = self.places.add(pose, points)
         if update.integrated:
             self._active.add(self.places.newest)
         if self._drawn is not None and self._drawn.chosen is not None:
             self._drawn.chosen.add(self.places.newest)
-        if new_place and self._solver is None and self._drawn is None:
-            self._look_for_loop()
-        else:
-            self._work(SCANS_AT_ONCE)
+        if new_place and self._solver is None and self._graph_from_front == Pose2():
+            self._place_finished()
+        parts = round((self.places.driven_m - driven_m) / PART_EVERY_M)
+        for _ in range(max(1, min(MOST_PARTS, parts))):
+            self._work()
         # By now the loop may be closed, or the front end work in another map.
         pose = self._graph_from_front @ self._front.map_from_base
         return replace(update, map_from_base=pose, jumped=self.loops_closed > closed)
 
-    def _look_for_loop(self) -> None:
+    def _place_finished(self) -> None:
         near = self.places.within(self._loops.active_m)
         self.places.tie(near)
-        if self._search.look(near):
-            self._solver = Solver(self.places.poses, self.places.edges)
-        elif self.places.driven_m - self._trimmed_at_m >= 0.5 * self._loops.active_m:
+        if not self._search.busy:
+            self._search.begin(near)
+        if self._drawn is None and self.places.driven_m - self._trimmed_at_m >= 0.5 * self._loops.active_m:
             # Now and then drop from the active map what has become far along the graph.
             self._trimmed_at_m = self.places.driven_m
             if not self._active <= near.keys():
                 self._draw_active()
 
-    def _work(self, most: int | None) -> None:
-        """Do a part of what closing a loop takes: a step of the solver, or `most` scans of a map."""
+    def _work(self) -> None:
+        """Do a part of what closing a loop takes: of the solver, of a map, of the search."""
         if self._solver is not None:
             if self._solver.step():
                 before = self.places.pose(self.places.newest)
@@ -172,7 +162,7 @@ class GraphMapper:
                 self._draw_active()
                 self._next_world = Drawing(cells=self._empty())
         elif self._drawn is not None:
-            if self._drawn.draw(self.places, most):
+            if self._drawn.draw(self.places, SCANS_AT_ONCE):
                 self._front.restart(self._drawn.cells, self._graph_from_front @ self._front.map_from_base)
                 self._graph_from_front = Pose2()
                 self._active = self._drawn.chosen or set()
@@ -180,10 +170,12 @@ class GraphMapper:
                 if self._world is None and self._next_world is None:
                     self._next_world = Drawing(cells=self._empty())
         elif self._next_world is not None:
-            if self._next_world.draw(self.places, most):
+            if self._next_world.draw(self.places, SCANS_AT_ONCE):
                 self._world, self._next_world = self._next_world, None
         elif self._world is not None:
-            self._world.draw(self.places, most)
+            self._world.draw(self.places, SCANS_AT_ONCE)
+        if self._search.work():
+            self._solver = Solver(self.places.poses, self.places.edges)
 
     def _draw_active(self) -> None:
         self._trimmed_at_m = self.places.driven_m

@@ -7,16 +7,20 @@ import numpy as np
 
 from thumper.geometry import FloatArray, Pose2, wrap_angle
 from thumper.mapping.cells import Cells
+from thumper.mapping.drawing import Drawing
 from thumper.mapping.grid_mapper import GridMapperOptions
 from thumper.mapping.place_graph import PlaceGraph
 from thumper.mapping.scan_match import match, score
 from thumper.mapping.scan_points import HIT
-from thumper.mapping.wide_search import SearchField
+from thumper.mapping.wide_search import Found, SearchField, WideSearch
 
 RECENT_PLACES = 3  # their scans together are matched: one scan of a corridor looks like every other
 OLD_PLACES = 4  # places before and after the candidate that make the old map
 MATCHED_BEAMS = 500
-AGREE_M, AGREE_RAD = 0.3, 0.05  # two closures in a row must say the same
+AGREE_M, AGREE_RAD = 0.3, 0.05  # two closures in a row must say the same ...
+AGREE_WITHIN_M = 10.0  # ... unless the robot has driven on so far that it may have drifted as much
+SCANS_AT_ONCE = 6  # of the old map, entered in one part of the search: some ms
+LOOKED_UP_AT_ONCE = 20_000_000  # cells looked up in one part: some ms
 SEARCH_STD_M = 0.15
 FIRST_WINDOW_M, FIRST_WINDOW_RAD = 0.5, 0.1
 
@@ -31,8 +35,18 @@ class Candidate:
     shift: Pose2  # what it would do to the map at the new place
 
 
+@dataclass(slots=True, kw_only=True)
+class Hunt:
+    """A search under way: the map round the old place is drawn, then the newest places are laid on it."""
+
+    old: int
+    new: int
+    old_map: Drawing
+    search: WideSearch | None = None
+
+
 class LoopSearch:
-    """Finds loops at each new place and adds those that are sure to the graph."""
+    """Finds loops between new places and old ones and adds those that are sure to the graph, bit by bit."""
 
     def __init__(
         self,
@@ -49,14 +63,22 @@ class LoopSearch:
         self._drift_per_m, self._drift_rad_per_m = drift_per_m, drift_rad_per_m
         self._largest_window_m = largest_window_m
         self._accept_score, self._rival_ratio = accept_score, rival_ratio
+        self._hunt: Hunt | None = None
+        self._searched = -1  # the newest place that was looked for
         self._waiting: Candidate | None = None
         self.refused = 0
 
-    def look(self, near: dict[int, float]) -> bool:
-        """Whether a loop was closed between the place just finished and one that is not in `near`."""
+    @property
+    def busy(self) -> bool:
+        """Whether a search is under way."""
+        return self._hunt is not None
+
+    def begin(self, near: dict[int, float]) -> None:
+        """Begin to look for a loop between the place just finished and one that is not in `near`."""
         places, new = self._places, self._places.newest - 1
-        if new < RECENT_PLACES:
-            return False
+        if new < RECENT_PLACES or new == self._searched:
+            return
+        self._searched = new
         here = places.pose(new)
         far = [p for p in range(new) if p not in near]
         # The way driven since bounds the drift from above, whatever loops were closed in between.
@@ -67,13 +89,44 @@ class LoopSearch:
         ]
         if not reachable:
             self._waiting = None
+            return
+        old, options = min(reachable)[1], self._options
+        self._hunt = Hunt(
+            old=old,
+            new=new,
+            old_map=Drawing(
+                cells=Cells(options.resolution_m, options.reach_m, options.occupied_fraction),
+                chosen=set(range(max(0, old - OLD_PLACES), min(new, old + OLD_PLACES + 1))),
+            ),
+        )
+
+    def work(self) -> bool:
+        """Do a part of the search under way; whether that closed a loop."""
+        hunt, places = self._hunt, self._places
+        if hunt is None:
             return False
-        old = min(reachable)[1]
-        found = self._match(old, new)
+        if hunt.search is None:
+            if hunt.old_map.draw(places, SCANS_AT_ONCE):
+                points_m = self._recent_hits(hunt.new)
+                thin = points_m[:: max(1, len(points_m) // 200)]
+                way_m = places.way_m(hunt.old, hunt.new)
+                turn_rad = min(math.pi / 3.0, FIRST_WINDOW_RAD + self._drift_rad_per_m * way_m)
+                field = SearchField.of(hunt.old_map.cells, SEARCH_STD_M)
+                hunt.search = WideSearch(field, thin, places.pose(hunt.new), self._window_m(way_m), turn_rad)
+            return False
+        if not hunt.search.work(LOOKED_UP_AT_ONCE):
+            return False
+        self._hunt = None
+        found = self._judged(hunt, hunt.search.found())
         if found is None:
             return False
         waiting, self._waiting = self._waiting, found
-        if waiting is None or waiting.new < new - 2 or not _agree(waiting.shift @ here, found.shift @ here):
+        here = places.pose(hunt.new)
+        if (
+            waiting is None
+            or places.way_m(waiting.new, hunt.new) > AGREE_WITHIN_M
+            or not _agree(waiting.shift @ here, found.shift @ here)
+        ):
             return False
         for closure in (waiting, found):
             places.connect(closure.old, closure.new, closure.old_from_new, loop=True)
@@ -83,31 +136,23 @@ class LoopSearch:
     def warm_up(self) -> None:
         """Compile the kernels on a map that is thrown away."""
         field = SearchField(np.full((8, 8), 0.5, dtype=np.float32), 0.05, (0.0, 0.0), SEARCH_STD_M)
-        field.search(np.zeros((4, 2)), Pose2(), 0.1, 0.05)
+        WideSearch(field, np.zeros((4, 2)), Pose2(), 0.1, 0.05).work(None)
 
     def _window_m(self, way_m: float) -> float:
         return min(self._largest_window_m, FIRST_WINDOW_M + self._drift_per_m * way_m)
 
-    def _match(self, old: int, new: int) -> Candidate | None:
-        """Lay the newest places on the old map; None when that explains too little or is ambiguous."""
-        places, options = self._places, self._options
-        cells = Cells(options.resolution_m, options.reach_m, options.occupied_fraction)
-        places.enter(cells, 0, set(range(max(0, old - OLD_PLACES), min(new, old + OLD_PLACES + 1))))
-        points_m = self._recent_hits(new)
-        way_m = places.way_m(old, new)
-        centre = places.pose(new)
-        turn_rad = min(math.pi / 3.0, FIRST_WINDOW_RAD + self._drift_rad_per_m * way_m)
-        thin = points_m[:: max(1, len(points_m) // 200)]
-        found = SearchField.of(cells, SEARCH_STD_M).search(thin, centre, self._window_m(way_m), turn_rad)
-        pose, value = self._refined(cells, points_m, found.pose)
+    def _judged(self, hunt: Hunt, found: Found) -> Candidate | None:
+        """The closure; None where it explains too little or is ambiguous."""
+        places, points_m = self._places, self._recent_hits(hunt.new)
+        pose, value = self._refined(hunt.old_map.cells, points_m, found.pose)
         if value < self._accept_score or found.rival > self._rival_ratio * found.score:
             self.refused += 1
             return None
         return Candidate(
-            old=old,
-            new=new,
-            old_from_new=places.pose(old).inverse() @ pose,
-            shift=pose @ centre.inverse(),
+            old=hunt.old,
+            new=hunt.new,
+            old_from_new=places.pose(hunt.old).inverse() @ pose,
+            shift=pose @ places.pose(hunt.new).inverse(),
         )
 
     def _recent_hits(self, new: int) -> FloatArray:

@@ -163,10 +163,10 @@ class PlaceGraph:
             place, x_m, y_m, theta_rad = self._relative[-4:]
             self._last = self.pose(int(place)) @ Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
 
-    def enter(self, cells: Cells, start: int, places: set[int] | None = None, most: int | None = None) -> int:
-        """Enter the kept scans from number `start` on, of some places or all; return the first not looked at.
+    def enter(self, cells: Cells, start: int, places: set[int] | None, most: int) -> int:
+        """Enter up to `most` kept scans from number `start` on, of some places or, with None, of all.
 
-        With `most`, no more than so many are entered.
+        Returns the number of the first one not looked at.
         """
         entered = 0
         for number in range(start, len(self.scans)):

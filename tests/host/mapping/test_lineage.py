@@ -76,7 +76,7 @@ def test_old_scans_are_thinned_and_the_map_still_drawn(monkeypatch: pytest.Monke
     np.testing.assert_allclose(places.path()[:, 0], way_m, atol=1e-9)
     cells = Cells(0.1, 0.5, 0.25)
     half = places.enter(cells, 0, None, 100)
-    assert places.enter(cells, half) == len(places.scans) == len(way_m)
+    assert places.enter(cells, half, None, 10_000) == len(places.scans) == len(way_m)
     grid = cells.grid(percent=False)
     for x_m in np.arange(1.0, 39.0, 0.5):
         assert grid.cells[grid.cell_of(float(x_m), 1.02)] == 100

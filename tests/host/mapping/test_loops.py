@@ -105,7 +105,8 @@ def test_closing_a_loop_is_spread_over_many_scans_and_grid_and_path_agree_in_the
         entered.append(0)
         mapper.update(odometry, scan, Twist2())
     assert mapper.loops_closed >= 1
-    assert sorted(entered)[-10] <= 1 + SCANS_AT_ONCE  # but for the few places that a loop was looked for at
+    # Each scan is 0.2 to 0.3 m on: up to three parts of the map that is drawn again, and of the one searched.
+    assert 1 + SCANS_AT_ONCE < max(entered) <= 1 + 6 * SCANS_AT_ONCE
     entered.append(0)
     path = mapper.path()
     grid = mapper.grid()
