@@ -29,7 +29,7 @@ def open_port(url: str, *, baud: int, name: str) -> serial.Serial:
         return serial.serial_for_url(url, **options)
     except (serial.SerialException, ValueError, OSError) as error:
         raise ThumperError(
-            f"cannot open the {name} port {url}: {_cause_and_cure(error)}", exit_code=_exit_code(error)
+            f"cannot open the {name} port {url}: {_cause_and_cure(error, name)}", exit_code=_exit_code(error)
         ) from error
 
 
@@ -62,10 +62,13 @@ def _exit_code(error: Exception) -> int:
     return EXIT_USAGE if "unknown protocol" in str(error) or "invalid URL" in str(error) else EXIT_NO_HARDWARE
 
 
-def _cause_and_cure(error: Exception) -> str:
+def _cause_and_cure(error: Exception, name: str) -> str:
     text = str(error)
     if isinstance(error, FileNotFoundError) or "No such file" in text:
-        return "there is no such port; is it plugged in? `ls /dev/ttyUSB* /dev/ttyACM*` shows what is there"
+        return (
+            "there is no such port; is it plugged in? `ls /dev/ttyUSB* /dev/ttyACM*` shows what is there, "
+            f"and sim://robot/{name} is a simulated one"
+        )
     if isinstance(error, PermissionError) or "Permission denied" in text:
         return "not permitted; add yourself to its group: sudo usermod -aG dialout $USER, then log in again"
     if "exclusively lock" in text or "busy" in text:
