@@ -13,18 +13,15 @@ from thumper.mapping.grid import OccupancyGrid
 from thumper.navigation.arrival import Arrival
 from thumper.navigation.bearings import Bearings
 from thumper.navigation.controller import ControlRequest, ControlResult
-from thumper.navigation.costmap import Costmap, build_costmap, build_window
-from thumper.navigation.escape import Escape
+from thumper.navigation.costmap import Costmap
 from thumper.navigation.follower import Follower
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
+from thumper.navigation.guard import Guard
 from thumper.navigation.lattice import LatticePlanner
-from thumper.navigation.layers import CostmapLayers
 from thumper.navigation.lidar_view import LidarView
 from thumper.navigation.manoeuvre import Manoeuvre
 from thumper.navigation.masks import load_masks
-from thumper.navigation.memory import HitMemory
-from thumper.navigation.monitor import CollisionMonitor
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.output import NavigationOutput, NavigationState
 from thumper.navigation.progress import ProgressChecker
@@ -32,12 +29,9 @@ from thumper.navigation.prospects import Prospects
 from thumper.navigation.recovery import Recovery, is_still
 from thumper.navigation.registry import make_controller, make_planner
 from thumper.navigation.route import Route
-from thumper.navigation.smoother import smoothed
 from thumper.navigation.speed_rule import SpeedRule
-from thumper.navigation.surface import surface_points
-from thumper.navigation.traffic import Traffic
+from thumper.navigation.surroundings import Surroundings
 from thumper.navigation.transitions import Transition, TransitionLog
-from thumper.navigation.wheel_ramp import WheelRamp
 
 __all__ = ["NavigationOutput", "NavigationState", "Navigator"]
 
@@ -61,39 +55,29 @@ class Navigator:
         on_transition: Callable[[Transition], None] | None = None,
     ) -> None:
         self._options = options
-        ramp = WheelRamp.of(options.limits, drive)
-        self._monitor = CollisionMonitor(options.monitor, options.limits, footprint, ramp)
-        self._escape = Escape(self._monitor, options.limits, footprint)
-        footprint = footprint.grown(options.padding_m)
-        self._footprint = footprint
-        self._controller = make_controller(options, footprint)
-        planner = make_planner(options, footprint)
+        view, padded = view or LidarView(), footprint.grown(options.padding_m)
+        self._guard = Guard(options, footprint, padded, drive, view)
+        self._controller = make_controller(options, padded)
+        planner = make_planner(options, padded)
         self._route, self._prospects = Route(planner, options.route), Prospects(planner)
         self._progress = ProgressChecker(options.progress)
-        self._recovery = Recovery(options.recovery, options.limits, footprint, self._controller)
-        lattice = LatticePlanner(options.lattice, footprint)
+        self._recovery = Recovery(options.recovery, options.limits, padded, self._controller)
+        lattice = LatticePlanner(options.lattice, padded)
         self._follower = Follower(
             self._controller,
-            Manoeuvre(options.manoeuvre, options.limits, footprint, lattice),
+            Manoeuvre(options.manoeuvre, options.limits, padded, lattice),
             after_s=options.manoeuvre.after_s,
             window_m=options.costmap.window_m,
         )
         masks = load_masks(options.masks)
-        self._keepout = masks.keepout
-        self._layers = CostmapLayers(footprint, options.costmap, masks.keepout)
+        self._surroundings = Surroundings(options, padded, masks.keepout, view)
         self._speed_rule = SpeedRule(options.limits, approach_m_s=options.approach_m_s, mask=masks.speed)
         self._bearings = Bearings(options.progress)
-        self._view = view or LidarView()
-        hull_m = footprint.circumscribed_radius_m
-        self._memory = HitMemory(options.memory, options.memory.radius_m, self._view, hull_m)
-        self._plan_memory = HitMemory(options.memory, options.memory.planning_radius_m, self._view, hull_m)
-        self._traffic = Traffic(options.traffic, options.limits, footprint, self._view)
         self._goal: Goal | None = None
         self._state, self._reason = NavigationState.IDLE, ""
         self._last_command = Twist2()
         self._last_s: float | None = None
         self._transitions = TransitionLog(on_transition)
-        self.costmap: Costmap | None = None  # of the newest cycle, for display and record
 
     @property
     def state(self) -> NavigationState:
@@ -104,6 +88,11 @@ class Navigator:
     def transitions(self) -> tuple[Transition, ...]:
         """The newest changes of state, oldest first, each with its reason."""
         return tuple(self._transitions.entries)
+
+    @property
+    def costmap(self) -> Costmap | None:
+        """That of the newest cycle, for display and record."""
+        return self._surroundings.costmap
 
     def set_goal(self, goal: Goal) -> None:
         """Begin the way to a goal; a goal under way is dropped."""
@@ -181,18 +170,13 @@ class Navigator:
         if objection:
             return self._fail(objection) if final else self._stand(objection)
 
-        hits_in_map = hits_in_map[np.isfinite(hits_in_map).all(axis=1)]
-        hits_in_map = surface_points(map_from_base, hits_in_map, self._view)
-        self._traffic.update(time_s, map_from_base, hits_in_map)
-        near_m = self._memory.update(time_s, map_from_base, hits_in_map)
-        far_m = self._plan_memory.update(time_s, map_from_base, hits_in_map)
-        self.costmap = self._layers.update(grid, np.vstack((hits_in_map, far_m)))
-        spread_m = np.concatenate((np.zeros(len(hits_in_map)), self._memory.spread_m))
-        hits_in_map = np.vstack((hits_in_map, near_m))
+        around = self._surroundings
+        costmap = around.update(time_s, map_from_base, grid, hits_in_map)
+        self._guard.see(time_s, map_from_base, around.seen_m)
         if self._prospects.are_unasked:
-            self._prospects.note(-np.inf, self._map_alone(grid))
-        self._prospects.note(time_s, self.costmap)
-        self._route.update(time_s, self.costmap, map_from_base, goal)
+            self._prospects.note(-np.inf, around.map_alone(grid))
+        self._prospects.note(time_s, costmap)
+        self._route.update(time_s, costmap, map_from_base, goal)
         self._arrival.update(map_from_base)
         remaining_m = self._route.remaining_m(map_from_base)
         request = ControlRequest(
@@ -200,9 +184,7 @@ class Navigator:
             twist=twist,
             last_command=self._last_command,
             path_m=np.empty((0, 2)) if self._route.path_m is None else self._route.path_m,
-            costmap=build_window(
-                grid, hits_in_map, map_from_base, self._footprint, self._options.costmap, self._keepout
-            ),
+            costmap=around.window(grid, map_from_base),
             v_limit_m_s=self._speed_rule.limit_m_s(map_from_base, self._route.path_m, remaining_m),
             period_s=period_s,
         )
@@ -216,7 +198,7 @@ class Navigator:
             result = self._follow(time_s, request, goal, remaining_m)
         if self._has_failed():
             return self._fail(self._reason)
-        return self._guarded(time_s, result, request, map_from_base.inverse().apply(hits_in_map), spread_m)
+        return self._guarded(time_s, result, request)
 
     def _follow(
         self, time_s: float, request: ControlRequest, goal: Goal, remaining_m: float
@@ -250,15 +232,10 @@ class Navigator:
             self._state, self._reason = NavigationState.FAILED, f"gave up{tried}: {why}"
             return ControlResult(command=None)
         if (radius_m := self._recovery.forget_radius_m) is not None:
-            self._memory.forget_beyond(request.map_from_base, radius_m)
-            self._plan_memory.forget_beyond(request.map_from_base, radius_m)
+            self._surroundings.forget_beyond(request.map_from_base, radius_m)
         self._recovery.why = f"{self._recovery.name}, because {why}"
         self._state, self._reason = NavigationState.RECOVERING, self._recovery.why
         return self._recover(time_s, request)
-
-    def _map_alone(self, grid: OccupancyGrid) -> Costmap:
-        """The costmap without what is seen just now and remembered: it may have moved since."""
-        return build_costmap(grid, np.empty((0, 2)), self._footprint, self._options.costmap, self._keepout)
 
     def _is_closed(self, request: ControlRequest) -> bool:
         """Whether there is no way and none was ever seen open: then nothing but a look round can help."""
@@ -276,56 +253,47 @@ class Navigator:
         self._progress.renew()
         return ControlResult(command=Twist2())
 
-    def _guarded(
-        self,
-        time_s: float,
-        result: ControlResult,
-        request: ControlRequest,
-        hits_in_base: FloatArray,
-        spread_m: FloatArray,
-    ) -> NavigationOutput:
-        """Let the command through the collision monitor and keep the state and the patience."""
-        command, reason = result.command, result.reason
-        if command is not None:
-            if why := self._traffic.objection(command, request.twist, request.map_from_base):
-                self._stuck_since_s, self._reason = None, why
-                return self._output(Twist2(), request, result.trajectory)
-            command = smoothed(command, self._last_command, self._options.limits, request.period_s)
-            command = self._monitor.slowed(command, hits_in_base)
-            reason = self._monitor.objection(command, request.twist, hits_in_base, spread_m, request.period_s)
-        if (command is None or reason) and (
-            freeing := self._freeing(request, hits_in_base, spread_m)
-        ) is not None:
-            self._stuck_since_s, self._reason = None, f"freeing itself: {reason}"
-            return self._output(freeing, request)
-        if command is None or reason:
-            self._stuck_since_s = time_s if self._stuck_since_s is None else self._stuck_since_s
-            if time_s - self._stuck_since_s > self._options.patience_s:
-                self._begin_recovery(time_s, request, reason)
-                if self._has_failed():
-                    return self._fail(self._reason)
-                reason = self._reason
-            elif self._state is NavigationState.RECOVERING:
-                reason = f"{self._recovery.why}; {reason}"
-            self._reason = reason
-            return self._output(Twist2(), request, result.trajectory)
+    def _guarded(self, time_s: float, result: ControlResult, request: ControlRequest) -> NavigationOutput:
+        """Let the command through the last checks and keep the state and the patience."""
+        around = self._surroundings
+        verdict = self._guard.judge(
+            result,
+            request,
+            request.map_from_base.inverse().apply(around.points_m),
+            around.spread_m,
+            may_free=self._is_on_the_way(request),
+        )
+        if verdict.command is None:
+            return self._refused(time_s, verdict.reason, result, request)
         self._stuck_since_s = None
-        if self._state is not NavigationState.RECOVERING:
+        if verdict.frees_itself:
+            self._reason = verdict.reason
+            return self._output(verdict.command, request)
+        if verdict.gives_way:
+            self._reason = verdict.reason
+        elif self._state is not NavigationState.RECOVERING:
             self._state = NavigationState.ROTATING if result.rotating else NavigationState.NAVIGATING
             self._reason = self._route.reason
-        return self._output(command, request, result.trajectory)
+        return self._output(verdict.command, request, result.trajectory)
 
-    def _freeing(
-        self, request: ControlRequest, hits_in_base: FloatArray, spread_m: FloatArray
-    ) -> Twist2 | None:
-        """The way out of a refusal, if there is one: only on the way, and not before somebody who moves."""
-        on_the_way = self._state in (NavigationState.NAVIGATING, NavigationState.ROTATING)
-        if not on_the_way or self._arrival.at_place or len(request.path_m) == 0:
-            return None
-        command = self._escape.command(request, hits_in_base, spread_m)
-        if command is None or self._traffic.objection(command, request.twist, request.map_from_base):
-            return None
-        return command
+    def _refused(
+        self, time_s: float, reason: str, result: ControlResult, request: ControlRequest
+    ) -> NavigationOutput:
+        """Stand, and after a while try something else."""
+        self._stuck_since_s = time_s if self._stuck_since_s is None else self._stuck_since_s
+        if time_s - self._stuck_since_s > self._options.patience_s:
+            self._begin_recovery(time_s, request, reason)
+            if self._has_failed():
+                return self._fail(self._reason)
+            reason = self._reason
+        elif self._state is NavigationState.RECOVERING:
+            reason = f"{self._recovery.why}; {reason}"
+        self._reason = reason
+        return self._output(Twist2(), request, result.trajectory)
+
+    def _is_on_the_way(self, request: ControlRequest) -> bool:
+        moving = self._state in (NavigationState.NAVIGATING, NavigationState.ROTATING)
+        return moving and not self._arrival.at_place and len(request.path_m) > 0
 
     def _has_failed(self) -> bool:
         return self._state is NavigationState.FAILED
