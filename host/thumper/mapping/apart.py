@@ -9,9 +9,9 @@ from thumper.mapping import compile_kernels
 from thumper.mapping.correlative import correlative_search
 from thumper.mapping.method import Method
 from thumper.mapping.patches import render_states
-from thumper.mapping.wide_search import open_blocks
+from thumper.mapping.pose_graph import substitute
 
-LAST_KERNELS = {"scan_match": correlative_search, "graph": open_blocks, "rbpf": render_states}
+LAST_KERNELS = {"scan_match": correlative_search, "graph": substitute, "rbpf": render_states}
 MOST_ROUNDS = 12  # of compiling, in case the cache cannot be written; five to seven do it
 
 PLOT = (

@@ -9,6 +9,7 @@ where the new one lies on it; so drift shows as drift, and no scan is torn betwe
 from dataclasses import dataclass, replace
 from typing import Annotated
 
+import numpy as np
 from annotated_types import Gt, Interval
 
 from thumper.geometry import FloatArray, Pose2, Twist2
@@ -21,7 +22,7 @@ from thumper.mapping.grid_mapper import GridMapper, GridMapperOptions
 from thumper.mapping.loop_search import LoopSearch
 from thumper.mapping.mapper import MapperUpdate, PoseQuality
 from thumper.mapping.place_graph import PlaceGraph
-from thumper.mapping.pose_graph import Solver
+from thumper.mapping.pose_graph import Edge, Solver
 from thumper.mapping.scan_points import scan_points
 
 SCANS_AT_ONCE = 6  # entered in one part of the work while a map is drawn again: a few ms
@@ -114,6 +115,10 @@ class GraphMapper:
         """Compile the kernels (or load them from the cache) on a map that is thrown away."""
         self._front.warm_up()
         self._search.warm_up()
+        edge = Edge(
+            first=0, second=1, first_from_second=Pose2(), std_m=1.0, std_rad=1.0, loop=False, length_m=0.0
+        )
+        Solver(np.zeros((2, 3)), [edge]).step()
 
     def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
         """Take the odometry pose at `scan.time_s` (beam 0) and the speed during the turn, for de-skewing."""
