@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Self
+from typing import Annotated
 
 import numpy as np
 import serial
@@ -15,7 +15,7 @@ from thumper.lidar.ld19_frame import FRAME_BYTES, STAMP_WRAP_MS, FrameCutter, Ld
 from thumper.lidar.ld19_turn import Turn, TurnAssembler
 from thumper.lidar.scan import Scan
 from thumper.lidar.stamps import StampFit
-from thumper.link.port import EXIT_NO_HARDWARE, clock_of, open_port
+from thumper.link.port import EXIT_NO_HARDWARE, clock_of
 
 BAUD = 230_400
 POINT_S = 1.0 / 4500.0
@@ -67,22 +67,6 @@ class Ld19Driver(Closable):
         self.counters = LidarCounters()
         port.timeout = READ_TIMEOUT_S
         self._wait_for_frame()
-
-    @classmethod
-    def open(cls, url: str, *, baud: int = BAUD, options: Ld19Options | None = None) -> Self:
-        """Open the port at `url` and wait for the lidar on it.
-
-        Raises
-        ------
-        ThumperError
-            The port cannot be opened, or no LD19 is heard on it; the message names the cure.
-        """
-        port = open_port(url, baud=baud, name="lidar")
-        try:
-            return cls(port, options=options, name=url)
-        except BaseException:
-            port.close()
-            raise
 
     def poll(self) -> list[Scan]:
         """Return the scans that have arrived since the last call, oldest first. Never waits, never raises."""

@@ -3,6 +3,7 @@
 from thumper.config.robot import LidarConfig
 from thumper.lidar import ld19, urg04lx
 from thumper.lidar.driver import LidarDriver
+from thumper.link.port import open_port
 
 
 def open_lidar(config: LidarConfig) -> LidarDriver:
@@ -13,6 +14,12 @@ def open_lidar(config: LidarConfig) -> LidarDriver:
     ThumperError
         The port cannot be opened, or no lidar of that model is on it; the message names the cure.
     """
-    if config.model == "ld19":
-        return ld19.Ld19Driver.open(config.port, baud=config.baud or ld19.BAUD, options=config.ld19)
-    return urg04lx.Urg04LxDriver.open(config.port, baud=config.baud or urg04lx.BAUD, options=config.urg04lx)
+    baud = config.baud or (ld19.BAUD if config.model == "ld19" else urg04lx.BAUD)
+    port = open_port(config.port, baud=baud, name="lidar")
+    try:
+        if config.model == "ld19":
+            return ld19.Ld19Driver(port, options=config.ld19, name=config.port)
+        return urg04lx.Urg04LxDriver(port, options=config.urg04lx, name=config.port)
+    except BaseException:
+        port.close()
+        raise

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Self
+from typing import Annotated
 
 import numpy as np
 import serial
@@ -32,7 +32,7 @@ from thumper.lidar.scip_startup import (
     sync_clock,
 )
 from thumper.lidar.stamps import StampFit
-from thumper.link.port import clock_of, open_port
+from thumper.link.port import clock_of
 
 BAUD = 115_200  # for units with a serial line; USB ones ignore it
 CODES_BELOW_MM = 20
@@ -89,22 +89,6 @@ class Urg04LxDriver(Closable):
                 exit_code=EXIT_NO_HARDWARE,
             ) from error
         self._last_scan_s = self._port.now_s()
-
-    @classmethod
-    def open(cls, url: str, *, baud: int, options: Urg04LxOptions | None = None) -> Self:
-        """Open the port at `url` and wake the lidar on it.
-
-        Raises
-        ------
-        ThumperError
-            The port cannot be opened, or no lidar answers on it; the message names the cure.
-        """
-        port = open_port(url, baud=baud, name="lidar")
-        try:
-            return cls(port, options=options, name=url)
-        except BaseException:
-            port.close()
-            raise
 
     def poll(self) -> list[Scan]:
         """Return the scans that have arrived since the last call, oldest first. Never waits, never raises."""
