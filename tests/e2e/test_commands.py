@@ -91,6 +91,7 @@ def test_watch(thumper: Run, bus: str) -> None:
         (["flash", "--port", "/dev/null", "--hex", "none.hex"], 2, "none.hex: no such file"),
         (["watch", "nonsense"], 2, "no topic 'nonsense'"),
         (["goto", "nan", "0"], 2, "finite"),
+        (["run", "--patrol", "2"], 2, "--patrol belongs to --waypoint"),
         (["run", "--bus", "0.0.0.0:7447"], 2, "set a token"),
     ],
 )

@@ -92,6 +92,8 @@ def run(
         raise ThumperError("--goal, --heading, --waypoint and --start take finite numbers", exit_code=2)
     if heading is not None and goal is None:
         raise ThumperError("--heading belongs to --goal X Y", exit_code=2)
+    if patrol > 1 and not places:
+        raise ThumperError("--patrol belongs to --waypoint X,Y or --goal X Y", exit_code=2)
     settings = with_ports(load_config(config), board=board, lidar=lidar)
     if bus:
         settings = replace(settings, bus=settings.bus.at(bus))
