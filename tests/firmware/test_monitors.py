@@ -284,20 +284,6 @@ def test_wheel_speeds_are_limited_to_17_rad_s(core: ctypes.CDLL) -> None:
     assert host.status() == (m.State.CLOSED_LOOP, m.Fault.NONE, 17_000, -17_000)
 
 
-def test_beeps_wait_for_quiet_wheels(core: ctypes.CDLL) -> None:
-    """Five of 200 ms with as long a pause, not a moment while anything moves."""
-    beep = core.beep_new()
-    assert [core.beep_step(beep, 1, 1) for _ in range(10)] == [0] * 10
-    core.beep_start(beep, core.low_battery_beeps())
-    assert [core.beep_step(beep, 1, 0) for _ in range(10)] == [0] * 10
-    tones = [core.beep_step(beep, 1, 1) for _ in range(2500)]
-    assert sum(tones) == 1000
-    assert sum(later > earlier for earlier, later in zip([0, *tones], tones, strict=False)) == 5
-    assert tones[:199] == [1] * 199
-    core.beep_start(beep, 1)
-    assert core.beep_step(beep, 255, 1) + core.beep_step(beep, 255, 1) == 0, "long steps do not wrap"
-
-
 @pytest.mark.parametrize("way", [(1, 0), (-1, 0), (0, 1), (0, -1)])
 def test_a_current_at_the_limit_is_no_fault_and_above_it_is(core: ctypes.CDLL, way: tuple[int, int]) -> None:
     at, above = core.current_monitor_new(), core.current_monitor_new()

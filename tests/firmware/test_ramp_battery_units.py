@@ -1,4 +1,4 @@
-"""The small parts: set-point ramp, battery monitor, conversions."""
+"""The small parts: set-point ramp, battery monitor, beeps, conversions."""
 
 import ctypes
 import itertools
@@ -125,3 +125,17 @@ def test_low_battery_trips_late_once_and_releases_above_seven_volts(core: ctypes
     for _ in range(200):
         core.battery_update(battery, 7050)
     assert core.battery_status(battery) == AckStatus.OK
+
+
+def test_beeps_wait_for_quiet_wheels(core: ctypes.CDLL) -> None:
+    """Five of 200 ms with as long a pause, not a moment while anything moves."""
+    beep = core.beep_new()
+    assert [core.beep_step(beep, 1, 1) for _ in range(10)] == [0] * 10
+    core.beep_start(beep, core.low_battery_beeps())
+    assert [core.beep_step(beep, 1, 0) for _ in range(10)] == [0] * 10
+    tones = [core.beep_step(beep, 1, 1) for _ in range(2500)]
+    assert sum(tones) == 1000
+    assert sum(later > earlier for earlier, later in zip([0, *tones], tones, strict=False)) == 5
+    assert tones[:199] == [1] * 199
+    core.beep_start(beep, 1)
+    assert core.beep_step(beep, 255, 1) + core.beep_step(beep, 255, 1) == 0, "long steps do not wrap"

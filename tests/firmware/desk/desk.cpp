@@ -7,6 +7,7 @@
 #include "core/beep.hpp"
 #include "core/host_interface.hpp"
 #include "core/quadrature.hpp"
+#include "surroundings.hpp"
 #include "vectors.hpp"
 
 namespace {
@@ -25,48 +26,8 @@ int New(Args... args) {
   return static_cast<int>(objects.size()) - 1;
 }
 
-struct Bytes {
-  std::vector<uint8_t> data;
-  void Put(uint8_t byte) { data.push_back(byte); }
-};
-
-struct Words {
-  std::vector<int32_t> data;
-  void Put(int32_t word) { data.push_back(word); }
-};
-
 using Decoder = fw::FrameDecoder<60>;
 using Quadrature = fw::QuadratureDecoder<0x03>;
-
-/// An EEPROM whose power fails after a number of writes; the byte under way is then left half done.
-struct Eeprom {
-  uint8_t cells[256];
-  int writes_left = 1000000;
-  int busy = 0;  // looks until the write is done
-
-  Eeprom() { std::memset(cells, 0xFF, sizeof(cells)); }
-  uint8_t Read(uint8_t address) const { return cells[address]; }
-  bool Ready() {
-    if (busy > 0) --busy;
-    return busy == 0;
-  }
-  void Write(uint8_t address, uint8_t byte) {
-    if (writes_left <= 0) return;
-    --writes_left;
-    cells[address] = writes_left == 0 ? cells[address] & 0x5A : byte;
-    busy = 3;
-  }
-};
-
-struct Interface {
-  fw::HostInterface host;
-  Eeprom* eeprom;
-  int handled = 0;  // good frames
-  Interface(fw::ResetCause cause, fw::Fault latched, Eeprom* memory)
-      : host(fw::Board::kTrex, cause), eeprom(memory) {
-    host.Start(*eeprom, latched);
-  }
-};
 
 /// out: kp, ki, friction, kv, lead, decay, mean, ramp step.
 void Derive(const fw::Parameters& parameters, uint16_t battery_mV, int32_t* out) {

@@ -1,0 +1,50 @@
+// What the firmware's core is given on this machine in place of its surroundings: somewhere to put bytes, and
+// an EEPROM.
+
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+#include <vector>
+
+#include "core/host_interface.hpp"
+
+struct Bytes {
+  std::vector<uint8_t> data;
+  void Put(uint8_t byte) { data.push_back(byte); }
+};
+
+struct Words {
+  std::vector<int32_t> data;
+  void Put(int32_t word) { data.push_back(word); }
+};
+
+/// An EEPROM whose power fails after a number of writes; the byte under way is then left half done.
+struct Eeprom {
+  uint8_t cells[256];
+  int writes_left = 1000000;
+  int busy = 0;  // looks until the write is done
+
+  Eeprom() { std::memset(cells, 0xFF, sizeof(cells)); }
+  uint8_t Read(uint8_t address) const { return cells[address]; }
+  bool Ready() {
+    if (busy > 0) --busy;
+    return busy == 0;
+  }
+  void Write(uint8_t address, uint8_t byte) {
+    if (writes_left <= 0) return;
+    --writes_left;
+    cells[address] = writes_left == 0 ? cells[address] & 0x5A : byte;
+    busy = 3;
+  }
+};
+
+struct Interface {
+  fw::HostInterface host;
+  Eeprom* eeprom;
+  int handled = 0;  // good frames
+  Interface(fw::ResetCause cause, fw::Fault latched, Eeprom* memory)
+      : host(fw::Board::kTrex, cause), eeprom(memory) {
+    host.Start(*eeprom, latched);
+  }
+};
