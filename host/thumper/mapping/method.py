@@ -16,7 +16,7 @@ Method = Literal["scan_match", "graph", "rbpf"]
 class MappingOptions(GridMapperOptions):
     """The robot's `[mapping]`: which mapper, and the options of all of them."""
 
-    # The one of bounded time: closing a loop takes `graph` up to 0.3 s; a board waits 0.3 s for a command.
+    # The cheapest, and its pose never jumps under a robot that drives.
     method: Method = "scan_match"
     loops: LoopOptions = field(default_factory=LoopOptions)
     filter: RbpfOptions = field(default_factory=RbpfOptions)
