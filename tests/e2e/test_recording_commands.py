@@ -21,8 +21,8 @@ Thumper = Callable[..., "subprocess.CompletedProcess[str]"]
         (("export", "bad.mcap"), 2, "nothing to export"),
         (("export", "bad.mcap", "--csv", "x"), 2, "no MCAP file"),
         (("recover", "bad.mcap"), 2, "not every file could be repaired"),
-        (("record", "--bus", "127.0.0.1:9"), 1, "no robot is running"),
-        (("teleop", "--bus", "127.0.0.1:9"), 1, "no robot is running"),
+        (("record", "--bus", "127.0.0.1:9"), 3, "no robot is running"),
+        (("teleop", "--bus", "127.0.0.1:9"), 3, "no robot is running"),
         (("map-log", "bad.mcap"), 2, "unknown log format"),
     ],
 )
