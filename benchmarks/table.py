@@ -32,6 +32,7 @@ BENCHMARKS: dict[str, tuple[str, ...]] = {
     "slam_truth": ("--method scan_match",),
     "slam_lidars": ("--seeds 1 --method scan_match --range 4 30",),
     "slam_closed_loop": ("",),
+    "localization_starts": ("--starts 10", "--starts 10 --moved 2"),
     "navigation": ("",),
     "navigation_barn": ("--tracker cascade",),
     "navigation_people": ("--scenes 10",),

@@ -10,11 +10,13 @@ from collections import deque
 
 import numpy as np
 
-from thumper.geometry import FloatArray, Pose2, Twist2, wrap_angle
+from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.scan import Scan
+from thumper.localization.kld import resampled
 from thumper.localization.laid_scan import LaidScan, Place
 from thumper.localization.likelihood_field import LikelihoodField
 from thumper.localization.options import AmclOptions
+from thumper.localization.rivals import TRUST, Rivals, is_near
 from thumper.mapping.counts import Counts
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.grid_mapper import MIN_HITS
@@ -25,7 +27,6 @@ RETRY_SCANS = 10  # a lost robot stands: it looks again as often as this
 SURE_SHARE = 0.8  # of the weight, that one place must have
 FIRST_GAIN = 0.5  # as `beam_gain`, for the look that a search is made with: nothing was weighed twice yet
 NEAR_M, NEAR_RAD = 1.0, 0.5  # a place found so near the one that a person names is meant by it
-TRUST = 20.0  # how much likelier than any other is the place that a person names, before the first look
 LOOKS, FITTING = 20, 0.7  # of the right map so many weighed scans explain more; of a wrong one about 0.6
 RIVAL, MOST_BETTER = 1.0, 50.0  # of the logarithm of a chance: what makes a rival; what is enough
 
@@ -65,6 +66,7 @@ class Amcl:
         self._poses = np.zeros((0, 3))
         self._told: Pose2 | None = None  # by hand, and not yet compared with the rest of the map
         self._named: Pose2 | None = None  # the last one that was told
+        self._rivals = Rivals([], 0.0)
         if map_from_base is None:
             self._poses = self._field.anywhere(self._options.most_particles, self._rng)
         else:
@@ -101,9 +103,9 @@ class Amcl:
         spread = self._rng.standard_normal((n, 3)) * (std_m, std_m, std_rad)
         self._poses = spread + np.array([map_from_base.x_m, map_from_base.y_m, map_from_base.theta_rad])
         self._weights = np.full(n, 1.0 / n)
-        insisted = self._named is not None and _is_near(map_from_base, self._named)
+        insisted = self._named is not None and is_near(map_from_base, self._named, NEAR_M, NEAR_RAD)
         self._told, self._named = None if insisted else map_from_base, map_from_base
-        self._pose, self._odometry = map_from_base, None
+        self._pose, self._odometry, self._rivals = map_from_base, None, Rivals([], 0.0)
         self._searching, self._doubts, self._explained, self._share = False, 0, 0.0, 1.0
         if odom_from_base is not None:
             self._map_from_odom = map_from_base @ odom_from_base.inverse()
@@ -190,6 +192,7 @@ class Amcl:
         due = self._wait == 0 if self._searching else fresh or in_doubt or self._has_moved(moved)
         if len(hits_m) >= MIN_HITS and due:
             if self._searching:
+                self._rivals = Rivals([], 0.0)
                 self._look_everywhere(laid)
                 self._wait = RETRY_SCANS
             elif self._told is not None:
@@ -197,7 +200,14 @@ class Amcl:
                 self._told = None
             else:
                 self._diffuse(moved)
-            pose, score = self._weigh(laid)
+            place = self._weigh(laid)
+            other = self._rivals.look(laid, moved, place)
+            if other is not None:
+                place, jumped = other, True
+                self._poses, self._weights = self._around([place], np.ones(1), options.most_particles)
+                self._weights /= self._weights.sum()
+                self._share = 1.0
+            pose, score = place.pose, place.explained
             self._pose, self._odometry, self._explained = pose, odom_from_base, score
             self._unweighed = 0
             self._looks.append(score)
@@ -248,14 +258,19 @@ class Amcl:
         """
         logs, _ = scan.scored(self._poses, 1.0)
         own, found = scan.refined(self._poses[int(np.argmax(logs))]), scan.everywhere()
-        near = [place for place in found if _is_near(place.pose, told)]
+        near = [place for place in found if is_near(place.pose, told, NEAR_M, NEAR_RAD)]
         named = max([own, *near], key=lambda place: place.log)
-        places, chances = [named], [TRUST]
+        places, chances, quiet = [named], [TRUST], []
         for rival in found:
+            if rival in near:
+                continue
             better = FIRST_GAIN * scan.better(rival, named)
-            if better > RIVAL and not _is_near(rival.pose, told):
+            if better > RIVAL:
                 places.append(rival)
                 chances.append(math.exp(min(better, MOST_BETTER)))
+            else:
+                quiet.append((rival, better))
+        self._rivals = Rivals(quiet, self._options.beam_gain)
         self._poses, weights = self._around(places, np.array(chances), self._options.most_particles)
         self._weights = weights / weights.sum()
 
@@ -265,7 +280,7 @@ class Amcl:
         which = np.arange(count) % len(places)
         return rows[which] + self._rng.standard_normal((count, 3)) * (0.1, 0.1, 0.05), chances[which]
 
-    def _weigh(self, scan: LaidScan) -> tuple[Pose2, float]:
+    def _weigh(self, scan: LaidScan) -> Place:
         """Weigh, resample to the number that KLD asks for; return the refined pose and what it explains."""
         logs, _ = scan.scored(self._poses, self._options.beam_gain)
         weights = self._weights * np.exp(logs - logs.max())
@@ -279,36 +294,6 @@ class Amcl:
         turn = np.remainder(self._poses[near, 2] - best[2] + math.pi, math.tau) - math.pi
         mean[2] += float(share @ turn)
         if 1.0 / float(np.sum(self._weights**2)) < 0.5 * len(self._weights):
-            self._resample()
-        place = scan.refined(mean)
-        return place.pose, place.explained
-
-    def _resample(self) -> None:
-        """Draw until the cells that the particles fill have enough of them (Fox 2003, table 1)."""
-        options = self._options
-        order = self._rng.choice(len(self._poses), size=options.most_particles, p=self._weights)
-        drawn = self._poses[order]
-        keys = np.floor(drawn / (options.kld_cell_m, options.kld_cell_m, options.kld_cell_rad)).astype(
-            np.int64
-        )
-        seen: set[tuple[int, int, int]] = set()
-        count = len(drawn)
-        for i, (a, b, c) in enumerate(keys.tolist(), start=1):
-            seen.add((a, b, c))
-            if i >= options.least_particles and i >= self._enough(len(seen)):
-                count = i
-                break
-        self._poses = drawn[:count].copy()
-        self._weights = np.full(count, 1.0 / count)
-
-    def _enough(self, filled: int) -> float:
-        """Particles that bound the KL distance when `filled` cells are in use."""
-        if filled < 2:
-            return 0.0
-        k = 2.0 / (9.0 * (filled - 1))
-        root = 1.0 - k + math.sqrt(k) * self._options.kld_quantile
-        return (filled - 1) / (2.0 * self._options.kld_error) * root**3
-
-
-def _is_near(pose: Pose2, told: Pose2) -> bool:
-    return pose.distance_m(told) < NEAR_M and abs(wrap_angle(pose.theta_rad - told.theta_rad)) < NEAR_RAD
+            self._poses = resampled(self._poses, self._weights, self._options, self._rng)
+            self._weights = np.full(len(self._poses), 1.0 / len(self._poses))
+        return scan.refined(mean)

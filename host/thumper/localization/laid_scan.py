@@ -54,6 +54,10 @@ class LaidScan:
         placed = Pose2(x_m=x_m, y_m=y_m, theta_rad=wrap_angle(theta_rad))
         return Place(pose=placed, explained=float(explained), log=float(log))
 
+    def near(self, pose: Pose2) -> Place:
+        """The place that Gauss-Newton finds from a pose."""
+        return self.refined(np.array([pose.x_m, pose.y_m, pose.theta_rad]))
+
     def everywhere(self) -> list[Place]:
         """The best place of the whole map, and those apart from it that explain nearly as much."""
         return [self.refined(pose) for pose in self._field.alike(self._hits_m, HYPOTHESES, ALIKE)]

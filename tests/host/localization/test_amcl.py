@@ -100,6 +100,23 @@ def test_a_start_half_a_turn_round_in_a_plain_room_is_not_believed(true: Pose2) 
     assert localiser.quality().lost == ""
 
 
+def test_a_wrong_start_that_nothing_in_sight_tells_apart_is_found_out_on_the_way() -> None:
+    """The cupboard in the corner comes into sight of a lidar of 3 m after some steps."""
+    true = Pose2(x_m=-2.0, y_m=0.3, theta_rad=0.1)
+    path = [true @ Pose2(x_m=0.15 * k) for k in range(28)]
+    scans = [room_scan(pose, walls=PLAIN) for pose in path]
+    near = [replace(scan, ranges_m=np.where(scan.ranges_m > 3.0, np.nan, scan.ranges_m)) for scan in scans]
+    localiser = Amcl(PLAIN_GRID, map_from_base=Pose2(x_m=2.0, y_m=-0.3, theta_rad=0.1 + math.pi))
+    believed = []
+    for k, scan in enumerate(near):
+        localiser.update(Pose2(x_m=0.15 * k), scan, STILL)
+        believed.append(localiser.map_from_base.distance_m(path[k]) < 0.2)
+        assert localiser.quality().lost == ""
+    assert not believed[0]
+    assert believed[-1]
+    assert error_m(localiser, path[-1]) < 0.05
+
+
 def test_who_names_the_same_place_again_is_believed() -> None:
     true, named = STARTS[0], Pose2(x_m=-1.0, y_m=-0.5, theta_rad=0.3 - math.pi)
     localiser = Amcl(PLAIN_GRID, map_from_base=named)
