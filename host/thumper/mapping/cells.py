@@ -1,8 +1,10 @@
 """The cells of a map in the making: counts, distance field, and an array that grows with the known world."""
 
 import math
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thumper.errors import ThumperError
 from thumper.geometry import FloatArray, Pose2
@@ -11,6 +13,8 @@ from thumper.mapping.distance_field import mark
 from thumper.mapping.grid import UNKNOWN, CellArray, OccupancyGrid
 from thumper.mapping.integrate import integrate, states
 from thumper.mapping.scan_points import SILENT, ScanPoints
+
+Number = TypeVar("Number", np.uint16, np.float32, np.int8)
 
 BLOCK = 64  # the array grows by multiples of this many cells
 
@@ -27,9 +31,12 @@ class Cells:
         self.reach = max(1, min(127, round(reach_m / resolution_m)))
         self.occupied_fraction = occupied_fraction
         self._first_row = self._first_col = 0
-        self._stamp = 0
         self._shown: OccupancyGrid | None = None  # the map as last asked for, until a scan changes it
-        self._allocate(0, 0)
+        self.hits = np.zeros((0, 0), dtype=np.uint16)
+        self.misses = np.zeros((0, 0), dtype=np.uint16)
+        self.distance_m = np.zeros((0, 0), dtype=np.float32)
+        self.nearest = np.zeros((0, 0, 2), dtype=np.int8)  # step in (row, column) to the cell it is to
+        self._layer = np.zeros((0, 0), dtype=np.uint8)  # scratch, empty between the scans
 
     @classmethod
     def of(cls, counts: Counts, resolution_m: float, reach_m: float, occupied_fraction: float) -> "Cells":
@@ -50,7 +57,7 @@ class Cells:
         edge = cells.reach + 2  # a map may end at its walls, but the distances to them do not
         (row, col), hits, misses = counts.first_cell, counts.hits, counts.misses
         cells._first_row, cells._first_col = row - edge, col - edge
-        cells._allocate(hits.shape[0] + 2 * edge, hits.shape[1] + 2 * edge)
+        cells._grow(hits.shape[0] + 2 * edge, hits.shape[1] + 2 * edge, 0, 0)
         cells.hits[edge:-edge, edge:-edge], cells.misses[edge:-edge, edge:-edge] = hits, misses
         for row, col in np.argwhere(cells.occupied()):
             mark(int(row), int(col), cells.distance_m, cells.nearest, resolution_m, cells.reach)
@@ -84,14 +91,12 @@ class Cells:
         ends_m = map_from_base.apply(points.ends_m[said])
         self._cover(np.concatenate((origins_m, ends_m)))
         corner = np.array(self.corner_m)
-        self._stamp += 1
         self._shown = None
         integrate(
             (origins_m - corner) / self.resolution_m,
             (ends_m - corner) / self.resolution_m,
             points.kinds[said],
-            self._stamp,
-            self._stamps,
+            self._layer,
             self.hits,
             self.misses,
             self.distance_m,
@@ -133,13 +138,15 @@ class Cells:
         x_m, y_m = self.corner_m
         return OccupancyGrid(cells=cells, resolution_m=self.resolution_m, origin_x_m=x_m, origin_y_m=y_m)
 
-    def _allocate(self, rows: int, cols: int) -> None:
+    def _grow(self, rows: int, cols: int, top: int, left: int) -> None:
+        """Make the arrays larger, with what they hold at [top, left]; one by one, for they may be large."""
+        window = np.s_[top : top + self.hits.shape[0], left : left + self.hits.shape[1]]
+        self.hits = _grown(self.hits, (rows, cols), window, 0)
+        self.misses = _grown(self.misses, (rows, cols), window, 0)
+        self.distance_m = _grown(self.distance_m, (rows, cols), window, self.reach_m)
+        self.nearest = _grown(self.nearest, (rows, cols, 2), window, 0)
+        self._layer = np.zeros((rows, cols), dtype=np.uint8)
         self._shown = None
-        self.hits = np.zeros((rows, cols), dtype=np.uint16)
-        self.misses = np.zeros((rows, cols), dtype=np.uint16)
-        self.distance_m = np.full((rows, cols), self.reach_m, dtype=np.float32)
-        self.nearest = np.zeros((rows, cols, 2), dtype=np.int8)
-        self._stamps = np.zeros((rows, cols), dtype=np.int32)
 
     def _cover(self, points_m: FloatArray) -> None:
         """Grow the arrays so that the points, and the field's reach around them, lie inside."""
@@ -160,10 +167,15 @@ class Cells:
         left = first_col - BLOCK * max(0, math.ceil((first_col - low[0]) / BLOCK))
         bottom = last_row + BLOCK * max(0, math.ceil((high[1] - last_row) / BLOCK))
         right = last_col + BLOCK * max(0, math.ceil((high[0] - last_col) / BLOCK))
-        window = np.s_[first_row - top : first_row - top + rows, first_col - left : first_col - left + cols]
-        hits, misses, distance_m = self.hits, self.misses, self.distance_m
-        nearest, stamps = self.nearest, self._stamps
-        self._allocate(bottom - top, right - left)
-        self.hits[window], self.misses[window], self.distance_m[window] = hits, misses, distance_m
-        self.nearest[window], self._stamps[window] = nearest, stamps
+        self._grow(bottom - top, right - left, first_row - top, first_col - left)
         self._first_row, self._first_col = top, left
+
+
+def _grown(
+    array: NDArray[Number], shape: tuple[int, ...], window: tuple[slice, slice], fill: float
+) -> NDArray[Number]:
+    new = np.zeros(shape, dtype=array.dtype)  # of which the system makes memory where it is written
+    if fill:
+        new[:] = fill
+    new[window] = array
+    return new

@@ -16,8 +16,9 @@ from thumper.mapping.distance_field import (
 )
 from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, CellArray
 from thumper.mapping.scan_points import HIT, KindArray
-from thumper.mapping.trace import StampArray, trace
+from thumper.mapping.trace import LayerArray, trace
 
+TOUCHED = 1
 COUNT_MAX = 60_000  # halved together beyond this, so that the fraction stays and uint16 never wraps
 
 
@@ -55,8 +56,7 @@ def integrate(
     origins: FloatArray,
     ends: FloatArray,
     kinds: KindArray,
-    stamp: int,
-    stamps: StampArray,
+    layer: LayerArray,
     hits: CountArray,
     misses: CountArray,
     distance_m: FieldArray,
@@ -68,18 +68,18 @@ def integrate(
     """Enter one scan. `origins` and `ends`, shape (n, 2), are in cells: integer parts are (column, row).
 
     Each cell counts once a scan, and a hit outweighs any number of beams that pass through the same cell:
-    otherwise beams that graze a wall wear it away. `stamps` remembers the last scan that touched a cell.
-    Everything must lie inside the arrays.
+    otherwise beams that graze a wall wear it away. `layer` tells them apart, a byte a cell, empty before and
+    after. Everything must lie inside the arrays.
     """
     for i in range(kinds.size):
         if kinds[i] == HIT:
             row, col = math.floor(ends[i, 1]), math.floor(ends[i, 0])
-            if stamps[row, col] != stamp:
-                stamps[row, col] = stamp
+            if not layer[row, col]:
+                layer[row, col] = TOUCHED
                 count(
                     row, col, True, hits, misses, distance_m, nearest, resolution_m, reach, occupied_fraction
                 )
-    crossed = trace(origins, ends, kinds, 0, 1, stamp, stamps)
+    crossed = trace(origins, ends, kinds, 0, 1, TOUCHED, layer)
     for i in range(crossed.shape[0]):
         count(
             crossed[i, 0],
@@ -93,6 +93,10 @@ def integrate(
             reach,
             occupied_fraction,
         )
+        layer[crossed[i, 0], crossed[i, 1]] = 0
+    for i in range(kinds.size):
+        if kinds[i] == HIT:
+            layer[math.floor(ends[i, 1]), math.floor(ends[i, 0])] = 0
 
 
 @kernel

@@ -9,7 +9,7 @@ from thumper.geometry import FloatArray
 from thumper.kernel import kernel
 from thumper.mapping.scan_points import SILENT, KindArray
 
-StampArray = NDArray[np.int32] | NDArray[np.uint8]
+LayerArray = NDArray[np.uint8]
 CrossedArray = NDArray[np.int32]
 
 
@@ -20,14 +20,13 @@ def trace(
     kinds: KindArray,
     start: int,
     every: int,
-    stamp: int,
-    stamps: StampArray,
+    mark: int,
+    layer: LayerArray,
 ) -> CrossedArray:
     """(row, column) of the cells crossed, shape (cells, 2), without those that hold a beam's end.
 
     `origins` and `ends`, shape (n, 2), are in cells: integer parts are (column, row). Of the beams one in
-    `every` is followed, from `start` on. `stamps` remembers who touched a cell last: cells that bear `stamp`
-    are left out, the others get it.
+    `every` is followed, from `start` on. Cells that bear `mark` in the layer are left out, the others get it.
     Traversal: Amanatides and Woo, "A fast voxel traversal algorithm", Eurographics 1987.
     """
     room = 0
@@ -47,8 +46,8 @@ def trace(
         every_x = abs(1.0 / dx) if dx != 0.0 else math.inf
         every_y = abs(1.0 / dy) if dy != 0.0 else math.inf
         for _ in range(abs(end_row - row) + abs(end_col - col)):
-            if stamps[row, col] != stamp:
-                stamps[row, col] = stamp
+            if layer[row, col] != mark:
+                layer[row, col] = mark
                 crossed[n, 0], crossed[n, 1] = row, col
                 n += 1
             if next_x < next_y:
