@@ -83,14 +83,19 @@ class Perception:
         if isinstance(self._odometry, FusedOdometry):
             self._odometry.add_imu(sample)
 
-    def lines(self) -> list[str]:
-        """What was wrong with the input so far, one line a kind with its count."""
-        lines = [*self.monitor.lines(), *self._bridge.lines(), *self._slip.lines()]
+    def notes(self) -> dict[str, str]:
+        """What was wrong with the input so far: one line with its count for each kind, by the kind's name."""
+        notes = self.monitor.notes()
+        for kind, lines in (("LEAP", self._bridge.lines()), ("SLIP", self._slip.lines())):
+            if lines:
+                notes[kind] = lines[0]
         if isinstance(self._odometry, FusedOdometry) and self._odometry.slips:
-            lines.append(f"{self._odometry.slips} times wheels and gyroscope disagreed: the wheels slip")
+            notes["TURN_SLIP"] = (
+                f"{self._odometry.slips} times wheels and gyroscope disagreed: the wheels slip"
+            )
         if self.map_doubt:
-            lines.append(self.map_doubt)
-        return lines
+            notes["MAP"] = self.map_doubt
+        return notes
 
     def add_scan(self, scan: Scan) -> None:
         """Queue a scan; it is mapped as soon as odometry covers its whole turn."""
@@ -116,12 +121,13 @@ class Perception:
         """Return the state at the newest telemetry; None before the first."""
         if self._newest is None:
             return None
+        scan_age_s = self._newest.time_s - self._scan_time_s
         return Situation(
             time_s=self._newest.time_s,
             map_from_base=self.mapper.map_from_odom @ self._newest.odom_from_base,
             twist=self._newest.twist,
             hits_in_map_m=self._hits_in_map_m,
-            scan_age_s=self._newest.time_s - self._scan_time_s,
+            scan_age_s=scan_age_s if scan_age_s > -LONGEST_WAIT_S else np.inf,  # a clock was set back
             lost=self.mapper.quality().lost if self.scans_mapped else "",
         )
 

@@ -55,7 +55,7 @@ class Products:
         self._plan_m: FloatArray = np.empty((0, 2))
         self._transition: object = None
         self._fault = Fault.NONE
-        self._doubted = False
+        self._noted: set[str] = set()  # kinds of notes
         self._time_s = 0.0
 
     def add(self, outlet: Outlet) -> None:
@@ -137,9 +137,10 @@ class Products:
             self._transition = newest = transitions[-1]
             why = f": {newest.reason}" if newest.reason else ""
             self.event(f"{newest.before or 'start'} -> {newest.after}{why}", name="navigation")
-        if senses.perception.map_doubt and not self._doubted:
-            self._doubted = True
-            self.event(senses.perception.map_doubt, WARN, name="localisation")
+        for kind, line in senses.perception.notes().items():
+            if kind not in self._noted:  # the first of its kind; how many there were is told at the end
+                self._noted.add(kind)
+                self.event(line, WARN, name="localisation")
         fault = Fault.NONE if senses.telemetry is None else senses.telemetry.fault
         if fault is not self._fault:
             self._fault = fault

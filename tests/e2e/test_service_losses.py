@@ -52,6 +52,7 @@ def test_a_lidar_that_was_unplugged_is_opened_again_once_the_robot_stands(servic
     service.bench.fault("lidar", "unplugged")
     service.until(lambda: service.mode == "idle")
     assert "lidar" in service.ask("mission/state")["reason"]
+    assert not [text for text in service.events if "after a gap" in text]
     service.beats(60)
     service.bench.fault("lidar", "ok")
     service.until(lambda: "the lidar answers again" in service.events)
@@ -59,6 +60,9 @@ def test_a_lidar_that_was_unplugged_is_opened_again_once_the_robot_stands(servic
     assert lidar is not first
     assert lidar.counters.scans > 10  # counted on
     assert lidar.counters.restarts > 0
+    service.beats(10)
+    (gap,) = [text for text in service.events if "after a gap" in text]  # told once, and while it serves
+    assert "scans came after a gap" in gap
     service.beats(10)
     service.put(GoTo(goals=(NEAR,)))
     service.until(lambda: service.mode == "idle")

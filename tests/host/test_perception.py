@@ -150,7 +150,7 @@ def test_a_scan_that_makes_no_sense_is_counted_and_harmless(broken: dict[str, An
         robot.add_scan(replace(good, **broken) if k == 4 else good)
     robot.add_telemetry(telemetry(0.9, 0, 0))
     assert robot.monitor.counts == {flaw: 1}
-    assert robot.lines() == [f"1 of 8 scans {flaw.value}"]
+    assert list(robot.notes().values()) == [f"1 of 8 scans {flaw.value}"]
     situation = robot.situation()
     assert situation is not None
     assert situation.map_from_base.distance_m(Pose2()) < 0.01
@@ -175,7 +175,8 @@ def test_a_pose_given_by_hand_is_no_slip() -> None:
     assert abs(situation.map_from_base.theta_rad) > 3.0
     assert situation.lost == ""
     assert robot.scans_mapped == 29
-    assert robot.lines() == ["1 of 30 scans " + Flaw.NO_ODOMETRY]  # the one from before the board was heard
+    before_the_board_was_heard = f"1 of 30 scans {Flaw.NO_ODOMETRY}"
+    assert robot.notes() == {"NO_ODOMETRY": before_the_board_was_heard}
 
 
 def test_counts_that_leap_are_no_motion_and_are_told() -> None:
@@ -189,7 +190,24 @@ def test_counts_that_leap_are_no_motion_and_are_told() -> None:
         assert situation is not None
         assert situation.twist.v_m_s == 0.0
         assert situation.map_from_base.distance_m(Pose2()) < 0.01
-    assert [line.split(":")[0] for line in robot.lines()] == ["once the odometry leapt, by up to 30.0 m"]
+    assert robot.notes()["LEAP"].startswith("once the odometry leapt, by up to 30.0 m:")
+
+
+def test_after_a_clock_was_set_back_scans_are_mapped_again() -> None:
+    robot = perception()
+    for k in range(60):
+        time_s = 0.1 * k + (100.0 if k < 30 else 0.0)
+        robot.add_telemetry(telemetry(time_s, 0, 0))
+        if k == 30:
+            situation = robot.situation()
+            assert situation is not None
+            assert situation.scan_age_s == math.inf  # what was seen before is no newest scan
+        robot.add_scan(scan(time_s, [Pose2()] * 100))
+    assert robot.scans_mapped >= 56
+    assert robot.monitor.counts[Flaw.BACKWARDS] == 1
+    situation = robot.situation()
+    assert situation is not None
+    assert 0.0 <= situation.scan_age_s < 0.5
 
 
 def test_a_map_that_does_not_fit_is_told() -> None:
@@ -202,4 +220,4 @@ def test_a_map_that_does_not_fit_is_told() -> None:
         robot.add_telemetry(telemetry(0.1 * k, -step * k, step * k))
         turn_rad = 2.0 * step * k * M_PER_COUNT / DRIVE.track_m
         robot.add_scan(scan(0.1 * k, [Pose2(theta_rad=turn_rad)] * 100))
-    assert any("is it the right one" in line for line in robot.lines())
+    assert any("is it the right one" in line for line in robot.notes().values())

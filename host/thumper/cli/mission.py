@@ -44,6 +44,12 @@ def drive_with_progress(
     return result
 
 
+def print_notes(robot: Runtime, console: Console) -> None:
+    """Say what was wrong with the lidar's scans and the wheels on the way, one line a kind with its count."""
+    for line in robot.senses.perception.notes().values():
+        console.print(f"note: {line}", markup=False, soft_wrap=True)
+
+
 def raise_if_interrupted(result: MissionResult) -> None:
     """End a command that would drive on: Ctrl-C means all of it; the robot stands already."""
     if result.interrupted:

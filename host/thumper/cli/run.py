@@ -76,7 +76,7 @@ def run(
     from thumper.bus.attach import on_bus_if_free
     from thumper.cli.interrupted import INTERRUPTED
     from thumper.cli.known import known_place
-    from thumper.cli.mission import drive_with_progress
+    from thumper.cli.mission import drive_with_progress, print_notes
     from thumper.cli.output import prepare_output
     from thumper.cli.recorded import recorded
     from thumper.config.robot import load_config, with_ports
@@ -123,8 +123,7 @@ def run(
             lambda name, leg: drive_with_progress(robot, leg, name, console, clear_fault=clear_fault),
         )
         files = write_run(out, robot.mapper, robot.log, result)
-        for line in robot.senses.perception.lines():
-            console.print(f"note: {line}", markup=False, soft_wrap=True)
+        print_notes(robot, console)
     left = f"{result.path_length_m:.2f} m in {result.time_s:.1f} s; {', '.join(files)} are in {out}/"
     console.print(left, soft_wrap=True)
     if not result.reached:
@@ -136,7 +135,7 @@ def run(
 
 def _serve(robot: "Runtime", settings: "RobotConfig", speed: float, out: Path, console: "Console") -> None:
     from thumper.bus.attach import on_bus
-    from thumper.geometry import Pose2
+    from thumper.cli.mission import print_notes
     from thumper.mapping.session import Session
     from thumper.service.map_saver import MapSaver
     from thumper.service.requests import Notice
@@ -146,13 +145,14 @@ def _serve(robot: "Runtime", settings: "RobotConfig", speed: float, out: Path, c
 
     def session() -> Session:
         situation = robot.senses.perception.situation()
-        pose = situation.map_from_base if situation else Pose2()
+        pose = situation.map_from_base if situation and not situation.lost else None
         return Session(counts=robot.mapper.counts(), map_from_base=pose)
 
     robot.desk.handlers["save_map"] = MapSaver(robot.mapper.grid, session, out / "map.yaml", tell)
     with on_bus(robot, settings.name, settings.bus):
         console.print(f"{settings.name} is at service on {settings.bus.address}; Ctrl-C ends it")
         robot.serve(speed=speed)
+        print_notes(robot, console)
     console.print("stopped")
 
 

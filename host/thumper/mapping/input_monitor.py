@@ -64,13 +64,17 @@ class InputMonitor:
             self.note(flaw)
         return found
 
-    def lines(self) -> list[str]:
-        """One line for each kind of flaw, the most frequent first."""
-        lines = []
+    def notes(self) -> dict[str, str]:
+        """One line for each kind of flaw, by its name, the most frequent first."""
+        notes = {}
         for flaw, count in sorted(self.counts.items(), key=lambda item: -item[1]):
             longest = f" (the longest {self._longest_gap_s:.1f} s)" if flaw is Flaw.GAP else ""
-            lines.append(f"{count} of {self.scans} scans {flaw.value}{longest}")
-        return lines
+            notes[flaw.name] = f"{count} of {self.scans} scans {flaw.value}{longest}"
+        return notes
+
+    def lines(self) -> list[str]:
+        """One line for each kind of flaw, the most frequent first."""
+        return list(self.notes().values())
 
     def _beam_flaws(self, scan: Scan) -> list[Flaw]:
         ranges_m, step_rad = scan.ranges_m, scan.angle_increment_rad

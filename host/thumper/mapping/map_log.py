@@ -237,8 +237,13 @@ def _peak_MB() -> float | None:
 
 def _write_path(csv_path: Path, log: RobotLog, poses: FloatArray) -> None:
     """One line a scan, stamps as in the log."""
-    with csv_path.open("w", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(("timestamp_s", "x_m", "y_m", "theta_rad"))
-        for record, (x_m, y_m, theta_rad) in zip(log.records, poses, strict=True):
-            writer.writerow((f"{record.time_s:.6f}", f"{x_m:.6f}", f"{y_m:.6f}", f"{theta_rad:.6f}"))
+    try:
+        with csv_path.open("w", newline="") as stream:
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(("timestamp_s", "x_m", "y_m", "theta_rad"))
+            for record, (x_m, y_m, theta_rad) in zip(log.records, poses, strict=True):
+                writer.writerow((f"{record.time_s:.6f}", f"{x_m:.6f}", f"{y_m:.6f}", f"{theta_rad:.6f}"))
+    except OSError as error:
+        raise ThumperError(
+            f"{csv_path}: cannot be written ({error.strerror}); give another folder", exit_code=2
+        ) from error

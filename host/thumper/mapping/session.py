@@ -27,7 +27,7 @@ class Session:
     """All that it takes to go on with a map."""
 
     counts: Counts
-    map_from_base: Pose2  # where the robot was when it was saved
+    map_from_base: Pose2 | None  # where the robot was when it was saved; None when it did not know
 
 
 def save_session(session: Session, path: Path) -> Path:
@@ -47,7 +47,7 @@ def save_session(session: Session, path: Path) -> Path:
         "shape": counts.hits.shape,
         "first_cell": counts.first_cell,
         "resolution_m": counts.resolution_m,
-        "pose": [pose.x_m, pose.y_m, pose.theta_rad],
+        "pose": [pose.x_m, pose.y_m, pose.theta_rad] if pose else None,
     }
     header["sha256"] = _checksum(header, payload)
     partial = path.with_name(path.name + ".part")
@@ -94,11 +94,14 @@ def load_session(path: Path, resolution_m: float) -> Session:
         rows, cols = (int(size) for size in header["shape"])
         row, col = (int(index) for index in header["first_cell"])
         size_m = float(header["resolution_m"])
-        x_m, y_m, theta_rad = (float(value) for value in header["pose"])
+        pose = None
+        if header["pose"] is not None:
+            x_m, y_m, theta_rad = (float(value) for value in header["pose"])
+            pose = Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
         if not 0 <= rows * cols <= LARGEST_CELLS:
             raise ValueError(f"{rows} x {cols} cells")
         hits, misses = np.frombuffer(zlib.decompress(payload), dtype="<u2").reshape(2, rows, cols)
-    except (ValueError, KeyError, TypeError, zlib.error) as error:
+    except (ValueError, KeyError, TypeError, OverflowError, zlib.error) as error:
         raise ThumperError(
             f"{path}: not a mapping session; give a .session file (a map's .yaml goes with --map)",
             exit_code=2,
@@ -108,7 +111,7 @@ def load_session(path: Path, resolution_m: float) -> Session:
             f"{path}: its cells are {size_m} m; set mapping.resolution_m = {size_m} to go on", exit_code=2
         )
     counts = Counts(hits=hits, misses=misses, first_cell=(row, col), resolution_m=size_m)
-    return Session(counts=counts, map_from_base=Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad))
+    return Session(counts=counts, map_from_base=pose)
 
 
 def _checksum(header: dict[str, Any], payload: bytes) -> str:

@@ -38,7 +38,9 @@ class PoseHistory:
         self._samples: deque[OdometrySample] = deque()
 
     def add(self, sample: OdometrySample) -> None:
-        """Append a sample; one that is not later than the newest replaces nothing and is dropped."""
+        """Append a sample; one before the newest is dropped, one before them all means a clock set back."""
+        if self._samples and sample.time_s < self._samples[0].time_s:
+            self._samples.clear()
         if self._samples and sample.time_s <= self._samples[-1].time_s:
             return
         self._samples.append(sample)

@@ -46,6 +46,11 @@ def test_what_is_saved_is_the_map_of_each_method(tmp_path: Path, method: Method)
     assert session.counts.hits.max() == 3  # scans
 
 
+def test_a_robot_that_was_lost_says_no_pose(tmp_path: Path) -> None:
+    path = save_session(Session(counts=mapped().counts(), map_from_base=None), tmp_path / "room.session")
+    assert load_session(path, SIZE_M).map_from_base is None
+
+
 @given(hits=st.integers(0, 60_000), misses=st.integers(0, 60_000))
 def test_a_cell_of_another_day_says_the_same_with_fewer_observations(hits: int, misses: int) -> None:
     cell = (np.array([[n]], dtype=np.uint16) for n in (hits, misses))
