@@ -16,7 +16,7 @@ Method = Literal["scan_match", "graph", "rbpf"]
 class MappingOptions(GridMapperOptions):
     """The robot's `[mapping]`: which mapper, and the options of all of them."""
 
-    # The cheapest, and its pose never jumps under a robot that drives.
+    # The cheapest, and no closed loop moves the pose of a robot that drives.
     method: Method = "scan_match"
     loops: LoopOptions = field(default_factory=LoopOptions)
     filter: RbpfOptions = field(default_factory=RbpfOptions)

@@ -9,8 +9,9 @@ from thumper.mapping.cells import Cells
 from thumper.mapping.graph_mapper import SCANS_AT_ONCE, GraphMapper, LoopOptions
 from thumper.mapping.grid import FREE
 from thumper.mapping.mapper import Mapper
-from thumper.mapping.pose_graph import Edge, Solver, residual
+from thumper.mapping.pose_graph import Edge, Solver, factor, residual, substitute
 from thumper.mapping.scan_points import ScanPoints
+from thumper.mapping.wide_search import SearchField, WideSearch
 
 LENGTH_M, BREADTH_M = 32.0, 20.0
 
@@ -128,3 +129,44 @@ def test_the_pose_given_follows_the_map_through_a_closed_loop() -> None:
         assert update.map_from_base.distance_m(mapper.map_from_odom @ odometry) < 1e-9
         jumps += update.jumped
     assert jumps == mapper.loops_closed == 1
+
+
+def test_a_search_in_parts_finds_what_a_search_at_once_finds() -> None:
+    """An L of walls seen from within, looked for 1.5 m and 0.2 rad beside its place."""
+    along = np.arange(0.0, 6.0, 0.05)
+    walls_m = np.concatenate(
+        (np.column_stack((along, 0.0 * along)), np.column_stack((0.0 * along, 0.5 * along)))
+    )
+    apart_m = np.linalg.norm(walls_m[:, np.newaxis, np.newaxis] - lattice_m(), axis=-1).min(axis=0)
+    field = SearchField(np.minimum(apart_m, 0.5).astype(np.float32), 0.05, (-1.0, -1.0), 0.15)
+    true = Pose2(x_m=2.0, y_m=1.0, theta_rad=0.2)
+    points_m, centre = true.inverse().apply(walls_m), Pose2(x_m=3.0, y_m=2.0)
+    whole, parts = (WideSearch(field, points_m, centre, 2.0, 0.4) for _ in range(2))
+    assert whole.work(None)
+    steps = 1
+    while not parts.work(200_000):
+        steps += 1
+    assert steps > 5
+    assert parts.found() == whole.found()
+    assert whole.found().pose.distance_m(true) < 0.15
+    assert whole.found().score > 0.85
+
+
+def lattice_m() -> FloatArray:
+    """Centres of the cells of a map of 8 x 6 m whose corner is at (-1, -1), shape (rows, columns, 2)."""
+    x_m, y_m = np.meshgrid(np.arange(160) * 0.05 - 0.975, np.arange(120) * 0.05 - 0.975)
+    return np.stack((x_m, y_m), axis=-1)
+
+
+def test_a_band_factored_in_parts_solves_the_system() -> None:
+    rng, n, width = np.random.default_rng(1), 40, 7
+    lower = np.tril(np.triu(rng.standard_normal((n, n)), -width)) + 5.0 * np.eye(n)
+    matrix, right = lower @ lower.T, rng.standard_normal(n)
+    band = np.zeros((n, width + 1))
+    for below in range(width + 1):
+        band[below:, width - below] = np.diagonal(matrix, -below)
+    for first in range(0, n, 11):
+        factor(band, first, min(n, first + 11))
+    found = right.copy()
+    substitute(band, found)
+    np.testing.assert_allclose(found, np.linalg.solve(matrix, right), rtol=1e-9)
