@@ -1,7 +1,7 @@
 """Several goals one after another: the drive ends with the last, or where one is not reached."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from thumper.errors import ThumperError
 from thumper.navigation.goal import Goal
@@ -34,33 +34,21 @@ class Itinerary:
 
 
 def follow(itinerary: Itinerary, drive: Callable[[str, Goal], MissionResult]) -> MissionResult:
-    """Drive the legs by `drive(name, goal)` until one is not reached; add up their times.
+    """Drive the legs by `drive(name, goal)` until one is not reached; add up their times and ways.
 
     The reason says which leg failed. A leg that is refused before anything moves ends the drive like one
     that fails, but for the first: its ThumperError is the caller's.
     """
-    time_s, last = 0.0, None
+    result: MissionResult | None = None
     for name, goal in itinerary.legs():
         try:
-            last = drive(name, goal)
+            result = drive(name, goal).after(result)
         except ThumperError as error:
-            if last is None:
+            if result is None:
                 raise
-            return _summed(last, time_s, reached=False, reason=f"{name} {goal}: {error}")
-        time_s += last.time_s
-        if not last.reached:
-            reason = last.reason if len(itinerary.legs()) == 1 else f"{name} {goal}: {last.reason}"
-            return _summed(last, time_s, reached=False, reason=reason)
-    assert last is not None  # an itinerary holds at least one leg
-    return _summed(last, time_s, reached=True, reason=last.reason)
-
-
-def _summed(last: MissionResult, time_s: float, *, reached: bool, reason: str) -> MissionResult:
-    return MissionResult(
-        reached=reached,
-        interrupted=last.interrupted,
-        reason=reason,
-        time_s=time_s,
-        path_length_m=last.path_length_m,  # the robot's log runs on from leg to leg
-        map_from_base=last.map_from_base,
-    )
+            return replace(result, reached=False, reason=f"{name} {goal}: {error}")
+        if not result.reached:
+            several = len(itinerary.legs()) > 1
+            return replace(result, reason=f"{name} {goal}: {result.reason}") if several else result
+    assert result is not None  # an itinerary holds at least one leg
+    return result

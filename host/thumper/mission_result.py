@@ -1,6 +1,7 @@
 """What a drive tells while it lasts, and how it ended."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 from thumper.geometry import Pose2
 
@@ -15,6 +16,16 @@ class MissionResult:
     time_s: float
     path_length_m: float
     map_from_base: Pose2  # where the robot believes it stopped
+
+    def after(self, earlier: "Self | None") -> "Self":
+        """This ending, with the time and the way of an earlier drive added."""
+        if earlier is None:
+            return self
+        return replace(
+            self,
+            time_s=earlier.time_s + self.time_s,
+            path_length_m=earlier.path_length_m + self.path_length_m,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,15 +7,17 @@
         robot.goto(0.5, -0.5)
         print(robot.pose, robot.battery_V)
 
-Everything happens within the calls: between them the robot stands, its motors off. On the way out, whatever
+Everything happens within the calls: between them the robot stands, its motors off, however long the script
+thinks. What waited in the ports meanwhile is taken in by the next call or question. On the way out, whatever
 the reason, the motors are stopped first.
 """
 
 import itertools
 import math
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Self
+from urllib.parse import parse_qsl, urlencode
 
 from thumper.assembly import open_robot
 from thumper.config.robot import RobotConfig, load_config, with_ports
@@ -23,18 +25,20 @@ from thumper.errors import ThumperError
 from thumper.geometry import Pose2, Twist2
 from thumper.kinematics import WheelSpeeds
 from thumper.lidar.scan import Scan
-from thumper.link.messages import Telemetry
+from thumper.link.messages import State, Telemetry
+from thumper.link.port import EXIT_NO_HARDWARE
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.map_io import save_map
 from thumper.mapping.session import Session, load_session, save_session
 from thumper.mission_log import MissionLog
-from thumper.navigation.goal import Goal
 from thumper.perception import Situation
 from thumper.runtime import MissionResult, Runtime
+from thumper.service.goal_content import goal_of
 from thumper.service.pilot import Mode
 
 SIMULATION = "sim://"
 LONGEST_DRIVE_S = 600.0
+OFF_BEATS = 3  # telemetry from before the motors were switched off may still be on its way
 _simulation_numbers = itertools.count(1)
 
 
@@ -57,7 +61,20 @@ class Robot:
         The map's frame is laid by `start`, where the robot stands; by default its origin. With the file of a
         `session` the robot goes on in that map, once it has found out where in it it stands: near `start`, by
         default anywhere.
+
+        Raises
+        ------
+        ThumperError
+            An argument or the configuration is wrong.
         """
+        if not (isinstance(board, str) and isinstance(lidar, str)):
+            raise ThumperError(
+                'Robot: board and lidar are names of ports, such as "/dev/ttyUSB0"', exit_code=2
+            )
+        if not (start is None or isinstance(start, Pose2)):
+            raise ThumperError(
+                "Robot: start is a thumper.geometry.Pose2(x_m=, y_m=, theta_rad=)", exit_code=2
+            )
         self._config = _on_ports(load_config(Path(config) if config else None), board, lidar)
         self._session = Path(session) if session else None
         self._start = start if start or session else Pose2()
@@ -93,10 +110,10 @@ class Robot:
                 f" and {limit.manual_w_max_rad_s:g} rad/s ([service] in the configuration)",
                 exit_code=2,
             )
-        if not (math.isfinite(v_m_s) and math.isfinite(w_rad_s) and 0.0 < duration_s <= LONGEST_DRIVE_S):
-            raise ThumperError(
-                f"drive: give finite speeds and a duration of up to {LONGEST_DRIVE_S:g} s", exit_code=2
-            )
+        if not (math.isfinite(v_m_s) and math.isfinite(w_rad_s)):
+            raise ThumperError("drive: give finite speeds", exit_code=2)
+        _check_duration("drive", duration_s)
+        self._catch_up()
         pilot = self._runtime.pilot
         pilot.arm(self._runtime.senses.telemetry)
         try:
@@ -104,49 +121,65 @@ class Robot:
             self._let_pass(duration_s, while_armed=True)
         finally:
             self._runtime.stop()
+            self._hear_motors_off()
 
     def goto(
         self, x_m: float, y_m: float, heading_rad: float | None = None, *, tolerance_m: float = 0.1
     ) -> MissionResult:
         """Plan a way to a place in the map and drive there, round what stands in it; tells how it went.
 
+        The result's time and way are those of this drive. `tolerance_m` is 0.02...1.
+
         Raises
         ------
         ThumperError
-            Before anything moves: a goal in a wall or out of reach, a latched fault.
+            Before anything moves: a goal in a wall or out of reach, a latched fault, a number that cannot be.
         """
-        if not all(map(math.isfinite, (x_m, y_m, heading_rad or 0.0, tolerance_m))):
-            raise ThumperError("goto: give finite numbers", exit_code=2)
-        goal = Goal(x_m=x_m, y_m=y_m, theta_rad=heading_rad, tolerance_m=tolerance_m)
-        result = self._runtime.drive_to(goal, lambda _progress: None)
+        numbers = {"x_m": float(x_m), "y_m": float(y_m), "tolerance_m": float(tolerance_m)}
+        if heading_rad is not None:
+            numbers["yaw_rad"] = float(heading_rad)
+        result = self._runtime.drive_to(goal_of(numbers), lambda _progress: None)
+        self._hear_motors_off()
         if result.interrupted:
             raise KeyboardInterrupt
         return result
 
     def wait(self, duration_s: float = 1.0) -> None:
-        """Stand and go on looking and mapping for a while."""
+        """Stand and go on looking and mapping for a while.
+
+        Raises
+        ------
+        ThumperError
+            A duration that cannot be, or the board is silent.
+        """
+        _check_duration("wait", duration_s)
+        self._catch_up()
         self._let_pass(duration_s, while_armed=False)
 
     @property
     def pose(self) -> Pose2:
         """Where the robot is in the map."""
+        self._catch_up()
         return self._situation.map_from_base
 
     @property
     def map(self) -> OccupancyGrid:
         """The map so far."""
+        self._catch_up()
         return self._runtime.mapper.grid()
 
     @property
     def scan(self) -> Scan:
         """The lidar's newest turn."""
+        self._catch_up()
         scan = self._runtime.senses.newest_scan
         assert scan is not None  # the robot has looked round
         return scan
 
     @property
     def telemetry(self) -> Telemetry:
-        """What the board said last, in its own units."""
+        """What the board says, in its own units."""
+        self._catch_up()
         telemetry = self._runtime.senses.telemetry
         assert telemetry is not None
         return telemetry
@@ -154,8 +187,9 @@ class Robot:
     @property
     def wheel_speeds(self) -> WheelSpeeds:
         """What the wheels do."""
+        telemetry = self.telemetry
         return WheelSpeeds(
-            left_rad_s=self.telemetry.left_speed / 1000.0, right_rad_s=self.telemetry.right_speed / 1000.0
+            left_rad_s=telemetry.left_speed / 1000.0, right_rad_s=telemetry.right_speed / 1000.0
         )
 
     @property
@@ -169,8 +203,11 @@ class Robot:
         return self._runtime.log
 
     def save_map(self, path: str | Path) -> Path:
-        """Write the map as map_server's PATH.yaml and PATH.pgm, and PATH.session; returns the first."""
-        yaml_path = Path(path).with_suffix(".yaml")
+        """Write the map as map_server's PATH.yaml and PATH.pgm, and PATH.session; returns the first.
+
+        `path` may end in .yaml; any other ending is a part of the name.
+        """
+        yaml_path = Path(f"{str(path).removesuffix('.yaml')}.yaml")
         save_map(self.map, yaml_path)
         session = Session(counts=self._runtime.mapper.counts(), map_from_base=self.pose)
         save_session(session, yaml_path.with_suffix(".session"))
@@ -188,17 +225,34 @@ class Robot:
         assert situation is not None
         return situation
 
+    def _catch_up(self) -> None:
+        self._runtime.senses.catch_up(self._beat)
+
+    def _hear_motors_off(self) -> None:
+        """Let `telemetry` be of the robot at rest; should the board be silent, the next call says so."""
+        with suppress(ThumperError):
+            for _ in range(OFF_BEATS):
+                telemetry = self._runtime.senses.telemetry
+                if telemetry is None or telemetry.state in (State.DISARMED, State.FAULT) or not self._beat():
+                    return
+
     def _let_pass(self, duration_s: float, *, while_armed: bool) -> None:
-        until_s = self._situation.time_s + duration_s
+        until_s = math.inf
         while self._situation.time_s < until_s:
             if not self._beat():
-                raise ThumperError("the board went silent; is the cable loose?", exit_code=3)
+                raise ThumperError("the board went silent; is the cable loose?", exit_code=EXIT_NO_HARDWARE)
             if while_armed and self._runtime.pilot.mode is Mode.IDLE:
                 raise ThumperError(f"the drive ended early: {self._runtime.pilot.reason}")
+            until_s = min(until_s, self._situation.time_s + duration_s)  # from the first order on
 
     def _beat(self) -> bool:
         alive, _ = self._runtime.beat()
         return alive
+
+
+def _check_duration(what: str, duration_s: float) -> None:
+    if not 0.0 < duration_s <= LONGEST_DRIVE_S:  # nor for one that is no number
+        raise ThumperError(f"{what}: give a duration of up to {LONGEST_DRIVE_S:g} s", exit_code=2)
 
 
 def _on_ports(config: RobotConfig, board: str, lidar: str) -> RobotConfig:
@@ -207,5 +261,10 @@ def _on_ports(config: RobotConfig, board: str, lidar: str) -> RobotConfig:
     rest = board.removeprefix(SIMULATION)
     if rest and not rest.startswith("?"):
         return with_ports(config, board=board, lidar=lidar)  # a simulation with a name, as commands take it
+    if lidar:
+        raise ThumperError(f"Robot: {SIMULATION} brings its own lidar; leave out {lidar}", exit_code=2)
+    options = parse_qsl(rest.removeprefix("?"), keep_blank_values=True)
+    if "lidar" not in dict(options):
+        options.append(("lidar", config.lidar.model))
     name = f"{SIMULATION}robot{next(_simulation_numbers)}"
-    return with_ports(config, board=f"{name}/board{rest or '?world=lab'}", lidar=f"{name}/lidar")
+    return with_ports(config, board=f"{name}/board?{urlencode(options)}", lidar=f"{name}/lidar")

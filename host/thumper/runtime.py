@@ -128,6 +128,7 @@ class Runtime:
             Before anything moves: no telemetry, no scan, a latched fault, or a goal that makes no sense.
         """
         start = self.look_round()
+        driven = len(self.log.poses)
         self._check_goal(goal)
         self.pilot.start(goal, self.senses.telemetry, clear_fault=clear_fault)
         interrupted = False
@@ -146,7 +147,7 @@ class Runtime:
             interrupted=interrupted or ending.by_user,
             reason=reason,
             time_s=end.time_s - start.time_s,
-            path_length_m=path_length_m(self.log.poses),
+            path_length_m=path_length_m(self.log.poses[driven:]),
             map_from_base=end.map_from_base,
         )
 

@@ -1,5 +1,6 @@
 """What the robot takes in: one beat of the board's telemetry, the scans beside it, and what they mean."""
 
+import math
 from collections.abc import Callable
 from dataclasses import fields, replace
 
@@ -8,6 +9,7 @@ from thumper.lidar.driver import LidarDriver
 from thumper.lidar.scan import Scan
 from thumper.link.board import Board, TelemetrySample
 from thumper.link.messages import Telemetry
+from thumper.link.port import EXIT_NO_HARDWARE
 from thumper.mission_log import MissionLog
 from thumper.navigation.transitions import Transition
 from thumper.perception import Perception, Situation
@@ -15,6 +17,7 @@ from thumper.perception import Perception, Situation
 TELEMETRY_TIMEOUT_S = 0.5
 LATE_BEAT_S = 0.15  # telemetry frames were lost on the way: the board must not miss commands for it
 LATE_BEATS = 2
+CATCH_UP_BEATS = 10  # what waits comes in one heap or two; a computer behind all the time never catches up
 LIDAR_GONE_ERRORS = 5  # of its port one after another, without a scan between: the port itself has gone
 LIDAR_RETRY_S = 5.0
 FIRST_LOOK_SCANS = 3
@@ -42,6 +45,7 @@ class Senses:
         self.newest_scan: Scan | None = None
         self.log = MissionLog()
         self.keeps_log = True  # a robot that is on for days must not fill its memory
+        self._heard_s = math.inf  # when telemetry was taken in last; before the first nothing is out of date
         self._offset_counts = (0, 0)  # to the board's counts, which begin anew when it restarts
         self._is_new_board = False
         self._open_lidar = open_lidar
@@ -77,6 +81,8 @@ class Senses:
     def take_in(self, samples: list[TelemetrySample]) -> None:
         """Believe telemetry."""
         self.samples = [self._continued(sample) for sample in samples]
+        if samples:
+            self._heard_s = self.board.now_s()
         for sample in self.samples:
             self.telemetry = sample.telemetry
             self.perception.add_telemetry(sample)
@@ -132,9 +138,23 @@ class Senses:
         )
         return replace(sample, telemetry=moved)
 
-    def _is_stale(self) -> bool:
-        situation = self.perception.situation()
-        return situation is not None and self.board.now_s() - situation.time_s > TELEMETRY_TIMEOUT_S
+    def catch_up(self, beat: Callable[[], bool]) -> None:
+        """Let `beat` pass until what has waited in the ports is taken in; none when nothing has waited.
+
+        What was heard long ago tells neither the board's state nor the place now.
+
+        Raises
+        ------
+        ThumperError
+            The board is silent.
+        """
+        if self.board.now_s() - self._heard_s <= LATE_BEAT_S:
+            return
+        for _ in range(CATCH_UP_BEATS):
+            if not beat():
+                raise ThumperError(GONE, exit_code=EXIT_NO_HARDWARE)
+            if len(self.samples) <= LATE_BEATS:  # as they are sent: nothing has waited
+                return
 
     @property
     def has_looked(self) -> bool:
@@ -144,15 +164,12 @@ class Senses:
     def look_round(self, beat: Callable[[], bool]) -> Situation:
         """Stand still and let `beat` pass until the first scans are mapped: a plan needs a map.
 
-        What was heard long ago tells nothing of the board's state now: it is heard anew.
-
         Raises
         ------
         ThumperError
             The board is silent, or the lidar is.
         """
-        if self._is_stale() and not (beat() and beat()):  # the first takes in what has waited
-            raise ThumperError(GONE)
+        self.catch_up(beat)
         waited_s = 0.0
         while not self.has_looked:
             if waited_s > FIRST_LOOK_TIMEOUT_S:
@@ -162,7 +179,7 @@ class Senses:
                 )
             before = self.perception.situation()
             if not beat():
-                raise ThumperError(GONE)
+                raise ThumperError(GONE, exit_code=EXIT_NO_HARDWARE)
             now = self.perception.situation()
             if before and now:
                 waited_s += now.time_s - before.time_s

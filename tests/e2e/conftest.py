@@ -1,7 +1,9 @@
 """The product as a user runs it: the installed command, in a process of its own."""
 
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -40,3 +42,22 @@ def service(monkeypatch: pytest.MonkeyPatch) -> Iterator[Service]:
             monkeypatch.setattr(f"thumper.service.{part}.time", clock)
         service.beats(8)
         yield service
+
+
+@pytest.fixture
+def ports(tmp_path: Path) -> Iterator[tuple[Path, Path]]:
+    """A simulated robot in the lab, served in real time."""
+    board, lidar = tmp_path / "board", tmp_path / "lidar"
+    command: list[str | Path] = [THUMPER, "sim", "--board-pty", board, "--lidar-pty", lidar, "--world", "lab"]
+    process = subprocess.Popen([*command, "--start", "0", "0", "0"])
+    try:
+        deadline = time.monotonic() + 30
+        while not (board.exists() and lidar.exists()):
+            assert process.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        yield board, lidar
+    finally:
+        process.send_signal(signal.SIGINT)
+        assert process.wait(10) in (0, 130)
+    assert not board.is_symlink()  # it cleans up after itself

@@ -4,36 +4,14 @@ import json
 import re
 import signal
 import subprocess
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-
-import pytest
 
 from tests.e2e.conftest import THUMPER
 from thumper.link.board import Board
 from thumper.link.messages import State
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
-
-
-@pytest.fixture
-def ports(tmp_path: Path) -> Iterator[tuple[Path, Path]]:
-    """A simulated robot in the lab, served in real time."""
-    board, lidar = tmp_path / "board", tmp_path / "lidar"
-    command: list[str | Path] = [THUMPER, "sim", "--board-pty", board, "--lidar-pty", lidar, "--world", "lab"]
-    process = subprocess.Popen([*command, "--start", "0", "0", "0"])
-    try:
-        deadline = time.monotonic() + 30
-        while not (board.exists() and lidar.exists()):
-            assert process.poll() is None
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
-        yield board, lidar
-    finally:
-        process.send_signal(signal.SIGINT)
-        assert process.wait(10) in (0, 130)
-    assert not board.is_symlink()  # it cleans up after itself
 
 
 def test_run_reaches_a_goal_over_serial_ports(thumper: Run, ports: tuple[Path, Path], tmp_path: Path) -> None:

@@ -1,13 +1,23 @@
 """The robot as an object: what the first lines of a student do, on the real firmware in simulation."""
 
 import math
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from thumper import Robot, ThumperError
+from thumper.link.messages import State
 from thumper.mapping.map_io import load_map
 from thumper_hil.bench import Bench, simulation
+
+
+@pytest.fixture(scope="module")
+def lab() -> Iterator[Robot]:
+    with Robot("sim://") as robot:
+        yield robot
 
 
 def test_ten_lines_of_a_student(tmp_path: Path) -> None:
@@ -16,8 +26,10 @@ def test_ten_lines_of_a_student(tmp_path: Path) -> None:
         robot.drive(v_m_s=0.3, duration_s=1.5)
         assert robot.pose.x_m == pytest.approx(0.45, abs=0.12)
         assert robot.wheel_speeds.left_rad_s == robot.wheel_speeds.right_rad_s == 0.0
+        assert robot.telemetry.state is State.DISARMED
         result = robot.goto(0.6, -0.5)
         assert result.reached, result.reason
+        assert robot.telemetry.state is State.DISARMED
         assert math.hypot(robot.pose.x_m - 0.6, robot.pose.y_m + 0.5) < 0.12
         assert robot.battery_V > 7.0
         assert robot.scan.ranges_m.size == 682
@@ -55,14 +67,81 @@ def test_a_goal_out_of_reach_is_refused_before_anything_moves() -> None:
         robot.goto(60.0, 0.0)
 
 
-def test_numbers_that_cannot_be() -> None:
-    with Robot("sim://") as robot:
-        with pytest.raises(ThumperError, match="finite"):
-            robot.drive(v_m_s=math.nan)
-        with pytest.raises(ThumperError, match="too fast"):
-            robot.drive(v_m_s=9.0)
-        with pytest.raises(ThumperError, match="finite"):
-            robot.goto(math.nan, 0.0)
+def test_each_drive_tells_its_own_time_and_way() -> None:
+    with Robot("sim://?world=hall") as robot:
+        first, second = robot.goto(0.8, 0.0), robot.goto(0.4, 0.0)
+        for result, way_m in ((first, 0.8), (second, 0.4)):
+            assert result.reached, result.reason
+            assert way_m - 0.15 < result.path_length_m < way_m + 0.15
+        poses = robot.log.poses
+    assert poses[-1, 0] - poses[0, 0] > second.time_s
+
+
+@pytest.mark.parametrize(
+    ("call", "why"),
+    [
+        (lambda robot: robot.drive(v_m_s=math.nan), "finite"),
+        (lambda robot: robot.drive(v_m_s=9.0), "too fast"),
+        (lambda robot: robot.drive(v_m_s=0.1, duration_s=0.0), "drive: give a duration"),
+        (lambda robot: robot.goto(math.nan, 0.0), "numbers"),
+        (lambda robot: robot.goto(0.5, 0.0, math.inf), "numbers"),
+        (lambda robot: robot.goto(0.5, 0.0, tolerance_m=0.0), r"0\.02\.\.\.1 m"),
+        (lambda robot: robot.wait(-1.0), "wait: give a duration"),
+        (lambda robot: robot.wait(math.nan), "wait: give a duration"),
+        (lambda robot: robot.wait(math.inf), "wait: give a duration"),
+    ],
+)
+def test_numbers_that_cannot_be(call: Callable[[Robot], object], why: str, lab: Robot) -> None:
+    with pytest.raises(ThumperError, match=why):
+        call(lab)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        ({"board": None}, "names of ports"),
+        ({"board": "sim://", "start": (1, 2, 0)}, "Pose2"),
+        ({"board": "sim://", "lidar": "/dev/ttyACM9"}, "leave out /dev/ttyACM9"),
+    ],
+)
+def test_arguments_that_cannot_be_are_refused_at_once(arguments: dict[str, Any], why: str) -> None:
+    with pytest.raises(ThumperError, match=why):
+        Robot(**arguments)
+
+
+def test_the_simulated_robot_carries_the_lidar_that_is_configured(tmp_path: Path) -> None:
+    config = tmp_path / "robot.toml"
+    config.write_text('[lidar]\nmodel = "ld19"\n')
+    with Robot("sim://", config=config) as robot:
+        assert robot.scan.range_max_m == 12.0
+
+
+def test_a_map_keeps_its_whole_name(tmp_path: Path, lab: Robot) -> None:
+    assert lab.save_map(tmp_path / "map.v2") == tmp_path / "map.v2.yaml"
+    assert lab.save_map(tmp_path / "other.yaml") == tmp_path / "other.yaml"
+    assert {path.name for path in tmp_path.iterdir()} == {
+        f"{name}.{suffix}" for name in ("map.v2", "other") for suffix in ("yaml", "pgm", "session")
+    }
+
+
+def test_a_pause_of_the_script_takes_nothing_from_what_follows(ports: tuple[Path, Path]) -> None:
+    """On real ports the world goes on meanwhile, and what it sent waits."""
+    with Robot(str(ports[0]), lidar=str(ports[1])) as robot:
+        opened_s = robot.log.speeds[-1, 0]
+        time.sleep(1.5)
+        before_m = robot.pose.x_m
+        assert robot.log.speeds[-1, 0] > opened_s + 1.0  # the question took in what had waited
+        time.sleep(1.5)
+        robot.drive(v_m_s=0.2, duration_s=1.0)
+        assert robot.pose.x_m == pytest.approx(before_m + 0.2, abs=0.06)
+        driven_s = robot.log.speeds[-1, 0]
+        time.sleep(0.8)
+        robot.wait(0.6)
+        assert robot.log.speeds[-1, 0] > driven_s + 1.3
+        time.sleep(0.8)
+        result = robot.goto(before_m, 0.0)
+        assert result.reached, result.reason
+        assert robot.telemetry.state is State.DISARMED
 
 
 def test_a_robot_that_is_not_open_says_how_to_open_it() -> None:

@@ -51,7 +51,7 @@ def explore(
     from thumper.assembly import open_robot
     from thumper.bus.attach import on_bus_if_free
     from thumper.cli.known import known_place
-    from thumper.cli.mission import raise_if_interrupted
+    from thumper.cli.mission import print_notes, raise_if_interrupted
     from thumper.cli.output import prepare_output
     from thumper.cli.recorded import recorded
     from thumper.config.robot import load_config, with_ports
@@ -82,6 +82,7 @@ def explore(
         if not result.interrupted:
             result = _home(robot, result, home, console)
         files = write_run(out, robot.mapper, robot.log, result)
+        print_notes(robot, console)
     console.print(f"{'home' if result.reached else 'not home'}: {result.reason}")
     console.print(f"{', '.join(files)} are in {out}/", soft_wrap=True)
     raise_if_interrupted(result)
@@ -94,7 +95,7 @@ def _explore(
 ) -> "tuple[str, MissionResult]":
     """Drive from frontier to frontier; returns why it ended, in words, and how the last drive did.
 
-    The result's time is that of all drives, as its distance is.
+    The result's time and way are those of all drives.
     """
     from thumper.cli.mission import drive_with_progress
     from thumper.errors import ThumperError
@@ -112,7 +113,7 @@ def _explore(
             drive = drive_with_progress(robot, goal, f"frontier {tried}", console)
         except ThumperError as error:  # what borders on free ground is no bad goal: the robot cannot drive
             return f"ended after {spent_s:.0f} s: {error}", replace(result, reached=False, reason=str(error))
-        result = replace(drive, time_s=spent_s + drive.time_s)
+        result = drive.after(result)
         reached += drive.reached
         if not drive.reached and not drive.interrupted:
             if robot.pilot.navigator.state is not NavigationState.FAILED:  # then it is no fault of the place
@@ -131,7 +132,7 @@ def _home(robot: "Runtime", last: "MissionResult", home: "Goal", console: "Conso
         back = drive_with_progress(robot, home, "home", console)
     except ThumperError as error:
         return replace(last, reached=False, reason=str(error))
-    return replace(back, time_s=last.time_s + back.time_s)
+    return back.after(last)
 
 
 def _here(robot: "Runtime") -> "Goal":

@@ -38,7 +38,7 @@ def test_a_patrol_drives_every_waypoint_in_every_round_and_adds_up() -> None:
     result = follow(Itinerary(goals=(A, B), rounds=2), driver(lambda _name, _goal: False, seen))
     assert seen == [f"waypoint {n} of 2, round {lap} of 2" for lap in (1, 2) for n in (1, 2)]
     assert result.reached
-    assert result.time_s == 20.0
+    assert (result.time_s, result.path_length_m) == (20.0, 6.0)
     assert result.map_from_base == Pose2(y_m=1.0)
 
 
