@@ -7,16 +7,22 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from distributed import LocalCluster
 
 from thumper.errors import ThumperError
-from thumper_hil.campaign.job import Row, run_job
+from thumper_hil.campaign import runner
+from thumper_hil.campaign.job import run_job
+from thumper_hil.campaign.row import MEASURES, Row
 from thumper_hil.campaign.rows import RowStore
 from thumper_hil.campaign.spec import digest_of, jobs_of, load_campaign
 from thumper_hil.campaign.summary import markdown, mean_of, summarise, wilson
+from thumper_hil.parts.world_file import WORLDS
 
 FILE = """
 seeds = { first = 3, count = 2 }
@@ -40,7 +46,7 @@ def written(folder: Path, text: str = FILE) -> Path:
 
 
 def row(key: str, **changed: object) -> Row:
-    numbers = dict.fromkeys((name for name, kind in Row.__annotations__.items() if kind is float), 0.25)
+    numbers = dict.fromkeys(MEASURES, 0.25)
     fixed = {"key": key, "mission": "m", "parameters": "p", "seed": 1, "reached": True, "contacts": 0}
     return Row(**(numbers | fixed | {"reason": 'said "so", and more'} | changed))  # type: ignore[arg-type]
 
@@ -62,7 +68,15 @@ def test_every_mission_seed_and_parameter_set_is_a_job(tmp_path: Path) -> None:
         ('"gentle.toml"', '"none.toml"', "none.toml"),
         ('name = "gentle"', 'name = "default"', "same name"),
         ('robot = "gentle.toml"', 'scenario = "gentle.toml"', "gentle.toml"),
-        ("seeds = ", 'show = ["luck"]\nseeds = ', "show"),
+        ("seeds = ", 'show = ["luck"]\nseeds = ', "show.*goal_error_m"),
+        ('name = "step"', 'name = "step #1"', "missions.0.name.*letters"),
+        ('name = "step"', 'name = "a/b"', "letters"),
+        ('name = "step"', 'name = ""', "letters"),
+        ('name = "gentle"', 'name = "50% | pipe?"', "parameters.1.name.*letters"),
+        ("[1.0, 0.0, 180.0]", "[100.0, 0.0, 180.0]", "step: .*outside the room"),
+        ("[1.0, 0.0, 180.0]", "[1.0, nan, 180.0]", "missions.0.start"),
+        ("[1.0, 0.0, 180.0]", "[1.0, 0.0, 1800.0]", "heading"),
+        ("[0.6, 0.0]", "[60.0, 0.0]", "more than 50 m"),
         ("seeds =", "seeds", "TOML"),
     ],
 )
@@ -102,6 +116,71 @@ def test_more_seeds_go_on_in_the_same_folder(tmp_path: Path) -> None:
     assert digest_of(few) == digest_of(more) != digest_of(other)
 
 
+def test_what_the_files_say_tells_campaigns_apart_and_not_where_they_lie(tmp_path: Path) -> None:
+    """World, its base's map, scenario and masks: edited, each makes another campaign; moved, none does."""
+    text = FILE.replace('world = "lab"', 'world = "room.toml"').replace(
+        '{ name = "default" }', '{ name = "default", scenario = "slip.toml" }'
+    )
+
+    def digest(folder: str, **changed: str) -> str:
+        here = tmp_path / folder
+        here.mkdir()
+        image = changed.get("image", "P2 3 1 255 255 255 255\n")
+        files = {
+            "slip.toml": "faults = [{ at_s = 0.5, slip.left = 0.7 }]",
+            "base.toml": 'map = "map.yaml"\n[[wall]]\npoints_m = [[-3, -3], [3, -3]]\n',
+            "room.toml": 'base = "base"\n[[circle]]\nx_m = -2\ny_m = 0\nradius_m = 0.1\n',
+            "map.yaml": "image: map.pgm\nresolution: 9.0\norigin: [-13.5, -4.5, 0.0]\nnegate: 0\n"
+            "occupied_thresh: 0.65\nfree_thresh: 0.25\n",
+            "mask.yaml": "image: mask.pgm\nresolution: 1.0\norigin: [7.0, 0.0, 0.0]\nnegate: 0\n"
+            "occupied_thresh: 0.65\nfree_thresh: 0.25\n",
+            "map.pgm": image,
+            "mask.pgm": changed.get("mask", "P2 1 1 255 255\n"),
+        } | {f"{name}.toml": text for name, text in changed.items() if name not in ("image", "mask")}
+        for name, content in files.items():
+            (here / name).write_text(content)
+        path = written(here, text)
+        (here / "gentle.toml").write_text('[navigation.masks]\nkeepout = "mask.yaml"\n')
+        return digest_of(jobs_of(load_campaign(path), here))
+
+    first = digest("a")
+    assert digest("b") == first
+    assert digest("c", slip="faults = [{ at_s = 0.5, motor.left = 'dead' }]") != first
+    assert digest("d", room='base = "base"\n[[circle]]\nx_m = -2\ny_m = 0\nradius_m = 0.2\n') != first
+    assert digest("e", base='map = "map.yaml"\n[[wall]]\npoints_m = [[-3, -3], [4, -3]]\n') != first
+    assert digest("f", image="P2 3 1 255 0 255 255\n") != first
+    assert digest("g", mask="P2 1 1 255 0\n") != first
+
+
+def test_a_second_program_in_the_same_folder_is_refused(tmp_path: Path) -> None:
+    with RowStore(tmp_path, "d") as store:
+        with pytest.raises(ThumperError, match="just now") as caught:
+            RowStore(tmp_path, "d")
+        store.add(row("a"))
+    assert caught.value.exit_code == 2
+    with RowStore(tmp_path, "d") as store:
+        assert [r.key for r in store.rows] == ["a"]
+
+
+def test_rows_with_other_columns_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "rows.csv").write_text("key,mission\na,b\n")
+    with pytest.raises(ThumperError, match="not the rows"):
+        RowStore(tmp_path, "d")
+
+
+def test_what_a_machine_cannot_simulate_is_no_row(tmp_path: Path) -> None:
+    """The world is edited after the jobs were drawn up, then gone: neither says anything of the robot."""
+    (tmp_path / "room.toml").write_text(f'base = "{WORLDS / "lab"}"\n')
+    jobs = jobs_of(load_campaign(written(tmp_path, FILE.replace('"lab"', '"room.toml"'))), tmp_path)
+    with (tmp_path / "room.toml").open("a") as stream:
+        stream.write("[[circle]]\nx_m = 0.8\ny_m = 0\nradius_m = 0.1\n")
+    with pytest.raises(ThumperError, match="same files"):
+        run_job(jobs[0])
+    (tmp_path / "room.toml").unlink()
+    with pytest.raises(ThumperError, match="no such world"):
+        run_job(jobs[0])
+
+
 def test_intervals_hold_what_they_promise() -> None:
     """About 95 of 100 samples' intervals hold the truth."""
     rng = np.random.default_rng(1)
@@ -112,12 +191,20 @@ def test_intervals_hold_what_they_promise() -> None:
     assert wilson(10, 10).high == pytest.approx(1.0)
     assert wilson(10, 10).low == pytest.approx(0.722, abs=0.001)
     assert math.isnan(mean_of([math.nan]).value)
+    three = mean_of([2.0, 1.0, 6.0])  # too few for confidence: the range
+    assert (three.value, three.low, three.high) == (3.0, 1.0, 6.0)
 
 
 def test_a_touch_is_no_success() -> None:
     summary = summarise([row("a"), row("b", contacts=2), row("c", reached=False)], ["time_s"])[0]
     assert (summary.runs, summary.contacts) == (3, 2)
     assert summary.success.value == pytest.approx(1 / 3)
+
+
+def test_means_are_of_the_drives_that_reached_their_goal() -> None:
+    rows = [row("a"), row("b", reached=False, time_s=99.0)]
+    assert summarise(rows, ["time_s"])[0].means["time_s"].value == pytest.approx(0.25)
+    assert "reached their goal" in markdown(summarise(rows, ["time_s"]))
 
 
 def test_a_tour_with_a_fault_is_driven_to_its_end(tmp_path: Path) -> None:
@@ -166,6 +253,30 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
         for process in (*workers, scheduler):
             process.kill()
             process.wait()
+
+
+def test_what_the_machine_fails_is_driven_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A job that cannot be read there, which is no ThumperError: the others are kept, it alone is left."""
+    monkeypatch.setattr(runner, "_local_cluster", threads)
+    good, *_, bad = jobs_of(load_campaign(written(tmp_path)), tmp_path)
+    with RowStore(tmp_path, "d") as store:
+        told: list[Row] = []
+        jobs = [replace(bad, robot_json="no JSON"), good]
+        with pytest.raises(ThumperError, match=f"1 of 2 .*{bad.key}.*run the same command again") as caught:
+            runner.run_jobs(jobs, store, scheduler=None, workers=1, show=told.append)
+        assert "\n" not in str(caught.value)
+        assert [r.key for r in store.rows] == [r.key for r in told] == [good.key]
+        runner.run_jobs([bad, good], store, scheduler=None, workers=1, show=told.append)
+        assert [r.key for r in store.rows] == [good.key, bad.key]
+
+
+@contextmanager
+def threads(workers: int | None) -> Iterator[LocalCluster]:
+    """A cluster within this process: begun sooner than one of processes."""
+    with LocalCluster(  # type: ignore[no-untyped-call]
+        n_workers=workers, threads_per_worker=1, processes=False, dashboard_address=None
+    ) as cluster:
+        yield cluster
 
 
 def test_a_worker_that_is_killed_midway_costs_no_row(

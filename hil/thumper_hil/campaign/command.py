@@ -25,12 +25,12 @@ def campaign(
 
     from thumper.cli.output import prepare_output
     from thumper_hil.campaign.figures import draw
-    from thumper_hil.campaign.job import Row
     from thumper_hil.campaign.parquet import write_parquet
+    from thumper_hil.campaign.row import Row, succeeded
     from thumper_hil.campaign.rows import RowStore
     from thumper_hil.campaign.runner import run_jobs
     from thumper_hil.campaign.spec import digest_of, jobs_of, load_campaign
-    from thumper_hil.campaign.summary import markdown, succeeded, summarise
+    from thumper_hil.campaign.summary import markdown, summarise
 
     console = Console()
     plan = load_campaign(file)

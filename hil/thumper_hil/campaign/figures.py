@@ -7,14 +7,16 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from thumper.report import BLUE, ORANGE
-from thumper_hil.campaign.job import Row
-from thumper_hil.campaign.summary import TITLES, Summary
+from thumper_hil.campaign.row import MEASURES, Row
+from thumper_hil.campaign.summary import FEW, Summary
 
 
 def draw(path: Path, rows: Sequence[Row], summaries: Sequence[Summary]) -> Path:
     """One panel a measure, one column a group."""
     measures = list(summaries[0].means)
     figure = Figure(figsize=(4.2 * len(measures), 4.5), layout="constrained")
+    few = any(s.runs < FEW for s in summaries)
+    label = "mean, range" if few else "mean, 95 %"
     labels = [f"{s.mission}\n{s.parameters}" for s in summaries]
     at = np.arange(len(summaries))
     for axes, name in zip(figure.subplots(1, len(measures), squeeze=False)[0], measures, strict=True):
@@ -29,9 +31,9 @@ def draw(path: Path, rows: Sequence[Row], summaries: Sequence[Summary]) -> Path:
         means = [s.means[name] for s in summaries]
         middle = np.array([m.value for m in means])
         errors = np.abs(np.array([[m.low for m in means], [m.high for m in means]]) - middle)
-        axes.errorbar(at, middle, yerr=errors, fmt="o", color=ORANGE, capsize=5, label="mean, 95 %")
+        axes.errorbar(at, middle, yerr=errors, fmt="o", color=ORANGE, capsize=5, label=label)
         axes.set_xticks(at, labels, rotation=30, ha="right", fontsize=8)
-        axes.set_title(TITLES[name], fontsize=10)
+        axes.set_title(MEASURES[name], fontsize=10)
         if name != "speed_error_mean_rad_s":  # the one that has a sign
             axes.set_ylim(bottom=0.0)
         axes.set_xlim(-0.6, len(summaries) - 0.4)

@@ -2,12 +2,14 @@
 
 import logging
 import signal
+import uuid
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from thumper.errors import ThumperError
-from thumper_hil.campaign.job import Row, run_job
+from thumper_hil.campaign.job import run_job
+from thumper_hil.campaign.row import Row
 from thumper_hil.campaign.rows import RowStore
 from thumper_hil.campaign.spec import Job
 
@@ -15,7 +17,6 @@ if TYPE_CHECKING:
     from distributed import LocalCluster
 
 CONNECT_S = 10
-RETRIES = 3  # a job whose worker dies is given to another
 
 
 def run_jobs(
@@ -31,11 +32,10 @@ def run_jobs(
     Raises
     ------
     ThumperError
-        Nobody answers at `scheduler`, or not any more; a job's worker died again and again. The rows so far
-        are kept.
+        Nobody answers at `scheduler`, or not any more; or some drives could not be begun or ended: the
+        machine's fault and not the robot's. The rows of all others are kept.
     """
     from distributed import CancelledError, Client, as_completed
-    from distributed.scheduler import KilledWorker
 
     done = {row.key for row in store.rows}
     waiting = [job for job in jobs if job.key not in done]
@@ -49,24 +49,40 @@ def run_jobs(
             raise ThumperError(
                 f"{scheduler}: no Dask scheduler answers; start one with `dask scheduler`", exit_code=3
             ) from error
-        keys = [f"{job.key}-thumper" for job in waiting]
-        futures = client.map(run_job, waiting, key=keys, pure=False, retries=RETRIES)
+        run = uuid.uuid4().hex  # to Dask the same key is the same drive, also in somebody else's campaign
+        keys = {f"{job.key}-{run}": job.key for job in waiting}
+        futures = client.map(run_job, waiting, key=list(keys), pure=False)
+        failures: list[str] = []
         for future in as_completed(futures):  # type: ignore[no-untyped-call]
             try:
                 row = future.result()
-            except KilledWorker as error:
-                raise ThumperError(
-                    f"{future.key}: its workers died {RETRIES} times; is there enough memory? "
-                    "The rows so far are kept: run the same command again"
-                ) from error
             except CancelledError as error:
                 raise ThumperError(
                     "the Dask scheduler is gone; the rows so far are kept: run the same command again",
                     exit_code=3,
                 ) from error
-            store.add(row)
-            show(row)
+            except Exception as error:  # it ends this drive alone
+                failures.append(f"{keys[future.key]}: {_said(error)}")
+            else:
+                store.add(row)
+                show(row)
             future.release()
+    if failures:
+        raise ThumperError(
+            f"{len(failures)} of {len(jobs)} drives could not be driven; the first, {failures[0]}. "
+            "All others are kept: mend it and run the same command again"
+        )
+
+
+def _said(error: Exception) -> str:
+    """One line. A job whose worker dies Dask gives to another, and gives up after some."""
+    from distributed.scheduler import KilledWorker
+
+    if isinstance(error, KilledWorker):
+        return f"{error.allowed_failures + 1} workers died of it; is there enough memory?"
+    if isinstance(error, ThumperError):
+        return str(error)
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
 @contextmanager

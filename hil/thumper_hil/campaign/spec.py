@@ -1,34 +1,48 @@
 """What a campaign's TOML file says, checked: missions, seeds and parameter sets; and the jobs that follow."""
 
-import hashlib
 import json
+import math
+import re
 from dataclasses import asdict, dataclass, field, replace
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from annotated_types import Ge, Gt, MinLen
-from pydantic import ConfigDict, TypeAdapter, with_config
+from pydantic import AfterValidator, ConfigDict, TypeAdapter, with_config
 
 from thumper.config.checked import read_checked
 from thumper.config.robot import config_to_json, load_config
 from thumper.errors import ThumperError
+from thumper.geometry import Pose2
+from thumper.runtime import FARTHEST_GOAL_M
+from thumper_hil.bench.contact import HULL_M
+from thumper_hil.bench.options import FULL_TURN_DEG
+from thumper_hil.campaign.content import content_of, digest
+from thumper_hil.campaign.row import MEASURES
 from thumper_hil.faults.scenario import load_scenario
+from thumper_hil.parts.scene import Scene
+from thumper_hil.parts.start import why_not_here
 from thumper_hil.parts.world import World
 
-_STRICT = ConfigDict(extra="forbid")
-Measure = Literal[
-    "goal_error_m",
-    "time_s",
-    "path_length_m",
-    "pose_rmse_m",
-    "pose_max_m",
-    "odometry_error_m",
-    "odometry_error_rad",
-    "speed_error_mean_rad_s",
-    "speed_error_std_rad_s",
-]
-"""The figures of a row (job.Row) that a mean says something of."""
+_STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+def _plain_name(text: str) -> str:
+    """A name becomes part of keys, addresses and tables."""
+    if not re.fullmatch(r"[A-Za-z0-9._-]+", text):
+        raise ValueError("a name is made of letters, digits and . _ - alone")
+    return text
+
+
+def _known_measure(text: str) -> str:
+    if text not in MEASURES:
+        raise ValueError(f"give some of {', '.join(MEASURES)}")
+    return text
+
+
+Name = Annotated[str, AfterValidator(_plain_name)]
+Measure = Annotated[str, AfterValidator(_known_measure)]
 
 
 @with_config(_STRICT)
@@ -45,7 +59,7 @@ class Seeds:
 class MissionSpec:
     """One drive in one world. The start's heading is in degrees, counter-clockwise from x."""
 
-    name: Annotated[str, MinLen(1)]
+    name: Name
     world: str
     start: tuple[float, float, float]
     goal: tuple[float, float]
@@ -57,7 +71,7 @@ class MissionSpec:
 class ParameterSet:
     """A robot's configuration, without a file the Wild Thumper's, and what is wrong with it."""
 
-    name: Annotated[str, MinLen(1)] = "default"
+    name: Name = "default"
     robot: str = ""  # a robot's TOML, from the campaign file's folder
     scenario: str = ""  # a TOML of faults, likewise
 
@@ -81,13 +95,14 @@ class Campaign:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """One drive; it holds all that a worker on another machine needs."""
+    """One drive. World, scenario and masks are paths, which a worker on another machine must have as well."""
 
     mission: MissionSpec
     seed: int
     parameters: str
     robot_json: str  # the whole configuration
     scenario: str = ""  # a path
+    content: str  # of those files: content.content_of
 
     @property
     def key(self) -> str:
@@ -109,7 +124,8 @@ def load_campaign(path: Path) -> Campaign:
             raise ThumperError(f"{path}: two {what} have the same name", exit_code=2)
     missions = tuple(replace(one, world=_beside(one.world, path.parent)) for one in campaign.missions)
     for mission in missions:
-        World.load(mission.world)  # refused here, in one line, and not by each job
+        if reason := _why_not(mission):  # here, in one line, and not by each job
+            raise ThumperError(f"{path}: mission {mission.name}: {reason}", exit_code=2)
     sets = tuple(
         replace(one, scenario=str((path.parent / one.scenario).resolve())) if one.scenario else one
         for one in campaign.parameters
@@ -125,17 +141,35 @@ def _beside(world: str, folder: Path) -> str:
     return str((folder / world).resolve()) if Path(world).suffix else world
 
 
+def _why_not(mission: MissionSpec) -> str:
+    """Why it cannot be driven, if that is plain from the start; raises ThumperError for its world."""
+    x_m, y_m, yaw_deg = mission.start
+    if abs(yaw_deg) > FULL_TURN_DEG:
+        return f"start: the heading {yaw_deg:g} is none; give degrees, -360...360"
+    pose = Pose2(x_m=x_m, y_m=y_m, theta_rad=math.radians(yaw_deg))
+    if reason := why_not_here(Scene(World.load(mission.world)).world, pose, HULL_M):
+        return f"start: a robot at {x_m:g}, {y_m:g} {reason} of {mission.world}; start it somewhere free"
+    for here, there in pairwise(((x_m, y_m), *mission.via, mission.goal)):
+        if math.dist(here, there) > FARTHEST_GOAL_M:
+            return (
+                f"{there[0]:g}, {there[1]:g} is more than {FARTHEST_GOAL_M:g} m from where the robot comes "
+                "from; choose nearer goals"
+            )
+    return ""
+
+
 def jobs_of(campaign: Campaign, folder: Path) -> list[Job]:
     """All jobs, a seed after the other, so that what is there early is a cross-section.
 
     Raises
     ------
     ThumperError
-        A robot's TOML is wrong.
+        A robot's TOML is wrong, or a mask that it names.
     """
-    robots = {
-        one.name: config_to_json(load_config(folder / one.robot if one.robot else None))
-        for one in campaign.parameters
+    robots = {one.name: load_config(folder / one.robot if one.robot else None) for one in campaign.parameters}
+    contents = {
+        (mission.name, one.name): content_of(mission.world, one.scenario, robots[one.name])
+        for mission, one in product(campaign.missions, campaign.parameters)
     }
     seeds = range(campaign.seeds.first, campaign.seeds.first + campaign.seeds.count)
     return [
@@ -143,14 +177,24 @@ def jobs_of(campaign: Campaign, folder: Path) -> list[Job]:
             mission=mission,
             seed=seed,
             parameters=one.name,
-            robot_json=robots[one.name],
+            robot_json=config_to_json(robots[one.name]),
             scenario=one.scenario,
+            content=contents[mission.name, one.name],
         )
         for seed, mission, one in product(seeds, campaign.missions, campaign.parameters)
     ]
 
 
 def digest_of(jobs: list[Job]) -> str:
-    """What tells a campaign from another: seeds may be added to one, all else makes it a different one."""
-    content = sorted({json.dumps(asdict(job) | {"seed": 0}, sort_keys=True) for job in jobs})
-    return hashlib.sha256("\n".join(content).encode()).hexdigest()[:16]
+    """What tells a campaign from another: seeds may be added to one, all else makes it a different one.
+
+    Files count by what they say, not by where they lie.
+    """
+    return digest(sorted({_without_places(job) for job in jobs}))
+
+
+def _without_places(job: Job) -> str:
+    robot = json.loads(job.robot_json)
+    robot["navigation"]["masks"] |= {"keepout": "", "speed": ""}
+    said = asdict(job) | {"seed": 0, "scenario": "", "robot_json": robot}
+    return json.dumps(said | {"mission": asdict(replace(job.mission, world=""))}, sort_keys=True)

@@ -7,28 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import bootstrap
 
-from thumper_hil.campaign.job import Row
-from thumper_hil.campaign.spec import Measure
+from thumper_hil.campaign.row import MEASURES, Row, succeeded
 
 CONFIDENCE = 0.95
 Z = 1.959964  # of the normal distribution, two-sided 95 %
 
-TITLES: dict[Measure, str] = {
-    "goal_error_m": "goal error [m]",
-    "time_s": "time [s]",
-    "path_length_m": "way [m]",
-    "pose_rmse_m": "SLAM pose error, rms [m]",
-    "pose_max_m": "SLAM pose error, worst [m]",
-    "odometry_error_m": "odometry error at the end [m]",
-    "odometry_error_rad": "odometry error at the end [rad]",
-    "speed_error_mean_rad_s": "wheel speed error, mean [rad/s]",
-    "speed_error_std_rad_s": "wheel speed error, std [rad/s]",
-}
+FEW = 5
+"""Below so many drives nothing can be said about confidence: the range is told instead."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interval:
-    """A figure and where it lies with 95 % confidence."""
+    """A figure and where it lies with 95 % confidence; of less than `FEW` drives, the least and the most."""
 
     value: float
     low: float
@@ -44,15 +34,10 @@ class Summary:
     runs: int
     success: Interval  # share of the runs that reached the goal and touched nothing
     contacts: int
-    means: dict[Measure, Interval]
+    means: dict[str, Interval]  # of those that reached the goal
 
 
-def succeeded(row: Row) -> bool:
-    """Goal reached, nothing touched."""
-    return row.reached and row.contacts == 0
-
-
-def summarise(rows: Sequence[Row], measures: Sequence[Measure]) -> list[Summary]:
+def summarise(rows: Sequence[Row], measures: Sequence[str]) -> list[Summary]:
     """One summary for each mission and parameter set, in the order of first appearance."""
     summaries = []
     for mission, parameters in dict.fromkeys((row.mission, row.parameters) for row in rows):
@@ -64,7 +49,9 @@ def summarise(rows: Sequence[Row], measures: Sequence[Measure]) -> list[Summary]
                 runs=len(chosen),
                 success=wilson(sum(map(succeeded, chosen)), len(chosen)),
                 contacts=sum(row.contacts for row in chosen),
-                means={name: mean_of([getattr(row, name) for row in chosen]) for name in measures},
+                means={
+                    name: mean_of([getattr(row, name) for row in chosen if row.reached]) for name in measures
+                },
             )
         )
     return summaries
@@ -79,13 +66,13 @@ def wilson(hits: int, runs: int) -> Interval:
 
 
 def mean_of(values: Sequence[float]) -> Interval:
-    """The mean of what is there, with a bootstrap interval (Efron 1987); NaN when nothing is."""
+    """The mean of what is there, with a bootstrap interval (BCa, Efron 1987); NaN when nothing is."""
     known = np.array([value for value in values if math.isfinite(value)])
     if known.size == 0:
         return Interval(value=math.nan, low=math.nan, high=math.nan)
     mean = float(known.mean())
-    if known.size < 2 or float(np.ptp(known)) == 0.0:
-        return Interval(value=mean, low=mean, high=mean)
+    if known.size < FEW or float(np.ptp(known)) == 0.0:
+        return Interval(value=mean, low=float(known.min()), high=float(known.max()))
     found = bootstrap(
         (known,), np.mean, confidence_level=CONFIDENCE, n_resamples=2000, method="BCa", rng=0
     ).confidence_interval
@@ -95,7 +82,7 @@ def mean_of(values: Sequence[float]) -> Interval:
 def markdown(summaries: Sequence[Summary]) -> str:
     """A table with one line a summary; there is at least one."""
     headings = ["mission", "parameters", "runs", "success", "contacts"]
-    headings += [TITLES[name] for name in summaries[0].means]
+    headings += [MEASURES[name] for name in summaries[0].means]
     lines = [f"| {' | '.join(headings)} |", "|---" * len(headings) + "|"]
     for s in summaries:
         share = f"{s.success.value:.0%} ({s.success.low:.0%} ... {s.success.high:.0%})"
@@ -103,5 +90,12 @@ def markdown(summaries: Sequence[Summary]) -> str:
         cells += [f"{m.value:.3g} ({m.low:.3g} ... {m.high:.3g})" for m in s.means.values()]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(
-        [*lines, "", "Means with 95 % confidence intervals (shares: Wilson; means: bootstrap).", ""]
+        [
+            *lines,
+            "",
+            "In brackets 95 % confidence intervals (shares: Wilson; means: bootstrap), "
+            f"for a mean of less than {FEW} drives the least and the most. "
+            "Means are over the drives that reached their goal.",
+            "",
+        ]
     )
