@@ -17,6 +17,7 @@ from thumper.navigation.costmap import Costmap
 from thumper.navigation.follower import Follower
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
+from thumper.navigation.goal_room import has_room
 from thumper.navigation.guard import Guard
 from thumper.navigation.lattice import LatticePlanner
 from thumper.navigation.lidar_view import LidarView
@@ -56,6 +57,7 @@ class Navigator:
     ) -> None:
         self._options = options
         view, padded = view or LidarView(), footprint.grown(options.padding_m)
+        self._footprint = padded
         self._guard = Guard(options, footprint, padded, drive, view)
         self._controller = make_controller(options, padded)
         planner = make_planner(options, padded)
@@ -229,6 +231,8 @@ class Navigator:
         if not self._recovery.start(time_s, request, only_look=self._is_closed(request)):
             count = self._recovery.attempts
             tried = f" after {count} {'recovery' if count == 1 else 'recoveries'}" if count else ""
+            if self._goal and self.costmap and not has_room(self.costmap, self._footprint, self._goal):
+                why += "; there is no room for the robot at the goal"
             self._state, self._reason = NavigationState.FAILED, f"gave up{tried}: {why}"
             return ControlResult(command=None)
         if (radius_m := self._recovery.forget_radius_m) is not None:

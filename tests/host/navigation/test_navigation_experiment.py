@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from thumper_hil.demo.campaign import GOAL_ERROR_LIMIT_M, Row, run_campaign, statistics_of
+from thumper_hil.demo.seeds import GOAL_ERROR_LIMIT_M, Row, run_seeds, statistics_of
 
 GOOD = Row(
     seed=1,
@@ -43,7 +43,7 @@ def test_the_sums_are_by_mission() -> None:
 
 
 def test_a_seed_of_both_missions_passes_and_is_written_down(tmp_path: Path) -> None:
-    assert run_campaign(tmp_path, first_seed=21, seeds=1, console=Console(quiet=True))
+    assert run_seeds(tmp_path, first_seed=21, seeds=1, console=Console(quiet=True))
     with (tmp_path / "experiment.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert [(row["seed"], row["mission"], row["reached"]) for row in rows] == [

@@ -12,6 +12,7 @@ from thumper.navigation.astar import AStarOptions, AStarPlanner
 from thumper.navigation.costmap import Costmap, CostmapOptions, build_costmap
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
+from thumper.navigation.goal_room import has_room
 from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.prospects import Prospects
@@ -244,6 +245,22 @@ def test_an_unreachable_goal_fails_soon(side_m: float, seed: int, most_s: float)
     assert "gave up" in run.reason
     assert run.time_s < most_s
     assert run.clearance_m > 0.0
+
+
+def test_a_goal_without_room_is_told_from_a_way_that_was_not_found() -> None:
+    """Between four posts the robot's centre may lie, but its outline fits under no heading."""
+    cells = np.zeros((120, 120), np.int8)
+    cells[[57, 63, 60, 60], [88, 88, 85, 91]] = 100  # 0.15 m from the goal
+    grid = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=-3.0, origin_y_m=-3.0)
+    costmap = build_costmap(grid, NO_HITS, Footprint(), CostmapOptions())
+    goal = Goal(x_m=1.425, y_m=0.025, tolerance_m=0.05)
+    assert not has_room(costmap, Footprint(), goal)
+    assert has_room(costmap, Footprint(), dataclasses.replace(goal, x_m=0.9))
+    assert has_room(costmap, Footprint(), dataclasses.replace(goal, tolerance_m=0.6))
+    navigator = Navigator(NavigationOptions(), Footprint())
+    navigator.set_goal(goal)
+    run_to_the_end(navigator, grid)
+    assert navigator.transitions[-1].reason.endswith("; there is no room for the robot at the goal")
 
 
 def test_a_corridor_shut_behind_and_ahead_fails_with_the_whole_ladder() -> None:
