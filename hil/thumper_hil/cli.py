@@ -36,9 +36,9 @@ def demo(
         raise ThumperError("--seeds is a statistic: leave --realtime and --ui", exit_code=2)
     prepare_output(out)
     if seeds > 1:
-        from thumper_hil.demo.campaign import run_campaign
+        from thumper_hil.demo.seeds import run_seeds
 
-        if not run_campaign(out, first_seed=seed, seeds=seeds, console=Console()):
+        if not run_seeds(out, first_seed=seed, seeds=seeds, console=Console()):
             raise typer.Exit(1)
         return
     with beside(None, BusOptions().address, wanted=ui):

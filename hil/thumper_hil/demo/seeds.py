@@ -53,7 +53,7 @@ class MissionStatistic:
     time_max_s: float
 
 
-def run_campaign(out: Path, *, first_seed: int, seeds: int, console: Console) -> bool:
+def run_seeds(out: Path, *, first_seed: int, seeds: int, console: Console) -> bool:
     """Drive every mission with `seeds` seeds, write table, CSV and picture to `out`; whether all passed."""
     with console.status("loading the compiled kernels (compiling them, the first time)"):
         warm_up(RobotConfig())
