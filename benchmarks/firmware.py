@@ -48,7 +48,7 @@ def row(what: str, here: str, aim: str, peers: str) -> None:
     """One figure; a dash is nothing."""
     name, _, unit = what.partition(" [")
     aim, peers = (text.replace("-", "", 1) if text == "-" else text for text in (aim, peers))
-    source = "measured in the same simulator, with the same compiler" if peers else ""
+    source = "same simulator and compiler" if peers else ""
     figure(name.strip(), here, unit.rstrip("]"), aim=aim, peers=peers, source=source)
 
 
@@ -93,7 +93,7 @@ def load() -> None:
     )
     row("deepest stack [bytes]", str(report.deepest_stack), "-", "bridge 102, rosserial 270")
     share = report.awake / (LOAD_S * CPU_HZ)
-    row("processor load, all of it [%]", f"{100 * share:.1f}", "-", "-")
+    row("processor awake, while requests flood the line [%]", f"{100 * share:.1f}", "-", "-")
     print("\neach interrupt under that load, response and RETI included [cycles]:")
     for number, name in VECTORS.items():
         cost = report.vector[number]

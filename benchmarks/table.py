@@ -41,8 +41,7 @@ BENCHMARKS: dict[str, tuple[str, ...]] = {
     "dashboard": ("",),
 }
 """In the order of the table: the options of each run."""
-COLUMNS = ("what", "ours", "unit", "aim", "peers", "source")
-HEAD = "| benchmark | what | ours | unit | aim | others | source of the others |\n" + "|---" * 7 + "|\n"
+HEAD = "| benchmark | what | ours | aim | others | load |\n" + "|---" * 6 + "|\n"
 
 
 def run(name: str, options: str) -> tuple[list[dict[str, str]], bool]:
@@ -64,19 +63,20 @@ def run(name: str, options: str) -> tuple[list[dict[str, str]], bool]:
 
 
 def line(name: str, figure: dict[str, str]) -> str:
-    """A row of the table, in Markdown."""
-    return f"| {name} | {' | '.join(figure.get(key, '') for key in COLUMNS)} |"
+    """A row of the table, in Markdown; to be called when the benchmark has just ended."""
+    ours = f"{figure['ours']} {figure.get('unit', '')}".strip()
+    peers, source = figure.get("peers", ""), figure.get("source", "")
+    others = f"{peers} ({source})" if source else peers
+    load = os.getloadavg()[0]
+    return f"| {name} | {figure['what']} | {ours} | {figure.get('aim', '')} | {others} | {load:.1f} |"
 
 
 def machine() -> str:
     """Where it was measured."""
     info = Path("/proc/cpuinfo")
     found = re.search(r"model name\s*: (.*)", info.read_text(encoding="utf-8")) if info.exists() else None
-    load = os.getloadavg()[0]
-    return (
-        f"{found[1].strip() if found else platform.machine()}, {os.cpu_count()} cores, "
-        f"Python {platform.python_version()}, load average at the end {load:.1f}."
-    )
+    processor = found[1].strip() if found else platform.machine()
+    return f"{processor}, {os.cpu_count()} cores, Python {platform.python_version()}."
 
 
 def main(names: list[str]) -> int:
