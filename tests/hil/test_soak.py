@@ -1,5 +1,8 @@
-"""Two simulated minutes of the soak; `python -m thumper_hil.soak` runs for hours."""
+"""Two simulated minutes of the soak; `make soak` runs for hours."""
 
+import pytest
+
+from thumper_hil import soak as module
 from thumper_hil.soak import soak
 
 
@@ -7,6 +10,16 @@ def test_a_robot_outlives_its_faults() -> None:
     report = soak(120.0, seed=2)
     assert report.complaints == []
     assert report.drives >= 6
-    assert report.reached >= 3
+    assert report.owed_reached == report.owed >= 3
     assert sum(report.faults.values()) >= 2
     assert report.contacts == 0
+
+
+def test_a_drive_that_ought_to_go_on_and_does_not_is_a_complaint(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A dead motor, taken for a fault that the robot drives on through; drives without one still arrive."""
+    monkeypatch.setattr(module, "FAULTS", (("motor.left", "dead", "ok"),))
+    monkeypatch.setattr(module, "DRIVES_ON", {"motor.left"})
+    report = soak(40.0, seed=1)
+    assert report.faults["motor.left"] > 0
+    assert len(report.complaints) == report.faults["motor.left"] == report.owed - report.owed_reached
+    assert all("motor.left, is failed: the board stopped the motors" in one for one in report.complaints)
