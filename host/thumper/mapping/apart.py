@@ -1,17 +1,18 @@
 """Work that needs much memory for a moment, in processes of its own: the memory goes when they end."""
 
+import hashlib
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
+
+import numba
 
 from thumper.errors import ThumperError
 from thumper.mapping import compile_kernels
 from thumper.mapping.correlative import correlative_search
 from thumper.mapping.method import Method
-from thumper.mapping.patches import render_states
-from thumper.mapping.pose_graph import substitute
 
-LAST_KERNELS = {"scan_match": correlative_search, "graph": substitute, "rbpf": render_states}
 MOST_ROUNDS = 12  # of compiling, in case the cache cannot be written; five to seven do it
 
 PLOT = (
@@ -41,12 +42,30 @@ def plot_apart(yaml_path: Path, path_csv: Path, png_path: Path, title: str) -> N
 
 
 def compile_apart(method: Method) -> None:
-    """Fill the cache on disk if this machine has never run the method; a failure is left to the warm-up."""
-    kernel = LAST_KERNELS[method]
-    cache = getattr(kernel, "_cache", None)  # numba offers no other way to ask
-    folder = Path(getattr(cache, "cache_path", None) or ".")
-    if not any(folder.glob(f"*.{kernel.__name__}-*.nbi")):
-        command = [sys.executable, "-m", compile_kernels.__name__, method]
-        for _ in range(MOST_ROUNDS):
-            if subprocess.run(command, check=False, capture_output=True).returncode != compile_kernels.GO_ON:
-                break
+    """Fill the cache on disk, unless it was filled for the method from the sources as they are now.
+
+    A failure is left to the warm-up.
+    """
+    cache = getattr(correlative_search, "_cache", None)  # numba offers no other way to ask for its folder
+    if cache is None:
+        return  # the compiler is off
+    done = Path(cache.cache_path) / f"{method}-{_sources()}.compiled"
+    if done.exists():
+        return
+    command = [sys.executable, "-m", compile_kernels.__name__, method]
+    for _ in range(MOST_ROUNDS):
+        code = subprocess.run(command, check=False, capture_output=True).returncode
+        if code != compile_kernels.GO_ON:
+            break
+    if code == 0:
+        with suppress(OSError):
+            for old in done.parent.glob(f"{method}-*.compiled"):
+                old.unlink(missing_ok=True)
+            done.touch()
+
+
+def _sources() -> str:
+    """A name for the compiler and all sources that kernels are in, as they are now."""
+    found = sorted(Path(__file__).parent.glob("*.py"))
+    states = [(path.name, path.stat().st_mtime_ns, path.stat().st_size) for path in found]
+    return hashlib.sha256(repr((numba.__version__, states)).encode()).hexdigest()[:16]
