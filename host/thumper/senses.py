@@ -17,7 +17,10 @@ from thumper.perception import Perception, Situation
 TELEMETRY_TIMEOUT_S = 0.5
 LATE_BEAT_S = 0.15  # telemetry frames were lost on the way: the board must not miss commands for it
 LATE_BEATS = 2
-CATCH_UP_BEATS = 10  # what waits comes in one heap or two; a computer behind all the time never catches up
+CATCH_UP_BEATS = (
+    10  # a second: a lidar that nobody read is ordered anew, and a dead one is the pilot's affair
+)
+BLIND_S = 0.35  # without a new scan for this long (three turns) the robot must not move on
 LIDAR_GONE_ERRORS = 5  # of its port one after another, without a scan between: the port itself has gone
 LIDAR_RETRY_S = 5.0
 FIRST_LOOK_SCANS = 3
@@ -139,7 +142,7 @@ class Senses:
         return replace(sample, telemetry=moved)
 
     def catch_up(self, beat: Callable[[], bool]) -> None:
-        """Let `beat` pass until what has waited in the ports is taken in; none when nothing has waited.
+        """After a pause let `beat` pass until what has waited in the ports is taken in and a scan is new.
 
         What was heard long ago tells neither the board's state nor the place now.
 
@@ -153,7 +156,9 @@ class Senses:
         for _ in range(CATCH_UP_BEATS):
             if not beat():
                 raise ThumperError(GONE, exit_code=EXIT_NO_HARDWARE)
-            if len(self.samples) <= LATE_BEATS:  # as they are sent: nothing has waited
+            situation = self.perception.situation()
+            sees = situation is not None and (situation.scan_age_s <= BLIND_S or not self.has_looked)
+            if sees and len(self.samples) <= LATE_BEATS:  # as they are sent: nothing has waited
                 return
 
     @property

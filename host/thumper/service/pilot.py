@@ -18,14 +18,14 @@ from thumper.mapping.grid import OccupancyGrid
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
 from thumper.perception import Situation
+from thumper.senses import BLIND_S
 from thumper.service.manual import MotorFeel, manual_pwm
 from thumper.service.mux import Mux
 from thumper.service.options import ServiceOptions
 from thumper.service.requests import Velocity
 from thumper.service.supervision import Supervision
 
-BLIND_S = 0.35  # without a new scan for this long (three turns) the robot must not move on
-SCAN_TIMEOUT_S = 1.0  # ... and after this long the lidar is lost
+SCAN_TIMEOUT_S = 1.0  # after BLIND_S without a scan the robot waits, after this long the lidar is lost
 GOAL_MARGIN_M = 1.0
 DISARMED_BEATS = 3  # telemetry from before ARM may still be on its way
 STOP_BEATS = 30  # the firmware's ramp needs two seconds from the fastest speed it takes
