@@ -24,6 +24,7 @@ def campaign(
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     from thumper.cli.output import prepare_output
+    from thumper.extras import need
     from thumper_hil.campaign.figures import draw
     from thumper_hil.campaign.parquet import write_parquet
     from thumper_hil.campaign.row import Row, succeeded
@@ -32,6 +33,7 @@ def campaign(
     from thumper_hil.campaign.spec import digest_of, jobs_of, load_campaign
     from thumper_hil.campaign.summary import markdown, summarise
 
+    need("campaign")
     console = Console()
     plan = load_campaign(file)
     jobs = jobs_of(plan, file.parent)

@@ -3,6 +3,7 @@
 import signal
 import sys
 from importlib.metadata import entry_points
+from typing import NoReturn
 
 import typer
 
@@ -25,18 +26,7 @@ from thumper.cli.save import save
 from thumper.cli.status import status, watch
 from thumper.cli.teleop import teleop
 from thumper.errors import ThumperError
-
-# Packages that only some commands need, by the extra that brings them.
-EXTRA_OF = {
-    "control": "tuning",
-    "nicegui": "ui",
-    "cryptography": "ui",
-    "pygame": "gamepad",
-    "websockets": "rosbridge",
-    "distributed": "campaign",
-    "dask": "campaign",
-    "pyarrow": "campaign",
-}
+from thumper.extras import extra_of, missing
 
 
 def _show_version(wanted: bool) -> None:
@@ -106,12 +96,16 @@ def main() -> None:
                 signal.signal(number, signal.default_int_handler)
         app()
     except ThumperError as error:
-        option = f" ({error.option})" if error.option else ""
-        print(f"thumper: {error}{option}", file=sys.stderr)
-        sys.exit(error.exit_code)
+        _leave(error)
     except ModuleNotFoundError as error:
-        extra = EXTRA_OF.get((error.name or "").split(".")[0])
+        module = error.name or ""
+        extra = extra_of(module)
         if extra is None:
             raise
-        print(f"thumper: a part is not installed; pip install 'thumper[{extra}]'", file=sys.stderr)
-        sys.exit(4)
+        _leave(missing(extra, module))
+
+
+def _leave(error: ThumperError) -> NoReturn:
+    option = f" ({error.option})" if error.option else ""
+    print(f"thumper: {error}{option}", file=sys.stderr)
+    sys.exit(error.exit_code)

@@ -23,9 +23,7 @@ gamepad: hold LB to drive (RB: turbo), left stick forward, right stick turns, B:
 
 
 def teleop(
-    gamepad: Annotated[
-        bool, typer.Option(help="Look for a gamepad as well (needs `pip install thumper[gamepad]`).")
-    ] = True,
+    gamepad: Annotated[bool, typer.Option(help="Look for a gamepad as well (needs pygame).")] = True,
     config: Config = None,
     bus: Address = "",
     robot: Robot = "",

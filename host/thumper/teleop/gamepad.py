@@ -4,7 +4,7 @@ import os
 from dataclasses import dataclass
 from typing import Any
 
-from thumper.errors import ThumperError
+from thumper.extras import need
 from thumper.teleop.keys import Action
 from thumper.teleop.stick import Stick
 
@@ -37,13 +37,10 @@ class Gamepad:
         """Start SDL. Raises ThumperError without pygame."""
         for name, value in ENVIRONMENT.items():
             os.environ.setdefault(name, value)
-        try:
-            import pygame
-            from pygame._sdl2 import controller
-        except ImportError as error:
-            raise ThumperError(
-                "gamepads need pygame: pip install 'thumper[gamepad]', or drive with the keyboard alone"
-            ) from error
+        need("gamepad")
+        import pygame
+        from pygame._sdl2 import controller
+
         self._pygame: Any = pygame
         self._sdl: Any = controller
         pygame.display.init()  # SDL's events live there

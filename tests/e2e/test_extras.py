@@ -1,0 +1,46 @@
+"""A command whose packages are missing: one line that names them, before anything is done."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from thumper.extras import PARTS, missing
+
+RUN_WITHOUT = """
+import sys
+sys.modules[sys.argv.pop(1)] = None
+from thumper.cli import main
+main()
+"""
+
+
+@pytest.mark.parametrize(
+    ("module", "package", "command"),
+    [
+        ("nicegui", "nicegui", "dashboard"),
+        ("websockets", "websockets", "rosbridge"),
+        ("dask", "dask[distributed]", "campaign c.toml"),
+        ("pyarrow", "pyarrow", "campaign c.toml"),
+    ],
+)
+def test_what_is_missing_is_named_with_its_cure(
+    module: str, package: str, command: str, tmp_path: Path
+) -> None:
+    (tmp_path / "c.toml").write_text(
+        'name = "c"\n[[missions]]\nname = "m"\nworld = "lab"\nstart = [0, 0, 0]\ngoal = [1, 0]\n'
+    )
+    arguments = [sys.executable, "-c", RUN_WITHOUT, module, *command.split()]
+    done = subprocess.run(arguments, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 4, done.stderr
+    assert done.stdout == ""
+    assert f"needs {module}, which is not installed: {sys.executable} -m pip install " in done.stderr
+    assert f"'{package}" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["c.toml"]
+
+
+@pytest.mark.parametrize("extra", PARTS)
+def test_each_extra_is_one_of_the_project(extra: str) -> None:
+    assert "pip install '" in str(missing(extra, "it"))
