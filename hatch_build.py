@@ -1,6 +1,6 @@
-"""Put into a wheel what a user without compilers needs: the firmware of each board and the simulated chip.
+"""Put into a wheel what a user without the source tree needs: firmware of each board, simulated chip, set-up.
 
-An editable install takes both from the source tree, where `make` builds them.
+An editable install takes them from the source tree, where `make` builds the first two.
 """
 
 import subprocess
@@ -12,6 +12,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 BOARDS = {"trex": "firmware/build", "nano": "firmware/build/nano"}
 CHIP = "hil/thumper_hil/chip"
+SET_UP = ("99-thumper.rules", "thumper.service")
 
 
 class FirmwareHook(BuildHookInterface):  # type: ignore[type-arg]
@@ -31,5 +32,6 @@ class FirmwareHook(BuildHookInterface):  # type: ignore[type-arg]
             for board, folder in BOARDS.items()
             for suffix in ("elf", "hex")
         }
+        build_data["force_include"] |= {f"packaging/{name}": f"thumper/packaging/{name}" for name in SET_UP}
         platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
         build_data |= {"pure_python": False, "tag": f"py3-none-{platform}"}

@@ -8,6 +8,8 @@ from pathlib import Path
 from thumper.doctor.check import Check
 
 RULES = "99-thumper.rules"
+IN_WHEEL = Path(__file__).parents[1] / "packaging"
+IN_SOURCES = Path(__file__).resolve().parents[3] / "packaging"
 RULES_FOLDERS = ("etc/udev/rules.d", "usr/lib/udev/rules.d", "lib/udev/rules.d")
 UNIT = ".config/systemd/user/thumper.service"
 
@@ -27,7 +29,8 @@ def check_set_up(
 
 
 def _rules(usb_ids: Iterable[tuple[int, int]], root: Path) -> Check:
-    install = f"sudo cp packaging/{RULES} /etc/udev/rules.d/, then plug in again"
+    source = (IN_WHEEL if IN_WHEEL.is_dir() else IN_SOURCES) / RULES
+    install = f"sudo cp {source} /etc/udev/rules.d/, then plug in again"
     for folder in RULES_FOLDERS:
         path = root / folder / RULES
         if path.exists():
