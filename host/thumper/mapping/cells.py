@@ -14,7 +14,7 @@ from thumper.mapping.grid import UNKNOWN, CellArray, OccupancyGrid
 from thumper.mapping.integrate import integrate, states
 from thumper.mapping.scan_points import SILENT, ScanPoints
 
-Number = TypeVar("Number", np.uint16, np.float32, np.int8)
+Number = TypeVar("Number", np.uint16, np.float32)
 
 BLOCK = 64  # the array grows by multiples of this many cells
 
@@ -23,11 +23,15 @@ class Cells:
     """Hit and miss counts on a grid that is fixed to the map frame, and the distances to its occupied cells.
 
     `corner_m` is the map's (x, y) at the corner of cell [0, 0]; it moves by whole cells when the array grows.
+    Without `distances` nothing can be matched against the map, and a cell takes five bytes, not nine.
     """
 
-    def __init__(self, resolution_m: float, reach_m: float, occupied_fraction: float) -> None:
+    def __init__(
+        self, resolution_m: float, reach_m: float, occupied_fraction: float, *, distances: bool = True
+    ) -> None:
         """Start without cells; distances are cut off at `reach_m`, at most 127 cells."""
         self.resolution_m = resolution_m
+        self._distances = distances
         self.reach = max(1, min(127, round(reach_m / resolution_m)))
         self.occupied_fraction = occupied_fraction
         self._first_row = self._first_col = 0
@@ -35,7 +39,6 @@ class Cells:
         self.hits = np.zeros((0, 0), dtype=np.uint16)
         self.misses = np.zeros((0, 0), dtype=np.uint16)
         self.distance_m = np.zeros((0, 0), dtype=np.float32)
-        self.nearest = np.zeros((0, 0, 2), dtype=np.int8)  # step in (row, column) to the cell it is to
         self._layer = np.zeros((0, 0), dtype=np.uint8)  # scratch, empty between the scans
 
     @classmethod
@@ -60,7 +63,7 @@ class Cells:
         cells._grow(hits.shape[0] + 2 * edge, hits.shape[1] + 2 * edge, 0, 0)
         cells.hits[edge:-edge, edge:-edge], cells.misses[edge:-edge, edge:-edge] = hits, misses
         for row, col in np.argwhere(cells.occupied()):
-            mark(int(row), int(col), cells.distance_m, cells.nearest, resolution_m, cells.reach)
+            mark(int(row), int(col), cells.distance_m, resolution_m, cells.reach)
         return cells
 
     def counts(self) -> Counts:
@@ -100,7 +103,6 @@ class Cells:
             self.hits,
             self.misses,
             self.distance_m,
-            self.nearest,
             self.resolution_m,
             self.reach,
             self.occupied_fraction,
@@ -115,9 +117,8 @@ class Cells:
         """The distance field computed anew, which `distance_m` must equal at any time."""
         rows, cols = self.hits.shape
         distance_m = np.full((rows, cols), self.reach_m, dtype=np.float32)
-        nearest = np.zeros((rows, cols, 2), dtype=np.int8)
         for row, col in np.argwhere(self.occupied()):
-            mark(int(row), int(col), distance_m, nearest, self.resolution_m, self.reach)
+            mark(int(row), int(col), distance_m, self.resolution_m, self.reach)
         return distance_m
 
     def grid(self, *, percent: bool) -> OccupancyGrid:
@@ -128,7 +129,7 @@ class Cells:
         """
         if not percent:
             if self._shown is None:
-                self._shown = self._as_grid(states(self.hits, self.misses, self.distance_m))
+                self._shown = self._as_grid(states(self.hits, self.misses, self.occupied_fraction))
             return self._shown
         total = self.hits.astype(np.int32) + self.misses
         share = np.rint(np.float32(100.0) * self.hits / np.maximum(total, 1)).astype(np.int8)
@@ -143,8 +144,8 @@ class Cells:
         window = np.s_[top : top + self.hits.shape[0], left : left + self.hits.shape[1]]
         self.hits = _grown(self.hits, (rows, cols), window, 0)
         self.misses = _grown(self.misses, (rows, cols), window, 0)
-        self.distance_m = _grown(self.distance_m, (rows, cols), window, self.reach_m)
-        self.nearest = _grown(self.nearest, (rows, cols, 2), window, 0)
+        if self._distances:
+            self.distance_m = _grown(self.distance_m, (rows, cols), window, self.reach_m)
         self._layer = np.zeros((rows, cols), dtype=np.uint8)
         self._shown = None
 
@@ -172,7 +173,7 @@ class Cells:
 
 
 def _grown(
-    array: NDArray[Number], shape: tuple[int, ...], window: tuple[slice, slice], fill: float
+    array: NDArray[Number], shape: tuple[int, int], window: tuple[slice, slice], fill: float
 ) -> NDArray[Number]:
     new = np.zeros(shape, dtype=array.dtype)  # of which the system makes memory where it is written
     if fill:

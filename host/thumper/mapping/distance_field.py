@@ -4,8 +4,7 @@ A precomputed field makes the score of a beam one table look-up, and updating it
 makes it cheap (the idea of Lau, Sprunk, Burgard, "Improved updating of Euclidean distance maps and Voronoi
 diagrams", IROS 2010; here with a bounded reach, so a plain window replaces their wave front).
 
-Arrays, all of shape (rows, columns): `distance_m` float32, between cell centres and cut off at the reach;
-`nearest` int8 with a last axis of 2, the step in (row, column) to the occupied cell that the distance is to.
+`distance_m`, float32, shape (rows, columns), is between cell centres and cut off at the reach.
 """
 
 import math
@@ -16,7 +15,6 @@ from numpy.typing import NDArray
 from thumper.kernel import kernel
 
 FieldArray = NDArray[np.float32]
-NearestArray = NDArray[np.int8]
 CountArray = NDArray[np.uint16]
 
 
@@ -27,17 +25,18 @@ def is_occupied(hits: int, misses: int, occupied_fraction: float) -> bool:
 
 
 @kernel
-def mark(
-    row: int, col: int, distance_m: FieldArray, nearest: NearestArray, resolution_m: float, reach: int
-) -> None:
+def between_m(rows: int, cols: int, resolution_m: float) -> np.float32:
+    """Distance of two cells so many rows and columns apart."""
+    return np.float32(resolution_m * math.sqrt(rows * rows + cols * cols))
+
+
+@kernel
+def mark(row: int, col: int, distance_m: FieldArray, resolution_m: float, reach: int) -> None:
     """The cell has turned occupied: shorten the distances within `reach` cells of it."""
     for r in range(max(0, row - reach), min(distance_m.shape[0], row + reach + 1)):
         for c in range(max(0, col - reach), min(distance_m.shape[1], col + reach + 1)):
-            candidate_m = np.float32(resolution_m * math.sqrt((r - row) * (r - row) + (c - col) * (c - col)))
-            if candidate_m < distance_m[r, c]:
-                distance_m[r, c] = candidate_m
-                nearest[r, c, 0] = row - r
-                nearest[r, c, 1] = col - c
+            candidate_m = between_m(r - row, c - col, resolution_m)
+            distance_m[r, c] = min(distance_m[r, c], candidate_m)
 
 
 @kernel
@@ -47,12 +46,11 @@ def unmark(
     hits: CountArray,
     misses: CountArray,
     distance_m: FieldArray,
-    nearest: NearestArray,
     resolution_m: float,
     reach: int,
     occupied_fraction: float,
 ) -> None:
-    """The cell has turned free: forget the distances to it and find the next nearest cells.
+    """The cell has turned free: forget the distances that may be to it and find the next nearest cells.
 
     `hits` and `misses` must already say that the cell is free.
     """
@@ -61,11 +59,11 @@ def unmark(
     top, bottom, left, right = rows, -1, cols, -1
     for r in range(max(0, row - reach), min(rows, row + reach + 1)):
         for c in range(max(0, col - reach), min(cols, col + reach + 1)):
-            if distance_m[r, c] < reach_m and nearest[r, c, 0] == row - r and nearest[r, c, 1] == col - c:
+            if distance_m[r, c] < reach_m and distance_m[r, c] == between_m(r - row, c - col, resolution_m):
                 distance_m[r, c] = reach_m
                 top, bottom = min(top, r), max(bottom, r)
                 left, right = min(left, c), max(right, c)
     for r in range(max(0, top - reach), min(rows, bottom + reach + 1)):
         for c in range(max(0, left - reach), min(cols, right + reach + 1)):
             if is_occupied(hits[r, c], misses[r, c], occupied_fraction):
-                mark(r, c, distance_m, nearest, resolution_m, reach)
+                mark(r, c, distance_m, resolution_m, reach)

@@ -165,7 +165,7 @@ class GraphMapper:
                 self._solver = None
                 self.loops_closed += 1
                 self._draw_active()
-                self._next_world = Drawing(cells=self._empty())
+                self._next_world = Drawing(cells=self._empty(distances=False))
         elif self._drawn is not None:
             if self._drawn.draw(self.places, SCANS_AT_ONCE):
                 self._front.restart(self._drawn.cells, self._graph_from_front @ self._front.map_from_base)
@@ -173,7 +173,7 @@ class GraphMapper:
                 self._active = self._drawn.chosen or set()
                 self._drawn = None
                 if self._world is None and self._next_world is None:
-                    self._next_world = Drawing(cells=self._empty())
+                    self._next_world = Drawing(cells=self._empty(distances=False))
         elif self._next_world is not None:
             if self._next_world.draw(self.places, SCANS_AT_ONCE):
                 self._world, self._next_world = self._next_world, None
@@ -186,6 +186,6 @@ class GraphMapper:
         self._trimmed_at_m = self.places.driven_m
         self._drawn = Drawing(cells=self._empty(), chosen=set(self.places.within(self._loops.active_m)))
 
-    def _empty(self) -> Cells:
+    def _empty(self, *, distances: bool = True) -> Cells:
         options = self._options
-        return Cells(options.resolution_m, options.reach_m, options.occupied_fraction)
+        return Cells(options.resolution_m, options.reach_m, options.occupied_fraction, distances=distances)

@@ -9,7 +9,6 @@ from thumper.kernel import kernel
 from thumper.mapping.distance_field import (
     CountArray,
     FieldArray,
-    NearestArray,
     is_occupied,
     mark,
     unmark,
@@ -30,7 +29,6 @@ def count(
     hits: CountArray,
     misses: CountArray,
     distance_m: FieldArray,
-    nearest: NearestArray,
     resolution_m: float,
     reach: int,
     occupied_fraction: float,
@@ -46,9 +44,9 @@ def count(
         misses[row, col] += 1
     after = is_occupied(hits[row, col], misses[row, col], occupied_fraction)
     if after and not before:
-        mark(row, col, distance_m, nearest, resolution_m, reach)
+        mark(row, col, distance_m, resolution_m, reach)
     elif before and not after:
-        unmark(row, col, hits, misses, distance_m, nearest, resolution_m, reach, occupied_fraction)
+        unmark(row, col, hits, misses, distance_m, resolution_m, reach, occupied_fraction)
 
 
 @kernel
@@ -60,7 +58,6 @@ def integrate(
     hits: CountArray,
     misses: CountArray,
     distance_m: FieldArray,
-    nearest: NearestArray,
     resolution_m: float,
     reach: int,
     occupied_fraction: float,
@@ -69,16 +66,14 @@ def integrate(
 
     Each cell counts once a scan, and a hit outweighs any number of beams that pass through the same cell:
     otherwise beams that graze a wall wear it away. `layer` tells them apart, a byte a cell, empty before and
-    after. Everything must lie inside the arrays.
+    after. Everything must lie inside the arrays; an empty `distance_m` stays empty.
     """
     for i in range(kinds.size):
         if kinds[i] == HIT:
             row, col = math.floor(ends[i, 1]), math.floor(ends[i, 0])
             if not layer[row, col]:
                 layer[row, col] = TOUCHED
-                count(
-                    row, col, True, hits, misses, distance_m, nearest, resolution_m, reach, occupied_fraction
-                )
+                count(row, col, True, hits, misses, distance_m, resolution_m, reach, occupied_fraction)
     crossed = trace(origins, ends, kinds, 0, 1, TOUCHED, layer)
     for i in range(crossed.shape[0]):
         count(
@@ -88,7 +83,6 @@ def integrate(
             hits,
             misses,
             distance_m,
-            nearest,
             resolution_m,
             reach,
             occupied_fraction,
@@ -100,11 +94,12 @@ def integrate(
 
 
 @kernel
-def states(hits: CountArray, misses: CountArray, distance_m: FieldArray) -> CellArray:
-    """Each cell free, occupied or unknown, shape (rows, columns); an occupied one is at distance 0."""
+def states(hits: CountArray, misses: CountArray, occupied_fraction: float) -> CellArray:
+    """Each cell free, occupied or unknown, shape (rows, columns)."""
     found = np.empty(hits.shape, dtype=np.int8)
     for row in range(hits.shape[0]):
         for col in range(hits.shape[1]):
             known = hits[row, col] > 0 or misses[row, col] > 0
-            found[row, col] = UNKNOWN if not known else OCCUPIED if distance_m[row, col] == 0.0 else FREE
+            occupied = is_occupied(hits[row, col], misses[row, col], occupied_fraction)
+            found[row, col] = OCCUPIED if occupied else FREE if known else UNKNOWN
     return found
