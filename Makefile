@@ -89,7 +89,7 @@ $(VENV)/.made: | $(VENV)/.packages
 
 $(VENV)/.run: pyproject.toml | $(VENV)/.made
 	@echo "installing Python packages into $(VENV)"
-	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[ui,tuning]'
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[ui]'
 	@touch $@
 
 $(VENV)/.dev: pyproject.toml Makefile | $(VENV)/.made
