@@ -33,7 +33,7 @@ from thumper.geometry import Pose2
 from thumper.link.messages import State
 from thumper.runtime import Runtime
 from thumper.service.missions import MissionState
-from thumper.service.pilot import Mode
+from thumper.service.pilot import BLIND_S, Mode
 from thumper.service.requests import EmergencyStop, Order
 from thumper.service.waking import TOLD
 from thumper_hil.bench import Bench, simulation
@@ -42,6 +42,7 @@ START = Pose2(x_m=1.0, y_m=0.0, theta_rad=math.pi)
 PLACES_M = ((1.0, 0.0), (-0.4, 0.2), (0.4, -0.9), (0.9, 1.0), (1.9, 0.4), (2.2, -0.6), (0.0, 0.9))
 MOST_BEATS = 900  # of one drive
 STANDING_RAD_S = 0.1
+LIDAR_BACK_S = 10.0  # from a plug put back to the next scan: its port is opened anew
 STOP_S = 4.0  # a wheel at a low set-point takes 1.7 s to be noticed, and then coasts
 MOST_GROWTH_MB = 25.0
 E_STOP = "e-stop"
@@ -185,7 +186,7 @@ def _one_drive(robot: Runtime, bench: Bench, rng: np.random.Generator, report: R
             )
     if broken and good is not None:
         bench.fault(broken, good)
-    _way_back(robot, report, broken or "no fault")
+    _way_back(robot, bench, report, broken or "no fault")
     bench.forget_truth()
     report.memory_MB.append(_resident_MB())
 
@@ -211,10 +212,17 @@ def _must_stop(robot: Runtime, bench: Bench, name: str, report: Report) -> None:
         report.complaints.append(f"{name}: the robot stood after {stop_s:.1f} s, then {robot.pilot.reason}")
 
 
-def _way_back(robot: Runtime, report: Report, after: str) -> None:
-    """Clear what is latched, as the operator would; the next drive shows that the way is open."""
+def _way_back(robot: Runtime, bench: Bench, report: Report, after: str) -> None:
+    """Wait for the lidar and clear what is latched, as the operator would; the next drive shows whether the
+    way is open.
+    """
     for _ in range(15):
         robot.serve_beat()
+    back_s = bench.time_s + LIDAR_BACK_S
+    while not _sees(robot) and bench.time_s < back_s:
+        robot.serve_beat()
+    if not _sees(robot):
+        report.complaints.append(f"after {after} there are no scans for {LIDAR_BACK_S:.0f} s")
     telemetry = robot.senses.telemetry
     if telemetry is not None and telemetry.state is State.FAULT:
         robot.inbox.put(Order(name="clear_fault"))
@@ -224,6 +232,11 @@ def _way_back(robot: Runtime, report: Report, after: str) -> None:
     if telemetry is None or telemetry.state is not State.DISARMED:
         state = telemetry.state.name if telemetry else "silent"
         report.complaints.append(f"after {after} the board is {state}: {robot.pilot.reason}")
+
+
+def _sees(robot: Runtime) -> bool:
+    situation = robot.senses.perception.situation()
+    return situation is not None and situation.scan_age_s < BLIND_S
 
 
 @contextmanager
