@@ -32,8 +32,9 @@ from thumper.errors import ThumperError
 from thumper.geometry import Pose2
 from thumper.link.messages import State
 from thumper.runtime import Runtime
+from thumper.senses import BLIND_S
 from thumper.service.missions import MissionState
-from thumper.service.pilot import BLIND_S, Mode
+from thumper.service.pilot import Mode
 from thumper.service.requests import EmergencyStop, Order
 from thumper.service.waking import TOLD
 from thumper_hil.bench import Bench, simulation
