@@ -1,5 +1,5 @@
 # Two commands matter: `make demo` (see the robot drive) and `make test`. Both install what is missing.
-.PHONY: help demo test coverage lint format firmware chip protocol reference docs bench results mutation clean
+.PHONY: help demo test coverage lint format firmware chip protocol reference docs bench results soak mutation clean
 
 PYTHON ?=
 VENV := .venv
@@ -17,6 +17,7 @@ help:
 	@echo "make docs      build the documentation's site into site/, offline; a dead link is an error"
 	@echo "make bench     run every benchmark and write the table in docs/results/benchmarks.md"
 	@echo "make results   drive the sample campaigns anew and write their reports into docs/results/"
+	@echo "make soak      two simulated hours of goals and faults (half an hour), see docs/results/soak.md"
 	@echo "make mutation  flip every operator and constant of the firmware's core and count who notices (half an hour)"
 
 demo: firmware chip
@@ -67,6 +68,9 @@ bench: firmware chip $(VENV)/.dev
 
 results: firmware chip $(VENV)/.dev
 	@scripts/make-results
+
+soak: firmware chip $(VENV)/.run
+	@$(BIN)/python -m thumper_hil.soak --hours 2
 
 mutation: $(VENV)/.dev
 	@$(BIN)/python -m tests.firmware.mutation.run
