@@ -1,6 +1,7 @@
 """The cells of a map in the making: counts, distance field, and an array that grows with the known world."""
 
 import math
+from mmap import mmap
 from typing import TypeVar
 
 import numpy as np
@@ -14,7 +15,7 @@ from thumper.mapping.grid import UNKNOWN, CellArray, OccupancyGrid
 from thumper.mapping.integrate import integrate, states
 from thumper.mapping.scan_points import SILENT, ScanPoints
 
-Number = TypeVar("Number", np.uint16, np.float32)
+Number = TypeVar("Number", np.uint8, np.float32)
 
 BLOCK = 64  # the array grows by multiples of this many cells
 
@@ -23,7 +24,7 @@ class Cells:
     """Hit and miss counts on a grid that is fixed to the map frame, and the distances to its occupied cells.
 
     `corner_m` is the map's (x, y) at the corner of cell [0, 0]; it moves by whole cells when the array grows.
-    Without `distances` nothing can be matched against the map, and a cell takes five bytes, not nine.
+    Without `distances` nothing can be matched against the map, and a cell takes three bytes, not seven.
     """
 
     def __init__(
@@ -36,8 +37,8 @@ class Cells:
         self.occupied_fraction = occupied_fraction
         self._first_row = self._first_col = 0
         self._shown: OccupancyGrid | None = None  # the map as last asked for, until a scan changes it
-        self.hits = np.zeros((0, 0), dtype=np.uint16)
-        self.misses = np.zeros((0, 0), dtype=np.uint16)
+        self.hits = np.zeros((0, 0), dtype=np.uint8)
+        self.misses = np.zeros((0, 0), dtype=np.uint8)
         self.distance_m = np.zeros((0, 0), dtype=np.float32)
         self._layer = np.zeros((0, 0), dtype=np.uint8)  # scratch, empty between the scans
 
@@ -57,6 +58,7 @@ class Cells:
                 exit_code=2,
             )
         cells = cls(resolution_m, reach_m, occupied_fraction)
+        counts = counts.aged(occupied_fraction)
         edge = cells.reach + 2  # a map may end at its walls, but the distances to them do not
         (row, col), hits, misses = counts.first_cell, counts.hits, counts.misses
         cells._first_row, cells._first_col = row - edge, col - edge
@@ -146,7 +148,7 @@ class Cells:
         self.misses = _grown(self.misses, (rows, cols), window, 0)
         if self._distances:
             self.distance_m = _grown(self.distance_m, (rows, cols), window, self.reach_m)
-        self._layer = np.zeros((rows, cols), dtype=np.uint8)
+        self._layer = _zeros((rows, cols), np.dtype(np.uint8))
         self._shown = None
 
     def _cover(self, points_m: FloatArray) -> None:
@@ -175,8 +177,13 @@ class Cells:
 def _grown(
     array: NDArray[Number], shape: tuple[int, int], window: tuple[slice, slice], fill: float
 ) -> NDArray[Number]:
-    new = np.zeros(shape, dtype=array.dtype)  # of which the system makes memory where it is written
+    new = _zeros(shape, array.dtype)
     if fill:
         new[:] = fill
     new[window] = array
     return new
+
+
+def _zeros(shape: tuple[int, int], dtype: np.dtype[Number]) -> NDArray[Number]:
+    """In memory of its own, which goes back to the system with the array; malloc would keep much of it."""
+    return np.ndarray(shape, dtype, buffer=mmap(-1, math.prod(shape) * dtype.itemsize))

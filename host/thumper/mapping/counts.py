@@ -3,9 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from thumper.mapping.distance_field import CountArray
 from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+
+CountsArray = NDArray[np.uint8] | NDArray[np.uint16]  # of a map in the making, of a saved one
 
 SEEN = 5  # observations that a cell of a finished map is worth
 AGED = 10  # and at most one of another day: else hours of it would outweigh all that has been moved since
@@ -15,8 +17,8 @@ AGED = 10  # and at most one of another day: else hours of it would outweigh all
 class Counts:
     """Hits and misses, both of shape (rows, columns), on the lattice whose cell (0, 0) is at the origin."""
 
-    hits: CountArray
-    misses: CountArray
+    hits: CountsArray
+    misses: CountsArray
     first_cell: tuple[int, int]  # (row, column) of cell [0, 0] on that lattice
     resolution_m: float
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from thumper.kernel import kernel
 
 FieldArray = NDArray[np.float32]
-CountArray = NDArray[np.uint16]
+CountArray = NDArray[np.uint8]
 
 
 @kernel

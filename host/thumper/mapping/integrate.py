@@ -18,7 +18,7 @@ from thumper.mapping.scan_points import HIT, KindArray
 from thumper.mapping.trace import LayerArray, trace
 
 TOUCHED = 1
-COUNT_MAX = 60_000  # halved together beyond this, so that the fraction stays and uint16 never wraps
+COUNT_MAX = 250  # both counts are halved beyond this: the fraction stays, and old evidence fades
 
 
 @kernel

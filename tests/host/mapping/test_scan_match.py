@@ -12,11 +12,12 @@ from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.mapping.cells import Cells
 from thumper.mapping.correlative import correlative_search
 from thumper.mapping.scan_match import MatchOptions, interpolate, match, normal_equations
-from thumper.mapping.scan_points import HIT, PASSED, SILENT, scan_points
+from thumper.mapping.scan_points import HIT, PASSED, SILENT, ScanPoints, scan_points
 
 TRUTH = Pose2(x_m=0.4, y_m=0.3, theta_rad=0.25)
 NO_PRIOR = np.zeros((3, 3))
 OPTIONS = MatchOptions()
+CLEARED_AFTER = 437  # scans
 
 
 def room_cells() -> Cells:
@@ -158,6 +159,23 @@ def test_the_kept_field_equals_the_field_from_scratch(poses: list[tuple[float, f
     for x_m, y_m, theta_rad in poses:
         points = scan_points(room_scan(Pose2(), beams=90, step_rad=math.tau / 90), Twist2(), Pose2(), 10.0)
         cells.integrate(Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad), points)
+    np.testing.assert_array_equal(cells.distance_m, cells.field_from_scratch())
+
+
+def test_what_stood_for_days_is_cleared_in_bounded_time() -> None:
+    cells = Cells(resolution_m=0.1, reach_m=0.5, occupied_fraction=0.25)
+    beam = {"origins_m": np.zeros((1, 2)), "ends_m": np.array([[1.05, 0.05]])}
+    for _ in range(3000):
+        cells.integrate(Pose2(), ScanPoints(**beam, kinds=np.array([HIT], dtype=np.uint8)))
+    row, col = cells.grid(percent=False).cell_of(1.05, 0.05)
+    assert cells.occupied()[row, col]
+    assert cells.distance_m[row, col] == 0.0
+    beam["ends_m"] = np.array([[2.05, 0.1]])
+    scans = 0
+    while cells.occupied().any() and scans < 3000:
+        cells.integrate(Pose2(), ScanPoints(**beam, kinds=np.array([PASSED], dtype=np.uint8)))
+        scans += 1
+    assert 3 < scans <= CLEARED_AFTER
     np.testing.assert_array_equal(cells.distance_m, cells.field_from_scratch())
 
 
