@@ -12,6 +12,7 @@ import numpy as np
 
 from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.scan import Scan
+from thumper.localization.evidence import Evidence
 from thumper.localization.kld import resampled
 from thumper.localization.laid_scan import LaidScan, Place
 from thumper.localization.likelihood_field import LikelihoodField
@@ -21,10 +22,9 @@ from thumper.mapping.counts import Counts
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.grid_mapper import MIN_HITS
 from thumper.mapping.mapper import MapperUpdate, PoseQuality
-from thumper.mapping.scan_points import scan_points
+from thumper.mapping.scan_points import HIT, scan_points
 
 RETRY_SCANS = 10  # a lost robot stands: it looks again as often as this
-SURE_SHARE = 0.8  # of the weight, that one place must have
 FIRST_GAIN = 0.5  # as `beam_gain`, for the look that a search is made with: nothing was weighed twice yet
 NEAR_M, NEAR_RAD = 1.0, 0.5  # a place found so near the one that a person names is meant by it
 LOOKS, FITTING = 20, 0.7  # of the right map so many weighed scans explain more; of a wrong one about 0.6
@@ -62,6 +62,7 @@ class Amcl:
         self._searching, self._wait = map_from_base is None, 0
         self._looks: deque[float] = deque(maxlen=LOOKS)  # what the newest weighed scans explained
         self._unweighed = 0  # scans since the newest one that was weighed
+        self._evidence = Evidence(vouched=False)
         self.relocalisations = 0
         self._poses = np.zeros((0, 3))
         self._told: Pose2 | None = None  # by hand, and not yet compared with the rest of the map
@@ -107,6 +108,7 @@ class Amcl:
         self._told, self._named = None if insisted else map_from_base, map_from_base
         self._pose, self._odometry, self._rivals = map_from_base, None, Rivals([], 0.0)
         self._searching, self._doubts, self._explained, self._share = False, 0, 0.0, 1.0
+        self._evidence = Evidence(vouched=True)
         if odom_from_base is not None:
             self._map_from_odom = map_from_base @ odom_from_base.inverse()
 
@@ -120,6 +122,11 @@ class Amcl:
         apart[:, 2] = np.remainder(apart[:, 2] + math.pi, math.tau) - math.pi
         covariance = (apart * self._weights[:, np.newaxis]).T @ apart
         return PoseQuality(covariance=np.asarray(covariance), explained=self._explained, lost=self._lost())
+
+    @property
+    def proven(self) -> bool:
+        """Whether the place is given by hand, or was confirmed on the way since a search found it."""
+        return self._evidence.proven
 
     @property
     def particles(self) -> int:
@@ -146,9 +153,7 @@ class Amcl:
             return "no scan has been laid on the map yet"
         if self._searching or self._explained < self._options.lost_below:
             return f"only {100.0 * self._explained:.0f} % of the scan fit the map"
-        if self._share < SURE_SHARE:
-            return f"several places look like this one: {100.0 * self._share:.0f} % speak for the best"
-        return ""
+        return self._evidence.doubt
 
     def grid(self) -> OccupancyGrid:
         """The map as it was given."""
@@ -178,8 +183,9 @@ class Amcl:
         """
         options = self._options
         points = scan_points(scan, twist, self._base_from_laser, options.usable_range_m)
-        hits_m = points.hits_m()
-        hits_m = np.ascontiguousarray(hits_m[:: max(1, len(hits_m) // options.beams)])
+        hits_m, origins_m = points.hits_m(), points.origins_m[points.kinds == HIT]
+        thinned = slice(None, None, max(1, len(hits_m) // options.beams))
+        hits_m, origins_m = np.ascontiguousarray(hits_m[thinned]), np.ascontiguousarray(origins_m[thinned])
         laid = LaidScan(hits_m, self._field, options)
         moved = Pose2() if self._odometry is None else self._odometry.inverse() @ odom_from_base
         fresh = self._odometry is None
@@ -188,19 +194,23 @@ class Amcl:
         pose = self._pose @ moved
         self._wait = max(0, self._wait - 1)
         self._unweighed += 1
+        if self._unweighed >= RETRY_SCANS and self._evidence.weak:
+            self._searching = True
         in_doubt = self._doubts > 0 and self._unweighed >= RETRY_SCANS
         due = self._wait == 0 if self._searching else fresh or in_doubt or self._has_moved(moved)
         if len(hits_m) >= MIN_HITS and due:
+            told, self._told = self._told, None
             if self._searching:
                 self._rivals = Rivals([], 0.0)
                 self._look_everywhere(laid)
                 self._wait = RETRY_SCANS
-            elif self._told is not None:
-                self._compare(laid, self._told)
-                self._told = None
+            elif told is not None:
+                self._compare(laid, told)
             else:
                 self._diffuse(moved)
             place = self._weigh(laid)
+            if told is not None and not is_near(place.pose, told, NEAR_M, NEAR_RAD):
+                self._evidence = Evidence(vouched=False)  # that is not where the person said it was
             other = self._rivals.look(laid, moved, place)
             if other is not None:
                 place, jumped = other, True
@@ -212,7 +222,9 @@ class Amcl:
             self._unweighed = 0
             self._looks.append(score)
             self._doubts = self._doubts + 1 if score < options.lost_below else 0
-            if self._doubts >= options.lost_after:
+            fit = score - laid.through_walls(origins_m, pose)
+            self._evidence.add(fit, math.hypot(moved.x_m, moved.y_m), self._share)
+            if self._doubts >= options.lost_after or self._evidence.refuted:
                 self._searching = True
         self._map_from_odom = pose @ odom_from_base.inverse()
         self._path.extend((pose.x_m, pose.y_m, pose.theta_rad))
@@ -248,7 +260,7 @@ class Amcl:
         self._poses = np.vstack((around, self._field.anywhere(n - n // 2, self._rng)))
         weights = np.concatenate((weights, np.full(n - n // 2, chances.min())))
         self._weights = weights / weights.sum()
-        self._searching, self._doubts = False, 0
+        self._searching, self._doubts, self._evidence = False, 0, Evidence(vouched=False)
         self.relocalisations += 1
 
     def _compare(self, scan: LaidScan, told: Pose2) -> None:

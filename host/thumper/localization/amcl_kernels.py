@@ -38,3 +38,33 @@ def beam_scores(
             total += likelihood
         logs[k] = gain * log
         scores[k] = total / points_m.shape[0]
+
+
+@kernel
+def share_through_walls(
+    origins_m: FloatArray,
+    ends_m: FloatArray,
+    pose: FloatArray,
+    distance_m: FieldArray,
+    resolution_m: float,
+    margin_m: float,
+) -> float:
+    """Share of beams, both ends of shape (n, 2), that cross a wall more than `margin_m` before their end.
+
+    `pose`, shape (3,), is in metres from the map's corner.
+    """
+    rows, cols = distance_m.shape
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    through = 0
+    for i in range(ends_m.shape[0]):
+        along_x, along_y = ends_m[i, 0] - origins_m[i, 0], ends_m[i, 1] - origins_m[i, 1]
+        length_m = math.hypot(along_x, along_y)
+        for k in range(int((length_m - margin_m) / resolution_m)):
+            part = k * resolution_m / length_m
+            x_m, y_m = origins_m[i, 0] + part * along_x, origins_m[i, 1] + part * along_y
+            col = math.floor((pose[0] + cos * x_m - sin * y_m) / resolution_m)
+            row = math.floor((pose[1] + sin * x_m + cos * y_m) / resolution_m)
+            if 0 <= row < rows and 0 <= col < cols and distance_m[row, col] == 0.0:
+                through += 1
+                break
+    return float(through / max(1, ends_m.shape[0]))

@@ -5,13 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from thumper.geometry import FloatArray, Pose2, wrap_angle
-from thumper.localization.amcl_kernels import beam_scores
+from thumper.localization.amcl_kernels import beam_scores, share_through_walls
 from thumper.localization.likelihood_field import LikelihoodField
 from thumper.localization.options import AmclOptions
 from thumper.mapping.scan_match import match
 
 HYPOTHESES = 4  # places that look alike, followed at the same time after a search
 ALIKE = 0.9  # a place that explains this share of what the best one does might be the right one
+WALL_MARGIN_M = 0.3  # before its end a beam may pass what is not a wall of this map to the centimetre
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +58,15 @@ class LaidScan:
     def near(self, pose: Pose2) -> Place:
         """The place that Gauss-Newton finds from a pose."""
         return self.refined(np.array([pose.x_m, pose.y_m, pose.theta_rad]))
+
+    def through_walls(self, origins_m: FloatArray, pose: Pose2) -> float:
+        """Share of beams, from origins of shape (n, 2), that go through a wall if the robot is at `pose`."""
+        walls = self._field
+        start = walls.to_corner(np.array([pose.x_m, pose.y_m, pose.theta_rad]))
+        resolution_m = walls.grid.resolution_m
+        return float(
+            share_through_walls(origins_m, self._hits_m, start, walls.distance_m, resolution_m, WALL_MARGIN_M)
+        )
 
     def everywhere(self) -> list[Place]:
         """The best place of the whole map, and those apart from it that explain nearly as much."""

@@ -169,7 +169,7 @@ class SwitchingMapper:
         """Take one scan, as `Mapper.update`."""
         update = (self.localiser or self._mapper).update(odom_from_base, scan, twist)
         self._odometry, self._pose = odom_from_base, update.map_from_base
-        if self._goes_on and not self.quality().lost:
+        if self._goes_on and self.localiser and self.localiser.proven and not self.quality().lost:
             self.map_on()
         return update
 

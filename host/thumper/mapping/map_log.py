@@ -12,6 +12,7 @@ import numpy as np
 
 from thumper.errors import ThumperError
 from thumper.geometry import FloatArray, Pose2
+from thumper.localization.evidence import WAY_M
 from thumper.localization.switching import SwitchingMapper
 from thumper.mapping.apart import compile_apart, plot_apart
 from thumper.mapping.counts import Counts
@@ -58,6 +59,7 @@ class MappedLog:
     grid: OccupancyGrid
     counts: Counts
     cpu_ms: FloatArray  # of each scan, shape (n,); without compiling the kernels and reading the file
+    lost: int = 0  # scans at which nobody should trust the pose
     lines: tuple[str, ...] = ()  # what was odd about the scans, a line each
 
 
@@ -140,6 +142,7 @@ def map_records(
         grid=mapper.grid(),
         counts=mapper.counts(),
         cpu_ms=cpu_ms,
+        lost=len(lost),
         lines=(*monitor.lines(), *bridge.lines(), *slip.lines(), *_lost_lines(lost, total)),
     )
 
@@ -195,9 +198,9 @@ def map_log(
     mapped = map_records(log, options, progress, session, start)
     if not any(update.integrated for update in mapped.updates):
         if session is not None:
-            raise ThumperError(
-                f"{path}: {'; '.join(mapped.lines)}; does it belong to the session? --start may help"
-            )
+            doubt = "does it belong to the session? --start may help"
+            still = f"the place is recognised, but the robot moves less than {WAY_M:g} m: nothing is entered"
+            raise ThumperError(f"{path}: {'; '.join((*mapped.lines, doubt if mapped.lost else still))}")
         raise ThumperError(f"{path}: no scan has enough usable beams: there is nothing to map", exit_code=2)
     yaml_path, png_path, csv_path = out_dir / "map.yaml", out_dir / "map.png", out_dir / "trajectory.csv"
     pgm_path = save_map(mapped.grid, yaml_path)

@@ -264,7 +264,7 @@ def test_mapping_goes_on_in_the_counts_of_another_day(told: Pose2 | None) -> Non
     for pose in way(begun, 30):
         before.update(pose, room_scan(pose, walls=box), STILL)
     counts = before.counts()
-    robot, path = SwitchingMapper(GridMapper()), way(Pose2(), 40)
+    robot, path = SwitchingMapper(GridMapper()), way(Pose2(), 60)
     robot.continue_in(counts, told)
     assert robot.counts() is counts
     assert counts.hits.max() > 20
@@ -293,6 +293,54 @@ def test_mapping_does_not_go_on_before_the_place_is_known() -> None:
         robot.update(Pose2(), scan, STILL)
     assert robot.localiser is None
     assert robot.quality().lost == ""
+
+
+NEXT_DOOR = np.concatenate((rectangle(20.0, -2.0, 24.5, 1.5), rectangle(21.0, 0.4, 21.8, 0.9)))
+
+
+def test_a_session_is_not_mapped_on_from_a_place_outside_it() -> None:
+    robot = SwitchingMapper(GridMapper())
+    robot.continue_in(Counts.of(GRID), None)
+    path = way(Pose2(x_m=22.0, y_m=-0.5), 40)
+    odometry, rng = Pose2(), np.random.default_rng(5)
+    for before, pose in itertools.pairwise([path[0], *path]):
+        odometry = odometry @ before.inverse() @ pose
+        update = robot.update(odometry, room_scan(pose, noise_m=0.01, rng=rng, walls=NEXT_DOOR), STILL)
+        assert not update.integrated
+        assert robot.quality().lost
+
+
+def test_a_session_is_mapped_on_only_after_some_way_at_the_place_that_was_found() -> None:
+    robot = SwitchingMapper(GridMapper())
+    robot.continue_in(Counts.of(GRID), None)
+    path = [Pose2(x_m=0.1 * k - 0.8, y_m=0.3, theta_rad=0.2) for k in range(16)]
+    mapping = []
+    for k, pose in enumerate(path):
+        robot.update(Pose2(x_m=0.1 * k), room_scan(pose), STILL)
+        mapping.append(robot.localiser is None)
+    assert robot.quality().lost == ""
+    assert not any(mapping[:10])
+    assert mapping[12]
+
+
+def test_a_wrong_rival_that_the_first_look_favours_is_never_mapped_on() -> None:
+    """Of two like rooms the robot is where a box was taken away; a cupboard comes into sight later."""
+    here, twin = rectangle(-3.0, -1.5, 3.0, 1.5), rectangle(7.0, -1.5, 13.0, 1.5)
+    cupboard, box = rectangle(1.5, 0.5, 3.0, 1.5), rectangle(-3.0, -0.5, -2.2, 1.5)
+    mapped = World(segments_m=np.concatenate((here, twin, cupboard, box)), circles_m=np.zeros((0, 3)))
+    robot, now = SwitchingMapper(GridMapper()), np.concatenate((here, cupboard))
+    robot.continue_in(Counts.of(mapped.to_grid()), None)
+    path = [Pose2(x_m=0.1 * k - 1.4, y_m=-0.2) for k in range(40)]
+    wrong = []
+    for k, pose in enumerate(path):
+        scan = room_scan(pose, walls=now)
+        near = replace(scan, ranges_m=np.where(scan.ranges_m > 2.5, np.nan, scan.ranges_m))
+        update = robot.update(Pose2(x_m=0.1 * k), near, STILL)
+        wrong.append(update.map_from_base.distance_m(pose) > 0.3)
+        assert not (update.integrated and wrong[-1])
+    assert wrong[0]
+    assert not wrong[-1]
+    assert robot.localiser is None
 
 
 def test_who_asks_to_localise_keeps_the_map_of_another_day_as_it_is() -> None:

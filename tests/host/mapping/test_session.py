@@ -1,6 +1,7 @@
 """Maps that are saved to go on with another day."""
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from thumper.mapping.cells import Cells
 from thumper.mapping.counts import AGED, Counts
 from thumper.mapping.grid import UNKNOWN
 from thumper.mapping.grid_mapper import GridMapper
+from thumper.mapping.map_log import map_log
 from thumper.mapping.method import MappingOptions, Method, PathMapper, make_mapper
 from thumper.mapping.session import Session, load_session, save_session
 
@@ -102,3 +104,16 @@ def test_a_damaged_session_is_refused(tmp_path: Path, harm: object, word: str) -
 def test_another_resolution_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ThumperError, match=r"resolution_m = 0\.05"):
         load_session(saved(tmp_path / "a", mapped()), 0.1)
+
+
+def test_a_log_of_a_robot_that_stands_in_the_session_is_refused_with_the_reason(tmp_path: Path) -> None:
+    session = load_session(saved(tmp_path / "room.session", mapped()), SIZE_M)
+    scan = room_scan(Pose2(x_m=0.1), beams=180, first_rad=-math.pi / 2, step_rad=math.pi / 180)
+    ranges = " ".join(f"{range_m:.3f}" for range_m in scan.ranges_m)
+    log = tmp_path / "still.clf"
+    log.write_text(
+        "".join(f"FLASER 180 {ranges} 0 0 0 0 0 0 {k}.0 nohost {k}.0\n" for k in range(1, 5)),
+        encoding="utf-8",
+    )
+    with pytest.raises(ThumperError, match="place is recognised, but the robot moves less than 1 m"):
+        map_log(log, tmp_path / "out", session=session)
