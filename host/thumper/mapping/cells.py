@@ -1,7 +1,8 @@
 """The cells of a map in the making: counts, distance field, and an array that grows with the known world."""
 
 import math
-from mmap import mmap
+import mmap
+from contextlib import suppress
 from typing import TypeVar
 
 import numpy as np
@@ -17,6 +18,8 @@ from thumper.mapping.scan_points import SILENT, ScanPoints
 
 Number = TypeVar("Number", np.uint8, np.float32)
 
+# On Windows memory of no file is private anyway, and there are no flags.
+PRIVATE = {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS} if hasattr(mmap, "MAP_PRIVATE") else {}
 BLOCK = 64  # the array grows by multiples of this many cells
 
 
@@ -186,4 +189,7 @@ def _grown(
 
 def _zeros(shape: tuple[int, int], dtype: np.dtype[Number]) -> NDArray[Number]:
     """In memory of its own, which goes back to the system with the array; malloc would keep much of it."""
-    return np.ndarray(shape, dtype, buffer=mmap(-1, math.prod(shape) * dtype.itemsize))
+    memory = mmap.mmap(-1, math.prod(shape) * dtype.itemsize, **PRIVATE)
+    with suppress(AttributeError, OSError):  # not every system has huge pages
+        memory.madvise(mmap.MADV_HUGEPAGE)
+    return np.ndarray(shape, dtype, buffer=memory)
