@@ -69,7 +69,7 @@ class Drive:
 
 
 def test_it_is_within_budget_and_says_its_rate(build: Build) -> None:
-    assert re.search(r"flash +\d+ of 8192 bytes, static SRAM +\d+ of 512 bytes", build.said), build.said
+    assert re.search(r"flash \d+ bytes \(budget 8192\), static SRAM \d+ bytes \(budget 512\)", build.said), build.said
     drive = Drive(build.elf)
     drive.say(Identify())
     drive.chip.run(drive.chip.cycle + CPU_HZ // 50)

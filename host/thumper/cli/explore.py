@@ -106,6 +106,8 @@ def _explore(
     tried, reached = 0, 0
     while (spent_s := result.time_s) < limit_s and not result.interrupted:
         goal = explorer.next_goal(robot.mapper.grid(), result.map_from_base)
+        if goal is None and tried == 0:
+            return "nothing here is left to explore: no border of the known can be reached", result
         if goal is None:
             return f"explored after {spent_s:.0f} s: of {tried} frontiers {reached} were reached", result
         tried += 1

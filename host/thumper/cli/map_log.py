@@ -38,7 +38,7 @@ def map_log(
         typer.Option(
             min=1,
             max=360,
-            help="The laser's field of view in degrees, if the log lacks it: FLASER and RLASER lines do.",
+            help="The laser's field of view in degrees, for logs that lack it: FLASER, RLASER lines.",
         ),
     ] = None,
     session: Annotated[

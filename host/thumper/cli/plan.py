@@ -157,7 +157,7 @@ def _answer(
 def _words(answer: "Answer", points: int) -> str:
     told = f"; {answer['reason']}" if answer["found"] and answer["reason"] else ""
     if not answer["found"]:
-        return f"no path: {answer['reason']} (goal: {answer['goal_category']})"
+        return f"no path: {answer['reason']}"
     return (
         f"{answer['length_m']:.3f} m in {points} points, {answer['travel_s']:.1f} s at the fastest, "
         f"planned in {answer['time_ms']:.2f} ms{told}"

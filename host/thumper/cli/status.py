@@ -59,9 +59,9 @@ def _in_words(of: Any) -> str:
         lines.append(f"fault    {of.fault}, {of.fault_words}: {of.fault_cure}")
     lines += [
         f"link     {of.link_errors} bad frames, {of.lost_edges} lost encoder edges, "
-        f"telemetry {1e3 * of.telemetry_age_s:.0f} ms old",
+        f"telemetry {max(0.0, 1e3 * of.telemetry_age_s):.0f} ms old",
         f"lidar    {of.lidar_scans} scans, {of.lidar_errors} errors, {of.lidar_restarts} restarts, "
-        f"scan {1e3 * of.scan_age_s:.0f} ms old",
+        f"scan {max(0.0, 1e3 * of.scan_age_s):.0f} ms old",
         f"loop     {1e3 * of.loop_late_s:.1f} ms late, busy for {1e3 * of.loop_busy_s:.1f} ms",
         f"recording {'on' if of.recording else 'off'}",
     ]
