@@ -69,6 +69,7 @@ class GraphMapper:
         self._trimmed_at_m = 0.0
         self._solver: Solver | None = None
         self._drawn: Drawing | None = None  # the next active map
+        self._joining: Drawing | None = None  # old places that have come near, into the active map as it is
         self._world: Drawing | None = None  # the whole map, where it is more than the active one
         self._next_world: Drawing | None = None
         self._graph_from_front = (
@@ -97,7 +98,7 @@ class GraphMapper:
 
         It first ends all work that `update` has spread over the next scans.
         """
-        while self._solver or self._drawn or self._next_world or self._search.busy:
+        while self._solver or self._joining or self._drawn or self._next_world or self._search.busy:
             self._work()
         return self.places.path()
 
@@ -148,11 +149,15 @@ class GraphMapper:
         self.places.tie(near)
         if not self._search.busy:
             self._search.begin(near)
-        if self._drawn is None and self.places.driven_m - self._trimmed_at_m >= 0.5 * self._loops.active_m:
-            # Now and then drop from the active map what has become far along the graph.
-            self._trimmed_at_m = self.places.driven_m
-            if not self._active <= near.keys():
-                self._draw_active()
+            far_m = self.places.driven_m - self._trimmed_at_m
+            if self._drawn is None and far_m >= 0.5 * self._loops.active_m:
+                # Now and then drop from the active map what has become far along the graph.
+                self._trimmed_at_m = self.places.driven_m
+                if not self._active <= near.keys():
+                    self._draw_active()
+        if self._joining is None and not near.keys() <= self._active:
+            # Where the map of the last round ends, the robot would begin a second one beside it.
+            self._joining = Drawing(cells=self._front.cells, chosen=near.keys() - self._active)
 
     def _work(self) -> None:
         """Do a part of what closing a loop takes: of the solver, of a map, of the search."""
@@ -164,8 +169,13 @@ class GraphMapper:
                 self._graph_from_front = bend @ self._graph_from_front
                 self._solver = None
                 self.loops_closed += 1
+                self._joining = None
                 self._draw_active()
                 self._next_world = Drawing(cells=self._empty(distances=False))
+        elif self._joining is not None:
+            if self._joining.draw(self.places, SCANS_AT_ONCE):
+                self._active |= self._joining.chosen or set()
+                self._joining = None
         elif self._drawn is not None:
             if self._drawn.draw(self.places, SCANS_AT_ONCE):
                 self._front.restart(self._drawn.cells, self._graph_from_front @ self._front.map_from_base)

@@ -17,8 +17,7 @@ from thumper.mapping.wide_search import Found, SearchField, WideSearch
 RECENT_PLACES = 3  # their scans together are matched: one scan of a corridor looks like every other
 OLD_PLACES = 4  # places before and after the candidate that make the old map
 MATCHED_BEAMS = 500
-AGREE_M, AGREE_RAD = 0.3, 0.05  # two closures in a row must say the same ...
-AGREE_WITHIN_M = 10.0  # ... unless the robot has driven on so far that it may have drifted as much
+AGREE_M, AGREE_RAD = 0.3, 0.05  # the closures of two places in a row must say the same
 SCANS_AT_ONCE = 6  # of the old map, entered in one part of the search: some ms
 LOOKED_UP_AT_ONCE = 20_000_000  # cells looked up in one part: some ms
 SEARCH_STD_M = 0.15
@@ -27,7 +26,7 @@ FIRST_WINDOW_M, FIRST_WINDOW_RAD = 0.5, 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """A closure that waits for a second one that agrees."""
+    """A closure that waits for that of the next place, which must agree."""
 
     old: int
     new: int
@@ -74,9 +73,14 @@ class LoopSearch:
         return self._hunt is not None
 
     def begin(self, near: dict[int, float]) -> None:
-        """Begin to look for a loop between the place just finished and one that is not in `near`."""
-        places, new = self._places, self._places.newest - 1
-        if new < RECENT_PLACES or new == self._searched:
+        """Begin to look for a loop between the place just finished and one that is not in `near`.
+
+        A search may take longer than the robot through a place. While a closure waits, the place after its
+        own is looked for, not the one just finished.
+        """
+        places, waiting = self._places, self._waiting
+        new = places.newest - 1 if waiting is None else waiting.new + 1
+        if new < RECENT_PLACES or new <= self._searched:
             return
         self._searched = new
         here = places.pose(new)
@@ -118,15 +122,9 @@ class LoopSearch:
             return False
         self._hunt = None
         found = self._judged(hunt, hunt.search.found())
-        if found is None:
-            return False
         waiting, self._waiting = self._waiting, found
         here = places.pose(hunt.new)
-        if (
-            waiting is None
-            or places.way_m(waiting.new, hunt.new) > AGREE_WITHIN_M
-            or not _agree(waiting.shift @ here, found.shift @ here)
-        ):
+        if found is None or waiting is None or not _agree(waiting.shift @ here, found.shift @ here):
             return False
         for closure in (waiting, found):
             places.connect(closure.old, closure.new, closure.old_from_new, loop=True)

@@ -170,3 +170,21 @@ def test_a_band_factored_in_parts_solves_the_system() -> None:
     found = right.copy()
     substitute(band, found)
     np.testing.assert_allclose(found, np.linalg.solve(matrix, right), rtol=1e-9)
+
+
+def test_old_places_join_the_map_that_is_matched_as_they_come_near() -> None:
+    """Drawn only when the map is trimmed, they came so late that the robot had driven on beside them."""
+    start, active_m = round_trip(LENGTH_M, BREADTH_M, 0.0)[0], 30.0
+    mapper = GraphMapper(loops=LoopOptions(active_m=active_m), map_from_base=start)
+    rng = np.random.default_rng(1)
+    world, poses = corridor_loop(LENGTH_M, BREADTH_M, rng), round_trip(LENGTH_M, BREADTH_M, 50.0)
+    missing: list[int] = []
+    closed_at = len(poses)
+    for number, (odometry, scan) in enumerate(drive(world, poses, rng)):
+        mapper.update(odometry, scan, Twist2())
+        if mapper.loops_closed and closed_at == len(poses):
+            closed_at = number
+        if number > closed_at + 50:  # the map is drawn again by then
+            missing.append(len(mapper.places.within(active_m).keys() - mapper._active))
+    assert len(missing) > 100
+    assert np.mean(missing) < 4.0
