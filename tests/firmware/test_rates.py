@@ -69,7 +69,8 @@ class Drive:
 
 
 def test_it_is_within_budget_and_says_its_rate(build: Build) -> None:
-    assert re.search(r"flash \d+ bytes \(budget 8192\), static SRAM \d+ bytes \(budget 512\)", build.said), build.said
+    told = r"flash \d+ bytes \(budget 8192\), static SRAM \d+ bytes \(budget 512\)"
+    assert re.search(told, build.said), build.said
     drive = Drive(build.elf)
     drive.say(Identify())
     drive.chip.run(drive.chip.cycle + CPU_HZ // 50)
