@@ -46,6 +46,7 @@ STANDING_RAD_S = 0.1
 LIDAR_BACK_S = 10.0  # from a plug put back to the next scan: its port is opened anew
 STOP_S = 4.0  # a wheel at a low set-point takes 1.7 s to be noticed, and then coasts
 MOST_GROWTH_MB = 25.0
+FEWEST_IN_TENTH = 10  # before, kernels are still compiled and loaded as they are first needed
 E_STOP = "e-stop"
 # What breaks, how, and what mends it; None mends itself.
 FAULTS: tuple[tuple[str, str | float, str | float | None], ...] = (
@@ -86,10 +87,12 @@ class Report:
 
     @property
     def growth_MB(self) -> float:
-        """Memory of the last tenth of the drives over that of the second tenth."""
-        tenth = max(len(self.memory_MB) // 10, 1)
+        """Memory of the last tenth of the drives over that of the second tenth; 0 where they are too few."""
+        tenth = len(self.memory_MB) // 10
+        if tenth < FEWEST_IN_TENTH:
+            return 0.0
         early, late = self.memory_MB[tenth : 2 * tenth], self.memory_MB[-tenth:]
-        return float(np.median(late) - np.median(early)) if early else 0.0
+        return float(np.median(late) - np.median(early))
 
 
 def soak(duration_s: float, seed: int = 1) -> Report:

@@ -65,7 +65,7 @@ def delay_s(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> 
     def delayed(url: str, *, baud: int, name: str) -> DelayedPort:
         return DelayedPort(open_port(url, baud=baud, name=name), delay_s)
 
-    for module in ("thumper.doctor.board", "thumper.lidar.urg04lx"):
+    for module in ("thumper.doctor.board", "thumper.lidar.open_lidar"):
         monkeypatch.setattr(f"{module}.open_port", delayed)
     return delay_s
 
