@@ -102,9 +102,7 @@ def write_run(folder: Path, mapper: Mapper, log: MissionLog, result: MissionResu
     """Write map, session, two pictures and the summary of one run; returns the file names."""
     grid = mapper.grid()
     save_map(grid, folder / "map.yaml")
-    known_pose = None if mapper.quality().lost else result.map_from_base
-    session = Session(counts=mapper.counts(), map_from_base=known_pose)
-    save_session(session, folder / "map.session")
+    save_session(Session.of(mapper, result.map_from_base), folder / "map.session")
     picture = Figure(figsize=(8, 7), layout="constrained")
     axes = picture.subplots()
     draw_map(axes, grid)

@@ -209,8 +209,7 @@ class Robot:
         """
         yaml_path = Path(f"{str(path).removesuffix('.yaml')}.yaml")
         save_map(self.map, yaml_path)
-        session = Session(counts=self._runtime.mapper.counts(), map_from_base=self.pose)
-        save_session(session, yaml_path.with_suffix(".session"))
+        save_session(Session.of(self._runtime.mapper, self.pose), yaml_path.with_suffix(".session"))
         return yaml_path
 
     @property

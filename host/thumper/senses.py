@@ -17,9 +17,7 @@ from thumper.perception import Perception, Situation
 TELEMETRY_TIMEOUT_S = 0.5
 LATE_BEAT_S = 0.15  # telemetry frames were lost on the way: the board must not miss commands for it
 LATE_BEATS = 2
-CATCH_UP_BEATS = (
-    10  # a second: a lidar that nobody read is ordered anew, and a dead one is the pilot's affair
-)
+CATCH_UP_BEATS = 10  # a lidar that nobody read is ordered anew; a dead one is the pilot's affair
 BLIND_S = 0.35  # without a new scan for this long (three turns) the robot must not move on
 LIDAR_GONE_ERRORS = 5  # of its port one after another, without a scan between: the port itself has gone
 LIDAR_RETRY_S = 5.0

@@ -158,7 +158,7 @@ class SwitchingMapper:
             raise ThumperError(f"mapping on from a wrong pose would spoil the map: {quality.lost}")
         if self._foreign is not None:
             options, fraction = self._mapping, self._mapping.occupied_fraction
-            cells = Cells.of(self._foreign.aged(fraction), options.resolution_m, options.reach_m, fraction)
+            cells = Cells.of(self._foreign, options.resolution_m, options.reach_m, fraction)
             mapper = GridMapper(options, base_from_laser=self._base_from_laser)
             mapper.restart(cells, localiser.map_from_base)
             self._mapper, self._foreign = mapper, None

@@ -7,8 +7,8 @@ import numpy as np
 from thumper.geometry import FloatArray
 from thumper.kernel import kernel
 from thumper.mapping.distance_field import FieldArray
+from thumper.mapping.integrate import COUNT_MAX
 from thumper.mapping.patch_passed import (
-    COUNT_MAX,
     ENDED,
     PASSED,
     WordArray,

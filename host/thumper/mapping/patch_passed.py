@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thumper.kernel import kernel
+from thumper.mapping.integrate import COUNT_MAX
 from thumper.mapping.patches import SIDE, SIDE_BITS, ByteArray, IndexArray
 from thumper.mapping.trace import CrossedArray
 
-COUNT_MAX = 250  # both counts are halved beyond this: the fraction stays, and old evidence fades
 PASSED, ENDED = 1, 2  # bits of a cell of the layer: a beam went through it, a beam ended in it
 
 WIDTH = SIDE // 8  # of a patch, in words

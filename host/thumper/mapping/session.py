@@ -17,6 +17,7 @@ import numpy as np
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2
 from thumper.mapping.counts import Counts
+from thumper.mapping.mapper import Mapper
 
 VERSION = 2
 LARGEST_CELLS = 400_000_000  # 1 km by 1 km at 5 cm
@@ -28,6 +29,11 @@ class Session:
 
     counts: Counts
     map_from_base: Pose2 | None  # where the robot was when it was saved; None when it did not know
+
+    @classmethod
+    def of(cls, mapper: Mapper, map_from_base: Pose2) -> "Session":
+        """What a mapper knows; the pose only where it may be trusted."""
+        return cls(counts=mapper.counts(), map_from_base=None if mapper.quality().lost else map_from_base)
 
 
 def save_session(session: Session, path: Path) -> Path:

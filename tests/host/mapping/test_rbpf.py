@@ -11,10 +11,11 @@ from tests.host.mapping.test_grid_mapper import driven_any, tour
 from thumper.geometry import Pose2, Twist2
 from thumper.mapping.grid import OCCUPIED
 from thumper.mapping.grid_mapper import GridMapper, GridMapperOptions
+from thumper.mapping.integrate import COUNT_MAX
 from thumper.mapping.method import MappingOptions, Method, make_mapper
 from thumper.mapping.particle_maps import SPARE
 from thumper.mapping.patch_integrate import RELEASE, quantised_distances
-from thumper.mapping.patch_passed import COUNT_MAX, count_misses
+from thumper.mapping.patch_passed import count_misses
 from thumper.mapping.patches import FAR, empty_pool, grow, render, share, writable
 from thumper.mapping.rbpf_mapper import RbpfMapper, RbpfOptions
 from thumper_hil.parts.world import World
