@@ -1,7 +1,11 @@
 """Two simulated minutes of the soak; `make soak` runs for hours."""
 
+from threading import Event
+from typing import Any
+
 import pytest
 
+from thumper.service.waking import HUNG_S
 from thumper_hil import soak as module
 from thumper_hil.soak import soak
 
@@ -23,3 +27,17 @@ def test_a_drive_that_ought_to_go_on_and_does_not_is_a_complaint(monkeypatch: py
     assert report.faults["motor.left"] > 0
     assert len(report.complaints) == report.faults["motor.left"] == report.owed - report.owed_reached
     assert all("motor.left, is failed: the board stopped the motors" in one for one in report.complaints)
+
+
+def test_a_computer_that_stalls_is_no_complaint(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The robot does nothing late that was asked while it hung, and says to ask again; so the soak does."""
+    drive = module._one_drive
+
+    def drive_and_stall(*arguments: Any) -> None:
+        drive(*arguments)
+        Event().wait(HUNG_S + 0.2)
+
+    monkeypatch.setattr(module, "_one_drive", drive_and_stall)
+    report = soak(20.0, seed=2)
+    assert report.complaints == []
+    assert report.drives >= 2

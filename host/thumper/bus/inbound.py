@@ -100,8 +100,9 @@ class Gate:
         rate_Hz = RATES_HZ.get(name, USUAL_RATE_HZ)
         left, at_s = self._allowance.get(name, (rate_Hz, now_s))
         left = min(rate_Hz, left + (now_s - at_s) * rate_Hz)  # a second's worth may come at once
-        self._allowance[name] = (max(left - 1.0, 0.0), now_s)
-        if left < 1.0:
+        passes = left >= 1.0  # what is refused costs nothing: who floods gets his share, and so do the others
+        self._allowance[name] = (left - passes, now_s)
+        if not passes:
             raise RefusedError(f"more than {rate_Hz:g} messages a second")
 
 

@@ -1,6 +1,7 @@
 """Whatever comes in is a request or is refused with a reason; nothing in between."""
 
 import math
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -132,6 +133,16 @@ def test_too_often_is_refused_and_waiting_helps() -> None:
         assert gate.message("estop", encode(flag(False)), "", 0.0) is None
     assert gate.message("estop", encode(flag(True)), "", 0.0) == EmergencyStop()  # no flood keeps it out
     assert gate.message("heartbeat", encode(M.header(0.0)), "", 0.0)  # each topic for itself
+
+
+def test_a_flood_lets_its_share_through() -> None:
+    """Asked a hundred times a second, for ten: the twenty at once, and then twenty a second."""
+    gate, raw, passed = Gate(), encode(text("arm")), 0
+    for count in range(1000):
+        with suppress(RefusedError):
+            gate.message("command", raw, "", count / 100)
+            passed += 1
+    assert passed == pytest.approx(220, abs=1)
 
 
 @given(raw=st.binary(max_size=300), topic=st.sampled_from(sorted(TOPICS)))
