@@ -28,7 +28,7 @@ from thumper.lidar.scan import Scan
 from thumper.link.messages import State, Telemetry
 from thumper.link.port import EXIT_NO_HARDWARE
 from thumper.mapping.grid import OccupancyGrid
-from thumper.mapping.map_io import save_map
+from thumper.mapping.map_io import description_path, save_map
 from thumper.mapping.session import Session, load_session, save_session
 from thumper.mission_log import MissionLog
 from thumper.perception import Situation
@@ -207,7 +207,7 @@ class Robot:
 
         `path` may end in .yaml; any other ending is a part of the name.
         """
-        yaml_path = Path(f"{str(path).removesuffix('.yaml')}.yaml")
+        yaml_path = description_path(path)
         save_map(self.map, yaml_path)
         save_session(Session.of(self._runtime.mapper, self.pose), yaml_path.with_suffix(".session"))
         return yaml_path

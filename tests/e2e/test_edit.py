@@ -38,6 +38,15 @@ def test_a_map_is_edited_into_another(thumper: Run, tmp_path: Path) -> None:
     np.testing.assert_array_equal(turned.cells, made.cells.T[:, ::-1])
 
 
+def test_a_map_keeps_its_whole_name(thumper: Run, tmp_path: Path) -> None:
+    lab, new = tmp_path / "lab.yaml", tmp_path / "new"
+    save_map(World.load("lab").to_grid(), lab)
+    done = thumper("edit", lab, "--trim", "--out", new / "map.v2")
+    assert done.returncode == 0, done.stderr
+    assert {path.name for path in new.iterdir()} == {"map.v2.yaml", "map.v2.pgm"}
+    load_map(new / "map.v2.yaml")
+
+
 def test_what_cannot_be_edited_is_refused(thumper: Run, tmp_path: Path) -> None:
     lab = tmp_path / "lab.yaml"
     save_map(World.load("lab").to_grid(), lab)

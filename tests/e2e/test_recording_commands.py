@@ -54,11 +54,11 @@ def test_a_recording_from_the_command_line_to_tables_map_and_picture(
     assert "torn.mcap: repaired" in thumper("recover", tmp_path).stdout
     whole = tmp_path / "torn.mcap"
     done = thumper(
-        "export", whole, "--csv", tmp_path / "t", "--map", tmp_path / "m.yaml", "--png", tmp_path / "p.png"
+        "export", whole, "--csv", tmp_path / "t", "--map", tmp_path / "m.v1", "--png", tmp_path / "p.png"
     )
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "t" / "wheels.csv").stat().st_size > 1000
-    assert (tmp_path / "m.pgm").exists()
+    assert (tmp_path / "m.v1.pgm").exists()
     assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
     done = thumper("replay", whole, "--out", tmp_path / "r")
     assert done.returncode == 0, done.stderr

@@ -41,7 +41,7 @@ def edit(
     from thumper.errors import ThumperError
     from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN
     from thumper.mapping.map_edit import cropped, filled, rotated, trimmed
-    from thumper.mapping.map_io import load_turned_map, save_map
+    from thumper.mapping.map_io import description_path, load_turned_map, save_map
 
     boxes = [
         (word, state, [_box(f"--{option} {text}", text) for text in given or []])
@@ -57,7 +57,7 @@ def edit(
     if crop and trim:
         raise ThumperError("--crop keeps a box, --trim what is known: give one", exit_code=2)
     grid, yaw_rad = load_turned_map(file)
-    out = out.with_suffix(".yaml")
+    out = description_path(out)
     for path in (out, out.with_suffix(".pgm")):
         if path.exists() and not force:
             raise ThumperError(f"{path} is there already; give another --out, or --force", exit_code=2)

@@ -37,7 +37,7 @@ def export(
     """Turn a recording into tables (CSV), a map file, a picture."""
     from thumper.cli.output import prepare_output
     from thumper.errors import ThumperError
-    from thumper.mapping.map_io import save_map
+    from thumper.mapping.map_io import description_path, save_map
     from thumper.mapping.map_plot import plot_map
     from thumper.recording.export import export_csv, last_map
     from thumper.recording.reader import Recording, find_recordings
@@ -53,7 +53,7 @@ def export(
         grid, path_m = last_map(recording)
         if map_file:
             prepare_output(map_file.parent, "--map")
-            description = map_file.with_suffix(".yaml")
+            description = description_path(map_file)
             image = save_map(grid, description)
             print(f"{description} and {image.name}")
         if png:

@@ -39,6 +39,11 @@ class Description:
     free_thresh: float
 
 
+def description_path(name: str | Path) -> Path:
+    """Where the description of a map called `name` is: any ending but .yaml is a part of the name."""
+    return Path(f"{str(name).removesuffix('.yaml')}.yaml")
+
+
 def save_map(grid: OccupancyGrid, yaml_path: Path) -> Path:
     """Write `yaml_path` and, beside it, the image of the same name with `.pgm`; return the image's path.
 
