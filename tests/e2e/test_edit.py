@@ -1,14 +1,19 @@
 """`thumper edit`: a new map, in one line; nothing is overwritten without being told."""
 
+import math
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from tests.e2e.test_bad_input import refused
+from thumper.geometry import Pose2
+from thumper.mapping.counts import Counts
 from thumper.mapping.grid import FREE, OCCUPIED
 from thumper.mapping.map_io import load_map, save_map
+from thumper.mapping.session import Session, load_session, save_session
 from thumper_hil.parts.world import World
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
@@ -28,6 +33,9 @@ def test_a_map_is_edited_into_another(thumper: Run, tmp_path: Path) -> None:
     made = load_map(new)
     assert made.cells[made.cell_of(0.0, 0.0)] == FREE
     assert made.cells[made.cell_of(-0.38, 0.1)] == OCCUPIED
+    said = load_session(new.with_suffix(".session"), 0.05)
+    np.testing.assert_array_equal(said.counts.grid(0.25).cells, made.cells)
+    assert said.map_from_base is None
     before = new.read_bytes()
     refused(thumper("edit", lab, "--trim", "--out", new), str(new), "there already")
     refused(thumper("edit", new, "--rotate", "90", "--out", new), "there already")
@@ -38,12 +46,34 @@ def test_a_map_is_edited_into_another(thumper: Run, tmp_path: Path) -> None:
     np.testing.assert_array_equal(turned.cells, made.cells.T[:, ::-1])
 
 
+def test_a_session_stays_that_of_its_map(thumper: Run, tmp_path: Path) -> None:
+    lab, new = tmp_path / "lab.yaml", tmp_path / "new.session"
+    grid = World.load("lab").to_grid()
+    save_map(grid, lab)
+    was = Pose2(x_m=1.0, y_m=0.5, theta_rad=0.2)
+    save_session(Session(counts=Counts.of(grid), map_from_base=was), lab.with_suffix(".session"))
+    new.write_text("of another map")
+    refused(thumper("edit", lab, "--rotate", "90", "--out", tmp_path / "new"), str(new), "there already")
+    assert [new.read_text(), (tmp_path / "new.yaml").exists()] == ["of another map", False]
+    done = thumper("edit", lab, "--rotate", "90", "--out", lab, "--force")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.endswith(": " + f"{lab}, lab.pgm and lab.session\n")
+    said = load_session(lab.with_suffix(".session"), 0.05)
+    turned = load_map(lab)
+    np.testing.assert_array_equal(said.counts.grid(0.25).cells, turned.cells)
+    assert said.counts.grid(0.25).origin_x_m == pytest.approx(turned.origin_x_m)
+    assert said.map_from_base is not None
+    assert said.map_from_base.x_m == pytest.approx(-0.5)
+    assert said.map_from_base.y_m == pytest.approx(1.0)
+    assert said.map_from_base.theta_rad == pytest.approx(0.2 + math.pi / 2)
+
+
 def test_a_map_keeps_its_whole_name(thumper: Run, tmp_path: Path) -> None:
     lab, new = tmp_path / "lab.yaml", tmp_path / "new"
     save_map(World.load("lab").to_grid(), lab)
     done = thumper("edit", lab, "--trim", "--out", new / "map.v2")
     assert done.returncode == 0, done.stderr
-    assert {path.name for path in new.iterdir()} == {"map.v2.yaml", "map.v2.pgm"}
+    assert {path.name for path in new.iterdir()} == {"map.v2.yaml", "map.v2.pgm", "map.v2.session"}
     load_map(new / "map.v2.yaml")
 
 

@@ -1,4 +1,4 @@
-"""`thumper edit`: turn a saved map, crop it, make parts of it free, a wall or unknown."""
+"""`thumper edit`: turn a saved map, crop it, make parts of it free, a wall or unknown, its session too."""
 
 import math
 from pathlib import Path
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from thumper.geometry import Pose2
     from thumper.mapping.grid import OccupancyGrid
     from thumper.mapping.map_edit import Box
 
@@ -15,7 +16,7 @@ BOX = "X0,Y0,X1,Y1 in metres, in the map once turned"
 
 def edit(
     file: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="The map, as map_server saves it.")],
-    out: Annotated[Path, typer.Option(help="The new map's .yaml; its image is put beside it.")],
+    out: Annotated[Path, typer.Option(help="The new map's .yaml; its image and session are put beside it.")],
     rotate: Annotated[
         float, typer.Option(help="Turn it counter-clockwise about its origin (0, 0), by so many degrees.")
     ] = 0.0,
@@ -35,13 +36,15 @@ def edit(
     """Change a saved map and save it as another one; what is unknown stays unknown.
 
     First it is turned, then boxes are filled (free, wall, unknown), then it is cropped. A map whose origin
-    has a yaw is turned so that it has none.
+    has a yaw is turned so that it has none. The new map's session is made from it, to go on mapping in.
     """
     from thumper.cli.output import prepare_output
     from thumper.errors import ThumperError
+    from thumper.mapping.counts import Counts
     from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN
     from thumper.mapping.map_edit import cropped, filled, rotated, trimmed
     from thumper.mapping.map_io import description_path, load_turned_map, save_map
+    from thumper.mapping.session import Session, save_session
 
     boxes = [
         (word, state, [_box(f"--{option} {text}", text) for text in given or []])
@@ -58,7 +61,7 @@ def edit(
         raise ThumperError("--crop keeps a box, --trim what is known: give one", exit_code=2)
     grid, yaw_rad = load_turned_map(file)
     out = description_path(out)
-    for path in (out, out.with_suffix(".pgm")):
+    for path in (out, out.with_suffix(".pgm"), out.with_suffix(".session")):
         if path.exists() and not force:
             raise ThumperError(f"{path} is there already; give another --out, or --force", exit_code=2)
     done = [f"its yaw of {math.degrees(yaw_rad):g} degrees taken out"] if yaw_rad else []
@@ -78,8 +81,23 @@ def edit(
             "nothing to do: give --rotate, --free, --wall, --unknown, --crop or --trim", exit_code=2
         )
     prepare_output(out.parent)
+    pose = _saved_pose(file, grid.resolution_m, math.radians(rotate))
     image = save_map(grid, out)
-    print(f"{file}: {', '.join(done)}; {_words(grid)}: {out} and {image.name}")
+    session = save_session(Session(counts=Counts.of(grid), map_from_base=pose), out.with_suffix(".session"))
+    print(f"{file}: {', '.join(done)}; {_words(grid)}: {out}, {image.name} and {session.name}")
+
+
+def _saved_pose(file: Path, resolution_m: float, turn_rad: float) -> "Pose2 | None":
+    """Where the session beside the map says that the robot was, in the map once turned."""
+    from thumper.errors import ThumperError
+    from thumper.geometry import Pose2
+    from thumper.mapping.session import load_session
+
+    try:
+        pose = load_session(file.with_suffix(".session"), resolution_m).map_from_base
+    except ThumperError:  # there is none, or none that is of use
+        return None
+    return Pose2(theta_rad=turn_rad) @ pose if pose else None
 
 
 def _box(option: str, text: str) -> "Box":
