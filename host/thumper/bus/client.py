@@ -104,6 +104,8 @@ class BusClient(Closable):
                 return answer
         if self._has_answered:
             why = "does not answer any more; what it was doing it may still do: `thumper stop`"
+            if not self._session.info.routers_zid():  # whoever hangs keeps the connection
+                why = "has left the bus: its program has ended, so its wheels stop, or the network is gone"
             raise ThumperError(f"robot {self.robot!r} {why}", exit_code=3)
         raise ThumperError(
             f"no robot {self.robot!r} answers on this bus; is that its name?", option="--robot", exit_code=3

@@ -136,6 +136,10 @@ def test_a_question_is_answered_from_another_thread(robot: Robot, client: BusCli
     with pytest.raises(ThumperError, match=r"does not answer any more; .*may still do") as caught:
         client.query("no such question")  # to which nobody answers
     assert caught.value.exit_code == 3
+    robot.server.close()
+    with pytest.raises(ThumperError, match="has left the bus: its program has ended") as caught:
+        client.query("mission/state")
+    assert caught.value.exit_code == 3
 
 
 def test_a_refusal_is_told_in_words(robot: Robot, client: BusClient) -> None:
