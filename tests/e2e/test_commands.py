@@ -40,6 +40,7 @@ def test_goto_waits_until_it_is_there(thumper: Run, bus: str) -> None:
     assert "reached: at the goal (1.20, 0.05)" in done.stdout
     told = json.loads(thumper("status", "--json", "--bus", bus).stdout)
     assert (told["robot"], told["simulated"], told["has_goal"]) == ("thumper", True, False)
+    assert "\nmode     mapping\n" in thumper("status", "--bus", bus).stdout
 
 
 def test_ctrl_c_cancels_the_goal(thumper: Run, bus: str) -> None:

@@ -19,6 +19,7 @@ def test_a_standing_robot_localises_in_its_map_and_maps_on(service: Service) -> 
         "ok": True,
         "text": "the map stays as it is; the robot localises in it",
     }
+    assert service.ask("mapping/state") == {"ok": True, "mode": "localising", "lost": "", "map_doubt": ""}
     frozen = mapper.grid()
     service.put(GoTo(goals=(NEAR,)))
     assert "must stand" in str(command(service, "map_on")["error"])
@@ -28,6 +29,7 @@ def test_a_standing_robot_localises_in_its_map_and_maps_on(service: Service) -> 
     assert command(service, "relocalise")["ok"]
     service.until(lambda: mapper.quality().lost == "")
     assert command(service, "map_on")["ok"]
+    assert service.ask("mapping/state")["mode"] == "mapping"
     service.put(GoTo(goals=(FAR,)))
     service.until(lambda: service.mode == "idle")
     assert service.ask("mission/state")["state"] == "reached"

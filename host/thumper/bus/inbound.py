@@ -40,6 +40,7 @@ QUESTIONS = (
     "parameters/revert",
     "mission/send",
     "mission/state",
+    "mapping/state",
     "command",
     "simulator/world",
     "simulator/command",

@@ -2,6 +2,8 @@
 
 import json
 import threading
+from collections.abc import Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -22,7 +24,7 @@ def status(
     bus: Address = "",
     robot: Robot = "",
 ) -> None:
-    """Tell what a running robot does, and how board, lidar and loop keep up."""
+    """Tell what a running robot does, whether it maps or localises, and how its parts keep up."""
     from thumper.errors import ThumperError
     from thumper.ros.json_form import to_json
 
@@ -40,20 +42,26 @@ def status(
                 "the robot is on the bus but says nothing; is its board connected, and is --robot its name?",
                 exit_code=3,
             )
+        mapping: dict[str, Any] = {}
+        with suppress(ThumperError):  # while it looks for its board, it answers nothing
+            mapping = client.query("mapping/state")
+            del mapping["ok"]
     message = newest[-1]
     if as_json:
-        print(json.dumps(to_json(message)))
+        print(json.dumps({**to_json(message), "mapping": mapping}))
     else:
-        print(_in_words(message))
+        print(_in_words(message, mapping))
 
 
-def _in_words(of: Any) -> str:
+def _in_words(of: Any, mapping: Mapping[str, str]) -> str:
     lines = [
         f"{of.robot} ({'SIMULATED' if of.simulated else 'REAL'}): {of.mode}"
         + (f", {of.reason}" if of.reason else "")
     ]
     if of.has_goal:
         lines.append(f"goal     ({of.goal_x_m:.2f}, {of.goal_y_m:.2f}), {of.distance_to_goal_m:.2f} m to go")
+    if mapping:
+        lines.append("mode     " + "; ".join(filter(None, map(mapping.get, ("mode", "lost", "map_doubt")))))
     lines.append(f"board    {of.board_state.lower().replace('_', ' ')}")
     if of.fault:
         lines.append(f"fault    {of.fault}, {of.fault_words}: {of.fault_cure}")

@@ -59,6 +59,13 @@ class SwitchingMapper:
         return (self.localiser or self._mapper).quality()
 
     @property
+    def doing(self) -> str:
+        """Whether it maps or localises, in words."""
+        if self.localiser is None:
+            return "mapping"
+        return "localising, to map on once the place is known" if self._goes_on else "localising"
+
+    @property
     def map_doubt(self) -> str:
         """Why the map localised in might be the wrong one; empty while it fits, and while mapping."""
         return self.localiser.map_doubt if self.localiser else ""

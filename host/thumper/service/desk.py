@@ -174,6 +174,8 @@ class Desk:
                 return {"mission": self._go((goal_of(ask.content),), ask.source)}
             case "mission/state":
                 return self._mission_state(ask.content)
+            case "mapping/state":
+                return map_mode.state(self._senses.perception)
             case "command":
                 return {"text": self._order(ask.content.get("command"))}
             case "simulator/world":

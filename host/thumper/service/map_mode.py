@@ -1,8 +1,9 @@
-"""The commands `localise`, `map_on` and `relocalise`: what a standing robot does with its map from now on."""
+"""What a robot does with its map, and the commands `localise`, `map_on`, `relocalise` that change it."""
 
 from thumper.errors import ThumperError
 from thumper.localization.switching import SwitchingMapper
 from thumper.mapping.mapper import Mapper
+from thumper.perception import Perception
 
 MODES = ("localise", "map_on", "relocalise")
 
@@ -28,3 +29,13 @@ def change(mapper: Mapper, mode: str) -> str:
             mapper.relocalise()
             return "the robot looks for itself in the whole map"
     raise ThumperError(f"no mode {mode!r}; there are {', '.join(MODES)}")
+
+
+def state(perception: Perception) -> dict[str, str]:
+    """What it does now, and why the pose or the map may not be trusted; empty while they may."""
+    mapper, situation = perception.mapper, perception.situation()
+    return {
+        "mode": mapper.doing if isinstance(mapper, SwitchingMapper) else "mapping",
+        "lost": situation.lost if situation else "",
+        "map_doubt": perception.map_doubt,
+    }

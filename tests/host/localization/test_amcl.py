@@ -288,10 +288,12 @@ def test_mapping_does_not_go_on_before_the_place_is_known() -> None:
     for _ in range(3):
         assert not robot.update(Pose2(), scan, STILL).integrated
     assert "several places" in robot.quality().lost
+    assert robot.doing == "localising, to map on once the place is known"
     robot.set_pose(Pose2(x_m=0.45, y_m=0.25))
     for _ in range(3):
         robot.update(Pose2(), scan, STILL)
     assert robot.localiser is None
+    assert robot.doing == "mapping"
     assert robot.quality().lost == ""
 
 
