@@ -94,6 +94,7 @@ def test_watch(thumper: Run, bus: str) -> None:
         (["goto", "nan", "0"], 2, "finite"),
         (["run", "--patrol", "2"], 2, "--patrol belongs to --waypoint"),
         (["run", "--bus", "0.0.0.0:7447"], 2, "set a token"),
+        (["explore", "--bus", "0.0.0.0:7447"], 2, "set a token"),
     ],
 )
 def test_what_is_wrong_is_told_in_one_line(thumper: Run, arguments: list[str], code: int, words: str) -> None:

@@ -11,7 +11,7 @@ Run = Callable[..., subprocess.CompletedProcess[str]]
 
 COMMANDS = {
     "demo": ["--out", "--seed"],
-    "run": ["--board", "--lidar", "--goal", "--config"],
+    "run": ["--board", "--lidar", "--goal", "--config", "out/run"],
     "sim": ["--board-pty", "--lidar-pty", "--world"],
     "map-log": ["--out"],
     "mode": ["--bus"],
@@ -26,7 +26,7 @@ COMMANDS = {
     "watch": ["--json", "--count"],
     "rosbridge": ["--port", "--host"],
     "campaign": ["--workers", "--out"],
-    "explore": ["--board", "--out"],
+    "explore": ["--board", "--bus", "out/explore"],
     "plan": ["--start", "--goal"],
     "edit": ["--rotate", "--free", "--crop", "--out"],
     "flash": ["--port"],

@@ -36,6 +36,7 @@ def explore(
             "Without it, wherever it recognises."
         ),
     ] = None,
+    bus: Annotated[str, typer.Option(help="HOST:PORT of the bus; overrides the configuration.")] = "",
     record: Annotated[
         bool, typer.Option("--record", help="Record everything, in the folder that is configured.")
     ] = False,
@@ -64,6 +65,8 @@ def explore(
     if start is not None and (session is None or not all(map(math.isfinite, start))):
         raise ThumperError("--start X Y DEGREES belongs to --session, and takes finite numbers", exit_code=2)
     settings = with_ports(load_config(config), board=board, lidar=lidar)
+    if bus:
+        settings = replace(settings, bus=settings.bus.at(bus))
     prepare_output(out)
     known = known_place(settings, None, session)
     begin = None if known else Pose2()

@@ -49,7 +49,7 @@ def run(
     tolerance: Annotated[float, typer.Option(help="How near is near enough, in metres.", min=0.02)] = 0.1,
     clear_fault: Annotated[bool, typer.Option(help="Clear a fault that the board has latched.")] = False,
     config: Annotated[Path | None, typer.Option(help="The robot's TOML; without it, a Wild Thumper.")] = None,
-    out: Annotated[Path, typer.Option(help="Folder for map, pictures and summary.")] = Path("out"),
+    out: Annotated[Path, typer.Option(help="Folder for map, pictures and summary.")] = Path("out/run"),
     speed: Annotated[
         float,
         typer.Option(help="Pace of a simulated robot that is at service; 1 is real time.", min=0.1, max=20.0),
