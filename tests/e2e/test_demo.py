@@ -5,9 +5,11 @@ import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from thumper.mapping.map_io import load_map
+from thumper.mapping.session import load_session
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -35,6 +37,9 @@ def test_demo_reaches_both_goals_and_leaves_what_it_promises(thumper: Run, tmp_p
 
     grid = load_map(tmp_path / "map.yaml")
     assert (grid.cells == 100).sum() > 100
+    session = load_session(tmp_path / "map.session", grid.resolution_m)
+    np.testing.assert_array_equal(session.counts.grid(0.25).cells, grid.cells)
+    assert session.map_from_base is not None
     for picture in ("missions.png", "speed_control.png"):
         assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
     assert "thesis" in (tmp_path / "table.md").read_text()

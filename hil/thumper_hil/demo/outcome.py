@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from thumper.geometry import FloatArray
 from thumper.mapping.grid import OccupancyGrid
+from thumper.mapping.session import Session
 from thumper.mission_log import MissionLog
 from thumper.runtime import MissionResult
 from thumper_hil.demo.evaluate import MapQuality
@@ -19,6 +20,7 @@ class Outcome:
     result: MissionResult
     log: MissionLog
     grid: OccupancyGrid
+    session: Session
     truth: FloatArray  # columns time [s], x [m], y [m], heading [rad], ...; 100 rows a second
     collisions: int
     map_quality: MapQuality

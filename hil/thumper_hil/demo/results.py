@@ -16,6 +16,7 @@ from rich.table import Table
 from thumper import __version__
 from thumper.link.messages import SCHEMA_HASH
 from thumper.mapping.map_io import save_map
+from thumper.mapping.session import save_session
 from thumper.mission_log import path_length_m, speed_errors
 from thumper.report import GREEN, ORANGE, draw_drive, draw_map, draw_speeds
 from thumper_hil.bench import DEFAULT_ELF
@@ -36,9 +37,10 @@ def write_results(out: Path, outcomes: Sequence[Outcome], seed: int, console: Co
     """Write everything to `out`, print the table, and say where things are."""
     summary = summarize(outcomes, seed)
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-    for outcome in outcomes:
-        save_map(outcome.grid, out / f"map_{outcome.mission.name}.yaml")
-    save_map(outcomes[-1].grid, out / "map.yaml")
+    maps = [(f"map_{outcome.mission.name}", outcome) for outcome in outcomes]
+    for name, outcome in (*maps, ("map", outcomes[-1])):
+        save_map(outcome.grid, out / f"{name}.yaml")
+        save_session(outcome.session, out / f"{name}.session")
     _picture_of_missions(out / "missions.png", outcomes)
     straight = next(outcome for outcome in outcomes if outcome.mission is STRAIGHT)
     figure = Figure(figsize=(9, 6), layout="constrained")
@@ -48,7 +50,8 @@ def write_results(out: Path, outcomes: Sequence[Outcome], seed: int, console: Co
     _print_table(rows, console)
     (out / "table.md").write_text(_markdown(rows), encoding="utf-8")
     console.print(f"simulated at {summary['sim_speed_x_real_time']:.1f} x real time", highlight=False)
-    console.print(f"in {out}/: map.pgm + map.yaml, missions.png, speed_control.png, table.md, summary.json")
+    files = "map.pgm, map.yaml, map.session, missions.png, speed_control.png, table.md, summary.json"
+    console.print(f"in {out}/: {files}", soft_wrap=True)
 
 
 def summarize(outcomes: Sequence[Outcome], seed: int) -> dict[str, Any]:

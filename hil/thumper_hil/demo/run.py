@@ -13,6 +13,7 @@ from thumper.bus.attach import on_bus
 from thumper.cli.mission import drive_with_progress, raise_if_interrupted
 from thumper.cli.recorded import recorded
 from thumper.config.robot import BoardConfig, LidarConfig, RobotConfig
+from thumper.mapping.session import Session
 from thumper.navigation.goal import Goal
 from thumper_hil.bench import simulation
 from thumper_hil.demo.evaluate import compare_map
@@ -79,12 +80,13 @@ def drive_mission(
         result = drive_with_progress(robot, goal, mission.title, console)
         raise_if_interrupted(result)
         wall_time_s = time.perf_counter() - started_s
-        grid = robot.mapper.grid()
+        grid, session = robot.mapper.grid(), Session.of(robot.mapper, result.map_from_base)
     return Outcome(
         mission=mission,
         result=result,
         log=robot.log,
         grid=grid,
+        session=session,
         truth=bench.truth(),
         collisions=bench.contacts,
         map_quality=compare_map(grid, World.load(mission.world)),
