@@ -13,7 +13,7 @@ class Pulse:
 
     def __init__(self, client: BusClient) -> None:
         self._robot = client.robot
-        self._has_talked = False
+        self.has_talked = False
         self._heard_s = time.monotonic()
         client.subscribe("status", self._hear)
 
@@ -22,9 +22,9 @@ class Pulse:
         if time.monotonic() - self._heard_s < SILENCE_S:
             return
         why = "says nothing any more: its program has ended or hangs, or the network is gone"
-        if not self._has_talked:
+        if not self.has_talked:
             why = "says nothing on this bus; is that its name (--robot), and is its board connected?"
         raise ThumperError(f"robot {self._robot!r} {why}", exit_code=3)
 
     def _hear(self, _: object) -> None:
-        self._heard_s, self._has_talked = time.monotonic(), True
+        self._heard_s, self.has_talked = time.monotonic(), True

@@ -1,6 +1,7 @@
 """`thumper status`, `thumper watch`: what a running robot says of itself."""
 
 import json
+import sys
 import threading
 from collections.abc import Mapping
 from contextlib import suppress
@@ -99,12 +100,16 @@ def watch(
     with join(config, bus, robot) as client:
         client.subscribe(topic, lambda message: _leave(waiting, message))
         pulse = Pulse(client)
-        shown = 0
+        shown, waits = 0, False
         try:
             while not count or shown < count:
                 try:
                     message = waiting.get(timeout=LOOK_PERIOD_S)
                 except queue.Empty:
+                    if pulse.has_talked and not (shown or waits):
+                        waits = True
+                        told = f"thumper: {client.robot} is there, nothing on {topic} yet; Ctrl-C ends it"
+                        print(told, file=sys.stderr)
                     pulse.check()
                     continue
                 print(json.dumps(to_json(message)) if as_json else in_words(message), flush=True)

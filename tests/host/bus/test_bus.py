@@ -162,6 +162,17 @@ def test_who_watches_a_robot_that_is_gone_is_told(
     assert caught.value.exit_code == 3
 
 
+def test_who_watches_an_idle_robot_is_told_that_it_is_there(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(pulse, "SILENCE_S", 0.2)
+    robot.server.publish("status", 0.0, M.status(Status(time_s=0.0)))
+    until(lambda: robot.server.figures.sent == 1)
+    with pytest.raises(ThumperError, match="says nothing any more"):
+        watch("events", bus=robot.address, robot="r1")
+    assert capsys.readouterr() == ("", "thumper: r1 is there, nothing on events yet; Ctrl-C ends it\n")
+
+
 def test_a_robot_that_says_nothing_of_the_topic_is_not_gone(
     robot: Robot, client: BusClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -170,7 +181,7 @@ def test_a_robot_that_says_nothing_of_the_topic_is_not_gone(
     alive = pulse.Pulse(client)
     clock_s[0] += 0.9 * pulse.SILENCE_S
     robot.server.publish("status", 0.0, M.status(Status(time_s=0.0)))
-    until(lambda: alive._has_talked)
+    until(lambda: alive.has_talked)
     clock_s[0] += 0.9 * pulse.SILENCE_S
     alive.check()
     clock_s[0] += 0.2 * pulse.SILENCE_S
