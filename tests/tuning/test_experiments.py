@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from rich.console import Console
 from typer.testing import CliRunner
 
@@ -15,6 +16,7 @@ from thumper.errors import ThumperError
 from thumper.geometry import FloatArray, Pose2
 from thumper.link.board import Board
 from thumper.odometry.odometry import advance
+from thumper_tuning.cli import app as tune_app
 from thumper_tuning.experiments.calibrate import calibrate, drift
 from thumper_tuning.experiments.cli import calibrate as calibrate_app
 from thumper_tuning.experiments.cli import experiment as experiment_app
@@ -134,6 +136,20 @@ def test_calibrating_the_simulated_robot_lessens_its_error(tmp_path: Path, by_li
     assert load_config(tmp_path / "odometry.toml").drive.track_m == values["track_m"]
 
 
+@pytest.mark.parametrize(
+    ("app", "command"), [(experiment_app, "speed"), (experiment_app, "odometry"), (tune_app, "record")]
+)
+def test_nothing_is_driven_before_the_floor_is_said_to_be_free(
+    tmp_path: Path, app: typer.Typer, command: str
+) -> None:
+    board = f"sim://asks_{command}/board?world=hall"
+    done = RUNNER.invoke(app, [command, "--board", board, "--out", str(tmp_path)], input="n\n")
+    assert isinstance(done.exception, ThumperError)
+    assert str(done.exception) == "not confirmed; nothing was driven"
+    assert "drive by itself: it needs" in done.output
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_real_board_without_a_reference_is_told_what_to_give(tmp_path: Path) -> None:
     done = RUNNER.invoke(experiment_app, ["odometry", "--log", "x.csv", "--out", str(tmp_path)])
     assert isinstance(done.exception, ThumperError)
@@ -144,7 +160,9 @@ def test_the_speed_experiment_beats_the_thesis(tmp_path: Path) -> None:
     board = Board.open("sim://experiment_speed/board?world=hall&x_m=-4", baud=500_000)
     try:
         with (tmp_path / "said.txt").open("w") as text:
-            standings = run(board, VerifyOptions(hold_s=4.0), tmp_path, Console(file=text, width=120))
+            standings = run(
+                board, VerifyOptions(hold_s=4.0), tmp_path, Console(file=text, width=120), yes=True
+            )
     finally:
         board.close()
     assert [s.tracking.acceleration_rad_s2 for s in standings] == [4.0, 8.0]

@@ -45,6 +45,7 @@ Hold = Annotated[
     typer.Option(help="How long verification holds its top speed, in seconds.", min=0.0, show_default="1.5"),
 ]
 Yes = Annotated[bool, typer.Option("--yes", help="Ask nothing: the lane is free, and the gains are saved.")]
+LaneFree = Annotated[bool, typer.Option("--yes", help="Ask nothing: the lane is free.")]
 OneDirection = Annotated[bool, typer.Option("--one-direction", help="Accept a log that drives one way only.")]
 Rule = Annotated[
     str | None,
@@ -105,21 +106,21 @@ def record(
     out: Out = Path("out/tune"),
     lane: Lane = None,
     settings: Settings = None,
+    yes: LaneFree = False,
 ) -> None:
     """Drive the identification experiment to and fro, leave identification.csv. Ctrl-C stops the motors."""
     from rich.console import Console
 
     from thumper.cli.output import prepare_output
-    from thumper_tuning.commands import LANE_WIDTH_M, opened, record_to
+    from thumper_tuning.commands import LANE_WIDTH_M, confirm_room, opened, record_to
     from thumper_tuning.settings import load_settings
 
     console = Console()
     options = load_settings(settings).but(lane_m=lane).excitation
     prepare_output(out)
     with opened(board) as robot:
-        console.print(
-            f"needs a lane {LANE_WIDTH_M:g} m wide, {options.lane_m:g} m free ahead and behind; Ctrl-C stops"
-        )
+        room = f"a lane {LANE_WIDTH_M:g} m wide, {options.lane_m:g} m ahead and as much behind"
+        confirm_room(room, console, yes=yes)
         path = record_to(robot, out / "identification.csv", options, console)
     console.print(f"{path} is there; next: thumper tune fit {path}")
 
@@ -194,12 +195,13 @@ def verify(
     out: Out = Path("out/tune"),
     hold: Hold = None,
     settings: Settings = None,
+    yes: LaneFree = False,
 ) -> None:
     """Set the gains, drive trapezoids there and back, and print how well the set-point was followed."""
     from rich.console import Console
 
     from thumper.cli.output import prepare_output
-    from thumper_tuning.commands import LANE_WIDTH_M, opened, read_gains_file, verify_on
+    from thumper_tuning.commands import LANE_WIDTH_M, confirm_room, opened, read_gains_file, verify_on
     from thumper_tuning.settings import load_settings
 
     console = Console()
@@ -208,7 +210,7 @@ def verify(
     prepare_output(out)
     with opened(board) as robot:
         lane_m = options.lane_m(robot.identity.wheel_radius_mm / 1000.0)
-        console.print(f"needs a lane {LANE_WIDTH_M:g} m wide and {lane_m:.1f} m free ahead; Ctrl-C stops")
+        confirm_room(f"a lane {LANE_WIDTH_M:g} m wide, {lane_m:.1f} m ahead", console, yes=yes)
         verify_on(robot, wanted, options, out / "verify.csv", console)
 
 

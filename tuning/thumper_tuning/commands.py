@@ -37,6 +37,21 @@ def opened(url: str) -> Iterator[Board]:
         board.close()
 
 
+def confirm_room(room: str, console: Console, *, yes: bool) -> None:
+    """Say what room a drive by itself takes, and ask whether it is free, unless told so (`yes`).
+
+    Raises
+    ------
+    ThumperError
+        It is not.
+    """
+    import typer
+
+    console.print(f"The robot will drive by itself: it needs {room}. Ctrl-C stops it.")
+    if not yes and not typer.confirm("Is it free?"):
+        raise ThumperError("not confirmed; nothing was driven")
+
+
 @contextmanager
 def bar(console: Console, title: str) -> Iterator[Show]:
     """A progress bar to report to."""
@@ -146,13 +161,12 @@ def tune_all(
 
     with opened(board_url) as board:
         lane_m = verification.lane_m(board.identity.wheel_radius_mm / 1000.0)
-        console.print(
-            f"The robot will drive by itself: it needs a lane {LANE_WIDTH_M:g} m wide, "
-            f"{max(excitation.lane_m, lane_m):.1f} m free ahead and {excitation.lane_m:.1f} m behind. "
-            "Ctrl-C stops it."
+        confirm_room(
+            f"a lane {LANE_WIDTH_M:g} m wide, {max(excitation.lane_m, lane_m):.1f} m ahead and "
+            f"{excitation.lane_m:.1f} m behind",
+            console,
+            yes=yes,
         )
-        if not yes and not typer.confirm("Is the lane free?"):
-            raise ThumperError("not confirmed; nothing was driven")
         old = read_gains(board)
         try:
             log = record_to(board, out / "identification.csv", excitation, console)

@@ -94,6 +94,7 @@ def experiment_speed(
     board: Board = "/dev/ttyUSB0",
     out: Out = Path("out/experiment"),
     hold: Annotated[float, typer.Option(help="How long to hold 8 rad/s, in seconds.", min=0.0)] = 8.0,
+    yes: Yes = False,
 ) -> None:
     """Experiment 8.2: drive straight with the board's gains; set-point minus measured speed beside the
     thesis's, and how far that is above what counting leaves."""
@@ -106,4 +107,4 @@ def experiment_speed(
 
     prepare_output(out)
     with opened(board) as robot:
-        speed.run(robot, VerifyOptions(hold_s=hold), out, Console())
+        speed.run(robot, VerifyOptions(hold_s=hold), out, Console(), yes=yes)

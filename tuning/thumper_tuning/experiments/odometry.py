@@ -12,7 +12,7 @@ from thumper.config.robot import LidarConfig, RobotConfig
 from thumper.errors import ThumperError
 from thumper.kinematics import DriveGeometry
 from thumper.lidar.open_lidar import open_lidar
-from thumper_tuning.commands import bar, opened
+from thumper_tuning.commands import bar, confirm_room, opened
 from thumper_tuning.experiments.calibrate import Calibration, calibrate, drift
 from thumper_tuning.experiments.course import FLOOR, CourseOptions, course
 from thumper_tuning.experiments.drive import drive
@@ -62,12 +62,7 @@ def gather(
         return joined(read_csv(source.log, COUNT_COLUMNS), read_csv(source.truth, POSE_COLUMNS))
     if source.truth is not None:
         raise ThumperError("--truth belongs to --log: a drive has a reference of its own", exit_code=2)
-    console.print(f"The robot will drive by itself: it needs free floor of {FLOOR}. Ctrl-C stops it.")
-    if not yes:
-        import typer
-
-        if not typer.confirm("Is the floor free?"):
-            raise ThumperError("not confirmed; nothing was driven")
+    confirm_room(f"floor of {FLOOR}", console, yes=yes)
     with opened(source.board) as board, bar(console, "odometry") as show:
         lidar = None
         if source.lidar:

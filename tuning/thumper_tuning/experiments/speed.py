@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from thumper.link.board import Board
-from thumper_tuning.commands import LANE_WIDTH_M, bar
+from thumper_tuning.commands import LANE_WIDTH_M, bar, confirm_room
 from thumper_tuning.experiments.figures import draw_speed
 from thumper_tuning.robot.session import read_gains
 from thumper_tuning.robot.verify import Tracking, VerifyOptions, verify
@@ -35,10 +35,16 @@ def counting_floor_rad_s(counts_per_rev: int, rate_Hz: int) -> float:
     return math.tau / counts_per_rev * rate_Hz / math.sqrt(6.0)
 
 
-def run(board: Board, options: VerifyOptions, out: Path, console: Console) -> list[Standing]:
-    """Drive with the gains that the board has; leave speed.csv, speed.png; print *thesis | ours | floors*."""
+def run(board: Board, options: VerifyOptions, out: Path, console: Console, *, yes: bool) -> list[Standing]:
+    """Drive with the gains that the board has; leave speed.csv, speed.png; print *thesis | ours | floors*.
+
+    Raises
+    ------
+    ThumperError
+        Not confirmed, or the board fails.
+    """
     lane_m = options.lane_m(board.identity.wheel_radius_mm / 1000.0)
-    console.print(f"needs a lane {LANE_WIDTH_M:g} m wide and {lane_m:.1f} m free ahead; Ctrl-C stops")
+    confirm_room(f"a lane {LANE_WIDTH_M:g} m wide, {lane_m:.1f} m ahead", console, yes=yes)
     with bar(console, "speed") as show:
         result = verify(board, read_gains(board), options, out / "speed.csv", show)
     floor = counting_floor_rad_s(board.identity.counts_per_rev, board.identity.control_rate_Hz)
