@@ -270,6 +270,23 @@ def test_what_the_machine_fails_is_driven_again(tmp_path: Path, monkeypatch: pyt
         assert [r.key for r in store.rows] == [good.key, bad.key]
 
 
+def test_ctrl_c_while_the_cluster_begins_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And does not come to its processes, which would each tell their end."""
+    blocked: list[int] = []
+
+    def begun(**options: object) -> LocalCluster:
+        os.kill(os.getpid(), signal.SIGINT)
+        cluster = LocalCluster(**options)  # type: ignore[no-untyped-call]
+        status = Path(f"/proc/{cluster.workers[0].pid}/status").read_text()
+        blocked.append(int(status.partition("SigBlk:")[2].split()[0], 16))
+        return cluster
+
+    monkeypatch.setattr("distributed.LocalCluster", begun)
+    with pytest.raises(KeyboardInterrupt), runner._local_cluster(1):
+        pytest.fail("the interrupt was lost")
+    assert blocked[0] & 1 << signal.SIGINT - 1
+
+
 @contextmanager
 def threads(workers: int | None) -> Iterator[LocalCluster]:
     """A cluster within this process: begun sooner than one of processes."""

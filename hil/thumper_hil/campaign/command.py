@@ -23,7 +23,9 @@ def campaign(
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+    from thumper.cli.interrupted import INTERRUPTED
     from thumper.cli.output import prepare_output
+    from thumper.errors import ThumperError
     from thumper.extras import need
     from thumper_hil.campaign.figures import draw
     from thumper_hil.campaign.parquet import write_parquet
@@ -50,7 +52,12 @@ def campaign(
             if not succeeded(row):
                 progress.console.print(f"{row.key}: {row.reason}, {row.contacts} contacts", highlight=False)
 
-        run_jobs(jobs, store, scheduler=scheduler or None, workers=workers or None, show=show)
+        try:
+            run_jobs(jobs, store, scheduler=scheduler or None, workers=workers or None, show=show)
+        except KeyboardInterrupt:
+            raise ThumperError(
+                "interrupted; the rows so far are kept: run the same command again", exit_code=INTERRUPTED
+            ) from None
         rows = sorted((row for row in store.rows if row.key in wanted), key=lambda row: row.key)
     write_parquet(out / "rows.parquet", rows)
     summaries = summarise(rows, plan.show)

@@ -5,6 +5,7 @@ import signal
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING
 
 from thumper.errors import ThumperError
@@ -87,21 +88,31 @@ def _said(error: Exception) -> str:
 
 @contextmanager
 def _local_cluster(workers: int | None) -> "Iterator[LocalCluster]":
-    """Processes of this machine, which inherit that Ctrl-C is ignored: this process has it, and ends them."""
+    """Processes of this machine to which Ctrl-C does not come: this process has it, and ends them.
+
+    They inherit that it is blocked from the thread that begins them, which inherits it from here. A Ctrl-C
+    meanwhile counts once they are there: Dask does not end those well that are only half begun.
+    """
     from distributed import LocalCluster
 
-    heeded = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    came: list[int] = []
+    heeded = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    resource_tracker.ensure_running()  # if multiprocessing begins it later, that lifts the block
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         cluster = LocalCluster(  # type: ignore[no-untyped-call]
             n_workers=workers,
             threads_per_worker=1,
             processes=True,
             dashboard_address=None,
-            silence_logs=logging.ERROR,  # a drive that Ctrl-C ends is a warning
+            silence_logs=logging.CRITICAL,  # what went wrong is in the future; the rest is noise of Ctrl-C
         )
     finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         signal.signal(signal.SIGINT, heeded)
     try:
+        if came:
+            raise KeyboardInterrupt
         yield cluster
     finally:
         with suppress(TimeoutError):  # on a busy machine a worker that was killed takes long to be gone
