@@ -14,7 +14,7 @@ class MissionResult:
     interrupted: bool  # by the user, with Ctrl-C or over the bus
     reason: str
     time_s: float
-    path_length_m: float
+    path_length_m: float  # driven, by the wheels
     map_from_base: Pose2  # where the robot believes it stopped
 
     def after(self, earlier: "Self | None") -> "Self":

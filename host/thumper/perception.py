@@ -65,6 +65,7 @@ class Perception:
         self._scan_time_s = -np.inf
         self.monitor = InputMonitor()
         self.scans_mapped = 0
+        self.driven_m = 0.0  # by the wheels: in the map the pose also moves where the robot does not
         self.map_doubt = ""  # why the map localised in might be the wrong one, as was last said
 
     def add_telemetry(self, sample: TelemetrySample) -> None:
@@ -74,6 +75,8 @@ class Perception:
         newest = self._odometry.update(time_s, telemetry.left_count, telemetry.right_count)
         leaps = self._bridge.leaps
         bridged = replace(newest, odom_from_base=self._bridge.take(time_s, newest.odom_from_base))
+        if self._newest is not None:
+            self.driven_m += self._newest.odom_from_base.distance_m(bridged.odom_from_base)
         self._newest = bridged if self._bridge.leaps == leaps else replace(bridged, twist=Twist2())
         self._history.add(self._newest)
         self._map_what_is_covered()

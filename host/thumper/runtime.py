@@ -18,7 +18,7 @@ from thumper.link.board import Board, TelemetrySample
 from thumper.link.messages import State
 from thumper.link.port import simulates
 from thumper.mapping.mapper import Mapper
-from thumper.mission_log import MissionLog, path_length_m
+from thumper.mission_log import MissionLog
 from thumper.mission_result import MissionResult, Progress
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
@@ -128,7 +128,7 @@ class Runtime:
             Before anything moves: no telemetry, no scan, a latched fault, or a goal that makes no sense.
         """
         start = self.look_round()
-        driven = len(self.log.poses)
+        driven_m = self.senses.perception.driven_m
         self._check_goal(goal)
         self.pilot.start(goal, self.senses.telemetry, clear_fault=clear_fault)
         interrupted = False
@@ -147,7 +147,7 @@ class Runtime:
             interrupted=interrupted or ending.by_user,
             reason=reason,
             time_s=end.time_s - start.time_s,
-            path_length_m=path_length_m(self.log.poses[driven:]),
+            path_length_m=self.senses.perception.driven_m - driven_m,
             map_from_base=end.map_from_base,
         )
 

@@ -1,5 +1,6 @@
 """Drive in a map that was saved: placed by hand, or found anywhere in it."""
 
+import numpy as np
 import pytest
 
 from thumper.assembly import open_robot
@@ -52,5 +53,7 @@ def test_a_robot_that_is_carried_away_stops_finds_itself_and_drives_on() -> None
         result = robot.drive_to(Goal(x_m=-0.3, y_m=0.0, tolerance_m=0.1), carry_after_3_s)
         assert result.reached, result.reason
         assert any("of the scan fit the map" in reason for reason in said)
+        steps_m = np.hypot(*np.diff(lab.truth()[:, 1:3], axis=0).T)
+        assert result.path_length_m == pytest.approx(steps_m[steps_m < 0.5].sum(), abs=0.1)  # by itself
         _, x_m, y_m, theta_rad = lab.truth()[-1, :4]
     assert Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad).distance_m(result.map_from_base) < 0.06
