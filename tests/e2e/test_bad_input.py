@@ -97,6 +97,14 @@ def test_log_that_is_none(thumper: Run, tmp_path: Path) -> None:
     refused(thumper("map-log", tmp_path / "none.clf", "--out", tmp_path), "none.clf")
 
 
+def test_a_log_of_one_scan_is_told_without_a_match(thumper: Run, tmp_path: Path) -> None:
+    log = tmp_path / "one.log"
+    ranges_m = " ".join(f"{2.0 + 0.005 * k:.3f}" for k in range(180))
+    log.write_text(f"FLASER 180 {ranges_m} 0 0 0 0 0 0 1.0 host 1.0\n")
+    done = thumper("map-log", log, "--out", tmp_path / "out")
+    assert done.stdout.startswith("CARMEN log: 1 scan, 0.0 m driven, no scan matched with a map\n")
+
+
 def test_a_mistyped_option_of_goto_is_no_heading(thumper: Run) -> None:
     """Negative coordinates look like options, so an option that does not exist is read as one."""
     done = thumper("goto", "1", "-0.5", "--tolerence")

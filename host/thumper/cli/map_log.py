@@ -89,10 +89,11 @@ def map_log(
             session=known,
             start=begin,
         )
-    console.print(
-        f"{summary.format_name} log: {summary.scans} scans, {summary.path_m:.1f} m driven, "
-        f"mean match {summary.mean_score:.2f} of 1"
-    )
+    matched = f"mean match {summary.mean_score:.2f} of 1"
+    if math.isnan(summary.mean_score):
+        matched = "no scan matched with a map"
+    scans = "1 scan" if summary.scans == 1 else f"{summary.scans} scans"
+    console.print(f"{summary.format_name} log: {scans}, {summary.path_m:.1f} m driven, {matched}")
     for note in summary.notes:
         console.print(f"note: {note}", markup=False, soft_wrap=True)
     console.print(f"in {out}/: {', '.join(path.name for path in summary.files)}", soft_wrap=True)

@@ -41,7 +41,7 @@ class MapLogSummary:
     scans: int
     integrated: int  # scans that changed the map
     path_m: float  # length of the corrected path
-    mean_score: float  # mean match score, 0...1
+    mean_score: float  # mean match score, 0...1; NaN when no scan was matched
     cpu_ms: FloatArray  # CPU time of each scan [ms], shape (scans,)
     wall_s: float  # from opening the log to the last file written
     peak_MB: float | None  # largest memory of this process; None where the system does not tell

@@ -300,6 +300,20 @@ def test_a_log_whose_odometry_leaps_is_mapped_across_it_and_says_so(tmp_path: Pa
     assert np.abs(mapped.poses[:, :2] - mapped.poses[0, :2]).max() < 0.1
 
 
+@pytest.mark.parametrize("wild", [0, 1, 30])
+def test_an_odometry_of_no_place_is_a_broken_line(tmp_path: Path, wild: int) -> None:
+    ranges_m = list(np.random.default_rng(1).uniform(2.0, 3.0, 180))
+    x_m = [1e300 if k == wild else 5.0 + 0.001 * k for k in range(60)]
+    lines = [flaser_line(ranges_m, (x, 0, 0), stamp=0.1 * k) for k, x in enumerate(x_m)]
+    log = open_log(written(tmp_path / "a.log", "".join(lines)))
+    assert log.notes == (
+        f"1 broken lines left out, the first: line {wild + 1}: broken FLASER (a pose 1e+300 m away)",
+    )
+    mapped = map_records(log, MappingOptions())
+    assert mapped.lines == ()
+    assert np.abs(mapped.poses[:, :2] - mapped.poses[0, :2]).max() < 0.1
+
+
 def test_a_log_says_where_the_pose_was_lost(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     here, there = list(rng.uniform(2.0, 3.0, 180)), list(rng.uniform(5.0, 6.0, 180))

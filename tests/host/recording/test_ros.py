@@ -89,10 +89,12 @@ def foreign(
     scans: bool = True,
     driven: range = range(40),
     set_back_at: int = 40,
+    astray_at: int = 40,
 ) -> None:
     """A recording as another ROS 2 robot would make it: its names, its order, its ideas of "nothing seen".
 
-    It says where it is at the steps `driven`; at the step `set_back_at` its clock is set back by an hour.
+    It says where it is at the steps `driven`, at `astray_at` beyond any place; at the step `set_back_at` its
+    clock is set back by an hour.
     """
     with path.open("wb") as stream:
         writer = Writer(stream)
@@ -123,12 +125,12 @@ def foreign(
         say("/tf_static", "tf2_msgs/msg/TFMessage", start, {"transforms": fixed})
         message: dict[str, Any]
         for k in range(40):
-            now = start + 100_000_000 * k
+            now, x_m = start + 100_000_000 * k, 1e300 if k == astray_at else 0.1 * k
             if k not in driven:
                 pass
             elif odometry:
                 at: dict[str, Any] = {
-                    "position": {"x": 0.1 * k, "y": 0.0, "z": 0.0},
+                    "position": {"x": x_m, "y": 0.0, "z": 0.0},
                     "orientation": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0},
                 }
                 still = {"linear": {"x": 0.0, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": 0.0}}
@@ -140,7 +142,7 @@ def foreign(
                 }
                 say("/robot/odom", "nav_msgs/msg/Odometry", now, message)
             else:
-                moving = [transform(now, "odom", "base_footprint", 0.1 * k)]
+                moving = [transform(now, "odom", "base_footprint", x_m)]
                 say("/tf", "tf2_msgs/msg/TFMessage", now, {"transforms": moving})
             if scans:
                 message = {
@@ -173,6 +175,16 @@ def test_a_foreign_recording_is_a_log_like_any_other(tmp_path: Path, odometry: b
     assert record.odom_from_base.x_m == pytest.approx(1.05)  # half-way between two readings
     assert record.twist.v_m_s == pytest.approx(1.0)
     np.testing.assert_array_equal(record.scan.ranges_m, [np.nan, 2.0, np.inf, np.nan, 3.0])
+
+
+@pytest.mark.parametrize("odometry", [True, False], ids=["Odometry", "transforms alone"])
+def test_a_reading_of_no_place_is_left_out_and_noted(tmp_path: Path, odometry: bool) -> None:
+    foreign(tmp_path / "theirs.mcap", odometry=odometry, astray_at=10)
+    log = open_log(tmp_path / "theirs.mcap")
+    assert log.notes == ("1 broken messages left out",)
+    assert [record.odom_from_base.x_m for record in log.records[:20]] == pytest.approx(
+        [0.1 * k + 0.05 for k in range(20)]
+    )
 
 
 def test_a_clock_that_was_set_back_does_not_mix_two_hours(tmp_path: Path) -> None:

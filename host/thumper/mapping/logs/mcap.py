@@ -14,7 +14,7 @@ import numpy as np
 from thumper.errors import ThumperError
 from thumper.geometry import Pose2, Twist2
 from thumper.lidar.scan import Scan
-from thumper.mapping.logs.record import NO_ODOMETRY, LogRecord, RobotLog
+from thumper.mapping.logs.record import NO_ODOMETRY, LogRecord, RobotLog, check_place
 from thumper.odometry.history import interpolate
 from thumper.recording.reader import Recording, Said
 from thumper.ros import parse
@@ -98,13 +98,17 @@ def _take(found: _Found, said: Said) -> None:
         )
     elif said.type_name == ODOMETRY:
         stamp = parse.stamp_ns_of(message), said.log_ns
-        found.odometry.setdefault(said.topic, []).append((stamp, parse.pose_of(message.pose.pose)))
+        found.odometry.setdefault(said.topic, []).append(
+            (stamp, check_place(parse.pose_of(message.pose.pose)))
+        )
         found.bases[said.topic] = message.child_frame_id
     else:
         for stamped in message.transforms:
             names = (stamped.header.frame_id.lstrip("/"), stamped.child_frame_id.lstrip("/"))
             stamp = parse.stamp_ns_of(stamped), said.log_ns
-            found.moving.setdefault(names, []).append((stamp, parse.transform_of(stamped.transform)))
+            found.moving.setdefault(names, []).append(
+                (stamp, check_place(parse.transform_of(stamped.transform)))
+            )
 
 
 def _track(found: _Found, clock: int) -> tuple[Track, str]:
