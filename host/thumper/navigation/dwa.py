@@ -12,7 +12,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.navigation.controller import ControlRequest, ControlResult
 from thumper.navigation.costmap import Costmap
@@ -88,7 +88,7 @@ class DwaController:
             raise ThumperError(
                 f"[navigation.dwa] horizon_s = {options.horizon_s} is too short to stop from full speed: "
                 f"use at least {stop_s + 4.0 * options.step_s:.2f}",
-                exit_code=2,
+                exit_code=EXIT_USAGE,
             )
         self._options = options
         self._limits = limits

@@ -1,5 +1,7 @@
 """Follows the path: by the controller as long as that moves, by a manoeuvre where it stands."""
 
+import math
+
 import numpy as np
 
 from thumper.navigation.controller import Controller, ControlRequest, ControlResult
@@ -7,6 +9,7 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.manoeuvre import Manoeuvre
 from thumper.navigation.recovery import is_still
 
+SAME_M = 0.03  # a path that ends this near to the goal leads there
 LOCAL_GOAL_PART = 0.35  # of the window's side: as far as a manoeuvre is planned
 
 
@@ -21,12 +24,14 @@ class Follower:
         self._after_s = after_s
         self._reach_m = LOCAL_GOAL_PART * window_m
         self._standing_since_s: float | None = None
+        self.dead_end = False  # the path's end is near, but not for the whole outline
 
     def reset(self) -> None:
         """Forget the past, for a new goal."""
         self._controller.reset()
         self._manoeuvre.drop()
         self._standing_since_s = None
+        self.dead_end = False
 
     def step(self, time_s: float, request: ControlRequest, goal: Goal) -> ControlResult:
         """Return the next twist along the request's path, which must not be empty."""
@@ -36,22 +41,30 @@ class Follower:
                 return threaded
         result = self._controller.command(request)
         if result.command is not None and not is_still(result.command):
-            self._standing_since_s = None
+            self._standing_since_s, self.dead_end = None, False
         elif self._standing_since_s is None:
             self._standing_since_s = time_s
         elif time_s - self._standing_since_s > self._after_s:
             self._standing_since_s = None
-            if self._manoeuvre.begin(request, self._local_goal(request, goal)):
+            target, at_end = self._local_goal(request, goal)
+            found = self._manoeuvre.begin(request, target, through=not at_end)
+            self.dead_end = at_end and not found
+            if found:
                 return self._manoeuvre.step(request) or result
         return result
 
-    def _local_goal(self, request: ControlRequest, goal: Goal) -> Goal:
-        """The furthest point of the path that a manoeuvre shall reach: the goal, or a place well in the
-        window.
+    def _local_goal(self, request: ControlRequest, goal: Goal) -> tuple[Goal, bool]:
+        """The furthest point of the path that a manoeuvre shall reach, and whether that is the path's end.
+
+        Where the goal itself cannot be entered the path ends at another place within its tolerance.
         """
         away_m = np.hypot(*(request.path_m - (request.map_from_base.x_m, request.map_from_base.y_m)).T)
         beyond = np.nonzero(away_m > self._reach_m)[0]
-        if beyond.size == 0:
-            return goal
-        x_m, y_m = request.path_m[beyond[0]]
-        return Goal(x_m=float(x_m), y_m=float(y_m), tolerance_m=0.15)
+        if beyond.size:
+            x_m, y_m = request.path_m[beyond[0]]
+            return Goal(x_m=float(x_m), y_m=float(y_m), tolerance_m=0.15), False
+        x_m, y_m = request.path_m[-1]
+        off_m = math.dist((x_m, y_m), (goal.x_m, goal.y_m))
+        if off_m <= SAME_M:
+            return goal, True
+        return Goal(x_m=float(x_m), y_m=float(y_m), tolerance_m=max(SAME_M, goal.tolerance_m - off_m)), True

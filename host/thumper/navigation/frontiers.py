@@ -3,24 +3,31 @@
 Yamauchi, "A Frontier-Based Approach for Autonomous Exploration" (1997).
 """
 
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt
+from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, label
 
 from thumper.geometry import Pose2
 from thumper.mapping.grid import OccupancyGrid
-from thumper.navigation.costmap import CostmapOptions, build_costmap
+from thumper.navigation.costmap import Costmap, CostmapOptions, build_costmap
 from thumper.navigation.endpoints import nearest_open
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
+from thumper.navigation.inflation import LETHAL
 from thumper.navigation.prices import price_cells
 from thumper.navigation.wavefront import flood
 
 EVERYWHERE = -1
 NEIGHBOURS = np.ones((3, 3), np.bool_)
+ROOM_M = 0.05  # beyond the outline's circle: there the robot turns with ease
+SIGHT_M = 1.0  # from here, at most, a frontier is looked at
+FACING_RAD = 1.0  # off its direction and the lidar still sees it
+IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +54,7 @@ class Frontier:
 
     x_m: float  # of its reachable cell nearest to its middle
     y_m: float
+    view_m: tuple[float, float]  # where to look at it from: there the robot can turn, if anywhere near
     length_m: float
     way_m: float  # cost of the way there, in metres of free ground
 
@@ -65,6 +73,8 @@ def find_frontiers(
     way = flood(prices, start[0] * cols + start[1], EVERYWHERE, False, 0.0).reshape(rows, cols)
     edges = np.isfinite(way) & binary_dilation(grid.cells < 0, NEIGHBOURS)
     parts, count = label(edges, NEIGHBOURS)
+    circle_cells = (footprint.circumscribed_radius_m + ROOM_M) / grid.resolution_m
+    roomy = np.argwhere(np.isfinite(way) & (costmap.squared_cells >= circle_cells**2))
     found = []
     for part in range(1, count + 1):
         cells = np.argwhere(parts == part)
@@ -72,10 +82,28 @@ def find_frontiers(
         if length_m < options.least_frontier_m:
             continue
         middle = cells[np.argmin(((cells - cells.mean(axis=0)) ** 2).sum(axis=1))]
+        view = _view(costmap, roomy, middle)
         x_m, y_m = grid.centre_of(int(middle[0]), int(middle[1]))
-        cost_m = float(way[middle[0], middle[1]]) * grid.resolution_m
-        found.append(Frontier(x_m=x_m, y_m=y_m, length_m=length_m, way_m=cost_m))
+        cost_m = float(way[view[0], view[1]]) * grid.resolution_m
+        view_m = grid.centre_of(int(view[0]), int(view[1]))
+        found.append(Frontier(x_m=x_m, y_m=y_m, view_m=view_m, length_m=length_m, way_m=cost_m))
     return sorted(found, key=lambda frontier: frontier.way_m - options.gain * frontier.length_m)
+
+
+def _view(costmap: Costmap, roomy: IntArray, middle: IntArray) -> IntArray:
+    """The roomy cell, shape (2,), nearest to a frontier's middle that sees it; without one, the middle.
+
+    A frontier mostly ends in nooks. To drive into them takes long and to come out longer, and the lidar looks
+    into them from outside.
+    """
+    away = np.hypot(*(roomy - middle).T)
+    near = away <= SIGHT_M / costmap.resolution_m
+    for cell in roomy[near][np.argsort(away[near])]:
+        between = np.linspace(cell, middle, 2 * int(np.abs(cell - middle).max()) + 1)
+        rows, cols = np.rint(between).astype(np.int64).T
+        if not (costmap.costs[rows, cols] == LETHAL).any():
+            return np.asarray(cell)
+    return middle
 
 
 class Explorer:
@@ -93,5 +121,19 @@ class Explorer:
             away_m = np.hypot(*(spots - (frontier.x_m, frontier.y_m)).T)
             if (away_m > self._options.done_radius_m).all():
                 self._done_m.append((frontier.x_m, frontier.y_m))
-                return Goal(x_m=frontier.x_m, y_m=frontier.y_m, tolerance_m=self._options.tolerance_m)
+                return self._goal(frontier)
         return None
+
+    def _goal(self, frontier: Frontier) -> Goal:
+        """The place to look from, and, when that is away from the frontier, toward it."""
+        (x_m, y_m), tolerance_m = frontier.view_m, self._options.tolerance_m
+        dx_m, dy_m = frontier.x_m - x_m, frontier.y_m - y_m
+        if math.hypot(dx_m, dy_m) < tolerance_m:
+            return Goal(x_m=x_m, y_m=y_m, tolerance_m=tolerance_m)
+        return Goal(
+            x_m=x_m,
+            y_m=y_m,
+            theta_rad=math.atan2(dy_m, dx_m),
+            tolerance_m=tolerance_m,
+            heading_tolerance_rad=FACING_RAD,
+        )

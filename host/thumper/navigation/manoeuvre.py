@@ -22,6 +22,9 @@ from thumper.navigation.turning import SLOWEST_TURN_RAD_S, is_open
 
 SIDE_GAIN, HEADING_GAIN = 20.0, 9.0  # [1/m^2], [1/m]: critically damped over about a quarter of a metre
 AT_POSE_M, AT_POSE_RAD = 0.01, 0.06
+FASTEST_TURN_RAD_S = 0.8
+ROOM_M = 0.03  # beyond the outline's circle: enough for any controller
+SAME_PLACE_M = 1e-6
 SLOWEST_M_S = 0.05
 STEP_S = 0.05
 
@@ -52,8 +55,11 @@ class Manoeuvre:
         self._lattice = lattice
         self.active = False
 
-    def begin(self, request: ControlRequest, goal: Goal) -> bool:
-        """Plan; False when no poses lead to the goal, or there is nothing to drive."""
+    def begin(self, request: ControlRequest, goal: Goal, *, through: bool) -> bool:
+        """Plan; False when no poses lead to the goal, or there is nothing to drive.
+
+        A way that only leads `through` a tight place is over when that is behind.
+        """
         if self._options.length_m == 0.0:
             return False
         poses = self._lattice.poses(request.costmap, request.map_from_base, goal)
@@ -62,6 +68,7 @@ class Manoeuvre:
         way_m = np.concatenate((np.zeros(1), np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))))
         self._poses = poses[: max(2, int(np.searchsorted(way_m, self._options.length_m)) + 1)]
         self._index = 0
+        self._through, self._was_tight = through, False
         self.active = True
         return True
 
@@ -70,8 +77,11 @@ class Manoeuvre:
         self.active = False
 
     def step(self, request: ControlRequest) -> ControlResult | None:
-        """Return the next twist; None when the last pose is reached or the robot has strayed."""
-        wanted = self._wanted(request)
+        """Return the next twist; None when the tight place or the last pose is behind, or it has strayed."""
+        tight = not self._has_room(request)
+        is_behind = self._through and self._was_tight and not tight
+        self._was_tight |= tight
+        wanted = None if is_behind else self._wanted(request)
         if wanted is None:
             self.active = False
             return None
@@ -83,6 +93,13 @@ class Manoeuvre:
         if not is_open(request.costmap, self._footprint, ahead, start, unknown_blocks=False):
             return ControlResult(command=None, reason="the way through the tight place is not free")
         return ControlResult(command=Twist2(v_m_s=v_m_s, w_rad_s=w_rad_s), trajectory=self._poses)
+
+    def _has_room(self, request: ControlRequest) -> bool:
+        """Whether the robot could turn on the spot here, with some room to spare."""
+        base, costmap = request.map_from_base, request.costmap
+        rows, cols = costmap.cells_of(np.array(((base.x_m, base.y_m),)))
+        room_m = math.sqrt(float(costmap.squared_cells[rows[0], cols[0]])) * costmap.resolution_m
+        return room_m >= self._footprint.circumscribed_radius_m + ROOM_M
 
     def _stopping_poses(self, request: ControlRequest, v_m_s: float, w_rad_s: float) -> FloatArray:
         """Where the command leads until the robot could stand, shape (n, 3)."""
@@ -105,7 +122,7 @@ class Manoeuvre:
             here, there = self._poses[self._index], self._poses[self._index + 1]
             step_m, turn_rad = there[:2] - here[:2], float(there[2] - here[2])
             length_m = math.hypot(*step_m)
-            if length_m < 1e-6:
+            if length_m < SAME_PLACE_M:
                 wanted = self._turn(base.theta_rad, float(there[2]), turn_rad)
             else:
                 offset_m = np.array((base.x_m, base.y_m)) - here[:2]
@@ -125,8 +142,20 @@ class Manoeuvre:
         left_rad = wrap_angle(target_rad - theta_rad) * math.copysign(1.0, turn_rad)
         if left_rad < AT_POSE_RAD:
             return None
+        left_rad += self._same_turn_rad(turn_rad)
         speed = stoppable_speed(left_rad, self._limits.w_accel_rad_s2, self._limits.latency_s)
+        speed = min(speed, FASTEST_TURN_RAD_S, self._limits.w_max_rad_s)
         return Twist2(w_rad_s=math.copysign(max(SLOWEST_TURN_RAD_S, speed), turn_rad))
+
+    def _same_turn_rad(self, turn_rad: float) -> float:
+        """Turn after the next pose that goes on in the same direction without a stop [rad]."""
+        total_rad = 0.0
+        for here, there in zip(self._poses[self._index + 1 :], self._poses[self._index + 2 :], strict=False):
+            further_rad = float(there[2] - here[2])
+            if math.dist(here[:2], there[:2]) > SAME_PLACE_M or further_rad * turn_rad <= 0.0:
+                break
+            total_rad += abs(further_rad)
+        return total_rad
 
     def _drive(
         self,

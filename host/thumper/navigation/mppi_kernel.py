@@ -13,7 +13,6 @@ from thumper.navigation.rollout import distance_to_path
 NoiseArray = NDArray[np.float32]
 CHECK_EVERY = 2  # steps between two footprint checks: at most a cell apart
 PATH_EVERY = 7  # steps between two distances from the path
-FAR_COST = 1e6
 
 
 @kernel

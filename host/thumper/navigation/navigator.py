@@ -17,7 +17,6 @@ from thumper.navigation.costmap import Costmap
 from thumper.navigation.follower import Follower
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
-from thumper.navigation.goal_room import has_room
 from thumper.navigation.guard import Guard
 from thumper.navigation.lattice import LatticePlanner
 from thumper.navigation.lidar_view import LidarView
@@ -25,9 +24,8 @@ from thumper.navigation.manoeuvre import Manoeuvre
 from thumper.navigation.masks import load_masks
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.output import NavigationOutput, NavigationState
-from thumper.navigation.progress import ProgressChecker
-from thumper.navigation.prospects import Prospects
-from thumper.navigation.recovery import Recovery, is_still
+from thumper.navigation.patience import Patience
+from thumper.navigation.recovery import is_still
 from thumper.navigation.registry import make_controller, make_planner
 from thumper.navigation.route import Route
 from thumper.navigation.speed_rule import SpeedRule
@@ -55,15 +53,12 @@ class Navigator:
         view: LidarView | None = None,
         on_transition: Callable[[Transition], None] | None = None,
     ) -> None:
-        self._options = options
         view, padded = view or LidarView(), footprint.grown(options.padding_m)
-        self._footprint = padded
         self._guard = Guard(options, footprint, padded, drive, view)
         self._controller = make_controller(options, padded)
         planner = make_planner(options, padded)
-        self._route, self._prospects = Route(planner, options.route), Prospects(planner)
-        self._progress = ProgressChecker(options.progress)
-        self._recovery = Recovery(options.recovery, options.limits, padded, self._controller)
+        self._route = Route(planner, options.route)
+        self._patience = Patience(options, padded, planner, self._controller)
         lattice = LatticePlanner(options.lattice, padded)
         self._follower = Follower(
             self._controller,
@@ -102,12 +97,9 @@ class Navigator:
         self._arrival = Arrival(goal)
         self._state, self._reason = NavigationState.NAVIGATING, ""
         self._route.clear()
-        self._prospects.reset()
+        self._patience.begin(goal)
         self._follower.reset()
-        self._progress.reset()
-        self._recovery.reset()
         self._bearings.reset()
-        self._stuck_since_s: float | None = None
 
     def cancel(self) -> None:
         """Give the goal up; the next command is zero."""
@@ -147,7 +139,7 @@ class Navigator:
             # standing.
             output = self._fail(f"internal error in navigation: {type(error).__name__}: {error}")
         self._last_command = output.command
-        told = self._recovery.name if output.state is NavigationState.RECOVERING else ""
+        told = self._patience.recovery_name if output.state is NavigationState.RECOVERING else ""
         self._transitions.note(time_s, output.state.value, output.reason, told)
         return output
 
@@ -175,9 +167,7 @@ class Navigator:
         around = self._surroundings
         costmap = around.update(time_s, map_from_base, grid, hits_in_map)
         self._guard.see(time_s, map_from_base, around.seen_m)
-        if self._prospects.are_unasked:
-            self._prospects.note(-np.inf, around.map_alone(grid))
-        self._prospects.note(time_s, costmap)
+        self._patience.note(time_s, around, grid, costmap)
         self._route.update(time_s, costmap, map_from_base, goal)
         self._arrival.update(map_from_base)
         remaining_m = self._route.remaining_m(map_from_base)
@@ -205,18 +195,14 @@ class Navigator:
     def _follow(
         self, time_s: float, request: ControlRequest, goal: Goal, remaining_m: float
     ) -> ControlResult:
-        complaint, nearer = self._progress.update(time_s, request.map_from_base, remaining_m)
-        if nearer:
-            self._recovery.reset()
-        if self._progress.is_hopeless(time_s):
-            self._recovery.give_up()
-            why = f"no nearer to the goal for {self._progress.idle_for_s(time_s):.0f} s"
-            return self._begin_recovery(time_s, request, f"{why}; {self._reason}" if self._reason else why)
-        if complaint:
-            if self._arrival.within_tolerance(request.map_from_base):
-                self._arrival.at_place = True  # as near as it gets, and near enough
-            else:
-                return self._begin_recovery(time_s, request, complaint)
+        complaint = self._patience.complaint(
+            time_s, request, remaining_m, self._reason, dead_end=self._follower.dead_end
+        )
+        if not self._arrival.at_place and self._patience.stands(time_s):
+            # As near as it gets may be near enough.
+            self._arrival.at_place = goal.distance_m(request.map_from_base) <= goal.tolerance_m
+        if complaint and not self._arrival.at_place:
+            return self._begin_recovery(time_s, request, complaint)
         if self._arrival.at_place:
             turn_rad = goal.heading_error_rad(request.map_from_base)
             turned = abs(turn_rad) <= 0.5 * goal.heading_tolerance_rad
@@ -226,35 +212,22 @@ class Navigator:
         return self._follower.step(time_s, request, goal)
 
     def _begin_recovery(self, time_s: float, request: ControlRequest, why: str) -> ControlResult:
-        self._stuck_since_s = None
         self._follower.reset()
-        if not self._recovery.start(time_s, request, only_look=self._is_closed(request)):
-            count = self._recovery.attempts
-            tried = f" after {count} {'recovery' if count == 1 else 'recoveries'}" if count else ""
-            if self._goal and self.costmap and not has_room(self.costmap, self._footprint, self._goal):
-                why += "; there is no room for the robot at the goal"
-            self._state, self._reason = NavigationState.FAILED, f"gave up{tried}: {why}"
+        if over := self._patience.recover(time_s, request, why):
+            self._state, self._reason = NavigationState.FAILED, over
             return ControlResult(command=None)
-        if (radius_m := self._recovery.forget_radius_m) is not None:
+        if (radius_m := self._patience.forget_radius_m) is not None:
             self._surroundings.forget_beyond(request.map_from_base, radius_m)
-        self._recovery.why = f"{self._recovery.name}, because {why}"
-        self._state, self._reason = NavigationState.RECOVERING, self._recovery.why
+        self._state, self._reason = NavigationState.RECOVERING, self._patience.doing
         return self._recover(time_s, request)
 
-    def _is_closed(self, request: ControlRequest) -> bool:
-        """Whether there is no way and none was ever seen open: then nothing but a look round can help."""
-        if self._goal is None or self.costmap is None or len(request.path_m):
-            return False
-        return self._prospects.are_none(self.costmap, request.map_from_base, self._goal)
-
     def _recover(self, time_s: float, request: ControlRequest) -> ControlResult:
-        command = self._recovery.step(time_s, request)
+        command = self._patience.recovering(time_s, request)
         if command is not None:
             return ControlResult(command=command)
         self._state = NavigationState.NAVIGATING
         self._route.clear()
         self._follower.reset()
-        self._progress.renew()
         return ControlResult(command=Twist2())
 
     def _guarded(self, time_s: float, result: ControlResult, request: ControlRequest) -> NavigationOutput:
@@ -269,7 +242,7 @@ class Navigator:
         )
         if verdict.command is None:
             return self._refused(time_s, verdict.reason, result, request)
-        self._stuck_since_s = None
+        self._patience.moves()
         if verdict.frees_itself:
             self._reason = verdict.reason
             return self._output(verdict.command, request)
@@ -284,14 +257,13 @@ class Navigator:
         self, time_s: float, reason: str, result: ControlResult, request: ControlRequest
     ) -> NavigationOutput:
         """Stand, and after a while try something else."""
-        self._stuck_since_s = time_s if self._stuck_since_s is None else self._stuck_since_s
-        if time_s - self._stuck_since_s > self._options.patience_s:
+        if self._patience.is_over(time_s, request):
             self._begin_recovery(time_s, request, reason)
             if self._has_failed():
                 return self._fail(self._reason)
             reason = self._reason
         elif self._state is NavigationState.RECOVERING:
-            reason = f"{self._recovery.why}; {reason}"
+            reason = f"{self._patience.doing}; {reason}"
         self._reason = reason
         return self._output(Twist2(), request, result.trajectory)
 
@@ -316,7 +288,7 @@ class Navigator:
     def _stand(self, reason: str) -> NavigationOutput:
         """Stop for now; what was under way begins afresh afterwards."""
         self._follower.reset()
-        self._progress.renew()
+        self._patience.renew()
         self._reason = reason
         return NavigationOutput(state=self._state, reason=reason)
 

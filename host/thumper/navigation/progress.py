@@ -65,6 +65,10 @@ class ProgressChecker:
         """Time since new ground was last won [s]."""
         return time_s - self._won_s
 
+    def standing_s(self, time_s: float) -> float:
+        """Time since it last got out of the place that it stands in [s]."""
+        return 0.0 if self._anchor is None else time_s - self._anchor_s
+
     def update(self, time_s: float, map_from_base: Pose2, remaining_m: float) -> tuple[str, bool]:
         """Return (complaint, nearer): what is wrong or an empty string, and whether new ground was won."""
         options = self._options

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from thumper.geometry import Pose2
 from thumper.navigation.costmap import Costmap
+from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.inflation import FREE, INSCRIBED
 from thumper.navigation.planner import Planner
@@ -18,11 +19,13 @@ class Prospects:
     """Keeps all ground seen free, and wide enough, on the way to a goal; the map may grow meanwhile.
 
     A way through a door that somebody has shut, or stands in, was open, and forgetting or waiting may bring
-    it back. One through ground never seen was but a hope, and once walls are seen there it is gone.
+    it back. One through ground never seen was but a hope, and once walls are seen there it is gone. A
+    gap in which the robot could not even turn is none: noise opens and shuts it.
     """
 
-    def __init__(self, planner: Planner) -> None:
+    def __init__(self, planner: Planner, footprint: Footprint) -> None:
         self._planner = planner
+        self._wide_m = footprint.circumscribed_radius_m
         self.reset()
 
     def reset(self) -> None:
@@ -39,13 +42,18 @@ class Prospects:
     def note(self, time_s: float, costmap: Costmap) -> None:
         """Add what is open now, once a second."""
         if time_s - self._noted_s >= NOTE_PERIOD_S:
-            self._open = self._on_cells_of(costmap) | (costmap.costs < INSCRIBED)
+            wide = costmap.squared_cells >= (self._wide_m / costmap.resolution_m) ** 2
+            self._open = self._on_cells_of(costmap) | (wide & (costmap.costs < INSCRIBED))
             self._costmap, self._noted_s = costmap, time_s
 
     def are_none(self, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> bool:
         """Whether there would be no way even if all that once was open still were."""
+        return self._planner.plan(self.at_best(costmap), map_from_base, goal).closed
+
+    def at_best(self, costmap: Costmap) -> Costmap:
+        """The costmap with all free that once was open."""
         costs = np.where(self._on_cells_of(costmap), np.uint8(FREE), costmap.costs)
-        return self._planner.plan(dataclasses.replace(costmap, costs=costs), map_from_base, goal).closed
+        return dataclasses.replace(costmap, costs=costs)
 
     def _on_cells_of(self, costmap: Costmap) -> NDArray[np.bool_]:
         """What is kept, shape as the costs; a map may grow or shrink by whole cells on any side."""

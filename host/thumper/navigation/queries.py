@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.mapping.grid import OccupancyGrid
 
 METRES = ("start_x", "start_y", "goal_x", "goal_y")
@@ -40,9 +40,9 @@ def read_queries(path: Path, grid: OccupancyGrid) -> list[Query]:
                 (number, row) for number, row in enumerate(csv.reader(stream), 1) if any(map(str.strip, row))
             ]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ThumperError(f"{path}: cannot be read as CSV ({error}); check the file", exit_code=2) from error
+        raise ThumperError(f"{path}: cannot be read as CSV ({error}); check the file", exit_code=EXIT_USAGE) from error
     if not rows:
-        raise ThumperError(f"{path}: holds no rows; give one start and goal a line", exit_code=2)
+        raise ThumperError(f"{path}: holds no rows; give one start and goal a line", exit_code=EXIT_USAGE)
     columns, in_cells = _columns(path, rows[0][1])
     queries = []
     for number, row in rows if columns is None else rows[1:]:
@@ -53,7 +53,7 @@ def read_queries(path: Path, grid: OccupancyGrid) -> list[Query]:
             ]
         queries.append(Query(start_m=(values[0], values[1]), goal_m=(values[2], values[3])))
     if not queries:
-        raise ThumperError(f"{path}: holds a header and no rows; give one start and goal a line", exit_code=2)
+        raise ThumperError(f"{path}: holds a header and no rows; give one start and goal a line", exit_code=EXIT_USAGE)
     return queries
 
 
@@ -68,7 +68,7 @@ def _columns(path: Path, header: Sequence[str]) -> tuple[list[int] | None, bool]
     raise ThumperError(
         f"{path}: line 1: needs the columns {', '.join(METRES)} (or {', '.join(CELLS)}), "
         f"has {', '.join(names)}; rename them",
-        exit_code=2,
+        exit_code=EXIT_USAGE,
     )
 
 
@@ -76,7 +76,7 @@ def _number(path: Path, line: int, row: Sequence[str], index: int) -> float:
     text = row[index].strip() if index < len(row) else ""
     if not _is_number(text):
         raise ThumperError(
-            f"{path}: line {line}: '{text}' is not a number; mend column {index + 1}", exit_code=2
+            f"{path}: line {line}: '{text}' is not a number; mend column {index + 1}", exit_code=EXIT_USAGE
         )
     return float(text)
 

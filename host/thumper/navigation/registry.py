@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.navigation.astar import AStarPlanner
 from thumper.navigation.carrot import CarrotPlanner
 from thumper.navigation.cascade import CascadeController
@@ -44,7 +44,7 @@ def check_names(options: NavigationOptions) -> None:
         ("controller", options.controller, CONTROLLERS),
     ):
         if name not in known:
-            raise ThumperError(f"no {kind} '{name}': choose one of {', '.join(sorted(known))}", exit_code=2)
+            raise ThumperError(f"no {kind} '{name}': choose one of {', '.join(sorted(known))}", exit_code=EXIT_USAGE)
 
 
 def make_planner(options: NavigationOptions, footprint: Footprint) -> Planner:

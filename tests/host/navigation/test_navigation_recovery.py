@@ -134,7 +134,7 @@ def test_what_was_open_stays_so_on_a_map_that_grows_and_shrinks() -> None:
 
     goal, start = Goal(x_m=1.6, y_m=0.0), Pose2(x_m=0.3)
     for x_m in (-1.0, -1.5, -0.5):
-        prospects = Prospects(AStarPlanner(AStarOptions()))
+        prospects = Prospects(AStarPlanner(AStarOptions()), Footprint())
         prospects.note(0.0, room(-1.0, shut=False))
         assert not prospects.are_none(room(x_m, shut=True), start, goal)
         prospects.reset()
