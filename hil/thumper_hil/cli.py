@@ -29,11 +29,11 @@ def demo(
     from thumper.bus.options import BusOptions
     from thumper.cli.output import prepare_output
     from thumper.dashboard.start import beside
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_USAGE, ThumperError
     from thumper_hil.demo.run import run_demo
 
     if seeds > 1 and (realtime or ui):
-        raise ThumperError("--seeds is a statistic: leave --realtime and --ui", exit_code=2)
+        raise ThumperError("--seeds is a statistic: leave --realtime and --ui", exit_code=EXIT_USAGE)
     prepare_output(out)
     if seeds > 1:
         from thumper_hil.demo.seeds import run_seeds

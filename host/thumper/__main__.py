@@ -3,7 +3,7 @@
 import os
 import signal
 
-INTERRUPTED = 130  # what a shell expects of a program that Ctrl-C has ended
+from thumper.errors import EXIT_INTERRUPTED
 
 
 def main() -> None:
@@ -11,7 +11,7 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) is not signal.SIG_IGN:  # a shell's `&` makes it ignored
             # Not an exception: an import that is interrupted halfway may turn it into another error.
-            signal.signal(number, lambda *_: os._exit(INTERRUPTED))
+            signal.signal(number, lambda *_: os._exit(EXIT_INTERRUPTED))
     from thumper.cli import main as run_command
 
     run_command()

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
 from thumper.config.robot import RobotConfig
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.geometry import Pose2
 from thumper.interrupts import remembered
 from thumper.kinematics import DriveGeometry
@@ -103,7 +103,7 @@ def _check_geometry(drive: DriveGeometry, identity: Identity) -> None:
             f"the firmware was built for {identity.counts_per_rev} counts a turn and wheels of "
             f"{identity.wheel_radius_mm} mm, the configuration says {drive.counts_per_rev} and "
             f"{wheel_radius_mm} mm: correct [drive], or build and flash the firmware for this robot",
-            exit_code=2,
+            exit_code=EXIT_USAGE,
         )
 
 

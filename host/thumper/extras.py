@@ -4,9 +4,8 @@ import sys
 from importlib.metadata import requires
 from importlib.util import find_spec
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_CHECK_FAILED, ThumperError
 
-EXIT_NOT_INSTALLED = 4
 PARTS = {  # what an extra is for, and the modules that it brings
     "ui": ("the page", ("nicegui", "cryptography")),
     "gamepad": ("a gamepad", ("pygame",)),
@@ -33,7 +32,7 @@ def missing(extra: str, module: str) -> ThumperError:
     ours = [line.split(";")[0].strip() for line in requires("thumper") or [] if _is_of(line, extra)]
     packages = " ".join(f"'{package}'" for package in ours)
     what = f"{PARTS[extra][0]} needs {module.partition('.')[0]}, which is not installed"
-    return ThumperError(f"{what}: {sys.executable} -m pip install {packages}", exit_code=EXIT_NOT_INSTALLED)
+    return ThumperError(f"{what}: {sys.executable} -m pip install {packages}", exit_code=EXIT_CHECK_FAILED)
 
 
 def _is_of(requirement: str, extra: str) -> bool:

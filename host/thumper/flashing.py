@@ -7,8 +7,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from thumper.errors import ThumperError
-from thumper.link.port import EXIT_NO_HARDWARE
+from thumper.errors import EXIT_CHECK_FAILED, EXIT_NOT_THERE, EXIT_USAGE, ThumperError
 
 FIRMWARE = Path(__file__).resolve().parents[2] / "firmware"
 UPLOAD_BAUD = {"old": 57_600, "new": 115_200}
@@ -48,11 +47,13 @@ def flash_board(job: Job, *, tool: str) -> None:
     tool, executable = _find_tool(tool)
     if tool == "avrdude" and not job.hex_file.is_file():
         build = "make firmware" if job.board == "trex" else f"make -C firmware BOARD={job.board}"
-        raise ThumperError(f"{job.hex_file}: there is no firmware to flash; run `{build}`", exit_code=4)
+        raise ThumperError(
+            f"{job.hex_file}: there is no firmware to flash; run `{build}`", exit_code=EXIT_CHECK_FAILED
+        )
     if not Path(job.port).exists():
         raise ThumperError(
             f"{job.port}: no such port; is it plugged in? `thumper doctor` lists the ports that exist",
-            exit_code=EXIT_NO_HARDWARE,
+            exit_code=EXIT_NOT_THERE,
         )
     if tool == "pio":
         environment = job.board + ("" if job.bootloader == "old" else "_new")
@@ -73,14 +74,18 @@ def _find_tool(wanted: str) -> tuple[str, str]:
     tools = ("avrdude", "pio") if wanted == "auto" else (wanted,)
     if not FIRMWARE.is_dir():  # PlatformIO builds from the sources, which an installed wheel lacks
         if wanted == "pio":
-            raise ThumperError("PlatformIO needs the firmware's sources; run it in a clone", exit_code=2)
+            raise ThumperError(
+                "PlatformIO needs the firmware's sources; run it in a clone", exit_code=EXIT_USAGE
+            )
         tools = ("avrdude",)
     beside_python = str(Path(sys.executable).parent)  # where pip puts PlatformIO in a virtual environment
     for tool in tools:
         executable = shutil.which(tool) or shutil.which(tool, path=beside_python)
         if executable:
             return tool, executable
-    raise ThumperError(f"neither of {', '.join(tools)} is installed; sudo apt install avrdude", exit_code=4)
+    raise ThumperError(
+        f"neither of {', '.join(tools)} is installed; sudo apt install avrdude", exit_code=EXIT_CHECK_FAILED
+    )
 
 
 def _avrdude(executable: str, port: str, baud: int) -> list[str]:
@@ -106,10 +111,10 @@ def _explain(job: Job, tool: str, executable: str, output: str) -> ThumperError:
     if BUSY.search(output):
         return ThumperError(
             f"{job.port}: busy or not permitted; close what uses it, or sudo usermod -aG dialout $USER",
-            exit_code=EXIT_NO_HARDWARE,
+            exit_code=EXIT_NOT_THERE,
         )
     if NO_PORT.search(output):
-        return ThumperError(f"{job.port}: it cannot be opened as a port", exit_code=EXIT_NO_HARDWARE)
+        return ThumperError(f"{job.port}: it cannot be opened as a port", exit_code=EXIT_NOT_THERE)
     if NO_SYNC.search(output):
         other = "new" if job.bootloader == "old" else "old"
         if (
@@ -119,11 +124,11 @@ def _explain(job: Job, tool: str, executable: str, output: str) -> ThumperError:
             return ThumperError(
                 f"{job.port}: the boot loader answers at {UPLOAD_BAUD[other]} baud, not at "
                 f"{job.upload_baud}; flash with --bootloader {other}",
-                exit_code=EXIT_NO_HARDWARE,
+                exit_code=EXIT_NOT_THERE,
             )
         return ThumperError(
             f"{job.port}: no boot loader answers; is it the right port, and the board powered?",
-            exit_code=EXIT_NO_HARDWARE,
+            exit_code=EXIT_NOT_THERE,
         )
     lines = [line.strip() for line in output.splitlines() if line.strip() and "avrdude done" not in line]
     return ThumperError(f"{job.port}: {tool} failed: {lines[-1] if lines else 'it said nothing'}")

@@ -21,12 +21,11 @@ from urllib.parse import parse_qsl, urlencode
 
 from thumper.assembly import open_robot
 from thumper.config.robot import RobotConfig, load_config, with_ports
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_NOT_THERE, EXIT_USAGE, ThumperError
 from thumper.geometry import Pose2, Twist2
 from thumper.kinematics import WheelSpeeds
 from thumper.lidar.scan import Scan
 from thumper.link.messages import State, Telemetry
-from thumper.link.port import EXIT_NO_HARDWARE
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.map_io import description_path, save_map
 from thumper.mapping.session import Session, load_session, save_session
@@ -69,11 +68,11 @@ class Robot:
         """
         if not (isinstance(board, str) and isinstance(lidar, str)):
             raise ThumperError(
-                'Robot: board and lidar are names of ports, such as "/dev/ttyUSB0"', exit_code=2
+                'Robot: board and lidar are names of ports, such as "/dev/ttyUSB0"', exit_code=EXIT_USAGE
             )
         if not (start is None or isinstance(start, Pose2)):
             raise ThumperError(
-                "Robot: start is a thumper.geometry.Pose2(x_m=, y_m=, theta_rad=)", exit_code=2
+                "Robot: start is a thumper.geometry.Pose2(x_m=, y_m=, theta_rad=)", exit_code=EXIT_USAGE
             )
         self._config = _on_ports(load_config(Path(config) if config else None), board, lidar)
         self._session = Path(session) if session else None
@@ -108,10 +107,10 @@ class Robot:
             raise ThumperError(
                 f"drive: {v_m_s:g} m/s, {w_rad_s:g} rad/s is too fast; at most {limit.manual_v_max_m_s:g} m/s"
                 f" and {limit.manual_w_max_rad_s:g} rad/s ([service] in the configuration)",
-                exit_code=2,
+                exit_code=EXIT_USAGE,
             )
         if not (math.isfinite(v_m_s) and math.isfinite(w_rad_s)):
-            raise ThumperError("drive: give finite speeds", exit_code=2)
+            raise ThumperError("drive: give finite speeds", exit_code=EXIT_USAGE)
         _check_duration("drive", duration_s)
         self._catch_up()
         pilot = self._runtime.pilot
@@ -215,7 +214,9 @@ class Robot:
     @property
     def _runtime(self) -> Runtime:
         if self._opened is None:
-            raise ThumperError("the robot is not open: use it in `with Robot(...) as robot:`", exit_code=2)
+            raise ThumperError(
+                "the robot is not open: use it in `with Robot(...) as robot:`", exit_code=EXIT_USAGE
+            )
         return self._opened
 
     @property
@@ -239,7 +240,7 @@ class Robot:
         until_s = math.inf
         while self._situation.time_s < until_s:
             if not self._beat():
-                raise ThumperError("the board went silent; is the cable loose?", exit_code=EXIT_NO_HARDWARE)
+                raise ThumperError("the board went silent; is the cable loose?", exit_code=EXIT_NOT_THERE)
             if while_armed and self._runtime.pilot.mode is Mode.IDLE:
                 raise ThumperError(f"the drive ended early: {self._runtime.pilot.reason}")
             until_s = min(until_s, self._situation.time_s + duration_s)  # from the first order on
@@ -251,7 +252,7 @@ class Robot:
 
 def _check_duration(what: str, duration_s: float) -> None:
     if not 0.0 < duration_s <= LONGEST_DRIVE_S:  # nor for one that is no number
-        raise ThumperError(f"{what}: give a duration of up to {LONGEST_DRIVE_S:g} s", exit_code=2)
+        raise ThumperError(f"{what}: give a duration of up to {LONGEST_DRIVE_S:g} s", exit_code=EXIT_USAGE)
 
 
 def _on_ports(config: RobotConfig, board: str, lidar: str) -> RobotConfig:
@@ -261,7 +262,9 @@ def _on_ports(config: RobotConfig, board: str, lidar: str) -> RobotConfig:
     if rest and not rest.startswith("?"):
         return with_ports(config, board=board, lidar=lidar)  # a simulation with a name, as commands take it
     if lidar:
-        raise ThumperError(f"Robot: {SIMULATION} brings its own lidar; leave out {lidar}", exit_code=2)
+        raise ThumperError(
+            f"Robot: {SIMULATION} brings its own lidar; leave out {lidar}", exit_code=EXIT_USAGE
+        )
     options = parse_qsl(rest.removeprefix("?"), keep_blank_values=True)
     if "lidar" not in dict(options):
         options.append(("lidar", config.lidar.model))

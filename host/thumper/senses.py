@@ -4,12 +4,11 @@ import math
 from collections.abc import Callable
 from dataclasses import fields, replace
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_NOT_THERE, ThumperError
 from thumper.lidar.driver import LidarDriver
 from thumper.lidar.scan import Scan
 from thumper.link.board import Board, TelemetrySample
 from thumper.link.messages import Telemetry
-from thumper.link.port import EXIT_NO_HARDWARE
 from thumper.mission_log import MissionLog
 from thumper.navigation.transitions import Transition
 from thumper.perception import Perception, Situation
@@ -153,7 +152,7 @@ class Senses:
             return
         for _ in range(CATCH_UP_BEATS):
             if not beat():
-                raise ThumperError(GONE, exit_code=EXIT_NO_HARDWARE)
+                raise ThumperError(GONE, exit_code=EXIT_NOT_THERE)
             situation = self.perception.situation()
             sees = situation is not None and (situation.scan_age_s <= BLIND_S or not self.has_looked)
             if sees and len(self.samples) <= LATE_BEATS:  # as they are sent: nothing has waited
@@ -182,7 +181,7 @@ class Senses:
                 )
             before = self.perception.situation()
             if not beat():
-                raise ThumperError(GONE, exit_code=EXIT_NO_HARDWARE)
+                raise ThumperError(GONE, exit_code=EXIT_NOT_THERE)
             now = self.perception.situation()
             if before and now:
                 waited_s += now.time_s - before.time_s

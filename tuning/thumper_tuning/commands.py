@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_INTERRUPTED, EXIT_USAGE, ThumperError
 from thumper.link.board import Board
 from thumper.link.messages import Command
 from thumper_tuning.design.design import Design, DesignOptions, design, nominal
@@ -32,7 +32,7 @@ def opened(url: str) -> Iterator[Board]:
     try:
         yield board
     except KeyboardInterrupt:
-        raise ThumperError("interrupted; the motors are stopped", exit_code=130) from None
+        raise ThumperError("interrupted; the motors are stopped", exit_code=EXIT_INTERRUPTED) from None
     finally:
         board.close()
 
@@ -135,11 +135,13 @@ def read_gains_file(path: Path) -> BoardGains:
         gains = json.loads(path.read_text(encoding="utf-8"))["gains"]
         return on_the_wire(**{name: float(gains[name]) for name in names})
     except OSError as error:
-        raise ThumperError(f"{path}: cannot read the gains: {error.strerror}", exit_code=2) from error
+        raise ThumperError(
+            f"{path}: cannot read the gains: {error.strerror}", exit_code=EXIT_USAGE
+        ) from error
     except (ValueError, KeyError, TypeError) as error:
         raise ThumperError(
             f"{path}: there is not each of {', '.join(names)} in it; `thumper tune design` writes them",
-            exit_code=2,
+            exit_code=EXIT_USAGE,
         ) from error
 
 

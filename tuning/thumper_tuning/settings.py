@@ -6,7 +6,7 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from thumper.config.checked import read_checked
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper_tuning.design.design import DesignOptions
 from thumper_tuning.design.rules import RULES
 from thumper_tuning.robot.excitation import ExcitationOptions
@@ -59,17 +59,17 @@ def load_settings(path: Path | None) -> TuneSettings:
         raise ThumperError(
             f"{path}: excitation.low_pwm = {excitation.low_pwm}: give less than high_pwm = "
             f"{excitation.high_pwm}",
-            exit_code=2,
+            exit_code=EXIT_USAGE,
         )
     _check_rule(design.rule, f"{path}: design.rule")
     if design.period_s != DesignOptions().period_s:
         raise ThumperError(
             f"{path}: design.period_s: the board says its own rate; for a log give `tune design --rate`",
-            exit_code=2,
+            exit_code=EXIT_USAGE,
         )
     return settings
 
 
 def _check_rule(rule: str, where: str) -> None:
     if rule not in RULES:
-        raise ThumperError(f"{where} = {rule!r}: there are {', '.join(RULES)}", exit_code=2)
+        raise ThumperError(f"{where} = {rule!r}: there are {', '.join(RULES)}", exit_code=EXIT_USAGE)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.firmware_image import firmware_image
 from thumper.geometry import FloatArray, Pose2
 from thumper.link.messages import Board as BoardKind
@@ -51,7 +51,7 @@ def _bootloader() -> Path:
     if not ATMEGABOOT.exists():
         raise ThumperError(
             f"reset_on_open: there is no boot loader at {ATMEGABOOT}; sudo apt install arduino-core-avr",
-            exit_code=4,
+            exit_code=EXIT_CHECK_FAILED,
         )
     return ATMEGABOOT
 
@@ -71,7 +71,7 @@ class Bench:
             raise ThumperError(
                 f"a robot at x_m={options.x_m:g}, y_m={options.y_m:g}, yaw_deg={options.yaw_deg:g} {reason} "
                 f"of {options.world}; start it somewhere free",
-                exit_code=2,
+                exit_code=EXIT_USAGE,
             )
         params = RobotParams.load()
         if options.charge is not None:
@@ -169,7 +169,7 @@ class Bench:
         try:
             action_of(name, value)(self._switches)
         except FaultError as error:
-            raise ThumperError(str(error), exit_code=2) from error
+            raise ThumperError(str(error), exit_code=EXIT_USAGE) from error
 
     @property
     def pillars(self) -> int:

@@ -5,11 +5,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Self
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.geometry import Pose2
 from thumper.link.messages import Board as BoardKind
 
-EXIT_USAGE = 2
 FULL_TURN_DEG = 360.0
 LIDARS = ("urg04lx", "ld19")
 

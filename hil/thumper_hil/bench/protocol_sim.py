@@ -10,10 +10,9 @@ from urllib.parse import parse_qsl, urlsplit
 
 from serial.serialutil import PortNotOpenError, SerialBase, SerialException
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper_hil.bench.bench import Bench
 from thumper_hil.bench.controls import Controls
-from thumper_hil.bench.options import EXIT_USAGE
 from thumper_hil.bench.registry import join, leave
 
 if TYPE_CHECKING:

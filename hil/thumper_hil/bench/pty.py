@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper_hil.bench.bench import Bench
 from thumper_hil.bench.options import BenchOptions
 from thumper_hil.chip.pty_board import BAUD_OF_SPEED
@@ -123,7 +123,7 @@ def _terminal(path: Path, *, keep_open: bool = True) -> Iterator[tuple[int, int]
         path.unlink()  # left by a run that was killed: its terminal is gone
     elif path.is_symlink() or path.exists():
         raise ThumperError(
-            f"{path} is taken; end what serves it, remove it, or give another path", exit_code=2
+            f"{path} is taken; end what serves it, remove it, or give another path", exit_code=EXIT_USAGE
         )
     master, slave = os.openpty()
     try:
@@ -135,7 +135,7 @@ def _terminal(path: Path, *, keep_open: bool = True) -> Iterator[tuple[int, int]
             path.symlink_to(os.ttyname(slave))
         except OSError as error:
             raise ThumperError(
-                f"{path}: cannot make the link ({error.strerror}); give another path", exit_code=2
+                f"{path}: cannot make the link ({error.strerror}); give another path", exit_code=EXIT_USAGE
             ) from error
         if not keep_open:
             os.close(slave)

@@ -3,10 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from thumper.errors import ThumperError
-from thumper.link.port import EXIT_NO_HARDWARE
+from thumper.errors import EXIT_NOT_THERE, EXIT_USAGE, ThumperError
 from thumper_hil.bench.bench import Bench
-from thumper_hil.bench.options import EXIT_USAGE, BenchOptions
+from thumper_hil.bench.options import BenchOptions
 
 
 @dataclass(slots=True)
@@ -48,7 +47,7 @@ def join(name: str, device: str, options: Mapping[str, str]) -> Bench:
         _entries[name] = entry
     elif device in entry.open_devices:
         raise ThumperError(
-            f"the simulated {device} {name!r} is open already; close it first", exit_code=EXIT_NO_HARDWARE
+            f"the simulated {device} {name!r} is open already; close it first", exit_code=EXIT_NOT_THERE
         )
     elif options and options != entry.options:
         raise ThumperError(

@@ -23,9 +23,8 @@ def campaign(
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from thumper.cli.interrupted import INTERRUPTED
     from thumper.cli.output import prepare_output
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_INTERRUPTED, ThumperError
     from thumper.extras import need
     from thumper_hil.campaign.figures import draw
     from thumper_hil.campaign.parquet import write_parquet
@@ -56,7 +55,8 @@ def campaign(
             run_jobs(jobs, store, scheduler=scheduler or None, workers=workers or None, show=show)
         except KeyboardInterrupt:
             raise ThumperError(
-                "interrupted; the rows so far are kept: run the same command again", exit_code=INTERRUPTED
+                "interrupted; the rows so far are kept: run the same command again",
+                exit_code=EXIT_INTERRUPTED,
             ) from None
         rows = sorted((row for row in store.rows if row.key in wanted), key=lambda row: row.key)
     write_parquet(out / "rows.parquet", rows)

@@ -11,7 +11,7 @@ from typing import Self
 
 from pydantic import TypeAdapter
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper_hil.campaign.row import Row
 
 _ADAPTER = TypeAdapter(Row)
@@ -47,18 +47,21 @@ class RowStore:
         except BlockingIOError as error:
             raise ThumperError(
                 f"{folder}: another campaign writes there just now; give another --out, or wait for it",
-                exit_code=2,
+                exit_code=EXIT_USAGE,
             ) from error
         self._mark.seek(0)
         mark = self._mark.read()
         if mark and mark != _mark_of(digest):
             raise ThumperError(
-                f"{folder}: holds the rows of another campaign; give another --out, or remove it", exit_code=2
+                f"{folder}: holds the rows of another campaign; give another --out, or remove it",
+                exit_code=EXIT_USAGE,
             )
         try:
             rows = _read(self._path) if self._path.exists() else []
         except ValueError as error:
-            raise ThumperError(f"{self._path}: not the rows of a campaign; remove it", exit_code=2) from error
+            raise ThumperError(
+                f"{self._path}: not the rows of a campaign; remove it", exit_code=EXIT_USAGE
+            ) from error
         if not mark:
             self._mark.write(_mark_of(digest))
             self._mark.flush()

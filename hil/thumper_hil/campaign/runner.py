@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_NOT_THERE, ThumperError
 from thumper_hil.campaign.job import run_job
 from thumper_hil.campaign.row import Row
 from thumper_hil.campaign.rows import RowStore
@@ -48,7 +48,8 @@ def run_jobs(
             client = stack.enter_context(Client(address, timeout=CONNECT_S))  # type: ignore[no-untyped-call]
         except (OSError, ValueError) as error:
             raise ThumperError(
-                f"{scheduler}: no Dask scheduler answers; start one with `dask scheduler`", exit_code=3
+                f"{scheduler}: no Dask scheduler answers; start one with `dask scheduler`",
+                exit_code=EXIT_NOT_THERE,
             ) from error
         run = uuid.uuid4().hex  # to Dask the same key is the same drive, also in somebody else's campaign
         keys = {f"{job.key}-{run}": job.key for job in waiting}
@@ -60,7 +61,7 @@ def run_jobs(
             except CancelledError as error:
                 raise ThumperError(
                     "the Dask scheduler is gone; the rows so far are kept: run the same command again",
-                    exit_code=3,
+                    exit_code=EXIT_NOT_THERE,
                 ) from error
             except Exception as error:  # it ends this drive alone
                 failures.append(f"{keys[future.key]}: {_said(error)}")

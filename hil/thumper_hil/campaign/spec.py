@@ -13,7 +13,7 @@ from pydantic import AfterValidator, ConfigDict, TypeAdapter, with_config
 
 from thumper.config.checked import read_checked
 from thumper.config.robot import config_to_json, load_config
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.geometry import Pose2
 from thumper.runtime import FARTHEST_GOAL_M
 from thumper_hil.bench.contact import HULL_M
@@ -121,11 +121,11 @@ def load_campaign(path: Path) -> Campaign:
     campaign = read_checked(path, TypeAdapter(Campaign), Campaign, "campaign")
     for what, names in (("missions", campaign.missions), ("parameters", campaign.parameters)):
         if len({one.name for one in names}) < len(names):
-            raise ThumperError(f"{path}: two {what} have the same name", exit_code=2)
+            raise ThumperError(f"{path}: two {what} have the same name", exit_code=EXIT_USAGE)
     missions = tuple(replace(one, world=_beside(one.world, path.parent)) for one in campaign.missions)
     for mission in missions:
         if reason := _why_not(mission):  # here, in one line, and not by each job
-            raise ThumperError(f"{path}: mission {mission.name}: {reason}", exit_code=2)
+            raise ThumperError(f"{path}: mission {mission.name}: {reason}", exit_code=EXIT_USAGE)
     sets = tuple(
         replace(one, scenario=str((path.parent / one.scenario).resolve())) if one.scenario else one
         for one in campaign.parameters

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_CHECK_FAILED, ThumperError
 from thumper.geometry import Pose2
 from thumper.link.messages import Board as BoardKind
 from thumper_hil.chip.library import LIBRARY, CTruth, load_library
@@ -21,7 +21,7 @@ class ChipError(ThumperError):
     """The simulated chip cannot start (something is not built or installed), or its firmware has crashed."""
 
     def __init__(self, message: str) -> None:
-        super().__init__(message, exit_code=4)
+        super().__init__(message, exit_code=EXIT_CHECK_FAILED)
 
 
 class RunStatus(IntEnum):

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper_hil.faults.catalogue import FaultError, action_of
 from thumper_hil.faults.switches import Switches
 
@@ -40,7 +40,7 @@ def load_scenario(path: Path) -> list[Event]:
         return parse_scenario(data)
     except (OSError, UnicodeDecodeError, ValueError) as error:  # TOML's and ours are ValueErrors
         reason = error.strerror if isinstance(error, OSError) else error
-        raise ThumperError(f"{path}: {reason}", exit_code=2) from error
+        raise ThumperError(f"{path}: {reason}", exit_code=EXIT_USAGE) from error
 
 
 def parse_scenario(data: dict[str, Any]) -> list[Event]:

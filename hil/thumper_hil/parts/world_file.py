@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.geometry import FloatArray
 from thumper_hil.parts.moving import Timed, Walker
 
@@ -57,18 +57,18 @@ def read_world_file(name_or_path: str | Path) -> WorldShapes:
 
 def _read(path: Path, asked_by: tuple[Path, ...]) -> WorldShapes:
     if path in asked_by:
-        raise ThumperError(f"{path}: base: builds on itself; name another world", exit_code=2)
+        raise ThumperError(f"{path}: base: builds on itself; name another world", exit_code=EXIT_USAGE)
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         known = ", ".join(sorted(file.stem for file in WORLDS.glob("*.toml")))
-        raise ThumperError(f"{path}: no such world; there are: {known}", exit_code=2) from error
+        raise ThumperError(f"{path}: no such world; there are: {known}", exit_code=EXIT_USAGE) from error
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ThumperError(f"{path}: cannot read the world: {error}", exit_code=2) from error
+        raise ThumperError(f"{path}: cannot read the world: {error}", exit_code=EXIT_USAGE) from error
     try:
         own = _parse(data, path.parent)
     except _BadWorldError as error:
-        raise ThumperError(f"{path}: {error}", exit_code=2) from error
+        raise ThumperError(f"{path}: {error}", exit_code=EXIT_USAGE) from error
     if "base" not in data:
         return own
     base = _read(path.parent / f"{data['base']}.toml", (*asked_by, path))

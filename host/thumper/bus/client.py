@@ -10,7 +10,7 @@ import zenoh
 
 from thumper.bus.session import open_joiner
 from thumper.closable import Closable
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_NOT_THERE, ThumperError
 from thumper.ros.codec import Message, decode, encode
 from thumper.ros.topics import TOPICS
 
@@ -106,9 +106,11 @@ class BusClient(Closable):
             why = "does not answer any more; what it was doing it may still do: `thumper stop`"
             if not self._session.info.routers_zid():  # whoever hangs keeps the connection
                 why = "has left the bus: its program has ended, so its wheels stop, or the network is gone"
-            raise ThumperError(f"robot {self.robot!r} {why}", exit_code=3)
+            raise ThumperError(f"robot {self.robot!r} {why}", exit_code=EXIT_NOT_THERE)
         raise ThumperError(
-            f"no robot {self.robot!r} answers on this bus; is that its name?", option="--robot", exit_code=3
+            f"no robot {self.robot!r} answers on this bus; is that its name?",
+            option="--robot",
+            exit_code=EXIT_NOT_THERE,
         )
 
     def close(self) -> None:

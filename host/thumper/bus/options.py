@@ -6,7 +6,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Le
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 
 LEAST_TOKEN_CHARACTERS = 12
 USUAL_ROBOT = "thumper"  # the name of a robot without a configuration
@@ -44,7 +44,7 @@ class BusOptions:
         try:
             return replace(self, address=address)
         except ValueError as error:
-            raise ThumperError(f"--bus {address}: {error}", exit_code=2) from error
+            raise ThumperError(f"--bus {address}: {error}", exit_code=EXIT_USAGE) from error
 
 
 def split_address(address: str) -> tuple[str, int]:

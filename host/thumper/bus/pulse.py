@@ -3,7 +3,7 @@
 import time
 
 from thumper.bus.client import BusClient
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_NOT_THERE, ThumperError
 
 SILENCE_S = 5.0  # a status comes each beat; each 4.5 s at worst while the robot looks for its board
 
@@ -24,7 +24,7 @@ class Pulse:
         why = "says nothing any more: its program has ended or hangs, or the network is gone"
         if not self.has_talked:
             why = "says nothing on this bus; is that its name (--robot), and is its board connected?"
-        raise ThumperError(f"robot {self._robot!r} {why}", exit_code=3)
+        raise ThumperError(f"robot {self._robot!r} {why}", exit_code=EXIT_NOT_THERE)
 
     def _hear(self, _: object) -> None:
         self._heard_s, self.has_talked = time.monotonic(), True

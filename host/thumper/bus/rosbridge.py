@@ -23,7 +23,7 @@ from thumper.bus.client import BusClient
 from thumper.bus.inbound import MOST_BYTES, json_object
 from thumper.bus.options import is_loopback
 from thumper.bus.rosbridge_ops import Conversation, Question
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.ros.codec import Message
 from thumper.ros.json_form import to_json
 
@@ -42,13 +42,13 @@ class Rosbridge:
     ) -> None:
         if not is_loopback(host) and not token:
             raise ThumperError(
-                f"{host} can be reached from other machines: set [bus] token as well", exit_code=2
+                f"{host} can be reached from other machines: set [bus] token as well", exit_code=EXIT_USAGE
             )
         if not is_loopback(host) and tls is None:
             raise ThumperError(
                 f"rosbridge on {host} needs a certificate, or anybody could read the token: "
                 "run `thumper dashboard --make-certificate` once, or set [dashboard] certificate and key",
-                exit_code=2,
+                exit_code=EXIT_USAGE,
             )
         self._bus, self._host, self._port, self._token, self._tls = bus, host, port, token, tls
         self._topics: set[str] = set()

@@ -12,7 +12,7 @@ from typing import Any
 import zenoh
 
 from thumper.bus.options import split_address
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_NOT_THERE, ThumperError
 
 USER = "thumper"  # the token is what counts
 CONNECT_TIMEOUT_S = 2.0
@@ -55,7 +55,7 @@ def open_joiner(address: str, token: str) -> zenoh.Session:
     except OSError as error:
         raise ThumperError(
             f"no robot is running at {address} ({error.strerror or error}); start one with `thumper run`",
-            exit_code=3,
+            exit_code=EXIT_NOT_THERE,
         ) from error
     settings = {
         "mode": "client",
@@ -68,7 +68,7 @@ def open_joiner(address: str, token: str) -> zenoh.Session:
         raise ThumperError(
             f"the robot at {address} lets nobody in: it is only just starting or ending (try again), "
             "or wants the token of its configuration ([bus] token)",
-            exit_code=3,
+            exit_code=EXIT_NOT_THERE,
         ) from error
 
 

@@ -30,16 +30,18 @@ def join(config: Path | None, address: str, robot: str) -> "BusClient":
     """
     from thumper.bus.client import BusClient
     from thumper.bus.options import ROBOT_NAME, split_address
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_USAGE, ThumperError
 
     if robot and not re.fullmatch(ROBOT_NAME, robot):
-        raise ThumperError(f"--robot {robot!r} is no robot's name: letters, digits, - and _", exit_code=2)
+        raise ThumperError(
+            f"--robot {robot!r} is no robot's name: letters, digits, - and _", exit_code=EXIT_USAGE
+        )
     name, options = _settings(config)
     address = address or options.address
     try:
         split_address(address)
     except ValueError as error:
-        raise ThumperError(f"--bus {error}", exit_code=2) from error
+        raise ThumperError(f"--bus {error}", exit_code=EXIT_USAGE) from error
     return BusClient(robot or name, address, token_of(config))
 
 

@@ -27,7 +27,7 @@ def dashboard(
     from thumper.bus.options import split_address
     from thumper.config.robot import load_config
     from thumper.dashboard.options import checked, own_certificate
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_USAGE, ThumperError
 
     settings = load_config(config)
     options = settings.dashboard
@@ -44,7 +44,7 @@ def dashboard(
     try:
         split_address(address)
     except ValueError as error:
-        raise ThumperError(f"--robot-address {error}", exit_code=2) from error
+        raise ThumperError(f"--robot-address {error}", exit_code=EXIT_USAGE) from error
     listening = checked(options)  # before the slow imports: what is wrong is said at once
     from thumper.dashboard.start import run_dashboard
 

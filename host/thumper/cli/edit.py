@@ -39,7 +39,7 @@ def edit(
     has a yaw is turned so that it has none. The new map's session is made from it, to go on mapping in.
     """
     from thumper.cli.output import prepare_output
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_USAGE, ThumperError
     from thumper.mapping.counts import Counts
     from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN
     from thumper.mapping.map_edit import cropped, filled, rotated, trimmed
@@ -56,14 +56,16 @@ def edit(
     ]
     kept = _box(f"--crop {crop}", crop) if crop else None
     if not math.isfinite(rotate):
-        raise ThumperError("--rotate takes a finite number of degrees", exit_code=2)
+        raise ThumperError("--rotate takes a finite number of degrees", exit_code=EXIT_USAGE)
     if crop and trim:
-        raise ThumperError("--crop keeps a box, --trim what is known: give one", exit_code=2)
+        raise ThumperError("--crop keeps a box, --trim what is known: give one", exit_code=EXIT_USAGE)
     grid, yaw_rad = load_turned_map(file)
     out = description_path(out)
     for path in (out, out.with_suffix(".pgm"), out.with_suffix(".session")):
         if path.exists() and not force:
-            raise ThumperError(f"{path} is there already; give another --out, or --force", exit_code=2)
+            raise ThumperError(
+                f"{path} is there already; give another --out, or --force", exit_code=EXIT_USAGE
+            )
     done = [f"its yaw of {math.degrees(yaw_rad):g} degrees taken out"] if yaw_rad else []
     if rotate:
         grid = rotated(grid, math.radians(rotate))
@@ -78,7 +80,7 @@ def edit(
         done.append("cropped" if kept else "trimmed")
     if not done:
         raise ThumperError(
-            "nothing to do: give --rotate, --free, --wall, --unknown, --crop or --trim", exit_code=2
+            "nothing to do: give --rotate, --free, --wall, --unknown, --crop or --trim", exit_code=EXIT_USAGE
         )
     prepare_output(out.parent)
     pose = _saved_pose(file, grid.resolution_m, math.radians(rotate))
@@ -101,7 +103,7 @@ def _saved_pose(file: Path, resolution_m: float, turn_rad: float) -> "Pose2 | No
 
 
 def _box(option: str, text: str) -> "Box":
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_USAGE, ThumperError
     from thumper.mapping.map_edit import Box
 
     try:
@@ -110,7 +112,7 @@ def _box(option: str, text: str) -> "Box":
             raise ValueError(text)
     except ValueError as error:
         raise ThumperError(
-            f"{option}: give X0,Y0,X1,Y1 in metres, as in 1.0,-0.5,2,0", exit_code=2
+            f"{option}: give X0,Y0,X1,Y1 in metres, as in 1.0,-0.5,2,0", exit_code=EXIT_USAGE
         ) from error
     return Box(x0_m=x0_m, y0_m=y0_m, x1_m=x1_m, y1_m=y1_m)
 

@@ -56,14 +56,16 @@ def explore(
     from thumper.cli.output import prepare_output
     from thumper.cli.recorded import recorded
     from thumper.config.robot import load_config, with_ports
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_USAGE, ThumperError
     from thumper.geometry import Pose2
     from thumper.navigation.frontiers import ExplorationOptions, Explorer
     from thumper.navigation.goal import Goal
     from thumper.report import write_run
 
     if start is not None and (session is None or not all(map(math.isfinite, start))):
-        raise ThumperError("--start X Y DEGREES belongs to --session, and takes finite numbers", exit_code=2)
+        raise ThumperError(
+            "--start X Y DEGREES belongs to --session, and takes finite numbers", exit_code=EXIT_USAGE
+        )
     settings = with_ports(load_config(config), board=board, lidar=lidar)
     if bus:
         settings = replace(settings, bus=settings.bus.at(bus))

@@ -46,14 +46,14 @@ def flash(
     """Flash a board, read the flash back and compare, then shake hands with what runs on it."""
     from rich.console import Console
 
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_USAGE, ThumperError
     from thumper.firmware_image import firmware_image
     from thumper.flashing import Job, flash_board
     from thumper.link.board import Board
 
     if hex_file is not None and not hex_file.is_file():
         raise ThumperError(
-            f"{hex_file}: no such file; without --hex it is what `make firmware` built", exit_code=2
+            f"{hex_file}: no such file; without --hex it is what `make firmware` built", exit_code=EXIT_USAGE
         )
     job = Job(
         port=port,

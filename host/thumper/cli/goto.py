@@ -40,11 +40,11 @@ def goto(
 
     Leaves with 1 when the goal is refused or not reached.
     """
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_INTERRUPTED, EXIT_USAGE, ThumperError
 
     numbers = (x, y, yaw or 0.0, tolerance)
     if not all(map(math.isfinite, numbers)):
-        raise ThumperError("the goal and --tolerance take finite numbers", exit_code=2)
+        raise ThumperError("the goal and --tolerance take finite numbers", exit_code=EXIT_USAGE)
     goal = {"x_m": x, "y_m": y, "tolerance_m": tolerance}
     if yaw is not None:
         goal["yaw_rad"] = math.radians(yaw)
@@ -59,7 +59,9 @@ def goto(
             state = _wait(client, mission)
         except KeyboardInterrupt:
             client.query("command", {"command": "cancel"})
-            raise ThumperError("interrupted: the goal is cancelled, the robot stops", exit_code=130) from None
+            raise ThumperError(
+                "interrupted: the goal is cancelled, the robot stops", exit_code=EXIT_INTERRUPTED
+            ) from None
     if state["state"] != "reached":
         raise ThumperError(f"goal not reached: {state['reason']}")
     print(f"reached: {state['reason']}")

@@ -3,9 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from thumper.errors import ThumperError
-
-INTERRUPTED = 130  # the exit code after Ctrl-C
+from thumper.errors import EXIT_INTERRUPTED, ThumperError
 
 
 @contextmanager
@@ -14,4 +12,4 @@ def motors_off_told() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        raise ThumperError("interrupted; the motors are off", exit_code=INTERRUPTED) from None
+        raise ThumperError("interrupted; the motors are off", exit_code=EXIT_INTERRUPTED) from None

@@ -20,12 +20,14 @@ def known_place(
     ThumperError
         Both are given, or the file cannot be used.
     """
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_USAGE, ThumperError
     from thumper.mapping.map_io import load_map
     from thumper.mapping.session import load_session
 
     if saved_map is not None and session is not None:
-        raise ThumperError("--map keeps a map as it is, --session goes on with one: give one", exit_code=2)
+        raise ThumperError(
+            "--map keeps a map as it is, --session goes on with one: give one", exit_code=EXIT_USAGE
+        )
     if saved_map is not None:
         return load_map(saved_map)
     if session is None:

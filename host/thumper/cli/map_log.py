@@ -58,7 +58,7 @@ def map_log(
     from rich.progress import Progress
 
     from thumper.cli.output import prepare_output
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_USAGE, ThumperError
     from thumper.geometry import Pose2
     from thumper.mapping.map_log import map_log as build
     from thumper.mapping.method import MappingOptions
@@ -67,10 +67,13 @@ def map_log(
 
     if session is not None and method not in (None, "scan_match"):
         raise ThumperError(
-            f"--session is gone on with by scan_match, not by {method}: leave out --method", exit_code=2
+            f"--session is gone on with by scan_match, not by {method}: leave out --method",
+            exit_code=EXIT_USAGE,
         )
     if start is not None and (session is None or not all(map(math.isfinite, start))):
-        raise ThumperError("--start X Y DEGREES belongs to --session, and takes finite numbers", exit_code=2)
+        raise ThumperError(
+            "--start X Y DEGREES belongs to --session, and takes finite numbers", exit_code=EXIT_USAGE
+        )
     begin = Pose2(x_m=start[0], y_m=start[1], theta_rad=math.radians(start[2])) if start else None
     options = MappingOptions(method="graph" if method is None else method, filter=RbpfOptions(seed=seed))
     known = load_session(session, options.resolution_m) if session else None

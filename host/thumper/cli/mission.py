@@ -3,8 +3,7 @@
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
-from thumper.cli.interrupted import INTERRUPTED
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_INTERRUPTED, ThumperError
 from thumper.navigation.goal import Goal
 from thumper.runtime import MissionResult, Runtime
 from thumper.runtime import Progress as Beat
@@ -53,4 +52,4 @@ def print_notes(robot: Runtime, console: Console) -> None:
 def raise_if_interrupted(result: MissionResult) -> None:
     """End a command that would drive on: Ctrl-C means all of it; the robot stands already."""
     if result.interrupted:
-        raise ThumperError(result.reason, exit_code=INTERRUPTED)
+        raise ThumperError(result.reason, exit_code=EXIT_INTERRUPTED)

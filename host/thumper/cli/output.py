@@ -4,7 +4,7 @@ import os
 import tempfile
 from pathlib import Path
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 
 
 def prepare_output(folder: Path, option: str = "--out") -> Path:
@@ -19,6 +19,6 @@ def prepare_output(folder: Path, option: str = "--out") -> Path:
     except OSError as error:
         raise ThumperError(
             f"cannot write to {folder}: {os.strerror(error.errno or 0)}; choose another folder with {option}",
-            exit_code=2,
+            exit_code=EXIT_USAGE,
         ) from error
     return folder

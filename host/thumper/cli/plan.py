@@ -53,7 +53,7 @@ def plan(
     import numpy as np
 
     from thumper.config.robot import load_config
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_USAGE, ThumperError
     from thumper.mapping.map_io import load_map
     from thumper.navigation.categories import category_at
     from thumper.navigation.costmap import build_costmap
@@ -64,11 +64,11 @@ def plan(
 
     if batch is None and (start is None or goal is None):
         raise ThumperError(
-            "nothing to plan: give --start X Y and --goal X Y, or --batch FILE.csv", exit_code=2
+            "nothing to plan: give --start X Y and --goal X Y, or --batch FILE.csv", exit_code=EXIT_USAGE
         )
     if batch is not None and (start is not None or goal is not None or png is not None):
         raise ThumperError(
-            "--batch brings its own starts and goals: leave --start, --goal and --png", exit_code=2
+            "--batch brings its own starts and goals: leave --start, --goal and --png", exit_code=EXIT_USAGE
         )
     settings = load_config(config)
     options = settings.navigation
@@ -129,14 +129,14 @@ def _answer(
     """What one question comes to, and its path."""
     import math
 
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_USAGE, ThumperError
     from thumper.geometry import Pose2
     from thumper.navigation.goal import Goal
     from thumper.navigation.path import arc_lengths
 
     numbers = (*query.start_m, *query.goal_m, heading_deg, tolerance_m)
     if not all(map(math.isfinite, numbers)):
-        raise ThumperError("start, goal, heading and tolerance must be finite numbers", exit_code=2)
+        raise ThumperError("start, goal, heading and tolerance must be finite numbers", exit_code=EXIT_USAGE)
     start = Pose2(x_m=query.start_m[0], y_m=query.start_m[1], theta_rad=math.radians(heading_deg))
     goal = Goal(x_m=query.goal_m[0], y_m=query.goal_m[1], tolerance_m=tolerance_m)
     begun = time.perf_counter()
@@ -183,12 +183,12 @@ def _csv(answers: "list[Answer]") -> str:
 def _draw(grid: "OccupancyGrid", path_m: "FloatArray | None", png: Path, title: str) -> None:
     import numpy as np
 
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_USAGE, ThumperError
     from thumper.mapping.map_plot import plot_map
 
     try:
         plot_map(grid, np.empty((0, 2)) if path_m is None else path_m, png, title)
     except (OSError, ValueError) as error:
         raise ThumperError(
-            f"{png}: cannot be written ({error}); choose another file with --png", exit_code=2
+            f"{png}: cannot be written ({error}); choose another file with --png", exit_code=EXIT_USAGE
         ) from error

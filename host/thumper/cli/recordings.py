@@ -12,7 +12,7 @@ def recover(
     ],
 ) -> None:
     """Make recordings whole that a crash or a full disk has torn; everything up to the tear is kept."""
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_USAGE, ThumperError
     from thumper.recording.recover import left_behind, recover_all
 
     paths = [path for place in places for path in (left_behind(place) if place.is_dir() else [place])]
@@ -20,7 +20,7 @@ def recover(
         print("nothing to repair")
     if not recover_all(paths, print):
         raise ThumperError(
-            "not every file could be repaired; those that could not are as they were", exit_code=2
+            "not every file could be repaired; those that could not are as they were", exit_code=EXIT_USAGE
         )
 
 
@@ -36,14 +36,16 @@ def export(
 ) -> None:
     """Turn a recording into tables (CSV), a map file, a picture."""
     from thumper.cli.output import prepare_output
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_USAGE, ThumperError
     from thumper.mapping.map_io import description_path, save_map
     from thumper.mapping.map_plot import plot_map
     from thumper.recording.export import export_csv, last_map
     from thumper.recording.reader import Recording, find_recordings
 
     if not (csv or map_file or png):
-        raise ThumperError("nothing to export: give --csv DIR, --map FILE or --png FILE", exit_code=2)
+        raise ThumperError(
+            "nothing to export: give --csv DIR, --map FILE or --png FILE", exit_code=EXIT_USAGE
+        )
     recording = Recording(find_recordings(files))
     if csv:
         prepare_output(csv, "--csv")
@@ -61,7 +63,7 @@ def export(
             try:
                 plot_map(grid, path_m, png, recording.paths[0].name)
             except (OSError, ValueError) as error:
-                raise ThumperError(f"{png}: cannot be written ({error})", exit_code=2) from error
+                raise ThumperError(f"{png}: cannot be written ({error})", exit_code=EXIT_USAGE) from error
             print(str(png))
     for note in recording.notes:
         print(f"note: {note}")

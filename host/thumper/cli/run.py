@@ -74,14 +74,13 @@ def run(
 
     from thumper.assembly import open_robot
     from thumper.bus.attach import on_bus_if_free
-    from thumper.cli.interrupted import INTERRUPTED
     from thumper.cli.known import known_place
     from thumper.cli.mission import drive_with_progress, print_notes
     from thumper.cli.output import prepare_output
     from thumper.cli.recorded import recorded
     from thumper.config.robot import load_config, with_ports
     from thumper.dashboard.start import beside
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_INTERRUPTED, EXIT_USAGE, ThumperError
     from thumper.geometry import Pose2
     from thumper.itinerary import Itinerary, follow
     from thumper.navigation.goal import Goal
@@ -89,11 +88,13 @@ def run(
 
     places = [*map(_place, waypoint or []), *([goal] if goal else [])]
     if not all(map(math.isfinite, (*chain(*places), *(start or ()), tolerance, heading or 0.0))):
-        raise ThumperError("--goal, --heading, --waypoint and --start take finite numbers", exit_code=2)
+        raise ThumperError(
+            "--goal, --heading, --waypoint and --start take finite numbers", exit_code=EXIT_USAGE
+        )
     if heading is not None and goal is None:
-        raise ThumperError("--heading belongs to --goal X Y", exit_code=2)
+        raise ThumperError("--heading belongs to --goal X Y", exit_code=EXIT_USAGE)
     if patrol > 1 and not places:
-        raise ThumperError("--patrol belongs to --waypoint X,Y or --goal X Y", exit_code=2)
+        raise ThumperError("--patrol belongs to --waypoint X,Y or --goal X Y", exit_code=EXIT_USAGE)
     settings = with_ports(load_config(config), board=board, lidar=lidar)
     if bus:
         settings = replace(settings, bus=settings.bus.at(bus))
@@ -128,7 +129,7 @@ def run(
     console.print(left, soft_wrap=True)
     if not result.reached:
         raise ThumperError(
-            f"goal not reached: {result.reason}", exit_code=INTERRUPTED if result.interrupted else 1
+            f"goal not reached: {result.reason}", exit_code=EXIT_INTERRUPTED if result.interrupted else 1
         )
     console.print(f"reached: {result.reason}")
 
@@ -157,12 +158,12 @@ def _serve(robot: "Runtime", settings: "RobotConfig", speed: float, out: Path, c
 
 
 def _place(text: str) -> tuple[float, float]:
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_USAGE, ThumperError
 
     try:
         x_m, y_m = map(float, text.split(","))
     except ValueError as error:
         raise ThumperError(
-            f"--waypoint {text}: give X,Y in metres, as in --waypoint 1.0,-0.5", exit_code=2
+            f"--waypoint {text}: give X,Y in metres, as in --waypoint 1.0,-0.5", exit_code=EXIT_USAGE
         ) from error
     return x_m, y_m

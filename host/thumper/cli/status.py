@@ -26,7 +26,7 @@ def status(
     robot: Robot = "",
 ) -> None:
     """Tell what a running robot does, whether it maps or localises, and how its parts keep up."""
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_NOT_THERE, ThumperError
     from thumper.ros.json_form import to_json
 
     heard = threading.Event()
@@ -41,7 +41,7 @@ def status(
         if not heard.wait(STATUS_TIMEOUT_S):
             raise ThumperError(
                 "the robot is on the bus but says nothing; is its board connected, and is --robot its name?",
-                exit_code=3,
+                exit_code=EXIT_NOT_THERE,
             )
         mapping: dict[str, Any] = {}
         with suppress(ThumperError):  # while it looks for its board, it answers nothing
@@ -89,13 +89,13 @@ def watch(
     import queue
 
     from thumper.bus.pulse import Pulse
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_USAGE, ThumperError
     from thumper.ros.json_form import to_json
     from thumper.ros.topics import TOPICS
     from thumper.ros.words import in_words
 
     if topic not in TOPICS:
-        raise ThumperError(f"no topic {topic!r}; there are {', '.join(TOPICS)}", exit_code=2)
+        raise ThumperError(f"no topic {topic!r}; there are {', '.join(TOPICS)}", exit_code=EXIT_USAGE)
     waiting: queue.Queue[Any] = queue.Queue(MOST_WAITING)
     with join(config, bus, robot) as client:
         client.subscribe(topic, lambda message: _leave(waiting, message))

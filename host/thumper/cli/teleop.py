@@ -35,7 +35,7 @@ def teleop(
     """
     from thumper.bus.pulse import Pulse
     from thumper.config.robot import load_config
-    from thumper.errors import ThumperError
+    from thumper.errors import EXIT_USAGE, ThumperError
     from thumper.teleop.drive import Driver
     from thumper.teleop.terminal import raw_terminal
 
@@ -49,7 +49,7 @@ def teleop(
         terminal = stack.enter_context(raw_terminal())
         if terminal is None and pad is None:
             raise ThumperError(
-                "neither a terminal to type in nor a gamepad: start it in a terminal", exit_code=2
+                "neither a terminal to type in nor a gamepad: start it in a terminal", exit_code=EXIT_USAGE
             )
         print(HELP)
         driver = Driver(settings, client.publish, terminal.read if terminal else bytes, pad)

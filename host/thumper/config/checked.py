@@ -10,7 +10,7 @@ from typing import Any, TypeVar, cast, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 
 T = TypeVar("T")
 
@@ -26,9 +26,11 @@ def read_checked(path: Path, adapter: TypeAdapter[T], of: type[T], what: str) ->
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise ThumperError(f"{path}: cannot read the {what}: {error.strerror}", exit_code=2) from error
+        raise ThumperError(
+            f"{path}: cannot read the {what}: {error.strerror}", exit_code=EXIT_USAGE
+        ) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ThumperError(f"{path}: not valid TOML: {error}", exit_code=2) from error
+        raise ThumperError(f"{path}: not valid TOML: {error}", exit_code=EXIT_USAGE) from error
     _refuse_unknown_keys(data, of, path, "")
     try:
         # By way of JSON: in strict mode pydantic takes tables for dataclasses only from there.
@@ -41,7 +43,7 @@ def read_checked(path: Path, adapter: TypeAdapter[T], of: type[T], what: str) ->
         )  # a table, perhaps with a secret
         said = key if whole else f"{key} = {first['input']!r}"
         why = first["msg"].removeprefix("Value error, ")
-        raise ThumperError(f"{path}: {said}: {why}", exit_code=2) from error
+        raise ThumperError(f"{path}: {said}: {why}", exit_code=EXIT_USAGE) from error
 
 
 def _refuse_unknown_keys(table: dict[str, Any], of: type, path: Path, prefix: str) -> None:
@@ -51,8 +53,8 @@ def _refuse_unknown_keys(table: dict[str, Any], of: type, path: Path, prefix: st
         if key not in types:
             close = difflib.get_close_matches(key, types, n=1)
             hint = f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(sorted(types))}"
-            raise ThumperError(f"{path}: unknown key {prefix}{key}; {hint}", exit_code=2)
+            raise ThumperError(f"{path}: unknown key {prefix}{key}; {hint}", exit_code=EXIT_USAGE)
         if isinstance(value, dict) and is_dataclass(types[key]):
             _refuse_unknown_keys(value, cast("type", types[key]), path, f"{prefix}{key}.")
         elif isinstance(value, float) and not math.isfinite(value):
-            raise ThumperError(f"{path}: {prefix}{key} = {value}: give a finite number", exit_code=2)
+            raise ThumperError(f"{path}: {prefix}{key} = {value}: give a finite number", exit_code=EXIT_USAGE)

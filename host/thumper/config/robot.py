@@ -11,7 +11,7 @@ from pydantic import StringConstraints, TypeAdapter
 from thumper.bus.options import ROBOT_NAME, BusOptions
 from thumper.config.checked import read_checked
 from thumper.dashboard.options import DashboardOptions
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.geometry import Pose2
 from thumper.kinematics import DriveGeometry
 from thumper.lidar.ld19 import Ld19Options
@@ -108,7 +108,7 @@ def load_config(path: Path | None) -> RobotConfig:
     try:
         check_names(config.navigation)
     except ThumperError as error:
-        raise ThumperError(f"{path}: navigation: {error}", exit_code=2) from error
+        raise ThumperError(f"{path}: navigation: {error}", exit_code=EXIT_USAGE) from error
     return _with_files_beside(config, path.parent)
 
 

@@ -7,7 +7,7 @@ import socket
 import ssl
 from pathlib import Path
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 
 VALID_DAYS = 825  # browsers refuse longer ones
 BACKDATED = datetime.timedelta(days=1)  # the clients' clocks may be behind
@@ -28,7 +28,9 @@ def make_certificate(certificate: Path, key: Path, names: list[str]) -> str:
 
     for path in (certificate, key):  # before either is written: half a pair is of no use
         if path.exists():
-            raise ThumperError(f"{path} is there already; move it away to make a new one", exit_code=2)
+            raise ThumperError(
+                f"{path} is there already; move it away to make a new one", exit_code=EXIT_USAGE
+            )
     secret = ec.generate_private_key(ec.SECP256R1())
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"Thumper on {socket.gethostname()}"[:64])])
     now = datetime.datetime.now(datetime.UTC)
@@ -58,7 +60,9 @@ def server_tls(certificate: Path, key: Path) -> ssl.SSLContext:
     try:
         tls.load_cert_chain(certificate, key)
     except OSError as error:  # also ssl's own
-        raise ThumperError(f"{certificate}, {key}: they cannot be used ({error})", exit_code=2) from error
+        raise ThumperError(
+            f"{certificate}, {key}: they cannot be used ({error})", exit_code=EXIT_USAGE
+        ) from error
     return tls
 
 
@@ -85,4 +89,4 @@ def _write_new(path: Path, content: bytes, *, mode: int) -> None:
         with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
             file.write(content)
     except OSError as error:
-        raise ThumperError(f"cannot write {path}: {error.strerror}", exit_code=2) from error
+        raise ThumperError(f"cannot write {path}: {error.strerror}", exit_code=EXIT_USAGE) from error

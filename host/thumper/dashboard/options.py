@@ -7,7 +7,7 @@ from typing import Annotated
 from annotated_types import Ge, Le
 
 from thumper.bus.options import is_loopback
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 
 SHORTEST_PASSWORD = 8
 
@@ -70,13 +70,13 @@ def checked(options: DashboardOptions) -> Listening:
         raise ThumperError(
             f"the dashboard would be open to everybody who reaches {options.host}: "
             f'set [dashboard] password = "..." (at least {SHORTEST_PASSWORD} characters), or leave --host',
-            exit_code=2,
+            exit_code=EXIT_USAGE,
         )
     if not local and not wants_https:
         raise ThumperError(
             f"the dashboard on {options.host} needs HTTPS, or anybody could read the password: "
             "run `thumper dashboard --make-certificate` once, or set [dashboard] certificate and key",
-            exit_code=2,
+            exit_code=EXIT_USAGE,
         )
     return Listening(
         host=options.host,
@@ -99,9 +99,11 @@ def certificate_pair(options: DashboardOptions) -> tuple[Path, Path] | None:
         own = own_certificate()
         return own if all(path.is_file() for path in own) else None
     if not (options.certificate and options.key):
-        raise ThumperError("[dashboard] certificate and key belong together: set both", exit_code=2)
+        raise ThumperError("[dashboard] certificate and key belong together: set both", exit_code=EXIT_USAGE)
     certificate, key = Path(options.certificate).expanduser(), Path(options.key).expanduser()
     for path in (certificate, key):
         if not path.is_file():
-            raise ThumperError(f"{path}: no such file; see [dashboard] certificate and key", exit_code=2)
+            raise ThumperError(
+                f"{path}: no such file; see [dashboard] certificate and key", exit_code=EXIT_USAGE
+            )
     return certificate, key

@@ -9,13 +9,13 @@ import serial
 from annotated_types import Ge, Le
 
 from thumper.closable import Closable
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_NOT_THERE, ThumperError
 from thumper.lidar.driver import LidarCounters
 from thumper.lidar.ld19_frame import FRAME_BYTES, STAMP_WRAP_MS, FrameCutter, Ld19Frame
 from thumper.lidar.ld19_turn import Turn, TurnAssembler
 from thumper.lidar.scan import Scan
 from thumper.lidar.stamps import StampFit
-from thumper.link.port import EXIT_NO_HARDWARE, clock_of
+from thumper.link.port import clock_of
 
 BAUD = 230_400
 POINT_S = 1.0 / 4500.0
@@ -86,7 +86,7 @@ class Ld19Driver(Closable):
                 return scans[-1]
         raise ThumperError(
             f"the lidar on {self._name} has stopped to send turns; is its head free and its supply 5 V?",
-            exit_code=EXIT_NO_HARDWARE,
+            exit_code=EXIT_NOT_THERE,
         )
 
     def now_s(self) -> float:
@@ -106,7 +106,7 @@ class Ld19Driver(Closable):
             except (serial.SerialException, OSError) as error:
                 raise ThumperError(
                     f"the lidar's port {self._name} fails ({error}); is the cable loose?",
-                    exit_code=EXIT_NO_HARDWARE,
+                    exit_code=EXIT_NOT_THERE,
                 ) from error
             received_bytes += len(data)
             if self._cutter.feed(data):
@@ -115,12 +115,12 @@ class Ld19Driver(Closable):
             raise ThumperError(
                 f"nothing comes from the lidar on {self._name}; is it powered (5 V), does its head turn, "
                 "and is its TX wire on the adapter's RX?",
-                exit_code=EXIT_NO_HARDWARE,
+                exit_code=EXIT_NOT_THERE,
             )
         raise ThumperError(
             f"what is on {self._name} is no LD19 at {self._port.baudrate} baud; it needs {BAUD}: correct "
             "[lidar] port, model and baud",
-            exit_code=EXIT_NO_HARDWARE,
+            exit_code=EXIT_NOT_THERE,
         )
 
     def _read(self, *, waits: bool) -> bytes:

@@ -2,12 +2,11 @@
 
 from dataclasses import dataclass
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_NOT_THERE, ThumperError
 from thumper.lidar.scip import STATUS_OK, ScipError, parse_table, parse_time
 from thumper.lidar.scip_port import ScipPort
 from thumper.lidar.stamps import StampFit
 
-EXIT_NO_HARDWARE = 3
 REPLY_TIMEOUT_S = 0.3
 PARAMETER_TRIES = 3
 CLOCK_TRIES = 5
@@ -59,11 +58,11 @@ def stop_and_identify(port: ScipPort, name: str) -> dict[str, str]:
         if port.received_bytes == 0:
             raise ThumperError(
                 f"no lidar answers on {name}; is it plugged in? `thumper doctor` lists the ports",
-                exit_code=EXIT_NO_HARDWARE,
+                exit_code=EXIT_NOT_THERE,
             )
         raise ThumperError(
             f"what is on {name} is no SCIP 2.0 lidar; give the lidar's port, `thumper doctor` lists them",
-            exit_code=EXIT_NO_HARDWARE,
+            exit_code=EXIT_NOT_THERE,
         )
     identity = port.ask(b"VV", REPLY_TIMEOUT_S)
     return parse_table(identity)[0] if identity else {}
@@ -97,7 +96,7 @@ def read_geometry(port: ScipPort, name: str) -> ScipGeometry:
             continue
     raise ThumperError(
         f"the lidar on {name} does not tell its parameters (PP); unplug it, wait 5 s and plug it in again",
-        exit_code=EXIT_NO_HARDWARE,
+        exit_code=EXIT_NOT_THERE,
     )
 
 
@@ -136,5 +135,5 @@ def light_laser(port: ScipPort, name: str) -> None:
         raise ThumperError(
             f"the lidar on {name} does not light its laser (status {status}); "
             "unplug it, wait 5 s and plug it in again; if that does not help, it is broken",
-            exit_code=EXIT_NO_HARDWARE,
+            exit_code=EXIT_NOT_THERE,
         )

@@ -9,7 +9,7 @@ import serial
 from annotated_types import Ge, Le
 
 from thumper.closable import Closable
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_NOT_THERE, ThumperError
 from thumper.geometry import FloatArray
 from thumper.lidar.driver import LidarCounters
 from thumper.lidar.scan import Scan
@@ -24,13 +24,7 @@ from thumper.lidar.scip import (
     stream_request,
 )
 from thumper.lidar.scip_port import ScipPort
-from thumper.lidar.scip_startup import (
-    EXIT_NO_HARDWARE,
-    light_laser,
-    read_geometry,
-    stop_and_identify,
-    sync_clock,
-)
+from thumper.lidar.scip_startup import light_laser, read_geometry, stop_and_identify, sync_clock
 from thumper.lidar.stamps import StampFit
 from thumper.link.port import clock_of
 
@@ -86,7 +80,7 @@ class Urg04LxDriver(Closable):
         except (serial.SerialException, OSError) as error:  # in_waiting of a pulled plug is a plain OSError
             raise ThumperError(
                 f"the lidar's port {self._name} fails ({error}); is the cable loose?",
-                exit_code=EXIT_NO_HARDWARE,
+                exit_code=EXIT_NOT_THERE,
             ) from error
         self._last_scan_s = self._port.now_s()
 
@@ -108,7 +102,7 @@ class Urg04LxDriver(Closable):
                 return scans[-1]
         raise ThumperError(
             f"the lidar on {self._name} answers but sends no scan; does its head turn? is its supply weak?",
-            exit_code=EXIT_NO_HARDWARE,
+            exit_code=EXIT_NOT_THERE,
         )
 
     def now_s(self) -> float:

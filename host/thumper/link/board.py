@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import serial
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_NOT_THERE, ThumperError
 from thumper.kinematics import WheelSpeeds
 from thumper.link.clock import ClockFit
 from thumper.link.framing import DELIMITER, Frame, FrameDecoder, encode_frame
@@ -32,7 +32,7 @@ from thumper.link.messages import (
     Telemetry,
 )
 from thumper.link.parameters import parameter_named
-from thumper.link.port import EXIT_NO_HARDWARE, clock_of, open_port
+from thumper.link.port import clock_of, open_port
 from thumper.link.refusals import REFUSALS
 
 REPLY_TIMEOUT_S = 0.1
@@ -199,7 +199,7 @@ class Board:
                 raise ThumperError(
                     f"the firmware on {self._name} speaks another protocol version ({self._schema_hash:08x}, "
                     f"this program {SCHEMA_HASH:08x}); flash the firmware that belongs to this program",
-                    exit_code=EXIT_NO_HARDWARE,
+                    exit_code=EXIT_NOT_THERE,
                 )
             if isinstance(reply, Identity):
                 return reply
@@ -208,7 +208,7 @@ class Board:
         raise ThumperError(
             f"no Thumper board answers on {self._name}: {what}; "
             "is it the right port and rate, flashed and powered?",
-            exit_code=EXIT_NO_HARDWARE,
+            exit_code=EXIT_NOT_THERE,
         )
 
     def _acknowledged(self, request: Message, what: str) -> None:
@@ -275,7 +275,7 @@ class Board:
         except (serial.SerialException, OSError) as error:
             raise ThumperError(
                 f"the board's port {self._name} fails ({error}); is the cable loose?",
-                exit_code=EXIT_NO_HARDWARE,
+                exit_code=EXIT_NOT_THERE,
             ) from error
 
     def _sort(self, frame: Frame, received_s: float) -> None:

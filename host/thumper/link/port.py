@@ -8,9 +8,7 @@ from typing import Any
 
 import serial
 
-from thumper.errors import ThumperError
-
-EXIT_USAGE, EXIT_NO_HARDWARE = 2, 3
+from thumper.errors import EXIT_NOT_THERE, EXIT_USAGE, ThumperError
 
 
 def open_port(url: str, *, baud: int, name: str) -> serial.Serial:
@@ -59,7 +57,7 @@ def _exit_code(error: Exception) -> int:
     """2 for a URL that no port can have, else 3; a simulated port knows itself what is wrong."""
     if isinstance(error.__cause__, ThumperError):
         return error.__cause__.exit_code
-    return EXIT_USAGE if "unknown protocol" in str(error) or "invalid URL" in str(error) else EXIT_NO_HARDWARE
+    return EXIT_USAGE if "unknown protocol" in str(error) or "invalid URL" in str(error) else EXIT_NOT_THERE
 
 
 def _cause_and_cure(error: Exception, name: str) -> str:

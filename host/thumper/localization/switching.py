@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.scan import Scan
 from thumper.localization.amcl import Amcl
@@ -134,7 +134,7 @@ class SwitchingMapper:
             It is mapping: there the first scan has laid the map's frame.
         """
         if self.localiser is None:
-            raise ThumperError("a pose can be set in a saved map only: localise first", exit_code=2)
+            raise ThumperError("a pose can be set in a saved map only: localise first", exit_code=EXIT_USAGE)
         self.localiser.place(map_from_base, odom_from_base=self._odometry)
 
     def relocalise(self) -> None:
@@ -146,7 +146,7 @@ class SwitchingMapper:
             It is mapping.
         """
         if self.localiser is None:
-            raise ThumperError("the robot is mapping: localise first", exit_code=2)
+            raise ThumperError("the robot is mapping: localise first", exit_code=EXIT_USAGE)
         self.localiser.relocalise()
 
     def map_on(self) -> None:
@@ -182,7 +182,9 @@ class SwitchingMapper:
 
     def _start(self, grid: OccupancyGrid, map_from_base: Pose2 | None, *, by_hand: bool = True) -> None:
         if not np.any(grid.cells == OCCUPIED):
-            raise ThumperError("there is no wall in the map to know a place by; give another", exit_code=2)
+            raise ThumperError(
+                "there is no wall in the map to know a place by; give another", exit_code=EXIT_USAGE
+            )
         self.localiser = Amcl(
             grid,
             self._options,

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.geometry import FloatArray, Pose2
 from thumper.mapping.counts import Counts
 from thumper.mapping.distance_field import mark
@@ -58,7 +58,7 @@ class Cells:
             raise ThumperError(
                 f"the map's cells are {counts.resolution_m:g} m: "
                 f"set mapping.resolution_m = {counts.resolution_m:g} to map on in it",
-                exit_code=2,
+                exit_code=EXIT_USAGE,
             )
         cells = cls(resolution_m, reach_m, occupied_fraction)
         counts = counts.aged(occupied_fraction)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.mapping.grid import OCCUPIED, UNKNOWN, OccupancyGrid
 
 SLACK = 1e-6  # cells: a coordinate that is meant to lie on a cell's border does
@@ -99,7 +99,7 @@ def _touched(grid: OccupancyGrid, box: Box) -> tuple[slice, slice]:
             raise ThumperError(
                 f"the box from {name} = {min(ends):g} to {max(ends):g} lies beside the map, "
                 f"which reaches from {origin_m:g} to {end_m:g}",
-                exit_code=2,
+                exit_code=EXIT_USAGE,
             )
         ranges.append(slice(max(0, first), min(size, last + 1)))
     return ranges[0], ranges[1]

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from thumper.mapping.map_edit import rotated
 from thumper.mapping.pgm import decode_pgm, encode_pgm
@@ -130,26 +130,27 @@ def read_occupancy(
     content = _read(yaml_path)
     if content.startswith((b"P5", b"P2", b"\x89PNG")):
         raise ThumperError(
-            f"{yaml_path}: this is the map's image; give its description, the .yaml beside it", exit_code=2
+            f"{yaml_path}: this is the map's image; give its description, the .yaml beside it",
+            exit_code=EXIT_USAGE,
         )
     if content.startswith(b'{"thumper_session"'):
         raise ThumperError(
             f"{yaml_path}: this is a session, for --session; its map is the .yaml beside it",
-            exit_code=2,
+            exit_code=EXIT_USAGE,
         )
     description = _parse(yaml_path, content.decode("utf-8", errors="replace"), modes)
     if description.yaw_rad != 0.0 and not turned:
         raise ThumperError(
             f"{yaml_path}: origin has the yaw {description.yaw_rad:g}; "
             f"turn it with `thumper edit {yaml_path} --out NEW.yaml`",
-            exit_code=2,
+            exit_code=EXIT_USAGE,
         )
     pgm_path = yaml_path.parent / description.image
     try:
         image = decode_pgm(_read(pgm_path))
     except ValueError as error:
         raise ThumperError(
-            f"{pgm_path}: {error}; save the map again, as an 8-bit PGM image", exit_code=2
+            f"{pgm_path}: {error}; save the map again, as an 8-bit PGM image", exit_code=EXIT_USAGE
         ) from error
     grey = image[::-1].astype(np.float64)
     return description, grey / 255.0 if description.negate else (255.0 - grey) / 255.0
@@ -165,7 +166,7 @@ def _parse(path: Path, text: str, modes: tuple[str, ...]) -> Description:
     def text_of(key: str) -> str:
         if not values.get(key):
             raise ThumperError(
-                f"{path}: key '{key}' is missing; add it as map_server's format asks", exit_code=2
+                f"{path}: key '{key}' is missing; add it as map_server's format asks", exit_code=EXIT_USAGE
             )
         return values[key]
 
@@ -175,27 +176,30 @@ def _parse(path: Path, text: str, modes: tuple[str, ...]) -> Description:
         except ValueError:
             result = math.nan
         if not math.isfinite(result):
-            raise ThumperError(f"{path}: {key} = '{value}' is not a number; mend the value", exit_code=2)
+            raise ThumperError(
+                f"{path}: {key} = '{value}' is not a number; mend the value", exit_code=EXIT_USAGE
+            )
         return result
 
     def within(key: str, low: float, high: float, *, ends: bool = False) -> float:
         result = number(key, text_of(key))
         if not (low < result < high or (ends and result in (low, high))):
             raise ThumperError(
-                f"{path}: {key} = {result:g} must lie between {low:g} and {high:g}", exit_code=2
+                f"{path}: {key} = {result:g} must lie between {low:g} and {high:g}", exit_code=EXIT_USAGE
             )
         return result
 
     mode = values.get("mode", "trinary")
     if mode not in modes:
         raise ThumperError(
-            f"{path}: mode = '{mode}' is not supported; save the map as '{modes[0]}'", exit_code=2
+            f"{path}: mode = '{mode}' is not supported; save the map as '{modes[0]}'", exit_code=EXIT_USAGE
         )
     origin = text_of("origin")
     parts = origin.strip("[]").split(",")
     if not (origin.startswith("[") and origin.endswith("]") and len(parts) == 3):
         raise ThumperError(
-            f"{path}: origin = '{origin}' is not of the form [x, y, yaw]; mend the value", exit_code=2
+            f"{path}: origin = '{origin}' is not of the form [x, y, yaw]; mend the value",
+            exit_code=EXIT_USAGE,
         )
     x_m, y_m, yaw_rad = (number("origin", part) for part in parts)
     graded = mode != "trinary"  # there the thresholds are the ends of the scale
@@ -218,7 +222,7 @@ def _read(path: Path) -> bytes:
         return path.read_bytes()
     except OSError as error:
         raise ThumperError(
-            f"{path}: cannot be read ({error.strerror}); check the path", exit_code=2
+            f"{path}: cannot be read ({error.strerror}); check the path", exit_code=EXIT_USAGE
         ) from error
 
 
@@ -233,5 +237,5 @@ def _write(path: Path, data: bytes) -> None:
         partial.replace(path)
     except OSError as error:
         raise ThumperError(
-            f"{path}: cannot be written ({error.strerror}); check the folder", exit_code=2
+            f"{path}: cannot be written ({error.strerror}); check the folder", exit_code=EXIT_USAGE
         ) from error

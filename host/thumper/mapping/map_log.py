@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.geometry import FloatArray, Pose2
 from thumper.localization.evidence import WAY_M
 from thumper.localization.switching import SwitchingMapper
@@ -201,7 +201,9 @@ def map_log(
             doubt = "does it belong to the session? --start may help"
             still = f"the place is recognised, but the robot moves less than {WAY_M:g} m: nothing is entered"
             raise ThumperError(f"{path}: {'; '.join((*mapped.lines, doubt if mapped.lost else still))}")
-        raise ThumperError(f"{path}: no scan has enough usable beams: there is nothing to map", exit_code=2)
+        raise ThumperError(
+            f"{path}: no scan has enough usable beams: there is nothing to map", exit_code=EXIT_USAGE
+        )
     yaml_path, png_path, csv_path = out_dir / "map.yaml", out_dir / "map.png", out_dir / "trajectory.csv"
     pgm_path = save_map(mapped.grid, yaml_path)
     session_path = out_dir / "map.session"
@@ -248,5 +250,5 @@ def _write_path(csv_path: Path, log: RobotLog, poses: FloatArray) -> None:
                 writer.writerow((f"{record.time_s:.6f}", f"{x_m:.6f}", f"{y_m:.6f}", f"{theta_rad:.6f}"))
     except OSError as error:
         raise ThumperError(
-            f"{csv_path}: cannot be written ({error.strerror}); give another folder", exit_code=2
+            f"{csv_path}: cannot be written ({error.strerror}); give another folder", exit_code=EXIT_USAGE
         ) from error

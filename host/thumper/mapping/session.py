@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.geometry import Pose2
 from thumper.mapping.counts import Counts
 from thumper.mapping.mapper import Mapper
@@ -65,7 +65,7 @@ def save_session(session: Session, path: Path) -> Path:
         partial.replace(path)
     except OSError as error:
         raise ThumperError(
-            f"{path}: cannot be written ({error.strerror}); check the folder", exit_code=2
+            f"{path}: cannot be written ({error.strerror}); check the folder", exit_code=EXIT_USAGE
         ) from error
     return path
 
@@ -82,7 +82,7 @@ def load_session(path: Path, resolution_m: float) -> Session:
         first, _, payload = path.read_bytes().partition(b"\n")
     except OSError as error:
         raise ThumperError(
-            f"{path}: cannot be read ({error.strerror}); check the path", exit_code=2
+            f"{path}: cannot be read ({error.strerror}); check the path", exit_code=EXIT_USAGE
         ) from error
     try:
         header = json.loads(first)
@@ -91,11 +91,11 @@ def load_session(path: Path, resolution_m: float) -> Session:
             raise ThumperError(
                 f"{path}: session version {version}; this program reads version {VERSION}: use the one that "
                 "wrote it",
-                exit_code=2,
+                exit_code=EXIT_USAGE,
             )
         if _checksum(header, payload) != header["sha256"]:
             raise ThumperError(
-                f"{path}: the checksum is wrong, the file is damaged; use a backup", exit_code=2
+                f"{path}: the checksum is wrong, the file is damaged; use a backup", exit_code=EXIT_USAGE
             )
         rows, cols = (int(size) for size in header["shape"])
         row, col = (int(index) for index in header["first_cell"])
@@ -110,11 +110,12 @@ def load_session(path: Path, resolution_m: float) -> Session:
     except (ValueError, KeyError, TypeError, OverflowError, zlib.error) as error:
         raise ThumperError(
             f"{path}: not a mapping session; give a .session file (a map's .yaml goes with --map)",
-            exit_code=2,
+            exit_code=EXIT_USAGE,
         ) from error
     if size_m != resolution_m:
         raise ThumperError(
-            f"{path}: its cells are {size_m} m; set mapping.resolution_m = {size_m} to go on", exit_code=2
+            f"{path}: its cells are {size_m} m; set mapping.resolution_m = {size_m} to go on",
+            exit_code=EXIT_USAGE,
         )
     counts = Counts(hits=hits, misses=misses, first_cell=(row, col), resolution_m=size_m)
     return Session(counts=counts, map_from_base=pose)

@@ -40,7 +40,9 @@ def read_queries(path: Path, grid: OccupancyGrid) -> list[Query]:
                 (number, row) for number, row in enumerate(csv.reader(stream), 1) if any(map(str.strip, row))
             ]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ThumperError(f"{path}: cannot be read as CSV ({error}); check the file", exit_code=EXIT_USAGE) from error
+        raise ThumperError(
+            f"{path}: cannot be read as CSV ({error}); check the file", exit_code=EXIT_USAGE
+        ) from error
     if not rows:
         raise ThumperError(f"{path}: holds no rows; give one start and goal a line", exit_code=EXIT_USAGE)
     columns, in_cells = _columns(path, rows[0][1])
@@ -53,7 +55,9 @@ def read_queries(path: Path, grid: OccupancyGrid) -> list[Query]:
             ]
         queries.append(Query(start_m=(values[0], values[1]), goal_m=(values[2], values[3])))
     if not queries:
-        raise ThumperError(f"{path}: holds a header and no rows; give one start and goal a line", exit_code=EXIT_USAGE)
+        raise ThumperError(
+            f"{path}: holds a header and no rows; give one start and goal a line", exit_code=EXIT_USAGE
+        )
     return queries
 
 

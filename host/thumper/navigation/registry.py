@@ -44,7 +44,9 @@ def check_names(options: NavigationOptions) -> None:
         ("controller", options.controller, CONTROLLERS),
     ):
         if name not in known:
-            raise ThumperError(f"no {kind} '{name}': choose one of {', '.join(sorted(known))}", exit_code=EXIT_USAGE)
+            raise ThumperError(
+                f"no {kind} '{name}': choose one of {', '.join(sorted(known))}", exit_code=EXIT_USAGE
+            )
 
 
 def make_planner(options: NavigationOptions, footprint: Footprint) -> Planner:

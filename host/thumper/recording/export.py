@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.geometry import FloatArray
 from thumper.mapping.grid import OccupancyGrid
 from thumper.recording.reader import Recording
@@ -56,7 +56,7 @@ def export_csv(recording: Recording, folder: Path) -> list[Path]:
                     writer.writerow([row.get(column, "") for column in columns])
     except OSError as error:
         raise ThumperError(
-            f"{folder}: cannot be written ({error.strerror}); choose another", exit_code=2
+            f"{folder}: cannot be written ({error.strerror}); choose another", exit_code=EXIT_USAGE
         ) from error
     return sorted(path for _, _, path in writers.values())
 
@@ -84,7 +84,7 @@ def last_map(recording: Recording) -> tuple[OccupancyGrid, FloatArray]:
                 poses.append((pose.x_m, pose.y_m))
     if grid is None:
         raise ThumperError(
-            f"{recording.name}: no map in it; `thumper replay` makes one from the scans", exit_code=2
+            f"{recording.name}: no map in it; `thumper replay` makes one from the scans", exit_code=EXIT_USAGE
         )
     return grid, np.array(poses, dtype=np.float64).reshape(-1, 2)
 

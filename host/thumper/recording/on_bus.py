@@ -12,7 +12,7 @@ from thumper.bus.options import BusOptions
 from thumper.bus.pulse import Pulse
 from thumper.bus.server import BusServer
 from thumper.config.robot import RobotConfig
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_NOT_THERE, ThumperError
 from thumper.recording.options import RecordingOptions
 from thumper.recording.reader import Recording, Said
 from thumper.recording.recorder import Recorder
@@ -98,7 +98,8 @@ def _ask_session(client: BusClient) -> Session:
     client.subscribe("session", take)
     if not came.wait(SESSION_TIMEOUT_S):
         raise ThumperError(
-            "the robot does not say which run this is: does it run, under this name?", exit_code=3
+            "the robot does not say which run this is: does it run, under this name?",
+            exit_code=EXIT_NOT_THERE,
         )
     try:
         session = session_of(json.loads(heard[-1]), "the running robot")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mcap.records import Channel, Message, Metadata, Schema
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.recording.folder import MAGIC
 from thumper.recording.recover import records_until_error
 from thumper.recording.session import METADATA_NAME, Session, session_of
@@ -34,7 +34,9 @@ class Recording:
     def __init__(self, paths: tuple[Path, ...]) -> None:
         """Look into the files. Raises ThumperError when one cannot be read, is no MCAP or another run's."""
         if not paths:
-            raise ThumperError("no recording: give .mcap files, or a folder that holds them", exit_code=2)
+            raise ThumperError(
+                "no recording: give .mcap files, or a folder that holds them", exit_code=EXIT_USAGE
+            )
         self.paths = paths
         self.notes: list[str] = []  # what could not be read, a line each; filled while reading
         for path in paths:
@@ -43,7 +45,8 @@ class Recording:
         for path in paths[1:]:
             if _metadata(path).get("run") != self.metadata.get("run"):
                 raise ThumperError(
-                    f"{path} is of another run than {paths[0]}: give the files of one run", exit_code=2
+                    f"{path} is of another run than {paths[0]}: give the files of one run",
+                    exit_code=EXIT_USAGE,
                 )
 
     @property
@@ -103,10 +106,10 @@ def _check(path: Path) -> None:
         good = is_mcap(path)
     except OSError as error:
         raise ThumperError(
-            f"{path}: cannot be read ({error.strerror}); check the path", exit_code=2
+            f"{path}: cannot be read ({error.strerror}); check the path", exit_code=EXIT_USAGE
         ) from error
     if not good:
-        raise ThumperError(f"{path}: no MCAP file; is it the right one?", exit_code=2)
+        raise ThumperError(f"{path}: no MCAP file; is it the right one?", exit_code=EXIT_USAGE)
 
 
 def _metadata(path: Path) -> dict[str, str]:

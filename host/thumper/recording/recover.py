@@ -25,7 +25,7 @@ from mcap.records import (
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import Writer
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.recording.mcap_file import CHUNK_BYTES, LIBRARY, PART, sync_folder
 
 DAMAGED = ".damaged"
@@ -65,7 +65,8 @@ def recover(path: Path) -> Repair | None:
         with path.open("rb") as source:
             if not _take(source):  # and hold it: two that repair the same file would write into one
                 raise ThumperError(
-                    f"{path}: is being recorded or repaired just now; stop that program first", exit_code=2
+                    f"{path}: is being recorded or repaired just now; stop that program first",
+                    exit_code=EXIT_USAGE,
                 )
             profile = _profile(path)
             with repaired.open("wb") as sink:
@@ -79,7 +80,9 @@ def recover(path: Path) -> Repair | None:
             if unfinished:
                 path.unlink()
     except OSError as error:
-        raise ThumperError(f"{path}: cannot be repaired ({error}); the file is kept", exit_code=2) from error
+        raise ThumperError(
+            f"{path}: cannot be repaired ({error}); the file is kept", exit_code=EXIT_USAGE
+        ) from error
     return Repair(path=target, messages=messages, note=note)
 
 
@@ -156,7 +159,7 @@ def _profile(path: Path) -> str:
         except OSError:
             raise
         except Exception as error:  # whatever such bytes lead the reader to
-            raise ThumperError(f"{path}: no MCAP file; is it the right one?", exit_code=2) from error
+            raise ThumperError(f"{path}: no MCAP file; is it the right one?", exit_code=EXIT_USAGE) from error
     return header.profile if isinstance(header, Header) else ""
 
 

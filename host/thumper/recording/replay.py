@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from thumper.config.robot import RobotConfig
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.geometry import FloatArray
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.method import PathMapper, make_mapper
@@ -55,7 +55,8 @@ def replay(
     session = recording.session()
     if session is None:
         raise ThumperError(
-            f"{recording.name}: recorded by another program; `thumper map-log` maps such files", exit_code=2
+            f"{recording.name}: recorded by another program; `thumper map-log` maps such files",
+            exit_code=EXIT_USAGE,
         )
     used = config or session.config
     base_from_laser = used.lidar.base_from_laser
@@ -89,7 +90,8 @@ def replay(
     out.scans = perception.scans_mapped
     if not out.scans:
         raise ThumperError(
-            f"{recording.name}: no scan with the wheels' odometry in it; was the lidar on?", exit_code=2
+            f"{recording.name}: no scan with the wheels' odometry in it; was the lidar on?",
+            exit_code=EXIT_USAGE,
         )
     out.time_s = out.poses[-1][0] - out.poses[0][0]
     return out

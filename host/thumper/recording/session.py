@@ -9,7 +9,7 @@ from thumper import __version__
 from thumper.bus.options import BusOptions
 from thumper.config.robot import RobotConfig, config_from_json, config_to_json
 from thumper.dashboard.options import DashboardOptions
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.geometry import Pose2
 from thumper.link.messages import Identity
 
@@ -70,7 +70,7 @@ def session_of(metadata: dict[str, str], name: str) -> Session:
         raise ThumperError(
             f"{name}: its configuration cannot be read ({error}): it was recorded by {made_by}, this is "
             f"{__version__}; give the robot's TOML with --config",
-            exit_code=2,
+            exit_code=EXIT_USAGE,
         ) from error
 
 

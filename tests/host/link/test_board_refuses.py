@@ -11,11 +11,11 @@ from contextlib import contextmanager
 
 import pytest
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_NOT_THERE, ThumperError
 from thumper.link.board import Board
 from thumper.link.framing import encode_frame
 from thumper.link.messages import SCHEMA_HASH, Identity
-from thumper.link.port import EXIT_NO_HARDWARE, open_port
+from thumper.link.port import open_port
 
 
 @contextmanager
@@ -44,7 +44,7 @@ def device(answer: Callable[[bytes], bytes]) -> Iterator[str]:
         os.close(near)
 
 
-def refusal(url: str, exit_code: int = EXIT_NO_HARDWARE) -> str:
+def refusal(url: str, exit_code: int = EXIT_NOT_THERE) -> str:
     with pytest.raises(ThumperError) as caught:
         Board.open(url, baud=500_000)
     assert caught.value.exit_code == exit_code

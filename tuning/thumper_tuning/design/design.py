@@ -5,7 +5,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le, Lt
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper_tuning.design.family import worst
 from thumper_tuning.design.loop import LoopFigures, Plant, StepFigures, judge, judge_step
 from thumper_tuning.design.rules import RULES, PiGains, migo, pole_placement
@@ -127,5 +127,5 @@ def _gains(model: MotorModel, plant: Plant, options: DesignOptions) -> PiGains:
     if options.rule == "pole-placement":
         return pole_placement(plant, options.natural_rad_s, options.damping)
     if options.rule not in RULES:
-        raise ThumperError(f"no rule {options.rule!r}; there are: {', '.join(RULES)}", exit_code=2)
+        raise ThumperError(f"no rule {options.rule!r}; there are: {', '.join(RULES)}", exit_code=EXIT_USAGE)
     return RULES[options.rule](model, options.period_s)

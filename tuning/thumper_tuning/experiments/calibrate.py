@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_CHECK_FAILED, ThumperError
 from thumper.geometry import FloatArray, Pose2
 from thumper.odometry.odometry import advance
 from thumper_tuning.experiments.wheel_log import WheelLog
@@ -61,14 +61,15 @@ def calibrate(log: WheelLog, counts_per_rev: float) -> Calibration:
         raise ThumperError(
             f"the drive turned {np.abs(turn).sum():.1f} rad and went {np.abs(along).sum():.1f} m: "
             f"too little; drive at least {LEAST_TURN_RAD:g} rad and {LEAST_WAY_M:g} m",
-            exit_code=4,
+            exit_code=EXIT_CHECK_FAILED,
         )
     ratios, ratio_std = _solve(np.column_stack((-left, right)), turn)
     (track,), (track_std,) = _solve((0.5 * (ratios[0] * left + ratios[1] * right))[:, None], along)
     radii = track * ratios
     if not (track > 0.0 and (radii > 0.0).all()):
         raise ThumperError(
-            "the wheels and the reference turn opposite ways; is an encoder reversed?", exit_code=4
+            "the wheels and the reference turn opposite ways; is an encoder reversed?",
+            exit_code=EXIT_CHECK_FAILED,
         )
     return Calibration(
         geometry=WheelGeometry(

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from thumper.config.robot import LidarConfig, RobotConfig
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.kinematics import DriveGeometry
 from thumper.lidar.open_lidar import open_lidar
 from thumper_tuning.commands import bar, confirm_room, opened
@@ -57,11 +57,13 @@ def gather(
     if source.log is not None:
         if source.truth is None:
             raise ThumperError(
-                f"--log needs --truth: a CSV with the columns {', '.join(POSE_COLUMNS)}", exit_code=2
+                f"--log needs --truth: a CSV with the columns {', '.join(POSE_COLUMNS)}", exit_code=EXIT_USAGE
             )
         return joined(read_csv(source.log, COUNT_COLUMNS), read_csv(source.truth, POSE_COLUMNS))
     if source.truth is not None:
-        raise ThumperError("--truth belongs to --log: a drive has a reference of its own", exit_code=2)
+        raise ThumperError(
+            "--truth belongs to --log: a drive has a reference of its own", exit_code=EXIT_USAGE
+        )
     confirm_room(f"floor of {FLOOR}", console, yes=yes)
     with opened(source.board) as board, bar(console, "odometry") as show:
         lidar = None
@@ -84,7 +86,7 @@ def gather(
             raise ThumperError(
                 f"{log_path} is there, but nothing says where the robot was: give --lidar PORT, or "
                 f"--log {log_path} and --truth with a CSV ({', '.join(POSE_COLUMNS)}) on the same clock",
-                exit_code=2,
+                exit_code=EXIT_USAGE,
             )
         poses = truth
     write_csv(out / "reference.csv", POSE_COLUMNS, poses)
@@ -152,7 +154,7 @@ def calibration(log: WheelLog, config: RobotConfig, out: Path, console: Console)
         raise ThumperError(
             f"within 5 s odometry turned {np.degrees(drifts[-1].window_heading_rad):.0f} deg from the "
             f"reference, calibrated or not: the robot was held, or the reference lost; {FLOOR} must be free",
-            exit_code=4,
+            exit_code=EXIT_CHECK_FAILED,
         )
     errors = [compare(held_out, one).error_rad_s for one in (before, after)]
     table.add_row("position after 5 s, rms, m", *[f"{d.window_position_m:.3f}" for d in drifts])

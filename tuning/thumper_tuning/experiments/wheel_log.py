@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.geometry import FloatArray
 
 COUNT_COLUMNS = ("time_s", "left_counts", "right_counts")
@@ -55,16 +55,18 @@ def read_csv(path: Path, names: tuple[str, ...]) -> FloatArray:
     try:
         table: Any = np.genfromtxt(path, delimiter=",", names=True, dtype=np.float64)
     except (OSError, ValueError) as error:
-        raise ThumperError(f"{path}: cannot read it: {error}", exit_code=2) from error
+        raise ThumperError(f"{path}: cannot read it: {error}", exit_code=EXIT_USAGE) from error
     missing = [name for name in names if name not in (table.dtype.names or ())]
     if missing:
         raise ThumperError(
             f"{path}: no column {missing[0]}; a CSV with the columns {', '.join(names)} is needed",
-            exit_code=2,
+            exit_code=EXIT_USAGE,
         )
     rows = np.column_stack([np.atleast_1d(table[name]) for name in names])
     if len(rows) < 3 or not np.isfinite(rows).all() or (np.diff(rows[:, 0]) <= 0.0).any():
-        raise ThumperError(f"{path}: needs 3 rows or more, all numbers, time_s rising", exit_code=4)
+        raise ThumperError(
+            f"{path}: needs 3 rows or more, all numbers, time_s rising", exit_code=EXIT_CHECK_FAILED
+        )
     return rows
 
 
@@ -80,7 +82,7 @@ def joined(counts: FloatArray, poses: FloatArray) -> WheelLog:
     if inside.sum() < 20:
         raise ThumperError(
             "the reference poses cover less than 20 ticks of the drive; are both on the same clock?",
-            exit_code=4,
+            exit_code=EXIT_CHECK_FAILED,
         )
     time_s, left, right = counts[inside].T
     return WheelLog(time_s=time_s, left_counts=left, right_counts=right, poses=poses)

@@ -5,9 +5,8 @@ import re
 from dataclasses import dataclass
 from enum import Enum
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_CHECK_FAILED, ThumperError
 
-EXIT_REFUSED = 4
 LONGEST_HEADER = 60
 
 
@@ -153,7 +152,7 @@ def _with_unit(
         raise ThumperError(
             f"column {header!r}: the unit {unit!r} is not known; rename it, for example to "
             f"{quantity.value}_{next(iter(units)).replace(' ', '_') or 'raw'}",
-            exit_code=EXIT_REFUSED,
+            exit_code=EXIT_CHECK_FAILED,
         )
     if quantity is Quantity.COUNTS and unit in POSITIONS_RAD:
         return column(POSITIONS_RAD[unit] / math.tau)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper_tuning.log.motor_log import DriveUnit, MotorLog
 
 TESTS = ("slow-forward", "slow-backward", "fast-forward", "fast-backward")
@@ -32,11 +32,15 @@ def read_sysid(path: Path) -> list[MotorLog]:
         tests = [np.array(data[name], dtype=float) for name in TESTS if data.get(name)]
         rad = UNIT_RAD.get(data["units"], math.tau / float(data["unitsPerRotation"]))
     except OSError as error:
-        raise ThumperError(f"{path}: cannot read the log: {error.strerror}", exit_code=2) from error
+        raise ThumperError(f"{path}: cannot read the log: {error.strerror}", exit_code=EXIT_USAGE) from error
     except (ValueError, KeyError, TypeError) as error:
-        raise ThumperError(f"{path}: no SysId recording ({error}); give a CSV file", exit_code=4) from error
+        raise ThumperError(
+            f"{path}: no SysId recording ({error}); give a CSV file", exit_code=EXIT_CHECK_FAILED
+        ) from error
     if not tests or any(test.ndim != 2 or test.shape[1] < 7 for test in tests):
-        raise ThumperError(f"{path}: no SysId drive-train recording; give a CSV file", exit_code=4)
+        raise ThumperError(
+            f"{path}: no SysId drive-train recording; give a CSV file", exit_code=EXIT_CHECK_FAILED
+        )
     return [_side(tests, name, voltage, position, rad) for name, voltage, position in SIDES]
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.geometry import FloatArray
-from thumper_tuning.log.columns import EXIT_REFUSED, Column, understand
+from thumper_tuning.log.columns import Column, understand
 
 SEPARATORS = (",", ";", "\t", "|", " ")
 PREAMBLE_LINES = 50
@@ -43,7 +43,7 @@ def read_table(path: Path) -> Table:
                 return _table(lines[number + 1 :], separator, headers, columns)
     raise ThumperError(
         f"{path}: no line names the columns; put one on top, for example time_s,pwm,counts",
-        exit_code=EXIT_REFUSED,
+        exit_code=EXIT_CHECK_FAILED,
     )
 
 
@@ -61,7 +61,7 @@ def _text(path: Path) -> str:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise ThumperError(f"{path}: cannot read the log: {error.strerror}", exit_code=2) from error
+        raise ThumperError(f"{path}: cannot read the log: {error.strerror}", exit_code=EXIT_USAGE) from error
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return data.decode("utf-16", errors="replace")
     try:

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_CHECK_FAILED, ThumperError
 from thumper.geometry import FloatArray
-from thumper_tuning.log.columns import EXIT_REFUSED
 from thumper_tuning.log.motor_log import DriveUnit
 
 LONGEST_PERIOD_S = 2.0
@@ -84,4 +83,4 @@ def smallest_step(values: FloatArray) -> float:
 
 def refusal(message: str) -> ThumperError:
     """The error that says why a log has no answer and what to record or rename."""
-    return ThumperError(message, exit_code=EXIT_REFUSED)
+    return ThumperError(message, exit_code=EXIT_CHECK_FAILED)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_NOT_THERE, ThumperError
 from thumper.link.board import Board, TelemetrySample
 from thumper.link.messages import Command, Fault, State
 from thumper_tuning.design.wire import BoardGains
@@ -36,7 +36,9 @@ def beat(board: Board, state: State) -> TelemetrySample:
     """
     samples = board.poll(BEAT_TIMEOUT_S)
     if not samples:
-        raise ThumperError("the board sends no telemetry any more; is the cable loose?", exit_code=3)
+        raise ThumperError(
+            "the board sends no telemetry any more; is the cable loose?", exit_code=EXIT_NOT_THERE
+        )
     sample = samples[-1]
     if sample.telemetry.fault != Fault.NONE:
         raise ThumperError(

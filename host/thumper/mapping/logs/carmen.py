@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.geometry import Pose2, Twist2
 from thumper.lidar.scan import Scan
 from thumper.mapping.logs.carmen_lines import (
@@ -87,9 +87,12 @@ def read_carmen(name: str, lines: Iterable[str], fov_rad: float | None = None) -
     scans = lasers.get(used, [])
     if not scans or len(broken) > max(1, MOST_BROKEN * len(scans)):
         if broken:
-            raise ThumperError(f"{name}: {broken[0]}; the file may be cut off: copy it again", exit_code=2)
+            raise ThumperError(
+                f"{name}: {broken[0]}; the file may be cut off: copy it again", exit_code=EXIT_USAGE
+            )
         raise ThumperError(
-            f"{name}: no FLASER, ROBOTLASER1 or RAWLASER1 line in it; is it the right file?", exit_code=2
+            f"{name}: no FLASER, ROBOTLASER1 or RAWLASER1 line in it; is it the right file?",
+            exit_code=EXIT_USAGE,
         )
     notes = [*broken_note(broken)]
     for other in LINES:

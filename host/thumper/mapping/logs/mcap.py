@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.geometry import Pose2, Twist2
 from thumper.lidar.scan import Scan
 from thumper.mapping.logs.record import NO_ODOMETRY, LogRecord, RobotLog, check_place
@@ -57,7 +57,9 @@ def read_mcap(path: Path) -> RobotLog:
         except ValueError:
             found.broken += 1
     if not found.scans:
-        raise ThumperError(f"{path}: no LaserScan messages in it; is it the right file?", exit_code=2)
+        raise ThumperError(
+            f"{path}: no LaserScan messages in it; is it the right file?", exit_code=EXIT_USAGE
+        )
     notes = list(recording.notes)
     topic = max(found.scans, key=lambda name: len(found.scans[name]))
     notes += [f"{len(found.scans[name])} scans of {name} not used" for name in found.scans if name != topic]

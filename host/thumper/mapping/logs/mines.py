@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.geometry import Pose2
 from thumper.kinematics import DriveGeometry
 from thumper.lidar.scan import Scan
@@ -52,7 +52,9 @@ def read_mines(name: str, lines: Iterable[str]) -> RobotLog:
         except ValueError as error:
             broken.append(f"line {number}: broken scan ({error})")
     if not records or len(broken) > max(1, MOST_BROKEN * len(records)):
-        raise ThumperError(f"{name}: {broken[0]}; the file may be cut off: copy it again", exit_code=2)
+        raise ThumperError(
+            f"{name}: {broken[0]}; the file may be cut off: copy it again", exit_code=EXIT_USAGE
+        )
     return RobotLog(
         format_name="MINES",
         base_from_laser=BASE_FROM_LASER,

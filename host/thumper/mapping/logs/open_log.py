@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TextIO
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.mapping.logs.carmen import is_carmen, read_carmen
 from thumper.mapping.logs.mines import is_mines, read_mines
 from thumper.mapping.logs.record import RobotLog, refuse_fov
@@ -52,16 +52,16 @@ def open_log(path: Path, fov_rad: float | None = None) -> RobotLog:
                 refuse_fov(str(path), fov_rad, "a MINES log")
                 log = read_mines(str(path), (line for line in lines if not line.isspace()))
             elif cut:
-                raise ThumperError(f"{path}: {cut[0]}; copy it again", exit_code=2)
+                raise ThumperError(f"{path}: {cut[0]}; copy it again", exit_code=EXIT_USAGE)
             else:
-                raise ThumperError(f"{path}: unknown log format; {FORMATS}", exit_code=2)
+                raise ThumperError(f"{path}: unknown log format; {FORMATS}", exit_code=EXIT_USAGE)
     except FileNotFoundError as error:
-        raise ThumperError(f"{path}: no such file; check the path", exit_code=2) from error
+        raise ThumperError(f"{path}: no such file; check the path", exit_code=EXIT_USAGE) from error
     except IsADirectoryError as error:
-        raise ThumperError(f"{path}: is a folder; give one log in it", exit_code=2) from error
+        raise ThumperError(f"{path}: is a folder; give one log in it", exit_code=EXIT_USAGE) from error
     except OSError as error:
         raise ThumperError(
-            f"{path}: cannot be read ({error}); check the file and its permissions", exit_code=2
+            f"{path}: cannot be read ({error}); check the file and its permissions", exit_code=EXIT_USAGE
         ) from error
     return replace(log, notes=(*log.notes, *cut))
 
@@ -89,7 +89,7 @@ def _unpacked_mcap(path: Path) -> RobotLog:
         try:
             log = read_mcap(unpacked)
         except ThumperError as error:
-            raise ThumperError(str(error).replace(str(unpacked), str(path)), exit_code=2) from error
+            raise ThumperError(str(error).replace(str(unpacked), str(path)), exit_code=EXIT_USAGE) from error
     return replace(log, notes=(*log.notes, *cut))
 
 
@@ -115,7 +115,7 @@ def _kind(lines: Iterable[str], path: Path) -> str:
     """The format by the first line that tells it; CARMEN's may come after thousands of other lines."""
     for number, line in enumerate(line for line in lines if not line.isspace()):
         if "\0" in line:
-            raise ThumperError(f"{path}: not a text log; {FORMATS}", exit_code=2)
+            raise ThumperError(f"{path}: not a text log; {FORMATS}", exit_code=EXIT_USAGE)
         if is_carmen((line,)):
             return "CARMEN"
         if number == 0 and is_mines((line,)):

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from thumper.errors import ThumperError
+from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.geometry import Pose2, Twist2
 from thumper.lidar.scan import Scan
 
@@ -48,4 +48,6 @@ def broken_note(broken: list[str]) -> tuple[str, ...]:
 def refuse_fov(name: str, fov_rad: float | None, what: str) -> None:
     """Raise ThumperError for a field of view that was given for a log which tells its own."""
     if fov_rad is not None:
-        raise ThumperError(f"{name}: {what} tells its field of view itself; leave out --fov", exit_code=2)
+        raise ThumperError(
+            f"{name}: {what} tells its field of view itself; leave out --fov", exit_code=EXIT_USAGE
+        )
