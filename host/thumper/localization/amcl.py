@@ -186,12 +186,12 @@ class Amcl:
         hits_m, origins_m = points.hits_m(), points.origins_m[points.kinds == HIT]
         thinned = slice(None, None, max(1, len(hits_m) // options.beams))
         hits_m, origins_m = np.ascontiguousarray(hits_m[thinned]), np.ascontiguousarray(origins_m[thinned])
-        laid = LaidScan(hits_m, self._field, options)
+        laid = LaidScan(origins_m, hits_m, self._field, options)
         moved = Pose2() if self._odometry is None else self._odometry.inverse() @ odom_from_base
         fresh = self._odometry is None
         jumped = fresh or self._searching
         score = math.nan
-        pose = self._pose @ moved
+        pose = expected = self._pose @ moved
         self._wait = max(0, self._wait - 1)
         self._unweighed += 1
         if self._unweighed >= RETRY_SCANS and self._evidence.weak:
@@ -213,7 +213,7 @@ class Amcl:
                 self._evidence = Evidence(vouched=False)  # that is not where the person said it was
             other = self._rivals.look(laid, moved, place)
             if other is not None:
-                place, jumped = other, True
+                place, jumped, self._evidence = other, True, Evidence(vouched=False)
                 self._poses, self._weights = self._around([place], np.ones(1), options.most_particles)
                 self._weights /= self._weights.sum()
                 self._share = 1.0
@@ -222,8 +222,9 @@ class Amcl:
             self._unweighed = 0
             self._looks.append(score)
             self._doubts = self._doubts + 1 if score < options.lost_below else 0
-            fit = score - laid.through_walls(origins_m, pose)
-            self._evidence.add(fit, math.hypot(moved.x_m, moved.y_m), self._share)
+            fit = laid.fit(pose)
+            off_m = 0.0 if jumped else pose.distance_m(expected)
+            self._evidence.add(fit, self._share, math.hypot(moved.x_m, moved.y_m), off_m)
             if self._doubts >= options.lost_after or self._evidence.refuted:
                 self._searching = True
         self._map_from_odom = pose @ odom_from_base.inverse()

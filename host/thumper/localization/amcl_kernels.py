@@ -2,9 +2,14 @@
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from thumper.geometry import FloatArray
 from thumper.kernel import kernel
 from thumper.mapping.distance_field import FieldArray
+
+MaskArray = NDArray[np.bool_]
 
 
 @kernel
@@ -41,30 +46,42 @@ def beam_scores(
 
 
 @kernel
-def share_through_walls(
+def beam_verdicts(
     origins_m: FloatArray,
     ends_m: FloatArray,
     pose: FloatArray,
     distance_m: FieldArray,
+    known: MaskArray,
     resolution_m: float,
+    std_m: float,
     margin_m: float,
-) -> float:
-    """Share of beams, both ends of shape (n, 2), that cross a wall more than `margin_m` before their end.
+    likelihoods: FloatArray,
+    through: MaskArray,
+    silent: MaskArray,
+) -> None:
+    """Fill in, for beams whose ends are of shape (n, 2), what each says of a pose; all of shape (n,).
 
-    `pose`, shape (3,), is in metres from the map's corner.
+    `likelihoods`: 0...1, that it ends on a wall; `through`: it crosses a wall more than `margin_m` before its
+    end; `silent`: it does not, and ends in a cell that is not known and so far from walls. `pose`, shape
+    (3,), is in metres from the map's corner.
     """
     rows, cols = distance_m.shape
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    through = 0
     for i in range(ends_m.shape[0]):
         along_x, along_y = ends_m[i, 0] - origins_m[i, 0], ends_m[i, 1] - origins_m[i, 1]
         length_m = math.hypot(along_x, along_y)
+        through[i] = False
         for k in range(int((length_m - margin_m) / resolution_m)):
             part = k * resolution_m / length_m
             x_m, y_m = origins_m[i, 0] + part * along_x, origins_m[i, 1] + part * along_y
             col = math.floor((pose[0] + cos * x_m - sin * y_m) / resolution_m)
             row = math.floor((pose[1] + sin * x_m + cos * y_m) / resolution_m)
             if 0 <= row < rows and 0 <= col < cols and distance_m[row, col] == 0.0:
-                through += 1
+                through[i] = True
                 break
-    return float(through / max(1, ends_m.shape[0]))
+        col = math.floor((pose[0] + cos * ends_m[i, 0] - sin * ends_m[i, 1]) / resolution_m)
+        row = math.floor((pose[1] + sin * ends_m[i, 0] + cos * ends_m[i, 1]) / resolution_m)
+        inside = 0 <= row < rows and 0 <= col < cols
+        near = inside and distance_m[row, col] <= margin_m
+        likelihoods[i] = math.exp(-0.5 * (distance_m[row, col] / std_m) ** 2) if near else 0.0
+        silent[i] = not (through[i] or near or (inside and known[row, col]))

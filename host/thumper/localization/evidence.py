@@ -3,46 +3,59 @@
 from collections import deque
 
 WINDOW = 20  # weighed scans that count
-CLEAR = 0.7  # fit of a first look at which nobody needs to wait for a second ...
-HOLDS, LOOKS, WAY_M = 0.65, 10, 1.0  # ... and of so many over so much way: the place is proven
-REFUTED = 0.45  # mean fit at which the place is given up
+CLEAR = 0.8  # trust at a first look with which nobody needs to wait for a second ...
+HOLDS, LOOKS, WAY_M = 0.55, 10, 1.0  # ... and after so many over so much way: the place is proven
+REFUTED = 0.45  # mean fit at which the place is given up; of one that is not proven, trust
+LEAP_M = 0.5  # off where odometry leads: the looks before were at another place
+LEAST_WAY_M = 0.1  # a look counts for so much way at least: each moves the pose by some centimetres
 SURE_SHARE = 0.8  # of the weight, that one place must have
 
 
 class Evidence:
-    """The fit of a scan is the share explained by walls, less the share of beams that pass through walls.
+    """Trust is the mean fit of the scans, less the way that they push the pose off odometry, in m a metre.
 
-    A wrong place explains 0.6 of a scan easily, but there beams pass through walls: along a way in an office
-    the mean fit is 0.6...1 at the right place, and at a wrong one below 0.4.
+    The fit of a scan at a wrong place is 0.6 easily, and 0.8 in a corridor. But there each scan pulls the
+    pose elsewhere: by 0.6 m a metre of way, at the right place by 0.1, with the worst odometry 0.25.
     """
 
     def __init__(self, *, vouched: bool) -> None:
         """Begin at a place that a person or a mapper has vouched for, or that a search has found."""
         self.proven = vouched
-        self._fits: deque[float] = deque(maxlen=WINDOW)
-        self._way_m, self._share, self._clear = 0.0, 1.0, False
+        self._share = 1.0
+        self._begin()
 
-    def add(self, fit: float, way_m: float, share: float) -> None:
-        """Take a weighed scan, the way since the one before, and the share of the weight that is here."""
-        self._way_m += way_m if self._fits else 0.0
+    def _begin(self) -> None:
+        self._fits: deque[float] = deque(maxlen=WINDOW)
+        self._steps: deque[tuple[float, float]] = deque(maxlen=WINDOW - 1)  # way, and off it [m]
+        self._way_m, self._clear = 0.0, False
+
+    def add(self, fit: float, share: float, way_m: float, off_m: float) -> None:
+        """Take a weighed scan, the share of the weight that is here, and the step since the one before."""
+        if off_m > LEAP_M and not self.proven:
+            self._begin()
+        if self._fits:
+            self._way_m += way_m
+            self._steps.append((max(way_m, LEAST_WAY_M), off_m))
         self._fits.append(fit)
         self._share = share
-        self._clear = self._clear or self._mean() >= self._needed()
+        self._clear = self._clear or self._trust() >= self._needed()
         enough = len(self._fits) >= LOOKS and self._way_m >= WAY_M
-        self.proven = self.proven or (enough and self._mean() >= HOLDS and share >= SURE_SHARE)
+        self.proven = self.proven or (enough and self._trust() >= HOLDS and share >= SURE_SHARE)
 
     @property
     def refuted(self) -> bool:
         """Whether this is the wrong place, or the map has changed beyond recognition."""
-        return len(self._fits) >= (WINDOW if self.proven else LOOKS) and self._mean() < REFUTED
+        if self.proven:
+            return len(self._fits) >= WINDOW and self._mean() < REFUTED
+        return len(self._fits) >= LOOKS and self._trust() < REFUTED
 
     @property
     def weak(self) -> str:
         """Why the place should not be believed yet."""
         needed = self._needed()
-        if not self._fits or self.proven or self._mean() >= needed:
+        if not self._fits or self.proven or self._trust() >= needed:
             return ""
-        return f"the best place fits {100.0 * self._mean():.0f} %, {100.0 * needed:.0f} % would be clear"
+        return f"the scans speak for the best place by {self._trust():.2f}; {needed:.2f} would be clear"
 
     @property
     def doubt(self) -> str:
@@ -52,9 +65,14 @@ class Evidence:
         return self.weak
 
     def _needed(self) -> float:
-        """Mean fit to be believed: one look must show more than ten; what was clear once need only hold."""
+        """Trust to be believed: one look must show more than ten; what was clear once need only hold."""
         looks = LOOKS if self._clear else min(LOOKS, len(self._fits))
         return CLEAR + (HOLDS - CLEAR) * (looks - 1) / (LOOKS - 1)
 
     def _mean(self) -> float:
         return sum(self._fits) / len(self._fits)
+
+    def _trust(self) -> float:
+        if not self._steps:
+            return self._mean()
+        return self._mean() - sum(off_m for _, off_m in self._steps) / sum(way_m for way_m, _ in self._steps)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thumper.geometry import FloatArray, Pose2, wrap_angle
-from thumper.localization.amcl_kernels import beam_scores, share_through_walls
+from thumper.localization.amcl_kernels import MaskArray, beam_scores, beam_verdicts
 from thumper.localization.likelihood_field import LikelihoodField
 from thumper.localization.options import AmclOptions
 from thumper.mapping.scan_match import match
@@ -25,10 +25,12 @@ class Place:
 
 
 class LaidScan:
-    """The hits of one scan, shape (n, 2) in the robot's frame, and the map to lay them on."""
+    """A scan's beams, origins and hits of shape (n, 2) in the robot's frame, and the map to lay them on."""
 
-    def __init__(self, hits_m: FloatArray, field: LikelihoodField, options: AmclOptions) -> None:
-        self._hits_m, self._field, self._options = hits_m, field, options
+    def __init__(
+        self, origins_m: FloatArray, hits_m: FloatArray, field: LikelihoodField, options: AmclOptions
+    ) -> None:
+        self._origins_m, self._hits_m, self._field, self._options = origins_m, hits_m, field, options
 
     def scored(self, poses: FloatArray, gain: float) -> tuple[FloatArray, FloatArray]:
         """Log likelihood times `gain`, and mean likelihood, of each pose; both of shape (poses,)."""
@@ -59,14 +61,16 @@ class LaidScan:
         """The place that Gauss-Newton finds from a pose."""
         return self.refined(np.array([pose.x_m, pose.y_m, pose.theta_rad]))
 
-    def through_walls(self, origins_m: FloatArray, pose: Pose2) -> float:
-        """Share of beams, from origins of shape (n, 2), that go through a wall if the robot is at `pose`."""
-        walls = self._field
-        start = walls.to_corner(np.array([pose.x_m, pose.y_m, pose.theta_rad]))
-        resolution_m = walls.grid.resolution_m
-        return float(
-            share_through_walls(origins_m, self._hits_m, start, walls.distance_m, resolution_m, WALL_MARGIN_M)
-        )
+    def fit(self, pose: Pose2) -> float:
+        """Share of the beams that speak for the pose less the share against it: -1...1.
+
+        A beam that ends on a wall speaks for it, one through a wall against it, and one that ends where the
+        map knows nothing does neither; but at least half of the beams are asked.
+        """
+        likelihoods, through, silent = self._verdicts(pose)
+        beams = len(likelihoods)
+        asked = max(1.0, 0.5 * beams, beams - float(silent.sum()))
+        return float(likelihoods.sum() - through.sum()) / asked
 
     def everywhere(self) -> list[Place]:
         """The best place of the whole map, and those apart from it that explain nearly as much."""
@@ -78,10 +82,21 @@ class LaidScan:
         Where things have been moved, one may be ahead by chance: what speaks for it counts in full only where
         no beam speaks for the other.
         """
-        share, std_m = self._options.random_share, self._options.beam_std_m
+        share = self._options.random_share
         first, second = (
-            np.log((1.0 - share) * self._field.likelihoods(self._hits_m, place.pose, std_m) + share)
-            for place in (one, other)
+            np.log((1.0 - share) * np.where(through, 0.0, likelihoods) + share)
+            for likelihoods, through, _ in (self._verdicts(one.pose), self._verdicts(other.pose))
         )
         ahead = float((first - second).sum())
         return ahead * abs(ahead) / max(1e-9, float(np.abs(first - second).sum()))
+
+    def _verdicts(self, pose: Pose2) -> tuple[FloatArray, MaskArray, MaskArray]:
+        """How well each beam ends on a wall, whether it goes through one, whether the map is silent on it."""
+        walls, beams = self._field, len(self._hits_m)
+        start = walls.to_corner(np.array([pose.x_m, pose.y_m, pose.theta_rad]))
+        likelihoods, through, silent = np.empty(beams), np.empty(beams, np.bool_), np.empty(beams, np.bool_)
+        beam_verdicts(
+            self._origins_m, self._hits_m, start, walls.distance_m, walls.known, walls.grid.resolution_m,
+            self._options.beam_std_m, WALL_MARGIN_M, likelihoods, through, silent,
+        )  # fmt: skip
+        return likelihoods, through, silent

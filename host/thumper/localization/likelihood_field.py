@@ -26,6 +26,7 @@ class LikelihoodField:
         occupied = padded == OCCUPIED
         cells = distance_transform_edt(~occupied) if occupied.any() else np.full(occupied.shape, np.inf)
         self.distance_m: FieldArray = np.minimum(cells * grid.resolution_m, reach_m).astype(np.float32)
+        self.known = padded != UNKNOWN
         self.reach_m = float(np.float32(reach_m))
         self.corner_m = np.array([grid.origin_x_m, grid.origin_y_m]) - edge * grid.resolution_m
         self._free: NDArray[np.int64] = np.argwhere(padded == FREE)
@@ -57,16 +58,6 @@ class LikelihoodField:
         return self._search_field().search_all(
             hits_m, Pose2(x_m=x_m, y_m=y_m), float(half_m.max()), math.pi, most, ratio
         )
-
-    def likelihoods(self, points_m: FloatArray, pose: Pose2, std_m: float) -> FloatArray:
-        """How well each point, shape (n, 2), lies on a wall from the pose: 0...1, shape (n,)."""
-        cells = np.floor((pose.apply(points_m) - self.corner_m) / self.grid.resolution_m).astype(np.int64)
-        col, row = cells.T
-        rows, cols = self.distance_m.shape
-        inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
-        distance_m = np.full(len(points_m), self.reach_m)
-        distance_m[inside] = self.distance_m[row[inside], col[inside]]
-        return np.where(distance_m < self.reach_m, np.exp(-0.5 * (distance_m / std_m) ** 2), 0.0)
 
     def _search_field(self) -> SearchField:
         corner = (float(self.corner_m[0]), float(self.corner_m[1]))

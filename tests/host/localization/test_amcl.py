@@ -325,26 +325,6 @@ def test_a_session_is_mapped_on_only_after_some_way_at_the_place_that_was_found(
     assert mapping[12]
 
 
-def test_a_wrong_rival_that_the_first_look_favours_is_never_mapped_on() -> None:
-    """Of two like rooms the robot is where a box was taken away; a cupboard comes into sight later."""
-    here, twin = rectangle(-3.0, -1.5, 3.0, 1.5), rectangle(7.0, -1.5, 13.0, 1.5)
-    cupboard, box = rectangle(1.5, 0.5, 3.0, 1.5), rectangle(-3.0, -0.5, -2.2, 1.5)
-    mapped = World(segments_m=np.concatenate((here, twin, cupboard, box)), circles_m=np.zeros((0, 3)))
-    robot, now = SwitchingMapper(GridMapper()), np.concatenate((here, cupboard))
-    robot.continue_in(Counts.of(mapped.to_grid()), None)
-    path = [Pose2(x_m=0.1 * k - 1.4, y_m=-0.2) for k in range(40)]
-    wrong = []
-    for k, pose in enumerate(path):
-        scan = room_scan(pose, walls=now)
-        near = replace(scan, ranges_m=np.where(scan.ranges_m > 2.5, np.nan, scan.ranges_m))
-        update = robot.update(Pose2(x_m=0.1 * k), near, STILL)
-        wrong.append(update.map_from_base.distance_m(pose) > 0.3)
-        assert not (update.integrated and wrong[-1])
-    assert wrong[0]
-    assert not wrong[-1]
-    assert robot.localiser is None
-
-
 def test_who_asks_to_localise_keeps_the_map_of_another_day_as_it_is() -> None:
     robot = SwitchingMapper(GridMapper())
     robot.continue_in(Counts.of(GRID), Pose2())
