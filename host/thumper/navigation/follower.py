@@ -25,13 +25,14 @@ class Follower:
         self._reach_m = LOCAL_GOAL_PART * window_m
         self._standing_since_s: float | None = None
         self.dead_end = False  # the path's end is near, but not for the whole outline
+        self._at_end = self._has_parked = False  # a manoeuvre leads to the path's end; has led there
 
     def reset(self) -> None:
         """Forget the past, for a new goal."""
         self._controller.reset()
         self._manoeuvre.drop()
         self._standing_since_s = None
-        self.dead_end = False
+        self.dead_end = self._at_end = self._has_parked = False
 
     def step(self, time_s: float, request: ControlRequest, goal: Goal) -> ControlResult:
         """Return the next twist along the request's path, which must not be empty."""
@@ -39,6 +40,7 @@ class Follower:
             threaded = self._manoeuvre.step(request)
             if threaded is not None:
                 return threaded
+            self._has_parked |= self._at_end and self._manoeuvre.is_whole
         result = self._controller.command(request)
         if result.command is not None and not is_still(result.command):
             self._standing_since_s, self.dead_end = None, False
@@ -46,9 +48,10 @@ class Follower:
             self._standing_since_s = time_s
         elif time_s - self._standing_since_s > self._after_s:
             self._standing_since_s = None
-            target, at_end = self._local_goal(request, goal)
-            found = self._manoeuvre.begin(request, target, through=not at_end)
-            self.dead_end = at_end and not found
+            target, self._at_end = self._local_goal(request, goal)
+            is_new = not (self._at_end and self._has_parked)  # what led no nearer leads no nearer again
+            found = is_new and self._manoeuvre.begin(request, target, through=not self._at_end)
+            self.dead_end = self._at_end and not found
             if found:
                 return self._manoeuvre.step(request) or result
         return result

@@ -53,7 +53,7 @@ class Manoeuvre:
         self._limits = limits
         self._footprint = footprint
         self._lattice = lattice
-        self.active = False
+        self.active = self.is_whole = False
 
     def begin(self, request: ControlRequest, goal: Goal, *, through: bool) -> bool:
         """Plan; False when no poses lead to the goal, or there is nothing to drive.
@@ -67,6 +67,7 @@ class Manoeuvre:
             return False
         way_m = np.concatenate((np.zeros(1), np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))))
         self._poses = poses[: max(2, int(np.searchsorted(way_m, self._options.length_m)) + 1)]
+        self.is_whole = len(self._poses) == len(poses)  # it leads to the goal, not only toward it
         self._index = 0
         self._through, self._was_tight = through, False
         self.active = True

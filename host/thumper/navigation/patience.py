@@ -87,7 +87,7 @@ class Patience:
         if self._can_never_fit():
             self._recovery.give_up()
         left_m = self._goal.distance_m(request.map_from_base)
-        return f"{left_m:.2f} m from the goal {self._goal} it gets no nearer"
+        return f"no way on for the robot's whole outline, {left_m:.2f} m from the goal {self._goal}"
 
     def stands(self, time_s: float) -> bool:
         """Whether the robot is where it was some time ago."""

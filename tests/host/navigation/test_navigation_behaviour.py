@@ -7,6 +7,7 @@ import pytest
 
 from thumper.geometry import FloatArray, Pose2, Twist2
 from thumper.mapping.grid import OccupancyGrid
+from thumper.navigation.costmap import CostmapOptions, build_costmap
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.frontiers import ExplorationOptions, Explorer, find_frontiers
 from thumper.navigation.goal import Goal
@@ -157,3 +158,26 @@ def test_the_explorer_tries_each_frontier_once() -> None:
     start = Pose2(x_m=1.0, y_m=2.0)
     assert explorer.next_goal(two_rooms(100), start) is not None
     assert explorer.next_goal(two_rooms(100), start) is None
+
+
+def test_a_frontier_in_a_nook_is_looked_at_from_where_the_robot_can_turn() -> None:
+    """A nook 0.4 m wide, its end unknown: the centre may go in, but there is no room to turn."""
+    cells = np.full((60, 80), 100, np.int8)
+    cells[1:-1, 1:50] = 0
+    cells[26:34, 50:56], cells[26:34, 56:79] = 0, -1
+    grid = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
+    start, footprint = Pose2(x_m=1.0, y_m=1.0), Footprint()
+    (nook,) = find_frontiers(grid, start, footprint, ExplorationOptions(least_frontier_m=0.1))
+    assert nook.x_m > 2.7
+    assert math.dist(nook.view_m, (nook.x_m, nook.y_m)) < 1.0
+    costmap = build_costmap(grid, np.empty((0, 2)), footprint, CostmapOptions())
+    ((row,), (col,)) = costmap.cells_of(np.array((nook.view_m,)))
+    assert math.sqrt(costmap.squared_cells[row, col]) * 0.05 > HULL_M
+    goal = Explorer(ExplorationOptions(least_frontier_m=0.1), footprint).next_goal(grid, start)
+    assert goal is not None
+    assert (goal.x_m, goal.y_m) == nook.view_m
+    assert goal.theta_rad == pytest.approx(0.0, abs=0.3)  # and it faces the nook
+    cells[:26, 1:50] = cells[34:, 1:50] = 100  # all of it a corridor as narrow: nowhere is room
+    options = ExplorationOptions(least_frontier_m=0.1)
+    (ahead,) = find_frontiers(grid, Pose2(x_m=1.0, y_m=1.5), footprint, options)
+    assert ahead.view_m == (ahead.x_m, ahead.y_m)

@@ -283,3 +283,25 @@ def test_a_corridor_shut_behind_and_ahead_fails_with_the_whole_ladder() -> None:
 def test_the_default_ladder_has_move_bases_order() -> None:
     assert LADDER[:4] == ("conservative_reset", "rotate", "aggressive_reset", "rotate")
     assert RecoveryOptions().behaviours == LADDER
+
+
+def drive_near_wall(goal: Goal, seed: int) -> Run:
+    """To a goal beside the west wall of the room, at x = -1.6 m."""
+    return drive(World.of(ROOM), START, goal, AREA, seed=seed, limit_s=100.0)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_as_near_as_it_gets_is_near_enough_within_the_tolerance(seed: int) -> None:
+    run = drive_near_wall(Goal(x_m=-1.55, y_m=0.3, tolerance_m=0.3), seed)
+    assert run.state is NavigationState.REACHED
+    assert run.time_s < 15.0  # 11 s; standing out the patience of a stuck robot it was 18 ... 20 s
+    assert run.clearance_m > 0.0
+
+
+def test_a_goal_too_near_a_wall_for_the_outline_is_given_up_where_that_is_seen() -> None:
+    """The inscribed circle fits within the tolerance, the outline under no heading: it drives there first."""
+    run = drive_near_wall(Goal(x_m=-1.55, y_m=0.3), 0)
+    assert run.state is NavigationState.FAILED
+    assert "no room for the robot at the goal" in run.outputs[-1].reason
+    assert run.time_s < 45.0  # 28 s; by the ladder it was 75 s
+    assert run.clearance_m > 0.0
