@@ -26,12 +26,12 @@ def looks(evidence: Evidence, count: int, *, fit: float, off_m: float, way_m: fl
 
 
 def test_a_place_is_proven_by_ten_looks_over_a_metre() -> None:
-    evidence = looks(Evidence(vouched=False), 9, fit=0.7, off_m=0.01)
+    evidence = looks(Evidence(vouched=False), 9, fit=0.8, off_m=0.01)
     assert not evidence.proven
     assert not looks(
         Evidence(vouched=False), 40, fit=0.9, off_m=0.0, way_m=0.02
     ).proven  # it stands and turns
-    looks(evidence, 2, fit=0.7, off_m=0.01)
+    looks(evidence, 2, fit=0.8, off_m=0.01)
     assert evidence.proven
     assert evidence.doubt == ""
 
