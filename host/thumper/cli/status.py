@@ -108,7 +108,7 @@ def watch(
                 except queue.Empty:
                     if pulse.has_talked and not (shown or waits):
                         waits = True
-                        told = f"thumper: {client.robot} is there, nothing on {topic} yet; Ctrl-C ends it"
+                        told = f"thumper: robot {client.robot!r} is there, nothing on {topic} yet; Ctrl-C ends it"
                         print(told, file=sys.stderr)
                     pulse.check()
                     continue
