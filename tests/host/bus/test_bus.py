@@ -170,7 +170,10 @@ def test_who_watches_an_idle_robot_is_told_that_it_is_there(
     until(lambda: robot.server.figures.sent == 1)
     with pytest.raises(ThumperError, match="says nothing any more"):
         watch("events", bus=robot.address, robot="r1")
-    assert capsys.readouterr() == ("", "thumper: robot 'r1' is there, nothing on events yet; Ctrl-C ends it\n")
+    assert capsys.readouterr() == (
+        "",
+        "thumper: robot 'r1' is there, nothing on events yet; Ctrl-C ends it\n",
+    )
 
 
 def test_a_robot_that_says_nothing_of_the_topic_is_not_gone(
