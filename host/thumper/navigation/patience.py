@@ -81,13 +81,15 @@ class Patience:
             self._recovery.give_up()
             why = f"no nearer to the goal for {self._progress.idle_for_s(time_s):.0f} s"
             return f"{why}; {told}" if told else why
-        self._dead_end = dead_end and self.stands(time_s)
-        if not self._dead_end:
-            return complaint
-        if self._can_never_fit():
-            self._recovery.give_up()
         left_m = self._goal.distance_m(request.map_from_base)
-        return f"no way on for the robot's whole outline, {left_m:.2f} m from the goal {self._goal}"
+        stands = self.stands(time_s)
+        self._dead_end = stands and dead_end
+        is_before_it = stands and left_m < self._goal.tolerance_m + self._footprint.circumscribed_radius_m
+        if (self._dead_end or is_before_it) and self._can_never_fit():
+            self._recovery.give_up()
+        elif not self._dead_end:
+            return complaint
+        return f"no way on was found for the whole outline, {left_m:.2f} m from the goal {self._goal}"
 
     def stands(self, time_s: float) -> bool:
         """Whether the robot is where it was some time ago."""
