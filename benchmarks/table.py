@@ -33,6 +33,7 @@ BENCHMARKS: dict[str, tuple[str, ...]] = {
     "slam_lidars": ("--seeds 1 --method scan_match --range 4 30",),
     "slam_closed_loop": ("",),
     "localization_starts": ("--starts 10", "--starts 10 --moved 2"),
+    "localization_logs": ("",),
     "navigation": ("",),
     "navigation_barn": ("--tracker cascade",),
     "navigation_people": ("--scenes 10",),
