@@ -34,8 +34,8 @@ class NavigationOptions:
     controller: str = "dwa"
     # Who follows a path with room on both sides: "cascade", the trajectory tracker, or "" for the controller.
     tracker: Literal["cascade", ""] = "cascade"
-    # Time without any safe motion or path before a recovery begins, and of standing before the robot counts as
-    # as near to its goal as it gets [s].
+    # Time without any safe motion or path before a recovery begins, and of standing before the robot is taken
+    # to be as near to its goal as it gets [s].
     patience_s: Annotated[float, Gt(0)] = 2.0
     # Space kept round the footprint in all planned motion [m]: the map is as coarse as its cells and noisy.
     padding_m: Annotated[float, Ge(0)] = 0.01
