@@ -47,11 +47,17 @@ class Confidence:
         std_rad = options.error_rad_per_m * way_m + options.error_per_rad * abs(turn_rad)
         _grow(self.covariance, x_m, y_m, options.error_per_m * way_m, std_rad)
 
-    def matched(self, information: FloatArray, along: FloatArray, explained: float) -> None:
-        """A scan was matched; `information` is that of its beams, shape (3, 3), which say nothing `along`."""
+    def matched(
+        self, information: FloatArray, along: FloatArray, explained: float, *, new_ground: bool = False
+    ) -> None:
+        """A scan was matched; `information` is that of its beams, shape (3, 3), which say nothing `along`.
+
+        On new ground a scan explains little because the map has not been there.
+        """
         _see(self.covariance, information, along)
         self._explained = explained
-        self._poor = self._poor + 1 if explained < self._options.lost_below else 0
+        poor = explained < self._options.lost_below and not new_ground
+        self._poor = self._poor + 1 if poor else 0
 
     def reset(self, covariance: FloatArray) -> None:
         """Somebody else found the pose."""

@@ -10,6 +10,7 @@ import numpy as np
 from thumper.geometry import FloatArray
 from thumper.kernel import kernel
 from thumper.mapping.distance_field import FieldArray
+from thumper.mapping.scan_match import score
 
 
 @kernel
@@ -55,4 +56,27 @@ def correlative_search(
                     best_score = candidate
                     best[0], best[1] = centre[0] + dx * step_m, centre[1] + dy * step_m
                     best[2] = theta
+    return best
+
+
+@kernel
+def heading_search(
+    points_m: FloatArray,
+    centre: FloatArray,
+    window_rad: float,
+    step_rad: float,
+    distance_m: FieldArray,
+    resolution_m: float,
+    reach_m: float,
+    std_m: float,
+) -> FloatArray:
+    """Return the pose, shape (3,), of the best mean likelihood of those turned from `centre` on the spot."""
+    trial, best, best_score = centre.copy(), centre.copy(), -1.0
+    n = math.ceil(window_rad / step_rad)
+    for k in range(-n, n + 1):
+        trial[2] = centre[2] + k * step_rad
+        candidate = score(points_m, trial, distance_m, resolution_m, reach_m, std_m)
+        if candidate > best_score:
+            best_score = candidate
+            best[:] = trial
     return best

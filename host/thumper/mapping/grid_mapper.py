@@ -12,10 +12,11 @@ from thumper.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.lidar.scan import Scan
 from thumper.mapping.cells import Cells
 from thumper.mapping.confidence import Confidence, ConfidenceOptions
-from thumper.mapping.correlative import correlative_search
+from thumper.mapping.correlative import correlative_search, heading_search
 from thumper.mapping.counts import Counts
 from thumper.mapping.grid import OccupancyGrid
 from thumper.mapping.mapper import MapperUpdate, PoseQuality
+from thumper.mapping.new_ground import contradicted
 from thumper.mapping.scan_match import (
     MatchOptions,
     beam_information,
@@ -24,9 +25,13 @@ from thumper.mapping.scan_match import (
     open_along,
     score,
 )
-from thumper.mapping.scan_points import scan_points
+from thumper.mapping.scan_points import HIT, ScanPoints, scan_points
 
 MIN_HITS = 10  # a scan of fewer cannot fix three unknowns against noise
+NEW_BELOW = (
+    0.2  # share of the hits that contradict the map: fewer, and a scan that it does not explain is new
+)
+HEADING_GAIN = 0.02  # a pose from another heading must score this much better
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,6 +137,8 @@ class GridMapper:
         scratch.update(Pose2(), scan, Twist2())  # the first one has nothing to match against
         points = scan_points(scan, Twist2(), Pose2(), self._options.usable_range_m)
         scratch._search(points.hits_m(), Pose2())
+        scratch._headed(points.hits_m(), Pose2(), 1.0, 1.0)
+        scratch._is_new_ground(points, Pose2())
         scratch.grid()
 
     def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
@@ -145,12 +152,17 @@ class GridMapper:
         moved = Pose2() if self._odometry is None else self._odometry.inverse() @ odom_from_base
         pose, match_score = self._pose @ moved, math.nan
         self._confidence.moved(self._pose, pose)
+        fits = True
         if hits_m.shape[0] >= MIN_HITS and self._integrated_at is not None:
             along = open_along(self._options.matching, pose.theta_rad, hits_m)
             trust = odometry_information(self._options.matching, moved, along)
-            pose, match_score = self._matched(hits_m, pose, trust)
-            self._confidence.matched(self._information(hits_m, pose), along, match_score)
-        fits = not match_score < self._options.confidence.lost_below  # a first scan, of score NaN, does
+            pose, match_score = self._matched(hits_m, pose, abs(moved.theta_rad), trust)
+            fits = match_score >= options.confidence.lost_below
+            new_ground = not fits and self._is_new_ground(points, pose)
+            fits = fits or new_ground
+            self._confidence.matched(
+                self._information(hits_m, pose), along, match_score, new_ground=new_ground
+            )
         integrated = hits_m.shape[0] >= MIN_HITS and fits and self._has_moved(pose)
         if integrated:
             self.cells.integrate(pose, points)
@@ -167,31 +179,71 @@ class GridMapper:
             or abs(wrap_angle(pose.theta_rad - last.theta_rad)) >= self._options.integrate_angle_rad
         )
 
-    def _matched(self, hits_m: FloatArray, predicted: Pose2, trust: FloatArray) -> tuple[Pose2, float]:
-        """The best pose near the prediction, or in the search window when that explains too little."""
-        pose = self._match(hits_m, predicted, trust)
-        match_score = self._score(hits_m, pose)
-        if match_score < self._options.search_below:
-            found = self._match(hits_m, self._search(hits_m, predicted), trust)
-            found_score = self._score(hits_m, found)
-            if found_score > match_score + self._options.search_gain:
-                return found, found_score
+    def _is_new_ground(self, points: ScanPoints, pose: Pose2) -> bool:
+        hits, cells = points.kinds == HIT, self.cells
+        corner, side = np.array(cells.corner_m), cells.resolution_m
+        origins, ends = ((pose.apply(at[hits]) - corner) / side for at in (points.origins_m, points.ends_m))
+        return contradicted(origins, ends, cells.misses, cells.distance_m, side) < NEW_BELOW
+
+    def _matched(
+        self, hits_m: FloatArray, predicted: Pose2, turn_rad: float, trust: FloatArray
+    ) -> tuple[Pose2, float]:
+        """The best pose near the prediction and its score; other starts are tried where one match may err."""
+        options = self._options
+        outlier_m = options.matching.outlier_m
+        pose, match_score = self._match(hits_m, predicted, trust, outlier_m)
+        if match_score < options.search_below:
+            # Beams that see what the map does not hold yet pull at the pose: let them do so less.
+            found, found_score = self._match(hits_m, predicted, trust, 0.5 * outlier_m)
+            if found_score > match_score:
+                pose, match_score = found, found_score
+        # The basin of the heading is the reach over the range: with long beams wheels misread a turn by more.
+        window_rad = 2.0 * options.matching.slip_per_rad * turn_rad
+        far_m = float(np.percentile(np.hypot(hits_m[:, 0], hits_m[:, 1]), 75.0))
+        if window_rad * far_m > options.reach_m:
+            start = self._headed(hits_m, predicted, window_rad, 2.0 * options.score_std_m / far_m)
+            found, found_score = self._match(hits_m, start, trust, outlier_m)
+            if found_score > match_score + HEADING_GAIN:
+                pose, match_score = found, found_score
+        if match_score < options.search_below:
+            found, found_score = self._match(hits_m, self._search(hits_m, predicted), trust, outlier_m)
+            if found_score > match_score + options.search_gain:
+                pose, match_score = found, found_score
         return pose, match_score
 
-    def _match(self, hits_m: FloatArray, start: Pose2, trust: FloatArray) -> Pose2:
-        matching = self._options.matching
-        return self._from_corner(
+    def _match(
+        self, hits_m: FloatArray, start: Pose2, trust: FloatArray, outlier_m: float
+    ) -> tuple[Pose2, float]:
+        """The pose of least cost near `start`, which `trust` holds it to, and its score."""
+        matching, corner = self._options.matching, self._to_corner(start)
+        pose = self._from_corner(
             match(
                 hits_m,
-                self._to_corner(start),
-                self._to_corner(start),
+                corner,
+                corner,
                 trust,
                 self.cells.distance_m,
                 self.cells.resolution_m,
                 self.cells.reach_m,
                 matching.beam_std_m,
-                matching.outlier_m,
+                outlier_m,
                 matching.iterations,
+            )
+        )
+        return pose, self._score(hits_m, pose)
+
+    def _headed(self, hits_m: FloatArray, predicted: Pose2, window_rad: float, step_rad: float) -> Pose2:
+        cells = self.cells
+        return self._from_corner(
+            heading_search(
+                hits_m,
+                self._to_corner(predicted),
+                window_rad,
+                step_rad,
+                cells.distance_m,
+                cells.resolution_m,
+                cells.reach_m,
+                2.0 * self._options.score_std_m,
             )
         )
 

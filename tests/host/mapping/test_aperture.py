@@ -105,6 +105,27 @@ def test_a_corner_leaves_nothing_open() -> None:
     assert open_direction(np.zeros((0, 2)))[2] == 0.0
 
 
+def test_a_far_wall_fixes_the_pose_although_its_beams_end_a_metre_apart() -> None:
+    angles_rad = np.radians(np.linspace(-90.0, 90.0, 181))
+    rng = np.random.default_rng(1)
+
+    def seen(ends_at_m: float) -> tuple[float, float, float]:
+        walls = [
+            [-10.0, -12.0, 200.0, -12.0],
+            [-10.0, 12.0, 200.0, 12.0],
+            [ends_at_m, -12.0, ends_at_m, 12.0],
+        ]
+        ranges_m = World(segments_m=np.array(walls), circles_m=np.zeros((0, 3))).cast(0.0, 0.0, angles_rad)
+        ranges_m += 0.03 * rng.standard_normal(ranges_m.size)
+        points_m = (ranges_m * np.array([np.cos(angles_rad), np.sin(angles_rad)]))[:, ranges_m < 80.0].T
+        return open_direction(np.ascontiguousarray(points_m))
+
+    assert seen(60.0)[2] > 2.0 * MatchOptions().open_below
+    x, _, share = seen(190.0)  # out of sight: what is seen of the fences far away is no wall across
+    assert share < MatchOptions().open_below
+    assert abs(x) > 0.99
+
+
 def test_an_unsure_pose_loosens_the_prediction() -> None:
     """What a corridor left open on the way, the first walls across it may set right; the rest stays tight."""
     options, moved = MatchOptions(), Pose2(x_m=0.1)
