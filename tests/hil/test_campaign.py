@@ -63,6 +63,7 @@ def test_every_mission_seed_and_parameter_set_is_a_job(tmp_path: Path) -> None:
     [
         ('world = "lab"', 'world = "moon"', "moon"),
         ("count = 2", "count = 0", "seeds.count"),
+        ("count = 2", "count = 1000000000", "seeds.count"),
         ("goal = ", "gaol = ", "missions.0.goal"),
         ("[0.6, 0.0]", '"there"', "goal"),
         ('"gentle.toml"', '"none.toml"', "none.toml"),

@@ -14,7 +14,9 @@ def campaign(
     scheduler: Annotated[
         str, typer.Option(help="Address of a running Dask scheduler; without it, this machine's cores.")
     ] = "",
-    workers: Annotated[int, typer.Option(help="Processes of the local cluster; 0: one a core.", min=0)] = 0,
+    workers: Annotated[
+        int, typer.Option(help="Processes of the local cluster; 0: one a core.", min=0, max=256)
+    ] = 0,
 ) -> None:
     """Drive every mission with every seed and parameter set, in simulation; one row a drive.
 

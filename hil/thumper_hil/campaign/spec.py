@@ -8,7 +8,7 @@ from itertools import pairwise, product
 from pathlib import Path
 from typing import Annotated
 
-from annotated_types import Ge, Gt, MinLen
+from annotated_types import Ge, Gt, Le, MinLen
 from pydantic import AfterValidator, ConfigDict, TypeAdapter, with_config
 
 from thumper.config.checked import read_checked
@@ -51,7 +51,7 @@ class Seeds:
     """Seeds of all that is random: `first`, `first + 1`, ..."""
 
     first: Annotated[int, Ge(0)] = 1
-    count: Annotated[int, Gt(0)] = 10
+    count: Annotated[int, Gt(0), Le(10_000)] = 10
 
 
 @with_config(_STRICT)

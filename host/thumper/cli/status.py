@@ -108,8 +108,8 @@ def watch(
                 except queue.Empty:
                     if pulse.has_talked and not (shown or waits):
                         waits = True
-                        told = f"thumper: robot {client.robot!r} is there, nothing on {topic} yet; Ctrl-C ends it"
-                        print(told, file=sys.stderr)
+                        told = f"robot {client.robot!r} is there, nothing on {topic} yet; Ctrl-C ends it"
+                        print(f"thumper: {told}", file=sys.stderr)
                     pulse.check()
                     continue
                 print(json.dumps(to_json(message)) if as_json else in_words(message), flush=True)
