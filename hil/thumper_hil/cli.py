@@ -13,7 +13,10 @@ def demo(
     seed: Annotated[int, typer.Option(help="Seed of all that is random.", min=0)] = 1,
     realtime: Annotated[bool, typer.Option(help="Run at the speed of the clock on the wall.")] = False,
     seeds: Annotated[
-        int, typer.Option(help="Drive both missions with this many seeds, --seed being the first.", min=1)
+        int,
+        typer.Option(
+            help="Drive both missions with this many seeds, --seed being the first.", min=1, max=10_000
+        ),
     ] = 1,
     ui: Annotated[
         bool, typer.Option("--ui", help="Show it in the browser, at the speed of the clock on the wall.")

@@ -30,7 +30,9 @@ def run(
         list[str] | None,
         typer.Option(help="X,Y in metres; may be given often: driven to in that order, before --goal."),
     ] = None,
-    patrol: Annotated[int, typer.Option(help="Drive all waypoints (and the goal) this often.", min=1)] = 1,
+    patrol: Annotated[
+        int, typer.Option(help="Drive all waypoints (and the goal) this often.", min=1, max=10_000)
+    ] = 1,
     board: Annotated[str, typer.Option(help="Board port or URL; overrides the configuration.")] = "",
     lidar: Annotated[str, typer.Option(help="Lidar port or URL; overrides the configuration.")] = "",
     start: Annotated[
