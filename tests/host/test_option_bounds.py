@@ -13,6 +13,8 @@ HUGE = "9" * 23
     [
         ("run --goal 1 0", "--patrol", "100000000000"),
         ("demo", "--seeds", HUGE),
+        ("run --goal 1 0", "--tolerance", "1e9"),
+        ("plan none.yaml --start 0 0 --goal 1 0", "--tolerance", "1e9"),
     ],
 )
 def test_a_number_out_of_bounds_names_its_option(command: str, option: str, value: str) -> None:

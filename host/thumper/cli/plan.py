@@ -28,7 +28,7 @@ def plan(
         bool | None, typer.Option("--unknown/--no-unknown", help="Cross ground never seen, or do not.")
     ] = None,
     tolerance: Annotated[
-        float, typer.Option(help="How near to the goal is near enough [m].", min=1e-6)
+        float, typer.Option(help="How near to the goal is near enough [m].", min=1e-6, max=1.0)
     ] = 0.1,
     heading: Annotated[float, typer.Option(help="The robot's heading at the start [degrees].")] = 0.0,
     keepout: Annotated[

@@ -48,7 +48,9 @@ def run(
     session: Annotated[
         Path | None, typer.Option(help="Go on mapping in this map.session, from another run or `map-log`.")
     ] = None,
-    tolerance: Annotated[float, typer.Option(help="How near is near enough, in metres.", min=0.02)] = 0.1,
+    tolerance: Annotated[
+        float, typer.Option(help="How near is near enough, in metres.", min=0.02, max=1.0)
+    ] = 0.1,
     clear_fault: Annotated[bool, typer.Option(help="Clear a fault that the board has latched.")] = False,
     config: Annotated[Path | None, typer.Option(help="The robot's TOML; without it, a Wild Thumper.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for map, pictures and summary.")] = Path("out/run"),
