@@ -2,6 +2,7 @@
 
 import math
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -36,6 +37,7 @@ via = [[0.8, 0.0]]
 goal = [0.6, 0.0]
 """
 BIN = Path(sys.executable).parent
+ROOT = Path(__file__).parents[2]
 
 
 def written(folder: Path, text: str = FILE) -> Path:
@@ -206,6 +208,21 @@ def test_means_are_of_the_drives_that_reached_their_goal() -> None:
     rows = [row("a"), row("b", reached=False, time_s=99.0)]
     assert summarise(rows, ["time_s"])[0].means["time_s"].value == pytest.approx(0.25)
     assert "reached their goal" in markdown(summarise(rows, ["time_s"]))
+
+
+def test_no_mean_is_a_dash() -> None:
+    assert markdown(summarise([row("b", reached=False)], ["time_s"])).splitlines()[2].endswith("| – |")
+
+
+def test_the_example_on_the_page_can_be_driven(tmp_path: Path) -> None:
+    """Each line of it, with the files that it says are in `campaigns/`."""
+    page = (ROOT / "docs" / "howto" / "campaign.md").read_text()
+    (tmp_path / "example.toml").write_text(page.split("```toml\n")[1].split("```")[0])
+    for name in ("rbpf.toml", "slip.toml"):
+        shutil.copy(ROOT / "campaigns" / name, tmp_path)
+    jobs = jobs_of(load_campaign(tmp_path / "example.toml"), tmp_path)
+    result = run_job(jobs[0])
+    assert result.reached, result.reason
 
 
 def test_a_tour_with_a_fault_is_driven_to_its_end(tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ def test_one_command_tunes_the_robot(tmp_path: Path) -> None:
             console=Console(file=text, width=200),
         )
     said = (tmp_path / "out.txt").read_text()
-    assert "free ahead" in said
+    assert "a lane 0.8 m wide, 1.7 m ahead" in said
     assert "the board has saved the new gains" in said
     content = json.loads((tmp_path / "gains.json").read_text())
     assert content["Ms"] <= 1.65

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from thumper.report import BLUE, ORANGE
+from thumper.report import BLUE, INK, ORANGE
 from thumper_hil.campaign.row import MEASURES, Row
 from thumper_hil.campaign.summary import FEW, Summary
 
@@ -15,25 +15,25 @@ def draw(path: Path, rows: Sequence[Row], summaries: Sequence[Summary]) -> Path:
     """One panel a measure, one column a group."""
     measures = list(summaries[0].means)
     figure = Figure(figsize=(4.2 * len(measures), 4.5), layout="constrained")
-    few = any(s.runs < FEW for s in summaries)
-    label = "mean, range" if few else "mean, 95 %"
+    few = any(s.reached < FEW for s in summaries)
+    label = f"mean, {'range' if few else '95 %'}; crosses, in no mean: goal not reached"
     labels = [f"{s.mission}\n{s.parameters}" for s in summaries]
     at = np.arange(len(summaries))
     for axes, name in zip(figure.subplots(1, len(measures), squeeze=False)[0], measures, strict=True):
         for k, s in enumerate(summaries):
-            values = [
-                getattr(row, name)
-                for row in rows
-                if (row.mission, row.parameters) == (s.mission, s.parameters)
-            ]
-            spread = np.linspace(-0.18, 0.18, len(values)) if len(values) > 1 else np.zeros(1)
-            axes.plot(k + spread, values, ".", color=BLUE, alpha=0.5)
+            chosen = [row for row in rows if (row.mission, row.parameters) == (s.mission, s.parameters)]
+            values = np.array([getattr(row, name) for row in chosen], dtype=np.float64)
+            reached = np.array([row.reached for row in chosen])
+            spread = k + (np.linspace(-0.18, 0.18, len(chosen)) if len(chosen) > 1 else np.zeros(1))
+            axes.plot(spread[reached], values[reached], ".", color=BLUE, alpha=0.5)
+            axes.plot(spread[~reached], values[~reached], "x", color=INK, alpha=0.5)
         means = [s.means[name] for s in summaries]
         middle = np.array([m.value for m in means])
         errors = np.abs(np.array([[m.low for m in means], [m.high for m in means]]) - middle)
         axes.errorbar(at, middle, yerr=errors, fmt="o", color=ORANGE, capsize=5, label=label)
         axes.set_xticks(at, labels, rotation=30, ha="right", fontsize=8)
         axes.set_title(MEASURES[name], fontsize=10)
+        axes.margins(y=0.1)
         if name != "speed_error_mean_rad_s":  # the one that has a sign
             axes.set_ylim(bottom=0.0)
         axes.set_xlim(-0.6, len(summaries) - 0.4)

@@ -34,6 +34,7 @@ class Summary:
     runs: int
     success: Interval  # share of the runs that reached the goal and touched nothing
     contacts: int
+    reached: int
     means: dict[str, Interval]  # of those that reached the goal
 
 
@@ -49,6 +50,7 @@ def summarise(rows: Sequence[Row], measures: Sequence[str]) -> list[Summary]:
                 runs=len(chosen),
                 success=wilson(sum(map(succeeded, chosen)), len(chosen)),
                 contacts=sum(row.contacts for row in chosen),
+                reached=sum(row.reached for row in chosen),
                 means={
                     name: mean_of([getattr(row, name) for row in chosen if row.reached]) for name in measures
                 },
@@ -87,7 +89,7 @@ def markdown(summaries: Sequence[Summary]) -> str:
     for s in summaries:
         share = f"{s.success.value:.0%} ({s.success.low:.0%} ... {s.success.high:.0%})"
         cells = [s.mission, s.parameters, str(s.runs), share, str(s.contacts)]
-        cells += [f"{m.value:.3g} ({m.low:.3g} ... {m.high:.3g})" for m in s.means.values()]
+        cells += [_cell(mean) for mean in s.means.values()]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(
         [
@@ -99,3 +101,7 @@ def markdown(summaries: Sequence[Summary]) -> str:
             "",
         ]
     )
+
+
+def _cell(mean: Interval) -> str:
+    return f"{mean.value:.3g} ({mean.low:.3g} ... {mean.high:.3g})" if math.isfinite(mean.value) else "–"
