@@ -211,7 +211,7 @@ def test_means_are_of_the_drives_that_reached_their_goal() -> None:
 
 
 def test_no_mean_is_a_dash() -> None:
-    assert markdown(summarise([row("b", reached=False)], ["time_s"])).splitlines()[2].endswith("| – |")
+    assert markdown(summarise([row("b", reached=False)], ["time_s"])).splitlines()[2].endswith("| - |")
 
 
 def test_the_example_on_the_page_can_be_driven(tmp_path: Path) -> None:

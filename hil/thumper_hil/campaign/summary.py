@@ -104,4 +104,4 @@ def markdown(summaries: Sequence[Summary]) -> str:
 
 
 def _cell(mean: Interval) -> str:
-    return f"{mean.value:.3g} ({mean.low:.3g} ... {mean.high:.3g})" if math.isfinite(mean.value) else "–"
+    return f"{mean.value:.3g} ({mean.low:.3g} ... {mean.high:.3g})" if math.isfinite(mean.value) else "-"
