@@ -20,6 +20,7 @@ from typing import Self
 from urllib.parse import parse_qsl, urlencode
 
 from thumper.assembly import open_robot
+from thumper.bounds import check_place
 from thumper.config.robot import RobotConfig, load_config, with_ports
 from thumper.errors import EXIT_NOT_THERE, EXIT_USAGE, ThumperError
 from thumper.geometry import Pose2, Twist2
@@ -74,6 +75,8 @@ class Robot:
             raise ThumperError(
                 "Robot: start is a thumper.geometry.Pose2(x_m=, y_m=, theta_rad=)", exit_code=EXIT_USAGE
             )
+        if start is not None:
+            check_place("Robot: start", start.x_m, start.y_m)
         self._config = _on_ports(load_config(Path(config) if config else None), board, lidar)
         self._session = Path(session) if session else None
         self._start = start if start or session else Pose2()

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from thumper import Robot, ThumperError
+from thumper.geometry import Pose2
 from thumper.link.messages import State
 from thumper.mapping.map_io import load_map
 from thumper_hil.bench import Bench, simulation
@@ -101,6 +102,7 @@ def test_numbers_that_cannot_be(call: Callable[[Robot], object], why: str, lab: 
     [
         ({"board": None}, "names of ports"),
         ({"board": "sim://", "start": (1, 2, 0)}, "Pose2"),
+        ({"board": "sim://", "start": Pose2(x_m=1e300)}, "farther than 1000 m"),
         ({"board": "sim://", "lidar": "/dev/ttyACM9"}, "leave out /dev/ttyACM9"),
     ],
 )

@@ -4,6 +4,7 @@ import pytest
 from typer.testing import CliRunner
 
 from thumper.cli import build_app
+from thumper.errors import ThumperError
 
 HUGE = "9" * 23
 
@@ -22,3 +23,22 @@ def test_a_number_out_of_bounds_names_its_option(command: str, option: str, valu
     assert result.exit_code == 2
     assert option in result.output
     assert "less than or equal" in result.output
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "run --board none --goal 1e300 0",
+        "run --board none --waypoint 0,1e300",
+        "run --board none --start 1e300 0 0",
+        "explore --board none --session none --start 1e300 0 0",
+        "map-log none --session none --start 1e300 0 0",
+        "goto 1e300 0 --bus 127.0.0.1:1",
+    ],
+)
+def test_a_place_beyond_any_map_is_refused_before_anything_is_opened(command: str) -> None:
+    error = CliRunner().invoke(build_app(), command.split()).exception
+    assert isinstance(error, ThumperError)
+    assert "1e+300" in str(error)
+    assert "is farther than 1000 m from the map's origin" in str(error)
+    assert error.exit_code == 2

@@ -5,6 +5,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from thumper.bounds import check_place
+from thumper.errors import ThumperError
 from thumper.geometry import Pose2, Twist2
 from thumper.navigation.goal import Goal
 from thumper.ros.codec import Message, decode
@@ -26,7 +28,6 @@ from thumper.service.requests import (
 
 MOST_BYTES = 65_536
 MOST_WAYPOINTS = 200
-FARTHEST_M = 1000.0
 FASTEST_M_S, FASTEST_RAD_S = 5.0, 20.0
 MOST_SOURCE_CHARACTERS = 64
 RATES_HZ = {"heartbeat": 200.0, "teleop": 200.0, "gamepad": 200.0}
@@ -137,8 +138,10 @@ def _goal(pose: Message) -> Goal:
 
 
 def _check_place(place: Pose2) -> None:
-    if math.hypot(place.x_m, place.y_m) > FARTHEST_M:
-        raise RefusedError(f"({place.x_m:g}, {place.y_m:g}) is farther than {FARTHEST_M:g} m")
+    try:
+        check_place("the place", place.x_m, place.y_m)
+    except ThumperError as error:
+        raise RefusedError(str(error)) from error
 
 
 def _check_frame(frame: str) -> None:

@@ -50,6 +50,7 @@ def explore(
     from rich.console import Console
 
     from thumper.assembly import open_robot
+    from thumper.bounds import check_place
     from thumper.bus.attach import on_bus_if_free
     from thumper.cli.known import known_place
     from thumper.cli.mission import print_notes, raise_if_interrupted
@@ -66,6 +67,8 @@ def explore(
         raise ThumperError(
             "--start X Y DEGREES belongs to --session, and takes finite numbers", exit_code=EXIT_USAGE
         )
+    if start is not None:
+        check_place("--start", *start[:2])
     settings = with_ports(load_config(config), board=board, lidar=lidar)
     if bus:
         settings = replace(settings, bus=settings.bus.at(bus))

@@ -40,11 +40,13 @@ def goto(
 
     Leaves with 1 when the goal is refused or not reached.
     """
+    from thumper.bounds import check_place
     from thumper.errors import EXIT_INTERRUPTED, EXIT_USAGE, ThumperError
 
     numbers = (x, y, yaw or 0.0, tolerance)
     if not all(map(math.isfinite, numbers)):
         raise ThumperError("the goal and --tolerance take finite numbers", exit_code=EXIT_USAGE)
+    check_place("the goal", x, y)
     goal = {"x_m": x, "y_m": y, "tolerance_m": tolerance}
     if yaw is not None:
         goal["yaw_rad"] = math.radians(yaw)

@@ -57,6 +57,7 @@ def map_log(
     from rich.console import Console
     from rich.progress import Progress
 
+    from thumper.bounds import check_place
     from thumper.cli.output import prepare_output
     from thumper.errors import EXIT_USAGE, ThumperError
     from thumper.geometry import Pose2
@@ -74,6 +75,8 @@ def map_log(
         raise ThumperError(
             "--start X Y DEGREES belongs to --session, and takes finite numbers", exit_code=EXIT_USAGE
         )
+    if start is not None:
+        check_place("--start", *start[:2])
     begin = Pose2(x_m=start[0], y_m=start[1], theta_rad=math.radians(start[2])) if start else None
     options = MappingOptions(method="graph" if method is None else method, filter=RbpfOptions(seed=seed))
     known = load_session(session, options.resolution_m) if session else None

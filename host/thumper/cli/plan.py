@@ -129,6 +129,7 @@ def _answer(
     """What one question comes to, and its path."""
     import math
 
+    from thumper.bounds import check_place
     from thumper.errors import EXIT_USAGE, ThumperError
     from thumper.geometry import Pose2
     from thumper.navigation.goal import Goal
@@ -137,6 +138,8 @@ def _answer(
     numbers = (*query.start_m, *query.goal_m, heading_deg, tolerance_m)
     if not all(map(math.isfinite, numbers)):
         raise ThumperError("start, goal, heading and tolerance must be finite numbers", exit_code=EXIT_USAGE)
+    check_place("the start", *query.start_m)
+    check_place("the goal", *query.goal_m)
     start = Pose2(x_m=query.start_m[0], y_m=query.start_m[1], theta_rad=math.radians(heading_deg))
     goal = Goal(x_m=query.goal_m[0], y_m=query.goal_m[1], tolerance_m=tolerance_m)
     begun = time.perf_counter()

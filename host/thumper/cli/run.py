@@ -77,6 +77,7 @@ def run(
     from rich.console import Console
 
     from thumper.assembly import open_robot
+    from thumper.bounds import check_place
     from thumper.bus.attach import on_bus_if_free
     from thumper.cli.known import known_place
     from thumper.cli.mission import drive_with_progress, print_notes
@@ -95,6 +96,10 @@ def run(
         raise ThumperError(
             "--goal, --heading, --waypoint and --start take finite numbers", exit_code=EXIT_USAGE
         )
+    for place in places:
+        check_place("the goal", *place)
+    if start is not None:
+        check_place("--start", *start[:2])
     if heading is not None and goal is None:
         raise ThumperError("--heading belongs to --goal X Y", exit_code=EXIT_USAGE)
     if patrol > 1 and not places:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from thumper.bounds import check_place
 from thumper.errors import ThumperError
 from thumper.navigation.goal import Goal
 
@@ -21,6 +22,7 @@ def goal_of(content: Mapping[str, Any]) -> Goal:
     tolerance_m = numbers.get("tolerance_m", 0.1)
     if not 0.02 <= tolerance_m <= 1.0:
         raise ThumperError("a goal's tolerance is 0.02...1 m")
+    check_place("the goal", numbers["x_m"], numbers["y_m"])
     return Goal(
         x_m=numbers["x_m"],
         y_m=numbers["y_m"],
