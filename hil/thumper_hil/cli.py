@@ -5,12 +5,14 @@ from typing import Annotated
 
 import typer
 
+Seed = Annotated[int, typer.Option(help="Seed of all that is random.", min=0, max=2**32 - 1)]
+
 
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for the map, the pictures and the figures.")] = Path(
         "out"
     ),
-    seed: Annotated[int, typer.Option(help="Seed of all that is random.", min=0)] = 1,
+    seed: Seed = 1,
     realtime: Annotated[bool, typer.Option(help="Run at the speed of the clock on the wall.")] = False,
     seeds: Annotated[
         int,
@@ -55,7 +57,7 @@ def sim(
     world: Annotated[
         str, typer.Option(help="A built-in world (hall, lab, lab_box), a world's TOML, or a map's YAML.")
     ] = "lab",
-    seed: Annotated[int, typer.Option(help="Seed of all that is random.", min=0)] = 1,
+    seed: Seed = 1,
     start: Annotated[
         tuple[float, float, float],
         typer.Option(help="Where the robot stands: X and Y in metres, HEADING in degrees."),

@@ -14,6 +14,9 @@ HUGE = "9" * 23
     [
         ("run --goal 1 0", "--patrol", "100000000000"),
         ("demo", "--seeds", HUGE),
+        ("demo", "--seed", HUGE),
+        ("sim", "--seed", HUGE),
+        ("map-log none.log", "--seed", HUGE),
         ("run --goal 1 0", "--tolerance", "1e9"),
         ("plan none.yaml --start 0 0 --goal 1 0", "--tolerance", "1e9"),
     ],

@@ -32,7 +32,7 @@ def map_log(
             "scan_match with --session."
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the particle filter.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of the particle filter.")] = 1,
     fov: Annotated[
         float | None,
         typer.Option(
