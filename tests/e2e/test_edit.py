@@ -85,9 +85,10 @@ def test_what_cannot_be_edited_is_refused(thumper: Run, tmp_path: Path) -> None:
         ((lab, "--wall", "1,2,3"), "--wall 1,2,3: give X0,Y0,X1,Y1"),
         ((lab, "--free", "90,0,91,1"), "beside the map"),
         ((lab, "--crop", "0,0,1,1", "--trim"), "give one"),
+        ((lab, "--trim", "--out", tmp_path), "this is a folder; name the new map"),
         ((tmp_path / "none.yaml", "--trim"), "none.yaml"),
     ):
-        done = thumper("edit", *arguments, "--out", tmp_path / "new.yaml")
+        done = thumper("edit", "--out", tmp_path / "new.yaml", *arguments)
         refused(done, word)
         assert done.returncode == 2
     assert not (tmp_path / "new.yaml").exists()

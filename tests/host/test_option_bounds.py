@@ -17,6 +17,7 @@ HUGE = "9" * 23
         ("demo", "--seed", HUGE),
         ("sim", "--seed", HUGE),
         ("map-log none.log", "--seed", HUGE),
+        ("edit none.yaml --out new.yaml", "--rotate", "1e300"),
         ("run --goal 1 0", "--tolerance", "1e9"),
         ("plan none.yaml --start 0 0 --goal 1 0", "--tolerance", "1e9"),
     ],

@@ -18,7 +18,10 @@ def edit(
     file: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="The map, as map_server saves it.")],
     out: Annotated[Path, typer.Option(help="The new map's .yaml; its image and session are put beside it.")],
     rotate: Annotated[
-        float, typer.Option(help="Turn it counter-clockwise about its origin (0, 0), by so many degrees.")
+        float,
+        typer.Option(
+            help="Turn it counter-clockwise about its origin (0, 0), by so many degrees.", min=-360, max=360
+        ),
     ] = 0.0,
     free: Annotated[
         list[str] | None, typer.Option(help=f"Make a box free: {BOX}; may be given often.")
@@ -59,6 +62,10 @@ def edit(
         raise ThumperError("--rotate takes a finite number of degrees", exit_code=EXIT_USAGE)
     if crop and trim:
         raise ThumperError("--crop keeps a box, --trim what is known: give one", exit_code=EXIT_USAGE)
+    if out.is_dir():
+        raise ThumperError(
+            f"--out {out}: this is a folder; name the new map, as in {out / 'map.yaml'}", exit_code=EXIT_USAGE
+        )
     grid, yaw_rad = load_turned_map(file)
     out = description_path(out)
     for path in (out, out.with_suffix(".pgm"), out.with_suffix(".session")):
