@@ -39,7 +39,7 @@ def open_robot(
         A port, the board or the lidar does not answer; the message names it and the cure.
     """
     warm_up(config)  # compiling takes seconds, and must not happen while wheels turn
-    with ExitStack() as stack:
+    with _motors_off_told(), ExitStack() as stack:
         stack.enter_context(remembered())
         board = Board.open(config.board.port, baud=config.board.baud)
         stack.callback(board.close)
@@ -74,6 +74,15 @@ def open_robot(
         finally:
             robot.senses.board.close()  # those at the end, should the first have been lost
             robot.senses.lidar.close()
+
+
+@contextmanager
+def _motors_off_told() -> Iterator[None]:
+    """Let a Ctrl-C that ends the robot say what it has left."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("the motors are off") from None
 
 
 def robot_mapper(config: RobotConfig, map_from_base: Pose2) -> SwitchingMapper:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from thumper.cli.interrupted import motors_off_told
+from thumper.cli.interrupted import interrupt_told
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 HOME_TOLERANCE_M = 0.15
 
 
-@motors_off_told()
+@interrupt_told()
 def explore(
     board: Annotated[str, typer.Option(help="Board port or URL; overrides the configuration.")] = "",
     lidar: Annotated[str, typer.Option(help="Lidar port or URL; overrides the configuration.")] = "",

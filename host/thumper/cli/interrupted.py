@@ -1,4 +1,4 @@
-"""Ctrl-C outside a drive: while a command that moves the robot loads, waits for a device or writes files."""
+"""Ctrl-C outside a drive: while a command loads, waits for a device, maps or writes files."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,9 +7,11 @@ from thumper.errors import EXIT_INTERRUPTED, ThumperError
 
 
 @contextmanager
-def motors_off_told() -> Iterator[None]:
-    """Say in one line that nothing moves; a drive itself minds Ctrl-C before this does."""
+def interrupt_told(otherwise: str = "") -> Iterator[None]:
+    """Say in one line what Ctrl-C has left: a robot that was opened says so itself, `otherwise` this."""
     try:
         yield
-    except KeyboardInterrupt:
-        raise ThumperError("interrupted; the motors are off", exit_code=EXIT_INTERRUPTED) from None
+    except KeyboardInterrupt as interrupt:
+        left = str(interrupt) or otherwise
+        told = f"interrupted; {left}" if left else "interrupted"
+        raise ThumperError(told, exit_code=EXIT_INTERRUPTED) from None

@@ -6,9 +6,12 @@ from typing import Annotated, Literal
 
 import typer
 
+from thumper.cli.interrupted import interrupt_told
+
 Method = Literal["graph", "rbpf", "scan_match"]
 
 
+@interrupt_told("the map was not finished")
 def map_log(
     file: Annotated[
         Path,

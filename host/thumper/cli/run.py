@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from thumper.cli.interrupted import motors_off_told
+from thumper.cli.interrupted import interrupt_told
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from thumper.runtime import Runtime
 
 
-@motors_off_told()
+@interrupt_told()
 def run(
     goal: Annotated[
         tuple[float, float] | None,
