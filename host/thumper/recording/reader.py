@@ -9,6 +9,7 @@ from mcap.records import Channel, Message, Metadata, Schema
 
 from thumper.errors import EXIT_USAGE, ThumperError
 from thumper.recording.folder import MAGIC
+from thumper.recording.mcap_file import PART
 from thumper.recording.recover import records_until_error
 from thumper.recording.session import METADATA_NAME, Session, session_of
 from thumper.ros import codec
@@ -88,10 +89,23 @@ class Recording:
 
 
 def find_recordings(places: list[Path]) -> tuple[Path, ...]:
-    """The files themselves, and of folders the recordings in them, by name."""
+    """The files themselves, and of folders the recordings in them, by name.
+
+    Raises
+    ------
+    ThumperError
+        There is none but in a folder one that was never closed.
+    """
     found: list[Path] = []
     for place in places:
         found += sorted(place.glob("*.mcap")) if place.is_dir() else [place]
+    open_still = [part for place in places for part in sorted(place.glob(f"*.mcap{PART}"))]
+    if open_still and not found:
+        raise ThumperError(
+            f"{open_still[0]} is not closed: it is being recorded, or a crash has torn it; then "
+            f"`thumper recover {open_still[0].parent}` makes it whole",
+            exit_code=EXIT_USAGE,
+        )
     return tuple(found)
 
 

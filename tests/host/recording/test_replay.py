@@ -185,3 +185,12 @@ def test_what_is_no_recording_is_told(tmp_path: Path) -> None:
             Recording((path,))
     with pytest.raises(ThumperError, match="no recording"):
         Recording(find_recordings([]))
+
+
+def test_a_folder_whose_only_recording_is_not_closed_names_the_cure(tmp_path: Path) -> None:
+    (tmp_path / "a.mcap.part").touch()
+    with pytest.raises(ThumperError, match=r"a\.mcap\.part is not closed.*`thumper recover ") as caught:
+        find_recordings([tmp_path])
+    assert caught.value.exit_code == 2
+    (tmp_path / "b.mcap").touch()
+    assert find_recordings([tmp_path]) == (tmp_path / "b.mcap",)
