@@ -1,4 +1,4 @@
-"""Numbers that a command cannot do anything sensible with are refused by its options, before any port."""
+"""Numbers and ports that no command can do anything sensible with are refused before one is opened."""
 
 import pytest
 from typer.testing import CliRunner
@@ -45,4 +45,13 @@ def test_a_place_beyond_any_map_is_refused_before_anything_is_opened(command: st
     assert isinstance(error, ThumperError)
     assert "1e+300" in str(error)
     assert "is farther than 1000 m from the map's origin" in str(error)
+    assert error.exit_code == 2
+
+
+@pytest.mark.parametrize("command", ["run --goal 1 0", "explore", "doctor", "experiment odometry"])
+def test_ports_of_two_simulated_robots_are_refused(command: str) -> None:
+    ports = ["--board", "sim://x/board?world=lab", "--lidar", "sim://q/lidar"]
+    error = CliRunner().invoke(build_app(), [*command.split(), *ports]).exception
+    assert isinstance(error, ThumperError)
+    assert "sim://x and sim://q are two simulated robots" in str(error)
     assert error.exit_code == 2

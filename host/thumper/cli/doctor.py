@@ -4,7 +4,7 @@ import json
 import shutil
 import sys
 from collections.abc import Iterator
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated
@@ -46,23 +46,21 @@ def doctor(
 
 
 def _checks(board: str, lidar: str, config: Path | None, seconds: float, spin: bool) -> Iterator[Check]:
-    from thumper.config.robot import load_config
+    from thumper.config.robot import load_config, with_ports
     from thumper.doctor.board import check_board
     from thumper.doctor.lidar import check_lidar
     from thumper.doctor.set_up import check_set_up
 
-    settings = load_config(config)
+    settings = with_ports(load_config(config), board=board, lidar=lidar)
     yield from _computer()
     yield from _ports()
     yield from check_set_up(KNOWN_USB)
     lidar_checks: Iterator[Check] = iter(())
     if lidar or config:
-        lidar_config = replace(settings.lidar, port=lidar or settings.lidar.port)
-        lidar_checks = check_lidar(lidar_config, seconds=seconds)
+        lidar_checks = check_lidar(settings.lidar, seconds=seconds)
     if board or config:
-        board_config = replace(settings.board, port=board or settings.board.port)
         yield from check_board(
-            board_config, seconds=seconds, spin=_consent if spin else None, also=lidar_checks
+            settings.board, seconds=seconds, spin=_consent if spin else None, also=lidar_checks
         )
     else:
         yield from lidar_checks

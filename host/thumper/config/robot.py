@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal
+from urllib.parse import urlsplit
 
 from annotated_types import Ge, Gt, Le
 from pydantic import StringConstraints, TypeAdapter
@@ -131,9 +132,24 @@ def config_from_json(text: str) -> RobotConfig:
 
 
 def with_ports(config: RobotConfig, *, board: str, lidar: str) -> RobotConfig:
-    """The same robot on other ports; an empty one stays as configured."""
-    return replace(
-        config,
-        board=replace(config.board, port=board or config.board.port),
-        lidar=replace(config.lidar, port=lidar or config.lidar.port),
-    )
+    """The same robot on other ports; an empty one stays as configured.
+
+    Raises
+    ------
+    ThumperError
+        They are ports of two simulated robots.
+    """
+    board, lidar = board or config.board.port, lidar or config.lidar.port
+    check_same_robot(board, lidar)
+    return replace(config, board=replace(config.board, port=board), lidar=replace(config.lidar, port=lidar))
+
+
+def check_same_robot(board: str, lidar: str) -> None:
+    """Refuse the ports of two simulated robots; raises ThumperError."""
+    urls = (urlsplit(board), urlsplit(lidar))
+    one, other = (url.netloc if url.scheme == "sim" else "" for url in urls)
+    if one and other and one != other:
+        raise ThumperError(
+            f"sim://{one} and sim://{other} are two simulated robots: give board and lidar the same name",
+            exit_code=EXIT_USAGE,
+        )

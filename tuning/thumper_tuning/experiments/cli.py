@@ -78,10 +78,11 @@ def _odometry(
     from rich.console import Console
 
     from thumper.cli.output import prepare_output
-    from thumper.config.robot import load_config
+    from thumper.config.robot import check_same_robot, load_config
     from thumper_tuning.experiments import odometry
     from thumper_tuning.experiments.course import CourseOptions
 
+    check_same_robot(board, lidar)
     console, robot = Console(), load_config(config)
     prepare_output(out)
     source = odometry.Source(board=board, lidar=lidar, lidar_model=robot.lidar.model, log=log, truth=truth)
