@@ -1,10 +1,11 @@
-"""Follows the path: by the controller as long as that moves, by a manoeuvre where it stands."""
+"""Follows the path: by the controller, finely where its end is missed, by a manoeuvre where that stands."""
 
 import math
 
 import numpy as np
 
 from thumper.navigation.controller import Controller, ControlRequest, ControlResult
+from thumper.navigation.fine_approach import FineApproach
 from thumper.navigation.goal import Goal
 from thumper.navigation.manoeuvre import Manoeuvre
 from thumper.navigation.recovery import is_still
@@ -17,10 +18,17 @@ class Follower:
     """A controller with a manoeuvre in reserve."""
 
     def __init__(
-        self, controller: Controller, manoeuvre: Manoeuvre, *, after_s: float, window_m: float
+        self,
+        controller: Controller,
+        manoeuvre: Manoeuvre,
+        fine: FineApproach,
+        *,
+        after_s: float,
+        window_m: float,
     ) -> None:
         self._controller = controller
         self._manoeuvre = manoeuvre
+        self._fine = fine
         self._after_s = after_s
         self._reach_m = LOCAL_GOAL_PART * window_m
         self._standing_since_s: float | None = None
@@ -31,6 +39,7 @@ class Follower:
         """Forget the past, for a new goal."""
         self._controller.reset()
         self._manoeuvre.drop()
+        self._fine.reset()
         self._standing_since_s = None
         self.dead_end = self._at_end = self._has_parked = False
 
@@ -41,7 +50,7 @@ class Follower:
             if threaded is not None:
                 return threaded
             self._has_parked |= self._at_end and self._manoeuvre.is_whole
-        result = self._controller.command(request)
+        result = self._fine.step(request, goal) or self._controller.command(request)
         if result.command is not None and not is_still(result.command):
             self._standing_since_s, self.dead_end = None, False
         elif self._standing_since_s is None:

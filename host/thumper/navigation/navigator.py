@@ -14,6 +14,7 @@ from thumper.navigation.arrival import Arrival
 from thumper.navigation.bearings import Bearings
 from thumper.navigation.controller import ControlRequest, ControlResult
 from thumper.navigation.costmap import Costmap
+from thumper.navigation.fine_approach import FineApproach
 from thumper.navigation.follower import Follower
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
@@ -63,6 +64,7 @@ class Navigator:
         self._follower = Follower(
             self._controller,
             Manoeuvre(options.manoeuvre, options.limits, padded, lattice),
+            FineApproach(options.limits, padded, approach_m_s=options.approach_m_s),
             after_s=options.manoeuvre.after_s,
             window_m=options.costmap.window_m,
         )
@@ -180,7 +182,7 @@ class Navigator:
             v_limit_m_s=self._speed_rule.limit_m_s(map_from_base, self._route.path_m, remaining_m),
             period_s=period_s,
         )
-        if self._arrival.at_place and is_still(twist) and self._arrival.within_tolerance(map_from_base):
+        if self._arrival.at_place and is_still(twist) and self._arrival.is_turned(map_from_base):
             self._state, self._reason = NavigationState.REACHED, f"at the goal {goal}"
             return self._output(Twist2(), request)
 

@@ -52,6 +52,16 @@ def test_turns_round_first_and_takes_the_asked_heading() -> None:
     assert abs(goal.heading_error_rad(run.track[-1])) < goal.heading_tolerance_rad + 0.02
 
 
+@pytest.mark.parametrize("goal", [(1.2, 0.3, 0.5 * math.pi), (-0.5, 0.4, None)], ids=["turned", "missed"])
+def test_smallest_tolerance_does_not_drive_off_again(goal: tuple[float, float, float | None]) -> None:
+    """The turn to the heading carries the robot out of the tolerance; a goal just missed lies behind it."""
+    x_m, y_m, theta_rad = goal
+    wanted = Goal(x_m=x_m, y_m=y_m, theta_rad=theta_rad, tolerance_m=0.02)
+    run = drive(ROOM, Pose2(), wanted, AREA)
+    assert_arrived(run, 0.04)
+    assert run.length_m < math.hypot(x_m, y_m) + 0.15  # driving off again and back would be 0.4 m or more
+
+
 def test_wide_tolerance_of_the_thesis() -> None:
     start, (x_m, y_m) = ROUND_BOX
     run = drive(BOX_ROOM, start, Goal(x_m=x_m, y_m=y_m, tolerance_m=0.4), AREA)

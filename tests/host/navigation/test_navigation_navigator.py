@@ -111,6 +111,16 @@ def test_arrival_latches_and_lets_go() -> None:
     assert seen == [False, False, False, False, False, True, True, False]
 
 
+def test_a_small_tolerance_is_for_the_place_not_for_the_turn_after_it() -> None:
+    arrival = Arrival(Goal(x_m=0.0, y_m=0.0, theta_rad=1.0, tolerance_m=0.02))
+    seen = []
+    for x_m in (0.05, 0.012, 0.018, 0.03, 0.049, 0.051):
+        arrival.update(Pose2(x_m=x_m))
+        seen.append(arrival.at_place)
+    # 0.018 is inside, and past by more than a quarter of the tolerance; what a turn moves does not let go.
+    assert seen == [False, False, True, True, True, False]
+
+
 def test_progress_wants_movement_and_then_nearness() -> None:
     checker = ProgressChecker(ProgressOptions(still_s=2.0, idle_s=5.0))
     assert checker.update(0.0, Pose2(), 3.0) == ("", True)
