@@ -77,8 +77,8 @@ class Robot:
             )
         if start is not None:
             check_place("Robot: start", start.x_m, start.y_m)
-        self._config = _on_ports(load_config(Path(config) if config else None), board, lidar)
-        self._session = Path(session) if session else None
+        self._config = _on_ports(load_config(_path("config", config) if config else None), board, lidar)
+        self._session = _path("session", session) if session else None
         self._start = start if start or session else Pose2()
         self._stack = ExitStack()
         self._opened: Runtime | None = None
@@ -105,6 +105,8 @@ class Robot:
         ThumperError
             A number that cannot be, or the board has stopped the motors; the message says why.
         """
+        v_m_s, w_rad_s = _number("drive", v_m_s), _number("drive", w_rad_s)
+        duration_s = _duration_s("drive", duration_s)
         limit = self._config.service
         if abs(v_m_s) > limit.manual_v_max_m_s or abs(w_rad_s) > limit.manual_w_max_rad_s:
             raise ThumperError(
@@ -114,7 +116,6 @@ class Robot:
             )
         if not (math.isfinite(v_m_s) and math.isfinite(w_rad_s)):
             raise ThumperError("drive: give finite speeds", exit_code=EXIT_USAGE)
-        _check_duration("drive", duration_s)
         self._catch_up()
         pilot = self._runtime.pilot
         pilot.arm(self._runtime.senses.telemetry)
@@ -137,9 +138,10 @@ class Robot:
         ThumperError
             Before anything moves: a goal in a wall or out of reach, a latched fault, a number that cannot be.
         """
-        numbers = {"x_m": float(x_m), "y_m": float(y_m), "tolerance_m": float(tolerance_m)}
+        numbers = {"x_m": x_m, "y_m": y_m, "tolerance_m": tolerance_m}
         if heading_rad is not None:
-            numbers["yaw_rad"] = float(heading_rad)
+            numbers["yaw_rad"] = heading_rad
+        numbers = {name: _number("goto", value) for name, value in numbers.items()}
         result = self._runtime.drive_to(goal_of(numbers), lambda _progress: None)
         self._hear_motors_off()
         if result.interrupted:
@@ -154,7 +156,7 @@ class Robot:
         ThumperError
             A duration that cannot be, or the board is silent.
         """
-        _check_duration("wait", duration_s)
+        duration_s = _duration_s("wait", duration_s)
         self._catch_up()
         self._let_pass(duration_s, while_armed=False)
 
@@ -208,8 +210,13 @@ class Robot:
         """Write the map as map_server's PATH.yaml and PATH.pgm, and PATH.session; returns the first.
 
         `path` may end in .yaml; any other ending is a part of the name.
+
+        Raises
+        ------
+        ThumperError
+            It is no path, or cannot be written.
         """
-        yaml_path = description_path(path)
+        yaml_path = description_path(_path("save_map", path))
         save_map(self.map, yaml_path)
         save_session(Session.of(self._runtime.mapper, self.pose), yaml_path.with_suffix(".session"))
         return yaml_path
@@ -253,9 +260,26 @@ class Robot:
         return alive
 
 
-def _check_duration(what: str, duration_s: float) -> None:
-    if not 0.0 < duration_s <= LONGEST_DRIVE_S:  # nor for one that is no number
-        raise ThumperError(f"{what}: give a duration of up to {LONGEST_DRIVE_S:g} s", exit_code=EXIT_USAGE)
+def _number(what: str, value: float) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ThumperError(f"{what}: {value!r} is no number", exit_code=EXIT_USAGE) from error
+
+
+def _duration_s(what: str, value: float) -> float:
+    duration_s = _number(what, value)
+    if not 0.0 < duration_s <= LONGEST_DRIVE_S:  # nor is nan
+        raise ThumperError(
+            f"{what}: give a duration of more than 0 and up to {LONGEST_DRIVE_S:g} s", exit_code=EXIT_USAGE
+        )
+    return duration_s
+
+
+def _path(what: str, value: str | Path) -> Path:
+    if not isinstance(value, str | Path) or "\0" in str(value):
+        raise ThumperError(f"{what}: {value!r} is no path of a file", exit_code=EXIT_USAGE)
+    return Path(value)
 
 
 def _on_ports(config: RobotConfig, board: str, lidar: str) -> RobotConfig:

@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -87,6 +87,12 @@ def test_each_drive_tells_its_own_time_and_way() -> None:
         (lambda robot: robot.goto(math.nan, 0.0), "numbers"),
         (lambda robot: robot.goto(0.5, 0.0, math.inf), "numbers"),
         (lambda robot: robot.goto(0.5, 0.0, tolerance_m=0.0), r"0\.02\.\.\.1 m"),
+        (lambda robot: robot.drive(v_m_s=cast("float", "a")), "drive: 'a' is no number"),
+        (lambda robot: robot.drive(duration_s=cast("float", None)), "drive: None is no number"),
+        (lambda robot: robot.goto(cast("float", "a"), 0.0), "goto: 'a' is no number"),
+        (lambda robot: robot.wait(cast("float", "a")), "wait: 'a' is no number"),
+        (lambda robot: robot.save_map("x\0"), "save_map: .* is no path"),
+        (lambda robot: robot.wait(0.0), "more than 0 and up to 600 s"),
         (lambda robot: robot.wait(-1.0), "wait: give a duration"),
         (lambda robot: robot.wait(math.nan), "wait: give a duration"),
         (lambda robot: robot.wait(math.inf), "wait: give a duration"),
@@ -101,6 +107,8 @@ def test_numbers_that_cannot_be(call: Callable[[Robot], object], why: str, lab: 
     ("arguments", "why"),
     [
         ({"board": None}, "names of ports"),
+        ({"board": "sim://", "config": "x\0"}, "config: .* is no path"),
+        ({"board": "sim://", "session": 3}, "session: 3 is no path"),
         ({"board": "sim://", "start": (1, 2, 0)}, "Pose2"),
         ({"board": "sim://", "start": Pose2(x_m=1e300)}, "farther than 1000 m"),
         ({"board": "sim://", "lidar": "/dev/ttyACM9"}, "leave out /dev/ttyACM9"),
