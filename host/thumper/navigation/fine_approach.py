@@ -6,7 +6,7 @@ forward would need a new run-up for a centimetre that it has missed.
 
 import math
 
-from thumper.geometry import Twist2, wrap_angle
+from thumper.geometry import Pose2, Twist2, wrap_angle
 from thumper.navigation.controller import ControlRequest, ControlResult
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
@@ -47,13 +47,14 @@ class FineApproach:
         self._active = True
         ahead = abs(bearing_rad) <= 0.5 * math.pi
         error_rad = bearing_rad if ahead else wrap_angle(bearing_rad + math.pi)
+        aimed = Pose2(x_m=base.x_m, y_m=base.y_m, theta_rad=base.theta_rad + error_rad)
+        poses = straight_poses(aimed, distance_m if ahead else -distance_m)
+        if not is_open(request.costmap, self._footprint, poses, base, unknown_blocks=not ahead):
+            return None
         self._aiming = abs(error_rad) > (AIM_END_RAD if self._aiming else AIM_START_RAD)
         if self._aiming:
             turned = self._turn.command(request, error_rad)
             return None if turned.command is None else turned
-        poses = straight_poses(base, distance_m if ahead else -distance_m)
-        if not is_open(request.costmap, self._footprint, poses, base, unknown_blocks=not ahead):
-            return None
         last = request.last_command
         v_m_s = math.copysign(self._speed_m_s, 1.0 if ahead else -1.0)
         command = Twist2(
