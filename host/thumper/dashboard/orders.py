@@ -4,7 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, ValidationError
 
-FARTHEST_M = 1000.0
+from thumper.bounds import FARTHEST_M
+
 LARGEST_ORDER_BYTES = 8192
 MOST_WAYPOINTS = 50
 
