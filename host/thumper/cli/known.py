@@ -34,8 +34,8 @@ def known_place(
         return None
     known = load_session(session, settings.mapping.resolution_m)
     if pose := known.map_from_base:
-        heading_deg = math.degrees(pose.theta_rad)
-        print(f"{session}: saved with the robot at {pose.x_m:.2f} {pose.y_m:.2f} {heading_deg:.0f}")
+        place = f"{pose.x_m:.2f} m, {pose.y_m:.2f} m, {math.degrees(pose.theta_rad):.0f} degrees"
+        print(f"{session}: saved with the robot at {place}")
     if settings.mapping.method != "scan_match":
         print(f"note: it is gone on with by scan_match; {settings.mapping.method} begins with an empty map")
     return known

@@ -28,6 +28,7 @@ from thumper.odometry.leaps import LeapBridge
 from thumper.odometry.slip import GOOD_MATCH, SlipWatch
 
 PROGRESS_EVERY = 20  # scans
+MOST_LOST = 0.5  # share of the scans of a log that goes on in a session
 # A guess from the motion before says little: a robot may start, stop and turn between two scans.
 COASTING_STD_M, COASTING_STD_RAD = 0.1, 0.1
 LEAP_M, LEAP_RAD = 0.25, 0.4
@@ -204,6 +205,12 @@ def map_log(
         raise ThumperError(
             f"{path}: no scan has enough usable beams: there is nothing to map", exit_code=EXIT_USAGE
         )
+    if session is not None and mapped.lost > MOST_LOST * len(log.records):
+        # Who searches for long enough finds a place in any map; entering it would spoil the map.
+        raise ThumperError(
+            f"{path}: its place in the session's map was lost at {mapped.lost} of {len(log.records)} scans, "
+            "and nothing is written; does it belong to that map? --start may help"
+        )
     yaml_path, png_path, csv_path = out_dir / "map.yaml", out_dir / "map.png", out_dir / "trajectory.csv"
     pgm_path = save_map(mapped.grid, yaml_path)
     session_path = out_dir / "map.session"
@@ -221,7 +228,7 @@ def map_log(
         format_name=log.format_name,
         scans=len(log.records),
         integrated=sum(u.integrated for u in mapped.updates),
-        path_m=float(np.hypot(*np.diff(mapped.poses[:, :2], axis=0).T).sum()),
+        path_m=_way_m(mapped),
         mean_score=float(np.mean(scores)) if scores else math.nan,
         cpu_ms=mapped.cpu_ms,
         wall_s=time.monotonic() - start_s,
@@ -229,6 +236,14 @@ def map_log(
         files=tuple(files),
         notes=(*log.notes, *mapped.lines),
     )
+
+
+def _way_m(mapped: MappedLog) -> float:
+    """Length of the path without what a search or a closed loop moved the pose by at the time."""
+    steps_m = np.hypot(*np.diff(mapped.poses[:, :2], axis=0).T)
+    if mapped.poses is mapped.online:
+        steps_m = steps_m[[not update.jumped for update in mapped.updates[1:]]]
+    return float(steps_m.sum())
 
 
 def _peak_MB() -> float | None:

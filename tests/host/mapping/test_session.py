@@ -117,3 +117,21 @@ def test_a_log_of_a_robot_that_stands_in_the_session_is_refused_with_the_reason(
     )
     with pytest.raises(ThumperError, match="place is recognised, but the robot moves less than 1 m"):
         map_log(log, tmp_path / "out", session=session)
+
+
+def test_a_log_that_is_mostly_of_another_place_leaves_the_session_as_it_was(tmp_path: Path) -> None:
+    """Forty scans of a smaller room, then a way of 1.5 m in the one that is known."""
+    path = saved(tmp_path / "map.session", mapped())
+    before = path.read_bytes()
+    lines = []
+    for k in range(56):
+        x_m = max(0.0, 0.1 * (k - 40))
+        at, walls = Pose2(x_m=x_m), ROOM if k >= 40 else 0.6 * ROOM
+        scan = room_scan(at, walls=walls, beams=180, first_rad=-math.pi / 2, step_rad=math.pi / 180)
+        ranges = " ".join(f"{range_m:.3f}" for range_m in scan.ranges_m)
+        lines.append(f"FLASER 180 {ranges} {x_m} 0 0 {x_m} 0 0 {k + 1}.0 nohost {k + 1}.0\n")
+    (tmp_path / "elsewhere.clf").write_text("".join(lines), encoding="utf-8")
+    with pytest.raises(ThumperError, match=r"lost at \d+ of 56 scans, and nothing is written"):
+        map_log(tmp_path / "elsewhere.clf", tmp_path, session=load_session(path, SIZE_M))
+    assert path.read_bytes() == before
+    assert not (tmp_path / "map.yaml").exists()
