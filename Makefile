@@ -52,7 +52,7 @@ firmware: $(VENV)/.packages
 	@$(MAKE) --no-print-directory -s -C firmware BOARD=nano
 
 chip: $(VENV)/.run $(VENV)/.packages
-	@$(MAKE) --no-print-directory -s -C hil/thumper_hil/chip
+	@$(MAKE) --no-print-directory -s -C hil/thumper_hil/chip/native
 
 protocol: $(VENV)/.run
 	$(BIN)/python firmware/protocol/generate.py
@@ -70,13 +70,13 @@ results: firmware chip $(VENV)/.dev
 	@scripts/make-results
 
 soak: firmware chip $(VENV)/.run
-	@$(BIN)/python -m thumper_hil.soak --hours 2
+	@$(BIN)/python -m thumper_hil.bench.soak --hours 2
 
 mutation: $(VENV)/.dev
 	@$(BIN)/python -m tests.firmware.mutation.run
 
 clean:
-	rm -rf firmware/build hil/thumper_hil/chip/build out site
+	rm -rf firmware/build hil/thumper_hil/chip/native/build out site
 
 # Stamps: set-up is repeated only when what it depends on has changed.
 $(VENV)/.packages: scripts/install-packages Makefile

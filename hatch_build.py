@@ -11,8 +11,8 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 BOARDS = {"trex": "firmware/build", "nano": "firmware/build/nano"}
-CHIP = "hil/thumper_hil/chip"
-SET_UP = ("99-thumper.rules", "thumper.service")
+CHIP = "hil/thumper_hil/chip/native"
+SET_UP = ("99-thumper.rules", "thumper.runtime")
 
 
 class FirmwareHook(BuildHookInterface):  # type: ignore[type-arg]
@@ -27,7 +27,7 @@ class FirmwareHook(BuildHookInterface):  # type: ignore[type-arg]
             subprocess.run(["make", "-s", "-C", root / "firmware", f"BOARD={board}"], check=True)
         subprocess.run(["make", "-s", "-C", root / CHIP], check=True)
         library = "build/libthumper_chip.so"
-        build_data["force_include"] |= {f"{CHIP}/{library}": f"thumper_hil/chip/{library}"} | {
+        build_data["force_include"] |= {f"{CHIP}/{library}": f"thumper_hil/chip/native/{library}"} | {
             f"{folder}/thumper.{suffix}": f"thumper/images/{board}/thumper.{suffix}"
             for board, folder in BOARDS.items()
             for suffix in ("elf", "hex")

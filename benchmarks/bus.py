@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from thumper.bus.client import BusClient
-from thumper.errors import ThumperError
+from thumper.common.errors import ThumperError
 from thumper.ros.topics import TOPICS, Direction
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))

@@ -23,7 +23,7 @@ from rich.console import Console
 from rich.table import Table
 from websockets.asyncio.client import connect
 
-from thumper.geometry import Pose2
+from thumper.common.geometry import Pose2
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

@@ -12,8 +12,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from thumper.link.framing import FrameDecoder, encode_frame
-from thumper.link.messages import (
+from thumper.board.framing import FrameDecoder, encode_frame
+from thumper.board.messages import (
     Command,
     CommandRequest,
     GetParameter,
@@ -25,8 +25,8 @@ from thumper.link.messages import (
 from thumper_hil.bench import DEFAULT_ELF
 from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.edge_rate import most_edges_per_s
-from thumper_hil.chip.lab import TICK_VECTOR, LabChip
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.instrumented_chip import TICK_VECTOR, LabChip
+from thumper_hil.chip.robot_params import RobotParams
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from thumper_hil.parts.urg_noise import device_bias, measure_mm
+from thumper_hil.lidars.urg_noise import device_bias, measure_mm
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

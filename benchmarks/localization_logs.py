@@ -22,14 +22,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.figure import figure, need
 
-from thumper.geometry import FloatArray, Pose2
-from thumper.localization.amcl import Amcl
-from thumper.mapping.cells import Cells
-from thumper.mapping.grid import FREE, OccupancyGrid
-from thumper.mapping.logs.open_log import open_log
-from thumper.mapping.logs.record import RobotLog
-from thumper.mapping.method import MappingOptions, make_mapper
-from thumper.mapping.scan_points import scan_points
+from thumper.common.geometry import FloatArray, Pose2
+from thumper.lidar.deskew import scan_points
+from thumper.maps.occupancy_grid import FREE, OccupancyGrid
+from thumper.offline.open_log import open_log
+from thumper.offline.robot_log import RobotLog
+from thumper.slam.factory import MappingOptions, make_mapper
+from thumper.slam.grid.growing_grid import Cells
+from thumper.slam.localization.amcl import Amcl
 
 DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2] / "shared" / "data")) / "slam"
 LOGS = (DATA / "intel-lab.clf.gz", DATA / "mines-exp1.dat.gz")

@@ -19,12 +19,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.figure import figure
 
-from tests.host.mapping.rooms import ROOM, rectangle
-from thumper.geometry import FloatArray, Pose2, Twist2, wrap_angle
+from tests.host.slam.rooms import ROOM, rectangle
+from thumper.common.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.lidar.scan import Scan
-from thumper.localization.amcl import Amcl
-from thumper.mapping.grid import FREE, OccupancyGrid
-from thumper_hil.parts.world import World
+from thumper.maps.occupancy_grid import FREE, OccupancyGrid
+from thumper.slam.localization.amcl import Amcl
+from thumper_hil.world.world import World
 
 RANGE_M, OPENING_RAD, BEAMS, NOISE_M = 4.0, math.radians(240), 240, 0.015
 STEPS = 14

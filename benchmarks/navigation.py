@@ -18,30 +18,30 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from thumper.geometry import Pose2, Twist2
-from thumper.mapping.grid import OccupancyGrid
-from thumper.navigation.astar import AStarOptions, AStarPlanner
-from thumper.navigation.controller import ControlRequest
-from thumper.navigation.costmap import Costmap, CostmapOptions, build_costmap
-from thumper.navigation.dwa import DwaController, DwaOptions
+from thumper.common.geometry import Pose2, Twist2
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.controllers.controller import ControlRequest
+from thumper.navigation.controllers.dwa import DwaController, DwaOptions
+from thumper.navigation.controllers.mppi import MppiController, MppiOptions
+from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_costmap
+from thumper.navigation.costmap.inflation import LETHAL, UNKNOWN, squared_distances
+from thumper.navigation.costmap.layers import CostmapLayers
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
-from thumper.navigation.inflation import LETHAL, UNKNOWN, squared_distances
-from thumper.navigation.lattice import LatticeOptions, LatticePlanner
-from thumper.navigation.layers import CostmapLayers
-from thumper.navigation.limits import SpeedLimits
-from thumper.navigation.mppi import MppiController, MppiOptions
-from thumper.navigation.navfn import NavfnOptions, NavfnPlanner
 from thumper.navigation.navigator import Navigator
-from thumper.navigation.path import arc_lengths
-from thumper.navigation.planner import Planner
-from thumper.perception import Perception
-from thumper.service.pilot import Pilot
-from thumper_hil.arena.closed_loop import drive
-from thumper_hil.arena.maps import read_pgm, read_trinary
-from thumper_hil.arena.world import World, box
+from thumper.navigation.planners.astar import AStarOptions, AStarPlanner
+from thumper.navigation.planners.lattice import LatticeOptions, LatticePlanner
+from thumper.navigation.planners.navfn import NavfnOptions, NavfnPlanner
+from thumper.navigation.planners.planner import Planner
+from thumper.navigation.planners.polyline import arc_lengths
+from thumper.navigation.speed_limits import SpeedLimits
+from thumper.runtime.drive.drive_manager import Pilot
+from thumper.runtime.state_estimator import Perception
 from thumper_hil.demo.missions import MISSIONS
 from thumper_hil.demo.run import drive_mission
+from thumper_hil.kinematic.closed_loop import drive
+from thumper_hil.kinematic.maps import read_pgm, read_trinary
+from thumper_hil.kinematic.world import World, box
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from thumper.navigation.navigator import NavigationState
 from thumper.navigation.options import NavigationOptions
-from thumper_hil.arena.barn import drive_through, has_arrived, made_world, recorded_world
+from thumper_hil.kinematic.barn import drive_through, has_arrived, made_world, recorded_world
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from thumper.geometry import Pose2
+from thumper.common.geometry import Pose2
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationState
 from thumper.navigation.options import NavigationOptions
-from thumper_hil.arena.closed_loop import drive
-from thumper_hil.arena.people import Walker, contact, with_people
-from thumper_hil.arena.world import World, box
+from thumper_hil.kinematic.closed_loop import drive
+from thumper_hil.kinematic.people import Walker, contact, with_people
+from thumper_hil.kinematic.world import World, box
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

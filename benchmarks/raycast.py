@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from thumper.geometry import Pose2
-from thumper_hil.parts.solid_grid import SolidGrid
-from thumper_hil.parts.world import World
+from thumper.common.geometry import Pose2
+from thumper_hil.world.occupancy import SolidGrid
+from thumper_hil.world.world import World
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

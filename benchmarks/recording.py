@@ -17,8 +17,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from thumper.geometry import FloatArray
-from thumper.recording.options import RecordingOptions
+from thumper.common.geometry import FloatArray
+from thumper.config.recording import RecordingOptions
 from thumper.recording.recorder import Recorder
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))

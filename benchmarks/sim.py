@@ -12,12 +12,12 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from thumper.link.framing import encode_frame
-from thumper.link.messages import Command, CommandRequest, SetWheelSpeeds
+from thumper.board.framing import encode_frame
+from thumper.board.messages import Command, CommandRequest, SetWheelSpeeds
 from thumper_hil.bench import DEFAULT_ELF, Bench
 from thumper_hil.bench.options import BenchOptions
 from thumper_hil.chip.chip import CPU_HZ, Chip
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.robot_params import RobotParams
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

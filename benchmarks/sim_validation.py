@@ -13,13 +13,13 @@ from typing import Literal
 import numpy as np
 from matplotlib.figure import Figure
 
-from thumper.geometry import FloatArray
-from thumper.link.framing import encode_frame
-from thumper.link.messages import Command, CommandRequest, SetMotorPwm, SetWheelSpeeds
+from thumper.board.framing import encode_frame
+from thumper.board.messages import Command, CommandRequest, SetMotorPwm, SetWheelSpeeds
+from thumper.common.geometry import FloatArray
 from thumper_hil.bench.bench import DEFAULT_ELF, Bench
 from thumper_hil.bench.options import BenchOptions
 from thumper_hil.chip.chip import CPU_HZ, Chip
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.robot_params import RobotParams
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

@@ -16,10 +16,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from thumper.mapping.logs.open_log import open_log
-from thumper.mapping.logs.record import RobotLog
-from thumper.mapping.method import MappingOptions, Method, make_mapper
-from thumper.mapping.quality import RelationErrors, load_relations, relation_errors, squareness
+from thumper.offline.metrics import RelationErrors, load_relations, relation_errors, squareness
+from thumper.offline.open_log import open_log
+from thumper.offline.robot_log import RobotLog
+from thumper.slam.factory import MappingOptions, Method, make_mapper
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

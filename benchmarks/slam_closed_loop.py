@@ -23,9 +23,9 @@ from benchmarks.figure import figure
 from benchmarks.slam_truth import wall_figures
 
 from thumper import Robot
-from thumper.geometry import FloatArray, Pose2
+from thumper.common.geometry import FloatArray, Pose2
 from thumper_hil.bench.registry import simulation
-from thumper_hil.parts.world import World
+from thumper_hil.world.world import World
 
 GEOMETRIC_TRACK_M, RADIUS_M = 0.245, 0.062  # the thesis's
 SMOOTHING = 10  # of 100 Hz samples: the thesis low-pass filtered its speeds

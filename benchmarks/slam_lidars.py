@@ -25,13 +25,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.figure import figure
 from benchmarks.slam_truth import polyline, rooms
 
-from thumper.geometry import FloatArray, Pose2
-from thumper.mapping.logs.open_log import open_log
-from thumper.mapping.map_log import map_records
-from thumper.mapping.method import MappingOptions, Method
-from thumper.mapping.quality import relation_errors
-from thumper.mapping.rbpf_mapper import RbpfOptions
-from thumper_hil.parts.world import World
+from thumper.common.geometry import FloatArray, Pose2
+from thumper.offline.map_log import map_records
+from thumper.offline.metrics import relation_errors
+from thumper.offline.open_log import open_log
+from thumper.slam.factory import MappingOptions, Method
+from thumper.slam.particle_filter.rbpf_mapper import RbpfOptions
+from thumper_hil.world.world import World
 
 TURN_READ = 0.3675 / 0.245  # effective over geometric track
 BACK_M = 1.5  # scans this near, and long apart, are of a place that the robot came back to

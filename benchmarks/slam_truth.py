@@ -24,12 +24,12 @@ sys.path.insert(0, str(ROOT))
 
 from benchmarks.figure import figure  # noqa: E402
 
-from tests.host.mapping.corridors import corridor_loop, round_trip  # noqa: E402
-from thumper.geometry import FloatArray, Pose2, Twist2  # noqa: E402
+from tests.host.slam.corridors import corridor_loop, round_trip  # noqa: E402
+from thumper.common.geometry import FloatArray, Pose2, Twist2  # noqa: E402
 from thumper.lidar.scan import Scan  # noqa: E402
-from thumper.mapping.grid import OCCUPIED, OccupancyGrid  # noqa: E402
-from thumper.mapping.method import MappingOptions, Method, make_mapper  # noqa: E402
-from thumper_hil.parts.world import World  # noqa: E402
+from thumper.maps.occupancy_grid import OCCUPIED, OccupancyGrid  # noqa: E402
+from thumper.slam.factory import MappingOptions, Method, make_mapper  # noqa: E402
+from thumper_hil.world.world import World  # noqa: E402
 
 NEAR_M = 0.1  # a mapped wall cell this far from a true wall is right
 

@@ -21,22 +21,22 @@ sys.path.insert(0, str(ROOT))
 from benchmarks.figure import figure, there  # noqa: E402
 
 from tests.tuning.plant import COUNT_RAD, Wheel, counted, steps_and_prbs  # noqa: E402
-from thumper.geometry import FloatArray  # noqa: E402
-from thumper.link.board import Board  # noqa: E402
+from thumper.board.board import Board  # noqa: E402
+from thumper.common.geometry import FloatArray  # noqa: E402
 from thumper_hil.bench import simulation  # noqa: E402
-from thumper_hil.parts.params import RobotParams  # noqa: E402
-from thumper_tuning.design.design import Design, DesignOptions, design, nominal  # noqa: E402
-from thumper_tuning.design.rules import RULES  # noqa: E402
-from thumper_tuning.identify.identify import identify  # noqa: E402
+from thumper_hil.chip.robot_params import RobotParams  # noqa: E402
+from thumper_tuning.design.gains import Design, DesignOptions, design, nominal  # noqa: E402
+from thumper_tuning.design.tuning_rules import RULES  # noqa: E402
+from thumper_tuning.drive.excitation import ExcitationOptions  # noqa: E402
+from thumper_tuning.drive.record import record  # noqa: E402
+from thumper_tuning.drive.verify import Verification, VerifyOptions, verify  # noqa: E402
+from thumper_tuning.identify.cross_validation import fit_percent  # noqa: E402
 from thumper_tuning.identify.model import MotorModel, Uncertainty  # noqa: E402
-from thumper_tuning.identify.stretch import Stretch, cut  # noqa: E402
-from thumper_tuning.identify.validate import fit_percent  # noqa: E402
-from thumper_tuning.identify.variants import compare_variants  # noqa: E402
-from thumper_tuning.log.motor_log import DriveUnit, MotorLog  # noqa: E402
-from thumper_tuning.log.read import read_logs  # noqa: E402
-from thumper_tuning.robot.excitation import ExcitationOptions  # noqa: E402
-from thumper_tuning.robot.record import record  # noqa: E402
-from thumper_tuning.robot.verify import Verification, VerifyOptions, verify  # noqa: E402
+from thumper_tuning.identify.motor import identify  # noqa: E402
+from thumper_tuning.identify.richer_models import compare_variants  # noqa: E402
+from thumper_tuning.identify.segments import Stretch, cut  # noqa: E402
+from thumper_tuning.logs.motor_log import DriveUnit, MotorLog  # noqa: E402
+from thumper_tuning.logs.read import read_logs  # noqa: E402
 
 DATA = Path(os.environ.get("THUMPER_DATA", ROOT.parent / "shared" / "data")) / "motor"
 SEEDS = 20
@@ -210,7 +210,7 @@ def recorded() -> None:
 
 
 def _predict(s: Stretch, model: MotorModel, momentary: bool) -> FloatArray:
-    from thumper_tuning.identify.predict import predict
+    from thumper_tuning.identify.prediction import predict
 
     return predict(s, model, momentary=momentary)
 

@@ -20,14 +20,14 @@ METHODS = ("scan_match", "graph", "rbpf")
 
 APART = """
 import resource, sys
-from thumper.mapping.apart import compile_apart
+from thumper.offline.subprocesses import compile_apart
 compile_apart(sys.argv[1])
 used = resource.getrusage(resource.RUSAGE_CHILDREN)
 print(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
 """
 WARM_UP = """
 import resource, sys, time
-from thumper.mapping.method import MappingOptions, make_mapper
+from thumper.slam.factory import MappingOptions, make_mapper
 mapper = make_mapper(MappingOptions(method=sys.argv[1]))
 start_s = time.process_time()
 mapper.warm_up()

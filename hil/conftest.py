@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from thumper.errors import ThumperError
-from thumper.link.board import Board
-from thumper.link.messages import Command, Fault
+from thumper.board.board import Board
+from thumper.board.messages import Command, Fault
+from thumper.common.errors import ThumperError
 
 BAUD = 500_000
 CONSENT = (

@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import typer.main
 from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 
-from thumper.cli import build_app
+from thumper.cli.app import build_app
 from thumper.config.robot import RobotConfig
 
 PAGES = Path(__file__).resolve().parents[1] / "docs" / "reference"

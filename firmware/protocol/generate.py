@@ -21,7 +21,7 @@ REPO = HERE.parents[1]
 SCHEMA = HERE / "messages.toml"
 OUTPUTS = {
     "messages.hpp.jinja": REPO / "firmware/core/messages.hpp",
-    "messages.py.jinja": REPO / "host/thumper/link/messages.py",
+    "messages.py.jinja": REPO / "host/thumper/board/messages.py",
     "protocol.md.jinja": REPO / "docs/protocol.md",
 }
 # wire type: (bytes, struct character, C++ type, lowest, highest)

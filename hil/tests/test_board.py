@@ -5,10 +5,10 @@ from collections.abc import Callable
 
 import pytest
 
-from thumper.errors import ThumperError
-from thumper.kinematics import WheelSpeeds
-from thumper.link.board import Board
-from thumper.link.messages import PARAMETERS, SCHEMA_HASH, Command, Fault, State, Telemetry
+from thumper.board.board import Board
+from thumper.board.messages import PARAMETERS, SCHEMA_HASH, Command, Fault, State, Telemetry
+from thumper.common.errors import ThumperError
+from thumper.common.kinematics import WheelSpeeds
 
 SPEED_RAD_S = 4.0
 PWM = 70

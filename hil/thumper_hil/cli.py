@@ -31,17 +31,17 @@ def demo(
     """
     from rich.console import Console
 
-    from thumper.bus.options import BusOptions
-    from thumper.cli.output import prepare_output
-    from thumper.dashboard.start import beside
-    from thumper.errors import EXIT_USAGE, ThumperError
+    from thumper.cli.output_folder import prepare_output
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.config.bus import BusOptions
+    from thumper.dashboard.process import beside
     from thumper_hil.demo.run import run_demo
 
     if seeds > 1 and (realtime or ui):
         raise ThumperError("--seeds is a statistic: leave --realtime and --ui", exit_code=EXIT_USAGE)
     prepare_output(out)
     if seeds > 1:
-        from thumper_hil.demo.seeds import run_seeds
+        from thumper_hil.demo.repeat import run_seeds
 
         if not run_seeds(out, first_seed=seed, seeds=seeds, console=Console()):
             raise typer.Exit(1)

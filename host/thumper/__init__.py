@@ -1,13 +1,13 @@
 """Thumper: the brain of a differential-drive robot (link, odometry, lidar, mapping, navigation)."""
 
-from thumper.errors import ThumperError
+from thumper.common.errors import ThumperError
+from thumper.common.version import __version__
 
 TYPE_CHECKING = False  # of `typing`, which takes longer to import than all that stands before the command
 if TYPE_CHECKING:
     from thumper.robot import Robot
 
 __all__ = ["Robot", "ThumperError", "__version__"]
-__version__ = "0.2.0"  # the firmware's too
 
 
 def __getattr__(name: str) -> object:

@@ -3,7 +3,7 @@
 import os
 import signal
 
-from thumper.errors import EXIT_INTERRUPTED
+from thumper.common.errors import EXIT_INTERRUPTED
 
 
 def main() -> None:
@@ -12,7 +12,7 @@ def main() -> None:
         if signal.getsignal(number) is not signal.SIG_IGN:  # a shell's `&` makes it ignored
             # Not an exception: an import that is interrupted halfway may turn it into another error.
             signal.signal(number, lambda *_: os._exit(EXIT_INTERRUPTED))
-    from thumper.cli import main as run_command
+    from thumper.cli.app import main as run_command
 
     run_command()
 

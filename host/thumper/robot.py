@@ -19,22 +19,23 @@ from pathlib import Path
 from typing import Self
 from urllib.parse import parse_qsl, urlencode
 
-from thumper.assembly import open_robot
-from thumper.bounds import check_place
+from thumper.board.messages import State, Telemetry
+from thumper.common.errors import EXIT_NOT_THERE, EXIT_USAGE, ThumperError
+from thumper.common.geometry import Pose2, Twist2
+from thumper.common.kinematics import WheelSpeeds
 from thumper.config.robot import RobotConfig, load_config, with_ports
-from thumper.errors import EXIT_NOT_THERE, EXIT_USAGE, ThumperError
-from thumper.geometry import Pose2, Twist2
-from thumper.kinematics import WheelSpeeds
 from thumper.lidar.scan import Scan
-from thumper.link.messages import State, Telemetry
-from thumper.mapping.grid import OccupancyGrid
-from thumper.mapping.map_io import description_path, save_map
-from thumper.mapping.session import Session, load_session, save_session
-from thumper.mission_log import MissionLog
-from thumper.perception import Situation
-from thumper.runtime import MissionResult, Runtime
-from thumper.service.goal_content import goal_of
-from thumper.service.pilot import Mode
+from thumper.maps.map_server_io import description_path, save_map
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.goal import check_place
+from thumper.runtime.assembly import open_robot
+from thumper.runtime.drive.drive_manager import Mode
+from thumper.runtime.drive_log import MissionLog
+from thumper.runtime.drive_result import MissionResult
+from thumper.runtime.loop import Runtime
+from thumper.runtime.requests import goal_of
+from thumper.runtime.state_estimator import Situation
+from thumper.slam.saved_state import Session, load_session, save_session
 
 SIMULATION = "sim://"
 LONGEST_DRIVE_S = 600.0

@@ -14,18 +14,18 @@ from typing import Any
 import numpy as np
 
 from tests.host.telemetry import telemetry_sample
-from thumper.bus.options import BusOptions
+from thumper.board.board import TelemetrySample
+from thumper.board.messages import PARAMETERS, Fault, State
 from thumper.bus.server import BusServer
-from thumper.geometry import Pose2, Twist2
+from thumper.common.geometry import Pose2, Twist2
+from thumper.config.bus import BusOptions
 from thumper.lidar.scan import Scan
-from thumper.link.board import TelemetrySample
-from thumper.link.messages import PARAMETERS, Fault, State
-from thumper.mapping.grid import OccupancyGrid
-from thumper.ros.convert import INFO, WARN, Messages
+from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.ros.status import Status
-from thumper.service import board_parameters
-from thumper.service.inbox import Inbox
-from thumper.service.requests import Ask, EmergencyStop, Heartbeat, Order, Request, Simulate, Velocity
+from thumper.ros.to_ros import INFO, WARN, Messages
+from thumper.runtime.requests import Ask, EmergencyStop, Heartbeat, Order, Request, Simulate, Velocity
+from thumper.runtime.service import board_parameters
+from thumper.runtime.service.request_queue import Inbox
 
 PERIOD_S = 0.1
 WIDTH_M, HEIGHT_M, CELL_M = 4.0, 3.0, 0.05

@@ -14,7 +14,7 @@ from tests.dashboard.conftest import CHROMIUM, FLAGS, Server, chromium_processes
 from tests.live import free_port, until
 from thumper.bus.client import BusClient
 from thumper.ros.codec import Message
-from thumper.ros.parse import stamp_ns_of
+from thumper.ros.from_ros import stamp_ns_of
 
 STOP_S = 0.5
 BEAT_S = 0.1  # the last sign of life falls somewhere between two beats

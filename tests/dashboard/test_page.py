@@ -3,8 +3,8 @@
 from playwright.sync_api import Page, expect
 
 from tests.dashboard.fake_robot import FakeRobot
-from thumper.geometry import Pose2
-from thumper.link.messages import Fault
+from thumper.board.messages import Fault
+from thumper.common.geometry import Pose2
 
 
 def test_what_the_robot_sends_is_drawn(page: Page) -> None:

@@ -8,7 +8,7 @@ from playwright.sync_api import Browser, Page, expect
 from tests.dashboard.conftest import Server
 from tests.dashboard.fake_robot import FakeRobot
 from tests.live import free_port, until
-from thumper.service.requests import EmergencyStop
+from thumper.runtime.requests import EmergencyStop
 
 
 def test_it_comes_back_when_the_server_does(page: Page, server: Server, robot: FakeRobot) -> None:

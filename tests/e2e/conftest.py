@@ -11,8 +11,10 @@ from types import SimpleNamespace
 import pytest
 
 from tests.e2e.service import START, Service
-from thumper.assembly import open_robot
-from thumper.config.robot import BoardConfig, LidarConfig, RobotConfig
+from thumper.board.options import BoardConfig
+from thumper.config.robot import RobotConfig
+from thumper.lidar.options import LidarConfig
+from thumper.runtime.assembly import open_robot
 from thumper_hil.bench import simulation
 
 THUMPER = Path(sys.executable).with_name("thumper")
@@ -37,9 +39,9 @@ def service(monkeypatch: pytest.MonkeyPatch) -> Iterator[Service]:
     config = RobotConfig(board=BoardConfig(port=board), lidar=LidarConfig(port="sim://service/lidar"))
     with open_robot(config, START) as robot:
         service = Service(robot, simulation("service"))
-        for part in ("desk", "inbox", "pilot"):
+        for part in ("service.request_handler", "service.request_queue", "drive.drive_manager"):
             clock = SimpleNamespace(monotonic=service.wall_s)
-            monkeypatch.setattr(f"thumper.service.{part}.time", clock)
+            monkeypatch.setattr(f"thumper.runtime.{part}.time", clock)
         service.beats(8)
         yield service
 

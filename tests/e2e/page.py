@@ -4,7 +4,7 @@ import sys
 import time
 
 from thumper.bus.client import BusClient
-from thumper.ros.convert import Messages
+from thumper.ros.to_ros import Messages
 
 if __name__ == "__main__":
     address, x_m, y_m = sys.argv[1:]

@@ -7,12 +7,12 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from thumper.geometry import Pose2
-from thumper.link.messages import Telemetry
+from thumper.board.messages import Telemetry
+from thumper.common.geometry import Pose2
 from thumper.navigation.goal import Goal
 from thumper.ros.codec import Message
-from thumper.runtime import Runtime
-from thumper.service.requests import Ask, Request
+from thumper.runtime.loop import Runtime
+from thumper.runtime.requests import Ask, Request
 from thumper_hil.bench import Bench
 
 START = Pose2(x_m=1.73, y_m=0.08, theta_rad=math.pi)

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thumper.mapping.map_io import load_map
-from thumper.mapping.session import load_session
+from thumper.maps.map_server_io import load_map
+from thumper.slam.saved_state import load_session
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from tests.e2e.test_bad_input import refused
-from thumper.geometry import Pose2
-from thumper.mapping.counts import Counts
-from thumper.mapping.grid import FREE, OCCUPIED
-from thumper.mapping.map_io import load_map, save_map
-from thumper.mapping.session import Session, load_session, save_session
-from thumper_hil.parts.world import World
+from thumper.common.geometry import Pose2
+from thumper.maps.hit_counts import Counts
+from thumper.maps.map_server_io import load_map, save_map
+from thumper.maps.occupancy_grid import FREE, OCCUPIED
+from thumper.slam.saved_state import Session, load_session, save_session
+from thumper_hil.world.world import World
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from thumper.extras import PARTS, missing
+from thumper.common.optional_packages import PARTS, missing
 
 RUN_WITHOUT = """
 import sys

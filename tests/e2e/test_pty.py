@@ -8,8 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from tests.e2e.conftest import THUMPER
-from thumper.link.board import Board
-from thumper.link.messages import State
+from thumper.board.board import Board
+from thumper.board.messages import State
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 

@@ -9,9 +9,9 @@ from typing import Any, cast
 import pytest
 
 from thumper import Robot, ThumperError
-from thumper.geometry import Pose2
-from thumper.link.messages import State
-from thumper.mapping.map_io import load_map
+from thumper.board.messages import State
+from thumper.common.geometry import Pose2
+from thumper.maps.map_server_io import load_map
 from thumper_hil.bench import Bench, simulation
 
 

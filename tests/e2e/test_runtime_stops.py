@@ -10,14 +10,17 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from thumper.assembly import open_robot
-from thumper.config.robot import BoardConfig, LidarConfig, RobotConfig
-from thumper.errors import ThumperError
-from thumper.geometry import Pose2
-from thumper.link.framing import encode_frame
-from thumper.link.messages import Command, CommandRequest, Fault, State
+from thumper.board.framing import encode_frame
+from thumper.board.messages import Command, CommandRequest, Fault, State
+from thumper.board.options import BoardConfig
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import Pose2
+from thumper.config.robot import RobotConfig
+from thumper.lidar.options import LidarConfig
 from thumper.navigation.goal import Goal
-from thumper.runtime import MissionResult, Progress, Runtime
+from thumper.runtime.assembly import open_robot
+from thumper.runtime.drive_result import MissionResult, Progress
+from thumper.runtime.loop import Runtime
 from thumper_hil.bench import Bench, simulation
 
 START = Pose2(x_m=1.73, y_m=0.08, theta_rad=math.pi)

@@ -18,7 +18,7 @@ import pytest
 from tests.e2e.conftest import THUMPER
 from tests.live import free_port, until
 from thumper.bus.client import BusClient
-from thumper.errors import ThumperError
+from thumper.common.errors import ThumperError
 from thumper.ros.codec import Message
 
 HERE = Path(__file__).parent

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from thumper.assembly import open_robot
+from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig, with_ports
-from thumper.geometry import Pose2
-from thumper.localization.switching import SwitchingMapper
-from thumper.mission_result import Progress
 from thumper.navigation.goal import Goal
+from thumper.runtime.assembly import open_robot
+from thumper.runtime.drive_result import Progress
+from thumper.slam.mode_switch import SwitchingMapper
 from thumper_hil.bench.registry import simulation
-from thumper_hil.parts.world import World
+from thumper_hil.world.world import World
 
 START = Pose2(x_m=1.7, y_m=0.1, theta_rad=3.0)
 

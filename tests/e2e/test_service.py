@@ -3,10 +3,10 @@
 import pytest
 
 from tests.e2e.service import FAR, HAND_TIMEOUT_S, NEAR, Service
-from thumper.link.messages import Fault, State
+from thumper.board.messages import Fault, State
 from thumper.navigation.goal import Goal
-from thumper.runtime import Progress
-from thumper.service.requests import EmergencyStop, GoTo, Heartbeat, Order, Request
+from thumper.runtime.drive_result import Progress
+from thumper.runtime.requests import EmergencyStop, GoTo, Heartbeat, Order, Request
 
 
 def test_it_maps_while_it_stands_disarmed(service: Service) -> None:

@@ -9,8 +9,8 @@ from types import FrameType
 import pytest
 
 from tests.e2e.service import FAR, NEAR, Service
-from thumper.link.messages import State
-from thumper.service.requests import GoTo
+from thumper.board.messages import State
+from thumper.runtime.requests import GoTo
 
 
 def test_a_board_that_was_unplugged_is_found_again_and_the_map_stays(

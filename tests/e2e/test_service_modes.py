@@ -3,8 +3,8 @@
 import numpy as np
 
 from tests.e2e.service import FAR, NEAR, Service
-from thumper.localization.switching import SwitchingMapper
-from thumper.service.requests import GoTo
+from thumper.runtime.requests import GoTo
+from thumper.slam.mode_switch import SwitchingMapper
 
 
 def command(service: Service, name: str) -> dict[str, object]:

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from tests.e2e.test_bad_input import refused
-from thumper.geometry import Pose2
-from thumper.mapping.grid import OCCUPIED
-from thumper.mapping.map_io import load_map
-from thumper.mapping.session import load_session
+from thumper.common.geometry import Pose2
+from thumper.maps.map_server_io import load_map
+from thumper.maps.occupancy_grid import OCCUPIED
+from thumper.slam.saved_state import load_session
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 LIDAR = ("--lidar", "sim://robot/lidar")

@@ -13,11 +13,11 @@ import pytest
 
 from tests.e2e.conftest import THUMPER
 from tests.live import free_port, until
+from thumper.board.messages import State
 from thumper.bus.client import BusClient
-from thumper.link.messages import State
 from thumper.recording.reader import Recording, find_recordings
 from thumper.recording.replay import replay
-from thumper.ros.convert import text
+from thumper.ros.to_ros import text
 
 BOARD = "sim://e2e/board?world=lab&x_m=1.73&y_m=0.08&yaw_deg=180"
 START_TIMEOUT_S = 60.0

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from thumper_hil.chip.lab import ATMEGABOOT, LabChip
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.instrumented_chip import ATMEGABOOT, LabChip
+from thumper_hil.chip.robot_params import RobotParams
 
 ROOT = Path(__file__).resolve().parents[2]
 BOOTLOADERS = Path("/usr/share/arduino/hardware/arduino/avr/bootloaders")

@@ -4,7 +4,7 @@ import ctypes
 
 from cobs import cobs
 
-from thumper.link import messages as m
+from thumper.board import messages as m
 
 
 def crc(data: bytes) -> int:

@@ -4,7 +4,7 @@ import pytest
 
 from tests.firmware.boot import ELF, chip_with_program
 from tests.firmware.wire import frames, identity, run_for, send
-from thumper.link.messages import (
+from thumper.board.messages import (
     Command,
     CommandRequest,
     Fault,
@@ -13,8 +13,8 @@ from thumper.link.messages import (
     State,
     Telemetry,
 )
-from thumper_hil.chip.lab import LabChip
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.instrumented_chip import LabChip
+from thumper_hil.chip.robot_params import RobotParams
 
 BOOT_S = 1.33
 """From the reset to the program's start, with ATmegaBOOT."""

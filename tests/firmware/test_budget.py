@@ -3,12 +3,12 @@
 import pytest
 
 from tests.firmware.boot import ELF
-from thumper.link.framing import encode_frame
-from thumper.link.messages import Command, CommandRequest, GetParameter, Message, SetWheelSpeeds
+from thumper.board.framing import encode_frame
+from thumper.board.messages import Command, CommandRequest, GetParameter, Message, SetWheelSpeeds
 from thumper_hil.chip.chip import CPU_HZ
-from thumper_hil.chip.lab import TICK_VECTOR, LabChip
-from thumper_hil.chip.library import CProbeReport
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.instrumented_chip import TICK_VECTOR, LabChip
+from thumper_hil.chip.native_library import CProbeReport
+from thumper_hil.chip.robot_params import RobotParams
 
 EDGE_VECTORS = (3, 5)  # PCINT0, PCINT2
 EDGE_CYCLES = 75  # entry to RETI, the response's 4 included

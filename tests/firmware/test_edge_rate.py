@@ -3,7 +3,7 @@
 import pytest
 
 from tests.firmware.boot import ELF
-from thumper.link.messages import Board
+from thumper.board.messages import Board
 from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.edge_rate import BYTE_PHASES, PHASES, counts_all
 

@@ -10,7 +10,7 @@ import pytest
 from tests.firmware.boot import BROKEN_OPTIBOOT, HEX, chip_with_bootloader
 from thumper_hil.chip.chip import ChipError
 from thumper_hil.chip.hex_file import read_hex
-from thumper_hil.chip.lab import ATMEGABOOT
+from thumper_hil.chip.instrumented_chip import ATMEGABOOT
 from thumper_hil.chip.pty_board import on_pty
 
 THUMPER = Path(sys.executable).with_name("thumper")

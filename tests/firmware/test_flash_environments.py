@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from platformio.project.config import ProjectConfig
 
-from thumper.flashing import UPLOAD_BAUD
-from thumper.link.messages import Board
+from thumper.board.flashing import UPLOAD_BAUD
+from thumper.board.messages import Board
 
 FIRMWARE = Path(__file__).resolve().parents[2] / "firmware"
 INI = FIRMWARE / "platformio.ini"

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from thumper.link.messages import PARAMETERS
+from thumper.board.messages import PARAMETERS
 
 LIMITS = [(round(spec.minimum * spec.scale), round(spec.maximum * spec.scale)) for spec in PARAMETERS]
 parameter_sets = st.tuples(*(st.one_of(st.integers(*limit), st.sampled_from(limit)) for limit in LIMITS))

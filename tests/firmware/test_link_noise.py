@@ -4,8 +4,8 @@ import pytest
 
 from tests.firmware.boot import ELF
 from tests.firmware.wire import frames, run_for, send
-from thumper.link.framing import FrameDecoder, encode_frame
-from thumper.link.messages import (
+from thumper.board.framing import FrameDecoder, encode_frame
+from thumper.board.messages import (
     Command,
     CommandRequest,
     Fault,
@@ -18,7 +18,7 @@ from thumper.link.messages import (
 )
 from thumper_hil.chip.chip import CPU_HZ, Chip
 from thumper_hil.chip.link_noise import drive
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.robot_params import RobotParams
 
 OCR2A, OCR2B = 0xB3, 0xB4
 TRUNCATED = encode_frame(GetParameter.ID, 1, GetParameter(index=0).pack())

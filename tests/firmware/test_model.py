@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from thumper.link.messages import PARAMETERS
+from thumper.board.messages import PARAMETERS
 
 INDEX = {spec.name: spec.index for spec in PARAMETERS}
 LEAST_TICKS_Q8, MOST_TICKS_Q8 = 256 // 6, 30 * 256

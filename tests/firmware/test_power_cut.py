@@ -6,7 +6,7 @@ import pytest
 
 from tests.firmware.boot import ELF
 from tests.firmware.wire import ask, identity, run_for, send
-from thumper.link.messages import (
+from thumper.board.messages import (
     PARAMETERS,
     Ack,
     AckStatus,
@@ -17,8 +17,8 @@ from thumper.link.messages import (
     ParameterValue,
     SetParameter,
 )
-from thumper_hil.chip.lab import LabChip
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.instrumented_chip import LabChip
+from thumper_hil.chip.robot_params import RobotParams
 
 STEP_S = 2e-5
 """Shorter than a pass of the main loop, which writes a byte at most."""

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from thumper.link.messages import State
+from thumper.board.messages import State
 
 FORWARD_AB = (0b00, 0b01, 0b11, 0b10)  # bit 0 = A, bit 1 = B; Gray code while A leads B
 

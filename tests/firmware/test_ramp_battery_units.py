@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from thumper.link.messages import AckStatus
+from thumper.board.messages import AckStatus
 
 setpoints = st.integers(-17_000, 17_000)
 

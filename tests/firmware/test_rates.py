@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thumper.link.framing import FrameDecoder, encode_frame
-from thumper.link.messages import (
+from thumper.board.framing import FrameDecoder, encode_frame
+from thumper.board.messages import (
     Command,
     CommandRequest,
     Identify,
@@ -20,8 +20,8 @@ from thumper.link.messages import (
     Telemetry,
 )
 from thumper_hil.chip.chip import CPU_HZ
-from thumper_hil.chip.lab import TICK_VECTOR, LabChip
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.instrumented_chip import TICK_VECTOR, LabChip
+from thumper_hil.chip.robot_params import RobotParams
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 TICK_CYCLES = 1500

@@ -4,11 +4,11 @@ import pytest
 
 from tests.firmware.boot import ELF
 from tests.firmware.wire import run_for, send
-from thumper.link.framing import encode_frame
-from thumper.link.messages import Command, CommandRequest, Identify, SetMotorPwm, SetWheelSpeeds
+from thumper.board.framing import encode_frame
+from thumper.board.messages import Command, CommandRequest, Identify, SetMotorPwm, SetWheelSpeeds
 from thumper_hil.chip.chip import CPU_HZ
-from thumper_hil.chip.lab import LabChip
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.instrumented_chip import LabChip
+from thumper_hil.chip.robot_params import RobotParams
 
 PWM_PERIOD_S = 510 * 256 / CPU_HZ
 TCCR2A, OCR2A, OCR2B = 0xB0, 0xB3, 0xB4

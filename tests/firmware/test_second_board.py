@@ -4,11 +4,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from thumper.errors import ThumperError
-from thumper.kinematics import WheelSpeeds
-from thumper.link.board import Board, TelemetrySample
-from thumper.link.messages import Board as BoardKind
-from thumper.link.messages import Command, Fault, State
+from thumper.board.board import Board, TelemetrySample
+from thumper.board.messages import Board as BoardKind
+from thumper.board.messages import Command, Fault, State
+from thumper.common.errors import ThumperError
+from thumper.common.kinematics import WheelSpeeds
 from thumper_hil.bench import Bench, simulation
 
 OCR2A, OCR2B = 0xB3, 0xB4

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.firmware.conftest import FIRMWARE
-from thumper.link.messages import AckStatus, Fault, State
+from thumper.board.messages import AckStatus, Fault, State
 
 DISARM, ARM, E_STOP, CLEAR, MANUAL = REQUESTS = range(5)
 FAULTS = [fault for fault in Fault if fault is not Fault.NONE]

@@ -1,7 +1,7 @@
 """Talk to a chip without a robot or a port: frames in, frames out."""
 
-from thumper.link.framing import Frame, FrameDecoder, encode_frame
-from thumper.link.messages import Identify, Identity, Message
+from thumper.board.framing import Frame, FrameDecoder, encode_frame
+from thumper.board.messages import Identify, Identity, Message
 from thumper_hil.chip.chip import CPU_HZ, Chip
 
 ANSWER_S = 0.02

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.robot_params import RobotParams
 
 SOURCES = Path(__file__).parent / "avr"
 

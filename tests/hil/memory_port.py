@@ -6,9 +6,9 @@ from typing import Generic, TypeVar
 import numpy as np
 import serial
 
-from thumper.geometry import FloatArray
-from thumper_hil.parts.ld19 import Ld19
-from thumper_hil.parts.urg04lx import Urg04Lx
+from thumper.common.geometry import FloatArray
+from thumper_hil.lidars.ld19 import Ld19
+from thumper_hil.lidars.urg04lx import Urg04Lx
 
 Lidar = TypeVar("Lidar", Ld19, Urg04Lx)
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from thumper_hil.chip.chip import CPU_HZ, Chip
-from thumper_hil.chip.faulty import FaultyChip
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.chip_faults import FaultyChip
+from thumper_hil.chip.robot_params import RobotParams
 
 REPLY_BYTES = 5
 

@@ -4,11 +4,11 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from thumper.errors import ThumperError
-from thumper.kinematics import WheelSpeeds
-from thumper.link.board import Board
-from thumper.link.framing import encode_frame
-from thumper.link.messages import Command, Fault, Identify, ResetCause, SetMotorPwm, State
+from thumper.board.board import Board
+from thumper.board.framing import encode_frame
+from thumper.board.messages import Command, Fault, Identify, ResetCause, SetMotorPwm, State
+from thumper.common.errors import ThumperError
+from thumper.common.kinematics import WheelSpeeds
 from thumper_hil.bench import Bench, simulation
 
 NAME = "firmware-test"

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 import serial
 
-from thumper.errors import ThumperError
-from thumper.link.framing import FrameDecoder, encode_frame
-from thumper.link.messages import Identify, Identity, Telemetry
+from thumper.board.framing import FrameDecoder, encode_frame
+from thumper.board.messages import Identify, Identity, Telemetry
+from thumper.common.errors import ThumperError
 from thumper_hil.bench.pty import LONGEST_STEP_S, Clock, serve
 
 SERVE = """

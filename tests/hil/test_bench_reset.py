@@ -4,13 +4,13 @@ from collections.abc import Iterator
 
 import pytest
 
-from thumper.errors import ThumperError
-from thumper.link.board import Board
-from thumper.link.framing import FrameDecoder
-from thumper.link.messages import Command, ResetCause, State, Telemetry
-from thumper.link.port import open_port
+from thumper.board.board import Board
+from thumper.board.framing import FrameDecoder
+from thumper.board.messages import Command, ResetCause, State, Telemetry
+from thumper.common.errors import ThumperError
+from thumper.common.serial_port import open_port
 from thumper_hil.bench import simulation
-from thumper_hil.bench.protocol_sim import Serial
+from thumper_hil.bench.sim_port import Serial
 
 NAME = "reset-test"
 BAUD = 500_000

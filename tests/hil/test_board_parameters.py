@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from thumper.errors import ThumperError
-from thumper.link.board import Board
+from thumper.board.board import Board
+from thumper.common.errors import ThumperError
 
 
 def test_a_parameter_is_taken_and_read_back() -> None:

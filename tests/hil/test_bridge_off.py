@@ -9,7 +9,7 @@ import pytest
 
 from tests.hil.conftest import BuildAvr
 from tests.hil.rig import Rig
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.robot_params import RobotParams
 
 RADIUS_M = 0.062
 FROM_RAD_S = 8.0

@@ -16,14 +16,14 @@ import numpy as np
 import pytest
 from distributed import LocalCluster
 
-from thumper.errors import ThumperError
+from thumper.common.errors import ThumperError
 from thumper_hil.campaign import runner
 from thumper_hil.campaign.job import run_job
-from thumper_hil.campaign.row import MEASURES, Row
-from thumper_hil.campaign.rows import RowStore
+from thumper_hil.campaign.result_row import MEASURES, Row
+from thumper_hil.campaign.result_table import RowStore
 from thumper_hil.campaign.spec import digest_of, jobs_of, load_campaign
 from thumper_hil.campaign.summary import markdown, mean_of, summarise, wilson
-from thumper_hil.parts.world_file import WORLDS
+from thumper_hil.world.world_file import WORLDS
 
 FILE = """
 seeds = { first = 3, count = 2 }

@@ -8,7 +8,7 @@ import pytest
 from tests.hil.conftest import BuildAvr
 from tests.hil.rig import run_for
 from thumper_hil.chip.chip import CPU_HZ, Chip, ChipError
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.robot_params import RobotParams
 
 
 def test_an_interrupt_takes_four_cycles_to_its_vector(build_avr: BuildAvr) -> None:

@@ -5,7 +5,7 @@ import numpy as np
 from tests.hil.conftest import BuildAvr
 from tests.hil.rig import run_for
 from thumper_hil.chip.chip import Chip
-from thumper_hil.chip.faulty import FaultyChip
+from thumper_hil.chip.chip_faults import FaultyChip
 
 BYTE_CYCLES = 320  # ten bits at 500 000 baud
 BURST = 64

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from thumper.errors import ThumperError
-from thumper.link.board import Board
+from thumper.board.board import Board
+from thumper.common.errors import ThumperError
 from thumper_hil.faults.catalogue import FAULTS
 
 NAME = "fault-names"

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thumper.errors import ThumperError
-from thumper.kinematics import WheelSpeeds
-from thumper.link.board import Board
-from thumper.link.messages import Command, Fault, State, Telemetry
-from thumper.senses import LATE_BEAT_S
+from thumper.board.board import Board
+from thumper.board.messages import Command, Fault, State, Telemetry
+from thumper.common.errors import ThumperError
+from thumper.common.kinematics import WheelSpeeds
+from thumper.runtime.sensor_inputs import LATE_BEAT_S
 from thumper_hil.bench import Bench, simulation
 
 NAME = "fault-test"

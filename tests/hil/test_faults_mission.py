@@ -8,10 +8,12 @@ from urllib.parse import urlencode
 import numpy as np
 import pytest
 
-from thumper.assembly import open_robot
-from thumper.config.robot import BoardConfig, LidarConfig, RobotConfig
+from thumper.board.options import BoardConfig
+from thumper.config.robot import RobotConfig
+from thumper.lidar.options import LidarConfig
 from thumper.navigation.goal import Goal
-from thumper.runtime import MissionResult
+from thumper.runtime.assembly import open_robot
+from thumper.runtime.drive_result import MissionResult
 from thumper_hil.bench import Bench, simulation
 from thumper_hil.demo.missions import STRAIGHT
 

@@ -9,13 +9,13 @@ import pytest
 import serial
 
 from tests.hil.memory_port import MemoryPort, standing
-from thumper.geometry import FloatArray, Pose2, Twist2
+from thumper.common.geometry import FloatArray, Pose2, Twist2
+from thumper.lidar.deskew import scan_points
 from thumper.lidar.ld19 import Ld19Driver, Ld19Options
-from thumper.lidar.ld19_frame import FrameCutter
+from thumper.lidar.ld19_protocol import FrameCutter
 from thumper.lidar.scan import Scan
-from thumper.mapping.scan_points import scan_points
-from thumper_hil.parts.ld19 import Ld19
-from thumper_hil.parts.world import World
+from thumper_hil.lidars.ld19 import Ld19
+from thumper_hil.world.world import World
 
 ROOM = World.load("lab")
 MOUNT = Pose2(x_m=0.12)

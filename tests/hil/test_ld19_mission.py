@@ -2,13 +2,15 @@
 
 import math
 
-from thumper.assembly import open_robot
-from thumper.config.robot import BoardConfig, LidarConfig, RobotConfig
+from thumper.board.options import BoardConfig
+from thumper.config.robot import RobotConfig
+from thumper.lidar.options import LidarConfig
 from thumper.navigation.goal import Goal
+from thumper.runtime.assembly import open_robot
 from thumper_hil.bench import simulation
-from thumper_hil.demo.evaluate import compare_map
+from thumper_hil.demo.map_error import compare_map
 from thumper_hil.demo.missions import STRAIGHT, TOLERANCE_M
-from thumper_hil.parts.world import World
+from thumper_hil.world.world import World
 
 
 def test_the_straight_run_succeeds_with_an_ld19() -> None:

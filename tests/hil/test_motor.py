@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from tests.hil.conftest import BuildAvr
 from tests.hil.rig import Rig
-from thumper_hil.chip.faulty import SideFaults
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.chip_faults import SideFaults
+from thumper_hil.chip.robot_params import RobotParams
 
 RADIUS_M = 0.062
 

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from thumper.link.board import Board
-from thumper.link.messages import Command, Fault, ResetCause
+from thumper.board.board import Board
+from thumper.board.messages import Command, Fault, ResetCause
 
 ROOT = Path(__file__).resolve().parents[2]
 THUMPER = Path(sys.executable).with_name("thumper")

@@ -9,18 +9,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from thumper.errors import ThumperError
-from thumper.geometry import Pose2
-from thumper.link.framing import encode_frame
-from thumper.link.messages import Command, CommandRequest, SetMotorPwm
-from thumper.mapping.grid import FREE, OCCUPIED, OccupancyGrid
-from thumper.mapping.map_io import save_map
+from thumper.board.framing import encode_frame
+from thumper.board.messages import Command, CommandRequest, SetMotorPwm
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import Pose2
+from thumper.maps.map_server_io import save_map
+from thumper.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from thumper_hil.bench.bench import Bench
-from thumper_hil.bench.contact import HULL_M
+from thumper_hil.bench.collision import HULL_M
 from thumper_hil.bench.options import BenchOptions
-from thumper_hil.parts.scene import Scene
-from thumper_hil.parts.solid_grid import SolidGrid
-from thumper_hil.parts.world import World
+from thumper_hil.world.occupancy import SolidGrid
+from thumper_hil.world.scene import Scene
+from thumper_hil.world.world import World
 
 DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
 FAR_HULL_M = HULL_M + 50.0

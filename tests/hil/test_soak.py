@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from thumper.service.waking import HUNG_S
-from thumper_hil import soak as module
-from thumper_hil.soak import soak
+from thumper.runtime.service.stall_guard import HUNG_S
+from thumper_hil.bench import soak as module
+from thumper_hil.bench.soak import soak
 
 
 def test_a_robot_outlives_its_faults() -> None:

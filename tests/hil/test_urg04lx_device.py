@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from thumper.geometry import FloatArray, Pose2
+from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.scip import RawScan, ReplySplitter, parse_reply, parse_scan, parse_table, parse_time
-from thumper_hil.parts.urg04lx import Urg04Lx
-from thumper_hil.parts.world import World
+from thumper_hil.lidars.urg04lx import Urg04Lx
+from thumper_hil.world.world import World
 
 ROOM = World.load("lab")
 FULL = b"MD0044072501000"

@@ -9,11 +9,11 @@ import pytest
 import serial
 
 from tests.hil.memory_port import MemoryPort, standing
-from thumper.geometry import FloatArray, Pose2
+from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.scan import Scan
 from thumper.lidar.urg04lx import Urg04LxDriver, Urg04LxOptions
-from thumper_hil.parts.urg04lx import Urg04Lx
-from thumper_hil.parts.world import World
+from thumper_hil.lidars.urg04lx import Urg04Lx
+from thumper_hil.world.world import World
 
 POLL_S = 0.1
 ROOM = World.load("lab")

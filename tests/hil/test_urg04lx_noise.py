@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from thumper_hil.parts.urg_noise import device_bias, measure_mm
+from thumper_hil.lidars.urg_noise import device_bias, measure_mm
 
 DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).resolve().parents[2].parent / "shared" / "data"))
 LOG = DATA / "slam" / "mines-exp1.dat.gz"

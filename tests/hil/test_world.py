@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from thumper.errors import ThumperError
-from thumper.geometry import FloatArray, Pose2
-from thumper.mapping.grid import OCCUPIED
-from thumper_hil.parts.world import World
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import FloatArray, Pose2
+from thumper.maps.occupancy_grid import OCCUPIED
+from thumper_hil.world.world import World
 
 FOOTPRINT_M = np.array([[0.21, 0.1225], [-0.21, 0.1225], [-0.21, -0.1225], [0.21, -0.1225]])
 NO_CIRCLES = np.zeros((0, 3))

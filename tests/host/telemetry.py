@@ -3,8 +3,8 @@
 from dataclasses import fields
 from typing import Any
 
-from thumper.link.board import TelemetrySample
-from thumper.link.messages import Fault, State, Telemetry
+from thumper.board.board import TelemetrySample
+from thumper.board.messages import Fault, State, Telemetry
 
 
 def telemetry_sample(time_s: float, **said: Any) -> TelemetrySample:

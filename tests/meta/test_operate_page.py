@@ -4,11 +4,11 @@ import re
 from dataclasses import fields
 from pathlib import Path
 
-from thumper.bus.inbound import QUESTIONS
-from thumper.bus.options import BusOptions
+from thumper.bus.request_decoder import QUESTIONS
+from thumper.config.bus import BusOptions
+from thumper.config.manual_drive import ServiceOptions
 from thumper.ros.topics import TOPICS, Direction
-from thumper.service.options import ServiceOptions
-from thumper.service.requests import COMMANDS
+from thumper.runtime.requests import COMMANDS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "operate.md").read_text(encoding="utf-8")
 

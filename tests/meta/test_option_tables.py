@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from thumper.recording.options import RecordingOptions
-from thumper.teleop.options import TeleopOptions
+from thumper.config.recording import RecordingOptions
+from thumper.config.teleop import TeleopOptions
 
 DOCS = Path(__file__).parents[2] / "docs"
 

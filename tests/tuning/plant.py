@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thumper.geometry import FloatArray
-from thumper.kernel import kernel
+from thumper.common.geometry import FloatArray
+from thumper.common.numba_kernel import kernel
 
 COUNT_RAD = math.tau / 1200.0
 

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from thumper_tuning.identify.identify import identify
-from thumper_tuning.identify.stretch import cut
-from thumper_tuning.log.motor_log import DriveUnit, MotorLog
-from thumper_tuning.robot.excitation import ExcitationOptions, blocks
+from thumper_tuning.drive.excitation import ExcitationOptions, blocks
+from thumper_tuning.identify.motor import identify
+from thumper_tuning.identify.segments import cut
+from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
 
 GAIN, TIME_S, FRICTION_PWM = 0.0584, 0.075, 19.3
 ROLLS_RAD_S2 = 15.0

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from tests.tuning.plant import COUNT_RAD, Wheel, counted, steps_and_prbs
-from thumper.errors import ThumperError
-from thumper.geometry import FloatArray
-from thumper_tuning.fit_command import fit_files
-from thumper_tuning.log.columns import Quantity, understand
-from thumper_tuning.log.counts import unwrap
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import FloatArray
+from thumper_tuning.cli.fit import fit_files
+from thumper_tuning.logs.columns import Quantity, understand
+from thumper_tuning.logs.encoder_counts import unwrap
 
 ROWS = 500
 TIME_S = np.arange(ROWS, dtype=float) * 0.1

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from thumper.errors import ThumperError
-from thumper_tuning.commands import design_for, read_gains_file
-from thumper_tuning.design.design import DesignOptions, design
-from thumper_tuning.design.loop import Plant, judge, judge_step, step_response, transfer
-from thumper_tuning.design.rules import RULES, PiGains, migo, pole_placement
-from thumper_tuning.design.wire import SPECS, on_the_wire
-from thumper_tuning.identify.identify import Identified
+from thumper.common.errors import ThumperError
+from thumper_tuning.cli.steps import design_for, read_gains_file
+from thumper_tuning.design.fixed_point import SPECS, on_the_wire
+from thumper_tuning.design.gains import DesignOptions, design
+from thumper_tuning.design.loop_analysis import Plant, judge, judge_step, step_response, transfer
+from thumper_tuning.design.tuning_rules import RULES, PiGains, migo, pole_placement
 from thumper_tuning.identify.model import MotorModel, Uncertainty
-from thumper_tuning.log.motor_log import DriveUnit
+from thumper_tuning.identify.motor import Identified
+from thumper_tuning.logs.motor_log import DriveUnit
 
 MODEL = MotorModel(gain=0.0584, time_constant_s=0.075, friction_forward=19.3, friction_backward=19.3)
 SURE = Uncertainty(

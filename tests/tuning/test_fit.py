@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from tests.tuning.plant import COUNT_RAD, Wheel, counted, steps_and_prbs
-from thumper.geometry import FloatArray
+from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.fit import fit_motor
-from thumper_tuning.identify.identify import Identified, identify
-from thumper_tuning.identify.stretch import cut
-from thumper_tuning.log.motor_log import DriveUnit, MotorLog
+from thumper_tuning.identify.motor import Identified, identify
+from thumper_tuning.identify.segments import cut
+from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
 
 ROWS = 600
 

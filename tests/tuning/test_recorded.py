@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thumper.errors import ThumperError
-from thumper_tuning.identify.identify import identify
-from thumper_tuning.identify.validate import fit_percent
-from thumper_tuning.log.read import read_logs
+from thumper.common.errors import ThumperError
+from thumper_tuning.identify.cross_validation import fit_percent
+from thumper_tuning.identify.motor import identify
+from thumper_tuning.logs.read import read_logs
 
 DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2].parent / "shared" / "data")) / "motor"
 STEPS = sorted(DATA.glob("geared-steps-odd/*.csv"))

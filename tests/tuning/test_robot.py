@@ -11,17 +11,17 @@ import pytest
 import serial
 from rich.console import Console
 
-from thumper.errors import ThumperError
-from thumper.link.board import Board
-from thumper.link.messages import PARAMETERS, State
+from thumper.board.board import Board
+from thumper.board.messages import PARAMETERS, State
+from thumper.common.errors import ThumperError
 from thumper.recording.reader import Recording
-from thumper.ros.parse import telemetry_of
-from thumper_tuning.commands import tune_all
-from thumper_tuning.design.design import DesignOptions
-from thumper_tuning.design.rules import PiGains
-from thumper_tuning.robot.excitation import ExcitationOptions
-from thumper_tuning.robot.record import record
-from thumper_tuning.robot.verify import VerifyOptions
+from thumper.ros.from_ros import telemetry_of
+from thumper_tuning.cli.steps import tune_all
+from thumper_tuning.design.gains import DesignOptions
+from thumper_tuning.design.tuning_rules import PiGains
+from thumper_tuning.drive.excitation import ExcitationOptions
+from thumper_tuning.drive.record import record
+from thumper_tuning.drive.verify import VerifyOptions
 
 
 def test_one_command_tunes_the_robot(tmp_path: Path) -> None:

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from thumper.errors import ThumperError
-from thumper_tuning.design.rules import PiGains
-from thumper_tuning.settings import TuneSettings, load_settings
+from thumper.common.errors import ThumperError
+from thumper_tuning.cli.settings import TuneSettings, load_settings
+from thumper_tuning.design.tuning_rules import PiGains
 
 
 def _file(folder: Path, text: str) -> Path:

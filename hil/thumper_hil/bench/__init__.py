@@ -2,7 +2,7 @@
 
 from thumper_hil.bench.bench import DEFAULT_ELF, Bench
 from thumper_hil.bench.registry import simulation
-from thumper_hil.chip.library import LIBRARY
+from thumper_hil.chip.native_library import LIBRARY
 
 __all__ = ["DEFAULT_ELF", "Bench", "missing_parts", "simulation"]
 

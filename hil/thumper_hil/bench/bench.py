@@ -8,25 +8,25 @@ from pathlib import Path
 
 import numpy as np
 
-from thumper.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
-from thumper.firmware_image import firmware_image
-from thumper.geometry import FloatArray, Pose2
-from thumper.link.messages import Board as BoardKind
-from thumper_hil.bench.contact import HULL_M, ContactWatch
+from thumper.board.firmware_image import firmware_image
+from thumper.board.messages import Board as BoardKind
+from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
+from thumper.common.geometry import FloatArray, Pose2
+from thumper_hil.bench.collision import HULL_M, ContactWatch
 from thumper_hil.bench.options import BenchOptions
 from thumper_hil.chip.chip import CPU_HZ
-from thumper_hil.chip.faulty import FaultyChip
-from thumper_hil.chip.lab import ATMEGABOOT
+from thumper_hil.chip.chip_faults import FaultyChip
+from thumper_hil.chip.instrumented_chip import ATMEGABOOT
+from thumper_hil.chip.robot_params import RobotParams
 from thumper_hil.faults.catalogue import FaultError, FaultValue, action_of
 from thumper_hil.faults.scenario import load_scenario
 from thumper_hil.faults.switches import Switches
-from thumper_hil.parts.ld19 import Ld19
-from thumper_hil.parts.params import RobotParams
-from thumper_hil.parts.recent import RecentWorlds
-from thumper_hil.parts.scene import Scene
-from thumper_hil.parts.start import why_not_here
-from thumper_hil.parts.urg04lx import Urg04Lx
-from thumper_hil.parts.world import World
+from thumper_hil.lidars.ld19 import Ld19
+from thumper_hil.lidars.urg04lx import Urg04Lx
+from thumper_hil.world.scene import Scene
+from thumper_hil.world.start_pose import why_not_here
+from thumper_hil.world.world import World
+from thumper_hil.world.world_history import RecentWorlds
 
 ELF_OF_BOARD = {kind: firmware_image(kind.name.lower(), "elf") for kind in BoardKind}
 DEFAULT_ELF = ELF_OF_BOARD[BoardKind.TREX]

@@ -5,9 +5,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Self
 
-from thumper.errors import EXIT_USAGE, ThumperError
-from thumper.geometry import Pose2
-from thumper.link.messages import Board as BoardKind
+from thumper.board.messages import Board as BoardKind
+from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.geometry import Pose2
 
 FULL_TURN_DEG = 360.0
 LIDARS = ("urg04lx", "ld19")

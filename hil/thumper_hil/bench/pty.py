@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from thumper.errors import EXIT_USAGE, ThumperError
+from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper_hil.bench.bench import Bench
 from thumper_hil.bench.options import BenchOptions
 from thumper_hil.chip.pty_board import BAUD_OF_SPEED

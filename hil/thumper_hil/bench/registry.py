@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from thumper.errors import EXIT_NOT_THERE, EXIT_USAGE, ThumperError
+from thumper.common.errors import EXIT_NOT_THERE, EXIT_USAGE, ThumperError
 from thumper_hil.bench.bench import Bench
 from thumper_hil.bench.options import BenchOptions
 

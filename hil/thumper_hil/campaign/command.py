@@ -25,13 +25,13 @@ def campaign(
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from thumper.cli.output import prepare_output
-    from thumper.errors import EXIT_INTERRUPTED, ThumperError
-    from thumper.extras import need
+    from thumper.cli.output_folder import prepare_output
+    from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
+    from thumper.common.optional_packages import need
     from thumper_hil.campaign.figures import draw
     from thumper_hil.campaign.parquet import write_parquet
-    from thumper_hil.campaign.row import Row, succeeded
-    from thumper_hil.campaign.rows import RowStore
+    from thumper_hil.campaign.result_row import Row, succeeded
+    from thumper_hil.campaign.result_table import RowStore
     from thumper_hil.campaign.runner import run_jobs
     from thumper_hil.campaign.spec import digest_of, jobs_of, load_campaign
     from thumper_hil.campaign.summary import markdown, summarise

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from thumper.report import BLUE, INK, ORANGE
-from thumper_hil.campaign.row import MEASURES, Row
+from thumper.cli.run_report import BLUE, INK, ORANGE
+from thumper_hil.campaign.result_row import MEASURES, Row
 from thumper_hil.campaign.summary import FEW, Summary
 
 

@@ -6,20 +6,20 @@ import math
 import numpy as np
 from rich.console import Console
 
-from thumper.assembly import open_robot
-from thumper.cli.mission import drive_with_progress
+from thumper.cli.drive_progress import drive_with_progress
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import FloatArray, Pose2, wrap_angle
+from thumper.common.kinematics import DriveGeometry, WheelSpeeds, body_twist
 from thumper.config.robot import RobotConfig, config_from_json, with_ports
-from thumper.errors import ThumperError
-from thumper.geometry import FloatArray, Pose2, wrap_angle
-from thumper.kinematics import DriveGeometry, WheelSpeeds, body_twist
-from thumper.mission_log import SPEED_COLUMNS, MissionLog, speed_errors
-from thumper.mission_result import MissionResult
 from thumper.navigation.goal import Goal
-from thumper.odometry.odometry import advance
+from thumper.odometry.wheel_odometry import advance
+from thumper.runtime.assembly import open_robot
+from thumper.runtime.drive_log import SPEED_COLUMNS, MissionLog, speed_errors
+from thumper.runtime.drive_result import MissionResult
 from thumper_hil.bench import Bench
 from thumper_hil.bench.registry import join, leave
-from thumper_hil.campaign.content import content_of
-from thumper_hil.campaign.row import Row
+from thumper_hil.campaign.job_digest import content_of
+from thumper_hil.campaign.result_row import Row
 from thumper_hil.campaign.spec import Job
 
 HERE = "campaign"

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from thumper_hil.campaign.row import Row
+from thumper_hil.campaign.result_row import Row
 
 
 def write_parquet(path: Path, rows: Sequence[Row]) -> Path:

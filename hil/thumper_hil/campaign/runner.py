@@ -8,10 +8,10 @@ from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING
 
-from thumper.errors import EXIT_NOT_THERE, ThumperError
+from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 from thumper_hil.campaign.job import run_job
-from thumper_hil.campaign.row import Row
-from thumper_hil.campaign.rows import RowStore
+from thumper_hil.campaign.result_row import Row
+from thumper_hil.campaign.result_table import RowStore
 from thumper_hil.campaign.spec import Job
 
 if TYPE_CHECKING:

@@ -11,19 +11,19 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Le, MinLen
 from pydantic import AfterValidator, ConfigDict, TypeAdapter, with_config
 
-from thumper.config.checked import read_checked
+from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.geometry import Pose2
+from thumper.common.strict_toml import read_checked
 from thumper.config.robot import config_to_json, load_config
-from thumper.errors import EXIT_USAGE, ThumperError
-from thumper.geometry import Pose2
-from thumper.runtime import FARTHEST_GOAL_M
-from thumper_hil.bench.contact import HULL_M
+from thumper.runtime.loop import FARTHEST_GOAL_M
+from thumper_hil.bench.collision import HULL_M
 from thumper_hil.bench.options import FULL_TURN_DEG
-from thumper_hil.campaign.content import content_of, digest
-from thumper_hil.campaign.row import MEASURES
+from thumper_hil.campaign.job_digest import content_of, digest
+from thumper_hil.campaign.result_row import MEASURES
 from thumper_hil.faults.scenario import load_scenario
-from thumper_hil.parts.scene import Scene
-from thumper_hil.parts.start import why_not_here
-from thumper_hil.parts.world import World
+from thumper_hil.world.scene import Scene
+from thumper_hil.world.start_pose import why_not_here
+from thumper_hil.world.world import World
 
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 

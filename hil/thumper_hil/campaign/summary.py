@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import bootstrap
 
-from thumper_hil.campaign.row import MEASURES, Row, succeeded
+from thumper_hil.campaign.result_row import MEASURES, Row, succeeded
 
 CONFIDENCE = 0.95
 Z = 1.959964  # of the normal distribution, two-sided 95 %

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
 
-from thumper.errors import EXIT_CHECK_FAILED, ThumperError
-from thumper.geometry import Pose2
-from thumper.link.messages import Board as BoardKind
-from thumper_hil.chip.library import LIBRARY, CTruth, load_library
-from thumper_hil.parts.params import RobotParams
+from thumper.board.messages import Board as BoardKind
+from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
+from thumper.common.geometry import Pose2
+from thumper_hil.chip.native_library import LIBRARY, CTruth, load_library
+from thumper_hil.chip.robot_params import RobotParams
 
 CPU_HZ = 16_000_000
 ELF_HEADER_BYTES = 20

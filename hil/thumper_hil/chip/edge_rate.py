@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from thumper.link.framing import FrameDecoder, encode_frame
-from thumper.link.messages import Board, Identify, Telemetry
+from thumper.board.framing import FrameDecoder, encode_frame
+from thumper.board.messages import Board, Identify, Telemetry
 from thumper_hil.chip.chip import CPU_HZ
-from thumper_hil.chip.lab import LabChip
+from thumper_hil.chip.instrumented_chip import LabChip
 from thumper_hil.chip.wiring import ENCODERS
 
 SLICE_CYCLES = CPU_HZ // 200

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from thumper.errors import ThumperError
+from thumper.common.errors import ThumperError
 
 DATA, END_OF_FILE = 0, 1
 EXTENDED_SEGMENT, EXTENDED_LINEAR = 2, 4

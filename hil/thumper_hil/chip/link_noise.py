@@ -8,8 +8,8 @@ import random
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from thumper.link.framing import FrameDecoder, encode_frame
-from thumper.link.messages import (
+from thumper.board.framing import FrameDecoder, encode_frame
+from thumper.board.messages import (
     Ack,
     Command,
     CommandRequest,

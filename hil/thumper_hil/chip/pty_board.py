@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from thumper_hil.chip.chip import CPU_HZ
-from thumper_hil.chip.lab import LabChip
+from thumper_hil.chip.instrumented_chip import LabChip
 
 STEP_S = 0.001
 MOST_BEHIND_S = 0.2  # a machine that was busy does not race after the clock on the wall

@@ -1,8 +1,8 @@
-"""Which pins the encoders of each board are on: chip/wiring.hpp, for those who drive them by hand."""
+"""Which pins the encoders of each board are on: chip/native/wiring.hpp, for those who drive them by hand."""
 
 from dataclasses import dataclass
 
-from thumper.link.messages import Board
+from thumper.board.messages import Board
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

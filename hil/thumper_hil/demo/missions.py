@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from thumper.geometry import Pose2
+from thumper.common.geometry import Pose2
 
 TOLERANCE_M = 0.4
 THESIS_SPEED_ERROR_MEAN_RAD_S = -0.04

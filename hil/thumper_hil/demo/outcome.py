@@ -3,12 +3,12 @@
 import math
 from dataclasses import dataclass
 
-from thumper.geometry import FloatArray
-from thumper.mapping.grid import OccupancyGrid
-from thumper.mapping.session import Session
-from thumper.mission_log import MissionLog
-from thumper.runtime import MissionResult
-from thumper_hil.demo.evaluate import MapQuality
+from thumper.common.geometry import FloatArray
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.runtime.drive_log import MissionLog
+from thumper.runtime.drive_result import MissionResult
+from thumper.slam.saved_state import Session
+from thumper_hil.demo.map_error import MapQuality
 from thumper_hil.demo.missions import TOLERANCE_M, Mission
 
 

@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
-from thumper import __version__
-from thumper.link.messages import SCHEMA_HASH
-from thumper.mapping.map_io import save_map
-from thumper.mapping.session import save_session
-from thumper.mission_log import path_length_m, speed_errors
-from thumper.report import GREEN, ORANGE, draw_drive, draw_map, draw_speeds
+from thumper.board.messages import SCHEMA_HASH
+from thumper.cli.run_report import GREEN, ORANGE, draw_drive, draw_map, draw_speeds
+from thumper.common.version import __version__
+from thumper.maps.map_server_io import save_map
+from thumper.runtime.drive_log import path_length_m, speed_errors
+from thumper.slam.saved_state import save_session
 from thumper_hil.bench import DEFAULT_ELF
 from thumper_hil.demo.missions import (
     STRAIGHT,

@@ -8,19 +8,21 @@ from urllib.parse import urlencode
 
 from rich.console import Console
 
-from thumper.assembly import open_robot, warm_up
-from thumper.bus.attach import on_bus
-from thumper.cli.mission import drive_with_progress, raise_if_interrupted
-from thumper.cli.recorded import recorded
-from thumper.config.robot import BoardConfig, LidarConfig, RobotConfig
-from thumper.mapping.session import Session
+from thumper.board.options import BoardConfig
+from thumper.bus.serve_robot import on_bus
+from thumper.cli.drive_progress import drive_with_progress, raise_if_interrupted
+from thumper.cli.record_option import recorded
+from thumper.config.robot import RobotConfig
+from thumper.lidar.options import LidarConfig
 from thumper.navigation.goal import Goal
+from thumper.runtime.assembly import open_robot, warm_up
+from thumper.slam.saved_state import Session
 from thumper_hil.bench import simulation
-from thumper_hil.demo.evaluate import compare_map
+from thumper_hil.demo.map_error import compare_map
 from thumper_hil.demo.missions import MISSIONS, Mission
 from thumper_hil.demo.outcome import Outcome
 from thumper_hil.demo.results import write_results
-from thumper_hil.parts.world import World
+from thumper_hil.world.world import World
 
 
 def run_demo(out: Path, *, seed: int, realtime: bool, console: Console, on_the_bus: bool = False) -> bool:

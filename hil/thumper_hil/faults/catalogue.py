@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 
-from thumper.geometry import Pose2
-from thumper_hil.chip.faulty import WireFault
+from thumper.common.geometry import Pose2
+from thumper_hil.chip.chip_faults import WireFault
 from thumper_hil.faults.switches import CHANNELS, SIDES, Switches
 
 FaultValue = str | float | list[float]

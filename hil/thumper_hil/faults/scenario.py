@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from thumper.errors import EXIT_USAGE, ThumperError
+from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper_hil.faults.catalogue import FaultError, action_of
 from thumper_hil.faults.switches import Switches
 

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from thumper.geometry import Pose2
-from thumper_hil.chip.faulty import FaultyChip, SideFaults, WireFault
+from thumper.common.geometry import Pose2
+from thumper_hil.chip.chip_faults import FaultyChip, SideFaults, WireFault
 
 SIDES = {"left": 0, "right": 1}
 CHANNELS = {"a": 0, "b": 1}

@@ -8,9 +8,9 @@ from typing import Any
 
 import zenoh
 
-from thumper.bus.session import open_joiner
-from thumper.closable import Closable
-from thumper.errors import EXIT_NOT_THERE, ThumperError
+from thumper.bus.zenoh_session import open_joiner
+from thumper.common.closable import Closable
+from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 from thumper.ros.codec import Message, decode, encode
 from thumper.ros.topics import TOPICS
 

@@ -20,12 +20,12 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from thumper.bus.client import BusClient
-from thumper.bus.inbound import MOST_BYTES, json_object
-from thumper.bus.options import is_loopback
+from thumper.bus.request_decoder import MOST_BYTES, json_object
 from thumper.bus.rosbridge_ops import Conversation, Question
-from thumper.errors import EXIT_USAGE, ThumperError
+from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.config.bus import is_loopback
 from thumper.ros.codec import Message
-from thumper.ros.json_form import to_json
+from thumper.ros.to_json import to_json
 
 MOST_CLIENTS = 16
 MOST_QUEUED = 64  # of a client that is slow; the oldest go

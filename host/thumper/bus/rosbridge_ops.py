@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from thumper.bus.client import BusClient
-from thumper.bus.inbound import QUESTIONS
-from thumper.errors import ThumperError
+from thumper.bus.request_decoder import QUESTIONS
+from thumper.common.errors import ThumperError
 from thumper.ros.codec import encode
-from thumper.ros.json_form import from_json
+from thumper.ros.to_json import from_json
 from thumper.ros.topics import TOPICS, Direction
 
 LONGEST_THROTTLE_MS = 60_000

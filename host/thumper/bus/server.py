@@ -14,12 +14,12 @@ from typing import Any
 
 import zenoh
 
-from thumper.bus.inbound import QUESTIONS, Gate, RefusedError
-from thumper.bus.options import BusOptions
-from thumper.bus.session import open_listener
+from thumper.bus.request_decoder import QUESTIONS, Gate, RefusedError
+from thumper.bus.zenoh_session import open_listener
+from thumper.config.bus import BusOptions
 from thumper.ros.codec import Message, encode
 from thumper.ros.topics import TOPICS, Direction
-from thumper.service.inbox import Inbox
+from thumper.runtime.service.request_queue import Inbox
 
 MOST_QUEUED = 256  # about two seconds of everything
 

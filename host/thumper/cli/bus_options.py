@@ -9,7 +9,7 @@ import typer
 
 if TYPE_CHECKING:
     from thumper.bus.client import BusClient
-    from thumper.bus.options import BusOptions
+    from thumper.config.bus import BusOptions
 
 TOKEN_VARIABLE = "THUMPER_TOKEN"  # not an option: others can read a command line
 
@@ -29,8 +29,8 @@ def join(config: Path | None, address: str, robot: str) -> "BusClient":
         No such robot, or wrong options.
     """
     from thumper.bus.client import BusClient
-    from thumper.bus.options import ROBOT_NAME, split_address
-    from thumper.errors import EXIT_USAGE, ThumperError
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.config.bus import ROBOT_NAME, split_address
 
     if robot and not re.fullmatch(ROBOT_NAME, robot):
         raise ThumperError(
@@ -51,7 +51,7 @@ def token_of(config: Path | None) -> str:
 
 
 def _settings(config: Path | None) -> "tuple[str, BusOptions]":
-    from thumper.bus.options import USUAL_ROBOT, BusOptions
+    from thumper.config.bus import USUAL_ROBOT, BusOptions
 
     if config is None:  # reading the configuration takes a second that a stop does not have
         return USUAL_ROBOT, BusOptions()

@@ -24,10 +24,10 @@ def dashboard(
 
     The page speaks to `thumper run` over the bus and may be started before it.
     """
-    from thumper.bus.options import split_address
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.config.bus import split_address
+    from thumper.config.dashboard import checked, own_certificate
     from thumper.config.robot import load_config
-    from thumper.dashboard.options import checked, own_certificate
-    from thumper.errors import EXIT_USAGE, ThumperError
 
     settings = load_config(config)
     options = settings.dashboard
@@ -46,6 +46,6 @@ def dashboard(
     except ValueError as error:
         raise ThumperError(f"--robot-address {error}", exit_code=EXIT_USAGE) from error
     listening = checked(options)  # before the slow imports: what is wrong is said at once
-    from thumper.dashboard.start import run_dashboard
+    from thumper.dashboard.process import run_dashboard
 
     run_dashboard(settings, listening, address)

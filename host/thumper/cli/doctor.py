@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from thumper.doctor.check import Check
+from thumper.doctor.verdicts import Check
 
 KNOWN_USB = {
     (0x15D1, 0x0000): "Hokuyo lidar",
@@ -47,9 +47,9 @@ def doctor(
 
 def _checks(board: str, lidar: str, config: Path | None, seconds: float, spin: bool) -> Iterator[Check]:
     from thumper.config.robot import load_config, with_ports
-    from thumper.doctor.board import check_board
-    from thumper.doctor.lidar import check_lidar
-    from thumper.doctor.set_up import check_set_up
+    from thumper.doctor.board_checks import check_board
+    from thumper.doctor.host_checks import check_set_up
+    from thumper.doctor.lidar_checks import check_lidar
 
     settings = with_ports(load_config(config), board=board, lidar=lidar)
     yield from _computer()

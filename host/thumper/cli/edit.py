@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from thumper.geometry import Pose2
-    from thumper.mapping.grid import OccupancyGrid
-    from thumper.mapping.map_edit import Box
+    from thumper.common.geometry import Pose2
+    from thumper.maps.edit import Box
+    from thumper.maps.occupancy_grid import OccupancyGrid
 
 BOX = "X0,Y0,X1,Y1 in metres, in the map once turned"
 
@@ -41,13 +41,13 @@ def edit(
     First it is turned, then boxes are filled (free, wall, unknown), then it is cropped. A map whose origin
     has a yaw is turned so that it has none. The new map's session is made from it, to go on mapping in.
     """
-    from thumper.cli.output import prepare_output
-    from thumper.errors import EXIT_USAGE, ThumperError
-    from thumper.mapping.counts import Counts
-    from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN
-    from thumper.mapping.map_edit import cropped, filled, rotated, trimmed
-    from thumper.mapping.map_io import description_path, load_turned_map, save_map
-    from thumper.mapping.session import Session, save_session
+    from thumper.cli.output_folder import prepare_output
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.maps.edit import cropped, filled, rotated, trimmed
+    from thumper.maps.hit_counts import Counts
+    from thumper.maps.map_server_io import description_path, load_turned_map, save_map
+    from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
+    from thumper.slam.saved_state import Session, save_session
 
     boxes = [
         (word, state, [_box(f"--{option} {text}", text) for text in given or []])
@@ -98,9 +98,9 @@ def edit(
 
 def _saved_pose(file: Path, resolution_m: float, turn_rad: float) -> "Pose2 | None":
     """Where the session beside the map says that the robot was, in the map once turned."""
-    from thumper.errors import ThumperError
-    from thumper.geometry import Pose2
-    from thumper.mapping.session import load_session
+    from thumper.common.errors import ThumperError
+    from thumper.common.geometry import Pose2
+    from thumper.slam.saved_state import load_session
 
     try:
         pose = load_session(file.with_suffix(".session"), resolution_m).map_from_base
@@ -110,8 +110,8 @@ def _saved_pose(file: Path, resolution_m: float, turn_rad: float) -> "Pose2 | No
 
 
 def _box(option: str, text: str) -> "Box":
-    from thumper.errors import EXIT_USAGE, ThumperError
-    from thumper.mapping.map_edit import Box
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.maps.edit import Box
 
     try:
         x0_m, y0_m, x1_m, y1_m = map(float, text.split(","))
@@ -125,7 +125,7 @@ def _box(option: str, text: str) -> "Box":
 
 
 def _words(grid: "OccupancyGrid") -> str:
-    from thumper.mapping.grid import FREE, OCCUPIED, UNKNOWN
+    from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 
     rows, cols = grid.cells.shape
     count = {state: int((grid.cells == state).sum()) for state in (FREE, OCCUPIED, UNKNOWN)}

@@ -12,9 +12,10 @@ from thumper.cli.interrupted import interrupt_told
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from thumper.navigation.frontiers import Explorer
     from thumper.navigation.goal import Goal
-    from thumper.runtime import MissionResult, Runtime
+    from thumper.navigation.planners.frontier_exploration import Explorer
+    from thumper.runtime.drive_result import MissionResult
+    from thumper.runtime.loop import Runtime
 
 HOME_TOLERANCE_M = 0.15
 
@@ -49,19 +50,18 @@ def explore(
     """
     from rich.console import Console
 
-    from thumper.assembly import open_robot
-    from thumper.bounds import check_place
-    from thumper.bus.attach import on_bus_if_free
-    from thumper.cli.known import known_place
-    from thumper.cli.mission import print_notes, raise_if_interrupted
-    from thumper.cli.output import prepare_output
-    from thumper.cli.recorded import recorded
+    from thumper.bus.serve_robot import on_bus_if_free
+    from thumper.cli.drive_progress import print_notes, raise_if_interrupted
+    from thumper.cli.output_folder import prepare_output
+    from thumper.cli.record_option import recorded
+    from thumper.cli.run_report import write_run
+    from thumper.cli.start_map import known_place
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.common.geometry import Pose2
     from thumper.config.robot import load_config, with_ports
-    from thumper.errors import EXIT_USAGE, ThumperError
-    from thumper.geometry import Pose2
-    from thumper.navigation.frontiers import ExplorationOptions, Explorer
-    from thumper.navigation.goal import Goal
-    from thumper.report import write_run
+    from thumper.navigation.goal import Goal, check_place
+    from thumper.navigation.planners.frontier_exploration import ExplorationOptions, Explorer
+    from thumper.runtime.assembly import open_robot
 
     if start is not None and (session is None or not all(map(math.isfinite, start))):
         raise ThumperError(
@@ -105,9 +105,9 @@ def _explore(
 
     The result's time and way are those of all drives.
     """
-    from thumper.cli.mission import drive_with_progress
-    from thumper.errors import ThumperError
-    from thumper.navigation.output import NavigationState
+    from thumper.cli.drive_progress import drive_with_progress
+    from thumper.common.errors import ThumperError
+    from thumper.navigation.state import NavigationState
 
     # The first drive ends where it began: it makes the robot look round and gives the first map.
     result = drive_with_progress(robot, home, "look", console)
@@ -135,8 +135,8 @@ def _explore(
 
 def _home(robot: "Runtime", last: "MissionResult", home: "Goal", console: "Console") -> "MissionResult":
     """Drive home; a robot that cannot leaves what it has mapped all the same."""
-    from thumper.cli.mission import drive_with_progress
-    from thumper.errors import ThumperError
+    from thumper.cli.drive_progress import drive_with_progress
+    from thumper.common.errors import ThumperError
 
     try:
         back = drive_with_progress(robot, home, "home", console)
@@ -147,7 +147,7 @@ def _home(robot: "Runtime", last: "MissionResult", home: "Goal", console: "Conso
 
 def _here(robot: "Runtime") -> "Goal":
     """Where it stands, to come back to; raises ThumperError when it does not know that."""
-    from thumper.errors import ThumperError
+    from thumper.common.errors import ThumperError
     from thumper.navigation.goal import Goal
 
     situation = robot.look_round()

@@ -46,10 +46,10 @@ def flash(
     """Flash a board, read the flash back and compare, then shake hands with what runs on it."""
     from rich.console import Console
 
-    from thumper.errors import EXIT_USAGE, ThumperError
-    from thumper.firmware_image import firmware_image
-    from thumper.flashing import Job, flash_board
-    from thumper.link.board import Board
+    from thumper.board.board import Board
+    from thumper.board.firmware_image import firmware_image
+    from thumper.board.flashing import Job, flash_board
+    from thumper.common.errors import EXIT_USAGE, ThumperError
 
     if hex_file is not None and not hex_file.is_file():
         raise ThumperError(

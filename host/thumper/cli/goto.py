@@ -40,8 +40,8 @@ def goto(
 
     Leaves with 1 when the goal is refused or not reached.
     """
-    from thumper.bounds import check_place
-    from thumper.errors import EXIT_INTERRUPTED, EXIT_USAGE, ThumperError
+    from thumper.common.errors import EXIT_INTERRUPTED, EXIT_USAGE, ThumperError
+    from thumper.navigation.goal import check_place
 
     numbers = (x, y, yaw or 0.0, tolerance)
     if not all(map(math.isfinite, numbers)):

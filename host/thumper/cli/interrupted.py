@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from thumper.errors import EXIT_INTERRUPTED, ThumperError
+from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
 
 
 @contextmanager

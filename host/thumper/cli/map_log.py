@@ -60,14 +60,14 @@ def map_log(
     from rich.console import Console
     from rich.progress import Progress
 
-    from thumper.bounds import check_place
-    from thumper.cli.output import prepare_output
-    from thumper.errors import EXIT_USAGE, ThumperError
-    from thumper.geometry import Pose2
-    from thumper.mapping.map_log import map_log as build
-    from thumper.mapping.method import MappingOptions
-    from thumper.mapping.rbpf_mapper import RbpfOptions
-    from thumper.mapping.session import load_session
+    from thumper.cli.output_folder import prepare_output
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.common.geometry import Pose2
+    from thumper.navigation.goal import check_place
+    from thumper.offline.map_log import map_log as build
+    from thumper.slam.factory import MappingOptions
+    from thumper.slam.particle_filter.rbpf_mapper import RbpfOptions
+    from thumper.slam.saved_state import load_session
 
     if session is not None and method not in (None, "scan_match"):
         raise ThumperError(

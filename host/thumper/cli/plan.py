@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from thumper.geometry import FloatArray
-    from thumper.mapping.grid import OccupancyGrid
-    from thumper.navigation.costmap import Costmap
-    from thumper.navigation.planner import Planner
-    from thumper.navigation.queries import Query
+    from thumper.cli.plan_queries import Query
+    from thumper.common.geometry import FloatArray
+    from thumper.maps.occupancy_grid import OccupancyGrid
+    from thumper.navigation.costmap.costmap import Costmap
+    from thumper.navigation.planners.planner import Planner
 
     Answer = dict[str, object]
 
@@ -52,15 +52,15 @@ def plan(
 
     import numpy as np
 
+    from thumper.cli.plan_queries import Query, read_queries
+    from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.config.robot import load_config
-    from thumper.errors import EXIT_USAGE, ThumperError
-    from thumper.mapping.map_io import load_map
-    from thumper.navigation.categories import category_at
-    from thumper.navigation.costmap import build_costmap
-    from thumper.navigation.masks import is_closed, load_masks
-    from thumper.navigation.queries import Query, read_queries
+    from thumper.maps.map_server_io import load_map
+    from thumper.navigation.controllers.speed_limiter import SpeedRule
+    from thumper.navigation.costmap.costmap import build_costmap
+    from thumper.navigation.costmap.filters import is_closed, load_masks
+    from thumper.navigation.costmap.footprint_collision import category_at
     from thumper.navigation.registry import make_planner
-    from thumper.navigation.speed_rule import SpeedRule
 
     if batch is None and (start is None or goal is None):
         raise ThumperError(
@@ -129,11 +129,10 @@ def _answer(
     """What one question comes to, and its path."""
     import math
 
-    from thumper.bounds import check_place
-    from thumper.errors import EXIT_USAGE, ThumperError
-    from thumper.geometry import Pose2
-    from thumper.navigation.goal import Goal
-    from thumper.navigation.path import arc_lengths
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.common.geometry import Pose2
+    from thumper.navigation.goal import Goal, check_place
+    from thumper.navigation.planners.polyline import arc_lengths
 
     numbers = (*query.start_m, *query.goal_m, heading_deg, tolerance_m)
     if not all(map(math.isfinite, numbers)):
@@ -186,8 +185,8 @@ def _csv(answers: "list[Answer]") -> str:
 def _draw(grid: "OccupancyGrid", path_m: "FloatArray | None", png: Path, title: str) -> None:
     import numpy as np
 
-    from thumper.errors import EXIT_USAGE, ThumperError
-    from thumper.mapping.map_plot import plot_map
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.maps.plot import plot_map
 
     try:
         plot_map(grid, np.empty((0, 2)) if path_m is None else path_m, png, title)

@@ -25,11 +25,11 @@ def record(
     """
     import sys
 
-    from thumper.cli.output import prepare_output
+    from thumper.cli.output_folder import prepare_output
+    from thumper.common.errors import ThumperError
     from thumper.config.robot import load_config
-    from thumper.errors import ThumperError
-    from thumper.recording.on_bus import record_from_bus
-    from thumper.recording.recover import recover_apart
+    from thumper.recording.bus_recorder import record_from_bus
+    from thumper.recording.repair import recover_apart
 
     settings = load_config(config)
     folder = out or Path(settings.recording.folder)

@@ -12,8 +12,8 @@ def recover(
     ],
 ) -> None:
     """Make recordings whole that a crash or a full disk has torn; everything up to the tear is kept."""
-    from thumper.errors import EXIT_USAGE, ThumperError
-    from thumper.recording.recover import left_behind, recover_all
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.recording.repair import left_behind, recover_all
 
     paths = [path for place in places for path in (left_behind(place) if place.is_dir() else [place])]
     if not paths:
@@ -35,10 +35,10 @@ def export(
     png: Annotated[Path | None, typer.Option(help="A picture of the last map and the path driven.")] = None,
 ) -> None:
     """Turn a recording into tables (CSV), a map file, a picture."""
-    from thumper.cli.output import prepare_output
-    from thumper.errors import EXIT_USAGE, ThumperError
-    from thumper.mapping.map_io import description_path, save_map
-    from thumper.mapping.map_plot import plot_map
+    from thumper.cli.output_folder import prepare_output
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.maps.map_server_io import description_path, save_map
+    from thumper.maps.plot import plot_map
     from thumper.recording.export import export_csv, last_map
     from thumper.recording.reader import Recording, find_recordings
 

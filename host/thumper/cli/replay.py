@@ -26,21 +26,21 @@ def replay(
     """Give recorded wheels and scans to the robot's mapper again: the same inputs, the same map."""
     import csv
 
-    from thumper.cli.output import prepare_output
+    from thumper.cli.output_folder import prepare_output
+    from thumper.common.geometry import Pose2
     from thumper.config.robot import load_config
-    from thumper.geometry import Pose2
-    from thumper.mapping.map_io import save_map
-    from thumper.mapping.map_plot import plot_map
-    from thumper.mapping.session import Session, save_session
+    from thumper.maps.map_server_io import save_map
+    from thumper.maps.plot import plot_map
     from thumper.recording.reader import Recording, find_recordings
     from thumper.recording.replay import Replayed
     from thumper.recording.replay import replay as run
+    from thumper.slam.saved_state import Session, save_session
 
     recording = Recording(find_recordings(files))
     settings = load_config(config) if config else None
     prepare_output(out)
     if bus:
-        from thumper.recording.on_bus import replay_on_bus
+        from thumper.recording.bus_recorder import replay_on_bus
 
         result: Replayed = replay_on_bus(recording, settings, bus, speed or 1.0)
     else:

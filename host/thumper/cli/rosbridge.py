@@ -23,12 +23,12 @@ def rosbridge(
     import asyncio
     from contextlib import suppress
 
-    from thumper.bus.options import is_loopback
     from thumper.bus.rosbridge import Rosbridge
     from thumper.cli.bus_options import token_of
+    from thumper.config.bus import is_loopback
+    from thumper.config.dashboard import certificate_pair
     from thumper.config.robot import load_config
     from thumper.dashboard.certificate import server_tls
-    from thumper.dashboard.options import certificate_pair
 
     settings = load_config(config)
     port = port or settings.bus.rosbridge_port

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from thumper.config.robot import RobotConfig
-    from thumper.runtime import Runtime
+    from thumper.runtime.loop import Runtime
 
 
 @interrupt_told()
@@ -76,20 +76,19 @@ def run(
     """
     from rich.console import Console
 
-    from thumper.assembly import open_robot
-    from thumper.bounds import check_place
-    from thumper.bus.attach import on_bus_if_free
-    from thumper.cli.known import known_place
-    from thumper.cli.mission import drive_with_progress, print_notes
-    from thumper.cli.output import prepare_output
-    from thumper.cli.recorded import recorded
+    from thumper.bus.serve_robot import on_bus_if_free
+    from thumper.cli.drive_progress import drive_with_progress, print_notes
+    from thumper.cli.output_folder import prepare_output
+    from thumper.cli.record_option import recorded
+    from thumper.cli.run_report import write_run
+    from thumper.cli.start_map import known_place
+    from thumper.common.errors import EXIT_INTERRUPTED, EXIT_USAGE, ThumperError
+    from thumper.common.geometry import Pose2
     from thumper.config.robot import load_config, with_ports
-    from thumper.dashboard.start import beside
-    from thumper.errors import EXIT_INTERRUPTED, EXIT_USAGE, ThumperError
-    from thumper.geometry import Pose2
-    from thumper.itinerary import Itinerary, follow
-    from thumper.navigation.goal import Goal
-    from thumper.report import write_run
+    from thumper.dashboard.process import beside
+    from thumper.navigation.goal import Goal, check_place
+    from thumper.runtime.assembly import open_robot
+    from thumper.runtime.drive.waypoints import Itinerary, follow
 
     places = [*map(_place, waypoint or []), *([goal] if goal else [])]
     if not all(map(math.isfinite, (*chain(*places), *(start or ()), tolerance, heading or 0.0))):
@@ -144,11 +143,11 @@ def run(
 
 
 def _serve(robot: "Runtime", settings: "RobotConfig", speed: float, out: Path, console: "Console") -> None:
-    from thumper.bus.attach import on_bus
-    from thumper.cli.mission import print_notes
-    from thumper.mapping.session import Session
-    from thumper.service.map_saver import MapSaver
-    from thumper.service.requests import Notice
+    from thumper.bus.serve_robot import on_bus
+    from thumper.cli.drive_progress import print_notes
+    from thumper.runtime.requests import Notice
+    from thumper.runtime.service.map_saver import MapSaver
+    from thumper.slam.saved_state import Session
 
     def tell(text: str, good: bool) -> None:
         robot.inbox.put(Notice(text=text, good=good))
@@ -167,7 +166,7 @@ def _serve(robot: "Runtime", settings: "RobotConfig", speed: float, out: Path, c
 
 
 def _place(text: str) -> tuple[float, float]:
-    from thumper.errors import EXIT_USAGE, ThumperError
+    from thumper.common.errors import EXIT_USAGE, ThumperError
 
     try:
         x_m, y_m = map(float, text.split(","))

@@ -13,9 +13,9 @@ def save(config: Config = None, bus: Address = "", robot: Robot = "") -> None:
 
     Leaves with 1 when that fails.
     """
-    from thumper.bus.pulse import Pulse
-    from thumper.errors import ThumperError
-    from thumper.service.map_saver import NOT_SAVED, SAVED
+    from thumper.bus.heartbeat_sender import Pulse
+    from thumper.common.errors import ThumperError
+    from thumper.runtime.service.map_saver import NOT_SAVED, SAVED
 
     told: queue.Queue[str] = queue.Queue()
     with join(config, bus, robot) as client:

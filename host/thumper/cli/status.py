@@ -26,8 +26,8 @@ def status(
     robot: Robot = "",
 ) -> None:
     """Tell what a running robot does, whether it maps or localises, and how its parts keep up."""
-    from thumper.errors import EXIT_NOT_THERE, ThumperError
-    from thumper.ros.json_form import to_json
+    from thumper.common.errors import EXIT_NOT_THERE, ThumperError
+    from thumper.ros.to_json import to_json
 
     heard = threading.Event()
     newest: list[Any] = []
@@ -88,11 +88,11 @@ def watch(
     """Print the messages of a topic of a running robot as they come."""
     import queue
 
-    from thumper.bus.pulse import Pulse
-    from thumper.errors import EXIT_USAGE, ThumperError
-    from thumper.ros.json_form import to_json
+    from thumper.bus.heartbeat_sender import Pulse
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.ros.to_json import to_json
+    from thumper.ros.to_text import in_words
     from thumper.ros.topics import TOPICS
-    from thumper.ros.words import in_words
 
     if topic not in TOPICS:
         raise ThumperError(f"no topic {topic!r}; there are {', '.join(TOPICS)}", exit_code=EXIT_USAGE)

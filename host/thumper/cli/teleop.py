@@ -9,9 +9,9 @@ import typer
 from thumper.cli.bus_options import Address, Config, Robot, join
 
 if TYPE_CHECKING:
-    from thumper.bus.pulse import Pulse
-    from thumper.teleop.drive import Driver
+    from thumper.bus.heartbeat_sender import Pulse
     from thumper.teleop.gamepad import Gamepad
+    from thumper.teleop.teleop_loop import Driver
 
 LINE_PERIOD_S = 0.2
 HELP = """r: arm, then hold a key to drive:   u i o    (or the arrow keys; with Shift: turbo)
@@ -33,11 +33,11 @@ def teleop(
     The robot drives only while a key or the pad's button is held. Without either, or when this program, the
     pad or the network fails, it stands within half a second.
     """
-    from thumper.bus.pulse import Pulse
+    from thumper.bus.heartbeat_sender import Pulse
+    from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.config.robot import load_config
-    from thumper.errors import EXIT_USAGE, ThumperError
-    from thumper.teleop.drive import Driver
-    from thumper.teleop.terminal import raw_terminal
+    from thumper.teleop.keyboard import raw_terminal
+    from thumper.teleop.teleop_loop import Driver
 
     settings = load_config(config)
     heard: dict[str, str] = {}
@@ -89,7 +89,7 @@ def _drive(
 
 
 def _gamepad(stack: ExitStack) -> "Gamepad | None":
-    from thumper.errors import ThumperError
+    from thumper.common.errors import ThumperError
     from thumper.teleop.gamepad import Gamepad
 
     try:

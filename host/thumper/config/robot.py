@@ -1,67 +1,29 @@
 """Read the robot's TOML and check every key, type and range. Nothing unknown is ignored."""
 
-import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 from urllib.parse import urlsplit
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Gt, Le
 from pydantic import StringConstraints, TypeAdapter
 
-from thumper.bus.options import ROBOT_NAME, BusOptions
-from thumper.config.checked import read_checked
-from thumper.dashboard.options import DashboardOptions
-from thumper.errors import EXIT_USAGE, ThumperError
-from thumper.geometry import Pose2
-from thumper.kinematics import DriveGeometry
-from thumper.lidar.ld19 import Ld19Options
-from thumper.lidar.urg04lx import Urg04LxOptions
-from thumper.localization.options import AmclOptions
-from thumper.mapping.method import MappingOptions
+from thumper.board.options import BoardConfig
+from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.kinematics import DriveGeometry
+from thumper.common.strict_toml import read_checked
+from thumper.config.bus import ROBOT_NAME, BusOptions
+from thumper.config.dashboard import DashboardOptions
+from thumper.config.manual_drive import ServiceOptions
+from thumper.config.recording import RecordingOptions
+from thumper.config.teleop import TeleopOptions
+from thumper.lidar.options import LidarConfig
 from thumper.navigation.footprint import Footprint
-from thumper.navigation.lidar_view import LidarView
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.registry import check_names
 from thumper.odometry.imu import ImuOptions
-from thumper.recording.options import RecordingOptions
-from thumper.service.options import ServiceOptions
-from thumper.teleop.options import TeleopOptions
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BoardConfig:
-    """Where the motor board is."""
-
-    port: str = "/dev/ttyUSB0"
-    baud: Literal[250_000, 500_000] = 500_000
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LidarConfig:
-    """Which lidar, on which port, and where on the robot (base_link: between the middle wheels)."""
-
-    model: Literal["urg04lx", "ld19"] = "urg04lx"
-    port: str = "/dev/ttyACM0"
-    baud: Annotated[int, Ge(0)] = 0  # 0: the model's own; ignored by USB lidars
-    x_m: float = 0.12
-    y_m: float = 0.0
-    yaw_deg: Annotated[float, Ge(-180), Le(180)] = 0.0
-    urg04lx: Urg04LxOptions = field(default_factory=Urg04LxOptions)
-    ld19: Ld19Options = field(default_factory=Ld19Options)
-
-    @property
-    def base_from_laser(self) -> Pose2:
-        """The mounting as a transform."""
-        return Pose2(x_m=self.x_m, y_m=self.y_m, theta_rad=math.radians(self.yaw_deg))
-
-    @property
-    def view(self) -> LidarView:
-        """What it can see, by its model's data sheet."""
-        opening_deg, range_m = {"urg04lx": (240.0, 4.0), "ld19": (360.0, 12.0)}[self.model]
-        return LidarView(
-            base_from_laser=self.base_from_laser, opening_rad=math.radians(opening_deg), range_m=range_m
-        )
+from thumper.slam.factory import MappingOptions
+from thumper.slam.localization.options import AmclOptions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

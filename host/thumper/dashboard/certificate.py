@@ -7,7 +7,7 @@ import socket
 import ssl
 from pathlib import Path
 
-from thumper.errors import EXIT_USAGE, ThumperError
+from thumper.common.errors import EXIT_USAGE, ThumperError
 
 VALID_DAYS = 825  # browsers refuse longer ones
 BACKDATED = datetime.timedelta(days=1)  # the clients' clocks may be behind

@@ -8,9 +8,9 @@ from typing import Any
 
 from nicegui import ui
 
-from thumper.dashboard.page_parts import box, button
-from thumper.dashboard.parameters import DOCS, Parameter, Parameters
-from thumper.errors import ThumperError
+from thumper.common.errors import ThumperError
+from thumper.dashboard.board_parameters import DOCS, Parameter, Parameters
+from thumper.dashboard.widgets import box, button
 
 SHOWN_DIGITS = 3
 RETRY_S = 2.0  # the robot may come later than the page

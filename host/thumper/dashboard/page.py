@@ -8,10 +8,10 @@ from typing import Any
 
 from nicegui import ui
 
+from thumper.dashboard.board_parameters import Asker, Parameters
 from thumper.dashboard.gains_panel import GainsPanel
-from thumper.dashboard.page_parts import STATIC, Part, box, button, inline
-from thumper.dashboard.parameters import Asker, Parameters
 from thumper.dashboard.simulator_panel import SimulatorPanel
+from thumper.dashboard.widgets import STATIC, Part, box, button, inline
 
 FIGURES = (
     ("telemetry_age", "Board heard", "age of the newest telemetry"),

@@ -4,7 +4,7 @@ from collections import deque
 
 import numpy as np
 
-from thumper.geometry import FloatArray, Pose2
+from thumper.common.geometry import FloatArray, Pose2
 
 KEPT_POSES = 30  # three seconds at 10 Hz; a scan is a tenth of a second old
 

@@ -14,18 +14,18 @@ from nicegui import app as nicegui_app
 from nicegui import ui
 from starlette.middleware import Middleware
 
-from thumper.bus.options import is_loopback
-from thumper.dashboard.access import Access
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import Pose2
+from thumper.config.bus import is_loopback
+from thumper.config.dashboard import Listening
+from thumper.dashboard.bus_link import RobotLink
 from thumper.dashboard.certificate import server_tls
-from thumper.dashboard.helm import Helm, TeleopLimits
-from thumper.dashboard.hub import Hub
-from thumper.dashboard.options import Listening
+from thumper.dashboard.connections import Hub
+from thumper.dashboard.login import Access
 from thumper.dashboard.page import PageOptions, build_page
-from thumper.dashboard.page_parts import STATIC
-from thumper.dashboard.robot_link import RobotLink
-from thumper.dashboard.view import TOPICS, View
-from thumper.errors import ThumperError
-from thumper.geometry import Pose2
+from thumper.dashboard.page_commands import Helm, TeleopLimits
+from thumper.dashboard.page_state import TOPICS, View
+from thumper.dashboard.widgets import STATIC
 
 EXPERIMENT_PERIOD_S = 0.5
 REPORT_POLICY = "sandbox; default-src 'none'; img-src data:; style-src 'unsafe-inline'"

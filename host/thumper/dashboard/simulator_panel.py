@@ -8,9 +8,9 @@ from typing import Any
 
 from nicegui import ui
 
-from thumper.dashboard.page_parts import box, button, inline
-from thumper.dashboard.parameters import Asker
-from thumper.errors import ThumperError
+from thumper.common.errors import ThumperError
+from thumper.dashboard.board_parameters import Asker
+from thumper.dashboard.widgets import box, button, inline
 
 SPEEDS = (0.25, 0.5, 1.0, 2.0, 5.0)
 LOOK_PERIOD_S = 2.0  # the robot may come later than the page, and other pages order faults too

@@ -8,14 +8,20 @@ import numpy as np
 import serial
 from annotated_types import Ge, Le
 
-from thumper.closable import Closable
-from thumper.errors import EXIT_NOT_THERE, ThumperError
+from thumper.common.closable import Closable
+from thumper.common.errors import EXIT_NOT_THERE, ThumperError
+from thumper.common.serial_port import clock_of
+from thumper.lidar.clock import StampFit
 from thumper.lidar.driver import LidarCounters
-from thumper.lidar.ld19_frame import FRAME_BYTES, STAMP_WRAP_MS, FrameCutter, Ld19Frame
-from thumper.lidar.ld19_turn import Turn, TurnAssembler
+from thumper.lidar.ld19_protocol import (
+    FRAME_BYTES,
+    STAMP_WRAP_MS,
+    FrameCutter,
+    Ld19Frame,
+    Turn,
+    TurnAssembler,
+)
 from thumper.lidar.scan import Scan
-from thumper.lidar.stamps import StampFit
-from thumper.link.port import clock_of
 
 BAUD = 230_400
 POINT_S = 1.0 / 4500.0

@@ -1,9 +1,9 @@
 """Open the lidar that a configuration names, with the driver of its model."""
 
-from thumper.config.robot import LidarConfig
+from thumper.common.serial_port import open_port
 from thumper.lidar import ld19, urg04lx
 from thumper.lidar.driver import LidarDriver
-from thumper.link.port import open_port
+from thumper.lidar.options import LidarConfig
 
 
 def open_lidar(config: LidarConfig) -> LidarDriver:

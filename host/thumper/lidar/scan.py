@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thumper.geometry import FloatArray
-from thumper.ros.stamps import rounded_s
+from thumper.common.geometry import FloatArray
+from thumper.common.stamps import rounded_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

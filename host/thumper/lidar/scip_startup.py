@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from thumper.errors import EXIT_NOT_THERE, ThumperError
+from thumper.common.errors import EXIT_NOT_THERE, ThumperError
+from thumper.lidar.clock import StampFit
 from thumper.lidar.scip import STATUS_OK, ScipError, parse_table, parse_time
 from thumper.lidar.scip_port import ScipPort
-from thumper.lidar.stamps import StampFit
 
 REPLY_TIMEOUT_S = 0.3
 PARAMETER_TRIES = 3

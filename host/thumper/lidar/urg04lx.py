@@ -8,9 +8,11 @@ import numpy as np
 import serial
 from annotated_types import Ge, Le
 
-from thumper.closable import Closable
-from thumper.errors import EXIT_NOT_THERE, ThumperError
-from thumper.geometry import FloatArray
+from thumper.common.closable import Closable
+from thumper.common.errors import EXIT_NOT_THERE, ThumperError
+from thumper.common.geometry import FloatArray
+from thumper.common.serial_port import clock_of
+from thumper.lidar.clock import StampFit
 from thumper.lidar.driver import LidarCounters
 from thumper.lidar.scan import Scan
 from thumper.lidar.scip import (
@@ -25,8 +27,6 @@ from thumper.lidar.scip import (
 )
 from thumper.lidar.scip_port import ScipPort
 from thumper.lidar.scip_startup import light_laser, read_geometry, stop_and_identify, sync_clock
-from thumper.lidar.stamps import StampFit
-from thumper.link.port import clock_of
 
 BAUD = 115_200  # for units with a serial line; USB ones ignore it
 CODES_BELOW_MM = 20

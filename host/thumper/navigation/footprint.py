@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thumper.geometry import FloatArray
+from thumper.common.geometry import FloatArray
 
 WILD_THUMPER_M = ((-0.21, -0.1225), (0.21, -0.1225), (0.21, 0.1225), (-0.21, 0.1225))
 

@@ -3,7 +3,25 @@
 import math
 from dataclasses import dataclass
 
-from thumper.geometry import Pose2, wrap_angle
+from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.geometry import Pose2, wrap_angle
+
+FARTHEST_M = 1000.0
+
+
+def check_place(what: str, x_m: float, y_m: float) -> None:
+    """Refuse a place in `map` that no robot drives to; `what` names it.
+
+    Raises
+    ------
+    ThumperError
+        It is farther than 1000 m from the map's origin, or no number.
+    """
+    if not math.hypot(x_m, y_m) <= FARTHEST_M:
+        raise ThumperError(
+            f"{what} ({x_m:g}, {y_m:g}) is farther than {FARTHEST_M:g} m from the map's origin",
+            exit_code=EXIT_USAGE,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

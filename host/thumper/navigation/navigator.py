@@ -7,31 +7,30 @@ from collections.abc import Callable
 
 import numpy as np
 
-from thumper.geometry import FloatArray, Pose2, Twist2
-from thumper.kinematics import DriveGeometry
-from thumper.mapping.grid import OccupancyGrid
-from thumper.navigation.arrival import Arrival
-from thumper.navigation.bearings import Bearings
-from thumper.navigation.controller import ControlRequest, ControlResult
-from thumper.navigation.costmap import Costmap
-from thumper.navigation.fine_approach import FineApproach
-from thumper.navigation.follower import Follower
+from thumper.common.geometry import FloatArray, Pose2, Twist2
+from thumper.common.kinematics import DriveGeometry
+from thumper.lidar.field_of_view import LidarView
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.controllers.controller import ControlRequest, ControlResult
+from thumper.navigation.controllers.final_approach import FineApproach
+from thumper.navigation.controllers.goal_checker import Arrival
+from thumper.navigation.controllers.path_follower import Follower
+from thumper.navigation.controllers.speed_limiter import SpeedRule
+from thumper.navigation.controllers.tight_passage import Manoeuvre
+from thumper.navigation.costmap.costmap import Costmap
+from thumper.navigation.costmap.filters import load_masks
+from thumper.navigation.costmap.local_model import Surroundings
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
-from thumper.navigation.guard import Guard
-from thumper.navigation.lattice import LatticePlanner
-from thumper.navigation.lidar_view import LidarView
-from thumper.navigation.manoeuvre import Manoeuvre
-from thumper.navigation.masks import load_masks
 from thumper.navigation.options import NavigationOptions
-from thumper.navigation.output import NavigationOutput, NavigationState
-from thumper.navigation.patience import Patience
-from thumper.navigation.recovery import is_still
+from thumper.navigation.planners.lattice import LatticePlanner
+from thumper.navigation.planners.replanning import Route
+from thumper.navigation.recovery.motion_watchdog import Bearings
+from thumper.navigation.recovery.recovery_policy import Patience
 from thumper.navigation.registry import make_controller, make_planner
-from thumper.navigation.route import Route
-from thumper.navigation.speed_rule import SpeedRule
-from thumper.navigation.surroundings import Surroundings
-from thumper.navigation.transitions import Transition, TransitionLog
+from thumper.navigation.safety.command_filter import Guard
+from thumper.navigation.speed_limits import is_still
+from thumper.navigation.state import NavigationOutput, NavigationState, Transition, TransitionLog
 
 __all__ = ["NavigationOutput", "NavigationState", "Navigator"]
 

@@ -5,23 +5,23 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt
 
-from thumper.navigation.astar import AStarOptions
-from thumper.navigation.cascade import CascadeOptions
-from thumper.navigation.costmap import CostmapOptions
-from thumper.navigation.dwa import DwaOptions
-from thumper.navigation.lattice import LatticeOptions
-from thumper.navigation.limits import SpeedLimits
-from thumper.navigation.manoeuvre import ManoeuvreOptions
-from thumper.navigation.masks import MaskOptions
-from thumper.navigation.memory import MemoryOptions
-from thumper.navigation.monitor import MonitorOptions
-from thumper.navigation.mppi import MppiOptions
-from thumper.navigation.navfn import NavfnOptions
-from thumper.navigation.progress import ProgressOptions
-from thumper.navigation.pure_pursuit import PurePursuitOptions
-from thumper.navigation.recovery import RecoveryOptions
-from thumper.navigation.route import RouteOptions
-from thumper.navigation.traffic import TrafficOptions
+from thumper.navigation.controllers.dwa import DwaOptions
+from thumper.navigation.controllers.mppi import MppiOptions
+from thumper.navigation.controllers.pure_pursuit import PurePursuitOptions
+from thumper.navigation.controllers.tight_passage import ManoeuvreOptions
+from thumper.navigation.controllers.trajectory_tracker import CascadeOptions
+from thumper.navigation.costmap.costmap import CostmapOptions
+from thumper.navigation.costmap.filters import MaskOptions
+from thumper.navigation.costmap.obstacle_memory import MemoryOptions
+from thumper.navigation.planners.astar import AStarOptions
+from thumper.navigation.planners.lattice import LatticeOptions
+from thumper.navigation.planners.navfn import NavfnOptions
+from thumper.navigation.planners.replanning import RouteOptions
+from thumper.navigation.recovery.behaviors import RecoveryOptions
+from thumper.navigation.recovery.progress_checker import ProgressOptions
+from thumper.navigation.safety.collision_monitor import MonitorOptions
+from thumper.navigation.safety.dynamic_obstacles import TrafficOptions
+from thumper.navigation.speed_limits import SpeedLimits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

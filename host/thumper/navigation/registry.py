@@ -2,21 +2,19 @@
 
 from collections.abc import Callable, Mapping
 
-from thumper.errors import EXIT_USAGE, ThumperError
-from thumper.navigation.astar import AStarPlanner
-from thumper.navigation.carrot import CarrotPlanner
-from thumper.navigation.cascade import CascadeController
-from thumper.navigation.controller import Controller
-from thumper.navigation.dwa import DwaController
+from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.navigation.controllers.controller import Controller
+from thumper.navigation.controllers.dwa import DwaController, TrajectoryRolloutController
+from thumper.navigation.controllers.mppi import MppiController
+from thumper.navigation.controllers.pure_pursuit import PurePursuitController
+from thumper.navigation.controllers.trajectory_tracker import CascadeController, FreeWayController
 from thumper.navigation.footprint import Footprint
-from thumper.navigation.free_way import FreeWayController
-from thumper.navigation.lattice import LatticePlanner
-from thumper.navigation.mppi import MppiController
-from thumper.navigation.navfn import NavfnPlanner
 from thumper.navigation.options import NavigationOptions
-from thumper.navigation.planner import Planner
-from thumper.navigation.pure_pursuit import PurePursuitController
-from thumper.navigation.trajectory_rollout import TrajectoryRolloutController
+from thumper.navigation.planners.astar import AStarPlanner
+from thumper.navigation.planners.carrot import CarrotPlanner
+from thumper.navigation.planners.lattice import LatticePlanner
+from thumper.navigation.planners.navfn import NavfnPlanner
+from thumper.navigation.planners.planner import Planner
 
 PLANNERS: Mapping[str, Callable[[NavigationOptions, Footprint], Planner]] = {
     "carrot": lambda _options, footprint: CarrotPlanner(footprint),

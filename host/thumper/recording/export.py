@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from thumper.errors import EXIT_USAGE, ThumperError
-from thumper.geometry import FloatArray
-from thumper.mapping.grid import OccupancyGrid
+from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.geometry import FloatArray
+from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.recording.reader import Recording
-from thumper.ros import parse
+from thumper.ros import from_ros
 from thumper.ros.codec import Message
 from thumper.ros.topics import TOPICS
 
@@ -78,9 +78,9 @@ def last_map(recording: Recording) -> tuple[OccupancyGrid, FloatArray]:
             continue
         with suppress(ValueError):
             if said.topic == "map":
-                grid = parse.grid_of(said.message())
+                grid = from_ros.grid_of(said.message())
             else:
-                pose = parse.pose_of(said.message().pose.pose)
+                pose = from_ros.pose_of(said.message().pose.pose)
                 poses.append((pose.x_m, pose.y_m))
     if grid is None:
         raise ThumperError(

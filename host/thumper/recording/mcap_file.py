@@ -11,7 +11,7 @@ from typing import IO
 
 from mcap.writer import CompressionType, Writer
 
-from thumper import __version__
+from thumper.common.version import __version__
 from thumper.ros.codec import definition
 
 PART = ".part"

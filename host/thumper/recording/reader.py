@@ -7,11 +7,11 @@ from pathlib import Path
 
 from mcap.records import Channel, Message, Metadata, Schema
 
-from thumper.errors import EXIT_USAGE, ThumperError
-from thumper.recording.folder import MAGIC
+from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.recording.disk_budget import MAGIC
 from thumper.recording.mcap_file import PART
-from thumper.recording.recover import records_until_error
-from thumper.recording.session import METADATA_NAME, Session, session_of
+from thumper.recording.repair import records_until_error
+from thumper.recording.run_metadata import METADATA_NAME, Session, session_of
 from thumper.ros import codec
 
 

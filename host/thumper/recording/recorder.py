@@ -7,12 +7,12 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from thumper.recording.folder import make_room, new_name
+from thumper.common.stamps import stamp_ns
+from thumper.config.recording import RecordingOptions
+from thumper.recording.disk_budget import make_room, new_name
 from thumper.recording.mcap_file import McapFile
-from thumper.recording.options import RecordingOptions
-from thumper.recording.session import METADATA_NAME, Session
+from thumper.recording.run_metadata import METADATA_NAME, Session
 from thumper.ros.codec import Message, encode
-from thumper.ros.stamps import stamp_ns
 from thumper.ros.topics import TOPICS
 
 MB = 1_000_000.0

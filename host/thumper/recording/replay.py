@@ -6,16 +6,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.geometry import FloatArray
 from thumper.config.robot import RobotConfig
-from thumper.errors import EXIT_USAGE, ThumperError
-from thumper.geometry import FloatArray
-from thumper.mapping.grid import OccupancyGrid
-from thumper.mapping.method import PathMapper, make_mapper
-from thumper.perception import Perception
+from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.recording.reader import Recording, Said
-from thumper.ros import parse
+from thumper.ros import from_ros
 from thumper.ros.codec import Message
 from thumper.ros.topics import TOPICS
+from thumper.runtime.state_estimator import Perception
+from thumper.slam.factory import PathMapper, make_mapper
 
 
 @dataclass(slots=True, kw_only=True)
@@ -72,15 +72,15 @@ def replay(
         try:
             message = said.message()
             if said.topic == "wheels":
-                sample = parse.telemetry_of(message, session.epoch_ns)
+                sample = from_ros.telemetry_of(message, session.epoch_ns)
                 _note_pose(out, perception)  # of the beat before: its scans have come meanwhile
                 perception.add_telemetry(sample)
             elif said.topic == "scan":
-                perception.add_scan(parse.scan_of(message, session.epoch_ns))
-            elif said.topic == "map" and comparable and parse.stamp_ns_of(message) != compared_ns:
-                compared_ns = parse.stamp_ns_of(message)  # each new file begins with the map before it
+                perception.add_scan(from_ros.scan_of(message, session.epoch_ns))
+            elif said.topic == "map" and comparable and from_ros.stamp_ns_of(message) != compared_ns:
+                compared_ns = from_ros.stamp_ns_of(message)  # each new file begins with the map before it
                 out.maps_recorded += 1
-                out.maps_same += _same(parse.grid_of(message), mapper.grid())
+                out.maps_same += _same(from_ros.grid_of(message), mapper.grid())
         except (ValueError, KeyError):
             out.unreadable += 1
             continue

@@ -10,7 +10,7 @@ from typing import Any
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from thumper.ros.definitions import OWN_MESSAGES
+from thumper.ros.custom_messages import OWN_MESSAGES
 
 Message = Any  # a dataclass that `rosbags` generates from the definition, with `__msgtype__`
 

@@ -4,9 +4,9 @@ import os
 from dataclasses import dataclass
 from typing import Any
 
-from thumper.extras import need
-from thumper.teleop.keys import Action
-from thumper.teleop.stick import Stick
+from thumper.common.optional_packages import need
+from thumper.teleop.joystick_curve import Stick
+from thumper.teleop.keyboard import Action
 
 FULL = 32767.0
 LEFT_Y, RIGHT_X = 1, 2  # SDL's numbers of the axes, the same for every pad ...

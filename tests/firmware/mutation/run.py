@@ -23,7 +23,6 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 
-from tests.firmware import speaker  # noqa: F401  imported once, here, for every process to come
 from tests.firmware.mutation.mutants import CORE, Mutant, mutants
 
 TESTS = Path(__file__).resolve().parents[1]

@@ -11,19 +11,19 @@ import numpy as np
 import pytest
 
 from tests.live import free_port, until
-from thumper.bus import pulse
+from thumper.bus import heartbeat_sender
 from thumper.bus.client import BusClient
-from thumper.bus.options import USUAL_ROBOT, BusOptions, is_loopback
 from thumper.bus.server import MOST_QUEUED, BusServer
 from thumper.cli.status import watch
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import Twist2
+from thumper.config.bus import USUAL_ROBOT, BusOptions, is_loopback
 from thumper.config.robot import RobotConfig
-from thumper.errors import ThumperError
-from thumper.geometry import Twist2
-from thumper.mapping.grid import OccupancyGrid
-from thumper.ros.convert import Messages, flag, text
+from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.ros.status import Status
-from thumper.service.inbox import Inbox
-from thumper.service.requests import Ask, Channel, EmergencyStop, Request, Velocity
+from thumper.ros.to_ros import Messages, flag, text
+from thumper.runtime.requests import Ask, Channel, EmergencyStop, Request, Velocity
+from thumper.runtime.service.request_queue import Inbox
 
 M = Messages()
 GRID = OccupancyGrid(
@@ -153,7 +153,7 @@ def test_a_refusal_is_told_in_words(robot: Robot, client: BusClient) -> None:
 def test_who_watches_a_robot_that_is_gone_is_told(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, *, talked: bool, words: str
 ) -> None:
-    monkeypatch.setattr(pulse, "SILENCE_S", 0.2)
+    monkeypatch.setattr(heartbeat_sender, "SILENCE_S", 0.2)
     if talked:
         robot.server.publish("status", 0.0, M.status(Status(time_s=0.0)))
         until(lambda: robot.server.figures.sent == 1)
@@ -165,7 +165,7 @@ def test_who_watches_a_robot_that_is_gone_is_told(
 def test_who_watches_an_idle_robot_is_told_that_it_is_there(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(pulse, "SILENCE_S", 0.2)
+    monkeypatch.setattr(heartbeat_sender, "SILENCE_S", 0.2)
     robot.server.publish("status", 0.0, M.status(Status(time_s=0.0)))
     until(lambda: robot.server.figures.sent == 1)
     with pytest.raises(ThumperError, match="says nothing any more"):
@@ -180,14 +180,14 @@ def test_a_robot_that_says_nothing_of_the_topic_is_not_gone(
     robot: Robot, client: BusClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock_s = [10.0]
-    monkeypatch.setattr(pulse, "time", SimpleNamespace(monotonic=lambda: clock_s[0]))
-    alive = pulse.Pulse(client)
-    clock_s[0] += 0.9 * pulse.SILENCE_S
+    monkeypatch.setattr(heartbeat_sender, "time", SimpleNamespace(monotonic=lambda: clock_s[0]))
+    alive = heartbeat_sender.Pulse(client)
+    clock_s[0] += 0.9 * heartbeat_sender.SILENCE_S
     robot.server.publish("status", 0.0, M.status(Status(time_s=0.0)))
     until(lambda: alive.has_talked)
-    clock_s[0] += 0.9 * pulse.SILENCE_S
+    clock_s[0] += 0.9 * heartbeat_sender.SILENCE_S
     alive.check()
-    clock_s[0] += 0.2 * pulse.SILENCE_S
+    clock_s[0] += 0.2 * heartbeat_sender.SILENCE_S
     with pytest.raises(ThumperError, match="'r1' says nothing any more"):
         alive.check()
 

@@ -20,11 +20,11 @@ from tests.host.bus.test_bus import GRID, TOKEN, M, Robot
 from tests.live import until
 from thumper.bus.client import BusClient
 from thumper.bus.rosbridge import Rosbridge
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import Twist2
 from thumper.dashboard.certificate import make_certificate, server_tls
-from thumper.errors import ThumperError
-from thumper.geometry import Twist2
 from thumper.lidar.scan import Scan
-from thumper.service.requests import Ask, Channel, EmergencyStop, Request, Velocity
+from thumper.runtime.requests import Ask, Channel, EmergencyStop, Request, Velocity
 
 
 class Bridge:

@@ -5,8 +5,8 @@ from typing import cast
 import pytest
 import serial
 
-from tests.host.lidar.test_ld19_frame import PUBLISHED
-from thumper.errors import ThumperError
+from tests.host.lidar.test_ld19_protocol import PUBLISHED
+from thumper.common.errors import ThumperError
 from thumper.lidar.ld19 import Ld19Driver
 
 

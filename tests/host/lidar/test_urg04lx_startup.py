@@ -6,7 +6,7 @@ from typing import cast
 import pytest
 import serial
 
-from thumper.errors import ThumperError
+from thumper.common.errors import ThumperError
 from thumper.lidar.scip import checksum
 from thumper.lidar.urg04lx import Urg04LxDriver
 

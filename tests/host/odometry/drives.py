@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
-from thumper.geometry import Pose2
-from thumper.kinematics import DriveGeometry
-from thumper.odometry.fused import FusedOdometry
+from thumper.common.geometry import Pose2
+from thumper.common.kinematics import DriveGeometry
+from thumper.odometry.gyro_ekf import FusedOdometry
 from thumper.odometry.imu import ImuOptions, ImuSample
-from thumper.odometry.odometry import Odometry, OdometryOptions, advance
+from thumper.odometry.wheel_odometry import Odometry, OdometryOptions, advance
 
 GEOMETRY, WHEELS, IMU = DriveGeometry(counts_per_rev=1_200_000), OdometryOptions(), ImuOptions()
 STEP_S, PER_STEP = 0.02, 2

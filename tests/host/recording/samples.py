@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 
 from tests.host.telemetry import telemetry_sample
+from thumper.board.board import TelemetrySample
+from thumper.common.geometry import Pose2, Twist2
 from thumper.config.robot import RobotConfig
-from thumper.geometry import Pose2, Twist2
 from thumper.lidar.scan import Scan
-from thumper.link.board import TelemetrySample
-from thumper.mapping.grid import OccupancyGrid
-from thumper.odometry.odometry import OdometrySample
-from thumper.recording.session import Session
-from thumper.ros.convert import Messages
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.odometry.wheel_odometry import OdometrySample
+from thumper.recording.run_metadata import Session
 from thumper.ros.status import Status
+from thumper.ros.to_ros import Messages
 
 EPOCH_NS = 1_750_000_000_123_456_789
 SESSION = Session(config=RobotConfig(name="mole"), epoch_ns=EPOCH_NS, map_from_base=Pose2(x_m=1.0))

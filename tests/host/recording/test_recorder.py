@@ -14,13 +14,13 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from tests.host.recording.samples import EPOCH_NS, SESSION, beats
-from thumper.bus.options import BusOptions
+from thumper.config.bus import BusOptions
+from thumper.config.dashboard import DashboardOptions
+from thumper.config.recording import RecordingOptions
 from thumper.config.robot import RobotConfig
-from thumper.dashboard.options import DashboardOptions
-from thumper.recording.options import RecordingOptions
 from thumper.recording.recorder import Recorder
-from thumper.recording.recover import is_whole
-from thumper.recording.session import Session, session_of
+from thumper.recording.repair import is_whole
+from thumper.recording.run_metadata import Session, session_of
 from thumper.ros.topics import TOPICS
 
 

@@ -8,21 +8,23 @@ import numpy as np
 import pytest
 
 from tests.host.recording.samples import EPOCH_NS, MESSAGES, SESSION, beats
-from thumper.assembly import open_robot
-from thumper.config.robot import BoardConfig, LidarConfig, RobotConfig
-from thumper.errors import ThumperError
-from thumper.geometry import FloatArray, Pose2
-from thumper.mapping.grid import OccupancyGrid
-from thumper.mapping.logs.open_log import open_log
-from thumper.mapping.method import MappingOptions
+from thumper.board.options import BoardConfig
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import FloatArray, Pose2
+from thumper.config.robot import RobotConfig
+from thumper.lidar.options import LidarConfig
+from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.goal import Goal
+from thumper.offline.open_log import open_log
 from thumper.recording.export import export_csv, last_map
 from thumper.recording.mcap_file import McapFile
 from thumper.recording.reader import Recording, find_recordings
 from thumper.recording.recorder import Recorder
 from thumper.recording.replay import replay
-from thumper.recording.switch import recording_switch
+from thumper.recording.start_stop import recording_switch
 from thumper.ros.codec import encode
+from thumper.runtime.assembly import open_robot
+from thumper.slam.factory import MappingOptions
 
 START = Pose2(x_m=1.73, y_m=0.08, theta_rad=math.pi)
 GOAL = Goal(x_m=-0.49, y_m=0.02)

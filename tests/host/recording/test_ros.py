@@ -11,8 +11,8 @@ import pytest
 from mcap_ros2.writer import Writer
 
 from tests.host.recording.samples import SESSION, beats
-from thumper.errors import ThumperError
-from thumper.mapping.logs.open_log import open_log
+from thumper.common.errors import ThumperError
+from thumper.offline.open_log import open_log
 from thumper.recording.recorder import Recorder
 from thumper.ros.codec import definition
 

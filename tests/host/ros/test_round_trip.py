@@ -10,19 +10,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from thumper.geometry import Pose2, Twist2
+from thumper.board.board import TelemetrySample
+from thumper.board.messages import Fault, State, Telemetry
+from thumper.common.geometry import Pose2, Twist2
+from thumper.common.stamps import epoch_of, rounded_s, stamp_ns, time_s_of
 from thumper.lidar.scan import Scan
-from thumper.link.board import TelemetrySample
-from thumper.link.messages import Fault, State, Telemetry
-from thumper.mapping.grid import OccupancyGrid
-from thumper.navigation.costmap import CostmapOptions, build_costmap
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.costmap.costmap import CostmapOptions, build_costmap
 from thumper.navigation.footprint import Footprint
-from thumper.odometry.odometry import OdometrySample
-from thumper.ros import parse
+from thumper.odometry.wheel_odometry import OdometrySample
+from thumper.ros import from_ros
 from thumper.ros.codec import decode, encode
-from thumper.ros.convert import Messages, flag, text
-from thumper.ros.stamps import epoch_of, rounded_s, stamp_ns, time_s_of
 from thumper.ros.status import Status
+from thumper.ros.to_ros import Messages, flag, text
 from thumper.ros.topics import TOPICS
 
 EPOCH_NS = 1_750_000_000_123_456_789
@@ -62,7 +62,7 @@ def test_scan(values: list[float], time_s: float, clockwise: bool) -> None:
         range_min_m=0.0625,
         range_max_m=5.5,
     )
-    back = parse.scan_of(sent(MESSAGES.scan(scan)), EPOCH_NS)
+    back = from_ros.scan_of(sent(MESSAGES.scan(scan)), EPOCH_NS)
     assert back.time_s == rounded_s(time_s)
     np.testing.assert_array_equal(back.ranges_m, scan.ranges_m)
     assert back.angle_increment_rad == scan.angle_increment_rad
@@ -79,7 +79,7 @@ def test_a_scan_as_recorded_comes_back_bit_by_bit(time_s: float, range_m: float)
         angle_increment_rad=math.tau / 1024,
         time_increment_s=0.1 / 1024,
     ).as_recorded()
-    back = parse.scan_of(sent(MESSAGES.scan(scan)), EPOCH_NS)
+    back = from_ros.scan_of(sent(MESSAGES.scan(scan)), EPOCH_NS)
     for field in fields(Scan):
         np.testing.assert_array_equal(getattr(back, field.name), getattr(scan, field.name), field.name)
     assert scan.time_s == pytest.approx(time_s, abs=1e-9)
@@ -130,7 +130,7 @@ def telemetry_of_extremes() -> TelemetrySample:
 
 def test_telemetry_is_kept_to_the_last_bit() -> None:
     sample = telemetry_of_extremes()
-    assert parse.telemetry_of(sent(MESSAGES.wheels(sample)), EPOCH_NS) == sample
+    assert from_ros.telemetry_of(sent(MESSAGES.wheels(sample)), EPOCH_NS) == sample
 
 
 def test_battery() -> None:
@@ -150,7 +150,7 @@ def test_poses(x_m: float, y_m: float, theta_rad: float) -> None:
     pose = Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
     covariance = np.array([[1.0, 0.1, 0.2], [0.1, 2.0, 0.3], [0.2, 0.3, 3.0]])
     for message in (MESSAGES.goal(1.0, pose), MESSAGES.pose(1.0, pose, covariance).pose):
-        back = parse.pose_of(sent(message).pose)
+        back = from_ros.pose_of(sent(message).pose)
         assert (back.x_m, back.y_m) == (pose.x_m, pose.y_m)
         assert back.theta_rad == pytest.approx(theta_rad, abs=1e-12)
     full = sent(MESSAGES.pose(1.0, pose, covariance)).pose.covariance.reshape(6, 6)
@@ -165,7 +165,7 @@ def test_odometry_and_transforms_name_their_frames() -> None:
     )
     out = sent(MESSAGES.odometry(sample))
     assert (out.header.frame_id, out.child_frame_id) == ("odom", "base_link")
-    assert parse.twist_of(out.twist.twist) == sample.twist
+    assert from_ros.twist_of(out.twist.twist) == sample.twist
     moving = sent(MESSAGES.transforms(4.0, Pose2(), pose)).transforms
     fixed = sent(MESSAGES.fixed_transforms(4.0, Pose2(x_m=0.12))).transforms
     tree = [(t.header.frame_id, t.child_frame_id) for t in (*moving, *fixed)]
@@ -176,7 +176,7 @@ def test_odometry_and_transforms_name_their_frames() -> None:
 def test_grid() -> None:
     cells = np.random.default_rng(1).integers(-1, 101, (7, 5)).astype(np.int8)
     grid = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=-1.35, origin_y_m=2.2)
-    back = parse.grid_of(sent(MESSAGES.grid(1.0, grid)))
+    back = from_ros.grid_of(sent(MESSAGES.grid(1.0, grid)))
     np.testing.assert_array_equal(back.cells, cells)
     assert (back.resolution_m, back.origin_x_m, back.origin_y_m) == (0.05, -1.35, 2.2)
 
@@ -187,7 +187,7 @@ def test_a_grid_that_contradicts_itself_is_refused() -> None:
     )
     message.info.width = 4
     with pytest.raises(ValueError, match="6 cells for 4 x 2"):
-        parse.grid_of(message)
+        from_ros.grid_of(message)
 
 
 def test_costs_become_percent() -> None:
@@ -195,7 +195,7 @@ def test_costs_become_percent() -> None:
     cells[30, 30], cells[0, 0] = 100, -1
     grid = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
     costmap = build_costmap(grid, np.empty((0, 2)), Footprint(), CostmapOptions())
-    out = parse.grid_of(sent(MESSAGES.costmap(1.0, costmap))).cells
+    out = from_ros.grid_of(sent(MESSAGES.costmap(1.0, costmap))).cells
     assert out[30, 30] == 100
     assert out[30, 31] == 99
     assert out[0, 0] == -1
@@ -205,21 +205,21 @@ def test_costs_become_percent() -> None:
 
 def test_path_looks_ahead_where_it_has_no_headings() -> None:
     path = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0]])
-    back = parse.path_of(sent(MESSAGES.path(1.0, path)))
+    back = from_ros.path_of(sent(MESSAGES.path(1.0, path)))
     expected = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.5 * math.pi], [1.0, 2.0, 0.5 * math.pi]])
     np.testing.assert_allclose(back, expected, atol=1e-12)
     with_headings = np.array([[0.0, 1.0, -0.5], [2.0, 3.0, 0.25]])
-    np.testing.assert_allclose(parse.path_of(sent(MESSAGES.path(1.0, with_headings))), with_headings)
-    np.testing.assert_allclose(parse.poses_of(sent(MESSAGES.particles(1.0, with_headings))), with_headings)
+    np.testing.assert_allclose(from_ros.path_of(sent(MESSAGES.path(1.0, with_headings))), with_headings)
+    np.testing.assert_allclose(from_ros.poses_of(sent(MESSAGES.particles(1.0, with_headings))), with_headings)
     for empty in (np.empty((0, 2)), np.empty((0, 3))):
-        assert parse.path_of(sent(MESSAGES.path(1.0, empty))).shape == (0, 3)
+        assert from_ros.path_of(sent(MESSAGES.path(1.0, empty))).shape == (0, 3)
 
 
 def test_status_and_words() -> None:
     status = Status(
         time_s=2.5, robot="mole", mode="navigating", has_goal=True, fault=3, fault_words="pressed"
     )
-    assert parse.status_of(sent(MESSAGES.status(status)), EPOCH_NS) == status
+    assert from_ros.status_of(sent(MESSAGES.status(status)), EPOCH_NS) == status
     assert sent(MESSAGES.event(1.0, 40, "kabel lose: ö")).msg == "kabel lose: ö"
     assert sent(text("arm")).data == "arm"
     assert sent(flag(True)).data is True
@@ -252,9 +252,9 @@ def test_a_pose_that_is_none_is_refused(x: float, w: float, why: str) -> None:
     pose = MESSAGES.goal(0.0, Pose2()).pose
     pose.position.x, pose.orientation.w = x, w
     with pytest.raises(ValueError, match=why):
-        parse.pose_of(pose)
+        from_ros.pose_of(pose)
 
 
 def test_a_speed_that_is_none_is_refused() -> None:
     with pytest.raises(ValueError, match="finite"):
-        parse.twist_of(MESSAGES.twist(0.0, Twist2(v_m_s=math.inf)).twist)
+        from_ros.twist_of(MESSAGES.twist(0.0, Twist2(v_m_s=math.inf)).twist)

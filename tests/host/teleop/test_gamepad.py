@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
+from thumper.common.geometry import Twist2
 from thumper.config.robot import RobotConfig
-from thumper.geometry import Twist2
-from thumper.ros.parse import twist_of
-from thumper.teleop.drive import Driver
+from thumper.ros.from_ros import twist_of
 from thumper.teleop.gamepad import Gamepad
-from thumper.teleop.keys import Action
+from thumper.teleop.keyboard import Action
+from thumper.teleop.teleop_loop import Driver
 
 pytest.importorskip("pygame", reason="pygame is not installed (pip install thumper[gamepad])")
 PAD_TYPE, AXES, BUTTONS, HATS = 1, 6, 15, 1

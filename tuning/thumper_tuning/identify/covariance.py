@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from thumper.geometry import FloatArray
+from thumper.common.geometry import FloatArray
 
 SLOPE_STEP = 2e-3  # wide enough to average over the starts and stops that a parameter moves
 LAGS = 8

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thumper.geometry import FloatArray
+from thumper.common.geometry import FloatArray
+from thumper_tuning.identify.initial_guess import Start, starts
+from thumper_tuning.identify.least_squares import residuals, solve, weights
 from thumper_tuning.identify.model import MotorModel, Uncertainty
-from thumper_tuning.identify.solve import residuals, solve, weights
-from thumper_tuning.identify.start import Start, starts
-from thumper_tuning.identify.stretch import Stretch
-from thumper_tuning.log.motor_log import BoolArray
+from thumper_tuning.identify.segments import Stretch
+from thumper_tuning.logs.motor_log import BoolArray
 
 GLITCH_SIGMAS = 8.0
 BREAKAWAY_RATIOS = (1.0, 1.15, 1.3, 1.45, 1.6)

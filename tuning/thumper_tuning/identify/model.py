@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thumper.geometry import FloatArray
+from thumper.common.geometry import FloatArray
 
 if TYPE_CHECKING:
     import control

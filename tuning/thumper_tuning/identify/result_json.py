@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from thumper_tuning.identify.identify import Identified
+from thumper_tuning.identify.motor import Identified
 
 NOT_IDENTIFIABLE = (
     "from drive and speed follow gain, time constant, static friction and delay, and no more: R, L, Kt, "

@@ -6,12 +6,12 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from thumper_tuning.design.design import Design
-from thumper_tuning.design.loop import Plant, judge
-from thumper_tuning.design.wire import SPECS, BoardGains
-from thumper_tuning.identify.identify import Identified
+from thumper_tuning.design.fixed_point import SPECS, BoardGains
+from thumper_tuning.design.gains import Design
+from thumper_tuning.design.loop_analysis import Plant, judge
+from thumper_tuning.drive.verify import Verification
+from thumper_tuning.identify.motor import Identified
 from thumper_tuning.identify.result_json import NOT_IDENTIFIABLE
-from thumper_tuning.robot.verify import Verification
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,7 +34,7 @@ def write_report(
 
     parts = ["<h1>Wheel speed control: what was found and what it does</h1>"]
     if after is not None:
-        from thumper_tuning.report.tracking_figure import tracking
+        from thumper_tuning.report.figures import tracking
 
         parts += ["<h2>On the robot</h2>", _tracking_table(before, after), _image(tracking(before, after))]
     parts += ["<h2>Gains</h2>", _gains_table(design, old), _loop_table(design, old)]

@@ -1,0 +1,174 @@
+"""pyserial's handler for `sim://NAME/board` and `sim://NAME/lidar`: ports into a simulated world.
+
+The world's time passes only while somebody waits in `read`; `clock_s` tells it. Otherwise it is as with a
+device: a read returns what has come when its timeout has passed, and a write returns at once.
+"""
+
+import math
+from typing import TYPE_CHECKING
+from urllib.parse import parse_qsl, urlsplit
+
+from serial.serialutil import PortNotOpenError, SerialBase, SerialException
+
+from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper_hil.bench.bench import Bench
+from thumper_hil.bench.page_controls import Controls
+from thumper_hil.bench.registry import join, leave
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
+
+DEVICES = ("board", "lidar")
+
+
+class Serial(SerialBase):
+    """One end of a simulated serial line. `serial.serial_for_url` makes it."""
+
+    _bench: Bench | None = None
+
+    def open(self) -> None:
+        """Enter the simulated world.
+
+        Raises
+        ------
+        SerialException
+            The URL is wrong, the firmware is not built, or the device is open already: one clear line.
+        """
+        if self.is_open:
+            raise SerialException("the port is open already")
+        try:
+            self._name, self._device, options = _parse(self.portstr or "")
+            self._bench = join(self._name, self._device, options)
+        except ThumperError as error:
+            raise SerialException(str(error)) from error
+        self.is_open = True
+        self._reconfigure_port()
+        self._dtr_was = False
+        self._update_dtr_state()
+
+    def close(self) -> None:
+        """Leave the world, which stands still from then on unless another port moves it."""
+        if self.is_open:
+            self.is_open = False
+            leave(self._name, self._device)
+
+    def clock_s(self) -> float:
+        """Return the simulated time [s]; also after `close`."""
+        if self._bench is None:
+            raise PortNotOpenError
+        return self._bench.time_s
+
+    @property
+    def simulator(self) -> Controls:
+        """What can be done to the robot and its world beside driving it."""
+        return Controls(self._world())
+
+    @property
+    def in_waiting(self) -> int:
+        """Bytes that `read` would return without waiting."""
+        bench = self._world()
+        return bench.chip.available if self._device == "board" else bench.lidar_available()
+
+    def read(self, size: int = 1, /) -> bytes:
+        """Return `size` bytes, or those that came until the timeout [simulated s]; None waits for ever."""
+        bench = self._world()
+        until_s = math.inf if self.timeout is None else bench.time_s + max(self.timeout, 0.0)
+        try:
+            while self.in_waiting < size and bench.time_s < until_s:
+                # One second at most, so that a wait for ever can be interrupted from the keyboard.
+                step_s = min(until_s, bench.time_s + 1.0)
+                if self._device == "board":
+                    bench.advance(step_s, board_bytes=size)
+                else:
+                    bench.advance_for_lidar(step_s, size)
+        except ThumperError as error:
+            raise SerialException(str(error)) from error
+        return bench.board_read(size) if self._device == "board" else bench.lidar_read(size)
+
+    def write(self, data: "ReadableBuffer", /) -> int:
+        """Send; time does not pass, the bytes leave at line rate when it does."""
+        bench = self._world()
+        sent = bytes(data)
+        if self._device == "board":
+            bench.board_write(sent)
+        else:
+            bench.lidar_write(sent)
+        return len(sent)
+
+    def flush(self) -> None:
+        """Do nothing: what is written is on its way."""
+        self._world()
+
+    def reset_input_buffer(self) -> None:
+        """Forget the bytes that have come."""
+        self._world()
+        waiting = self.in_waiting
+        if waiting and self._device == "board":
+            self._world().chip.receive(waiting)
+        elif waiting:
+            self._world().lidar_read(waiting)
+
+    def reset_output_buffer(self) -> None:
+        """Do nothing: no byte waits on the host's side."""
+        self._world()
+
+    @property
+    def out_waiting(self) -> int:
+        """Bytes that wait on the host's side: none."""
+        return 0
+
+    # Of the lines beside data only DTR is wired, and only if asked: it pulls the board's reset pin.
+    @property
+    def cts(self) -> bool:
+        """Clear to send."""
+        return True
+
+    @property
+    def dsr(self) -> bool:
+        """Data set ready."""
+        return True
+
+    @property
+    def ri(self) -> bool:
+        """Ring indicator."""
+        return False
+
+    @property
+    def cd(self) -> bool:
+        """Carrier detect."""
+        return True
+
+    def _reconfigure_port(self) -> None:
+        if self._bench is not None and self.is_open and self._device == "board":
+            self._bench.chip.set_host_baud(self.baudrate)
+
+    def _update_break_state(self) -> None: ...
+
+    def _update_rts_state(self) -> None: ...
+
+    def _update_dtr_state(self) -> None:
+        if self._bench is not None and self._device == "board" and self.dtr and not self._dtr_was:
+            self._bench.pull_dtr()
+        self._dtr_was = self.dtr
+
+    def _world(self) -> Bench:
+        if self._bench is None or not self.is_open:
+            raise PortNotOpenError
+        if not self._bench.is_plugged(self._device):
+            raise SerialException("the device has gone")  # what a real port says when the plug is pulled
+        return self._bench
+
+
+def _parse(url: str) -> tuple[str, str, dict[str, str]]:
+    parts = urlsplit(url)
+    device = parts.path.strip("/")
+    if not parts.netloc or device not in DEVICES:
+        raise ThumperError(
+            f"{url}: no simulated device; give sim://NAME/board or sim://NAME/lidar", exit_code=EXIT_USAGE
+        )
+    options: dict[str, str] = {}
+    for name, value in parse_qsl(parts.query, keep_blank_values=True):
+        if name in options:
+            raise ThumperError(f"{url}: the option {name} is given twice", exit_code=EXIT_USAGE)
+        options[name] = value
+    return parts.netloc, device, options

@@ -1,0 +1,137 @@
+"""A chip on the lab bench: flash and EEPROM are open, encoder pins can be driven, cycles are counted."""
+
+import ctypes
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from thumper_hil.chip.chip import Chip, ChipError
+from thumper_hil.chip.hex_file import read_hex
+from thumper_hil.chip.native_library import CProbeReport
+from thumper_hil.chip.wiring import EncoderPins
+
+FLASH_BYTES = 0x8000
+EEPROM_BYTES = 1024
+RJMP_SELF = bytes((0xFF, 0xCF))
+"""`rjmp .-2`: an instruction that jumps to itself."""
+
+ATMEGABOOT = Path("/usr/share/arduino/hardware/arduino/avr/bootloaders/atmega/ATmegaBOOT_168_atmega328.hex")
+"""The boot loader on the T'REX and on most Nanos, as Debian's arduino-core-avr brings it; 57600 baud."""
+
+BURSTS = 4096
+TICK_VECTOR = 11
+"""TIMER1_COMPA, the control tick (data sheet, table 11-6)."""
+
+
+class LabChip(Chip):
+    """The simulated chip, with what a programmer, a signal generator and a logic analyser see of it."""
+
+    def write_flash(self, address: int, data: bytes) -> None:
+        """Overwrite flash; a running program sees it at once."""
+        if not self._library.thumper_write_flash(self._handle, address, data, len(data)):
+            raise ChipError(f"{len(data)} bytes at 0x{address:04x} do not fit the chip's flash")
+
+    def read_flash(self, address: int, count: int) -> bytes:
+        """Return a stretch of the flash."""
+        data = ctypes.create_string_buffer(count)
+        if not self._library.thumper_read_flash(self._handle, address, data, count):
+            raise ChipError(f"{count} bytes at 0x{address:04x} are not in the chip's flash")
+        return data.raw
+
+    def eeprom(self) -> bytes:
+        """Return the whole EEPROM."""
+        data = ctypes.create_string_buffer(EEPROM_BYTES)
+        self._library.thumper_read_eeprom(self._handle, 0, data, EEPROM_BYTES)
+        return data.raw
+
+    def write_eeprom(self, data: bytes, address: int = 0) -> None:
+        """Overwrite EEPROM, from `address` on."""
+        if not self._library.thumper_write_eeprom(self._handle, address, data, len(data)):
+            raise ChipError(f"{len(data)} bytes at {address} do not fit the chip's EEPROM")
+
+    def install_bootloader(self, hex_path: Path) -> None:
+        """Erase the flash, program a boot loader, set the fuses to start there, and reset.
+
+        Raises
+        ------
+        ChipError
+            The image cannot be read, or it does not end where the flash does: such a one is broken.
+        """
+        start, image = read_hex(hex_path)
+        if start + len(image) > FLASH_BYTES:
+            raise ChipError(
+                f"{hex_path}: {len(image)} bytes from 0x{start:04x} on run past the end of the flash"
+            )
+        self.write_flash(0, b"\xff" * FLASH_BYTES)
+        self.write_flash(start, image)
+        self._library.thumper_start_at(self._handle, start)
+        self.reset()
+
+    def add_bootloader(self, hex_path: Path) -> None:
+        """Program a boot loader behind the program that is there, set the fuses to start there, and reset.
+
+        Raises
+        ------
+        ChipError
+            As `install_bootloader`.
+        """
+        program = self.read_flash(0, FLASH_BYTES)
+        self.install_bootloader(hex_path)
+        start, _ = read_hex(hex_path)
+        self.write_flash(0, program[:start])
+
+    def hang_at(self, address: int) -> None:
+        """Let whatever comes to this flash address stay there for ever: a fault that no firmware ships."""
+        self.write_flash(address, RJMP_SELF)
+
+    @contextmanager
+    def edges(self, pins: EncoderPins) -> Iterator["EdgeSource"]:
+        """Drive a pair of encoder pins for a while; only on a bare chip."""
+        handle = self._library.thumper_edges_open(self._handle, pins.port.encode(), pins.a_bit, pins.b_bit)
+        try:
+            yield EdgeSource(self._library, handle)
+        finally:
+            self._library.thumper_edges_close(handle)
+
+    @contextmanager
+    def probe(self, tick_vector: int = TICK_VECTOR) -> Iterator["Probe"]:
+        """Watch every instruction for a while; let time pass by the probe's `run` only."""
+        handle = self._library.thumper_probe_open(self._handle, tick_vector)
+        try:
+            yield Probe(self._library, handle)
+        finally:
+            self._library.thumper_probe_close(handle)
+
+
+class EdgeSource:
+    """A perfect encoder that turns forward."""
+
+    def __init__(self, library: ctypes.CDLL, handle: int) -> None:
+        self._library, self._handle = library, handle
+
+    def start(self, *, delay_cycles: int, interval_cycles: int, count: int) -> None:
+        """Send `count` edges at an even interval, the first one after `delay_cycles`."""
+        self._library.thumper_edges_start(self._handle, delay_cycles, interval_cycles, count)
+
+
+class Probe:
+    """Counts the cycles of a running chip."""
+
+    def __init__(self, library: ctypes.CDLL, handle: int) -> None:
+        self._library, self._handle = library, handle
+
+    def run(self, until_cycle: int) -> None:
+        """Run, slowly; `ChipError` when the firmware dies."""
+        if not self._library.thumper_probe_run(self._handle, until_cycle):
+            raise ChipError("the firmware died while it was being measured")
+
+    def report(self) -> CProbeReport:
+        """Return the books so far."""
+        report = CProbeReport()
+        self._library.thumper_probe_report(self._handle, ctypes.byref(report))
+        return report
+
+    def tick_bursts(self) -> list[int]:
+        """Return the main loop's cycles from waking up to falling asleep, for each with a tick in between."""
+        cycles = (ctypes.c_uint64 * BURSTS)()
+        return list(cycles[: self._library.thumper_probe_bursts(self._handle, cycles, BURSTS)])

@@ -1,0 +1,151 @@
+"""The simulated robot's physical parameters, from TOML to the simulator's C++ structures."""
+
+import tomllib
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Literal
+
+from thumper.common.errors import ThumperError
+
+WILD_THUMPER = Path(__file__).with_name("wild_thumper.toml")
+OPEN_CIRCUIT_POINTS = 11  # at 0, 10, ... 100 % charge
+
+# The fields have the order of chip/native/params.hpp; what they mean and where they come from is in the TOML.
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorParams:
+    """One motor with its gearbox and wheel, at the wheel's side of the gearbox."""
+
+    motors_per_side: float
+    resistance_Ohm: float
+    torque_Nm_A: float
+    back_emf_V_s_rad: float
+    inertia_kg_m2: float
+    viscous_Nm_s_rad: float
+    coulomb_Nm: float
+    static_ratio: float
+    noise_Nm: float
+    noise_time_s: float
+    spread_ratio: float
+    unit_spread_ratio: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatteryParams:
+    """The battery: `open_circuit_V` at 0, 10, ... 100 % charge."""
+
+    capacity_Ah: float
+    resistance_Ohm: float
+    state_of_charge: float
+    idle_current_A: float
+    open_circuit_V: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.open_circuit_V) != OPEN_CIRCUIT_POINTS:
+            raise ValueError(
+                f"open_circuit_V: {OPEN_CIRCUIT_POINTS} voltages, got {len(self.open_circuit_V)}"
+            )
+        if not 0.0 <= self.state_of_charge <= 1.0:
+            raise ValueError(f"state_of_charge: 0...1, got {self.state_of_charge}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BodyParams:
+    """The chassis on its tyres; `track_m` is the effective track that the body turns by."""
+
+    mass_kg: float
+    yaw_inertia_kg_m2: float
+    wheel_radius_m: float
+    radius_spread_ratio: float
+    track_m: float
+    track_growth_s: float
+    track_spread_ratio: float
+    track_noise_ratio: float
+    track_noise_time_s: float
+    scrub_Nm: float
+    scrub_slip_rad_s: float
+    traction_Nm: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EncoderParams:
+    """A quadrature encoder on each side."""
+
+    counts_per_rev: float
+    edge_error_counts: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoardParams:
+    """What its bridges do at PWM 0, and how it scales voltage and currents for its converter."""
+
+    pwm_low: Literal["coast", "brake"]
+    battery_V_per_count: float
+    current_A_per_count: float
+    current_zero_counts: float
+
+    def __post_init__(self) -> None:
+        if self.pwm_low not in ("coast", "brake"):
+            raise ValueError(f"pwm_low: coast or brake, got {self.pwm_low!r}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotParams:
+    """All of the simulated robot."""
+
+    motor: MotorParams
+    battery: BatteryParams
+    body: BodyParams
+    encoder: EncoderParams
+    board: BoardParams
+
+    @classmethod
+    def load(cls, path: Path = WILD_THUMPER) -> "RobotParams":
+        """Read a TOML file.
+
+        Raises
+        ------
+        ThumperError
+            It cannot be read, a key is missing or unknown, or a value is no number or out of range.
+        """
+        try:
+            tables = tomllib.loads(path.read_text(encoding="utf-8"))
+            return cls(
+                **{part.name: _part(part.type, tables.pop(part.name), part.name) for part in fields(cls)}
+            )
+        except KeyError as error:
+            raise ThumperError(f"{path}: the table [{error.args[0]}] is missing; add it") from error
+        except (OSError, ValueError, TypeError) as error:
+            raise ThumperError(f"{path}: {error}") from error
+
+    def flat(self) -> list[float]:
+        """Return every number, in the order of chip/native/params.hpp."""
+        numbers: list[float] = []
+        for part in fields(self):
+            table = getattr(self, part.name)
+            for entry in fields(table):
+                value = getattr(table, entry.name)
+                if isinstance(value, str):
+                    value = float(value == "coast")
+                numbers.extend(value if isinstance(value, tuple) else (value,))
+        return numbers
+
+
+def _part(part_type: Any, table: Any, name: str) -> Any:
+    known = {entry.name for entry in fields(part_type)}
+    if missing := known - table.keys():
+        raise ValueError(f"{name}.{min(missing)} is missing")
+    if unknown := table.keys() - known:
+        raise ValueError(f"{name}.{min(unknown)} is no parameter; {name} has {', '.join(sorted(known))}")
+    return part_type(**{key: _value(value, f"{name}.{key}") for key, value in table.items()})
+
+
+def _value(value: Any, key: str) -> str | float | tuple[float, ...]:
+    if isinstance(value, str) and key == "board.pwm_low":
+        return value
+    if isinstance(value, list):
+        return tuple(float(number) for number in value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"{key}: a number, got {value!r}")
+    return float(value)

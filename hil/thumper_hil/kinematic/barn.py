@@ -1,0 +1,96 @@
+"""Worlds of the BARN challenge, and others like them, at any scale; and a drive through one by its rules.
+
+Perille et al., "Benchmarking Metric Ground Navigation" (2020): 30 x 30 cells of one post's diameter, filled
+by a cellular automaton; start south of the field, goal north of it, success within 1 m of the goal without
+contact.
+"""
+
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import convolve, distance_transform_edt, label
+
+from thumper.common.geometry import FloatArray, Pose2
+from thumper.navigation.goal import Goal
+from thumper.navigation.options import NavigationOptions
+from thumper_hil.kinematic.closed_loop import Conditions, Run, drive
+from thumper_hil.kinematic.world import World
+
+POST_RADIUS_M = 0.075
+CELL_M = 2.0 * POST_RADIUS_M
+FIELD_CELLS = 30
+FIELD_CORNER_M = (-4.5, 5.0)
+LIMIT_S = 100.0
+NARROWEST_RADIUS_M = 0.375  # of the recorded worlds: the widest disc that passes is never smaller
+EXACT = Conditions(pose_noise_m=0.0, pose_noise_rad=0.0, slip=0.0)
+
+
+def recorded_world(folder: Path, index: int, scale: float) -> World:
+    """A published world, everything scaled."""
+    centres: FloatArray = np.loadtxt(folder / f"world_{index:03d}_cylinders.csv", delimiter=",", skiprows=1)
+    return _posts(centres[:, :2], scale)
+
+
+def made_world(seed: int, scale: float) -> World:
+    """A world of the same kind: filled at random, smoothed, kept when its way through is no narrower than
+    theirs.
+
+    The walls left, right and behind are those of the published worlds.
+    """
+    rng = np.random.default_rng(seed)
+    while True:
+        filled = rng.random((FIELD_CELLS, FIELD_CELLS)) < rng.choice((0.15, 0.20, 0.25, 0.30))
+        for _ in range(int(rng.integers(2, 5))):
+            around = convolve(filled.astype(np.int64), np.ones((3, 3), np.int64), mode="constant") - filled
+            filled = np.where(filled, around >= 2, around >= 5)
+        if 0.03 < filled.mean() < 0.30 and _is_passable(filled):
+            rows, cols = np.nonzero(filled)
+            inner = np.column_stack((cols, rows)) * CELL_M + FIELD_CORNER_M + 0.5 * CELL_M
+            return _posts(np.vstack((inner, _walls())), scale)
+
+
+def _posts(centres_m: FloatArray, scale: float) -> World:
+    radii_m = np.full(len(centres_m), POST_RADIUS_M)
+    return World(circles_m=np.column_stack((centres_m, radii_m)) * scale)
+
+
+def _walls() -> FloatArray:
+    """Post centres of the walls beside and behind the field, shape (n, 2)."""
+    x_m, y_m = np.array(FIELD_CORNER_M)
+    width_m = FIELD_CELLS * CELL_M
+    along = np.arange(0.0, y_m + width_m, CELL_M)
+    across = np.arange(x_m - CELL_M, x_m + width_m + CELL_M, CELL_M)
+    sides = [np.column_stack((np.full(along.size, x), along)) for x in (across[0], across[-1])]
+    return np.vstack((*sides, np.column_stack((across, np.zeros(across.size)))))
+
+
+def _is_passable(filled: NDArray[np.bool_]) -> bool:
+    """Whether a disc of the narrowest published way can pass from the south edge to the north edge."""
+    fine = np.kron(np.pad(filled, ((8, 8), (0, 0))), np.ones((6, 6), np.bool_))
+    fine = np.pad(fine, ((0, 0), (6, 6)), constant_values=True)
+    free = distance_transform_edt(~fine) * (CELL_M / 6.0) >= NARROWEST_RADIUS_M
+    parts, _ = label(free, np.ones((3, 3)))
+    return bool(np.intersect1d(parts[0][parts[0] > 0], parts[-1][parts[-1] > 0]).size)
+
+
+def drive_through(world: World, scale: float, options: NavigationOptions, seed: int = 0) -> Run:
+    """One run from start to goal; nothing is known at first. Exact pose, 1 cm range noise."""
+    goal = Goal(x_m=-2.25 * scale, y_m=13.0 * scale)
+    return drive(
+        world,
+        Pose2(x_m=-2.25 * scale, y_m=3.0 * scale, theta_rad=0.5 * math.pi),
+        goal,
+        (-6.5 * scale, -scale, 8.5 * scale, 16.0 * scale),
+        seed=seed,
+        options=options,
+        conditions=EXACT,
+        limit_s=LIMIT_S,
+        is_there=lambda pose: goal.distance_m(pose) < scale,
+    )
+
+
+def has_arrived(run: Run, scale: float) -> bool:
+    """Near enough and untouched."""
+    return run.goal_error_m < scale and run.clearance_m >= 0.0

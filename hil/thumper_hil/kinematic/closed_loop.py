@@ -1,0 +1,163 @@
+"""Navigator, simulated base and simulated lidar in one loop, with the map growing as the robot sees.
+
+The base is a unicycle with acceleration limits that obeys after a delay; pose and speed reach the navigator
+with errors.
+"""
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from thumper.common.geometry import FloatArray, Pose2, Twist2
+from thumper.common.numba_kernel import kernel
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.costmap.inflation import IntArray
+from thumper.navigation.footprint import Footprint
+from thumper.navigation.goal import Goal
+from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
+from thumper.navigation.options import NavigationOptions
+from thumper.navigation.state import Transition
+from thumper_hil.kinematic.world import World
+
+BASE_FROM_LASER = Pose2(x_m=0.12)
+TICK_S, CYCLE_TICKS = 0.02, 5
+
+
+@kernel
+def trace_beams(
+    seen: IntArray, hits: IntArray, start: FloatArray, ends: FloatArray, is_hit: FloatArray, cell_m: float
+) -> None:
+    """Count how often beams crossed each cell or ended in it; positions relative to the grid's corner."""
+    rows, cols = seen.shape
+    for i in range(ends.shape[0]):
+        length = math.hypot(ends[i, 0] - start[0], ends[i, 1] - start[1])
+        count = max(1, math.ceil(2.0 * length / cell_m))
+        last = -1
+        for k in range(count + 1):
+            x = start[0] + (ends[i, 0] - start[0]) * k / count
+            y = start[1] + (ends[i, 1] - start[1]) * k / count
+            col, row = math.floor(x / cell_m), math.floor(y / cell_m)
+            if 0 <= row < rows and 0 <= col < cols and row * cols + col != last:
+                last = row * cols + col
+                seen[row, col] += 1
+        col, row = math.floor(ends[i, 0] / cell_m), math.floor(ends[i, 1] / cell_m)
+        if is_hit[i] > 0.0 and 0 <= row < rows and 0 <= col < cols:
+            hits[row, col] += 1
+
+
+class CountingMap:
+    """Occupancy as hits over visits."""
+
+    def __init__(self, x_m: float, y_m: float, width_m: float, height_m: float, cell_m: float = 0.05) -> None:
+        shape = (round(height_m / cell_m), round(width_m / cell_m))
+        self._seen, self._hits = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
+        self._corner, self._cell_m = np.array((x_m, y_m)), cell_m
+
+    def integrate(self, laser: Pose2, ends_m: FloatArray, is_hit: FloatArray) -> None:
+        """Add one scan, end points in map."""
+        start = np.array((laser.x_m, laser.y_m)) - self._corner
+        trace_beams(self._seen, self._hits, start, ends_m - self._corner, is_hit, self._cell_m)
+
+    def grid(self) -> OccupancyGrid:
+        """The map so far."""
+        percent = 100 * self._hits // np.maximum(self._seen, 1)
+        return OccupancyGrid(
+            cells=np.where(self._seen > 0, percent, -1).astype(np.int8),
+            resolution_m=self._cell_m,
+            origin_x_m=float(self._corner[0]),
+            origin_y_m=float(self._corner[1]),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conditions:
+    """How unkind the simulation is."""
+
+    delay_s: float = 0.15
+    range_noise_m: float = 0.01
+    range_max_m: float = 4.0
+    beams: int = 240
+    pose_noise_m: float = 0.005
+    pose_noise_rad: float = 0.005
+    slip: float = 0.05  # standard deviation of a constant relative error of speed and turn
+    v_accel_m_s2: float = 0.6
+    w_accel_rad_s2: float = 3.0
+
+
+@dataclass(slots=True, kw_only=True)
+class Run:
+    """What happened."""
+
+    state: NavigationState = NavigationState.IDLE
+    reason: str = ""
+    time_s: float = 0.0
+    length_m: float = 0.0
+    clearance_m: float = math.inf
+    goal_error_m: float = math.inf
+    track: list[Pose2] = field(default_factory=list)
+    outputs: list[NavigationOutput] = field(default_factory=list)
+    transitions: tuple[Transition, ...] = ()
+
+
+def drive(
+    world: World | Callable[[float], World],
+    start: Pose2,
+    goal: Goal,
+    area: tuple[float, float, float, float],
+    *,
+    seed: int = 0,
+    options: NavigationOptions | None = None,
+    conditions: Conditions | None = None,
+    limit_s: float = 60.0,
+    is_there: Callable[[Pose2], bool] = lambda _pose: False,
+) -> Run:
+    """Drive to a goal in a world, or one that changes with time; `area` is x, y, width, height of the map."""
+    given, rng, footprint = conditions or Conditions(), np.random.default_rng(seed), Footprint()
+    world_at = world if callable(world) else lambda _time_s: world
+    navigator = Navigator(options or NavigationOptions(), footprint)
+    navigator.set_goal(goal)
+    mapped = CountingMap(*area)
+    angles_rad = np.linspace(-math.radians(120.0), math.radians(120.0), given.beams)
+    pose, v, w = start, 0.0, 0.0
+    v_gain, w_gain = 1.0 + given.slip * rng.standard_normal(2)
+    queue = deque([Twist2()] * round(given.delay_s / TICK_S))
+    run, output = Run(), NavigationOutput()
+    for tick in range(round(limit_s / TICK_S)):
+        run.time_s = tick * TICK_S
+        now = world_at(run.time_s)
+        run.clearance_m = min(run.clearance_m, now.clearance_m(pose, footprint))
+        if tick % CYCLE_TICKS == 0:
+            noise = rng.standard_normal(3) * (given.pose_noise_m, given.pose_noise_m, given.pose_noise_rad)
+            map_from_base = pose @ Pose2(x_m=noise[0], y_m=noise[1], theta_rad=noise[2])
+            ranges_m = now.cast(pose @ BASE_FROM_LASER, angles_rad, given.range_max_m)
+            ranges_m = ranges_m + given.range_noise_m * rng.standard_normal(ranges_m.size)
+            laser = map_from_base @ BASE_FROM_LASER
+            is_hit = np.isfinite(ranges_m)
+            reach_m = np.where(is_hit, ranges_m, given.range_max_m)
+            ends_m = laser.apply(
+                np.column_stack((reach_m * np.cos(angles_rad), reach_m * np.sin(angles_rad)))
+            )
+            mapped.integrate(laser, ends_m, is_hit.astype(np.float64))
+            twist = Twist2(v_m_s=v + 0.01 * rng.standard_normal(), w_rad_s=w + 0.02 * rng.standard_normal())
+            output = navigator.update(run.time_s, map_from_base, twist, mapped.grid(), ends_m[is_hit])
+            run.outputs.append(output)
+            run.track.append(pose)
+            ended = output.state in (NavigationState.REACHED, NavigationState.FAILED)
+            if (ended and abs(v) < 1e-3) or is_there(pose) or run.clearance_m < 0.0:
+                break
+        queue.append(output.command)
+        wanted = queue.popleft()
+        v += float(
+            np.clip(wanted.v_m_s * v_gain - v, -given.v_accel_m_s2 * TICK_S, given.v_accel_m_s2 * TICK_S)
+        )
+        turn = given.w_accel_rad_s2 * TICK_S
+        w += float(np.clip(wanted.w_rad_s * w_gain - w, -turn, turn))
+        pose = pose @ Pose2(x_m=v * TICK_S, theta_rad=w * TICK_S)
+        run.length_m += abs(v) * TICK_S
+    run.state, run.reason = output.state, output.reason
+    run.goal_error_m = goal.distance_m(pose)
+    run.transitions = navigator.transitions
+    return run

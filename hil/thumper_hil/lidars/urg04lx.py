@@ -1,0 +1,270 @@
+"""A simulated Hokuyo URG-04LX-UG01: SCIP 2.0 bytes in and out, on simulated time.
+
+The head turns at 600 rpm from power-on, whether the laser is lit or not. Step 0 of a turn looks to the rear
+right (-135 degrees), step 384 ahead; each beam leaves at its own time, from the pose that the robot has then.
+A scan can be read once step 768 is past and the bytes have crossed the wire.
+"""
+
+import math
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+
+from thumper.common.geometry import FloatArray, Pose2
+from thumper_hil.lidars.scip_reply import scan_reply, status_reply, table_reply, time_reply
+from thumper_hil.lidars.scip_request import (
+    FIXED_SETTINGS,
+    LAST_MEASURABLE_STEP,
+    MeasureRequest,
+    RefusedError,
+    fixed_setting_status,
+    split_line,
+)
+from thumper_hil.lidars.urg_noise import RANGE_MAX_MM, RANGE_MIN_MM, CodeArray, device_bias, measure_mm
+from thumper_hil.world.world_history import Surroundings, cast_from_robot
+
+STEPS_PER_TURN = 1024
+FRONT_STEP, FIRST_STEP, LAST_STEP = 384, 44, 725
+TURN_S = 0.1
+ANSWER_S = 0.001
+WIRE_S_PER_BYTE = 2e-6  # USB full speed, with its overhead
+CLOCK_WRAP_MS = 1 << 24
+NOT_MEASURABLE = 19
+MAX_REQUEST_CHARS = 64
+
+IDENTITY = {
+    "VEND": "Hokuyo Automatic Co.,Ltd.",
+    "PROD": "SOKUIKI Sensor URG-04LX-UG01(Simple-URG)",
+    "FIRM": "3.4.03(17/Dec./2012)",
+    "PROT": "SCIP 2.0",
+    "SERI": "H0000000",
+}
+PARAMETERS = {
+    "MODL": "URG-04LX-UG01(Simple-URG)",
+    "DMIN": str(RANGE_MIN_MM),
+    "DMAX": str(RANGE_MAX_MM),
+    "ARES": str(STEPS_PER_TURN),
+    "AMIN": str(FIRST_STEP),
+    "AMAX": str(LAST_STEP),
+    "AFRT": str(FRONT_STEP),
+    "SCAN": "600",
+}
+
+
+class Urg04Lx:
+    """The device. `write` requests, `advance` time, `read` what has arrived; the caller owns the clock.
+
+    `pose_at(times_s)` takes shape (n,) and returns map_from_base as rows (x_m, y_m, theta_rad), shape (n, 3).
+    It is asked for times up to a turn before the time that the device is advanced to. The same seed and the
+    same poses give the same scans.
+    """
+
+    def __init__(
+        self,
+        *,
+        world: Surroundings,
+        pose_at: Callable[[FloatArray], FloatArray],
+        base_from_laser: Pose2,
+        seed: int,
+        turn_s: float = TURN_S,
+    ) -> None:
+        self._world = world
+        self._pose_at = pose_at
+        self._base_from_laser = base_from_laser
+        self._seed = seed
+        self._turn_s = turn_s
+        rng = np.random.default_rng(seed)
+        self._phase_s = float(rng.uniform(0.0, turn_s))
+        self._booted_s = -float(rng.uniform(5.0, 500.0))
+        self._bias = device_bias(LAST_STEP - FIRST_STEP + 1, rng)
+        self._now_s = 0.0
+        self._next_turn = 0
+        self._line = bytearray()
+        self._outbox: deque[tuple[float, bytes]] = deque()  # (readable from, bytes)
+        self._wire_free_s = 0.0
+        self._lit_s = math.inf  # when the laser was switched on
+        self._adjusting = False
+        self._request: MeasureRequest | None = None
+        self._requested_s = 0.0
+        self._remaining = 0
+        self._turns_to_skip = 0
+
+    def write(self, data: bytes, time_s: float) -> None:
+        """Take bytes from the host at `time_s`, which never goes back."""
+        self.advance(time_s)
+        for byte in data:
+            if byte not in b"\r\n":
+                self._line.append(byte)
+                del self._line[MAX_REQUEST_CHARS:]
+            elif self._line:
+                line = bytes(self._line)
+                self._line.clear()
+                self._answer(line)
+
+    def advance(self, time_s: float) -> None:
+        """Let time pass: finish the turns that end by then."""
+        while (done_s := self._turn_start_s(self._next_turn) + self._sweep_s()) <= time_s:
+            self._now_s = done_s
+            self._finish_turn(self._next_turn)
+            self._next_turn += 1
+        self._now_s = max(self._now_s, time_s)
+
+    def read(self) -> bytes:
+        """Return the bytes that have reached the host by now."""
+        parts = []
+        while self._outbox and self._outbox[0][0] <= self._now_s:
+            parts.append(self._outbox.popleft()[1])
+        return b"".join(parts)
+
+    def _turn_start_s(self, turn: int) -> float:
+        return self._phase_s + turn * self._turn_s
+
+    def _sweep_s(self) -> float:
+        return self._turn_s * LAST_MEASURABLE_STEP / STEPS_PER_TURN
+
+    def _clock_ms(self, time_s: float) -> int:
+        return math.floor(1000.0 * (time_s - self._booted_s)) % CLOCK_WRAP_MS
+
+    def _send(self, reply: bytes, delay_s: float) -> None:
+        starts_s = max(self._now_s + delay_s, self._wire_free_s)  # one wire: nothing overtakes
+        self._wire_free_s = starts_s + WIRE_S_PER_BYTE * len(reply)
+        self._outbox.append((self._wire_free_s, reply))
+
+    def _answer(self, line: bytes) -> None:
+        try:
+            reply = self._obey(line)
+        except RefusedError as refusal:
+            reply = status_reply(line, str(refusal).encode("ascii"))
+        if reply is not None:
+            self._send(reply, ANSWER_S)
+
+    def _obey(self, line: bytes) -> bytes | None:
+        command, parameters, remark = split_line(line)
+        if self._adjusting and command not in {b"TM", b"RS"}:
+            raise RefusedError(
+                "0A"
+            )  # "will not accept any other commands"; with which status it does not say
+        if command in {b"MD", b"MS", b"GD", b"GS"}:
+            return self._measure(line, MeasureRequest.parse(command, parameters, remark))
+        if command == b"TM":
+            return self._adjust_clock(line, parameters)
+        if command == b"SS":
+            return status_reply(line, _bit_rate_status(parameters))
+        if command in FIXED_SETTINGS:
+            return status_reply(line, fixed_setting_status(command, parameters))
+        if parameters:
+            raise RefusedError("0E")
+        match command:
+            case b"VV":
+                return table_reply(line, IDENTITY)
+            case b"PP":
+                return table_reply(line, PARAMETERS)
+            case b"II":
+                return table_reply(line, self._state())
+            case b"BM":
+                status = b"02" if self._is_lit() else b"00"
+                self._light()
+                return status_reply(line, status)
+            case b"QT":
+                self._stop()
+                return status_reply(line, b"00")
+            case b"RS":
+                self._stop()
+                self._adjusting = False
+                self._booted_s = self._now_s
+                return status_reply(line, b"00")
+        raise RefusedError("0E")
+
+    def _state(self) -> dict[str, str]:
+        return {
+            "MODL": PARAMETERS["MODL"],
+            "LASR": "ON" if self._is_lit() else "OFF",
+            "SCSP": "Initial(600[rpm])",
+            "MESM": "IDLE" if self._request is None else "Measuring by Sensitive Mode",
+            "SBPS": "USB only",
+            "TIME": f"{self._clock_ms(self._now_s):06X}",
+            "STAT": "Sensor works well",
+        }
+
+    def _is_lit(self) -> bool:
+        return self._lit_s < math.inf
+
+    def _light(self) -> None:
+        self._lit_s = min(self._lit_s, self._now_s)
+
+    def _stop(self) -> None:
+        self._request = None
+        self._lit_s = math.inf
+
+    def _adjust_clock(self, line: bytes, parameters: bytes) -> bytes:
+        match parameters:
+            case b"0" if not self._adjusting:
+                self._stop()
+                self._adjusting = True
+                return status_reply(line, b"00")
+            case b"1" if self._adjusting:
+                return time_reply(line, self._clock_ms(self._now_s + ANSWER_S))
+            case b"2" if self._adjusting:
+                self._adjusting = False
+                return status_reply(line, b"00")
+        misuse = {b"0": "02", b"2": "03", b"1": "04"}
+        raise RefusedError(misuse.get(parameters, "01" if parameters else "0C"))
+
+    def _measure(self, line: bytes, request: MeasureRequest) -> bytes | None:
+        if request.streams:
+            self._light()
+        elif not self._is_lit():
+            raise RefusedError("10")
+        self._request = request
+        self._requested_s = self._now_s if request.streams else self._lit_s
+        self._remaining = request.count
+        self._turns_to_skip = 0
+        return status_reply(line, b"00") if request.streams else None
+
+    def _finish_turn(self, turn: int) -> None:
+        request, start_s = self._request, self._turn_start_s(turn)
+        if request is None or start_s < max(self._requested_s, self._lit_s):
+            return
+        if self._turns_to_skip > 0:
+            self._turns_to_skip -= 1
+            return
+        self._turns_to_skip = request.skip
+        if request.count:
+            self._remaining -= 1
+            if self._remaining == 0:
+                self._request = None
+                if request.streams:
+                    self._lit_s = math.inf  # the laser goes out after the last scan that was asked for
+        values = _cluster(self._scan(turn)[request.first_step : request.last_step + 1], request.cluster)
+        status = b"99" if request.streams else b"00"
+        echo = request.echo(self._remaining)
+        self._send(scan_reply(echo, status, self._clock_ms(start_s), values, request.chars), 0.0)
+
+    def _scan(self, turn: int) -> CodeArray:
+        """Measure one turn: reported values [mm or code] of steps 0 ... 768."""
+        steps = np.arange(FIRST_STEP, LAST_STEP + 1)
+        times_s = self._turn_start_s(turn) + steps * self._turn_s / STEPS_PER_TURN
+        bearings_rad = (steps - FRONT_STEP) * math.tau / STEPS_PER_TURN
+        true_m = cast_from_robot(self._world, self._pose_at, self._base_from_laser, times_s, bearings_rad)
+        values = np.full(LAST_MEASURABLE_STEP + 1, NOT_MEASURABLE, np.int32)
+        rng = np.random.default_rng([self._seed, turn])
+        values[FIRST_STEP : LAST_STEP + 1] = measure_mm(true_m, self._bias, rng)
+        return values
+
+
+def _cluster(values: CodeArray, size: int) -> CodeArray:
+    """The smallest valid range of each group of `size` beams; its smallest code if none is valid."""
+    if size <= 1:
+        return values
+    ranked = np.where(values >= RANGE_MIN_MM, values, values + CLOCK_WRAP_MS)  # any range before any code
+    least = np.minimum.reduceat(ranked, np.arange(0, values.size, size))
+    return np.where(least >= CLOCK_WRAP_MS, least - CLOCK_WRAP_MS, least).astype(np.int32)
+
+
+def _bit_rate_status(parameters: bytes) -> bytes:
+    if len(parameters) < 6:
+        return b"0C"
+    if not parameters.isdigit():
+        return b"01"
+    return b"04"  # a USB device has no bit rate

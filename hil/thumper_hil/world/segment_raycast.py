@@ -1,0 +1,167 @@
+"""Geometry kernels of the simulated world: rays, points and edges against segments and circles.
+
+All lengths in metres. Segments are rows (x0, y0, x1, y1); circles are rows (x, y, radius).
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thumper.common.geometry import FloatArray
+from thumper.common.numba_kernel import kernel
+
+BoolArray = NDArray[np.bool_]
+
+
+@kernel
+def cast_rays(
+    origins_m: FloatArray,
+    angles_rad: FloatArray,
+    segments_m: FloatArray,
+    circles_m: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Write the distance along each ray to the first thing it meets, +inf for none, to `out`, shape (n,).
+
+    `origins_m` has shape (n, 2), `angles_rad` (n,). A ray along a wall meets the wall's nearer end; a ray
+    that starts inside a circle meets the circle's far side.
+    """
+    for i in range(angles_rad.size):
+        x, y = origins_m[i, 0], origins_m[i, 1]
+        dx, dy = math.cos(angles_rad[i]), math.sin(angles_rad[i])
+        nearest = math.inf
+        for k in range(segments_m.shape[0]):
+            ax, ay = segments_m[k, 0] - x, segments_m[k, 1] - y
+            bx, by = segments_m[k, 2] - x, segments_m[k, 3] - y
+            # Signed distances of the ends from the ray's line: no crossing while both are on one side. Two
+            # walls that share a corner get the same number for it, so that no ray slips between them.
+            side_a, side_b = dx * ay - dy * ax, dx * by - dy * bx
+            if (side_a > 0.0 and side_b > 0.0) or (side_a < 0.0 and side_b < 0.0):
+                continue
+            along_a, along_b = dx * ax + dy * ay, dx * bx + dy * by
+            if abs(side_a - side_b) > 1e-12:
+                share = min(max(side_a / (side_a - side_b), 0.0), 1.0)
+                t = along_a + share * (along_b - along_a)
+            elif along_a * along_b <= 0.0:
+                t = 0.0  # parallel, and the origin lies on the wall
+            else:
+                t = min(along_a, along_b)
+            if 0.0 <= t < nearest:
+                nearest = t
+        for k in range(circles_m.shape[0]):
+            cx, cy, radius = circles_m[k, 0] - x, circles_m[k, 1] - y, circles_m[k, 2]
+            along = dx * cx + dy * cy
+            side = dx * cy - dy * cx
+            if abs(side) > radius:
+                continue
+            half_chord = math.sqrt(radius * radius - side * side)
+            t = along - half_chord
+            if t < 0.0:
+                t = along + half_chord
+            if 0.0 <= t < nearest:
+                nearest = t
+        out[i] = nearest
+
+
+@kernel
+def point_segment_m(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
+    """Distance from a point to a segment; a segment of no length is a point."""
+    ux, uy = bx - ax, by - ay
+    length2 = ux * ux + uy * uy
+    share = 0.0
+    if length2 > 0.0:
+        share = min(max(((px - ax) * ux + (py - ay) * uy) / length2, 0.0), 1.0)
+    return math.hypot(px - ax - share * ux, py - ay - share * uy)
+
+
+@kernel
+def segments_cross(
+    ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float
+) -> bool:
+    """Whether ab and cd cross at a point inside both; mere contact is left to `point_segment_m`."""
+    abx, aby, cdx, cdy = bx - ax, by - ay, dx - cx, dy - cy
+    c_side, d_side = abx * (cy - ay) - aby * (cx - ax), abx * (dy - ay) - aby * (dx - ax)
+    a_side, b_side = cdx * (ay - cy) - cdy * (ax - cx), cdx * (by - cy) - cdy * (bx - cx)
+    return c_side * d_side < 0.0 and a_side * b_side < 0.0
+
+
+@kernel
+def inside_polygon(px: float, py: float, polygon_m: FloatArray) -> bool:
+    """Even-odd rule; `polygon_m` has shape (k, 2), k >= 3, not closed."""
+    inside = False
+    j = polygon_m.shape[0] - 1
+    for i in range(polygon_m.shape[0]):
+        yi, yj = polygon_m[i, 1], polygon_m[j, 1]
+        if (yi > py) != (yj > py):
+            x_cross = polygon_m[i, 0] + (py - yi) / (yj - yi) * (polygon_m[j, 0] - polygon_m[i, 0])
+            if px < x_cross:
+                inside = not inside
+        j = i
+    return inside
+
+
+@kernel
+def polygon_clearance_m(polygon_m: FloatArray, segments_m: FloatArray, circles_m: FloatArray) -> float:
+    """Smallest distance from a filled polygon, shape (k, 2), to any segment or filled circle; 0 = contact."""
+    nearest = math.inf
+    j = polygon_m.shape[0] - 1
+    for i in range(polygon_m.shape[0]):
+        ax, ay, bx, by = polygon_m[j, 0], polygon_m[j, 1], polygon_m[i, 0], polygon_m[i, 1]
+        for k in range(segments_m.shape[0]):
+            cx, cy, dx, dy = segments_m[k, 0], segments_m[k, 1], segments_m[k, 2], segments_m[k, 3]
+            if segments_cross(ax, ay, bx, by, cx, cy, dx, dy):
+                return 0.0
+            nearest = min(
+                nearest,
+                point_segment_m(ax, ay, cx, cy, dx, dy),
+                point_segment_m(cx, cy, ax, ay, bx, by),
+                point_segment_m(dx, dy, ax, ay, bx, by),
+            )
+        for k in range(circles_m.shape[0]):
+            centre_m = point_segment_m(circles_m[k, 0], circles_m[k, 1], ax, ay, bx, by)
+            nearest = min(nearest, max(centre_m - circles_m[k, 2], 0.0))
+        j = i
+    # What lies wholly inside the polygon touches no edge of it.
+    for k in range(segments_m.shape[0]):
+        if inside_polygon(segments_m[k, 0], segments_m[k, 1], polygon_m):
+            return 0.0
+    for k in range(circles_m.shape[0]):
+        if inside_polygon(circles_m[k, 0], circles_m[k, 1], polygon_m):
+            return 0.0
+    return nearest
+
+
+@kernel
+def mark_touched(
+    x_lo_m: float,
+    y_lo_m: float,
+    resolution_m: float,
+    segments_m: FloatArray,
+    circles_m: FloatArray,
+    touched: BoolArray,
+) -> None:
+    """Set each cell of `touched`, shape (rows, columns), row 0 at `y_lo_m`, whose square meets anything."""
+    half = (
+        0.5 * resolution_m + 1e-9
+    )  # a wall on the line between two cells belongs to both, whatever the rounding
+    cell = np.empty((4, 2))
+    for row in range(touched.shape[0]):
+        y = y_lo_m + (row + 0.5) * resolution_m
+        for column in range(touched.shape[1]):
+            x = x_lo_m + (column + 0.5) * resolution_m
+            cell[0, 0], cell[1, 0], cell[2, 0], cell[3, 0] = x - half, x + half, x + half, x - half
+            cell[0, 1], cell[1, 1], cell[2, 1], cell[3, 1] = y - half, y - half, y + half, y + half
+            touched[row, column] = polygon_clearance_m(cell, segments_m, circles_m) <= 0.0
+
+
+@kernel
+def mark_inside(
+    x_lo_m: float, y_lo_m: float, resolution_m: float, polygon_m: FloatArray, touched: BoolArray
+) -> None:
+    """Set each cell of `touched`, shape (rows, columns), whose centre lies in the polygon, shape (k, 2)."""
+    for row in range(touched.shape[0]):
+        for column in range(touched.shape[1]):
+            x, y = x_lo_m + (column + 0.5) * resolution_m, y_lo_m + (row + 0.5) * resolution_m
+            if inside_polygon(x, y, polygon_m):
+                touched[row, column] = True

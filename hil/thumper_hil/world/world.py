@@ -1,0 +1,140 @@
+"""The simulated world: upright walls, boxes and posts, as a lidar's plane cuts them. The frame is `map`."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from thumper.common.geometry import FloatArray, Pose2
+from thumper.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from thumper_hil.world.occupancy import SolidGrid
+from thumper_hil.world.pedestrian import Timed, Walker
+from thumper_hil.world.segment_raycast import cast_rays, mark_inside, mark_touched, polygon_clearance_m
+from thumper_hil.world.world_file import read_world_file
+
+BORDER_M = 0.5
+"""How far `to_grid` reaches beyond the outermost wall."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class World:
+    """Segments, shape (n, 4): x0 y0 x1 y1 [m]; circles, shape (m, 3): x y radius [m].
+
+    A box is its four sides, and is kept as a polygon too, so that `to_grid` knows its inside. `grid` is a map
+    whose occupied cells are solid. `timed` and `walkers` are what a scene adds over time: here they are only
+    kept, `scene.Scene` brings them to life.
+    """
+
+    segments_m: FloatArray
+    circles_m: FloatArray
+    boxes_m: tuple[FloatArray, ...] = ()  # corners, shape (4, 2) each
+    grid: SolidGrid | None = None
+    timed: tuple[Timed, ...] = ()
+    walkers: tuple[Walker, ...] = ()
+
+    @classmethod
+    def load(cls, name_or_path: str | Path) -> Self:
+        """Read `worlds/NAME.toml` of this package, a path that ends in `.toml`, or a map's `.yaml`.
+
+        Raises
+        ------
+        ThumperError
+            No such world, no TOML, no map, or a key or value that is wrong: named with the file.
+        """
+        if Path(name_or_path).suffix == ".yaml":
+            nothing = np.zeros((0, 4)), np.zeros((0, 3))
+            grid = SolidGrid.load(Path(name_or_path))
+            return cls(segments_m=nothing[0], circles_m=nothing[1], grid=grid)
+        shapes = read_world_file(name_or_path)
+        boxes = tuple(box_corners(*row) for row in shapes.boxes)
+        return cls(
+            segments_m=np.vstack([shapes.segments, *(box_sides(box) for box in boxes)]),
+            circles_m=shapes.circles,
+            boxes_m=boxes,
+            grid=SolidGrid.load(shapes.map_path) if shapes.map_path else None,
+            timed=shapes.timed,
+            walkers=shapes.walkers,
+        )
+
+    def cast(self, x_m: ArrayLike, y_m: ArrayLike, angles_rad: ArrayLike) -> FloatArray:
+        """Distance [m] along each ray to the first thing it meets, shape (n,), +inf for none.
+
+        The three arguments broadcast to shape (n,): one origin for all rays, or one for each.
+        """
+        x, y, angles = np.broadcast_arrays(
+            np.asarray(x_m, np.float64), np.asarray(y_m, np.float64), np.atleast_1d(np.asarray(angles_rad))
+        )
+        ranges_m = np.empty(angles.size)
+        origins_m = np.column_stack([x.ravel(), y.ravel()])
+        angles_rad = angles.astype(np.float64).ravel()
+        cast_rays(origins_m, angles_rad, self.segments_m, self.circles_m, ranges_m)
+        if self.grid is not None:
+            self.grid.cast(origins_m, angles_rad, ranges_m)
+        return ranges_m
+
+    def cast_at(
+        self, times_s: FloatArray, x_m: FloatArray, y_m: FloatArray, angles_rad: FloatArray
+    ) -> FloatArray:
+        """As `cast`, whatever the times: this world stands still."""
+        return self.cast(x_m, y_m, angles_rad)
+
+    def clearance_m(self, pose: Pose2, polygon_m: FloatArray) -> float:
+        """Distance [m] from a body to the nearest thing, 0 if they meet.
+
+        `polygon_m`, shape (k, 2), is the body's outline in its own frame; `pose` places it in the map. A body
+        wholly inside a box is seen as clear of it: bodies come from outside and touch a side first.
+        """
+        placed_m = pose.apply(polygon_m)
+        clearance_m = polygon_clearance_m(placed_m, self.segments_m, self.circles_m)
+        return min(clearance_m, self.grid.clearance_m(placed_m)) if self.grid is not None else clearance_m
+
+    def touches(self, pose: Pose2, polygon_m: FloatArray) -> bool:
+        """Whether the body with this outline, shape (k, 2), meets anything at `pose`."""
+        return self.clearance_m(pose, polygon_m) <= 0.0
+
+    def to_grid(self, resolution_m: float = 0.05) -> OccupancyGrid:
+        """Return the truth as a grid: a cell is occupied if anything is in its square, else free."""
+        x_lo, y_lo, x_hi, y_hi = self.bounds_m()
+        origin_x, origin_y = (
+            math.floor((low - BORDER_M) / resolution_m) * resolution_m for low in (x_lo, y_lo)
+        )
+        columns = math.ceil((x_hi + BORDER_M - origin_x) / resolution_m)
+        rows = math.ceil((y_hi + BORDER_M - origin_y) / resolution_m)
+        touched = np.zeros((rows, columns), np.bool_)
+        mark_touched(origin_x, origin_y, resolution_m, self.segments_m, self.circles_m, touched)
+        for box_m in self.boxes_m:
+            mark_inside(origin_x, origin_y, resolution_m, box_m, touched)
+        if self.grid is not None:
+            x_m = np.asarray(origin_x + (np.arange(columns) + 0.5) * resolution_m, np.float64)
+            y_m = np.asarray(origin_y + (np.arange(rows) + 0.5) * resolution_m, np.float64)
+            self.grid.mark(x_m, y_m, touched)
+        cells = np.where(touched, OCCUPIED, FREE).astype(np.int8)
+        return OccupancyGrid(cells=cells, resolution_m=resolution_m, origin_x_m=origin_x, origin_y_m=origin_y)
+
+    def bounds_m(self) -> tuple[float, float, float, float]:
+        """Return (x_min, y_min, x_max, y_max) of everything."""
+        points = np.vstack(
+            [
+                self.segments_m[:, :2],
+                self.segments_m[:, 2:],
+                self.circles_m[:, :2] - self.circles_m[:, 2:],
+                self.circles_m[:, :2] + self.circles_m[:, 2:],
+                np.zeros((0, 2)) if self.grid is None else np.reshape(self.grid.bounds_m(), (2, 2)),
+            ]
+        )
+        (x_lo, y_lo), (x_hi, y_hi) = points.min(axis=0), points.max(axis=0)
+        return float(x_lo), float(y_lo), float(x_hi), float(y_hi)
+
+
+def box_sides(corners_m: FloatArray) -> FloatArray:
+    """The four sides, shape (4, 4), of a box with these corners, shape (4, 2)."""
+    return np.column_stack([corners_m, np.roll(corners_m, -1, axis=0)])
+
+
+def box_corners(x_m: float, y_m: float, length_m: float, width_m: float, yaw_deg: float) -> FloatArray:
+    """The corners, shape (4, 2), of a box round its centre."""
+    half = 0.5 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (length_m, width_m)
+    return Pose2(x_m=x_m, y_m=y_m, theta_rad=math.radians(yaw_deg)).apply(half)

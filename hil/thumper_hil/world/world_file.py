@@ -1,0 +1,205 @@
+"""Read a world's TOML: polylines of wall, boxes, circles, a map, people. Nothing unknown is ignored."""
+
+import itertools
+import math
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.geometry import FloatArray
+from thumper_hil.world.pedestrian import Timed, Walker
+
+WORLDS = Path(__file__).resolve().parent.parent / "worlds"
+
+WALL_KEYS = frozenset({"name", "points_m", "closed"})
+TIME_KEYS = frozenset({"from_s", "until_s"})
+BOX_KEYS = frozenset({"name", "x_m", "y_m", "length_m", "width_m", "yaw_deg"}) | TIME_KEYS
+CIRCLE_KEYS = frozenset({"name", "x_m", "y_m", "radius_m"}) | TIME_KEYS
+PERSON_KEYS = frozenset({"name", "waypoints_m", "speed_m_s", "radius_m", "from_s"})
+TABLE_KEYS = {"wall": WALL_KEYS, "box": BOX_KEYS, "circle": CIRCLE_KEYS, "person": PERSON_KEYS}
+PERSON_RADIUS_M = 0.2
+PERSON_SPEED_M_S = 0.8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WorldShapes:
+    """What a world file holds: wall segments (n, 4), circles (m, 3), boxes (x, y, length, width, yaw_deg)."""
+
+    segments: FloatArray
+    circles: FloatArray
+    boxes: tuple[tuple[float, float, float, float, float], ...]
+    timed: tuple[Timed, ...] = ()
+    walkers: tuple[Walker, ...] = ()
+    map_path: Path | None = None
+
+
+class _BadWorldError(ValueError):
+    """A wrong key or value; the caller adds the file's name."""
+
+
+def read_world_file(name_or_path: str | Path) -> WorldShapes:
+    """Read `worlds/NAME.toml`, or the file at a path that ends in `.toml`, and the `base` it builds on.
+
+    Raises
+    ------
+    ThumperError
+        No such world, no TOML, or a key or value that is wrong: named with the file.
+    """
+    given = Path(name_or_path)
+    path = given if given.suffix == ".toml" else WORLDS / f"{given}.toml"
+    return _read(path, asked_by=())
+
+
+def _read(path: Path, asked_by: tuple[Path, ...]) -> WorldShapes:
+    if path in asked_by:
+        raise ThumperError(f"{path}: base: builds on itself; name another world", exit_code=EXIT_USAGE)
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        known = ", ".join(sorted(file.stem for file in WORLDS.glob("*.toml")))
+        raise ThumperError(f"{path}: no such world; there are: {known}", exit_code=EXIT_USAGE) from error
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ThumperError(f"{path}: cannot read the world: {error}", exit_code=EXIT_USAGE) from error
+    try:
+        own = _parse(data, path.parent)
+    except _BadWorldError as error:
+        raise ThumperError(f"{path}: {error}", exit_code=EXIT_USAGE) from error
+    if "base" not in data:
+        return own
+    base = _read(path.parent / f"{data['base']}.toml", (*asked_by, path))
+    return WorldShapes(
+        segments=np.vstack([base.segments, own.segments]),
+        circles=np.vstack([base.circles, own.circles]),
+        boxes=base.boxes + own.boxes,
+        timed=base.timed + own.timed,
+        walkers=base.walkers + own.walkers,
+        map_path=own.map_path or base.map_path,
+    )
+
+
+def _parse(data: dict[str, Any], folder: Path) -> WorldShapes:
+    _refuse_unknown(data, frozenset(TABLE_KEYS) | {"base", "description", "map"}, "")
+    for key in ("base", "description", "map"):
+        if not isinstance(data.get(key, ""), str):
+            raise _BadWorldError(f"{key} = {data[key]!r}: must be a text")
+    segments = [segment for where, wall in _tables(data, "wall") for segment in _wall_segments(where, wall)]
+    boxes, circles, timed = [], [], []
+    for where, table in _tables(data, "box"):
+        box = _box(where, table)
+        if TIME_KEYS & table.keys():
+            timed.append(_timed(where, table, Timed(box=box)))
+        else:
+            boxes.append(box)
+    for where, table in _tables(data, "circle"):
+        circle = (
+            _number(table, "x_m", where), _number(table, "y_m", where), _positive(table, "radius_m", where)
+        )  # fmt: skip
+        if TIME_KEYS & table.keys():
+            timed.append(_timed(where, table, Timed(circle=circle)))
+        else:
+            circles.append(circle)
+    walkers = tuple(_person(where, table) for where, table in _tables(data, "person"))
+    if not (segments or boxes or circles or timed or walkers or {"base", "map"} & data.keys()):
+        raise _BadWorldError("the world is empty; add a [[wall]], [[box]] or [[circle]], or a map")
+    return WorldShapes(
+        segments=np.array(segments, np.float64).reshape(-1, 4),
+        circles=np.array(circles, np.float64).reshape(-1, 3),
+        boxes=tuple(boxes),
+        timed=tuple(timed),
+        walkers=walkers,
+        map_path=folder / data["map"] if "map" in data else None,
+    )
+
+
+def _box(where: str, table: dict[str, Any]) -> tuple[float, float, float, float, float]:
+    return (
+        _number(table, "x_m", where),
+        _number(table, "y_m", where),
+        _positive(table, "length_m", where),
+        _positive(table, "width_m", where),
+        _number({"yaw_deg": 0.0, **table}, "yaw_deg", where),
+    )
+
+
+def _timed(where: str, table: dict[str, Any], thing: Timed) -> Timed:
+    """The thing with its times."""
+    filled = {"from_s": 0.0, **table}
+    from_s = _number(filled, "from_s", where)
+    until_s = _number(table, "until_s", where) if "until_s" in table else math.inf
+    if from_s >= until_s:
+        raise _BadWorldError(f"{where}until_s = {until_s}: must be after from_s")
+    return replace(thing, from_s=from_s, until_s=until_s)
+
+
+def _person(where: str, table: dict[str, Any]) -> Walker:
+    filled = {"speed_m_s": PERSON_SPEED_M_S, "radius_m": PERSON_RADIUS_M, "from_s": 0.0, **table}
+    points = _points(where, table, "waypoints_m")
+    if any(a == b for a, b in itertools.pairwise(points)):
+        raise _BadWorldError(f"{where}waypoints_m: two waypoints in a row are the same")
+    return Walker(
+        waypoints_m=np.array(points, np.float64),
+        speed_m_s=_positive(filled, "speed_m_s", where),
+        radius_m=_positive(filled, "radius_m", where),
+        from_s=_number(filled, "from_s", where),
+    )
+
+
+def _tables(data: dict[str, Any], kind: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    tables = data.get(kind, [])
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        raise _BadWorldError(f"{kind}: write each one as [[{kind}]]")
+    for index, table in enumerate(tables):
+        where = f"{kind}[{index}]."
+        _refuse_unknown(table, TABLE_KEYS[kind], where)
+        if not isinstance(table.get("name", ""), str):
+            raise _BadWorldError(f"{where}name = {table['name']!r}: must be a text")
+        yield where, table
+
+
+def _wall_segments(where: str, wall: dict[str, Any]) -> Iterator[tuple[float, float, float, float]]:
+    points = _points(where, wall, "points_m")
+    closed = wall.get("closed", False)
+    if not isinstance(closed, bool):
+        raise _BadWorldError(f"{where}closed = {closed!r}: must be true or false")
+    following = [*points[1:], points[0]] if closed else points[1:]
+    for (x0, y0), (x1, y1) in zip(points, following, strict=False):
+        yield float(x0), float(y0), float(x1), float(y1)
+
+
+def _points(where: str, table: dict[str, Any], key: str) -> list[list[float]]:
+    points = table.get(key)
+    if not isinstance(points, list) or len(points) < 2:
+        raise _BadWorldError(f"{where}{key}: give two or more points [x, y]")
+    if not all(isinstance(point, list) and len(point) == 2 and all(map(_finite, point)) for point in points):
+        raise _BadWorldError(f"{where}{key}: every point must be two finite numbers [x, y]")
+    return points
+
+
+def _number(table: dict[str, Any], key: str, where: str) -> float:
+    if key not in table:
+        raise _BadWorldError(f"{where}{key}: missing; give a number")
+    if not _finite(table[key]):
+        raise _BadWorldError(f"{where}{key} = {table[key]!r}: must be a finite number")
+    return float(table[key])
+
+
+def _positive(table: dict[str, Any], key: str, where: str) -> float:
+    value = _number(table, key, where)
+    if value <= 0.0:
+        raise _BadWorldError(f"{where}{key} = {value}: must be above 0")
+    return value
+
+
+def _finite(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _refuse_unknown(table: dict[str, Any], known: frozenset[str], where: str) -> None:
+    for key in table:
+        if key not in known:
+            raise _BadWorldError(f"unknown key {where}{key}; known here: {', '.join(sorted(known))}")

@@ -1,0 +1,12 @@
+"""Options of the motor board: the `[board]` table of the robot's TOML."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoardConfig:
+    """Where the motor board is."""
+
+    port: str = "/dev/ttyUSB0"
+    baud: Literal[250_000, 500_000] = 500_000

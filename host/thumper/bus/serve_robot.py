@@ -1,0 +1,40 @@
+"""Put a robot on the bus for as long as it runs."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+from thumper.bus.server import BusServer
+from thumper.common.errors import ThumperError
+from thumper.config.bus import BusOptions
+from thumper.runtime.loop import Runtime
+from thumper.runtime.requests import Notice
+
+
+@contextmanager
+def on_bus_if_free(robot: Runtime, name: str, options: BusOptions) -> Iterator[None]:
+    """Let a drive be watched and stopped over the bus; it does not depend on it."""
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(on_bus(robot, name, options))
+        except ThumperError as error:
+            print(f"thumper: nobody can watch or stop this drive: {error}", file=sys.stderr)
+        yield
+
+
+@contextmanager
+def on_bus(robot: Runtime, name: str, options: BusOptions) -> Iterator[BusServer]:
+    """Publish what `robot` makes and let others ask of it.
+
+    Raises
+    ------
+    ThumperError
+        The address is taken.
+    """
+    server = BusServer(name, options, robot.inbox, lambda text: robot.inbox.put(Notice(text=text)))
+    robot.products.add(server.publish)
+    try:
+        yield server
+    finally:
+        robot.products.remove(server.publish)
+        server.close()

@@ -1,0 +1,111 @@
+"""The `thumper` command. Each command imports what it needs when it runs, so that `--help` is quick."""
+
+import signal
+import sys
+from importlib.metadata import entry_points
+from typing import NoReturn
+
+import typer
+
+from thumper.cli.dashboard import dashboard
+from thumper.cli.doctor import doctor
+from thumper.cli.edit import edit
+from thumper.cli.explore import explore
+from thumper.cli.flash import flash
+from thumper.cli.goto import goto, stop
+from thumper.cli.map_log import map_log
+from thumper.cli.mode import mode
+from thumper.cli.plan import plan
+from thumper.cli.record import record
+from thumper.cli.recordings import export, recover
+from thumper.cli.replay import replay
+from thumper.cli.rosbridge import rosbridge
+from thumper.cli.run import run
+from thumper.cli.save import save
+from thumper.cli.status import status, watch
+from thumper.cli.teleop import teleop
+from thumper.common.errors import ThumperError
+from thumper.common.optional_packages import extra_of, missing
+from thumper.common.version import __version__
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"thumper {__version__}")
+        raise typer.Exit
+
+
+def build_app() -> typer.Typer:
+    """All commands, those of other packages included."""
+    app = typer.Typer(
+        help="A brain for differential-drive robots: holds wheel speeds, maps, and drives to a goal.",
+        no_args_is_help=True,
+        rich_markup_mode="markdown",  # in "rich" a unit such as [m] is markup and vanishes
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+
+    @app.callback()
+    def _options(
+        version: bool = typer.Option(
+            False, "--version", callback=_show_version, is_eager=True, help="Print the version and leave."
+        ),
+    ) -> None:
+        pass
+
+    for plugin in sorted(entry_points(group="thumper.commands"), key=lambda point: point.name):
+        part = plugin.load()  # a command, or a group of commands
+        if isinstance(part, typer.Typer):
+            app.add_typer(part, name=plugin.name)
+        else:
+            app.command(plugin.name)(part)
+    for command in (
+        run,
+        goto,
+        stop,
+        mode,
+        save,
+        status,
+        watch,
+        rosbridge,
+        explore,
+        plan,
+        edit,
+        map_log,
+        flash,
+        doctor,
+        dashboard,
+        record,
+        teleop,
+        replay,
+        recover,
+        export,
+    ):
+        # goto's negative coordinates are no options
+        settings = {"ignore_unknown_options": True} if command is goto else None
+        app.command(command.__name__.replace("_", "-"), context_settings=settings)(command)
+    return app
+
+
+def main() -> None:
+    """Run the command line; a fault that the user can mend is one line on stderr, never a traceback."""
+    try:
+        app = build_app()  # which imports, so that Ctrl-C may just end the process till then
+        for number in (signal.SIGINT, signal.SIGTERM):  # a polite kill is a Ctrl-C: motors first
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, signal.default_int_handler)
+        app()
+    except ThumperError as error:
+        _leave(error)
+    except ModuleNotFoundError as error:
+        module = error.name or ""
+        extra = extra_of(module)
+        if extra is None:
+            raise
+        _leave(missing(extra, module))
+
+
+def _leave(error: ThumperError) -> NoReturn:
+    option = f" ({error.option})" if error.option else ""
+    print(f"thumper: {error}{option}", file=sys.stderr)
+    sys.exit(error.exit_code)

@@ -1,0 +1,56 @@
+"""A drive with a progress bar on the terminal; Ctrl-C stops the motors first."""
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn
+
+from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
+from thumper.navigation.goal import Goal
+from thumper.runtime.drive_result import MissionResult
+from thumper.runtime.drive_result import Progress as Beat
+from thumper.runtime.loop import Runtime
+
+PLAIN_PERIOD_S = 1.0
+
+
+def drive_with_progress(
+    robot: Runtime, goal: Goal, name: str, console: Console, *, clear_fault: bool = False
+) -> MissionResult:
+    """Drive to the goal and show how far it still is: a bar on a terminal, else a line a second."""
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[state]}"), console=console
+    ) as progress:
+        task = progress.add_task(name, total=None, state="looking round")
+        farthest_m, next_line_s = 0.0, 0.0
+
+        def show(beat: Beat) -> None:
+            nonlocal farthest_m, next_line_s
+            farthest_m = max(farthest_m, beat.distance_to_goal_m)
+            state = f"{beat.distance_to_goal_m:5.2f} m to go, {beat.time_s:5.1f} s"
+            if not (console.is_terminal or console.quiet) and beat.time_s >= next_line_s:
+                print(f"{name}: {state}", flush=True)
+                next_line_s = beat.time_s + PLAIN_PERIOD_S
+            progress.update(
+                task,
+                total=farthest_m,
+                completed=farthest_m - beat.distance_to_goal_m,
+                state=state,
+            )
+
+        result = robot.drive_to(goal, show, clear_fault=clear_fault)
+        if result.reached:
+            progress.update(task, total=1.0, completed=1.0, state=f"reached after {result.time_s:.1f} s")
+        else:
+            progress.update(task, state=f"not reached after {result.time_s:.1f} s")
+    return result
+
+
+def print_notes(robot: Runtime, console: Console) -> None:
+    """Say what was wrong with the lidar's scans and the wheels on the way, one line a kind with its count."""
+    for line in robot.senses.perception.notes().values():
+        console.print(f"note: {line}", markup=False, soft_wrap=True)
+
+
+def raise_if_interrupted(result: MissionResult) -> None:
+    """End a command that would drive on: Ctrl-C means all of it; the robot stands already."""
+    if result.interrupted:
+        raise ThumperError(result.reason, exit_code=EXIT_INTERRUPTED)

@@ -1,0 +1,24 @@
+"""The folder that a command writes to: checked before the work starts."""
+
+import os
+import tempfile
+from pathlib import Path
+
+from thumper.common.errors import EXIT_USAGE, ThumperError
+
+
+def prepare_output(folder: Path, option: str = "--out") -> Path:
+    """Create `folder` if need be and prove that it can be written to; `ThumperError` says why not.
+
+    `option` is the one that names the folder.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise ThumperError(
+            f"cannot write to {folder}: {os.strerror(error.errno or 0)}; choose another folder with {option}",
+            exit_code=EXIT_USAGE,
+        ) from error
+    return folder

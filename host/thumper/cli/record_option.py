@@ -1,0 +1,47 @@
+"""`--record` of the commands that drive a robot."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from thumper.common.geometry import Pose2
+    from thumper.config.robot import RobotConfig
+    from thumper.runtime.loop import Runtime
+
+
+@contextmanager
+def recorded(
+    robot: "Runtime", settings: "RobotConfig", start: "Pose2 | None", record: bool, record_to: Path | None
+) -> Iterator[None]:
+    """Record from now on if asked to; in any case `record_start` and `record_stop` work over the bus.
+
+    Raises
+    ------
+    ThumperError
+        The folder cannot be written.
+    """
+    from thumper.cli.output_folder import prepare_output
+    from thumper.common.geometry import Pose2
+    from thumper.recording.start_stop import recording_switch
+    from thumper.runtime.requests import Notice
+
+    folder = record_to or Path(settings.recording.folder)
+
+    def say(text: str) -> None:
+        print(f"thumper: {text}", file=sys.stderr)
+        robot.inbox.put(Notice(text=text))
+
+    with recording_switch(robot, settings, start or Pose2(), folder, say) as switch:
+        if record or record_to:
+            prepare_output(folder, "--record-to")
+            print(f"{switch.start()}; at most {settings.recording.budget_MB:g} MB, the oldest go first")
+        try:
+            yield
+        finally:
+            recorder = switch.close()
+            if recorder is not None and recorder.files and not recorder.trouble:
+                dropped = f", {recorder.dropped} dropped: the disk is too slow" if recorder.dropped else ""
+                print(f"recorded {recorder.written} messages{dropped}: {recorder.files[-1]}")

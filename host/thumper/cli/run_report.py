@@ -1,0 +1,135 @@
+"""Pictures and files that a run leaves behind."""
+
+import json
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from thumper.common.geometry import FloatArray
+from thumper.maps.map_server_io import save_map
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.planners.polyline import arc_lengths
+from thumper.runtime.drive_log import SPEED_COLUMNS, MissionLog, speed_errors
+from thumper.runtime.drive_result import MissionResult
+from thumper.slam.mapper import Mapper
+from thumper.slam.saved_state import Session, save_session
+
+INK, BLUE, ORANGE, GREEN = "#1f2933", "#2563eb", "#ea580c", "#16a34a"
+BORDER_M = 0.3
+SHORTEST_PLAN_M = 0.1  # to look round, an exploring robot plans a way to where it stands
+LEGEND = {"loc": "lower center", "bbox_to_anchor": (0.56, 1.0), "ncols": 2, "frameon": False, "fontsize": 8}
+"""Above the axes, between title and error: inside it would cover the curves."""
+
+
+def draw_map(axes: Axes, grid: OccupancyGrid) -> None:
+    """Draw the grid as map viewers do: white free, black occupied, grey unknown; axes in metres."""
+    shade = np.where(grid.cells < 0, 0.82, 1.0 - grid.cells / 100.0)
+    rows, columns = grid.cells.shape
+    axes.imshow(
+        shade,
+        cmap="gray",
+        vmin=0.0,
+        vmax=1.0,
+        origin="lower",
+        interpolation="nearest",
+        extent=(
+            grid.origin_x_m,
+            grid.origin_x_m + columns * grid.resolution_m,
+            grid.origin_y_m,
+            grid.origin_y_m + rows * grid.resolution_m,
+        ),
+    )
+    known_rows, known_columns = np.nonzero(grid.cells >= 0)
+    if known_rows.size:  # a map grows in large patches: show what is known, not the patches
+        axes.set_xlim(
+            grid.origin_x_m + known_columns.min() * grid.resolution_m - BORDER_M,
+            grid.origin_x_m + (known_columns.max() + 1) * grid.resolution_m + BORDER_M,
+        )
+        axes.set_ylim(
+            grid.origin_y_m + known_rows.min() * grid.resolution_m - BORDER_M,
+            grid.origin_y_m + (known_rows.max() + 1) * grid.resolution_m + BORDER_M,
+        )
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    axes.set_aspect("equal")
+
+
+def draw_drive(axes: Axes, log: MissionLog) -> None:
+    """Draw the first plan and the path as the robot believes to have driven it."""
+    plans = [plan for plan in log.plans if arc_lengths(plan)[-1] > SHORTEST_PLAN_M]
+    if plans:
+        for plan in plans[1:]:
+            axes.plot(*plan.T, color=ORANGE, linewidth=0.6, alpha=0.35)
+        axes.plot(*plans[0].T, "--", color=ORANGE, linewidth=1.6, label="planned at the start (thin: later)")
+    poses = log.poses
+    axes.plot(poses[:, 1], poses[:, 2], color=BLUE, linewidth=2.0, label="driven (own estimate)")
+
+
+def draw_speeds(figure: Figure, speeds: FloatArray, title: str) -> None:
+    """Draw set-point, measured speed and PWM of both sides over time."""
+    axes = figure.subplots(3, 1, sharex=True, height_ratios=(2, 2, 1.2))
+    time_s = speeds[:, 0] - speeds[0, 0]
+    for panel, side in zip(axes, ("left", "right"), strict=False):
+        setpoint = speeds[:, SPEED_COLUMNS.index(f"{side}_setpoint")]
+        measured = speeds[:, SPEED_COLUMNS.index(f"{side}_speed")]
+        error = speed_errors(speeds)[side]
+        # Set-point and speed of a row belong to the interval that ends there; the PWM to the one that begins.
+        panel.step(time_s, setpoint, where="pre", color=INK, linewidth=1.2, label="set-point")
+        panel.plot(time_s, measured, ".-", color=BLUE, linewidth=1.0, markersize=3, label="measured")
+        panel.set_ylabel(f"{side} [rad/s]")
+        panel.set_title(
+            f"error: mean {error.mean_rad_s:+.3f}, std {error.std_rad_s:.3f} rad/s", loc="right", fontsize=9
+        )
+        panel.legend(**LEGEND)
+        panel.grid(alpha=0.3)
+    axes[2].step(time_s, speeds[:, SPEED_COLUMNS.index("left_pwm")], where="post", color=BLUE, label="left")
+    axes[2].step(
+        time_s, speeds[:, SPEED_COLUMNS.index("right_pwm")], where="post", color=GREEN, label="right"
+    )
+    axes[2].set_ylabel("PWM [of 255]")
+    axes[2].set_xlabel("time [s]")
+    axes[2].legend(**LEGEND)
+    axes[2].grid(alpha=0.3)
+    axes[0].set_title(title, loc="left")
+
+
+def write_run(folder: Path, mapper: Mapper, log: MissionLog, result: MissionResult) -> list[str]:
+    """Write map, session, two pictures and the summary of one run; returns the file names."""
+    grid = mapper.grid()
+    save_map(grid, folder / "map.yaml")
+    save_session(Session.of(mapper, result.map_from_base), folder / "map.session")
+    picture = Figure(figsize=(8, 7), layout="constrained")
+    axes = picture.subplots()
+    draw_map(axes, grid)
+    draw_drive(axes, log)
+    for row, mark, colour, name in ((0, "o", GREEN, "start"), (-1, "s", BLUE, "end")):
+        axes.plot(*log.poses[row:][:1, 1:3].T, mark, color=colour, markersize=8, label=name)
+    axes.set_title(
+        f"{result.path_length_m:.2f} m in {result.time_s:.1f} s: {result.reason}", fontsize=10, wrap=True
+    )
+    picture.legend(loc="outside lower center", ncols=4, fontsize=9)
+    picture.savefig(folder / "map.png", dpi=130)
+    speeds = log.speeds
+    picture = Figure(figsize=(9, 6), layout="constrained")
+    draw_speeds(picture, speeds, "wheel speed control")
+    picture.savefig(folder / "speed_control.png", dpi=130)
+    pose = result.map_from_base
+    summary = {
+        "reached": result.reached,
+        "interrupted": result.interrupted,
+        "reason": result.reason,
+        "time_s": round(result.time_s, 2),
+        "path_length_m": round(result.path_length_m, 3),
+        "pose": {"x_m": pose.x_m, "y_m": pose.y_m, "theta_rad": pose.theta_rad},
+        "wheel_speed_error": {
+            side: {"mean_rad_s": error.mean_rad_s, "std_rad_s": error.std_rad_s}
+            for side, error in speed_errors(speeds).items()
+        },
+    }
+    (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    return ["map.pgm", "map.yaml", "map.session", "map.png", "speed_control.png", "summary.json"]

@@ -1,0 +1,41 @@
+"""`--map` and `--session` of the commands that drive a robot: what is known of the place before the start."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from thumper.config.robot import RobotConfig
+    from thumper.maps.occupancy_grid import OccupancyGrid
+    from thumper.slam.saved_state import Session
+
+
+def known_place(
+    settings: "RobotConfig", saved_map: Path | None, session: Path | None
+) -> "OccupancyGrid | Session | None":
+    """Read the one that is given, and say what is to be known of it.
+
+    Raises
+    ------
+    ThumperError
+        Both are given, or the file cannot be used.
+    """
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.maps.map_server_io import load_map
+    from thumper.slam.saved_state import load_session
+
+    if saved_map is not None and session is not None:
+        raise ThumperError(
+            "--map keeps a map as it is, --session goes on with one: give one", exit_code=EXIT_USAGE
+        )
+    if saved_map is not None:
+        return load_map(saved_map)
+    if session is None:
+        return None
+    known = load_session(session, settings.mapping.resolution_m)
+    if pose := known.map_from_base:
+        place = f"{pose.x_m:.2f} m, {pose.y_m:.2f} m, {math.degrees(pose.theta_rad):.0f} degrees"
+        print(f"{session}: saved with the robot at {place}")
+    if settings.mapping.method != "scan_match":
+        print(f"note: it is gone on with by scan_match; {settings.mapping.method} begins with an empty map")
+    return known

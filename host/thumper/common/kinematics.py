@@ -1,0 +1,75 @@
+"""Differential-drive kinematics: body twist to wheel speeds and back. Pure: no I/O, no clock."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Le
+
+from thumper.common.geometry import Twist2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveGeometry:
+    """What the wheels do to the body. Defaults: Dagu Wild Thumper 6WD.
+
+    `track_m` is the *effective* track: a skid-steered base turns less than the distance between its wheels
+    says (0.245 m), because the wheels slip sideways; turning on the spot against the lidar calibrates it.
+    No two tyres are alike: `radius_ratio` is the left radius over the right one, `wheel_radius_m` their mean.
+    """
+
+    wheel_radius_m: Annotated[float, Gt(0)] = 0.062
+    radius_ratio: Annotated[float, Ge(0.8), Le(1.25)] = 1.0
+    track_m: Annotated[float, Gt(0)] = 0.3675
+    counts_per_rev: Annotated[int, Gt(0)] = 1200
+
+    @property
+    def left_radius_m(self) -> float:
+        """Radius of the left wheels [m]."""
+        return 2.0 * self.wheel_radius_m * self.radius_ratio / (1.0 + self.radius_ratio)
+
+    @property
+    def right_radius_m(self) -> float:
+        """Radius of the right wheels [m]."""
+        return 2.0 * self.wheel_radius_m / (1.0 + self.radius_ratio)
+
+    @property
+    def rad_per_count(self) -> float:
+        """Turn of a wheel per encoder count [rad]."""
+        return math.tau / self.counts_per_rev
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WheelSpeeds:
+    """Angular speeds of the wheels of each side [rad/s]; positive drives forward."""
+
+    left_rad_s: float = 0.0
+    right_rad_s: float = 0.0
+
+
+def wheel_speeds(twist: Twist2, geometry: DriveGeometry) -> WheelSpeeds:
+    """Inverse kinematics: w = (v -/+ omega l/2) / r for left/right."""
+    half_m_s = 0.5 * twist.w_rad_s * geometry.track_m
+    return WheelSpeeds(
+        left_rad_s=(twist.v_m_s - half_m_s) / geometry.left_radius_m,
+        right_rad_s=(twist.v_m_s + half_m_s) / geometry.right_radius_m,
+    )
+
+
+def body_twist(speeds: WheelSpeeds, geometry: DriveGeometry) -> Twist2:
+    """Forward kinematics: v = (rR wR + rL wL)/2, omega = (rR wR - rL wL)/l."""
+    left_m_s = geometry.left_radius_m * speeds.left_rad_s
+    right_m_s = geometry.right_radius_m * speeds.right_rad_s
+    return Twist2(
+        v_m_s=0.5 * (right_m_s + left_m_s),
+        w_rad_s=(right_m_s - left_m_s) / geometry.track_m,
+    )
+
+
+def limit_wheel_speeds(speeds: WheelSpeeds, limit_rad_s: float) -> WheelSpeeds:
+    """Scale both sides by the same factor so that neither exceeds the limit: the curvature is kept."""
+    fastest = max(abs(speeds.left_rad_s), abs(speeds.right_rad_s))
+    if fastest <= limit_rad_s:
+        return speeds
+    scale = limit_rad_s / fastest
+    return WheelSpeeds(left_rad_s=scale * speeds.left_rad_s, right_rad_s=scale * speeds.right_rad_s)

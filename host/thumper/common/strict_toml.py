@@ -1,0 +1,60 @@
+"""Read a TOML file into a dataclass of options, and refuse every key, type and value that is wrong."""
+
+import difflib
+import json
+import math
+import tomllib
+from dataclasses import is_dataclass
+from pathlib import Path
+from typing import Any, TypeVar, cast, get_type_hints
+
+from pydantic import TypeAdapter, ValidationError
+
+from thumper.common.errors import EXIT_USAGE, ThumperError
+
+T = TypeVar("T")
+
+
+def read_checked(path: Path, adapter: TypeAdapter[T], of: type[T], what: str) -> T:
+    """Read `path`, a TOML file of the keys of the dataclass `of`; `what` names it in refusals.
+
+    Raises
+    ------
+    ThumperError
+        The file cannot be read, is no TOML, or holds a key, type or value that is wrong: named with the file.
+    """
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ThumperError(
+            f"{path}: cannot read the {what}: {error.strerror}", exit_code=EXIT_USAGE
+        ) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ThumperError(f"{path}: not valid TOML: {error}", exit_code=EXIT_USAGE) from error
+    _refuse_unknown_keys(data, of, path, "")
+    try:
+        # By way of JSON: in strict mode pydantic takes tables for dataclasses only from there.
+        return adapter.validate_json(json.dumps(data, default=str), strict=True)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in first["loc"])
+        whole = first["type"] == "missing" or isinstance(
+            first["input"], dict
+        )  # a table, perhaps with a secret
+        said = key if whole else f"{key} = {first['input']!r}"
+        why = first["msg"].removeprefix("Value error, ")
+        raise ThumperError(f"{path}: {said}: {why}", exit_code=EXIT_USAGE) from error
+
+
+def _refuse_unknown_keys(table: dict[str, Any], of: type, path: Path, prefix: str) -> None:
+    """pydantic ignores what a plain dataclass does not know; a typing error must not pass unseen."""
+    types = get_type_hints(of)
+    for key, value in table.items():
+        if key not in types:
+            close = difflib.get_close_matches(key, types, n=1)
+            hint = f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(sorted(types))}"
+            raise ThumperError(f"{path}: unknown key {prefix}{key}; {hint}", exit_code=EXIT_USAGE)
+        if isinstance(value, dict) and is_dataclass(types[key]):
+            _refuse_unknown_keys(value, cast("type", types[key]), path, f"{prefix}{key}.")
+        elif isinstance(value, float) and not math.isfinite(value):
+            raise ThumperError(f"{path}: {prefix}{key} = {value}: give a finite number", exit_code=EXIT_USAGE)

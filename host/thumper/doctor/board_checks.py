@@ -1,0 +1,142 @@
+"""Watch, ask and, with consent, move the motor board."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import serial
+
+from thumper.board.board import Board
+from thumper.board.messages import Command, Telemetry
+from thumper.board.options import BoardConfig
+from thumper.common.errors import ThumperError
+from thumper.common.serial_port import clock_of, open_port
+from thumper.doctor.verdicts import (
+    BOARD_JITTER_FAIL_S,
+    BOARD_JITTER_WARN_S,
+    BOARD_ROUND_TRIP_FAIL_S,
+    BOARD_ROUND_TRIP_WARN_S,
+    Check,
+    Limits,
+    Stream,
+    ask_often,
+    judge_battery,
+    judge_round_trip,
+    judge_spin,
+    judge_stream,
+)
+
+SPIN_PWM, SPIN_S, REST_S = 60, 0.8, 0.5  # slow: a quarter of full power
+POLL_S = 0.2
+
+
+def check_board(
+    config: BoardConfig, *, seconds: float, spin: Callable[[], bool] | None, also: Iterator[Check]
+) -> Iterator[Check]:
+    """Measure the link, then the battery; turn the wheels if `spin` is given and says yes.
+
+    `also` are checks to make before the board's port is closed: a simulated robot is gone with its last port.
+    """
+    port: serial.Serial | None = None
+    try:
+        port = open_port(config.port, baud=config.baud, name="board")
+        board = Board(port, config.port)
+    except ThumperError as error:
+        if port is not None:
+            port.close()
+        yield Check(verdict="fail", what="board", cure=str(error))
+        yield from also
+        return
+    try:
+        yield from _checks(board, config.port, clock_of(port), seconds, spin)
+        yield from also
+    finally:
+        board.close()
+
+
+def _checks(
+    board: Board, name: str, clock_s: Callable[[], float], seconds: float, spin: Callable[[], bool] | None
+) -> Iterator[Check]:
+    i = board.identity
+    version = f"{i.version_major}.{i.version_minor}.{i.version_patch}"
+    yield Check(verdict="pass", what=f"board {name}: firmware {version}")
+    try:
+        trips_s, lost = ask_often(board.round_trip_s)
+        yield judge_round_trip("board", trips_s, lost, BOARD_ROUND_TRIP_WARN_S, BOARD_ROUND_TRIP_FAIL_S)
+        stream, last = _watch(board, clock_s, seconds)
+        jitter = Limits(warn_s=BOARD_JITTER_WARN_S, fail_s=BOARD_JITTER_FAIL_S)
+        yield from judge_stream("telemetry", stream, jitter)
+        if last is not None:
+            yield judge_battery(1e-3 * last.battery_mV)
+        if spin is None:
+            yield Check(verdict="warn", what="encoder directions not checked", cure="wheels up, then --spin")
+        elif not spin():
+            yield Check(verdict="warn", what="encoder directions not checked", cure="you said no")
+        else:
+            yield from _spin(board, clock_s)
+    except ThumperError as error:
+        yield Check(verdict="fail", what="board", cure=str(error))
+
+
+def _watch(board: Board, clock_s: Callable[[], float], seconds: float) -> tuple[Stream, Telemetry | None]:
+    board.poll(0.0)  # what came before is not part of it
+    damaged = board.receive_errors
+    times_s, arrivals_s = [], []
+    first: Telemetry | None = None
+    last: Telemetry | None = None
+    until_s = clock_s() + seconds
+    while clock_s() < until_s:
+        for sample in board.poll(POLL_S):
+            times_s.append(sample.time_s)
+            arrivals_s.append(clock_s())
+            last = sample.telemetry
+            first = first or last
+    damaged = board.receive_errors - damaged
+    if first is not None and last is not None:
+        damaged += (last.rx_errors - first.rx_errors) % 2**16
+    stream = Stream(
+        times_s=np.array(times_s),
+        arrivals_s=np.array(arrivals_s),
+        expected_Hz=float(board.identity.control_rate_Hz),
+        damaged=damaged,
+    )
+    return stream, last
+
+
+def _spin(board: Board, clock_s: Callable[[], float]) -> Iterator[Check]:
+    """Turn each wheel alone, forward and slowly; the motors are off between and after."""
+    for side in ("left", "right"):
+        board.command(Command.CLEAR_FAULT)
+        board.command(Command.ARM)
+        try:
+            before = _drive(board, clock_s, side, 0, 0.1)
+            after = _drive(board, clock_s, side, SPIN_PWM, SPIN_S)
+        finally:
+            board.set_motor_pwm(0, 0)
+            board.command(Command.DISARM)
+        _rest(board, clock_s)
+        left = _counted(after.left_count, before.left_count)
+        right = _counted(after.right_count, before.right_count)
+        own, other = (left, right) if side == "left" else (right, left)
+        yield judge_spin(side, own, other, (after.lost_edges - before.lost_edges) % 2**16)
+
+
+def _drive(board: Board, clock_s: Callable[[], float], side: str, pwm: int, seconds: float) -> Telemetry:
+    last: Telemetry | None = None
+    until_s = clock_s() + seconds
+    while clock_s() < until_s:
+        board.set_motor_pwm(*((pwm, 0) if side == "left" else (0, pwm)))
+        for sample in board.poll(POLL_S):
+            last = sample.telemetry
+    if last is None:
+        raise ThumperError("the board went silent while a wheel was to turn; is the cable loose?")
+    return last
+
+
+def _rest(board: Board, clock_s: Callable[[], float]) -> None:
+    until_s = clock_s() + REST_S
+    while clock_s() < until_s:
+        board.poll(POLL_S)
+
+
+def _counted(after: int, before: int) -> int:
+    return (after - before + 2**31) % 2**32 - 2**31

@@ -1,0 +1,65 @@
+"""Watch and ask the lidar."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from thumper.common.errors import ThumperError
+from thumper.doctor.verdicts import (
+    LIDAR_JITTER_FAIL_S,
+    LIDAR_JITTER_WARN_S,
+    LIDAR_ROUND_TRIP_FAIL_S,
+    LIDAR_ROUND_TRIP_WARN_S,
+    Check,
+    Limits,
+    Stream,
+    ask_often,
+    judge_round_trip,
+    judge_stream,
+)
+from thumper.lidar.open_lidar import open_lidar
+from thumper.lidar.options import LidarConfig
+from thumper.lidar.urg04lx import Urg04LxDriver
+
+EXPECTED_HZ = 10.0
+SCAN_TIMEOUT_S = 2.0
+SEEN_SHARE_WARN = 0.2
+
+
+def check_lidar(config: LidarConfig, *, seconds: float) -> Iterator[Check]:
+    """Measure the link and say how much the lidar sees."""
+    try:
+        lidar = open_lidar(config)
+    except ThumperError as error:
+        yield Check(verdict="fail", what="lidar", cure=str(error))
+        return
+    try:
+        if isinstance(lidar, Urg04LxDriver):  # the LD19 cannot be asked anything
+            trips_s, lost = ask_often(lidar.round_trip_s)
+            yield judge_round_trip("lidar", trips_s, lost, LIDAR_ROUND_TRIP_WARN_S, LIDAR_ROUND_TRIP_FAIL_S)
+        lidar.wait_for_scan(SCAN_TIMEOUT_S)
+        damaged = lidar.counters.bad_replies
+        scans, arrivals_s = [], []
+        for _ in range(max(3, round(seconds * EXPECTED_HZ))):
+            scans.append(lidar.wait_for_scan(SCAN_TIMEOUT_S))
+            arrivals_s.append(lidar.now_s())
+        stream = Stream(
+            times_s=np.array([scan.time_s for scan in scans]),
+            arrivals_s=np.array(arrivals_s),
+            expected_Hz=EXPECTED_HZ,
+            damaged=lidar.counters.bad_replies - damaged,
+        )
+        jitter = Limits(warn_s=LIDAR_JITTER_WARN_S, fail_s=LIDAR_JITTER_FAIL_S)
+        yield from judge_stream("scans", stream, jitter)
+        seen = float(np.mean([np.isfinite(scan.ranges_m).mean() for scan in scans]))
+        yield Check(
+            verdict="warn" if seen < SEEN_SHARE_WARN else "pass",
+            what=f"lidar {config.port}: {scans[-1].ranges_m.size} beams, {100 * seen:.0f} % see something",
+            cure="is something in front of its window, or is the room larger than its range?"
+            if seen < SEEN_SHARE_WARN
+            else "",
+        )
+    except ThumperError as error:
+        yield Check(verdict="fail", what="lidar", cure=str(error))
+    finally:
+        lidar.close()

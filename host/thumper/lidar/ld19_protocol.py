@@ -1,0 +1,215 @@
+"""From the frames of a lidar that never stops to whole turns. Pure: no port, no clock.
+
+The sensor measures at a fixed rate, so a point's number in the turn is its time, and with a steady head its
+angle too: straight lines through what the frames say give both, and average out the grain of the stamps
+(1 ms) and angles (0.01 deg). Lost frames leave numbers free, which the turn shows as silent points.
+"""
+
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thumper.common.geometry import FloatArray
+
+HEADER = b"\x54\x2c"
+FRAME_BYTES = 47
+POINTS = 12
+STAMP_WRAP_MS = 30_000
+FULL_TURN_DEG = 360.0
+STEP_MIN_DEG, STEP_MAX_DEG = 0.2, 2.0
+"""Between two points of a head at 5 ... 13 turns a second it is 0.4 ... 1.04 degrees."""
+
+_ENDS = struct.Struct("<2sHH36sHHB")
+_POINT = np.dtype([("range_mm", "<u2"), ("intensity", "u1")])
+
+
+def _crc_table() -> bytes:
+    table = []
+    for byte in range(256):
+        crc = byte
+        for _ in range(8):
+            crc = (crc << 1 ^ 0x4D) & 0xFF if crc & 0x80 else crc << 1
+        table.append(crc)
+    return bytes(table)
+
+
+_CRC_TABLE = _crc_table()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ld19Frame:
+    """Twelve points, evenly spaced from `start_deg` clockwise; a range of 0 is no return."""
+
+    speed_deg_s: int
+    start_deg: float
+    step_deg: float
+    ranges_mm: NDArray[np.uint16]  # shape (12,)
+    intensities: NDArray[np.uint8]  # shape (12,)
+    stamp_ms: int
+
+
+def crc8(data: bytes) -> int:
+    """The check byte of `data`."""
+    crc = 0
+    for byte in data:
+        crc = _CRC_TABLE[crc ^ byte]
+    return crc
+
+
+class FrameCutter:
+    """Finds frames in a byte stream, wherever it starts and whatever is lost or damaged in it."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+        self.bad_frames = 0  # began like a frame and did not check
+
+    def feed(self, data: bytes) -> list[Ld19Frame]:
+        """Return the frames that `data` completes."""
+        self._buffer += data
+        frames = []
+        start = 0
+        while (start := self._buffer.find(HEADER, start)) >= 0 and len(self._buffer) - start >= FRAME_BYTES:
+            frame = _parse(bytes(self._buffer[start : start + FRAME_BYTES]))
+            if frame is None:
+                self.bad_frames += 1
+                start += 1  # the header may have been two bytes of something else
+            else:
+                frames.append(frame)
+                start += FRAME_BYTES
+        # Without a header only the last byte can still begin one.
+        del self._buffer[: start if start >= 0 else max(len(self._buffer) - 1, 0)]
+        return frames
+
+
+def _parse(raw: bytes) -> Ld19Frame | None:
+    """Read one frame; None if its check byte or its angles are wrong."""
+    _, speed_deg_s, start, points, end, stamp_ms, crc = _ENDS.unpack(raw)
+    if crc != crc8(raw[:-1]):
+        return None
+    step_deg = 0.01 * (end - start) % FULL_TURN_DEG / (POINTS - 1)
+    if not STEP_MIN_DEG <= step_deg <= STEP_MAX_DEG:
+        return None
+    table = np.frombuffer(points, _POINT)
+    return Ld19Frame(
+        speed_deg_s=speed_deg_s,
+        start_deg=0.01 * start,
+        step_deg=step_deg,
+        ranges_mm=table["range_mm"],
+        intensities=table["intensity"],
+        stamp_ms=stamp_ms,
+    )
+
+
+TURN_BEGINS_DEG = 180.0
+"""Behind: what lies ahead is seen in one sweep, and the turn is complete long before it matters."""
+
+GAP_MAX_S = 0.05
+"""After half a turn without frames the count of what was lost is a guess; begin anew."""
+
+LEAST_SHARE = 0.5
+"""A turn with fewer of its points is no turn."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Turn:
+    """One turn clockwise; point i lies at `first_deg + i * step_deg` and was taken `i * point_s` after 0."""
+
+    time_s: float
+    point_s: float
+    first_deg: float
+    step_deg: float
+    ranges_mm: NDArray[np.uint16]  # shape (n,); 0 is no return
+    intensities: NDArray[np.uint8]  # shape (n,)
+    known: NDArray[np.bool_]  # shape (n,); False where a frame was lost
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Piece:
+    """What one frame adds to a turn."""
+
+    numbers: NDArray[np.int64]
+    angles_deg: FloatArray  # from where the turn begins, rising over 360
+    times_s: FloatArray
+    ranges_mm: NDArray[np.uint16]
+    intensities: NDArray[np.uint8]
+
+    def part(self, chosen: NDArray[np.bool_], less_deg: float) -> "_Piece":
+        return _Piece(
+            numbers=self.numbers[chosen],
+            angles_deg=self.angles_deg[chosen] - less_deg,
+            times_s=self.times_s[chosen],
+            ranges_mm=self.ranges_mm[chosen],
+            intensities=self.intensities[chosen],
+        )
+
+
+class TurnAssembler:
+    """Collects frames; the one that ends a turn returns it."""
+
+    def __init__(self) -> None:
+        self._pieces: list[_Piece] = []
+        self._is_whole = False  # false until the turn's beginning has been seen
+        self._stamped_s: float | None = None
+        self._number = 0
+        self._end_deg = 0.0
+
+    def feed(self, frame: Ld19Frame, last_point_s: float, point_s: float) -> Turn | None:
+        """Take a frame whose last point was measured at `last_point_s`, the points `point_s` apart."""
+        start_deg = (frame.start_deg - TURN_BEGINS_DEG) % FULL_TURN_DEG
+        first_number = self._number
+        if self._stamped_s is None or not 0.0 <= last_point_s - self._stamped_s <= GAP_MAX_S:
+            self._pieces, self._is_whole = [], False
+        else:
+            gap_deg = (start_deg - self._end_deg) % FULL_TURN_DEG
+            lost = max(round(gap_deg / frame.step_deg) - 1, 0)
+            if lost > FULL_TURN_DEG / frame.step_deg / 2:  # it went back a little: no gap at all
+                lost, gap_deg = 0, frame.step_deg
+            first_number += lost
+            start_deg = self._end_deg + gap_deg
+        order = np.arange(POINTS)
+        piece = _Piece(
+            numbers=first_number + order,
+            angles_deg=np.asarray(start_deg + frame.step_deg * order, np.float64),
+            times_s=np.asarray(last_point_s - point_s * order[::-1], np.float64),
+            ranges_mm=frame.ranges_mm,
+            intensities=frame.intensities,
+        )
+        self._number = first_number + POINTS
+        self._stamped_s = last_point_s
+        self._end_deg = float(piece.angles_deg[-1])
+        if self._end_deg < FULL_TURN_DEG:
+            self._pieces.append(piece)
+            return None
+        self._end_deg -= FULL_TURN_DEG
+        beyond = piece.angles_deg >= FULL_TURN_DEG
+        self._pieces.append(piece.part(~beyond, 0.0))
+        turn = self._finish() if self._is_whole else None
+        self._pieces, self._is_whole = [piece.part(beyond, FULL_TURN_DEG)], True
+        return turn
+
+    def _finish(self) -> Turn | None:
+        numbers = np.concatenate([piece.numbers for piece in self._pieces])
+        places = numbers - numbers[0]
+        beams = int(places[-1]) + 1
+        if places.size < LEAST_SHARE * beams:
+            return None
+        angles_deg = np.concatenate([piece.angles_deg for piece in self._pieces])
+        times_s = np.concatenate([piece.times_s for piece in self._pieces])
+        step_deg, first_deg = np.polyfit(places, angles_deg, 1)
+        point_s, after_s = np.polyfit(places, times_s - times_s[0], 1)
+        ranges_mm, intensities = np.zeros(beams, np.uint16), np.zeros(beams, np.uint8)
+        known = np.zeros(beams, np.bool_)
+        ranges_mm[places] = np.concatenate([piece.ranges_mm for piece in self._pieces])
+        intensities[places] = np.concatenate([piece.intensities for piece in self._pieces])
+        known[places] = True
+        return Turn(
+            time_s=float(times_s[0] + after_s),
+            point_s=float(point_s),
+            first_deg=float(first_deg) + TURN_BEGINS_DEG,
+            step_deg=float(step_deg),
+            ranges_mm=ranges_mm,
+            intensities=intensities,
+            known=known,
+        )

@@ -1,0 +1,39 @@
+"""Options of the lidar: the `[lidar]` table of the robot's TOML."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Le
+
+from thumper.common.geometry import Pose2
+from thumper.lidar.field_of_view import LidarView
+from thumper.lidar.ld19 import Ld19Options
+from thumper.lidar.urg04lx import Urg04LxOptions
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LidarConfig:
+    """Which lidar, on which port, and where on the robot (base_link: between the middle wheels)."""
+
+    model: Literal["urg04lx", "ld19"] = "urg04lx"
+    port: str = "/dev/ttyACM0"
+    baud: Annotated[int, Ge(0)] = 0  # 0: the model's own; ignored by USB lidars
+    x_m: float = 0.12
+    y_m: float = 0.0
+    yaw_deg: Annotated[float, Ge(-180), Le(180)] = 0.0
+    urg04lx: Urg04LxOptions = field(default_factory=Urg04LxOptions)
+    ld19: Ld19Options = field(default_factory=Ld19Options)
+
+    @property
+    def base_from_laser(self) -> Pose2:
+        """The mounting as a transform."""
+        return Pose2(x_m=self.x_m, y_m=self.y_m, theta_rad=math.radians(self.yaw_deg))
+
+    @property
+    def view(self) -> LidarView:
+        """What it can see, by its model's data sheet."""
+        opening_deg, range_m = {"urg04lx": (240.0, 4.0), "ld19": (360.0, 12.0)}[self.model]
+        return LidarView(
+            base_from_laser=self.base_from_laser, opening_rad=math.radians(opening_deg), range_m=range_m
+        )

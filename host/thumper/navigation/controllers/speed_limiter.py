@@ -1,0 +1,53 @@
+"""How fast the robot may drive here: its own limit, the speed mask's, and what still stops at the goal."""
+
+import numpy as np
+
+from thumper.common.geometry import FloatArray, Pose2
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.costmap.filters import speed_parts
+from thumper.navigation.speed_limits import SpeedLimits, stoppable_speed
+
+PERIOD_S = 0.1
+BRAKE_PART = 0.8
+
+
+class SpeedRule:
+    """The fastest forward speed from place and way left."""
+
+    def __init__(self, limits: SpeedLimits, *, approach_m_s: float, mask: OccupancyGrid | None) -> None:
+        self._limits = limits
+        self._approach_m_s = approach_m_s
+        self._mask = mask
+
+    def limit_m_s(self, map_from_base: Pose2, path_m: FloatArray | None, remaining_m: float) -> float:
+        """Return the limit [m/s], never below the approach's; `path_m` has shape (n, 2), or is None."""
+        fastest_m_s = self._limits.v_max_m_s
+        if self._mask is not None:
+            place_m = np.array((map_from_base.x_m, map_from_base.y_m))
+            fastest_m_s = self._zone_limit_m_s(self._mask, place_m, path_m)
+        # A command holds for a period, and a brake that is already at its limit could not mend an error.
+        late_s = self._limits.latency_s + PERIOD_S
+        stoppable_m_s = stoppable_speed(remaining_m, BRAKE_PART * self._limits.v_accel_m_s2, late_s)
+        return max(self._approach_m_s, min(fastest_m_s, stoppable_m_s))
+
+    def travel_s(self, path_m: FloatArray) -> float:
+        """Time that a path, shape (n, 2) [m], takes at the fastest speeds allowed along it [s]."""
+        steps_m = np.hypot(*np.diff(path_m, axis=0).T)
+        parts = np.ones(len(steps_m)) if self._mask is None else speed_parts(self._mask, path_m[1:])
+        speeds_m_s = np.maximum(self._approach_m_s, self._limits.v_max_m_s * parts)
+        return float((steps_m / speeds_m_s).sum())
+
+    def _zone_limit_m_s(self, mask: OccupancyGrid, place_m: FloatArray, path_m: FloatArray | None) -> float:
+        """The robot slows down before a slower zone, so that it enters at the zone's speed.
+
+        Solves way = v latency + (v^2 - zone^2) / (2 accel) for every point of the path.
+        """
+        limits = self._limits
+        here_m_s = limits.v_max_m_s * float(speed_parts(mask, place_m[None, :])[0])
+        if path_m is None:
+            return here_m_s
+        way_m = np.cumsum(np.hypot(*np.diff(np.vstack((place_m, path_m)), axis=0).T))
+        zones_m_s = limits.v_max_m_s * speed_parts(mask, path_m)
+        delay = limits.v_accel_m_s2 * limits.latency_s
+        ahead_m_s = np.sqrt(delay * delay + zones_m_s**2 + 2.0 * limits.v_accel_m_s2 * way_m) - delay
+        return min(here_m_s, float(np.maximum(ahead_m_s, zones_m_s).min()))

@@ -1,0 +1,189 @@
+"""The last word before the wheels: would this command touch what the scan sees right now?
+
+Works on the points of scan and memory, not on the map, so that no mapping or planning error can drive the
+robot into something.
+"""
+
+import math
+from dataclasses import dataclass
+from itertools import product
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Interval
+
+from thumper.common.geometry import FloatArray, Twist2
+from thumper.common.numba_kernel import kernel
+from thumper.navigation.footprint import Footprint
+from thumper.navigation.speed_limits import SpeedLimits, WheelRamp
+
+# A point already inside the margin may come nearer by this much in a motion (scan noise between two steps),
+# but only through a part of the least margin and then no more: each cycle begins afresh, and the least slack
+# of many cycles would add up to a contact.
+DEEPER_M = 0.003
+CREEP_PART = 0.5
+ROUNDING_M = 1e-9
+NOISE_M_S, NOISE_RAD_S = 0.03, 0.06  # a slower twist may as well be none
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MonitorOptions:
+    """How the collision monitor judges."""
+
+    # Space kept round the footprint [m].
+    margin_m: Annotated[float, Ge(0)] = 0.02
+    # Step of its simulation [s].
+    step_s: Annotated[float, Gt(0)] = 0.05
+    # A contact nearer in time than this, at the present command, slows the robot in proportion [s]; 0 never.
+    slow_s: Annotated[float, Ge(0)] = 1.0
+    # Least part of the speed that the slow zone leaves.
+    slow_part: Annotated[float, Interval(gt=0, le=1)] = 0.4
+
+
+@kernel
+def deepening_point(
+    points_m: FloatArray, margins_m: FloatArray, creep_m: float, half_planes: FloatArray, poses: FloatArray
+) -> int:
+    """Index of the first point, shape (n, 2), that a motion brings inside the footprint grown by the point's
+    margin, shape (n,); else -1.
+
+    `poses`, shape (m, 3), are base poses in the frame of the points; the base begins at the origin. A point
+    inside already at the beginning counts only when it gets deeper inside, up to `creep_m` by a little.
+    """
+    for i in range(points_m.shape[0]):
+        px, py = points_m[i]
+        margin_m = margins_m[i]
+        allowed = 0.0
+        for j in range(-1, poses.shape[0]):
+            x, y, theta = (0.0, 0.0, 0.0) if j < 0 else (poses[j, 0], poses[j, 1], poses[j, 2])
+            cos, sin = math.cos(theta), math.sin(theta)
+            dx, dy = px - x, py - y
+            bx, by = cos * dx + sin * dy, -sin * dx + cos * dy
+            depth = np.inf
+            for k in range(half_planes.shape[0]):
+                inside = half_planes[k, 2] + margin_m - half_planes[k, 0] * bx - half_planes[k, 1] * by
+                depth = min(depth, inside)
+            if j < 0:
+                slack = min(DEEPER_M, max(ROUNDING_M, creep_m - depth))
+                allowed = max(0.0, depth + slack)
+            elif depth > allowed:
+                return i
+    return -1
+
+
+@kernel
+def steps_to_contact(points_m: FloatArray, half_planes: FloatArray, poses: FloatArray) -> int:
+    """Number of poses, shape (m, 3), driven before a point, shape (n, 2), is inside the footprint; m if
+    never.
+    """
+    for j in range(poses.shape[0]):
+        cos, sin = math.cos(poses[j, 2]), math.sin(poses[j, 2])
+        for i in range(points_m.shape[0]):
+            dx, dy = points_m[i, 0] - poses[j, 0], points_m[i, 1] - poses[j, 1]
+            bx, by = cos * dx + sin * dy, -sin * dx + cos * dy
+            depth = np.inf
+            for k in range(half_planes.shape[0]):
+                depth = min(depth, half_planes[k, 2] - half_planes[k, 0] * bx - half_planes[k, 1] * by)
+            if depth > 0.0:
+                return j
+    return int(poses.shape[0])
+
+
+class CollisionMonitor:
+    """Lets a command through or says what it would touch."""
+
+    def __init__(
+        self,
+        options: MonitorOptions,
+        limits: SpeedLimits,
+        footprint: Footprint,
+        ramp: WheelRamp | None = None,
+    ) -> None:
+        self._options = options
+        self._limits = limits
+        self._ramp = ramp or WheelRamp.of(limits)
+        self._half_planes = footprint.half_planes()
+        self._radius_m = footprint.circumscribed_radius_m
+
+    def objection(
+        self,
+        command: Twist2,
+        twist: Twist2,
+        hits_in_base_m: FloatArray,
+        spread_m: FloatArray,
+        period_s: float,
+    ) -> str:
+        """Return what the command would touch, or an empty string.
+
+        The motion judged is: the measured twist during the latency, the command for one period, then the
+        zero command: v and w fade as the wheels' ramps or as the limits say, whichever takes longer; and once
+        more with a turn that ends at once: a base that straightens out sooner than thought leaves the bend;
+        and, when the twist is hardly more than its noise, from a stand: noise that points away from an
+        obstacle must not excuse a command toward it. `hits_in_base_m` has shape (n, 2), `spread_m` (n,): each
+        is kept away from by so much more than the margin, since it may be off.
+        """
+        margins_m = self._options.margin_m + spread_m
+        creep_m = CREEP_PART * self._options.margin_m
+        stands = abs(twist.v_m_s) < NOISE_M_S and abs(twist.w_rad_s) < NOISE_RAD_S
+        ends = (True, False) if command.w_rad_s else (True,)
+        for begin, turns_on in product((twist, Twist2()) if stands else (twist,), ends):
+            poses = self._stopping_poses(command, begin, period_s, turns_on=turns_on)
+            reach_m = self._radius_m + margins_m.max(initial=0.0) + float(np.hypot(*poses[:, :2].T).max())
+            near = np.hypot(hits_in_base_m[:, 0], hits_in_base_m[:, 1]) <= reach_m
+            points_m = np.ascontiguousarray(hits_in_base_m[near])
+            index = deepening_point(points_m, margins_m[near], creep_m, self._half_planes, poses)
+            if index >= 0:
+                x_m, y_m = points_m[index]
+                place = f"{x_m:.2f} m ahead, {y_m:+.2f} m to the left of the robot's centre"
+                return f"stopped before an obstacle {place}"
+        return ""
+
+    def slowed(self, command: Twist2, hits_in_base_m: FloatArray) -> Twist2:
+        """Return the command, slowed in proportion when it would touch something within `slow_s`.
+
+        Both speeds shrink alike, so that the robot stays on its arc.
+        """
+        slow_s, step_s = self._options.slow_s, self._options.step_s
+        reach_m = self._radius_m + abs(command.v_m_s) * slow_s
+        near = np.hypot(hits_in_base_m[:, 0], hits_in_base_m[:, 1]) <= reach_m
+        points_m = np.ascontiguousarray(hits_in_base_m[near])
+        if slow_s == 0.0 or points_m.shape[0] == 0 or command.v_m_s == 0.0:
+            return command
+        times_s = np.arange(step_s, slow_s, step_s)
+        headings_rad = command.w_rad_s * times_s
+        middles_rad = headings_rad - 0.5 * command.w_rad_s * step_s
+        x_m, y_m = (np.cumsum(command.v_m_s * step_s * f(middles_rad)) for f in (np.cos, np.sin))
+        free = steps_to_contact(points_m, self._half_planes, np.column_stack((x_m, y_m, headings_rad)))
+        if free == times_s.size:
+            return command
+        part = max(self._options.slow_part, free * step_s / slow_s)
+        return Twist2(v_m_s=part * command.v_m_s, w_rad_s=part * command.w_rad_s)
+
+    def _stopping_poses(
+        self, command: Twist2, twist: Twist2, period_s: float, *, turns_on: bool
+    ) -> FloatArray:
+        limits, step_s = self._limits, self._options.step_s
+        driven_s = limits.latency_s + period_s
+        braking_s = max(
+            abs(command.v_m_s) / limits.v_accel_m_s2,
+            abs(command.w_rad_s) / limits.w_accel_rad_s2,
+            self._ramp.braking_s(command),
+        )
+        times_s = np.arange(0.0, driven_s + braking_s, step_s) + 0.5 * step_s
+        fading_s = np.maximum(0.0, times_s - driven_s)
+        v_ramp, w_ramp = self._ramp.braked(command, fading_s)
+        obeys = times_s > limits.latency_s
+        v = np.where(obeys, _slower(command.v_m_s, limits.v_accel_m_s2, fading_s, v_ramp), twist.v_m_s)
+        w = np.where(obeys, _slower(command.w_rad_s, limits.w_accel_rad_s2, fading_s, w_ramp), twist.w_rad_s)
+        if not turns_on:
+            w = np.where(fading_s > 0.0, 0.0, w)
+        headings_rad = np.cumsum(w) * step_s
+        middles_rad = headings_rad - 0.5 * w * step_s
+        x_m, y_m = np.cumsum(v * np.cos(middles_rad)) * step_s, np.cumsum(v * np.sin(middles_rad)) * step_s
+        return np.column_stack((x_m, y_m, headings_rad))
+
+
+def _slower(speed: float, accel: float, times_s: FloatArray, ramp: FloatArray) -> FloatArray:
+    """What is left of a speed when it fades at `accel` or as `ramp`, shape (n,), whichever is more."""
+    fading = np.maximum(0.0, abs(speed) - accel * times_s)
+    return math.copysign(1.0, speed) * np.maximum(fading, math.copysign(1.0, speed) * ramp)

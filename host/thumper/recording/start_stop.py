@@ -1,0 +1,97 @@
+"""Recording of a robot that runs: on and off at any time, from the command line, the page or the bus."""
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from thumper.common.geometry import Pose2
+from thumper.common.serial_port import is_simulated
+from thumper.config.robot import RobotConfig
+from thumper.recording.recorder import Recorder
+from thumper.recording.repair import recover_apart
+from thumper.recording.run_metadata import Session, firmware_words
+from thumper.ros.to_ros import text
+from thumper.runtime.loop import Runtime
+
+
+class RecordSwitch:
+    """Starts and stops one recorder at a time; neither ever makes the robot's loop wait for a disk."""
+
+    def __init__(
+        self,
+        robot: Runtime,
+        config: RobotConfig,
+        map_from_base: Pose2,
+        folder: Path,
+        say: Callable[[str], None],
+    ) -> None:
+        """`map_from_base` is where the robot was at the start; `say` may be called from another thread."""
+        self._robot, self._config, self._start_pose = robot, config, map_from_base
+        self._folder, self._say = folder, say
+        self._recorder: Recorder | None = None
+
+    def session(self) -> Session:
+        """What a recording that begins now says of the run."""
+        board = self._robot.senses.board
+        situation = self._robot.senses.perception.situation()
+        return Session(
+            config=self._config,
+            epoch_ns=self._robot.products.messages.epoch_ns,
+            map_from_base=situation.map_from_base if situation else self._start_pose,
+            simulated=is_simulated(board.port),
+            firmware=firmware_words(board.identity),
+            from_start=situation is None and getattr(self._robot.mapper, "localiser", None) is None,
+        )
+
+    def start(self) -> str:
+        """Record from now on; returns what was done, in words."""
+        if self._recorder is not None and self._recorder.active:
+            return "it records already"
+        self._leave()  # one that has stopped by itself
+        products = self._robot.products
+        self._recorder = Recorder(self._folder, self.session(), say=self._told)
+        products.add(self._recorder)
+        products.recording = True
+        return f"recording to {self._folder}/"
+
+    def stop(self) -> str:
+        """Record no more; returns what was done, in words. The file is finished meanwhile."""
+        recorder = self._leave()
+        if recorder is None:
+            return "it does not record"
+        recorder.finish()
+        return f"recorded {recorder.written} messages"
+
+    def close(self) -> Recorder | None:
+        """Stop and wait until the file is whole; returns the recorder that ran, with its figures."""
+        recorder = self._leave()
+        if recorder is not None:
+            recorder.close()
+        return recorder
+
+    def _leave(self) -> Recorder | None:
+        recorder, self._recorder = self._recorder, None
+        if recorder is not None:
+            self._robot.products.remove(recorder)
+            self._robot.products.recording = False
+        return recorder
+
+    def _told(self, text: str) -> None:
+        self._robot.products.recording = False
+        self._say(text)
+
+
+@contextmanager
+def recording_switch(
+    robot: Runtime, config: RobotConfig, map_from_base: Pose2, folder: Path, say: Callable[[str], None]
+) -> Iterator[RecordSwitch]:
+    """Give the robot its switch, also for `record_start` and `record_stop`; first mend what a crash left."""
+    recover_apart(folder)
+    switch = RecordSwitch(robot, config, map_from_base, folder, say)
+    robot.products.text("session", text(json.dumps(switch.session().as_metadata())))  # for `thumper record`
+    robot.desk.handlers.update(record_start=switch.start, record_stop=switch.stop)
+    try:
+        yield switch
+    finally:
+        switch.close()

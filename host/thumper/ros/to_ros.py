@@ -1,0 +1,289 @@
+"""The product's data as ROS 2 messages. `thumper.ros.parse` is the way back."""
+
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from thumper.board.board import TelemetrySample
+from thumper.common.geometry import FloatArray, Pose2, Twist2
+from thumper.common.stamps import NS_PER_S, stamp_ns
+from thumper.lidar.scan import Scan
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.costmap.costmap import Costmap
+from thumper.odometry.wheel_odometry import OdometrySample
+from thumper.ros.codec import Message, message
+from thumper.ros.status import Status
+
+MAP, ODOM, BASE, LASER = "map", "odom", "base_link", "laser"
+INFO, WARN, ERROR = 20, 30, 40  # levels of rcl_interfaces/Log
+
+# As ROS's costmap publisher does: 0 free, 1...98 decaying, 99 inscribed, 100 obstacle, -1 unknown.
+_PERCENT_OF_COST = np.array(
+    [0, *(1 + 97 * (cost - 1) // 251 for cost in range(1, 253)), 99, 100, -1], dtype=np.int8
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Messages:
+    """Makes messages of one session; all times are in seconds on the host's clock."""
+
+    epoch_ns: int = 0  # what its zero is in ROS's time
+
+    def time(self, time_s: float) -> Message:
+        """builtin_interfaces/Time."""
+        sec, nanosec = divmod(stamp_ns(time_s, self.epoch_ns), NS_PER_S)
+        return message("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
+
+    def header(self, time_s: float, frame: str = "") -> Message:
+        """std_msgs/Header."""
+        return message("std_msgs/msg/Header", stamp=self.time(time_s), frame_id=frame)
+
+    def scan(self, scan: Scan) -> Message:
+        """LaserScan, stamped at beam 0."""
+        last_rad = scan.angle_min_rad + scan.angle_increment_rad * (scan.ranges_m.size - 1)
+        turn_s = abs(math.tau / scan.angle_increment_rad) * scan.time_increment_s
+        return message(
+            "sensor_msgs/msg/LaserScan",
+            header=self.header(scan.time_s, LASER),
+            angle_min=scan.angle_min_rad,
+            angle_max=last_rad,
+            angle_increment=scan.angle_increment_rad,
+            time_increment=scan.time_increment_s,
+            scan_time=turn_s,
+            range_min=scan.range_min_m,
+            range_max=scan.range_max_m,
+            ranges=scan.ranges_m.astype(np.float32),
+            intensities=np.empty(0, dtype=np.float32),
+        )
+
+    def odometry(self, sample: OdometrySample) -> Message:
+        """Odometry, odom to base_link; of the covariance what a robot in the plane has."""
+        return message(
+            "nav_msgs/msg/Odometry",
+            header=self.header(sample.time_s, ODOM),
+            child_frame_id=BASE,
+            pose=_pose_with_covariance(sample.odom_from_base, sample.covariance),
+            twist=message(
+                "geometry_msgs/msg/TwistWithCovariance",
+                twist=_twist(sample.twist),
+                covariance=np.zeros(36),
+            ),
+        )
+
+    def pose(self, time_s: float, map_from_base: Pose2, covariance: FloatArray | None = None) -> Message:
+        """PoseWithCovarianceStamped in the map; `covariance` of (x, y, theta), shape (3, 3)."""
+        return message(
+            "geometry_msgs/msg/PoseWithCovarianceStamped",
+            header=self.header(time_s, MAP),
+            pose=_pose_with_covariance(map_from_base, np.zeros((3, 3)) if covariance is None else covariance),
+        )
+
+    def goal(self, time_s: float, map_from_goal: Pose2) -> Message:
+        """PoseStamped in the map."""
+        return message(
+            "geometry_msgs/msg/PoseStamped",
+            header=self.header(time_s, MAP),
+            pose=_pose(map_from_goal.x_m, map_from_goal.y_m, map_from_goal.theta_rad),
+        )
+
+    def transforms(self, time_s: float, map_from_odom: Pose2, odom_from_base: Pose2) -> Message:
+        """TFMessage with the two moving transforms."""
+        return message(
+            "tf2_msgs/msg/TFMessage",
+            transforms=[
+                self._transform(time_s, MAP, ODOM, map_from_odom),
+                self._transform(time_s, ODOM, BASE, odom_from_base),
+            ],
+        )
+
+    def fixed_transforms(self, time_s: float, base_from_laser: Pose2) -> Message:
+        """TFMessage with where the lidar sits."""
+        return message(
+            "tf2_msgs/msg/TFMessage", transforms=[self._transform(time_s, BASE, LASER, base_from_laser)]
+        )
+
+    def grid(self, time_s: float, grid: OccupancyGrid) -> Message:
+        """OccupancyGrid in the map."""
+        return self._cells(time_s, grid.cells, grid.resolution_m, grid.origin_x_m, grid.origin_y_m)
+
+    def costmap(self, time_s: float, costmap: Costmap) -> Message:
+        """OccupancyGrid in the map, costs as percent."""
+        cells = _PERCENT_OF_COST[costmap.costs]
+        return self._cells(time_s, cells, costmap.resolution_m, costmap.origin_x_m, costmap.origin_y_m)
+
+    def path(self, time_s: float, path: FloatArray) -> Message:
+        """Path in the map: x, y and perhaps theta, shape (n, 2) or (n, 3); without theta it looks ahead."""
+        headings = path[:, 2] if path.shape[1] > 2 else _headings(path)
+        stamp = self.header(time_s, MAP)
+        poses = [
+            message("geometry_msgs/msg/PoseStamped", header=stamp, pose=_pose(x_m, y_m, theta_rad))
+            for (x_m, y_m), theta_rad in zip(path[:, :2].tolist(), headings.tolist(), strict=True)
+        ]
+        return message("nav_msgs/msg/Path", header=stamp, poses=poses)
+
+    def particles(self, time_s: float, poses: FloatArray) -> Message:
+        """PoseArray in the map: x, y, theta, shape (n, 3)."""
+        return message(
+            "geometry_msgs/msg/PoseArray",
+            header=self.header(time_s, MAP),
+            poses=[_pose(*row) for row in poses.tolist()],
+        )
+
+    def twist(self, time_s: float, twist: Twist2) -> Message:
+        """TwistStamped in base_link."""
+        return message(
+            "geometry_msgs/msg/TwistStamped", header=self.header(time_s, BASE), twist=_twist(twist)
+        )
+
+    def wheels(self, sample: TelemetrySample) -> Message:
+        """thumper_msgs/Wheels: the telemetry as it was on the wire."""
+        t = sample.telemetry
+        return message(
+            "thumper_msgs/msg/Wheels",
+            header=self.header(sample.time_s, BASE),
+            time_us=t.time_us,
+            left_count=t.left_count,
+            right_count=t.right_count,
+            left_setpoint_mrad_s=t.left_setpoint,
+            right_setpoint_mrad_s=t.right_setpoint,
+            left_speed_mrad_s=t.left_speed,
+            right_speed_mrad_s=t.right_speed,
+            left_pwm=t.left_pwm,
+            right_pwm=t.right_pwm,
+            left_integral=t.left_integral,
+            right_integral=t.right_integral,
+            lost_edges=t.lost_edges,
+            battery_mv=t.battery_mV,
+            left_current_ma=t.left_current_mA,
+            right_current_ma=t.right_current_mA,
+            state=int(t.state),
+            fault=int(t.fault),
+            warnings=t.warnings,
+            rx_frames=t.rx_frames,
+            rx_errors=t.rx_errors,
+        )
+
+    def battery(self, sample: TelemetrySample) -> Message:
+        """BatteryState: the voltage and both motors' current; what nobody measures is NaN."""
+        t = sample.telemetry
+        nothing = np.empty(0, dtype=np.float32)
+        return message(
+            "sensor_msgs/msg/BatteryState",
+            header=self.header(sample.time_s, BASE),
+            voltage=1e-3 * t.battery_mV,
+            temperature=math.nan,
+            current=-1e-3 * (abs(t.left_current_mA) + abs(t.right_current_mA)),  # negative: it discharges
+            charge=math.nan,
+            capacity=math.nan,
+            design_capacity=math.nan,
+            percentage=math.nan,
+            power_supply_status=2,  # discharging
+            power_supply_health=0,
+            power_supply_technology=3,  # LiPo
+            present=t.battery_mV > 0,
+            cell_voltage=nothing,
+            cell_temperature=nothing,
+            location="",
+            serial_number="",
+        )
+
+    def status(self, status: Status) -> Message:
+        """thumper_msgs/Status."""
+        fields = asdict(status)
+        return message("thumper_msgs/msg/Status", header=self.header(fields.pop("time_s")), **fields)
+
+    def event(self, time_s: float, level: int, text: str, name: str = "thumper") -> Message:
+        """rcl_interfaces/Log: one line for people; `level` is INFO, WARN or ERROR."""
+        return message(
+            "rcl_interfaces/msg/Log",
+            stamp=self.time(time_s),
+            level=level,
+            name=name,
+            msg=text,
+            file="",
+            function="",
+            line=0,
+        )
+
+    def _transform(self, time_s: float, parent: str, child: str, parent_from_child: Pose2) -> Message:
+        pose = _pose(parent_from_child.x_m, parent_from_child.y_m, parent_from_child.theta_rad)
+        at = pose.position
+        return message(
+            "geometry_msgs/msg/TransformStamped",
+            header=self.header(time_s, parent),
+            child_frame_id=child,
+            transform=message(
+                "geometry_msgs/msg/Transform",
+                translation=message("geometry_msgs/msg/Vector3", x=at.x, y=at.y, z=at.z),
+                rotation=pose.orientation,
+            ),
+        )
+
+    def _cells(
+        self, time_s: float, cells: np.ndarray, resolution_m: float, x_m: float, y_m: float
+    ) -> Message:
+        rows, columns = cells.shape
+        return message(
+            "nav_msgs/msg/OccupancyGrid",
+            header=self.header(time_s, MAP),
+            info=message(
+                "nav_msgs/msg/MapMetaData",
+                map_load_time=self.time(time_s),
+                resolution=resolution_m,
+                width=columns,
+                height=rows,
+                origin=_pose(x_m, y_m, 0.0),
+            ),
+            data=np.ascontiguousarray(cells, dtype=np.int8).reshape(-1),
+        )
+
+
+def text(content: str) -> Message:
+    """std_msgs/String, as commands are."""
+    return message("std_msgs/msg/String", data=content)
+
+
+def flag(value: bool) -> Message:
+    """std_msgs/Bool, as the emergency stop is."""
+    return message("std_msgs/msg/Bool", data=value)
+
+
+def _pose(x_m: float, y_m: float, theta_rad: float) -> Message:
+    half_rad = 0.5 * theta_rad
+    return message(
+        "geometry_msgs/msg/Pose",
+        position=message("geometry_msgs/msg/Point", x=float(x_m), y=float(y_m), z=0.0),
+        orientation=message(
+            "geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=math.sin(half_rad), w=math.cos(half_rad)
+        ),
+    )
+
+
+def _twist(twist: Twist2) -> Message:
+    def vector(x: float, z: float) -> Message:
+        return message("geometry_msgs/msg/Vector3", x=float(x), y=0.0, z=float(z))
+
+    return message(
+        "geometry_msgs/msg/Twist", linear=vector(twist.v_m_s, 0.0), angular=vector(0.0, twist.w_rad_s)
+    )
+
+
+def _pose_with_covariance(pose: Pose2, covariance: FloatArray) -> Message:
+    """The rows and columns of x, y and yaw, of ROS's six (x, y, z, roll, pitch, yaw)."""
+    full = np.zeros((6, 6))
+    full[np.ix_((0, 1, 5), (0, 1, 5))] = covariance
+    return message(
+        "geometry_msgs/msg/PoseWithCovariance",
+        pose=_pose(pose.x_m, pose.y_m, pose.theta_rad),
+        covariance=full.reshape(-1),
+    )
+
+
+def _headings(path: FloatArray) -> FloatArray:
+    """Direction to the next point; the last one keeps the direction before it."""
+    if len(path) < 2:
+        return np.zeros(len(path))
+    steps = np.diff(path[:, :2], axis=0)
+    headings = np.arctan2(steps[:, 1], steps[:, 0])
+    return np.append(headings, headings[-1])

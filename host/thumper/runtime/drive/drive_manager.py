@@ -1,0 +1,282 @@
+"""Decides what the wheels do, one step a beat: a planned drive, a hand on the stick, a stop, or nothing.
+
+Nobody drives but through here. Faults, an emergency stop and a lost page end a drive; a hand overrides it.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+from thumper.board.board import Board
+from thumper.board.fault_texts import FAULT_CURES
+from thumper.board.messages import Command, Fault, State, Telemetry
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import Twist2
+from thumper.common.kinematics import DriveGeometry, WheelSpeeds, limit_wheel_speeds, wheel_speeds
+from thumper.config.manual_drive import ServiceOptions
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.goal import Goal
+from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
+from thumper.runtime.drive.heartbeats import Supervision
+from thumper.runtime.drive.manual_pwm import MotorFeel, manual_pwm
+from thumper.runtime.drive.twist_mux import Mux
+from thumper.runtime.requests import Velocity
+from thumper.runtime.safe_stop import STOP_BEATS
+from thumper.runtime.sensor_inputs import BLIND_S
+from thumper.runtime.state_estimator import Situation
+
+SCAN_TIMEOUT_S = 1.0  # after BLIND_S without a scan the robot waits, after this long the lidar is lost
+GOAL_MARGIN_M = 1.0
+DISARMED_BEATS = 3  # telemetry from before ARM may still be on its way
+
+
+class Mode(Enum):
+    """What the robot is doing."""
+
+    IDLE = "idle"  # motors off
+    HOLDING = "holding"  # armed, held at speed zero
+    DRIVING = "driving"  # to a goal
+    MANUAL = "manual"  # by hand
+    STOPPING = "stopping"  # to a stand, then motors off
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ending:
+    """How a drive ended."""
+
+    reached: bool
+    reason: str
+    by_user: bool = False  # stopped, or overridden, by somebody's wish
+
+
+class Pilot:
+    """The hand on the board. `start`, `arm` and `disarm` raise ThumperError when the board refuses."""
+
+    def __init__(
+        self,
+        *,
+        board: Board,
+        navigator: Navigator,
+        drive: DriveGeometry,
+        max_wheel_rad_s: float,
+        options: ServiceOptions,
+    ) -> None:
+        self.board = board
+        self.navigator = navigator
+        self._drive = drive
+        self._max_wheel_rad_s = max_wheel_rad_s
+        self._options = options
+        self.mux = Mux(options)
+        self.supervision = Supervision(options.heartbeat_timeout_s)
+        self.mode = Mode.IDLE
+        self.reason = ""
+        self.goal: Goal | None = None
+        self.source = ""  # who sent the goal
+        self.ending: Ending | None = None  # of the newest drive, once it is over
+        self.command = Twist2()  # as last asked of the wheels
+        self._cruise = Twist2()
+        self._speeds = WheelSpeeds()
+        self._pwm = (0, 0)
+        self._feel: MotorFeel | None = None
+        self._armed_by_hand = False
+        self._beats_armed = 0
+        self._disarmed_beats = 0
+        self._stop_beats = 0
+
+    def start(
+        self, goal: Goal, telemetry: Telemetry | None, *, source: str = "", clear_fault: bool = False
+    ) -> None:
+        """Arm and set out; a goal under way gives way to the new one."""
+        if self.mode not in (Mode.DRIVING, Mode.HOLDING):
+            self._arm(telemetry, clear_fault=clear_fault)
+        self.navigator.set_goal(goal)
+        self.ending = None
+        self.goal, self.source = goal, source
+        self.mode, self.reason = Mode.DRIVING, ""
+
+    def arm(self, telemetry: Telemetry | None) -> None:
+        """Switch the motors on, held at speed zero."""
+        if self.mode is not Mode.DRIVING:
+            self._arm(telemetry)
+            self._speeds, self.mode, self.reason = WheelSpeeds(), Mode.HOLDING, "armed"
+        self._armed_by_hand = True
+
+    def cruise(self, twist: Twist2) -> None:
+        """Hold this speed instead of zero until the robot is stopped. It must be armed, and heeds no wall."""
+        self._cruise = twist
+
+    def disarm(self, reason: str) -> None:
+        """Switch the motors off, now."""
+        self._end(reason, by_user=True)
+        self._rest(reason)
+        self.board.command(Command.DISARM)
+
+    def emergency_stop(self) -> None:
+        """Switch the motors off and have the board latch it; raises ThumperError when it does not confirm."""
+        self._end("emergency stop", by_user=True)
+        self._rest("emergency stop")  # should the board not hear it, it hears nothing else either, and stops
+        self.board.emergency_stop()
+
+    def clear_fault(self) -> None:
+        """Unlatch; the motors stay off."""
+        self.board.command(Command.CLEAR_FAULT)
+        if self.mode is Mode.IDLE:
+            self.reason = "fault cleared"
+
+    def stop(self, reason: str) -> None:
+        """Give up the drive, if there is one; slow down to a stand, then motors off."""
+        self._end(reason, by_user=True)
+        self.mux.clear()
+        self._cruise = Twist2()
+        if self.mode is not Mode.IDLE:
+            if self.mode is Mode.MANUAL:
+                self.board.command(Command.ARM)
+            self._speeds, self._stop_beats = WheelSpeeds(), 0
+            self.mode, self.reason = Mode.STOPPING, reason
+
+    def take(self, at_s: float, velocity: Velocity) -> None:
+        """Take a hand's command; it acts at the next step."""
+        if self.mode is Mode.IDLE and velocity.twist != Twist2():
+            self.reason = "the motors are off: arm the robot to drive it by hand"
+            return
+        self.mux.take(at_s, velocity)
+
+    def repeat(self) -> None:
+        """Give the last order once more: a beat is late."""
+        if self.mode is Mode.MANUAL:
+            self.board.set_motor_pwm(*self._pwm)
+        elif self.mode is not Mode.IDLE:
+            self.board.set_wheel_speeds(self._speeds)
+
+    def give_up(self, reason: str) -> None:
+        """The board is out of reach, and its motors are off by its own time-out."""
+        self._end(reason)
+        self._rest(reason)
+
+    def settle(self) -> None:
+        """Somebody else has stopped the robot and switched the motors off."""
+        self._end("stopped")
+        self._rest(self.reason)
+
+    def step(
+        self, telemetry: Telemetry, situation: Situation, grid: Callable[[], OccupancyGrid]
+    ) -> NavigationOutput | None:
+        """Decide and act; returns what navigation decided, when it did."""
+        self.command = Twist2()
+        if objection := self._objection(telemetry):
+            self._end(objection)
+            self._rest(objection)
+            return None
+        now_s = time.monotonic()
+        hand = self.mux.active(now_s)
+        if hand is not None and self.mode is not Mode.IDLE:
+            self._drive_by_hand(hand[0].name.lower(), hand[1], telemetry)
+        elif self.mode is Mode.MANUAL:
+            self.board.command(Command.ARM)  # back to held wheels
+            self._armed_by_hand = True
+            self._hold("let go")
+        elif self.mode is Mode.DRIVING:
+            if self.supervision.is_lost(self.source, now_s):
+                self.disarm("the page that sent the goal is gone; send it again")
+                return None
+            return self._drive_on(situation, grid)
+        elif self.mode is Mode.STOPPING:
+            self._slow_down(telemetry)
+        elif self.mode is Mode.HOLDING:
+            self._hold(self.reason)
+        return None
+
+    def _arm(self, telemetry: Telemetry | None, *, clear_fault: bool = False) -> None:
+        if telemetry is not None and telemetry.state is State.FAULT:
+            if telemetry.fault is not Fault.LINK_LOST and not clear_fault:
+                raise ThumperError(
+                    f"the board has latched a fault: {FAULT_CURES[telemetry.fault]}; "
+                    "clear the fault when it is safe",
+                    option="--clear-fault",
+                )
+            self.board.command(Command.CLEAR_FAULT)
+        self.board.command(Command.ARM)
+        self._beats_armed = self._disarmed_beats = 0
+
+    def _objection(self, telemetry: Telemetry) -> str:
+        """Why nothing may move, or nothing."""
+        if self.mode is Mode.IDLE:
+            return ""
+        self._beats_armed += 1
+        if telemetry.state is State.FAULT and self._beats_armed > 1:  # the first may be older than ARM
+            return f"the board stopped the motors: {FAULT_CURES[telemetry.fault]}"
+        self._disarmed_beats = self._disarmed_beats + 1 if telemetry.state is State.DISARMED else 0
+        return "somebody has disarmed the board" if self._disarmed_beats > DISARMED_BEATS else ""
+
+    def _drive_by_hand(self, who: str, twist: Twist2, telemetry: Telemetry) -> None:
+        reason = f"driven by {who}"
+        self._end(f"overridden: {reason}", by_user=True)
+        if self._feel is None or self.mode is not Mode.MANUAL:  # they may have been set since the last time
+            self._feel = MotorFeel(
+                ks_pwm=self.board.get_parameter("ks"), kv_pwm_s=self.board.get_parameter("kv")
+            )
+        self.mode, self.reason, self.command = Mode.MANUAL, reason, twist
+        self._pwm = manual_pwm(
+            twist,
+            self._drive,
+            self._options,
+            self._max_wheel_rad_s,
+            self._feel,
+            1e-3 * telemetry.battery_mV,
+        )
+        self.board.set_motor_pwm(*self._pwm)
+
+    def _drive_on(self, situation: Situation, grid: Callable[[], OccupancyGrid]) -> NavigationOutput | None:
+        assert self.goal is not None  # DRIVING has one
+        if situation.scan_age_s > SCAN_TIMEOUT_S:
+            self.end_drive("the lidar sends no more scans; is its cable loose?")
+            return None
+        if situation.scan_age_s > BLIND_S:
+            self._speeds = WheelSpeeds()
+            self.board.set_wheel_speeds(self._speeds)
+            return None
+        output = self.navigator.update(
+            situation.time_s,
+            situation.map_from_base,
+            situation.twist,
+            grid().including(self.goal.x_m, self.goal.y_m, GOAL_MARGIN_M),
+            situation.hits_in_map_m,
+            lost=situation.lost,
+        )
+        self.command, self.reason = output.command, output.reason
+        self._speeds = limit_wheel_speeds(wheel_speeds(output.command, self._drive), self._max_wheel_rad_s)
+        self.board.set_wheel_speeds(self._speeds)
+        if output.state in (NavigationState.REACHED, NavigationState.FAILED):
+            self.end_drive(output.reason, reached=output.state is NavigationState.REACHED)
+        return output
+
+    def end_drive(self, reason: str, *, reached: bool = False) -> None:
+        """End the drive as planned: to a stand, and off unless somebody has armed the robot by hand."""
+        self._end(reason, reached=reached)
+        self._speeds, self._stop_beats, self.reason = WheelSpeeds(), 0, reason
+        self.mode = Mode.HOLDING if self._armed_by_hand else Mode.STOPPING
+
+    def _slow_down(self, telemetry: Telemetry) -> None:
+        self._stop_beats += 1
+        if telemetry.left_speed == telemetry.right_speed == 0 or self._stop_beats > STOP_BEATS:
+            self.board.command(Command.DISARM)
+            self._rest(self.reason)
+        else:
+            self.board.set_wheel_speeds(WheelSpeeds())
+
+    def _hold(self, reason: str) -> None:
+        self.command, self.mode, self.reason = self._cruise, Mode.HOLDING, reason
+        self._speeds = limit_wheel_speeds(wheel_speeds(self._cruise, self._drive), self._max_wheel_rad_s)
+        self.board.set_wheel_speeds(self._speeds)
+
+    def _end(self, reason: str, *, reached: bool = False, by_user: bool = False) -> None:
+        if self.goal is not None:
+            self.ending = Ending(reached=reached, reason=reason, by_user=by_user)
+            self.goal = None
+
+    def _rest(self, reason: str) -> None:
+        self._cruise = Twist2()
+        self._armed_by_hand, self._speeds, self._pwm = False, WheelSpeeds(), (0, 0)
+        self.mux.clear()
+        self.mode, self.reason = Mode.IDLE, reason

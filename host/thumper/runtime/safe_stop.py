@@ -1,0 +1,38 @@
+"""To a stand and off, on every way out."""
+
+from contextlib import suppress
+
+from thumper.board.board import Board, TelemetrySample
+from thumper.board.messages import Command
+from thumper.common.errors import ThumperError
+from thumper.common.kinematics import WheelSpeeds
+from thumper.runtime.sensor_inputs import LATE_BEAT_S, LATE_BEATS
+
+STOP_BEATS = 30  # the firmware's ramp needs two seconds from the fastest speed it takes
+
+
+def bring_to_stand(board: Board) -> tuple[list[TelemetrySample], bool]:
+    """Zero speed until the wheels stand, then disarm; returns what the board said, and whether it confirmed.
+
+    It never raises. Ctrl-C cuts the ramp short, never the disarming.
+    """
+    samples: list[TelemetrySample] = []
+    confirmed, silent_beats = False, 0
+    try:
+        with suppress(KeyboardInterrupt):
+            for _ in range(STOP_BEATS):
+                board.set_wheel_speeds(WheelSpeeds())
+                heard = board.poll(LATE_BEAT_S)  # a lost frame must not become a lost link
+                samples += heard
+                silent_beats = 0 if heard else silent_beats + 1
+                if silent_beats > LATE_BEATS:
+                    break
+                if heard and heard[-1].telemetry.left_speed == heard[-1].telemetry.right_speed == 0:
+                    break
+        while not confirmed:
+            with suppress(KeyboardInterrupt):
+                board.command(Command.DISARM)
+                confirmed = True
+    except ThumperError:
+        pass
+    return samples, confirmed

@@ -1,0 +1,37 @@
+"""A process that hung or was stopped finds what was asked of it meanwhile, all at once. Pure.
+
+Who asked has long stopped waiting for it: a goal of a minute ago must not set the robot going now.
+"""
+
+from thumper.runtime.requests import Ask, GoTo, Order, Request
+
+HUNG_S = 2.0  # without a beat for so long, nobody waits for an answer any more
+LATE_S = 1.0  # what was on its way then has come after this long
+TOLD = "the robot's process hung, and does not do late what was asked of it meanwhile: ask again"
+
+
+class Waking:
+    """Call `is_late` once a beat."""
+
+    def __init__(self) -> None:
+        self._last_s: float | None = None
+        self._late_until_s = 0.0
+
+    def is_late(self, now_s: float) -> bool:
+        """Whether what comes in now may have waited while the process hung."""
+        if self._last_s is not None and now_s - self._last_s > HUNG_S:
+            self._late_until_s = now_s + LATE_S
+        self._last_s = now_s
+        return now_s < self._late_until_s
+
+
+def sets_going(request: Request) -> bool:
+    """Whether the request makes a robot move that stood; a hand does not, for it must be armed first."""
+    match request:
+        case GoTo() | Order(name="arm"):
+            return True
+        case Ask(name="mission/send" | "experiment/start"):
+            return True
+        case Ask(name="command"):
+            return request.content.get("command") == "arm"
+    return False

@@ -1,0 +1,53 @@
+"""Choosing a mapper by name."""
+
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+from thumper.common.geometry import FloatArray, Pose2
+from thumper.slam.grid.grid_mapper import GridMapper, GridMapperOptions
+from thumper.slam.mapper import Mapper
+from thumper.slam.particle_filter.rbpf_mapper import RbpfMapper, RbpfOptions
+from thumper.slam.pose_graph.graph_mapper import GraphMapper, LoopOptions
+
+Method = Literal["scan_match", "graph", "rbpf"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MappingOptions(GridMapperOptions):
+    """The robot's `[mapping]`: which mapper, and the options of all of them."""
+
+    # The cheapest, and no closed loop moves the pose of a robot that drives.
+    method: Method = "scan_match"
+    loops: LoopOptions = field(default_factory=LoopOptions)
+    filter: RbpfOptions = field(default_factory=RbpfOptions)
+
+
+class PathMapper(Mapper, Protocol):
+    """A mapper that can revise the whole path, and warm itself up."""
+
+    def path(self) -> FloatArray:
+        """x, y, theta at each scan so far as is known now, shape (scans, 3)."""
+        ...
+
+    def continue_from(self, map_from_base: Pose2, map_from_odom: Pose2, covariance: FloatArray) -> None:
+        """Go on with the same map from a pose that somebody else found at a newer scan."""
+        ...
+
+    def warm_up(self) -> None:
+        """Compile the kernels (or load them from the cache)."""
+        ...
+
+
+def make_mapper(
+    options: MappingOptions, *, base_from_laser: Pose2 | None = None, map_from_base: Pose2 | None = None
+) -> PathMapper:
+    """Build the mapper that `options.method` names, with an empty map."""
+    if options.method == "rbpf":
+        return RbpfMapper(
+            options, options.filter, base_from_laser=base_from_laser, map_from_base=map_from_base
+        )
+    if options.method == "graph":
+        return GraphMapper(
+            options, options.loops, base_from_laser=base_from_laser, map_from_base=map_from_base
+        )
+    return GridMapper(options, base_from_laser=base_from_laser, map_from_base=map_from_base)

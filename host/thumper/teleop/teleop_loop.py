@@ -1,0 +1,82 @@
+"""The loop of `thumper teleop`: hands in, commands onto the bus."""
+
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+from thumper.common.geometry import Twist2
+from thumper.config.robot import RobotConfig
+from thumper.ros.codec import Message
+from thumper.ros.to_ros import Messages, flag, text
+from thumper.teleop.gamepad import PadState
+from thumper.teleop.joystick_curve import Helm, Stick
+from thumper.teleop.keyboard import Action, Keys
+
+COMMANDS = {Action.ARM: "arm", Action.DISARM: "disarm", Action.CLEAR_FAULT: "clear_fault"}
+
+
+class Pad(Protocol):
+    """A gamepad, real or not."""
+
+    @property
+    def name(self) -> str:
+        """What it calls itself."""
+        ...
+
+    def poll(self) -> PadState | None:
+        """Look at it; None while there is none."""
+        ...
+
+
+class Driver:
+    """One person with keyboard and perhaps gamepad; `step` is called `rate_Hz` times a second."""
+
+    def __init__(
+        self,
+        config: RobotConfig,
+        publish: Callable[[str, Message], None],
+        read: Callable[[], bytes],
+        pad: Pad | None,
+    ) -> None:
+        """`publish` takes a topic and a message; `read` gives what was typed since the last call."""
+        options, limit = config.teleop, config.drive.max_wheel_rad_s
+        self._publish, self._read, self._pad = publish, read, pad
+        self._keys = Keys(options)
+        self._key_helm = Helm(options, config.drive, limit)
+        self._pad_helm = Helm(options, config.drive, limit)
+        self._messages = Messages()
+        self.twist = Twist2()  # as last sent
+
+    def step(self, now_s: float, period_s: float) -> bool:
+        """Look at all hands and send what they say; False when the person wants to leave."""
+        actions = self._keys.feed(self._read(), now_s)
+        state = self._pad.poll() if self._pad else None
+        if state is not None:
+            actions += state.pressed
+        if Action.ESTOP in actions:
+            self._publish("estop", flag(True))
+            self.release()
+            return Action.QUIT not in actions
+        for action in actions:
+            if action in COMMANDS:
+                self._publish("command", text(COMMANDS[action]))
+        sent = self._send("teleop", self._key_helm, self._keys.stick(now_s), period_s)
+        if self._pad is not None:  # last: the pad goes before the keyboard
+            sent = self._send("gamepad", self._pad_helm, state.stick if state else None, period_s) or sent
+        if sent is not None:
+            self.twist = sent
+        return Action.QUIT not in actions
+
+    def release(self) -> None:
+        """Let go of everything; whoever holds a button must let go of it before it counts again."""
+        for topic, helm in (("teleop", self._key_helm), ("gamepad", self._pad_helm)):
+            helm.step(None, 0.0)
+            self._publish(topic, self._messages.twist(time.time(), Twist2()))
+        self._keys.feed(b"k", 0.0)
+        self.twist = Twist2()
+
+    def _send(self, topic: str, helm: Helm, stick: Stick | None, period_s: float) -> Twist2 | None:
+        twist = helm.step(stick, period_s)
+        if twist is not None:
+            self._publish(topic, self._messages.twist(time.time(), twist))
+        return twist

@@ -1,0 +1,98 @@
+"""What a robot at service is asked and answers."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from tests.e2e.service import FAR, Service
+from thumper.common.kinematics import WheelSpeeds
+from thumper.runtime.requests import GoTo
+
+
+def test_parameters(service: Service) -> None:
+    schema = {spec["name"]: spec for spec in service.ask("parameters/schema")["parameters"]}
+    values = service.ask("parameters/get")["values"]
+    assert set(schema) == set(values)
+    kp = values["kp"]
+    changed = service.ask("parameters/set", {"kp": kp + 1.0})["values"]["kp"]
+    assert changed == pytest.approx(kp + 1.0, abs=schema["kp"]["step"])
+    refused = service.ask("parameters/set", {"ki": 1.0, "kp": 1e6})
+    assert "kp = 1000000.0 is refused" in refused["error"]
+    assert service.ask("parameters/get")["values"]["ki"] == values["ki"]  # none, or all
+    assert service.ask("parameters/revert")["values"]["kp"] == pytest.approx(kp)
+    service.put(GoTo(goals=(FAR,)))
+    assert "must stand" in service.ask("parameters/save")["error"]
+
+
+def test_the_status_tells_a_heading_of_zero_from_none(service: Service) -> None:
+    told: list[float] = []
+    service.robot.products.add(
+        lambda topic, _stamp_s, message: told.append(message.goal_yaw_rad) if topic == "status" else None
+    )
+    place = {"x_m": FAR.x_m, "y_m": FAR.y_m}
+    assert service.ask("mission/send", place)["ok"]
+    assert math.isnan(told[-1])
+    assert service.ask("mission/send", {**place, "yaw_rad": 0.0})["ok"]
+    assert told[-1] == 0.0
+
+
+def test_what_the_board_did_not_save_is_not_told_as_saved(service: Service) -> None:
+    service.bench.fault("line.loss", 1.0)
+    told = "parameters saved on the board"
+    assert not service.ask("parameters/save")["ok"]
+    assert told not in service.events
+    service.bench.fault("line.loss", 0.0)
+    assert service.ask("parameters/save")["ok"]
+    assert told in service.events
+
+
+def test_the_wheels_do_not_wait_for_parameters(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Simulated time stands still but where the board is waited for."""
+    service.put(GoTo(goals=(FAR,)))
+    service.beats(10)
+    senses, board, heard_s, ordered_s = service.robot.senses, service.robot.senses.board, [0.0], [0.0]
+    hear, order = senses.beat, board.set_wheel_speeds
+
+    def beat(standing_order: Callable[[], None] | None = None) -> bool:
+        alive = hear(standing_order)
+        heard_s[0] = service.bench.time_s
+        return alive
+
+    def set_wheel_speeds(speeds: WheelSpeeds) -> None:
+        ordered_s[0] = service.bench.time_s
+        order(speeds)
+
+    monkeypatch.setattr(senses, "beat", beat)
+    monkeypatch.setattr(board, "set_wheel_speeds", set_wheel_speeds)
+    values = service.ask("parameters/get")["values"]
+    assert ordered_s == heard_s
+    assert service.ask("parameters/set", values)["ok"]
+    assert ordered_s == heard_s
+    assert service.bench.time_s > heard_s[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("mission/send", {"x_m": 1.0}),
+        ("mission/send", {"x_m": 1.0, "y_m": True}),
+        ("mission/send", {"x_m": 1.0, "y_m": 0.0, "path": "/etc"}),
+        ("mission/state", {"mission": 99}),
+        ("command", {"command": "reboot"}),
+        ("command", {}),
+        ("parameters/set", {}),
+        ("parameters/set", {"kp": "1"}),
+        ("parameters/set", {"nix": 1.0}),
+        ("simulator/command", {"speed": 1e9}),
+        ("simulator/command", {"fault": "nix", "value": "ok"}),
+    ],
+)
+def test_a_question_that_makes_no_sense_is_answered_with_why(
+    service: Service, name: str, content: dict[str, Any]
+) -> None:
+    answer = service.ask(name, content)
+    assert not answer["ok"]
+    assert answer["error"]
+    assert "internal" not in answer["error"]

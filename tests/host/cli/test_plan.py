@@ -1,0 +1,139 @@
+"""`thumper plan` as a user calls it: answers, files, and refusals in one line."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from tests.host.navigation.planners.test_astar import room_with_wall
+from thumper.cli.app import build_app
+from thumper.common.errors import ThumperError
+from thumper.maps.map_server_io import save_map
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.maps.pgm import encode_pgm
+
+
+@pytest.fixture
+def room(tmp_path: Path) -> Path:
+    grid = OccupancyGrid(cells=room_with_wall(), resolution_m=0.05, origin_x_m=-1.0, origin_y_m=0.0)
+    save_map(grid, tmp_path / "room.yaml")
+    return tmp_path / "room.yaml"
+
+
+def call(*words: object) -> tuple[int, str]:
+    result = CliRunner().invoke(build_app(), ["plan", *map(str, words)])
+    if isinstance(result.exception, ThumperError):
+        assert "\n" not in str(result.exception)
+        return result.exception.exit_code, str(result.exception)
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    return result.exit_code, result.output
+
+
+@pytest.mark.parametrize("planner", ["navfn", "astar", "lattice"])
+def test_one_path_as_words_json_and_picture(room: Path, planner: str, tmp_path: Path) -> None:
+    ends = ("--start", 0, 1, "--goal", 3, 1)
+    code, words = call(room, *ends, "--planner", planner)
+    assert (code, " m in " in words) == (0, True)
+    code, text = call(room, *ends, "--planner", planner, "--json", "--png", tmp_path / "p.png")
+    answer = json.loads(text)
+    assert (code, answer["found"], answer["planner"]) == (0, True, planner)
+    assert answer["path"][-1] == pytest.approx([3, 1], abs=0.06)
+    steps = np.diff(np.array(answer["path"]), axis=0)
+    assert answer["length_m"] == pytest.approx(np.hypot(*steps.T).sum(), abs=0.01)
+    assert (tmp_path / "p.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_no_way_is_told_and_leaves_with_1(room: Path) -> None:
+    assert call(room, "--start", 0, 1, "--goal", 3, 1, "--planner", "carrot")[0] == 1
+    code, text = call(room, "--start", 0, 1, "--goal", 1.52, 1)
+    assert (code, text.split(":")[0]) == (1, "no path")
+    code, text = call(room, "--start", 0, 1, "--goal", 1.52, 1, "--json")
+    assert (code, json.loads(text)["found"], json.loads(text)["path"]) == (1, False, [])
+
+
+@pytest.mark.parametrize(
+    ("rows", "lengths"),
+    [
+        ("start_x,start_y,goal_x,goal_y\n0,1,0,2\n0,1,1,1\n", [1.0, 1.0]),
+        ("0,1,0,2\n", [1.0]),
+        ("start_x_m,start_y_m,goal_x_m,goal_y_m,note\n0,1,0,2,a\n", [1.0]),
+        ("start_col,start_row_from_bottom,goal_col,goal_row_from_bottom\n20,20,20,40\n", [1.0]),
+    ],
+)
+def test_batch(room: Path, tmp_path: Path, rows: str, lengths: list[float]) -> None:
+    (tmp_path / "q.csv").write_text(rows)
+    code, text = call(room, "--batch", tmp_path / "q.csv", "--json")
+    assert code == 0
+    assert [answer["length_m"] for answer in json.loads(text)] == pytest.approx(lengths, abs=0.02)
+    code, text = call(room, "--batch", tmp_path / "q.csv")
+    assert len(text.splitlines()) == 1 + len(lengths)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "nothing to plan"),
+        (("--start", "nan", 1, "--goal", 3, 1), "finite"),
+        (("--start", 0, 1, "--goal", 1e300, 0.5), "the goal (1e+300, 0.5) is farther than 1000 m"),
+        (("--start", 0, 1, "--goal", 3, 1, "--planner", "x"), "no planner 'x': choose one of astar"),
+        (("--batch", "gone.csv"), "cannot be read"),
+        (("--batch", "gone.csv", "--start", 0, 1), "leave"),
+    ],
+)
+def test_refusals(room: Path, words: tuple[object, ...], message: str) -> None:
+    code, text = call(room, *words)
+    assert message in text
+    assert code in (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("", "holds no rows"),
+        ("start_x,start_y,goal_x,goal_y\n", "holds a header and no rows"),
+        ("a,b,c,d\n1,2,3,4\n", "needs the columns start_x"),
+        ("start_x,start_y,goal_x,goal_y\n1,2,3,x\n", "line 2: 'x' is not a number; mend column 4"),
+        ("1,2,3\n", "line 1: '' is not a number; mend column 4"),
+    ],
+)
+def test_bad_batches(room: Path, tmp_path: Path, rows: str, message: str) -> None:
+    (tmp_path / "q.csv").write_text(rows)
+    code, text = call(room, "--batch", tmp_path / "q.csv")
+    assert code == 2
+    assert message in text
+
+
+def mask(folder: Path, name: str, pixels: np.typing.NDArray[np.uint8], mode: str) -> Path:
+    """A mask over the room, row 0 of the pixels on top."""
+    (folder / f"{name}.pgm").write_bytes(encode_pgm(pixels))
+    (folder / f"{name}.yaml").write_text(
+        f"image: {name}.pgm\nmode: {mode}\nresolution: 0.05\norigin: [-1.0, 0.0, 0]\nnegate: 0\n"
+        "occupied_thresh: 0.99\nfree_thresh: 0.25\n"
+    )
+    return folder / f"{name}.yaml"
+
+
+def test_masks_make_the_way_longer_and_the_drive_slower(room: Path, tmp_path: Path) -> None:
+    shape = room_with_wall().shape
+    pixels = np.full(shape, 254, np.uint8)
+    ends = ("--start", 0, 1, "--goal", 0, 2, "--json")
+    plain = json.loads(call(room, *ends)[1])
+    assert plain["travel_s"] == pytest.approx(plain["length_m"] / 0.4, rel=1e-3)
+    assert (plain["start_category"], plain["goal_category"]) == ("free", "free")
+
+    pixels[:] = 103  # darkness 0.596: (0.596 - 0.25) / 0.74 takes 47 % off
+    slow = json.loads(call(room, *ends, "--speed-mask", mask(tmp_path, "slow", pixels, "scale"))[1])
+    assert slow["length_m"] == plain["length_m"]
+    assert slow["travel_s"] == pytest.approx(plain["travel_s"] / 0.53, rel=1e-3)
+
+    pixels[:] = 254
+    pixels[shape[0] - 30, 15:25] = 0  # row 29 from the bottom: y = 1.45 to 1.5, x = -0.25 to 0.25
+    shut = mask(tmp_path, "shut", pixels, "trinary")
+    round_ = json.loads(call(room, *ends, "--keepout", shut)[1])
+    assert round_["length_m"] > plain["length_m"] + 0.1
+    code, text = call(room, "--start", 0, 1, "--goal", 0, 1.47, "--keepout", shut, "--json")
+    assert (code, json.loads(text)["goal_category"]) == (1, "lethal")
+    code, text = call(room, *ends, "--keepout", tmp_path / "none.yaml")
+    assert (code, "none.yaml" in text) == (2, True)

@@ -1,0 +1,40 @@
+"""The pictures that a run leaves: nothing hides what they show, and the legend tells what is there."""
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from thumper.cli.run_report import draw_drive, draw_speeds
+from thumper.common.geometry import Pose2
+from thumper.runtime.drive_log import MissionLog
+
+
+def test_the_legends_stand_beside_the_curves() -> None:
+    figure = Figure(figsize=(9, 6), layout="constrained")
+    speeds = np.zeros((20, 7))
+    speeds[:, 0] = np.arange(20)
+    draw_speeds(figure, speeds, "wheel speed control on the straight run")
+    FigureCanvasAgg(figure).draw()  # type: ignore[no-untyped-call]
+    for panel in figure.axes:
+        legend = panel.get_legend()
+        assert legend is not None
+        box, own = legend.get_window_extent(), legend.findobj(Text)
+        assert not box.overlaps(panel.get_window_extent())
+        for text in panel.findobj(Text):
+            if text not in own and isinstance(text, Text) and text.get_text():
+                assert not box.overlaps(text.get_window_extent()), text
+
+
+def test_the_plan_at_the_start_is_the_first_that_leads_anywhere() -> None:
+    """An exploring robot looks round first: its goal is where it stands."""
+    log = MissionLog()
+    log.add_pose(0.0, Pose2())
+    stands, leads = np.zeros((2, 2)), np.array([[0.0, 0.0], [1.0, 0.0]])
+    for plan in (stands, leads, leads + 0.1):
+        log.add_plan(plan)
+    axes = Figure().subplots()
+    draw_drive(axes, log)
+    (dashed,) = (line for line in axes.lines if line.get_linestyle() == "--")
+    assert np.array_equal(np.asarray(dashed.get_xydata()), leads)
+    assert "planned at the start" in str(dashed.get_label())

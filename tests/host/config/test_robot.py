@@ -1,0 +1,76 @@
+"""The robot's TOML: what is right is taken, what is wrong is named with file, key and cure."""
+
+from pathlib import Path
+
+import pytest
+
+from thumper.common.errors import ThumperError
+from thumper.config.robot import RobotConfig, config_from_json, config_to_json, load_config
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "robot.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_no_file_means_the_defaults() -> None:
+    assert load_config(None) == RobotConfig()
+
+
+def test_an_empty_file_means_the_defaults(tmp_path: Path) -> None:
+    assert load_config(written(tmp_path, "")) == RobotConfig()
+
+
+def test_keys_are_taken(tmp_path: Path) -> None:
+    config = load_config(written(tmp_path, '[board]\nport = "/dev/ttyACM7"\n[lidar]\nyaw_deg = 90\n'))
+    assert config.board.port == "/dev/ttyACM7"
+    assert config.lidar.base_from_laser.theta_rad == pytest.approx(1.5707963)
+    assert config.mapping == RobotConfig().mapping
+
+
+def test_a_configuration_survives_a_recording(tmp_path: Path) -> None:
+    text = (
+        'name = "mole"\n[lidar]\nmodel = "ld19"\n[mapping]\nmethod = "rbpf"\n[navigation]\nplanner="navfn"\n'
+    )
+    config = load_config(written(tmp_path, text))
+    assert config_from_json(config_to_json(config)) == config != RobotConfig()
+
+
+def test_masks_are_looked_for_beside_the_file(tmp_path: Path) -> None:
+    config = load_config(written(tmp_path, '[navigation.masks]\nkeepout = "kitchen.yaml"\n'))
+    assert config.navigation.masks.keepout == str(tmp_path / "kitchen.yaml")
+    assert config.navigation.masks.speed == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("[drive]\nwheel_radius_m = -0.06\n", ["drive.wheel_radius_m", "-0.06", "greater than 0"]),
+        ('[drive]\nwheel_radius_m = "6 cm"\n', ["drive.wheel_radius_m", "6 cm", "valid number"]),
+        ("[board]\nbaud = 115200\n", ["board.baud", "115200", "500000"]),
+        ("[drive]\nwheel_radius = 0.06\n", ["drive.wheel_radius", "wheel_radius_m"]),
+        ("[drives]\n", ["drives", "drive"]),
+        ("[mapping.matching]\nspeed = 1\n", ["mapping.matching.speed"]),
+        ("board = 3\n", ["board", "3"]),
+        ('[navigation]\nplanner = "warp"\n', ["navigation", "no planner 'warp'", "astar"]),
+        ('[navigation]\ncontroller = "warp"\n', ["navigation", "no controller 'warp'", "dwa"]),
+        ('[navigation.recovery]\nbehaviours = ["jump"]\n', ["navigation.recovery.behaviours", "jump"]),
+        ("[navigation.limits]\nv_max_m_s = 40.0\n", ["navigation.limits.v_max_m_s", "40.0", "less than"]),
+        ('[bus]\ntoken = "short"\n', [": bus: a token has at least 12 characters"]),
+        ("[board\n", ["not valid TOML", "line 1"]),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, text: str, named: list[str]) -> None:
+    path = written(tmp_path, text)
+    with pytest.raises(ThumperError) as caught:
+        load_config(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert all(part in message for part in [str(path), *named]), message
+    assert caught.value.exit_code == 2
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ThumperError, match=r"none\.toml.*No such file"):
+        load_config(tmp_path / "none.toml")

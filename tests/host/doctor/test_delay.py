@@ -1,0 +1,114 @@
+"""The doctor's round trip over a link that holds every byte back: the true time, also beyond 100 ms."""
+
+from collections import deque
+from collections.abc import Iterator
+
+import pytest
+import serial
+
+from thumper.board.options import BoardConfig
+from thumper.common.serial_port import clock_of, open_port
+from thumper.doctor.board_checks import check_board
+from thumper.doctor.lidar_checks import check_lidar
+from thumper.doctor.verdicts import Check, ask_often
+from thumper.lidar.options import LidarConfig
+
+STEP_S = 0.001
+
+
+class DelayedPort:
+    """A simulated port behind a wire that takes its time, in simulated seconds, each way."""
+
+    def __init__(self, port: serial.Serial, delay_s: float) -> None:
+        self._port, self._delay_s = port, delay_s
+        self.clock_s = clock_of(port)
+        self.timeout = 0.02
+        self._out: deque[tuple[float, bytes]] = deque()
+        self._in: deque[tuple[float, bytes]] = deque()
+        self._arrived = bytearray()
+
+    def write(self, data: bytes) -> int:
+        self._out.append((self.clock_s() + self._delay_s, bytes(data)))
+        return len(data)
+
+    @property
+    def in_waiting(self) -> int:
+        while self._in and self._in[0][0] <= self.clock_s():
+            self._arrived += self._in.popleft()[1]
+        return len(self._arrived)
+
+    def read(self, size: int = 1) -> bytes:
+        until_s = self.clock_s() + self.timeout
+        while self.in_waiting < size and self.clock_s() < until_s:
+            while self._out and self._out[0][0] <= self.clock_s():
+                self._port.write(self._out.popleft()[1])
+            self._port.timeout = STEP_S
+            data = self._port.read(max(1, self._port.in_waiting))
+            if data:
+                self._in.append((self.clock_s() + self._delay_s, data))
+        data = bytes(self._arrived[:size])
+        del self._arrived[:size]
+        return data
+
+    def reset_input_buffer(self) -> None:
+        self._arrived.clear()
+
+    def close(self) -> None:
+        self._port.close()
+
+
+@pytest.fixture
+def delay_s(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> float:
+    """Both of the doctor's ports are delayed by this, each way [s]."""
+    delay_s: float = request.param
+
+    def delayed(url: str, *, baud: int, name: str) -> DelayedPort:
+        return DelayedPort(open_port(url, baud=baud, name=name), delay_s)
+
+    for module in ("thumper.doctor.board_checks", "thumper.lidar.open_lidar"):
+        monkeypatch.setattr(f"{module}.open_port", delayed)
+    return delay_s
+
+
+def round_trip_line(checks: Iterator[Check], name: str) -> tuple[str, float, str]:
+    """Verdict, median [ms] and the whole line."""
+    (found,) = [check for check in checks if check.what.startswith(f"{name}: round trip")]
+    return found.verdict, float(found.what.split("round trip ")[1].split(" ms")[0]), found.what
+
+
+@pytest.mark.parametrize(
+    ("delay_s", "verdict"),
+    [(0.0, "pass"), (0.03, "warn"), (0.06, "warn"), (0.11, "fail")],
+    indirect=["delay_s"],
+)
+def test_the_boards_round_trip_is_the_true_one(delay_s: float, verdict: str) -> None:
+    """Twice the delay and the 2 to 4 ms that board and USB take; no answer is lost for being late."""
+    checks = check_board(BoardConfig(port="sim://delay/board"), seconds=1.0, spin=None, also=iter(()))
+    found, median_ms, what = round_trip_line(checks, "board")
+    assert found == verdict
+    assert median_ms == pytest.approx(2e3 * delay_s + 3.0, abs=3.5)
+    assert "0 of 50 questions without answer" in what
+
+
+@pytest.mark.parametrize("delay_s", [0.06], indirect=True)
+def test_the_lidars_round_trip_is_the_true_one(delay_s: float) -> None:
+    checks = check_lidar(LidarConfig(port="sim://delay/lidar"), seconds=1.0)
+    found, median_ms, what = round_trip_line(checks, "lidar")
+    assert found == "warn"
+    assert median_ms == pytest.approx(2e3 * delay_s + 3.0, abs=3.5)
+    assert "0 of 50 questions without answer" in what
+
+
+def test_silence_ends_the_questions() -> None:
+    """Five in a row without an answer are enough; single ones are counted."""
+    asked = []
+
+    def nobody(number: int, timeout_s: float) -> float | None:
+        asked.append(number)
+        return None
+
+    assert ask_often(nobody) == ([], 5)
+    assert asked == [0, 1, 2, 3, 4]
+    trips_s, lost = ask_often(lambda number, _: None if number % 10 == 3 else 0.001 * number)
+    assert (len(trips_s), lost) == (45, 5)
+    assert trips_s[-1] == pytest.approx(0.049)

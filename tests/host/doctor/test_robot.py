@@ -1,0 +1,114 @@
+"""`thumper doctor` on a simulated robot: what it measures, and what it finds broken."""
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import serial
+from typer.testing import CliRunner
+
+from thumper.cli.app import build_app
+from thumper_hil.chip.robot_params import RobotParams
+
+
+def diagnose(*arguments: str, answer: str = "y\n") -> tuple[int, list[dict[str, Any]]]:
+    """Run the doctor for a second a link; returns its exit code and the lines on the robot."""
+    done = CliRunner().invoke(build_app(), ["doctor", "--seconds", "1", "--json", *arguments], input=answer)
+    report = json.loads(done.stdout)
+    assert report["ok"] == (done.exit_code == 0)
+    checks: list[dict[str, Any]] = report["checks"]
+    return done.exit_code, checks
+
+
+def line(checks: list[dict[str, Any]], *words: str) -> dict[str, Any]:
+    """The line that has all the words."""
+    (found,) = [check for check in checks if all(word in check["what"] for word in words)]
+    return found
+
+
+def test_a_sound_robot_passes() -> None:
+    code, checks = diagnose("--board", "sim://d1/board", "--lidar", "sim://d1/lidar", "--spin")
+    assert code == 0
+    for words in (("board", "round trip"), ("telemetry", "Hz"), ("telemetry", "lost"), ("scans", "Hz")):
+        assert line(checks, *words)["verdict"] == "pass"
+    for side in ("left", "right"):
+        assert line(checks, f"{side} motor forward")["verdict"] == "pass"
+
+
+def test_wheels_do_not_turn_without_consent() -> None:
+    code, checks = diagnose("--board", "sim://d2/board", "--spin", answer="n\n")
+    assert code == 0
+    assert line(checks, "not checked")["verdict"] == "warn"
+    assert not any("motor forward" in check["what"] for check in checks)
+
+
+def test_an_encoder_that_counts_backwards_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Channels A and B exchanged: the wheel turns forward and the count goes down."""
+    sound = RobotParams.load()
+    swapped = replace(sound, encoder=replace(sound.encoder, counts_per_rev=-sound.encoder.counts_per_rev))
+    monkeypatch.setattr(RobotParams, "load", lambda: swapped)
+    code, checks = diagnose("--board", "sim://d3/board", "--spin")
+    assert code == 4
+    check = line(checks, "left motor forward")
+    assert check["verdict"] == "fail"
+    assert "exchange wires A and B" in check["cure"]
+
+
+@pytest.mark.parametrize("fault", ['encoder.left.b = "cut"', 'motor.left = "dead"'])
+def test_a_dead_side_is_named(tmp_path: Path, fault: str) -> None:
+    scenario = tmp_path / "fault.toml"
+    scenario.write_text(f"faults = [ {{ at_s = 0.0, {fault} }} ]\n")
+    code, checks = diagnose("--board", f"sim://d4/board?scenario={scenario}", "--spin")
+    assert code == 4
+    assert "dead" in line(checks, "left motor forward")["cure"]
+    assert line(checks, "right motor forward")["verdict"] == "pass"
+
+
+def test_a_noisy_line_and_an_empty_battery_are_named(tmp_path: Path) -> None:
+    scenario = tmp_path / "fault.toml"
+    scenario.write_text("faults = [ { at_s = 0.5, line.noise = 0.0005 } ]\n")
+    _, checks = diagnose("--board", f"sim://d5/board?scenario={scenario}", "--seconds", "10")
+    assert line(checks, "telemetry", "lost")["verdict"] != "pass"
+    code, checks = diagnose("--board", "sim://d6/board?charge=0.01")
+    assert code == 4
+    assert "charge" in line(checks, "battery")["cure"]
+
+
+def test_the_configuration_names_ports_and_the_lidars_model(tmp_path: Path) -> None:
+    config = tmp_path / "robot.toml"
+    config.write_text(
+        '[board]\nport = "sim://d7/board?lidar=ld19"\n[lidar]\nport = "sim://d7/lidar"\nmodel = "ld19"\n'
+    )
+    code, checks = diagnose("--config", str(config))
+    assert code == 0
+    assert "100 %" in line(checks, "beams")["what"]
+
+
+def test_a_missing_port_is_a_line_of_the_report() -> None:
+    code, checks = diagnose("--board", "/dev/ttyNONE7", "--lidar", "/dev/ttyNONE8")
+    assert code == 4
+    assert "/dev/ttyNONE7" in line(checks, "board")["cure"]
+    assert "/dev/ttyNONE8" in line(checks, "lidar")["cure"]
+
+
+def test_a_wrong_rate_is_named(tmp_path: Path) -> None:
+    config = tmp_path / "robot.toml"
+    config.write_text('[board]\nport = "sim://d9/board"\nbaud = 250000\n[lidar]\nport = "sim://d9/lidar"\n')
+    code, checks = diagnose("--config", str(config))
+    assert code == 4
+    assert "at 250000 baud is not the Thumper protocol" in line(checks, "board")["cure"]
+
+
+def test_a_port_that_another_program_has_open_is_named() -> None:
+    master, slave = os.openpty()
+    try:
+        with serial.Serial(os.ttyname(slave), exclusive=True) as port:
+            code, checks = diagnose("--board", str(port.name))
+    finally:
+        os.close(master)
+        os.close(slave)
+    assert code == 4
+    assert "another program has it open; close that program first" in line(checks, "board")["cure"]

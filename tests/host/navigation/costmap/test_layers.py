@@ -1,0 +1,88 @@
+"""The costmap kept from cycle to cycle equals the one made afresh, whatever changes."""
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.costmap import layers as layers_module
+from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_costmap
+from thumper.navigation.costmap.inflation import LETHAL, squared_distances
+from thumper.navigation.costmap.layers import CostmapLayers
+from thumper.navigation.footprint import Footprint
+from thumper_hil.kinematic.maps import read_pgm
+
+VALUES = np.array((-1, 0, 0, 0, 0, 0, 30, 59, 60, 100), np.int8)
+
+
+def grid_of(cells: np.typing.NDArray[np.int8], x_m: float = 8.0) -> OccupancyGrid:
+    return OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=x_m, origin_y_m=4.0)
+
+
+def assert_same(ours: Costmap, afresh: Costmap) -> None:
+    assert np.array_equal(ours.costs, afresh.costs)
+    assert np.array_equal(ours.squared_cells, afresh.squared_cells)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10_000), masked=st.booleans())
+def test_updates_equal_a_costmap_made_afresh(seed: int, masked: bool) -> None:
+    """Cells turn obstacle, free and unknown, hits come, stay and go, the map grows and moves."""
+    rng, footprint, options = np.random.default_rng(seed), Footprint(), CostmapOptions()
+    cells = rng.choice(VALUES, (50, 70))
+    keepout = grid_of(np.where(rng.random((40, 90)) < 0.02, 100, 0).astype(np.int8), 7.5) if masked else None
+    kept = CostmapLayers(footprint, options, keepout)
+    hits_m, x_m = np.empty((0, 2)), 8.0
+    for cycle in range(12):
+        if cycle == 6:
+            cells, x_m = np.pad(cells, ((0, 3), (5, 0)), constant_values=-1), 7.75
+        cells = cells.copy()
+        for _ in range(int(rng.integers(0, 4))):
+            cells[rng.integers(cells.shape[0]), rng.integers(cells.shape[1])] = rng.choice(VALUES)
+        if cycle % 3:
+            fresh_m = rng.uniform((7.0, 3.0), (13.0, 8.0), (int(rng.integers(0, 5)), 2))
+            hits_m = np.vstack((hits_m[: len(hits_m) // 2], fresh_m, np.full((1, 2), np.nan)))
+        grid = grid_of(cells, x_m)
+        assert_same(kept.update(grid, hits_m), build_costmap(grid, hits_m, footprint, options, keepout))
+
+
+def test_inflation_of_ros_is_kept_through_updates(nav_data: Path) -> None:
+    """The oracle's map, reached in eight steps: parts from ROS in the 5 cells where that is not exact."""
+    lethal = read_pgm(nav_data / "oracle" / "inflation_in_120.pgm") == LETHAL
+    theirs = read_pgm(nav_data / "oracle" / "inflation_ros_120.pgm")
+    kept = CostmapLayers(Footprint(), CostmapOptions(inflation_radius_m=0.55, decay_per_m=10.0))
+    cells = np.zeros((120, 120), np.int8)
+    costs = kept.update(grid_of(cells), np.empty((0, 2))).costs
+    for rows in np.array_split(np.arange(120), 8):
+        cells = cells.copy()
+        cells[rows] = np.where(lethal[rows], 100, 0)
+        costs = kept.update(grid_of(cells), np.empty((0, 2))).costs
+    assert (costs != theirs).sum() == 5
+
+
+def test_work_grows_with_the_change_not_with_the_map(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cells whose distance is computed again for one new obstacle: the same on a small and a large map."""
+    cells_worked: list[int] = []
+
+    def counted(lethal: np.typing.NDArray[np.bool_], reach: int) -> np.typing.NDArray[np.int32]:
+        cells_worked.append(lethal.size)
+        return squared_distances(lethal, reach)
+
+    monkeypatch.setattr(layers_module, "squared_distances", counted)
+    worked: dict[int, list[int]] = {}
+    for side in (100, 400):
+        cells_worked.clear()
+        kept, cells = CostmapLayers(Footprint(), CostmapOptions()), np.zeros((side, side), np.int8)
+        kept.update(grid_of(cells), np.empty((0, 2)))
+        kept.update(grid_of(cells.copy()), np.empty((0, 2)))  # nothing has changed: nothing to do
+        cells = cells.copy()
+        cells[50, 50] = 100
+        kept.update(grid_of(cells), np.empty((0, 2)))
+        worked[side] = cells_worked.copy()
+    reach = 11
+    assert worked == {100: [10_000, (4 * reach + 1) ** 2], 400: [160_000, (4 * reach + 1) ** 2]}
+    assert Counter(map(len, worked.values())) == {2: 2}

@@ -1,0 +1,56 @@
+"""`thumper demo --seeds`: its sums, its verdict, and what it writes."""
+
+import csv
+import dataclasses
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from thumper_hil.demo.repeat import GOAL_ERROR_LIMIT_M, Row, run_seeds, statistics_of
+
+GOOD = Row(
+    seed=1,
+    mission="straight",
+    reached=True,
+    goal_error_m=0.04,
+    contacts=0,
+    time_s=9.0,
+    path_length_m=2.2,
+    reason="",
+)
+
+
+def test_a_drive_passes_only_when_it_is_near_and_has_touched_nothing() -> None:
+    assert GOOD.passed
+    for fault in (
+        {"reached": False},
+        {"contacts": 1},
+        {"goal_error_m": GOAL_ERROR_LIMIT_M + 0.001},
+    ):
+        assert not dataclasses.replace(GOOD, **fault).passed
+
+
+def test_the_sums_are_by_mission() -> None:
+    far = dataclasses.replace(GOOD, seed=2, goal_error_m=0.12, contacts=2, time_s=11.0)
+    box = dataclasses.replace(GOOD, mission="box")
+    straight, other = statistics_of([GOOD, box, far])
+    assert (straight.mission, straight.runs, straight.passed, straight.contacts) == ("straight", 2, 1, 2)
+    assert straight.error_mean_m == pytest.approx(0.08)
+    assert straight.error_max_m == pytest.approx(0.12)
+    assert (straight.time_mean_s, straight.time_max_s) == pytest.approx((10.0, 11.0))
+    assert (other.mission, other.runs, other.passed) == ("box", 1, 1)
+
+
+def test_a_seed_of_both_missions_passes_and_is_written_down(tmp_path: Path) -> None:
+    assert run_seeds(tmp_path, first_seed=21, seeds=1, console=Console(quiet=True))
+    with (tmp_path / "experiment.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [(row["seed"], row["mission"], row["reached"]) for row in rows] == [
+        ("21", "straight", "True"),
+        ("21", "box", "True"),
+    ]
+    assert all(float(row["goal_error_m"]) <= GOAL_ERROR_LIMIT_M for row in rows)
+    table = (tmp_path / "experiment.md").read_text()
+    assert "| straight | 1 of 1 |" in table
+    assert (tmp_path / "experiment.png").stat().st_size > 10_000

@@ -1,0 +1,122 @@
+"""The navigator in a closed loop: noise, delay, slip, and a map that grows as the robot sees."""
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from thumper.common.geometry import Pose2
+from thumper.navigation.goal import Goal
+from thumper.navigation.navigator import NavigationState
+from thumper.navigation.options import NavigationOptions
+from thumper.navigation.recovery.behaviors import RecoveryOptions
+from thumper_hil.kinematic.closed_loop import Conditions, Run, drive
+from thumper_hil.kinematic.world import World, box
+
+ROOM = World.of(box(0.8, 0.0, 4.8, 3.8))
+AREA = (-4.2, -5.0, 10.0, 10.0)
+BOX_ROOM = ROOM.joined(box(1.2, 0.1, 0.40, 0.30, 0.58))
+STRAIGHT = (Pose2(x_m=1.73, y_m=0.08, theta_rad=math.pi), (-0.49, 0.02))
+ROUND_BOX = (Pose2(x_m=2.05, y_m=0.64, theta_rad=-2.56), (0.38, -0.45))
+
+
+def assert_arrived(run: Run, error_m: float = 0.10) -> None:
+    assert (run.state, run.reason[:4]) == (NavigationState.REACHED, "at t")
+    assert run.goal_error_m <= error_m
+    assert run.clearance_m > 0.02
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_straight_run(seed: int) -> None:
+    start, (x_m, y_m) = STRAIGHT
+    run = drive(ROOM, start, Goal(x_m=x_m, y_m=y_m), AREA, seed=seed)
+    assert_arrived(run)
+    assert run.length_m < 1.05 * math.dist((start.x_m, start.y_m), (x_m, y_m))
+    assert run.time_s < 12.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_round_the_box(seed: int) -> None:
+    start, (x_m, y_m) = ROUND_BOX
+    run = drive(BOX_ROOM, start, Goal(x_m=x_m, y_m=y_m), AREA, seed=seed)
+    assert_arrived(run)
+    assert run.time_s < 20.0
+
+
+def test_turns_round_first_and_takes_the_asked_heading() -> None:
+    start = Pose2(x_m=2.05, y_m=0.64, theta_rad=0.0)
+    goal = Goal(x_m=0.38, y_m=-0.45, theta_rad=1.0)
+    run = drive(BOX_ROOM, start, goal, AREA)
+    assert_arrived(run)
+    assert run.outputs[0].state is NavigationState.ROTATING
+    assert abs(goal.heading_error_rad(run.track[-1])) < goal.heading_tolerance_rad + 0.02
+
+
+@pytest.mark.parametrize("goal", [(1.2, 0.3, 0.5 * math.pi), (-0.5, 0.4, None)], ids=["turned", "missed"])
+def test_smallest_tolerance_does_not_drive_off_again(goal: tuple[float, float, float | None]) -> None:
+    """The turn to the heading carries the robot out of the tolerance; a goal just missed lies behind it."""
+    x_m, y_m, theta_rad = goal
+    wanted = Goal(x_m=x_m, y_m=y_m, theta_rad=theta_rad, tolerance_m=0.02)
+    run = drive(ROOM, Pose2(), wanted, AREA)
+    assert_arrived(run, 0.04)
+    assert run.length_m < math.hypot(x_m, y_m) + 0.15  # driving off again and back would be 0.4 m or more
+
+
+def test_wide_tolerance_of_the_thesis() -> None:
+    start, (x_m, y_m) = ROUND_BOX
+    run = drive(BOX_ROOM, start, Goal(x_m=x_m, y_m=y_m, tolerance_m=0.4), AREA)
+    assert_arrived(run, 0.4)
+
+
+def test_goal_behind_a_closed_wall_fails_in_words() -> None:
+    """A hut without a door round the goal: seen, it leaves no way."""
+    closed = ROOM.joined(box(0.0, 0.0, 0.8, 0.8))
+    run = drive(closed, STRAIGHT[0], Goal(x_m=0.0, y_m=0.0), AREA, limit_s=120.0)
+    assert run.state is NavigationState.FAILED
+    assert "no way to the goal (0.00, 0.00)" in run.reason
+    assert run.clearance_m > 0.0
+
+
+def test_goal_that_cannot_be_entered_fails_in_words() -> None:
+    """The goal is in the middle of a post."""
+    world = ROOM.joined(box(0.5, 0.0, 0.2, 0.2))
+    run = drive(world, STRAIGHT[0], Goal(x_m=0.5, y_m=0.0), AREA, limit_s=120.0)
+    assert run.state is NavigationState.FAILED
+    assert "obstacle" in run.reason
+
+
+def appearing(at_s: float, obstacle: list[list[float]]) -> Callable[[float], World]:
+    blocked = ROOM.joined(obstacle)
+    return lambda time_s: blocked if time_s >= at_s else ROOM
+
+
+@pytest.mark.parametrize("x_m", [0.55, 0.75])
+def test_stops_for_a_wall_that_appears(x_m: float) -> None:
+    """At full speed, a wall from side to side appears ahead: no contact, and in the end a reason."""
+    options = NavigationOptions(recovery=RecoveryOptions(behaviours=()))
+    wall = box(x_m - 0.05, 0.0, 0.1, 3.8)
+    start, (goal_x_m, goal_y_m) = STRAIGHT
+    run = drive(appearing(1.5, wall), start, Goal(x_m=goal_x_m, y_m=goal_y_m), AREA, options=options)
+    assert run.clearance_m > 0.0
+    assert run.state is NavigationState.FAILED
+    assert "no way" in run.reason
+
+
+def test_goes_round_a_box_that_appears() -> None:
+    start, (x_m, y_m) = STRAIGHT
+    run = drive(appearing(1.5, box(0.5, 0.05, 0.3, 0.3)), start, Goal(x_m=x_m, y_m=y_m), AREA)
+    assert_arrived(run)
+
+
+@pytest.mark.parametrize("width_m", [0.42, 0.8])
+def test_leaves_a_dead_end(width_m: float) -> None:
+    """A short-sighted robot drives into a blind alley; the narrow one is too tight to turn in."""
+    side = 0.5 * width_m + 0.05
+    alley = ROOM.joined(
+        box(0.3, side, 1.2, 0.1), box(0.3, -side, 1.2, 0.1), box(-0.35, 0.0, 0.1, width_m + 0.2)
+    )
+    start = Pose2(x_m=1.7, y_m=0.0, theta_rad=math.pi)
+    short_sighted = Conditions(range_max_m=0.8)
+    run = drive(alley, start, Goal(x_m=-1.0, y_m=0.0), AREA, limit_s=120.0, conditions=short_sighted)
+    assert min(pose.x_m for pose in run.track[:100]) < 0.7  # it was inside
+    assert_arrived(run)

@@ -1,0 +1,70 @@
+"""Braking as the board brakes: each wheel on its own ramp, against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+
+from thumper.common.geometry import Pose2, Twist2
+from thumper.common.kinematics import DriveGeometry
+from thumper.navigation.footprint import Footprint
+from thumper.navigation.safety.collision_monitor import CollisionMonitor, MonitorOptions
+from thumper.navigation.speed_limits import SpeedLimits, WheelRamp
+
+LIMITS, DRIVE = SpeedLimits(), DriveGeometry()
+RAMP = WheelRamp.of(LIMITS)
+BEND = Twist2(v_m_s=0.4, w_rad_s=1.2)
+PERIOD_S = 0.1
+
+
+def test_the_inner_wheel_stands_first_and_the_robot_swings_round_it() -> None:
+    """w holds until the inner side stands, then fades: 1.2 t1 + 1.2^2 / (2 * rate) = 0.97 rad."""
+    step_s = 1e-3
+    times_s = np.arange(0.0, RAMP.braking_s(BEND), step_s) + 0.5 * step_s
+    _, w_rad_s = RAMP.braked(BEND, times_s)
+    inner_s = (BEND.v_m_s - RAMP.half_track_m * BEND.w_rad_s) / RAMP.rim_m_s2
+    rate = RAMP.rim_m_s2 / DRIVE.track_m
+    turn_rad = BEND.w_rad_s * inner_s + BEND.w_rad_s**2 / (2.0 * rate)
+    assert turn_rad == pytest.approx(0.968, abs=1e-3)
+    assert w_rad_s.sum() * step_s == pytest.approx(turn_rad, abs=2e-3)
+    assert w_rad_s[times_s < inner_s] == pytest.approx(BEND.w_rad_s)
+    assert w_rad_s[-1] < 0.01
+
+
+@pytest.mark.parametrize("twist", [BEND, Twist2(v_m_s=-0.2, w_rad_s=0.5), Twist2(w_rad_s=1.0)])
+def test_a_mirrored_twist_brakes_mirrored(twist: Twist2) -> None:
+    times_s = np.linspace(0.0, 1.5, 50)
+    v_m_s, w_rad_s = RAMP.braked(twist, times_s)
+    v_other, w_other = RAMP.braked(Twist2(v_m_s=twist.v_m_s, w_rad_s=-twist.w_rad_s), times_s)
+    assert v_other == pytest.approx(v_m_s)
+    assert w_other == pytest.approx(-w_rad_s)
+    assert (v_m_s[-1], w_rad_s[-1]) == (0.0, 0.0)
+
+
+def test_the_monitor_sees_what_only_the_swing_hits() -> None:
+    """Points just within the hull of the real stopping motion: all seen, and not by fading v and w alone."""
+    limits = SpeedLimits(latency_s=0.0)
+    seeing = CollisionMonitor(MonitorOptions(), limits, Footprint(), RAMP)
+    stiff = CollisionMonitor(
+        MonitorOptions(), limits, Footprint(), WheelRamp(rim_m_s2=50.0, half_track_m=RAMP.half_track_m)
+    )
+    outline_m = Footprint().grown(-0.002).outline_m(0.02)
+    missed = 0
+    for pose in real_stop():
+        for point_m in pose.apply(outline_m):
+            if np.all(np.abs(point_m) < (0.24, 0.15)):
+                continue  # under the robot as it begins
+            assert seeing.objection(BEND, BEND, point_m[None, :], np.zeros(1), PERIOD_S)
+            missed += not stiff.objection(BEND, BEND, point_m[None, :], np.zeros(1), PERIOD_S)
+    assert missed > 10
+
+
+def real_stop() -> list[Pose2]:
+    """Every 0.1 s of one period of the bend and the wheels' ramps after it."""
+    pose, step_s, poses = Pose2(), 1e-3, []
+    for tick in range(math.ceil((PERIOD_S + RAMP.braking_s(BEND)) / step_s)):
+        v, w = RAMP.braked(BEND, np.array([max(0.0, (tick + 0.5) * step_s - PERIOD_S)]))
+        pose = pose @ Pose2(x_m=float(v[0]) * step_s, theta_rad=float(w[0]) * step_s)
+        if tick % 100 == 99:
+            poses.append(pose)
+    return poses

@@ -1,0 +1,94 @@
+"""Several goals in one drive; and what the navigator makes of a goal that is dropped or replaced."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import Pose2, Twist2
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.footprint import Footprint
+from thumper.navigation.goal import Goal
+from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
+from thumper.navigation.options import NavigationOptions
+from thumper.runtime.drive.waypoints import Itinerary, follow
+from thumper.runtime.drive_result import MissionResult
+
+A, B = Goal(x_m=1.0, y_m=0.0), Goal(x_m=0.0, y_m=1.0)
+
+
+def driver(fails: Callable[[str, Goal], bool], seen: list[str]) -> Callable[[str, Goal], MissionResult]:
+    def drive(name: str, goal: Goal) -> MissionResult:
+        seen.append(name)
+        return MissionResult(
+            reached=not fails(name, goal),
+            interrupted=False,
+            reason="the door is shut" if fails(name, goal) else "at the goal",
+            time_s=5.0,
+            path_length_m=1.5,
+            map_from_base=Pose2(x_m=goal.x_m, y_m=goal.y_m),
+        )
+
+    return drive
+
+
+def test_a_patrol_drives_every_waypoint_in_every_round_and_adds_up() -> None:
+    seen: list[str] = []
+    result = follow(Itinerary(goals=(A, B), rounds=2), driver(lambda _name, _goal: False, seen))
+    assert seen == [f"waypoint {n} of 2, round {lap} of 2" for lap in (1, 2) for n in (1, 2)]
+    assert result.reached
+    assert (result.time_s, result.path_length_m) == (20.0, 6.0)
+    assert result.map_from_base == Pose2(y_m=1.0)
+
+
+def test_it_stops_at_the_first_failure_and_says_which() -> None:
+    seen: list[str] = []
+    result = follow(Itinerary(goals=(A, B, A)), driver(lambda _name, goal: goal is B, seen))
+    assert len(seen) == 2
+    assert not result.reached
+    assert result.reason == "waypoint 2 of 3 (0.00, 1.00): the door is shut"
+    assert result.time_s == 10.0
+
+
+def test_a_refused_first_leg_is_an_error_and_a_later_one_ends_the_drive() -> None:
+    def refusing(bad: Goal) -> Callable[[str, Goal], MissionResult]:
+        def drive(name: str, goal: Goal) -> MissionResult:
+            if goal is bad:
+                raise ThumperError("too near an obstacle")
+            return driver(lambda _name, _goal: False, [])(name, goal)
+
+        return drive
+
+    with pytest.raises(ThumperError, match="too near"):
+        follow(Itinerary(goals=(A, B)), refusing(A))
+    result = follow(Itinerary(goals=(A, B)), refusing(B))
+    assert not result.reached
+    assert result.reason == "waypoint 2 of 2 (0.00, 1.00): too near an obstacle"
+
+
+def step(navigator: Navigator, time_s: float) -> NavigationOutput:
+    grid = OccupancyGrid(
+        cells=np.zeros((100, 100), np.int8), resolution_m=0.05, origin_x_m=-2.5, origin_y_m=-2.5
+    )
+    return navigator.update(time_s, Pose2(), Twist2(), grid, np.empty((0, 2)))
+
+
+def test_a_new_goal_under_way_replaces_the_old_one_at_once() -> None:
+    navigator = Navigator(NavigationOptions(), Footprint())
+    navigator.set_goal(A)
+    assert step(navigator, 0.0).plan[-1] == pytest.approx((1.0, 0.0))
+    navigator.set_goal(Goal(x_m=1.0, y_m=0.5))
+    assert step(navigator, 0.1).plan[-1] == pytest.approx((1.0, 0.5))
+
+
+def test_a_cancelled_goal_is_a_stop_with_its_reason_and_a_new_goal_goes_on() -> None:
+    navigator = Navigator(NavigationOptions(), Footprint())
+    navigator.set_goal(A)
+    assert step(navigator, 0.0).command.v_m_s > 0.0
+    navigator.cancel()
+    stopped = step(navigator, 0.1)
+    assert (stopped.command, stopped.state, stopped.reason) == (Twist2(), NavigationState.IDLE, "cancelled")
+    assert navigator.transitions[-1].reason == "cancelled"
+    navigator.set_goal(A)
+    assert step(navigator, 0.2).command.v_m_s > 0.0

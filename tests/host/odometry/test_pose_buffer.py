@@ -1,0 +1,76 @@
+"""Poses between, before and after the buffered samples."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from thumper.common.geometry import Pose2, Twist2
+from thumper.odometry.pose_buffer import PoseHistory, interpolate
+from thumper.odometry.wheel_odometry import OdometrySample, advance
+
+V_M_S, W_RAD_S = 0.8, 1.2
+
+
+def sample(time_s: float) -> OdometrySample:
+    """A robot that has driven one circle since time 0."""
+    return OdometrySample(
+        time_s=time_s,
+        odom_from_base=advance(Pose2(), V_M_S * time_s, W_RAD_S * time_s),
+        twist=Twist2(v_m_s=V_M_S, w_rad_s=W_RAD_S),
+        covariance=np.zeros((3, 3)),
+    )
+
+
+def filled() -> PoseHistory:
+    history = PoseHistory(horizon_s=1.0, extrapolation_s=0.2)
+    for index in range(31):
+        history.add(sample(0.1 * index))
+    return history
+
+
+def assert_same(pose: Pose2, expected: Pose2) -> None:
+    assert pose.distance_m(expected) < 1e-9
+    assert math.remainder(pose.theta_rad - expected.theta_rad, math.tau) == pytest.approx(0.0, abs=1e-9)
+
+
+@given(time_s=st.floats(2.0, 3.2))
+def test_on_a_circle_any_time_is_exact(time_s: float) -> None:
+    assert_same(filled().at(time_s), sample(time_s).odom_from_base)
+
+
+def test_too_old_and_too_new_are_clamped() -> None:
+    history = filled()
+    assert_same(history.at(0.5), sample(2.0).odom_from_base)
+    assert_same(history.at(9.0), sample(3.2).odom_from_base)
+    assert [history.covers(t) for t in (0.5, 2.5, 3.1, 3.3)] == [False, True, True, False]
+
+
+def test_a_late_sample_is_dropped() -> None:
+    history = filled()
+    history.add(sample(2.55))
+    assert_same(history.at(3.0), sample(3.0).odom_from_base)
+
+
+def test_an_empty_history_says_so() -> None:
+    with pytest.raises(ValueError, match="empty"):
+        PoseHistory().at(0.0)
+
+
+@given(
+    x=st.floats(-2, 2),
+    y=st.floats(-2, 2),
+    theta=st.floats(-3, 3),
+    part=st.floats(0, 1),
+    part_of_part=st.floats(0, 1),
+)
+def test_a_part_of_a_part_lies_on_the_same_screw(
+    x: float, y: float, theta: float, part: float, part_of_part: float
+) -> None:
+    """Motion at a constant twist, sideways slip included, has no memory of where it was cut."""
+    start, end = Pose2(x_m=1.0, y_m=-2.0, theta_rad=0.3), Pose2(x_m=x, y_m=y, theta_rad=0.3 + theta)
+    middle = interpolate(start, end, part)
+    assert_same(interpolate(start, middle, part_of_part), interpolate(start, end, part * part_of_part))
+    assert_same(interpolate(start, end, 1.0), end)

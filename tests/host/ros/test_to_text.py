@@ -1,0 +1,104 @@
+"""What `thumper watch` shows: values with units, a line a message."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.host.recording.samples import MESSAGES as DATED
+from tests.host.recording.samples import telemetry
+from thumper.common.geometry import Pose2, Twist2
+from thumper.lidar.scan import Scan
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.odometry.wheel_odometry import OdometrySample
+from thumper.ros.codec import message
+from thumper.ros.status import Status
+from thumper.ros.to_json import from_json, to_json
+from thumper.ros.to_ros import INFO, Messages, flag, text
+from thumper.ros.to_text import in_words
+
+SIMULATED = Messages()
+HERE = Pose2(x_m=0.554, y_m=-0.046, theta_rad=math.radians(2.8))
+PLACE = "x 0.554 m, y -0.046 m, heading 2.8 deg"
+COVARIANCE = np.diag([0.0004, 0.0009, math.radians(0.5) ** 2])
+ODOMETRY = OdometrySample(
+    time_s=5.302, odom_from_base=HERE, twist=Twist2(v_m_s=0.359, w_rad_s=-0.027), covariance=COVARIANCE
+)
+SCAN = Scan(
+    time_s=3.5,
+    ranges_m=np.array([np.nan, 2.0, 0.75, 9.0, np.inf]),
+    angle_min_rad=math.radians(-20.0),
+    angle_increment_rad=math.radians(10.0),
+    time_increment_s=0.0,
+    range_min_m=0.02,
+    range_max_m=5.6,
+)
+CELLS = np.array([[-1, 0, 100], [-1, 0, 0]], dtype=np.int8)
+GRID = OccupancyGrid(cells=CELLS, resolution_m=0.05, origin_x_m=-1.0, origin_y_m=0.5)
+STATUS = Status(
+    time_s=4.0,
+    mode="driving",
+    reason="on its way",
+    has_goal=True,
+    distance_to_goal_m=1.25,
+    board_state="CLOSED_LOOP",
+)
+SAID: list[tuple[Any, str]] = [
+    (SIMULATED.battery(telemetry(2.0, 7)), "2.00 s: 7.60 V, 0.61 A drawn by the motors"),
+    (
+        SIMULATED.wheels(telemetry(2.0, 7)),
+        "2.00 s: left 1.00 of 1.10 rad/s, PWM 70, 0.30 A; right 1.00 of 1.10 rad/s, PWM 71, 0.31 A; "
+        "7.60 V; closed_loop",
+    ),
+    (SIMULATED.pose(1.0, HERE), f"1.00 s: {PLACE}"),
+    (SIMULATED.pose(1.0, HERE, COVARIANCE), f"1.00 s: {PLACE}; sigma 0.020 m, 0.030 m, 0.50 deg"),
+    (
+        SIMULATED.odometry(ODOMETRY),
+        f"5.30 s: {PLACE}; sigma 0.020 m, 0.030 m, 0.50 deg; 0.359 m/s, -0.027 rad/s",
+    ),
+    (SIMULATED.twist(1.0, Twist2(v_m_s=0.3)), "1.00 s: 0.300 m/s, 0.000 rad/s"),
+    (
+        SIMULATED.transforms(1.0, Pose2(), HERE),
+        f"1.00 s: map -> odom x 0.000 m, y 0.000 m, heading 0.0 deg; odom -> base_link {PLACE}",
+    ),
+    (SIMULATED.scan(SCAN), "3.50 s: 2 of 5 beams see something, the nearest at 0.750 m, 0 deg"),
+    (SIMULATED.grid(2.0, GRID), "2.00 s: 3 x 2 cells of 0.05 m from x -1.00 m, y 0.50 m; 67% known"),
+    (
+        SIMULATED.path(2.0, np.array([[0.0, 0.0], [3.0, 4.0]])),
+        "2.00 s: 2 points, 5.00 m to x 3.00 m, y 4.00 m",
+    ),
+    (SIMULATED.path(2.0, np.empty((0, 2))), "2.00 s: no points"),
+    (
+        SIMULATED.particles(2.0, np.array([[1.0, 0.0, 0.0], [3.0, 0.0, 0.0]])),
+        "2.00 s: 2 round x 2.00 m, y 0.00 m, with a spread of 1.000 m, 0.000 m",
+    ),
+    (
+        SIMULATED.status(STATUS),
+        "4.00 s: driving (on its way), 1.25 m to go; board closed_loop; loop 0.0 ms late, busy for 0.0 ms",
+    ),
+    (SIMULATED.event(3.0, INFO, "a wheel slips", "robot"), "3.00 s: robot: a wheel slips"),
+    (text("cancel"), "cancel"),
+    (flag(True), "true"),
+]
+
+
+@pytest.mark.parametrize(
+    ("said", "line"), SAID, ids=[said.__msgtype__.rpartition("/")[2] for said, _ in SAID]
+)
+def test_a_line_says_what_and_in_which_unit(said: Any, line: str) -> None:
+    assert in_words(said) == line
+    assert from_json(said.__msgtype__, to_json(said)).__msgtype__ == said.__msgtype__  # no field too many
+
+
+def test_a_real_robot_is_stamped_with_the_time_of_day() -> None:
+    clock, _, words = in_words(DATED.battery(telemetry(2.0, 7))).partition(": ")
+    assert words.startswith("7.60 V")
+    assert [part.isdigit() for part in clock.replace(".", ":").split(":")] == 4 * [True]
+
+
+def test_what_cannot_be_or_is_nobodys_is_shown_as_it_is() -> None:
+    assert in_words(message("builtin_interfaces/msg/Duration", sec=3, nanosec=5)) == "sec: 3, nanosec: 5"
+    askew = SIMULATED.pose(1.0, HERE)
+    askew.pose.pose.orientation.w = 5.0
+    assert "pose.pose.orientation.w: 5.0" in in_words(askew)

@@ -1,0 +1,66 @@
+"""From the stick to the motors' PWM."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from thumper.common.geometry import Twist2
+from thumper.common.kinematics import DriveGeometry
+from thumper.config.manual_drive import ServiceOptions
+from thumper.runtime.drive.manual_pwm import PWM_MAX, MotorFeel, manual_pwm
+
+DRIVE = DriveGeometry()
+FEEL = MotorFeel(ks_pwm=19.3, kv_pwm_s=17.12)
+WHEEL_MAX_RAD_S = 13.0
+
+
+def pwm(v_m_s: float, w_rad_s: float, *, feel: MotorFeel = FEEL, battery_V: float = 7.4) -> tuple[int, int]:
+    twist = Twist2(v_m_s=v_m_s, w_rad_s=w_rad_s)
+    return manual_pwm(twist, DRIVE, ServiceOptions(), WHEEL_MAX_RAD_S, feel, battery_V)
+
+
+def test_straight_on_is_the_boards_own_feed_forward() -> None:
+    """u = ks + kv omega at 7.4 V."""
+    expected = round(19.3 + 17.12 * 0.3 / DRIVE.wheel_radius_m)
+    assert pwm(0.3, 0.0) == (expected, expected)
+
+
+def test_standing_is_zero() -> None:
+    assert pwm(0.0, 0.0) == (0, 0)
+
+
+def test_a_turn_on_the_spot_turns_the_wheels_against_each_other() -> None:
+    left, right = pwm(0.0, 1.0)
+    assert left == -right < 0
+
+
+def test_an_emptier_battery_gets_more_pwm() -> None:
+    assert pwm(0.3, 0.0, battery_V=6.6)[0] > pwm(0.3, 0.0)[0]
+
+
+def test_a_battery_that_nobody_has_measured_is_taken_for_a_full_one() -> None:
+    assert pwm(0.3, 0.0, battery_V=0.0) == pwm(0.3, 0.0)
+
+
+def test_without_feed_forward_the_fastest_wheel_speed_is_full_pwm() -> None:
+    bare = MotorFeel(ks_pwm=0.0, kv_pwm_s=0.0)
+    v_m_s = 0.5 * WHEEL_MAX_RAD_S * DRIVE.wheel_radius_m
+    assert pwm(v_m_s, 0.0, feel=bare)[0] == pytest.approx(PWM_MAX / 2, abs=1)
+
+
+@given(v_m_s=st.floats(-5, 5), w_rad_s=st.floats(-20, 20), battery_V=st.floats(0, 9))
+def test_no_more_than_the_motors_take_and_the_bend_stays(
+    v_m_s: float, w_rad_s: float, battery_V: float
+) -> None:
+    left, right = pwm(v_m_s, w_rad_s, battery_V=battery_V)
+    assert max(abs(left), abs(right)) <= PWM_MAX
+    if min(abs(left), abs(right)) > 60:  # clear of friction, whose share is no speed
+        volts = 7.4 / battery_V if battery_V > 5.0 else 1.0
+
+        def speed(value: int) -> float:
+            return (value / volts - math.copysign(FEEL.ks_pwm, value)) / FEEL.kv_pwm_s
+
+        half = 0.5 * w_rad_s * DRIVE.track_m
+        assert speed(left) * (v_m_s + half) == pytest.approx(speed(right) * (v_m_s - half), abs=0.6)

@@ -1,0 +1,70 @@
+"""Questions to the board: bit by bit, each answered, none for ever."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+
+from thumper.common.errors import ThumperError
+from thumper.runtime.requests import Ask
+from thumper.runtime.service.board_jobs import MOST_WAITING, SHARE_S, Errand, Errands
+
+
+class Clock:
+    """The board's: it goes on while a request is answered."""
+
+    def __init__(self) -> None:
+        self.now_s = 5.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+def ask(answers: list[Mapping[str, Any]]) -> Ask:
+    return Ask(name="", content={}, reply=answers.append)
+
+
+def requests(count: int, clock: Clock, each_s: float, error: Exception | None = None) -> Errand:
+    for _ in range(count):
+        clock.now_s += each_s
+        yield
+    if error is not None:
+        raise error
+    return {"asked": count}
+
+
+@pytest.mark.parametrize(("each_s", "beats"), [(0.001, 1), (0.016, 4), (0.1, 8)])
+def test_a_beat_gives_its_share_of_time_and_at_least_one_request(each_s: float, beats: int) -> None:
+    clock, errands, answers = Clock(), Errands(), list[Mapping[str, Any]]()
+    errands.add(ask(answers), requests(7, clock, each_s))
+    for beat in range(beats):
+        assert (len(answers), bool(errands)) == (0, True)
+        begun_s = clock.now_s
+        errands.go_on(clock)
+        assert clock.now_s - begun_s < SHARE_S + each_s, beat
+    assert answers == [{"ok": True, "asked": 7}]
+    assert not errands
+
+
+def test_one_that_fails_is_answered_with_why_and_the_next_one_is_done() -> None:
+    clock, errands, answers = Clock(), Errands(), list[Mapping[str, Any]]()
+    for error in (ThumperError("it is silent"), IndexError("7"), None):
+        errands.add(ask(answers), requests(1, clock, 0.001, error))
+    errands.go_on(clock)
+    assert [answer.get("error") for answer in answers] == [
+        "it is silent",
+        "internal error: IndexError: 7",
+        None,
+    ]
+    assert [answer["ok"] for answer in answers] == [False, False, True]
+
+
+def test_a_flood_is_refused_and_a_lost_board_answers_all_that_wait() -> None:
+    clock, errands, answers = Clock(), Errands(), list[Mapping[str, Any]]()
+    for _ in range(MOST_WAITING):
+        errands.add(ask(answers), requests(1, clock, 0.001))
+    with pytest.raises(ThumperError, match="ask again"):
+        errands.add(ask(answers), requests(1, clock, 0.001))
+    errands.refuse("the board has gone")
+    assert answers == MOST_WAITING * [{"ok": False, "error": "the board has gone"}]
+    assert not errands

@@ -1,0 +1,224 @@
+"""Perception joins odometry and scans by time, whichever arrives first."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.host.telemetry import telemetry_sample
+from thumper.board.board import TelemetrySample
+from thumper.common.geometry import FloatArray, Pose2
+from thumper.common.kinematics import DriveGeometry
+from thumper.lidar.scan import Scan
+from thumper.lidar.scan_checks import Flaw
+from thumper.runtime.state_estimator import Perception
+from thumper.slam.grid.grid_mapper import GridMapper
+from thumper.slam.mode_switch import SwitchingMapper
+from thumper_hil.world.world import World
+
+DRIVE = DriveGeometry()
+M_PER_COUNT = DRIVE.rad_per_count * DRIVE.wheel_radius_m
+LASER = Pose2(x_m=0.12)
+ROOM_M = (-1.5, 2.5, -1.0, 1.4)  # x from ... to, y from ... to
+
+
+def telemetry(time_s: float, left_count: int, right_count: int) -> TelemetrySample:
+    return telemetry_sample(time_s, left_count=left_count, right_count=right_count)
+
+
+def room_range_m(pose: Pose2, angle_rad: float) -> float:
+    """Distance to the walls of the rectangular room, in closed form."""
+    x_lo, x_hi, y_lo, y_hi = ROOM_M
+    cos, sin = math.cos(pose.theta_rad + angle_rad), math.sin(pose.theta_rad + angle_rad)
+    along_x = ((x_hi if cos > 0 else x_lo) - pose.x_m) / cos if cos else math.inf
+    along_y = ((y_hi if sin > 0 else y_lo) - pose.y_m) / sin if sin else math.inf
+    return min(along_x, along_y)
+
+
+def scan(time_s: float, base_at: list[Pose2]) -> Scan:
+    """One turn of 100 ms; beam i is taken from `base_at[i]`."""
+    n = len(base_at)
+    increment_rad = math.radians(240) / n
+    ranges_m = np.array(
+        [room_range_m(pose @ LASER, -math.radians(120) + i * increment_rad) for i, pose in enumerate(base_at)]
+    )
+    return Scan(
+        time_s=time_s,
+        ranges_m=ranges_m,
+        angle_min_rad=-math.radians(120),
+        angle_increment_rad=increment_rad,
+        time_increment_s=0.1 / n,
+    )
+
+
+def wall_distance_m(points_m: FloatArray) -> FloatArray:
+    x_lo, x_hi, y_lo, y_hi = ROOM_M
+    x, y = points_m.T
+    return np.asarray(np.abs(np.stack([x - x_lo, x - x_hi, y - y_lo, y - y_hi])).min(axis=0))
+
+
+def perception() -> Perception:
+    return Perception(drive=DRIVE, base_from_laser=LASER, mapper=GridMapper(base_from_laser=LASER))
+
+
+def test_nothing_is_known_before_the_first_telemetry() -> None:
+    assert perception().situation() is None
+
+
+def test_a_scan_waits_until_odometry_covers_its_turn() -> None:
+    robot = perception()
+    robot.add_telemetry(telemetry(0.0, 0, 0))
+    robot.add_scan(scan(0.05, [Pose2()] * 100))
+    robot.add_telemetry(telemetry(0.1, 0, 0))
+    assert robot.scans_mapped == 0
+    robot.add_telemetry(telemetry(0.2, 0, 0))
+    assert robot.scans_mapped == 1
+    situation = robot.situation()
+    assert situation is not None
+    assert situation.scan_age_s == pytest.approx(0.2 - 0.149, abs=1e-7)
+
+
+def test_a_scan_from_before_the_board_was_heard_is_not_mapped() -> None:
+    robot = perception()
+    robot.add_telemetry(telemetry(5.0, 0, 0))
+    robot.add_scan(scan(1.0, [Pose2()] * 100))
+    assert robot.scans_mapped == 0
+
+
+def test_hits_lie_on_the_walls_though_the_robot_turned_during_the_scan() -> None:
+    """At 1 rad/s the last beam is 5.7 degrees off; without de-skewing hits would miss the walls by 0.2 m."""
+    robot = perception()
+    turn_counts = round(1.0 * 0.5 * DRIVE.track_m / M_PER_COUNT * 0.1)  # per 0.1 s, each side
+    w_rad_s = 2 * turn_counts * M_PER_COUNT / DRIVE.track_m / 0.1
+    for k in range(4):
+        robot.add_telemetry(telemetry(0.1 * k, -k * turn_counts, k * turn_counts))
+    poses = [Pose2(theta_rad=w_rad_s * (0.1 + 0.1 * i / 100)) for i in range(100)]
+    robot.add_scan(scan(0.1, poses))
+    situation = robot.situation()
+    assert situation is not None
+    room_from_map = poses[0]  # the first scan lays the map's origin where it was taken
+    assert wall_distance_m(room_from_map.apply(situation.hits_in_map_m)).max() < 0.01
+
+
+def test_a_scan_from_the_future_does_not_hold_up_the_others() -> None:
+    robot = perception()
+    for k in range(30):
+        robot.add_telemetry(telemetry(0.1 * k, 0, 0))
+        robot.add_scan(scan(100.0 if k == 10 else 0.1 * k - 0.1, [Pose2()] * 100))
+    robot.add_telemetry(telemetry(3.0, 0, 0))
+    assert robot.monitor.counts == {
+        Flaw.NO_ODOMETRY: 1,  # the first one, from before the board was heard
+        Flaw.GAP: 1,
+        Flaw.BACKWARDS: 1,
+        Flaw.WAITED: 1,
+    }
+    assert robot.scans_mapped == 28
+
+
+def test_a_silent_board_costs_scans_that_are_counted() -> None:
+    robot = perception()
+    robot.add_telemetry(telemetry(0.0, 0, 0))
+    for k in range(40):
+        robot.add_scan(scan(0.1 * k, [Pose2()] * 100))
+    robot.add_telemetry(telemetry(4.1, 0, 0))
+    counts = robot.monitor.counts
+    assert counts.keys() == {Flaw.WAITED, Flaw.NO_ODOMETRY} or counts.keys() == {Flaw.WAITED}
+    assert robot.scans_mapped + sum(counts.values()) == 40
+
+
+@pytest.mark.parametrize(
+    ("broken", "flaw"),
+    [
+        ({"time_s": math.nan}, Flaw.STAMP),
+        ({"time_s": math.inf}, Flaw.STAMP),
+        ({"time_s": 1e300}, Flaw.STAMP),
+        ({"ranges_m": np.empty(0)}, Flaw.BEAMS),
+        ({"angle_increment_rad": math.nan}, Flaw.BEAMS),
+        ({"angle_min_rad": 1e300}, Flaw.BEAMS),
+        ({"ranges_m": np.full(100, math.nan)}, Flaw.EMPTY),
+        ({"ranges_m": np.full(100, -1.0)}, Flaw.EMPTY),
+        ({"range_max_m": math.nan}, Flaw.EMPTY),
+    ],
+)
+def test_a_scan_that_makes_no_sense_is_counted_and_harmless(broken: dict[str, Any], flaw: Flaw) -> None:
+    robot = perception()
+    for k in range(8):
+        robot.add_telemetry(telemetry(0.1 * k, 0, 0))
+        good = scan(0.1 * k, [Pose2()] * 100)
+        robot.add_scan(replace(good, **broken) if k == 4 else good)
+    robot.add_telemetry(telemetry(0.9, 0, 0))
+    assert robot.monitor.counts == {flaw: 1}
+    assert list(robot.notes().values()) == [f"1 of 8 scans {flaw.value}"]
+    situation = robot.situation()
+    assert situation is not None
+    assert situation.map_from_base.distance_m(Pose2()) < 0.01
+
+
+def test_a_pose_given_by_hand_is_no_slip() -> None:
+    """The room looks the same half a turn round its middle, and the robot is told to be there."""
+    mapper = SwitchingMapper(GridMapper(base_from_laser=LASER), base_from_laser=LASER)
+    robot = Perception(drive=DRIVE, base_from_laser=LASER, mapper=mapper)
+    step = round(0.05 / M_PER_COUNT)  # counts in 0.1 s
+    for k in range(30):
+        robot.add_telemetry(telemetry(0.1 * k, step * k, step * k))
+        begin_m, step_m = (k - 1) * step * M_PER_COUNT - 0.7, step * M_PER_COUNT
+        robot.add_scan(scan(0.1 * k - 0.1, [Pose2(x_m=begin_m + step_m * i / 100) for i in range(100)]))
+        if k == 15:
+            here = mapper.map_from_odom @ Pose2(x_m=begin_m + 0.7)
+            mapper.localise()
+            for _ in range(2):  # for the map, which is not whole yet, speaks against it
+                mapper.set_pose(Pose2(x_m=2.4 - here.x_m, y_m=0.4 - here.y_m, theta_rad=math.pi))
+    situation = robot.situation()
+    assert situation is not None
+    assert abs(situation.map_from_base.theta_rad) > 3.0
+    assert situation.lost == ""
+    assert robot.scans_mapped == 29
+    before_the_board_was_heard = f"1 of 30 scans {Flaw.NO_ODOMETRY}"
+    assert robot.notes() == {"NO_ODOMETRY": before_the_board_was_heard}
+
+
+def test_counts_that_leap_are_no_motion_and_are_told() -> None:
+    robot = perception()
+    leap = round(30.0 / M_PER_COUNT)
+    for k in range(20):
+        count = leap if k >= 10 else 0
+        robot.add_telemetry(telemetry(0.1 * k, count, count))
+        robot.add_scan(scan(0.1 * k, [Pose2()] * 100))
+        situation = robot.situation()
+        assert situation is not None
+        assert situation.twist.v_m_s == 0.0
+        assert situation.map_from_base.distance_m(Pose2()) < 0.01
+    assert robot.driven_m == pytest.approx(0.0, abs=1e-9)
+    assert robot.notes()["LEAP"].startswith("once the odometry leapt, by up to 30.0 m:")
+
+
+def test_after_a_clock_was_set_back_scans_are_mapped_again() -> None:
+    robot = perception()
+    for k in range(60):
+        time_s = 0.1 * k + (100.0 if k < 30 else 0.0)
+        robot.add_telemetry(telemetry(time_s, 0, 0))
+        if k == 30:
+            situation = robot.situation()
+            assert situation is not None
+            assert situation.scan_age_s == math.inf  # what was seen before is no newest scan
+        robot.add_scan(scan(time_s, [Pose2()] * 100))
+    assert robot.scans_mapped >= 56
+    assert robot.monitor.counts[Flaw.BACKWARDS] == 1
+    situation = robot.situation()
+    assert situation is not None
+    assert 0.0 <= situation.scan_age_s < 0.5
+
+
+def test_a_map_that_does_not_fit_is_told() -> None:
+    mapper = SwitchingMapper(GridMapper(base_from_laser=LASER), base_from_laser=LASER)
+    foreign = np.array([[-6.0, -0.4, 6.0, -0.4], [-6.0, 0.9, 6.0, 0.9], [0.5, -0.4, 0.5, 0.1]])
+    mapper.localise_in(World(segments_m=foreign, circles_m=np.zeros((0, 3))).to_grid(), None)
+    robot = Perception(drive=DRIVE, base_from_laser=LASER, mapper=mapper)
+    step = round(0.05 / M_PER_COUNT)
+    for k in range(60):  # turning on the spot
+        robot.add_telemetry(telemetry(0.1 * k, -step * k, step * k))
+        turn_rad = 2.0 * step * k * M_PER_COUNT / DRIVE.track_m
+        robot.add_scan(scan(0.1 * k, [Pose2(theta_rad=turn_rad)] * 100))
+    assert any("is it the right one" in line for line in robot.notes().values())

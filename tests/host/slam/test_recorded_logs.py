@@ -1,0 +1,82 @@
+"""Recorded drives, end to end. Thresholds are two-sided: too good is a fault of the measure."""
+
+import csv
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thumper.common.geometry import FloatArray
+from thumper.maps.map_server_io import load_map
+from thumper.maps.occupancy_grid import OCCUPIED
+from thumper.offline.map_log import default_options, map_log, map_records
+from thumper.offline.metrics import load_relations, relation_errors, squareness
+from thumper.offline.open_log import open_log
+from thumper.offline.robot_log import RobotLog
+
+DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[4] / "shared" / "data")) / "slam"
+MINES, INTEL = DATA / "mines-exp1.dat.gz", DATA / "intel-lab.clf.gz"
+RELATIONS = DATA / "intel-lab.relations-by-scan.gz"
+
+pytestmark = pytest.mark.skipif(
+    not (MINES.exists() and INTEL.exists()),
+    reason=f"no recorded logs in {DATA}; set THUMPER_DATA to their folder",
+)
+
+
+def odometry_of(log: RobotLog) -> FloatArray:
+    return np.array(
+        [(r.odom_from_base.x_m, r.odom_from_base.y_m, r.odom_from_base.theta_rad) for r in log.records]
+    )
+
+
+def test_mines_room_comes_out_square() -> None:
+    """75 s of a URG-04LX at up to 1.3 m/s, round two loops."""
+    log = open_log(MINES)
+    mapped = map_records(log, default_options(log))
+    scores = np.array([update.match_score for update in mapped.updates[1:]])
+    assert 0.92 < scores.mean() < 0.985
+    assert scores.min() > 0.45
+    assert 0.71 < squareness(log, mapped.poses) < 0.80
+    assert squareness(log, odometry_of(log)) < 0.66  # so the measure tells them apart
+    assert 40.0 < np.hypot(*np.diff(mapped.poses[:, :2], axis=0).T).sum() < 50.0
+    assert 3500 < np.count_nonzero(mapped.grid.cells == OCCUPIED) < 6500  # a blurred map has more
+
+
+def test_intel_relations_hold_on_the_first_part() -> None:
+    """Raw odometry that loses whole turns, no use of later scans; the reference's own noise is about 1 cm."""
+    log = open_log(INTEL)
+    part = replace(log, records=log.records[:2500])
+    relations = load_relations(RELATIONS)
+    relations = relations[(relations[:, 0] < 2500) & (relations[:, 1] < 2500)]
+    assert len(relations) > 300
+    errors = relation_errors(map_records(part, default_options(log)).poses, relations)
+    assert 0.008 < errors.translation_m.mean() < 0.028
+    assert 0.05 < np.degrees(errors.rotation_rad).mean() < 0.40
+    assert errors.translation_m.max() < 0.30
+    assert relation_errors(odometry_of(part), relations).translation_m.mean() > 0.2
+
+
+def test_map_log_leaves_four_files_that_agree(tmp_path: Path) -> None:
+    seen: list[tuple[int, int]] = []
+    summary = map_log(MINES, tmp_path / "out", lambda done, total: seen.append((done, total)))
+    assert (summary.format_name, summary.scans) == ("MINES", 756)
+    assert seen[-1] == (756, 756)
+    assert [path.name for path in summary.files] == [
+        "map.pgm",
+        "map.yaml",
+        "map.session",
+        "map.png",
+        "trajectory.csv",
+    ]
+    assert all(path.stat().st_size > 1000 for path in summary.files if path.suffix != ".yaml")
+    with (tmp_path / "out" / "trajectory.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 756
+    assert list(rows[0]) == ["timestamp_s", "x_m", "y_m", "theta_rad"]
+    assert float(rows[0]["timestamp_s"]) == pytest.approx(212.387282)
+    grid = load_map(tmp_path / "out" / "map.yaml")
+    driven = [grid.cells[grid.cell_of(float(row["x_m"]), float(row["y_m"]))] for row in rows]
+    assert np.mean(np.array(driven) == 0) > 0.9  # the robot drove where the map is free

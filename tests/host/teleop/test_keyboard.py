@@ -1,0 +1,95 @@
+"""A terminal never tells that a key is let go: how long each press holds."""
+
+import os
+import pty
+import tty
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from thumper.config.teleop import TeleopOptions
+from thumper.teleop.joystick_curve import Stick
+from thumper.teleop.keyboard import Action, Keys, Terminal
+
+OPTIONS = TeleopOptions()
+
+
+def test_a_press_holds_until_repeats_come_and_these_hold_shortly() -> None:
+    keys = Keys(OPTIONS)
+    keys.feed(b"i", 0.0)
+    assert keys.stick(0.59).hold
+    assert not keys.stick(0.6).hold
+    keys.feed(b"i", 1.0)
+    for k in range(10):
+        keys.feed(b"i", 1.5 + 0.03 * k)
+        assert keys.stick(1.5 + 0.03 * k).hold
+    assert keys.stick(1.77 + 0.19).hold
+    assert not keys.stick(1.77 + 0.2).hold
+
+
+@pytest.mark.parametrize(
+    ("typed", "forward", "turn", "turbo"),
+    [
+        (b"i", 1, 0, False),
+        (b",", -1, 0, False),
+        (b"j", 0, 1, False),
+        (b"l", 0, -1, False),
+        (b"u", 1, 0.5, False),
+        (b".", -1, 0.5, False),
+        (b"I", 1, 0, True),
+        (b"<", -1, 0, True),
+        (b"\x1b[A", 1, 0, False),
+        (b"\x1bOB", -1, 0, False),
+        (b"\x1b[D", 0, 1, False),
+        (b"\x1b[1;2C", 0, -1, True),
+        (b"\x1b[1;2B", -1, 0, True),
+    ],
+)
+def test_directions(typed: bytes, forward: float, turn: float, turbo: bool) -> None:
+    keys = Keys(OPTIONS)
+    assert keys.feed(typed, 0.0) == []
+    assert keys.stick(0.1) == Stick(forward=forward, turn=turn, hold=True, turbo=turbo)
+
+
+@pytest.mark.parametrize(
+    ("typed", "action"),
+    [
+        (b" ", Action.ESTOP),
+        (b"\x1b", Action.ESTOP),
+        (b"q", Action.QUIT),
+        (b"r", Action.ARM),
+        (b"f", Action.DISARM),
+        (b"c", Action.CLEAR_FAULT),
+    ],
+)
+def test_other_keys_act_and_let_go(typed: bytes, action: Action) -> None:
+    keys = Keys(OPTIONS)
+    keys.feed(b"i", 0.0)
+    assert keys.feed(typed, 0.1) == [action]
+    assert not keys.stick(0.1).hold
+
+
+def test_k_stops() -> None:
+    keys = Keys(OPTIONS)
+    keys.feed(b"i", 0.0)
+    keys.feed(b"k", 0.1)
+    assert not keys.stick(0.1).hold
+
+
+@given(data=st.binary(max_size=64))
+def test_any_bytes_are_taken_and_hold_for_a_moment_at_most(data: bytes) -> None:
+    keys = Keys(OPTIONS)
+    keys.feed(data, 5.0)
+    assert not keys.stick(5.0 + OPTIONS.key_first_s).hold
+
+
+def test_the_terminal_gives_single_keys_without_waiting() -> None:
+    ours, theirs = pty.openpty()
+    tty.setcbreak(theirs)
+    terminal = Terminal(theirs)
+    assert terminal.read() == b""
+    os.write(ours, b"i\x1b[A")
+    assert terminal.read() == b"i\x1b[A"
+    for handle in (ours, theirs):
+        os.close(handle)

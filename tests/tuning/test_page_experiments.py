@@ -1,0 +1,117 @@
+"""Experiments that a robot at service drives: the real firmware in simulation, as fast as it goes."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from thumper.board.messages import Fault, State
+from thumper.board.options import BoardConfig
+from thumper.common.geometry import Pose2
+from thumper.config.robot import RobotConfig
+from thumper.lidar.options import LidarConfig
+from thumper.runtime.assembly import open_robot
+from thumper.runtime.loop import Runtime
+from thumper.runtime.requests import Ask, EmergencyStop, Heartbeat, Order
+
+
+@pytest.fixture
+def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Runtime]:
+    monkeypatch.chdir(tmp_path)
+    config = RobotConfig(
+        board=BoardConfig(port="sim://service/board?world=hall&seed=3"),
+        lidar=LidarConfig(port="sim://service/lidar"),
+    )
+    with open_robot(config, Pose2()) as robot:
+        for _ in range(5):
+            robot.serve_beat()
+        robot._pacer.set_speed(20.0)
+        yield robot
+
+
+def ask(robot: Runtime, name: str, content: Mapping[str, Any], source: str = "me") -> dict[str, Any]:
+    answers: list[Mapping[str, Any]] = []
+    robot.inbox.put(Ask(name=name, content=content, reply=answers.append, source=source))
+    robot.desk.attend()
+    return dict(answers[0])
+
+
+def interrupt(robot: Runtime, monkeypatch: pytest.MonkeyPatch, *requests: Any) -> None:
+    """Have requests come in once the robot has been driving for a while."""
+    beats = 0
+    attend = robot.desk.attend
+
+    def attending() -> None:
+        nonlocal beats
+        beats += 1
+        if beats == 40:
+            for request in requests:
+                robot.inbox.put(request)
+        attend()
+
+    monkeypatch.setattr(robot.desk, "attend", attending)
+
+
+def state_after(robot: Runtime) -> State:
+    robot.serve_beat()
+    assert robot.senses.telemetry is not None
+    return robot.senses.telemetry.state
+
+
+def test_motors_are_identified(robot: Runtime) -> None:
+    assert ask(robot, "experiment/start", {"name": "identify", "lane_m": 1.2})["text"] == "identify begins"
+    robot.serve_beat()
+    state = ask(robot, "experiment/state", {})
+    assert (state["running"], state["problem"]) == ("", "")
+    assert [line.partition(":")[0] for line in state["lines"] if "gain" in line] == ["left", "right"]
+    assert Path("out/experiments/identification.csv").stat().st_size > 10_000
+    assert state_after(robot) is State.DISARMED
+
+
+@pytest.mark.parametrize(
+    ("request_", "problem"),
+    [(Order(name="cancel"), "stopped on request"), (EmergencyStop(), "emergency stop")],
+)
+def test_it_is_stopped(robot: Runtime, monkeypatch: pytest.MonkeyPatch, request_: Any, problem: str) -> None:
+    ask(robot, "experiment/start", {"name": "tune", "lane_m": 1.2})
+    interrupt(robot, monkeypatch, request_)
+    robot.serve_beat()
+    state = ask(robot, "experiment/state", {})
+    assert state["problem"] == problem
+    assert 0.0 < state["share"] < 0.2
+    assert state_after(robot) is (State.FAULT if problem == "emergency stop" else State.DISARMED)
+
+
+def test_a_page_that_goes_stops_what_it_began(robot: Runtime) -> None:
+    robot.inbox.put(Heartbeat(source="page"))
+    ask(robot, "experiment/start", {"name": "tune", "lane_m": 1.2}, source="page")
+    robot.serve_beat()
+    assert ask(robot, "experiment/state", {})["problem"] == "the page that began it is gone"
+    assert state_after(robot) is State.DISARMED
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {},
+        {"name": "identify"},
+        {"name": "identify", "lane_m": 0.1},
+        {"name": "identify", "lane_m": float("nan")},
+        {"name": "/bin/sh", "lane_m": 1.2},
+    ],
+)
+def test_what_makes_no_sense_is_refused(robot: Runtime, content: dict[str, Any]) -> None:
+    assert not ask(robot, "experiment/start", content)["ok"]
+    assert robot.desk.experiments.wanted == ""
+
+
+def test_one_at_a_time_and_nothing_beside(robot: Runtime) -> None:
+    order = {"name": "identify", "lane_m": 1.2}
+    assert ask(robot, "experiment/start", order)["ok"]
+    assert "under way" in ask(robot, "experiment/start", order)["error"]
+    ask(robot, "command", {"command": "cancel"})
+    assert robot.desk.experiments.wanted == ""  # taken back before it began
+    assert robot.senses.telemetry is not None
+    assert robot.senses.telemetry.fault is Fault.NONE
+    assert not ask(robot, "experiment/report", {})["ok"]

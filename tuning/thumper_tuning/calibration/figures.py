@@ -1,0 +1,60 @@
+"""Figures like the thesis's 8.1 to 8.7."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from thumper_tuning.calibration.wheel_log import WheelLog
+from thumper_tuning.calibration.wheel_truth import WheelComparison
+from thumper_tuning.drive.verify import Verification
+
+REFERENCE, OURS, ERROR = "#7f7f7f", "#1f77b4", "#d62728"
+
+
+def draw_odometry(runs: dict[str, WheelComparison], log: WheelLog, path: Path) -> Path:
+    """The way driven (8.1); each wheel's speeds (8.2, 8.4) and errors (8.3, 8.5), one column a geometry."""
+    figure = Figure(figsize=(6.0 * len(runs), 11.0), layout="constrained")
+    grid = figure.subplots(5, len(runs), squeeze=False)
+    for column, (name, run) in zip(grid.T, runs.items(), strict=True):
+        time_s = run.time_s - run.time_s[0]
+        column[0].plot(log.poses[:, 1], log.poses[:, 2], color=REFERENCE, lw=1)
+        column[0].set_aspect("equal")
+        column[0].set(xlabel="x [m]", ylabel="y [m]", title=name)
+        for side, wheel in enumerate(("left", "right")):
+            speed, error = column[1 + 2 * side : 3 + 2 * side]
+            speed.plot(time_s, run.reference_rad_s[:, side], color=REFERENCE, lw=1, label="reference")
+            speed.plot(time_s, run.encoder_rad_s[:, side], color=OURS, lw=1, label="encoder")
+            off = run.error_rad_s[:, side]
+            error.plot(time_s, off, color=ERROR, lw=0.8, label=f"mean {off.mean():+.3f}, std {off.std():.3f}")
+            speed.set_ylabel(f"{wheel} [rad/s]")
+            error.set_ylabel(f"{wheel} error [rad/s]")
+            for axes in (speed, error):
+                axes.legend(loc="upper right", fontsize=8)
+    for axes in grid.ravel():
+        axes.grid(alpha=0.3)
+    for axes in grid[-1]:
+        axes.set_xlabel("time [s]")
+    figure.savefig(path, dpi=110)
+    return path
+
+
+def draw_speed(run: Verification, path: Path) -> Path:
+    """Set-point and speed (8.6) and their difference (8.7) of both wheels."""
+    figure = Figure(figsize=(10.0, 6.0), layout="constrained")
+    speed, error = figure.subplots(2, 1, sharex=True)
+    time_s = run.rows[:, 0] - run.rows[0, 0]
+    speed.step(time_s, run.rows[:, 3], where="pre", color=REFERENCE, label="set-point")
+    for name, column, color in (("left", 3, OURS), ("right", 6, ERROR)):
+        off = run.rows[:, column] - run.rows[:, column + 1]
+        speed.plot(time_s, run.rows[:, column + 1], color=color, lw=0.9, label=f"{name}, counted")
+        error.plot(
+            time_s, off, color=color, lw=0.8, label=f"{name}: mean {off.mean():+.3f}, std {np.std(off):.3f}"
+        )
+    speed.set_ylabel("wheel speed [rad/s]")
+    error.set(xlabel="time [s]", ylabel="set-point - counted [rad/s]")
+    for axes in (speed, error):
+        axes.grid(alpha=0.3)
+        axes.legend(loc="upper right", fontsize=8)
+    figure.savefig(path, dpi=110)
+    return path

@@ -1,0 +1,75 @@
+"""The options of `thumper tune` as a TOML file: tables [excitation], [verify] and [design]."""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from pydantic import TypeAdapter
+
+from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.strict_toml import read_checked
+from thumper_tuning.design.gains import DesignOptions
+from thumper_tuning.design.tuning_rules import RULES
+from thumper_tuning.drive.excitation import ExcitationOptions
+from thumper_tuning.drive.verify import VerifyOptions
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TuneSettings:
+    """What the file may say; every key may be left out."""
+
+    excitation: ExcitationOptions = field(default_factory=ExcitationOptions)
+    verify: VerifyOptions = field(default_factory=VerifyOptions)
+    design: DesignOptions = field(default_factory=DesignOptions)
+
+    def but(
+        self,
+        *,
+        lane_m: float | None = None,
+        hold_s: float | None = None,
+        rule: str | None = None,
+        largest_sensitivity: float | None = None,
+    ) -> "TuneSettings":
+        """The same with what the command line gives; None leaves the file's value."""
+        excitation, verify, design = self.excitation, self.verify, self.design
+        if lane_m is not None:
+            excitation = replace(excitation, lane_m=lane_m)
+        if hold_s is not None:
+            verify = replace(verify, hold_s=hold_s)
+        if rule is not None:
+            _check_rule(rule, "--rule")
+            design = replace(design, rule=rule, manual=None)
+        if largest_sensitivity is not None:
+            design = replace(design, largest_sensitivity=largest_sensitivity)
+        return TuneSettings(excitation=excitation, verify=verify, design=design)
+
+
+def load_settings(path: Path | None) -> TuneSettings:
+    """Read `path`, or give the defaults for None.
+
+    Raises
+    ------
+    ThumperError
+        The file cannot be read, is no TOML, or holds a key, type or value that is wrong: named with the file.
+    """
+    if path is None:
+        return TuneSettings()
+    settings = read_checked(path, TypeAdapter(TuneSettings), TuneSettings, "settings")
+    excitation, design = settings.excitation, settings.design
+    if excitation.low_pwm >= excitation.high_pwm:
+        raise ThumperError(
+            f"{path}: excitation.low_pwm = {excitation.low_pwm}: give less than high_pwm = "
+            f"{excitation.high_pwm}",
+            exit_code=EXIT_USAGE,
+        )
+    _check_rule(design.rule, f"{path}: design.rule")
+    if design.period_s != DesignOptions().period_s:
+        raise ThumperError(
+            f"{path}: design.period_s: the board says its own rate; for a log give `tune design --rate`",
+            exit_code=EXIT_USAGE,
+        )
+    return settings
+
+
+def _check_rule(rule: str, where: str) -> None:
+    if rule not in RULES:
+        raise ThumperError(f"{where} = {rule!r}: there are {', '.join(RULES)}", exit_code=EXIT_USAGE)

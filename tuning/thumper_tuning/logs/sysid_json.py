@@ -1,0 +1,57 @@
+"""WPILib SysId's recordings: four tests, two sides, each row with its voltages, positions and speeds."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
+from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
+
+TESTS = ("slow-forward", "slow-backward", "fast-forward", "fast-backward")
+SIDES = (("left", 1, 3), ("right", 2, 4))  # name, column of the voltage, column of the position
+UNIT_RAD = {"Rotations": math.tau, "Radians": 1.0, "Degrees": math.pi / 180.0}
+
+
+def read_sysid(path: Path) -> list[MotorLog]:
+    """Read a drive-train recording. Metres become radians of the wheel by `unitsPerRotation`.
+
+    Positions are used, not the reported speeds: those are delayed by a filter that nobody wrote down.
+    Samples at
+    which the sensor had nothing new are left out.
+
+    Raises
+    ------
+    ThumperError
+        The file is no SysId drive-train recording.
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        tests = [np.array(data[name], dtype=float) for name in TESTS if data.get(name)]
+        rad = UNIT_RAD.get(data["units"], math.tau / float(data["unitsPerRotation"]))
+    except OSError as error:
+        raise ThumperError(f"{path}: cannot read the log: {error.strerror}", exit_code=EXIT_USAGE) from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise ThumperError(
+            f"{path}: no SysId recording ({error}); give a CSV file", exit_code=EXIT_CHECK_FAILED
+        ) from error
+    if not tests or any(test.ndim != 2 or test.shape[1] < 7 for test in tests):
+        raise ThumperError(
+            f"{path}: no SysId drive-train recording; give a CSV file", exit_code=EXIT_CHECK_FAILED
+        )
+    return [_side(tests, name, voltage, position, rad) for name, voltage, position in SIDES]
+
+
+def _side(tests: list[Any], name: str, voltage: int, position: int, rad: float) -> MotorLog:
+    begins = np.concatenate([np.arange(len(test)) == 0 for test in tests])
+    rows = np.concatenate(tests)
+    return MotorLog(
+        name=name,
+        drive_unit=DriveUnit.VOLT,
+        time_s=rows[:, 0],
+        drive=rows[:, voltage],
+        begins=begins,
+        position_rad=rows[:, position] * rad,
+    )
