@@ -12,7 +12,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 BOARDS = {"trex": "firmware/build", "nano": "firmware/build/nano"}
 CHIP = "hil/thumper_hil/chip/native"
-SET_UP = ("99-thumper.rules", "thumper.runtime")
+SET_UP = ("99-thumper.rules", "thumper.service")
 
 
 class FirmwareHook(BuildHookInterface):  # type: ignore[type-arg]

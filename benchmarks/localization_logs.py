@@ -28,7 +28,7 @@ from thumper.maps.occupancy_grid import FREE, OccupancyGrid
 from thumper.offline.open_log import open_log
 from thumper.offline.robot_log import RobotLog
 from thumper.slam.factory import MappingOptions, make_mapper
-from thumper.slam.grid.growing_grid import Cells
+from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.localization.amcl import Amcl
 
 DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2] / "shared" / "data")) / "slam"
@@ -69,7 +69,7 @@ def pose_of(row: FloatArray) -> Pose2:
 
 def drawn(log: RobotLog, poses: FloatArray, scans: range) -> OccupancyGrid:
     """The map of these scans."""
-    cells = Cells(OPTIONS.resolution_m, OPTIONS.reach_m, OPTIONS.occupied_fraction)
+    cells = HitGrid(OPTIONS.resolution_m, OPTIONS.reach_m, OPTIONS.occupied_fraction)
     last = Pose2(x_m=math.inf)
     for scan in scans:
         pose, record = pose_of(poses[scan]), log.records[scan]

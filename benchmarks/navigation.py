@@ -35,13 +35,13 @@ from thumper.navigation.planners.navfn import NavfnOptions, NavfnPlanner
 from thumper.navigation.planners.planner import Planner
 from thumper.navigation.planners.polyline import arc_lengths
 from thumper.navigation.speed_limits import SpeedLimits
-from thumper.runtime.drive.drive_manager import Pilot
-from thumper.runtime.state_estimator import Perception
+from thumper.runtime.drive.drive_manager import DriveManager
+from thumper.runtime.state_estimator import StateEstimator
 from thumper_hil.demo.missions import MISSIONS
 from thumper_hil.demo.run import drive_mission
 from thumper_hil.kinematic.closed_loop import drive
 from thumper_hil.kinematic.maps import read_pgm, read_trinary
-from thumper_hil.kinematic.world import World, box
+from thumper_hil.kinematic.world import KinematicWorld, box
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -205,7 +205,7 @@ def rollouts() -> None:
 
 def cycle() -> None:
     """The whole `Navigator.update` on a 10 m x 10 m map at 0.05 m, in a mission that maps as it goes."""
-    room = World.of(box(0.8, 0.0, 4.8, 3.8), box(1.2, 0.1, 0.40, 0.30, 0.58))
+    room = KinematicWorld.of(box(0.8, 0.0, 4.8, 3.8), box(1.2, 0.1, 0.40, 0.30, 0.58))
     start, goal = Pose2(x_m=2.05, y_m=0.64, theta_rad=-2.56), Goal(x_m=0.38, y_m=-0.45)
     with timing(Navigator, "update") as times:
         for seed in range(6):
@@ -224,9 +224,9 @@ def loop() -> None:
     and scans cost. The simulator's time is in neither.
     """
     with ExitStack() as stack:
-        cycles = stack.enter_context(timing(Pilot, "step"))
-        odometry = stack.enter_context(timing(Perception, "add_telemetry"))
-        mapping = stack.enter_context(timing(Perception, "add_scan"))
+        cycles = stack.enter_context(timing(DriveManager, "step"))
+        odometry = stack.enter_context(timing(StateEstimator, "add_telemetry"))
+        mapping = stack.enter_context(timing(StateEstimator, "add_scan"))
         driven_s = 0.0
         for seed in range(3):
             for mission in MISSIONS:

@@ -19,51 +19,55 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationState
 from thumper.navigation.options import NavigationOptions
 from thumper_hil.kinematic.closed_loop import drive
-from thumper_hil.kinematic.people import Walker, contact, with_people
-from thumper_hil.kinematic.world import World, box
+from thumper_hil.kinematic.people import KinematicPedestrian, contact, with_people
+from thumper_hil.kinematic.world import KinematicWorld, box
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.figure import figure
 
-HALL = World.of(box(2.0, 0.0, 7.0, 4.0))
+HALL = KinematicWorld.of(box(2.0, 0.0, 7.0, 4.0))
 AREA_M = (-4.0, -4.0, 12.0, 8.0)
 START, GOAL = Pose2(x_m=0.0, y_m=0.0), Goal(x_m=4.5, y_m=0.0)
 LIMIT_S = 90.0
 OUTCOMES = ("arrived", "not arrived", "walked into", "caught from behind", "drove into somebody")
 
 
-def pacing(rng: np.random.Generator) -> list[Walker]:
+def pacing(rng: np.random.Generator) -> list[KinematicPedestrian]:
     """One to three people who walk to and fro across the hall, straight or aslant."""
     walkers = []
     for _ in range(int(rng.integers(1, 4))):
         x_m, side = float(rng.uniform(1.0, 3.8)), float(rng.choice((-1.7, 1.7)))
         there_m = (float(np.clip(x_m + rng.uniform(-1.0, 1.0), 0.9, 4.0)), -side)
-        walkers.append(Walker(a_m=(x_m, side), b_m=there_m, from_s=float(rng.uniform(0.0, 6.0))))
+        walkers.append(KinematicPedestrian(a_m=(x_m, side), b_m=there_m, from_s=float(rng.uniform(0.0, 6.0))))
     return walkers
 
 
-def crossing(rng: np.random.Generator) -> list[Walker]:
+def crossing(rng: np.random.Generator) -> list[KinematicPedestrian]:
     """The same people, each of whom crosses once."""
     return [replace(walker, returns=False) for walker in pacing(rng)]
 
 
-def oncoming(rng: np.random.Generator) -> list[Walker]:
+def oncoming(rng: np.random.Generator) -> list[KinematicPedestrian]:
     """Somebody who walks along the robot's way, to behind it."""
     y_m = float(rng.uniform(-0.6, 0.6))
-    return [Walker(a_m=(5.2, y_m), b_m=(-1.0, y_m), from_s=float(rng.uniform(0.0, 5.0)), returns=False)]
+    return [
+        KinematicPedestrian(
+            a_m=(5.2, y_m), b_m=(-1.0, y_m), from_s=float(rng.uniform(0.0, 5.0)), returns=False
+        )
+    ]
 
 
-def blocking(rng: np.random.Generator) -> list[Walker]:
+def blocking(rng: np.random.Generator) -> list[KinematicPedestrian]:
     """Somebody who stands on the robot's way, and leaves."""
     x_m, side = float(rng.uniform(1.2, 3.5)), float(rng.choice((-1.6, 1.6)))
     y_m, leaves_s = float(rng.uniform(-0.2, 0.2)), float(rng.uniform(4.0, 15.0))
     place_m, aside_m = (x_m, y_m), (x_m, side)
-    steps = [Walker(a_m=place_m, b_m=aside_m, from_s=leaves_s, returns=False)]
+    steps = [KinematicPedestrian(a_m=place_m, b_m=aside_m, from_s=leaves_s, returns=False)]
     return steps + crossing(rng)[:1] if rng.random() < 0.5 else steps
 
 
-KINDS: dict[str, Callable[[np.random.Generator], list[Walker]]] = {
+KINDS: dict[str, Callable[[np.random.Generator], list[KinematicPedestrian]]] = {
     "crossing": crossing,
     "pacing": pacing,
     "oncoming": oncoming,
@@ -71,7 +75,7 @@ KINDS: dict[str, Callable[[np.random.Generator], list[Walker]]] = {
 }
 
 
-def judged(walkers: list[Walker], options: NavigationOptions, seed: int) -> str:
+def judged(walkers: list[KinematicPedestrian], options: NavigationOptions, seed: int) -> str:
     """Drive through one scene; what came of it."""
     run = drive(
         lambda time_s: with_people(HALL, walkers, time_s),

@@ -34,7 +34,7 @@ from thumper_tuning.identify.cross_validation import fit_percent  # noqa: E402
 from thumper_tuning.identify.model import MotorModel, Uncertainty  # noqa: E402
 from thumper_tuning.identify.motor import identify  # noqa: E402
 from thumper_tuning.identify.richer_models import compare_variants  # noqa: E402
-from thumper_tuning.identify.segments import Stretch, cut  # noqa: E402
+from thumper_tuning.identify.segments import Segment, cut  # noqa: E402
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog  # noqa: E402
 from thumper_tuning.logs.read import read_logs  # noqa: E402
 
@@ -209,7 +209,7 @@ def recorded() -> None:
             print(f"  {richer.kind}: held out {richer.fit_percent:.1f} %")
 
 
-def _predict(s: Stretch, model: MotorModel, momentary: bool) -> FloatArray:
+def _predict(s: Segment, model: MotorModel, momentary: bool) -> FloatArray:
     from thumper_tuning.identify.prediction import predict
 
     return predict(s, model, momentary=momentary)

@@ -29,13 +29,13 @@ from thumper.maps.map_server_io import description_path, save_map
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.goal import check_place
 from thumper.runtime.assembly import open_robot
-from thumper.runtime.drive.drive_manager import Mode
-from thumper.runtime.drive_log import MissionLog
-from thumper.runtime.drive_result import MissionResult
-from thumper.runtime.loop import Runtime
+from thumper.runtime.drive.drive_manager import DriveMode
+from thumper.runtime.drive_log import DriveLog
+from thumper.runtime.drive_result import DriveResult
+from thumper.runtime.loop import RobotLoop
 from thumper.runtime.requests import goal_of
-from thumper.runtime.state_estimator import Situation
-from thumper.slam.saved_state import Session, load_session, save_session
+from thumper.runtime.state_estimator import RobotState
+from thumper.slam.saved_state import SavedSlamState, load_session, save_session
 
 SIMULATION = "sim://"
 LONGEST_DRIVE_S = 600.0
@@ -82,7 +82,7 @@ class Robot:
         self._session = _path("session", session) if session else None
         self._start = start if start or session else Pose2()
         self._stack = ExitStack()
-        self._opened: Runtime | None = None
+        self._opened: RobotLoop | None = None
 
     def __enter__(self) -> Self:
         """Open the ports and look round; raises ThumperError when board or lidar do not answer."""
@@ -129,7 +129,7 @@ class Robot:
 
     def goto(
         self, x_m: float, y_m: float, heading_rad: float | None = None, *, tolerance_m: float = 0.1
-    ) -> MissionResult:
+    ) -> DriveResult:
         """Plan a way to a place in the map and drive there, round what stands in it; tells how it went.
 
         The result's time and way are those of this drive. `tolerance_m` is 0.02...1.
@@ -203,7 +203,7 @@ class Robot:
         return self.telemetry.battery_mV / 1000.0
 
     @property
-    def log(self) -> MissionLog:
+    def log(self) -> DriveLog:
         """Wheel speeds since the beginning, poses and plans of all `goto`, as arrays."""
         return self._runtime.log
 
@@ -219,11 +219,11 @@ class Robot:
         """
         yaml_path = description_path(_path("save_map", path))
         save_map(self.map, yaml_path)
-        save_session(Session.of(self._runtime.mapper, self.pose), yaml_path.with_suffix(".session"))
+        save_session(SavedSlamState.of(self._runtime.mapper, self.pose), yaml_path.with_suffix(".session"))
         return yaml_path
 
     @property
-    def _runtime(self) -> Runtime:
+    def _runtime(self) -> RobotLoop:
         if self._opened is None:
             raise ThumperError(
                 "the robot is not open: use it in `with Robot(...) as robot:`", exit_code=EXIT_USAGE
@@ -231,7 +231,7 @@ class Robot:
         return self._opened
 
     @property
-    def _situation(self) -> Situation:
+    def _situation(self) -> RobotState:
         situation = self._runtime.senses.perception.situation()
         assert situation is not None
         return situation
@@ -252,7 +252,7 @@ class Robot:
         while self._situation.time_s < until_s:
             if not self._beat():
                 raise ThumperError("the board went silent; is the cable loose?", exit_code=EXIT_NOT_THERE)
-            if while_armed and self._runtime.pilot.mode is Mode.IDLE:
+            if while_armed and self._runtime.pilot.mode is DriveMode.IDLE:
                 raise ThumperError(f"the drive ended early: {self._runtime.pilot.reason}")
             until_s = min(until_s, self._situation.time_s + duration_s)  # from the first order on
 

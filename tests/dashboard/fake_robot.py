@@ -23,9 +23,17 @@ from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.ros.status import Status
 from thumper.ros.to_ros import INFO, WARN, Messages
-from thumper.runtime.requests import Ask, EmergencyStop, Heartbeat, Order, Request, Simulate, Velocity
+from thumper.runtime.requests import (
+    EmergencyStop,
+    Heartbeat,
+    Query,
+    Request,
+    RobotCommand,
+    SimulatorCommand,
+    Velocity,
+)
 from thumper.runtime.service import board_parameters
-from thumper.runtime.service.request_queue import Inbox
+from thumper.runtime.service.request_queue import RequestQueue
 
 PERIOD_S = 0.1
 WIDTH_M, HEIGHT_M, CELL_M = 4.0, 3.0, 0.05
@@ -54,7 +62,7 @@ class FakeRobot:
 
     def __post_init__(self) -> None:
         self.reset()
-        self._inbox = Inbox()
+        self._inbox = RequestQueue()
         self._bus = BusServer(
             "thumper", BusOptions(address=self.address, token=self.token), self._inbox, lambda text: None
         )
@@ -114,15 +122,15 @@ class FakeRobot:
                 self.fault, self.goal = Fault.E_STOP, None
                 self.fault_words, self.fault_cure = "e stop", "the emergency stop was pressed"
                 self.event("emergency stop", WARN)
-            case Order(name=name):
+            case RobotCommand(name=name):
                 self._order(name)
-            case Ask():
+            case Query():
                 try:
                     answer: dict[str, Any] = {"ok": True, **self._answer(request.name, request.content)}
                 except ValueError as error:
                     answer = {"ok": False, "error": str(error)}
                 request.reply(answer)
-            case Heartbeat() | Velocity() | Simulate():
+            case Heartbeat() | Velocity() | SimulatorCommand():
                 pass
 
     def _order(self, name: str) -> None:

@@ -7,7 +7,7 @@ from playwright.sync_api import Page, expect
 
 from tests.dashboard.fake_robot import FakeRobot
 from tests.live import until
-from thumper.runtime.requests import Ask, GoTo, Heartbeat, Relocate
+from thumper.runtime.requests import GoTo, Heartbeat, Query, SetPose
 
 TO_SCREEN = """([x, y]) => {
   const view = document.querySelector('.tp-map').mapView;
@@ -24,8 +24,8 @@ def drag(page: Page, start_m: tuple[float, float], end_m: tuple[float, float]) -
         getattr(page.mouse, what)()
 
 
-def asked(robot: FakeRobot, name: str) -> list[Ask]:
-    return [ask for ask in robot.said(Ask) if ask.name == name]
+def asked(robot: FakeRobot, name: str) -> list[Query]:
+    return [ask for ask in robot.said(Query) if ask.name == name]
 
 
 def test_a_goal_is_dragged(page: Page, robot: FakeRobot) -> None:
@@ -51,7 +51,7 @@ def test_a_click_gives_a_goal_without_a_heading(page: Page, robot: FakeRobot) ->
 def test_pose_estimate_and_waypoints(page: Page, robot: FakeRobot) -> None:
     page.keyboard.press("p")
     drag(page, (2.0, 1.0), (3.0, 1.0))
-    pose = until(lambda: robot.said(Relocate))[0].map_from_base
+    pose = until(lambda: robot.said(SetPose))[0].map_from_base
     assert (pose.x_m, pose.y_m, pose.theta_rad) == pytest.approx((2.0, 1.0, 0.0), abs=0.03)
     page.keyboard.press("w")
     for place_m in ((1.0, 0.5), (3.0, 0.5), (3.0, 1.2)):

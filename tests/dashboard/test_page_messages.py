@@ -11,7 +11,14 @@ from hypothesis import strategies as st
 
 from thumper.common.geometry import Pose2
 from thumper.dashboard.binary_packet import encode_packet, grid_png
-from thumper.dashboard.page_messages import EStop, GoalOrder, Heartbeat, OrderError, Teleop, read_order
+from thumper.dashboard.page_messages import (
+    EStop,
+    GoalMessage,
+    PageHeartbeat,
+    PageMessageError,
+    Teleop,
+    read_order,
+)
 from thumper.dashboard.pose_track import PoseTrack
 from thumper.dashboard.rate_limit import RateLimit
 
@@ -20,8 +27,8 @@ GOAL = {"kind": "goal", "x_m": 1.0, "y_m": -2.0, "yaw_rad": None}
 
 def test_orders_are_read() -> None:
     assert read_order('{"kind": "estop"}') == EStop(kind="estop")
-    assert read_order('{"kind": "heartbeat", "n": 7}') == Heartbeat(kind="heartbeat", n=7)
-    assert read_order(json.dumps(GOAL)) == GoalOrder(kind="goal", x_m=1.0, y_m=-2.0, yaw_rad=None)
+    assert read_order('{"kind": "heartbeat", "n": 7}') == PageHeartbeat(kind="heartbeat", n=7)
+    assert read_order(json.dumps(GOAL)) == GoalMessage(kind="goal", x_m=1.0, y_m=-2.0, yaw_rad=None)
     teleop = read_order('{"kind": "teleop", "forward": 1, "left": -0.5, "turbo": false}')
     assert teleop == Teleop(kind="teleop", forward=1.0, left=-0.5, turbo=False)
 
@@ -46,13 +53,13 @@ def test_orders_are_read() -> None:
     ],
 )
 def test_everything_else_is_refused(order: dict[str, Any]) -> None:
-    with pytest.raises(OrderError, match="refused"):
+    with pytest.raises(PageMessageError, match="refused"):
         read_order(json.dumps(order))
 
 
 @pytest.mark.parametrize("value", ["NaN", "Infinity", "-Infinity", "1e999"])
 def test_no_order_holds_what_is_no_number(value: str) -> None:
-    with pytest.raises(OrderError):
+    with pytest.raises(PageMessageError):
         read_order(f'{{"kind": "goal", "x_m": {value}, "y_m": 0, "yaw_rad": 0}}')
 
 
@@ -61,13 +68,13 @@ def test_any_text_is_an_order_or_refused(text: str) -> None:
     problem = ""
     try:
         read_order(text)
-    except OrderError as error:
+    except PageMessageError as error:
         problem = str(error)
     assert "\n" not in problem
 
 
 def test_a_long_order_is_refused_unread() -> None:
-    with pytest.raises(OrderError, match="longer"):
+    with pytest.raises(PageMessageError, match="longer"):
         read_order(" " * 10_000 + '{"kind": "estop"}')
 
 

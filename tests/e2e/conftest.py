@@ -11,9 +11,9 @@ from types import SimpleNamespace
 import pytest
 
 from tests.e2e.service import START, Service
-from thumper.board.options import BoardConfig
+from thumper.board.options import BoardOptions
 from thumper.config.robot import RobotConfig
-from thumper.lidar.options import LidarConfig
+from thumper.lidar.options import LidarOptions
 from thumper.runtime.assembly import open_robot
 from thumper_hil.bench import simulation
 
@@ -36,7 +36,7 @@ def thumper() -> Callable[..., subprocess.CompletedProcess[str]]:
 def service(monkeypatch: pytest.MonkeyPatch) -> Iterator[Service]:
     """A robot at service that has looked round."""
     board = f"sim://service/board?world=lab&x_m={START.x_m}&y_m={START.y_m}&yaw_deg=180"
-    config = RobotConfig(board=BoardConfig(port=board), lidar=LidarConfig(port="sim://service/lidar"))
+    config = RobotConfig(board=BoardOptions(port=board), lidar=LidarOptions(port="sim://service/lidar"))
     with open_robot(config, START) as robot:
         service = Service(robot, simulation("service"))
         for part in ("service.request_handler", "service.request_queue", "drive.drive_manager"):

@@ -11,8 +11,8 @@ from thumper.board.messages import Telemetry
 from thumper.common.geometry import Pose2
 from thumper.navigation.goal import Goal
 from thumper.ros.codec import Message
-from thumper.runtime.loop import Runtime
-from thumper.runtime.requests import Ask, Request
+from thumper.runtime.loop import RobotLoop
+from thumper.runtime.requests import Query, Request
 from thumper_hil.bench import Bench
 
 START = Pose2(x_m=1.73, y_m=0.08, theta_rad=math.pi)
@@ -23,7 +23,7 @@ HAND_TIMEOUT_S = 0.3
 class Service:
     """A robot and the beats that it lives by."""
 
-    def __init__(self, robot: Runtime, bench: Bench) -> None:
+    def __init__(self, robot: RobotLoop, bench: Bench) -> None:
         self.robot, self.bench = robot, bench
         self.waited_s = 0.0
         self.events: list[str] = []
@@ -56,7 +56,7 @@ class Service:
 
     def ask(self, name: str, content: Mapping[str, Any] | None = None) -> dict[str, Any]:
         answers: list[Mapping[str, Any]] = []
-        self.put(Ask(name=name, content=content or {}, reply=answers.append))
+        self.put(Query(name=name, content=content or {}, reply=answers.append))
         (answer,) = answers
         return dict(answer)
 

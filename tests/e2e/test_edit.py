@@ -10,10 +10,10 @@ import pytest
 
 from tests.e2e.test_bad_input import refused
 from thumper.common.geometry import Pose2
-from thumper.maps.hit_counts import Counts
+from thumper.maps.hit_counts import HitCounts
 from thumper.maps.map_server_io import load_map, save_map
 from thumper.maps.occupancy_grid import FREE, OCCUPIED
-from thumper.slam.saved_state import Session, load_session, save_session
+from thumper.slam.saved_state import SavedSlamState, load_session, save_session
 from thumper_hil.world.world import World
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
@@ -51,7 +51,7 @@ def test_a_session_stays_that_of_its_map(thumper: Run, tmp_path: Path) -> None:
     grid = World.load("lab").to_grid()
     save_map(grid, lab)
     was = Pose2(x_m=1.0, y_m=0.5, theta_rad=0.2)
-    save_session(Session(counts=Counts.of(grid), map_from_base=was), lab.with_suffix(".session"))
+    save_session(SavedSlamState(counts=HitCounts.of(grid), map_from_base=was), lab.with_suffix(".session"))
     new.write_text("of another map")
     refused(thumper("edit", lab, "--rotate", "90", "--out", tmp_path / "new"), str(new), "there already")
     assert [new.read_text(), (tmp_path / "new.yaml").exists()] == ["of another map", False]

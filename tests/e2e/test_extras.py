@@ -11,7 +11,7 @@ from thumper.common.optional_packages import PARTS, missing
 RUN_WITHOUT = """
 import sys
 sys.modules[sys.argv.pop(1)] = None
-from thumper.cli import main
+from thumper.cli.app import main
 main()
 """
 

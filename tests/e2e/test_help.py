@@ -66,7 +66,7 @@ def test_help_loads_no_slow_library() -> None:
     """`benchmarks/cli.py` measures the time itself."""
     code = (
         "import sys; sys.argv = ['thumper', 'run', '--help']\n"
-        "from thumper.cli import main\n"
+        "from thumper.cli.app import main\n"
         "try: main()\n"
         "except SystemExit: pass\n"
         "print({'numpy', 'numba', 'scipy', 'matplotlib', 'serial'} & set(sys.modules))"

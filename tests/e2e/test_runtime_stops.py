@@ -12,36 +12,36 @@ import pytest
 
 from thumper.board.framing import encode_frame
 from thumper.board.messages import Command, CommandRequest, Fault, State
-from thumper.board.options import BoardConfig
+from thumper.board.options import BoardOptions
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig
-from thumper.lidar.options import LidarConfig
+from thumper.lidar.options import LidarOptions
 from thumper.navigation.goal import Goal
 from thumper.runtime.assembly import open_robot
-from thumper.runtime.drive_result import MissionResult, Progress
-from thumper.runtime.loop import Runtime
+from thumper.runtime.drive_result import DriveProgress, DriveResult
+from thumper.runtime.loop import RobotLoop
 from thumper_hil.bench import Bench, simulation
 
 START = Pose2(x_m=1.73, y_m=0.08, theta_rad=math.pi)
 GOAL = Goal(x_m=-0.49, y_m=0.02)
 MISHAP_S = 2.5  # by then it drives at full speed
 
-Mishap = Callable[[Runtime, Bench], None]
+Mishap = Callable[[RobotLoop, Bench], None]
 
 
 @contextmanager
-def robot_in_the_lab() -> Iterator[tuple[Runtime, Bench]]:
+def robot_in_the_lab() -> Iterator[tuple[RobotLoop, Bench]]:
     board = f"sim://stops/board?world=lab&x_m={START.x_m}&y_m={START.y_m}&yaw_deg=180"
-    config = RobotConfig(board=BoardConfig(port=board), lidar=LidarConfig(port="sim://stops/lidar"))
+    config = RobotConfig(board=BoardOptions(port=board), lidar=LidarOptions(port="sim://stops/lidar"))
     with open_robot(config, START) as robot:
         yield robot, simulation("stops")
 
 
-def drive(robot: Runtime, bench: Bench, mishap: Mishap) -> MissionResult:
+def drive(robot: RobotLoop, bench: Bench, mishap: Mishap) -> DriveResult:
     happened = False
 
-    def watch(beat: Progress) -> None:
+    def watch(beat: DriveProgress) -> None:
         nonlocal happened
         if beat.time_s >= MISHAP_S and not happened:
             happened = True
@@ -51,26 +51,26 @@ def drive(robot: Runtime, bench: Bench, mishap: Mishap) -> MissionResult:
     return robot.drive_to(GOAL, watch)
 
 
-def interrupt(_robot: Runtime, _bench: Bench) -> None:
+def interrupt(_robot: RobotLoop, _bench: Bench) -> None:
     raise KeyboardInterrupt
 
 
-def break_the_mapper(robot: Runtime, _bench: Bench) -> None:
+def break_the_mapper(robot: RobotLoop, _bench: Bench) -> None:
     def broken(*_: object) -> None:
         raise IndexError("no such cell")
 
     robot.mapper.update = broken  # type: ignore[method-assign, assignment]
 
 
-def silence_the_lidar(robot: Runtime, _bench: Bench) -> None:
+def silence_the_lidar(robot: RobotLoop, _bench: Bench) -> None:
     robot.senses.lidar.poll = list  # type: ignore[method-assign]
 
 
-def restart_the_board(_robot: Runtime, bench: Bench) -> None:
+def restart_the_board(_robot: RobotLoop, bench: Bench) -> None:
     bench.chip.reset()
 
 
-def stop_by_another_hand(_robot: Runtime, bench: Bench) -> None:
+def stop_by_another_hand(_robot: RobotLoop, bench: Bench) -> None:
     bench.chip.send(encode_frame(CommandRequest.ID, 200, CommandRequest(command=Command.E_STOP).pack()))
 
 
@@ -114,7 +114,7 @@ def test_another_ctrl_c_while_it_stops_does_not_skip_disarming(
                 raise KeyboardInterrupt
             said(*words)
 
-        def interrupt_twice(robot: Runtime, bench: Bench) -> None:
+        def interrupt_twice(robot: RobotLoop, bench: Bench) -> None:
             monkeypatch.setattr(board, call, interrupted)
             interrupt(robot, bench)
 
@@ -129,7 +129,7 @@ def test_without_eyes_it_goes_no_further_than_it_must() -> None:
     """0.4 m/s for the three turns that it waits, and the way to a stop: 0.4 m and not the whole second."""
     seen_x_m = math.nan
 
-    def note_and_silence(robot: Runtime, bench: Bench) -> None:
+    def note_and_silence(robot: RobotLoop, bench: Bench) -> None:
         nonlocal seen_x_m
         seen_x_m = float(bench.truth()[-1, 1])
         silence_the_lidar(robot, bench)
@@ -150,7 +150,7 @@ def test_an_emergency_stop_is_cleared_only_on_request() -> None:
 
 
 def test_frames_lost_on_the_way_to_a_stand_are_no_lost_link() -> None:
-    def interrupt_and_disturb(robot: Runtime, bench: Bench) -> None:
+    def interrupt_and_disturb(robot: RobotLoop, bench: Bench) -> None:
         bench.fault("line.noise", 0.02)
         interrupt(robot, bench)
 

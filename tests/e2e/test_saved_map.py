@@ -7,8 +7,8 @@ from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig, with_ports
 from thumper.navigation.goal import Goal
 from thumper.runtime.assembly import open_robot
-from thumper.runtime.drive_result import Progress
-from thumper.slam.mode_switch import SwitchingMapper
+from thumper.runtime.drive_result import DriveProgress
+from thumper.slam.mode_switch import SlamModeSwitch
 from thumper_hil.bench.registry import simulation
 from thumper_hil.world.world import World
 
@@ -28,7 +28,7 @@ def test_the_robot_reaches_a_goal_of_the_saved_map(told: Pose2 | None) -> None:
         result = robot.drive_to(Goal(x_m=-0.3, y_m=0.0, tolerance_m=0.1), lambda _: None)
         _, x_m, y_m, theta_rad = simulation(name).truth()[-1, :4]
         assert result.reached, result.reason
-        assert isinstance(robot.mapper, SwitchingMapper)
+        assert isinstance(robot.mapper, SlamModeSwitch)
         assert robot.mapper.grid() is known
         assert robot.mapper.quality().lost == ""
     assert Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad).distance_m(result.map_from_base) < 0.06
@@ -43,7 +43,7 @@ def test_a_robot_that_is_carried_away_stops_finds_itself_and_drives_on() -> None
     with open_robot(config, START, World.load("lab").to_grid()) as robot:
         lab, said = simulation("carried"), list[str]()
 
-        def carry_after_3_s(_: Progress) -> None:
+        def carry_after_3_s(_: DriveProgress) -> None:
             if not said and lab.truth()[-1, 0] >= 3.0:
                 lab.chip.place(Pose2(x_m=2.5))
                 said.append("carried")

@@ -5,8 +5,8 @@ import pytest
 from tests.e2e.service import FAR, HAND_TIMEOUT_S, NEAR, Service
 from thumper.board.messages import Fault, State
 from thumper.navigation.goal import Goal
-from thumper.runtime.drive_result import Progress
-from thumper.runtime.requests import EmergencyStop, GoTo, Heartbeat, Order, Request
+from thumper.runtime.drive_result import DriveProgress
+from thumper.runtime.requests import EmergencyStop, GoTo, Heartbeat, Request, RobotCommand
 
 
 def test_it_maps_while_it_stands_disarmed(service: Service) -> None:
@@ -68,13 +68,13 @@ def test_without_its_page_a_goal_is_given_up(service: Service) -> None:
 
 def test_a_goal_that_waited_while_the_process_hung_is_not_driven(service: Service) -> None:
     service.waited_s += 60.0
-    service.put(GoTo(goals=(FAR,)), Order(name="arm"))
+    service.put(GoTo(goals=(FAR,)), RobotCommand(name="arm"))
     assert service.mode == "idle"
     assert "hung" in service.ask("mission/send", {"x_m": FAR.x_m, "y_m": FAR.y_m})["error"]
     service.put(EmergencyStop())
     service.beats(2)
     assert service.telemetry.fault is Fault.E_STOP
-    service.put(Order(name="clear_fault"))
+    service.put(RobotCommand(name="clear_fault"))
     service.waited_s += 1.5
     service.put(GoTo(goals=(FAR,)))
     assert service.mode == "driving"
@@ -82,7 +82,7 @@ def test_a_goal_that_waited_while_the_process_hung_is_not_driven(service: Servic
 
 @pytest.mark.parametrize(
     ("request_", "why"),
-    [(Order(name="cancel"), "cancelled"), (EmergencyStop(), "emergency stop")],
+    [(RobotCommand(name="cancel"), "cancelled"), (EmergencyStop(), "emergency stop")],
     ids=["cancel", "emergency stop"],
 )
 def test_a_drive_with_a_goal_of_its_own_can_be_stopped_but_not_sent_elsewhere(
@@ -90,7 +90,7 @@ def test_a_drive_with_a_goal_of_its_own_can_be_stopped_but_not_sent_elsewhere(
 ) -> None:
     told = False
 
-    def ask(beat: Progress) -> None:
+    def ask(beat: DriveProgress) -> None:
         nonlocal told
         if beat.time_s > 1.5 and not told:
             told = True

@@ -5,33 +5,33 @@ import pytest
 from tests.e2e.service import FAR, HAND_TIMEOUT_S, Service
 from thumper.board.messages import Fault, State
 from thumper.common.geometry import Twist2
-from thumper.runtime.requests import Channel, EmergencyStop, GoTo, Order, Velocity
+from thumper.runtime.requests import EmergencyStop, GoTo, RobotCommand, TeleopSource, Velocity
 
 AHEAD = Twist2(v_m_s=0.3)
 
 
 def test_a_hand_needs_arming_and_reaches_the_firmware_as_manual(service: Service) -> None:
-    service.put(Velocity(channel=Channel.GAMEPAD, twist=AHEAD))
+    service.put(Velocity(channel=TeleopSource.GAMEPAD, twist=AHEAD))
     assert service.mode == "idle"
     assert "arm the robot" in service.robot.pilot.reason
-    service.put(Order(name="arm"))
+    service.put(RobotCommand(name="arm"))
     service.beats(2)
     assert (service.mode, service.telemetry.state) == ("holding", State.CLOSED_LOOP)
     for _ in range(15):
-        service.put(Velocity(channel=Channel.GAMEPAD, twist=AHEAD))
+        service.put(Velocity(channel=TeleopSource.GAMEPAD, twist=AHEAD))
     assert (service.mode, service.telemetry.state) == ("manual", State.MANUAL)
     assert service.bench.truth()[-1, 4] * 0.062 == pytest.approx(AHEAD.v_m_s, rel=0.2)
 
 
 def test_letting_go_stops_it_and_so_does_a_pad_that_falls_silent(service: Service) -> None:
-    service.put(Order(name="arm"))
+    service.put(RobotCommand(name="arm"))
     for _ in range(10):
-        service.put(Velocity(channel=Channel.TELEOP, twist=AHEAD))
-    service.put(Velocity(channel=Channel.TELEOP, twist=Twist2()))
+        service.put(Velocity(channel=TeleopSource.TELEOP, twist=AHEAD))
+    service.put(Velocity(channel=TeleopSource.TELEOP, twist=Twist2()))
     service.beats(2)
     assert (service.mode, service.telemetry.state) == ("holding", State.CLOSED_LOOP)
     for _ in range(10):
-        service.put(Velocity(channel=Channel.GAMEPAD, twist=AHEAD))
+        service.put(Velocity(channel=TeleopSource.GAMEPAD, twist=AHEAD))
     assert service.mode == "manual"
     service.waited_s += HAND_TIMEOUT_S
     service.beats(1)
@@ -43,8 +43,8 @@ def test_letting_go_stops_it_and_so_does_a_pad_that_falls_silent(service: Servic
 def test_a_hand_overrides_navigation(service: Service) -> None:
     service.put(GoTo(goals=(FAR,)))
     service.beats(10)
-    service.put(Velocity(channel=Channel.GAMEPAD, twist=Twist2(w_rad_s=0.5)))
-    service.put(Velocity(channel=Channel.GAMEPAD, twist=Twist2(w_rad_s=0.5)))
+    service.put(Velocity(channel=TeleopSource.GAMEPAD, twist=Twist2(w_rad_s=0.5)))
+    service.put(Velocity(channel=TeleopSource.GAMEPAD, twist=Twist2(w_rad_s=0.5)))
     assert service.telemetry.state is State.MANUAL
     assert "overridden: driven by gamepad" in service.ask("mission/state")["reason"]
     service.waited_s += HAND_TIMEOUT_S

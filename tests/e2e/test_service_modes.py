@@ -4,7 +4,7 @@ import numpy as np
 
 from tests.e2e.service import FAR, NEAR, Service
 from thumper.runtime.requests import GoTo
-from thumper.slam.mode_switch import SwitchingMapper
+from thumper.slam.mode_switch import SlamModeSwitch
 
 
 def command(service: Service, name: str) -> dict[str, object]:
@@ -13,7 +13,7 @@ def command(service: Service, name: str) -> dict[str, object]:
 
 def test_a_standing_robot_localises_in_its_map_and_maps_on(service: Service) -> None:
     mapper = service.robot.mapper
-    assert isinstance(mapper, SwitchingMapper)
+    assert isinstance(mapper, SlamModeSwitch)
     service.until(lambda: service.robot.senses.has_looked)
     assert command(service, "localise") == {
         "ok": True,

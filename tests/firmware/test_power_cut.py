@@ -17,7 +17,7 @@ from thumper.board.messages import (
     ParameterValue,
     SetParameter,
 )
-from thumper_hil.chip.instrumented_chip import LabChip
+from thumper_hil.chip.instrumented_chip import InstrumentedChip
 from thumper_hil.chip.robot_params import RobotParams
 
 STEP_S = 2e-5
@@ -28,9 +28,9 @@ TORN = (0x00, 0x55, 0xFF)
 """What the byte that was being written may read as, beside its old and its new value."""
 
 
-def board() -> LabChip:
+def board() -> InstrumentedChip:
     """A board with a charged battery: with a low one it does not save."""
-    return LabChip(ELF, params=RobotParams.load())
+    return InstrumentedChip(ELF, params=RobotParams.load())
 
 
 def values(part: float) -> list[int]:
@@ -38,7 +38,7 @@ def values(part: float) -> list[int]:
     return [round(spec.scale * (spec.minimum + part * (spec.maximum - spec.minimum))) for spec in PARAMETERS]
 
 
-def choose(chip: LabChip, wanted: list[int]) -> None:
+def choose(chip: InstrumentedChip, wanted: list[int]) -> None:
     """Make them the live parameters."""
     for index, value in enumerate(wanted):
         frame = ask(chip, SetParameter(index=index, value=value), Ack)
@@ -46,7 +46,7 @@ def choose(chip: LabChip, wanted: list[int]) -> None:
         assert Ack.unpack(frame.payload).status is AckStatus.OK
 
 
-def save(chip: LabChip) -> list[bytes]:
+def save(chip: InstrumentedChip) -> list[bytes]:
     """Save them; returns the EEPROM before and after each byte that was written."""
     snapshots = [chip.eeprom()]
     send(chip, CommandRequest(command=Command.SAVE))

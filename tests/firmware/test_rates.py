@@ -20,7 +20,7 @@ from thumper.board.messages import (
     Telemetry,
 )
 from thumper_hil.chip.chip import CPU_HZ
-from thumper_hil.chip.instrumented_chip import TICK_VECTOR, LabChip
+from thumper_hil.chip.instrumented_chip import TICK_VECTOR, InstrumentedChip
 from thumper_hil.chip.robot_params import RobotParams
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
@@ -50,7 +50,7 @@ class Drive:
     """A simulated robot on its lab bench, and a host that commands it each 50 ms."""
 
     def __init__(self, elf: Path) -> None:
-        self.chip = LabChip(elf, params=RobotParams.load(), seed=1)
+        self.chip = InstrumentedChip(elf, params=RobotParams.load(), seed=1)
         self.decoder = FrameDecoder()
         self.chip.run(CPU_HZ)  # the battery has been measured
         self.chip.receive(self.chip.available)

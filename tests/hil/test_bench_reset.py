@@ -10,7 +10,7 @@ from thumper.board.messages import Command, ResetCause, State, Telemetry
 from thumper.common.errors import ThumperError
 from thumper.common.serial_port import open_port
 from thumper_hil.bench import simulation
-from thumper_hil.bench.sim_port import Serial
+from thumper_hil.bench.protocol_sim import Serial
 
 NAME = "reset-test"
 BAUD = 500_000

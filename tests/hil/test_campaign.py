@@ -19,7 +19,7 @@ from distributed import LocalCluster
 from thumper.common.errors import ThumperError
 from thumper_hil.campaign import runner
 from thumper_hil.campaign.job import run_job
-from thumper_hil.campaign.result_row import MEASURES, Row
+from thumper_hil.campaign.result_row import MEASURES, CampaignRow
 from thumper_hil.campaign.result_table import RowStore
 from thumper_hil.campaign.spec import digest_of, jobs_of, load_campaign
 from thumper_hil.campaign.summary import markdown, mean_of, summarise, wilson
@@ -47,10 +47,10 @@ def written(folder: Path, text: str = FILE) -> Path:
     return path
 
 
-def row(key: str, **changed: object) -> Row:
+def row(key: str, **changed: object) -> CampaignRow:
     numbers = dict.fromkeys(MEASURES, 0.25)
     fixed = {"key": key, "mission": "m", "parameters": "p", "seed": 1, "reached": True, "contacts": 0}
-    return Row(**(numbers | fixed | {"reason": 'said "so", and more'} | changed))  # type: ignore[arg-type]
+    return CampaignRow(**(numbers | fixed | {"reason": 'said "so", and more'} | changed))  # type: ignore[arg-type]
 
 
 def test_every_mission_seed_and_parameter_set_is_a_job(tmp_path: Path) -> None:
@@ -278,7 +278,7 @@ def test_what_the_machine_fails_is_driven_again(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(runner, "_local_cluster", threads)
     good, *_, bad = jobs_of(load_campaign(written(tmp_path)), tmp_path)
     with RowStore(tmp_path, "d") as store:
-        told: list[Row] = []
+        told: list[CampaignRow] = []
         jobs = [replace(bad, robot_json="no JSON"), good]
         with pytest.raises(ThumperError, match=f"1 of 2 .*{bad.key}.*run the same command again") as caught:
             runner.run_jobs(jobs, store, scheduler=None, workers=1, show=told.append)

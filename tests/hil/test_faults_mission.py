@@ -8,12 +8,12 @@ from urllib.parse import urlencode
 import numpy as np
 import pytest
 
-from thumper.board.options import BoardConfig
+from thumper.board.options import BoardOptions
 from thumper.config.robot import RobotConfig
-from thumper.lidar.options import LidarConfig
+from thumper.lidar.options import LidarOptions
 from thumper.navigation.goal import Goal
 from thumper.runtime.assembly import open_robot
-from thumper.runtime.drive_result import MissionResult
+from thumper.runtime.drive_result import DriveResult
 from thumper_hil.bench import Bench, simulation
 from thumper_hil.demo.missions import STRAIGHT
 
@@ -21,7 +21,7 @@ FAULT_S = 2.5  # the robot is at full speed then
 STANDS_RAD_S = 0.3
 
 
-def drive_with(fault: str, folder: Path) -> tuple[MissionResult, Bench]:
+def drive_with(fault: str, folder: Path) -> tuple[DriveResult, Bench]:
     """Drive the straight mission with this line of a scenario, and a second on."""
     scenario = folder / "faults.toml"
     scenario.write_text(f"faults = [{{ at_s = {FAULT_S}, {fault} }}]\n")
@@ -33,8 +33,8 @@ def drive_with(fault: str, folder: Path) -> tuple[MissionResult, Bench]:
         "scenario": scenario,
     }
     config = RobotConfig(
-        board=BoardConfig(port=f"sim://mission-fault/board?{urlencode(options)}"),
-        lidar=LidarConfig(port="sim://mission-fault/lidar"),
+        board=BoardOptions(port=f"sim://mission-fault/board?{urlencode(options)}"),
+        lidar=LidarOptions(port="sim://mission-fault/lidar"),
     )
     with open_robot(config, STRAIGHT.start) as robot:
         bench = simulation("mission-fault")

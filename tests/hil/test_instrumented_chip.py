@@ -8,12 +8,12 @@ from tests.hil.conftest import BuildAvr
 from thumper.common.errors import ThumperError
 from thumper_hil.chip.chip import CPU_HZ, ChipError
 from thumper_hil.chip.hex_file import read_hex
-from thumper_hil.chip.instrumented_chip import EEPROM_BYTES, FLASH_BYTES, LabChip
+from thumper_hil.chip.instrumented_chip import EEPROM_BYTES, FLASH_BYTES, InstrumentedChip
 
 
 def test_the_probe_counts_known_code_to_the_cycle(build_avr: BuildAvr) -> None:
     """Response 4, jump 3, two instructions, RETI 4 (data sheet 7.7.1 and the instruction set manual)."""
-    chip = LabChip(build_avr("known"))
+    chip = InstrumentedChip(build_avr("known"))
     chip.run(CPU_HZ // 1000)
     with chip.probe() as probe:
         probe.run(chip.cycle + CPU_HZ // 100)
@@ -30,7 +30,7 @@ def test_the_probe_counts_known_code_to_the_cycle(build_avr: BuildAvr) -> None:
 
 
 def test_flash_and_eeprom_read_back(build_avr: BuildAvr) -> None:
-    chip = LabChip(build_avr("known"))
+    chip = InstrumentedChip(build_avr("known"))
     chip.write_flash(0x7000, b"flash")
     chip.write_eeprom(b"eeprom", 1000)
     assert chip.read_flash(0x7000, 5) == b"flash"
@@ -47,7 +47,7 @@ def test_flash_and_eeprom_read_back(build_avr: BuildAvr) -> None:
 
 def test_a_hang_holds_the_program(build_avr: BuildAvr) -> None:
     """`burst` sends 64 bytes after a reset; from its reset vector on it goes nowhere any more."""
-    chip = LabChip(build_avr("burst"))
+    chip = InstrumentedChip(build_avr("burst"))
     chip.hang_at(0)
     chip.reset()
     chip.run(chip.cycle + CPU_HZ // 100)

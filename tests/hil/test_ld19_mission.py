@@ -2,9 +2,9 @@
 
 import math
 
-from thumper.board.options import BoardConfig
+from thumper.board.options import BoardOptions
 from thumper.config.robot import RobotConfig
-from thumper.lidar.options import LidarConfig
+from thumper.lidar.options import LidarOptions
 from thumper.navigation.goal import Goal
 from thumper.runtime.assembly import open_robot
 from thumper_hil.bench import simulation
@@ -20,7 +20,7 @@ def test_the_straight_run_succeeds_with_an_ld19() -> None:
         f"&yaw_deg={math.degrees(start.theta_rad)}"
     )
     config = RobotConfig(
-        board=BoardConfig(port=url), lidar=LidarConfig(port="sim://ld19-run/lidar", model="ld19")
+        board=BoardOptions(port=url), lidar=LidarOptions(port="sim://ld19-run/lidar", model="ld19")
     )
     goal = Goal(x_m=STRAIGHT.goal_x_m, y_m=STRAIGHT.goal_y_m)
     with open_robot(config, start) as robot:

@@ -8,7 +8,7 @@ from thumper.lidar.scip import parse_reply, parse_scan
 from thumper_hil.lidars.urg04lx import FIRST_STEP, LAST_STEP, STEPS_PER_TURN, TURN_S, Urg04Lx
 from thumper_hil.lidars.urg_noise import RANGE_MIN_MM
 from thumper_hil.world.world import World
-from thumper_hil.world.world_history import RecentWorlds, Surroundings
+from thumper_hil.world.world_history import WorldAt, WorldHistory
 
 TICK_S = 0.01
 SPEED_M_S = 3.0
@@ -19,9 +19,9 @@ def room(radius_m: float) -> World:
     return World(segments_m=np.zeros((0, 4)), circles_m=np.array([[0.0, 0.0, radius_m]]))
 
 
-def shrinking(seconds: float) -> RecentWorlds:
+def shrinking(seconds: float) -> WorldHistory:
     """A tower of 4 m whose wall comes in at 3 m/s."""
-    worlds = RecentWorlds(room(4.0))
+    worlds = WorldHistory(room(4.0))
     for tick in range(1, round(seconds / TICK_S) + 1):
         worlds.change(room(4.0 - SPEED_M_S * tick * TICK_S), tick * TICK_S)
     return worlds
@@ -42,7 +42,7 @@ def test_what_is_long_past_is_the_oldest_that_is_known() -> None:
     assert oldest_m == pytest.approx([4.0 - SPEED_M_S * 0.19], abs=1e-9)
 
 
-def scan_mm(world: Surroundings) -> FloatArray:
+def scan_mm(world: WorldAt) -> FloatArray:
     """Steps 44 ... 725 of the first scan that was ordered at 0.1 s."""
     device = Urg04Lx(world=world, pose_at=lambda t: np.zeros((t.size, 3)), base_from_laser=Pose2(), seed=3)
     device.advance(0.1)
@@ -52,7 +52,7 @@ def scan_mm(world: Surroundings) -> FloatArray:
     return parse_scan(parse_reply(reply)).values_mm.astype(np.float64)
 
 
-def slope_mm(world: Surroundings) -> float:
+def slope_mm(world: WorldAt) -> float:
     """By how much the ranges of a scan grow from step to step."""
     values_mm = scan_mm(world)
     seen = values_mm >= RANGE_MIN_MM

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from thumper.bus.request_decoder import QUESTIONS
 from thumper.config.bus import BusOptions
-from thumper.config.manual_drive import ServiceOptions
+from thumper.config.manual_drive import ManualDriveOptions
 from thumper.ros.topics import TOPICS, Direction
 from thumper.runtime.requests import COMMANDS
 
@@ -43,6 +43,6 @@ def test_every_command_is_told() -> None:
 
 
 def test_every_option_is_told_with_its_default() -> None:
-    for head, options, column in (("`[bus]`", BusOptions(), 2), ("`[service]`", ServiceOptions(), 3)):
+    for head, options, column in (("`[bus]`", BusOptions(), 2), ("`[service]`", ManualDriveOptions(), 3)):
         told = {row[0].strip("`"): row[column].strip('`"') for row in rows(head)}
         assert told == {field.name: str(getattr(options, field.name)) for field in fields(options)}

@@ -18,7 +18,7 @@ THUMPER = Path(sys.executable).with_name("thumper")
 def test_help_loads_no_slow_library(command: str) -> None:
     code = (
         f"import sys; sys.argv = ['thumper', 'tune', *{command!r}.split(), '--help']\n"
-        "from thumper.cli import main\n"
+        "from thumper.cli.app import main\n"
         "try: main()\n"
         "except SystemExit: pass\n"
         "print({'numpy', 'numba', 'scipy', 'matplotlib', 'serial', 'control'} & set(sys.modules))"

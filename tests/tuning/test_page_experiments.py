@@ -7,21 +7,21 @@ from typing import Any
 import pytest
 
 from thumper.board.messages import Fault, State
-from thumper.board.options import BoardConfig
+from thumper.board.options import BoardOptions
 from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig
-from thumper.lidar.options import LidarConfig
+from thumper.lidar.options import LidarOptions
 from thumper.runtime.assembly import open_robot
-from thumper.runtime.loop import Runtime
-from thumper.runtime.requests import Ask, EmergencyStop, Heartbeat, Order
+from thumper.runtime.loop import RobotLoop
+from thumper.runtime.requests import EmergencyStop, Heartbeat, Query, RobotCommand
 
 
 @pytest.fixture
-def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Runtime]:
+def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RobotLoop]:
     monkeypatch.chdir(tmp_path)
     config = RobotConfig(
-        board=BoardConfig(port="sim://service/board?world=hall&seed=3"),
-        lidar=LidarConfig(port="sim://service/lidar"),
+        board=BoardOptions(port="sim://service/board?world=hall&seed=3"),
+        lidar=LidarOptions(port="sim://service/lidar"),
     )
     with open_robot(config, Pose2()) as robot:
         for _ in range(5):
@@ -30,14 +30,14 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Runtime]:
         yield robot
 
 
-def ask(robot: Runtime, name: str, content: Mapping[str, Any], source: str = "me") -> dict[str, Any]:
+def ask(robot: RobotLoop, name: str, content: Mapping[str, Any], source: str = "me") -> dict[str, Any]:
     answers: list[Mapping[str, Any]] = []
-    robot.inbox.put(Ask(name=name, content=content, reply=answers.append, source=source))
+    robot.inbox.put(Query(name=name, content=content, reply=answers.append, source=source))
     robot.desk.attend()
     return dict(answers[0])
 
 
-def interrupt(robot: Runtime, monkeypatch: pytest.MonkeyPatch, *requests: Any) -> None:
+def interrupt(robot: RobotLoop, monkeypatch: pytest.MonkeyPatch, *requests: Any) -> None:
     """Have requests come in once the robot has been driving for a while."""
     beats = 0
     attend = robot.desk.attend
@@ -53,13 +53,13 @@ def interrupt(robot: Runtime, monkeypatch: pytest.MonkeyPatch, *requests: Any) -
     monkeypatch.setattr(robot.desk, "attend", attending)
 
 
-def state_after(robot: Runtime) -> State:
+def state_after(robot: RobotLoop) -> State:
     robot.serve_beat()
     assert robot.senses.telemetry is not None
     return robot.senses.telemetry.state
 
 
-def test_motors_are_identified(robot: Runtime) -> None:
+def test_motors_are_identified(robot: RobotLoop) -> None:
     assert ask(robot, "experiment/start", {"name": "identify", "lane_m": 1.2})["text"] == "identify begins"
     robot.serve_beat()
     state = ask(robot, "experiment/state", {})
@@ -71,9 +71,11 @@ def test_motors_are_identified(robot: Runtime) -> None:
 
 @pytest.mark.parametrize(
     ("request_", "problem"),
-    [(Order(name="cancel"), "stopped on request"), (EmergencyStop(), "emergency stop")],
+    [(RobotCommand(name="cancel"), "stopped on request"), (EmergencyStop(), "emergency stop")],
 )
-def test_it_is_stopped(robot: Runtime, monkeypatch: pytest.MonkeyPatch, request_: Any, problem: str) -> None:
+def test_it_is_stopped(
+    robot: RobotLoop, monkeypatch: pytest.MonkeyPatch, request_: Any, problem: str
+) -> None:
     ask(robot, "experiment/start", {"name": "tune", "lane_m": 1.2})
     interrupt(robot, monkeypatch, request_)
     robot.serve_beat()
@@ -83,7 +85,7 @@ def test_it_is_stopped(robot: Runtime, monkeypatch: pytest.MonkeyPatch, request_
     assert state_after(robot) is (State.FAULT if problem == "emergency stop" else State.DISARMED)
 
 
-def test_a_page_that_goes_stops_what_it_began(robot: Runtime) -> None:
+def test_a_page_that_goes_stops_what_it_began(robot: RobotLoop) -> None:
     robot.inbox.put(Heartbeat(source="page"))
     ask(robot, "experiment/start", {"name": "tune", "lane_m": 1.2}, source="page")
     robot.serve_beat()
@@ -101,12 +103,12 @@ def test_a_page_that_goes_stops_what_it_began(robot: Runtime) -> None:
         {"name": "/bin/sh", "lane_m": 1.2},
     ],
 )
-def test_what_makes_no_sense_is_refused(robot: Runtime, content: dict[str, Any]) -> None:
+def test_what_makes_no_sense_is_refused(robot: RobotLoop, content: dict[str, Any]) -> None:
     assert not ask(robot, "experiment/start", content)["ok"]
     assert robot.desk.experiments.wanted == ""
 
 
-def test_one_at_a_time_and_nothing_beside(robot: Runtime) -> None:
+def test_one_at_a_time_and_nothing_beside(robot: RobotLoop) -> None:
     order = {"name": "identify", "lane_m": 1.2}
     assert ask(robot, "experiment/start", order)["ok"]
     assert "under way" in ask(robot, "experiment/start", order)["error"]

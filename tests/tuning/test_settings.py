@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from thumper.common.errors import ThumperError
-from thumper_tuning.cli.settings import TuneSettings, load_settings
+from thumper_tuning.cli.settings import TuneOptions, load_settings
 from thumper_tuning.design.tuning_rules import PiGains
 
 
@@ -16,7 +16,7 @@ def _file(folder: Path, text: str) -> Path:
 
 
 def test_without_a_file_the_defaults_hold() -> None:
-    assert load_settings(None) == TuneSettings()
+    assert load_settings(None) == TuneOptions()
 
 
 def test_the_command_line_comes_before_the_file_and_the_file_before_the_defaults(tmp_path: Path) -> None:
@@ -72,4 +72,4 @@ def test_a_file_that_is_not_there_and_a_rule_that_is_not_known_are_refused(tmp_p
     with pytest.raises(ThumperError, match="cannot read the settings"):
         load_settings(tmp_path / "none.toml")
     with pytest.raises(ThumperError, match=r"--rule = 'magic': there are migo"):
-        TuneSettings().but(rule="magic")
+        TuneOptions().but(rule="magic")

@@ -26,7 +26,7 @@ from thumper_hil.lidars.urg04lx import Urg04Lx
 from thumper_hil.world.scene import Scene
 from thumper_hil.world.start_pose import why_not_here
 from thumper_hil.world.world import World
-from thumper_hil.world.world_history import RecentWorlds
+from thumper_hil.world.world_history import WorldHistory
 
 ELF_OF_BOARD = {kind: firmware_image(kind.name.lower(), "elf") for kind in BoardKind}
 DEFAULT_ELF = ELF_OF_BOARD[BoardKind.TREX]
@@ -91,7 +91,7 @@ class Bench:
         self._ticks = 0
         self._pillars: list[tuple[float, float, float]] = []
         self._remember()
-        self._seen = RecentWorlds(self.world)
+        self._seen = WorldHistory(self.world)
         lidar = Ld19 if options.lidar == "ld19" else Urg04Lx
         self._lidar: Ld19 | Urg04Lx = lidar(
             world=self._seen, pose_at=self._pose_at, base_from_laser=BASE_FROM_LASER, seed=options.seed

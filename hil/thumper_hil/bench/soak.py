@@ -33,10 +33,10 @@ from thumper.common.geometry import Pose2
 from thumper.config.bus import BusOptions
 from thumper.config.robot import RobotConfig, with_ports
 from thumper.runtime.assembly import open_robot
-from thumper.runtime.drive.drive_manager import Mode
+from thumper.runtime.drive.drive_manager import DriveMode
 from thumper.runtime.drive.waypoints import MissionState
-from thumper.runtime.loop import Runtime
-from thumper.runtime.requests import EmergencyStop, Order
+from thumper.runtime.loop import RobotLoop
+from thumper.runtime.requests import EmergencyStop, RobotCommand
 from thumper.runtime.sensor_inputs import BLIND_S
 from thumper.runtime.service.stall_guard import LATE_S, TOLD
 from thumper_hil.bench import Bench, simulation
@@ -135,7 +135,7 @@ def soak(duration_s: float, seed: int = 1) -> Report:
 
 
 def _send_goal(
-    robot: Runtime, visitors: ThreadPoolExecutor, bus: tuple[str, str], place_m: tuple[float, float]
+    robot: RobotLoop, visitors: ThreadPoolExecutor, bus: tuple[str, str], place_m: tuple[float, float]
 ) -> None:
     """Have a new client join, send the goal and leave. No simulated time passes: a seed gives one run.
 
@@ -160,22 +160,22 @@ def _send_goal(
         _attend_until_done(robot, visitors.submit(Event().wait, LATE_S))
 
 
-def _attend_until_done(robot: Runtime, visitor: Future[Any]) -> None:
+def _attend_until_done(robot: RobotLoop, visitor: Future[Any]) -> None:
     while not visitor.done():
         robot.desk.attend()
         wait([visitor], timeout=0.005)
 
 
-def _one_drive(robot: Runtime, bench: Bench, rng: np.random.Generator, report: Report) -> None:
+def _one_drive(robot: RobotLoop, bench: Bench, rng: np.random.Generator, report: Report) -> None:
     report.drives += 1
     name, bad, good = FAULTS[rng.integers(len(FAULTS))]
     at_beat = int(rng.integers(5, 40)) if report.drives % 2 == 0 else -1
     broken = ""
     for beat in range(MOST_BEATS):
         robot.serve_beat()
-        if robot.pilot.mode is Mode.IDLE:
+        if robot.pilot.mode is DriveMode.IDLE:
             break
-        if beat == at_beat and robot.pilot.mode is Mode.DRIVING:
+        if beat == at_beat and robot.pilot.mode is DriveMode.DRIVING:
             broken = name
             report.faults[name] += 1
             _break(robot, bench, name, bad)
@@ -202,16 +202,16 @@ def _one_drive(robot: Runtime, bench: Bench, rng: np.random.Generator, report: R
     report.memory_MB.append(_resident_MB())
 
 
-def _break(robot: Runtime, bench: Bench, name: str, bad: str | float) -> None:
+def _break(robot: RobotLoop, bench: Bench, name: str, bad: str | float) -> None:
     if name == E_STOP:
         robot.inbox.put(EmergencyStop())
     else:
         bench.fault(name, bad)
 
 
-def _must_stop(robot: Runtime, bench: Bench, name: str, report: Report) -> None:
+def _must_stop(robot: RobotLoop, bench: Bench, name: str, report: Report) -> None:
     broke_s = bench.time_s
-    while bench.time_s < broke_s + STOP_S or robot.pilot.mode is Mode.DRIVING:
+    while bench.time_s < broke_s + STOP_S or robot.pilot.mode is DriveMode.DRIVING:
         robot.serve_beat()
         if bench.time_s > broke_s + 3.0 * STOP_S:
             break
@@ -219,11 +219,11 @@ def _must_stop(robot: Runtime, bench: Bench, name: str, report: Report) -> None:
     moving_s = truth[(np.abs(truth[:, 4:6]) > STANDING_RAD_S).any(axis=1), 0]
     stop_s = float(moving_s[-1] - broke_s) if moving_s.size else 0.0
     report.longest_stop_s = max(report.longest_stop_s, stop_s)
-    if stop_s > STOP_S or robot.pilot.mode is Mode.DRIVING:
+    if stop_s > STOP_S or robot.pilot.mode is DriveMode.DRIVING:
         report.complaints.append(f"{name}: the robot stood after {stop_s:.1f} s, then {robot.pilot.reason}")
 
 
-def _way_back(robot: Runtime, bench: Bench, report: Report, after: str) -> None:
+def _way_back(robot: RobotLoop, bench: Bench, report: Report, after: str) -> None:
     """Wait for the lidar and clear what is latched, as the operator would; the next drive shows whether the
     way is open.
     """
@@ -236,7 +236,7 @@ def _way_back(robot: Runtime, bench: Bench, report: Report, after: str) -> None:
         report.complaints.append(f"after {after} there are no scans for {LIDAR_BACK_S:.0f} s")
     telemetry = robot.senses.telemetry
     if telemetry is not None and telemetry.state is State.FAULT:
-        robot.inbox.put(Order(name="clear_fault"))
+        robot.inbox.put(RobotCommand(name="clear_fault"))
         for _ in range(5):
             robot.serve_beat()
     telemetry = robot.senses.telemetry
@@ -245,7 +245,7 @@ def _way_back(robot: Runtime, bench: Bench, report: Report, after: str) -> None:
         report.complaints.append(f"after {after} the board is {state}: {robot.pilot.reason}")
 
 
-def _sees(robot: Runtime) -> bool:
+def _sees(robot: RobotLoop) -> bool:
     situation = robot.senses.perception.situation()
     return situation is not None and situation.scan_age_s < BLIND_S
 

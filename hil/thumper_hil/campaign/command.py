@@ -30,7 +30,7 @@ def campaign(
     from thumper.common.optional_packages import need
     from thumper_hil.campaign.figures import draw
     from thumper_hil.campaign.parquet import write_parquet
-    from thumper_hil.campaign.result_row import Row, succeeded
+    from thumper_hil.campaign.result_row import CampaignRow, succeeded
     from thumper_hil.campaign.result_table import RowStore
     from thumper_hil.campaign.runner import run_jobs
     from thumper_hil.campaign.spec import digest_of, jobs_of, load_campaign
@@ -48,7 +48,7 @@ def campaign(
             "drives", total=len(jobs), completed=sum(r.key in wanted for r in store.rows)
         )
 
-        def show(row: Row) -> None:
+        def show(row: CampaignRow) -> None:
             progress.advance(task)
             if not succeeded(row):
                 progress.console.print(f"{row.key}: {row.reason}, {row.contacts} contacts", highlight=False)

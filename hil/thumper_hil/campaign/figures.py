@@ -7,11 +7,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from thumper.cli.run_report import BLUE, INK, ORANGE
-from thumper_hil.campaign.result_row import MEASURES, Row
+from thumper_hil.campaign.result_row import MEASURES, CampaignRow
 from thumper_hil.campaign.summary import FEW, Summary
 
 
-def draw(path: Path, rows: Sequence[Row], summaries: Sequence[Summary]) -> Path:
+def draw(path: Path, rows: Sequence[CampaignRow], summaries: Sequence[Summary]) -> Path:
     """One panel a measure, one column a group."""
     measures = list(summaries[0].means)
     figure = Figure(figsize=(4.2 * len(measures), 4.5), layout="constrained")

@@ -14,19 +14,19 @@ from thumper.config.robot import RobotConfig, config_from_json, with_ports
 from thumper.navigation.goal import Goal
 from thumper.odometry.wheel_odometry import advance
 from thumper.runtime.assembly import open_robot
-from thumper.runtime.drive_log import SPEED_COLUMNS, MissionLog, speed_errors
-from thumper.runtime.drive_result import MissionResult
+from thumper.runtime.drive_log import SPEED_COLUMNS, DriveLog, speed_errors
+from thumper.runtime.drive_result import DriveResult
 from thumper_hil.bench import Bench
 from thumper_hil.bench.registry import join, leave
 from thumper_hil.campaign.job_digest import content_of
-from thumper_hil.campaign.result_row import Row
-from thumper_hil.campaign.spec import Job
+from thumper_hil.campaign.result_row import CampaignRow
+from thumper_hil.campaign.spec import CampaignJob
 
 HERE = "campaign"
 """The robot's third port, beside board and lidar: it is made and looked at through it."""
 
 
-def run_job(job: Job) -> Row:
+def run_job(job: CampaignJob) -> CampaignRow:
     """Drive, and tell how it went; a drive that the robot refuses or gives up is a row as well.
 
     Raises
@@ -51,7 +51,7 @@ def run_job(job: Job) -> Row:
             job, with_ports(config, board=f"sim://{name}/board", lidar=f"sim://{name}/lidar"), bench
         )
     except ThumperError as error:
-        return Row(
+        return CampaignRow(
             key=job.key,
             mission=mission.name,
             parameters=job.parameters,
@@ -64,13 +64,13 @@ def run_job(job: Job) -> Row:
         leave(name, HERE)
 
 
-def _drive(job: Job, config: RobotConfig, bench: Bench) -> Row:
+def _drive(job: CampaignJob, config: RobotConfig, bench: Bench) -> CampaignRow:
     mission = job.mission
     x_m, y_m, yaw_deg = mission.start
     start = Pose2(x_m=x_m, y_m=y_m, theta_rad=math.radians(yaw_deg))
     goals = [Goal(x_m=x_m, y_m=y_m) for x_m, y_m in (*mission.via, mission.goal)]
     with open_robot(config, start) as robot:
-        result: MissionResult | None = None
+        result: DriveResult | None = None
         for goal in goals:
             result = drive_with_progress(robot, goal, mission.name, Console(quiet=True)).after(result)
             if not result.reached:
@@ -80,7 +80,7 @@ def _drive(job: Job, config: RobotConfig, bench: Bench) -> Row:
     pose_errors_m = _pose_errors_m(robot.log, truth)
     sides = speed_errors(robot.log.speeds).values()
     odometry = _dead_reckoned(robot.log.speeds, start, config.drive)
-    return Row(
+    return CampaignRow(
         key=job.key,
         mission=mission.name,
         parameters=job.parameters,
@@ -100,7 +100,7 @@ def _drive(job: Job, config: RobotConfig, bench: Bench) -> Row:
     )
 
 
-def _pose_errors_m(log: MissionLog, truth: FloatArray) -> FloatArray:
+def _pose_errors_m(log: DriveLog, truth: FloatArray) -> FloatArray:
     """Distance of the estimate from the truth at each beat, shape (n,)."""
     poses = log.poses
     if not len(poses):

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from thumper_hil.campaign.result_row import Row
+from thumper_hil.campaign.result_row import CampaignRow
 
 
-def write_parquet(path: Path, rows: Sequence[Row]) -> Path:
-    """Write all rows, columns typed as in `Row`."""
+def write_parquet(path: Path, rows: Sequence[CampaignRow]) -> Path:
+    """Write all rows, columns typed as in `CampaignRow`."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -11,7 +11,7 @@ def _measure(title: str) -> Any:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class CampaignRow:
     """One drive. Errors are against ground truth."""
 
     key: str
@@ -32,10 +32,12 @@ class Row:
     reason: str
 
 
-MEASURES: dict[str, str] = {one.name: one.metadata["title"] for one in fields(Row) if "title" in one.metadata}
+MEASURES: dict[str, str] = {
+    one.name: one.metadata["title"] for one in fields(CampaignRow) if "title" in one.metadata
+}
 """The figures of a row and their titles."""
 
 
-def succeeded(row: Row) -> bool:
+def succeeded(row: CampaignRow) -> bool:
     """Goal reached, nothing touched."""
     return row.reached and row.contacts == 0

@@ -12,10 +12,10 @@ from typing import Self
 from pydantic import TypeAdapter
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
-from thumper_hil.campaign.result_row import Row
+from thumper_hil.campaign.result_row import CampaignRow
 
-_ADAPTER = TypeAdapter(Row)
-HEADER = [field.name for field in fields(Row)]
+_ADAPTER = TypeAdapter(CampaignRow)
+HEADER = [field.name for field in fields(CampaignRow)]
 
 
 class RowStore:
@@ -40,7 +40,7 @@ class RowStore:
         self._stream = self._path.open("a", encoding="utf-8", newline="")
         self._writer = csv.DictWriter(self._stream, HEADER, lineterminator="\n")
 
-    def _take(self, digest: str) -> list[Row]:
+    def _take(self, digest: str) -> list[CampaignRow]:
         folder = self._path.parent
         try:
             fcntl.flock(self._mark, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -74,7 +74,7 @@ class RowStore:
         self._stream.close()
         self._mark.close()
 
-    def add(self, row: Row) -> None:
+    def add(self, row: CampaignRow) -> None:
         """Keep a row; when this returns it outlasts a crash."""
         self.rows.append(row)
         self._writer.writerow(asdict(row))
@@ -97,7 +97,7 @@ def _mark_of(digest: str) -> str:
     return json.dumps({"digest": digest}) + "\n"
 
 
-def _read(path: Path) -> list[Row]:
+def _read(path: Path) -> list[CampaignRow]:
     """All rows; a last one that a kill cut off is left out. Raises ValueError for other columns or values."""
     text = path.read_text(encoding="utf-8", errors="replace")
     whole = text[: text.rfind("\n") + 1]

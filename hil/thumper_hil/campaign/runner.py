@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 from thumper_hil.campaign.job import run_job
-from thumper_hil.campaign.result_row import Row
+from thumper_hil.campaign.result_row import CampaignRow
 from thumper_hil.campaign.result_table import RowStore
-from thumper_hil.campaign.spec import Job
+from thumper_hil.campaign.spec import CampaignJob
 
 if TYPE_CHECKING:
     from distributed import LocalCluster
@@ -21,12 +21,12 @@ CONNECT_S = 10
 
 
 def run_jobs(
-    jobs: list[Job],
+    jobs: list[CampaignJob],
     store: RowStore,
     *,
     scheduler: str | None,
     workers: int | None,
-    show: Callable[[Row], None],
+    show: Callable[[CampaignRow], None],
 ) -> None:
     """Run what the store does not hold yet, on a local cluster or on the one at `scheduler`.
 

@@ -94,7 +94,7 @@ class Campaign:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
+class CampaignJob:
     """One drive. World, scenario and masks are paths, which a worker on another machine must have as well."""
 
     mission: MissionSpec
@@ -158,7 +158,7 @@ def _why_not(mission: MissionSpec) -> str:
     return ""
 
 
-def jobs_of(campaign: Campaign, folder: Path) -> list[Job]:
+def jobs_of(campaign: Campaign, folder: Path) -> list[CampaignJob]:
     """All jobs, a seed after the other, so that what is there early is a cross-section.
 
     Raises
@@ -173,7 +173,7 @@ def jobs_of(campaign: Campaign, folder: Path) -> list[Job]:
     }
     seeds = range(campaign.seeds.first, campaign.seeds.first + campaign.seeds.count)
     return [
-        Job(
+        CampaignJob(
             mission=mission,
             seed=seed,
             parameters=one.name,
@@ -185,7 +185,7 @@ def jobs_of(campaign: Campaign, folder: Path) -> list[Job]:
     ]
 
 
-def digest_of(jobs: list[Job]) -> str:
+def digest_of(jobs: list[CampaignJob]) -> str:
     """What tells a campaign from another: seeds may be added to one, all else makes it a different one.
 
     Files count by what they say, not by where they lie.
@@ -193,7 +193,7 @@ def digest_of(jobs: list[Job]) -> str:
     return digest(sorted({_without_places(job) for job in jobs}))
 
 
-def _without_places(job: Job) -> str:
+def _without_places(job: CampaignJob) -> str:
     robot = json.loads(job.robot_json)
     robot["navigation"]["masks"] |= {"keepout": "", "speed": ""}
     said = asdict(job) | {"seed": 0, "scenario": "", "robot_json": robot}

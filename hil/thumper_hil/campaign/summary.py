@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import bootstrap
 
-from thumper_hil.campaign.result_row import MEASURES, Row, succeeded
+from thumper_hil.campaign.result_row import MEASURES, CampaignRow, succeeded
 
 CONFIDENCE = 0.95
 Z = 1.959964  # of the normal distribution, two-sided 95 %
@@ -38,7 +38,7 @@ class Summary:
     means: dict[str, Interval]  # of those that reached the goal
 
 
-def summarise(rows: Sequence[Row], measures: Sequence[str]) -> list[Summary]:
+def summarise(rows: Sequence[CampaignRow], measures: Sequence[str]) -> list[Summary]:
     """One summary for each mission and parameter set, in the order of first appearance."""
     summaries = []
     for mission, parameters in dict.fromkeys((row.mission, row.parameters) for row in rows):

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from enum import IntEnum
 
-from thumper_hil.chip.instrumented_chip import LabChip
+from thumper_hil.chip.instrumented_chip import InstrumentedChip
 
 
 class WireFault(IntEnum):
@@ -26,7 +26,7 @@ class SideFaults:
     shorted: bool = False  # the wires touch
 
 
-class FaultyChip(LabChip):
+class FaultyChip(InstrumentedChip):
     """The chip of a robot that breaks on demand. Sides are 0 left, 1 right; all acts from now on."""
 
     def set_side_faults(self, side: int, faults: SideFaults) -> None:

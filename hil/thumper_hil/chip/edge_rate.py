@@ -6,7 +6,7 @@ from pathlib import Path
 from thumper.board.framing import FrameDecoder, encode_frame
 from thumper.board.messages import Board, Identify, Telemetry
 from thumper_hil.chip.chip import CPU_HZ
-from thumper_hil.chip.instrumented_chip import LabChip
+from thumper_hil.chip.instrumented_chip import InstrumentedChip
 from thumper_hil.chip.wiring import ENCODERS
 
 SLICE_CYCLES = CPU_HZ // 200
@@ -31,7 +31,7 @@ def counts_all(
     board: Board = Board.TREX,
 ) -> bool:
     """Drive both encoders, fill `line_share` of the line with requests; true when all edges were counted."""
-    chip = LabChip(elf)
+    chip = InstrumentedChip(elf)
     left, right = ENCODERS[board]
     with chip.edges(left) as left_source, chip.edges(right) as right_source:
         chip.run(SETTLE_CYCLES)

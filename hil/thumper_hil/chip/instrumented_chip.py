@@ -23,7 +23,7 @@ TICK_VECTOR = 11
 """TIMER1_COMPA, the control tick (data sheet, table 11-6)."""
 
 
-class LabChip(Chip):
+class InstrumentedChip(Chip):
     """The simulated chip, with what a programmer, a signal generator and a logic analyser see of it."""
 
     def write_flash(self, address: int, data: bytes) -> None:

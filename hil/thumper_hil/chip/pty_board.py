@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from thumper_hil.chip.chip import CPU_HZ
-from thumper_hil.chip.instrumented_chip import LabChip
+from thumper_hil.chip.instrumented_chip import InstrumentedChip
 
 STEP_S = 0.001
 MOST_BEHIND_S = 0.2  # a machine that was busy does not race after the clock on the wall
@@ -23,7 +23,7 @@ BAUD_OF_SPEED = {
 
 
 @contextmanager
-def on_pty(chip: LabChip) -> Iterator[Path]:
+def on_pty(chip: InstrumentedChip) -> Iterator[Path]:
     """Serve the chip's serial port at the path that this yields, from a thread, until the block ends.
 
     As on a Nano, whose DTR line pulls the reset pin, the chip is reset each time the port is opened. Bytes
@@ -45,7 +45,7 @@ def on_pty(chip: LabChip) -> Iterator[Path]:
         os.close(master)
 
 
-def _serve(chip: LabChip, master: int, stop: threading.Event) -> None:
+def _serve(chip: InstrumentedChip, master: int, stop: threading.Event) -> None:
     poll = select.poll()
     poll.register(master, select.POLLIN)
     is_open = False

@@ -11,7 +11,7 @@ THESIS_SPEED_ERROR_STD_RAD_S = 0.31
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mission:
+class DemoMission:
     """One drive in one world; the world's frame is the map's."""
 
     name: str
@@ -27,7 +27,7 @@ def _facing_goal(start: tuple[float, float], goal: tuple[float, float]) -> Pose2
     return Pose2(x_m=start[0], y_m=start[1], theta_rad=heading_rad)
 
 
-STRAIGHT = Mission(
+STRAIGHT = DemoMission(
     name="straight",
     title="straight run",
     world="lab",
@@ -35,7 +35,7 @@ STRAIGHT = Mission(
     goal_x_m=-0.49,
     goal_y_m=0.02,
 )
-BOX = Mission(
+BOX = DemoMission(
     name="box",
     title="round a paper box",
     world="lab_box",

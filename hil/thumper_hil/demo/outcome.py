@@ -5,22 +5,22 @@ from dataclasses import dataclass
 
 from thumper.common.geometry import FloatArray
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.runtime.drive_log import MissionLog
-from thumper.runtime.drive_result import MissionResult
-from thumper.slam.saved_state import Session
+from thumper.runtime.drive_log import DriveLog
+from thumper.runtime.drive_result import DriveResult
+from thumper.slam.saved_state import SavedSlamState
 from thumper_hil.demo.map_error import MapQuality
-from thumper_hil.demo.missions import TOLERANCE_M, Mission
+from thumper_hil.demo.missions import TOLERANCE_M, DemoMission
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
     """What a mission yielded; `truth` comes from the simulator, the rest from the robot."""
 
-    mission: Mission
-    result: MissionResult
-    log: MissionLog
+    mission: DemoMission
+    result: DriveResult
+    log: DriveLog
     grid: OccupancyGrid
-    session: Session
+    session: SavedSlamState
     truth: FloatArray  # columns time [s], x [m], y [m], heading [rad], ...; 100 rows a second
     collisions: int
     map_quality: MapQuality

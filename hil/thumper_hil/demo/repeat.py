@@ -21,7 +21,7 @@ GOAL_ERROR_LIMIT_M = 0.10  # a quarter of what the thesis asked
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class DriveRow:
     """One mission of one seed; a line of experiment.csv."""
 
     seed: int
@@ -57,7 +57,7 @@ def run_seeds(out: Path, *, first_seed: int, seeds: int, console: Console) -> bo
     """Drive every mission with `seeds` seeds, write table, CSV and picture to `out`; whether all passed."""
     with console.status("loading the compiled kernels (compiling them, the first time)"):
         warm_up(RobotConfig())
-    rows: list[Row] = []
+    rows: list[DriveRow] = []
     outcomes: list[Outcome] = []
     for seed in range(first_seed, first_seed + seeds):
         for mission in MISSIONS:
@@ -74,9 +74,9 @@ def run_seeds(out: Path, *, first_seed: int, seeds: int, console: Console) -> bo
     return all(row.passed for row in rows)
 
 
-def row_of(outcome: Outcome, seed: int) -> Row:
+def row_of(outcome: Outcome, seed: int) -> DriveRow:
     """Reduce an outcome to its line."""
-    return Row(
+    return DriveRow(
         seed=seed,
         mission=outcome.mission.name,
         reached=outcome.result.reached,
@@ -88,7 +88,7 @@ def row_of(outcome: Outcome, seed: int) -> Row:
     )
 
 
-def statistics_of(rows: Sequence[Row]) -> list[MissionStatistic]:
+def statistics_of(rows: Sequence[DriveRow]) -> list[MissionStatistic]:
     """Sum the rows up by mission, in the order in which the missions first appear."""
     statistics = []
     for name in dict.fromkeys(row.mission for row in rows):
@@ -110,7 +110,7 @@ def statistics_of(rows: Sequence[Row]) -> list[MissionStatistic]:
     return statistics
 
 
-def _line(row: Row) -> str:
+def _line(row: DriveRow) -> str:
     verdict = "passed" if row.passed else f"failed: {row.reason}"
     return (
         f"seed {row.seed}, {row.mission}: {row.goal_error_m:.3f} m from the goal, {row.contacts} contacts, "
@@ -143,10 +143,10 @@ def _print_table(statistics: Sequence[MissionStatistic], console: Console) -> No
     console.print(table)
 
 
-def _write_csv(path: Path, rows: Sequence[Row]) -> None:
+def _write_csv(path: Path, rows: Sequence[DriveRow]) -> None:
     with path.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([field.name for field in fields(Row)])
+        writer.writerow([field.name for field in fields(DriveRow)])
         writer.writerows(astuple(row) for row in rows)
 
 

@@ -8,18 +8,18 @@ from urllib.parse import urlencode
 
 from rich.console import Console
 
-from thumper.board.options import BoardConfig
+from thumper.board.options import BoardOptions
 from thumper.bus.serve_robot import on_bus
 from thumper.cli.drive_progress import drive_with_progress, raise_if_interrupted
 from thumper.cli.record_option import recorded
 from thumper.config.robot import RobotConfig
-from thumper.lidar.options import LidarConfig
+from thumper.lidar.options import LidarOptions
 from thumper.navigation.goal import Goal
 from thumper.runtime.assembly import open_robot, warm_up
-from thumper.slam.saved_state import Session
+from thumper.slam.saved_state import SavedSlamState
 from thumper_hil.bench import simulation
 from thumper_hil.demo.map_error import compare_map
-from thumper_hil.demo.missions import MISSIONS, Mission
+from thumper_hil.demo.missions import MISSIONS, DemoMission
 from thumper_hil.demo.outcome import Outcome
 from thumper_hil.demo.results import write_results
 from thumper_hil.world.world import World
@@ -45,7 +45,7 @@ def run_demo(out: Path, *, seed: int, realtime: bool, console: Console, on_the_b
 
 
 def drive_mission(
-    mission: Mission,
+    mission: DemoMission,
     *,
     seed: int,
     realtime: bool,
@@ -67,8 +67,8 @@ def drive_mission(
     if realtime:
         options["pace"] = "realtime"
     config = RobotConfig(
-        board=BoardConfig(port=f"sim://{mission.name}/board?{urlencode(options)}"),
-        lidar=LidarConfig(port=f"sim://{mission.name}/lidar"),
+        board=BoardOptions(port=f"sim://{mission.name}/board?{urlencode(options)}"),
+        lidar=LidarOptions(port=f"sim://{mission.name}/lidar"),
     )
     goal = Goal(x_m=mission.goal_x_m, y_m=mission.goal_y_m)
     started_s = time.perf_counter()
@@ -82,7 +82,7 @@ def drive_mission(
         result = drive_with_progress(robot, goal, mission.title, console)
         raise_if_interrupted(result)
         wall_time_s = time.perf_counter() - started_s
-        grid, session = robot.mapper.grid(), Session.of(robot.mapper, result.map_from_base)
+        grid, session = robot.mapper.grid(), SavedSlamState.of(robot.mapper, result.map_from_base)
     return Outcome(
         mission=mission,
         result=result,

@@ -58,7 +58,7 @@ class Amount:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class FaultSite:
     """The robot is carried somewhere: x [m], y [m], heading [deg]."""
 
     def action(self, value: object) -> Callable[[Switches], None]:
@@ -138,7 +138,7 @@ def _hang_host(switches: Switches, duration_s: float) -> None:
     switches.host_hangs_until_s = switches.chip.time_s + duration_s
 
 
-FAULTS: dict[str, Choice | Amount | Place] = {
+FAULTS: dict[str, Choice | Amount | FaultSite] = {
     **{
         f"encoder.{side}.{channel}": _wire(SIDES[side], CHANNELS[channel])
         for side in SIDES
@@ -180,5 +180,5 @@ FAULTS: dict[str, Choice | Amount | Place] = {
             "unplugged": lambda switches: setattr(switches, "lidar_plugged", False),
         }
     ),
-    "robot.carried": Place(),
+    "robot.carried": FaultSite(),
 }

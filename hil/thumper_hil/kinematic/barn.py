@@ -16,7 +16,7 @@ from thumper.common.geometry import FloatArray, Pose2
 from thumper.navigation.goal import Goal
 from thumper.navigation.options import NavigationOptions
 from thumper_hil.kinematic.closed_loop import Conditions, Run, drive
-from thumper_hil.kinematic.world import World
+from thumper_hil.kinematic.world import KinematicWorld
 
 POST_RADIUS_M = 0.075
 CELL_M = 2.0 * POST_RADIUS_M
@@ -27,13 +27,13 @@ NARROWEST_RADIUS_M = 0.375  # of the recorded worlds: the widest disc that passe
 EXACT = Conditions(pose_noise_m=0.0, pose_noise_rad=0.0, slip=0.0)
 
 
-def recorded_world(folder: Path, index: int, scale: float) -> World:
+def recorded_world(folder: Path, index: int, scale: float) -> KinematicWorld:
     """A published world, everything scaled."""
     centres: FloatArray = np.loadtxt(folder / f"world_{index:03d}_cylinders.csv", delimiter=",", skiprows=1)
     return _posts(centres[:, :2], scale)
 
 
-def made_world(seed: int, scale: float) -> World:
+def made_world(seed: int, scale: float) -> KinematicWorld:
     """A world of the same kind: filled at random, smoothed, kept when its way through is no narrower than
     theirs.
 
@@ -51,9 +51,9 @@ def made_world(seed: int, scale: float) -> World:
             return _posts(np.vstack((inner, _walls())), scale)
 
 
-def _posts(centres_m: FloatArray, scale: float) -> World:
+def _posts(centres_m: FloatArray, scale: float) -> KinematicWorld:
     radii_m = np.full(len(centres_m), POST_RADIUS_M)
-    return World(circles_m=np.column_stack((centres_m, radii_m)) * scale)
+    return KinematicWorld(circles_m=np.column_stack((centres_m, radii_m)) * scale)
 
 
 def _walls() -> FloatArray:
@@ -75,7 +75,7 @@ def _is_passable(filled: NDArray[np.bool_]) -> bool:
     return bool(np.intersect1d(parts[0][parts[0] > 0], parts[-1][parts[-1] > 0]).size)
 
 
-def drive_through(world: World, scale: float, options: NavigationOptions, seed: int = 0) -> Run:
+def drive_through(world: KinematicWorld, scale: float, options: NavigationOptions, seed: int = 0) -> Run:
     """One run from start to goal; nothing is known at first. Exact pose, 1 cm range noise."""
     goal = Goal(x_m=-2.25 * scale, y_m=13.0 * scale)
     return drive(

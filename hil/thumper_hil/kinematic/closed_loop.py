@@ -20,7 +20,7 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.state import Transition
-from thumper_hil.kinematic.world import World
+from thumper_hil.kinematic.world import KinematicWorld
 
 BASE_FROM_LASER = Pose2(x_m=0.12)
 TICK_S, CYCLE_TICKS = 0.02, 5
@@ -103,7 +103,7 @@ class Run:
 
 
 def drive(
-    world: World | Callable[[float], World],
+    world: KinematicWorld | Callable[[float], KinematicWorld],
     start: Pose2,
     goal: Goal,
     area: tuple[float, float, float, float],

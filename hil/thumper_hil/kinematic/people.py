@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
-from thumper.lidar.field_of_view import LidarView
+from thumper.lidar.field_of_view import FieldOfView
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.speed_limits import SpeedLimits
-from thumper_hil.kinematic.world import World
+from thumper_hil.kinematic.world import KinematicWorld
 
 RADIUS_M = 0.20
 STANDING_M_S = 0.06  # what moves slower than this is walked into
@@ -17,7 +17,7 @@ CYCLE_S = 0.1  # between two poses of a drive's track
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Walker:
+class KinematicPedestrian:
     """From one place to another, and to and fro if they return; they stand at the first before `from_s`."""
 
     a_m: tuple[float, float]
@@ -36,13 +36,15 @@ class Walker:
         return place_m
 
 
-def with_people(room: World, walkers: list[Walker], time_s: float) -> World:
+def with_people(room: KinematicWorld, walkers: list[KinematicPedestrian], time_s: float) -> KinematicWorld:
     """The room with everybody where they are now."""
     discs = [[*walker.place_m(time_s), RADIUS_M] for walker in walkers]
-    return World(segments_m=room.segments_m, circles_m=np.vstack((room.circles_m, discs)))
+    return KinematicWorld(segments_m=room.segments_m, circles_m=np.vstack((room.circles_m, discs)))
 
 
-def contact(track: list[Pose2], walkers: list[Walker], time_s: float, limits: SpeedLimits) -> str:
+def contact(
+    track: list[Pose2], walkers: list[KinematicPedestrian], time_s: float, limits: SpeedLimits
+) -> str:
     """What a contact at the end of a drive was: "walked into", "caught from behind" or "drove into somebody".
 
     `track` holds the poses of all cycles until `time_s`. Who touches a robot that stands, or moves away, has
@@ -56,12 +58,12 @@ def contact(track: list[Pose2], walkers: list[Walker], time_s: float, limits: Sp
     return "caught from behind" if seen_s(track, walker, time_s) < stopping_s else "drove into somebody"
 
 
-def seen_s(track: list[Pose2], walker: Walker, time_s: float) -> float:
+def seen_s(track: list[Pose2], walker: KinematicPedestrian, time_s: float) -> float:
     """How long the lidar has had a walker in its view without a break, hidden by others or not [s].
 
     `track` holds the poses of all cycles until `time_s`.
     """
-    view, cycles = LidarView(), 0
+    view, cycles = FieldOfView(), 0
     for pose in reversed(track):
         bearing_rad, range_m = view.polar(pose, walker.place_m(time_s - cycles * CYCLE_S)[None, :])
         if not view.holds(bearing_rad, range_m, edge_rad=0.0)[0]:
@@ -70,7 +72,7 @@ def seen_s(track: list[Pose2], walker: Walker, time_s: float) -> float:
     return cycles * CYCLE_S
 
 
-def push_m_s(before: Pose2, after: Pose2, walker: Walker, time_s: float) -> float:
+def push_m_s(before: Pose2, after: Pose2, walker: KinematicPedestrian, time_s: float) -> float:
     """Speed at which the nearest part of the hull moved toward a walker [m/s].
 
     `before` and `after` are a cycle apart, `after` at `time_s`. It is not above zero when the robot stood, or

@@ -51,21 +51,21 @@ def box(x_m: float, y_m: float, length_m: float, width_m: float, yaw_rad: float 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class World:
+class KinematicWorld:
     """Walls (x0, y0, x1, y1) and posts (x, y, radius) [m]."""
 
     segments_m: FloatArray = field(default_factory=lambda: np.empty((0, 4)))
     circles_m: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
 
     @classmethod
-    def of(cls, *boxes: list[list[float]]) -> "World":
+    def of(cls, *boxes: list[list[float]]) -> "KinematicWorld":
         """Return a world of boxes."""
         return cls(segments_m=np.array([wall for walls in boxes for wall in walls], dtype=np.float64))
 
-    def joined(self, *boxes: list[list[float]]) -> "World":
+    def joined(self, *boxes: list[list[float]]) -> "KinematicWorld":
         """Return this world with more boxes."""
-        added = World.of(*boxes).segments_m
-        return World(segments_m=np.vstack((self.segments_m, added)), circles_m=self.circles_m)
+        added = KinematicWorld.of(*boxes).segments_m
+        return KinematicWorld(segments_m=np.vstack((self.segments_m, added)), circles_m=self.circles_m)
 
     def cast(self, pose: Pose2, angles_rad: FloatArray, far_m: float) -> FloatArray:
         """Ranges of a lidar at `pose`, beams at `angles_rad` in its own frame."""

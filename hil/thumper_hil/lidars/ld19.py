@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
-from thumper_hil.world.world_history import Surroundings, cast_from_robot
+from thumper_hil.world.world_history import WorldAt, cast_from_robot
 
 POINTS_PER_S = 4500.0
 POINTS_PER_FRAME = 12
@@ -59,7 +59,7 @@ class Ld19:
     def __init__(
         self,
         *,
-        world: Surroundings,
+        world: WorldAt,
         pose_at: Callable[[FloatArray], FloatArray],
         base_from_laser: Pose2,
         seed: int,

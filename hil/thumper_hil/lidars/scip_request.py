@@ -10,7 +10,7 @@ FIXED_SETTINGS = {b"CR": 2, b"HS": 1, b"DB": 2}
 """Motor speed, sensitivity and simulated faults, and their digits: this device has one of each."""
 
 
-class RefusedError(ValueError):
+class ScipRefusedError(ValueError):
     """A request that gets a status other than 00; the two characters are the message."""
 
 
@@ -54,21 +54,21 @@ class MeasureRequest:
         """
         widths = (4, 4, 2, 1, 2) if command[:1] == b"M" else (4, 4, 2)
         if len(parameters) < sum(widths):
-            raise RefusedError("0C")
+            raise ScipRefusedError("0C")
         if len(parameters) > sum(widths):
-            raise RefusedError("0E")
+            raise ScipRefusedError("0E")
         fields, start = [], 0
         for width, status in zip(widths, ("01", "02", "03", "06", "07"), strict=False):
             text = parameters[start : start + width]
             if not text.isdigit():
-                raise RefusedError(status)
+                raise ScipRefusedError(status)
             fields.append(int(text))
             start += width
         first_step, last_step, cluster, *rest = fields
         if last_step > LAST_MEASURABLE_STEP:
-            raise RefusedError("04")
+            raise ScipRefusedError("04")
         if last_step < first_step:
-            raise RefusedError("05")
+            raise ScipRefusedError("05")
         skip, count = rest or (0, 1)
         return cls(
             command=command,
@@ -91,11 +91,11 @@ def split_line(line: bytes) -> tuple[bytes, bytes, bytes]:
     """
     body, semicolon, remark = line.partition(b";")
     if not re.fullmatch(rb"[A-Z%]{2}[ -~]*", body):
-        raise RefusedError("0D")
+        raise ScipRefusedError("0D")
     if len(remark) > MAX_REMARK_CHARS:
-        raise RefusedError("0G")
+        raise ScipRefusedError("0G")
     if not re.fullmatch(rb"[A-Za-z0-9 ._+@]*", remark):
-        raise RefusedError("0H")
+        raise ScipRefusedError("0H")
     return body[:2], body[2:], semicolon + remark
 
 

@@ -17,12 +17,12 @@ from thumper_hil.lidars.scip_request import (
     FIXED_SETTINGS,
     LAST_MEASURABLE_STEP,
     MeasureRequest,
-    RefusedError,
+    ScipRefusedError,
     fixed_setting_status,
     split_line,
 )
 from thumper_hil.lidars.urg_noise import RANGE_MAX_MM, RANGE_MIN_MM, CodeArray, device_bias, measure_mm
-from thumper_hil.world.world_history import Surroundings, cast_from_robot
+from thumper_hil.world.world_history import WorldAt, cast_from_robot
 
 STEPS_PER_TURN = 1024
 FRONT_STEP, FIRST_STEP, LAST_STEP = 384, 44, 725
@@ -63,7 +63,7 @@ class Urg04Lx:
     def __init__(
         self,
         *,
-        world: Surroundings,
+        world: WorldAt,
         pose_at: Callable[[FloatArray], FloatArray],
         base_from_laser: Pose2,
         seed: int,
@@ -134,7 +134,7 @@ class Urg04Lx:
     def _answer(self, line: bytes) -> None:
         try:
             reply = self._obey(line)
-        except RefusedError as refusal:
+        except ScipRefusedError as refusal:
             reply = status_reply(line, str(refusal).encode("ascii"))
         if reply is not None:
             self._send(reply, ANSWER_S)
@@ -142,7 +142,7 @@ class Urg04Lx:
     def _obey(self, line: bytes) -> bytes | None:
         command, parameters, remark = split_line(line)
         if self._adjusting and command not in {b"TM", b"RS"}:
-            raise RefusedError(
+            raise ScipRefusedError(
                 "0A"
             )  # "will not accept any other commands"; with which status it does not say
         if command in {b"MD", b"MS", b"GD", b"GS"}:
@@ -154,7 +154,7 @@ class Urg04Lx:
         if command in FIXED_SETTINGS:
             return status_reply(line, fixed_setting_status(command, parameters))
         if parameters:
-            raise RefusedError("0E")
+            raise ScipRefusedError("0E")
         match command:
             case b"VV":
                 return table_reply(line, IDENTITY)
@@ -174,7 +174,7 @@ class Urg04Lx:
                 self._adjusting = False
                 self._booted_s = self._now_s
                 return status_reply(line, b"00")
-        raise RefusedError("0E")
+        raise ScipRefusedError("0E")
 
     def _state(self) -> dict[str, str]:
         return {
@@ -209,13 +209,13 @@ class Urg04Lx:
                 self._adjusting = False
                 return status_reply(line, b"00")
         misuse = {b"0": "02", b"2": "03", b"1": "04"}
-        raise RefusedError(misuse.get(parameters, "01" if parameters else "0C"))
+        raise ScipRefusedError(misuse.get(parameters, "01" if parameters else "0C"))
 
     def _measure(self, line: bytes, request: MeasureRequest) -> bytes | None:
         if request.streams:
             self._light()
         elif not self._is_lit():
-            raise RefusedError("10")
+            raise ScipRefusedError("10")
         self._request = request
         self._requested_s = self._now_s if request.streams else self._lit_s
         self._remaining = request.count

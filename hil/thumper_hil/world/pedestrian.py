@@ -17,7 +17,7 @@ class Timed:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Walker:
+class Pedestrian:
     """A person as the lidar sees one: a circle that walks its waypoints, shape (n, 2), to and fro."""
 
     waypoints_m: FloatArray

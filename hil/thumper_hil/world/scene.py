@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from thumper.common.geometry import FloatArray
-from thumper_hil.world.pedestrian import Timed, Walker
+from thumper_hil.world.pedestrian import Pedestrian, Timed
 from thumper_hil.world.segment_raycast import polygon_clearance_m
 from thumper_hil.world.world import World, box_corners, box_sides
 
@@ -68,7 +68,7 @@ class Scene:
 class _Person:
     """Where somebody is on the way to and fro."""
 
-    def __init__(self, walker: Walker) -> None:
+    def __init__(self, walker: Pedestrian) -> None:
         self.walker = walker
         steps_m = np.hypot(*np.diff(walker.waypoints_m, axis=0).T)
         self._along_m = np.concatenate([[0.0], np.cumsum(steps_m)])

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from thumper_hil.world.occupancy import SolidGrid
-from thumper_hil.world.pedestrian import Timed, Walker
+from thumper_hil.world.pedestrian import Pedestrian, Timed
 from thumper_hil.world.segment_raycast import cast_rays, mark_inside, mark_touched, polygon_clearance_m
 from thumper_hil.world.world_file import read_world_file
 
@@ -33,7 +33,7 @@ class World:
     boxes_m: tuple[FloatArray, ...] = ()  # corners, shape (4, 2) each
     grid: SolidGrid | None = None
     timed: tuple[Timed, ...] = ()
-    walkers: tuple[Walker, ...] = ()
+    walkers: tuple[Pedestrian, ...] = ()
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Self:

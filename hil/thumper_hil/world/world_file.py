@@ -12,7 +12,7 @@ import numpy as np
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray
-from thumper_hil.world.pedestrian import Timed, Walker
+from thumper_hil.world.pedestrian import Pedestrian, Timed
 
 WORLDS = Path(__file__).resolve().parent.parent / "worlds"
 
@@ -34,7 +34,7 @@ class WorldShapes:
     circles: FloatArray
     boxes: tuple[tuple[float, float, float, float, float], ...]
     timed: tuple[Timed, ...] = ()
-    walkers: tuple[Walker, ...] = ()
+    walkers: tuple[Pedestrian, ...] = ()
     map_path: Path | None = None
 
 
@@ -136,12 +136,12 @@ def _timed(where: str, table: dict[str, Any], thing: Timed) -> Timed:
     return replace(thing, from_s=from_s, until_s=until_s)
 
 
-def _person(where: str, table: dict[str, Any]) -> Walker:
+def _person(where: str, table: dict[str, Any]) -> Pedestrian:
     filled = {"speed_m_s": PERSON_SPEED_M_S, "radius_m": PERSON_RADIUS_M, "from_s": 0.0, **table}
     points = _points(where, table, "waypoints_m")
     if any(a == b for a, b in itertools.pairwise(points)):
         raise _BadWorldError(f"{where}waypoints_m: two waypoints in a row are the same")
-    return Walker(
+    return Pedestrian(
         waypoints_m=np.array(points, np.float64),
         speed_m_s=_positive(filled, "speed_m_s", where),
         radius_m=_positive(filled, "radius_m", where),

@@ -13,7 +13,7 @@ REMEMBERED = 32
 """Worlds: a turn of 0.1 s and what a reader lags behind, at one world each 10 ms."""
 
 
-class Surroundings(Protocol):
+class WorldAt(Protocol):
     """What a lidar looks into."""
 
     def cast_at(
@@ -24,7 +24,7 @@ class Surroundings(Protocol):
 
 
 def cast_from_robot(
-    world: Surroundings,
+    world: WorldAt,
     pose_at: Callable[[FloatArray], FloatArray],
     base_from_laser: Pose2,
     times_s: FloatArray,
@@ -45,7 +45,7 @@ def cast_from_robot(
     )
 
 
-class RecentWorlds:
+class WorldHistory:
     """A world that changes: each ray meets the one whose time is nearest to its own."""
 
     def __init__(self, world: World, time_s: float = 0.0) -> None:
@@ -60,7 +60,7 @@ class RecentWorlds:
     def cast_at(
         self, times_s: FloatArray, x_m: FloatArray, y_m: FloatArray, angles_rad: FloatArray
     ) -> FloatArray:
-        """See `Surroundings`."""
+        """See `WorldAt`."""
         known_s = np.array(self._times_s)
         nearest = np.searchsorted(0.5 * (known_s[1:] + known_s[:-1]), times_s, side="right")
         ranges_m = np.empty(times_s.size)

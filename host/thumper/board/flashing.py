@@ -22,7 +22,7 @@ MISMATCH = re.compile(r"verification error|content mismatch|doesn't match", re.I
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
+class FlashJob:
     """What is written where."""
 
     port: str
@@ -36,7 +36,7 @@ class Job:
         return UPLOAD_BAUD[self.bootloader]
 
 
-def flash_board(job: Job, *, tool: str) -> None:
+def flash_board(job: FlashJob, *, tool: str) -> None:
     """Write and verify; `tool` is avrdude, pio or auto.
 
     Raises
@@ -103,7 +103,7 @@ def _run(command: list[str], timeout_s: float) -> tuple[int, str]:
     return result.returncode, result.stdout + result.stderr
 
 
-def _explain(job: Job, tool: str, executable: str, output: str) -> ThumperError:
+def _explain(job: FlashJob, tool: str, executable: str, output: str) -> ThumperError:
     if MISMATCH.search(output):
         return ThumperError(
             f"{job.port}: the flash does not read back as written; flash again, or the chip is worn out"

@@ -5,7 +5,7 @@ from typing import Literal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BoardConfig:
+class BoardOptions:
     """Where the motor board is."""
 
     port: str = "/dev/ttyUSB0"

@@ -8,7 +8,7 @@ from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 SILENCE_S = 5.0  # a status comes each beat; each 4.5 s at worst while the robot looks for its board
 
 
-class Pulse:
+class HeartbeatSender:
     """Hears a robot's status, whatever else its owner waits for."""
 
     def __init__(self, client: BusClient) -> None:

@@ -13,15 +13,15 @@ from thumper.ros.from_ros import pose_of, twist_of
 from thumper.ros.topics import TOPICS, Direction
 from thumper.runtime.requests import (
     COMMANDS,
-    Ask,
-    Channel,
     EmergencyStop,
     GoTo,
     Heartbeat,
-    Order,
-    Relocate,
+    Query,
     Request,
-    Simulate,
+    RobotCommand,
+    SetPose,
+    SimulatorCommand,
+    TeleopSource,
     Velocity,
 )
 
@@ -50,7 +50,7 @@ QUESTIONS = (
 )
 
 
-class RefusedError(ValueError):
+class RequestRefusedError(ValueError):
     """What came in is not let through; the message says why."""
 
 
@@ -71,31 +71,31 @@ class Gate:
         try:
             known = TOPICS.get(topic)
             if known is None or known.direction is not Direction.IN:
-                raise RefusedError("no such topic takes messages")
+                raise RequestRefusedError("no such topic takes messages")
             self._check(topic, len(raw), source, now_s)
             return _READERS[topic](decode(raw, known.type_name), source)
         except ValueError as error:
-            raise RefusedError(f"{topic}: {error}") from error
+            raise RequestRefusedError(f"{topic}: {error}") from error
 
     def question(
         self, name: str, raw: bytes, source: str, now_s: float, reply: Callable[[Mapping[str, Any]], None]
-    ) -> Ask:
+    ) -> Query:
         """Return what a query asks; its payload is a JSON object or nothing. Raises RefusedError."""
         try:
             if name not in QUESTIONS:
-                raise RefusedError(f"no such question; there are {', '.join(QUESTIONS)}")
+                raise RequestRefusedError(f"no such question; there are {', '.join(QUESTIONS)}")
             self._check(f"?{name}", len(raw), source, now_s)
-            return Ask(
+            return Query(
                 name=name, content=json_object(raw.decode()) if raw else {}, reply=reply, source=source
             )
         except ValueError as error:
-            raise RefusedError(f"{name}: {error}") from error
+            raise RequestRefusedError(f"{name}: {error}") from error
 
     def _check(self, name: str, size_bytes: int, source: str, now_s: float) -> None:
         if size_bytes > MOST_BYTES:
-            raise RefusedError(f"{size_bytes} bytes are too many")
+            raise RequestRefusedError(f"{size_bytes} bytes are too many")
         if len(source) > MOST_SOURCE_CHARACTERS or not source.isprintable():
-            raise RefusedError("the sender's name is too long or not printable")
+            raise RequestRefusedError("the sender's name is too long or not printable")
         if name == "estop":
             return  # no flood may keep it out
         rate_Hz = RATES_HZ.get(name, USUAL_RATE_HZ)
@@ -104,14 +104,14 @@ class Gate:
         passes = left >= 1.0  # what is refused costs nothing: who floods gets his share, and so do the others
         self._allowance[name] = (left - passes, now_s)
         if not passes:
-            raise RefusedError(f"more than {rate_Hz:g} messages a second")
+            raise RequestRefusedError(f"more than {rate_Hz:g} messages a second")
 
 
 def json_object(text: str) -> dict[str, Any]:
     """A JSON object whose numbers are finite; raises RefusedError."""
 
     def refuse(constant: str) -> float:
-        raise RefusedError(f"{constant} is no number")
+        raise RequestRefusedError(f"{constant} is no number")
 
     def finite(digits: str) -> float:
         value = float(digits)
@@ -124,9 +124,9 @@ def json_object(text: str) -> dict[str, Any]:
     try:
         content = json.loads(text, parse_constant=refuse, parse_float=finite, parse_int=whole)
     except (ValueError, RecursionError) as error:
-        raise RefusedError(f"no JSON: {error}") from error
+        raise RequestRefusedError(f"no JSON: {error}") from error
     if not isinstance(content, dict):
-        raise RefusedError("give a JSON object")
+        raise RequestRefusedError("give a JSON object")
     return content
 
 
@@ -140,12 +140,12 @@ def _check_place(place: Pose2) -> None:
     try:
         check_place("the place", place.x_m, place.y_m)
     except ThumperError as error:
-        raise RefusedError(str(error)) from error
+        raise RequestRefusedError(str(error)) from error
 
 
 def _check_frame(frame: str) -> None:
     if frame not in ("map", ""):
-        raise RefusedError(f"frame {frame!r}: give it in the frame map")
+        raise RequestRefusedError(f"frame {frame!r}: give it in the frame map")
 
 
 def _read_goal(of: Message, source: str) -> Request:
@@ -156,7 +156,7 @@ def _read_goal(of: Message, source: str) -> Request:
 def _read_waypoints(of: Message, source: str) -> Request:
     _check_frame(of.header.frame_id)
     if not 0 < len(of.poses) <= MOST_WAYPOINTS:
-        raise RefusedError(f"{len(of.poses)} waypoints: give 1...{MOST_WAYPOINTS}")
+        raise RequestRefusedError(f"{len(of.poses)} waypoints: give 1...{MOST_WAYPOINTS}")
     return GoTo(goals=tuple(_goal(stamped.pose) for stamped in of.poses), source=source)
 
 
@@ -164,14 +164,16 @@ def _read_initial_pose(of: Message, _source: str) -> Request:
     _check_frame(of.header.frame_id)
     place = pose_of(of.pose.pose)
     _check_place(place)
-    return Relocate(map_from_base=place)
+    return SetPose(map_from_base=place)
 
 
-def _velocity(channel: Channel) -> Callable[[Message, str], Request]:
+def _velocity(channel: TeleopSource) -> Callable[[Message, str], Request]:
     def read(of: Message, source: str) -> Request:
         twist: Twist2 = twist_of(of.twist)
         if abs(twist.v_m_s) > FASTEST_M_S or abs(twist.w_rad_s) > FASTEST_RAD_S:
-            raise RefusedError(f"{twist.v_m_s:g} m/s, {twist.w_rad_s:g} rad/s is no speed of this robot")
+            raise RequestRefusedError(
+                f"{twist.v_m_s:g} m/s, {twist.w_rad_s:g} rad/s is no speed of this robot"
+            )
         return Velocity(channel=channel, twist=twist, source=source)
 
     return read
@@ -179,18 +181,18 @@ def _velocity(channel: Channel) -> Callable[[Message, str], Request]:
 
 def _read_command(of: Message, _source: str) -> Request:
     if of.data not in COMMANDS:
-        raise RefusedError(f"no such command; there are {', '.join(COMMANDS)}")
-    return EmergencyStop() if of.data == "estop" else Order(name=of.data)
+        raise RequestRefusedError(f"no such command; there are {', '.join(COMMANDS)}")
+    return EmergencyStop() if of.data == "estop" else RobotCommand(name=of.data)
 
 
 _READERS: Mapping[str, Callable[[Message, str], Request | None]] = {
     "goal": _read_goal,
     "waypoints": _read_waypoints,
     "initialpose": _read_initial_pose,
-    "teleop": _velocity(Channel.TELEOP),
-    "gamepad": _velocity(Channel.GAMEPAD),
+    "teleop": _velocity(TeleopSource.TELEOP),
+    "gamepad": _velocity(TeleopSource.GAMEPAD),
     "heartbeat": lambda _of, source: Heartbeat(source=source),
     "estop": lambda of, _source: EmergencyStop() if of.data else None,  # let go of: nothing; it is latched
     "command": _read_command,
-    "simulator/command": lambda of, _source: Simulate(content=json_object(of.data)),
+    "simulator/command": lambda of, _source: SimulatorCommand(content=json_object(of.data)),
 }

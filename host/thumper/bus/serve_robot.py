@@ -7,12 +7,12 @@ from contextlib import ExitStack, contextmanager
 from thumper.bus.server import BusServer
 from thumper.common.errors import ThumperError
 from thumper.config.bus import BusOptions
-from thumper.runtime.loop import Runtime
-from thumper.runtime.requests import Notice
+from thumper.runtime.loop import RobotLoop
+from thumper.runtime.requests import LogMessage
 
 
 @contextmanager
-def on_bus_if_free(robot: Runtime, name: str, options: BusOptions) -> Iterator[None]:
+def on_bus_if_free(robot: RobotLoop, name: str, options: BusOptions) -> Iterator[None]:
     """Let a drive be watched and stopped over the bus; it does not depend on it."""
     with ExitStack() as stack:
         try:
@@ -23,7 +23,7 @@ def on_bus_if_free(robot: Runtime, name: str, options: BusOptions) -> Iterator[N
 
 
 @contextmanager
-def on_bus(robot: Runtime, name: str, options: BusOptions) -> Iterator[BusServer]:
+def on_bus(robot: RobotLoop, name: str, options: BusOptions) -> Iterator[BusServer]:
     """Publish what `robot` makes and let others ask of it.
 
     Raises
@@ -31,7 +31,7 @@ def on_bus(robot: Runtime, name: str, options: BusOptions) -> Iterator[BusServer
     ThumperError
         The address is taken.
     """
-    server = BusServer(name, options, robot.inbox, lambda text: robot.inbox.put(Notice(text=text)))
+    server = BusServer(name, options, robot.inbox, lambda text: robot.inbox.put(LogMessage(text=text)))
     robot.products.add(server.publish)
     try:
         yield server

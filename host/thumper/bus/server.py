@@ -14,12 +14,12 @@ from typing import Any
 
 import zenoh
 
-from thumper.bus.request_decoder import QUESTIONS, Gate, RefusedError
+from thumper.bus.request_decoder import QUESTIONS, Gate, RequestRefusedError
 from thumper.bus.zenoh_session import open_listener
 from thumper.config.bus import BusOptions
 from thumper.ros.codec import Message, encode
 from thumper.ros.topics import TOPICS, Direction
-from thumper.runtime.service.request_queue import Inbox
+from thumper.runtime.service.request_queue import RequestQueue
 
 MOST_QUEUED = 256  # about two seconds of everything
 
@@ -43,7 +43,9 @@ class BusServer:
         The address is taken.
     """
 
-    def __init__(self, robot: str, options: BusOptions, inbox: Inbox, tell: Callable[[str], None]) -> None:
+    def __init__(
+        self, robot: str, options: BusOptions, inbox: RequestQueue, tell: Callable[[str], None]
+    ) -> None:
         """`tell` is given a line for people; it is called from other threads and must not wait."""
         self.figures = BusFigures()
         self._prefix = f"thumper/{robot}/"
@@ -121,7 +123,7 @@ class BusServer:
             request = self._gate.message(
                 topic, sample.payload.to_bytes(), _source(sample.attachment), time.monotonic()
             )
-        except RefusedError as error:
+        except RequestRefusedError as error:
             self._refuse(error)
         else:
             if request is not None:
@@ -139,7 +141,7 @@ class BusServer:
             self._inbox.put(
                 self._gate.question(name, raw, _source(query.attachment), time.monotonic(), reply)
             )
-        except RefusedError as error:
+        except RequestRefusedError as error:
             self._refuse(error)
             reply({"ok": False, "error": str(error)})
 
@@ -149,7 +151,7 @@ class BusServer:
             query.reply(query.key_expr, raw)
         query.drop()  # type: ignore[no-untyped-call]
 
-    def _refuse(self, error: RefusedError) -> None:
+    def _refuse(self, error: RequestRefusedError) -> None:
         self.figures.refused += 1
         if time.monotonic() - self._told_s > 1.0:  # one line a second tells as much as a thousand
             self._told_s = time.monotonic()

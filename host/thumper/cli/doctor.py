@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from thumper.doctor.verdicts import Check
+from thumper.doctor.check import Check
 
 KNOWN_USB = {
     (0x15D1, 0x0000): "Hokuyo lidar",

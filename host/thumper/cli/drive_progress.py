@@ -5,16 +5,15 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
 from thumper.navigation.goal import Goal
-from thumper.runtime.drive_result import MissionResult
-from thumper.runtime.drive_result import Progress as Beat
-from thumper.runtime.loop import Runtime
+from thumper.runtime.drive_result import DriveProgress, DriveResult
+from thumper.runtime.loop import RobotLoop
 
 PLAIN_PERIOD_S = 1.0
 
 
 def drive_with_progress(
-    robot: Runtime, goal: Goal, name: str, console: Console, *, clear_fault: bool = False
-) -> MissionResult:
+    robot: RobotLoop, goal: Goal, name: str, console: Console, *, clear_fault: bool = False
+) -> DriveResult:
     """Drive to the goal and show how far it still is: a bar on a terminal, else a line a second."""
     with Progress(
         TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[state]}"), console=console
@@ -22,17 +21,17 @@ def drive_with_progress(
         task = progress.add_task(name, total=None, state="looking round")
         farthest_m, next_line_s = 0.0, 0.0
 
-        def show(beat: Beat) -> None:
+        def show(cycle: DriveProgress) -> None:
             nonlocal farthest_m, next_line_s
-            farthest_m = max(farthest_m, beat.distance_to_goal_m)
-            state = f"{beat.distance_to_goal_m:5.2f} m to go, {beat.time_s:5.1f} s"
-            if not (console.is_terminal or console.quiet) and beat.time_s >= next_line_s:
+            farthest_m = max(farthest_m, cycle.distance_to_goal_m)
+            state = f"{cycle.distance_to_goal_m:5.2f} m to go, {cycle.time_s:5.1f} s"
+            if not (console.is_terminal or console.quiet) and cycle.time_s >= next_line_s:
                 print(f"{name}: {state}", flush=True)
-                next_line_s = beat.time_s + PLAIN_PERIOD_S
+                next_line_s = cycle.time_s + PLAIN_PERIOD_S
             progress.update(
                 task,
                 total=farthest_m,
-                completed=farthest_m - beat.distance_to_goal_m,
+                completed=farthest_m - cycle.distance_to_goal_m,
                 state=state,
             )
 
@@ -44,13 +43,13 @@ def drive_with_progress(
     return result
 
 
-def print_notes(robot: Runtime, console: Console) -> None:
+def print_notes(robot: RobotLoop, console: Console) -> None:
     """Say what was wrong with the lidar's scans and the wheels on the way, one line a kind with its count."""
     for line in robot.senses.perception.notes().values():
         console.print(f"note: {line}", markup=False, soft_wrap=True)
 
 
-def raise_if_interrupted(result: MissionResult) -> None:
+def raise_if_interrupted(result: DriveResult) -> None:
     """End a command that would drive on: Ctrl-C means all of it; the robot stands already."""
     if result.interrupted:
         raise ThumperError(result.reason, exit_code=EXIT_INTERRUPTED)

@@ -44,10 +44,10 @@ def edit(
     from thumper.cli.output_folder import prepare_output
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.maps.edit import cropped, filled, rotated, trimmed
-    from thumper.maps.hit_counts import Counts
+    from thumper.maps.hit_counts import HitCounts
     from thumper.maps.map_server_io import description_path, load_turned_map, save_map
     from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
-    from thumper.slam.saved_state import Session, save_session
+    from thumper.slam.saved_state import SavedSlamState, save_session
 
     boxes = [
         (word, state, [_box(f"--{option} {text}", text) for text in given or []])
@@ -92,7 +92,9 @@ def edit(
     prepare_output(out.parent)
     pose = _saved_pose(file, grid.resolution_m, math.radians(rotate))
     image = save_map(grid, out)
-    session = save_session(Session(counts=Counts.of(grid), map_from_base=pose), out.with_suffix(".session"))
+    session = save_session(
+        SavedSlamState(counts=HitCounts.of(grid), map_from_base=pose), out.with_suffix(".session")
+    )
     print(f"{file}: {', '.join(done)}; {_words(grid)}: {out}, {image.name} and {session.name}")
 
 

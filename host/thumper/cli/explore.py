@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
     from thumper.navigation.goal import Goal
     from thumper.navigation.planners.frontier_exploration import Explorer
-    from thumper.runtime.drive_result import MissionResult
-    from thumper.runtime.loop import Runtime
+    from thumper.runtime.drive_result import DriveResult
+    from thumper.runtime.loop import RobotLoop
 
 HOME_TOLERANCE_M = 0.15
 
@@ -99,8 +99,8 @@ def explore(
 
 
 def _explore(
-    robot: "Runtime", explorer: "Explorer", limit_s: float, home: "Goal", console: "Console"
-) -> "tuple[str, MissionResult]":
+    robot: "RobotLoop", explorer: "Explorer", limit_s: float, home: "Goal", console: "Console"
+) -> "tuple[str, DriveResult]":
     """Drive from frontier to frontier; returns why it ended, in words, and how the last drive did.
 
     The result's time and way are those of all drives.
@@ -133,7 +133,7 @@ def _explore(
     return f"{why} after {spent_s:.0f} s: of {tried} frontiers {reached} were reached", result
 
 
-def _home(robot: "Runtime", last: "MissionResult", home: "Goal", console: "Console") -> "MissionResult":
+def _home(robot: "RobotLoop", last: "DriveResult", home: "Goal", console: "Console") -> "DriveResult":
     """Drive home; a robot that cannot leaves what it has mapped all the same."""
     from thumper.cli.drive_progress import drive_with_progress
     from thumper.common.errors import ThumperError
@@ -145,7 +145,7 @@ def _home(robot: "Runtime", last: "MissionResult", home: "Goal", console: "Conso
     return back.after(last)
 
 
-def _here(robot: "Runtime") -> "Goal":
+def _here(robot: "RobotLoop") -> "Goal":
     """Where it stands, to come back to; raises ThumperError when it does not know that."""
     from thumper.common.errors import ThumperError
     from thumper.navigation.goal import Goal

@@ -48,14 +48,14 @@ def flash(
 
     from thumper.board.board import Board
     from thumper.board.firmware_image import firmware_image
-    from thumper.board.flashing import Job, flash_board
+    from thumper.board.flashing import FlashJob, flash_board
     from thumper.common.errors import EXIT_USAGE, ThumperError
 
     if hex_file is not None and not hex_file.is_file():
         raise ThumperError(
             f"{hex_file}: no such file; without --hex it is what `make firmware` built", exit_code=EXIT_USAGE
         )
-    job = Job(
+    job = FlashJob(
         port=port,
         hex_file=hex_file or firmware_image(board.value, "hex"),
         board=board.value,

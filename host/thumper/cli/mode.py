@@ -8,7 +8,7 @@ import typer
 from thumper.cli.bus_options import Address, Config, Robot, join
 
 
-class Mode(StrEnum):
+class SlamMode(StrEnum):
     """What to do with the map, and the robot's command for it."""
 
     LOCALISE = "localise"
@@ -16,12 +16,12 @@ class Mode(StrEnum):
     SEARCH = "search"
 
 
-COMMAND_OF = {Mode.LOCALISE: "localise", Mode.MAP: "map_on", Mode.SEARCH: "relocalise"}
+COMMAND_OF = {SlamMode.LOCALISE: "localise", SlamMode.MAP: "map_on", SlamMode.SEARCH: "relocalise"}
 
 
 def mode(
     what: Annotated[
-        Mode,
+        SlamMode,
         typer.Argument(
             help="localise: keep the map as it is, and know the place in it. map: go on mapping, in a loaded "
             "map (`run --map`) too. search: forget the pose, and look for it in the whole map."

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from thumper.cli.plan_queries import Query
+    from thumper.cli.plan_queries import PlanQuery
     from thumper.common.geometry import FloatArray
     from thumper.maps.occupancy_grid import OccupancyGrid
     from thumper.navigation.costmap.costmap import Costmap
@@ -52,11 +52,11 @@ def plan(
 
     import numpy as np
 
-    from thumper.cli.plan_queries import Query, read_queries
+    from thumper.cli.plan_queries import PlanQuery, read_queries
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.config.robot import load_config
     from thumper.maps.map_server_io import load_map
-    from thumper.navigation.controllers.speed_limiter import SpeedRule
+    from thumper.navigation.controllers.speed_limiter import SpeedLimiter
     from thumper.navigation.costmap.costmap import build_costmap
     from thumper.navigation.costmap.filters import is_closed, load_masks
     from thumper.navigation.costmap.footprint_collision import category_at
@@ -83,7 +83,7 @@ def plan(
         dataclasses.replace(options.masks, **{name: str(path) for name, path in given.items() if path})
     )
     chosen = make_planner(options, settings.footprint)
-    rule = SpeedRule(options.limits, approach_m_s=options.approach_m_s, mask=masks.speed)
+    rule = SpeedLimiter(options.limits, approach_m_s=options.approach_m_s, mask=masks.speed)
     grid = load_map(file)
     costmap = build_costmap(grid, np.empty((0, 2)), settings.footprint, options.costmap, masks.keepout)
     if batch is not None:
@@ -91,7 +91,7 @@ def plan(
     else:
         assert start is not None  # checked above
         assert goal is not None
-        queries = [Query(start_m=start, goal_m=goal)]
+        queries = [PlanQuery(start_m=start, goal_m=goal)]
     if options.planner != "carrot":
         _answer(
             chosen, costmap, queries[0], tolerance, heading
@@ -124,7 +124,7 @@ def plan(
 
 
 def _answer(
-    planner: "Planner", costmap: "Costmap", query: "Query", tolerance_m: float, heading_deg: float
+    planner: "Planner", costmap: "Costmap", query: "PlanQuery", tolerance_m: float, heading_deg: float
 ) -> "tuple[Answer, FloatArray | None]":
     """What one question comes to, and its path."""
     import math

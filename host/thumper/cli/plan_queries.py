@@ -14,14 +14,14 @@ CELLS = ("start_col", "start_row", "goal_col", "goal_row")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Query:
+class PlanQuery:
     """From where to where [m]."""
 
     start_m: tuple[float, float]
     goal_m: tuple[float, float]
 
 
-def read_queries(path: Path, grid: OccupancyGrid) -> list[Query]:
+def read_queries(path: Path, grid: OccupancyGrid) -> list[PlanQuery]:
     """Read start and goal of each row.
 
     The header names the columns start_x, start_y, goal_x, goal_y [m] (a suffix `_m` is allowed), or
@@ -53,7 +53,7 @@ def read_queries(path: Path, grid: OccupancyGrid) -> list[Query]:
             values = [
                 value for i in (0, 2) for value in grid.centre_of(round(values[i + 1]), round(values[i]))
             ]
-        queries.append(Query(start_m=(values[0], values[1]), goal_m=(values[2], values[3])))
+        queries.append(PlanQuery(start_m=(values[0], values[1]), goal_m=(values[2], values[3])))
     if not queries:
         raise ThumperError(
             f"{path}: holds a header and no rows; give one start and goal a line", exit_code=EXIT_USAGE

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from thumper.common.geometry import Pose2
     from thumper.config.robot import RobotConfig
-    from thumper.runtime.loop import Runtime
+    from thumper.runtime.loop import RobotLoop
 
 
 @contextmanager
 def recorded(
-    robot: "Runtime", settings: "RobotConfig", start: "Pose2 | None", record: bool, record_to: Path | None
+    robot: "RobotLoop", settings: "RobotConfig", start: "Pose2 | None", record: bool, record_to: Path | None
 ) -> Iterator[None]:
     """Record from now on if asked to; in any case `record_start` and `record_stop` work over the bus.
 
@@ -26,13 +26,13 @@ def recorded(
     from thumper.cli.output_folder import prepare_output
     from thumper.common.geometry import Pose2
     from thumper.recording.start_stop import recording_switch
-    from thumper.runtime.requests import Notice
+    from thumper.runtime.requests import LogMessage
 
     folder = record_to or Path(settings.recording.folder)
 
     def say(text: str) -> None:
         print(f"thumper: {text}", file=sys.stderr)
-        robot.inbox.put(Notice(text=text))
+        robot.inbox.put(LogMessage(text=text))
 
     with recording_switch(robot, settings, start or Pose2(), folder, say) as switch:
         if record or record_to:

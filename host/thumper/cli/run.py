@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from thumper.config.robot import RobotConfig
-    from thumper.runtime.loop import Runtime
+    from thumper.runtime.loop import RobotLoop
 
 
 @interrupt_told()
@@ -142,20 +142,20 @@ def run(
     console.print(f"reached: {result.reason}")
 
 
-def _serve(robot: "Runtime", settings: "RobotConfig", speed: float, out: Path, console: "Console") -> None:
+def _serve(robot: "RobotLoop", settings: "RobotConfig", speed: float, out: Path, console: "Console") -> None:
     from thumper.bus.serve_robot import on_bus
     from thumper.cli.drive_progress import print_notes
-    from thumper.runtime.requests import Notice
+    from thumper.runtime.requests import LogMessage
     from thumper.runtime.service.map_saver import MapSaver
-    from thumper.slam.saved_state import Session
+    from thumper.slam.saved_state import SavedSlamState
 
     def tell(text: str, good: bool) -> None:
-        robot.inbox.put(Notice(text=text, good=good))
+        robot.inbox.put(LogMessage(text=text, good=good))
 
-    def session() -> Session:
+    def session() -> SavedSlamState:
         situation = robot.senses.perception.situation()
         pose = situation.map_from_base if situation and not situation.lost else None
-        return Session(counts=robot.mapper.counts(), map_from_base=pose)
+        return SavedSlamState(counts=robot.mapper.counts(), map_from_base=pose)
 
     robot.desk.handlers["save_map"] = MapSaver(robot.mapper.grid, session, out / "map.yaml", tell)
     with on_bus(robot, settings.name, settings.bus):

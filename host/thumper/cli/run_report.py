@@ -14,10 +14,10 @@ from thumper.common.geometry import FloatArray
 from thumper.maps.map_server_io import save_map
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.planners.polyline import arc_lengths
-from thumper.runtime.drive_log import SPEED_COLUMNS, MissionLog, speed_errors
-from thumper.runtime.drive_result import MissionResult
+from thumper.runtime.drive_log import SPEED_COLUMNS, DriveLog, speed_errors
+from thumper.runtime.drive_result import DriveResult
 from thumper.slam.mapper import Mapper
-from thumper.slam.saved_state import Session, save_session
+from thumper.slam.saved_state import SavedSlamState, save_session
 
 INK, BLUE, ORANGE, GREEN = "#1f2933", "#2563eb", "#ea580c", "#16a34a"
 BORDER_M = 0.3
@@ -59,7 +59,7 @@ def draw_map(axes: Axes, grid: OccupancyGrid) -> None:
     axes.set_aspect("equal")
 
 
-def draw_drive(axes: Axes, log: MissionLog) -> None:
+def draw_drive(axes: Axes, log: DriveLog) -> None:
     """Draw the first plan and the path as the robot believes to have driven it."""
     plans = [plan for plan in log.plans if arc_lengths(plan)[-1] > SHORTEST_PLAN_M]
     if plans:
@@ -98,11 +98,11 @@ def draw_speeds(figure: Figure, speeds: FloatArray, title: str) -> None:
     axes[0].set_title(title, loc="left")
 
 
-def write_run(folder: Path, mapper: Mapper, log: MissionLog, result: MissionResult) -> list[str]:
+def write_run(folder: Path, mapper: Mapper, log: DriveLog, result: DriveResult) -> list[str]:
     """Write map, session, two pictures and the summary of one run; returns the file names."""
     grid = mapper.grid()
     save_map(grid, folder / "map.yaml")
-    save_session(Session.of(mapper, result.map_from_base), folder / "map.session")
+    save_session(SavedSlamState.of(mapper, result.map_from_base), folder / "map.session")
     picture = Figure(figsize=(8, 7), layout="constrained")
     axes = picture.subplots()
     draw_map(axes, grid)

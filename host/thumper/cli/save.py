@@ -13,7 +13,7 @@ def save(config: Config = None, bus: Address = "", robot: Robot = "") -> None:
 
     Leaves with 1 when that fails.
     """
-    from thumper.bus.heartbeat_sender import Pulse
+    from thumper.bus.heartbeat_sender import HeartbeatSender
     from thumper.common.errors import ThumperError
     from thumper.runtime.service.map_saver import NOT_SAVED, SAVED
 
@@ -21,7 +21,7 @@ def save(config: Config = None, bus: Address = "", robot: Robot = "") -> None:
     with join(config, bus, robot) as client:
         client.subscribe("events", lambda message: told.put(message.msg))
         client.query("command", {"command": "save_map"})
-        pulse, until_s = Pulse(client), time.monotonic() + PATIENCE_S
+        pulse, until_s = HeartbeatSender(client), time.monotonic() + PATIENCE_S
         while time.monotonic() < until_s:
             try:
                 text = told.get(timeout=0.2)

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from thumper.config.robot import RobotConfig
     from thumper.maps.occupancy_grid import OccupancyGrid
-    from thumper.slam.saved_state import Session
+    from thumper.slam.saved_state import SavedSlamState
 
 
 def known_place(
     settings: "RobotConfig", saved_map: Path | None, session: Path | None
-) -> "OccupancyGrid | Session | None":
+) -> "OccupancyGrid | SavedSlamState | None":
     """Read the one that is given, and say what is to be known of it.
 
     Raises

@@ -88,10 +88,10 @@ def watch(
     """Print the messages of a topic of a running robot as they come."""
     import queue
 
-    from thumper.bus.heartbeat_sender import Pulse
+    from thumper.bus.heartbeat_sender import HeartbeatSender
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.ros.to_json import to_json
-    from thumper.ros.to_text import in_words
+    from thumper.ros.to_text import message_text
     from thumper.ros.topics import TOPICS
 
     if topic not in TOPICS:
@@ -99,7 +99,7 @@ def watch(
     waiting: queue.Queue[Any] = queue.Queue(MOST_WAITING)
     with join(config, bus, robot) as client:
         client.subscribe(topic, lambda message: _leave(waiting, message))
-        pulse = Pulse(client)
+        pulse = HeartbeatSender(client)
         shown, waits = 0, False
         try:
             while not count or shown < count:
@@ -112,7 +112,7 @@ def watch(
                         print(f"thumper: {told}", file=sys.stderr)
                     pulse.check()
                     continue
-                print(json.dumps(to_json(message)) if as_json else in_words(message), flush=True)
+                print(json.dumps(to_json(message)) if as_json else message_text(message), flush=True)
                 shown += 1
         except KeyboardInterrupt:
             pass

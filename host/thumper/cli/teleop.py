@@ -9,7 +9,7 @@ import typer
 from thumper.cli.bus_options import Address, Config, Robot, join
 
 if TYPE_CHECKING:
-    from thumper.bus.heartbeat_sender import Pulse
+    from thumper.bus.heartbeat_sender import HeartbeatSender
     from thumper.teleop.gamepad import Gamepad
     from thumper.teleop.teleop_loop import Driver
 
@@ -33,7 +33,7 @@ def teleop(
     The robot drives only while a key or the pad's button is held. Without either, or when this program, the
     pad or the network fails, it stands within half a second.
     """
-    from thumper.bus.heartbeat_sender import Pulse
+    from thumper.bus.heartbeat_sender import HeartbeatSender
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.config.robot import load_config
     from thumper.teleop.keyboard import raw_terminal
@@ -55,7 +55,7 @@ def teleop(
         driver = Driver(settings, client.publish, terminal.read if terminal else bytes, pad)
         stack.callback(driver.release)
         try:
-            _drive(driver, pad, heard, Pulse(client), 1.0 / settings.teleop.rate_Hz)
+            _drive(driver, pad, heard, HeartbeatSender(client), 1.0 / settings.teleop.rate_Hz)
         except KeyboardInterrupt:
             pass
         finally:
@@ -63,7 +63,7 @@ def teleop(
 
 
 def _drive(
-    driver: "Driver", pad: "Gamepad | None", heard: dict[str, str], pulse: "Pulse", period_s: float
+    driver: "Driver", pad: "Gamepad | None", heard: dict[str, str], pulse: "HeartbeatSender", period_s: float
 ) -> None:
     line_s, last_event = 0.0, ""
     due_s = time.monotonic()

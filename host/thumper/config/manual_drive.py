@@ -7,7 +7,7 @@ from annotated_types import Ge, Gt, Le
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ServiceOptions:
+class ManualDriveOptions:
     """How long each source of commands is believed, and how fast it may be driven by hand."""
 
     # A page that drives or has sent a goal must be heard of this often [s].

@@ -8,16 +8,16 @@ from urllib.parse import urlsplit
 from annotated_types import Gt, Le
 from pydantic import StringConstraints, TypeAdapter
 
-from thumper.board.options import BoardConfig
+from thumper.board.options import BoardOptions
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.kinematics import DriveGeometry
 from thumper.common.strict_toml import read_checked
 from thumper.config.bus import ROBOT_NAME, BusOptions
 from thumper.config.dashboard import DashboardOptions
-from thumper.config.manual_drive import ServiceOptions
+from thumper.config.manual_drive import ManualDriveOptions
 from thumper.config.recording import RecordingOptions
 from thumper.config.teleop import TeleopOptions
-from thumper.lidar.options import LidarConfig
+from thumper.lidar.options import LidarOptions
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.registry import check_names
@@ -27,7 +27,7 @@ from thumper.slam.localization.options import AmclOptions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DriveConfig(DriveGeometry):
+class DriveOptions(DriveGeometry):
     """Geometry of the drive, and the fastest wheel speed to ask for."""
 
     max_wheel_rad_s: Annotated[float, Gt(0), Le(17)] = 13.0
@@ -39,15 +39,15 @@ class RobotConfig:
 
     # Letters, digits, - and _: a part of the bus's keys and of recordings' names.
     name: Annotated[str, StringConstraints(pattern=ROBOT_NAME)] = "thumper"
-    board: BoardConfig = field(default_factory=BoardConfig)
-    lidar: LidarConfig = field(default_factory=LidarConfig)
-    drive: DriveConfig = field(default_factory=DriveConfig)
+    board: BoardOptions = field(default_factory=BoardOptions)
+    lidar: LidarOptions = field(default_factory=LidarOptions)
+    drive: DriveOptions = field(default_factory=DriveOptions)
     imu: ImuOptions = field(default_factory=ImuOptions)
     mapping: MappingOptions = field(default_factory=MappingOptions)
     localization: AmclOptions = field(default_factory=AmclOptions)
     footprint: Footprint = field(default_factory=Footprint)
     navigation: NavigationOptions = field(default_factory=NavigationOptions)
-    service: ServiceOptions = field(default_factory=ServiceOptions)
+    service: ManualDriveOptions = field(default_factory=ManualDriveOptions)
     bus: BusOptions = field(default_factory=BusOptions)
     dashboard: DashboardOptions = field(default_factory=DashboardOptions)
     recording: RecordingOptions = field(default_factory=RecordingOptions)

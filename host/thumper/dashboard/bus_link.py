@@ -35,7 +35,7 @@ class Client(Protocol):
         ...
 
 
-class RobotLink:
+class BusLink:
     """Joins the bus as soon as there is one; until then orders go nowhere and questions are refused."""
 
     def __init__(self, join: Callable[[], Client]) -> None:

@@ -12,9 +12,15 @@ from typing import Any
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from thumper.common.errors import ThumperError
-from thumper.dashboard.page_commands import Helm, Question
-from thumper.dashboard.page_messages import LARGEST_ORDER_BYTES, EStop, Heartbeat, OrderError, read_order
-from thumper.dashboard.page_state import View
+from thumper.dashboard.page_commands import PageCommands, Question
+from thumper.dashboard.page_messages import (
+    LARGEST_ORDER_BYTES,
+    EStop,
+    PageHeartbeat,
+    PageMessageError,
+    read_order,
+)
+from thumper.dashboard.page_state import PageState
 from thumper.dashboard.rate_limit import RateLimit
 
 PERIOD_S = 0.05  # at least 20 packets a second, so that a page knows the line is alive
@@ -27,7 +33,7 @@ ORDER_BURST = 60
 MOST_QUESTIONS = 4  # of a page at once
 
 
-class Page:
+class PageConnection:
     """One open page: what waits to be sent to it."""
 
     def __init__(self, socket: WebSocket) -> None:
@@ -54,14 +60,14 @@ class Page:
             self.news.set()
 
 
-class Hub:
+class Connections:
     """All open pages of one robot."""
 
-    def __init__(self, view: View, helm: Helm, extra: Callable[[], dict[str, Any]]) -> None:
+    def __init__(self, view: PageState, helm: PageCommands, extra: Callable[[], dict[str, Any]]) -> None:
         self._view = view
         self._helm = helm
         self._extra = extra
-        self._pages: set[Page] = set()
+        self._pages: set[PageConnection] = set()
         self._changed = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
 
@@ -91,7 +97,7 @@ class Hub:
             await socket.close(code=1013, reason="too many pages")
             return
         await socket.accept()
-        page = Page(socket)
+        page = PageConnection(socket)
         page.say("hello", me=page.name)
         self._pages.add(page)
         sender = asyncio.create_task(self._send(page))
@@ -107,7 +113,7 @@ class Hub:
     def _about(self) -> dict[str, Any]:
         return {"pages": len(self._pages), "operator": self._helm.newest, **self._extra()}
 
-    async def _send(self, page: Page) -> None:
+    async def _send(self, page: PageConnection) -> None:
         with suppress(WebSocketDisconnect, RuntimeError):
             while True:
                 await page.news.wait()
@@ -121,7 +127,7 @@ class Hub:
                     page.behind = False
                     await page.socket.send_bytes(self._view.whole(self._about()))
 
-    async def _receive(self, page: Page) -> None:
+    async def _receive(self, page: PageConnection) -> None:
         limit = RateLimit(ORDER_RATE_HZ, ORDER_BURST)
         while True:
             text = await page.socket.receive_text()
@@ -131,7 +137,7 @@ class Hub:
                 return
             try:
                 order = read_order(text)
-            except OrderError as error:
+            except PageMessageError as error:
                 if allowed:
                     page.say("refused", text=str(error))
                 continue
@@ -140,10 +146,10 @@ class Hub:
             question = self._helm.obey(page.name, order)
             if question is not None:
                 self._ask(page, question)
-            if isinstance(order, Heartbeat):
+            if isinstance(order, PageHeartbeat):
                 page.say("beat", n=order.n)
 
-    def _ask(self, page: Page, question: Question) -> None:
+    def _ask(self, page: PageConnection, question: Question) -> None:
         """Have the robot answer on a thread; heartbeats must not wait for it."""
         if len(page.questions) >= MOST_QUESTIONS:
             page.say("refused", text="wait for the robot's answer to what you asked before")

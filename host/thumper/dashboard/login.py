@@ -29,7 +29,7 @@ POLICY = (
 )
 
 
-class Access:
+class AccessControl:
     """ASGI middleware: checks host, origin and session of every request and websocket."""
 
     def __init__(self, app: ASGIApp, *, hosts: frozenset[str], password: str, secure: bool) -> None:

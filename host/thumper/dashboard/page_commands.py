@@ -15,14 +15,14 @@ import numpy as np
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2, Twist2
 from thumper.dashboard.page_messages import (
-    CommandOrder,
+    CommandMessage,
     EStop,
-    ExperimentOrder,
-    GoalOrder,
-    Heartbeat,
+    ExperimentMessage,
+    GoalMessage,
     InitialPose,
     Obstacle,
-    Order,
+    PageHeartbeat,
+    PageMessage,
     Teleop,
     Waypoints,
 )
@@ -33,7 +33,7 @@ Question = Callable[[], str]
 """Asks the robot and returns its answer in words; it waits for that, and raises ThumperError."""
 
 
-class Robot(Protocol):
+class RobotBus(Protocol):
     """The part of the bus that orders need."""
 
     def publish(self, topic: str, of: Message, *, source: str) -> None:
@@ -54,10 +54,12 @@ class TeleopLimits:
     slow: float = 0.5
 
 
-class Helm:
+class PageCommands:
     """Takes the orders of all pages."""
 
-    def __init__(self, robot: Robot, limits: TeleopLimits, map_from_base: Callable[[], Pose2 | None]) -> None:
+    def __init__(
+        self, robot: RobotBus, limits: TeleopLimits, map_from_base: Callable[[], Pose2 | None]
+    ) -> None:
         """`map_from_base` tells where the robot believes it is; None before it is known."""
         self._robot = robot
         self._map_from_base = map_from_base
@@ -70,7 +72,7 @@ class Helm:
         """A page is gone; the robot will miss its heartbeats."""
         self._answering.discard(page)
 
-    def obey(self, page: str, order: Order) -> Question | None:
+    def obey(self, page: str, order: PageMessage) -> Question | None:
         """Pass an order on to the robot; what must wait for an answer is returned, to be asked elsewhere."""
         now_s = time.time()
         if _moves(order):
@@ -78,7 +80,7 @@ class Helm:
             self._answering.add(page)
             self._beat(page, now_s)  # before the order: a page that begins must not count as lost
         match order:
-            case Heartbeat():
+            case PageHeartbeat():
                 if page in self._answering:
                     self._beat(page, now_s)
             case EStop():
@@ -95,11 +97,11 @@ class Helm:
             case Waypoints():
                 x_m, y_m = order.places[0]
                 return self._goal(page, {"x_m": x_m, "y_m": y_m})
-            case GoalOrder():
+            case GoalMessage():
                 return self._goal(page, order.model_dump(exclude={"kind"}, exclude_none=True))
-            case CommandOrder():
+            case CommandMessage():
                 return lambda: self._answer("command", {"command": order.name}, page)
-            case ExperimentOrder():
+            case ExperimentMessage():
                 content = order.model_dump(exclude={"kind"})
                 return lambda: self._answer("experiment/start", content, page)
             case Obstacle():
@@ -135,7 +137,7 @@ class Helm:
         )
 
 
-def _moves(order: Order) -> bool:
+def _moves(order: PageMessage) -> bool:
     if isinstance(order, Teleop):
         return order.forward != 0.0 or order.left != 0.0
-    return isinstance(order, GoalOrder | Waypoints | ExperimentOrder)
+    return isinstance(order, GoalMessage | Waypoints | ExperimentMessage)

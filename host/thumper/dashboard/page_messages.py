@@ -15,24 +15,24 @@ Place = Annotated[list[Metres], Field(min_length=2, max_length=2)]  # x, y
 Share = Annotated[FiniteFloat, Field(ge=-1.0, le=1.0)]
 
 
-class _Order(BaseModel):
+class _PageMessage(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
-class Heartbeat(_Order):
+class PageHeartbeat(_PageMessage):
     """The page is there, and somebody can see it."""
 
     kind: Literal["heartbeat"]
     n: Annotated[int, Field(ge=0, lt=2**53)]
 
 
-class EStop(_Order):
+class EStop(_PageMessage):
     """Motors off, latched."""
 
     kind: Literal["estop"]
 
 
-class GoalOrder(_Order):
+class GoalMessage(_PageMessage):
     """Drive there; without a heading, whichever comes."""
 
     kind: Literal["goal"]
@@ -41,7 +41,7 @@ class GoalOrder(_Order):
     yaw_rad: Heading | None
 
 
-class InitialPose(_Order):
+class InitialPose(_PageMessage):
     """The robot stands there."""
 
     kind: Literal["initial_pose"]
@@ -50,14 +50,14 @@ class InitialPose(_Order):
     yaw_rad: Heading
 
 
-class Waypoints(_Order):
+class Waypoints(_PageMessage):
     """Drive to these, one after the other."""
 
     kind: Literal["waypoints"]
     places: Annotated[list[Place], Field(min_length=1, max_length=MOST_WAYPOINTS)]
 
 
-class Teleop(_Order):
+class Teleop(_PageMessage):
     """Drive by hand: shares of the fastest speed."""
 
     kind: Literal["teleop"]
@@ -66,14 +66,14 @@ class Teleop(_Order):
     turbo: bool
 
 
-class CommandOrder(_Order):
+class CommandMessage(_PageMessage):
     """One of the robot's commands."""
 
     kind: Literal["command"]
     name: Literal["cancel", "clear_fault", "arm", "disarm", "record_start", "record_stop", "save_map"]
 
 
-class Obstacle(_Order):
+class Obstacle(_PageMessage):
     """A pillar in the simulated world."""
 
     kind: Literal["obstacle"]
@@ -82,7 +82,7 @@ class Obstacle(_Order):
     radius_m: Annotated[FiniteFloat, Field(ge=0.02, le=2.0)]
 
 
-class ExperimentOrder(_Order):
+class ExperimentMessage(_PageMessage):
     """Have the robot drive an experiment by itself."""
 
     kind: Literal["experiment"]
@@ -90,26 +90,26 @@ class ExperimentOrder(_Order):
     lane_m: Annotated[FiniteFloat, Field(ge=0.6, le=10.0)]
 
 
-Order = (
-    Heartbeat
+PageMessage = (
+    PageHeartbeat
     | EStop
-    | GoalOrder
+    | GoalMessage
     | InitialPose
     | Waypoints
     | Teleop
-    | CommandOrder
+    | CommandMessage
     | Obstacle
-    | ExperimentOrder
+    | ExperimentMessage
 )
 
-_ADAPTER: TypeAdapter[Order] = TypeAdapter(Annotated[Order, Field(discriminator="kind")])
+_ADAPTER: TypeAdapter[PageMessage] = TypeAdapter(Annotated[PageMessage, Field(discriminator="kind")])
 
 
-class OrderError(ValueError):
+class PageMessageError(ValueError):
     """Not an order; the message says why in one line."""
 
 
-def read_order(text: str) -> Order:
+def read_order(text: str) -> PageMessage:
     """Read one order.
 
     Raises
@@ -118,10 +118,10 @@ def read_order(text: str) -> Order:
         It is too long, no JSON, of an unknown kind, has a field too many, or a value out of range.
     """
     if len(text) > LARGEST_ORDER_BYTES:
-        raise OrderError("refused: longer than any order")
+        raise PageMessageError("refused: longer than any order")
     try:
         return _ADAPTER.validate_json(text)
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         place = ".".join(str(part) for part in first["loc"])
-        raise OrderError(f"refused {place or 'the order'}: {first['msg']}") from None
+        raise PageMessageError(f"refused {place or 'the order'}: {first['msg']}") from None

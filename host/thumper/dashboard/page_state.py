@@ -28,7 +28,7 @@ KEPT_WHEEL_ROWS = 600  # a minute at 10 Hz: a page that comes late has charts at
 KEPT_EVENTS = 50
 
 
-class View:
+class PageState:
     """The state of one robot as the pages see it."""
 
     def __init__(self, base_from_laser: Pose2) -> None:

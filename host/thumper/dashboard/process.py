@@ -51,14 +51,14 @@ def run_dashboard(settings: "RobotConfig", listening: Listening, robot_address: 
     """Serve until Ctrl-C."""
     listener = bound(listening)  # before the slow imports: that it is taken is said at once
     from thumper.bus.client import BusClient
-    from thumper.dashboard.bus_link import RobotLink
+    from thumper.dashboard.bus_link import BusLink
     from thumper.dashboard.page import PageOptions
     from thumper.dashboard.page_commands import TeleopLimits
     from thumper.dashboard.server import build_app, serve
 
     service = settings.service
     app = build_app(
-        RobotLink(lambda: BusClient(settings.name, robot_address, settings.bus.token)),
+        BusLink(lambda: BusClient(settings.name, robot_address, settings.bus.token)),
         listening,
         PageOptions(robot=settings.name, footprint_m=list(settings.footprint.vertices_m)),
         TeleopLimits(v_m_s=service.manual_v_max_m_s, w_rad_s=service.manual_w_max_rad_s),

@@ -18,13 +18,13 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.config.bus import is_loopback
 from thumper.config.dashboard import Listening
-from thumper.dashboard.bus_link import RobotLink
+from thumper.dashboard.bus_link import BusLink
 from thumper.dashboard.certificate import server_tls
-from thumper.dashboard.connections import Hub
-from thumper.dashboard.login import Access
+from thumper.dashboard.connections import Connections
+from thumper.dashboard.login import AccessControl
 from thumper.dashboard.page import PageOptions, build_page
-from thumper.dashboard.page_commands import Helm, TeleopLimits
-from thumper.dashboard.page_state import TOPICS, View
+from thumper.dashboard.page_commands import PageCommands, TeleopLimits
+from thumper.dashboard.page_state import TOPICS, PageState
 from thumper.dashboard.widgets import STATIC
 
 EXPERIMENT_PERIOD_S = 0.5
@@ -35,7 +35,7 @@ LARGEST_SOCKET_MESSAGE_BYTES = 64 * 1024
 class ExperimentWatch:
     """How far the robot's experiment is: asked for once for all pages."""
 
-    def __init__(self, robot: RobotLink) -> None:
+    def __init__(self, robot: BusLink) -> None:
         self._robot = robot
         self.state: dict[str, Any] | None = None  # None: the robot cannot tell
 
@@ -67,7 +67,7 @@ class RecordingClock:
 
 
 def build_app(
-    robot: RobotLink, listening: Listening, page: PageOptions, limits: TeleopLimits, base_from_laser: Pose2
+    robot: BusLink, listening: Listening, page: PageOptions, limits: TeleopLimits, base_from_laser: Pose2
 ) -> FastAPI:
     """Wire the page to the bus."""
     recording = RecordingClock()
@@ -81,8 +81,8 @@ def build_app(
             "limits": {"v_m_s": limits.v_m_s, "w_rad_s": limits.w_rad_s, "slow": limits.slow},
         }
 
-    view = View(base_from_laser)
-    hub = Hub(view, Helm(robot, limits, lambda: view.map_from_base), extra)
+    view = PageState(base_from_laser)
+    hub = Connections(view, PageCommands(robot, limits, lambda: view.map_from_base), extra)
     view.on_change = hub.on_change
     robot.start(view.take, TOPICS)
     hosts = frozenset({"localhost", "127.0.0.1", "::1"}) if is_loopback(listening.host) else frozenset()
@@ -90,7 +90,9 @@ def build_app(
         docs_url=None,
         redoc_url=None,
         openapi_url=None,
-        middleware=[Middleware(Access, hosts=hosts, password=listening.password, secure=listening.secure)],
+        middleware=[
+            Middleware(AccessControl, hosts=hosts, password=listening.password, secure=listening.secure)
+        ],
     )
 
     @app.websocket("/stream")

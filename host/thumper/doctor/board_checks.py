@@ -7,15 +7,15 @@ import serial
 
 from thumper.board.board import Board
 from thumper.board.messages import Command, Telemetry
-from thumper.board.options import BoardConfig
+from thumper.board.options import BoardOptions
 from thumper.common.errors import ThumperError
 from thumper.common.serial_port import clock_of, open_port
+from thumper.doctor.check import Check
 from thumper.doctor.verdicts import (
     BOARD_JITTER_FAIL_S,
     BOARD_JITTER_WARN_S,
     BOARD_ROUND_TRIP_FAIL_S,
     BOARD_ROUND_TRIP_WARN_S,
-    Check,
     Limits,
     Stream,
     ask_often,
@@ -30,7 +30,7 @@ POLL_S = 0.2
 
 
 def check_board(
-    config: BoardConfig, *, seconds: float, spin: Callable[[], bool] | None, also: Iterator[Check]
+    config: BoardOptions, *, seconds: float, spin: Callable[[], bool] | None, also: Iterator[Check]
 ) -> Iterator[Check]:
     """Measure the link, then the battery; turn the wheels if `spin` is given and says yes.
 

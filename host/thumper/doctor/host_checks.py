@@ -5,7 +5,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from thumper.doctor.verdicts import Check
+from thumper.doctor.check import Check
 
 RULES = "99-thumper.rules"
 IN_WHEEL = Path(__file__).parents[1] / "packaging"
@@ -61,5 +61,5 @@ def _unit(home: Path, root: Path) -> Check:
     user = getpass.getuser()
     if not (root / "var/lib/systemd/linger" / user).exists():
         cure = f"to start at boot: sudo loginctl enable-linger {user}"
-        return Check(verdict="warn", what="thumper.runtime starts only when you log in", cure=cure)
+        return Check(verdict="warn", what="thumper.service starts only when you log in", cure=cure)
     return Check(verdict="pass", what=f"user unit {path}")

@@ -5,12 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from thumper.common.errors import ThumperError
+from thumper.doctor.check import Check
 from thumper.doctor.verdicts import (
     LIDAR_JITTER_FAIL_S,
     LIDAR_JITTER_WARN_S,
     LIDAR_ROUND_TRIP_FAIL_S,
     LIDAR_ROUND_TRIP_WARN_S,
-    Check,
     Limits,
     Stream,
     ask_often,
@@ -18,7 +18,7 @@ from thumper.doctor.verdicts import (
     judge_stream,
 )
 from thumper.lidar.open_lidar import open_lidar
-from thumper.lidar.options import LidarConfig
+from thumper.lidar.options import LidarOptions
 from thumper.lidar.urg04lx import Urg04LxDriver
 
 EXPECTED_HZ = 10.0
@@ -26,7 +26,7 @@ SCAN_TIMEOUT_S = 2.0
 SEEN_SHARE_WARN = 0.2
 
 
-def check_lidar(config: LidarConfig, *, seconds: float) -> Iterator[Check]:
+def check_lidar(config: LidarOptions, *, seconds: float) -> Iterator[Check]:
     """Measure the link and say how much the lidar sees."""
     try:
         lidar = open_lidar(config)

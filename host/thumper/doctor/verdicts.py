@@ -2,28 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from thumper.common.geometry import FloatArray
-
-Verdict = Literal["pass", "warn", "fail"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Check:
-    """What was looked at, how it is, and what mends it."""
-
-    verdict: Verdict
-    what: str
-    cure: str = ""
-
-
-def worst_of(warn: bool, fail: bool) -> Verdict:
-    """The verdict of two limits."""
-    return "fail" if fail else "warn" if warn else "pass"
-
+from thumper.doctor.check import Check, worst_of
 
 CABLE = "try another cable and USB port, keep motor wires away from it, close other programs"
 SLOW = "something holds the bytes back: a network, a hub, or a busy computer; connect it directly"

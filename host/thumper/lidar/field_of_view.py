@@ -10,7 +10,7 @@ from thumper.common.geometry import FloatArray, Pose2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LidarView:
+class FieldOfView:
     """Field of view, symmetric about the lidar's own x axis; the default is the Wild Thumper's URG-04LX."""
 
     base_from_laser: Pose2 = field(default_factory=lambda: Pose2(x_m=0.12))

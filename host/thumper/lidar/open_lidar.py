@@ -3,10 +3,10 @@
 from thumper.common.serial_port import open_port
 from thumper.lidar import ld19, urg04lx
 from thumper.lidar.driver import LidarDriver
-from thumper.lidar.options import LidarConfig
+from thumper.lidar.options import LidarOptions
 
 
-def open_lidar(config: LidarConfig) -> LidarDriver:
+def open_lidar(config: LidarOptions) -> LidarDriver:
     """Open the port and wake the lidar on it.
 
     Raises

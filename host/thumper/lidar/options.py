@@ -7,13 +7,13 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 
 from thumper.common.geometry import Pose2
-from thumper.lidar.field_of_view import LidarView
+from thumper.lidar.field_of_view import FieldOfView
 from thumper.lidar.ld19 import Ld19Options
 from thumper.lidar.urg04lx import Urg04LxOptions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LidarConfig:
+class LidarOptions:
     """Which lidar, on which port, and where on the robot (base_link: between the middle wheels)."""
 
     model: Literal["urg04lx", "ld19"] = "urg04lx"
@@ -31,9 +31,9 @@ class LidarConfig:
         return Pose2(x_m=self.x_m, y_m=self.y_m, theta_rad=math.radians(self.yaw_deg))
 
     @property
-    def view(self) -> LidarView:
+    def view(self) -> FieldOfView:
         """What it can see, by its model's data sheet."""
         opening_deg, range_m = {"urg04lx": (240.0, 4.0), "ld19": (360.0, 12.0)}[self.model]
-        return LidarView(
+        return FieldOfView(
             base_from_laser=self.base_from_laser, opening_rad=math.radians(opening_deg), range_m=range_m
         )

@@ -34,18 +34,18 @@ class Flaw(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MonitorOptions:
+class ScanCheckOptions:
     """When a scan counts as odd."""
 
     gap_s: Annotated[float, Gt(0)] = 1.0  # a silence longer than this, and than five periods, is a gap
     fewest_beams: Annotated[int, Gt(0)] = 10
 
 
-class InputMonitor:
+class ScanChecker:
     """Looks at every scan, counts, and says in one line a kind what was seen."""
 
-    def __init__(self, options: MonitorOptions | None = None) -> None:
-        self._options = options or MonitorOptions()
+    def __init__(self, options: ScanCheckOptions | None = None) -> None:
+        self._options = options or ScanCheckOptions()
         self._last_s: float | None = None
         self._steps_s: deque[float] = deque(maxlen=PERIODS)
         self._longest_gap_s = 0.0

@@ -14,7 +14,7 @@ AGED = 10  # and at most one of another day: else hours of it would outweigh all
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Counts:
+class HitCounts:
     """Hits and misses, both of shape (rows, columns), on the lattice whose cell (0, 0) is at the origin."""
 
     hits: CountsArray
@@ -23,7 +23,7 @@ class Counts:
     resolution_m: float
 
     @classmethod
-    def of(cls, grid: OccupancyGrid) -> "Counts":
+    def of(cls, grid: OccupancyGrid) -> "HitCounts":
         """Counts that say what a finished map says; it is moved by half a cell at most."""
         size_m = grid.resolution_m
         return cls(
@@ -33,14 +33,14 @@ class Counts:
             resolution_m=size_m,
         )
 
-    def aged(self, occupied_fraction: float) -> "Counts":
+    def aged(self, occupied_fraction: float) -> "HitCounts":
         """The same map with at most `AGED` observations a cell, to be changed by what is seen from now on."""
         total = self.hits.astype(np.int32) + self.misses
         share = AGED * (self.hits / np.maximum(total, 1))
         occupied = self.hits >= np.float32(occupied_fraction) * total
         hits = np.where(occupied, np.ceil(share), np.floor(share)).astype(np.uint16)
         old = total > AGED
-        return Counts(
+        return HitCounts(
             hits=np.where(old, hits, self.hits),
             misses=np.where(old, AGED - hits, self.misses),
             first_cell=self.first_cell,

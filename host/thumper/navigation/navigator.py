@@ -9,26 +9,26 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.common.kinematics import DriveGeometry
-from thumper.lidar.field_of_view import LidarView
+from thumper.lidar.field_of_view import FieldOfView
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.controllers.controller import ControlRequest, ControlResult
-from thumper.navigation.controllers.final_approach import FineApproach
-from thumper.navigation.controllers.goal_checker import Arrival
-from thumper.navigation.controllers.path_follower import Follower
-from thumper.navigation.controllers.speed_limiter import SpeedRule
-from thumper.navigation.controllers.tight_passage import Manoeuvre
+from thumper.navigation.controllers.final_approach import FinalApproach
+from thumper.navigation.controllers.goal_checker import GoalChecker
+from thumper.navigation.controllers.path_follower import PathFollower
+from thumper.navigation.controllers.speed_limiter import SpeedLimiter
+from thumper.navigation.controllers.tight_passage import PoseSequenceFollower
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.costmap.filters import load_masks
-from thumper.navigation.costmap.local_model import Surroundings
+from thumper.navigation.costmap.local_model import LocalModel
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.planners.lattice import LatticePlanner
-from thumper.navigation.planners.replanning import Route
-from thumper.navigation.recovery.motion_watchdog import Bearings
-from thumper.navigation.recovery.recovery_policy import Patience
+from thumper.navigation.planners.replanning import PathManager
+from thumper.navigation.recovery.motion_watchdog import MotionWatchdog
+from thumper.navigation.recovery.recovery_policy import RecoveryPolicy
 from thumper.navigation.registry import make_controller, make_planner
-from thumper.navigation.safety.command_filter import Guard
+from thumper.navigation.safety.command_filter import CommandFilter
 from thumper.navigation.speed_limits import is_still
 from thumper.navigation.state import NavigationOutput, NavigationState, Transition, TransitionLog
 
@@ -50,27 +50,37 @@ class Navigator:
         footprint: Footprint,
         drive: DriveGeometry | None = None,
         *,
-        view: LidarView | None = None,
+        view: FieldOfView | None = None,
         on_transition: Callable[[Transition], None] | None = None,
     ) -> None:
-        view, padded = view or LidarView(), footprint.grown(options.padding_m)
-        self._guard = Guard(options, footprint, padded, drive, view)
+        view, padded = view or FieldOfView(), footprint.grown(options.padding_m)
+        self._guard = CommandFilter(
+            options.limits, options.monitor, options.traffic, footprint, padded, drive, view
+        )
         self._controller = make_controller(options, padded)
         planner = make_planner(options, padded)
-        self._route = Route(planner, options.route)
-        self._patience = Patience(options, padded, planner, self._controller)
-        lattice = LatticePlanner(options.lattice, padded)
-        self._follower = Follower(
+        self._route = PathManager(planner, options.route)
+        self._patience = RecoveryPolicy(
+            options.patience_s,
+            options.progress,
+            options.recovery,
+            options.limits,
+            padded,
+            planner,
             self._controller,
-            Manoeuvre(options.manoeuvre, options.limits, padded, lattice),
-            FineApproach(options.limits, padded, approach_m_s=options.approach_m_s),
+        )
+        lattice = LatticePlanner(options.lattice, padded)
+        self._follower = PathFollower(
+            self._controller,
+            PoseSequenceFollower(options.manoeuvre, options.limits, padded, lattice),
+            FinalApproach(options.limits, padded, approach_m_s=options.approach_m_s),
             after_s=options.manoeuvre.after_s,
             window_m=options.costmap.window_m,
         )
         masks = load_masks(options.masks)
-        self._surroundings = Surroundings(options, padded, masks.keepout, view)
-        self._speed_rule = SpeedRule(options.limits, approach_m_s=options.approach_m_s, mask=masks.speed)
-        self._bearings = Bearings(options.progress)
+        self._surroundings = LocalModel(options.costmap, options.memory, padded, masks.keepout, view)
+        self._speed_rule = SpeedLimiter(options.limits, approach_m_s=options.approach_m_s, mask=masks.speed)
+        self._bearings = MotionWatchdog(options.progress)
         self._goal: Goal | None = None
         self._state, self._reason = NavigationState.IDLE, ""
         self._last_command = Twist2()
@@ -95,7 +105,7 @@ class Navigator:
     def set_goal(self, goal: Goal) -> None:
         """Begin the way to a goal; a goal under way is dropped."""
         self._goal = goal
-        self._arrival = Arrival(goal)
+        self._arrival = GoalChecker(goal)
         self._state, self._reason = NavigationState.NAVIGATING, ""
         self._route.clear()
         self._patience.begin(goal)

@@ -8,19 +8,19 @@ from annotated_types import Ge, Gt
 from thumper.navigation.controllers.dwa import DwaOptions
 from thumper.navigation.controllers.mppi import MppiOptions
 from thumper.navigation.controllers.pure_pursuit import PurePursuitOptions
-from thumper.navigation.controllers.tight_passage import ManoeuvreOptions
-from thumper.navigation.controllers.trajectory_tracker import CascadeOptions
+from thumper.navigation.controllers.tight_passage import TightPassageOptions
+from thumper.navigation.controllers.trajectory_tracker import TrajectoryTrackerOptions
 from thumper.navigation.costmap.costmap import CostmapOptions
-from thumper.navigation.costmap.filters import MaskOptions
-from thumper.navigation.costmap.obstacle_memory import MemoryOptions
+from thumper.navigation.costmap.filters import CostmapFilterOptions
+from thumper.navigation.costmap.obstacle_memory import ObstacleMemoryOptions
 from thumper.navigation.planners.astar import AStarOptions
 from thumper.navigation.planners.lattice import LatticeOptions
 from thumper.navigation.planners.navfn import NavfnOptions
-from thumper.navigation.planners.replanning import RouteOptions
+from thumper.navigation.planners.replanning import ReplanningOptions
 from thumper.navigation.recovery.behaviors import RecoveryOptions
 from thumper.navigation.recovery.progress_checker import ProgressOptions
-from thumper.navigation.safety.collision_monitor import MonitorOptions
-from thumper.navigation.safety.dynamic_obstacles import TrafficOptions
+from thumper.navigation.safety.collision_monitor import CollisionMonitorOptions
+from thumper.navigation.safety.dynamic_obstacles import DynamicObstacleOptions
 from thumper.navigation.speed_limits import SpeedLimits
 
 
@@ -43,19 +43,19 @@ class NavigationOptions:
     approach_m_s: Annotated[float, Gt(0)] = 0.06
     limits: SpeedLimits = field(default_factory=SpeedLimits)
     costmap: CostmapOptions = field(default_factory=CostmapOptions)
-    masks: MaskOptions = field(default_factory=MaskOptions)
+    masks: CostmapFilterOptions = field(default_factory=CostmapFilterOptions)
     astar: AStarOptions = field(default_factory=AStarOptions)
     navfn: NavfnOptions = field(default_factory=NavfnOptions)
     lattice: LatticeOptions = field(default_factory=LatticeOptions)
     dwa: DwaOptions = field(default_factory=DwaOptions)
     trajectory_rollout: DwaOptions = field(default_factory=DwaOptions)
     pure_pursuit: PurePursuitOptions = field(default_factory=PurePursuitOptions)
-    cascade: CascadeOptions = field(default_factory=CascadeOptions)
+    cascade: TrajectoryTrackerOptions = field(default_factory=TrajectoryTrackerOptions)
     mppi: MppiOptions = field(default_factory=MppiOptions)
-    memory: MemoryOptions = field(default_factory=MemoryOptions)
-    manoeuvre: ManoeuvreOptions = field(default_factory=ManoeuvreOptions)
-    route: RouteOptions = field(default_factory=RouteOptions)
-    monitor: MonitorOptions = field(default_factory=MonitorOptions)
-    traffic: TrafficOptions = field(default_factory=TrafficOptions)
+    memory: ObstacleMemoryOptions = field(default_factory=ObstacleMemoryOptions)
+    manoeuvre: TightPassageOptions = field(default_factory=TightPassageOptions)
+    route: ReplanningOptions = field(default_factory=ReplanningOptions)
+    monitor: CollisionMonitorOptions = field(default_factory=CollisionMonitorOptions)
+    traffic: DynamicObstacleOptions = field(default_factory=DynamicObstacleOptions)
     progress: ProgressOptions = field(default_factory=ProgressOptions)
     recovery: RecoveryOptions = field(default_factory=RecoveryOptions)

@@ -7,7 +7,7 @@ from thumper.navigation.controllers.controller import Controller
 from thumper.navigation.controllers.dwa import DwaController, TrajectoryRolloutController
 from thumper.navigation.controllers.mppi import MppiController
 from thumper.navigation.controllers.pure_pursuit import PurePursuitController
-from thumper.navigation.controllers.trajectory_tracker import CascadeController, FreeWayController
+from thumper.navigation.controllers.trajectory_tracker import SwitchingController, TrajectoryTracker
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.planners.astar import AStarPlanner
@@ -30,7 +30,7 @@ CONTROLLERS: Mapping[str, Callable[[NavigationOptions, Footprint], Controller]] 
     "pure_pursuit": lambda options, footprint: PurePursuitController(
         options.pure_pursuit, options.limits, footprint
     ),
-    "cascade": lambda options, footprint: CascadeController(options.cascade, options.limits, footprint),
+    "cascade": lambda options, footprint: TrajectoryTracker(options.cascade, options.limits, footprint),
     "mppi": lambda options, footprint: MppiController(options.mppi, options.limits, footprint),
 }
 
@@ -59,5 +59,5 @@ def make_controller(options: NavigationOptions, footprint: Footprint) -> Control
     chosen = CONTROLLERS[options.controller](options, footprint)
     if options.tracker in ("", options.controller):
         return chosen
-    tracker = CascadeController(options.cascade, options.limits, footprint)
-    return FreeWayController(tracker, chosen, options.cascade, footprint)
+    tracker = TrajectoryTracker(options.cascade, options.limits, footprint)
+    return SwitchingController(tracker, chosen, options.cascade, footprint)

@@ -23,7 +23,7 @@ SLIP_ALLOWANCE, SLIP_LIMIT = 0.75, 9.0  # standard deviations
 LARGEST_GAP_S = 0.1  # a gyroscope silent for longer says nothing about the step
 
 
-class FusedOdometry:
+class GyroEkf:
     """As `Odometry`, with `add_imu` beside `update`; without samples it is wheels alone."""
 
     def __init__(

@@ -11,7 +11,7 @@ FAR_STEPS = 5.0  # nor is this many times a way that was usual: a log may hold e
 STEPS = 11
 
 
-class LeapBridge:
+class JumpFilter:
     """Passes odometry on; across a leap the robot is taken to have stood, and goes on from there."""
 
     def __init__(self) -> None:

@@ -28,7 +28,7 @@ def interpolate(start: Pose2, end: Pose2, fraction: float) -> Pose2:
     return start @ step
 
 
-class PoseHistory:
+class PoseBuffer:
     """A short buffer of odometry samples; answers for any time within it, and a little beyond."""
 
     def __init__(self, horizon_s: float = 3.0, extrapolation_s: float = 0.25) -> None:

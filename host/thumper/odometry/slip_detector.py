@@ -25,7 +25,7 @@ class SlipOptions:
 Stretch = tuple[Pose2, Pose2]  # where it began: odom_from_base, map_from_base
 
 
-class SlipWatch:
+class SlipDetector:
     """Counts stretches of the drive in which wheels and scans disagree, and do not agree again in the next.
 
     Where the clocks of wheels and lidar differ, or a match was off, the next stretch takes it back.

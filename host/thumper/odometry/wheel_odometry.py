@@ -52,7 +52,7 @@ def advance(pose: Pose2, arc_m: float, turn_rad: float) -> Pose2:
     )
 
 
-class Odometry:
+class WheelOdometry:
     """Accumulates encoder counts into `odom_from_base`."""
 
     def __init__(self, geometry: DriveGeometry, options: OdometryOptions | None = None) -> None:

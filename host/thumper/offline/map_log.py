@@ -12,20 +12,20 @@ import numpy as np
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray, Pose2
-from thumper.lidar.scan_checks import InputMonitor
-from thumper.maps.hit_counts import Counts
+from thumper.lidar.scan_checks import ScanChecker
+from thumper.maps.hit_counts import HitCounts
 from thumper.maps.map_server_io import save_map
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.odometry.jump_filter import LeapBridge
-from thumper.odometry.slip_detector import GOOD_MATCH, SlipWatch
+from thumper.odometry.jump_filter import JumpFilter
+from thumper.odometry.slip_detector import GOOD_MATCH, SlipDetector
 from thumper.offline.open_log import open_log
 from thumper.offline.robot_log import RobotLog
-from thumper.offline.subprocesses import compile_apart, plot_apart
+from thumper.offline.subprocesses import compile_in_subprocess, plot_in_subprocess
 from thumper.slam.factory import MappingOptions, PathMapper, make_mapper
 from thumper.slam.localization.pose_trust import WAY_M
 from thumper.slam.mapper import MapperUpdate
-from thumper.slam.mode_switch import SwitchingMapper
-from thumper.slam.saved_state import Session, save_session
+from thumper.slam.mode_switch import SlamModeSwitch
+from thumper.slam.saved_state import SavedSlamState, save_session
 
 PROGRESS_EVERY = 20  # scans
 MOST_LOST = 0.5  # share of the scans of a log that goes on in a session
@@ -58,7 +58,7 @@ class MappedLog:
     online: FloatArray  # as reported at the time, shape (n, 3)
     updates: tuple[MapperUpdate, ...]
     grid: OccupancyGrid
-    counts: Counts
+    counts: HitCounts
     cpu_ms: FloatArray  # of each scan, shape (n,); without compiling the kernels and reading the file
     lost: int = 0  # scans at which nobody should trust the pose
     lines: tuple[str, ...] = ()  # what was odd about the scans, a line each
@@ -97,7 +97,7 @@ def map_records(
     log: RobotLog,
     options: MappingOptions,
     progress: Callable[[int, int], None] | None = None,
-    session: Session | None = None,
+    session: SavedSlamState | None = None,
     start: Pose2 | None = None,
 ) -> MappedLog:
     """Run the mapper over a log that was read; `progress(done, total)` is called now and then.
@@ -111,7 +111,7 @@ def map_records(
     mapper.warm_up()
     total = len(log.records)
     updates: list[MapperUpdate] = []
-    monitor, slip, bridge = InputMonitor(), SlipWatch(), LeapBridge()
+    monitor, slip, bridge = ScanChecker(), SlipDetector(), JumpFilter()
     lost: list[tuple[int, str]] = []  # number of the scan, and why nobody should trust its pose
     coasting = None if log.has_odometry else Coasting()
     cpu_ms = np.empty(total)
@@ -149,12 +149,12 @@ def map_records(
 
 
 def _mapper(
-    log: RobotLog, options: MappingOptions, session: Session | None, start: Pose2 | None
-) -> PathMapper | SwitchingMapper:
+    log: RobotLog, options: MappingOptions, session: SavedSlamState | None, start: Pose2 | None
+) -> PathMapper | SlamModeSwitch:
     if session is None:
         return make_mapper(options, base_from_laser=log.base_from_laser)
     first = make_mapper(replace(options, method="scan_match"), base_from_laser=log.base_from_laser)
-    mapper = SwitchingMapper(first, options, base_from_laser=log.base_from_laser)
+    mapper = SlamModeSwitch(first, options, base_from_laser=log.base_from_laser)
     mapper.continue_in(session.counts, start)
     return mapper
 
@@ -175,7 +175,7 @@ def map_log(
     *,
     online: bool = False,
     fov_rad: float | None = None,
-    session: Session | None = None,
+    session: SavedSlamState | None = None,
     start: Pose2 | None = None,
 ) -> MapLogSummary:
     """Write `map.pgm`, `map.yaml`, `map.session`, `map.png` and `trajectory.csv` of a log into `out_dir`.
@@ -195,7 +195,7 @@ def map_log(
     except OSError as error:
         raise ThumperError(f"{out_dir}: cannot be made ({error.strerror}); give another folder") from error
     options = options or default_options(log)
-    compile_apart(options.method)
+    compile_in_subprocess(options.method)
     mapped = map_records(log, options, progress, session, start)
     if not any(update.integrated for update in mapped.updates):
         if session is not None:
@@ -216,13 +216,13 @@ def map_log(
     session_path = out_dir / "map.session"
     x_m, y_m, theta_rad = (float(value) for value in mapped.poses[-1])
     end = Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
-    save_session(Session(counts=mapped.counts, map_from_base=end), session_path)
+    save_session(SavedSlamState(counts=mapped.counts, map_from_base=end), session_path)
     _write_path(csv_path, log, mapped.online if online else mapped.poses)
     files = [pgm_path, yaml_path, session_path, png_path, csv_path]
     if online:
         files.append(out_dir / "trajectory_final.csv")
         _write_path(files[-1], log, mapped.poses)
-    plot_apart(yaml_path, files[-1], png_path, path.name)
+    plot_in_subprocess(yaml_path, files[-1], png_path, path.name)
     scores = [u.match_score for u in mapped.updates if not math.isnan(u.match_score)]
     return MapLogSummary(
         format_name=log.format_name,

@@ -16,7 +16,7 @@ from thumper.common.geometry import Pose2, Twist2
 from thumper.lidar.scan import Scan
 from thumper.odometry.pose_buffer import interpolate
 from thumper.offline.robot_log import NO_ODOMETRY, LogRecord, RobotLog, check_place
-from thumper.recording.reader import Recording, Said
+from thumper.recording.reader import RecordedMessage, Recording
 from thumper.ros import from_ros
 
 SCAN, ODOMETRY, TRANSFORMS = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage"
@@ -91,7 +91,7 @@ def read_mcap(path: Path) -> RobotLog:
     )
 
 
-def _take(found: _Found, said: Said) -> None:
+def _take(found: _Found, said: RecordedMessage) -> None:
     message = said.message()
     if said.type_name == SCAN:
         stamp = from_ros.stamp_ns_of(message), said.log_ns

@@ -13,7 +13,7 @@ from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2
 from thumper.common.kinematics import DriveGeometry
 from thumper.lidar.scan import Scan
-from thumper.odometry.wheel_odometry import Odometry, advance
+from thumper.odometry.wheel_odometry import WheelOdometry, advance
 from thumper.offline.robot_log import MOST_BROKEN, LogRecord, RobotLog, broken_note
 
 GEOMETRY = DriveGeometry(wheel_radius_m=0.077, track_m=0.33, counts_per_rev=2000)
@@ -43,7 +43,7 @@ def read_mines(name: str, lines: Iterable[str]) -> RobotLog:
     ThumperError
         Too many lines are cut off or have fields that are no numbers.
     """
-    odometry = Odometry(GEOMETRY)
+    odometry = WheelOdometry(GEOMETRY)
     records: list[LogRecord] = []
     broken: list[str] = []
     for number, line in enumerate(lines, start=1):
@@ -63,7 +63,7 @@ def read_mines(name: str, lines: Iterable[str]) -> RobotLog:
     )
 
 
-def _record(fields: list[str], odometry: Odometry) -> LogRecord:
+def _record(fields: list[str], odometry: WheelOdometry) -> LogRecord:
     if len(fields) < FIRST_RANGE + BEAMS:
         raise ValueError(f"{len(fields)} fields, {FIRST_RANGE + BEAMS} expected")
     time_s = 1e-6 * int(fields[0])

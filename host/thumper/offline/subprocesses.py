@@ -25,7 +25,7 @@ PLOT = (
 )
 
 
-def plot_apart(yaml_path: Path, path_csv: Path, png_path: Path, title: str) -> None:
+def plot_in_subprocess(yaml_path: Path, path_csv: Path, png_path: Path, title: str) -> None:
     """Draw a saved map and a path; matplotlib alone takes 60 MB.
 
     Raises
@@ -42,7 +42,7 @@ def plot_apart(yaml_path: Path, path_csv: Path, png_path: Path, title: str) -> N
         raise ThumperError(f"{png_path}: cannot be drawn ({reason[0]}); the map itself is written")
 
 
-def compile_apart(method: Method) -> None:
+def compile_in_subprocess(method: Method) -> None:
     """Fill the cache on disk, unless it was filled for the method from the sources as they are now.
 
     A failure is left to the warm-up.

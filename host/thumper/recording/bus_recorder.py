@@ -8,20 +8,20 @@ from dataclasses import replace
 from pathlib import Path
 
 from thumper.bus.client import BusClient
-from thumper.bus.heartbeat_sender import Pulse
+from thumper.bus.heartbeat_sender import HeartbeatSender
 from thumper.bus.server import BusServer
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 from thumper.common.stamps import NS_PER_S
 from thumper.config.bus import BusOptions
 from thumper.config.recording import RecordingOptions
 from thumper.config.robot import RobotConfig
-from thumper.recording.reader import Recording, Said
+from thumper.recording.reader import RecordedMessage, Recording
 from thumper.recording.recorder import Recorder
 from thumper.recording.replay import Replayed, replay
-from thumper.recording.run_metadata import Session, session_of
+from thumper.recording.run_metadata import RunMetadata, session_of
 from thumper.ros.codec import Message, encode
 from thumper.ros.topics import TOPICS, Direction
-from thumper.runtime.service.request_queue import Inbox
+from thumper.runtime.service.request_queue import RequestQueue
 
 SESSION_TIMEOUT_S = 3.0
 LOOK_PERIOD_S = 0.2
@@ -53,7 +53,7 @@ def record_from_bus(
             else:
                 client.subscribe_raw(name, _add_raw(recorder, name, topic.type_name))
         until_s = time.monotonic() + seconds if seconds is not None else None
-        pulse = Pulse(client)
+        pulse = HeartbeatSender(client)
         while recorder.active and (until_s is None or time.monotonic() < until_s):
             pulse.check()
             time.sleep(LOOK_PERIOD_S)
@@ -74,9 +74,9 @@ def replay_on_bus(recording: Recording, config: RobotConfig | None, address: str
     """
     session = recording.session()
     name = session.config.name if session else "replay"
-    server = BusServer(name, BusOptions().at(address), Inbox(), lambda _: None)
+    server = BusServer(name, BusOptions().at(address), RequestQueue(), lambda _: None)
 
-    def say(said: Said, message: Message) -> None:
+    def say(said: RecordedMessage, message: Message) -> None:
         if TOPICS[said.topic].direction is Direction.OUT:
             server.publish(said.topic, 0.0, message)
 
@@ -86,7 +86,7 @@ def replay_on_bus(recording: Recording, config: RobotConfig | None, address: str
         server.close()
 
 
-def _ask_session(client: BusClient) -> Session:
+def _ask_session(client: BusClient) -> RunMetadata:
     """What the robot says of its run on the topic `session`."""
     heard: list[str] = []
     came = threading.Event()

@@ -11,12 +11,12 @@ from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.recording.disk_budget import MAGIC
 from thumper.recording.mcap_file import PART
 from thumper.recording.repair import records_until_error
-from thumper.recording.run_metadata import METADATA_NAME, Session, session_of
+from thumper.recording.run_metadata import METADATA_NAME, RunMetadata, session_of
 from thumper.ros import codec
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Said:
+class RecordedMessage:
     """One message as it lies in the file."""
 
     topic: str  # without the slash before it
@@ -55,16 +55,16 @@ class Recording:
         """What messages call it."""
         return str(self.paths[0])
 
-    def session(self) -> Session | None:
+    def session(self) -> RunMetadata | None:
         """What the run was; None when another program recorded it. Raises ThumperError, as `session_of`."""
         return session_of(self.metadata, self.name) if self.metadata else None
 
-    def said(self) -> Iterator[Said]:
+    def said(self) -> Iterator[RecordedMessage]:
         """All CDR messages, file by file; a torn file to where it is torn, with a note."""
         for path in self.paths:
             yield from self._said_in(path)
 
-    def _said_in(self, path: Path) -> Iterator[Said]:
+    def _said_in(self, path: Path) -> Iterator[RecordedMessage]:
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
         with path.open("rb") as stream:
@@ -80,7 +80,7 @@ class Recording:
                     schema = schemas.get(channel.schema_id) if channel else None
                     if channel is None or schema is None or channel.message_encoding != "cdr":
                         continue
-                    yield Said(
+                    yield RecordedMessage(
                         topic=channel.topic.removeprefix("/"),
                         type_name=schema.name,
                         log_ns=record.log_time,

@@ -11,7 +11,7 @@ from thumper.common.stamps import stamp_ns
 from thumper.config.recording import RecordingOptions
 from thumper.recording.disk_budget import make_room, new_name
 from thumper.recording.mcap_file import McapFile
-from thumper.recording.run_metadata import METADATA_NAME, Session
+from thumper.recording.run_metadata import METADATA_NAME, RunMetadata
 from thumper.ros.codec import Message, encode
 from thumper.ros.topics import TOPICS
 
@@ -27,7 +27,7 @@ class Recorder:
     def __init__(
         self,
         folder: Path,
-        session: Session,
+        session: RunMetadata,
         options: RecordingOptions | None = None,
         *,
         say: Callable[[str], None] = lambda _: None,

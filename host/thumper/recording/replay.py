@@ -10,11 +10,11 @@ from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray
 from thumper.config.robot import RobotConfig
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.recording.reader import Recording, Said
+from thumper.recording.reader import RecordedMessage, Recording
 from thumper.ros import from_ros
 from thumper.ros.codec import Message
 from thumper.ros.topics import TOPICS
-from thumper.runtime.state_estimator import Perception
+from thumper.runtime.state_estimator import StateEstimator
 from thumper.slam.factory import PathMapper, make_mapper
 
 
@@ -40,7 +40,7 @@ def replay(
     recording: Recording,
     config: RobotConfig | None = None,
     *,
-    on_said: Callable[[Said, Message], None] | None = None,
+    on_said: Callable[[RecordedMessage, Message], None] | None = None,
     speed: float = 0.0,
 ) -> Replayed:
     """Feed wheels and scans to a new perception, with the recorded configuration or another one.
@@ -62,7 +62,9 @@ def replay(
     base_from_laser = used.lidar.base_from_laser
     mapper = make_mapper(used.mapping, base_from_laser=base_from_laser, map_from_base=session.map_from_base)
     mapper.warm_up()
-    perception = Perception(drive=used.drive, base_from_laser=base_from_laser, mapper=mapper, imu=used.imu)
+    perception = StateEstimator(
+        drive=used.drive, base_from_laser=base_from_laser, mapper=mapper, imu=used.imu
+    )
     out = Replayed(mapper=mapper)
     compared_ns = -1
     comparable = session.from_start and config is None
@@ -97,7 +99,7 @@ def replay(
     return out
 
 
-def _note_pose(out: Replayed, perception: Perception) -> None:
+def _note_pose(out: Replayed, perception: StateEstimator) -> None:
     situation = perception.situation()
     if situation is not None:
         pose = situation.map_from_base
@@ -113,7 +115,7 @@ def _same(one: OccupancyGrid, other: OccupancyGrid) -> bool:
     )
 
 
-def _paced(said: Iterator[Said], speed: float) -> Iterator[Said]:
+def _paced(said: Iterator[RecordedMessage], speed: float) -> Iterator[RecordedMessage]:
     """The same messages, each not before its time."""
     if speed <= 0.0:
         yield from said

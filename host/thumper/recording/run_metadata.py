@@ -18,7 +18,7 @@ PACKAGES = ("numpy", "numba", "rosbags", "mcap")  # which decide what a replay c
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Session:
+class RunMetadata:
     """One run of the program on one robot."""
 
     config: RobotConfig
@@ -47,7 +47,7 @@ class Session:
         }
 
 
-def session_of(metadata: dict[str, str], name: str) -> Session:
+def session_of(metadata: dict[str, str], name: str) -> RunMetadata:
     """Read what `as_metadata` wrote; `name` is the file's, for the message.
 
     Raises
@@ -57,7 +57,7 @@ def session_of(metadata: dict[str, str], name: str) -> Session:
     """
     try:
         x_m, y_m, theta_rad = (float(value) for value in json.loads(metadata["start"]))
-        return Session(
+        return RunMetadata(
             config=config_from_json(metadata["config"]),
             epoch_ns=int(metadata["epoch_ns"]),
             map_from_base=Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad),

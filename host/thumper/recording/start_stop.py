@@ -10,9 +10,9 @@ from thumper.common.serial_port import is_simulated
 from thumper.config.robot import RobotConfig
 from thumper.recording.recorder import Recorder
 from thumper.recording.repair import recover_apart
-from thumper.recording.run_metadata import Session, firmware_words
+from thumper.recording.run_metadata import RunMetadata, firmware_words
 from thumper.ros.to_ros import text
-from thumper.runtime.loop import Runtime
+from thumper.runtime.loop import RobotLoop
 
 
 class RecordSwitch:
@@ -20,7 +20,7 @@ class RecordSwitch:
 
     def __init__(
         self,
-        robot: Runtime,
+        robot: RobotLoop,
         config: RobotConfig,
         map_from_base: Pose2,
         folder: Path,
@@ -31,11 +31,11 @@ class RecordSwitch:
         self._folder, self._say = folder, say
         self._recorder: Recorder | None = None
 
-    def session(self) -> Session:
+    def session(self) -> RunMetadata:
         """What a recording that begins now says of the run."""
         board = self._robot.senses.board
         situation = self._robot.senses.perception.situation()
-        return Session(
+        return RunMetadata(
             config=self._config,
             epoch_ns=self._robot.products.messages.epoch_ns,
             map_from_base=situation.map_from_base if situation else self._start_pose,
@@ -84,7 +84,7 @@ class RecordSwitch:
 
 @contextmanager
 def recording_switch(
-    robot: Runtime, config: RobotConfig, map_from_base: Pose2, folder: Path, say: Callable[[str], None]
+    robot: RobotLoop, config: RobotConfig, map_from_base: Pose2, folder: Path, say: Callable[[str], None]
 ) -> Iterator[RecordSwitch]:
     """Give the robot its switch, also for `record_start` and `record_stop`; first mend what a crash left."""
     recover_apart(folder)

@@ -16,7 +16,7 @@ from thumper.ros.to_json import to_json
 A_DATE_S = 1e8  # a stamp beyond is the date, one before it a simulation's time
 
 
-def in_words(of: Message) -> str:
+def message_text(of: Message) -> str:
     """Return its time and what it says; of what is said nowhere else here, each field with its name."""
     say = _WORDS.get(of.__msgtype__, _fields)
     try:

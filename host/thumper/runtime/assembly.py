@@ -16,18 +16,18 @@ from thumper.lidar.open_lidar import open_lidar
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.warm_up import warm_up as warm_up_navigation
 from thumper.ros.to_ros import Messages
-from thumper.runtime.loop import Runtime
-from thumper.runtime.publisher import Products
-from thumper.runtime.state_estimator import Perception
+from thumper.runtime.loop import RobotLoop
+from thumper.runtime.publisher import Publisher
+from thumper.runtime.state_estimator import StateEstimator
 from thumper.slam.factory import make_mapper
-from thumper.slam.mode_switch import SwitchingMapper
-from thumper.slam.saved_state import Session
+from thumper.slam.mode_switch import SlamModeSwitch
+from thumper.slam.saved_state import SavedSlamState
 
 
 @contextmanager
 def open_robot(
-    config: RobotConfig, map_from_base: Pose2 | None, known: OccupancyGrid | Session | None = None
-) -> Iterator[Runtime]:
+    config: RobotConfig, map_from_base: Pose2 | None, known: OccupancyGrid | SavedSlamState | None = None
+) -> Iterator[RobotLoop]:
     """Give a robot that answers, standing at `map_from_base`; on the way out stop it and close the ports.
 
     In a `known` map it localises and does not map, in a session it goes on mapping once it knows where it is;
@@ -48,11 +48,11 @@ def open_robot(
         stack.callback(lidar.close)
         base_from_laser = config.lidar.base_from_laser
         mapper = robot_mapper(config, map_from_base or Pose2())
-        if isinstance(known, Session):
+        if isinstance(known, SavedSlamState):
             mapper.continue_in(known.counts, map_from_base)
         elif known is not None:
             mapper.localise_in(known, map_from_base)
-        robot = Runtime(
+        robot = RobotLoop(
             board=board,
             lidar=lidar,
             products=_products(config, board),
@@ -60,7 +60,7 @@ def open_robot(
             open_board=lambda: Board.open(config.board.port, baud=config.board.baud),
             open_lidar=lambda: open_lidar(config.lidar),
             simulator=getattr(board.port, "simulator", None),
-            perception=Perception(
+            perception=StateEstimator(
                 drive=config.drive, base_from_laser=base_from_laser, mapper=mapper, imu=config.imu
             ),
             navigation=config.navigation,
@@ -85,18 +85,18 @@ def _motors_off_told() -> Iterator[None]:
         raise KeyboardInterrupt("the motors are off") from None
 
 
-def robot_mapper(config: RobotConfig, map_from_base: Pose2) -> SwitchingMapper:
+def robot_mapper(config: RobotConfig, map_from_base: Pose2) -> SlamModeSwitch:
     """The mapper that the configuration names, which can be told to localise instead."""
     base_from_laser = config.lidar.base_from_laser
     mapper = make_mapper(config.mapping, base_from_laser=base_from_laser, map_from_base=map_from_base)
-    return SwitchingMapper(mapper, config.mapping, config.localization, base_from_laser=base_from_laser)
+    return SlamModeSwitch(mapper, config.mapping, config.localization, base_from_laser=base_from_laser)
 
 
-def _products(config: RobotConfig, board: Board) -> Products:
+def _products(config: RobotConfig, board: Board) -> Publisher:
     simulated = is_simulated(board.port)
     # A simulation begins at zero; a real robot's stamps are the date.
     epoch_ns = 0 if simulates(board.port) else epoch_of(board.now_s())
-    return Products(
+    return Publisher(
         robot=config.name,
         base_from_laser=config.lidar.base_from_laser,
         messages=Messages(epoch_ns=epoch_ns),

@@ -20,7 +20,7 @@ SPEED_COLUMNS = (
 
 
 @dataclass(slots=True)
-class MissionLog:
+class DriveLog:
     """Growing record of one mission; `poses` and `speeds` give it as arrays."""
 
     _poses: list[tuple[float, float, float, float]] = field(default_factory=list)

@@ -7,7 +7,7 @@ from thumper.common.geometry import Pose2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MissionResult:
+class DriveResult:
     """How a drive to a goal ended."""
 
     reached: bool
@@ -29,7 +29,7 @@ class MissionResult:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Progress:
+class DriveProgress:
     """What a display needs once a beat."""
 
     time_s: float

@@ -16,27 +16,27 @@ from thumper.common.errors import ThumperError
 from thumper.common.kinematics import DriveGeometry
 from thumper.common.serial_port import simulates
 from thumper.common.signals import none_lost
-from thumper.config.manual_drive import ServiceOptions
+from thumper.config.manual_drive import ManualDriveOptions
 from thumper.lidar.driver import LidarDriver
-from thumper.lidar.field_of_view import LidarView
+from thumper.lidar.field_of_view import FieldOfView
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationOutput, Navigator
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.planners.goal_validation import validate_goal
 from thumper.ros.to_ros import ERROR
-from thumper.runtime.drive.drive_manager import GOAL_MARGIN_M, Ending, Mode, Pilot
-from thumper.runtime.drive_log import MissionLog
-from thumper.runtime.drive_result import MissionResult, Progress
-from thumper.runtime.publisher import Products, Timing
-from thumper.runtime.real_time_rate import Pacer
+from thumper.runtime.drive.drive_manager import GOAL_MARGIN_M, DriveManager, DriveMode, Ending
+from thumper.runtime.drive_log import DriveLog
+from thumper.runtime.drive_result import DriveProgress, DriveResult
+from thumper.runtime.publisher import LoopTiming, Publisher
+from thumper.runtime.real_time_rate import RealTimeRate
 from thumper.runtime.requests import EmergencyStop
-from thumper.runtime.safe_stop import bring_to_stand
-from thumper.runtime.sensor_inputs import Senses
-from thumper.runtime.service.request_handler import Desk
-from thumper.runtime.service.request_queue import Inbox
+from thumper.runtime.safe_stop import stop_and_disarm
+from thumper.runtime.sensor_inputs import SensorInputs
+from thumper.runtime.service.request_handler import RequestHandler
+from thumper.runtime.service.request_queue import RequestQueue
 from thumper.runtime.service.simulator_control import Simulator
-from thumper.runtime.state_estimator import Perception, Situation
+from thumper.runtime.state_estimator import RobotState, StateEstimator
 from thumper.slam.mapper import Mapper
 
 RECONNECT_PERIOD_S = 0.5
@@ -45,7 +45,7 @@ SILENT = "the board went silent; it stops its motors by itself"
 FARTHEST_GOAL_M = 50.0  # the map of a whole drive must fit into memory and planning time
 
 
-class Runtime:
+class RobotLoop:
     """The robot's parts, wired. Whatever ends a drive, the motors are stopped on the way out."""
 
     def __init__(
@@ -53,33 +53,33 @@ class Runtime:
         *,
         board: Board,
         lidar: LidarDriver,
-        perception: Perception,
+        perception: StateEstimator,
         navigation: NavigationOptions,
         footprint: Footprint,
         drive: DriveGeometry,
         max_wheel_rad_s: float,
-        products: Products,
-        view: LidarView | None = None,
-        service: ServiceOptions | None = None,
+        products: Publisher,
+        view: FieldOfView | None = None,
+        service: ManualDriveOptions | None = None,
         open_board: Callable[[], Board],
         open_lidar: Callable[[], LidarDriver] | None = None,
         simulator: Simulator | None = None,
     ) -> None:
-        self.senses = Senses(board=board, lidar=lidar, perception=perception, open_lidar=open_lidar)
+        self.senses = SensorInputs(board=board, lidar=lidar, perception=perception, open_lidar=open_lidar)
         self.products = products
-        self.inbox = Inbox()
+        self.inbox = RequestQueue()
         self._navigation = navigation
         self._footprint = footprint
-        self.pilot = Pilot(
+        self.pilot = DriveManager(
             board=board,
             navigator=Navigator(
                 navigation, footprint, drive, view=view, on_transition=self.senses.note_transition
             ),
             drive=drive,
             max_wheel_rad_s=max_wheel_rad_s,
-            options=service or ServiceOptions(),
+            options=service or ManualDriveOptions(),
         )
-        self.desk = Desk(
+        self.desk = RequestHandler(
             inbox=self.inbox,
             pilot=self.pilot,
             senses=self.senses,
@@ -88,9 +88,9 @@ class Runtime:
             simulator=simulator,
         )
         self._open_board = open_board
-        self._pacer = Pacer(self._now_s, paced=simulates(board.port))
+        self._pacer = RealTimeRate(self._now_s, paced=simulates(board.port))
         self._silent_beats = 0
-        self._timing = Timing()
+        self._timing = LoopTiming()
 
     @property
     def mapper(self) -> Mapper:
@@ -98,11 +98,11 @@ class Runtime:
         return self.senses.perception.mapper
 
     @property
-    def log(self) -> MissionLog:
+    def log(self) -> DriveLog:
         """What the drives so far leave for plots and tables."""
         return self.senses.log
 
-    def look_round(self) -> Situation:
+    def look_round(self) -> RobotState:
         """Stand until the first scans are mapped; from now on no goals come but from the caller.
 
         Raises
@@ -114,8 +114,8 @@ class Runtime:
         return self.senses.look_round(lambda: self.beat()[0])
 
     def drive_to(
-        self, goal: Goal, on_progress: Callable[[Progress], None], *, clear_fault: bool = False
-    ) -> MissionResult:
+        self, goal: Goal, on_progress: Callable[[DriveProgress], None], *, clear_fault: bool = False
+    ) -> DriveResult:
         """Look round, arm, drive until the goal is reached or cannot be, stop and disarm.
 
         A link that was lost earlier is no fault any more; any other latched fault is cleared only on request.
@@ -140,7 +140,7 @@ class Runtime:
         if not stopped:
             reason += "; the board did not confirm the stop, it stops by itself after 300 ms without commands"
         end = self.senses.perception.situation() or start
-        return MissionResult(
+        return DriveResult(
             reached=ending.reached,
             interrupted=interrupted or ending.by_user,
             reason=reason,
@@ -203,7 +203,7 @@ class Runtime:
                 self._reconnect(SILENT)
             elif self.desk.experiments.wanted and not self.desk.errands:
                 self._experiment()
-            elif self.pilot.mode is Mode.IDLE and self.senses.reopen_lidar():
+            elif self.pilot.mode is DriveMode.IDLE and self.senses.reopen_lidar():
                 self.products.event("the lidar answers again", name="lidar")
         except ThumperError as error:
             self._reconnect(str(error))
@@ -242,7 +242,7 @@ class Runtime:
     def _now_s(self) -> float:
         return self.senses.board.now_s()  # the board may be another one than at the start
 
-    def _drive(self, goal: Goal, start_s: float, on_progress: Callable[[Progress], None]) -> Ending:
+    def _drive(self, goal: Goal, start_s: float, on_progress: Callable[[DriveProgress], None]) -> Ending:
         """Beat until the end."""
         try:
             while True:
@@ -259,7 +259,7 @@ class Runtime:
                     self.log.add_pose(situation.time_s, situation.map_from_base)
                     self.log.add_plan(output.plan)
                     on_progress(
-                        Progress(
+                        DriveProgress(
                             time_s=situation.time_s - start_s,
                             distance_to_goal_m=goal.distance_m(situation.map_from_base),
                             reason=output.reason,
@@ -286,7 +286,7 @@ class Runtime:
         self.products.beat(self.senses, self.pilot, output, self._timing)
         if alive:
             self.desk.errands.go_on(self._now_s)
-        self._timing = Timing(late_s=late_s, busy_s=time.perf_counter() - begun_s)
+        self._timing = LoopTiming(late_s=late_s, busy_s=time.perf_counter() - begun_s)
         return alive, output
 
     def _check_goal(self, goal: Goal) -> None:
@@ -305,7 +305,7 @@ class Runtime:
 
         It runs on every way out: it never raises, and minds nothing but the board before that has stopped.
         """
-        samples, confirmed = bring_to_stand(self.senses.board)
+        samples, confirmed = stop_and_disarm(self.senses.board)
         with suppress(Exception):  # a fault here must not hide how the drive ended
             self.senses.take_in(samples)
             self.senses.scans = []

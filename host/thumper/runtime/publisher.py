@@ -16,11 +16,11 @@ from thumper.ros.codec import Message
 from thumper.ros.status import Status
 from thumper.ros.to_ros import ERROR, INFO, WARN, Messages
 from thumper.ros.topics import TOPICS
-from thumper.runtime.drive.drive_manager import Pilot
-from thumper.runtime.sensor_inputs import Senses
-from thumper.runtime.state_estimator import Situation
+from thumper.runtime.drive.drive_manager import DriveManager
+from thumper.runtime.sensor_inputs import SensorInputs
+from thumper.runtime.state_estimator import RobotState
 
-Outlet = Callable[[str, float, Message], None]
+Sink = Callable[[str, float, Message], None]
 """Takes a topic's name, the robot's time [s] and the message. It must neither wait nor raise."""
 
 MAP_PERIOD_S = 1.0
@@ -30,14 +30,14 @@ PARTICLES_PERIOD_S, MOST_PARTICLES = 0.5, 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Timing:
+class LoopTiming:
     """How the loop kept up in the beat before this one, which is not over yet."""
 
     late_s: float = 0.0  # how much later than due it began
     busy_s: float = 0.0  # how long its work took
 
 
-class Products:
+class Publisher:
     """Hands each product to every outlet; without outlets it makes none."""
 
     def __init__(
@@ -48,7 +48,7 @@ class Products:
         self._robot = robot
         self._base_from_laser = base_from_laser
         self._simulated = simulated
-        self._outlets: list[Outlet] = []
+        self._outlets: list[Sink] = []
         self._latched: dict[str, tuple[float, Message]] = {}
         self._map_s = self._costmap_s = self._particles_s = -np.inf
         self._scans_in_map = 0
@@ -58,18 +58,20 @@ class Products:
         self._noted: set[str] = set()  # kinds of notes
         self._time_s = 0.0
 
-    def add(self, outlet: Outlet) -> None:
+    def add(self, outlet: Sink) -> None:
         """Let somebody have everything from now on, and at once the newest of what is latched."""
         self._outlets.append(outlet)
         for topic, (stamp_s, message) in self._latched.items():
             self._hand(outlet, topic, stamp_s, message)
 
-    def remove(self, outlet: Outlet) -> None:
+    def remove(self, outlet: Sink) -> None:
         """Leave somebody alone."""
         if outlet in self._outlets:
             self._outlets.remove(outlet)
 
-    def beat(self, senses: Senses, pilot: Pilot, output: NavigationOutput | None, timing: Timing) -> None:
+    def beat(
+        self, senses: SensorInputs, pilot: DriveManager, output: NavigationOutput | None, timing: LoopTiming
+    ) -> None:
         """Hand out what a beat has brought; called once the wheels have their order."""
         situation = senses.perception.situation()
         if not self._outlets or situation is None:
@@ -99,7 +101,7 @@ class Products:
         """Hand out a message that somebody else has made."""
         self._send(topic, message)
 
-    def _tell_where(self, senses: Senses, situation: Situation) -> None:
+    def _tell_where(self, senses: SensorInputs, situation: RobotState) -> None:
         time_s, perception = situation.time_s, senses.perception
         odometry = perception.odometry
         assert odometry is not None  # there is a situation
@@ -113,7 +115,7 @@ class Products:
             some = poses[:: -(-len(poses) // MOST_PARTICLES)]
             self._send("particles", self.messages.particles(time_s, some))
 
-    def _tell_plans(self, pilot: Pilot, output: NavigationOutput, situation: Situation) -> None:
+    def _tell_plans(self, pilot: DriveManager, output: NavigationOutput, situation: RobotState) -> None:
         time_s = situation.time_s
         if not np.array_equal(output.plan, self._plan_m):
             self._plan_m = output.plan
@@ -125,13 +127,13 @@ class Products:
             near = _cropped(costmap, situation.map_from_base)
             self._send("local_costmap", self.messages.costmap(time_s, near))
 
-    def _tell_map(self, senses: Senses) -> None:
+    def _tell_map(self, senses: SensorInputs) -> None:
         scans = senses.perception.scans_mapped
         if scans != self._scans_in_map and self._time_s >= self._map_s + MAP_PERIOD_S:
             self._map_s, self._scans_in_map = self._time_s, scans
             self._send("map", self.messages.grid(self._time_s, senses.perception.mapper.grid()))
 
-    def _tell_events(self, senses: Senses, pilot: Pilot) -> None:
+    def _tell_events(self, senses: SensorInputs, pilot: DriveManager) -> None:
         transitions = pilot.navigator.transitions
         if transitions and transitions[-1] is not self._transition:
             self._transition = newest = transitions[-1]
@@ -147,7 +149,9 @@ class Products:
             told = f"fault {int(fault)}, {_words(fault)}: {FAULT_CURES[fault]}" if fault else "fault cleared"
             self.event(told, ERROR if fault else INFO, name="board")
 
-    def _status(self, senses: Senses, pilot: Pilot, situation: Situation, timing: Timing) -> Status:
+    def _status(
+        self, senses: SensorInputs, pilot: DriveManager, situation: RobotState, timing: LoopTiming
+    ) -> Status:
         telemetry, goal, lidar = senses.telemetry, pilot.goal, senses.lidar.counters
         assert telemetry is not None  # there is a situation
         return Status(
@@ -187,7 +191,7 @@ class Products:
         for outlet in tuple(self._outlets):
             self._hand(outlet, topic, stamp_s, message)
 
-    def _hand(self, outlet: Outlet, topic: str, stamp_s: float, message: Message) -> None:
+    def _hand(self, outlet: Sink, topic: str, stamp_s: float, message: Message) -> None:
         with suppress(Exception):  # the robot drives on, whatever a listener does
             outlet(topic, stamp_s, message)
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 LONGEST_NAP_S = 0.25
 
 
-class Pacer:
+class RealTimeRate:
     """Call `wait` once a beat; a robot that is not `paced`, being real, never waits."""
 
     def __init__(self, now_s: Callable[[], float], *, paced: bool) -> None:

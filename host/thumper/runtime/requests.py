@@ -40,7 +40,7 @@ COMMANDS = (
 )
 
 
-class Channel(IntEnum):
+class TeleopSource(IntEnum):
     """Who drives by hand; the greater one goes first."""
 
     TELEOP = 1
@@ -59,7 +59,7 @@ class GoTo:
 class Velocity:
     """Drive like this, by hand, for a moment."""
 
-    channel: Channel
+    channel: TeleopSource
     twist: Twist2
     source: str = ""
 
@@ -77,28 +77,28 @@ class EmergencyStop:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Order:
+class RobotCommand:
     """One of `COMMANDS`."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Relocate:
+class SetPose:
     """The robot stands here."""
 
     map_from_base: Pose2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Simulate:
+class SimulatorCommand:
     """Change the simulated world; refused on a real robot."""
 
     content: Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Notice:
+class LogMessage:
     """A line for people, from another thread."""
 
     text: str
@@ -106,7 +106,7 @@ class Notice:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ask:
+class Query:
     """A question that wants an answer: `reply` is called once, from the robot's loop, and must not block."""
 
     name: str
@@ -115,4 +115,14 @@ class Ask:
     source: str = ""
 
 
-Request = GoTo | Velocity | Heartbeat | EmergencyStop | Order | Relocate | Simulate | Notice | Ask
+Request = (
+    GoTo
+    | Velocity
+    | Heartbeat
+    | EmergencyStop
+    | RobotCommand
+    | SetPose
+    | SimulatorCommand
+    | LogMessage
+    | Query
+)

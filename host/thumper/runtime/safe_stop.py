@@ -11,7 +11,7 @@ from thumper.runtime.sensor_inputs import LATE_BEAT_S, LATE_BEATS
 STOP_BEATS = 30  # the firmware's ramp needs two seconds from the fastest speed it takes
 
 
-def bring_to_stand(board: Board) -> tuple[list[TelemetrySample], bool]:
+def stop_and_disarm(board: Board) -> tuple[list[TelemetrySample], bool]:
     """Zero speed until the wheels stand, then disarm; returns what the board said, and whether it confirmed.
 
     It never raises. Ctrl-C cuts the ramp short, never the disarming.

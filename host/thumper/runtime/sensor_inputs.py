@@ -10,8 +10,8 @@ from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 from thumper.lidar.driver import LidarDriver
 from thumper.lidar.scan import Scan
 from thumper.navigation.state import Transition
-from thumper.runtime.drive_log import MissionLog
-from thumper.runtime.state_estimator import Perception, Situation
+from thumper.runtime.drive_log import DriveLog
+from thumper.runtime.state_estimator import RobotState, StateEstimator
 
 TELEMETRY_TIMEOUT_S = 0.5
 LATE_BEAT_S = 0.15  # telemetry frames were lost on the way: the board must not miss commands for it
@@ -25,7 +25,7 @@ FIRST_LOOK_TIMEOUT_S = 5.0
 GONE = "the board went silent before the start; is the cable loose?"
 
 
-class Senses:
+class SensorInputs:
     """Both ports behind one call a beat; `samples` and `scans` hold what the newest beat brought."""
 
     def __init__(
@@ -33,7 +33,7 @@ class Senses:
         *,
         board: Board,
         lidar: LidarDriver,
-        perception: Perception,
+        perception: StateEstimator,
         open_lidar: Callable[[], LidarDriver] | None = None,
     ) -> None:
         self.board = board
@@ -43,7 +43,7 @@ class Senses:
         self.samples: list[TelemetrySample] = []
         self.scans: list[Scan] = []
         self.newest_scan: Scan | None = None
-        self.log = MissionLog()
+        self.log = DriveLog()
         self.keeps_log = True  # a robot that is on for days must not fill its memory
         self._heard_s = math.inf  # when telemetry was taken in last; before the first nothing is out of date
         self._offset_counts = (0, 0)  # to the board's counts, which begin anew when it restarts
@@ -163,7 +163,7 @@ class Senses:
         """Whether enough was seen to plan with."""
         return self.perception.scans_mapped >= FIRST_LOOK_SCANS
 
-    def look_round(self, beat: Callable[[], bool]) -> Situation:
+    def look_round(self, beat: Callable[[], bool]) -> RobotState:
         """Stand still and let `beat` pass until the first scans are mapped: a plan needs a map.
 
         Raises

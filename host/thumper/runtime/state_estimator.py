@@ -14,13 +14,13 @@ from thumper.common.kinematics import DriveGeometry
 from thumper.common.stamps import rounded_s
 from thumper.lidar.deskew import scan_points
 from thumper.lidar.scan import Scan
-from thumper.lidar.scan_checks import Flaw, InputMonitor
-from thumper.odometry.gyro_ekf import FusedOdometry
+from thumper.lidar.scan_checks import Flaw, ScanChecker
+from thumper.odometry.gyro_ekf import GyroEkf
 from thumper.odometry.imu import ImuOptions, ImuSample
-from thumper.odometry.jump_filter import LeapBridge
-from thumper.odometry.pose_buffer import PoseHistory
-from thumper.odometry.slip_detector import GOOD_MATCH, SlipWatch
-from thumper.odometry.wheel_odometry import Odometry, OdometrySample
+from thumper.odometry.jump_filter import JumpFilter
+from thumper.odometry.pose_buffer import PoseBuffer
+from thumper.odometry.slip_detector import GOOD_MATCH, SlipDetector
+from thumper.odometry.wheel_odometry import OdometrySample, WheelOdometry
 from thumper.slam.mapper import Mapper
 
 LONGEST_WAIT_S = 1.0  # of a scan for its odometry
@@ -29,7 +29,7 @@ UNUSABLE = {Flaw.STAMP, Flaw.BEAMS}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Situation:
+class RobotState:
     """What navigation decides on: newest pose and speed, and the newest scan's obstacles."""
 
     time_s: float
@@ -40,7 +40,7 @@ class Situation:
     lost: str = ""  # why nobody should drive by this pose; empty while one may
 
 
-class Perception:
+class StateEstimator:
     """Odometry and mapping behind two inputs and one output."""
 
     def __init__(
@@ -53,17 +53,17 @@ class Perception:
     ) -> None:
         self.mapper = mapper
         self._base_from_laser = base_from_laser
-        self._odometry: Odometry | FusedOdometry = Odometry(drive)
+        self._odometry: WheelOdometry | GyroEkf = WheelOdometry(drive)
         if imu is not None and imu.enabled:
-            self._odometry = FusedOdometry(drive, imu=imu)
-        self._bridge = LeapBridge()
-        self._slip = SlipWatch()
-        self._history = PoseHistory()
+            self._odometry = GyroEkf(drive, imu=imu)
+        self._bridge = JumpFilter()
+        self._slip = SlipDetector()
+        self._history = PoseBuffer()
         self._newest: OdometrySample | None = None
         self._waiting: deque[Scan] = deque()
         self._hits_in_map_m = np.empty((0, 2))
         self._scan_time_s = -np.inf
-        self.monitor = InputMonitor()
+        self.monitor = ScanChecker()
         self.scans_mapped = 0
         self.driven_m = 0.0  # by the wheels: in the map the pose also moves where the robot does not
         self.map_doubt = ""  # why the map localised in might be the wrong one, as was last said
@@ -83,7 +83,7 @@ class Perception:
 
     def add_imu(self, sample: ImuSample) -> None:
         """Take a reading of the gyroscope, before the telemetry that it precedes; ignored unless enabled."""
-        if isinstance(self._odometry, FusedOdometry):
+        if isinstance(self._odometry, GyroEkf):
             self._odometry.add_imu(sample)
 
     def notes(self) -> dict[str, str]:
@@ -92,7 +92,7 @@ class Perception:
         for kind, lines in (("LEAP", self._bridge.lines()), ("SLIP", self._slip.lines())):
             if lines:
                 notes[kind] = lines[0]
-        if isinstance(self._odometry, FusedOdometry) and self._odometry.slips:
+        if isinstance(self._odometry, GyroEkf) and self._odometry.slips:
             notes["TURN_SLIP"] = (
                 f"{self._odometry.slips} times wheels and gyroscope disagreed: the wheels slip"
             )
@@ -120,12 +120,12 @@ class Perception:
         """Where the wheels alone say the robot is; None before the first telemetry."""
         return self._newest
 
-    def situation(self) -> Situation | None:
+    def situation(self) -> RobotState | None:
         """Return the state at the newest telemetry; None before the first."""
         if self._newest is None:
             return None
         scan_age_s = self._newest.time_s - self._scan_time_s
-        return Situation(
+        return RobotState(
             time_s=self._newest.time_s,
             map_from_base=self.mapper.map_from_odom @ self._newest.odom_from_base,
             twist=self._newest.twist,

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.scan import Scan
-from thumper.maps.hit_counts import Counts
+from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
 
 
@@ -52,7 +52,7 @@ class Mapper(Protocol):
         """The map so far; a grid once given does not change, and nobody may write to it."""
         ...
 
-    def counts(self) -> Counts:
+    def counts(self) -> HitCounts:
         """What the map so far is made of (a copy), to go on with another day."""
         ...
 

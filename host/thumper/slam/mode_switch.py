@@ -5,11 +5,11 @@ import numpy as np
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.scan import Scan
-from thumper.maps.hit_counts import Counts
+from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from thumper.slam.factory import PathMapper
 from thumper.slam.grid.grid_mapper import GridMapper, GridMapperOptions
-from thumper.slam.grid.growing_grid import Cells
+from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.localization.amcl import Amcl
 from thumper.slam.localization.options import AmclOptions
 from thumper.slam.mapper import MapperUpdate, PoseQuality
@@ -17,7 +17,7 @@ from thumper.slam.mapper import MapperUpdate, PoseQuality
 PLACED_STD_M, PLACED_STD_RAD = 0.1, 0.05  # of a pose that a mapper gives to the localiser
 
 
-class SwitchingMapper:
+class SlamModeSwitch:
     """Maps until told to localise, then keeps the map as it is until told to map on.
 
     The pose never jumps at a switch: whoever takes over begins where the other one was at the newest scan.
@@ -37,7 +37,7 @@ class SwitchingMapper:
         self._base_from_laser = base_from_laser
         self._odometry: Pose2 | None = None  # at the newest scan
         self._pose: Pose2 | None = None
-        self._foreign: Counts | None = None  # the map localised in, where it is not the mapper's
+        self._foreign: HitCounts | None = None  # the map localised in, where it is not the mapper's
         self._goes_on = False  # to map in it, once the place is known
         self.localiser: Amcl | None = None
 
@@ -50,7 +50,7 @@ class SwitchingMapper:
         """The map so far, or the frozen one while localising."""
         return (self.localiser or self._mapper).grid()
 
-    def counts(self) -> Counts:
+    def counts(self) -> HitCounts:
         """What the map that `grid` shows is made of, to go on with another day."""
         return self._mapper.counts() if self._foreign is None else self._foreign
 
@@ -110,9 +110,9 @@ class SwitchingMapper:
             There is no wall in the map.
         """
         self._start(grid, map_from_base)
-        self._foreign, self._goes_on = Counts.of(grid), False
+        self._foreign, self._goes_on = HitCounts.of(grid), False
 
-    def continue_in(self, counts: Counts, map_from_base: Pose2 | None) -> None:
+    def continue_in(self, counts: HitCounts, map_from_base: Pose2 | None) -> None:
         """Go on mapping in a map of another day, as soon as it is known where in it the robot is.
 
         Until then it is localised in, from a pose given by hand, or looked for in all of it with None.
@@ -165,7 +165,7 @@ class SwitchingMapper:
             raise ThumperError(f"mapping on from a wrong pose would spoil the map: {quality.lost}")
         if self._foreign is not None:
             options, fraction = self._mapping, self._mapping.occupied_fraction
-            cells = Cells.of(self._foreign, options.resolution_m, options.reach_m, fraction)
+            cells = HitGrid.of(self._foreign, options.resolution_m, options.reach_m, fraction)
             mapper = GridMapper(options, base_from_laser=self._base_from_laser)
             mapper.restart(cells, localiser.map_from_base)
             self._mapper, self._foreign = mapper, None

@@ -16,7 +16,7 @@ import numpy as np
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2
-from thumper.maps.hit_counts import Counts
+from thumper.maps.hit_counts import HitCounts
 from thumper.slam.mapper import Mapper
 
 VERSION = 2
@@ -24,19 +24,19 @@ LARGEST_CELLS = 400_000_000  # 1 km by 1 km at 5 cm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Session:
+class SavedSlamState:
     """All that it takes to go on with a map."""
 
-    counts: Counts
+    counts: HitCounts
     map_from_base: Pose2 | None  # where the robot was when it was saved; None when it did not know
 
     @classmethod
-    def of(cls, mapper: Mapper, map_from_base: Pose2) -> "Session":
+    def of(cls, mapper: Mapper, map_from_base: Pose2) -> "SavedSlamState":
         """What a mapper knows; the pose only where it may be trusted."""
         return cls(counts=mapper.counts(), map_from_base=None if mapper.quality().lost else map_from_base)
 
 
-def save_session(session: Session, path: Path) -> Path:
+def save_session(session: SavedSlamState, path: Path) -> Path:
     """Write it; the file appears whole or not at all. Returns its path.
 
     Raises
@@ -70,7 +70,7 @@ def save_session(session: Session, path: Path) -> Path:
     return path
 
 
-def load_session(path: Path, resolution_m: float) -> Session:
+def load_session(path: Path, resolution_m: float) -> SavedSlamState:
     """Read what `save_session` wrote, for a mapper whose cells are of this size.
 
     Raises
@@ -117,8 +117,8 @@ def load_session(path: Path, resolution_m: float) -> Session:
             f"{path}: its cells are {size_m} m; set mapping.resolution_m = {size_m} to go on",
             exit_code=EXIT_USAGE,
         )
-    counts = Counts(hits=hits, misses=misses, first_cell=(row, col), resolution_m=size_m)
-    return Session(counts=counts, map_from_base=pose)
+    counts = HitCounts(hits=hits, misses=misses, first_cell=(row, col), resolution_m=size_m)
+    return SavedSlamState(counts=counts, map_from_base=pose)
 
 
 def _checksum(header: dict[str, Any], payload: bytes) -> str:

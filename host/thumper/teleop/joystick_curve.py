@@ -42,7 +42,7 @@ def wanted_twist(
     return body_twist(limit_wheel_speeds(wheel_speeds(asked, drive), max_wheel_rad_s), drive)
 
 
-class Helm:
+class SpeedScaler:
     """One hand's stick, beat by beat: ramps while it is held, one zero when it lets go, then silence."""
 
     def __init__(self, options: TeleopOptions, drive: DriveGeometry, max_wheel_rad_s: float) -> None:

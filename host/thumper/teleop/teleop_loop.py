@@ -9,7 +9,7 @@ from thumper.config.robot import RobotConfig
 from thumper.ros.codec import Message
 from thumper.ros.to_ros import Messages, flag, text
 from thumper.teleop.gamepad import PadState
-from thumper.teleop.joystick_curve import Helm, Stick
+from thumper.teleop.joystick_curve import SpeedScaler, Stick
 from thumper.teleop.keyboard import Action, Keys
 
 COMMANDS = {Action.ARM: "arm", Action.DISARM: "disarm", Action.CLEAR_FAULT: "clear_fault"}
@@ -42,8 +42,8 @@ class Driver:
         options, limit = config.teleop, config.drive.max_wheel_rad_s
         self._publish, self._read, self._pad = publish, read, pad
         self._keys = Keys(options)
-        self._key_helm = Helm(options, config.drive, limit)
-        self._pad_helm = Helm(options, config.drive, limit)
+        self._key_helm = SpeedScaler(options, config.drive, limit)
+        self._pad_helm = SpeedScaler(options, config.drive, limit)
         self._messages = Messages()
         self.twist = Twist2()  # as last sent
 
@@ -75,7 +75,7 @@ class Driver:
         self._keys.feed(b"k", 0.0)
         self.twist = Twist2()
 
-    def _send(self, topic: str, helm: Helm, stick: Stick | None, period_s: float) -> Twist2 | None:
+    def _send(self, topic: str, helm: SpeedScaler, stick: Stick | None, period_s: float) -> Twist2 | None:
         twist = helm.step(stick, period_s)
         if twist is not None:
             self._publish(topic, self._messages.twist(time.time(), twist))

@@ -22,8 +22,8 @@ from thumper.config.robot import RobotConfig
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.ros.status import Status
 from thumper.ros.to_ros import Messages, flag, text
-from thumper.runtime.requests import Ask, Channel, EmergencyStop, Request, Velocity
-from thumper.runtime.service.request_queue import Inbox
+from thumper.runtime.requests import EmergencyStop, Query, Request, TeleopSource, Velocity
+from thumper.runtime.service.request_queue import RequestQueue
 
 M = Messages()
 GRID = OccupancyGrid(
@@ -37,7 +37,7 @@ class Robot:
 
     def __init__(self, token: str = "") -> None:
         self.address = f"127.0.0.1:{free_port()}"
-        self.inbox = Inbox()
+        self.inbox = RequestQueue()
         self.told: list[str] = []
         options = BusOptions(address=self.address, token=token)
         self.server = BusServer("r1", options, self.inbox, self.told.append)
@@ -98,8 +98,8 @@ def test_a_command_comes_in_checked_and_with_its_sender(robot: Robot, client: Bu
     while len(asked) < 2:
         asked += robot.asked()
     assert len(asked) == 2  # in either order: different topics
-    assert Velocity(channel=Channel.GAMEPAD, twist=Twist2(w_rad_s=0.5), source=client.source) in asked
-    assert Velocity(channel=Channel.TELEOP, twist=Twist2(v_m_s=0.1), source="tab 3") in asked
+    assert Velocity(channel=TeleopSource.GAMEPAD, twist=Twist2(w_rad_s=0.5), source=client.source) in asked
+    assert Velocity(channel=TeleopSource.TELEOP, twist=Twist2(v_m_s=0.1), source="tab 3") in asked
 
 
 def test_what_makes_no_sense_is_counted_told_and_forgotten(robot: Robot, client: BusClient) -> None:
@@ -126,7 +126,7 @@ def test_a_flood_is_refused_while_an_emergency_stop_passes(robot: Robot, client:
 def test_a_question_is_answered_from_another_thread(robot: Robot, client: BusClient) -> None:
     def answer() -> None:
         (ask,) = robot.asked()
-        assert isinstance(ask, Ask)
+        assert isinstance(ask, Query)
         ask.reply({"ok": True, "values": {"kp": 1.0, **ask.content}})
 
     thread = threading.Thread(target=answer)
@@ -181,7 +181,7 @@ def test_a_robot_that_says_nothing_of_the_topic_is_not_gone(
 ) -> None:
     clock_s = [10.0]
     monkeypatch.setattr(heartbeat_sender, "time", SimpleNamespace(monotonic=lambda: clock_s[0]))
-    alive = heartbeat_sender.Pulse(client)
+    alive = heartbeat_sender.HeartbeatSender(client)
     clock_s[0] += 0.9 * heartbeat_sender.SILENCE_S
     robot.server.publish("status", 0.0, M.status(Status(time_s=0.0)))
     until(lambda: alive.has_talked)
@@ -227,7 +227,7 @@ def test_no_robot_there() -> None:
 
 def test_an_address_that_is_taken(robot: Robot) -> None:
     with pytest.raises(ThumperError, match="another robot's process"):
-        BusServer("r2", BusOptions(address=robot.address), Inbox(), print)
+        BusServer("r2", BusOptions(address=robot.address), RequestQueue(), print)
 
 
 def test_a_bus_that_cannot_keep_up_drops_the_oldest_and_never_waits(robot: Robot) -> None:

@@ -9,22 +9,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from thumper.bus.request_decoder import MOST_BYTES, Gate, RefusedError, json_object
+from thumper.bus.request_decoder import MOST_BYTES, Gate, RequestRefusedError, json_object
 from thumper.common.geometry import Pose2, Twist2
 from thumper.navigation.goal import Goal
 from thumper.ros.codec import encode
 from thumper.ros.to_ros import Messages, flag, text
 from thumper.ros.topics import TOPICS
 from thumper.runtime.requests import (
-    Ask,
-    Channel,
     EmergencyStop,
     GoTo,
     Heartbeat,
-    Order,
-    Relocate,
+    Query,
     Request,
-    Simulate,
+    RobotCommand,
+    SetPose,
+    SimulatorCommand,
+    TeleopSource,
     Velocity,
 )
 
@@ -59,23 +59,23 @@ def test_waypoints() -> None:
 @pytest.mark.parametrize(
     ("topic", "message", "expected"),
     [
-        ("initialpose", M.pose(0.0, Pose2(x_m=1.0)), Relocate(map_from_base=Pose2(x_m=1.0))),
+        ("initialpose", M.pose(0.0, Pose2(x_m=1.0)), SetPose(map_from_base=Pose2(x_m=1.0))),
         (
             "teleop",
             M.twist(0.0, Twist2(v_m_s=0.2)),
-            Velocity(channel=Channel.TELEOP, twist=Twist2(v_m_s=0.2), source="me"),
+            Velocity(channel=TeleopSource.TELEOP, twist=Twist2(v_m_s=0.2), source="me"),
         ),
         (
             "gamepad",
             M.twist(0.0, Twist2(w_rad_s=1.0)),
-            Velocity(channel=Channel.GAMEPAD, twist=Twist2(w_rad_s=1.0), source="me"),
+            Velocity(channel=TeleopSource.GAMEPAD, twist=Twist2(w_rad_s=1.0), source="me"),
         ),
         ("heartbeat", M.header(0.0), Heartbeat(source="me")),
         ("estop", flag(True), EmergencyStop()),
         ("estop", flag(False), None),
-        ("command", text("cancel"), Order(name="cancel")),
+        ("command", text("cancel"), RobotCommand(name="cancel")),
         ("command", text("estop"), EmergencyStop()),
-        ("simulator/command", text('{"speed": 2}'), Simulate(content={"speed": 2})),
+        ("simulator/command", text('{"speed": 2}'), SimulatorCommand(content={"speed": 2})),
     ],
 )
 def test_what_passes(topic: str, message: Any, expected: Request | None) -> None:
@@ -105,20 +105,20 @@ def test_what_passes(topic: str, message: Any, expected: Request | None) -> None
 )
 def test_what_is_refused(topic: str, message: Any, why: str) -> None:
     gate = Gate()
-    with pytest.raises(RefusedError, match=why):
+    with pytest.raises(RequestRefusedError, match=why):
         request(topic, message, gate=gate)
 
 
 def test_a_goal_in_another_frame_is_refused() -> None:
     message = M.goal(0.0, HERE)
     message.header.frame_id = "odom"
-    with pytest.raises(RefusedError, match="in the frame map"):
+    with pytest.raises(RequestRefusedError, match="in the frame map"):
         request("goal", message)
 
 
 @pytest.mark.parametrize("source", ["x" * 65, "a\nb", "\x1b[2J"])
 def test_a_sender_whose_name_is_no_name_is_refused(source: str) -> None:
-    with pytest.raises(RefusedError, match="sender's name"):
+    with pytest.raises(RequestRefusedError, match="sender's name"):
         request("heartbeat", M.header(0.0), source)
 
 
@@ -126,9 +126,9 @@ def test_too_often_is_refused_and_waiting_helps() -> None:
     gate, raw = Gate(), encode(text("arm"))
     for _ in range(20):
         gate.message("command", raw, "", 0.0)
-    with pytest.raises(RefusedError, match="20 messages a second"):
+    with pytest.raises(RequestRefusedError, match="20 messages a second"):
         gate.message("command", raw, "", 0.0)
-    assert gate.message("command", raw, "", 0.1) == Order(name="arm")
+    assert gate.message("command", raw, "", 0.1) == RobotCommand(name="arm")
     for _ in range(1000):
         assert gate.message("estop", encode(flag(False)), "", 0.0) is None
     assert gate.message("estop", encode(flag(True)), "", 0.0) == EmergencyStop()  # no flood keeps it out
@@ -139,7 +139,7 @@ def test_a_flood_lets_its_share_through() -> None:
     """Asked a hundred times a second, for ten: the twenty at once, and then twenty a second."""
     gate, raw, passed = Gate(), encode(text("arm")), 0
     for count in range(1000):
-        with suppress(RefusedError):
+        with suppress(RequestRefusedError):
             gate.message("command", raw, "", count / 100)
             passed += 1
     assert passed == pytest.approx(220, abs=1)
@@ -149,7 +149,7 @@ def test_a_flood_lets_its_share_through() -> None:
 def test_any_bytes_are_a_request_or_a_refusal(raw: bytes, topic: str) -> None:
     try:
         asked = Gate().message(topic, raw, "", 0.0)
-    except RefusedError:
+    except RequestRefusedError:
         return
     if isinstance(asked, GoTo):
         assert all(isinstance(goal, Goal) and math.isfinite(goal.x_m + goal.y_m) for goal in asked.goals)
@@ -159,7 +159,7 @@ def test_any_bytes_are_a_request_or_a_refusal(raw: bytes, topic: str) -> None:
 
 def test_a_question_with_its_content() -> None:
     asked = Gate().question("parameters/set", b'{"kp": 1.5}', "me", 0.0, lambda _: None)
-    assert isinstance(asked, Ask)
+    assert isinstance(asked, Query)
     assert (asked.name, asked.content, asked.source) == ("parameters/set", {"kp": 1.5}, "me")
 
 
@@ -173,15 +173,15 @@ def test_a_question_with_its_content() -> None:
     ],
 )
 def test_a_question_that_is_none(name: str, raw: bytes, why: str) -> None:
-    with pytest.raises(RefusedError, match=why):
+    with pytest.raises(RequestRefusedError, match=why):
         Gate().question(name, raw, "", 0.0, lambda _: None)
 
 
 def test_numbers_that_are_none_are_refused() -> None:
     assert json_object('{"a": [1, {"b": null}]}') == {"a": [1, {"b": None}]}
-    with pytest.raises(RefusedError, match="Infinity"):
+    with pytest.raises(RequestRefusedError, match="Infinity"):
         json_object('{"a": Infinity}')
-    with pytest.raises(RefusedError, match="1e999"):
+    with pytest.raises(RequestRefusedError, match="1e999"):
         json_object('{"a": 1e999}')
-    with pytest.raises(RefusedError, match="is no number"):
+    with pytest.raises(RequestRefusedError, match="is no number"):
         json_object('{"a": 1%s}' % ("0" * 400))

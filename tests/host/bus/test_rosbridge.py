@@ -24,7 +24,7 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import Twist2
 from thumper.dashboard.certificate import make_certificate, server_tls
 from thumper.lidar.scan import Scan
-from thumper.runtime.requests import Ask, Channel, EmergencyStop, Request, Velocity
+from thumper.runtime.requests import EmergencyStop, Query, Request, TeleopSource, Velocity
 
 
 class Bridge:
@@ -118,7 +118,7 @@ def test_roslibpy_drives(bridge: Bridge, ros: roslibpy.Ros) -> None:
     topic.publish(roslibpy.Message({"twist": {"linear": {"x": 0.25}}}))
     (asked,) = bridge.robot.asked()
     assert isinstance(asked, Velocity)
-    assert (asked.channel, asked.twist) == (Channel.TELEOP, Twist2(v_m_s=0.25))
+    assert (asked.channel, asked.twist) == (TeleopSource.TELEOP, Twist2(v_m_s=0.25))
     assert asked.source.startswith("rosbridge-")
 
 
@@ -126,7 +126,7 @@ def test_a_service_is_a_question_to_the_robot(bridge: Bridge, ros: roslibpy.Ros)
     def answer(reply: dict[str, Any]) -> threading.Thread:
         def serve() -> None:
             (ask,) = bridge.robot.asked()
-            assert isinstance(ask, Ask)
+            assert isinstance(ask, Query)
             ask.reply({**reply, "asked": [ask.name, dict(ask.content)]})
 
         thread = threading.Thread(target=serve)
@@ -149,14 +149,14 @@ def test_a_stop_does_not_wait_for_the_answer_to_a_question(bridge: Bridge) -> No
 
     def both_came() -> bool:
         asked.extend(bridge.robot.asked_now())
-        return {Ask, EmergencyStop} <= set(map(type, asked))
+        return {Query, EmergencyStop} <= set(map(type, asked))
 
     with connect(bridge.url) as socket:
         socket.send('{"op": "call_service", "service": "/command", "args": {"command": "cancel"}}')
         socket.send('{"op": "publish", "topic": "/estop", "msg": {"data": true}}')
         until(both_came)
         for request in asked:
-            if isinstance(request, Ask):
+            if isinstance(request, Query):
                 request.reply({"ok": True, "text": "it stops"})
         assert json.loads(socket.recv(20))["values"]["text"] == "it stops"
 

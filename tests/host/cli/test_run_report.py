@@ -7,7 +7,7 @@ from matplotlib.text import Text
 
 from thumper.cli.run_report import draw_drive, draw_speeds
 from thumper.common.geometry import Pose2
-from thumper.runtime.drive_log import MissionLog
+from thumper.runtime.drive_log import DriveLog
 
 
 def test_the_legends_stand_beside_the_curves() -> None:
@@ -28,7 +28,7 @@ def test_the_legends_stand_beside_the_curves() -> None:
 
 def test_the_plan_at_the_start_is_the_first_that_leads_anywhere() -> None:
     """An exploring robot looks round first: its goal is where it stands."""
-    log = MissionLog()
+    log = DriveLog()
     log.add_pose(0.0, Pose2())
     stands, leads = np.zeros((2, 2)), np.array([[0.0, 0.0], [1.0, 0.0]])
     for plan in (stands, leads, leads + 0.1):

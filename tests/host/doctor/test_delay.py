@@ -6,12 +6,13 @@ from collections.abc import Iterator
 import pytest
 import serial
 
-from thumper.board.options import BoardConfig
+from thumper.board.options import BoardOptions
 from thumper.common.serial_port import clock_of, open_port
 from thumper.doctor.board_checks import check_board
+from thumper.doctor.check import Check
 from thumper.doctor.lidar_checks import check_lidar
-from thumper.doctor.verdicts import Check, ask_often
-from thumper.lidar.options import LidarConfig
+from thumper.doctor.verdicts import ask_often
+from thumper.lidar.options import LidarOptions
 
 STEP_S = 0.001
 
@@ -83,7 +84,7 @@ def round_trip_line(checks: Iterator[Check], name: str) -> tuple[str, float, str
 )
 def test_the_boards_round_trip_is_the_true_one(delay_s: float, verdict: str) -> None:
     """Twice the delay and the 2 to 4 ms that board and USB take; no answer is lost for being late."""
-    checks = check_board(BoardConfig(port="sim://delay/board"), seconds=1.0, spin=None, also=iter(()))
+    checks = check_board(BoardOptions(port="sim://delay/board"), seconds=1.0, spin=None, also=iter(()))
     found, median_ms, what = round_trip_line(checks, "board")
     assert found == verdict
     assert median_ms == pytest.approx(2e3 * delay_s + 3.0, abs=3.5)
@@ -92,7 +93,7 @@ def test_the_boards_round_trip_is_the_true_one(delay_s: float, verdict: str) -> 
 
 @pytest.mark.parametrize("delay_s", [0.06], indirect=True)
 def test_the_lidars_round_trip_is_the_true_one(delay_s: float) -> None:
-    checks = check_lidar(LidarConfig(port="sim://delay/lidar"), seconds=1.0)
+    checks = check_lidar(LidarOptions(port="sim://delay/lidar"), seconds=1.0)
     found, median_ms, what = round_trip_line(checks, "lidar")
     assert found == "warn"
     assert median_ms == pytest.approx(2e3 * delay_s + 3.0, abs=3.5)

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from thumper.cli.doctor import KNOWN_USB
+from thumper.doctor.check import Check
 from thumper.doctor.host_checks import RULES, UNIT, check_set_up
-from thumper.doctor.verdicts import Check
 
 PACKAGING = Path(__file__).parents[3] / "packaging"
 
@@ -28,7 +28,7 @@ def rules(tmp_path: Path) -> Path:
 def unit(tmp_path: Path) -> Path:
     path = tmp_path / "home" / UNIT
     path.parent.mkdir(parents=True)
-    path.write_bytes((PACKAGING / "thumper.runtime").read_bytes())
+    path.write_bytes((PACKAGING / "thumper.service").read_bytes())
     return path
 
 

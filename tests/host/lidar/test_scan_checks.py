@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from thumper.lidar.scan import Scan
-from thumper.lidar.scan_checks import Flaw, InputMonitor
+from thumper.lidar.scan_checks import Flaw, ScanChecker
 
 
 def scan(time_s: float, ranges_m: float = 1.0) -> Scan:
@@ -27,7 +27,7 @@ def scan(time_s: float, ranges_m: float = 1.0) -> Scan:
     ],
 )
 def test_each_flaw_is_counted_once_and_named(after: Scan, flaw: Flaw) -> None:
-    monitor = InputMonitor()
+    monitor = ScanChecker()
     for k in range(4):
         assert monitor.look(scan(0.1 * k)) == []
     assert monitor.look(after) == [flaw]
@@ -47,23 +47,23 @@ def test_each_flaw_is_counted_once_and_named(after: Scan, flaw: Flaw) -> None:
     ],
 )
 def test_scans_without_beams_or_directions_are_named(broken: dict[str, Any]) -> None:
-    assert InputMonitor().look(replace(scan(0.0), **broken)) == [Flaw.BEAMS]
+    assert ScanChecker().look(replace(scan(0.0), **broken)) == [Flaw.BEAMS]
 
 
 def test_a_slower_rate_is_no_row_of_gaps() -> None:
     """A recording may hold every scan of its first part and every tenth of the rest."""
-    monitor = InputMonitor()
+    monitor = ScanChecker()
     for time_s in [*np.arange(0.0, 2.0, 0.1), *np.arange(2.0, 60.0, 1.2)]:
         monitor.look(scan(float(time_s)))
     assert monitor.counts == {Flaw.GAP: 6}  # until most of the last eleven steps are of the new rate
 
 
 def test_zeros_are_named() -> None:
-    assert InputMonitor().look(scan(0.0, 0.0)) == [Flaw.ZEROS, Flaw.EMPTY]
+    assert ScanChecker().look(scan(0.0, 0.0)) == [Flaw.ZEROS, Flaw.EMPTY]
 
 
 def test_after_a_gap_and_a_step_back_the_period_still_holds() -> None:
-    monitor = InputMonitor()
+    monitor = ScanChecker()
     for time_s in (0.0, 0.1, 0.2, 5.0, 5.1, 4.0, 4.1, 4.2):
         monitor.look(scan(time_s))
     assert monitor.counts == {Flaw.GAP: 1, Flaw.BACKWARDS: 1}

@@ -9,14 +9,14 @@ import pytest
 from thumper.common.geometry import Pose2
 from thumper.navigation.goal import Goal
 from thumper_hil.kinematic.closed_loop import Conditions, drive
-from thumper_hil.kinematic.world import World
+from thumper_hil.kinematic.world import KinematicWorld
 
 
 @pytest.mark.parametrize(("index", "scale"), [(60, 1.0), (0, 0.65), (240, 0.65), (165, 0.65), (60, 0.5)])
 def test_crosses_the_field_without_contact(nav_data: Path, index: int, scale: float) -> None:
     """Start, goal and success as the challenge has them, all lengths scaled; nothing is known at first."""
     centres = np.loadtxt(nav_data / "barn" / f"world_{index:03d}_cylinders.csv", delimiter=",", skiprows=1)
-    world = World(circles_m=np.column_stack((centres[:, :2], np.full(len(centres), 0.075))) * scale)
+    world = KinematicWorld(circles_m=np.column_stack((centres[:, :2], np.full(len(centres), 0.075))) * scale)
     goal = Goal(x_m=-2.25 * scale, y_m=13.0 * scale)
     run = drive(
         world,

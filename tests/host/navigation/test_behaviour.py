@@ -6,17 +6,22 @@ import numpy as np
 import pytest
 
 from thumper.common.geometry import FloatArray, Pose2, Twist2
-from thumper.lidar.field_of_view import LidarView
+from thumper.lidar.field_of_view import FieldOfView
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.costmap import CostmapOptions, build_costmap
-from thumper.navigation.costmap.obstacle_memory import MOST_SPREAD_M, SPREAD_PART, HitMemory, MemoryOptions
+from thumper.navigation.costmap.obstacle_memory import (
+    MOST_SPREAD_M,
+    SPREAD_PART,
+    ObstacleMemory,
+    ObstacleMemoryOptions,
+)
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationState, Navigator
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.planners.frontier_exploration import ExplorationOptions, Explorer, find_frontiers
-from thumper.navigation.safety.collision_monitor import CollisionMonitor, MonitorOptions
-from thumper.navigation.safety.velocity_smoother import smoothed
+from thumper.navigation.safety.collision_monitor import CollisionMonitor, CollisionMonitorOptions
+from thumper.navigation.safety.velocity_smoother import smooth_velocity
 from thumper.navigation.speed_limits import SpeedLimits
 
 FRONT_M = 0.21
@@ -25,7 +30,7 @@ HULL_M = Footprint().circumscribed_radius_m
 
 @pytest.mark.parametrize(("gap_m", "part"), [(0.10, 0.4), (0.24, 0.6), (0.36, 0.9), (0.6, 1.0)])
 def test_the_slow_zone_shrinks_both_speeds_by_the_time_to_contact(gap_m: float, part: float) -> None:
-    monitor = CollisionMonitor(MonitorOptions(), SpeedLimits(), Footprint())
+    monitor = CollisionMonitor(CollisionMonitorOptions(), SpeedLimits(), Footprint())
     slow = monitor.slowed(Twist2(v_m_s=0.4), np.array(((FRONT_M + gap_m, 0.0),)))
     assert slow.v_m_s == pytest.approx(part * 0.4, abs=0.06 * 0.4)
     bent = monitor.slowed(Twist2(v_m_s=0.4, w_rad_s=0.2), np.array(((FRONT_M + gap_m, 0.0),)))
@@ -35,12 +40,12 @@ def test_the_slow_zone_shrinks_both_speeds_by_the_time_to_contact(gap_m: float, 
 def test_the_smoother_keeps_the_accelerations() -> None:
     limits, twist = SpeedLimits(), Twist2()
     for _ in range(30):
-        after = smoothed(Twist2(v_m_s=9.0, w_rad_s=-9.0), twist, limits, 0.1)
+        after = smooth_velocity(Twist2(v_m_s=9.0, w_rad_s=-9.0), twist, limits, 0.1)
         assert after.v_m_s - twist.v_m_s <= limits.v_accel_m_s2 * 0.1 + 1e-12
         assert twist.w_rad_s - after.w_rad_s <= limits.w_accel_rad_s2 * 0.1 + 1e-12
         twist = after
     assert (twist.v_m_s, twist.w_rad_s) == (limits.v_max_m_s, -limits.w_max_rad_s)
-    assert smoothed(Twist2(v_m_s=0.001), Twist2(), limits, 0.1) == Twist2()
+    assert smooth_velocity(Twist2(v_m_s=0.001), Twist2(), limits, 0.1) == Twist2()
 
 
 def ring(radius_m: float) -> FloatArray:
@@ -49,7 +54,7 @@ def ring(radius_m: float) -> FloatArray:
 
 
 def test_memory_keeps_what_is_hidden_and_clears_what_a_ray_passes() -> None:
-    memory = HitMemory(MemoryOptions(), 0.8, LidarView(base_from_laser=Pose2()), HULL_M)
+    memory = ObstacleMemory(ObstacleMemoryOptions(), 0.8, FieldOfView(base_from_laser=Pose2()), HULL_M)
     post = np.array(((0.5, 0.0),))
     assert len(memory.update(0.0, Pose2(), post)) == 0  # seen now: nothing to add
     assert memory.update(0.1, Pose2(theta_rad=math.pi), np.empty((0, 2))) == pytest.approx(post)  # behind
@@ -66,7 +71,7 @@ def test_memory_keeps_what_is_hidden_and_clears_what_a_ray_passes() -> None:
 def test_what_is_beside_the_hull_is_kept_however_long_the_robot_stands() -> None:
     """A robot that stood for half a minute beside a post behind it once forgot it, and swung into it."""
     memory, turned = (
-        HitMemory(MemoryOptions(), 0.8, LidarView(base_from_laser=Pose2()), HULL_M),
+        ObstacleMemory(ObstacleMemoryOptions(), 0.8, FieldOfView(base_from_laser=Pose2()), HULL_M),
         Pose2(theta_rad=3.0),
     )
     post, further = np.array(((HULL_M + 0.05, 0.0),)), np.array(((HULL_M + 0.30, 0.1),))
@@ -77,7 +82,7 @@ def test_what_is_beside_the_hull_is_kept_however_long_the_robot_stands() -> None
 
 def test_a_reset_forgets_only_what_the_lidar_can_look_at_again() -> None:
     """After a reset the robot backs up: a post behind it that was forgotten was once almost backed into."""
-    memory = HitMemory(MemoryOptions(), 0.8, LidarView(base_from_laser=Pose2()), HULL_M)
+    memory = ObstacleMemory(ObstacleMemoryOptions(), 0.8, FieldOfView(base_from_laser=Pose2()), HULL_M)
     ahead, behind = np.array(((0.4, 0.0),)), np.array(((-0.4, 0.0),))
     memory.update(0.0, Pose2(), np.vstack((ahead, behind)))
     memory.forget_beyond(Pose2(), 0.3)
@@ -87,7 +92,7 @@ def test_a_reset_forgets_only_what_the_lidar_can_look_at_again() -> None:
 
 def test_what_was_last_seen_long_ago_may_be_off_by_more() -> None:
     """The pose drifts by driving and by turning; a pose that only trembles does not move on."""
-    memory = HitMemory(MemoryOptions(), 0.8, LidarView(base_from_laser=Pose2()), HULL_M)
+    memory = ObstacleMemory(ObstacleMemoryOptions(), 0.8, FieldOfView(base_from_laser=Pose2()), HULL_M)
     post, nothing, turned = np.array(((0.4, 0.0),)), np.empty((0, 2)), Pose2(theta_rad=math.pi)
     memory.update(0.0, Pose2(), post)
     assert memory.spread_m.size == 0  # in view

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from thumper_hil.demo.repeat import GOAL_ERROR_LIMIT_M, Row, run_seeds, statistics_of
+from thumper_hil.demo.repeat import GOAL_ERROR_LIMIT_M, DriveRow, run_seeds, statistics_of
 
-GOOD = Row(
+GOOD = DriveRow(
     seed=1,
     mission="straight",
     reached=True,

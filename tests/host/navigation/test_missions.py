@@ -11,9 +11,9 @@ from thumper.navigation.navigator import NavigationState
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.recovery.behaviors import RecoveryOptions
 from thumper_hil.kinematic.closed_loop import Conditions, Run, drive
-from thumper_hil.kinematic.world import World, box
+from thumper_hil.kinematic.world import KinematicWorld, box
 
-ROOM = World.of(box(0.8, 0.0, 4.8, 3.8))
+ROOM = KinematicWorld.of(box(0.8, 0.0, 4.8, 3.8))
 AREA = (-4.2, -5.0, 10.0, 10.0)
 BOX_ROOM = ROOM.joined(box(1.2, 0.1, 0.40, 0.30, 0.58))
 STRAIGHT = (Pose2(x_m=1.73, y_m=0.08, theta_rad=math.pi), (-0.49, 0.02))
@@ -85,7 +85,7 @@ def test_goal_that_cannot_be_entered_fails_in_words() -> None:
     assert "obstacle" in run.reason
 
 
-def appearing(at_s: float, obstacle: list[list[float]]) -> Callable[[float], World]:
+def appearing(at_s: float, obstacle: list[list[float]]) -> Callable[[float], KinematicWorld]:
     blocked = ROOM.joined(obstacle)
     return lambda time_s: blocked if time_s >= at_s else ROOM
 

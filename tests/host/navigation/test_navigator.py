@@ -8,7 +8,7 @@ import pytest
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2, Twist2
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.navigation.controllers.goal_checker import Arrival
+from thumper.navigation.controllers.goal_checker import GoalChecker
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
@@ -102,7 +102,7 @@ def test_senseless_goals_are_refused_in_one_line() -> None:
 
 
 def test_arrival_latches_and_lets_go() -> None:
-    arrival = Arrival(Goal(x_m=0.0, y_m=0.0, tolerance_m=0.1))
+    arrival = GoalChecker(Goal(x_m=0.0, y_m=0.0, tolerance_m=0.1))
     seen = []
     for x_m in (0.3, 0.09, 0.08, 0.105, 0.09, 0.04, 0.09, 0.11):
         arrival.update(Pose2(x_m=x_m))
@@ -112,7 +112,7 @@ def test_arrival_latches_and_lets_go() -> None:
 
 
 def test_a_small_tolerance_is_for_the_place_not_for_the_turn_after_it() -> None:
-    arrival = Arrival(Goal(x_m=0.0, y_m=0.0, theta_rad=1.0, tolerance_m=0.02))
+    arrival = GoalChecker(Goal(x_m=0.0, y_m=0.0, theta_rad=1.0, tolerance_m=0.02))
     seen = []
     for x_m in (0.05, 0.012, 0.018, 0.03, 0.049, 0.051):
         arrival.update(Pose2(x_m=x_m))

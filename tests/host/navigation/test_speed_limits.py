@@ -8,7 +8,7 @@ import pytest
 from thumper.common.geometry import Pose2, Twist2
 from thumper.common.kinematics import DriveGeometry
 from thumper.navigation.footprint import Footprint
-from thumper.navigation.safety.collision_monitor import CollisionMonitor, MonitorOptions
+from thumper.navigation.safety.collision_monitor import CollisionMonitor, CollisionMonitorOptions
 from thumper.navigation.speed_limits import SpeedLimits, WheelRamp
 
 LIMITS, DRIVE = SpeedLimits(), DriveGeometry()
@@ -44,9 +44,12 @@ def test_a_mirrored_twist_brakes_mirrored(twist: Twist2) -> None:
 def test_the_monitor_sees_what_only_the_swing_hits() -> None:
     """Points just within the hull of the real stopping motion: all seen, and not by fading v and w alone."""
     limits = SpeedLimits(latency_s=0.0)
-    seeing = CollisionMonitor(MonitorOptions(), limits, Footprint(), RAMP)
+    seeing = CollisionMonitor(CollisionMonitorOptions(), limits, Footprint(), RAMP)
     stiff = CollisionMonitor(
-        MonitorOptions(), limits, Footprint(), WheelRamp(rim_m_s2=50.0, half_track_m=RAMP.half_track_m)
+        CollisionMonitorOptions(),
+        limits,
+        Footprint(),
+        WheelRamp(rim_m_s2=50.0, half_track_m=RAMP.half_track_m),
     )
     outline_m = Footprint().grown(-0.002).outline_m(0.02)
     missed = 0

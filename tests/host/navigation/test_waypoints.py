@@ -13,15 +13,15 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
 from thumper.navigation.options import NavigationOptions
 from thumper.runtime.drive.waypoints import Itinerary, follow
-from thumper.runtime.drive_result import MissionResult
+from thumper.runtime.drive_result import DriveResult
 
 A, B = Goal(x_m=1.0, y_m=0.0), Goal(x_m=0.0, y_m=1.0)
 
 
-def driver(fails: Callable[[str, Goal], bool], seen: list[str]) -> Callable[[str, Goal], MissionResult]:
-    def drive(name: str, goal: Goal) -> MissionResult:
+def driver(fails: Callable[[str, Goal], bool], seen: list[str]) -> Callable[[str, Goal], DriveResult]:
+    def drive(name: str, goal: Goal) -> DriveResult:
         seen.append(name)
-        return MissionResult(
+        return DriveResult(
             reached=not fails(name, goal),
             interrupted=False,
             reason="the door is shut" if fails(name, goal) else "at the goal",
@@ -52,8 +52,8 @@ def test_it_stops_at_the_first_failure_and_says_which() -> None:
 
 
 def test_a_refused_first_leg_is_an_error_and_a_later_one_ends_the_drive() -> None:
-    def refusing(bad: Goal) -> Callable[[str, Goal], MissionResult]:
-        def drive(name: str, goal: Goal) -> MissionResult:
+    def refusing(bad: Goal) -> Callable[[str, Goal], DriveResult]:
+        def drive(name: str, goal: Goal) -> DriveResult:
             if goal is bad:
                 raise ThumperError("too near an obstacle")
             return driver(lambda _name, _goal: False, [])(name, goal)

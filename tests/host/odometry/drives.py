@@ -6,9 +6,9 @@ import numpy as np
 
 from thumper.common.geometry import Pose2
 from thumper.common.kinematics import DriveGeometry
-from thumper.odometry.gyro_ekf import FusedOdometry
+from thumper.odometry.gyro_ekf import GyroEkf
 from thumper.odometry.imu import ImuOptions, ImuSample
-from thumper.odometry.wheel_odometry import Odometry, OdometryOptions, advance
+from thumper.odometry.wheel_odometry import OdometryOptions, WheelOdometry, advance
 
 GEOMETRY, WHEELS, IMU = DriveGeometry(counts_per_rev=1_200_000), OdometryOptions(), ImuOptions()
 STEP_S, PER_STEP = 0.02, 2
@@ -49,9 +49,9 @@ class Drive:
 
 def driven(
     seed: int, seconds: float, *, slip_rad_s: float = 0.0, slip_s: float = 0.6
-) -> tuple[Drive, FusedOdometry, Odometry]:
+) -> tuple[Drive, GyroEkf, WheelOdometry]:
     """Stand 2 s, then drive curves; at 8 s the wheels spin so that they tell a turn that is not there."""
-    truth, fused, wheels = Drive(seed), FusedOdometry(GEOMETRY, WHEELS, IMU), Odometry(GEOMETRY, WHEELS)
+    truth, fused, wheels = Drive(seed), GyroEkf(GEOMETRY, WHEELS, IMU), WheelOdometry(GEOMETRY, WHEELS)
     fused.update(0.0, 0, 0)
     wheels.update(0.0, 0, 0)
     for k in range(round(seconds / STEP_S)):

@@ -7,9 +7,9 @@ import pytest
 
 from tests.host.odometry.drives import GEOMETRY, driven
 from thumper.common.geometry import wrap_angle
-from thumper.odometry.gyro_ekf import FusedOdometry
+from thumper.odometry.gyro_ekf import GyroEkf
 from thumper.odometry.imu import ImuSample
-from thumper.odometry.wheel_odometry import Odometry
+from thumper.odometry.wheel_odometry import WheelOdometry
 
 
 def test_the_covariance_says_how_large_the_errors_are() -> None:
@@ -59,7 +59,7 @@ def test_slow_slips_add_up_until_they_are_seen(slip_rad_s: float, slip_s: float)
 
 
 def test_without_a_gyroscope_it_is_the_wheels() -> None:
-    fused, wheels = FusedOdometry(GEOMETRY), Odometry(GEOMETRY)
+    fused, wheels = GyroEkf(GEOMETRY), WheelOdometry(GEOMETRY)
     for k in range(50):
         one, two = (o.update(0.02 * k, 900 * k, 1000 * k) for o in (fused, wheels))
         assert one.odom_from_base == two.odom_from_base
@@ -69,7 +69,7 @@ def test_without_a_gyroscope_it_is_the_wheels() -> None:
 
 @pytest.mark.parametrize("rate", [math.nan, math.inf])
 def test_readings_that_are_no_numbers_or_out_of_order_are_left_out(rate: float) -> None:
-    fused = FusedOdometry(GEOMETRY)
+    fused = GyroEkf(GEOMETRY)
     fused.update(0.0, 0, 0)
     fused.add_imu(ImuSample(time_s=0.01, yaw_rate_rad_s=rate))
     fused.add_imu(ImuSample(time_s=0.02, yaw_rate_rad_s=0.0))

@@ -6,12 +6,12 @@ from collections.abc import Iterable
 import pytest
 
 from thumper.common.geometry import Pose2
-from thumper.odometry.jump_filter import LeapBridge
+from thumper.odometry.jump_filter import JumpFilter
 
 
-def passed(ways: Iterable[tuple[float, float]]) -> tuple[LeapBridge, list[float]]:
+def passed(ways: Iterable[tuple[float, float]]) -> tuple[JumpFilter, list[float]]:
     """The bridge after (time, x), and the x that it gave."""
-    bridge = LeapBridge()
+    bridge = JumpFilter()
     return bridge, [bridge.take(time_s, Pose2(x_m=x_m)).x_m for time_s, x_m in ways]
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from thumper.common.geometry import Pose2, Twist2
-from thumper.odometry.pose_buffer import PoseHistory, interpolate
+from thumper.odometry.pose_buffer import PoseBuffer, interpolate
 from thumper.odometry.wheel_odometry import OdometrySample, advance
 
 V_M_S, W_RAD_S = 0.8, 1.2
@@ -24,8 +24,8 @@ def sample(time_s: float) -> OdometrySample:
     )
 
 
-def filled() -> PoseHistory:
-    history = PoseHistory(horizon_s=1.0, extrapolation_s=0.2)
+def filled() -> PoseBuffer:
+    history = PoseBuffer(horizon_s=1.0, extrapolation_s=0.2)
     for index in range(31):
         history.add(sample(0.1 * index))
     return history
@@ -56,7 +56,7 @@ def test_a_late_sample_is_dropped() -> None:
 
 def test_an_empty_history_says_so() -> None:
     with pytest.raises(ValueError, match="empty"):
-        PoseHistory().at(0.0)
+        PoseBuffer().at(0.0)
 
 
 @given(

@@ -3,11 +3,11 @@
 import pytest
 
 from thumper.common.geometry import Pose2
-from thumper.odometry.slip_detector import SlipWatch
+from thumper.odometry.slip_detector import SlipDetector
 
 
-def watched(wheels: Pose2, scans: Pose2, steps: int) -> SlipWatch:
-    watch, odom, true = SlipWatch(), Pose2(x_m=3.0, theta_rad=1.0), Pose2()
+def watched(wheels: Pose2, scans: Pose2, steps: int) -> SlipDetector:
+    watch, odom, true = SlipDetector(), Pose2(x_m=3.0, theta_rad=1.0), Pose2()
     for _ in range(steps):
         watch.look(odom, true)
         odom, true = odom @ wheels, true @ scans
@@ -37,7 +37,7 @@ def test_a_robot_that_is_pushed_or_turned_by_hand_is_counted() -> None:
 
 
 def test_one_slip_in_a_straight_drive_is_counted_once() -> None:
-    watch, odom = SlipWatch(), Pose2()
+    watch, odom = SlipDetector(), Pose2()
     for k in range(60):
         watch.look(odom, Pose2(x_m=0.05 * k))
         odom = odom @ Pose2(x_m=0.05, theta_rad=0.2 if k == 20 else 0.0)
@@ -46,7 +46,7 @@ def test_one_slip_in_a_straight_drive_is_counted_once() -> None:
 
 @pytest.mark.parametrize("wrong", [Pose2(x_m=0.2), Pose2(y_m=-0.2), Pose2(theta_rad=0.3)])
 def test_a_match_that_was_off_for_a_moment_is_no_slip(wrong: Pose2) -> None:
-    watch = SlipWatch()
+    watch = SlipDetector()
     for k in range(60):
         true = Pose2(x_m=0.05 * k)
         watch.look(true, true @ wrong if 20 <= k < 27 else true)
@@ -54,7 +54,7 @@ def test_a_match_that_was_off_for_a_moment_is_no_slip(wrong: Pose2) -> None:
 
 
 def test_what_happened_while_the_scans_said_nothing_does_not_count() -> None:
-    watch = SlipWatch()
+    watch = SlipDetector()
     watch.look(Pose2(), Pose2())
     watch.skip()
     watch.look(Pose2(x_m=5.0), Pose2())

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from thumper.common.kinematics import DriveGeometry
-from thumper.odometry.wheel_odometry import Odometry, count_delta
+from thumper.odometry.wheel_odometry import WheelOdometry, count_delta
 
 GEOMETRY = DriveGeometry(wheel_radius_m=0.1, track_m=0.2, counts_per_rev=1000)
 M_PER_COUNT = GEOMETRY.rad_per_count * GEOMETRY.wheel_radius_m
@@ -22,7 +22,7 @@ def wrapped(count: int) -> int:
 @pytest.mark.parametrize("steps", [1, 10, 100])
 def test_arc_is_exact_for_any_step_count(steps: int) -> None:
     """Closed form: radius R and turn phi end at (R sin phi, R (1 - cos phi), phi)."""
-    odometry = Odometry(GEOMETRY)
+    odometry = WheelOdometry(GEOMETRY)
     odometry.update(0.0, 0, 0)
     left, right = 400, 600
     for step in range(1, steps + 1):
@@ -35,7 +35,7 @@ def test_arc_is_exact_for_any_step_count(steps: int) -> None:
 
 
 def test_first_sample_is_the_origin_whatever_the_counts() -> None:
-    sample = Odometry(GEOMETRY).update(212.0, 29_221, -77)
+    sample = WheelOdometry(GEOMETRY).update(212.0, 29_221, -77)
     pose = sample.odom_from_base
     assert (pose.x_m, pose.y_m, pose.theta_rad) == (0.0, 0.0, 0.0)
     assert (sample.twist.v_m_s, sample.twist.w_rad_s) == (0.0, 0.0)
@@ -43,7 +43,7 @@ def test_first_sample_is_the_origin_whatever_the_counts() -> None:
 
 
 def test_twist_is_the_mean_speed() -> None:
-    odometry = Odometry(GEOMETRY)
+    odometry = WheelOdometry(GEOMETRY)
     odometry.update(5.0, 0, 0)
     twist = odometry.update(5.1, round(0.1 * COUNTS_PER_M), round(0.2 * COUNTS_PER_M)).twist
     assert twist.v_m_s == pytest.approx(1.5, rel=0.01)
@@ -51,7 +51,7 @@ def test_twist_is_the_mean_speed() -> None:
 
 
 def test_a_repeated_stamp_moves_the_pose_and_keeps_the_twist() -> None:
-    odometry = Odometry(GEOMETRY)
+    odometry = WheelOdometry(GEOMETRY)
     odometry.update(0.0, 0, 0)
     before = odometry.update(0.1, 100, 100)
     after = odometry.update(0.1, 300, 300)
@@ -71,7 +71,7 @@ def test_delta_survives_the_wrap(start: int, step: int) -> None:
 def test_path_does_not_depend_on_where_the_counts_start(
     starts: tuple[int, int], steps: list[tuple[int, int]]
 ) -> None:
-    near_zero, anywhere = Odometry(GEOMETRY), Odometry(GEOMETRY)
+    near_zero, anywhere = WheelOdometry(GEOMETRY), WheelOdometry(GEOMETRY)
     left, right = 0, 0
     near_zero.update(0.0, 0, 0)
     anywhere.update(0.0, *starts)
@@ -86,7 +86,7 @@ def test_path_does_not_depend_on_where_the_counts_start(
 
 def test_covariance_of_a_straight_metre_is_the_closed_form() -> None:
     """1 m straight: lateral std is the integral of a random walk of the heading, drift * 1 m / sqrt(3)."""
-    odometry = Odometry(GEOMETRY)
+    odometry = WheelOdometry(GEOMETRY)
     odometry.update(0.0, 0, 0)
     for step in range(1, 101):
         count = round(0.01 * step * COUNTS_PER_M)
@@ -97,7 +97,7 @@ def test_covariance_of_a_straight_metre_is_the_closed_form() -> None:
 
 def test_unlike_wheels_turn_a_robot_whose_counts_are_alike() -> None:
     geometry = DriveGeometry(wheel_radius_m=0.06, radius_ratio=0.99, track_m=0.4, counts_per_rev=1000)
-    odometry = Odometry(geometry)
+    odometry = WheelOdometry(geometry)
     odometry.update(0.0, 0, 0)
     pose = odometry.update(1.0, 1000, 1000).odom_from_base
     left_m, right_m = math.tau * geometry.left_radius_m, math.tau * geometry.right_radius_m

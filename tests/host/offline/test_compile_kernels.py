@@ -5,16 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from thumper.offline.subprocesses import compile_apart
+from thumper.offline.subprocesses import compile_in_subprocess
 from thumper.slam.scan_matching.correlative import correlative_search
 
 
 def test_what_other_sources_left_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
     folder = Path(correlative_search._cache.cache_path)  # type: ignore[attr-defined]
-    compile_apart("scan_match")
+    compile_in_subprocess("scan_match")
     (now,) = folder.glob("scan_match-*.compiled")
     old = now.rename(folder / "scan_match-of-an-older-version.compiled")
-    compile_apart("scan_match")
+    compile_in_subprocess("scan_match")
     assert now.exists()
     assert not old.exists()
 
@@ -22,4 +22,4 @@ def test_what_other_sources_left_does_not_count(monkeypatch: pytest.MonkeyPatch)
         pytest.fail("nothing has changed since: no process is needed")
 
     monkeypatch.setattr(subprocess, "run", started)
-    compile_apart("scan_match")
+    compile_in_subprocess("scan_match")

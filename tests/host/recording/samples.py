@@ -12,12 +12,12 @@ from thumper.config.robot import RobotConfig
 from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.odometry.wheel_odometry import OdometrySample
-from thumper.recording.run_metadata import Session
+from thumper.recording.run_metadata import RunMetadata
 from thumper.ros.status import Status
 from thumper.ros.to_ros import Messages
 
 EPOCH_NS = 1_750_000_000_123_456_789
-SESSION = Session(config=RobotConfig(name="mole"), epoch_ns=EPOCH_NS, map_from_base=Pose2(x_m=1.0))
+SESSION = RunMetadata(config=RobotConfig(name="mole"), epoch_ns=EPOCH_NS, map_from_base=Pose2(x_m=1.0))
 MESSAGES = Messages(epoch_ns=EPOCH_NS)
 
 

@@ -20,7 +20,7 @@ from thumper.config.recording import RecordingOptions
 from thumper.config.robot import RobotConfig
 from thumper.recording.recorder import Recorder
 from thumper.recording.repair import is_whole
-from thumper.recording.run_metadata import Session, session_of
+from thumper.recording.run_metadata import RunMetadata, session_of
 from thumper.ros.topics import TOPICS
 
 
@@ -93,7 +93,7 @@ def test_it_tells_the_whole_configuration_and_who_made_it(recording: Path) -> No
 
 def test_no_secret_is_recorded() -> None:
     bus, page = BusOptions(token="correct horse battery"), DashboardOptions(password="open sesame 1234")
-    text = str(Session(config=RobotConfig(bus=bus, dashboard=page), epoch_ns=0).as_metadata())
+    text = str(RunMetadata(config=RobotConfig(bus=bus, dashboard=page), epoch_ns=0).as_metadata())
     assert "correct horse" not in text
     assert "sesame" not in text
 
@@ -147,7 +147,7 @@ FULL_DISK = """
 import resource, sys, time
 from pathlib import Path
 from tests.host.recording.samples import SESSION, beats
-from thumper.recording.options import RecordingOptions
+from thumper.config.recording import RecordingOptions
 from thumper.recording.recorder import Recorder
 
 said = []

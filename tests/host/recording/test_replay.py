@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from tests.host.recording.samples import EPOCH_NS, MESSAGES, SESSION, beats
-from thumper.board.options import BoardConfig
+from thumper.board.options import BoardOptions
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.config.robot import RobotConfig
-from thumper.lidar.options import LidarConfig
+from thumper.lidar.options import LidarOptions
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.goal import Goal
 from thumper.offline.open_log import open_log
@@ -40,7 +40,7 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Live:
     folder = tmp_path_factory.mktemp("live")
     board = f"sim://recorded/board?world=lab&x_m={START.x_m}&y_m={START.y_m}&yaw_deg=180"
     config = RobotConfig(
-        name="recorded", board=BoardConfig(port=board), lidar=LidarConfig(port="sim://recorded/lidar")
+        name="recorded", board=BoardOptions(port=board), lidar=LidarOptions(port="sim://recorded/lidar")
     )
     said: list[str] = []
     with (

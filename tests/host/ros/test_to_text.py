@@ -16,7 +16,7 @@ from thumper.ros.codec import message
 from thumper.ros.status import Status
 from thumper.ros.to_json import from_json, to_json
 from thumper.ros.to_ros import INFO, Messages, flag, text
-from thumper.ros.to_text import in_words
+from thumper.ros.to_text import message_text
 
 SIMULATED = Messages()
 HERE = Pose2(x_m=0.554, y_m=-0.046, theta_rad=math.radians(2.8))
@@ -87,18 +87,18 @@ SAID: list[tuple[Any, str]] = [
     ("said", "line"), SAID, ids=[said.__msgtype__.rpartition("/")[2] for said, _ in SAID]
 )
 def test_a_line_says_what_and_in_which_unit(said: Any, line: str) -> None:
-    assert in_words(said) == line
+    assert message_text(said) == line
     assert from_json(said.__msgtype__, to_json(said)).__msgtype__ == said.__msgtype__  # no field too many
 
 
 def test_a_real_robot_is_stamped_with_the_time_of_day() -> None:
-    clock, _, words = in_words(DATED.battery(telemetry(2.0, 7))).partition(": ")
+    clock, _, words = message_text(DATED.battery(telemetry(2.0, 7))).partition(": ")
     assert words.startswith("7.60 V")
     assert [part.isdigit() for part in clock.replace(".", ":").split(":")] == 4 * [True]
 
 
 def test_what_cannot_be_or_is_nobodys_is_shown_as_it_is() -> None:
-    assert in_words(message("builtin_interfaces/msg/Duration", sec=3, nanosec=5)) == "sec: 3, nanosec: 5"
+    assert message_text(message("builtin_interfaces/msg/Duration", sec=3, nanosec=5)) == "sec: 3, nanosec: 5"
     askew = SIMULATED.pose(1.0, HERE)
     askew.pose.pose.orientation.w = 5.0
-    assert "pose.pose.orientation.w: 5.0" in in_words(askew)
+    assert "pose.pose.orientation.w: 5.0" in message_text(askew)

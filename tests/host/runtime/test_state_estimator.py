@@ -13,9 +13,9 @@ from thumper.common.geometry import FloatArray, Pose2
 from thumper.common.kinematics import DriveGeometry
 from thumper.lidar.scan import Scan
 from thumper.lidar.scan_checks import Flaw
-from thumper.runtime.state_estimator import Perception
+from thumper.runtime.state_estimator import StateEstimator
 from thumper.slam.grid.grid_mapper import GridMapper
-from thumper.slam.mode_switch import SwitchingMapper
+from thumper.slam.mode_switch import SlamModeSwitch
 from thumper_hil.world.world import World
 
 DRIVE = DriveGeometry()
@@ -59,8 +59,8 @@ def wall_distance_m(points_m: FloatArray) -> FloatArray:
     return np.asarray(np.abs(np.stack([x - x_lo, x - x_hi, y - y_lo, y - y_hi])).min(axis=0))
 
 
-def perception() -> Perception:
-    return Perception(drive=DRIVE, base_from_laser=LASER, mapper=GridMapper(base_from_laser=LASER))
+def perception() -> StateEstimator:
+    return StateEstimator(drive=DRIVE, base_from_laser=LASER, mapper=GridMapper(base_from_laser=LASER))
 
 
 def test_nothing_is_known_before_the_first_telemetry() -> None:
@@ -158,8 +158,8 @@ def test_a_scan_that_makes_no_sense_is_counted_and_harmless(broken: dict[str, An
 
 def test_a_pose_given_by_hand_is_no_slip() -> None:
     """The room looks the same half a turn round its middle, and the robot is told to be there."""
-    mapper = SwitchingMapper(GridMapper(base_from_laser=LASER), base_from_laser=LASER)
-    robot = Perception(drive=DRIVE, base_from_laser=LASER, mapper=mapper)
+    mapper = SlamModeSwitch(GridMapper(base_from_laser=LASER), base_from_laser=LASER)
+    robot = StateEstimator(drive=DRIVE, base_from_laser=LASER, mapper=mapper)
     step = round(0.05 / M_PER_COUNT)  # counts in 0.1 s
     for k in range(30):
         robot.add_telemetry(telemetry(0.1 * k, step * k, step * k))
@@ -212,10 +212,10 @@ def test_after_a_clock_was_set_back_scans_are_mapped_again() -> None:
 
 
 def test_a_map_that_does_not_fit_is_told() -> None:
-    mapper = SwitchingMapper(GridMapper(base_from_laser=LASER), base_from_laser=LASER)
+    mapper = SlamModeSwitch(GridMapper(base_from_laser=LASER), base_from_laser=LASER)
     foreign = np.array([[-6.0, -0.4, 6.0, -0.4], [-6.0, 0.9, 6.0, 0.9], [0.5, -0.4, 0.5, 0.1]])
     mapper.localise_in(World(segments_m=foreign, circles_m=np.zeros((0, 3))).to_grid(), None)
-    robot = Perception(drive=DRIVE, base_from_laser=LASER, mapper=mapper)
+    robot = StateEstimator(drive=DRIVE, base_from_laser=LASER, mapper=mapper)
     step = round(0.05 / M_PER_COUNT)
     for k in range(60):  # turning on the spot
         robot.add_telemetry(telemetry(0.1 * k, -step * k, step * k))

@@ -12,7 +12,7 @@ from thumper.slam.mapper import Mapper
 from thumper.slam.particle_filter.rbpf_mapper import RbpfMapper
 from thumper.slam.scan_matching.degeneracy import open_direction
 from thumper.slam.scan_matching.gauss_newton import OPEN_STD_M, MatchOptions, odometry_information
-from thumper.slam.scan_matching.pose_covariance import ConfidenceOptions
+from thumper.slam.scan_matching.pose_covariance import PoseCovarianceOptions
 from thumper_hil.world.world import World
 
 WALLS = np.array([[-60.0, -1.2, 60.0, -1.2], [-60.0, 1.2, 60.0, 1.2]])
@@ -63,7 +63,7 @@ def test_the_end_of_the_own_map_does_not_hold_the_pose_back(
 
 
 def test_it_says_that_it_is_lost_once_the_wheels_cannot_be_trusted_so_far_and_an_end_wall_heals_it() -> None:
-    options = GridMapperOptions(confidence=ConfidenceOptions(lost_beyond_m=0.2, error_per_m=0.05))
+    options = GridMapperOptions(confidence=PoseCovarianceOptions(lost_beyond_m=0.2, error_per_m=0.05))
     mapper = GridMapper(options)
     drive(mapper, corridor(0.0, ends_at_m=12.5), 0.0, steps=150)
     assert "nothing in sight fixes the place" in mapper.quality().lost

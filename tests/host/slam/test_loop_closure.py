@@ -7,8 +7,8 @@ from tests.host.slam.corridors import corridor_loop, drive, errors_m, round_trip
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.deskew import ScanPoints
 from thumper.maps.occupancy_grid import FREE
-from thumper.slam.grid.branch_and_bound import SearchField, WideSearch
-from thumper.slam.grid.growing_grid import Cells
+from thumper.slam.grid.branch_and_bound import BranchAndBoundSearch, SearchField
+from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.mapper import Mapper
 from thumper.slam.pose_graph.graph_mapper import SCANS_AT_ONCE, GraphMapper, LoopOptions
 from thumper.slam.pose_graph.optimizer import Edge, Solver, factor, residual, substitute
@@ -93,13 +93,13 @@ def test_closing_a_loop_is_spread_over_many_scans_and_grid_and_path_agree_in_the
     start = round_trip(LENGTH_M, BREADTH_M, 0.0)[0]
     mapper = GraphMapper(loops=LoopOptions(active_m=30.0), map_from_base=start)
     entered: list[int] = []
-    integrate = Cells.integrate
+    integrate = HitGrid.integrate
 
-    def counted(cells: Cells, map_from_base: Pose2, points: ScanPoints) -> None:
+    def counted(cells: HitGrid, map_from_base: Pose2, points: ScanPoints) -> None:
         entered[-1] += 1
         integrate(cells, map_from_base, points)
 
-    monkeypatch.setattr(Cells, "integrate", counted)
+    monkeypatch.setattr(HitGrid, "integrate", counted)
     rng = np.random.default_rng(1)
     world, poses = corridor_loop(LENGTH_M, BREADTH_M, rng), round_trip(LENGTH_M, BREADTH_M, 12.0)
     for odometry, scan in drive(world, poses, rng):
@@ -141,7 +141,7 @@ def test_a_search_in_parts_finds_what_a_search_at_once_finds() -> None:
     field = SearchField(np.minimum(apart_m, 0.5).astype(np.float32), 0.05, (-1.0, -1.0), 0.15)
     true = Pose2(x_m=2.0, y_m=1.0, theta_rad=0.2)
     points_m, centre = true.inverse().apply(walls_m), Pose2(x_m=3.0, y_m=2.0)
-    whole, parts = (WideSearch(field, points_m, centre, 2.0, 0.4) for _ in range(2))
+    whole, parts = (BranchAndBoundSearch(field, points_m, centre, 2.0, 0.4) for _ in range(2))
     assert whole.work(None)
     steps = 1
     while not parts.work(200_000):

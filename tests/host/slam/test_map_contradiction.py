@@ -8,7 +8,7 @@ import pytest
 from thumper.common.geometry import Pose2, Twist2, wrap_angle
 from thumper.lidar.scan import Scan
 from thumper.slam.grid.grid_mapper import GridMapper
-from thumper.slam.scan_matching.map_contradiction import contradicted
+from thumper.slam.scan_matching.map_contradiction import contradicting_share
 from thumper_hil.world.world import World
 
 NOTHING = np.zeros((0, 3))
@@ -59,9 +59,9 @@ def test_a_hit_in_free_space_or_behind_a_wall_speaks_against_the_map(end_col: fl
     cells = mapper.cells
     corner = np.array(cells.corner_m) / cells.resolution_m
     origins, ends = np.array([[0.5, 0.5]]) - corner, np.array([[end_col, 0.5]]) - corner
-    assert contradicted(origins, ends, cells.misses, cells.distance_m, cells.resolution_m) == share
+    assert contradicting_share(origins, ends, cells.misses, cells.distance_m, cells.resolution_m) == share
     beside = np.array([[-end_col, 0.5]]) - corner  # nobody has looked there
-    assert contradicted(origins, beside, cells.misses, cells.distance_m, cells.resolution_m) == 0.0
+    assert contradicting_share(origins, beside, cells.misses, cells.distance_m, cells.resolution_m) == 0.0
 
 
 def test_a_turn_read_half_too_large_is_set_right_with_long_beams() -> None:

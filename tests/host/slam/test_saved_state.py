@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from tests.host.slam.rooms import ROOM, room_scan
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray, Pose2, Twist2
-from thumper.maps.hit_counts import AGED, Counts
+from thumper.maps.hit_counts import AGED, HitCounts
 from thumper.maps.occupancy_grid import UNKNOWN
 from thumper.offline.map_log import map_log
 from thumper.slam.factory import MappingOptions, Method, PathMapper, make_mapper
 from thumper.slam.grid.grid_mapper import GridMapper
-from thumper.slam.grid.growing_grid import Cells
-from thumper.slam.saved_state import Session, load_session, save_session
+from thumper.slam.grid.growing_grid import HitGrid
+from thumper.slam.saved_state import SavedSlamState, load_session, save_session
 
 SIZE_M = 0.05
 METHODS: tuple[Method, ...] = ("scan_match", "graph", "rbpf")
@@ -32,7 +32,9 @@ def mapped(method: Method = "scan_match", walls: FloatArray = ROOM) -> PathMappe
 
 
 def saved(path: Path, mapper: PathMapper) -> Path:
-    return save_session(Session(counts=mapper.counts(), map_from_base=Pose2(x_m=0.4, theta_rad=0.1)), path)
+    return save_session(
+        SavedSlamState(counts=mapper.counts(), map_from_base=Pose2(x_m=0.4, theta_rad=0.1)), path
+    )
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -49,14 +51,16 @@ def test_what_is_saved_is_the_map_of_each_method(tmp_path: Path, method: Method)
 
 
 def test_a_robot_that_was_lost_says_no_pose(tmp_path: Path) -> None:
-    path = save_session(Session(counts=mapped().counts(), map_from_base=None), tmp_path / "room.session")
+    path = save_session(
+        SavedSlamState(counts=mapped().counts(), map_from_base=None), tmp_path / "room.session"
+    )
     assert load_session(path, SIZE_M).map_from_base is None
 
 
 @given(hits=st.integers(0, 60_000), misses=st.integers(0, 60_000))
 def test_a_cell_of_another_day_says_the_same_with_fewer_observations(hits: int, misses: int) -> None:
     cell = (np.array([[n]], dtype=np.uint16) for n in (hits, misses))
-    counts = Counts(hits=next(cell), misses=next(cell), first_cell=(0, 0), resolution_m=SIZE_M)
+    counts = HitCounts(hits=next(cell), misses=next(cell), first_cell=(0, 0), resolution_m=SIZE_M)
     aged = counts.aged(0.25)
     assert int(aged.hits[0, 0]) + int(aged.misses[0, 0]) == min(hits + misses, AGED)
     assert aged.grid(0.25).cells == counts.grid(0.25).cells
@@ -70,8 +74,8 @@ def test_a_map_that_ends_at_its_walls_keeps_the_distances_behind_them() -> None:
     low, high = (rows.min(), cols.min()), (rows.max() + 1, cols.max() + 1)
     box = np.s_[low[0] : high[0], low[1] : high[1]]
     first = (counts.first_cell[0] + int(low[0]), counts.first_cell[1] + int(low[1]))
-    tight = Counts(hits=counts.hits[box], misses=counts.misses[box], first_cell=first, resolution_m=SIZE_M)
-    cells = Cells.of(tight, SIZE_M, 0.5, 0.25)
+    tight = HitCounts(hits=counts.hits[box], misses=counts.misses[box], first_cell=first, resolution_m=SIZE_M)
+    cells = HitGrid.of(tight, SIZE_M, 0.5, 0.25)
     np.testing.assert_allclose(cells.distance_m, cells.field_from_scratch())
     inner, (x_m, y_m) = cells.distance_m, cells.corner_m
     row, col = round(y_m / SIZE_M) - counts.first_cell[0], round(x_m / SIZE_M) - counts.first_cell[1]

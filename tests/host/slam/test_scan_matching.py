@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.host.slam.rooms import room_scan
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.deskew import HIT, PASSED, SILENT, ScanPoints, scan_points
-from thumper.slam.grid.growing_grid import Cells
+from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.scan_matching.correlative import correlative_search
 from thumper.slam.scan_matching.gauss_newton import MatchOptions, interpolate, match, normal_equations
 
@@ -20,9 +20,9 @@ OPTIONS = MatchOptions()
 CLEARED_AFTER = 437  # scans
 
 
-def room_cells() -> Cells:
+def room_cells() -> HitGrid:
     """The room, mapped from known poses."""
-    cells = Cells(resolution_m=0.05, reach_m=0.5, occupied_fraction=0.25)
+    cells = HitGrid(resolution_m=0.05, reach_m=0.5, occupied_fraction=0.25)
     for x_m, y_m in ((0.0, 0.0), (1.0, 0.8), (-1.0, 1.0), (2.0, -0.8)):
         pose = Pose2(x_m=x_m, y_m=y_m)
         cells.integrate(pose, scan_points(room_scan(pose), Twist2(), Pose2(), 10.0))
@@ -79,7 +79,7 @@ def test_the_search_brings_a_large_slip_into_the_basin(dx: float, dy: float, tur
 def test_the_prior_decides_along_a_featureless_corridor() -> None:
     """Two parallel walls fix y and heading; x must stay where odometry puts it, not wander."""
     corridor = np.array([[-20.0, -0.83, 20.0, -0.83], [-20.0, 0.83, 20.0, 0.83]])
-    cells = Cells(resolution_m=0.05, reach_m=0.5, occupied_fraction=0.25)
+    cells = HitGrid(resolution_m=0.05, reach_m=0.5, occupied_fraction=0.25)
     points = scan_points(room_scan(Pose2(), walls=corridor), Twist2(), Pose2(), 4.0)
     cells.integrate(Pose2(), points)
     x_m, y_m = cells.corner_m
@@ -155,7 +155,7 @@ def test_interpolation_meets_the_cells_at_their_centres() -> None:
 @settings(max_examples=25, deadline=None)
 def test_the_kept_field_equals_the_field_from_scratch(poses: list[tuple[float, float, float]]) -> None:
     """Wrong poses on purpose: cells turn occupied and free again by the hundred, and the array grows."""
-    cells = Cells(resolution_m=0.1, reach_m=0.5, occupied_fraction=0.4)
+    cells = HitGrid(resolution_m=0.1, reach_m=0.5, occupied_fraction=0.4)
     for x_m, y_m, theta_rad in poses:
         points = scan_points(room_scan(Pose2(), beams=90, step_rad=math.tau / 90), Twist2(), Pose2(), 10.0)
         cells.integrate(Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad), points)
@@ -163,7 +163,7 @@ def test_the_kept_field_equals_the_field_from_scratch(poses: list[tuple[float, f
 
 
 def test_what_stood_for_days_is_cleared_in_bounded_time() -> None:
-    cells = Cells(resolution_m=0.1, reach_m=0.5, occupied_fraction=0.25)
+    cells = HitGrid(resolution_m=0.1, reach_m=0.5, occupied_fraction=0.25)
     beam = {"origins_m": np.zeros((1, 2)), "ends_m": np.array([[1.05, 0.05]])}
     for _ in range(3000):
         cells.integrate(Pose2(), ScanPoints(**beam, kinds=np.array([HIT], dtype=np.uint8)))

@@ -7,11 +7,11 @@ import pytest
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.deskew import HIT, ScanPoints
-from thumper.slam.grid.growing_grid import Cells
+from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.particle_filter.patches import IndexArray
-from thumper.slam.particle_filter.trajectory_tree import FOLD_EVERY, Lineage
+from thumper.slam.particle_filter.trajectory_tree import FOLD_EVERY, TrajectoryTree
 from thumper.slam.pose_graph import submaps
-from thumper.slam.pose_graph.submaps import PlaceGraph
+from thumper.slam.pose_graph.submaps import SubmapGraph
 
 PARTICLES = 8
 
@@ -31,7 +31,7 @@ def told(
 
 def test_a_folded_lineage_tells_the_same_path_in_less_memory() -> None:
     rng = np.random.default_rng(1)
-    lineage, longest = Lineage(), 0
+    lineage, longest = TrajectoryTree(), 0
     poses: list[FloatArray] = []
     parents: list[IndexArray] = []
     scans: list[tuple[int, Pose2]] = []
@@ -53,7 +53,7 @@ def test_a_folded_lineage_tells_the_same_path_in_less_memory() -> None:
 
 
 def test_particles_that_never_meet_again_are_not_folded() -> None:
-    lineage = Lineage()
+    lineage = TrajectoryTree()
     for step in range(2 * FOLD_EVERY):
         lineage.step(np.full((PARTICLES, 3), float(step)), np.arange(PARTICLES, dtype=np.int32))
         lineage.scan(Pose2())
@@ -64,7 +64,7 @@ def test_particles_that_never_meet_again_are_not_folded() -> None:
 def test_old_scans_are_thinned_and_the_map_still_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """A corridor along x, 40 m and back four times: 3200 scans, of which no more than 500 may be kept."""
     monkeypatch.setattr(submaps, "MOST_KEPT", 500)
-    places = PlaceGraph(place_m=2.0)
+    places = SubmapGraph(place_m=2.0)
     beams_rad = np.linspace(-math.pi, math.pi, 90, endpoint=False)
     ends_m = np.column_stack((2.0 * np.cos(beams_rad), np.where(beams_rad < 0.0, -1.0, 1.0)))
     points = ScanPoints(origins_m=np.zeros((90, 2)), ends_m=ends_m, kinds=np.full(90, HIT, dtype=np.uint8))
@@ -74,7 +74,7 @@ def test_old_scans_are_thinned_and_the_map_still_drawn(monkeypatch: pytest.Monke
     kept = sum(scan is not None for scan in places.scans)
     assert 200 < kept <= 500
     np.testing.assert_allclose(places.path()[:, 0], way_m, atol=1e-9)
-    cells = Cells(0.1, 0.5, 0.25)
+    cells = HitGrid(0.1, 0.5, 0.25)
     half = places.enter(cells, 0, None, 100)
     assert places.enter(cells, half, None, 10_000) == len(places.scans) == len(way_m)
     grid = cells.grid(percent=False)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from thumper.common.geometry import Twist2
 from thumper.common.kinematics import DriveGeometry, wheel_speeds
 from thumper.config.teleop import TeleopOptions
-from thumper.teleop.joystick_curve import Helm, Stick, shaped, wanted_twist
+from thumper.teleop.joystick_curve import SpeedScaler, Stick, shaped, wanted_twist
 
 OPTIONS, DRIVE, LIMIT = TeleopOptions(), DriveGeometry(), 13.0
 axes = st.floats(-1.0, 1.0)
@@ -59,7 +59,7 @@ def test_turbo_is_never_slower(stick: Stick) -> None:
 
 @given(hands=st.lists(st.one_of(st.none(), sticks), max_size=40))
 def test_it_drives_only_while_held_ramps_and_says_zero_once(hands: list[Stick | None]) -> None:
-    helm, period_s = Helm(OPTIONS, DRIVE, LIMIT), 0.05
+    helm, period_s = SpeedScaler(OPTIONS, DRIVE, LIMIT), 0.05
     last: Twist2 | None = None
     let_go = False  # since the start or the last loss
     for stick in hands:
@@ -78,7 +78,7 @@ def test_it_drives_only_while_held_ramps_and_says_zero_once(hands: list[Stick | 
 
 
 def test_a_pad_that_comes_back_with_the_button_held_does_not_drive() -> None:
-    helm, held = Helm(OPTIONS, DRIVE, LIMIT), Stick(forward=1.0, hold=True)
+    helm, held = SpeedScaler(OPTIONS, DRIVE, LIMIT), Stick(forward=1.0, hold=True)
     assert helm.step(held, 0.05) is None  # nor at the start
     assert helm.step(Stick(), 0.05) is None
     assert helm.step(held, 0.05) is not None
@@ -90,7 +90,7 @@ def test_a_pad_that_comes_back_with_the_button_held_does_not_drive() -> None:
 
 
 def test_full_stick_becomes_full_speed() -> None:
-    helm = Helm(OPTIONS, DRIVE, LIMIT)
+    helm = SpeedScaler(OPTIONS, DRIVE, LIMIT)
     helm.step(Stick(), 0.05)
     for _ in range(40):
         said = helm.step(Stick(forward=1.0, hold=True), 0.05)

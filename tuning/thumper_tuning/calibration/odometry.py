@@ -12,7 +12,7 @@ from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.common.kinematics import DriveGeometry
 from thumper.config.robot import RobotConfig
 from thumper.lidar.open_lidar import open_lidar
-from thumper.lidar.options import LidarConfig
+from thumper.lidar.options import LidarOptions
 from thumper_tuning.calibration.course import FLOOR, CourseOptions, course
 from thumper_tuning.calibration.drive_course import drive
 from thumper_tuning.calibration.figures import draw_odometry
@@ -69,7 +69,7 @@ def gather(
     with opened(source.board) as board, bar(console, "odometry") as show:
         lidar = None
         if source.lidar:
-            lidar = open_lidar(LidarConfig(model=source.lidar_model, port=source.lidar))
+            lidar = open_lidar(LidarOptions(model=source.lidar_model, port=source.lidar))
         try:
             by_lidar = LidarReference(config, lidar) if lidar else None
             look = by_lidar.tick if by_lidar else lambda _: None

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from thumper.runtime.service.experiments import Workbench
+from thumper.runtime.service.experiments import ExperimentContext
 from thumper_tuning.cli.fit import runs_of
 from thumper_tuning.design.gains import Design, DesignOptions, design, nominal
 from thumper_tuning.drive.board_gains import read_gains, write_gains
@@ -16,13 +16,13 @@ from thumper_tuning.report.page import write_report
 LONGEST_HOLD_S = 1.5
 
 
-def identify_motors(bench: Workbench) -> Path | None:
+def identify_motors(bench: ExperimentContext) -> Path | None:
     """Drive the identification experiment and tell what the motors are."""
     _identified(bench)
     return None
 
 
-def tune_wheels(bench: Workbench) -> Path | None:
+def tune_wheels(bench: ExperimentContext) -> Path | None:
     """Identify, design, drive with the old and the new gains; the new ones stay on, but are not saved.
 
     When it is cut short the old gains are on again.
@@ -53,7 +53,7 @@ def tune_wheels(bench: Workbench) -> Path | None:
             write_gains(board, old)
 
 
-def _identified(bench: Workbench) -> list[Identified]:
+def _identified(bench: ExperimentContext) -> list[Identified]:
     options = ExcitationOptions(lane_m=bench.lane_m)
     log = record(bench.board, options, bench.folder / "identification.csv", bench.show)
     bench.show(0, 0, "fitting")
@@ -78,7 +78,7 @@ def _designed(motors: list[Identified], period_s: float) -> Design:
     return design(model, std, replace(DesignOptions(), period_s=period_s))
 
 
-def _verification(bench: Workbench) -> VerifyOptions:
+def _verification(bench: ExperimentContext) -> VerifyOptions:
     """Trapezoids that fit the lane: from its middle there is no more room than it has."""
     radius_m = bench.board.identity.wheel_radius_mm / 1000.0
     options = VerifyOptions(hold_s=LONGEST_HOLD_S)
@@ -91,6 +91,10 @@ def _verification(bench: Workbench) -> VerifyOptions:
 
 
 def _report(
-    bench: Workbench, motors: list[Identified], result: Design, before: Verification, after: Verification
+    bench: ExperimentContext,
+    motors: list[Identified],
+    result: Design,
+    before: Verification,
+    after: Verification,
 ) -> Path:
     return write_report(bench.folder / "report.html", motors, result, before.gains, before, after)

@@ -14,7 +14,7 @@ from thumper_tuning.drive.verify import VerifyOptions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TuneSettings:
+class TuneOptions:
     """What the file may say; every key may be left out."""
 
     excitation: ExcitationOptions = field(default_factory=ExcitationOptions)
@@ -28,7 +28,7 @@ class TuneSettings:
         hold_s: float | None = None,
         rule: str | None = None,
         largest_sensitivity: float | None = None,
-    ) -> "TuneSettings":
+    ) -> "TuneOptions":
         """The same with what the command line gives; None leaves the file's value."""
         excitation, verify, design = self.excitation, self.verify, self.design
         if lane_m is not None:
@@ -40,10 +40,10 @@ class TuneSettings:
             design = replace(design, rule=rule, manual=None)
         if largest_sensitivity is not None:
             design = replace(design, largest_sensitivity=largest_sensitivity)
-        return TuneSettings(excitation=excitation, verify=verify, design=design)
+        return TuneOptions(excitation=excitation, verify=verify, design=design)
 
 
-def load_settings(path: Path | None) -> TuneSettings:
+def load_settings(path: Path | None) -> TuneOptions:
     """Read `path`, or give the defaults for None.
 
     Raises
@@ -52,8 +52,8 @@ def load_settings(path: Path | None) -> TuneSettings:
         The file cannot be read, is no TOML, or holds a key, type or value that is wrong: named with the file.
     """
     if path is None:
-        return TuneSettings()
-    settings = read_checked(path, TypeAdapter(TuneSettings), TuneSettings, "settings")
+        return TuneOptions()
+    settings = read_checked(path, TypeAdapter(TuneOptions), TuneOptions, "settings")
     excitation, design = settings.excitation, settings.design
     if excitation.low_pwm >= excitation.high_pwm:
         raise ThumperError(

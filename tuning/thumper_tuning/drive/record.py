@@ -20,7 +20,7 @@ COASTING_M_S2 = 0.8  # the robot at PWM 0 slows down by at least this; simulated
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class LogRow:
     """A line of the log; the names are the CSV's header and what `tune fit` reads."""
 
     time_s: float
@@ -88,9 +88,9 @@ def _side(where_m: float, before: int, lane_m: float) -> int:
     return -before
 
 
-def _row(sample: TelemetrySample) -> Row:
+def _row(sample: TelemetrySample) -> LogRow:
     telemetry = sample.telemetry
-    return Row(
+    return LogRow(
         time_s=sample.time_s,
         left_pwm=telemetry.left_pwm,
         left_counts=telemetry.left_count,
@@ -102,11 +102,11 @@ def _row(sample: TelemetrySample) -> Row:
     )
 
 
-def write_rows(path: Path, rows: list[Row]) -> None:
+def write_rows(path: Path, rows: list[LogRow]) -> None:
     """Write the CSV that `thumper tune fit` reads."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow([field.name for field in fields(Row)])
+        writer.writerow([field.name for field in fields(LogRow)])
         writer.writerows(
             [f"{value:.6f}" if isinstance(value, float) else value for value in astuple(row)] for row in rows
         )

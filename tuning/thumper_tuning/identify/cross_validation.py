@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.fit import Fit, refit
 from thumper_tuning.identify.least_squares import residuals, weights
-from thumper_tuning.identify.segments import Stretch
+from thumper_tuning.identify.segments import Segment
 
 BLOCKS = 10
 
@@ -21,7 +21,7 @@ class Validation:
     residual_rad_s: FloatArray
 
 
-def cross_validate(stretches: list[Stretch], fit: Fit) -> Validation:
+def cross_validate(stretches: list[Segment], fit: Fit) -> Validation:
     """Leave each tenth of the log out in turn, fit the rest, predict it.
 
     The prediction runs from the start of each stretch on the drive alone. Glitches do not count.
@@ -46,7 +46,7 @@ def fit_percent(measured: FloatArray, residual: FloatArray) -> float:
     return 100.0 * (1.0 - float(np.linalg.norm(residual)) / moved) if moved > 0.0 else 0.0
 
 
-def blocks_of(stretches: list[Stretch]) -> NDArray[np.intp]:
+def blocks_of(stretches: list[Segment]) -> NDArray[np.intp]:
     """Which held-out block each window belongs to, shape (n,)."""
     total = sum(len(s.speed_rad_s) for s in stretches)
     result: NDArray[np.intp] = np.arange(total) * BLOCKS // total

@@ -5,7 +5,7 @@ import numpy as np
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.fit import Fit
 from thumper_tuning.identify.model import MotorModel, Uncertainty
-from thumper_tuning.identify.segments import Stretch
+from thumper_tuning.identify.segments import Segment
 from thumper_tuning.logs.motor_log import BoolArray, DriveUnit, MotorLog
 from thumper_tuning.logs.units import FULL_PWM, refusal
 
@@ -23,7 +23,7 @@ POOR_FIT_PERCENT = 40.0
 MOST_NEGATIVE = -0.2  # friction over the largest drive: what a crooked driver explains at most
 
 
-def check_before(logs: list[MotorLog], stretches: list[Stretch], *, one_direction: bool) -> None:
+def check_before(logs: list[MotorLog], stretches: list[Segment], *, one_direction: bool) -> None:
     """Refuse a log in which nothing happens that a motor could be known by.
 
     Raises
@@ -86,7 +86,7 @@ def _check_levels(name: str, unit: DriveUnit, drive: FloatArray) -> None:
     )
 
 
-def _check_ceiling(name: str, stretches: list[Stretch]) -> None:
+def _check_ceiling(name: str, stretches: list[Segment]) -> None:
     """A speed that stays at its largest value while the drive moves on was cut off by who wrote it."""
     speed = np.abs(np.concatenate([s.speed_rad_s for s in stretches]))
     top = speed >= speed.max() * (1.0 - 1e-9)
@@ -100,7 +100,7 @@ def _check_ceiling(name: str, stretches: list[Stretch]) -> None:
         )
 
 
-def _drive_at(s: Stretch) -> FloatArray:
+def _drive_at(s: Segment) -> FloatArray:
     """The drive at the begin of each window."""
     return s.drive[np.clip(np.searchsorted(s.change_s, s.edge_s[:-1] + 1e-9, side="right") - 1, 0, None)]
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thumper.common.geometry import FloatArray
-from thumper_tuning.identify.initial_guess import Start, starts
+from thumper_tuning.identify.initial_guess import InitialGuess, starts
 from thumper_tuning.identify.least_squares import residuals, solve, weights
 from thumper_tuning.identify.model import MotorModel, Uncertainty
-from thumper_tuning.identify.segments import Stretch
+from thumper_tuning.identify.segments import Segment
 from thumper_tuning.logs.motor_log import BoolArray
 
 GLITCH_SIGMAS = 8.0
@@ -31,19 +31,19 @@ class Fit:
     is_glitch: BoolArray  # (n,)
 
 
-def fit_motor(stretches: list[Stretch], *, momentary: bool) -> Fit | None:
+def fit_motor(stretches: list[Segment], *, momentary: bool) -> Fit | None:
     """Fit from the best starts; None when no start explains anything (the drive moves nothing)."""
     tried = starts(stretches, momentary=momentary)[:STARTS_TRIED]
     fits = [_improve(stretches, start, momentary) for start in tried]
     return min(fits, key=lambda fit: fit.cost) if fits else None
 
 
-def refit(stretches: list[Stretch], fit: Fit, use: BoolArray) -> MotorModel:
+def refit(stretches: list[Segment], fit: Fit, use: BoolArray) -> MotorModel:
     """Fit again from a fit's model to the windows that `use` marks: for validation on the others."""
     return solve(stretches, fit.model, use & ~fit.is_glitch, fit.scale_rad_s, fit.momentary)[0]
 
 
-def _improve(stretches: list[Stretch], start: Start, momentary: bool) -> Fit:
+def _improve(stretches: list[Segment], start: InitialGuess, momentary: bool) -> Fit:
     everything = np.ones(sum(len(s.speed_rad_s) for s in stretches), dtype=bool)
     model, scale = start.model, max(start.misfit, 1e-9)
     use = everything
@@ -76,7 +76,7 @@ def _improve(stretches: list[Stretch], start: Start, momentary: bool) -> Fit:
     )
 
 
-def _with_breakaway(stretches: list[Stretch], model: MotorModel, scale: float, momentary: bool) -> MotorModel:
+def _with_breakaway(stretches: list[Segment], model: MotorModel, scale: float, momentary: bool) -> MotorModel:
     """The break-away friction is an event, not a slope: try a few."""
 
     def misfit(ratio: float) -> float:
@@ -87,11 +87,11 @@ def _with_breakaway(stretches: list[Stretch], model: MotorModel, scale: float, m
     return replace(model, breakaway_ratio=best if misfit(best) < misfit(1.0) - 1.0 else 1.0)
 
 
-def _quantum(stretches: list[Stretch]) -> float:
+def _quantum(stretches: list[Segment]) -> float:
     return max(s.quantum_rad_s for s in stretches)
 
 
-def _spread(stretches: list[Stretch], residual: FloatArray) -> float:
+def _spread(stretches: list[Segment], residual: FloatArray) -> float:
     """Standard deviation of the bulk while it turns [rad/s]; never below that of counting, quantum /
     sqrt(6)."""
     speed = np.abs(np.concatenate([s.speed_rad_s for s in stretches]))

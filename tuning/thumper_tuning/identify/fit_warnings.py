@@ -5,7 +5,7 @@ import numpy as np
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.cross_validation import Validation
 from thumper_tuning.identify.fit import Fit
-from thumper_tuning.identify.segments import Stretch
+from thumper_tuning.identify.segments import Segment
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
 from thumper_tuning.logs.units import FULL_PWM
 
@@ -15,7 +15,7 @@ NOT_WHITE = 0.6  # what a one-pole wheel with torque ripple stays below
 
 
 def warnings_of(
-    logs: list[MotorLog], stretches: list[Stretch], fit: Fit, validation: Validation
+    logs: list[MotorLog], stretches: list[Segment], fit: Fit, validation: Validation
 ) -> list[str]:
     """Sentences, most important first; empty for a good log."""
     found: list[str] = []

@@ -8,7 +8,7 @@ import numpy as np
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.model import MotorModel
 from thumper_tuning.identify.motor_response import respond
-from thumper_tuning.identify.segments import Stretch
+from thumper_tuning.identify.segments import Segment
 
 TIME_CONSTANTS_S = np.geomspace(0.005, 2.0, 18)
 DELAYS_PERIODS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)
@@ -18,14 +18,14 @@ ABSURD = 3.0  # speeds this far above the usual fast ones are glitches
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Start:
+class InitialGuess:
     """A model to start the fit from and its robust misfit [rad/s]."""
 
     model: MotorModel
     misfit: float
 
 
-def starts(stretches: list[Stretch], *, momentary: bool) -> list[Start]:
+def starts(stretches: list[Segment], *, momentary: bool) -> list[InitialGuess]:
     """The best start for each delay on the grid, best first.
 
     While the wheel turns, the speed is linear in gain and gain x friction once time constant and delay are
@@ -40,7 +40,7 @@ def starts(stretches: list[Stretch], *, momentary: bool) -> list[Start]:
     found = []
     for periods in DELAYS_PERIODS:
         delay_s = min(periods * period_s, LONGEST_DELAY_S)
-        best: Start | None = None
+        best: InitialGuess | None = None
         for tau_s in TIME_CONSTANTS_S:
             X = np.concatenate([_regressors(s, tau_s, delay_s, moving, momentary) for s in stretches])
             theta, misfit = _l1(X[sane], y[sane])
@@ -53,13 +53,13 @@ def starts(stretches: list[Stretch], *, momentary: bool) -> list[Start]:
                 friction_backward=float(-theta[2] / theta[0]),
                 delay_s=delay_s,
             )
-            best = Start(model=model, misfit=misfit)
+            best = InitialGuess(model=model, misfit=misfit)
         if best is not None:
             found.append(best)
     return sorted(found, key=lambda start: start.misfit)
 
 
-def _regressors(s: Stretch, tau_s: float, delay_s: float, moving: float, momentary: bool) -> FloatArray:
+def _regressors(s: Segment, tau_s: float, delay_s: float, moving: float, momentary: bool) -> FloatArray:
     """Filtered drive and filtered signs of motion, shape (n, 3). At rest friction takes all of the drive."""
     forward = s.speed_rad_s > moving
     backward = s.speed_rad_s < -moving
@@ -73,7 +73,7 @@ def _regressors(s: Stretch, tau_s: float, delay_s: float, moving: float, momenta
     return np.column_stack(columns)
 
 
-def _filtered(s: Stretch, values: FloatArray, tau_s: float, delay_s: float, momentary: bool) -> FloatArray:
+def _filtered(s: Segment, values: FloatArray, tau_s: float, delay_s: float, momentary: bool) -> FloatArray:
     before = 0.0 if s.at_rest else float(values[0])
     angles, speeds = respond(s.change_s, values, before, before, s.edge_s, 1.0, tau_s, 0.0, 0.0, 1.0, delay_s)
     return speeds[1:] if momentary else np.diff(angles) / s.windows_s

@@ -8,18 +8,18 @@ from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.covariance import sandwich, slopes
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.identify.prediction import predict
-from thumper_tuning.identify.segments import Stretch
+from thumper_tuning.identify.segments import Segment
 from thumper_tuning.logs.motor_log import BoolArray
 
 DIFFERENCE_STEP = 1e-5
 
 
-def residuals(stretches: list[Stretch], model: MotorModel, *, momentary: bool) -> FloatArray:
+def residuals(stretches: list[Segment], model: MotorModel, *, momentary: bool) -> FloatArray:
     """Measured minus predicted speed of every window [rad/s], shape (n,)."""
     return np.concatenate([s.speed_rad_s - predict(s, model, momentary=momentary) for s in stretches])
 
 
-def weights(stretches: list[Stretch]) -> FloatArray:
+def weights(stretches: list[Segment]) -> FloatArray:
     """Windows shorter than usual count coarser: they weigh less. Windows that set a start speed weigh
     nothing."""
     parts = []
@@ -33,7 +33,7 @@ def weights(stretches: list[Stretch]) -> FloatArray:
 
 
 def solve(
-    stretches: list[Stretch],
+    stretches: list[Segment],
     start: MotorModel,
     use: BoolArray,
     scale: float,

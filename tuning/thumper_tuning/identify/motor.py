@@ -10,7 +10,7 @@ from thumper_tuning.identify.excitation_checks import RECORD, check_after, check
 from thumper_tuning.identify.fit import Fit, fit_motor
 from thumper_tuning.identify.fit_warnings import warnings_of
 from thumper_tuning.identify.model import MotorModel, Uncertainty
-from thumper_tuning.identify.segments import Stretch, cut
+from thumper_tuning.identify.segments import Segment, cut
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
 from thumper_tuning.logs.units import refusal
 
@@ -27,7 +27,7 @@ class Identified:
     uncertainty: Uncertainty
     validation: Validation
     fit: Fit
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[Segment, ...]
     period_s: float
     supply_V: float | None
     warnings: tuple[str, ...]
@@ -87,7 +87,7 @@ def _with_hidden_delay(fit: Fit) -> Uncertainty:
     return replace(std, time_constant_s=math.hypot(std.time_constant_s, std.delay_s))
 
 
-def _best_fit(logs: list[MotorLog], stretches: list[Stretch]) -> Fit | None:
+def _best_fit(logs: list[MotorLog], stretches: list[Segment]) -> Fit | None:
     mean = fit_motor(stretches, momentary=False)
     if logs[0].position_rad is not None:
         return mean
@@ -97,14 +97,14 @@ def _best_fit(logs: list[MotorLog], stretches: list[Stretch]) -> Fit | None:
     return momentary if momentary.cost < MOMENTARY_GAIN * mean.cost else mean
 
 
-def _one_sided(model: MotorModel, stretches: list[Stretch]) -> MotorModel:
+def _one_sided(model: MotorModel, stretches: list[Segment]) -> MotorModel:
     """What one direction tells is all that is known: the other gets the same friction."""
     forward = sum(float(s.speed_rad_s.sum()) for s in stretches) > 0.0
     seen = model.friction_forward if forward else model.friction_backward
     return replace(model, friction_forward=seen, friction_backward=seen)
 
 
-def _falls_forward(stretches: list[Stretch]) -> bool:
+def _falls_forward(stretches: list[Segment]) -> bool:
     """Whether the speed runs against the drive, judged by the drive of the window and of the one before."""
     total = 0.0
     for s in stretches:

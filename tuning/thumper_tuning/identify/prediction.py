@@ -8,10 +8,10 @@ import numpy as np
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.model import MotorModel
 from thumper_tuning.identify.motor_response import respond
-from thumper_tuning.identify.segments import Stretch
+from thumper_tuning.identify.segments import Segment
 
 
-def predict(stretch: Stretch, model: MotorModel, *, momentary: bool) -> FloatArray:
+def predict(stretch: Segment, model: MotorModel, *, momentary: bool) -> FloatArray:
     """Speeds [rad/s] as the stretch's windows count them, shape (n,); `momentary`: at the windows' ends."""
     angles, speeds = respond(
         stretch.change_s,
@@ -29,7 +29,7 @@ def predict(stretch: Stretch, model: MotorModel, *, momentary: bool) -> FloatArr
     return speeds[1:] if momentary else np.diff(angles) / stretch.windows_s
 
 
-def start_speed(stretch: Stretch, model: MotorModel, *, momentary: bool) -> float:
+def start_speed(stretch: Segment, model: MotorModel, *, momentary: bool) -> float:
     """The speed at the first edge for which the model meets the first window [rad/s]."""
     if stretch.at_rest:
         return 0.0

@@ -12,7 +12,7 @@ from thumper_tuning.identify.fit import Fit
 from thumper_tuning.identify.least_squares import weights
 from thumper_tuning.identify.model import MotorModel
 from thumper_tuning.identify.prediction import start_speed
-from thumper_tuning.identify.segments import Stretch
+from thumper_tuning.identify.segments import Segment
 from thumper_tuning.logs.motor_log import BoolArray
 
 STEPS_PER_TIME_CONSTANT = 8.0
@@ -113,7 +113,7 @@ class RicherModel:
     fit_percent: float = 0.0  # on held-out windows
 
 
-def compare_variants(stretches: list[Stretch], fit: Fit) -> list[RicherModel]:
+def compare_variants(stretches: list[Segment], fit: Fit) -> list[RicherModel]:
     """Fit both richer motors and cross-validate them with the same blocks as the plain one."""
     period_s = float(np.median(np.concatenate([s.windows_s for s in stretches])))
     tau_s = fit.model.time_constant_s
@@ -124,7 +124,7 @@ def compare_variants(stretches: list[Stretch], fit: Fit) -> list[RicherModel]:
     return [_validated(stretches, fit, start) for start in (second, played)]
 
 
-def _validated(stretches: list[Stretch], fit: Fit, start: RicherModel) -> RicherModel:
+def _validated(stretches: list[Segment], fit: Fit, start: RicherModel) -> RicherModel:
     use = ~fit.is_glitch
     whole = _solve(stretches, fit, start, use)
     blocks = blocks_of(stretches)
@@ -137,7 +137,7 @@ def _validated(stretches: list[Stretch], fit: Fit, start: RicherModel) -> Richer
     return replace(whole, fit_percent=fit_percent(speed[counted], held_out[counted]))
 
 
-def predict_richer(s: Stretch, model: RicherModel) -> FloatArray:
+def predict_richer(s: Segment, model: RicherModel) -> FloatArray:
     """Mean speeds over the windows of a stretch [rad/s]."""
     base = model.base
     angles, _ = respond_two(
@@ -158,11 +158,11 @@ def predict_richer(s: Stretch, model: RicherModel) -> FloatArray:
     return np.diff(angles) / s.windows_s
 
 
-def _residuals(stretches: list[Stretch], model: RicherModel) -> FloatArray:
+def _residuals(stretches: list[Segment], model: RicherModel) -> FloatArray:
     return np.concatenate([s.speed_rad_s - predict_richer(s, model) for s in stretches])
 
 
-def _solve(stretches: list[Stretch], fit: Fit, start: RicherModel, use: BoolArray) -> RicherModel:
+def _solve(stretches: list[Segment], fit: Fit, start: RicherModel, use: BoolArray) -> RicherModel:
     from scipy.optimize import least_squares
 
     drive = float(np.percentile(np.abs(np.concatenate([s.drive for s in stretches])), 95))

@@ -18,7 +18,7 @@ AT_REST_QUANTA = 0.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Stretch:
+class Segment:
     """The drive is `drive[i]` from `change_s[i]`; window j ends at `edge_s[j + 1]` and begins at `edge_s[j]`.
 
     `speed_rad_s[j]` is the mean over the window, or, for a log of momentary speeds, the speed at its end.
@@ -39,7 +39,7 @@ class Stretch:
         return np.diff(self.edge_s)
 
 
-def cut(log: MotorLog) -> list[Stretch]:
+def cut(log: MotorLog) -> list[Segment]:
     """The stretches of a log that are long enough to say something."""
     parts = [rows for whole in log.stretches for rows in _without_coasting(log, whole)]
     found = [_stretch(log, rows, k > 0) for k, rows in enumerate(parts)]
@@ -77,7 +77,7 @@ def _moves(log: MotorLog, rows: slice) -> BoolArray:
     return np.abs(np.diff(log.position_rad[rows], prepend=np.nan)) > AT_REST_QUANTA * log.quantum_rad
 
 
-def _stretch(log: MotorLog, rows: slice, continues: bool) -> Stretch | None:
+def _stretch(log: MotorLog, rows: slice, continues: bool) -> Segment | None:
     time_s, drive = log.time_s[rows], log.drive[rows]
     values = log.speed_rad_s if log.position_rad is None else log.position_rad
     assert values is not None
@@ -98,7 +98,7 @@ def _stretch(log: MotorLog, rows: slice, continues: bool) -> Stretch | None:
         # The first row's own window began one period earlier: it tells the state at the start.
         speed, edge_s = y[1:], time_s[known]
         rests = y[0] == 0.0
-    return Stretch(
+    return Segment(
         change_s=time_s,
         drive=drive,
         before=0.0 if rests else float(drive[0]),

@@ -28,7 +28,7 @@ from thumper.navigation.controllers.dwa_kernels import (
     simulate,
 )
 from thumper.navigation.controllers.oscillation_flags import OscillationFlags
-from thumper.navigation.controllers.rotate_in_place import SpotTurn
+from thumper.navigation.controllers.rotate_in_place import RotateInPlace
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.costmap.footprint_collision import Ground
 from thumper.navigation.footprint import Footprint
@@ -93,7 +93,7 @@ class DwaController:
         self._options = options
         self._limits = limits
         self._footprint = footprint
-        self._turn = SpotTurn(limits, footprint)
+        self._turn = RotateInPlace(limits, footprint)
         self._turning = False
         self._flags = OscillationFlags(options.oscillation_m, options.oscillation_rad)
 

@@ -8,7 +8,7 @@ import math
 
 from thumper.common.geometry import Pose2, Twist2, wrap_angle
 from thumper.navigation.controllers.controller import ControlRequest, ControlResult
-from thumper.navigation.controllers.rotate_in_place import SpotTurn, is_open, straight_poses
+from thumper.navigation.controllers.rotate_in_place import RotateInPlace, is_open, straight_poses
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.speed_limits import SpeedLimits, step_toward
@@ -19,14 +19,14 @@ AIM_START_RAD, AIM_END_RAD = 0.5, 0.15  # the robot turns on the spot beyond the
 AIM_GAIN = 2.0  # turn rate in answer to the error while it drives [1/s]
 
 
-class FineApproach:
+class FinalApproach:
     """Straight to the goal, forward or backward, whichever needs the lesser turn."""
 
     def __init__(self, limits: SpeedLimits, footprint: Footprint, *, approach_m_s: float) -> None:
         self._limits = limits
         self._footprint = footprint
         self._speed_m_s = approach_m_s
-        self._turn = SpotTurn(limits, footprint)
+        self._turn = RotateInPlace(limits, footprint)
         self.reset()
 
     def reset(self) -> None:

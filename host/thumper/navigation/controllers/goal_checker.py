@@ -11,7 +11,7 @@ PASSED_PART = 0.25  # ... or by this part of the tolerance
 LEAST_HOLD_M = 0.05  # a turn on the spot moves a skid-steered base, and its estimate, by some 2 cm
 
 
-class Arrival:
+class GoalChecker:
     """Latches once the place is reached: noise at the edge of the tolerance must not make the robot dance.
 
     move_base calls it `latch_xy_goal_tolerance`. Here a robot that is carried well away is let go.

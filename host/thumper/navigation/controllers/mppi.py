@@ -13,8 +13,8 @@ from annotated_types import Ge, Gt
 from thumper.common.geometry import FloatArray, Twist2, wrap_angle
 from thumper.navigation.controllers.controller import ControlRequest, ControlResult
 from thumper.navigation.controllers.mppi_kernels import score_futures, weighted_mean
-from thumper.navigation.controllers.rotate_in_place import SpotTurn
-from thumper.navigation.controllers.stopping_check import TwistCheck
+from thumper.navigation.controllers.rotate_in_place import RotateInPlace
+from thumper.navigation.controllers.stopping_check import AdmissibilityCheck
 from thumper.navigation.costmap.footprint_collision import Ground
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.planners.polyline import arc_lengths, nearest_index
@@ -67,8 +67,8 @@ class MppiController:
         self._options = options
         self._limits = limits
         self._footprint = footprint
-        self._turn = SpotTurn(limits, footprint)
-        self._check = TwistCheck(limits, footprint)
+        self._turn = RotateInPlace(limits, footprint)
+        self._check = AdmissibilityCheck(limits, footprint)
         shape = (POOL, options.futures, options.steps, 2)
         spread = np.array((options.v_std_m_s, options.w_std_rad_s), np.float32)
         drawn = np.random.default_rng(options.seed).standard_normal(shape, np.float32) * spread

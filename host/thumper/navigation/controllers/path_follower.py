@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from thumper.navigation.controllers.controller import Controller, ControlRequest, ControlResult
-from thumper.navigation.controllers.final_approach import FineApproach
-from thumper.navigation.controllers.tight_passage import Manoeuvre
+from thumper.navigation.controllers.final_approach import FinalApproach
+from thumper.navigation.controllers.tight_passage import PoseSequenceFollower
 from thumper.navigation.goal import Goal
 from thumper.navigation.speed_limits import is_still
 
@@ -14,14 +14,14 @@ SAME_M = 0.03  # a path that ends this near to the goal leads there
 LOCAL_GOAL_PART = 0.35  # of the window's side: as far as a manoeuvre is planned
 
 
-class Follower:
+class PathFollower:
     """A controller with a manoeuvre in reserve."""
 
     def __init__(
         self,
         controller: Controller,
-        manoeuvre: Manoeuvre,
-        fine: FineApproach,
+        manoeuvre: PoseSequenceFollower,
+        fine: FinalApproach,
         *,
         after_s: float,
         window_m: float,

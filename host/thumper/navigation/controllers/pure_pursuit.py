@@ -12,8 +12,8 @@ from annotated_types import Gt, Interval
 
 from thumper.common.geometry import FloatArray, Twist2, wrap_angle
 from thumper.navigation.controllers.controller import ControlRequest, ControlResult
-from thumper.navigation.controllers.rotate_in_place import SpotTurn
-from thumper.navigation.controllers.stopping_check import TwistCheck
+from thumper.navigation.controllers.rotate_in_place import RotateInPlace
+from thumper.navigation.controllers.stopping_check import AdmissibilityCheck
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.planners.polyline import arc_lengths, nearest_index
 from thumper.navigation.speed_limits import SpeedLimits, step_toward
@@ -50,8 +50,8 @@ class PurePursuitController:
         self._options = options
         self._limits = limits
         self._footprint = footprint
-        self._turn = SpotTurn(limits, footprint)
-        self._check = TwistCheck(limits, footprint)
+        self._turn = RotateInPlace(limits, footprint)
+        self._check = AdmissibilityCheck(limits, footprint)
         self._turning = False
 
     def reset(self) -> None:

@@ -47,7 +47,7 @@ def straight_poses(start: Pose2, distance_m: float) -> FloatArray:
     )
 
 
-class SpotTurn:
+class RotateInPlace:
     """Turns the shorter way when it is free, else the longer one, and keeps to the side it began with."""
 
     def __init__(self, limits: SpeedLimits, footprint: Footprint) -> None:

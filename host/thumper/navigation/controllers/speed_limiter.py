@@ -11,7 +11,7 @@ PERIOD_S = 0.1
 BRAKE_PART = 0.8
 
 
-class SpeedRule:
+class SpeedLimiter:
     """The fastest forward speed from place and way left."""
 
     def __init__(self, limits: SpeedLimits, *, approach_m_s: float, mask: OccupancyGrid | None) -> None:

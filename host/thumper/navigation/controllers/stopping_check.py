@@ -16,7 +16,7 @@ from thumper.navigation.speed_limits import SpeedLimits
 STEP_S = 0.05
 
 
-class TwistCheck:
+class AdmissibilityCheck:
     """Drives a command in thought until the robot could stand again."""
 
     def __init__(self, limits: SpeedLimits, footprint: Footprint) -> None:

@@ -30,7 +30,7 @@ STEP_S = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ManoeuvreOptions:
+class TightPassageOptions:
     """When and how the robot threads its way."""
 
     # Time that the controller stands still although there is a path, before a manoeuvre is planned [s].
@@ -43,11 +43,11 @@ class ManoeuvreOptions:
     stray_m: Annotated[float, Gt(0)] = 0.08
 
 
-class Manoeuvre:
+class PoseSequenceFollower:
     """One manoeuvre at a time: `begin`, then `step` until it returns None."""
 
     def __init__(
-        self, options: ManoeuvreOptions, limits: SpeedLimits, footprint: Footprint, lattice: LatticePlanner
+        self, options: TightPassageOptions, limits: SpeedLimits, footprint: Footprint, lattice: LatticePlanner
     ) -> None:
         self._options = options
         self._limits = limits

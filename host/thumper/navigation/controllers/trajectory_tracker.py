@@ -15,8 +15,8 @@ from annotated_types import Ge, Gt
 
 from thumper.common.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.navigation.controllers.controller import Controller, ControlRequest, ControlResult
-from thumper.navigation.controllers.rotate_in_place import SpotTurn
-from thumper.navigation.controllers.stopping_check import TwistCheck
+from thumper.navigation.controllers.rotate_in_place import RotateInPlace
+from thumper.navigation.controllers.stopping_check import AdmissibilityCheck
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.planners.polyline import arc_lengths, nearest_index, nearest_place
 from thumper.navigation.speed_limits import SpeedLimits, step_toward
@@ -28,7 +28,7 @@ LEAST_BEND = 1e-6  # [1/m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CascadeOptions:
+class TrajectoryTrackerOptions:
     """Gains of the state controller, and when the trajectory slows down."""
 
     # Answer to an error along the path [1/s].
@@ -85,14 +85,14 @@ class Reference:
         return speed
 
 
-class CascadeController:
+class TrajectoryTracker:
     """`Controller` by pose error and state feedback; driven only while the outline stays free."""
 
-    def __init__(self, options: CascadeOptions, limits: SpeedLimits, footprint: Footprint) -> None:
+    def __init__(self, options: TrajectoryTrackerOptions, limits: SpeedLimits, footprint: Footprint) -> None:
         self._options = options
         self._limits = limits
-        self._turn = SpotTurn(limits, footprint)
-        self._check = TwistCheck(limits, footprint)
+        self._turn = RotateInPlace(limits, footprint)
+        self._check = AdmissibilityCheck(limits, footprint)
         self.reset()
 
     def reset(self) -> None:
@@ -165,11 +165,15 @@ class CascadeController:
         )
 
 
-class FreeWayController:
+class SwitchingController:
     """`Controller` that looks at the room along the path and hands over."""
 
     def __init__(
-        self, tracker: CascadeController, other: Controller, options: CascadeOptions, footprint: Footprint
+        self,
+        tracker: TrajectoryTracker,
+        other: Controller,
+        options: TrajectoryTrackerOptions,
+        footprint: Footprint,
     ) -> None:
         self._tracker = tracker
         self._other = other

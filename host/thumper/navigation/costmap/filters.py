@@ -21,7 +21,7 @@ MODES = ("trinary", "scale", "raw")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MaskOptions:
+class CostmapFilterOptions:
     """Files that limit where and how fast the robot drives."""
 
     # YAML of a keep-out mask: occupied cells are obstacles to planner and controller; empty: none.
@@ -31,17 +31,17 @@ class MaskOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Masks:
+class CostmapFilters:
     """The masks, read; None where there is none."""
 
     keepout: OccupancyGrid | None = None
     speed: OccupancyGrid | None = None
 
 
-def load_masks(options: MaskOptions) -> Masks:
+def load_masks(options: CostmapFilterOptions) -> CostmapFilters:
     """Read the files that the options name. Raises ThumperError, with exit code 2, when one is wrong."""
     keepout, speed = (load_mask(Path(name)) if name else None for name in (options.keepout, options.speed))
-    return Masks(keepout=keepout, speed=speed)
+    return CostmapFilters(keepout=keepout, speed=speed)
 
 
 def load_mask(yaml_path: Path) -> OccupancyGrid:

@@ -13,7 +13,7 @@ from thumper.navigation.costmap.inflation import INSCRIBED, LETHAL, UNKNOWN, Byt
 from thumper.navigation.footprint import Footprint
 
 
-class Category(Enum):
+class GroundCost(Enum):
     """What a place means for a robot whose centre is in it."""
 
     FREE = "free"  # the outline touches nothing, whichever way the robot looks
@@ -23,10 +23,10 @@ class Category(Enum):
     UNKNOWN = "unknown"  # never seen
 
 
-OF_COST = {UNKNOWN: Category.UNKNOWN, INSCRIBED: Category.INSCRIBED, LETHAL: Category.LETHAL}
+OF_COST = {UNKNOWN: GroundCost.UNKNOWN, INSCRIBED: GroundCost.INSCRIBED, LETHAL: GroundCost.LETHAL}
 
 
-def category_at(costmap: Costmap, footprint: Footprint, x_m: float, y_m: float) -> Category | None:
+def category_at(costmap: Costmap, footprint: Footprint, x_m: float, y_m: float) -> GroundCost | None:
     """The category of a place; None off the map.
 
     The border of "possibly circumscribed" is the distance from which `lethal_count` walks the outline.
@@ -38,7 +38,7 @@ def category_at(costmap: Costmap, footprint: Footprint, x_m: float, y_m: float) 
     if cost in OF_COST:
         return OF_COST[cost]
     safe = safe_squared_cells(footprint.circumscribed_radius_m, costmap.resolution_m)
-    return Category.POSSIBLY_CIRCUMSCRIBED if squared <= safe else Category.FREE
+    return GroundCost.POSSIBLY_CIRCUMSCRIBED if squared <= safe else GroundCost.FREE
 
 
 OFF_MAP = -1

@@ -3,35 +3,35 @@
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
-from thumper.lidar.field_of_view import LidarView
+from thumper.lidar.field_of_view import FieldOfView
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.navigation.costmap.costmap import Costmap, build_costmap, build_window
+from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_costmap, build_window
 from thumper.navigation.costmap.layers import CostmapLayers
-from thumper.navigation.costmap.obstacle_memory import HitMemory
-from thumper.navigation.costmap.scan_averaging import surface_points
+from thumper.navigation.costmap.obstacle_memory import ObstacleMemory, ObstacleMemoryOptions
+from thumper.navigation.costmap.scan_averaging import averaged_hits
 from thumper.navigation.footprint import Footprint
-from thumper.navigation.options import NavigationOptions
 
 
-class Surroundings:
+class LocalModel:
     """Takes each cycle's map and scan, and remembers what the lidar no longer sees."""
 
     def __init__(
         self,
-        options: NavigationOptions,
+        options: CostmapOptions,
+        memory: ObstacleMemoryOptions,
         footprint: Footprint,
         keepout: OccupancyGrid | None,
-        view: LidarView,
+        view: FieldOfView,
     ) -> None:
         """`footprint` is that of planning, with its padding; `keepout` is a mask of cells that are shut."""
-        self._options = options.costmap
+        self._options = options
         self._footprint = footprint
         self._keepout = keepout
         self._view = view
-        self._layers = CostmapLayers(footprint, options.costmap, keepout)
+        self._layers = CostmapLayers(footprint, options, keepout)
         hull_m = footprint.circumscribed_radius_m
-        self._memory = HitMemory(options.memory, options.memory.radius_m, view, hull_m)
-        self._plan_memory = HitMemory(options.memory, options.memory.planning_radius_m, view, hull_m)
+        self._memory = ObstacleMemory(memory, memory.radius_m, view, hull_m)
+        self._plan_memory = ObstacleMemory(memory, memory.planning_radius_m, view, hull_m)
         self.costmap: Costmap | None = None  # of the newest cycle
         self.seen_m: FloatArray = np.empty((0, 2))  # the newest scan's hits in map, averaged by surface
         self.points_m: FloatArray = np.empty((0, 2))  # these, and what is remembered near the robot
@@ -42,7 +42,7 @@ class Surroundings:
     ) -> Costmap:
         """Take a cycle's map and hits, shape (n, 2) [m]; return the costmap to plan on."""
         hits_in_map = hits_in_map[np.isfinite(hits_in_map).all(axis=1)]
-        self.seen_m = surface_points(map_from_base, hits_in_map, self._view)
+        self.seen_m = averaged_hits(map_from_base, hits_in_map, self._view)
         near_m = self._memory.update(time_s, map_from_base, self.seen_m)
         far_m = self._plan_memory.update(time_s, map_from_base, self.seen_m)
         self.points_m = np.vstack((self.seen_m, near_m))

@@ -13,7 +13,7 @@ import numpy as np
 from annotated_types import Ge, Gt
 
 from thumper.common.geometry import FloatArray, Pose2
-from thumper.lidar.field_of_view import LidarView
+from thumper.lidar.field_of_view import FieldOfView
 
 BIN_RAD = math.radians(1.0)
 THICKNESS_M = 0.08  # a ray must pass this far behind a point before the point counts as gone
@@ -26,7 +26,7 @@ BESIDE_M = 0.25  # beyond the robot's own circle; about as far as it backs up, w
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MemoryOptions:
+class ObstacleMemoryOptions:
     """What is remembered of the scans."""
 
     # Points within this distance of the robot are remembered [m]; 0 remembers nothing.
@@ -38,14 +38,16 @@ class MemoryOptions:
     keep_s: Annotated[float, Gt(0)] = 20.0
 
 
-class HitMemory:
+class ObstacleMemory:
     """Adds to each scan the points near the robot that it could not see again.
 
     They are kept within `radius_m`. `hull_m` is the radius of the robot's own circle: what lies in it or
     right beside it is kept until a ray clears it.
     """
 
-    def __init__(self, options: MemoryOptions, radius_m: float, view: LidarView, hull_m: float) -> None:
+    def __init__(
+        self, options: ObstacleMemoryOptions, radius_m: float, view: FieldOfView, hull_m: float
+    ) -> None:
         self._keep_s = options.keep_s
         self._radius_m = radius_m
         self._hull_m = hull_m

@@ -8,7 +8,7 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.common.numba_kernel import kernel
-from thumper.lidar.field_of_view import LidarView
+from thumper.lidar.field_of_view import FieldOfView
 
 REACH_M = 0.012  # along the surface, to each side; short, so that the bend of a thin post hardly counts
 MOST_BEAMS = 8  # to each side
@@ -41,7 +41,7 @@ def averaged(bearings_rad: FloatArray, ranges_m: FloatArray) -> FloatArray:
     return smooth
 
 
-def surface_points(map_from_base: Pose2, hits_in_map_m: FloatArray, view: LidarView) -> FloatArray:
+def averaged_hits(map_from_base: Pose2, hits_in_map_m: FloatArray, view: FieldOfView) -> FloatArray:
     """A scan's hits, shape (n, 2) [m], in the order of their beams, moved along the beams onto the surfaces
     they come from.
     """

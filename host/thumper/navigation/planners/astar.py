@@ -12,7 +12,7 @@ from thumper.navigation.costmap.inflation import INSCRIBED, UNKNOWN
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar_search import NO_GOAL, CostArray, search, trace
 from thumper.navigation.planners.planner import PlanResult
-from thumper.navigation.planners.polyline import polyline_cost, pull_string, relax, resample
+from thumper.navigation.planners.polyline import polyline_cost, resample, shortcut, smooth
 from thumper.navigation.planners.start_and_goal_cells import locate, substitute
 from thumper.navigation.planners.traversal_cost import price_cells
 
@@ -81,8 +81,8 @@ class AStarPlanner:
     def _drivable(self, prices: CostArray, points: FloatArray) -> FloatArray:
         if len(points) < 2:
             return np.repeat(points, 2, axis=0)
-        path = resample(pull_string(prices, points, PULL_REACH), PATH_SPACING_CELLS)
-        relax(prices, path, self._options.smoothing_rounds)
+        path = resample(shortcut(prices, points, PULL_REACH), PATH_SPACING_CELLS)
+        smooth(prices, path, self._options.smoothing_rounds)
         return path
 
     def path_cost_m(self, costmap: Costmap, path_m: FloatArray) -> float:

@@ -23,7 +23,7 @@ LATERAL = np.float32(math.sqrt(0.5))  # a front that arrives diagonally gains at
 
 
 @kernel
-def flood(prices: CostArray, source: int, target: int, guided: bool, margin: float) -> CostArray:
+def dijkstra(prices: CostArray, source: int, target: int, guided: bool, margin: float) -> CostArray:
     """Potential of every cell that the wave met, shape (rows * cols,), float32; inf elsewhere.
 
     Parameters

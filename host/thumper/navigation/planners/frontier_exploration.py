@@ -18,7 +18,7 @@ from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_co
 from thumper.navigation.costmap.inflation import LETHAL
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
-from thumper.navigation.planners.dijkstra import flood
+from thumper.navigation.planners.dijkstra import dijkstra
 from thumper.navigation.planners.start_and_goal_cells import nearest_open
 from thumper.navigation.planners.traversal_cost import price_cells
 
@@ -70,7 +70,7 @@ def find_frontiers(
     if start is None:
         return []
     rows, cols = prices.shape
-    way = flood(prices, start[0] * cols + start[1], EVERYWHERE, False, 0.0).reshape(rows, cols)
+    way = dijkstra(prices, start[0] * cols + start[1], EVERYWHERE, False, 0.0).reshape(rows, cols)
     edges = np.isfinite(way) & binary_dilation(grid.cells < 0, NEIGHBOURS)
     parts, count = label(edges, NEIGHBOURS)
     circle_cells = (footprint.circumscribed_radius_m + ROOM_M) / grid.resolution_m

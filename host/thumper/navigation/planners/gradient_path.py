@@ -52,7 +52,7 @@ def lowest_neighbour(potential: CostArray, cols: int, cell: int) -> int:
 
 
 @kernel
-def descend(potential: CostArray, cols: int, start_x: float, start_y: float, step: float) -> FloatArray:
+def gradient_path(potential: CostArray, cols: int, start_x: float, start_y: float, step: float) -> FloatArray:
     """Points, shape (n, 2) [cells], downhill from a start to the source's cell, about `step` apart.
 
     Follows the interpolated slope; wherever that leads off the potential or does not fall, the way goes to

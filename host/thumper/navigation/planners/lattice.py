@@ -13,10 +13,10 @@ from thumper.navigation.costmap.footprint_collision import Ground
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar import AStarOptions, AStarPlanner
-from thumper.navigation.planners.dijkstra import flood
+from thumper.navigation.planners.dijkstra import dijkstra
 from thumper.navigation.planners.lattice_search import search_poses
 from thumper.navigation.planners.planner import PlanResult
-from thumper.navigation.planners.polyline import polyline_cost, relax, resample
+from thumper.navigation.planners.polyline import polyline_cost, resample, smooth
 from thumper.navigation.planners.start_and_goal_cells import locate
 from thumper.navigation.planners.traversal_cost import price_cells
 
@@ -81,7 +81,7 @@ class LatticePlanner:
         points = np.vstack((poses[:, :2], ends.goal_cells))
         moved = np.append(True, np.hypot(*np.diff(points, axis=0).T) > 1e-6)
         path = resample(points[moved], 1.0) if moved.sum() > 1 else np.repeat(points[:1], 2, axis=0)
-        relax(prices, path, self._options.smoothing_rounds)
+        smooth(prices, path, self._options.smoothing_rounds)
         return PlanResult(path_m=path * costmap.resolution_m + costmap.origin_m)
 
     def poses(self, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> FloatArray:
@@ -90,7 +90,7 @@ class LatticePlanner:
         ends = locate(costmap, prices, map_from_base, goal, self._options.escape_radius_m)
         if isinstance(ends, str) or not np.isfinite(prices.flat[ends.goal]):
             return np.empty((0, 3))
-        potential = flood(prices, ends.goal, ends.start, False, MARGIN)
+        potential = dijkstra(prices, ends.goal, ends.start, False, MARGIN)
         if not np.isfinite(potential[ends.start]):
             return np.empty((0, 3))
         start = np.append(ends.start_cells, map_from_base.theta_rad)

@@ -13,8 +13,8 @@ from annotated_types import Ge, Gt
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.goal import Goal
-from thumper.navigation.planners.dijkstra import flood
-from thumper.navigation.planners.gradient_path import descend
+from thumper.navigation.planners.dijkstra import dijkstra
+from thumper.navigation.planners.gradient_path import gradient_path
 from thumper.navigation.planners.planner import PlanResult
 from thumper.navigation.planners.polyline import polyline_cost
 from thumper.navigation.planners.start_and_goal_cells import locate, substitute
@@ -59,7 +59,7 @@ class NavfnPlanner:
         cols = prices.shape[1]
         point, told = ends.goal_cells, ""
         open_ = bool(np.isfinite(prices.flat[ends.goal]))
-        potential = flood(
+        potential = dijkstra(
             prices, ends.start, ends.goal if open_ else EVERYWHERE, self._options.guided, MARGIN
         )
         if not np.isfinite(potential[ends.goal]):
@@ -67,7 +67,7 @@ class NavfnPlanner:
             if isinstance(found, str):
                 return PlanResult(reason=found, closed=True)
             _, point, told = found
-        down = descend(potential, cols, float(point[0]), float(point[1]), STEP_CELLS)
+        down = gradient_path(potential, cols, float(point[0]), float(point[1]), STEP_CELLS)
         if len(down) == 0:
             return PlanResult(reason=f"no way to the goal {goal}: the wave never came there")
         path = down[::-1]

@@ -29,7 +29,7 @@ def line_cost(prices: CostArray, x0: float, y0: float, x1: float, y1: float) -> 
 
 
 @kernel
-def pull_string(prices: CostArray, points: FloatArray, reach: int) -> FloatArray:
+def shortcut(prices: CostArray, points: FloatArray, reach: int) -> FloatArray:
     """Replace stretches of up to `reach` points, shape (n, 2) [cells], by a line where that is no dearer."""
     count = points.shape[0]
     prefix = np.zeros(count)
@@ -60,7 +60,7 @@ def pull_string(prices: CostArray, points: FloatArray, reach: int) -> FloatArray
 
 
 @kernel
-def relax(prices: CostArray, points: FloatArray, rounds: int) -> None:
+def smooth(prices: CostArray, points: FloatArray, rounds: int) -> None:
     """Round the corners of a polyline, shape (n, 2) [cells], in place; no point moves somewhere dear."""
     for _ in range(rounds):
         for i in range(1, points.shape[0] - 1):

@@ -18,7 +18,7 @@ TINY_M = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RouteOptions:
+class ReplanningOptions:
     """When to replan."""
 
     # Time between looks for a better path [s].
@@ -33,10 +33,10 @@ class RouteOptions:
     grace_s: Annotated[float, Ge(0)] = 1.0
 
 
-class Route:
+class PathManager:
     """The path being followed, from near the robot to the goal."""
 
-    def __init__(self, planner: Planner, options: RouteOptions) -> None:
+    def __init__(self, planner: Planner, options: ReplanningOptions) -> None:
         self._planner = planner
         self._options = options
         self.clear()

@@ -12,7 +12,7 @@ from thumper.navigation.planners.astar_search import CostArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Endpoints:
+class SearchEnds:
     """Start and goal on a grid: flat indices of cells, and points, shape (2,) [cells]."""
 
     start: int
@@ -37,7 +37,7 @@ def nearest_open(prices: CostArray, row: int, col: int, radius_cells: float) -> 
 
 def locate(
     costmap: Costmap, prices: CostArray, map_from_base: Pose2, goal: Goal, escape_radius_m: float
-) -> Endpoints | str:
+) -> SearchEnds | str:
     """Where a search begins and ends; or, in words, why it cannot begin.
 
     A robot that stands too near an obstacle begins at the nearest free cell within the escape radius. The
@@ -55,7 +55,7 @@ def locate(
     start = nearest_open(prices, int(start_row), int(start_col), escape_radius_m / resolution_m)
     if start is None:
         return f"the robot stands inside an obstacle: no free cell within {escape_radius_m} m"
-    return Endpoints(
+    return SearchEnds(
         start=start[0] * cols + start[1],
         goal=int(goal_row) * cols + int(goal_col),
         start_cells=start_cells,
@@ -65,7 +65,7 @@ def locate(
 
 
 def substitute(
-    costmap: Costmap, prices: CostArray, reached: FloatArray | CostArray, ends: Endpoints, goal: Goal
+    costmap: Costmap, prices: CostArray, reached: FloatArray | CostArray, ends: SearchEnds, goal: Goal
 ) -> tuple[int, FloatArray, str] | str:
     """The reached cell nearest to a goal that cannot be, within its tolerance; or, in words, why there is
     none.

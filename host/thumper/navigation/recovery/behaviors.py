@@ -63,7 +63,7 @@ class RecoveryOptions:
     limit_s: Annotated[float, Gt(0)] = 10.0
 
 
-class Recovery:
+class RecoveryBehaviors:
     """One recovery at a time: `start`, then `step` each cycle until it returns None."""
 
     def __init__(

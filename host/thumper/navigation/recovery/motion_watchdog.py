@@ -8,7 +8,7 @@ LEAST_M_S = 0.03  # slower commands may well not move the base
 MOVING_PART = 0.2  # of the speed that is asked for
 
 
-class Bearings:
+class MotionWatchdog:
     """Watches for a lost position, and for odometry that stands although the wheels are told to turn."""
 
     def __init__(self, options: ProgressOptions) -> None:

@@ -15,7 +15,7 @@ from thumper.navigation.planners.planner import Planner
 NOTE_PERIOD_S = 1.0
 
 
-class Prospects:
+class Reachability:
     """Keeps all ground seen free, and wide enough, on the way to a goal; the map may grow meanwhile.
 
     A way through a door that somebody has shut, or stands in, was open, and forgetting or waiting may bring

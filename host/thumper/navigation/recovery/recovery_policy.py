@@ -6,30 +6,37 @@ from thumper.common.geometry import Twist2
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.controllers.controller import Controller, ControlRequest
 from thumper.navigation.costmap.costmap import Costmap
-from thumper.navigation.costmap.local_model import Surroundings
+from thumper.navigation.costmap.local_model import LocalModel
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
-from thumper.navigation.options import NavigationOptions
 from thumper.navigation.planners.goal_validation import has_room
 from thumper.navigation.planners.planner import Planner
-from thumper.navigation.recovery.behaviors import Recovery
-from thumper.navigation.recovery.progress_checker import ProgressChecker
-from thumper.navigation.recovery.reachability import Prospects
+from thumper.navigation.recovery.behaviors import RecoveryBehaviors, RecoveryOptions
+from thumper.navigation.recovery.progress_checker import ProgressChecker, ProgressOptions
+from thumper.navigation.recovery.reachability import Reachability
+from thumper.navigation.speed_limits import SpeedLimits
 
 CLOSED_S = 0.5  # without a way, where none can be hoped for, before it looks round or gives up
 
 
-class Patience:
+class RecoveryPolicy:
     """Watches one drive at a time: `begin`, then `note` in each cycle."""
 
     def __init__(
-        self, options: NavigationOptions, footprint: Footprint, planner: Planner, controller: Controller
+        self,
+        patience_s: float,
+        progress: ProgressOptions,
+        recovery: RecoveryOptions,
+        limits: SpeedLimits,
+        footprint: Footprint,
+        planner: Planner,
+        controller: Controller,
     ) -> None:
-        self._patience_s = options.patience_s
+        self._patience_s = patience_s
         self._footprint = footprint
-        self._progress = ProgressChecker(options.progress)
-        self._recovery = Recovery(options.recovery, options.limits, footprint, controller)
-        self._prospects = Prospects(planner, footprint)
+        self._progress = ProgressChecker(progress)
+        self._recovery = RecoveryBehaviors(recovery, limits, footprint, controller)
+        self._prospects = Reachability(planner, footprint)
         self._costmap: Costmap | None = None
 
     def begin(self, goal: Goal) -> None:
@@ -45,7 +52,7 @@ class Patience:
         """Grant the full times again: the robot had to stand for a while."""
         self._progress.renew()
 
-    def note(self, time_s: float, around: Surroundings, grid: OccupancyGrid, costmap: Costmap) -> None:
+    def note(self, time_s: float, around: LocalModel, grid: OccupancyGrid, costmap: Costmap) -> None:
         """Keep in mind what is open now."""
         if self._prospects.are_unasked:
             self._prospects.note(-np.inf, around.map_alone(grid))

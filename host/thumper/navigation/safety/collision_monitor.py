@@ -27,7 +27,7 @@ NOISE_M_S, NOISE_RAD_S = 0.03, 0.06  # a slower twist may as well be none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MonitorOptions:
+class CollisionMonitorOptions:
     """How the collision monitor judges."""
 
     # Space kept round the footprint [m].
@@ -94,7 +94,7 @@ class CollisionMonitor:
 
     def __init__(
         self,
-        options: MonitorOptions,
+        options: CollisionMonitorOptions,
         limits: SpeedLimits,
         footprint: Footprint,
         ramp: WheelRamp | None = None,

@@ -12,7 +12,7 @@ import numpy as np
 from annotated_types import Ge, Gt
 
 from thumper.common.geometry import FloatArray, Pose2, Twist2
-from thumper.lidar.field_of_view import LidarView
+from thumper.lidar.field_of_view import FieldOfView
 from thumper.navigation.costmap.obstacle_memory import BIN_RAD
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.speed_limits import SpeedLimits
@@ -26,7 +26,7 @@ STEP_S = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrafficOptions:
+class DynamicObstacleOptions:
     """When the robot gives way."""
 
     # How far what moves and the robot are thought ahead [s]; 0 gives way to nobody.
@@ -39,11 +39,11 @@ class TrafficOptions:
     least_m_s: Annotated[float, Gt(0)] = 0.25
 
 
-class Traffic:
+class DynamicObstacles:
     """Remembers the last scans and says when a command would cross the way of something that moves."""
 
     def __init__(
-        self, options: TrafficOptions, limits: SpeedLimits, footprint: Footprint, view: LidarView
+        self, options: DynamicObstacleOptions, limits: SpeedLimits, footprint: Footprint, view: FieldOfView
     ) -> None:
         self._options = options
         self._view = view

@@ -16,7 +16,7 @@ from thumper.navigation.controllers.rotate_in_place import is_open
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.planners.polyline import arc_lengths, nearest_index
 from thumper.navigation.safety.collision_monitor import CollisionMonitor
-from thumper.navigation.safety.velocity_smoother import smoothed
+from thumper.navigation.safety.velocity_smoother import smooth_velocity
 from thumper.navigation.speed_limits import SpeedLimits
 
 SPEEDS_M_S, TURNS_RAD_S = (0.08, 0.0, -0.06), (0.0, 0.15, -0.15, 0.4, -0.4)
@@ -70,7 +70,7 @@ class Escape:
             wanted, arc = self._motions[index]
             if wanted.v_m_s < 0.0 and not self._is_known(request, arc):
                 continue
-            command = smoothed(wanted, request.last_command, self._limits, request.period_s)
+            command = smooth_velocity(wanted, request.last_command, self._limits, request.period_s)
             if not self._monitor.objection(
                 command, request.twist, hits_in_base_m, spread_m, request.period_s
             ):

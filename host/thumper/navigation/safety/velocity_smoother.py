@@ -8,7 +8,7 @@ from thumper.navigation.speed_limits import SpeedLimits, step_toward
 DEADBAND_M_S, DEADBAND_RAD_S = 0.002, 0.005  # below, the base would only hum
 
 
-def smoothed(wanted: Twist2, last: Twist2, limits: SpeedLimits, period_s: float) -> Twist2:
+def smooth_velocity(wanted: Twist2, last: Twist2, limits: SpeedLimits, period_s: float) -> Twist2:
     """The twist nearest to the wanted one that can follow `last` after one period."""
     v_m_s = step_toward(last.v_m_s, wanted.v_m_s, limits.v_accel_m_s2 * period_s)
     w_rad_s = step_toward(last.w_rad_s, wanted.w_rad_s, limits.w_accel_rad_s2 * period_s)

@@ -14,24 +14,24 @@ from thumper.board.messages import Command, Fault, State, Telemetry
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Twist2
 from thumper.common.kinematics import DriveGeometry, WheelSpeeds, limit_wheel_speeds, wheel_speeds
-from thumper.config.manual_drive import ServiceOptions
+from thumper.config.manual_drive import ManualDriveOptions
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
-from thumper.runtime.drive.heartbeats import Supervision
-from thumper.runtime.drive.manual_pwm import MotorFeel, manual_pwm
-from thumper.runtime.drive.twist_mux import Mux
+from thumper.runtime.drive.heartbeats import HeartbeatMonitor
+from thumper.runtime.drive.manual_pwm import FeedForward, manual_pwm
+from thumper.runtime.drive.twist_mux import TwistMux
 from thumper.runtime.requests import Velocity
 from thumper.runtime.safe_stop import STOP_BEATS
 from thumper.runtime.sensor_inputs import BLIND_S
-from thumper.runtime.state_estimator import Situation
+from thumper.runtime.state_estimator import RobotState
 
 SCAN_TIMEOUT_S = 1.0  # after BLIND_S without a scan the robot waits, after this long the lidar is lost
 GOAL_MARGIN_M = 1.0
 DISARMED_BEATS = 3  # telemetry from before ARM may still be on its way
 
 
-class Mode(Enum):
+class DriveMode(Enum):
     """What the robot is doing."""
 
     IDLE = "idle"  # motors off
@@ -50,7 +50,7 @@ class Ending:
     by_user: bool = False  # stopped, or overridden, by somebody's wish
 
 
-class Pilot:
+class DriveManager:
     """The hand on the board. `start`, `arm` and `disarm` raise ThumperError when the board refuses."""
 
     def __init__(
@@ -60,16 +60,16 @@ class Pilot:
         navigator: Navigator,
         drive: DriveGeometry,
         max_wheel_rad_s: float,
-        options: ServiceOptions,
+        options: ManualDriveOptions,
     ) -> None:
         self.board = board
         self.navigator = navigator
         self._drive = drive
         self._max_wheel_rad_s = max_wheel_rad_s
         self._options = options
-        self.mux = Mux(options)
-        self.supervision = Supervision(options.heartbeat_timeout_s)
-        self.mode = Mode.IDLE
+        self.mux = TwistMux(options)
+        self.supervision = HeartbeatMonitor(options.heartbeat_timeout_s)
+        self.mode = DriveMode.IDLE
         self.reason = ""
         self.goal: Goal | None = None
         self.source = ""  # who sent the goal
@@ -78,7 +78,7 @@ class Pilot:
         self._cruise = Twist2()
         self._speeds = WheelSpeeds()
         self._pwm = (0, 0)
-        self._feel: MotorFeel | None = None
+        self._feel: FeedForward | None = None
         self._armed_by_hand = False
         self._beats_armed = 0
         self._disarmed_beats = 0
@@ -88,18 +88,18 @@ class Pilot:
         self, goal: Goal, telemetry: Telemetry | None, *, source: str = "", clear_fault: bool = False
     ) -> None:
         """Arm and set out; a goal under way gives way to the new one."""
-        if self.mode not in (Mode.DRIVING, Mode.HOLDING):
+        if self.mode not in (DriveMode.DRIVING, DriveMode.HOLDING):
             self._arm(telemetry, clear_fault=clear_fault)
         self.navigator.set_goal(goal)
         self.ending = None
         self.goal, self.source = goal, source
-        self.mode, self.reason = Mode.DRIVING, ""
+        self.mode, self.reason = DriveMode.DRIVING, ""
 
     def arm(self, telemetry: Telemetry | None) -> None:
         """Switch the motors on, held at speed zero."""
-        if self.mode is not Mode.DRIVING:
+        if self.mode is not DriveMode.DRIVING:
             self._arm(telemetry)
-            self._speeds, self.mode, self.reason = WheelSpeeds(), Mode.HOLDING, "armed"
+            self._speeds, self.mode, self.reason = WheelSpeeds(), DriveMode.HOLDING, "armed"
         self._armed_by_hand = True
 
     def cruise(self, twist: Twist2) -> None:
@@ -121,7 +121,7 @@ class Pilot:
     def clear_fault(self) -> None:
         """Unlatch; the motors stay off."""
         self.board.command(Command.CLEAR_FAULT)
-        if self.mode is Mode.IDLE:
+        if self.mode is DriveMode.IDLE:
             self.reason = "fault cleared"
 
     def stop(self, reason: str) -> None:
@@ -129,24 +129,24 @@ class Pilot:
         self._end(reason, by_user=True)
         self.mux.clear()
         self._cruise = Twist2()
-        if self.mode is not Mode.IDLE:
-            if self.mode is Mode.MANUAL:
+        if self.mode is not DriveMode.IDLE:
+            if self.mode is DriveMode.MANUAL:
                 self.board.command(Command.ARM)
             self._speeds, self._stop_beats = WheelSpeeds(), 0
-            self.mode, self.reason = Mode.STOPPING, reason
+            self.mode, self.reason = DriveMode.STOPPING, reason
 
     def take(self, at_s: float, velocity: Velocity) -> None:
         """Take a hand's command; it acts at the next step."""
-        if self.mode is Mode.IDLE and velocity.twist != Twist2():
+        if self.mode is DriveMode.IDLE and velocity.twist != Twist2():
             self.reason = "the motors are off: arm the robot to drive it by hand"
             return
         self.mux.take(at_s, velocity)
 
     def repeat(self) -> None:
         """Give the last order once more: a beat is late."""
-        if self.mode is Mode.MANUAL:
+        if self.mode is DriveMode.MANUAL:
             self.board.set_motor_pwm(*self._pwm)
-        elif self.mode is not Mode.IDLE:
+        elif self.mode is not DriveMode.IDLE:
             self.board.set_wheel_speeds(self._speeds)
 
     def give_up(self, reason: str) -> None:
@@ -160,7 +160,7 @@ class Pilot:
         self._rest(self.reason)
 
     def step(
-        self, telemetry: Telemetry, situation: Situation, grid: Callable[[], OccupancyGrid]
+        self, telemetry: Telemetry, situation: RobotState, grid: Callable[[], OccupancyGrid]
     ) -> NavigationOutput | None:
         """Decide and act; returns what navigation decided, when it did."""
         self.command = Twist2()
@@ -170,20 +170,20 @@ class Pilot:
             return None
         now_s = time.monotonic()
         hand = self.mux.active(now_s)
-        if hand is not None and self.mode is not Mode.IDLE:
+        if hand is not None and self.mode is not DriveMode.IDLE:
             self._drive_by_hand(hand[0].name.lower(), hand[1], telemetry)
-        elif self.mode is Mode.MANUAL:
+        elif self.mode is DriveMode.MANUAL:
             self.board.command(Command.ARM)  # back to held wheels
             self._armed_by_hand = True
             self._hold("let go")
-        elif self.mode is Mode.DRIVING:
+        elif self.mode is DriveMode.DRIVING:
             if self.supervision.is_lost(self.source, now_s):
                 self.disarm("the page that sent the goal is gone; send it again")
                 return None
             return self._drive_on(situation, grid)
-        elif self.mode is Mode.STOPPING:
+        elif self.mode is DriveMode.STOPPING:
             self._slow_down(telemetry)
-        elif self.mode is Mode.HOLDING:
+        elif self.mode is DriveMode.HOLDING:
             self._hold(self.reason)
         return None
 
@@ -201,7 +201,7 @@ class Pilot:
 
     def _objection(self, telemetry: Telemetry) -> str:
         """Why nothing may move, or nothing."""
-        if self.mode is Mode.IDLE:
+        if self.mode is DriveMode.IDLE:
             return ""
         self._beats_armed += 1
         if telemetry.state is State.FAULT and self._beats_armed > 1:  # the first may be older than ARM
@@ -212,11 +212,13 @@ class Pilot:
     def _drive_by_hand(self, who: str, twist: Twist2, telemetry: Telemetry) -> None:
         reason = f"driven by {who}"
         self._end(f"overridden: {reason}", by_user=True)
-        if self._feel is None or self.mode is not Mode.MANUAL:  # they may have been set since the last time
-            self._feel = MotorFeel(
+        if (
+            self._feel is None or self.mode is not DriveMode.MANUAL
+        ):  # they may have been set since the last time
+            self._feel = FeedForward(
                 ks_pwm=self.board.get_parameter("ks"), kv_pwm_s=self.board.get_parameter("kv")
             )
-        self.mode, self.reason, self.command = Mode.MANUAL, reason, twist
+        self.mode, self.reason, self.command = DriveMode.MANUAL, reason, twist
         self._pwm = manual_pwm(
             twist,
             self._drive,
@@ -227,7 +229,7 @@ class Pilot:
         )
         self.board.set_motor_pwm(*self._pwm)
 
-    def _drive_on(self, situation: Situation, grid: Callable[[], OccupancyGrid]) -> NavigationOutput | None:
+    def _drive_on(self, situation: RobotState, grid: Callable[[], OccupancyGrid]) -> NavigationOutput | None:
         assert self.goal is not None  # DRIVING has one
         if situation.scan_age_s > SCAN_TIMEOUT_S:
             self.end_drive("the lidar sends no more scans; is its cable loose?")
@@ -255,7 +257,7 @@ class Pilot:
         """End the drive as planned: to a stand, and off unless somebody has armed the robot by hand."""
         self._end(reason, reached=reached)
         self._speeds, self._stop_beats, self.reason = WheelSpeeds(), 0, reason
-        self.mode = Mode.HOLDING if self._armed_by_hand else Mode.STOPPING
+        self.mode = DriveMode.HOLDING if self._armed_by_hand else DriveMode.STOPPING
 
     def _slow_down(self, telemetry: Telemetry) -> None:
         self._stop_beats += 1
@@ -266,7 +268,7 @@ class Pilot:
             self.board.set_wheel_speeds(WheelSpeeds())
 
     def _hold(self, reason: str) -> None:
-        self.command, self.mode, self.reason = self._cruise, Mode.HOLDING, reason
+        self.command, self.mode, self.reason = self._cruise, DriveMode.HOLDING, reason
         self._speeds = limit_wheel_speeds(wheel_speeds(self._cruise, self._drive), self._max_wheel_rad_s)
         self.board.set_wheel_speeds(self._speeds)
 
@@ -279,4 +281,4 @@ class Pilot:
         self._cruise = Twist2()
         self._armed_by_hand, self._speeds, self._pwm = False, WheelSpeeds(), (0, 0)
         self.mux.clear()
-        self.mode, self.reason = Mode.IDLE, reason
+        self.mode, self.reason = DriveMode.IDLE, reason

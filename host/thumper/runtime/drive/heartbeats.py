@@ -3,7 +3,7 @@
 MOST_SOURCES = 64
 
 
-class Supervision:
+class HeartbeatMonitor:
     """The newest heartbeat of each source. A source that never had one is not watched over by anybody."""
 
     def __init__(self, timeout_s: float) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from thumper.common.geometry import Twist2
 from thumper.common.kinematics import DriveGeometry, limit_wheel_speeds, wheel_speeds
-from thumper.config.manual_drive import ServiceOptions
+from thumper.config.manual_drive import ManualDriveOptions
 
 PWM_MAX = 255
 NOMINAL_V = 7.4  # the voltage that the board's feed-forward parameters are given for
@@ -13,7 +13,7 @@ LEAST_V = 5.0  # below it no reading is believed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MotorFeel:
+class FeedForward:
     """What it takes to turn a wheel: the board's parameters `ks` and `kv`."""
 
     ks_pwm: float
@@ -23,9 +23,9 @@ class MotorFeel:
 def manual_pwm(
     twist: Twist2,
     drive: DriveGeometry,
-    options: ServiceOptions,
+    options: ManualDriveOptions,
     max_wheel_rad_s: float,
-    feel: MotorFeel,
+    feel: FeedForward,
     battery_V: float,
 ) -> tuple[int, int]:
     """Return left and right PWM, -255...255, for the speed that is asked for within the limits.

@@ -1,19 +1,19 @@
 """Who drives by hand: the gamepad goes before the page, and each is believed only for a moment. Pure."""
 
 from thumper.common.geometry import Twist2
-from thumper.config.manual_drive import ServiceOptions
-from thumper.runtime.requests import Channel, Velocity
+from thumper.config.manual_drive import ManualDriveOptions
+from thumper.runtime.requests import TeleopSource, Velocity
 
 
-class Mux:
+class TwistMux:
     """Keeps the newest command of each channel."""
 
-    def __init__(self, options: ServiceOptions) -> None:
+    def __init__(self, options: ManualDriveOptions) -> None:
         self._timeout_s = {
-            Channel.GAMEPAD: options.gamepad_timeout_s,
-            Channel.TELEOP: options.teleop_timeout_s,
+            TeleopSource.GAMEPAD: options.gamepad_timeout_s,
+            TeleopSource.TELEOP: options.teleop_timeout_s,
         }
-        self._newest: dict[Channel, tuple[float, Twist2]] = {}
+        self._newest: dict[TeleopSource, tuple[float, Twist2]] = {}
 
     def take(self, at_s: float, command: Velocity) -> None:
         """Take a command that came at `at_s`. Zero lets go: it must not hold up a planned drive."""
@@ -26,7 +26,7 @@ class Mux:
         """Forget all commands."""
         self._newest.clear()
 
-    def active(self, now_s: float) -> tuple[Channel, Twist2] | None:
+    def active(self, now_s: float) -> tuple[TeleopSource, Twist2] | None:
         """Return who drives, and how; None when everybody has let go or fallen silent."""
         for channel in sorted(self._newest, reverse=True):
             came_s, twist = self._newest[channel]

@@ -7,7 +7,7 @@ from enum import Enum
 
 from thumper.common.errors import ThumperError
 from thumper.navigation.goal import Goal
-from thumper.runtime.drive_result import MissionResult
+from thumper.runtime.drive_result import DriveResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,13 +35,13 @@ class Itinerary:
         ]
 
 
-def follow(itinerary: Itinerary, drive: Callable[[str, Goal], MissionResult]) -> MissionResult:
+def follow(itinerary: Itinerary, drive: Callable[[str, Goal], DriveResult]) -> DriveResult:
     """Drive the legs by `drive(name, goal)` until one is not reached; add up their times and ways.
 
     The reason says which leg failed. A leg that is refused before anything moves ends the drive like one
     that fails, but for the first: its ThumperError is the caller's.
     """
-    result: MissionResult | None = None
+    result: DriveResult | None = None
     for name, goal in itinerary.legs():
         try:
             result = drive(name, goal).after(result)
@@ -68,7 +68,7 @@ class MissionState(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mission:
+class WaypointMission:
     """One request to drive somewhere, or round several places."""
 
     number: int
@@ -83,23 +83,23 @@ class Missions:
     """One at a time; a new one takes the place of the one under way."""
 
     def __init__(self) -> None:
-        self._known: OrderedDict[int, Mission] = OrderedDict()
+        self._known: OrderedDict[int, WaypointMission] = OrderedDict()
         self._last = 0
 
     @property
-    def newest(self) -> Mission | None:
+    def newest(self) -> WaypointMission | None:
         """The mission that was begun last."""
         return self._known.get(self._last)
 
-    def find(self, number: int) -> Mission | None:
+    def find(self, number: int) -> WaypointMission | None:
         """A mission by its number; old ones are forgotten."""
         return self._known.get(number)
 
-    def begin(self, goals: tuple[Goal, ...], source: str) -> Mission:
+    def begin(self, goals: tuple[Goal, ...], source: str) -> WaypointMission:
         """Set out on a new one."""
         self.end("another goal took its place")
         self._last += 1
-        return self._keep(Mission(number=self._last, goals=goals, source=source))
+        return self._keep(WaypointMission(number=self._last, goals=goals, source=source))
 
     def next_goal(self) -> Goal | None:
         """A leg was reached: return the goal of the next one, or None when that was the last."""
@@ -108,7 +108,7 @@ class Missions:
             return None
         return self._keep(replace(mission, leg=mission.leg + 1)).goals[mission.leg + 1]
 
-    def end(self, reason: str, *, reached: bool = False) -> Mission | None:
+    def end(self, reason: str, *, reached: bool = False) -> WaypointMission | None:
         """The mission under way is over; returns it, or None when there was none."""
         mission = self.newest
         if mission is None or mission.state is not MissionState.DRIVING:
@@ -118,7 +118,7 @@ class Missions:
         state = MissionState.REACHED if reached else MissionState.FAILED
         return self._keep(replace(mission, state=state, reason=reason))
 
-    def _keep(self, mission: Mission) -> Mission:
+    def _keep(self, mission: WaypointMission) -> WaypointMission:
         self._known[mission.number] = mission
         while len(self._known) > MOST_REMEMBERED:
             self._known.popitem(last=False)

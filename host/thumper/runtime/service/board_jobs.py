@@ -9,26 +9,26 @@ from collections.abc import Callable, Generator
 from typing import Any
 
 from thumper.common.errors import ThumperError
-from thumper.runtime.requests import Ask
+from thumper.runtime.requests import Query
 
 SHARE_S = 0.02  # of a beat's 0.1 s; a beat's own work takes as much again
 MOST_WAITING = 20
 
-Errand = Generator[None, None, dict[str, Any]]
+BoardJob = Generator[None, None, dict[str, Any]]
 """Yields after each request to the board and returns the answer; raises ThumperError when there is none."""
 
 
-class Errands:
+class BoardJobQueue:
     """One after another, in the robot's loop."""
 
     def __init__(self) -> None:
-        self._waiting: deque[tuple[Ask, Errand]] = deque()
+        self._waiting: deque[tuple[Query, BoardJob]] = deque()
 
     def __bool__(self) -> bool:
         """Whether any is still to be done."""
         return bool(self._waiting)
 
-    def add(self, ask: Ask, errand: Errand) -> None:
+    def add(self, ask: Query, errand: BoardJob) -> None:
         """Have it done in the beats that follow, and `ask` answered then; ThumperError when too many wait."""
         if len(self._waiting) >= MOST_WAITING:
             raise ThumperError("too many questions to the board wait already: ask again")
@@ -55,6 +55,6 @@ class Errands:
         while self._waiting:
             self._finish(self._waiting[0][0], {"ok": False, "error": why})
 
-    def _finish(self, ask: Ask, answer: dict[str, Any]) -> None:
+    def _finish(self, ask: Query, answer: dict[str, Any]) -> None:
         self._waiting.popleft()
         ask.reply(answer)

@@ -6,7 +6,7 @@ from typing import Any
 from thumper.board.board import Board
 from thumper.board.messages import PARAMETERS, Command
 from thumper.common.errors import ThumperError
-from thumper.runtime.service.board_jobs import Errand
+from thumper.runtime.service.board_jobs import BoardJob
 
 NAMES = tuple(spec.name for spec in PARAMETERS)
 
@@ -28,7 +28,7 @@ def schema() -> dict[str, Any]:
     }
 
 
-def values(board: Board, names: Iterable[str] = NAMES) -> Errand:
+def values(board: Board, names: Iterable[str] = NAMES) -> BoardJob:
     """What the board uses now."""
     known = {}
     for name in names:
@@ -37,7 +37,7 @@ def values(board: Board, names: Iterable[str] = NAMES) -> Errand:
     return {"values": known}
 
 
-def change(board: Board, content: Mapping[str, Any]) -> Errand:
+def change(board: Board, content: Mapping[str, Any]) -> BoardJob:
     """Set parameters by name; nothing is set unless every name and value is right.
 
     Raises
@@ -63,7 +63,7 @@ def change(board: Board, content: Mapping[str, Any]) -> Errand:
     return (yield from values(board, content))
 
 
-def revert(board: Board) -> Errand:
+def revert(board: Board) -> BoardJob:
     """Go back to what was saved."""
     board.command(Command.LOAD)
     yield

@@ -1,6 +1,6 @@
 """Experiments that take the board over for a while, at the robot's own process: progress out, a stop in.
 
-Packages bring them by the entry point `thumper.experiments`: a function that takes a `Workbench`.
+Packages bring them by the entry point `thumper.experiments`: a function that takes a `ExperimentContext`.
 """
 
 from collections.abc import Callable, Mapping
@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Workbench:
+class ExperimentContext:
     """What an experiment works with. All but `think` is for the thread that it was called in."""
 
     board: Board
@@ -33,7 +33,7 @@ class Workbench:
     think: Callable[[Callable[[], Any]], Any]  # work it out elsewhere while the robot's loop goes on
 
 
-Experiment = Callable[[Workbench], Path | None]
+Experiment = Callable[[ExperimentContext], Path | None]
 """Drives, and returns its report, an HTML page; raises ThumperError. Motors are off on every way out."""
 
 
@@ -132,7 +132,7 @@ class Experiments:
             self.running = ""
         return f"{name}: {self._problem or 'done'}"
 
-    def _workbench(self, board: Board) -> Workbench:
+    def _workbench(self, board: Board) -> ExperimentContext:
         FOLDER.mkdir(parents=True, exist_ok=True)
 
         def show(done: int, total: int, what: str) -> None:
@@ -148,7 +148,7 @@ class Experiments:
             finally:
                 pool.shutdown(wait=False)  # who stops the experiment must not wait for what it works out
 
-        return Workbench(
+        return ExperimentContext(
             board=board,
             folder=FOLDER,
             lane_m=self._lane_m,

@@ -7,7 +7,7 @@ from pathlib import Path
 from thumper.common.errors import ThumperError
 from thumper.maps.map_server_io import save_map
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.slam.saved_state import Session, save_session
+from thumper.slam.saved_state import SavedSlamState, save_session
 
 SAVED, NOT_SAVED = "map saved: ", "the map was not saved: "  # how what is told begins
 
@@ -18,7 +18,7 @@ class MapSaver:
     def __init__(
         self,
         grid: Callable[[], OccupancyGrid],
-        session: Callable[[], Session],
+        session: Callable[[], SavedSlamState],
         path: Path,
         say: Callable[[str, bool], None],
     ) -> None:
@@ -37,7 +37,7 @@ class MapSaver:
         self._thread.start()
         return f"the map is being saved to {self._path}"
 
-    def _save(self, grid: OccupancyGrid, session: Session) -> None:
+    def _save(self, grid: OccupancyGrid, session: SavedSlamState) -> None:
         try:
             image = save_map(grid, self._path)
             counts = save_session(session, self._path.with_suffix(".session"))

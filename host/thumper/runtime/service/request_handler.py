@@ -8,45 +8,45 @@ from thumper.board.board import Board
 from thumper.common.errors import ThumperError
 from thumper.navigation.goal import Goal
 from thumper.ros.to_ros import ERROR, INFO, WARN
-from thumper.runtime.drive.drive_manager import Mode, Pilot
+from thumper.runtime.drive.drive_manager import DriveManager, DriveMode
 from thumper.runtime.drive.waypoints import Missions
-from thumper.runtime.publisher import Products
+from thumper.runtime.publisher import Publisher
 from thumper.runtime.requests import (
     COMMANDS,
-    Ask,
     EmergencyStop,
     GoTo,
     Heartbeat,
-    Notice,
-    Order,
-    Relocate,
+    LogMessage,
+    Query,
     Request,
-    Simulate,
+    RobotCommand,
+    SetPose,
+    SimulatorCommand,
     Velocity,
     goal_of,
 )
-from thumper.runtime.sensor_inputs import Senses
+from thumper.runtime.sensor_inputs import SensorInputs
 from thumper.runtime.service import board_parameters, slam_mode
-from thumper.runtime.service.board_jobs import Errand, Errands
+from thumper.runtime.service.board_jobs import BoardJob, BoardJobQueue
 from thumper.runtime.service.experiments import Experiments
-from thumper.runtime.service.request_queue import Inbox
+from thumper.runtime.service.request_queue import RequestQueue
 from thumper.runtime.service.simulator_control import Simulation, Simulator
-from thumper.runtime.service.stall_guard import TOLD, Waking, sets_going
+from thumper.runtime.service.stall_guard import TOLD, StallGuard, sets_going
 
 Handler = Callable[[], str]
 """Carries out a command and returns what it did, in words; raises ThumperError with the cure."""
 
 
-class Desk:
+class RequestHandler:
     """One per robot."""
 
     def __init__(
         self,
         *,
-        inbox: Inbox,
-        pilot: Pilot,
-        senses: Senses,
-        products: Products,
+        inbox: RequestQueue,
+        pilot: DriveManager,
+        senses: SensorInputs,
+        products: Publisher,
         check_goal: Callable[[Goal], None],
         simulator: Simulator | None,
     ) -> None:
@@ -55,9 +55,9 @@ class Desk:
         self.takes_goals = True
         self.simulation = Simulation(simulator)
         self.experiments = Experiments()
-        self.errands = Errands()
+        self.errands = BoardJobQueue()
         self._inbox = inbox
-        self._waking = Waking()
+        self._waking = StallGuard()
         self._pilot = pilot
         self._senses = senses
         self._products = products
@@ -69,7 +69,7 @@ class Desk:
         for came_s, request in self._inbox.take():
             try:
                 if late and sets_going(request):
-                    if isinstance(request, Ask):
+                    if isinstance(request, Query):
                         request.reply({"ok": False, "error": TOLD})
                     raise ThumperError(TOLD)
                 self._do(came_s, request)
@@ -87,7 +87,7 @@ class Desk:
         self.errands.refuse(why)
         requests = [request for _, request in self._inbox.take()]
         for request in requests:
-            if isinstance(request, Ask):
+            if isinstance(request, Query):
                 request.reply({"ok": False, "error": why})
         return any(isinstance(request, EmergencyStop) for request in requests)
 
@@ -126,18 +126,18 @@ class Desk:
                 self._pilot.emergency_stop()
             case GoTo():
                 self._go(request.goals, request.source)
-            case Order():
+            case RobotCommand():
                 self._order(request.name)
-            case Relocate():
+            case SetPose():
                 self._relocate(request)
-            case Simulate():
+            case SimulatorCommand():
                 self._products.event(self.simulation.apply(request.content))
-            case Notice():
+            case LogMessage():
                 self._products.event(request.text, INFO if request.good else WARN)
-            case Ask():
+            case Query():
                 self._answer(request)
 
-    def _answer(self, ask: Ask) -> None:
+    def _answer(self, ask: Query) -> None:
         try:
             reply = self._reply_to(ask)
             if isinstance(reply, Generator):
@@ -150,7 +150,7 @@ class Desk:
             answer = {"ok": False, "error": f"internal error: {type(error).__name__}: {error}"}
         ask.reply(answer)
 
-    def _reply_to(self, ask: Ask) -> dict[str, Any] | Errand:
+    def _reply_to(self, ask: Query) -> dict[str, Any] | BoardJob:
         """The answer, or how to come by it."""
         board = self._pilot.board
         match ask.name:
@@ -190,7 +190,7 @@ class Desk:
                 return self.experiments.report()
         raise ThumperError(f"no such question: {ask.name}")
 
-    def _change(self, board: Board, content: Mapping[str, Any]) -> Errand:
+    def _change(self, board: Board, content: Mapping[str, Any]) -> BoardJob:
         answer = yield from board_parameters.change(board, content)
         self._products.event(f"parameters set: {answer['values']}")
         return answer
@@ -232,7 +232,9 @@ class Desk:
             case "cancel":
                 was = pilot.mode
                 pilot.stop("cancelled")
-                return "the robot stood still already" if was is Mode.IDLE else "cancelled; the robot stops"
+                return (
+                    "the robot stood still already" if was is DriveMode.IDLE else "cancelled; the robot stops"
+                )
             case "estop":
                 pilot.emergency_stop()
                 return "emergency stop: the motors are off until the fault is cleared"
@@ -262,7 +264,7 @@ class Desk:
         self._products.event(text)
         return text
 
-    def _relocate(self, request: Relocate) -> None:
+    def _relocate(self, request: SetPose) -> None:
         self._must_not_experiment()
         self._must_stand("be told where it is")
         set_pose = getattr(self._senses.perception.mapper, "set_pose", None)
@@ -276,7 +278,7 @@ class Desk:
     def _begin_experiment(self, content: Mapping[str, Any], source: str) -> str:
         if not self.takes_goals:
             raise ThumperError("this run has goals of its own; `thumper run` without one takes experiments")
-        if self._pilot.mode is not Mode.IDLE:
+        if self._pilot.mode is not DriveMode.IDLE:
             raise ThumperError("an experiment begins with the motors off: stop and disarm the robot first")
         return self.experiments.ask_for(content, source)
 
@@ -285,5 +287,5 @@ class Desk:
             raise ThumperError(f"{self.experiments.running} is under way: cancel it first")
 
     def _must_stand(self, what: str) -> None:
-        if self._pilot.mode in (Mode.DRIVING, Mode.MANUAL, Mode.STOPPING):
+        if self._pilot.mode in (DriveMode.DRIVING, DriveMode.MANUAL, DriveMode.STOPPING):
             raise ThumperError(f"the robot must stand to {what}: stop it first")

@@ -9,7 +9,7 @@ from thumper.runtime.requests import EmergencyStop, Request
 MOST_WAITING = 256  # a beat takes them all; more than this is a flood, and its oldest part is dropped
 
 
-class Inbox:
+class RequestQueue:
     """Bounded; an emergency stop cannot be crowded out."""
 
     def __init__(self) -> None:

@@ -1,9 +1,9 @@
 """What a robot does with its map, and the commands `localise`, `map_on`, `relocalise` that change it."""
 
 from thumper.common.errors import ThumperError
-from thumper.runtime.state_estimator import Perception
+from thumper.runtime.state_estimator import StateEstimator
 from thumper.slam.mapper import Mapper
-from thumper.slam.mode_switch import SwitchingMapper
+from thumper.slam.mode_switch import SlamModeSwitch
 
 MODES = ("localise", "map_on", "relocalise")
 
@@ -16,7 +16,7 @@ def change(mapper: Mapper, mode: str) -> str:
     ThumperError
         Nothing is mapped yet, the pose is lost, or this robot's mapper cannot change.
     """
-    if not isinstance(mapper, SwitchingMapper):
+    if not isinstance(mapper, SlamModeSwitch):
         raise ThumperError("this robot's mapper cannot change between mapping and localising")
     match mode:
         case "localise":
@@ -31,11 +31,11 @@ def change(mapper: Mapper, mode: str) -> str:
     raise ThumperError(f"no mode {mode!r}; there are {', '.join(MODES)}")
 
 
-def state(perception: Perception) -> dict[str, str]:
+def state(perception: StateEstimator) -> dict[str, str]:
     """What it does now, and why the pose or the map may not be trusted; empty while they may."""
     mapper, situation = perception.mapper, perception.situation()
     return {
-        "mode": mapper.doing if isinstance(mapper, SwitchingMapper) else "mapping",
+        "mode": mapper.doing if isinstance(mapper, SlamModeSwitch) else "mapping",
         "lost": situation.lost if situation else "",
         "map_doubt": perception.map_doubt,
     }

@@ -3,14 +3,14 @@
 Who asked has long stopped waiting for it: a goal of a minute ago must not set the robot going now.
 """
 
-from thumper.runtime.requests import Ask, GoTo, Order, Request
+from thumper.runtime.requests import GoTo, Query, Request, RobotCommand
 
 HUNG_S = 2.0  # without a beat for so long, nobody waits for an answer any more
 LATE_S = 1.0  # what was on its way then has come after this long
 TOLD = "the robot's process hung, and does not do late what was asked of it meanwhile: ask again"
 
 
-class Waking:
+class StallGuard:
     """Call `is_late` once a beat."""
 
     def __init__(self) -> None:
@@ -28,10 +28,10 @@ class Waking:
 def sets_going(request: Request) -> bool:
     """Whether the request makes a robot move that stood; a hand does not, for it must be armed first."""
     match request:
-        case GoTo() | Order(name="arm"):
+        case GoTo() | RobotCommand(name="arm"):
             return True
-        case Ask(name="mission/send" | "experiment/start"):
+        case Query(name="mission/send" | "experiment/start"):
             return True
-        case Ask(name="command"):
+        case Query(name="command"):
             return request.content.get("command") == "arm"
     return False

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2, wrap_angle
 from thumper.common.numba_kernel import kernel
-from thumper.slam.grid.growing_grid import Cells
+from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.scan_matching.distance_field import ByteArray, FieldArray
 
 BLOCK = 8  # cells along a block of poses
@@ -25,7 +25,7 @@ TotalArray = NDArray[np.int32]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
+class SearchResult:
     """The best pose of a window and how far it stands out."""
 
     pose: Pose2
@@ -39,14 +39,14 @@ class SearchField:
     def __init__(
         self, distance_m: FieldArray, resolution_m: float, corner_m: tuple[float, float], std_m: float
     ) -> None:
-        """`distance_m` as in `Cells`; `std_m` is the width of a beam's likelihood."""
+        """`distance_m` as in `HitGrid`; `std_m` is the width of a beam's likelihood."""
         self.resolution_m, self.corner_m = resolution_m, corner_m
         far_m = float(distance_m.max(initial=np.float32(resolution_m)))
         self.fine = _likelihood(distance_m, far_m, std_m)
         self.coarse = block_maximum(self.fine)
 
     @classmethod
-    def of(cls, cells: Cells, std_m: float) -> "SearchField":
+    def of(cls, cells: HitGrid, std_m: float) -> "SearchField":
         """The field of a map in the making."""
         return cls(cells.distance_m, cells.resolution_m, cells.corner_m, std_m)
 
@@ -54,12 +54,12 @@ class SearchField:
         self, points_m: FloatArray, centre: Pose2, window_m: float, window_rad: float, most: int, ratio: float
     ) -> FloatArray:
         """The best pose and those clearly apart that explain `ratio` as much, shape (1...most, 3)."""
-        search = WideSearch(self, points_m, centre, window_m, window_rad, most, ratio)
+        search = BranchAndBoundSearch(self, points_m, centre, window_m, window_rad, most, ratio)
         search.work(None)
         return search.alike()
 
 
-class WideSearch:
+class BranchAndBoundSearch:
     """A search under way: the best poses within +- window of `centre`."""
 
     def __init__(
@@ -123,11 +123,11 @@ class WideSearch:
             self._field.fine, APART_M / self._field.resolution_m, APART_RAD, self._poses, self._totals,
         )  # fmt: skip
 
-    def found(self) -> Found:
+    def found(self) -> SearchResult:
         """The best pose, and the score of the second."""
         poses, scores = self._result()
         x_m, y_m, theta_rad = (float(value) for value in poses[0])
-        return Found(
+        return SearchResult(
             pose=Pose2(x_m=x_m, y_m=y_m, theta_rad=wrap_angle(theta_rad)),
             score=float(scores[0]),
             rival=float(scores[1]),

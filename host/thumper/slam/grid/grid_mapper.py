@@ -11,9 +11,9 @@ from annotated_types import Ge, Gt, Interval
 from thumper.common.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.lidar.deskew import HIT, ScanPoints, scan_points
 from thumper.lidar.scan import Scan
-from thumper.maps.hit_counts import Counts
+from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.slam.grid.growing_grid import Cells
+from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.mapper import MapperUpdate, PoseQuality
 from thumper.slam.scan_matching.correlative import correlative_search, heading_search
 from thumper.slam.scan_matching.gauss_newton import (
@@ -24,8 +24,8 @@ from thumper.slam.scan_matching.gauss_newton import (
     open_along,
     score,
 )
-from thumper.slam.scan_matching.map_contradiction import contradicted
-from thumper.slam.scan_matching.pose_covariance import Confidence, ConfidenceOptions
+from thumper.slam.scan_matching.map_contradiction import contradicting_share
+from thumper.slam.scan_matching.pose_covariance import PoseCovariance, PoseCovarianceOptions
 
 MIN_HITS = 10  # a scan of fewer cannot fix three unknowns against noise
 NEW_BELOW = (
@@ -54,7 +54,7 @@ class GridMapperOptions:
     search_window_rad: Annotated[float, Gt(0)] = 0.4  # and its half angle
     search_gain: Annotated[float, Interval(ge=0, le=1)] = 0.1  # a found pose must score this much better
     matching: MatchOptions = field(default_factory=MatchOptions)
-    confidence: ConfidenceOptions = field(default_factory=ConfidenceOptions)
+    confidence: PoseCovarianceOptions = field(default_factory=PoseCovarianceOptions)
 
 
 class GridMapper:
@@ -79,8 +79,10 @@ class GridMapper:
         self._integrated_at: Pose2 | None = None
         self._map_from_odom = Pose2()
         self._path = array("d")  # x, y, theta in turn: a robot at service is on for days
-        self._confidence = Confidence(self._options.confidence)
-        self.cells = Cells(self._options.resolution_m, self._options.reach_m, self._options.occupied_fraction)
+        self._confidence = PoseCovariance(self._options.confidence)
+        self.cells = HitGrid(
+            self._options.resolution_m, self._options.reach_m, self._options.occupied_fraction
+        )
 
     @property
     def map_from_odom(self) -> Pose2:
@@ -102,7 +104,7 @@ class GridMapper:
         self._odometry = map_from_odom.inverse() @ map_from_base
         self._confidence.reset(covariance)
 
-    def restart(self, cells: Cells, map_from_base: Pose2) -> None:
+    def restart(self, cells: HitGrid, map_from_base: Pose2) -> None:
         """Go on with another map, where the robot now is at `map_from_base`; a scan has just been entered."""
         if self._odometry is not None:
             self._map_from_odom = map_from_base @ self._odometry.inverse()
@@ -120,7 +122,7 @@ class GridMapper:
         """The map so far (a copy), each known cell with its share of hits in percent."""
         return self.cells.grid(percent=True)
 
-    def counts(self) -> Counts:
+    def counts(self) -> HitCounts:
         """Hits and misses of the map so far (a copy)."""
         return self.cells.counts()
 
@@ -183,7 +185,7 @@ class GridMapper:
         hits, cells = points.kinds == HIT, self.cells
         corner, side = np.array(cells.corner_m), cells.resolution_m
         origins, ends = ((pose.apply(at[hits]) - corner) / side for at in (points.origins_m, points.ends_m))
-        return contradicted(origins, ends, cells.misses, cells.distance_m, side) < NEW_BELOW
+        return contradicting_share(origins, ends, cells.misses, cells.distance_m, side) < NEW_BELOW
 
     def _matched(
         self, hits_m: FloatArray, predicted: Pose2, turn_rad: float, trust: FloatArray

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.deskew import SILENT, ScanPoints
-from thumper.maps.hit_counts import Counts
+from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import UNKNOWN, CellArray, OccupancyGrid
 from thumper.slam.grid.scan_inserter import integrate, states
 from thumper.slam.scan_matching.distance_field import mark
@@ -23,7 +23,7 @@ PRIVATE = {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS} if hasattr(mmap, "MAP
 BLOCK = 64  # the array grows by multiples of this many cells
 
 
-class Cells:
+class HitGrid:
     """Hit and miss counts on a grid that is fixed to the map frame, and the distances to its occupied cells.
 
     `corner_m` is the map's (x, y) at the corner of cell [0, 0]; it moves by whole cells when the array grows.
@@ -46,7 +46,9 @@ class Cells:
         self._layer = np.zeros((0, 0), dtype=np.uint8)  # scratch, empty between the scans
 
     @classmethod
-    def of(cls, counts: Counts, resolution_m: float, reach_m: float, occupied_fraction: float) -> "Cells":
+    def of(
+        cls, counts: HitCounts, resolution_m: float, reach_m: float, occupied_fraction: float
+    ) -> "HitGrid":
         """Cells to go on with, from what another day or a finished map knows.
 
         Raises
@@ -71,9 +73,9 @@ class Cells:
             mark(int(row), int(col), cells.distance_m, resolution_m, cells.reach)
         return cells
 
-    def counts(self) -> Counts:
+    def counts(self) -> HitCounts:
         """A copy of what is known so far."""
-        return Counts(
+        return HitCounts(
             hits=self.hits.copy(),
             misses=self.misses.copy(),
             first_cell=(self._first_row, self._first_col),

@@ -3,7 +3,7 @@
 import math
 
 from thumper.common.geometry import Pose2
-from thumper.slam.localization.scan_likelihood import LaidScan, Place
+from thumper.slam.localization.scan_likelihood import PoseHypothesis, ScanLikelihood
 
 TRUST = 20.0  # how much likelier than any other is the place that a person names, before the first look
 DROPPED = -3.0  # evidence, as the logarithm of a chance: twenty to one against a rival
@@ -13,14 +13,14 @@ WHOLE = 0.95  # share explained: only a place that leaves nothing open may contr
 SAME_M, SAME_RAD = 0.5, 0.35  # so near they are one place
 
 
-class Rivals:
+class AlternativePoses:
     """The other places, each with the evidence for it and against the one that is believed."""
 
-    def __init__(self, rivals: list[tuple[Place, float]], gain: float) -> None:
+    def __init__(self, rivals: list[tuple[PoseHypothesis, float]], gain: float) -> None:
         """Begin with places and their evidence; `gain` is the share of a scan's evidence that counts."""
         self._rivals, self._gain = [(place.pose, evidence) for place, evidence in rivals], gain
 
-    def look(self, scan: LaidScan, moved: Pose2, believed: Place) -> Place | None:
+    def look(self, scan: ScanLikelihood, moved: Pose2, believed: PoseHypothesis) -> PoseHypothesis | None:
         """Weigh a scan taken after the robot has moved; returns a rival that is to be believed now."""
         kept: list[tuple[Pose2, float]] = []
         for pose, before in self._rivals:

@@ -13,15 +13,15 @@ import numpy as np
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.deskew import HIT, scan_points
 from thumper.lidar.scan import Scan
-from thumper.maps.hit_counts import Counts
+from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.slam.grid.grid_mapper import MIN_HITS
-from thumper.slam.localization.alternative_poses import TRUST, Rivals, is_near
+from thumper.slam.localization.alternative_poses import TRUST, AlternativePoses, is_near
 from thumper.slam.localization.kld_sampling import resampled
 from thumper.slam.localization.likelihood_field import LikelihoodField
 from thumper.slam.localization.options import AmclOptions
-from thumper.slam.localization.pose_trust import Evidence
-from thumper.slam.localization.scan_likelihood import LaidScan, Place
+from thumper.slam.localization.pose_trust import PoseTrust
+from thumper.slam.localization.scan_likelihood import PoseHypothesis, ScanLikelihood
 from thumper.slam.mapper import MapperUpdate, PoseQuality
 
 RETRY_SCANS = 10  # a lost robot stands: it looks again as often as this
@@ -62,12 +62,12 @@ class Amcl:
         self._searching, self._wait = map_from_base is None, 0
         self._looks: deque[float] = deque(maxlen=LOOKS)  # what the newest weighed scans explained
         self._unweighed = 0  # scans since the newest one that was weighed
-        self._evidence = Evidence(vouched=False)
+        self._evidence = PoseTrust(vouched=False)
         self.relocalisations = 0
         self._poses = np.zeros((0, 3))
         self._told: Pose2 | None = None  # by hand, and not yet compared with the rest of the map
         self._named: Pose2 | None = None  # the last one that was told
-        self._rivals = Rivals([], 0.0)
+        self._rivals = AlternativePoses([], 0.0)
         if map_from_base is None:
             self._poses = self._field.anywhere(self._options.most_particles, self._rng)
         else:
@@ -106,9 +106,9 @@ class Amcl:
         self._weights = np.full(n, 1.0 / n)
         insisted = self._named is not None and is_near(map_from_base, self._named, NEAR_M, NEAR_RAD)
         self._told, self._named = None if insisted else map_from_base, map_from_base
-        self._pose, self._odometry, self._rivals = map_from_base, None, Rivals([], 0.0)
+        self._pose, self._odometry, self._rivals = map_from_base, None, AlternativePoses([], 0.0)
         self._searching, self._doubts, self._explained, self._share = False, 0, 0.0, 1.0
-        self._evidence = Evidence(vouched=True)
+        self._evidence = PoseTrust(vouched=True)
         if odom_from_base is not None:
             self._map_from_odom = map_from_base @ odom_from_base.inverse()
 
@@ -159,9 +159,9 @@ class Amcl:
         """The map as it was given."""
         return self._field.grid
 
-    def counts(self) -> Counts:
+    def counts(self) -> HitCounts:
         """What the map says."""
-        return Counts.of(self._field.grid)
+        return HitCounts.of(self._field.grid)
 
     def path(self) -> FloatArray:
         """x, y, theta at each scan, as given at the time, shape (scans, 3)."""
@@ -186,7 +186,7 @@ class Amcl:
         hits_m, origins_m = points.hits_m(), points.origins_m[points.kinds == HIT]
         thinned = slice(None, None, max(1, len(hits_m) // options.beams))
         hits_m, origins_m = np.ascontiguousarray(hits_m[thinned]), np.ascontiguousarray(origins_m[thinned])
-        laid = LaidScan(origins_m, hits_m, self._field, options)
+        laid = ScanLikelihood(origins_m, hits_m, self._field, options)
         moved = Pose2() if self._odometry is None else self._odometry.inverse() @ odom_from_base
         fresh = self._odometry is None
         jumped = fresh or self._searching
@@ -201,7 +201,7 @@ class Amcl:
         if len(hits_m) >= MIN_HITS and due:
             told, self._told = self._told, None
             if self._searching:
-                self._rivals = Rivals([], 0.0)
+                self._rivals = AlternativePoses([], 0.0)
                 self._look_everywhere(laid)
                 self._wait = RETRY_SCANS
             elif told is not None:
@@ -210,10 +210,10 @@ class Amcl:
                 self._diffuse(moved)
             place = self._weigh(laid)
             if told is not None and not is_near(place.pose, told, NEAR_M, NEAR_RAD):
-                self._evidence = Evidence(vouched=False)  # that is not where the person said it was
+                self._evidence = PoseTrust(vouched=False)  # that is not where the person said it was
             other = self._rivals.look(laid, moved, place)
             if other is not None:
-                place, jumped, self._evidence = other, True, Evidence(vouched=False)
+                place, jumped, self._evidence = other, True, PoseTrust(vouched=False)
                 self._poses, self._weights = self._around([place], np.ones(1), options.most_particles)
                 self._weights /= self._weights.sum()
                 self._share = 1.0
@@ -252,7 +252,7 @@ class Amcl:
         self._poses[:, 1] += sin * x_m + cos * y_m
         self._poses[:, 2] += moved.theta_rad + noise[:, 2]
 
-    def _look_everywhere(self, scan: LaidScan) -> None:
+    def _look_everywhere(self, scan: ScanLikelihood) -> None:
         """Particles round the best places of the whole map, and some anywhere."""
         n, found = self._options.most_particles, scan.everywhere()
         logs = np.array([place.log for place in found])
@@ -261,10 +261,10 @@ class Amcl:
         self._poses = np.vstack((around, self._field.anywhere(n - n // 2, self._rng)))
         weights = np.concatenate((weights, np.full(n - n // 2, chances.min())))
         self._weights = weights / weights.sum()
-        self._searching, self._doubts, self._evidence = False, 0, Evidence(vouched=False)
+        self._searching, self._doubts, self._evidence = False, 0, PoseTrust(vouched=False)
         self.relocalisations += 1
 
-    def _compare(self, scan: LaidScan, told: Pose2) -> None:
+    def _compare(self, scan: ScanLikelihood, told: Pose2) -> None:
         """Particles round the place that a person has named, and round those that explain the scan better.
 
         Half a turn round in a plain room it fits nearly as well: a wrong name would be believed and followed.
@@ -283,17 +283,19 @@ class Amcl:
                 chances.append(math.exp(min(better, MOST_BETTER)))
             else:
                 quiet.append((rival, better))
-        self._rivals = Rivals(quiet, self._options.beam_gain)
+        self._rivals = AlternativePoses(quiet, self._options.beam_gain)
         self._poses, weights = self._around(places, np.array(chances), self._options.most_particles)
         self._weights = weights / weights.sum()
 
-    def _around(self, places: list[Place], chances: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    def _around(
+        self, places: list[PoseHypothesis], chances: FloatArray, count: int
+    ) -> tuple[FloatArray, FloatArray]:
         """As many particles round each place, shape (count, 3), and their weights by its chance."""
         rows = np.array([(place.pose.x_m, place.pose.y_m, place.pose.theta_rad) for place in places])
         which = np.arange(count) % len(places)
         return rows[which] + self._rng.standard_normal((count, 3)) * (0.1, 0.1, 0.05), chances[which]
 
-    def _weigh(self, scan: LaidScan) -> Place:
+    def _weigh(self, scan: ScanLikelihood) -> PoseHypothesis:
         """Weigh, resample to the number that KLD asks for; return the refined pose and what it explains."""
         logs, _ = scan.scored(self._poses, self._options.beam_gain)
         weights = self._weights * np.exp(logs - logs.max())

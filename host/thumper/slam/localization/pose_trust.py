@@ -11,7 +11,7 @@ LEAST_WAY_M = 0.1  # a look counts for so much way at least: each moves the pose
 SURE_SHARE = 0.8  # of the weight, that one place must have
 
 
-class Evidence:
+class PoseTrust:
     """Support is the mean fit of the scans, less the way that they push the pose off odometry, in m a metre.
 
     The fit of a scan at a wrong place is 0.6 easily, and 0.8 in a corridor. But there each scan pulls the

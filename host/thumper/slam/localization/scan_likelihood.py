@@ -16,7 +16,7 @@ WALL_MARGIN_M = 0.3  # before its end a beam may pass what is not a wall of this
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class PoseHypothesis:
     """Where the scan was laid on the map."""
 
     pose: Pose2
@@ -24,7 +24,7 @@ class Place:
     log: float  # of the likelihood of all
 
 
-class LaidScan:
+class ScanLikelihood:
     """A scan's beams, origins and hits of shape (n, 2) in the robot's frame, and the map to lay them on."""
 
     def __init__(
@@ -42,7 +42,7 @@ class LaidScan:
         )  # fmt: skip
         return logs, scores
 
-    def refined(self, near: FloatArray) -> Place:
+    def refined(self, near: FloatArray) -> PoseHypothesis:
         """The place that Gauss-Newton finds from a pose, shape (3,)."""
         walls, matching = self._field, self._options.matching
         start = walls.to_corner(near)
@@ -55,9 +55,9 @@ class LaidScan:
         (log,), (explained,) = self.scored(pose[np.newaxis], 1.0)
         x_m, y_m, theta_rad = (float(part) for part in pose)
         placed = Pose2(x_m=x_m, y_m=y_m, theta_rad=wrap_angle(theta_rad))
-        return Place(pose=placed, explained=float(explained), log=float(log))
+        return PoseHypothesis(pose=placed, explained=float(explained), log=float(log))
 
-    def near(self, pose: Pose2) -> Place:
+    def near(self, pose: Pose2) -> PoseHypothesis:
         """The place that Gauss-Newton finds from a pose."""
         return self.refined(np.array([pose.x_m, pose.y_m, pose.theta_rad]))
 
@@ -72,11 +72,11 @@ class LaidScan:
         asked = max(1.0, 0.5 * beams, beams - float(silent.sum()))
         return float(likelihoods.sum() - through.sum()) / asked
 
-    def everywhere(self) -> list[Place]:
+    def everywhere(self) -> list[PoseHypothesis]:
         """The best place of the whole map, and those apart from it that explain nearly as much."""
         return [self.refined(pose) for pose in self._field.alike(self._hits_m, HYPOTHESES, ALIKE)]
 
-    def better(self, one: Place, other: Place) -> float:
+    def better(self, one: PoseHypothesis, other: PoseHypothesis) -> float:
         """How much better one place explains the beams than another, as a logarithm.
 
         Where things have been moved, one may be ahead by chance: what speaks for it counts in full only where

@@ -4,7 +4,7 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.deskew import ScanPoints
-from thumper.maps.hit_counts import Counts
+from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.slam.particle_filter.patch_inserter import distance_stencil, integrate_all, quantised_distances
 from thumper.slam.particle_filter.patches import (
@@ -128,10 +128,10 @@ class ParticleMaps:
             self._shown = particle, grid
         return self._shown[1]
 
-    def counts(self, particle: int) -> Counts:
+    def counts(self, particle: int) -> HitCounts:
         """One particle's hits and misses, no more than the patches it knows."""
         known, row, col = self._known(particle)
-        return Counts(
+        return HitCounts(
             hits=render(known, self.pool.hits, 0).astype(np.uint16),
             misses=render(known, self.pool.misses, 0).astype(np.uint16),
             first_cell=(SIDE * (self._first_row + row), SIDE * (self._first_col + col)),

@@ -27,7 +27,7 @@ TO_CARRY = np.uint64(0x0101010101010101 * (0xFF - COUNT_MAX))  # a byte's low bi
 TOP = np.uint64(7)  # a byte's highest bit, by how far it is shifted down
 
 
-class Painted(NamedTuple):
+class FreeSpaceMask(NamedTuple):
     """The patches that beams crossed."""
 
     places: IndexArray  # row and column in the tables, shape (n, 2)
@@ -35,7 +35,7 @@ class Painted(NamedTuple):
 
 
 @kernel
-def painted(crossed: CrossedArray, layer: ByteArray) -> Painted:
+def painted(crossed: CrossedArray, layer: ByteArray) -> FreeSpaceMask:
     """The patches of the cells crossed, shape (cells, 2), which bear PASSED in the layer.
 
     `layer`, shape (rows * SIDE, columns * SIDE), has one byte a cell of the tables, and bears nothing else.
@@ -58,7 +58,7 @@ def painted(crossed: CrossedArray, layer: ByteArray) -> Painted:
         for r in range(SIDE):
             for w in range(WIDTH):
                 words[i, r * WIDTH + w] = layer_words[places[i, 0] * SIDE + r, places[i, 1] * WIDTH + w]
-    return Painted(places[:n], words)
+    return FreeSpaceMask(places[:n], words)
 
 
 @kernel

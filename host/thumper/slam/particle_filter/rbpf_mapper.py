@@ -10,16 +10,16 @@ from annotated_types import Ge, Gt, Interval
 from thumper.common.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.lidar.deskew import ScanPoints, scan_points
 from thumper.lidar.scan import Scan
-from thumper.maps.hit_counts import Counts
+from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.slam.grid.grid_mapper import MIN_HITS, GridMapperOptions
 from thumper.slam.mapper import MapperUpdate, PoseQuality
 from thumper.slam.particle_filter.particle_maps import ParticleMaps, pose_row
 from thumper.slam.particle_filter.particle_match import match_all
-from thumper.slam.particle_filter.trajectory_tree import Lineage
+from thumper.slam.particle_filter.trajectory_tree import TrajectoryTree
 from thumper.slam.scan_matching.correlative import correlative_search
 from thumper.slam.scan_matching.gauss_newton import odometry_information, open_along
-from thumper.slam.scan_matching.pose_covariance import Confidence
+from thumper.slam.scan_matching.pose_covariance import PoseCovariance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,9 +65,9 @@ class RbpfMapper:
         self._odometry: Pose2 | None = None  # at the newest scan entered, before them at the newest
         self._map_from_odom = Pose2()
         self._best = 0
-        self._confidence = Confidence(self._options.confidence)
+        self._confidence = PoseCovariance(self._options.confidence)
         self._parents = np.arange(n, dtype=np.int32)
-        self._lineage = Lineage()
+        self._lineage = TrajectoryTree()
         self.maps = ParticleMaps(
             n,
             self._options.resolution_m,
@@ -112,7 +112,7 @@ class RbpfMapper:
         """The best particle's map: free, occupied or unknown; the same object until a scan is entered."""
         return self.maps.grid(self._best)
 
-    def counts(self) -> Counts:
+    def counts(self) -> HitCounts:
         """Hits and misses of the best particle's map (a copy)."""
         return self.maps.counts(self._best)
 

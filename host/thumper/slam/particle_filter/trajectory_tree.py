@@ -11,7 +11,7 @@ from thumper.slam.particle_filter.patches import IndexArray
 FOLD_EVERY = 64  # steps
 
 
-class Lineage:
+class TrajectoryTree:
     """Poses of all particles at each entered scan, their parents, and the scans between.
 
     What lies before the particles' last common ancestor is one chain: it is folded into three numbers a step,

@@ -15,15 +15,15 @@ from annotated_types import Gt, Interval
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.deskew import scan_points
 from thumper.lidar.scan import Scan
-from thumper.maps.hit_counts import Counts
+from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.slam.grid.grid_mapper import GridMapper, GridMapperOptions
-from thumper.slam.grid.growing_grid import Cells
+from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.mapper import MapperUpdate, PoseQuality
 from thumper.slam.pose_graph.loop_closure import LoopSearch
-from thumper.slam.pose_graph.map_rebuild import Drawing
+from thumper.slam.pose_graph.map_rebuild import MapRebuild
 from thumper.slam.pose_graph.optimizer import Edge, Solver
-from thumper.slam.pose_graph.submaps import PlaceGraph
+from thumper.slam.pose_graph.submaps import SubmapGraph
 
 SCANS_AT_ONCE = 6  # entered in one part of the work while a map is drawn again: a few ms
 PART_EVERY_M, MOST_PARTS = 0.1, 4  # of way since the last scan: after more of it there was more time
@@ -60,7 +60,7 @@ class GraphMapper:
         self._front = GridMapper(
             self._options, base_from_laser=self._base_from_laser, map_from_base=map_from_base
         )
-        self.places = PlaceGraph(self._loops.place_m)
+        self.places = SubmapGraph(self._loops.place_m)
         self._search = LoopSearch(
             self._options, self.places, self._loops.drift_per_m, self._loops.drift_rad_per_m,
             self._loops.largest_window_m, self._loops.accept_score, self._loops.rival_ratio,
@@ -68,10 +68,12 @@ class GraphMapper:
         self._active: set[int] = set()
         self._trimmed_at_m = 0.0
         self._solver: Solver | None = None
-        self._drawn: Drawing | None = None  # the next active map
-        self._joining: Drawing | None = None  # old places that have come near, into the active map as it is
-        self._world: Drawing | None = None  # the whole map, where it is more than the active one
-        self._next_world: Drawing | None = None
+        self._drawn: MapRebuild | None = None  # the next active map
+        self._joining: MapRebuild | None = (
+            None  # old places that have come near, into the active map as it is
+        )
+        self._world: MapRebuild | None = None  # the whole map, where it is more than the active one
+        self._next_world: MapRebuild | None = None
         self._graph_from_front = (
             Pose2()
         )  # until the next active map is drawn, the front end works in the old one
@@ -108,7 +110,7 @@ class GraphMapper:
             return self._front.grid()
         return self._world.cells.grid(percent=False)
 
-    def counts(self) -> Counts:
+    def counts(self) -> HitCounts:
         """Hits and misses of the whole map (a copy), as `grid` shows it."""
         return (self._front if self._world is None else self._world).cells.counts()
 
@@ -157,7 +159,7 @@ class GraphMapper:
                     self._draw_active()
         if self._joining is None and not near.keys() <= self._active:
             # Where the map of the last round ends, the robot would begin a second one beside it.
-            self._joining = Drawing(cells=self._front.cells, chosen=near.keys() - self._active)
+            self._joining = MapRebuild(cells=self._front.cells, chosen=near.keys() - self._active)
 
     def _work(self) -> None:
         """Do a part of what closing a loop takes: of the solver, of a map, of the search."""
@@ -171,7 +173,7 @@ class GraphMapper:
                 self.loops_closed += 1
                 self._joining = None
                 self._draw_active()
-                self._next_world = Drawing(cells=self._empty(distances=False))
+                self._next_world = MapRebuild(cells=self._empty(distances=False))
         elif self._joining is not None:
             if self._joining.draw(self.places, SCANS_AT_ONCE):
                 self._active |= self._joining.chosen or set()
@@ -183,7 +185,7 @@ class GraphMapper:
                 self._active = self._drawn.chosen or set()
                 self._drawn = None
                 if self._world is None and self._next_world is None:
-                    self._next_world = Drawing(cells=self._empty(distances=False))
+                    self._next_world = MapRebuild(cells=self._empty(distances=False))
         elif self._next_world is not None:
             if self._next_world.draw(self.places, SCANS_AT_ONCE):
                 self._world, self._next_world = self._next_world, None
@@ -194,8 +196,8 @@ class GraphMapper:
 
     def _draw_active(self) -> None:
         self._trimmed_at_m = self.places.driven_m
-        self._drawn = Drawing(cells=self._empty(), chosen=set(self.places.within(self._loops.active_m)))
+        self._drawn = MapRebuild(cells=self._empty(), chosen=set(self.places.within(self._loops.active_m)))
 
-    def _empty(self, *, distances: bool = True) -> Cells:
+    def _empty(self, *, distances: bool = True) -> HitGrid:
         options = self._options
-        return Cells(options.resolution_m, options.reach_m, options.occupied_fraction, distances=distances)
+        return HitGrid(options.resolution_m, options.reach_m, options.occupied_fraction, distances=distances)

@@ -7,11 +7,11 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2, wrap_angle
 from thumper.lidar.deskew import HIT
-from thumper.slam.grid.branch_and_bound import Found, SearchField, WideSearch
+from thumper.slam.grid.branch_and_bound import BranchAndBoundSearch, SearchField, SearchResult
 from thumper.slam.grid.grid_mapper import GridMapperOptions
-from thumper.slam.grid.growing_grid import Cells
-from thumper.slam.pose_graph.map_rebuild import Drawing
-from thumper.slam.pose_graph.submaps import PlaceGraph
+from thumper.slam.grid.growing_grid import HitGrid
+from thumper.slam.pose_graph.map_rebuild import MapRebuild
+from thumper.slam.pose_graph.submaps import SubmapGraph
 from thumper.slam.scan_matching.gauss_newton import match, score
 
 RECENT_PLACES = 3  # their scans together are matched: one scan of a corridor looks like every other
@@ -35,13 +35,13 @@ class Candidate:
 
 
 @dataclass(slots=True, kw_only=True)
-class Hunt:
+class LoopCandidateSearch:
     """A search under way: the map round the old place is drawn, then the newest places are laid on it."""
 
     old: int
     new: int
-    old_map: Drawing
-    search: WideSearch | None = None
+    old_map: MapRebuild
+    search: BranchAndBoundSearch | None = None
 
 
 class LoopSearch:
@@ -50,7 +50,7 @@ class LoopSearch:
     def __init__(
         self,
         options: GridMapperOptions,
-        places: PlaceGraph,
+        places: SubmapGraph,
         drift_per_m: float,
         drift_rad_per_m: float,
         largest_window_m: float,
@@ -62,7 +62,7 @@ class LoopSearch:
         self._drift_per_m, self._drift_rad_per_m = drift_per_m, drift_rad_per_m
         self._largest_window_m = largest_window_m
         self._accept_score, self._rival_ratio = accept_score, rival_ratio
-        self._hunt: Hunt | None = None
+        self._hunt: LoopCandidateSearch | None = None
         self._searched = -1  # the newest place that was looked for
         self._waiting: Candidate | None = None
         self.refused = 0
@@ -95,11 +95,11 @@ class LoopSearch:
             self._waiting = None
             return
         old, options = min(reachable)[1], self._options
-        self._hunt = Hunt(
+        self._hunt = LoopCandidateSearch(
             old=old,
             new=new,
-            old_map=Drawing(
-                cells=Cells(options.resolution_m, options.reach_m, options.occupied_fraction),
+            old_map=MapRebuild(
+                cells=HitGrid(options.resolution_m, options.reach_m, options.occupied_fraction),
                 chosen=set(range(max(0, old - OLD_PLACES), min(new, old + OLD_PLACES + 1))),
             ),
         )
@@ -116,7 +116,9 @@ class LoopSearch:
                 way_m = places.way_m(hunt.old, hunt.new)
                 turn_rad = min(math.pi / 3.0, FIRST_WINDOW_RAD + self._drift_rad_per_m * way_m)
                 field = SearchField.of(hunt.old_map.cells, SEARCH_STD_M)
-                hunt.search = WideSearch(field, thin, places.pose(hunt.new), self._window_m(way_m), turn_rad)
+                hunt.search = BranchAndBoundSearch(
+                    field, thin, places.pose(hunt.new), self._window_m(way_m), turn_rad
+                )
             return False
         if not hunt.search.work(LOOKED_UP_AT_ONCE):
             return False
@@ -134,12 +136,12 @@ class LoopSearch:
     def warm_up(self) -> None:
         """Compile the kernels on a map that is thrown away."""
         field = SearchField(np.full((8, 8), 0.5, dtype=np.float32), 0.05, (0.0, 0.0), SEARCH_STD_M)
-        WideSearch(field, np.zeros((4, 2)), Pose2(), 0.1, 0.05).work(None)
+        BranchAndBoundSearch(field, np.zeros((4, 2)), Pose2(), 0.1, 0.05).work(None)
 
     def _window_m(self, way_m: float) -> float:
         return min(self._largest_window_m, FIRST_WINDOW_M + self._drift_per_m * way_m)
 
-    def _judged(self, hunt: Hunt, found: Found) -> Candidate | None:
+    def _judged(self, hunt: LoopCandidateSearch, found: SearchResult) -> Candidate | None:
         """The closure; None where it explains too little or is ambiguous."""
         places, points_m = self._places, self._recent_hits(hunt.new)
         pose, value = self._refined(hunt.old_map.cells, points_m, found.pose)
@@ -167,7 +169,7 @@ class LoopSearch:
         points_m = np.concatenate(parts)
         return np.ascontiguousarray(points_m[:: max(1, len(points_m) // MATCHED_BEAMS)])
 
-    def _refined(self, cells: Cells, points_m: FloatArray, start: Pose2) -> tuple[Pose2, float]:
+    def _refined(self, cells: HitGrid, points_m: FloatArray, start: Pose2) -> tuple[Pose2, float]:
         matching, (x_m, y_m) = self._options.matching, cells.corner_m
         at = np.array([start.x_m - x_m, start.y_m - y_m, start.theta_rad])
         found = match(

@@ -2,19 +2,19 @@
 
 from dataclasses import dataclass
 
-from thumper.slam.grid.growing_grid import Cells
-from thumper.slam.pose_graph.submaps import PlaceGraph
+from thumper.slam.grid.growing_grid import HitGrid
+from thumper.slam.pose_graph.submaps import SubmapGraph
 
 
 @dataclass(slots=True, kw_only=True)
-class Drawing:
+class MapRebuild:
     """A map under way."""
 
-    cells: Cells
+    cells: HitGrid
     chosen: set[int] | None = None  # places; None for all
     entered: int = 0  # kept scans looked at so far
 
-    def draw(self, places: PlaceGraph, most: int) -> bool:
+    def draw(self, places: SubmapGraph, most: int) -> bool:
         """Enter `most` more; whether it holds all there are."""
         self.entered = places.enter(self.cells, self.entered, self.chosen, most)
         return self.entered == len(places.scans)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.deskew import SILENT, KindArray, ScanPoints
-from thumper.slam.grid.growing_grid import Cells
+from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.pose_graph.optimizer import Edge
 
 TIE_EVERY_M = 3.0  # an old place this near, matched against in the active map, is tied to the new one
@@ -20,7 +20,7 @@ MOST_KEPT = 16_000  # scans: some 100 MB of a lidar of 400 beams, or a kilometre
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class KeptScan:
+class NodeScan:
     """An entered scan, in single precision: a long drive keeps thousands."""
 
     place: int
@@ -39,13 +39,13 @@ class KeptScan:
 
 
 @dataclass(slots=True)
-class PlaceGraph:
+class SubmapGraph:
     """Places, their scans, and the edges between them."""
 
     place_m: float
     poses: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     edges: list[Edge] = field(default_factory=list)
-    scans: list[KeptScan | None] = field(default_factory=list)  # in the order of the drive; None was thinned
+    scans: list[NodeScan | None] = field(default_factory=list)  # in the order of the drive; None was thinned
     driven_m: float = 0.0
     _last: Pose2 | None = None
     _relative: "array[float]" = field(default_factory=lambda: array("d"))  # place, x, y, theta of each scan
@@ -82,7 +82,7 @@ class PlaceGraph:
         if points is not None:
             said = points.kinds != SILENT
             self.scans.append(
-                KeptScan(
+                NodeScan(
                     place=self.newest,
                     place_from_base=relative,
                     origins_m=_compact(points.origins_m[said].astype(np.float32)),
@@ -163,7 +163,7 @@ class PlaceGraph:
             place, x_m, y_m, theta_rad = self._relative[-4:]
             self._last = self.pose(int(place)) @ Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
 
-    def enter(self, cells: Cells, start: int, places: set[int] | None, most: int) -> int:
+    def enter(self, cells: HitGrid, start: int, places: set[int] | None, most: int) -> int:
         """Enter up to `most` kept scans from number `start` on, of some places or, with None, of all.
 
         Returns the number of the first one not looked at.

@@ -10,7 +10,7 @@ MARGIN = 6  # cells: nearer to a wall than this a beam's end or its way says not
 
 
 @kernel
-def contradicted(
+def contradicting_share(
     origins: FloatArray, ends: FloatArray, misses: CountArray, distance_m: FieldArray, resolution_m: float
 ) -> float:
     """Share of the hits that end where the map is free, or whose beam goes through a wall before.

@@ -16,7 +16,7 @@ SURE_M, SURE_RAD = 0.005, 0.002  # no match is better than this
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ConfidenceOptions:
+class PoseCovarianceOptions:
     """When a matched pose counts as lost."""
 
     lost_below: Annotated[float, Interval(ge=0, le=1)] = 0.3  # share of the beams explained ...
@@ -27,13 +27,13 @@ class ConfidenceOptions:
     error_per_rad: Annotated[float, Ge(0)] = 0.05
 
 
-class Confidence:
+class PoseCovariance:
     """The covariance of one hypothesis: grows with the way, shrinks along what the scan fixes.
 
     Along a bare corridor the scan fixes nothing, and the pose is as good as the wheels are.
     """
 
-    def __init__(self, options: ConfidenceOptions) -> None:
+    def __init__(self, options: PoseCovarianceOptions) -> None:
         self._options = options
         self.covariance: FloatArray = np.diag([SURE_M**2, SURE_M**2, SURE_RAD**2])
         self._explained, self._poor = 1.0, 0

@@ -7,7 +7,7 @@ import numpy as np
 from thumper.common.geometry import Pose2, Twist2
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.controllers.controller import ControlRequest
-from thumper.navigation.controllers.tight_passage import Manoeuvre, ManoeuvreOptions
+from thumper.navigation.controllers.tight_passage import PoseSequenceFollower, TightPassageOptions
 from thumper.navigation.costmap.costmap import CostmapOptions, build_costmap
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
@@ -22,7 +22,7 @@ def track(grid: OccupancyGrid, start: Pose2, goal: Goal, *, through: bool) -> li
     """Poses of each cycle until the manoeuvre says that it is over."""
     footprint, limits = Footprint(), SpeedLimits()
     lattice = LatticePlanner(LatticeOptions(), footprint)
-    manoeuvre = Manoeuvre(ManoeuvreOptions(length_m=5.0), limits, footprint, lattice)
+    manoeuvre = PoseSequenceFollower(TightPassageOptions(length_m=5.0), limits, footprint, lattice)
     costmap = build_costmap(grid, np.empty((0, 2)), footprint, CostmapOptions())
     poses, twist = [start], Twist2()
     for cycle in range(MOST_CYCLES):

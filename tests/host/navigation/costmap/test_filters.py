@@ -12,9 +12,15 @@ from thumper.common.geometry import Pose2
 from thumper.maps.map_server_io import load_map, save_map
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.maps.pgm import encode_pgm
-from thumper.navigation.controllers.speed_limiter import SpeedRule
+from thumper.navigation.controllers.speed_limiter import SpeedLimiter
 from thumper.navigation.costmap.costmap import CostmapOptions, build_costmap
-from thumper.navigation.costmap.filters import MaskOptions, is_closed, load_mask, load_masks, speed_parts
+from thumper.navigation.costmap.filters import (
+    CostmapFilterOptions,
+    is_closed,
+    load_mask,
+    load_masks,
+    speed_parts,
+)
 from thumper.navigation.costmap.inflation import LETHAL
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
@@ -24,7 +30,7 @@ from thumper.navigation.planners.astar import AStarOptions, AStarPlanner
 from thumper.navigation.speed_limits import SpeedLimits
 from thumper_hil.kinematic.closed_loop import Conditions, drive
 from thumper_hil.kinematic.maps import read_pgm
-from thumper_hil.kinematic.world import World, box
+from thumper_hil.kinematic.world import KinematicWorld, box
 
 NO_HITS = np.empty((0, 2))
 
@@ -67,11 +73,11 @@ def test_a_broken_mask_is_named(tmp_path: Path, change: tuple[str, str], told: s
     path = written(tmp_path, "scale", [[0]])
     path.write_text(path.read_text().replace(*change))
     with pytest.raises(ThumperError, match=told) as caught:
-        load_masks(MaskOptions(speed=str(path)))
+        load_masks(CostmapFilterOptions(speed=str(path)))
     assert str(path) in str(caught.value)
     assert caught.value.exit_code == 2
     with pytest.raises(ThumperError, match="cannot be read"):
-        load_masks(MaskOptions(keepout=str(tmp_path / "none.yaml")))
+        load_masks(CostmapFilterOptions(keepout=str(tmp_path / "none.yaml")))
 
 
 def test_the_depots_masks_have_the_values_that_their_pixels_mean(nav_data: Path) -> None:
@@ -105,16 +111,16 @@ def test_the_limit_falls_before_the_zone_and_holds_in_it(tmp_path: Path) -> None
     """The zone of 50 % begins at x = -0.5; from 0.4 m/s braking to 0.2 m/s takes 0.08 + 0.15 m."""
     mask = load_mask(written(tmp_path, "scale", [[254, 127], [254, 127]]))
     limits = SpeedLimits(v_max_m_s=0.4, v_accel_m_s2=0.4, latency_s=0.2)
-    rule = SpeedRule(limits, approach_m_s=0.06, mask=mask)
+    rule = SpeedLimiter(limits, approach_m_s=0.06, mask=mask)
     x_m = np.arange(-0.99, -0.01, 0.005)
     path_m = np.column_stack((x_m, np.full(x_m.size, 2.5)))
     found = [rule.limit_m_s(Pose2(x_m=float(x), y_m=2.5), path_m[i:], math.inf) for i, x in enumerate(x_m)]
     exact = np.minimum(0.4, np.sqrt(0.08**2 + 0.2**2 + 0.8 * np.maximum(0.0, -0.5 - x_m)) - 0.08)
     exact = np.where(x_m > -0.5, 0.2, np.maximum(exact, 0.2))
     assert found == pytest.approx(exact, abs=0.006)
-    assert SpeedRule(limits, approach_m_s=0.06, mask=None).limit_m_s(Pose2(), path_m, math.inf) == 0.4
+    assert SpeedLimiter(limits, approach_m_s=0.06, mask=None).limit_m_s(Pose2(), path_m, math.inf) == 0.4
     black = load_mask(written(tmp_path, "scale", [[0, 0], [0, 0]]))
-    assert SpeedRule(limits, approach_m_s=0.06, mask=black).limit_m_s(
+    assert SpeedLimiter(limits, approach_m_s=0.06, mask=black).limit_m_s(
         Pose2(x_m=-0.5, y_m=2.5), None, math.inf
     ) == pytest.approx(0.06)
 
@@ -145,7 +151,7 @@ def test_plans_in_the_depot_keep_out(nav_data: Path) -> None:
     assert refused < 50
 
 
-ROOM, AREA = World.of(box(0.8, 0.0, 4.8, 3.8)), (-4.2, -5.0, 10.0, 10.0)
+ROOM, AREA = KinematicWorld.of(box(0.8, 0.0, 4.8, 3.8)), (-4.2, -5.0, 10.0, 10.0)
 START, GOAL = Pose2(x_m=1.73, y_m=0.08, theta_rad=math.pi), Goal(x_m=-0.49, y_m=0.02)
 
 
@@ -160,11 +166,11 @@ def saved(folder: Path, closed: tuple[slice, slice]) -> str:
 
 def test_a_drive_keeps_out(tmp_path: Path) -> None:
     """A zone from x = 0.4 to 0.8, y = -0.5 to 2 lies across the way: the whole hull stays out of it."""
-    options = NavigationOptions(masks=MaskOptions(keepout=saved(tmp_path, np.s_[30:80, 48:56])))
+    options = NavigationOptions(masks=CostmapFilterOptions(keepout=saved(tmp_path, np.s_[30:80, 48:56])))
     exact = Conditions(pose_noise_m=0.0, pose_noise_rad=0.0)
     run = drive(ROOM, START, GOAL, AREA, options=options, conditions=exact)
     assert run.state is NavigationState.REACHED, run.reason
-    zone = World.of(box(0.6, 0.75, 0.4, 2.5))
+    zone = KinematicWorld.of(box(0.6, 0.75, 0.4, 2.5))
     assert min(zone.clearance_m(pose, Footprint()) for pose in run.track) > 0.0
 
 
@@ -176,7 +182,7 @@ def test_a_drive_is_slow_in_a_slow_zone(tmp_path: Path) -> None:
     pixels = np.full((80, 120), 254, np.uint8)
     pixels[:, 44:60] = 127
     image.write_bytes(encode_pgm(pixels))
-    masks = MaskOptions(speed=str(path))
+    masks = CostmapFilterOptions(speed=str(path))
     run = drive(ROOM, START, GOAL, AREA, options=replace(NavigationOptions(), masks=masks))
     assert run.state is NavigationState.REACHED, run.reason
     commanded = [

@@ -7,8 +7,8 @@ import numpy as np
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.costmap import CostmapOptions, build_costmap
 from thumper.navigation.costmap.footprint_collision import (
-    Category,
     Ground,
+    GroundCost,
     category_at,
     lethal_count,
     safe_squared_cells,
@@ -26,10 +26,10 @@ def test_each_category_by_its_distance() -> None:
     costmap, footprint = build_costmap(grid, np.empty((0, 2)), Footprint(), CostmapOptions()), Footprint()
     along = [category_at(costmap, footprint, 1.025 + CELL_M * cell, 1.025) for cell in range(21)]
     # Inscribed up to 0.1225 m, 2 cells; circumscribed 0.243 m and the cells' diagonals, 6 cells.
-    assert along[:3] == [Category.LETHAL, Category.INSCRIBED, Category.INSCRIBED]
-    assert along[3:7] == [Category.POSSIBLY_CIRCUMSCRIBED] * 4
-    assert along[7:14] == [Category.FREE] * 7
-    assert along[14:] == [Category.UNKNOWN] * 7
+    assert along[:3] == [GroundCost.LETHAL, GroundCost.INSCRIBED, GroundCost.INSCRIBED]
+    assert along[3:7] == [GroundCost.POSSIBLY_CIRCUMSCRIBED] * 4
+    assert along[7:14] == [GroundCost.FREE] * 7
+    assert along[14:] == [GroundCost.UNKNOWN] * 7
     assert category_at(costmap, footprint, -0.1, 1.0) is None
 
 
@@ -46,6 +46,6 @@ def test_free_means_that_no_heading_touches() -> None:
         for row, col in rng.integers(6, 34, (20, 2)):
             x_m, y_m = grid.centre_of(int(row), int(col))
             touching = [lethal_count(everywhere, False, x_m, y_m, turn * math.tau / 24) for turn in range(24)]
-            if category_at(costmap, footprint, x_m, y_m) is Category.FREE:
+            if category_at(costmap, footprint, x_m, y_m) is GroundCost.FREE:
                 assert max(touching) == 0
                 assert costmap.squared_cells[row, col] > safe

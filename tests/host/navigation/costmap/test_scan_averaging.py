@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from thumper.common.geometry import FloatArray, Pose2
-from thumper.lidar.field_of_view import LidarView
-from thumper.navigation.costmap.scan_averaging import averaged, surface_points
-from thumper_hil.kinematic.world import World, box
+from thumper.lidar.field_of_view import FieldOfView
+from thumper.navigation.costmap.scan_averaging import averaged, averaged_hits
+from thumper_hil.kinematic.world import KinematicWorld, box
 
 ANGLES_RAD = np.radians(np.arange(-120.0, 121.0))
-POST = World(circles_m=np.array(((0.25, 0.0, 0.034),)))
+POST = KinematicWorld(circles_m=np.array(((0.25, 0.0, 0.034),)))
 NOISE_M = 0.01
 
 
-def seen(world: World) -> tuple[FloatArray, FloatArray]:
+def seen(world: KinematicWorld) -> tuple[FloatArray, FloatArray]:
     """Bearings and exact ranges of what the lidar meets."""
     ranges_m = world.cast(Pose2(), ANGLES_RAD, 4.0)
     hit = np.isfinite(ranges_m)
@@ -34,9 +34,14 @@ def test_a_near_post_is_no_thicker_than_it_is() -> None:
 
 
 @pytest.mark.parametrize(
-    "world", [POST, World.of(box(0.6, 0.0, 0.4, 3.0, yaw_rad=0.5)), World.of(box(0.0, 0.0, 2.0, 1.0))]
+    "world",
+    [
+        POST,
+        KinematicWorld.of(box(0.6, 0.0, 0.4, 3.0, yaw_rad=0.5)),
+        KinematicWorld.of(box(0.0, 0.0, 2.0, 1.0)),
+    ],
 )
-def test_without_noise_nothing_moves(world: World) -> None:
+def test_without_noise_nothing_moves(world: KinematicWorld) -> None:
     """Posts, slanting walls and corners stay within 2 mm of where they are."""
     bearings_rad, exact_m = seen(world)
     assert exact_m.size > 10
@@ -53,12 +58,12 @@ def test_what_one_beam_meets_stays() -> None:
 
 
 def test_points_move_along_their_beams_only() -> None:
-    view, pose = LidarView(), Pose2(x_m=1.0, y_m=-2.0, theta_rad=0.7)
+    view, pose = FieldOfView(), Pose2(x_m=1.0, y_m=-2.0, theta_rad=0.7)
     bearings_rad, ranges_m = seen(POST)
     laser = pose @ view.base_from_laser
     noisy_m = ranges_m + NOISE_M * np.random.default_rng(2).standard_normal(ranges_m.size)
     points_m = laser.apply(np.column_stack((noisy_m * np.cos(bearings_rad), noisy_m * np.sin(bearings_rad))))
-    after_rad, after_m = view.polar(pose, surface_points(pose, points_m, view))
+    after_rad, after_m = view.polar(pose, averaged_hits(pose, points_m, view))
     assert after_rad == pytest.approx(bearings_rad)
     assert after_m == pytest.approx(averaged(bearings_rad, noisy_m))
-    assert surface_points(pose, np.empty((0, 2)), view).shape == (0, 2)
+    assert averaged_hits(pose, np.empty((0, 2)), view).shape == (0, 2)

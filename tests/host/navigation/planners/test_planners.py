@@ -19,12 +19,12 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar import AStarOptions, AStarPlanner, is_blocked
 from thumper.navigation.planners.carrot import CarrotPlanner
-from thumper.navigation.planners.dijkstra import flood
+from thumper.navigation.planners.dijkstra import dijkstra
 from thumper.navigation.planners.lattice import LatticeOptions, LatticePlanner
 from thumper.navigation.planners.navfn import NavfnOptions, NavfnPlanner
 from thumper.navigation.planners.planner import Planner
 from thumper.navigation.planners.polyline import arc_lengths, nearest_place
-from thumper.navigation.planners.replanning import Route, RouteOptions
+from thumper.navigation.planners.replanning import PathManager, ReplanningOptions
 from thumper_hil.kinematic.maps import read_trinary
 
 PLANNERS: dict[str, Planner] = {
@@ -84,7 +84,7 @@ def test_a_way_is_found_exactly_when_there_is_one(seed: int, size: int, density:
 
 def test_the_potential_in_the_open_is_the_distance() -> None:
     prices = np.pad(np.ones((101, 101), np.float32), 1, constant_values=np.inf).astype(np.float32)
-    potential = flood(prices, 51 * 103 + 51, -1, False, 0.0).reshape(103, 103)
+    potential = dijkstra(prices, 51 * 103 + 51, -1, False, 0.0).reshape(103, 103)
     rows, cols = np.mgrid[0:103, 0:103]
     exact = np.hypot(rows - 51, cols - 51)
     inner = np.isfinite(potential) & (exact > 0)
@@ -139,7 +139,7 @@ def test_a_path_has_a_begin_and_an_end_also_in_the_goals_own_cell(planner: Plann
     assert path_m is not None
     assert len(path_m) >= 2
     assert path_m[0] == pytest.approx((START.x_m, START.y_m), abs=0.001)
-    route = Route(planner, RouteOptions())
+    route = PathManager(planner, ReplanningOptions())
     route.update(0.0, costmap, START, goal)
     assert route.remaining_m(START) == pytest.approx(away_m, abs=0.051)
 
@@ -201,7 +201,7 @@ def test_the_nearest_place_on_a_path_lies_between_its_points() -> None:
 
 def test_the_way_left_shrinks_as_the_robot_drives() -> None:
     """By as much as it drives, wherever between the path's points it is."""
-    route = Route(AStarPlanner(AStarOptions()), RouteOptions())
+    route = PathManager(AStarPlanner(AStarOptions()), ReplanningOptions())
     costmap, goal = costmap_of(np.zeros((60, 60), np.int8)), Goal(x_m=2.5, y_m=1.525)
     left_m = []
     for step in range(30):

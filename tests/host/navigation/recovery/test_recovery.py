@@ -16,10 +16,10 @@ from thumper.navigation.options import NavigationOptions
 from thumper.navigation.planners.astar import AStarOptions, AStarPlanner
 from thumper.navigation.planners.goal_validation import has_room
 from thumper.navigation.recovery.behaviors import LADDER, Behaviour, RecoveryOptions
-from thumper.navigation.recovery.reachability import Prospects
+from thumper.navigation.recovery.reachability import Reachability
 from thumper.navigation.state import Transition
 from thumper_hil.kinematic.closed_loop import Run, drive
-from thumper_hil.kinematic.world import World, box
+from thumper_hil.kinematic.world import KinematicWorld, box
 
 ROOM = box(0.8, 0.0, 4.8, 3.8)
 AREA = (-4.2, -5.0, 10.0, 10.0)
@@ -134,7 +134,7 @@ def test_what_was_open_stays_so_on_a_map_that_grows_and_shrinks() -> None:
 
     goal, start = Goal(x_m=1.6, y_m=0.0), Pose2(x_m=0.3)
     for x_m in (-1.0, -1.5, -0.5):
-        prospects = Prospects(AStarPlanner(AStarOptions()), Footprint())
+        prospects = Reachability(AStarPlanner(AStarOptions()), Footprint())
         prospects.note(0.0, room(-1.0, shut=False))
         assert not prospects.are_none(room(x_m, shut=True), start, goal)
         prospects.reset()
@@ -232,7 +232,7 @@ def test_a_robot_at_its_goal_is_not_lost() -> None:
 def drive_to_hut(side_m: float, seed: int) -> Run:
     """To a goal inside a hut without a door, which the robot learns of on the way."""
     room = box(0.8, 0.0, max(4.8, side_m + 5.0), max(3.8, side_m + 4.0))
-    world = World.of(room, box(0.0, 0.0, side_m, side_m))
+    world = KinematicWorld.of(room, box(0.0, 0.0, side_m, side_m))
     start = Pose2(x_m=0.5 * side_m + 1.0, theta_rad=math.pi)
     return drive(world, start, Goal(x_m=0.0, y_m=0.0), AREA, seed=seed, limit_s=150.0)
 
@@ -265,7 +265,7 @@ def test_a_goal_without_room_is_told_from_a_way_that_was_not_found() -> None:
 
 def test_a_corridor_shut_behind_and_ahead_fails_with_the_whole_ladder() -> None:
     """Blocked for good: walls appear ahead, no way round."""
-    hall, wall = World.of(box(2.0, 0.0, 7.0, 1.4)), box(2.5, 0.0, 0.1, 1.6)
+    hall, wall = KinematicWorld.of(box(2.0, 0.0, 7.0, 1.4)), box(2.5, 0.0, 0.1, 1.6)
     shut = hall.joined(wall)
     run = drive(
         lambda time_s: shut if time_s > 1.5 else hall,
@@ -287,7 +287,7 @@ def test_the_default_ladder_has_move_bases_order() -> None:
 
 def drive_near_wall(goal: Goal, seed: int) -> Run:
     """To a goal beside the west wall of the room, at x = -1.6 m."""
-    return drive(World.of(ROOM), START, goal, AREA, seed=seed, limit_s=100.0)
+    return drive(KinematicWorld.of(ROOM), START, goal, AREA, seed=seed, limit_s=100.0)
 
 
 @pytest.mark.parametrize("seed", [0, 1])

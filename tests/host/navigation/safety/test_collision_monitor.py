@@ -7,11 +7,11 @@ import pytest
 
 from thumper.common.geometry import FloatArray, Twist2
 from thumper.navigation.footprint import Footprint
-from thumper.navigation.safety.collision_monitor import CollisionMonitor, MonitorOptions
+from thumper.navigation.safety.collision_monitor import CollisionMonitor, CollisionMonitorOptions
 from thumper.navigation.speed_limits import SpeedLimits, stoppable_speed
 
 LIMITS = SpeedLimits()
-MONITOR = CollisionMonitor(MonitorOptions(), LIMITS, Footprint())
+MONITOR = CollisionMonitor(CollisionMonitorOptions(), LIMITS, Footprint())
 FRONT_M, SIDE_M, MARGIN_M = 0.21, 0.1225, 0.02
 
 

@@ -8,13 +8,13 @@ from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.controllers.controller import ControlRequest
 from thumper.navigation.costmap.costmap import CostmapOptions, build_costmap
 from thumper.navigation.footprint import Footprint
-from thumper.navigation.safety.collision_monitor import CollisionMonitor, MonitorOptions
+from thumper.navigation.safety.collision_monitor import CollisionMonitor, CollisionMonitorOptions
 from thumper.navigation.safety.escape import Escape
 from thumper.navigation.speed_limits import SpeedLimits
 
 FOOTPRINT, LIMITS = Footprint(), SpeedLimits()
 FRONT_M, SIDE_M = 0.21, 0.1225
-MONITOR = CollisionMonitor(MonitorOptions(), LIMITS, FOOTPRINT)
+MONITOR = CollisionMonitor(CollisionMonitorOptions(), LIMITS, FOOTPRINT)
 
 
 def request(hits_m: FloatArray, *, known: bool = True) -> ControlRequest:

@@ -8,17 +8,17 @@ from hypothesis import strategies as st
 
 from thumper.common.geometry import Twist2
 from thumper.common.kinematics import DriveGeometry
-from thumper.config.manual_drive import ServiceOptions
-from thumper.runtime.drive.manual_pwm import PWM_MAX, MotorFeel, manual_pwm
+from thumper.config.manual_drive import ManualDriveOptions
+from thumper.runtime.drive.manual_pwm import PWM_MAX, FeedForward, manual_pwm
 
 DRIVE = DriveGeometry()
-FEEL = MotorFeel(ks_pwm=19.3, kv_pwm_s=17.12)
+FEEL = FeedForward(ks_pwm=19.3, kv_pwm_s=17.12)
 WHEEL_MAX_RAD_S = 13.0
 
 
-def pwm(v_m_s: float, w_rad_s: float, *, feel: MotorFeel = FEEL, battery_V: float = 7.4) -> tuple[int, int]:
+def pwm(v_m_s: float, w_rad_s: float, *, feel: FeedForward = FEEL, battery_V: float = 7.4) -> tuple[int, int]:
     twist = Twist2(v_m_s=v_m_s, w_rad_s=w_rad_s)
-    return manual_pwm(twist, DRIVE, ServiceOptions(), WHEEL_MAX_RAD_S, feel, battery_V)
+    return manual_pwm(twist, DRIVE, ManualDriveOptions(), WHEEL_MAX_RAD_S, feel, battery_V)
 
 
 def test_straight_on_is_the_boards_own_feed_forward() -> None:
@@ -45,7 +45,7 @@ def test_a_battery_that_nobody_has_measured_is_taken_for_a_full_one() -> None:
 
 
 def test_without_feed_forward_the_fastest_wheel_speed_is_full_pwm() -> None:
-    bare = MotorFeel(ks_pwm=0.0, kv_pwm_s=0.0)
+    bare = FeedForward(ks_pwm=0.0, kv_pwm_s=0.0)
     v_m_s = 0.5 * WHEEL_MAX_RAD_S * DRIVE.wheel_radius_m
     assert pwm(v_m_s, 0.0, feel=bare)[0] == pytest.approx(PWM_MAX / 2, abs=1)
 

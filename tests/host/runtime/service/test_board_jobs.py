@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from thumper.common.errors import ThumperError
-from thumper.runtime.requests import Ask
-from thumper.runtime.service.board_jobs import MOST_WAITING, SHARE_S, Errand, Errands
+from thumper.runtime.requests import Query
+from thumper.runtime.service.board_jobs import MOST_WAITING, SHARE_S, BoardJob, BoardJobQueue
 
 
 class Clock:
@@ -20,11 +20,11 @@ class Clock:
         return self.now_s
 
 
-def ask(answers: list[Mapping[str, Any]]) -> Ask:
-    return Ask(name="", content={}, reply=answers.append)
+def ask(answers: list[Mapping[str, Any]]) -> Query:
+    return Query(name="", content={}, reply=answers.append)
 
 
-def requests(count: int, clock: Clock, each_s: float, error: Exception | None = None) -> Errand:
+def requests(count: int, clock: Clock, each_s: float, error: Exception | None = None) -> BoardJob:
     for _ in range(count):
         clock.now_s += each_s
         yield
@@ -35,7 +35,7 @@ def requests(count: int, clock: Clock, each_s: float, error: Exception | None = 
 
 @pytest.mark.parametrize(("each_s", "beats"), [(0.001, 1), (0.016, 4), (0.1, 8)])
 def test_a_beat_gives_its_share_of_time_and_at_least_one_request(each_s: float, beats: int) -> None:
-    clock, errands, answers = Clock(), Errands(), list[Mapping[str, Any]]()
+    clock, errands, answers = Clock(), BoardJobQueue(), list[Mapping[str, Any]]()
     errands.add(ask(answers), requests(7, clock, each_s))
     for beat in range(beats):
         assert (len(answers), bool(errands)) == (0, True)
@@ -47,7 +47,7 @@ def test_a_beat_gives_its_share_of_time_and_at_least_one_request(each_s: float, 
 
 
 def test_one_that_fails_is_answered_with_why_and_the_next_one_is_done() -> None:
-    clock, errands, answers = Clock(), Errands(), list[Mapping[str, Any]]()
+    clock, errands, answers = Clock(), BoardJobQueue(), list[Mapping[str, Any]]()
     for error in (ThumperError("it is silent"), IndexError("7"), None):
         errands.add(ask(answers), requests(1, clock, 0.001, error))
     errands.go_on(clock)
@@ -60,7 +60,7 @@ def test_one_that_fails_is_answered_with_why_and_the_next_one_is_done() -> None:
 
 
 def test_a_flood_is_refused_and_a_lost_board_answers_all_that_wait() -> None:
-    clock, errands, answers = Clock(), Errands(), list[Mapping[str, Any]]()
+    clock, errands, answers = Clock(), BoardJobQueue(), list[Mapping[str, Any]]()
     for _ in range(MOST_WAITING):
         errands.add(ask(answers), requests(1, clock, 0.001))
     with pytest.raises(ThumperError, match="ask again"):

@@ -11,11 +11,11 @@ from tests.host.slam.rooms import ROOM, rectangle, room_scan
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.lidar.scan import Scan
-from thumper.maps.hit_counts import Counts
+from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OCCUPIED, OccupancyGrid
 from thumper.slam.grid.grid_mapper import GridMapper
 from thumper.slam.localization.amcl import Amcl
-from thumper.slam.mode_switch import SwitchingMapper
+from thumper.slam.mode_switch import SlamModeSwitch
 from thumper_hil.world.world import World
 
 STILL = Twist2()
@@ -23,7 +23,7 @@ GRID = World(segments_m=ROOM, circles_m=np.zeros((0, 3))).to_grid()
 
 
 def drive(
-    localiser: Amcl | SwitchingMapper,
+    localiser: Amcl | SlamModeSwitch,
     path: list[Pose2],
     odometry: Pose2,
     slip: float = 0.1,
@@ -209,7 +209,7 @@ def test_a_blind_scan_moves_by_odometry() -> None:
 
 def test_mapping_localising_and_mapping_again_without_a_jump() -> None:
     path = way(Pose2(), 30)
-    robot = SwitchingMapper(GridMapper())
+    robot = SlamModeSwitch(GridMapper())
     robot.update(Pose2(), room_scan(path[0]), STILL)
     odometry = drive(robot, path[:11], Pose2())
     robot.localise()
@@ -223,7 +223,7 @@ def test_mapping_localising_and_mapping_again_without_a_jump() -> None:
 
 
 def test_mapping_does_not_go_on_from_a_lost_pose() -> None:
-    robot = SwitchingMapper(GridMapper())
+    robot = SlamModeSwitch(GridMapper())
     robot.update(Pose2(), room_scan(Pose2()), STILL)
     robot.localise()
     assert robot.localiser is not None
@@ -238,7 +238,7 @@ def _same(grid: OccupancyGrid, cells: FloatArray | np.ndarray[tuple[int, int], n
 
 def test_a_map_from_disk_is_localised_in_and_mapped_on() -> None:
     path = way(Pose2(), 20)
-    robot = SwitchingMapper(GridMapper())
+    robot = SlamModeSwitch(GridMapper())
     robot.update(Pose2(x_m=5.0), room_scan(path[0]), STILL)
     robot.localise_in(GRID, Pose2(x_m=0.05, y_m=-0.05))
     assert (robot.map_from_odom @ Pose2(x_m=5.0)).distance_m(Pose2()) < 0.1  # at once, without a scan
@@ -264,7 +264,7 @@ def test_mapping_goes_on_in_the_counts_of_another_day(told: Pose2 | None) -> Non
     for pose in way(begun, 30):
         before.update(pose, room_scan(pose, walls=box), STILL)
     counts = before.counts()
-    robot, path = SwitchingMapper(GridMapper()), way(Pose2(), 60)
+    robot, path = SlamModeSwitch(GridMapper()), way(Pose2(), 60)
     robot.continue_in(counts, told)
     assert robot.counts() is counts
     assert counts.hits.max() > 20
@@ -282,8 +282,8 @@ def test_mapping_goes_on_in_the_counts_of_another_day(told: Pose2 | None) -> Non
 def test_mapping_does_not_go_on_before_the_place_is_known() -> None:
     square = np.concatenate((rectangle(-2.0, -2.0, 2.0, 2.0), rectangle(4.0, -2.0, 8.0, 2.0)))
     grid = World(segments_m=square, circles_m=np.zeros((0, 3))).to_grid()
-    robot = SwitchingMapper(GridMapper())
-    robot.continue_in(Counts.of(grid), None)
+    robot = SlamModeSwitch(GridMapper())
+    robot.continue_in(HitCounts.of(grid), None)
     scan = room_scan(Pose2(x_m=0.4, y_m=0.3), walls=square)
     for _ in range(3):
         assert not robot.update(Pose2(), scan, STILL).integrated
@@ -301,8 +301,8 @@ NEXT_DOOR = np.concatenate((rectangle(20.0, -2.0, 24.5, 1.5), rectangle(21.0, 0.
 
 
 def test_a_session_is_not_mapped_on_from_a_place_outside_it() -> None:
-    robot = SwitchingMapper(GridMapper())
-    robot.continue_in(Counts.of(GRID), None)
+    robot = SlamModeSwitch(GridMapper())
+    robot.continue_in(HitCounts.of(GRID), None)
     path = way(Pose2(x_m=22.0, y_m=-0.5), 40)
     odometry, rng = Pose2(), np.random.default_rng(5)
     for before, pose in itertools.pairwise([path[0], *path]):
@@ -313,8 +313,8 @@ def test_a_session_is_not_mapped_on_from_a_place_outside_it() -> None:
 
 
 def test_a_session_is_mapped_on_only_after_some_way_at_the_place_that_was_found() -> None:
-    robot = SwitchingMapper(GridMapper())
-    robot.continue_in(Counts.of(GRID), None)
+    robot = SlamModeSwitch(GridMapper())
+    robot.continue_in(HitCounts.of(GRID), None)
     path = [Pose2(x_m=0.1 * k - 0.8, y_m=0.3, theta_rad=0.2) for k in range(16)]
     mapping = []
     for k, pose in enumerate(path):
@@ -326,8 +326,8 @@ def test_a_session_is_mapped_on_only_after_some_way_at_the_place_that_was_found(
 
 
 def test_who_asks_to_localise_keeps_the_map_of_another_day_as_it_is() -> None:
-    robot = SwitchingMapper(GridMapper())
-    robot.continue_in(Counts.of(GRID), Pose2())
+    robot = SlamModeSwitch(GridMapper())
+    robot.continue_in(HitCounts.of(GRID), Pose2())
     robot.localise()
     drive(robot, way(Pose2(), 5), Pose2())
     assert robot.localiser is not None
@@ -343,7 +343,7 @@ def test_where_places_look_alike_the_pose_is_not_called_known() -> None:
 
 @pytest.mark.parametrize("deed", ["set_pose", "relocalise"])
 def test_what_needs_a_saved_map_says_so(deed: str) -> None:
-    robot = SwitchingMapper(GridMapper())
+    robot = SlamModeSwitch(GridMapper())
     with pytest.raises(ThumperError, match="localise first"):
         robot.set_pose(Pose2()) if deed == "set_pose" else robot.relocalise()
     with pytest.raises(ThumperError, match="no wall in the map"):

@@ -11,25 +11,25 @@ from thumper.lidar.deskew import scan_points
 from thumper.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from thumper.slam.localization.likelihood_field import LikelihoodField
 from thumper.slam.localization.options import AmclOptions
-from thumper.slam.localization.pose_trust import Evidence
-from thumper.slam.localization.scan_likelihood import LaidScan
+from thumper.slam.localization.pose_trust import PoseTrust
+from thumper.slam.localization.scan_likelihood import ScanLikelihood
 from thumper_hil.world.world import World
 
 GRID = World(segments_m=ROOM, circles_m=np.zeros((0, 3))).to_grid()
 HERE = Pose2(x_m=-0.5, y_m=0.5)
 
 
-def looks(evidence: Evidence, count: int, *, fit: float, off_m: float, way_m: float = 0.11) -> Evidence:
+def looks(evidence: PoseTrust, count: int, *, fit: float, off_m: float, way_m: float = 0.11) -> PoseTrust:
     for _ in range(count):
         evidence.add(fit, 1.0, way_m, off_m)
     return evidence
 
 
 def test_a_place_is_proven_by_ten_looks_over_a_metre() -> None:
-    evidence = looks(Evidence(vouched=False), 9, fit=0.8, off_m=0.01)
+    evidence = looks(PoseTrust(vouched=False), 9, fit=0.8, off_m=0.01)
     assert not evidence.proven
     assert not looks(
-        Evidence(vouched=False), 40, fit=0.9, off_m=0.0, way_m=0.02
+        PoseTrust(vouched=False), 40, fit=0.9, off_m=0.0, way_m=0.02
     ).proven  # it stands and turns
     looks(evidence, 2, fit=0.8, off_m=0.01)
     assert evidence.proven
@@ -37,21 +37,21 @@ def test_a_place_is_proven_by_ten_looks_over_a_metre() -> None:
 
 
 def test_one_clear_look_is_believed_and_need_only_hold() -> None:
-    assert looks(Evidence(vouched=False), 1, fit=0.75, off_m=0.0).doubt
-    evidence = looks(Evidence(vouched=False), 1, fit=0.85, off_m=0.0)
+    assert looks(PoseTrust(vouched=False), 1, fit=0.75, off_m=0.0).doubt
+    evidence = looks(PoseTrust(vouched=False), 1, fit=0.85, off_m=0.0)
     assert evidence.doubt == ""
     assert looks(evidence, 1, fit=0.4, off_m=0.0).doubt == ""
 
 
 def test_a_place_that_fits_but_pulls_the_pose_off_odometry_is_given_up() -> None:
-    evidence = looks(Evidence(vouched=False), 30, fit=0.8, off_m=0.05)
+    evidence = looks(PoseTrust(vouched=False), 30, fit=0.8, off_m=0.05)
     assert not evidence.proven
     assert evidence.doubt
     assert evidence.refuted
 
 
 def test_looks_before_a_leap_were_at_another_place() -> None:
-    evidence = looks(Evidence(vouched=False), 9, fit=0.9, off_m=0.01)
+    evidence = looks(PoseTrust(vouched=False), 9, fit=0.9, off_m=0.01)
     looks(evidence, 1, fit=0.6, off_m=2.0)
     assert not evidence.proven
     assert evidence.doubt  # though what went before was clear
@@ -62,7 +62,7 @@ def test_looks_before_a_leap_were_at_another_place() -> None:
 
 
 def test_a_place_that_was_vouched_for_is_given_up_only_where_scans_do_not_fit() -> None:
-    evidence = looks(Evidence(vouched=True), 30, fit=0.5, off_m=0.3)
+    evidence = looks(PoseTrust(vouched=True), 30, fit=0.5, off_m=0.3)
     assert not evidence.refuted
     assert evidence.doubt == ""
     assert not looks(evidence, 1, fit=0.4, off_m=0.0).refuted
@@ -73,7 +73,7 @@ def fit(grid: OccupancyGrid, pose: Pose2, walls: FloatArray = ROOM) -> float:
     """Of the scan that is seen from HERE."""
     points = scan_points(room_scan(HERE, walls=walls), Twist2(), Pose2(), 30.0)
     hits_m = points.hits_m()
-    return LaidScan(np.zeros_like(hits_m), hits_m, LikelihoodField(grid, 0.5), AmclOptions()).fit(pose)
+    return ScanLikelihood(np.zeros_like(hits_m), hits_m, LikelihoodField(grid, 0.5), AmclOptions()).fit(pose)
 
 
 def known_up_to(x_m: float) -> OccupancyGrid:

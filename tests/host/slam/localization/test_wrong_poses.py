@@ -8,12 +8,12 @@ import pytest
 
 from tests.host.slam.rooms import rectangle, room_scan
 from thumper.common.geometry import FloatArray, Pose2, Twist2
-from thumper.maps.hit_counts import Counts
+from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.slam.grid.grid_mapper import GridMapper
 from thumper.slam.localization.amcl import Amcl
 from thumper.slam.mapper import MapperUpdate
-from thumper.slam.mode_switch import SwitchingMapper
+from thumper.slam.mode_switch import SlamModeSwitch
 from thumper_hil.world.world import World
 
 APART_M = 10.0
@@ -34,7 +34,7 @@ def grid_of(*walls: FloatArray) -> OccupancyGrid:
 
 
 def drive(
-    robot: Amcl | SwitchingMapper, path: list[Pose2], walls: FloatArray, range_m: float, seed: int = 2
+    robot: Amcl | SlamModeSwitch, path: list[Pose2], walls: FloatArray, range_m: float, seed: int = 2
 ) -> list[tuple[float, MapperUpdate, str]]:
     """Error [m], update and doubt at each pose, with wheels that go and turn 3 % too far."""
     odometry, rng, told = Pose2(), np.random.default_rng(seed), []
@@ -77,8 +77,8 @@ def test_of_two_like_rooms_the_named_one_is_kept_if_it_is_right_and_left_if_not(
 def test_a_place_that_the_first_looks_favour_is_not_mapped_on_from_if_it_is_wrong(seed: int) -> None:
     """The robot is where a box was taken away: the other room fits wholly, till a cupboard is in sight."""
     box = rectangle(-2.2, -1.5, -0.9, -0.8)
-    robot = SwitchingMapper(GridMapper())
-    robot.continue_in(Counts.of(grid_of(TWINS, CUPBOARD, box)), None)
+    robot = SlamModeSwitch(GridMapper())
+    robot.continue_in(HitCounts.of(grid_of(TWINS, CUPBOARD, box)), None)
     told = drive(robot, eastwards(-1.6, -0.1, 30), np.concatenate((TWINS, CUPBOARD)), range_m=2.5, seed=seed)
     assert told[0][0] > 5.0
     assert not any(update.integrated and error_m > 0.1 for error_m, update, _ in told)
@@ -97,16 +97,16 @@ def corridor(spacing_m: float) -> FloatArray:
 @pytest.mark.parametrize("spacing_m", [1.25, 1.4])
 def test_a_corridor_as_wide_in_another_building_is_not_mapped_on(spacing_m: float) -> None:
     """Its scans fit 0.7 to 0.8 wherever they are laid, but from one place to another, not along the way."""
-    robot = SwitchingMapper(GridMapper())
-    robot.continue_in(Counts.of(grid_of(corridor(1.0))), None)
+    robot = SlamModeSwitch(GridMapper())
+    robot.continue_in(HitCounts.of(grid_of(corridor(1.0))), None)
     told = drive(robot, eastwards(3.0, 0.1, 60), corridor(spacing_m), range_m=4.0)
     assert not any(update.integrated for _, update, _ in told)
     assert np.mean([update.match_score for _, update, _ in told]) > 0.7
 
 
 def test_the_same_corridor_is_mapped_on() -> None:
-    robot = SwitchingMapper(GridMapper())
-    robot.continue_in(Counts.of(grid_of(corridor(1.0), rectangle(5.4, 0.3, 5.7, 0.6))), None)
+    robot = SlamModeSwitch(GridMapper())
+    robot.continue_in(HitCounts.of(grid_of(corridor(1.0), rectangle(5.4, 0.3, 5.7, 0.6))), None)
     told = drive(
         robot,
         eastwards(3.0, 0.1, 40),

@@ -15,7 +15,7 @@ from thumper.common.serial_port import open_port
 from thumper_hil.bench import Bench, simulation
 from thumper_hil.bench.collision import HULL_M
 from thumper_hil.bench.options import BenchOptions
-from thumper_hil.bench.sim_port import Serial
+from thumper_hil.bench.protocol_sim import Serial
 
 OpenPort = Callable[[str], Serial]
 

@@ -1,0 +1,82 @@
+"""Imports in the host package go one way: a package uses only what stands in a lower row."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+HOST = Path(__file__).parents[2] / "host" / "thumper"
+
+LAYERS = (
+    "common",
+    "board lidar odometry maps",
+    "slam navigation",
+    "ros config",
+    "runtime doctor teleop",
+    "bus robot",
+    "recording dashboard __init__",
+    "offline",
+    "cli",
+    "__main__",
+)
+NAVIGATION = (
+    "footprint goal speed_limits state",
+    "costmap",
+    "planners",
+    "controllers",
+    "recovery safety",
+    "options",
+    "registry",
+    "navigator",
+    "warm_up",
+)
+SLAM = (
+    "mapper",
+    "scan_matching saved_state",
+    "grid",
+    "localization particle_filter pose_graph",
+    "factory",
+    "mode_switch",
+)
+RUNTIME = (
+    "drive_log drive_result real_time_rate requests state_estimator",
+    "sensor_inputs",
+    "safe_stop",
+    "drive",
+    "publisher",
+    "service",
+    "loop",
+    "assembly",
+)
+
+INSIDE = {"navigation": NAVIGATION, "slam": SLAM, "runtime": RUNTIME}
+
+
+def imports(path: Path) -> set[str]:
+    """All modules that the file imports, also those inside functions."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return found
+
+
+@pytest.mark.parametrize(
+    ("package", "layers"),
+    [("thumper", LAYERS), *((f"thumper.{name}", rows) for name, rows in INSIDE.items())],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_imports_go_down(package: str, layers: tuple[str, ...]) -> None:
+    floor = {name: number for number, row in enumerate(layers) for name in row.split()}
+    folder = HOST.joinpath(*package.split(".")[1:])
+    for path in sorted(folder.rglob("*.py")):
+        own = path.relative_to(folder).parts[0].removesuffix(".py")
+        if own == "__init__" and "__init__" not in floor:
+            continue
+        for name in imports(path):
+            if name.startswith(f"{package}."):
+                other = name.removeprefix(f"{package}.").split(".")[0]
+                other = other if other in floor else "__init__"
+                assert other == own or floor[other] < floor[own], f"{path.relative_to(HOST)} imports {name}"
