@@ -33,7 +33,7 @@ def test_every_latched_topic_is_told() -> None:
 
 
 def test_every_question_is_told() -> None:
-    told = [name for row in rows("question") for name in re.findall(r"`([^`]+)`", row[0])]
+    told = [name for row in rows("query") for name in re.findall(r"`([^`]+)`", row[0])]
     assert sorted(told) == sorted(QUESTIONS)
 
 
