@@ -4,7 +4,11 @@ Run `make reference` after changing a command or an option; `--check` only tells
 """
 
 import argparse
+import ast
+import inspect
+import io
 import sys
+import tokenize
 import types
 from collections.abc import Iterator
 from dataclasses import MISSING, Field, fields, is_dataclass
@@ -13,7 +17,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import typer.main
-from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
+from annotated_types import Ge, Gt, Interval, Le, Lt, MaxLen, MinLen
 
 from thumper.cli.app import build_app
 from thumper.config.robot import RobotConfig
@@ -84,24 +88,25 @@ def options_page() -> str:
     lines = [
         NOTE,
         "# Options of the robot's TOML\n",
-        "Every key, its values and its default. What they do stands in the pages that "
-        "[configuration](../config.md#where-each-table-is-explained) names; the suffix of a name is its unit "
-        "(`_m`, `_s`, `_rad`, `_deg`, `_V`, `_Hz`, `_m_s` = m/s ...).\n",
+        "Every key with its values, default and effect. [Configuration]"
+        "(../config.md#where-each-table-is-explained) lists the page that explains each table. The suffix of "
+        "a name is its unit (`_m`, `_s`, `_rad`, `_deg`, `_V`, `_Hz`, `_m_s` = m/s ...).\n",
     ]
     for table, rows in _tables(RobotConfig, "", RobotConfig()):
         lines += [
             f"## {f'[{table}]' if table else 'At the top'}\n",
-            "| key | value | default |",
-            "|---|---|---|",
+            "| key | value | default | effect |",
+            "|---|---|---|---|",
         ]
-        lines += [f"| `{key}` | {value} | {default} |" for key, value, default in rows]
+        lines += [f"| `{key}` | {value} | {default} | {effect} |" for key, value, default, effect in rows]
         lines.append("")
     return "\n".join(lines)
 
 
-def _tables(of: type, name: str, default: Any) -> Iterator[tuple[str, list[tuple[str, str, str]]]]:
-    """Each table's name, and its keys with values and default; the tables in it follow."""
+def _tables(of: type, name: str, default: Any) -> Iterator[tuple[str, list[tuple[str, str, str, str]]]]:
+    """Yield each table's name and its keys with values, default and effect; nested tables follow."""
     hints = get_type_hints(of, include_extras=True)
+    effects = _effects(of)
     rows, below = [], []
     for field in fields(of):
         hint, value = hints[field.name], getattr(default, field.name)
@@ -109,11 +114,34 @@ def _tables(of: type, name: str, default: Any) -> Iterator[tuple[str, list[tuple
             below.append((_bare(hint), f"{name}.{field.name}".lstrip("."), value))
         else:
             shown = "required" if _has_no_default(field) else _default_text(value)
-            rows.append((field.name, _type_text(hint), shown))
+            rows.append((field.name, _type_text(hint), shown, effects.get(field.name, "")))
     if rows:
         yield name, rows
     for kind, path, value in below:
         yield from _tables(kind, path, value)
+
+
+def _effects(of: type) -> dict[str, str]:
+    """Return the comment of each field: the one behind it, or else the one above it."""
+    effects: dict[str, str] = {}
+    for kind in reversed([one for one in of.__mro__ if is_dataclass(one)]):
+        source = inspect.getsource(kind)
+        tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+        comments = {one.start[0]: one for one in tokens if one.type == tokenize.COMMENT}
+        alone = {row for row, one in comments.items() if one.line.lstrip().startswith("#")}
+        for node in ast.walk(ast.parse(source)):
+            if not isinstance(node, ast.AnnAssign) or not isinstance(node.target, ast.Name):
+                continue
+            lines = [
+                row for row in range(node.lineno, (node.end_lineno or node.lineno) + 1) if row in comments
+            ]
+            if not lines:
+                above = node.lineno - 1
+                while above in alone:
+                    lines, above = [above, *lines], above - 1
+            if lines:
+                effects[node.target.id] = _text(" ".join(comments[row].string[1:].strip() for row in lines))
+    return effects
 
 
 def _has_no_default(field: "Field[Any]") -> bool:
@@ -144,6 +172,8 @@ def _type_text(hint: Any) -> str:
 
 def _limits(marks: tuple[Any, ...]) -> Iterator[str]:
     for mark in marks:
+        if isinstance(mark, Interval):
+            yield from _limits(tuple(mark))
         for kind, attribute, sign in SIGNS:
             if isinstance(mark, kind):
                 yield f"{sign} {getattr(mark, attribute):g}"
