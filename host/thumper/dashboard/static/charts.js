@@ -1,6 +1,6 @@
 // Strip charts of both wheels: set-point and speed, PWM and its integral part. Freeze, window, CSV.
 
-import uPlot from "./uplot/uPlot.esm.js";
+import uPlot from "./uplot_module.js";
 import { colour, onTheme } from "./colours.js";
 import { on } from "./stream.js";
 
