@@ -102,7 +102,7 @@ def test_charts_freeze_and_are_saved(page: Page) -> None:
 def test_a_real_robot_is_named_so(page: Page, robot: FakeRobot) -> None:
     robot.simulated = False
     try:
-        expect(page.locator("#tp-banner")).to_have_text("Real robot: it moves")
+        expect(page.locator("#tp-banner")).to_have_text("Real robot: it can move at any time")
         expect(page.locator(".tp-tab-sim")).to_be_hidden()
     finally:
         robot.simulated = True

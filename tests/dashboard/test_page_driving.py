@@ -56,7 +56,7 @@ def test_pose_estimate_and_waypoints(page: Page, robot: FakeRobot) -> None:
     page.keyboard.press("w")
     for place_m in ((1.0, 0.5), (3.0, 0.5), (3.0, 1.2)):
         drag(page, place_m, place_m)
-    page.click(".tp-route >> text=Drive")
+    page.click(".tp-waypointbar >> text=Drive")
     goals = until(lambda: robot.said(GoTo))[0].goals
     assert [(g.x_m, g.y_m) for g in goals] == [
         pytest.approx(place_m, abs=0.02) for place_m in ((1.0, 0.5), (3.0, 0.5), (3.0, 1.2))

@@ -61,7 +61,7 @@ def test_a_gamepad_drives_while_its_button_is_held_and_the_page_has_the_focus(
         time.sleep(0.4)
         return any(velocity.twist.v_m_s > 0.3 for velocity in robot.said(Velocity))
 
-    let_go = "!document.querySelector('.tp-drive').drive.mustLetGo"
+    let_go = "!document.querySelector('.tp-drive').manualDrive.mustRelease"
     page.evaluate(PAD, [True, 1.0])
     assert not drives()  # held when it was first seen: it must be let go of once
     page.evaluate(PAD, [False, 1.0])

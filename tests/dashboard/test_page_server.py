@@ -39,7 +39,7 @@ def test_it_follows_a_robot_that_was_started_anew(browser: Browser, tmp_path: Pa
             page.click(".tp-estop")
             until(partial(robot.said, EmergencyStop))
             robot.close()
-            expect(banner).to_contain_text("No word from the robot")
+            expect(banner).to_contain_text("No data from the robot")
     finally:
         page.close()
         server.close()

@@ -159,7 +159,7 @@ def _field(name: str, text: str = "") -> ui.element:
 
 
 def _order(text: str, order: dict[str, Any], kind: str) -> ui.element:
-    """A button that `static/orders.js` acts on."""
-    with button(kind, {"data-order": json.dumps(order)}) as ordering:
+    """A button that `static/commands.js` acts on."""
+    with button(kind, {"data-command": json.dumps(order)}) as ordering:
         ui.html(text, tag="span", sanitize=False)
     return ordering

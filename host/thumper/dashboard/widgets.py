@@ -9,7 +9,7 @@ from nicegui.element import Element
 STATIC = Path(__file__).parent / "static"
 
 
-class Part(Element, component="part.js", esm={"thumper-dashboard": str(STATIC)}):
+class Part(Element, component="widget.js", esm={"thumper-dashboard": str(STATIC)}):
     """A place where `static/index.js` puts one of its parts."""
 
     def __init__(self, name: str, options: dict[str, Any] | None = None) -> None:

@@ -1,15 +1,16 @@
-// Colours that canvas and charts share with the style sheet.
+// Colours of the style sheet (`--tp-*`) for canvas and charts.
 
+const FALLBACK = "#888";
 const cache = new Map();
 
 export function colour(name) {
   if (!cache.has(name)) {
-    cache.set(name, getComputedStyle(document.body).getPropertyValue(`--tp-${name}`).trim() || "#888");
+    cache.set(name, getComputedStyle(document.body).getPropertyValue(`--tp-${name}`).trim() || FALLBACK);
   }
   return cache.get(name);
 }
 
-export function onTheme(listener) {
+export function onThemeChange(listener) {
   new MutationObserver(() => {
     cache.clear();
     listener();

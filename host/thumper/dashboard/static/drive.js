@@ -1,28 +1,32 @@
-// Driving by hand: a stick on the page, and a gamepad of the browser. Hold to drive; letting go is a zero.
+// Manual driving: an on-screen joystick and the browser's gamepad. Both drive only while they are held;
+// a release sends zero speed.
 
 import { on, send, state } from "./stream.js";
 
 const PERIOD_MS = 50;
-const DEAD = 0.1;
-const EXPO = 0.3;
-const PAD = { forward: 1, turn: 2, hold: 4, turbo: 5, stop: 1, arm: 9 }; // of the standard mapping
+const DEADBAND = 0.1;
+const EXPO = 0.3; // share of the cubic term
+const KNOB_TRAVEL = 0.7; // of the joystick's radius
+const AXES = { forward: 1, turn: 2 }; // indices of the browser's standard gamepad mapping
+const BUTTONS = { deadman: 4, turbo: 5, stop: 1, arm: 9 };
 
-function shaped(value) {
-  const size = Math.abs(value);
-  if (size < DEAD) return 0;
-  const rest = (size - DEAD) / (1 - DEAD);
-  return Math.sign(value) * ((1 - EXPO) * rest + EXPO * rest ** 3);
+// Joystick curve: deadband, then linear plus cubic (fine control at low speed).
+function applyCurve(value) {
+  const magnitude = Math.abs(value);
+  if (magnitude < DEADBAND) return 0;
+  const scaled = (magnitude - DEADBAND) / (1 - DEADBAND);
+  return Math.sign(value) * ((1 - EXPO) * scaled + EXPO * scaled ** 3);
 }
 
-class Drive {
+class ManualDrive {
   constructor(root) {
-    this.stick = null; // [forward, left] while held
+    this.joystick = null; // [forward, left] while held
     this.turbo = false;
     this.driving = false;
-    this.mustLetGo = true; // the pad's button must be seen up before it counts
+    this.mustRelease = true; // ignore the gamepad's deadman button until it was seen released
     this.pressed = new Set();
     this.build(root);
-    setInterval(() => this.tick(), PERIOD_MS);
+    setInterval(() => this.update(), PERIOD_MS);
     document.addEventListener("visibilitychange", () => { if (document.hidden) this.release(); });
     window.addEventListener("blur", () => this.release());
     window.addEventListener("pagehide", () => this.release());
@@ -31,7 +35,7 @@ class Drive {
 
   build(root) {
     root.innerHTML = `
-      <div class="tp-stick" role="slider" aria-label="drive stick" tabindex="-1"><div class="tp-knob"></div></div>
+      <div class="tp-stick" role="slider" aria-label="joystick" tabindex="-1"><div class="tp-knob"></div></div>
       <div class="tp-stickside">
         <label class="tp-check"><input type="checkbox"> Turbo</label>
         <div class="tp-speeds"><span></span><span></span></div>
@@ -40,87 +44,90 @@ class Drive {
     this.area = root.querySelector(".tp-stick");
     this.knob = root.querySelector(".tp-knob");
     this.speeds = root.querySelectorAll(".tp-speeds span");
-    this.pad = root.querySelector(".tp-pad");
+    this.gamepadStatus = root.querySelector(".tp-pad");
     root.querySelector("input").addEventListener("change", (event) => {
       this.turbo = event.target.checked;
       event.target.blur();
     });
     this.area.addEventListener("pointerdown", (event) => {
       this.area.setPointerCapture(event.pointerId);
-      this.moveStick(event);
+      this.moveJoystick(event);
     });
-    this.area.addEventListener("pointermove", (event) => { if (this.stick) this.moveStick(event); });
-    for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
-      this.area.addEventListener(end, () => this.release());
+    this.area.addEventListener("pointermove", (event) => { if (this.joystick) this.moveJoystick(event); });
+    for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) {
+      this.area.addEventListener(name, () => this.release());
     }
   }
 
-  moveStick(event) {
+  moveJoystick(event) {
     const box = this.area.getBoundingClientRect();
     const radius = box.width / 2;
-    let dx = (event.clientX - box.left - radius) / (0.7 * radius);
-    let dy = (event.clientY - box.top - radius) / (0.7 * radius);
-    const long = Math.hypot(dx, dy);
-    if (long > 1) [dx, dy] = [dx / long, dy / long];
-    this.stick = [-dy, -dx];
+    let dx = (event.clientX - box.left - radius) / (KNOB_TRAVEL * radius);
+    let dy = (event.clientY - box.top - radius) / (KNOB_TRAVEL * radius);
+    const length = Math.hypot(dx, dy);
+    if (length > 1) [dx, dy] = [dx / length, dy / length];
+    this.joystick = [-dy, -dx];
     this.knob.style.transform = `translate(${35 * dx}%, ${35 * dy}%)`;
     this.knob.style.setProperty("--dx", dx);
     this.knob.style.setProperty("--dy", dy);
   }
 
   release() {
-    this.stick = null;
+    this.joystick = null;
     this.knob.style.setProperty("--dx", 0);
     this.knob.style.setProperty("--dy", 0);
-    if (this.driving) this.order(0, 0, false);
+    if (this.driving) this.sendTeleop(0, 0, false);
     this.driving = false;
-    this.mustLetGo = true;
+    this.mustRelease = true;
   }
 
-  gamepad() {
-    const pad = [...(navigator.getGamepads?.() ?? [])].find((one) => one?.connected);
-    const down = (button) => Boolean(pad?.buttons[button]?.pressed);
-    this.onPress("stop", down(PAD.stop), { kind: "estop" }); // whatever has the focus
-    // Without the focus a browser may go on showing the pad as it was: a stick that never comes back.
-    if (!pad || document.hidden || !document.hasFocus()) {
-      this.pad.textContent = pad ? "Click this page to drive with the gamepad" : "No gamepad: press a button of it";
-      this.mustLetGo = true;
+  // Return [forward, left, turbo] while the gamepad drives, else null. Handles its stop and arm buttons.
+  readGamepad() {
+    const gamepad = [...(navigator.getGamepads?.() ?? [])].find((candidate) => candidate?.connected);
+    const isDown = (button) => Boolean(gamepad?.buttons[button]?.pressed);
+    this.sendOnPress("stop", isDown(BUTTONS.stop), { kind: "estop" }); // works without the focus, too
+    // Without the focus a browser may keep reporting the last state of the gamepad: a stick that never returns.
+    if (!gamepad || document.hidden || !document.hasFocus()) {
+      this.gamepadStatus.textContent = gamepad ? "Click this page to drive with the gamepad"
+        : "No gamepad found: press any of its buttons";
+      this.mustRelease = true;
       return null;
     }
-    this.onPress("arm", down(PAD.arm), { kind: "command", name: "arm" });
-    this.pad.textContent = `${pad.id.slice(0, 24)}: ${down(PAD.hold) ? "driving" : "hold LB to drive"}`;
-    if (!down(PAD.hold)) this.mustLetGo = false;
-    if (!down(PAD.hold) || this.mustLetGo) return null;
-    return [-pad.axes[PAD.forward], -pad.axes[PAD.turn], down(PAD.turbo)];
+    this.sendOnPress("arm", isDown(BUTTONS.arm), { kind: "command", name: "arm" });
+    const held = isDown(BUTTONS.deadman);
+    this.gamepadStatus.textContent = `${gamepad.id.slice(0, 24)}: ${held ? "driving" : "hold LB to drive"}`;
+    if (!held) this.mustRelease = false;
+    if (!held || this.mustRelease) return null;
+    return [-gamepad.axes[AXES.forward], -gamepad.axes[AXES.turn], isDown(BUTTONS.turbo)];
   }
 
-  onPress(name, isDown, order) {
-    if (isDown && !this.pressed.has(name)) send(order);
+  sendOnPress(name, isDown, message) {
+    if (isDown && !this.pressed.has(name)) send(message);
     if (isDown) this.pressed.add(name);
     else this.pressed.delete(name);
   }
 
-  tick() {
-    const pad = this.gamepad();
-    const held = this.stick ? [...this.stick, this.turbo] : pad;
-    if (held) {
+  update() {
+    const gamepad = this.readGamepad();
+    const input = this.joystick ? [...this.joystick, this.turbo] : gamepad;
+    if (input) {
       this.driving = true;
-      this.order(shaped(held[0]), shaped(held[1]), held[2]);
+      this.sendTeleop(applyCurve(input[0]), applyCurve(input[1]), input[2]);
     } else if (this.driving) {
       this.release();
     }
   }
 
-  order(forward, left, turbo) {
+  sendTeleop(forward, left, turbo) {
     send({ kind: "teleop", forward, left, turbo });
     const limits = state.values.limits;
     if (!limits) return;
-    const share = turbo ? 1 : limits.slow;
-    this.speeds[0].textContent = `${(forward * share * limits.v_m_s).toFixed(2)} m/s`;
-    this.speeds[1].textContent = `${(left * share * limits.w_rad_s).toFixed(2)} rad/s`;
+    const scale = turbo ? 1 : limits.slow;
+    this.speeds[0].textContent = `${(forward * scale * limits.v_m_s).toFixed(2)} m/s`;
+    this.speeds[1].textContent = `${(left * scale * limits.w_rad_s).toFixed(2)} rad/s`;
   }
 }
 
 export function drive(root) {
-  root.drive = new Drive(root);
+  root.manualDrive = new ManualDrive(root);
 }

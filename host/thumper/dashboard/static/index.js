@@ -1,23 +1,23 @@
-// The page's own parts, by name; `part.js` puts each into its place.
+// Entry point: the page's own widgets by name. `widget.js` mounts each of them.
 
 import { charts } from "./charts.js";
+import { startCommands } from "./commands.js";
 import { drive } from "./drive.js";
 import { log } from "./log.js";
 import { map } from "./map_view.js";
-import { startOrders } from "./orders.js";
 import { startReadouts } from "./readouts.js";
-import { start, state } from "./stream.js";
+import { startStream, state } from "./stream.js";
 import { tune } from "./tune.js";
 
-export const parts = { charts, drive, log, map, tune };
+export const widgets = { charts, drive, log, map, tune };
 
 let started = false;
 
-export function begin() {
+export function startPage() {
   if (started) return;
   started = true;
-  startOrders();
+  startCommands();
   startReadouts();
-  start();
-  window.thumper = { state }; // for the curious, and for tests
+  startStream();
+  window.thumper = { state }; // for the browser console and for tests
 }

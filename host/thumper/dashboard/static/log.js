@@ -1,20 +1,22 @@
-// What the robot says: its newest events, newest on top.
+// The robot's event log, newest line first.
 
 import { on } from "./stream.js";
 
-const KEPT = 100;
+const MAX_LINES = 100;
+const MIN_UNIX_TIME_S = 1e8; // smaller stamps are seconds of a simulation, not a time of day
 
 export function log(root) {
   on("events", (events) => {
     for (const { time_s, level, text } of events) {
       const line = document.createElement("div");
       line.className = `tp-logline ${level}`;
-      const when = line.appendChild(document.createElement("time"));
-      when.textContent = time_s > 1e8 ? new Date(1000 * time_s).toLocaleTimeString("en-GB") : `${time_s.toFixed(1)} s`;
+      const time = line.appendChild(document.createElement("time"));
+      time.textContent = time_s > MIN_UNIX_TIME_S
+        ? new Date(1000 * time_s).toLocaleTimeString("en-GB") : `${time_s.toFixed(1)} s`;
       line.appendChild(document.createElement("span")).textContent = text;
       root.prepend(line);
     }
-    while (root.children.length > KEPT) root.lastChild.remove();
+    while (root.children.length > MAX_LINES) root.lastChild.remove();
   });
-  on("whole", () => root.replaceChildren());
+  on("snapshot", () => root.replaceChildren());
 }

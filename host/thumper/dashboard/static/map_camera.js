@@ -1,16 +1,17 @@
-// Where the map is looked at from: metres to pixels and back, pan, zoom, follow.
+// View of the map: converts metres to pixels and back; pan, zoom, fit.
 
-const NEAREST = 600; // pixels a metre
-const FARTHEST = 3;
+const MAX_SCALE = 600; // pixels per metre
+const MIN_SCALE = 3;
+const FIT_MARGIN_M = 0.3;
 
 export class Camera {
   constructor() {
-    this.x = 0;
+    this.x = 0; // centre of the view in the map frame [m]
     this.y = 0;
-    this.scale = 80; // pixels a metre
-    this.width = 1;
+    this.scale = 80; // pixels per metre
+    this.width = 1; // pixels
     this.height = 1;
-    this.touched = false; // the user has chosen what to see: no more fitting by itself
+    this.userControlled = false; // the user chose a view: do not fit automatically any more
   }
 
   toScreen(x, y) {
@@ -22,26 +23,27 @@ export class Camera {
   }
 
   pan(dx, dy) {
-    this.touched = true;
+    this.userControlled = true;
     this.x -= dx / this.scale;
     this.y += dy / this.scale;
   }
 
+  // Zoom about a pixel: the point of the map under it stays there.
   zoom(factor, px, py) {
-    this.touched = true;
+    this.userControlled = true;
     const [x, y] = this.toMap(px, py);
-    this.scale = Math.min(NEAREST, Math.max(FARTHEST, this.scale * factor));
-    const [nx, ny] = this.toMap(px, py);
-    this.x += x - nx;
-    this.y += y - ny;
+    this.scale = Math.min(MAX_SCALE, Math.max(MIN_SCALE, this.scale * factor));
+    const [newX, newY] = this.toMap(px, py);
+    this.x += x - newX;
+    this.y += y - newY;
   }
 
+  // Show a rectangle of the map [m].
   fit(left, bottom, right, top) {
-    const margin = 0.3;
     this.x = (left + right) / 2;
     this.y = (bottom + top) / 2;
-    const wide = this.width / (right - left + 2 * margin);
-    const high = this.height / (top - bottom + 2 * margin);
-    this.scale = Math.min(NEAREST / 2, Math.max(FARTHEST, Math.min(wide, high)));
+    const horizontal = this.width / (right - left + 2 * FIT_MARGIN_M);
+    const vertical = this.height / (top - bottom + 2 * FIT_MARGIN_M);
+    this.scale = Math.min(MAX_SCALE / 2, Math.max(MIN_SCALE, Math.min(horizontal, vertical)));
   }
 }

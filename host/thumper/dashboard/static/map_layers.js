@@ -1,7 +1,8 @@
-// How each layer of the map is drawn. The context's unit is the pixel; `camera` turns metres into them.
+// Draws the map's layers. The canvas context works in pixels; `camera` converts metres to pixels.
 
 import { colour } from "./colours.js";
 
+// Name of the layer, label in the menu.
 export const LAYERS = [
   ["map", "Map"],
   ["local_costmap", "Costmap"],
@@ -13,7 +14,7 @@ export const LAYERS = [
   ["footprint", "Robot"],
 ];
 
-function mix(a, b, share) {
+function interpolate(a, b, share) {
   return a.map((value, k) => Math.round(value + share * (b[k] - value)));
 }
 
@@ -22,13 +23,13 @@ function rgb(name) {
   return [0, 2, 4].map((k) => parseInt(hex.slice(k, k + 2), 16));
 }
 
-// Pixel of the PNG (0 unknown, 1...101 occupancy) -> RGBA.
+// A palette is a table of 256 RGBA colours, indexed by the PNG's pixel: 0 unknown, else occupancy (0...100) + 1.
 export function mapPalette() {
   const table = new Uint8ClampedArray(256 * 4);
   const free = rgb("map-free");
   const wall = rgb("map-wall");
   for (let value = 1; value <= 101; value += 1) {
-    table.set([...mix(free, wall, (value - 1) / 100), 255], 4 * value);
+    table.set([...interpolate(free, wall, (value - 1) / 100), 255], 4 * value);
   }
   return table;
 }
@@ -39,57 +40,59 @@ export function costPalette() {
   const high = rgb("cost-high");
   for (let value = 2; value <= 101; value += 1) {
     const share = (value - 1) / 100;
-    table.set([...mix(low, high, share), Math.round(15 + 110 * share ** 2)], 4 * value);
+    table.set([...interpolate(low, high, share), Math.round(15 + 110 * share ** 2)], 4 * value);
   }
   return table;
 }
 
-export async function gridImage({ place, cells }, palette) {
-  const bitmap = await createImageBitmap(new Blob([cells], { type: "image/png" }), {
-    colorSpaceConversion: "none",
+// Colour a grid's PNG. Return the canvas (row 0 at the bottom) and the bounds of the known cells.
+export async function gridImage({ info, png }, palette) {
+  const bitmap = await createImageBitmap(new Blob([png], { type: "image/png" }), {
+    colorSpaceConversion: "none", // the pixels are data, not colours
   });
   const canvas = document.createElement("canvas");
-  canvas.width = place.columns;
-  canvas.height = place.rows;
+  canvas.width = info.columns;
+  canvas.height = info.rows;
   const context = canvas.getContext("2d", { willReadFrequently: true });
   context.drawImage(bitmap, 0, 0);
   const pixels = context.getImageData(0, 0, canvas.width, canvas.height);
-  const known = { left: place.columns, right: 0, low: place.rows, high: 0 }; // in cells
+  const bounds = { left: info.columns, right: 0, bottom: info.rows, top: 0 }; // in cells
   for (let k = 0; k < pixels.data.length; k += 4) {
-    const from = 4 * pixels.data[k];
-    if (from) {
-      const column = (k / 4) % place.columns;
-      const row = Math.floor(k / 4 / place.columns);
-      known.left = Math.min(known.left, column);
-      known.right = Math.max(known.right, column + 1);
-      known.low = Math.min(known.low, row);
-      known.high = Math.max(known.high, row + 1);
+    const entry = 4 * pixels.data[k];
+    if (entry) {
+      const column = (k / 4) % info.columns;
+      const row = Math.floor(k / 4 / info.columns);
+      bounds.left = Math.min(bounds.left, column);
+      bounds.right = Math.max(bounds.right, column + 1);
+      bounds.bottom = Math.min(bounds.bottom, row);
+      bounds.top = Math.max(bounds.top, row + 1);
     }
-    pixels.data.set(palette.subarray(from, from + 4), k);
+    pixels.data.set(palette.subarray(entry, entry + 4), k);
   }
   context.putImageData(pixels, 0, 0);
-  // PNG rows go down, grid rows go up.
+  // A PNG's rows run top to bottom, a grid's rows bottom to top.
   const upright = document.createElement("canvas");
   upright.width = canvas.width;
   upright.height = canvas.height;
-  const turned = upright.getContext("2d");
-  turned.translate(0, canvas.height);
-  turned.scale(1, -1);
-  turned.drawImage(canvas, 0, 0);
-  return { image: upright, place, known };
+  const flipped = upright.getContext("2d");
+  flipped.translate(0, canvas.height);
+  flipped.scale(1, -1);
+  flipped.drawImage(canvas, 0, 0);
+  return { image: upright, info, bounds };
 }
 
-export function drawGrid(context, camera, { image, place }) {
-  const [x, y] = place.origin;
+export function drawGrid(context, camera, { image, info }) {
+  const [x, y] = info.origin;
   const [px, py] = camera.toScreen(x, y);
-  const cell = place.resolution_m * camera.scale;
+  const cell = info.resolution_m * camera.scale;
   context.save();
   context.imageSmoothingEnabled = false;
   context.translate(px, py);
-  context.drawImage(image, 0, -place.rows * cell, place.columns * cell, place.rows * cell);
+  context.drawImage(image, 0, -info.rows * cell, info.columns * cell, info.rows * cell);
   context.restore();
 }
 
+// Grid lines over the whole view, and a scale bar.
 export function drawRuler(context, camera) {
   const step = [0.1, 0.25, 0.5, 1, 2, 5, 10].find((metres) => metres * camera.scale >= 45) ?? 20;
   const [left, top] = camera.toMap(0, 0);
@@ -108,20 +111,21 @@ export function drawRuler(context, camera) {
     context.lineTo(camera.width, py);
   }
   context.stroke();
-  const long = step * camera.scale;
+  const length = step * camera.scale;
   context.fillStyle = context.strokeStyle = colour("muted");
   context.lineWidth = 2;
   context.beginPath();
-  const base = camera.height - 14;
-  context.moveTo(14, base - 5);
-  context.lineTo(14, base);
-  context.lineTo(14 + long, base);
-  context.lineTo(14 + long, base - 5);
+  const baseline = camera.height - 14;
+  context.moveTo(14, baseline - 5);
+  context.lineTo(14, baseline);
+  context.lineTo(14 + length, baseline);
+  context.lineTo(14 + length, baseline - 5);
   context.stroke();
   context.font = "12px Roboto, sans-serif";
-  context.fillText(`${step} m`, 18, base - 5);
+  context.fillText(`${step} m`, 18, baseline - 5);
 }
 
+// `points` is x, y, x, y, ... [m]; `name` is a colour of the style sheet.
 export function drawPoints(context, camera, points, name, size) {
   context.fillStyle = colour(name);
   for (let k = 0; k + 1 < points.length; k += 2) {
@@ -142,43 +146,46 @@ export function drawLine(context, camera, points, name, width, dash = []) {
   context.setLineDash([]);
 }
 
+// `particles` is x, y, heading, ... [m, rad].
 export function drawParticles(context, camera, particles) {
   context.strokeStyle = colour("particles");
   context.lineWidth = 1;
-  const long = 9;
+  const length = 9;
   context.beginPath();
   for (let k = 0; k + 2 < particles.length; k += 3) {
     const [px, py] = camera.toScreen(particles[k], particles[k + 1]);
     context.moveTo(px, py);
-    context.lineTo(px + long * Math.cos(particles[k + 2]), py - long * Math.sin(particles[k + 2]));
+    context.lineTo(px + length * Math.cos(particles[k + 2]), py - length * Math.sin(particles[k + 2]));
   }
   context.stroke();
 }
 
-export function drawRobot(context, camera, [x, y, theta], outline) {
+// `footprint` is the robot's outline in its own frame: [x, y] [m].
+export function drawRobot(context, camera, [x, y, theta], footprint) {
   const [px, py] = camera.toScreen(x, y);
   context.save();
   context.translate(px, py);
   context.rotate(-theta);
   context.beginPath();
-  for (const [vx, vy] of outline) context.lineTo(vx * camera.scale, -vy * camera.scale);
+  for (const [vx, vy] of footprint) context.lineTo(vx * camera.scale, -vy * camera.scale);
   context.closePath();
   context.fillStyle = colour("robot");
   context.strokeStyle = colour("robot-edge");
   context.lineWidth = 1.5;
   context.fill();
   context.stroke();
-  const nose = Math.max(...outline.map(([vx]) => vx)) * camera.scale;
-  context.beginPath(); // an arrowhead: which way is forward
-  context.moveTo(nose * 0.85, 0);
-  context.lineTo(nose * 0.3, -nose * 0.32);
-  context.lineTo(nose * 0.3, nose * 0.32);
+  const front = Math.max(...footprint.map(([vx]) => vx)) * camera.scale;
+  context.beginPath(); // an arrowhead that points forward
+  context.moveTo(front * 0.85, 0);
+  context.lineTo(front * 0.3, -front * 0.32);
+  context.lineTo(front * 0.3, front * 0.32);
   context.closePath();
   context.fillStyle = colour("robot-nose");
   context.fill();
   context.restore();
 }
 
+// A circle with an arrow along `theta`, or with a dot if `theta` is null.
 export function drawArrow(context, camera, x, y, theta, name, label = "") {
   const [px, py] = camera.toScreen(x, y);
   context.save();

@@ -1,13 +1,13 @@
-// The map: a canvas with layers, and tools that turn a click or a drag into an order.
+// The map widget: a canvas with layers, and tools that turn a click or a drag into a command.
 
-import { colour, onTheme } from "./colours.js";
+import { colour, onThemeChange } from "./colours.js";
 import { Camera } from "./map_camera.js";
 import * as layers from "./map_layers.js";
-import { Tools } from "./map_tools.js";
+import { MapTools } from "./map_tools.js";
 import { on, state } from "./stream.js";
 
 const TRAIL_STEP_M = 0.03;
-const TRAIL_POINTS = 4000;
+const MAX_TRAIL_POINTS = 4000;
 
 class MapView {
   constructor(root, options) {
@@ -17,27 +17,26 @@ class MapView {
     this.canvas.setAttribute("aria-label", "map");
     this.context = this.canvas.getContext("2d");
     this.data = { scan: [], plan: [], local_plan: [], particles: [], trail: [] };
-    this.grids = {};
-    this.raw = {};
+    this.grids = {}; // as drawn
+    this.receivedGrids = {};
     this.pose = null;
-    this.scans = 0;
+    this.scanCount = 0;
     this.follow = false;
-    this.shown = Object.fromEntries(layers.LAYERS.map(([name]) => [name, true]));
-    this.dirty = true;
-    this.drawn = 0; // frames, for tests and benchmarks
-    this.tools = new Tools(this, root);
+    this.visible = Object.fromEntries(layers.LAYERS.map(([name]) => [name, true]));
+    this.dirty = true; // redraw at the next animation frame
+    this.tools = new MapTools(this, root);
     new ResizeObserver(() => this.resize()).observe(this.canvas);
-    onTheme(() => this.repaint());
+    onThemeChange(() => this.recolour());
     for (const name of ["scan", "plan", "local_plan", "particles"]) {
-      on(name, (points) => this.change(() => { this.data[name] = points; }));
+      on(name, (points) => this.update(() => { this.data[name] = points; }));
     }
     for (const name of ["map", "local_costmap"]) on(name, (grid) => this.setGrid(name, grid));
-    on("pose", (pose) => this.change(() => this.setPose(pose)));
-    on("status", ({ lidar_scans }) => this.change(() => {
-      if (lidar_scans < this.scans) this.data.trail = []; // the robot was started anew, with another map
-      this.scans = lidar_scans;
+    on("pose", (pose) => this.update(() => this.setPose(pose)));
+    on("status", ({ lidar_scans }) => this.update(() => {
+      if (lidar_scans < this.scanCount) this.data.trail = []; // the count fell: the robot restarted with a new map
+      this.scanCount = lidar_scans;
     }));
-    on("fresh", () => this.change(() => { this.data.trail = []; }));
+    on("opened", () => this.update(() => { this.data.trail = []; }));
     this.resize();
     const frame = () => {
       if (this.dirty && this.canvas.isConnected) this.draw();
@@ -46,8 +45,8 @@ class MapView {
     requestAnimationFrame(frame);
   }
 
-  change(what) {
-    what();
+  update(change) {
+    change();
     this.dirty = true;
   }
 
@@ -59,70 +58,72 @@ class MapView {
     this.canvas.width = Math.round(box.width * ratio);
     this.canvas.height = Math.round(box.height * ratio);
     this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    if (!this.camera.touched) this.fit();
+    if (!this.camera.userControlled) this.fit();
     this.dirty = true;
   }
 
+  // Take the newest pose; extend the trail and, if `follow` is on, centre the view.
   setPose(pose) {
     this.pose = pose;
     const trail = this.data.trail;
-    const far = trail.length === 0
+    const hasMoved = trail.length === 0
       || Math.hypot(pose[0] - trail.at(-2), pose[1] - trail.at(-1)) > TRAIL_STEP_M;
-    if (far) trail.push(pose[0], pose[1]);
-    if (trail.length > 2 * TRAIL_POINTS) trail.splice(0, 2);
+    if (hasMoved) trail.push(pose[0], pose[1]);
+    if (trail.length > 2 * MAX_TRAIL_POINTS) trail.splice(0, 2);
     if (this.follow) [this.camera.x, this.camera.y] = pose;
   }
 
   async setGrid(name, grid) {
-    this.raw[name] = grid;
+    this.receivedGrids[name] = grid;
     const palette = name === "map" ? layers.mapPalette() : layers.costPalette();
-    const painted = await layers.gridImage(grid, palette);
-    if (this.raw[name] !== grid) return; // a newer one has overtaken it
-    this.grids[name] = painted;
-    if (name === "map" && !this.camera.touched) this.fit();
+    const image = await layers.gridImage(grid, palette);
+    if (this.receivedGrids[name] !== grid) return; // a newer grid arrived meanwhile
+    this.grids[name] = image;
+    if (name === "map" && !this.camera.userControlled) this.fit();
     this.dirty = true;
   }
 
-  repaint() {
-    for (const [name, grid] of Object.entries(this.raw)) this.setGrid(name, grid);
+  // Colour the grids again after a change of theme.
+  recolour() {
+    for (const [name, grid] of Object.entries(this.receivedGrids)) this.setGrid(name, grid);
     this.dirty = true;
   }
 
+  // Show all known cells of the map.
   fit() {
-    const { place, known } = this.grids.map ?? {};
-    if (!place || known.left >= known.right) return;
-    const [x, y] = place.origin;
-    const size = place.resolution_m;
-    this.camera.fit(x + known.left * size, y + known.low * size,
-      x + known.right * size, y + known.high * size);
+    const { info, bounds } = this.grids.map ?? {};
+    if (!info || bounds.left >= bounds.right) return;
+    const [x, y] = info.origin;
+    const cell = info.resolution_m;
+    this.camera.fit(x + bounds.left * cell, y + bounds.bottom * cell,
+      x + bounds.right * cell, y + bounds.top * cell);
     this.dirty = true;
   }
 
   draw() {
-    const { context, camera, data, shown } = this;
+    const { context, camera, data, visible } = this;
     this.dirty = false;
     context.fillStyle = colour("map-unknown");
     context.fillRect(0, 0, camera.width, camera.height);
-    if (shown.map && this.grids.map) layers.drawGrid(context, camera, this.grids.map);
-    if (shown.local_costmap && this.grids.local_costmap) {
+    if (visible.map && this.grids.map) layers.drawGrid(context, camera, this.grids.map);
+    if (visible.local_costmap && this.grids.local_costmap) {
       layers.drawGrid(context, camera, this.grids.local_costmap);
     }
     layers.drawRuler(context, camera);
-    if (shown.trail) layers.drawLine(context, camera, data.trail, "trail", 2);
-    if (shown.particles) layers.drawParticles(context, camera, data.particles);
+    if (visible.trail) layers.drawLine(context, camera, data.trail, "trail", 2);
+    if (visible.particles) layers.drawParticles(context, camera, data.particles);
     const status = state.values.status;
-    if (status?.has_goal) { // without one, the newest plan is an old one
-      if (shown.plan) layers.drawLine(context, camera, data.plan, "plan", 3);
-      if (shown.local_plan) layers.drawLine(context, camera, data.local_plan, "local-plan", 3);
+    if (status?.has_goal) { // without a goal, the last plan is outdated
+      if (visible.plan) layers.drawLine(context, camera, data.plan, "plan", 3);
+      if (visible.local_plan) layers.drawLine(context, camera, data.local_plan, "local-plan", 3);
     }
-    if (shown.footprint && this.pose) layers.drawRobot(context, camera, this.pose, this.footprint);
-    if (shown.scan) layers.drawPoints(context, camera, data.scan, "scan", 3);
+    if (visible.footprint && this.pose) layers.drawRobot(context, camera, this.pose, this.footprint);
+    if (visible.scan) layers.drawPoints(context, camera, data.scan, "scan", 3);
     if (status?.has_goal) {
       layers.drawArrow(context, camera, status.goal_x_m, status.goal_y_m,
-        status.goal_yaw_rad ?? null, "goal"); // no heading asked for: none shown
+        status.goal_yaw_rad ?? null, "goal"); // a goal without a heading has no arrow
     }
     this.tools.draw(context, camera);
-    this.drawn += 1;
   }
 }
 

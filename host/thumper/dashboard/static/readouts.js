@@ -1,62 +1,66 @@
-// Numbers and words of the page: every element with `data-field` shows the value of that name.
+// Readouts and banner: each element with `data-field` shows the value of that field.
 
 import { on, state } from "./stream.js";
 
-const LINK_LOST_S = 1.5; // no message of the robot for so long
+const LINK_LOST_S = 1.5; // without a message from the robot for this long, its link counts as lost
+const NO_VALUE = "–";
 
-const fixed = (digits, unit) => (value) => (value === null || value === undefined ? "–" : `${value.toFixed(digits)} ${unit}`);
-const ms = (value) => (value === null || value === undefined ? "–" : `${(1000 * value).toFixed(0)} ms`);
+const isMissing = (value) => value === null || value === undefined;
+const formatVolts = (volts) => (isMissing(volts) ? NO_VALUE : `${volts.toFixed(2)} V`);
+const formatMetres = (metres) => (isMissing(metres) ? NO_VALUE : `${metres.toFixed(2)} m`);
+const formatMs = (seconds) => (isMissing(seconds) ? NO_VALUE : `${(1000 * seconds).toFixed(0)} ms`);
+const formatCount = (count) => (isMissing(count) ? NO_VALUE : count.toLocaleString("en-US").replaceAll(",", " "));
 
 const FIELDS = {
   robot: ({ status }) => status?.robot ?? "",
-  mode: ({ status }) => words(status?.mode),
+  mode: ({ status }) => formatName(status?.mode),
   reason: ({ status }) => status?.reason ?? "",
-  board_state: ({ board, status }) => words(board?.state ?? status?.board_state),
-  battery: ({ board }) => fixed(2, "V")(board?.battery_V),
-  distance: ({ status }) => (status?.has_goal ? fixed(2, "m")(status.distance_to_goal_m) : "–"),
-  pose: ({ pose }) => (pose ? `${pose[0].toFixed(2)}, ${pose[1].toFixed(2)} m` : "–"),
-  heading: ({ pose }) => (pose ? `${Math.round((pose[2] * 180) / Math.PI)}°` : "–"),
-  loop_late: ({ status }) => ms(status?.loop_late_s),
-  loop_busy: ({ status }) => ms(status?.loop_busy_s),
-  telemetry_age: ({ status }) => ms(status?.telemetry_age_s),
-  scan_age: ({ status }) => ms(status?.scan_age_s),
-  link_frames: ({ status }) => count(status?.link_frames),
-  link_errors: ({ status }) => count(status?.link_errors),
-  lost_edges: ({ status }) => count(status?.lost_edges),
-  lidar_scans: ({ status }) => count(status?.lidar_scans),
-  lidar_errors: ({ status }) => count(status?.lidar_errors),
-  lidar_restarts: ({ status }) => count(status?.lidar_restarts),
-  counts: ({ board }) => (board ? board.counts.join(" / ") : "–"),
-  pages: ({ pages }) => count(pages),
-  rtt: () => (state.rttMs === null ? "–" : `${state.rttMs.toFixed(0)} ms`),
-  recorded: ({ recording_s }) => clock(recording_s),
+  board_state: ({ board, status }) => formatName(board?.state ?? status?.board_state),
+  battery: ({ board }) => formatVolts(board?.battery_V),
+  distance: ({ status }) => (status?.has_goal ? formatMetres(status.distance_to_goal_m) : NO_VALUE),
+  pose: ({ pose }) => (pose ? `${pose[0].toFixed(2)}, ${pose[1].toFixed(2)} m` : NO_VALUE),
+  heading: ({ pose }) => (pose ? `${Math.round((pose[2] * 180) / Math.PI)}°` : NO_VALUE),
+  loop_late: ({ status }) => formatMs(status?.loop_late_s),
+  loop_busy: ({ status }) => formatMs(status?.loop_busy_s),
+  telemetry_age: ({ status }) => formatMs(status?.telemetry_age_s),
+  scan_age: ({ status }) => formatMs(status?.scan_age_s),
+  link_frames: ({ status }) => formatCount(status?.link_frames),
+  link_errors: ({ status }) => formatCount(status?.link_errors),
+  lost_edges: ({ status }) => formatCount(status?.lost_edges),
+  lidar_scans: ({ status }) => formatCount(status?.lidar_scans),
+  lidar_errors: ({ status }) => formatCount(status?.lidar_errors),
+  lidar_restarts: ({ status }) => formatCount(status?.lidar_restarts),
+  counts: ({ board }) => (board ? board.counts.join(" / ") : NO_VALUE),
+  pages: ({ pages }) => formatCount(pages),
+  rtt: () => (state.rttMs === null ? NO_VALUE : `${state.rttMs.toFixed(0)} ms`),
+  recorded: ({ recording_s }) => formatDuration(recording_s),
   fault_words: ({ status }) => status?.fault_words ?? "",
   fault_cure: ({ status }) => status?.fault_cure ?? "",
-  operator: ({ operator }) => (!operator ? "nobody" : operator === state.me ? "this page" : "another page"),
+  operator: ({ operator }) => (!operator ? "nobody" : operator === state.pageId ? "this page" : "another page"),
 };
 
-function words(name) {
-  return name ? name.toLowerCase().replaceAll("_", " ") : "–";
+// CLOSED_LOOP -> closed loop
+function formatName(name) {
+  return name ? name.toLowerCase().replaceAll("_", " ") : NO_VALUE;
 }
 
-function count(value) {
-  return value === undefined || value === null ? "–" : value.toLocaleString("en-US").replaceAll(",", " ");
-}
-
-function clock(seconds) {
-  if (seconds === null || seconds === undefined) return "";
+function formatDuration(seconds) {
+  if (isMissing(seconds)) return "";
   const whole = Math.floor(seconds);
   return `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")}`;
 }
 
-function banner({ status, silent_s }) {
-  if (!state.connected) return ["lost", "No connection to the dashboard's server. The robot stops by itself."];
-  if (silent_s === null || silent_s === undefined) return ["lost", "Waiting for the robot …"];
-  if (silent_s > LINK_LOST_S) return ["lost", `No word from the robot for ${silent_s.toFixed(0)} s. Is \`thumper run\` at work?`];
+// Return the banner's kind and text. `silent_s` is the time since the robot's last message; null before the first.
+function bannerContent({ status, silent_s }) {
+  if (!state.connected) return ["lost", "No connection to the dashboard server. The robot stops on its own."];
+  if (isMissing(silent_s)) return ["lost", "Waiting for the robot …"];
+  if (silent_s > LINK_LOST_S) {
+    return ["lost", `No data from the robot for ${silent_s.toFixed(0)} s. Is \`thumper run\` still running?`];
+  }
   if (!status) return ["lost", "Waiting for the robot …"];
   return status.simulated
     ? ["simulated", "Simulated robot"]
-    : ["real", "Real robot: it moves"];
+    : ["real", "Real robot: it can move at any time"];
 }
 
 function refresh() {
@@ -65,19 +69,19 @@ function refresh() {
     const text = String(FIELDS[element.dataset.field]?.(values) ?? "");
     if (element.textContent !== text) element.textContent = text;
   }
-  const [kind, text] = banner(values);
-  const bar = document.getElementById("tp-banner");
-  if (bar && (bar.dataset.kind !== kind || bar.textContent !== text)) {
-    bar.dataset.kind = kind;
-    bar.textContent = text;
+  const [kind, text] = bannerContent(values);
+  const banner = document.getElementById("tp-banner");
+  if (banner && (banner.dataset.kind !== kind || banner.textContent !== text)) {
+    banner.dataset.kind = kind;
+    banner.textContent = text;
   }
-  const body = document.body.dataset;
+  const flags = document.body.dataset; // the style sheet reads these
   const status = values.status ?? {};
-  body.link = kind === "lost" ? "lost" : "up";
-  body.simulated = Boolean(status.simulated);
-  body.recording = Boolean(status.recording);
-  body.fault = Boolean(status.fault);
-  body.batteryLow = Boolean(values.board?.battery_low);
+  flags.link = kind === "lost" ? "lost" : "up";
+  flags.simulated = Boolean(status.simulated);
+  flags.recording = Boolean(status.recording);
+  flags.fault = Boolean(status.fault);
+  flags.batteryLow = Boolean(values.board?.battery_low);
 }
 
 export function startReadouts() {

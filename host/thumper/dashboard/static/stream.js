@@ -1,37 +1,42 @@
-// The one connection to the server: packets in, orders out, and the heartbeat that lets the robot move.
+// The websocket to the server: receives packets, sends messages and the heartbeat that lets the robot move.
 
 const HEARTBEAT_MS = 100;
 const RETRY_MS = [200, 500, 1000, 2000];
-const STALE_MS = 1500; // no packet for so long: the picture is old, whatever the socket says
-const EVENTS_KEPT = 100; // for the log, which is there only once its tab has been opened
+const STALE_MS = 1500; // without a packet for this long the display is outdated, even if the socket is open
+const MAX_PENDING_HEARTBEATS = 50;
+const MAX_EVENTS = 100; // kept for the log, which exists only after its tab was opened
 
-const listeners = new Map(); // name -> functions; a name is a key of a packet, or one of the events below
-export const state = { connected: false, me: "", packets: 0, rttMs: null, values: {} };
+// Event name -> listeners. An event is a key of a packet, `packet`, `snapshot`, `connected`, `opened`
+// or `server:` and the kind of a text message.
+const listeners = new Map();
+export const state = { connected: false, pageId: "", packets: 0, rttMs: null, values: {} };
 
 let socket = null;
-let tries = 0;
+let retries = 0;
 let lastPacketMs = 0;
-let beat = 0;
-const beatSent = new Map();
+let heartbeatNumber = 0;
+const heartbeatSentMs = new Map(); // heartbeat number -> time
 
 export function on(name, listener) {
   if (!listeners.has(name)) listeners.set(name, new Set());
   listeners.get(name).add(listener);
-  if (name in state.values) listener(state.values[name]); // who comes late is told what is
+  if (name in state.values) listener(state.values[name]); // a late listener gets the current value at once
   return () => listeners.get(name).delete(listener);
 }
 
-function tell(name, value) {
+function emit(name, value) {
   for (const listener of listeners.get(name) ?? []) listener(value);
 }
 
-export function send(order) {
+// Send a message; return false if there is no connection.
+export function send(message) {
   if (socket?.readyState !== WebSocket.OPEN) return false;
-  socket.send(JSON.stringify(order));
+  socket.send(JSON.stringify(message));
   return true;
 }
 
-// A packet: length of the header, header (JSON), arrays; see packet.py.
+// Binary packet: header length (uint32, little-endian), header (JSON), arrays. The server's
+// `encode_packet` defines the format.
 export function decode(buffer) {
   const length = new DataView(buffer).getUint32(0, true);
   const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
@@ -45,41 +50,41 @@ export function decode(buffer) {
   return { header, arrays };
 }
 
-function take(buffer) {
+function handlePacket(buffer) {
   const { header, arrays } = decode(buffer);
   lastPacketMs = performance.now();
   state.packets += 1;
-  if (header.whole) { // all there is: its events are no news, and what was kept may be of another run
+  if (header.whole) { // a snapshot repeats events that we may already have, or comes from another run
     delete header.whole;
     delete state.values.events;
-    tell("whole", null);
+    emit("snapshot", null);
   }
-  const all = { ...header };
+  const values = { ...header };
   for (const [name, array] of Object.entries(arrays)) {
-    all[name] = name in header ? { place: header[name], cells: array } : array;
+    values[name] = name in header ? { info: header[name], png: array } : array;
   }
-  for (const [name, value] of Object.entries(all)) {
-    if (name === "events") state.values.events = [...(state.values.events ?? []), ...value].slice(-EVENTS_KEPT);
+  for (const [name, value] of Object.entries(values)) {
+    if (name === "events") state.values.events = [...(state.values.events ?? []), ...value].slice(-MAX_EVENTS);
     else if (name !== "wheels") state.values[name] = value;
-    tell(name, value);
+    emit(name, value);
   }
-  tell("packet", header);
+  emit("packet", header);
 }
 
-function takeText(text) {
+function handleText(text) {
   const message = JSON.parse(text);
-  if (message.kind === "hello") state.me = message.me;
-  if (message.kind === "beat" && beatSent.has(message.n)) {
-    state.rttMs = performance.now() - beatSent.get(message.n);
-    beatSent.clear();
+  if (message.kind === "hello") state.pageId = message.me;
+  if (message.kind === "beat" && heartbeatSentMs.has(message.n)) {
+    state.rttMs = performance.now() - heartbeatSentMs.get(message.n);
+    heartbeatSentMs.clear();
   }
-  tell(`server:${message.kind}`, message);
+  emit(`server:${message.kind}`, message);
 }
 
 function setConnected(connected) {
   if (state.connected === connected) return;
   state.connected = connected;
-  tell("connected", connected);
+  emit("connected", connected);
 }
 
 function connect() {
@@ -87,28 +92,30 @@ function connect() {
   socket = new WebSocket(`${scheme}://${location.host}/stream`);
   socket.binaryType = "arraybuffer";
   socket.onopen = () => {
-    tries = 0;
-    tell("fresh", null); // what was kept belongs to another run of the server
+    retries = 0;
+    emit("opened", null); // the server may have restarted: data from before the connection is outdated
   };
   socket.onmessage = (event) => {
-    if (typeof event.data === "string") takeText(event.data);
-    else take(event.data);
+    if (typeof event.data === "string") handleText(event.data);
+    else handlePacket(event.data);
     setConnected(true);
   };
   socket.onclose = () => {
     setConnected(false);
-    setTimeout(connect, RETRY_MS[Math.min(tries++, RETRY_MS.length - 1)]);
+    setTimeout(connect, RETRY_MS[Math.min(retries++, RETRY_MS.length - 1)]);
   };
 }
 
-export function start() {
+function sendHeartbeat() {
+  if (lastPacketMs && performance.now() - lastPacketMs > STALE_MS) setConnected(false);
+  if (document.hidden) return; // a hidden page must not keep the robot moving
+  heartbeatNumber += 1;
+  heartbeatSentMs.set(heartbeatNumber, performance.now());
+  if (heartbeatSentMs.size > MAX_PENDING_HEARTBEATS) heartbeatSentMs.clear();
+  send({ kind: "heartbeat", n: heartbeatNumber });
+}
+
+export function startStream() {
   connect();
-  setInterval(() => {
-    if (lastPacketMs && performance.now() - lastPacketMs > STALE_MS) setConnected(false);
-    if (document.hidden) return; // a page that nobody sees drives no robot
-    beat += 1;
-    beatSent.set(beat, performance.now());
-    if (beatSent.size > 50) beatSent.clear();
-    send({ kind: "heartbeat", n: beat });
-  }, HEARTBEAT_MS);
+  setInterval(sendHeartbeat, HEARTBEAT_MS);
 }

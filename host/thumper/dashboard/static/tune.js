@@ -1,14 +1,16 @@
-// Experiments that the robot drives by itself: identify its motors, tune its wheels; progress, result, report.
+// Experiments that the robot runs on its own: identify the motors, tune the wheels. Shows progress, result, report.
 
 import { on, send } from "./stream.js";
 
+const EXPERIMENTS = ["identify", "tune"];
+
 export function tune(root) {
   root.innerHTML = `
-    <p>The robot drives to and fro by itself. It needs a lane 0.8 m wide, free ahead of it and as far behind it.
-      Space, Esc or Cancel stop it, and so does leaving this page.</p>
+    <p>The robot drives back and forth on its own. It needs a clear lane, 0.8 m wide and equally long ahead
+      of it and behind it. To stop it, press Space, Esc or Cancel, or leave this page.</p>
     <label class="tp-check">Lane <input class="tp-lane" type="number" min="0.6" max="10" step="0.1" value="1.2">
       m ahead and behind</label>
-    <label class="tp-check"><input type="checkbox" data-tune="free"> The lane is free</label>
+    <label class="tp-check"><input type="checkbox" data-tune="clear"> The lane is clear</label>
     <div class="tp-buttons">
       <button type="button" class="tp-go" data-tune="identify" disabled>Identify motors</button>
       <button type="button" class="tp-go" data-tune="tune" disabled>Tune wheels</button>
@@ -17,50 +19,52 @@ export function tune(root) {
     <div class="tp-progress"><div></div></div>
     <p class="tp-message" role="status"></p>
     <div class="tp-lines"></div>
-    <a href="/report" target="_blank" hidden>Open the report in a tab of its own</a>
+    <a href="/report" target="_blank" hidden>Open the report in a new tab</a>
     <iframe title="report" sandbox hidden></iframe>`;
   const find = (name) => root.querySelector(`[data-tune=${name}]`);
-  const lane = root.querySelector(".tp-lane");
-  const bar = root.querySelector(".tp-progress div");
+  const laneClear = find("clear");
+  const laneLength = root.querySelector(".tp-lane");
+  const progressBar = root.querySelector(".tp-progress div");
   const message = root.querySelector(".tp-message");
-  const lines = root.querySelector(".tp-lines");
-  const link = root.querySelector("a");
-  const frame = root.querySelector("iframe");
-  let shown = "";
+  const resultLines = root.querySelector(".tp-lines");
+  const reportLink = root.querySelector("a");
+  const reportFrame = root.querySelector("iframe");
+  let lastState = "";
   let running = "";
-  // Keys that are typed into the report would not reach the page, and Space is the stop.
+  // A focused report would receive the keys, and Space must always reach the page's emergency stop.
   window.addEventListener("blur", () => setTimeout(() => {
-    if (document.activeElement === frame) frame.blur();
+    if (document.activeElement === reportFrame) reportFrame.blur();
   }));
 
-  const enable = () => {
-    for (const name of ["identify", "tune"]) find(name).disabled = Boolean(running) || !find("free").checked;
+  const updateButtons = () => {
+    for (const name of EXPERIMENTS) find(name).disabled = Boolean(running) || !laneClear.checked;
     find("cancel").disabled = !running;
   };
-  find("free").addEventListener("change", enable);
-  for (const name of ["identify", "tune"]) {
-    find(name).addEventListener("click", () => send({ kind: "experiment", name, lane_m: Number(lane.value) }));
+  laneClear.addEventListener("change", updateButtons);
+  for (const name of EXPERIMENTS) {
+    find(name).addEventListener("click", () => send({ kind: "experiment", name, lane_m: Number(laneLength.value) }));
   }
   find("cancel").addEventListener("click", () => send({ kind: "command", name: "cancel" }));
 
   on("experiment", (state) => {
     const text = JSON.stringify(state);
-    if (text === shown) return;
-    shown = text;
-    if (running && !state?.running) find("free").checked = false; // ask again before the next
+    if (text === lastState) return;
+    lastState = text;
+    if (running && !state?.running) laneClear.checked = false; // confirm again before the next experiment
     running = state?.running ?? "";
-    enable();
-    bar.style.width = `${100 * (running ? state.share : 0)}%`;
+    updateButtons();
+    progressBar.style.width = `${100 * (running ? state.share : 0)}%`;
     message.classList.toggle("bad", Boolean(state?.problem));
-    message.textContent = running ? `${running}: ${state.what} ${state.share ? Math.round(100 * state.share) + " %" : ""}`
-      : state?.problem ?? "This robot takes no experiments.";
-    lines.replaceChildren(...(state?.lines ?? []).map((line) => {
+    message.textContent = running
+      ? `${running}: ${state.what} ${state.share ? Math.round(100 * state.share) + " %" : ""}`
+      : state?.problem ?? "This robot cannot run experiments.";
+    resultLines.replaceChildren(...(state?.lines ?? []).map((line) => {
       const row = document.createElement("div");
       row.textContent = line;
       return row;
     }));
-    const report = Boolean(state?.has_report) && !running;
-    if (report && frame.hidden) frame.src = `/report?${Date.now()}`;
-    link.hidden = frame.hidden = !report;
+    const hasReport = Boolean(state?.has_report) && !running;
+    if (hasReport && reportFrame.hidden) reportFrame.src = `/report?${Date.now()}`;
+    reportLink.hidden = reportFrame.hidden = !hasReport;
   });
 }

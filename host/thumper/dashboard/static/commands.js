@@ -1,0 +1,52 @@
+// Command buttons and the emergency stop (button, Space, Esc).
+// An element with `data-command` sends the JSON message in that attribute on click.
+
+import { on, send, state } from "./stream.js";
+
+const NOTICE_MS = 6000;
+const MAX_NOTICES = 3;
+
+export function emergencyStop() {
+  const sent = send({ kind: "estop" });
+  document.body.classList.add("tp-stopped");
+  setTimeout(() => document.body.classList.remove("tp-stopped"), 600);
+  if (!sent) notify("No connection: the emergency stop was not sent. The robot stops on its own.", "bad");
+}
+
+export function notify(text, kind) {
+  const list = document.getElementById("tp-notices");
+  if (!list) return;
+  const notice = list.appendChild(document.createElement("div"));
+  notice.className = `tp-notice ${kind}`;
+  notice.textContent = text;
+  while (list.children.length > MAX_NOTICES) list.firstChild.remove();
+  setTimeout(() => notice.remove(), NOTICE_MS);
+}
+
+export function startCommands() {
+  // Listen in the capture phase: a focused button or field must not consume the stop key.
+  document.addEventListener("keydown", (event) => {
+    if (event.code !== "Space" && event.code !== "Escape") return;
+    if (event.code === "Space") event.preventDefault();
+    if (!event.repeat) emergencyStop();
+  }, true);
+  document.addEventListener("keyup", (event) => {
+    if (event.code === "Space") event.preventDefault(); // a focused button fires when Space is released
+  }, true);
+  document.addEventListener("pointerdown", (event) => {
+    if (event.target.closest?.("[data-estop]")) emergencyStop(); // stop on press, not on release
+  }, true);
+  document.addEventListener("click", (event) => {
+    const button = event.target.closest?.("[data-command]");
+    if (!button) return;
+    if (!send(JSON.parse(button.dataset.command))) {
+      notify("No connection to the dashboard server: the command was not sent.", "bad");
+    }
+  });
+  document.addEventListener("click", (event) => {
+    if (!event.target.closest?.("[data-record]")) return;
+    send({ kind: "command", name: state.values.status?.recording ? "record_stop" : "record_start" });
+  });
+  on("server:refused", ({ text }) => notify(text, "bad"));
+  on("server:note", ({ text }) => notify(text, "good"));
+}
