@@ -87,7 +87,7 @@ namespace {
 
 /// Hand the motors' permission and targets to the control tick; whatever is not driving stops here and now,
 /// and the reason will outlast a reset.
-void Obey(const fw::HostInterface& host) {
+void Apply(const fw::HostInterface& host) {
   const fw::DriveCommand& wanted = host.command();
   const fw::State mode = wanted.mode;
   const int16_t left = wanted.left, right = wanted.right;
@@ -161,9 +161,9 @@ int main() {
     // Not until the ring is empty: a host that never pauses must not keep time-out and watchdog waiting.
     uint8_t byte = 0;
     for (uint8_t left = 64; left != 0 && uart.Get(&byte); --left) {
-      if (host.Receive(byte, uart)) Obey(host);
+      if (host.Receive(byte, uart)) Apply(host);
     }
-    host.Work(eeprom, uart);
+    host.StepStore(eeprom, uart);
 
     uint8_t elapsed_ms = 0;
     bool measured = false;
@@ -181,10 +181,10 @@ int main() {
     if (host.TakeChange() || measured) Configure(host);
     if (elapsed_ms != 0) {
       clock_runs = true;
-      host.Wait(elapsed_ms);
-      Obey(host);
+      host.AdvanceTime(elapsed_ms);
+      Apply(host);
       tick::Hold();
-      drive.Wait();
+      drive.AfterMillisecond();
       tick::Release();
       beeper.Sound(beeps.Step(elapsed_ms, host.quiet()));
     }
@@ -194,7 +194,7 @@ int main() {
       clock_runs = false;
       Collect(host.samples());
       host.Watch();
-      Obey(host);
+      Apply(host);
       host.SendTelemetry(uart);
     }
     Idle();

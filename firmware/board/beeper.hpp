@@ -27,8 +27,8 @@ class Beeper {
 
   /// Compare A: begin a pulse in the other direction. True once a millisecond.
   bool Begin() {
-    PIND = motors::kLeftWay;  // writing 1 toggles
-    PINB = motors::kRightWay;
+    PIND = motors::kLeftDirection;  // writing 1 toggles
+    PINB = motors::kRightDirection;
     PORTD |= pins::kLeftPwm;
     PORTB |= pins::kRightPwm;
     phase_ = static_cast<uint8_t>(phase_ + 1) % clock::kTonesPerMillisecond;

@@ -9,8 +9,8 @@ namespace motors {
 constexpr uint8_t kPhaseCorrect = 1 << WGM20;
 constexpr uint8_t kOutputs = 1 << COM2A1 | 1 << COM2B1;
 /// The pins that differ between forward and reverse: toggling them turns the motor round.
-constexpr uint8_t kLeftWay = pins::kLeftForward ^ pins::kLeftReverse;
-constexpr uint8_t kRightWay = pins::kRightForward ^ pins::kRightReverse;
+constexpr uint8_t kLeftDirection = pins::kLeftForward ^ pins::kLeftReverse;
+constexpr uint8_t kRightDirection = pins::kRightForward ^ pins::kRightReverse;
 
 /// Start the timer with both motors off, facing forward.
 inline void Start() {
@@ -48,12 +48,12 @@ class Drive {
   void Set(int16_t left, int16_t right) {
     if ((PORTD & pins::kLeftForward) != 0 ? left < 0 : left > 0) {
       TCCR2A &= static_cast<uint8_t>(~(1 << COM2B1));
-      PIND = kLeftWay;  // writing 1 toggles
+      PIND = kLeftDirection;  // writing 1 toggles
       rest_ = kRest;
     }
     if ((PORTB & pins::kRightForward) != 0 ? right < 0 : right > 0) {
       TCCR2A &= static_cast<uint8_t>(~(1 << COM2A1));
-      PINB = kRightWay;
+      PINB = kRightDirection;
       rest_ = kRest;
     }
     OCR2B = Duty(left);
@@ -61,7 +61,7 @@ class Drive {
   }
 
   /// Let a millisecond or more pass; the timer takes its pins back. Not while the tick may come, nor a tone.
-  void Wait() {
+  void AfterMillisecond() {
     if (rest_ != 0 && --rest_ == 0) TCCR2A = kPhaseCorrect | kOutputs;
   }
 
@@ -73,8 +73,8 @@ class Drive {
     return duty;
   }
 
-  // Calls of Wait(). Not milliseconds: a main loop that is late would count some of before the rest. All of
-  // the first one's may be of before, and most of the second one's.
+  // Calls of AfterMillisecond(). Not milliseconds: a main loop that is late would count some of before the
+  // rest. All of the first one's may be of before, and most of the second one's.
   static constexpr uint8_t kRest = 11;
   static_assert((kRest - 2) * (F_CPU / 1000) >= 510 * 256UL, "a PWM period must pass");
 

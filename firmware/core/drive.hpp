@@ -40,7 +40,7 @@ class Side {
       return;
     }
     const int16_t speed = SpeedFromCounts(counts);
-    controller_.Follow(speed);
+    controller_.TrackSpeed(speed);
     sample->wheel = {speed, 0, mode == State::kManual ? value : int16_t(0), 0};
   }
 

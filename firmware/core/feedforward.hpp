@@ -87,7 +87,7 @@ class FeedForward {
   int16_t predicted() const { return predicted_; }
 
   /// Take this for the wheel's speed.
-  void Follow(int16_t speed_mrad_s) {
+  void TrackSpeed(int16_t speed_mrad_s) {
     speed_ = speed_mrad_s;
     predicted_ = speed_mrad_s;
   }

@@ -16,14 +16,14 @@ class FrameDecoder {
     if (byte == 0) return Finish();
     if (finished_) {  // a new frame begins
       finished_ = broken_ = zero_due_ = false;
-      length_ = left_ = 0;
+      length_ = remaining_ = 0;
     }
-    if (left_ == 0) {  // a code byte: how many bytes up to the next zero
+    if (remaining_ == 0) {  // a code byte: how many bytes up to the next zero
       if (zero_due_) Append(0);
       zero_due_ = byte != 0xFF;
-      left_ = static_cast<uint8_t>(byte - 1);
+      remaining_ = static_cast<uint8_t>(byte - 1);
     } else {
-      --left_;
+      --remaining_;
       Append(byte);
     }
     return false;
@@ -53,7 +53,7 @@ class FrameDecoder {
     finished_ = true;
     uint16_t crc = kCrcInit;
     for (uint8_t i = 0; i < length_; ++i) crc = Crc16(crc, body_[i]);
-    const bool good = !broken_ && left_ == 0 && length_ >= kOverhead && crc == kFrameResidue;
+    const bool good = !broken_ && remaining_ == 0 && length_ >= kOverhead && crc == kFrameResidue;
     if (good) {
       ++frames_;
     } else {
@@ -64,7 +64,7 @@ class FrameDecoder {
 
   uint8_t body_[kMaxPayloadSize + kOverhead];
   uint8_t length_ = 0;
-  uint8_t left_ = 0;       // bytes to come before the next code byte
+  uint8_t remaining_ = 0;  // bytes to come before the next code byte
   bool zero_due_ = false;  // the run that ends here stands for a zero, unless the frame ends too
   bool broken_ = false;
   bool finished_ = true;

@@ -30,7 +30,7 @@ class HostInterface {
     if (outcome == ParameterStore::Outcome::kLoaded) source_ = ParameterSource::kSaved;
     if (outcome == ParameterStore::Outcome::kUnreadable) supervisor_.Trip(Fault::kBadParameters);
     if (reset_cause_ == ResetCause::kWatchdog) supervisor_.Trip(Fault::kWatchdog);
-    Follow();
+    SyncMode();
   }
 
   /// Take one received byte; answers go to `sink.Put(uint8_t)`. True when a good frame was handled.
@@ -42,7 +42,7 @@ class HostInterface {
   }
 
   /// Let `elapsed_ms` pass; without motion commands for 300 ms the motors stop.
-  void Wait(uint8_t elapsed_ms) {
+  void AdvanceTime(uint8_t elapsed_ms) {
     if (!supervisor_.armed()) return;
     silence_ms_ = static_cast<uint16_t>(silence_ms_ + elapsed_ms);
     if (silence_ms_ >= kLinkTimeout_ms) Trip(Fault::kLinkLost);
@@ -50,12 +50,12 @@ class HostInterface {
 
   /// Go on with a save or load that the host asked for, without waiting.
   template <typename Memory, typename Sink>
-  void Work(Memory& memory, Sink& sink) {
+  void StepStore(Memory& memory, Sink& sink) {
     if (store_.Step(memory)) {
       const bool saved = store_.Verify(memory);
       if (saved) source_ = ParameterSource::kSaved;
       // Asked for more meanwhile: pending_seq_ is that request's, and what is saved now may be old.
-      if (pending_ == Command::kDisarm) AnswerLater(sink, saved ? AckStatus::kOk : AckStatus::kNotSaved);
+      if (pending_ == Command::kDisarm) AnswerPending(sink, saved ? AckStatus::kOk : AckStatus::kNotSaved);
     }
     if (pending_ == Command::kDisarm || store_.saving()) return;
     const Command todo = pending_;
@@ -64,7 +64,7 @@ class HostInterface {
       store_.Begin(parameters_);
       return;
     }
-    AnswerLater(sink, Load(memory));
+    AnswerPending(sink, Load(memory));
   }
 
   /// True once after the parameters have changed, and at first.
@@ -155,7 +155,7 @@ class HostInterface {
         return true;
       }
       case CommandRequest::kId:
-        Obey(Payload<CommandRequest>().command, sink);
+        HandleCommand(Payload<CommandRequest>().command, sink);
         return true;
       case SetParameter::kId: {
         const auto& message = Payload<SetParameter>();
@@ -178,7 +178,7 @@ class HostInterface {
   }
 
   template <typename Sink>
-  void Obey(Command command, Sink& sink) {
+  void HandleCommand(Command command, Sink& sink) {
     AckStatus status = AckStatus::kUnknownCommand;
     if (command <= Command::kClearFault) {
       status = Apply(static_cast<Event>(command));
@@ -188,7 +188,7 @@ class HostInterface {
     } else if (command == Command::kSave && battery_.status() != AckStatus::kOk) {
       status = battery_.status();  // the supply may fail in the midst of it
     } else if (command <= Command::kLoad) {
-      pending_seq_ = decoder_.seq();  // Work() answers the newest, once it is done
+      pending_seq_ = decoder_.seq();  // StepStore() answers the newest, once it is done
       pending_ = command;
       return;
     }
@@ -221,7 +221,7 @@ class HostInterface {
 
   /// Answer a SAVE or LOAD.
   template <typename Sink>
-  void AnswerLater(Sink& sink, AckStatus status) {
+  void AnswerPending(Sink& sink, AckStatus status) {
     SendFrame(sink, pending_seq_, Ack{CommandRequest::kId, pending_seq_, status});
   }
 
@@ -256,17 +256,17 @@ class HostInterface {
 
   AckStatus Apply(Event event) {
     const AckStatus status = supervisor_.Handle(event, battery_.status());
-    Follow();
+    SyncMode();
     return status;
   }
 
   void Trip(Fault fault) {
     supervisor_.Trip(fault);
-    Follow();
+    SyncMode();
   }
 
   /// Every change of state begins at rest: no old set-point, no old PWM.
-  void Follow() {
+  void SyncMode() {
     if (supervisor_.state() == command_.mode) return;
     command_ = {supervisor_.state(), 0, 0};
     silence_ms_ = 0;
@@ -285,7 +285,7 @@ class HostInterface {
   DriveCommand command_ = {State::kDisarmed, 0, 0};
   uint16_t silence_ms_ = 0;
   uint16_t refused_ = 0;
-  Command pending_ = Command::kDisarm;  // SAVE or LOAD waiting for Work(); DISARM: none
+  Command pending_ = Command::kDisarm;  // SAVE or LOAD waiting for StepStore(); DISARM: none
   uint8_t pending_seq_ = 0, telemetry_seq_ = 0;
   bool changed_ = true;
   Board board_;

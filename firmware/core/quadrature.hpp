@@ -26,8 +26,8 @@ class QuadratureDecoder {
     }
     // New A differs from old B on every forward edge of 00 01 11 10.
     const uint8_t old_b = old >> 1;
-    const uint8_t way = ab ^ old_b;
-    if ((way & kA) != 0) {
+    const uint8_t direction = ab ^ old_b;
+    if ((direction & kA) != 0) {
       if (++low_ == 0) ++high_;
     } else {
       if (low_-- == 0) --high_;

@@ -60,20 +60,20 @@ class ParameterStore {
     for (uint8_t i = 0; i < kSlotSize - 2; ++i) crc = Crc16(crc, image_[i]);
     image_[kSlotSize - 2] = static_cast<uint8_t>(crc);
     image_[kSlotSize - 1] = static_cast<uint8_t>(crc >> 8);
-    left_ = kSlotSize;
+    remaining_ = kSlotSize;
   }
 
-  bool saving() const { return left_ != 0; }
+  bool saving() const { return remaining_ != 0; }
 
   /// Go on with the save, by at most one byte and without waiting; true when it has just ended.
   template <typename Memory>
   bool Step(Memory& memory) {
-    if (left_ == 0 || !memory.Ready()) return false;
+    if (remaining_ == 0 || !memory.Ready()) return false;
     if (written_) {
       written_ = false;
-      if (--left_ == 0) return true;
+      if (--remaining_ == 0) return true;
     }
-    memory.Write(Address(next_slot_) + left_ - 1, image_[left_ - 1]);
+    memory.Write(Address(next_slot_) + remaining_ - 1, image_[remaining_ - 1]);
     written_ = true;
     return false;
   }
@@ -106,7 +106,7 @@ class ParameterStore {
   }
 
   uint8_t image_[kSlotSize];
-  uint8_t left_ = 0;
+  uint8_t remaining_ = 0;
   bool written_ = false;
   uint8_t next_slot_ = 0, next_sequence_ = 0;
 };

@@ -11,11 +11,12 @@ enum class Event : uint8_t { kDisarm, kArm, kEStop, kClearFault, kManual, kFault
 constexpr uint8_t kEventCount = static_cast<uint8_t>(Event::kEnd);
 
 /// A request that is an event by its number.
-constexpr bool Same(Event event, Command command) {
+constexpr bool IsEventOf(Event event, Command command) {
   return static_cast<uint8_t>(event) == static_cast<uint8_t>(command);
 }
-static_assert(Same(Event::kDisarm, Command::kDisarm) && Same(Event::kArm, Command::kArm) &&
-                  Same(Event::kEStop, Command::kEStop) && Same(Event::kClearFault, Command::kClearFault),
+static_assert(IsEventOf(Event::kDisarm, Command::kDisarm) && IsEventOf(Event::kArm, Command::kArm) &&
+                  IsEventOf(Event::kEStop, Command::kEStop) &&
+                  IsEventOf(Event::kClearFault, Command::kClearFault),
               "the host's first commands are events, in the same order");
 
 /// The event of a fault. Every fault has its line, or the compiler objects (-Wswitch).
@@ -125,7 +126,7 @@ static_assert(Safe(MakeTransitions()), "a fault that does not stop the motors, o
 
 /// Whether a fault takes the place of a latched one. E_STOP is somebody's will and goes over everything;
 /// nothing goes over it. LOW_BATTERY goes over the rest: the operator must see it.
-constexpr bool GoesOver(Fault fault, Fault latched) {
+constexpr bool Outranks(Fault fault, Fault latched) {
   return latched == Fault::kNone || fault == Fault::kEStop ||
          (fault == Fault::kLowBattery && latched != Fault::kEStop);
 }
@@ -159,7 +160,7 @@ class Supervisor {
     if (state_ != State::kFault) {
       fault_ = Fault::kNone;
     } else if (event == Event::kEStop || event == Event::kFaultAlways || event == Event::kFaultArmed) {
-      if (GoesOver(fault, fault_)) fault_ = fault;
+      if (Outranks(fault, fault_)) fault_ = fault;
     }
     return reaction == Reaction::kRefused ? AckStatus::kFaultLatched : AckStatus::kOk;
   }

@@ -47,9 +47,9 @@ class WheelController {
 
   /// The motors are not ours: forget all but the speed just counted. A wheel that still rolls when they are
   /// ours again is expected to run down; taken for standing, it would be braked until it ran backwards.
-  void Follow(int16_t speed_mrad_s) {
+  void TrackSpeed(int16_t speed_mrad_s) {
     pi_.Reset();
-    feed_forward_.Follow(speed_mrad_s);
+    feed_forward_.TrackSpeed(speed_mrad_s);
     setpoint_mrad_s_ = 0;
   }
 

@@ -73,7 +73,7 @@ class Host:
         answers = []
         out = ctypes.create_string_buffer(100)
         for _ in range(passes):
-            size = self.core.host_work(self.handle, out)
+            size = self.core.host_step_store(self.handle, out)
             answers += read_frames(out.raw[:size])
         return answers
 
@@ -103,7 +103,7 @@ class Host:
     def wait(self, milliseconds: int) -> None:
         """Let time pass."""
         for _ in range(milliseconds):
-            self.core.host_wait(self.handle, 1)
+            self.core.host_advance_time(self.handle, 1)
 
     def telemetry(self) -> m.Telemetry:
         """Return what the board would tell now."""

@@ -113,7 +113,7 @@ def test_it_starts_from_rest_and_forgets_all_but_the_wheel_s_speed(core: ctypes.
         core.wheel_step(wheel, wire(kp=5000, ki=5000, kv=2560, ka=300), 5000, 7, 7400, out)
     core.wheel_state(wheel, state)
     assert 0 not in list(state)
-    core.wheel_follow(wheel, -1234)
+    core.wheel_track_speed(wheel, -1234)
     core.wheel_state(wheel, state)
     assert list(state) == [0, -1234, -1234, 0]
 

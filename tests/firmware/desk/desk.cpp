@@ -76,8 +76,8 @@ int wheel_step(int wheel, const int32_t* values, int target, int counts, int bat
   out[3] = sample.integral_pwm_64;
   return 0;
 }
-void wheel_follow(int wheel, int speed) {
-  At<fw::WheelController>(wheel).Follow(static_cast<int16_t>(speed));
+void wheel_track_speed(int wheel, int speed) {
+  At<fw::WheelController>(wheel).TrackSpeed(static_cast<int16_t>(speed));
 }
 /// out: all that the controller remembers: integral [Q19 PWM], model's speed and prediction, set-point
 /// [mrad/s].
@@ -230,9 +230,9 @@ int host_receive(int host, const uint8_t* data, int size, uint8_t* out) {
   return static_cast<int>(sink.data.size());
 }
 /// One pass of the main loop's slow work. Returns the size of the answers in out.
-int host_work(int host, uint8_t* out) {
+int host_step_store(int host, uint8_t* out) {
   Bytes sink;
-  At<Interface>(host).host.Work(*At<Interface>(host).eeprom, sink);
+  At<Interface>(host).host.StepStore(*At<Interface>(host).eeprom, sink);
   std::memcpy(out, sink.data.data(), sink.data.size());
   return static_cast<int>(sink.data.size());
 }
@@ -242,7 +242,9 @@ void host_derive(int host, int32_t* out) {
   Derive(interface.parameters(), interface.battery_mV(), out);
 }
 int host_take_change(int host) { return At<Interface>(host).host.TakeChange(); }
-void host_wait(int host, int elapsed_ms) { At<Interface>(host).host.Wait(static_cast<uint8_t>(elapsed_ms)); }
+void host_advance_time(int host, int elapsed_ms) {
+  At<Interface>(host).host.AdvanceTime(static_cast<uint8_t>(elapsed_ms));
+}
 int host_battery(int host, int reading) {
   return At<Interface>(host).host.UpdateBattery(static_cast<uint16_t>(reading));
 }

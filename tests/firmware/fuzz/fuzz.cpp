@@ -69,7 +69,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     const uint8_t byte = script.Take();
     switch (byte) {
       case 0xF0:
-        host->Wait(script.Take());
+        host->AdvanceTime(script.Take());
         break;
       case 0xF1:
         host->UpdateBattery(static_cast<uint16_t>(script.Take16()));
@@ -90,7 +90,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
         break;
       }
       case 0xF4:
-        host->Work(memory, sink);
+        host->StepStore(memory, sink);
         break;
       case 0xF5:
         for (uint8_t i = script.Take() % 8; i != 0; --i) memory.cells[script.Take()] = script.Take();
@@ -116,7 +116,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     }
     CheckSafe(*host);
   }
-  for (int i = 0; i < 2; ++i) host->Wait(150);
+  for (int i = 0; i < 2; ++i) host->AdvanceTime(150);
   Check(!host->supervisor().armed());  // 300 ms of silence end every drive
   return 0;
 }
