@@ -1,4 +1,4 @@
-// Wiring and schedule: which interrupt does what, and what the main loop does between them. No arithmetic.
+// Wiring and schedule: what each interrupt does and what the main loop does between them. No arithmetic.
 
 #include <avr/interrupt.h>
 #include <avr/sleep.h>
@@ -24,7 +24,7 @@
 
 namespace {
 
-// Shared with interrupts: touched by the main loop with interrupts off only, unless said otherwise.
+// Shared with interrupts. Unless noted, the main loop accesses these only with interrupts off.
 Uart uart;
 Adc adc;
 Beeper beeper;
@@ -36,11 +36,11 @@ RightEncoder right_encoder;
 fw::DriveCommand command;
 volatile uint8_t milliseconds = 0;
 
-// The main loop writes the one that the control tick does not read, then makes it the other.
+// Double buffer: the main loop writes the inactive one, then makes it active.
 fw::WheelConfig configs[2];
 volatile uint8_t active_config = 0;
 
-// Written by the control tick, and read by the main loop between two ticks.
+// Written by the control tick. The main loop reads them between two ticks.
 fw::Side left_side, right_side;
 fw::Samples samples;
 volatile bool ticked = false;
@@ -58,16 +58,16 @@ ISR(WDT_vect) {
   reset::Restart();
 }
 
-// The two that take their time let encoders and serial port in. They do not meet themselves again: the next
-// one is a millisecond, a control period away.
+// The next two interrupts run longer, so they let encoders and serial port interrupt them. They cannot nest
+// in themselves: the next one is a millisecond (or a control period) away.
 ISR(TIMER0_COMPA_vect, ISR_NOBLOCK) {
   if (beeper.sounding() && !beeper.Begin()) return;
   ++milliseconds;
   adc.Step();
 }
 
-// The main loop cannot come between: what it has written stays whole. The rest of the program is built for
-// size with -fno-gcse (100 bytes); here that would take 30 cycles more.
+// The main loop cannot run in between, so what it has written is consistent. The rest of the program uses
+// -fno-gcse for size (100 bytes); here that would cost 30 cycles.
 ISR(TIMER1_COMPA_vect, ISR_NOBLOCK __attribute__((optimize("gcse")))) {
   cli();
   const uint16_t left_count = left_encoder.count();
@@ -85,13 +85,13 @@ ISR(TIMER1_COMPA_vect, ISR_NOBLOCK __attribute__((optimize("gcse")))) {
 
 namespace {
 
-/// Hand the motors' permission and targets to the control tick; whatever is not driving stops here and now,
-/// and the reason will outlast a reset.
+/// Apply the host interface's command to the control tick. If it is not driving, stop the motors at once.
+/// Store the latched fault where it survives a reset.
 void Apply(const fw::HostInterface& host) {
   const fw::DriveCommand& wanted = host.command();
   const fw::State mode = wanted.mode;
   const int16_t left = wanted.left, right = wanted.right;
-  ATOMIC_BLOCK(ATOMIC_FORCEON) {  // read before, and no more than this: the encoders wait
+  ATOMIC_BLOCK(ATOMIC_FORCEON) {  // only these three stores: the encoder interrupts must not wait
     command.mode = mode;
     command.left = left;
     command.right = right;
@@ -99,20 +99,20 @@ void Apply(const fw::HostInterface& host) {
   if (host.supervisor().armed()) {
     beeper.Sound(false);
   } else {
-    drive.Off();  // a tick between would say the same
+    drive.Off();  // a tick in between would do the same
   }
   reset::Keep(host.supervisor().fault());
 }
 
-/// Hand over constants, after a change of the parameters or the battery's voltage.
+/// Compute new controller constants after a change of parameters or battery voltage.
 void Configure(const fw::HostInterface& host) {
   const uint8_t next = active_config ^ 1;
   host.parameters().Derive(host.battery_mV(), &configs[next]);
-  __asm__ volatile("" ::: "memory");  // whole before the tick may read it
+  __asm__ volatile("" ::: "memory");  // complete before the tick may read it
   active_config = next;
 }
 
-/// Take what the control tick left; anew if one came in between.
+/// Copy the control tick's samples. Repeat if a tick interrupted the copy.
 void Collect(fw::Samples* copy) {
   do {
     ticked = false;
@@ -122,8 +122,8 @@ void Collect(fw::Samples* copy) {
   } while (ticked);
 }
 
-/// Sleep until an interrupt leaves work. The instruction after sei is still protected, so none can slip in
-/// between.
+/// Sleep until an interrupt leaves work to do. The instruction after sei still runs with interrupts off, so
+/// no interrupt can slip in before the sleep.
 void Idle() {
   cli();
   if (!ticked && milliseconds == 0 && uart.empty()) {
@@ -148,7 +148,7 @@ int main() {
   tick::Start();
   set_sleep_mode(SLEEP_MODE_IDLE);
 
-  // Static, so that their size shows in the budget.
+  // Static, so that the size budget includes them.
   static Eeprom eeprom;
   static fw::HostInterface host(pins::kBoard, reset::Cause());
   static fw::BeepPattern beeps;
@@ -158,7 +158,7 @@ int main() {
   sei();
 
   for (;;) {
-    // Not until the ring is empty: a host that never pauses must not keep time-out and watchdog waiting.
+    // At most 64 bytes per pass, so that a host that never pauses cannot starve time-out and watchdog.
     uint8_t byte = 0;
     for (uint8_t left = 64; left != 0 && uart.Get(&byte); --left) {
       if (host.Receive(byte, uart)) Apply(host);
@@ -189,7 +189,7 @@ int main() {
       beeper.Sound(beeps.Step(elapsed_ms, host.quiet()));
     }
     if (ticked) {
-      // Without the millisecond no time-out would come: then the watchdog's must.
+      // If the millisecond interrupt dies, no link time-out can occur. Then the watchdog must act.
       if (clock_runs) watchdog::Kick();
       clock_runs = false;
       Collect(host.samples());

@@ -4,8 +4,8 @@
 #include "board/pins.hpp"
 #include "core/units.hpp"
 
-/// Battery and motor currents, one conversion a millisecond in turn. A PWM period is 8.2 ms, so a single
-/// sample sees either its on or its off part; each reading is a sum of 32 samples spread over 96 ms.
+/// ADC of battery and motor currents, one conversion per millisecond in turn. A PWM period is 8.2 ms, so a
+/// single sample sees either its on or its off phase. Each reading is a sum of 32 samples over 96 ms.
 class Adc {
  public:
   struct Sums {
@@ -17,7 +17,7 @@ class Adc {
     Convert();
   }
 
-  /// Once a millisecond, from its interrupt: take the finished sample and begin the next channel's.
+  /// Call once per millisecond from the interrupt: add the finished sample and start the next channel.
   void Step() {
     sums_[channel_] += ADC;
     if (++channel_ == kChannels) {
@@ -32,7 +32,7 @@ class Adc {
     Convert();
   }
 
-  /// Fetch finished sums; false if there are no new ones. Interrupts must be off.
+  /// Return finished sums; false if there are no new ones. Call with interrupts off.
   bool Take(Sums* sums) {
     if (!ready_) return false;
     ready_ = false;
@@ -42,7 +42,7 @@ class Adc {
 
  private:
   static constexpr uint8_t kChannels = 3;
-  static_assert(kChannels * fw::kAdcSamples >= 9, "average over more than a PWM period");
+  static_assert(kChannels * fw::kAdcSamples >= 9, "the average must span more than a PWM period");
   static_assert(fw::kAdcSamples * 1023UL <= 0xFFFF, "a sum must fit 16 bits");
 
   void Convert() {

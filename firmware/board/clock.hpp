@@ -1,10 +1,10 @@
 #pragma once
 #include <avr/io.h>
 
-/// Timer 0: the millisecond, and the motor tone.
+/// Timer 0: millisecond and motor tone.
 ///
-/// While beeping it runs at four times the rate: compare A begins a pulse in the other direction each 248 us
-/// (a tone of 2 kHz), compare B ends it 48 us after that match.
+/// While beeping, the timer runs at four times the rate. Compare A starts a pulse in the other direction
+/// every 248 us (a tone of 2 kHz). Compare B ends the pulse 48 us later.
 namespace clock {
 
 constexpr uint16_t kPrescaler = 64;

@@ -3,11 +3,12 @@
 
 namespace encoders {
 
-/// The whole body of a naked interrupt: fw::QuadratureDecoder::Step() on the port, by hand.
-/// port: I/O address of the port's input register, a constant (but no template's: gcc 7 takes no register
-/// there). The compiler's own version takes 17 cycles more, half of them to save registers that it does not
-/// need; both wheels' edges wait for each other's. Two registers and the flags are all it needs; nothing
-/// interrupts it, so GPIOR0 can keep the flags: faster than the stack.
+/// Complete body of a naked interrupt: fw::QuadratureDecoder::Step() on the port, in assembly.
+/// port: I/O address of the port's input register. It must be a constant, but not a template parameter,
+/// because gcc 7 accepts no register there.
+/// The compiler's version takes 17 cycles more, half of them to save registers that it does not use, and the
+/// edges of both wheels wait for each other. This version needs two registers and the flags. Nothing
+/// interrupts it, so the flags can stay in GPIOR0, which is faster than the stack.
 template <typename Decoder, Decoder& kDecoder>
 __attribute__((always_inline)) inline void StepOnEdge(uint8_t port) {
   __asm__ volatile(
@@ -15,23 +16,23 @@ __attribute__((always_inline)) inline void StepOnEdge(uint8_t port) {
       "in r24, __SREG__\n\t"
       "out %[flags], r24\n\t"
       "push r25\n\t"
-      // r24 = new pins, T = old B, r25 = what changed.
+      // r24 = new pins, T = old B, r25 = changed pins.
       "in r24, %[port]\n\t"
       "andi r24, %[pins]\n\t"
       "lds r25, %[ab]\n\t"
       "bst r25, %[b]\n\t"
       "eor r25, r24\n\t"
-      "breq 9f\n\t"  // a glitch that was over before the read
+      "breq 9f\n\t"  // a glitch that ended before the read
       "sts %[ab], r24\n\t"
       "cpi r25, %[pins]\n\t"
-      "breq 3f\n\t"  // both moved
+      "breq 3f\n\t"  // both changed
       // Forward if new A differs from old B: bit A of r25.
       "bld r25, %[a]\n\t"
       "eor r25, r24\n\t"
       "lds r24, %[low]\n\t"
       "sbrs r25, %[a]\n\t"
       "rjmp 1f\n\t"
-      // Forward: the upper byte only when the lower one has wrapped.
+      // Forward: carry into the upper byte only if the lower one has wrapped.
       "inc r24\n\t"
       "sts %[low], r24\n\t"
       "brne 9f\n\t"
@@ -48,7 +49,7 @@ __attribute__((always_inline)) inline void StepOnEdge(uint8_t port) {
       "dec r24\n\t"
       "sts %[high], r24\n\t"
       "rjmp 9f\n"
-      // Direction unknown: counted as lost, never guessed.
+      // Direction unknown: count a lost edge.
       "3:\n\t"
       "lds r24, %[lost_low]\n\t"
       "inc r24\n\t"

@@ -5,14 +5,14 @@
 
 namespace {
 constexpr uint16_t kRestarted = 0x57A6;
-// SRAM keeps them through a restart. After power-on they hold anything, hence a pattern.
+// SRAM keeps these through a restart. After power-on they are random, so the marker is a pattern.
 uint8_t flags __attribute__((section(".noinit")));
 uint16_t mark __attribute__((section(".noinit")));
-// The latched fault over the schema's hash, which tells it from rubbish and from another firmware's.
+// The latched fault, XORed with the schema hash to detect random content and other firmware.
 uint32_t kept __attribute__((section(".noinit")));
 }  // namespace
 
-/// After a watchdog reset the watchdog runs on at 16 ms: stop it before .data and .bss are set up.
+/// After a watchdog reset the watchdog keeps running at 16 ms. Stop it before .data and .bss are set up.
 extern "C" void SaveResetCause() __attribute__((naked, used, section(".init3")));
 extern "C" void SaveResetCause() {
   flags = MCUSR;
@@ -25,7 +25,7 @@ namespace reset {
 fw::ResetCause Cause() {
   const bool restarted = mark == kRestarted && (flags & (1 << PORF | 1 << EXTRF | 1 << BORF)) == 0;
   mark = 0;
-  if ((flags & 1 << PORF) != 0) return fw::ResetCause::kPowerOn;  // power-on may raise the others too
+  if ((flags & 1 << PORF) != 0) return fw::ResetCause::kPowerOn;  // power-on may set the others too
   if ((flags & 1 << BORF) != 0) return fw::ResetCause::kBrownOut;
   if (restarted || (flags & 1 << WDRF) != 0) return fw::ResetCause::kWatchdog;
   if ((flags & 1 << EXTRF) != 0) return fw::ResetCause::kExternal;

@@ -3,19 +3,18 @@
 
 namespace reset {
 
-/// Why the board started. The flags are read, and the watchdog switched off, before main and before the C
-/// runtime.
+/// Return why the board started. The flags are read, and the watchdog stopped, before the C runtime starts.
 fw::ResetCause Cause();
 
-/// Keep the latched fault through a restart or a reset (opening the port makes one): a board must not forget
-/// why it stopped. Only power-on does.
+/// Store the latched fault where it survives a restart or a reset (opening the port causes one). Only
+/// power-on clears it.
 void Keep(fw::Fault fault);
 
-/// The fault that was kept; NONE after power-on. After Cause().
+/// Return the stored fault; NONE after power-on. Call after Cause().
 fw::Fault Kept();
 
-/// Start again from address 0 without the boot loader; Cause() will then be WATCHDOG. Interrupts must be off.
-/// Every register that matters is set anew on the way to main.
+/// Restart from address 0 without the boot loader; Cause() then returns WATCHDOG. Call with interrupts off.
+/// Startup initializes every register that matters before main.
 [[noreturn]] void Restart();
 
 }  // namespace reset

@@ -3,23 +3,23 @@
 #include <stdint.h>
 #include <util/atomic.h>
 
-/// 500 000 baud is exact at 16 MHz and the fastest the board's USB chip gives.
+/// 500 000 baud is exact at 16 MHz, and it is the fastest rate of the board's USB chip.
 #ifndef THUMPER_BAUD
 #define THUMPER_BAUD 500000UL
 #endif
 
-/// USART0 at double speed with a ring each way. Its interrupts are in uart_interrupts.hpp.
+/// USART0 at double speed with a ring buffer for each direction. Its interrupts are in uart_interrupts.hpp.
 class Uart {
  public:
   void Start() {
-    UCSR0A = 1 << U2X0;  // before the divider: simulators take the rate when that is written
+    UCSR0A = 1 << U2X0;  // before the divider: simulators read the rate on that write
     UBRR0 = kDivider;
     UCSR0C = 1 << UCSZ01 | 1 << UCSZ00;  // 8N1
     RxHead() = TxTail() = 0;
     UCSR0B = kOn;
   }
 
-  /// Fetch a received byte; false if there is none.
+  /// Read a received byte; false if there is none.
   bool Get(uint8_t* byte) {
     const uint8_t tail = rx_tail_;
     if (tail == RxHead()) return false;
@@ -28,7 +28,7 @@ class Uart {
     return true;
   }
 
-  /// Queue a byte to send; waits for room, at most one ring's time (1.3 ms). Interrupts must be on.
+  /// Queue a byte to send. Waits while the buffer is full, at most 1.3 ms. Call with interrupts on.
   void Put(uint8_t byte) {
     const uint8_t head = tx_head_;
     const uint8_t next = After(head);
@@ -45,10 +45,10 @@ class Uart {
 
   // For the interrupts.
   static constexpr uint8_t kSize = 64;
-  static_assert((kSize & (kSize - 1)) == 0, "a power of two wraps by masking");
+  static_assert((kSize & (kSize - 1)) == 0, "the size must be a power of two to wrap by masking");
   static constexpr uint8_t kOn = 1 << RXEN0 | 1 << TXEN0 | 1 << RXCIE0;
 
-  // The two indices that the interrupts write live in scratch registers: a cycle less at each access.
+  // The interrupts write these two indices, so they are in scratch registers: one cycle less per access.
   static volatile uint8_t& RxHead() { return GPIOR1; }
   static volatile uint8_t& TxTail() { return GPIOR2; }
 
@@ -62,7 +62,7 @@ class Uart {
                     THUMPER_BAUD,
                 "UART baud rate is off by more than 1 %");
 
-  /// In 8 bits all the way.
+  /// 8-bit arithmetic.
   static uint8_t After(uint8_t index) {
     ++index;
     index &= kSize - 1;

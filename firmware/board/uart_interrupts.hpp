@@ -3,13 +3,14 @@
 
 #include "board/uart.hpp"
 
-/// The bodies of the serial port's two naked interrupts. The compiler's take 61 cycles; the encoders' edges
-/// wait for them. As in encoder_edge.hpp the flags are kept in GPIOR0: nothing interrupts these.
+/// Bodies of the serial port's two naked interrupts. The compiler's versions take 61 cycles, and encoder
+/// edges wait that long. As in encoder_edge.hpp, the flags are saved in GPIOR0, because nothing interrupts
+/// these.
 namespace uart_interrupts {
 
-/// USART_RX_vect: 41 cycles, 42 if its vector jumps far. A byte that has no room, or came broken, is left to
-/// the frame's CRC. data: address of the data register, a constant (but no template's: gcc 7 takes no
-/// register there).
+/// USART_RX_vect: 41 cycles, 42 if its vector needs a long jump. If the buffer is full or the byte is
+/// damaged, the frame fails its CRC later. data: address of the data register. It must be a constant, but not
+/// a template parameter, because gcc 7 accepts no register there.
 template <Uart& kUart>
 __attribute__((always_inline)) inline void OnReceive(uint16_t data) {
   __asm__ volatile(
@@ -18,14 +19,14 @@ __attribute__((always_inline)) inline void OnReceive(uint16_t data) {
       "out %[flags], r24\n\t"
       "push r30\n\t"
       "push r31\n\t"
-      // rx[head] = data: that place is always free, the ring is never quite full.
+      // rx[head] = data: this cell is always free, because the ring is never quite full.
       "lds r24, %[data]\n\t"
       "in r30, %[head]\n\t"
       "ldi r31, 0\n\t"
       "subi r30, lo8(-(%[rx]))\n\t"
       "sbci r31, hi8(-(%[rx]))\n\t"
       "st Z, r24\n\t"
-      // The head goes on unless it would meet the tail.
+      // Advance the head unless it would meet the tail.
       "in r24, %[head]\n\t"
       "inc r24\n\t"
       "andi r24, %[mask]\n\t"
@@ -44,7 +45,7 @@ __attribute__((always_inline)) inline void OnReceive(uint16_t data) {
       : "memory");
 }
 
-/// USART_UDRE_vect: 43 cycles, likewise, and 2 more with the last byte, which ends these interrupts.
+/// USART_UDRE_vect: 43 cycles, 44 with a long jump. The last byte takes 2 more and disables this interrupt.
 template <Uart& kUart>
 __attribute__((always_inline)) inline void OnReady(uint16_t data) {
   __asm__ volatile(
@@ -60,7 +61,7 @@ __attribute__((always_inline)) inline void OnReady(uint16_t data) {
       "sbci r31, hi8(-(%[tx]))\n\t"
       "ld r24, Z\n\t"
       "sts %[data], r24\n\t"
-      // The tail goes on; where the head is, all has been sent.
+      // Advance the tail. If it meets the head, everything is sent.
       "in r24, %[tail]\n\t"
       "inc r24\n\t"
       "andi r24, %[mask]\n\t"

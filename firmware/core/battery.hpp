@@ -6,12 +6,12 @@
 
 namespace fw {
 
-/// Battery voltage: filtered over about 1.5 s (16 readings of 96 ms), so that a start-up dip is no empty
-/// battery, with hysteresis between stopping and letting drive. After a start it has to show its charge
-/// first.
+/// Battery voltage, filtered over about 1.5 s (16 readings of 96 ms) so that the voltage dip of a motor start
+/// does not count as an empty battery. Stopping and arming use different thresholds (hysteresis). After a
+/// reset the battery counts as charged only once a reading proves it.
 class Battery {
  public:
-  /// Take a reading; true at the moment the battery becomes empty.
+  /// Add a reading. Return true at the moment the battery becomes empty.
   bool Update(uint16_t reading_mV) {
     sum_ = sum_ == 0 ? uint32_t(reading_mV) * 16 : sum_ - filtered_mV() + reading_mV;
     const bool was_empty = empty_;
@@ -27,7 +27,7 @@ class Battery {
     return empty_ && !was_empty;
   }
 
-  /// Whether there is enough in it to arm: OK, BATTERY_LOW or BATTERY_UNKNOWN.
+  /// Return OK if the charge is enough to arm, else BATTERY_LOW or BATTERY_UNKNOWN.
   AckStatus status() const {
     return charged_ ? AckStatus::kOk : sum_ != 0 ? AckStatus::kBatteryLow : AckStatus::kBatteryUnknown;
   }

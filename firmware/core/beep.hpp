@@ -3,12 +3,12 @@
 
 namespace fw {
 
-/// The rhythm of the beeps: 200 ms of tone, 200 ms of pause. Waits while the motors are not to be used.
+/// Beep pattern: 200 ms of tone, 200 ms of silence. Pauses while the motors are in use.
 class BeepPattern {
  public:
   void Start(uint8_t beeps) { remaining_ms_ = static_cast<uint16_t>(beeps * kPeriod_ms); }
 
-  /// Let time pass; true while the tone is to sound. quiet: the wheels stand and the motors are off.
+  /// Advance the time. Return true while the tone must sound. quiet: wheels stationary and motors off.
   bool Step(uint8_t elapsed_ms, bool quiet) {
     if (!quiet || remaining_ms_ == 0) return false;
     remaining_ms_ = remaining_ms_ > elapsed_ms ? static_cast<uint16_t>(remaining_ms_ - elapsed_ms) : 0;

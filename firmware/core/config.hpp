@@ -1,7 +1,7 @@
 #pragma once
 #include <stdint.h>
 
-/// Control ticks a second. 10 is the thesis's rate; 20, 50 and 100 build too (make RATE=50).
+/// Control rate [Hz]. The default is 10, as in the thesis. 20, 50 and 100 also work (make RATE=50).
 #ifndef THUMPER_CONTROL_RATE_HZ
 #define THUMPER_CONTROL_RATE_HZ 10
 #endif
@@ -13,11 +13,11 @@ constexpr uint8_t kVersionMajor = 0, kVersionMinor = 2, kVersionPatch = 0;
 constexpr uint8_t kControlRate_Hz = THUMPER_CONTROL_RATE_HZ;
 static_assert(kControlRate_Hz == 10 || kControlRate_Hz == 20 || kControlRate_Hz == 50 ||
                   kControlRate_Hz == 100,
-              "the control loop is proven at 10, 20, 50 and 100 Hz");
+              "the control loop is verified at 10, 20, 50 and 100 Hz only");
 constexpr uint32_t kTick_us = 1000000UL / kControlRate_Hz;
 
 // The Wild Thumper.
-constexpr uint16_t kCountsPerRev = 1200;  // 16 state changes a motor turn, 75:1
+constexpr uint16_t kCountsPerRev = 1200;  // 16 state changes per motor revolution, gear ratio 75:1
 constexpr uint16_t kWheelRadius_mm = 62;
 constexpr uint16_t kTrack_mm = 245;
 
@@ -29,7 +29,7 @@ constexpr uint8_t kFaultWindow_ticks = 3 * kControlRate_Hz / 10;  // 300 ms
 // 2-cell LiPo.
 constexpr uint16_t kBatteryStop_mV = 6400;
 constexpr uint16_t kBatteryRearm_mV = 7000;
-constexpr uint16_t kBatteryNominal_mV = 7400;  // the feed-forward gains hold at this voltage
+constexpr uint16_t kBatteryNominal_mV = 7400;  // the feed-forward gains apply at this voltage
 constexpr uint8_t kLowBatteryBeeps = 5;
 
 }  // namespace fw

@@ -6,30 +6,30 @@
 
 namespace fw {
 
-/// What the main loop asks of the control tick.
+/// Command from the main loop to the control tick.
 struct DriveCommand {
-  State mode;           ///< CLOSED_LOOP or MANUAL; anything else is motors off
-  int16_t left, right;  ///< [mrad/s] in CLOSED_LOOP, [PWM] in MANUAL; within their limits
+  State mode;           ///< CLOSED_LOOP or MANUAL; any other state: motors off
+  int16_t left, right;  ///< [mrad/s] in CLOSED_LOOP, [PWM] in MANUAL; already limited
 };
 
-/// What a control tick leaves behind for one side.
+/// Results of a control tick for one side.
 struct SideSample {
   int32_t count;
   WheelSample wheel;
 };
 
-/// Likewise for the robot; as telemetry sends it.
+/// Results of a control tick for both sides, laid out as telemetry sends them.
 struct Samples {
   uint32_t time_us;
   SideSample left, right;
-  uint16_t lost_edges;  ///< of both wheels, mod 2^16
+  uint16_t lost_edges;  ///< both wheels, mod 2^16
 };
 
-/// One side: unwraps the encoder's count and turns command and counts into PWM.
+/// One side of the robot: unwraps the encoder count and computes the PWM from command and counts.
 class Side {
  public:
-  /// count: the decoder's count, mod 2^16; exact while fewer than 2^15 edges pass in a tick. sample: of the
-  /// last tick, then of this one. Not inlined: one copy of it serves both sides.
+  /// count: the decoder's count, mod 2^16; exact while fewer than 2^15 edges arrive per tick. sample: in, the
+  /// last tick's; out, this tick's. Not inlined, so both sides share one copy of the code.
   __attribute__((noinline)) void Step(State mode, const WheelConfig& config, int16_t value, uint16_t count,
                                       SideSample* sample) {
     const int16_t counts = static_cast<int16_t>(count - static_cast<uint16_t>(sample->count));

@@ -7,31 +7,32 @@
 
 namespace fw {
 
-/// Feed-forward of one wheel and the prediction that belongs to it, ready for the control tick.
+/// Feed-forward gains of one wheel and the matching prediction, precomputed for the control tick.
 ///
-/// Model of the wheel: tau dv/dt + v = w, with w [mrad/s] the steady speed that the output would give, held
-/// over a tick T. The counted speed y is v averaged over the tick, so exactly
+/// Wheel model: tau dv/dt + v = w. The output is constant over a tick T; w [mrad/s] is the steady-state speed
+/// that it would give. The measured speed y is v averaged over the tick, so exactly
 ///   v[k+1] = w[k] + a (v[k] - w[k]),  a = exp(-T/tau)
 ///   y[k+1] = w[k] + b (v[k] - w[k]),  b = (1-a) tau/T.
 struct FeedForwardGains {
-  int32_t friction;  ///< [PWM] Q19, at the present battery voltage
-  int16_t kv;        ///< [PWM / (mrad/s)] Q19, likewise; 0 = no feed-forward from speed, no prediction
+  int32_t friction;  ///< [PWM] Q19, at the current battery voltage
+  int16_t kv;        ///< [PWM / (mrad/s)] Q19, likewise; 0 = no speed feed-forward, no prediction
   int16_t lead;      ///< tau/T, Q8
   int16_t decay;     ///< a, Q15
   int16_t mean;      ///< b, Q15
 };
 
-constexpr int16_t kMaxLead_mrad_s = 7000;  ///< of the feed-forward's input before the set-point
+constexpr int16_t kMaxLead_mrad_s = 7000;  ///< limit of how far the feed-forward's input leads the set-point
 
-/// Set the constants that follow from the wheel's time constant alone: divisions, so not in the control tick.
-/// kv, ka: Q19 per mrad; within their parameter's range. ramp_step: most that a set-point changes in a tick;
-/// 0 = anything, then there is no lead: it is made for ramps.
+/// Compute the constants that depend only on the wheel's time constant. It divides, so it does not run in the
+/// control tick. kv, ka: Q19 per mrad, within the ranges of their parameters. ramp_step_mrad_s: largest
+/// change of the set-point per tick. 0 = unlimited; then there is no lead, because the lead is designed for
+/// ramps.
 inline void DeriveModel(int16_t kv, int16_t ka, int16_t ramp_step_mrad_s, FeedForwardGains* gains) {
   gains->lead = 0;
   gains->decay = 0;
   gains->mean = 0;
-  if (kv == 0 || ka == 0) return;  // an instant wheel: the prediction is the set-point itself
-  // tau/T, Q8: 1/6 (then the wheel settles well within a tick) to 30 ticks.
+  if (kv == 0 || ka == 0) return;  // no time constant: the prediction is the set-point itself
+  // tau/T, Q8: 1/6 (below it the wheel settles well within a tick) to 30 ticks.
   const uint32_t ka_ticks = uint32_t(ka) * kControlRate_Hz;
   const uint32_t exact = (ka_ticks << 8) / static_cast<uint16_t>(kv);
   if (exact < 256 / 6) return;
@@ -40,7 +41,7 @@ inline void DeriveModel(int16_t kv, int16_t ka, int16_t ramp_step_mrad_s, FeedFo
     const uint32_t most = kMaxLead_mrad_s * 256UL / static_cast<uint16_t>(ramp_step_mrad_s);
     gains->lead = static_cast<int16_t>(ticks < most ? ticks : most);
   }
-  // exp(-T/tau) = (1 - z + z^2/2)^8 with z = T/(8 tau), Q15: within 0.006 for every z here.
+  // exp(-T/tau) = (1 - z + z^2/2)^8 with z = T/(8 tau), Q15. The error is below 0.006 for every z here.
   const uint16_t z = static_cast<uint16_t>((1UL << 20) / ticks);
   uint16_t a = static_cast<uint16_t>(32768 - z + (uint32_t(z) * z >> 16));
   for (uint8_t i = 0; i < 3; ++i) a = static_cast<uint16_t>(uint32_t(a) * a >> 15);
@@ -48,7 +49,7 @@ inline void DeriveModel(int16_t kv, int16_t ka, int16_t ramp_step_mrad_s, FeedFo
   gains->mean = static_cast<int16_t>(uint32_t(32768 - a) * ticks >> 8);
 }
 
-/// Nominal over measured battery voltage, Q12, limited to 1/2 ... 3/2; 1 while the battery is unknown (0).
+/// Nominal over measured battery voltage, Q12, limited to 1/2 ... 3/2; 1 while the voltage is unknown (0).
 inline uint16_t SupplyRatio(uint16_t battery_mV) {
   constexpr uint16_t kLow = (kBatteryNominal_mV * 2UL + 2) / 3, kHigh = kBatteryNominal_mV * 2;
   if (battery_mV == 0) return 1 << 12;
@@ -56,7 +57,7 @@ inline uint16_t SupplyRatio(uint16_t battery_mV) {
   return static_cast<uint16_t>((uint32_t(kBatteryNominal_mV) << 12) / used);
 }
 
-/// Set the gains that follow the battery's voltage. ks: Q7, kv: Q19 per mrad.
+/// Compute the gains that depend on the battery voltage. ks: Q7, kv: Q19 per mrad.
 inline void ScaleToSupply(int16_t ks, int16_t kv, uint16_t supply_ratio, FeedForwardGains* gains) {
   gains->friction = int32_t(ks) * supply_ratio;  // Q7 * Q12
   gains->kv = static_cast<int16_t>(Limit((int32_t(kv) * supply_ratio + (1 << 11)) >> 12, INT16_MAX));
@@ -64,15 +65,16 @@ inline void ScaleToSupply(int16_t ks, int16_t kv, uint16_t supply_ratio, FeedFor
 
 class FeedForward {
  public:
-  /// The output for moving from one set-point to the next within the coming tick: PWM Q19, within
-  /// kFeedForwardMax.
+  /// Return the output that moves the wheel from one set-point to the next within the coming tick: PWM Q19,
+  /// |.| <= kFeedForwardMax.
   int32_t Step(const FeedForwardGains& gains, int16_t from_mrad_s, int16_t to_mrad_s) {
     const int16_t change =
         static_cast<int16_t>(static_cast<uint16_t>(to_mrad_s) - static_cast<uint16_t>(from_mrad_s));
     const int16_t input = static_cast<int16_t>(to_mrad_s + RoundShift8(Product(gains.lead, change)));
     const int16_t away = Difference(speed_, input);
     predicted_ = static_cast<int16_t>(input + RoundShift16(Product(gains.mean, away) * 2));
-    // Towards zero, so that the model arrives: rounded, a slow wheel's would stop some mrad/s short.
+    // Round towards zero so that the model converges. Rounded to nearest, a slow wheel's model would stop a
+    // few mrad/s short.
     int32_t left = Product(gains.decay, away) * 2;
     if (left < 0) left += 0xFFFF;
     speed_ = static_cast<int16_t>(input + static_cast<int16_t>(static_cast<uint32_t>(left) >> 16));
@@ -83,10 +85,10 @@ class FeedForward {
     return output;
   }
 
-  /// The counted speed that the model expects for the tick just begun [mrad/s].
+  /// Average speed that the model expects in the tick just begun [mrad/s].
   int16_t predicted() const { return predicted_; }
 
-  /// Take this for the wheel's speed.
+  /// Set the model's speed to the measured speed.
   void TrackSpeed(int16_t speed_mrad_s) {
     speed_ = speed_mrad_s;
     predicted_ = speed_mrad_s;
@@ -95,10 +97,10 @@ class FeedForward {
  private:
   static constexpr int16_t kMaxInput_mrad_s = kMaxSpeed_mrad_s + kMaxLead_mrad_s;
   static_assert(int64_t(INT16_MAX) * kMaxInput_mrad_s + 12800L * 6144 <= kFeedForwardMax,
-                "the largest kv and ks must fit into the PI's room");
+                "the largest kv and ks must fit the feed-forward range of the PI");
 
-  int16_t speed_ = 0;      // [mrad/s] of the model, now
-  int16_t predicted_ = 0;  // [mrad/s] of the model, mean over the tick
+  int16_t speed_ = 0;      // [mrad/s] model speed now
+  int16_t predicted_ = 0;  // [mrad/s] model speed, mean over the tick
 };
 
 }  // namespace fw

@@ -3,13 +3,13 @@
 
 namespace fw {
 
-/// `value` limited to [-limit, limit].
+/// Return `value` limited to [-limit, limit].
 constexpr int32_t Limit(int32_t value, int32_t limit) {
   return value > limit ? limit : value < -limit ? -limit : value;
 }
 
-/// a * b. gcc's own 16 by 16 bit product is a call of 50 cycles that also makes it spill registers; this is
-/// the data sheet's sequence of hardware multiplications (AVR201), 20 cycles.
+/// Return a * b. gcc calls a 50-cycle routine for a 16 x 16 bit product and spills registers around it. This
+/// is the hardware multiplication sequence of application note AVR201, 20 cycles.
 __attribute__((always_inline)) inline int32_t Product(int16_t a, int16_t b) {
 #ifdef __AVR__
   int32_t product;
@@ -38,16 +38,16 @@ __attribute__((always_inline)) inline int32_t Product(int16_t a, int16_t b) {
 #endif
 }
 
-/// a - b, limited to +-32767.
+/// Return a - b, limited to +-32767.
 __attribute__((always_inline)) inline int16_t Difference(int16_t a, int16_t b) {
   const int16_t wrapped = static_cast<int16_t>(static_cast<uint16_t>(a) - static_cast<uint16_t>(b));
-  // It has overflowed if the signs of a and b differ, and those of a and the result too.
+  // Overflow: a and b have different signs, and so do a and the result.
   if (((a ^ b) & (a ^ wrapped)) < 0) return a < 0 ? -INT16_MAX : INT16_MAX;
   return wrapped < -INT16_MAX ? -INT16_MAX : wrapped;
 }
 
-/// value / 2^8 and value / 2^16, rounded to nearest (halves up), for results of 16 bits. On the chip these
-/// shifts only pick bytes; unsigned, or gcc works out a sign that nobody needs.
+/// Return value / 2^8 or value / 2^16, rounded to nearest (halves up), for results of 16 bits. On the chip
+/// these shifts only select bytes. They are unsigned because gcc would otherwise compute an unused sign.
 constexpr int16_t RoundShift8(int32_t value) {
   return static_cast<int16_t>(static_cast<uint32_t>(value + 0x80) >> 8);
 }

@@ -6,19 +6,19 @@
 
 namespace fw {
 
-/// Streaming decoder of COBS(id, seq, payload, CRC) 0x00. Any bytes may come in; only whole, right frames
-/// come out.
+/// Streaming decoder of COBS(id, seq, payload, CRC) 0x00. Accepts any bytes and returns only complete, valid
+/// frames.
 template <size_t kMaxPayloadSize>
 class FrameDecoder {
  public:
-  /// Take one byte; true when it completes a good frame, which stays readable until the next call.
+  /// Add one byte. Return true if it completes a valid frame, which stays readable until the next call.
   bool Push(uint8_t byte) {
     if (byte == 0) return Finish();
     if (finished_) {  // a new frame begins
       finished_ = broken_ = zero_due_ = false;
       length_ = remaining_ = 0;
     }
-    if (remaining_ == 0) {  // a code byte: how many bytes up to the next zero
+    if (remaining_ == 0) {  // a code byte: distance to the next zero
       if (zero_due_) Append(0);
       zero_due_ = byte != 0xFF;
       remaining_ = static_cast<uint8_t>(byte - 1);
@@ -33,8 +33,8 @@ class FrameDecoder {
   uint8_t seq() const { return body_[1]; }
   const uint8_t* payload() const { return body_ + 2; }
   uint8_t payload_size() const { return static_cast<uint8_t>(length_ - kOverhead); }
-  uint16_t frames() const { return frames_; }  ///< good frames since reset; wraps
-  uint16_t errors() const { return errors_; }  ///< frames refused since reset; wraps
+  uint16_t frames() const { return frames_; }  ///< valid frames since reset; wraps
+  uint16_t errors() const { return errors_; }  ///< rejected frames since reset; wraps
 
  private:
   static constexpr uint8_t kOverhead = 4;  // id, seq, CRC
@@ -44,7 +44,7 @@ class FrameDecoder {
     if (length_ < sizeof(body_)) {
       body_[length_++] = byte;
     } else {
-      broken_ = true;  // longer than any frame we know
+      broken_ = true;  // longer than any known frame
     }
   }
 
@@ -64,15 +64,15 @@ class FrameDecoder {
 
   uint8_t body_[kMaxPayloadSize + kOverhead];
   uint8_t length_ = 0;
-  uint8_t remaining_ = 0;  // bytes to come before the next code byte
-  bool zero_due_ = false;  // the run that ends here stands for a zero, unless the frame ends too
+  uint8_t remaining_ = 0;  // bytes before the next code byte
+  bool zero_due_ = false;  // the current block ends with an implied zero, unless the frame ends with it
   bool broken_ = false;
   bool finished_ = true;
   uint16_t frames_ = 0, errors_ = 0;
 };
 
-/// Complete `body` (id, seq, payload and room for the CRC; `length` bytes in all) and hand the frame to
-/// `sink.Put(uint8_t)`, delimiter included. length < 254: one COBS block.
+/// Add the CRC to `body` (id, seq, payload and room for the CRC; `length` bytes in all), encode it and write
+/// the frame with its delimiter to `sink.Put(uint8_t)`. length < 254: one COBS block.
 template <typename Sink>
 __attribute__((noinline)) void SendBody(Sink& sink, uint8_t* body, uint8_t length) {
   uint16_t crc = kCrcInit;
@@ -82,7 +82,7 @@ __attribute__((noinline)) void SendBody(Sink& sink, uint8_t* body, uint8_t lengt
   body[length - 1] = static_cast<uint8_t>(~crc >> 8);
 
   uint8_t start = 0;
-  for (;;) {  // one run of non-zero bytes a pass
+  for (;;) {  // one run of non-zero bytes per pass
     uint8_t end = start;
     while (end < length && body[end] != 0) ++end;
     sink.Put(static_cast<uint8_t>(end - start + 1));
@@ -93,7 +93,7 @@ __attribute__((noinline)) void SendBody(Sink& sink, uint8_t* body, uint8_t lengt
   sink.Put(0);
 }
 
-/// A message between its header and the room for its CRC, as SendBody wants it.
+/// A message with its header and room for its CRC, the input of SendBody.
 template <typename Message>
 struct __attribute__((packed)) Frame {
   uint8_t id, seq;
@@ -101,7 +101,7 @@ struct __attribute__((packed)) Frame {
   uint16_t crc;
 };
 
-/// Complete and send a frame whose id, seq and message are set.
+/// Add the CRC to a frame whose id, seq and message are set, and send it.
 template <typename Message, typename Sink>
 void SendFrame(Sink& sink, Frame<Message>& frame) {
   static_assert(sizeof(Message) == Message::kSize && Message::kSize + 4 < 254, "packed, and one COBS block");

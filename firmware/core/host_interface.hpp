@@ -14,15 +14,16 @@
 
 namespace fw {
 
-/// The main loop's half of the firmware: host messages, supervisor and its monitors, parameters, battery and
-/// the link time-out. Pure: bytes, milliseconds, samples and voltages come in; answers go to a sink,
-/// command() says what the motors may do.
+/// The firmware's work outside the control tick: host messages, supervisor and monitors, parameters, battery
+/// and link time-out. Pure: its inputs are bytes, milliseconds, samples and voltages. It writes answers to a
+/// sink, and command() returns the motors' command.
 class HostInterface {
  public:
   HostInterface(Board board, ResetCause reset_cause) : board_(board), reset_cause_(reset_cause) {}
 
-  /// Once, before all else: take the saved parameters, and latch what went wrong before or with them.
-  /// latched: the fault that was latched when the board restarted. LINK_LOST is over: the host is back.
+  /// Call once, before everything else. Loads the saved parameters and latches any fault from before the
+  /// restart or from loading. latched: the fault that was latched before the restart. LINK_LOST is not
+  /// latched again, because the host is back.
   template <typename Memory>
   void Start(Memory& memory, Fault latched) {
     if (latched != Fault::kLinkLost) supervisor_.Relatch(latched);
@@ -33,7 +34,8 @@ class HostInterface {
     SyncMode();
   }
 
-  /// Take one received byte; answers go to `sink.Put(uint8_t)`. True when a good frame was handled.
+  /// Process one received byte and write answers to `sink.Put(uint8_t)`. Return true if it completed a valid
+  /// frame.
   template <typename Sink>
   bool Receive(uint8_t byte, Sink& sink) {
     if (!decoder_.Push(byte)) return false;
@@ -41,20 +43,21 @@ class HostInterface {
     return true;
   }
 
-  /// Let `elapsed_ms` pass; without motion commands for 300 ms the motors stop.
+  /// Advance the time. Stops the motors after 300 ms without motion commands.
   void AdvanceTime(uint8_t elapsed_ms) {
     if (!supervisor_.armed()) return;
     silence_ms_ = static_cast<uint16_t>(silence_ms_ + elapsed_ms);
     if (silence_ms_ >= kLinkTimeout_ms) Trip(Fault::kLinkLost);
   }
 
-  /// Go on with a save or load that the host asked for, without waiting.
+  /// Continue a pending SAVE or LOAD without blocking.
   template <typename Memory, typename Sink>
   void StepStore(Memory& memory, Sink& sink) {
     if (store_.Step(memory)) {
       const bool saved = store_.Verify(memory);
       if (saved) source_ = ParameterSource::kSaved;
-      // Asked for more meanwhile: pending_seq_ is that request's, and what is saved now may be old.
+      // The host may have sent another request meanwhile. Then pending_seq_ belongs to that request, and the
+      // values just saved may be outdated.
       if (pending_ == Command::kDisarm) AnswerPending(sink, saved ? AckStatus::kOk : AckStatus::kNotSaved);
     }
     if (pending_ == Command::kDisarm || store_.saving()) return;
@@ -67,14 +70,14 @@ class HostInterface {
     AnswerPending(sink, Load(memory));
   }
 
-  /// True once after the parameters have changed, and at first.
+  /// Return true once after each change of the parameters, and on the first call.
   bool TakeChange() {
     const bool changed = changed_;
     changed_ = false;
     return changed;
   }
 
-  /// Where the control tick's samples go, before Watch() looks at them.
+  /// Destination of the control tick's samples, which Watch() then checks.
   Samples* samples() { return &samples_; }
 
   void Watch() {
@@ -83,14 +86,14 @@ class HostInterface {
     if (edge_monitor_.Step(samples_.lost_edges)) Trip(Fault::kLostEdges);
   }
 
-  /// Take a battery reading; true at the moment the battery becomes low.
+  /// Add a battery reading. Return true at the moment the battery becomes low.
   bool UpdateBattery(uint16_t reading_mV) {
     const bool became_low = battery_.Update(reading_mV);
     if (became_low) Trip(Fault::kLowBattery);
     return became_low;
   }
 
-  /// Take the motor currents of the last 96 ms.
+  /// Process the motor currents of the last 96 ms.
   void UpdateCurrents(int16_t left_mA, int16_t right_mA) {
     const int16_t limit_mA = parameters_.Get(Parameter::kCurrentLimit);
     if (current_monitor_.Step(left_mA, right_mA, limit_mA)) Trip(Fault::kOverCurrent);
@@ -107,7 +110,7 @@ class HostInterface {
     constexpr size_t kSamples = offsetof(Telemetry, battery_mV);
     static_assert(offsetof(Samples, lost_edges) + sizeof(samples_.lost_edges) == kSamples &&
                       offsetof(Samples, right) == offsetof(Telemetry, right_count),
-                  "telemetry begins with the samples");
+                  "telemetry must begin with the samples");
     __builtin_memcpy(&message, &samples_, kSamples);
     message.battery_mV = battery_.filtered_mV();
     message.left_current_mA = left_mA_;
@@ -120,24 +123,24 @@ class HostInterface {
     SendFrame(sink, frame);
   }
 
-  /// What the motors may do now.
+  /// The motors' current command.
   const DriveCommand& command() const { return command_; }
   const Parameters& parameters() const { return parameters_; }
   const Supervisor& supervisor() const { return supervisor_; }
   uint16_t battery_mV() const { return battery_.filtered_mV(); }
   uint16_t rx_errors() const { return static_cast<uint16_t>(decoder_.errors() + refused_); }
-  /// True while the motors are off and the wheels stood still in the last interval.
+  /// True while the motors are off and the wheels were stationary in the last interval.
   bool quiet() const {
     return !supervisor_.armed() && samples_.left.wheel.speed_mrad_s == 0 &&
            samples_.right.wheel.speed_mrad_s == 0;
   }
 
  private:
-  /// React to the frame in the decoder; false if its id or length is none of ours.
+  /// Handle the frame in the decoder. Return false if its id or length is unknown.
   template <typename Sink>
   bool Dispatch(Sink& sink) {
     const uint8_t id = decoder_.id();
-    // `identify` of any length: it must work between all versions.
+    // `identify` may have any length, because it must work between all versions.
     if (id != Identify::kId && decoder_.payload_size() != HostPayloadSize(id)) return false;
     switch (id) {
       case Identify::kId:
@@ -172,7 +175,7 @@ class HostInterface {
         }
         return true;
       }
-      default:  // a message that the schema has and this has not; there is none
+      default:  // unreachable while every message of the schema has a case
         return false;
     }
   }
@@ -186,9 +189,9 @@ class HostInterface {
       status = supervisor_.armed() ? AckStatus::kArmed : AckStatus::kOk;
       if (status == AckStatus::kOk) RestoreDefaults();
     } else if (command == Command::kSave && battery_.status() != AckStatus::kOk) {
-      status = battery_.status();  // the supply may fail in the midst of it
+      status = battery_.status();  // the supply may fail during the write
     } else if (command <= Command::kLoad) {
-      pending_seq_ = decoder_.seq();  // StepStore() answers the newest, once it is done
+      pending_seq_ = decoder_.seq();  // StepStore() answers the newest request when done
       pending_ = command;
       return;
     }
@@ -201,7 +204,8 @@ class HostInterface {
     changed_ = true;
   }
 
-  /// Take what is saved. Not under way, as a whole set may change much; and not what cannot be read.
+  /// Load the saved parameters. Refused while armed, because a whole set may change the control abruptly, and
+  /// if the EEPROM content is invalid.
   template <typename Memory>
   AckStatus Load(Memory& memory) {
     if (supervisor_.armed()) return AckStatus::kArmed;
@@ -227,7 +231,7 @@ class HostInterface {
 
   template <typename Message>
   const Message& Payload() const {
-    return *reinterpret_cast<const Message*>(decoder_.payload());  // packed: any address will do
+    return *reinterpret_cast<const Message*>(decoder_.payload());  // packed: any address is valid
   }
 
   template <typename Sink>
@@ -246,8 +250,8 @@ class HostInterface {
     if (verdict == WheelMonitor::Verdict::kReversed) Trip(reversed);
   }
 
-  /// A motion command that the present state acts on. Only these hold off the link time-out, so that a stream
-  /// of wheel speeds cannot keep a dead gamepad's PWM alive.
+  /// Execute a motion command that applies in the current state. Only these reset the link time-out, so a
+  /// stream of wheel speeds cannot keep the last PWM of a dead gamepad alive.
   void Drive(int16_t left, int16_t right, int16_t limit) {
     command_.left = static_cast<int16_t>(Limit(left, limit));
     command_.right = static_cast<int16_t>(Limit(right, limit));
@@ -265,7 +269,7 @@ class HostInterface {
     SyncMode();
   }
 
-  /// Every change of state begins at rest: no old set-point, no old PWM.
+  /// Start every new state from rest: clear set-point and PWM.
   void SyncMode() {
     if (supervisor_.state() == command_.mode) return;
     command_ = {supervisor_.state(), 0, 0};

@@ -7,18 +7,18 @@
 namespace fw {
 
 constexpr uint32_t kSchemaHash = 0x69B7F337UL;
-constexpr size_t kMaxHostPayload = 4;  ///< [bytes] largest payload the host sends
-constexpr size_t kMaxPayload = 43;     ///< [bytes] largest payload of all
+constexpr size_t kMaxHostPayload = 4;  ///< [bytes] largest payload from the host
+constexpr size_t kMaxPayload = 43;     ///< [bytes] largest payload in either direction
 
-/// What the host may ask of the supervisor.
+/// Commands from the host to the supervisor.
 enum class Command : uint8_t {
   kDisarm = 0,  ///< Motors off.
-  kArm = 1,  ///< Closed loop, starting from set-point zero.
-  kEStop = 2,  ///< Motors off and latched until CLEAR_FAULT.
-  kClearFault = 3,  ///< Unlatch the fault; the robot is then disarmed.
-  kSave = 4,  ///< Write the live parameters to the EEPROM; answered once they are read back.
-  kLoad = 5,  ///< Take the saved parameters (the defaults, where none were saved); refused while armed.
-  kRestoreDefaults = 6,  ///< Take the default parameters; what is saved stays.
+  kArm = 1,  ///< Enter the closed loop with a set-point of zero.
+  kEStop = 2,  ///< Emergency stop: motors off, latched until CLEAR_FAULT.
+  kClearFault = 3,  ///< Clear the latched fault; the robot is then disarmed.
+  kSave = 4,  ///< Write the live parameters to the EEPROM. Answered after they are read back.
+  kLoad = 5,  ///< Load the saved parameters (the defaults if none are saved). Refused while armed.
+  kRestoreDefaults = 6,  ///< Restore the default parameters. The saved ones stay. Refused while armed.
 };
 constexpr uint8_t kCommandCount = 7;
 
@@ -26,44 +26,44 @@ constexpr uint8_t kCommandCount = 7;
 enum class State : uint8_t {
   kDisarmed = 0,  ///< Motors off; the state after reset.
   kClosedLoop = 1,  ///< Wheel speeds are controlled.
-  kManual = 2,  ///< Motor PWM is set directly; overrides the closed loop.
-  kFault = 3,  ///< Motors off; latched, the fault says why.
+  kManual = 2,  ///< The host sets motor PWM directly; overrides the closed loop.
+  kFault = 3,  ///< Motors off, latched; the fault gives the reason.
 };
 constexpr uint8_t kStateCount = 4;
 
-/// Why the motors were stopped; latched.
+/// Why the firmware stopped the motors; latched.
 enum class Fault : uint8_t {
   kNone = 0,  ///< No fault.
   kLinkLost = 1,  ///< No motion command for 300 ms while armed.
   kLowBattery = 2,  ///< Battery below 6.4 V; clears only above 7.0 V.
-  kEStop = 3,  ///< Stopped by the host's E_STOP command.
-  kStallLeft = 4,  ///< Pushed by 38 PWM s and fewer than 3 counts: blocked, or encoder or motor dead.
-  kStallRight = 5,  ///< Likewise.
-  kReversedLeft = 6,  ///< Likewise, and it counts the other way: encoder or motor wires swapped.
-  kReversedRight = 7,  ///< Likewise.
+  kEStop = 3,  ///< The host sent E_STOP.
+  kStallLeft = 4,  ///< Fewer than 3 counts after 38 PWM s: blocked, or encoder or motor dead.
+  kStallRight = 5,  ///< As STALL_LEFT, for the right side.
+  kReversedLeft = 6,  ///< Wrong direction after 38 PWM s: encoder or motor wires swapped.
+  kReversedRight = 7,  ///< As REVERSED_LEFT, for the right side.
   kLostEdges = 8,  ///< More than 30 encoder edges lost in 300 ms while armed: noise or a loose wire.
   kOverCurrent = 9,  ///< A motor current above current_limit for 0.3 s.
-  kWatchdog = 10,  ///< The firmware hung and was restarted.
-  kBadParameters = 11,  ///< What the EEPROM holds cannot be read; the defaults are in use.
+  kWatchdog = 10,  ///< The firmware hung; the watchdog restarted it.
+  kBadParameters = 11,  ///< The saved parameters are invalid; the defaults are in use.
 };
 constexpr uint8_t kFaultCount = 12;
 
-/// The answer to a request.
+/// Result of a request.
 enum class AckStatus : uint8_t {
-  kOk = 0,  ///< Done (or already so).
+  kOk = 0,  ///< Done, or already in effect.
   kUnknownCommand = 1,  ///< No such command.
   kUnknownParameter = 2,  ///< No parameter has this index.
-  kOutOfRange = 3,  ///< Value outside the parameter's range; the old one stays.
-  kFaultLatched = 4,  ///< Refused while a fault is latched: clear it first.
+  kOutOfRange = 3,  ///< Value outside the parameter's range; the old value stays.
+  kFaultLatched = 4,  ///< Refused while a fault is latched; send CLEAR_FAULT first.
   kBatteryLow = 5,  ///< Refused until the battery is above 7.0 V.
-  kNotSaved = 6,  ///< The EEPROM does not hold what was written to it.
-  kBatteryUnknown = 7,  ///< Refused until the first battery reading, 0.1 s after the start: ask again.
-  kArmed = 8,  ///< Refused while armed: disarm first.
-  kBadParameters = 9,  ///< What the EEPROM holds cannot be read; the live parameters stay.
+  kNotSaved = 6,  ///< The EEPROM failed verification after the write.
+  kBatteryUnknown = 7,  ///< Refused until the first battery reading, 0.1 s after the start; try again.
+  kArmed = 8,  ///< Refused while armed; disarm first.
+  kBadParameters = 9,  ///< The saved parameters are invalid; the live parameters stay.
 };
 constexpr uint8_t kAckStatusCount = 10;
 
-/// The board the firmware was built for.
+/// Board that the firmware was built for.
 enum class Board : uint8_t {
   kTrex = 1,  ///< DAGU T'REX DG010 (ATmega328P, 16 MHz).
   kNano = 2,  ///< Arduino Nano or Uno with a TB6612 or L298N driver.
@@ -72,131 +72,130 @@ constexpr uint8_t kBoardCount = 2;
 
 /// Why the board last started.
 enum class ResetCause : uint8_t {
-  kUnknown = 0,  ///< A boot loader cleared the flags.
-  kPowerOn = 1,  ///< Power came on.
-  kExternal = 2,  ///< Reset pin; opening the port does this.
-  kBrownOut = 3,  ///< Supply dipped.
+  kUnknown = 0,  ///< The boot loader cleared the reset flags.
+  kPowerOn = 1,  ///< Power on.
+  kExternal = 2,  ///< Reset pin; opening the serial port triggers it.
+  kBrownOut = 3,  ///< Supply voltage dip.
   kWatchdog = 4,  ///< The firmware hung; the watchdog stopped the motors and restarted it.
 };
 constexpr uint8_t kResetCauseCount = 5;
 
-/// What the parameters were last taken from, or saved to.
+/// Where the parameters were last loaded from or saved to.
 enum class ParameterSource : uint8_t {
-  kDefaults = 0,  ///< The firmware's own.
+  kDefaults = 0,  ///< Built-in defaults.
   kSaved = 1,  ///< The EEPROM.
 };
 constexpr uint8_t kParameterSourceCount = 2;
 
-static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "the wire is little-endian, and so must the machine be");
+static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "the wire is little-endian, so the machine must be too");
 
-// Messages are packed: they lie in memory as they go over the wire.
+// Messages are packed: their memory layout is the wire layout.
 
-/// Ask for `identity`.
+/// Request `identity`.
 struct __attribute__((packed)) Identify {
   static constexpr uint8_t kId = 0x01;
   static constexpr size_t kSize = 0;
 };
 
-/// Wheel-speed set-points; in CLOSED_LOOP they act and feed the link time-out. No answer.
+/// Wheel-speed set-points. They apply, and reset the link time-out, only in CLOSED_LOOP. No answer.
 struct __attribute__((packed)) SetWheelSpeeds {
   static constexpr uint8_t kId = 0x02;
   static constexpr size_t kSize = 4;
-  int16_t left;  ///< [mrad/s] Left side, forward positive; limited to +-17 rad/s.
-  int16_t right;  ///< [mrad/s] Right side, likewise.
+  int16_t left;  ///< [mrad/s] Left side, positive forward, limited to +-17 rad/s.
+  int16_t right;  ///< [mrad/s] Right side, positive forward, limited to +-17 rad/s.
 };
 
-/// Open-loop PWM; takes an armed robot to MANUAL and feeds the link time-out there. No answer.
+/// Open-loop motor PWM. Switches an armed robot to MANUAL and resets its link time-out. No answer.
 struct __attribute__((packed)) SetMotorPwm {
   static constexpr uint8_t kId = 0x03;
   static constexpr size_t kSize = 4;
-  int16_t left;  ///< [PWM] Left side, forward positive; limited to +-255.
-  int16_t right;  ///< [PWM] Right side, likewise.
+  int16_t left;  ///< [PWM] Left side, positive forward, limited to +-255.
+  int16_t right;  ///< [PWM] Right side, positive forward, limited to +-255.
 };
 
-/// A command to the supervisor; answered by `ack`.
+/// Command to the supervisor; answered by `ack`.
 struct __attribute__((packed)) CommandRequest {
   static constexpr uint8_t kId = 0x04;
   static constexpr size_t kSize = 1;
-  Command command;  ///< What to do.
+  Command command;  ///< The command.
 };
 
-/// Set a parameter, until the next reset or for good (SAVE); answered by `ack`. Out of range:
-/// refused.
+/// Set a live parameter; SAVE keeps it through a reset. Answered by `ack`; refused if out of range.
 struct __attribute__((packed)) SetParameter {
   static constexpr uint8_t kId = 0x05;
   static constexpr size_t kSize = 3;
-  uint8_t index;  ///< The parameter.
-  int16_t value;  ///< Its value times its scale, rounded.
+  uint8_t index;  ///< Parameter index.
+  int16_t value;  ///< Value times scale, rounded.
 };
 
-/// Ask for one parameter; answered by `parameter_value`, or by `ack` with UNKNOWN_PARAMETER.
+/// Request one parameter; answered by `parameter_value`, or by `ack` with UNKNOWN_PARAMETER.
 struct __attribute__((packed)) GetParameter {
   static constexpr uint8_t kId = 0x06;
   static constexpr size_t kSize = 1;
-  uint8_t index;  ///< The parameter.
+  uint8_t index;  ///< Parameter index.
 };
 
-/// Who is there.
+/// Firmware version, board and robot constants; the answer to `identify`.
 struct __attribute__((packed)) Identity {
   static constexpr uint8_t kId = 0x81;
   static constexpr size_t kSize = 17;
-  uint32_t schema_hash;  ///< CRC-32 of this schema; first in every version, for ever.
-  uint8_t version_major;  ///< Firmware version.
-  uint8_t version_minor;  ///< Firmware version.
-  uint8_t version_patch;  ///< Firmware version.
-  Board board;  ///< Board the firmware was built for.
-  uint8_t control_rate_Hz;  ///< [Hz] Control ticks a second.
+  uint32_t schema_hash;  ///< CRC-32 of this schema; the first field in every version.
+  uint8_t version_major;  ///< Firmware version, major.
+  uint8_t version_minor;  ///< Firmware version, minor.
+  uint8_t version_patch;  ///< Firmware version, patch.
+  Board board;  ///< Board that the firmware was built for.
+  uint8_t control_rate_Hz;  ///< [Hz] Control rate.
   ResetCause reset_cause;  ///< Why the board last started.
-  uint16_t counts_per_rev;  ///< [count] Encoder counts a wheel turn.
+  uint16_t counts_per_rev;  ///< [count] Encoder counts per wheel revolution.
   uint16_t wheel_radius_mm;  ///< [mm] Wheel radius.
   uint16_t track_mm;  ///< [mm] Distance between the middle wheels' contact points.
-  ParameterSource parameters;  ///< What they were last taken from, or saved to.
+  ParameterSource parameters;  ///< Where they were last loaded from or saved to.
 };
 
-/// Sent once a control tick. Speeds and set-points belong to the interval just ended.
+/// Sent once per control tick. Speeds and set-points belong to the interval just ended.
 struct __attribute__((packed)) Telemetry {
   static constexpr uint8_t kId = 0x82;
   static constexpr size_t kSize = 43;
   uint32_t time_us;  ///< [us] Time of the tick since reset; wraps.
-  int32_t left_count;  ///< [count] Encoder position, rises forward; wraps.
-  int16_t left_speed;  ///< [mrad/s] Counts of the interval as a speed.
+  int32_t left_count;  ///< [count] Encoder position, increases forward; wraps.
+  int16_t left_speed;  ///< [mrad/s] Speed measured from the counts of the interval.
   int16_t left_setpoint;  ///< [mrad/s] Ramped set-point of the same interval.
-  int16_t left_pwm;  ///< [PWM] Output set at this tick, held until the next.
-  int16_t left_integral;  ///< [PWM/64] Integral part of the output.
-  int32_t right_count;  ///< [count] Likewise.
-  int16_t right_speed;  ///< [mrad/s] Likewise.
-  int16_t right_setpoint;  ///< [mrad/s] Likewise.
-  int16_t right_pwm;  ///< [PWM] Likewise.
-  int16_t right_integral;  ///< [PWM/64] Likewise.
+  int16_t left_pwm;  ///< [PWM] Output from this tick until the next.
+  int16_t left_integral;  ///< [PWM/64] Integral term of the output.
+  int32_t right_count;  ///< [count] Encoder position, increases forward; wraps.
+  int16_t right_speed;  ///< [mrad/s] Speed measured from the counts of the interval.
+  int16_t right_setpoint;  ///< [mrad/s] Ramped set-point of the same interval.
+  int16_t right_pwm;  ///< [PWM] Output from this tick until the next.
+  int16_t right_integral;  ///< [PWM/64] Integral term of the output.
   uint16_t lost_edges;  ///< Encoder transitions of unknown direction since reset, both wheels; wraps.
   uint16_t battery_mV;  ///< [mV] Filtered battery voltage; 0 before the first reading.
   int16_t left_current_mA;  ///< [mA] Motor current, averaged over 96 ms.
-  int16_t right_current_mA;  ///< [mA] Likewise.
+  int16_t right_current_mA;  ///< [mA] Motor current, averaged over 96 ms.
   State state;  ///< Supervisor state.
   Fault fault;  ///< Latched fault.
   uint8_t warnings;  ///< Bit 0: battery below 7.0 V.
-  uint16_t rx_frames;  ///< Good frames received since reset; wraps.
-  uint16_t rx_errors;  ///< Frames refused since reset; a lost byte spoils its frame; wraps.
+  uint16_t rx_frames;  ///< Valid frames received since reset; wraps.
+  uint16_t rx_errors;  ///< Frames rejected since reset; wraps. One lost byte invalidates its frame.
 };
 
-/// The answer to a request.
+/// Answer to a request.
 struct __attribute__((packed)) Ack {
   static constexpr uint8_t kId = 0x83;
   static constexpr size_t kSize = 3;
   uint8_t request_id;  ///< Message id of the request.
-  uint8_t request_seq;  ///< Its sequence number.
-  AckStatus status;  ///< What became of it.
+  uint8_t request_seq;  ///< Sequence number of the request.
+  AckStatus status;  ///< Result.
 };
 
-/// One parameter's present value; carries the sequence number of the request it answers.
+/// Current value of one parameter, with the sequence number of the request.
 struct __attribute__((packed)) ParameterValue {
   static constexpr uint8_t kId = 0x84;
   static constexpr size_t kSize = 3;
-  uint8_t index;  ///< The parameter.
-  int16_t value;  ///< Its value times its scale.
+  uint8_t index;  ///< Parameter index.
+  int16_t value;  ///< Value times scale.
 };
 
-/// Payload size of a message that the host sends; 0xFF for every other id. `identify` may have any.
+/// Return the payload size of a message from the host, or 0xFF for any other id. `identify` may have any size.
 constexpr uint8_t HostPayloadSize(uint8_t id) {
   switch (id) {
     case 0x01: return 0;  // identify
@@ -212,16 +211,16 @@ constexpr uint8_t HostPayloadSize(uint8_t id) {
 /// The live parameters, by index.
 enum class Parameter : uint8_t {
   kKp = 0,  ///< [PWM/(rad/s) * 524.288] Proportional gain.
-  kKi = 1,  ///< [PWM/(rad/s) per tick * 524.288] Integral gain; added once a control tick.
-  kKs = 2,  ///< [PWM * 128.0] Feed-forward against dry friction, at 7.4 V.
-  kKv = 3,  ///< [PWM/(rad/s) * 524.288] Feed-forward per speed, at 7.4 V. 0 switches ka and the speed prediction off too.
-  kKa = 4,  ///< [PWM/(rad/s^2) * 524.288] Feed-forward per acceleration, at 7.4 V; ka / kv is the wheel's time constant.
-  kAcceleration = 5,  ///< [rad/s^2 * 100.0] Limit of the set-point ramp; 0 = no ramp.
-  kCurrentLimit = 6,  ///< [A * 1000.0] A motor current above it for 0.3 s is a fault; the sensor ends at 20 A.
+  kKi = 1,  ///< [PWM/(rad/s) per tick * 524.288] Integral gain, applied once per control tick.
+  kKs = 2,  ///< [PWM * 128.0] Feed-forward for static friction, at 7.4 V.
+  kKv = 3,  ///< [PWM/(rad/s) * 524.288] Feed-forward for speed, at 7.4 V. 0 also disables ka and the speed prediction.
+  kKa = 4,  ///< [PWM/(rad/s^2) * 524.288] Feed-forward for acceleration, at 7.4 V. ka / kv is the wheel's time constant.
+  kAcceleration = 5,  ///< [rad/s^2 * 100.0] Acceleration limit of the set-point ramp; 0 = no ramp.
+  kCurrentLimit = 6,  ///< [A * 1000.0] A motor current above this for 0.3 s is a fault. The sensor measures up to 20 A.
 };
 constexpr uint8_t kParameterCount = 7;
 
-/// Range and start value of a parameter, on the wire's scale.
+/// Range and default of a parameter, as wire values.
 struct ParameterRange {
   int16_t minimum, maximum, initial;
 };

@@ -6,19 +6,21 @@
 
 namespace fw {
 
-/// Does the wheel go where its motor pushes? Watches one side, once a control tick.
+/// Stall and wiring monitor of one side. Runs once per control tick.
 ///
-/// PWM times time is summed up while the wheel does not get on, by 3 counts the way it is pushed, and starts
-/// anew when it does. At 38 PWM s (half PWM for 300 ms, less PWM for longer, more than half for 300 ms too),
-/// fewer than 3 counts either way is a stall (or a dead encoder or motor); more of them backwards, and still
-/// going, is a swapped wire. So the sum bounds the way that a wheel runs unseen at any steady set-point; and
-/// a wheel that is being reversed turns round within that time. (A push that changes its sign more often than
-/// each 300 ms begins anew each time: such a wheel is only shaken.)
+/// Integrates |PWM| over time. The integral restarts when the wheel advances 3 counts in the commanded
+/// direction. At 38 PWM s it reports a fault: after 300 ms at half PWM or more, later at less. Fewer than 3
+/// counts either way: a stall, or a dead encoder or motor. 3 or more counts backwards, and still moving
+/// backwards: swapped wires.
+///
+/// The integral thus limits how far a wheel can run away at any steady set-point. A wheel that is being
+/// reversed turns round within that time. A command that changes sign more often than every 300 ms restarts
+/// the integral each time; such a wheel only shakes.
 class WheelMonitor {
  public:
   enum class Verdict : uint8_t { kFine, kStall, kReversed };
 
-  /// count: now, mod 2^16; next_pwm: what is applied from now on.
+  /// count: encoder count now, mod 2^16; next_pwm: output from now on.
   Verdict Step(uint16_t count, int16_t next_pwm) {
     const int16_t counts = static_cast<int16_t>(count - count_);
     const bool forward = pwm_ > 0;
@@ -35,7 +37,7 @@ class WheelMonitor {
     progress_ = static_cast<int8_t>(progress_ + along);
     if (progress_ < -kProgress) progress_ = -kProgress;
     pushed_ = static_cast<int16_t>(pushed_ + push);
-    if (progress_ >= kProgress || along == kProgress) {  // it gets on, or has just turned round
+    if (progress_ >= kProgress || along == kProgress) {  // it advances, or has just turned round
       Restart();
     } else if (++ticks_ >= kFaultWindow_ticks && pushed_ >= kPushed) {
       const bool still = progress_ > -kProgress;
@@ -47,11 +49,12 @@ class WheelMonitor {
   }
 
  private:
-  static constexpr int16_t kIdlePwm = 32;  // half as much again as starts a wheel: below it may well stand
+  // 1.5 times the PWM that starts a wheel. A wheel with less may well be stationary.
+  static constexpr int16_t kIdlePwm = 32;
   static constexpr int16_t kPushed = 38 * kControlRate_Hz;  // [PWM ticks]
   static constexpr int8_t kProgress = 3;
   static_assert(kPushed <= kMaxPwm / 2 * kFaultWindow_ticks && kPushed <= INT16_MAX - kMaxPwm,
-                "over half PWM, 300 ms are enough");
+                "above half PWM, 300 ms must be enough");
 
   void Restart() {
     progress_ = 0;
@@ -66,11 +69,11 @@ class WheelMonitor {
   bool forward_ = false;
 };
 
-/// More than 30 lost edges within 300 ms, both wheels together: noise, or a loose wire. The 300 ms slide in
-/// steps of 100 ms.
+/// Reports more than 30 lost edges within 300 ms, both wheels together: noise or a loose wire. The 300 ms
+/// window slides in steps of 100 ms.
 class EdgeMonitor {
  public:
-  /// Once a control tick; lost: in all so far, mod 2^16. True while there are too many.
+  /// Call once per control tick. lost: total so far, mod 2^16. Return true while there are too many.
   bool Step(uint16_t lost) {
     const bool noisy = static_cast<uint16_t>(lost - starts_[0]) > kMaxLost;
     if (++ticks_ >= kControlRate_Hz / 10) {
@@ -88,7 +91,8 @@ class EdgeMonitor {
   uint8_t ticks_ = 0;
 };
 
-/// A current above the limit in three readings in a row (0.3 s): one peak at a start is no fault.
+/// Reports a current above the limit in three consecutive readings (0.3 s). A single peak at a start is not a
+/// fault.
 class CurrentMonitor {
  public:
   bool Step(int16_t left_mA, int16_t right_mA, int16_t limit_mA) {

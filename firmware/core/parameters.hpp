@@ -10,20 +10,20 @@ constexpr int16_t Largest(Parameter parameter) {
   return kParameterRanges[static_cast<uint8_t>(parameter)].maximum;
 }
 static_assert(Largest(Parameter::kKp) <= kMaxKp && Largest(Parameter::kKi) <= kMaxKi,
-              "the PI is proven up to its largest gains");
-static_assert(Largest(Parameter::kKs) <= 12800, "the PI's room for feed-forward holds the largest ks");
+              "the PI is verified up to these gains");
+static_assert(Largest(Parameter::kKs) <= 12800, "the PI's feed-forward range must hold the largest ks");
 
-/// The live parameters, on the wire's scale.
+/// The live parameters as wire values.
 class Parameters {
  public:
   Parameters() { Restore(); }
 
-  /// Take the defaults.
+  /// Restore the defaults.
   void Restore() {
     for (uint8_t i = 0; i < kParameterCount; ++i) values_[i] = kParameterRanges[i].initial;
   }
 
-  /// Set one parameter, or refuse and change nothing.
+  /// Set one parameter. Out of range, return the error and change nothing.
   AckStatus Set(uint8_t index, int16_t value) {
     if (index >= kParameterCount) return AckStatus::kUnknownParameter;
     if (value < kParameterRanges[index].minimum || value > kParameterRanges[index].maximum) {
@@ -37,7 +37,7 @@ class Parameters {
   int16_t Get(uint8_t index) const { return values_[index]; }
   int16_t Get(Parameter parameter) const { return values_[static_cast<uint8_t>(parameter)]; }
 
-  /// The controllers' constants at this battery voltage.
+  /// Compute the controllers' constants at this battery voltage.
   void Derive(uint16_t battery_mV, WheelConfig* config) const {
     config->pi = {Get(Parameter::kKp), Get(Parameter::kKi)};
     config->ramp_step_mrad_s = RampStep(Get(Parameter::kAcceleration));

@@ -11,30 +11,30 @@ constexpr uint8_t kOutputBits = 19;
 constexpr int32_t OutputFromPwm(int32_t pwm) { return pwm << kOutputBits; }
 constexpr int32_t kOutputMax = OutputFromPwm(kMaxPwm);
 
-/// The largest feed-forward that the PI has room for.
+/// Largest feed-forward that fits the PI's arithmetic.
 constexpr int32_t kFeedForwardMax = OutputFromPwm(1700);
 
 struct PiGains {
-  int16_t kp, ki;  ///< [PWM / (mrad/s)] Q19; ki is added once a tick
+  int16_t kp, ki;  ///< [PWM / (mrad/s)] Q19; ki is applied once per tick
 };
 constexpr int16_t kMaxKp = 31457, kMaxKi = 15729;  ///< 60 and 30 PWM/(rad/s)
 static_assert(int64_t(kMaxKp) * INT16_MAX + kFeedForwardMax + kOutputMax + (1L << 18) <= INT32_MAX,
-              "proportional part, feed-forward and integral must fit int32 together");
+              "proportional term, feed-forward and integral together must fit int32");
 
-/// An integral in PWM/64, rounded.
+/// Return an integral in PWM/64, rounded.
 constexpr int16_t IntegralInPwm64(int32_t integral) { return RoundShift16(integral * 8); }
 static_assert(kOutputBits - 6 == 16 - 3 && int64_t(kOutputMax) * 8 <= INT32_MAX,
               "Q19 times 8 is Q6 times 2^16");
 
-/// Discrete PI, u = Kp e + I, I += Ki e (thesis, eq. 3.4), exact in integers: the products are never
-/// shortened, one rounding at the output. The integral alone is frozen, and only while the output is
-/// saturated and the error pushes it further out; it is clamped to the output's range too.
+/// Discrete PI, u = Kp e + I, I += Ki e (thesis, eq. 3.4), in exact integer arithmetic: the products keep all
+/// bits, and only the output is rounded. Anti-windup: the integral stops while the output is saturated and
+/// the error would drive it further. It is also clamped to the output range.
 class PiController {
  public:
   /// error: [mrad/s], > -32768. feed_forward: PWM Q19, |.| <= kFeedForwardMax. idle: the set-point is zero.
   /// Returns PWM in [-255, 255].
   int16_t Step(const PiGains& gains, int16_t error_mrad_s, int32_t feed_forward, bool idle) {
-    if (idle && error_mrad_s == 0) integral_ = 0;  // no tiny output left inside the dead band
+    if (idle && error_mrad_s == 0) integral_ = 0;  // no residual output inside the dead band
     const int32_t rest = Product(gains.kp, error_mrad_s) + feed_forward;
     const int32_t before = rest + integral_;
     const bool frozen = error_mrad_s > 0 ? before >= kOutputMax : before <= -kOutputMax;

@@ -6,21 +6,21 @@
 
 namespace fw {
 
-/// Keeps the parameters in EEPROM: two slots, written in turn, each
+/// Stores the parameters in EEPROM: two slots, written alternately, each
 ///
 ///   sequence u8 | values, int16 low byte first | CRC-16 over both, low byte first
 ///
-/// A save goes to the slot that does not hold the newest set, so power may fail at any byte of it: the other
-/// slot is whole. The CRC starts from the schema hash, so another firmware's sets are not taken for ours.
-/// 0xFF as sequence means empty (an erased EEPROM); that byte is written last.
+/// A save overwrites the slot without the newest set, so a power failure at any byte leaves the other slot
+/// intact. The CRC starts from the schema hash, so a set of another firmware fails the check. Sequence 0xFF
+/// marks an empty slot (erased EEPROM). The sequence byte is written last.
 ///
-/// Memory: `uint8_t Read(uint8_t address)`, `bool Ready()`, `void Write(uint8_t address, uint8_t byte)`,
-/// which only begins a write of 3.4 ms.
+/// Memory: `uint8_t Read(uint8_t address)`, `bool Ready()`, `void Write(uint8_t address, uint8_t byte)`.
+/// Write() only starts a write of 3.4 ms.
 class ParameterStore {
  public:
   enum class Outcome : uint8_t { kEmpty, kLoaded, kUnreadable };
 
-  /// Read the newest whole set into `parameters`; without one they stay as they are.
+  /// Read the newest valid set into `parameters`. Without one they stay unchanged.
   template <typename Memory>
   Outcome Load(Memory& memory, Parameters* parameters) {
     uint8_t sequence[2];
@@ -43,12 +43,12 @@ class ParameterStore {
     uint8_t address = Address(slot) + 1;
     for (uint8_t i = 0; i < kParameterCount; ++i, address += 2) {
       const uint16_t value = static_cast<uint16_t>(memory.Read(address + 1) << 8 | memory.Read(address));
-      parameters->Set(i, static_cast<int16_t>(value));  // refuses what is out of range: the default stays
+      parameters->Set(i, static_cast<int16_t>(value));  // keeps the default if the value is out of range
     }
     return Outcome::kLoaded;
   }
 
-  /// Begin to save a copy of `parameters`; Step() does the writing. Not while one is under way.
+  /// Start saving a copy of `parameters`; Step() writes it. Call only if no save is in progress.
   void Begin(const Parameters& parameters) {
     image_[0] = next_sequence_;
     for (uint8_t i = 0; i < kParameterCount; ++i) {
@@ -65,7 +65,7 @@ class ParameterStore {
 
   bool saving() const { return remaining_ != 0; }
 
-  /// Go on with the save, by at most one byte and without waiting; true when it has just ended.
+  /// Continue the save by at most one byte, without waiting. Return true when it has just finished.
   template <typename Memory>
   bool Step(Memory& memory) {
     if (remaining_ == 0 || !memory.Ready()) return false;
@@ -78,7 +78,7 @@ class ParameterStore {
     return false;
   }
 
-  /// After a save: did it arrive? The next one then goes to the other slot.
+  /// Verify a finished save by reading it back. On success, select the other slot for the next save.
   template <typename Memory>
   bool Verify(Memory& memory) {
     if (memory.Read(Address(next_slot_)) != next_sequence_ || !Check(memory, next_slot_)) return false;
@@ -92,7 +92,7 @@ class ParameterStore {
   static constexpr uint8_t kEmpty = 0xFF;
   static constexpr uint16_t kStart = static_cast<uint16_t>(kSchemaHash);
 
-  /// Not from 0: a brown-out during a write hits that cell first.
+  /// Does not start at address 0: a brown-out during a write corrupts that cell first.
   static constexpr uint8_t Address(uint8_t slot) { return slot == 0 ? 0x20 : 0x80; }
   static_assert(0x20 + kSlotSize <= 0x80 && 0x80 + kSlotSize <= 0x100, "the slots must not overlap");
 

@@ -5,21 +5,21 @@
 
 namespace fw {
 
-/// What the supervisor reacts to: the host's first four commands in their wire order, manual PWM, and faults
-/// of two kinds: those that concern a robot under way, and those that concern one at rest as well.
+/// Inputs of the supervisor: the host's first four commands in wire order, manual PWM, and two kinds of
+/// faults: those that matter only while armed and those that always matter.
 enum class Event : uint8_t { kDisarm, kArm, kEStop, kClearFault, kManual, kFaultArmed, kFaultAlways, kEnd };
 constexpr uint8_t kEventCount = static_cast<uint8_t>(Event::kEnd);
 
-/// A request that is an event by its number.
+/// Whether event and command have the same number.
 constexpr bool IsEventOf(Event event, Command command) {
   return static_cast<uint8_t>(event) == static_cast<uint8_t>(command);
 }
 static_assert(IsEventOf(Event::kDisarm, Command::kDisarm) && IsEventOf(Event::kArm, Command::kArm) &&
                   IsEventOf(Event::kEStop, Command::kEStop) &&
                   IsEventOf(Event::kClearFault, Command::kClearFault),
-              "the host's first commands are events, in the same order");
+              "the host's first commands must be events, in the same order");
 
-/// The event of a fault. Every fault has its line, or the compiler objects (-Wswitch).
+/// The event of a fault. The compiler reports a fault without a case (-Wswitch).
 constexpr Event EventOf(Fault fault) {
   switch (fault) {
     case Fault::kNone:
@@ -41,7 +41,7 @@ constexpr Event EventOf(Fault fault) {
   return Event::kFaultAlways;
 }
 
-/// A cell of the transition table. A cell left out is 0, kUnhandled, and fails the build.
+/// A cell of the transition table. A missing cell is 0, kUnhandled, and fails the build.
 enum class Reaction : uint8_t { kUnhandled, kDisarmed, kClosedLoop, kManual, kFault, kRefused };
 
 struct Transitions {
@@ -56,7 +56,7 @@ constexpr Transitions MakeTransitions() {
   constexpr Reaction kOff = Reaction::kDisarmed, kLoop = Reaction::kClosedLoop, kManu = Reaction::kManual,
                      kFail = Reaction::kFault, kHeld = Reaction::kRefused;
   return {{
-      // disarm, arm, e-stop, clear, manual, fault under way, fault always
+      // disarm, arm, e-stop, clear, manual, fault while armed, fault always
       {kOff, kLoop, kFail, kOff, kOff, kOff, kFail},     // DISARMED
       {kOff, kLoop, kFail, kLoop, kManu, kFail, kFail},  // CLOSED_LOOP
       {kOff, kLoop, kFail, kManu, kManu, kFail, kFail},  // MANUAL
@@ -64,7 +64,7 @@ constexpr Transitions MakeTransitions() {
   }};
 }
 
-/// The state after a reaction; a refusal leaves FAULT as it is.
+/// The state after a reaction. A refusal keeps FAULT.
 constexpr State StateAfter(Reaction reaction) {
   return reaction == Reaction::kRefused ? State::kFault
                                         : static_cast<State>(static_cast<uint8_t>(reaction) - 1);
@@ -75,7 +75,7 @@ static_assert(StateAfter(Reaction::kDisarmed) == State::kDisarmed &&
                   StateAfter(Reaction::kFault) == State::kFault,
               "reactions and states are in the same order");
 
-/// Every state answers every event.
+/// Every state handles every event.
 constexpr bool Complete(const Transitions& table) {
   for (uint8_t s = 0; s < kStateCount; ++s) {
     for (uint8_t e = 0; e < kEventCount; ++e) {
@@ -87,7 +87,7 @@ constexpr bool Complete(const Transitions& table) {
   return true;
 }
 
-/// Every state can be reached from DISARMED, and left towards it.
+/// Every state is reachable from DISARMED, and DISARMED from every state.
 constexpr bool Connected(const Transitions& table) {
   bool from_start[kStateCount] = {true}, to_start[kStateCount] = {true};
   for (uint8_t round = 0; round < kStateCount; ++round) {
@@ -105,7 +105,7 @@ constexpr bool Connected(const Transitions& table) {
   return true;
 }
 
-/// Whatever may move, an emergency stop and any fault stop; and only CLEAR_FAULT unlatches.
+/// In every state an E-stop and a fault stop the motors. Only CLEAR_FAULT leaves FAULT.
 constexpr bool Safe(const Transitions& table) {
   for (uint8_t s = 0; s < kStateCount; ++s) {
     const State state = static_cast<State>(s);
@@ -124,26 +124,27 @@ static_assert(Complete(MakeTransitions()), "a state and event without a reaction
 static_assert(Connected(MakeTransitions()), "a state that cannot be reached, or not left");
 static_assert(Safe(MakeTransitions()), "a fault that does not stop the motors, or unlatches by itself");
 
-/// Whether a fault takes the place of a latched one. E_STOP is somebody's will and goes over everything;
-/// nothing goes over it. LOW_BATTERY goes over the rest: the operator must see it.
+/// Whether a fault replaces a latched one. E_STOP is an operator's decision: it replaces every fault, and no
+/// fault replaces it. LOW_BATTERY replaces all others, because the operator must see it.
 constexpr bool Outranks(Fault fault, Fault latched) {
   return latched == Fault::kNone || fault == Fault::kEStop ||
          (fault == Fault::kLowBattery && latched != Fault::kEStop);
 }
 
-/// The one state machine that decides whether the motors may turn.
+/// The state machine that alone decides whether the motors may run.
 class Supervisor {
  public:
-  /// React to the host; the status is the answer. battery: unless OK, the answer to ARM and CLEAR_FAULT.
+  /// Handle an event from the host and return the answer. battery: unless OK, the answer to ARM and
+  /// CLEAR_FAULT.
   AckStatus Handle(Event event, AckStatus battery) {
     if (battery != AckStatus::kOk && (event == Event::kArm || event == Event::kClearFault)) return battery;
     return Take(event, Fault::kEStop);
   }
 
-  /// Stop for a fault. A latched one stays, unless the new one goes over it.
+  /// Stop for a fault. A latched fault stays unless the new one outranks it.
   void Trip(Fault fault) { Take(EventOf(fault), fault); }
 
-  /// Latch a fault again that was latched before a restart.
+  /// Latch the fault again that was latched before a restart.
   void Relatch(Fault fault) {
     if (fault != Fault::kNone) Take(Event::kFaultAlways, fault);
   }

@@ -9,26 +9,26 @@
 
 namespace fw {
 
-/// Constants of the wheel controllers, derived from the live parameters.
+/// Constants of the wheel controllers, computed from the live parameters.
 struct WheelConfig {
   PiGains pi;
   FeedForwardGains feed_forward;
   int16_t ramp_step_mrad_s;
 };
 
-/// What one control tick did with one wheel.
+/// Result of one control tick for one wheel.
 struct WheelSample {
-  int16_t speed_mrad_s;     ///< counted in the interval just ended
+  int16_t speed_mrad_s;     ///< measured in the interval just ended
   int16_t setpoint_mrad_s;  ///< of the same interval
-  int16_t pwm;              ///< for the interval that begins
+  int16_t pwm;              ///< for the next interval
   int16_t integral_pwm_64;  ///< [PWM/64]
 };
 
-/// One side's speed controller: ramp, feed-forward and PI.
+/// Speed controller of one side: ramp, feed-forward and PI.
 ///
-/// The ramp is ours, so the next set-point is known before its interval begins: feed-forward drives towards
-/// it, while the PI corrects the speed just counted against what the model expected there. Without kv there
-/// is no model, and the PI acts on the newest set-point, as the thesis's does.
+/// The ramp runs here, so the next set-point is known before its interval begins. The feed-forward drives
+/// towards it. The PI corrects the difference between the measured speed and the model's prediction for that
+/// interval. Without kv there is no model, and the PI acts on the newest set-point, as in the thesis.
 class WheelController {
  public:
   /// counts: of the interval just ended. target_mrad_s: within +-17 rad/s.
@@ -45,8 +45,9 @@ class WheelController {
     sample->integral_pwm_64 = IntegralInPwm64(pi_.integral());
   }
 
-  /// The motors are not ours: forget all but the speed just counted. A wheel that still rolls when they are
-  /// ours again is expected to run down; taken for standing, it would be braked until it ran backwards.
+  /// Track the measured speed while the loop is open; clear everything else. When the loop closes again, the
+  /// model expects a wheel that still rolls to coast down. From a model speed of zero, the PI would brake it
+  /// until it ran backwards.
   void TrackSpeed(int16_t speed_mrad_s) {
     pi_.Reset();
     feed_forward_.TrackSpeed(speed_mrad_s);

@@ -1,7 +1,7 @@
 """Write the C++ header, the Python codec and docs/protocol.md from messages.toml.
 
-Run `python firmware/protocol/generate.py` after editing messages.toml; `--check` only tells
-whether they are fresh.
+Run `python firmware/protocol/generate.py` after editing messages.toml. `--check` writes nothing and
+fails if a file is stale.
 """
 
 import argparse
@@ -33,16 +33,17 @@ TYPES = {
     "u32": (4, "I", "uint32_t", 0, 2**32 - 1),
 }
 
-Schema = dict[str, Any]  # parsed TOML: its shape is what check_schema enforces
+Schema = dict[str, Any]  # parsed TOML; check_schema enforces its shape
 
 
 def load_schema(path: Path = SCHEMA) -> Schema:
-    """Read and check a schema.
+    """Read and validate a schema.
 
     Raises
     ------
     ValueError
-        Names, ids or values clash, a type or enum is unknown, or a parameter's numbers do not fit.
+        If names, ids or values are not unique, a type or enum is unknown, or a parameter does not fit its
+        range or wire type.
     """
     with path.open("rb") as file:
         schema: Schema = tomllib.load(file)
@@ -53,7 +54,7 @@ def load_schema(path: Path = SCHEMA) -> Schema:
 
 
 def check_schema(schema: Schema) -> None:
-    """Raise ValueError naming the first entry that cannot be generated."""
+    """Raise ValueError for the first invalid entry, naming it."""
     enums = {enum["name"]: enum for enum in schema["enum"]}
     for what, keys in {
         "enum name": [e["name"] for e in schema["enum"]],
@@ -62,31 +63,33 @@ def check_schema(schema: Schema) -> None:
         "parameter name": [p["name"] for p in schema["parameter"]],
     }.items():
         if len(set(keys)) != len(keys):
-            raise ValueError(f"the same {what} is used twice in {keys}")
+            raise ValueError(f"{what} used twice; make it unique: {keys}")
     for enum in schema["enum"]:
         values = [v["value"] for v in enum["values"]]
         if len(set(values)) != len(values) or not all(0 <= v <= 255 for v in values):
             raise ValueError(f"enum {enum['name']}: values must be distinct and within 0..255")
     for message in schema["message"]:
         if (message["id"] >= 0x80) != (message["from"] == "firmware") or not 0 < message["id"] <= 0xFF:
-            raise ValueError(f"message {message['name']}: firmware ids start at 0x80, the host's are below")
+            raise ValueError(f"message {message['name']}: firmware ids start at 0x80, host ids are below")
         for field in message["fields"]:
             if field["type"] not in TYPES:
-                raise ValueError(f"{message['name']}.{field['name']}: no type {field['type']}")
+                raise ValueError(f"{message['name']}.{field['name']}: unknown wire type {field['type']}")
             if field["enum"] and (field["enum"] not in enums or field["type"] != "u8"):
-                raise ValueError(f"{message['name']}.{field['name']}: needs a known enum and type u8")
+                raise ValueError(
+                    f"{message['name']}.{field['name']}: an enum field needs a known enum and type u8"
+                )
     identity = next(m for m in schema["message"] if m["name"] == "identity")
     if identity["fields"][0]["name"] != "schema_hash" or identity["fields"][0]["type"] != "u32":
-        raise ValueError("identity must begin with schema_hash, u32: it is how a mismatch is reported")
+        raise ValueError("identity must begin with schema_hash, u32; the host needs it to report a mismatch")
     for spec in schema["parameter"]:
         if not spec["minimum"] <= spec["default"] <= spec["maximum"]:
-            raise ValueError(f"parameter {spec['name']}: default outside its range")
+            raise ValueError(f"parameter {spec['name']}: the default is outside its range")
         if max(abs(spec["minimum"]), abs(spec["maximum"])) * spec["scale"] >= 2**15:
-            raise ValueError(f"parameter {spec['name']}: range does not fit int16")
+            raise ValueError(f"parameter {spec['name']}: the range times scale does not fit int16")
 
 
 def schema_hash(schema: Schema) -> int:
-    """CRC-32 (zlib) of the schema as canonical JSON without its `doc` texts."""
+    """Return the CRC-32 (zlib) of the schema as canonical JSON without its `doc` texts."""
 
     def bare(node: Any) -> Any:
         if isinstance(node, Mapping):
@@ -97,22 +100,22 @@ def schema_hash(schema: Schema) -> int:
 
 
 def camel(name: str) -> str:
-    """`set_wheel_speeds` and `E_STOP` to `SetWheelSpeeds` and `EStop`."""
+    """Convert `set_wheel_speeds` or `E_STOP` to `SetWheelSpeeds` or `EStop`."""
     return "".join(part.capitalize() for part in name.lower().split("_"))
 
 
 def payload_size(message: Schema) -> int:
-    """Bytes of a message's payload."""
+    """Return the payload size of a message in bytes."""
     return sum(TYPES[field["type"]][0] for field in message["fields"])
 
 
 def wrap(text: str, prefix: str, width: int = 100) -> str:
-    """Fill `text` behind a comment prefix."""
+    """Wrap `text` with a comment prefix on each line."""
     return "\n".join(textwrap.wrap(text, width=width, initial_indent=prefix, subsequent_indent=prefix))
 
 
 def render(schema: Schema) -> dict[Path, str]:
-    """Return the text of every generated file."""
+    """Return the text of every generated file by path."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(HERE),
         trim_blocks=True,

@@ -61,4 +61,4 @@ def test_make_knows_no_other_board() -> None:
         ["make", "-C", str(FIRMWARE), "BOARD=mega"], capture_output=True, text=True, check=False
     )
     assert result.returncode != 0
-    assert "there is no board mega" in result.stderr
+    assert "unknown board mega" in result.stderr

@@ -1,7 +1,7 @@
-"""The messages between host and firmware.
+"""Messages between host and firmware.
 
 Generated from firmware/protocol/messages.toml by generate.py: edit that file, not this one.
-Payloads only; `thumper.board.framing` adds id, sequence number, CRC and COBS around them.
+Payloads only: `thumper.board.framing` adds id, sequence number, CRC and COBS encoding.
 """
 
 from collections.abc import Mapping
@@ -15,15 +15,15 @@ SCHEMA_HASH: int = 0x69B7F337
 
 
 class Command(IntEnum):
-    """What the host may ask of the supervisor."""
+    """Commands from the host to the supervisor."""
 
     DISARM = 0  # Motors off.
-    ARM = 1  # Closed loop, starting from set-point zero.
-    E_STOP = 2  # Motors off and latched until CLEAR_FAULT.
-    CLEAR_FAULT = 3  # Unlatch the fault; the robot is then disarmed.
-    SAVE = 4  # Write the live parameters to the EEPROM; answered once they are read back.
-    LOAD = 5  # Take the saved parameters (the defaults, where none were saved); refused while armed.
-    RESTORE_DEFAULTS = 6  # Take the default parameters; what is saved stays.
+    ARM = 1  # Enter the closed loop with a set-point of zero.
+    E_STOP = 2  # Emergency stop: motors off, latched until CLEAR_FAULT.
+    CLEAR_FAULT = 3  # Clear the latched fault; the robot is then disarmed.
+    SAVE = 4  # Write the live parameters to the EEPROM. Answered after they are read back.
+    LOAD = 5  # Load the saved parameters (the defaults if none are saved). Refused while armed.
+    RESTORE_DEFAULTS = 6  # Restore the default parameters. The saved ones stay. Refused while armed.
 
 
 class State(IntEnum):
@@ -31,44 +31,44 @@ class State(IntEnum):
 
     DISARMED = 0  # Motors off; the state after reset.
     CLOSED_LOOP = 1  # Wheel speeds are controlled.
-    MANUAL = 2  # Motor PWM is set directly; overrides the closed loop.
-    FAULT = 3  # Motors off; latched, the fault says why.
+    MANUAL = 2  # The host sets motor PWM directly; overrides the closed loop.
+    FAULT = 3  # Motors off, latched; the fault gives the reason.
 
 
 class Fault(IntEnum):
-    """Why the motors were stopped; latched."""
+    """Why the firmware stopped the motors; latched."""
 
     NONE = 0  # No fault.
     LINK_LOST = 1  # No motion command for 300 ms while armed.
     LOW_BATTERY = 2  # Battery below 6.4 V; clears only above 7.0 V.
-    E_STOP = 3  # Stopped by the host's E_STOP command.
-    STALL_LEFT = 4  # Pushed by 38 PWM s and fewer than 3 counts: blocked, or encoder or motor dead.
-    STALL_RIGHT = 5  # Likewise.
-    REVERSED_LEFT = 6  # Likewise, and it counts the other way: encoder or motor wires swapped.
-    REVERSED_RIGHT = 7  # Likewise.
+    E_STOP = 3  # The host sent E_STOP.
+    STALL_LEFT = 4  # Fewer than 3 counts after 38 PWM s: blocked, or encoder or motor dead.
+    STALL_RIGHT = 5  # As STALL_LEFT, for the right side.
+    REVERSED_LEFT = 6  # Wrong direction after 38 PWM s: encoder or motor wires swapped.
+    REVERSED_RIGHT = 7  # As REVERSED_LEFT, for the right side.
     LOST_EDGES = 8  # More than 30 encoder edges lost in 300 ms while armed: noise or a loose wire.
     OVER_CURRENT = 9  # A motor current above current_limit for 0.3 s.
-    WATCHDOG = 10  # The firmware hung and was restarted.
-    BAD_PARAMETERS = 11  # What the EEPROM holds cannot be read; the defaults are in use.
+    WATCHDOG = 10  # The firmware hung; the watchdog restarted it.
+    BAD_PARAMETERS = 11  # The saved parameters are invalid; the defaults are in use.
 
 
 class AckStatus(IntEnum):
-    """The answer to a request."""
+    """Result of a request."""
 
-    OK = 0  # Done (or already so).
+    OK = 0  # Done, or already in effect.
     UNKNOWN_COMMAND = 1  # No such command.
     UNKNOWN_PARAMETER = 2  # No parameter has this index.
-    OUT_OF_RANGE = 3  # Value outside the parameter's range; the old one stays.
-    FAULT_LATCHED = 4  # Refused while a fault is latched: clear it first.
+    OUT_OF_RANGE = 3  # Value outside the parameter's range; the old value stays.
+    FAULT_LATCHED = 4  # Refused while a fault is latched; send CLEAR_FAULT first.
     BATTERY_LOW = 5  # Refused until the battery is above 7.0 V.
-    NOT_SAVED = 6  # The EEPROM does not hold what was written to it.
-    BATTERY_UNKNOWN = 7  # Refused until the first battery reading, 0.1 s after the start: ask again.
-    ARMED = 8  # Refused while armed: disarm first.
-    BAD_PARAMETERS = 9  # What the EEPROM holds cannot be read; the live parameters stay.
+    NOT_SAVED = 6  # The EEPROM failed verification after the write.
+    BATTERY_UNKNOWN = 7  # Refused until the first battery reading, 0.1 s after the start; try again.
+    ARMED = 8  # Refused while armed; disarm first.
+    BAD_PARAMETERS = 9  # The saved parameters are invalid; the live parameters stay.
 
 
 class Board(IntEnum):
-    """The board the firmware was built for."""
+    """Board that the firmware was built for."""
 
     TREX = 1  # DAGU T'REX DG010 (ATmega328P, 16 MHz).
     NANO = 2  # Arduino Nano or Uno with a TB6612 or L298N driver.
@@ -77,49 +77,49 @@ class Board(IntEnum):
 class ResetCause(IntEnum):
     """Why the board last started."""
 
-    UNKNOWN = 0  # A boot loader cleared the flags.
-    POWER_ON = 1  # Power came on.
-    EXTERNAL = 2  # Reset pin; opening the port does this.
-    BROWN_OUT = 3  # Supply dipped.
+    UNKNOWN = 0  # The boot loader cleared the reset flags.
+    POWER_ON = 1  # Power on.
+    EXTERNAL = 2  # Reset pin; opening the serial port triggers it.
+    BROWN_OUT = 3  # Supply voltage dip.
     WATCHDOG = 4  # The firmware hung; the watchdog stopped the motors and restarted it.
 
 
 class ParameterSource(IntEnum):
-    """What the parameters were last taken from, or saved to."""
+    """Where the parameters were last loaded from or saved to."""
 
-    DEFAULTS = 0  # The firmware's own.
+    DEFAULTS = 0  # Built-in defaults.
     SAVED = 1  # The EEPROM.
 
 
 class Message(Protocol):
-    """What every message offers."""
+    """Interface of every message."""
 
     ID: ClassVar[int]
 
     def pack(self) -> bytes:
-        """Return the payload; raises struct.error if a field does not fit its wire type."""
+        """Return the payload; raise struct.error if a field does not fit its wire type."""
         ...
 
     @classmethod
     def unpack(cls, payload: bytes) -> Self:
-        """Read a payload; raises ValueError on a wrong length or an unknown enum value."""
+        """Decode a payload; raise ValueError for a wrong length or an unknown enum value."""
         ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identify:
-    """Ask for `identity`."""
+    """Request `identity`."""
 
     ID: ClassVar[int] = 0x01
     _LAYOUT: ClassVar[Struct] = Struct("<")
 
     def pack(self) -> bytes:
-        """Return the 0 bytes of the payload."""
+        """Return the payload, 0 bytes."""
         return self._LAYOUT.pack()
 
     @classmethod
     def unpack(cls, payload: bytes) -> Self:
-        """Read a payload; raises ValueError on a wrong length or an unknown enum value."""
+        """Decode a payload; raise ValueError for a wrong length or an unknown enum value."""
         if len(payload) != cls._LAYOUT.size:
             raise ValueError(f"identify needs {cls._LAYOUT.size} bytes, got {len(payload)}")
         return cls()
@@ -127,21 +127,21 @@ class Identify:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetWheelSpeeds:
-    """Wheel-speed set-points; in CLOSED_LOOP they act and feed the link time-out. No answer."""
+    """Wheel-speed set-points. They apply, and reset the link time-out, only in CLOSED_LOOP. No answer."""
 
     ID: ClassVar[int] = 0x02
     _LAYOUT: ClassVar[Struct] = Struct("<hh")
 
-    left: int  # [mrad/s] Left side, forward positive; limited to +-17 rad/s.
-    right: int  # [mrad/s] Right side, likewise.
+    left: int  # [mrad/s] Left side, positive forward, limited to +-17 rad/s.
+    right: int  # [mrad/s] Right side, positive forward, limited to +-17 rad/s.
 
     def pack(self) -> bytes:
-        """Return the 4 bytes of the payload."""
+        """Return the payload, 4 bytes."""
         return self._LAYOUT.pack(self.left, self.right)
 
     @classmethod
     def unpack(cls, payload: bytes) -> Self:
-        """Read a payload; raises ValueError on a wrong length or an unknown enum value."""
+        """Decode a payload; raise ValueError for a wrong length or an unknown enum value."""
         if len(payload) != cls._LAYOUT.size:
             raise ValueError(f"set_wheel_speeds needs {cls._LAYOUT.size} bytes, got {len(payload)}")
         left, right = cls._LAYOUT.unpack(payload)
@@ -150,21 +150,21 @@ class SetWheelSpeeds:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetMotorPwm:
-    """Open-loop PWM; takes an armed robot to MANUAL and feeds the link time-out there. No answer."""
+    """Open-loop motor PWM. Switches an armed robot to MANUAL and resets its link time-out. No answer."""
 
     ID: ClassVar[int] = 0x03
     _LAYOUT: ClassVar[Struct] = Struct("<hh")
 
-    left: int  # [PWM] Left side, forward positive; limited to +-255.
-    right: int  # [PWM] Right side, likewise.
+    left: int  # [PWM] Left side, positive forward, limited to +-255.
+    right: int  # [PWM] Right side, positive forward, limited to +-255.
 
     def pack(self) -> bytes:
-        """Return the 4 bytes of the payload."""
+        """Return the payload, 4 bytes."""
         return self._LAYOUT.pack(self.left, self.right)
 
     @classmethod
     def unpack(cls, payload: bytes) -> Self:
-        """Read a payload; raises ValueError on a wrong length or an unknown enum value."""
+        """Decode a payload; raise ValueError for a wrong length or an unknown enum value."""
         if len(payload) != cls._LAYOUT.size:
             raise ValueError(f"set_motor_pwm needs {cls._LAYOUT.size} bytes, got {len(payload)}")
         left, right = cls._LAYOUT.unpack(payload)
@@ -173,20 +173,20 @@ class SetMotorPwm:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandRequest:
-    """A command to the supervisor; answered by `ack`."""
+    """Command to the supervisor; answered by `ack`."""
 
     ID: ClassVar[int] = 0x04
     _LAYOUT: ClassVar[Struct] = Struct("<B")
 
-    command: Command  # What to do.
+    command: Command  # The command.
 
     def pack(self) -> bytes:
-        """Return the 1 bytes of the payload."""
+        """Return the payload, 1 bytes."""
         return self._LAYOUT.pack(self.command)
 
     @classmethod
     def unpack(cls, payload: bytes) -> Self:
-        """Read a payload; raises ValueError on a wrong length or an unknown enum value."""
+        """Decode a payload; raise ValueError for a wrong length or an unknown enum value."""
         if len(payload) != cls._LAYOUT.size:
             raise ValueError(f"command_request needs {cls._LAYOUT.size} bytes, got {len(payload)}")
         (command,) = cls._LAYOUT.unpack(payload)
@@ -195,21 +195,21 @@ class CommandRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetParameter:
-    """Set a parameter, until the next reset or for good (SAVE); answered by `ack`. Out of range: refused."""
+    """Set a live parameter; SAVE keeps it through a reset. Answered by `ack`; refused if out of range."""
 
     ID: ClassVar[int] = 0x05
     _LAYOUT: ClassVar[Struct] = Struct("<Bh")
 
-    index: int  # The parameter.
-    value: int  # Its value times its scale, rounded.
+    index: int  # Parameter index.
+    value: int  # Value times scale, rounded.
 
     def pack(self) -> bytes:
-        """Return the 3 bytes of the payload."""
+        """Return the payload, 3 bytes."""
         return self._LAYOUT.pack(self.index, self.value)
 
     @classmethod
     def unpack(cls, payload: bytes) -> Self:
-        """Read a payload; raises ValueError on a wrong length or an unknown enum value."""
+        """Decode a payload; raise ValueError for a wrong length or an unknown enum value."""
         if len(payload) != cls._LAYOUT.size:
             raise ValueError(f"set_parameter needs {cls._LAYOUT.size} bytes, got {len(payload)}")
         index, value = cls._LAYOUT.unpack(payload)
@@ -218,20 +218,20 @@ class SetParameter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GetParameter:
-    """Ask for one parameter; answered by `parameter_value`, or by `ack` with UNKNOWN_PARAMETER."""
+    """Request one parameter; answered by `parameter_value`, or by `ack` with UNKNOWN_PARAMETER."""
 
     ID: ClassVar[int] = 0x06
     _LAYOUT: ClassVar[Struct] = Struct("<B")
 
-    index: int  # The parameter.
+    index: int  # Parameter index.
 
     def pack(self) -> bytes:
-        """Return the 1 bytes of the payload."""
+        """Return the payload, 1 bytes."""
         return self._LAYOUT.pack(self.index)
 
     @classmethod
     def unpack(cls, payload: bytes) -> Self:
-        """Read a payload; raises ValueError on a wrong length or an unknown enum value."""
+        """Decode a payload; raise ValueError for a wrong length or an unknown enum value."""
         if len(payload) != cls._LAYOUT.size:
             raise ValueError(f"get_parameter needs {cls._LAYOUT.size} bytes, got {len(payload)}")
         (index,) = cls._LAYOUT.unpack(payload)
@@ -240,25 +240,25 @@ class GetParameter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identity:
-    """Who is there."""
+    """Firmware version, board and robot constants; the answer to `identify`."""
 
     ID: ClassVar[int] = 0x81
     _LAYOUT: ClassVar[Struct] = Struct("<IBBBBBBHHHB")
 
-    schema_hash: int  # CRC-32 of this schema; first in every version, for ever.
-    version_major: int  # Firmware version.
-    version_minor: int  # Firmware version.
-    version_patch: int  # Firmware version.
-    board: Board  # Board the firmware was built for.
-    control_rate_Hz: int  # [Hz] Control ticks a second.
+    schema_hash: int  # CRC-32 of this schema; the first field in every version.
+    version_major: int  # Firmware version, major.
+    version_minor: int  # Firmware version, minor.
+    version_patch: int  # Firmware version, patch.
+    board: Board  # Board that the firmware was built for.
+    control_rate_Hz: int  # [Hz] Control rate.
     reset_cause: ResetCause  # Why the board last started.
-    counts_per_rev: int  # [count] Encoder counts a wheel turn.
+    counts_per_rev: int  # [count] Encoder counts per wheel revolution.
     wheel_radius_mm: int  # [mm] Wheel radius.
     track_mm: int  # [mm] Distance between the middle wheels' contact points.
-    parameters: ParameterSource  # What they were last taken from, or saved to.
+    parameters: ParameterSource  # Where they were last loaded from or saved to.
 
     def pack(self) -> bytes:
-        """Return the 17 bytes of the payload."""
+        """Return the payload, 17 bytes."""
         return self._LAYOUT.pack(
             self.schema_hash,
             self.version_major,
@@ -275,7 +275,7 @@ class Identity:
 
     @classmethod
     def unpack(cls, payload: bytes) -> Self:
-        """Read a payload; raises ValueError on a wrong length or an unknown enum value."""
+        """Decode a payload; raise ValueError for a wrong length or an unknown enum value."""
         if len(payload) != cls._LAYOUT.size:
             raise ValueError(f"identity needs {cls._LAYOUT.size} bytes, got {len(payload)}")
         (
@@ -308,34 +308,34 @@ class Identity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Telemetry:
-    """Sent once a control tick. Speeds and set-points belong to the interval just ended."""
+    """Sent once per control tick. Speeds and set-points belong to the interval just ended."""
 
     ID: ClassVar[int] = 0x82
     _LAYOUT: ClassVar[Struct] = Struct("<IihhhhihhhhHHhhBBBHH")
 
     time_us: int  # [us] Time of the tick since reset; wraps.
-    left_count: int  # [count] Encoder position, rises forward; wraps.
-    left_speed: int  # [mrad/s] Counts of the interval as a speed.
+    left_count: int  # [count] Encoder position, increases forward; wraps.
+    left_speed: int  # [mrad/s] Speed measured from the counts of the interval.
     left_setpoint: int  # [mrad/s] Ramped set-point of the same interval.
-    left_pwm: int  # [PWM] Output set at this tick, held until the next.
-    left_integral: int  # [PWM/64] Integral part of the output.
-    right_count: int  # [count] Likewise.
-    right_speed: int  # [mrad/s] Likewise.
-    right_setpoint: int  # [mrad/s] Likewise.
-    right_pwm: int  # [PWM] Likewise.
-    right_integral: int  # [PWM/64] Likewise.
+    left_pwm: int  # [PWM] Output from this tick until the next.
+    left_integral: int  # [PWM/64] Integral term of the output.
+    right_count: int  # [count] Encoder position, increases forward; wraps.
+    right_speed: int  # [mrad/s] Speed measured from the counts of the interval.
+    right_setpoint: int  # [mrad/s] Ramped set-point of the same interval.
+    right_pwm: int  # [PWM] Output from this tick until the next.
+    right_integral: int  # [PWM/64] Integral term of the output.
     lost_edges: int  # Encoder transitions of unknown direction since reset, both wheels; wraps.
     battery_mV: int  # [mV] Filtered battery voltage; 0 before the first reading.
     left_current_mA: int  # [mA] Motor current, averaged over 96 ms.
-    right_current_mA: int  # [mA] Likewise.
+    right_current_mA: int  # [mA] Motor current, averaged over 96 ms.
     state: State  # Supervisor state.
     fault: Fault  # Latched fault.
     warnings: int  # Bit 0: battery below 7.0 V.
-    rx_frames: int  # Good frames received since reset; wraps.
-    rx_errors: int  # Frames refused since reset; a lost byte spoils its frame; wraps.
+    rx_frames: int  # Valid frames received since reset; wraps.
+    rx_errors: int  # Frames rejected since reset; wraps. One lost byte invalidates its frame.
 
     def pack(self) -> bytes:
-        """Return the 43 bytes of the payload."""
+        """Return the payload, 43 bytes."""
         return self._LAYOUT.pack(
             self.time_us,
             self.left_count,
@@ -361,7 +361,7 @@ class Telemetry:
 
     @classmethod
     def unpack(cls, payload: bytes) -> Self:
-        """Read a payload; raises ValueError on a wrong length or an unknown enum value."""
+        """Decode a payload; raise ValueError for a wrong length or an unknown enum value."""
         if len(payload) != cls._LAYOUT.size:
             raise ValueError(f"telemetry needs {cls._LAYOUT.size} bytes, got {len(payload)}")
         (
@@ -412,22 +412,22 @@ class Telemetry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ack:
-    """The answer to a request."""
+    """Answer to a request."""
 
     ID: ClassVar[int] = 0x83
     _LAYOUT: ClassVar[Struct] = Struct("<BBB")
 
     request_id: int  # Message id of the request.
-    request_seq: int  # Its sequence number.
-    status: AckStatus  # What became of it.
+    request_seq: int  # Sequence number of the request.
+    status: AckStatus  # Result.
 
     def pack(self) -> bytes:
-        """Return the 3 bytes of the payload."""
+        """Return the payload, 3 bytes."""
         return self._LAYOUT.pack(self.request_id, self.request_seq, self.status)
 
     @classmethod
     def unpack(cls, payload: bytes) -> Self:
-        """Read a payload; raises ValueError on a wrong length or an unknown enum value."""
+        """Decode a payload; raise ValueError for a wrong length or an unknown enum value."""
         if len(payload) != cls._LAYOUT.size:
             raise ValueError(f"ack needs {cls._LAYOUT.size} bytes, got {len(payload)}")
         request_id, request_seq, status = cls._LAYOUT.unpack(payload)
@@ -436,21 +436,21 @@ class Ack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterValue:
-    """One parameter's present value; carries the sequence number of the request it answers."""
+    """Current value of one parameter, with the sequence number of the request."""
 
     ID: ClassVar[int] = 0x84
     _LAYOUT: ClassVar[Struct] = Struct("<Bh")
 
-    index: int  # The parameter.
-    value: int  # Its value times its scale.
+    index: int  # Parameter index.
+    value: int  # Value times scale.
 
     def pack(self) -> bytes:
-        """Return the 3 bytes of the payload."""
+        """Return the payload, 3 bytes."""
         return self._LAYOUT.pack(self.index, self.value)
 
     @classmethod
     def unpack(cls, payload: bytes) -> Self:
-        """Read a payload; raises ValueError on a wrong length or an unknown enum value."""
+        """Decode a payload; raise ValueError for a wrong length or an unknown enum value."""
         if len(payload) != cls._LAYOUT.size:
             raise ValueError(f"parameter_value needs {cls._LAYOUT.size} bytes, got {len(payload)}")
         index, value = cls._LAYOUT.unpack(payload)
@@ -475,7 +475,7 @@ MESSAGES: Mapping[int, type[Message]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterSpec:
-    """One live parameter. On the wire it is `round(value * scale)`."""
+    """A live parameter; its wire value is `round(value * scale)`."""
 
     index: int
     name: str
@@ -506,7 +506,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         maximum=30.0,
         default=10.9,
         scale=524.288,
-        doc="Integral gain; added once a control tick.",
+        doc="Integral gain, applied once per control tick.",
     ),
     ParameterSpec(
         index=2,
@@ -516,7 +516,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         maximum=100.0,
         default=19.3,
         scale=128.0,
-        doc="Feed-forward against dry friction, at 7.4 V.",
+        doc="Feed-forward for static friction, at 7.4 V.",
     ),
     ParameterSpec(
         index=3,
@@ -526,7 +526,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         maximum=60.0,
         default=17.12,
         scale=524.288,
-        doc="Feed-forward per speed, at 7.4 V. 0 switches ka and the speed prediction off too.",
+        doc="Feed-forward for speed, at 7.4 V. 0 also disables ka and the speed prediction.",
     ),
     ParameterSpec(
         index=4,
@@ -536,7 +536,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         maximum=20.0,
         default=1.284,
         scale=524.288,
-        doc="Feed-forward per acceleration, at 7.4 V; ka / kv is the wheel's time constant.",
+        doc="Feed-forward for acceleration, at 7.4 V. ka / kv is the wheel's time constant.",
     ),
     ParameterSpec(
         index=5,
@@ -546,7 +546,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         maximum=200.0,
         default=8.0,
         scale=100.0,
-        doc="Limit of the set-point ramp; 0 = no ramp.",
+        doc="Acceleration limit of the set-point ramp; 0 = no ramp.",
     ),
     ParameterSpec(
         index=6,
@@ -556,6 +556,6 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         maximum=20.0,
         default=8.0,
         scale=1000.0,
-        doc="A motor current above it for 0.3 s is a fault; the sensor ends at 20 A.",
+        doc="A motor current above this for 0.3 s is a fault. The sensor measures up to 20 A.",
     ),
 )
