@@ -12,10 +12,10 @@ AdcLatch::AdcLatch(avr_t* avr, const Plant& plant)
 void AdcLatch::OnStart(avr_irq_t*, uint32_t mux, void* self) {
   AdcLatch* latch = static_cast<AdcLatch*>(self);
   avr_adc_mux_t selected;
-  static_assert(sizeof selected >= sizeof mux, "simavr passes the multiplexer's setting as 32 bits");
+  static_assert(sizeof selected >= sizeof mux, "simavr passes the multiplexer setting as 32 bits");
   std::memcpy(&selected, &mux, sizeof mux);
   latch->result_ = latch->Sample(selected);
-  // The same integer arithmetic as simavr's: its result is ready exactly one cycle before ours.
+  // Same integer arithmetic as simavr: its result is ready exactly one cycle before this one.
   const uint32_t shift = std::max(latch->avr_->data[reg::kAdcsrA] & 7, 1);
   const uint32_t rate_Hz = (latch->avr_->frequency >> shift) / (latch->adc_->first ? 25 : 13);
   avr_cycle_timer_register(latch->avr_, latch->avr_->frequency / rate_Hz + 1, OnResult, latch);

@@ -4,11 +4,11 @@
 
 namespace thumper {
 
-/// Makes simavr's converter sample when the conversion starts and scale by 1024, as the chip does.
+/// Makes simavr's ADC sample at the start of a conversion and scale by 1024, as the chip does.
 ///
-/// simavr looks at channel, reference and voltage only when ADCL is read, and scales by 1023. This puts the
-/// right value into the data registers one cycle after each conversion's end and marks it as read, so that
-/// simavr leaves it alone.
+/// simavr reads channel, reference and voltage only when the program reads ADCL, and scales by 1023. This
+/// class writes the correct value to the data registers one cycle after the end of each conversion. It marks
+/// the result as read, so that simavr does not overwrite it.
 class AdcLatch {
  public:
   AdcLatch(avr_t* avr, const Plant& plant);

@@ -1,5 +1,5 @@
 #pragma once
-// libsimavr's headers are C and not clean under our warnings: this is the only place that includes them.
+// Only this file includes libsimavr's headers: they are C and cause warnings under this project's flags.
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wpedantic"
 #pragma GCC diagnostic ignored "-Wunused-parameter"
@@ -25,7 +25,7 @@ namespace thumper {
 constexpr uint32_t kCpuHz = 16'000'000;
 constexpr uint64_t kCyclesPerMs = kCpuHz / 1000;
 
-/// Addresses in the ATmega328P's data space (data sheet, register summary).
+/// Register addresses in the data space of the ATmega328P (data sheet, register summary).
 namespace reg {
 constexpr uint16_t kPinB = 0x23, kDdrB = 0x24, kPortB = 0x25;
 constexpr uint16_t kPinD = 0x29, kDdrD = 0x2A, kPortD = 0x2B;
@@ -34,12 +34,13 @@ constexpr uint16_t kTccr2A = 0xB0, kTccr2B = 0xB1, kOcr2A = 0xB3, kOcr2B = 0xB4;
 constexpr uint16_t kUcsr0A = 0xC0, kUbrr0L = 0xC4, kUbrr0H = 0xC5;
 }  // namespace reg
 
-/// The peripheral of this kind, or null. `name` tells ports ('B', 'C', 'D') and timers ('0', '1', '2') apart.
+/// Return the peripheral of this kind, or null. `name` selects a port ('B', 'C', 'D') or a timer ('0', '1',
+/// '2').
 template <typename Peripheral>
 Peripheral* FindPeripheral(avr_t* avr, const char* kind, char name = 0) {
   for (avr_io_t* io = avr->io_port; io != nullptr; io = io->next) {
     if (std::strcmp(io->kind, kind) != 0) continue;
-    // Every simavr peripheral starts with its avr_io_t; ports and timers have their name behind it.
+    // Every simavr peripheral starts with its avr_io_t; in ports and timers the name follows it.
     if (name != 0 && reinterpret_cast<avr_ioport_t*>(io)->name != name) continue;
     return reinterpret_cast<Peripheral*>(io);
   }

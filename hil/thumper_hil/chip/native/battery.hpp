@@ -5,14 +5,14 @@
 
 namespace thumper {
 
-/// A battery with an open-circuit voltage by state of charge and one internal resistance.
+/// Battery model: open-circuit voltage by state of charge, and one internal resistance.
 class Battery {
  public:
   explicit Battery(const BatteryParams& params) : params_(params), charge_(params.state_of_charge) {
     Step(0.0, 0.0);
   }
 
-  /// Draw `motor_current_A` (beside the board's own) for `dt_s`.
+  /// Draw `motor_current_A` (plus the board's own current) for `dt_s`.
   void Step(double motor_current_A, double dt_s) {
     const double current_A = motor_current_A + params_.idle_current_A;
     charge_ = std::clamp(charge_ - current_A * dt_s / (3600.0 * params_.capacity_Ah), 0.0, 1.0);
@@ -22,8 +22,8 @@ class Battery {
   void SetCharge(double charge) { charge_ = charge; }
   void SetResistance(double resistance_Ohm) { params_.resistance_Ohm = resistance_Ohm; }
 
-  /// The voltage at the terminals under a load that draws `conductance_S * voltage + source_A`: solved, not
-  /// stepped, so that an old battery's large resistance is no stiff loop.
+  /// Compute the terminal voltage under a load that draws `conductance_S * voltage + source_A`. Solved in
+  /// closed form, because a step-by-step loop would be stiff with an old battery's large resistance.
   void Load(double conductance_S, double source_A) {
     voltage_V_ = (OpenCircuit_V() - params_.resistance_Ohm * (source_A + params_.idle_current_A)) /
                  (1.0 + params_.resistance_Ohm * conductance_S);
@@ -35,10 +35,10 @@ class Battery {
  private:
   double OpenCircuit_V() const {
     constexpr int kLast = 10;
-    const double place = charge_ * kLast;
-    const int below = std::min(static_cast<int>(place), kLast - 1);
+    const double position = charge_ * kLast;
+    const int below = std::min(static_cast<int>(position), kLast - 1);
     const double* table = params_.open_circuit_V;
-    return table[below] + (place - below) * (table[below + 1] - table[below]);
+    return table[below] + (position - below) * (table[below + 1] - table[below]);
   }
 
   BatteryParams params_;

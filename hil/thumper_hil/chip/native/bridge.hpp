@@ -3,30 +3,30 @@
 
 namespace thumper {
 
-/// What the chip's pins tell one H-bridge, averaged over a PWM period.
+/// Inputs of one H-bridge from the chip's pins, averaged over a PWM period.
 struct BridgeCommand {
   double duty = 0.0;     // 0...1
   bool forward = false;  // direction pin
-  bool brake = false;    // brake pin: the duty is then the strength of the brake
+  bool brake = false;    // brake pin: the duty then sets the braking strength
 };
 
-/// The winding is open: the wheels roll on friction alone.
+/// Open winding: only friction slows the wheels.
 constexpr BridgeCommand kCoast = {0.0, false, true};
 
-/// Reads the motor pins; the PWM is D3 (OC2B) on the left and D11 (OC2A) on the right.
+/// Reads the motor pins. The PWM pins are D3 (OC2B) on the left and D11 (OC2A) on the right.
 ///
-/// simavr has no phase-correct PWM, so the duty comes from Timer 2's registers. As on the chip, a new compare
-/// value takes effect when the timer reaches TOP (data sheet 17.7.4), up to one PWM period after it was
-/// written.
+/// simavr has no phase-correct PWM, so the duty comes from the registers of Timer 2. As on the chip, a new
+/// compare value takes effect when the timer reaches TOP (data sheet 17.7.4), up to one PWM period after the
+/// write.
 class BridgePins {
  public:
   static constexpr int kPwmBit = 3;  // of both ports
 
-  /// `low_coasts`: whether a PWM pin that stays low opens the bridge; else it shorts the winding.
+  /// `low_coasts`: true if a PWM pin that stays low opens the bridge, false if it shorts the winding.
   BridgePins(avr_t* avr, const Wiring& wiring, bool low_coasts)
       : avr_(avr), wiring_(wiring), low_coasts_(low_coasts) {}
 
-  /// Follow the registers up to now; call it at least once a millisecond.
+  /// Sample the registers now. Call at least once per millisecond.
   void Sample() {
     const uint8_t mode = Mode();
     const uint32_t prescaler = Prescaler();
@@ -49,9 +49,9 @@ class BridgePins {
     }
   }
 
-  /// Whether Timer 2 has taken both PWM pins from their ports.
+  /// Whether Timer 2 controls both PWM pins.
   bool pwm_running() const {
-    constexpr uint8_t kBothOutputs = 0xA0;  // the higher bit of both channels' compare output mode
+    constexpr uint8_t kBothOutputs = 0xA0;  // upper bit of both channels' compare output mode
     return (avr_->data[reg::kTccr2A] & kBothOutputs) == kBothOutputs;
   }
 
@@ -73,13 +73,13 @@ class BridgePins {
     return bit != Wiring::kNone && ((avr_->data[motor.ddr] & avr_->data[motor.port]) >> bit & 1) != 0;
   }
 
-  /// `com_shift`: place of the channel's compare output mode in TCCR2A.
+  /// `com_shift`: position of the channel's compare output mode in TCCR2A.
   BridgeCommand Command(Side side, int com_shift) const {
     const MotorWiring& motor = wiring_.motor[side];
     if (((avr_->data[motor.ddr] >> kPwmBit) & 1u) == 0) return kCoast;  // a floating pin drives no transistor
     const bool forward = Driven(motor, motor.forward_bit);
     const bool reverse = Driven(motor, motor.reverse_bit);
-    // A bridge with two inputs: both high shorts the motor, both low leaves it open, whatever the PWM.
+    // Bridge with two inputs: both high shorts the motor, both low opens it, whatever the PWM.
     if (motor.reverse_bit != Wiring::kNone && forward == reverse) return {forward ? 1.0 : 0.0, false, true};
     const double duty = Duty(side, com_shift);
     if (duty == 0.0 && low_coasts_) return kCoast;

@@ -1,4 +1,4 @@
-// The library's C face, for ctypes: see chip.py. No exception leaves it.
+// C interface of the library for ctypes (chip.py). It lets no exception through.
 #include <cstdio>
 #include <exception>
 
@@ -10,25 +10,25 @@ using thumper::RobotState;
 
 extern "C" {
 
-/// The truth about the robot, all doubles: time [s], pose, then per side travel, speed, current and encoder
-/// count, battery [V] and charge.
+/// True state of the robot, all doubles: time [s], pose, then for each side travel, speed, current and
+/// encoder count, then battery [V] and state of charge.
 struct ThumperTruth {
   double time_s, x_m, y_m, yaw_rad;
   double wheel_rad[2], wheel_rad_s[2], current_A[2], encoder_count[2];
   double battery_V, charge;
 };
 
-/// `params` is null for a bare chip; `board` is the number in the protocol's identity. Returns null and fills
-/// `error` when it fails.
+/// `params` is null for a bare chip. `board` is the board number of the protocol's identity. Return null and
+/// fill `error` on failure.
 Chip* thumper_open(const char* elf_path, const double* params, size_t param_count, int board, uint64_t seed,
                    char* error, size_t error_size) {
   const thumper::Wiring* wiring = thumper::FindWiring(board);
   if (wiring == nullptr) {
-    std::snprintf(error, error_size, "nobody has said how board %d is wired", board);
+    std::snprintf(error, error_size, "unknown board %d; add its wiring to wiring.hpp", board);
     return nullptr;
   }
   if (params != nullptr && param_count != thumper::kPlantParamCount) {
-    std::snprintf(error, error_size, "the library takes %zu plant parameters, got %zu; build it again",
+    std::snprintf(error, error_size, "the library takes %zu plant parameters, got %zu; rebuild it",
                   thumper::kPlantParamCount, param_count);
     return nullptr;
   }

@@ -11,14 +11,14 @@
 namespace thumper {
 namespace {
 
-/// simavr says "invalid opcode" in its log and goes on with the next one. It has one logger for all chips.
+/// simavr only logs an invalid opcode and continues. It has one logger for all chips.
 void StopAtInvalidOpcode(avr_t* avr, const int, const char* format, va_list) {
   if (avr != nullptr && std::strstr(format, "Invalid Opcode") != nullptr) avr->state = cpu_Crashed;
 }
 
-/// simavr has no phase-correct PWM: it lets such a timer overflow on every tick, which costs most of the
-/// time. Let it overflow each 512 ticks instead (the chip: 510). The plant reads the duty from the registers.
-void MendPhaseCorrectPwm(avr_t* avr) {
+/// simavr has no phase-correct PWM: such a timer overflows on every tick, which takes most of the run time.
+/// Make it overflow every 512 ticks instead (the chip: 510). The plant reads the duty from the registers.
+void FixPhaseCorrectPwm(avr_t* avr) {
   constexpr int kPhaseCorrect = 1;
   for (const char name : {'0', '2'}) {
     avr_timer_wgm_t& mode = FindPeripheral<avr_timer_t>(avr, "timer", name)->wgm_op[kPhaseCorrect];
@@ -35,7 +35,7 @@ Chip::Chip(const std::string& elf_path, const PlantParams* plant_params, const W
            uint64_t seed) {
   avr_global_logger_set(StopAtInvalidOpcode);
   avr_ = avr_make_mcu_by_name("atmega328p");
-  if (avr_ == nullptr) throw std::runtime_error("this libsimavr knows no atmega328p");
+  if (avr_ == nullptr) throw std::runtime_error("this libsimavr does not support the atmega328p");
   avr_init(avr_);
   LoadFirmware(elf_path);
   avr_->frequency = kCpuHz;
@@ -43,7 +43,7 @@ Chip::Chip(const std::string& elf_path, const PlantParams* plant_params, const W
   avr_->sleep = OnSleep;
   avr_->custom.data = this;
 
-  MendPhaseCorrectPwm(avr_);
+  FixPhaseCorrectPwm(avr_);
   uart_.emplace(avr_, seed);
   watchdog_.emplace(avr_);
   if (plant_params != nullptr) {
@@ -58,7 +58,7 @@ Chip::Chip(const std::string& elf_path, const PlantParams* plant_params, const W
   avr_irq_register_notify(avr_get_interrupt_irq(avr_, uart->rxc.vector) + AVR_INT_IRQ_RUNNING,
                           OnReceiveInterrupt, this);
 
-  // Last in simavr's list, so that it runs after all peripherals have been reset.
+  // Last in simavr's list, so it runs after the reset of all peripherals.
   reset_hook_.io.kind = "thumper";
   reset_hook_.io.avr = avr_;
   reset_hook_.io.reset = OnReset;
@@ -81,13 +81,13 @@ void Chip::LoadFirmware(const std::string& elf_path) {
   if (fits) avr_load_firmware(avr_, &firmware);
   std::free(firmware.flash);
   std::free(firmware.eeprom);
-  if (!read) throw std::runtime_error("no program for an AVR in it");
-  if (!fits) throw std::runtime_error("it is larger than the flash of an ATmega328P");
+  if (!read) throw std::runtime_error("not a program for an AVR");
+  if (!fits) throw std::runtime_error("larger than the flash of an ATmega328P");
 }
 
 void Chip::Rearm() {
-  avr_->run_cycle_limit = kCyclesPerMs;  // else one instruction per call
-  // D2 and D3 are INT0 and INT1. Low, they make simavr poll them every cycle, in case of a level interrupt.
+  avr_->run_cycle_limit = kCyclesPerMs;  // otherwise one instruction per call
+  // D2 and D3 are INT0 and INT1. While they are low, simavr polls them on every cycle for level interrupts.
   avr_extint_set_strict_lvl_trig(avr_, EXTINT_IRQ_OUT_INT0, 0);
   avr_extint_set_strict_lvl_trig(avr_, EXTINT_IRQ_OUT_INT1, 0);
   uart_->Rearm();
@@ -101,7 +101,7 @@ void Chip::OnReset(avr_io_t* io) {
 }
 
 void Chip::Reset() {
-  // SRAM outlasts a reset; simavr empties it.
+  // SRAM survives a reset on the chip, but simavr clears it.
   uint8_t* const sram = avr_->data + avr_->ioend + 1;
   const std::vector<uint8_t> kept(sram, avr_->data + avr_->ramend + 1);
   avr_reset(avr_);
@@ -110,7 +110,7 @@ void Chip::Reset() {
 }
 
 void Chip::Hang(bool interrupts_off) {
-  constexpr uint32_t kTrap = 0x6FFE;  // below any boot loader, above any program of ours
+  constexpr uint32_t kTrap = 0x6FFE;  // below every boot loader, above this firmware
   constexpr uint8_t kJumpToItself[2] = {0xFF, 0xCF};
   Programmer(avr_).WriteFlash(kTrap, kJumpToItself, sizeof kJumpToItself);
   if (interrupts_off) avr_->sreg[S_I] = 0;
@@ -118,12 +118,12 @@ void Chip::Hang(bool interrupts_off) {
   avr_->pc = kTrap;
 }
 
-/// simavr calls this before it jumps ahead to the next timer; its own version waits in real time.
+/// simavr calls this before it jumps to the next timer. Its default version waits in real time.
 void Chip::OnSleep(avr_t* avr, avr_cycle_count_t how_long) {
   static_cast<Chip*>(avr->custom.data)->slept_cycles_ += how_long + 1;
 }
 
-/// The chip needs four cycles from the interrupt to its vector (data sheet 7.7.1); simavr none.
+/// The chip takes four cycles from interrupt to vector (data sheet 7.7.1), simavr none.
 void Chip::OnInterrupt(avr_irq_t*, uint32_t running, void* self) {
   constexpr uint64_t kResponse = 4;
   if (running == 0) return;
@@ -139,8 +139,8 @@ void Chip::OnReceiveInterrupt(avr_irq_t*, uint32_t running, void* self) {
 RunStatus Chip::Run(uint64_t until_cycle, std::size_t bytes_wanted) {
   if (bytes_wanted == 0) return RunTo(until_cycle);
   while (avr_->cycle < until_cycle) {
-    const uint64_t next_look = (avr_->cycle / kCyclesPerMs + 1) * kCyclesPerMs;
-    const RunStatus status = RunTo(std::min(next_look, until_cycle));
+    const uint64_t next_poll = (avr_->cycle / kCyclesPerMs + 1) * kCyclesPerMs;
+    const RunStatus status = RunTo(std::min(next_poll, until_cycle));
     if (status != RunStatus::kTimeReached) return status;
     if (uart_->Available() >= bytes_wanted) return RunStatus::kBytesReady;
   }

@@ -18,33 +18,33 @@ enum class RunStatus : int {
   kAsleepForEver = 3,  // the firmware sleeps with interrupts off
 };
 
-/// An ATmega328P at 16 MHz that runs a firmware ELF, with simavr 1.6's faults mended, and the robot round it.
+/// An emulated ATmega328P at 16 MHz that runs a firmware ELF, with fixes for simavr 1.6, connected to the
+/// simulated robot.
 ///
-/// Everything that happens to the chip is a cycle timer of simavr's, so a sleeping chip jumps from event to
-/// event.
+/// Everything that happens to the chip is a simavr cycle timer, so a sleeping chip jumps from event to event.
 class Chip {
  public:
-  /// Throws std::runtime_error with one clear line when the ELF cannot be loaded.
-  /// `wiring` outlives the chip.
+  /// Throws std::runtime_error with a one-line message if the ELF cannot be loaded.
+  /// `wiring` must outlive the chip.
   Chip(const std::string& elf_path, const PlantParams* plant_params, const Wiring& wiring, uint64_t seed);
   ~Chip();
   Chip(const Chip&) = delete;
   Chip& operator=(const Chip&) = delete;
 
-  /// Run until this cycle; or, when `bytes_wanted` > 0, until so many bytes wait for the host. The host looks
-  /// once a millisecond, as often as USB brings it anything.
+  /// Run until this cycle or, if `bytes_wanted` > 0, until this many bytes wait for the host. The host polls
+  /// once per millisecond, as often as USB delivers data.
   RunStatus Run(uint64_t until_cycle, std::size_t bytes_wanted);
 
-  void Reset();  ///< the reset pin
+  void Reset();  ///< pulse the reset pin
 
-  /// Let the program fall into an endless loop, as a bug would; its interrupts go on unless they are off.
+  /// Put the program into an endless loop, like a bug. Interrupts keep running unless they are off.
   void Hang(bool interrupts_off);
   uint64_t cycle() const { return avr_->cycle; }
   uint64_t resets() const { return resets_; }
   uint64_t slept_cycles() const { return slept_cycles_; }
   uint32_t program_counter() const { return avr_->pc; }  ///< [bytes]
   uint8_t data(uint16_t address) const { return avr_->data[address]; }
-  avr_t* avr() { return avr_; }  ///< for instruments: see lab_api.cpp
+  avr_t* avr() { return avr_; }  ///< for instruments (lab_api.cpp)
   UartLine& uart() { return *uart_; }
   Plant* plant() { return plant_ ? &*plant_ : nullptr; }
 
@@ -67,7 +67,7 @@ class Chip {
   std::optional<UartLine> uart_;
   std::optional<Plant> plant_;
   std::optional<AdcLatch> adc_;
-  std::optional<WatchdogCure> watchdog_;
+  std::optional<WatchdogFix> watchdog_;
   uint64_t resets_ = 0, slept_cycles_ = 0;
 };
 

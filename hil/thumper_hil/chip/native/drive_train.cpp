@@ -18,7 +18,7 @@ DriveTrain::DriveTrain(const PlantParams& params, uint64_t seed)
     friction_ratio_[side] = 1.0 + params.motor.spread_ratio * random_.Normal();
     radius_m_[side] = params.body.wheel_radius_m * (1.0 + params.body.radius_spread_ratio * random_.Normal());
   }
-  // What makes this robot another than its sister; apart from the noise, so that the two do not disturb.
+  // Variation between robots. It has its own generator so that it does not change the noise.
   Random unit(seed ^ 0x51573E5);
   const double torque_unit = 1.0 + params.motor.unit_spread_ratio * unit.Normal();
   const double friction_unit = 1.0 + params.motor.unit_spread_ratio * unit.Normal();
@@ -33,8 +33,8 @@ DriveTrain::DriveTrain(const PlantParams& params, uint64_t seed)
 void DriveTrain::Step(const BridgeCommand (&command)[2], double dt_s) {
   const MotorParams& motor = params_.motor;
   const double n = motor.motors_per_side;
-  double torque_Nm[2], damping[2];             // torque at the present speed, and minus its derivative
-  double conductance_S = 0.0, source_A = 0.0;  // of both bridges, as the battery sees them
+  double torque_Nm[2], damping[2];             // torque at the current speed, and minus its derivative
+  double conductance_S = 0.0, source_A = 0.0;  // load of both bridges on the battery
   for (int side = 0; side < 2; ++side) {
     const BridgeCommand& bridge = command[side];
     if (bridge.brake) continue;
@@ -42,7 +42,7 @@ void DriveTrain::Step(const BridgeCommand (&command)[2], double dt_s) {
     const double per_Ohm = n * faults_[side].connected * signed_duty / motor.resistance_Ohm;
     conductance_S += per_Ohm * signed_duty;
     source_A -= per_Ohm * motor.back_emf_V_s_rad * state_.wheel_rad_s[side];
-    // A short stores nothing: what the battery sees of it is there for the duty's share, and then at once.
+    // A short stores no energy: it loads the battery for the duty's share of the time, without delay.
     if (faults_[side].shorted) conductance_S += bridge.duty / kShort_Ohm;
   }
   battery_.Load(conductance_S, source_A);
@@ -51,7 +51,7 @@ void DriveTrain::Step(const BridgeCommand (&command)[2], double dt_s) {
     const double sign = Forward(side, bridge) ? 1.0 : -1.0;
     const double w = state_.wheel_rad_s[side];
     const double Kt = motor.torque_Nm_A * torque_ratio_[side];
-    // Driving: the mean voltage is duty * battery, the winding always in circuit. Braking: the winding is
+    // Driving: the mean voltage is duty * battery, with the winding always connected. Braking: the winding is
     // shorted for the duty's share of the time and open for the rest.
     const double share = faults_[side].connected * (bridge.brake ? bridge.duty : 1.0);
     const double source_V = bridge.brake ? 0.0 : sign * bridge.duty * battery_.voltage_V();
@@ -60,7 +60,7 @@ void DriveTrain::Step(const BridgeCommand (&command)[2], double dt_s) {
     damping[side] = n * (share * Kt * motor.back_emf_V_s_rad / motor.resistance_Ohm + motor.viscous_Nm_s_rad);
     if (w != 0.0) torque_Nm[side] += n * torque_noise_[side].Step(random_, dt_s);
     state_.current_A[side] = n * current_A + (faults_[side].shorted ? source_V / kShort_Ohm : 0.0);
-    if (faults_[side].reversed) state_.current_A[side] *= -1.0;  // as the bridge sees it
+    if (faults_[side].reversed) state_.current_A[side] *= -1.0;  // as the bridge measures it
   }
   battery_.Step(conductance_S * battery_.voltage_V() + source_A, dt_s);
   body_moves_ = !(held_ && PushesIntoObstacle(torque_Nm));
@@ -82,12 +82,12 @@ void DriveTrain::MoveWheels(const double (&torque_Nm)[2], const double (&damping
   const BodyParams& body = params_.body;
   const MotorParams& motor = params_.motor;
   const double r = body.wheel_radius_m;
-  // Mass matrix: [[own, across], [across, own]] from the wheels, the body's mass and its yaw inertia.
+  // Mass matrix [[own, across], [across, own]] of the wheels, the body's mass and its yaw inertia.
   const double straight = body_moves_ ? 0.25 * body.mass_kg * r * r : 0.0;
   const double turning = body_moves_ ? body.yaw_inertia_kg_m2 * r * r / (track_m_ * track_m_) : 0.0;
   const double own = motor.motors_per_side * motor.inertia_kg_m2 + straight + turning;
   const double across = straight - turning;
-  // Half of the damping acts at the new speed (Crank-Nicolson): stable, and second order in time.
+  // Half of the damping uses the new speed (Crank-Nicolson): stable, and second order in time.
   const double m0 = own + 0.5 * damping[0] * dt_s, m1 = own + 0.5 * damping[1] * dt_s;
   const double determinant = m0 * m1 - across * across;
   const double inverse[2][2] = {{m1 / determinant, -across / determinant},
@@ -97,19 +97,19 @@ void DriveTrain::MoveWheels(const double (&torque_Nm)[2], const double (&damping
   for (int side = 0; side < 2; ++side)
     w[side] += (inverse[side][0] * torque_Nm[0] + inverse[side][1] * torque_Nm[1]) * dt_s;
 
-  // Friction: three impulses, each bounded, each trying to stop its own relative motion.
+  // Friction: three bounded impulses, each opposing its own relative motion.
   double bound[3], impulse[3] = {0.0, 0.0, 0.0};
   for (int side = 0; side < 2; ++side) {
     const double stick = start[side] == 0.0 ? motor.static_ratio : 1.0;
     const double slip_Nm = body_moves_ ? 0.0 : body.traction_Nm;
     bound[side] = (motor.motors_per_side * motor.coulomb_Nm * friction_ratio_[side] * stick + slip_Nm) * dt_s;
-    constexpr double kJam_Nm = 1e4;  // more than anything here can push
+    constexpr double kJam_Nm = 1e4;  // more than any torque in this model
     if (faults_[side].blocked) bound[side] = kJam_Nm * dt_s;
   }
-  const double yaw_per_rad_s = r / track_m_;  // yaw rate by (right - left)
+  const double yaw_per_rad_s = r / track_m_;  // yaw rate per (right - left)
   bound[2] = body_moves_ ? body.scrub_Nm * yaw_per_rad_s * dt_s : 0.0;
   const double yaw_inverse = inverse[0][0] + inverse[1][1] - 2.0 * inverse[0][1];
-  // The scrub moment builds up over a little slip: a soft constraint.
+  // The scrub moment builds up over a small slip: a soft constraint.
   const double yaw_softness = bound[2] > 0.0 ? body.scrub_slip_rad_s / (yaw_per_rad_s * bound[2]) : 0.0;
   constexpr int kSweeps = 8;
   for (int sweep = 0; sweep < kSweeps; ++sweep) {
@@ -129,7 +129,7 @@ void DriveTrain::MoveWheels(const double (&torque_Nm)[2], const double (&damping
       w[1] += (inverse[1][1] - inverse[1][0]) * change;
     }
   }
-  constexpr double kStill_rad_s = 1e-6;  // what the sweeps leave of a full stop
+  constexpr double kStill_rad_s = 1e-6;  // residual speed of a full stop after the sweeps
   for (int side = 0; side < 2; ++side)
     if (std::abs(w[side]) < kStill_rad_s && std::abs(impulse[side]) < bound[side]) w[side] = 0.0;
 }
@@ -137,7 +137,7 @@ void DriveTrain::MoveWheels(const double (&torque_Nm)[2], const double (&damping
 void DriveTrain::MoveBody(const double (&wheel_turn_rad)[2], double dt_s) {
   const BodyParams& body = params_.body;
   const double rolled_rad_s = std::abs(wheel_turn_rad[1] - wheel_turn_rad[0]) / dt_s;
-  const double yaw_rad_s = rolled_rad_s * body.wheel_radius_m / body.track_m;  // as if there were no growth
+  const double yaw_rad_s = rolled_rad_s * body.wheel_radius_m / body.track_m;  // without the growth
   track_m_ = body.track_m * (1.0 + body.track_growth_s * yaw_rad_s + track_noise_.Step(random_, dt_s));
   const double left_m = (1.0 - faults_[0].slip) * radius_m_[0] * wheel_turn_rad[0];
   const double right_m = (1.0 - faults_[1].slip) * radius_m_[1] * wheel_turn_rad[1];
@@ -150,13 +150,14 @@ void DriveTrain::MoveBody(const double (&wheel_turn_rad)[2], double dt_s) {
 }
 
 bool DriveTrain::PushesIntoObstacle(const double (&torque_Nm)[2]) const {
-  // The wheels' wish: their speed, or where the motors push once they have stalled.
+  // Desired motion of the wheels: their speed or, once stalled, the direction of the motor torque.
   constexpr double kSpeedPerTorque = 10.0;
-  double wish[2];
+  double desired[2];
   for (int side = 0; side < 2; ++side)
-    wish[side] = state_.wheel_rad_s[side] + kSpeedPerTorque * torque_Nm[side];
+    desired[side] = state_.wheel_rad_s[side] + kSpeedPerTorque * torque_Nm[side];
   const double half_track_m = 0.5 * track_m_;
-  return held_v_m_s_ * (wish[0] + wish[1]) + half_track_m * held_w_rad_s_ * (wish[1] - wish[0]) > 0.0;
+  return held_v_m_s_ * (desired[0] + desired[1]) + half_track_m * held_w_rad_s_ * (desired[1] - desired[0]) >
+         0.0;
 }
 
 void DriveTrain::Place(double x_m, double y_m, double yaw_rad) {

@@ -7,30 +7,32 @@
 
 namespace thumper {
 
-/// Where the robot is and how it moves. The plane's frame is the world's; yaw is counter-clockwise.
+/// Pose and motion of the robot. Positions are in the world frame; yaw is counter-clockwise.
 struct RobotState {
   double x_m = 0.0, y_m = 0.0, yaw_rad = 0.0;
   double wheel_rad[2] = {0.0, 0.0};  // travel of the left and right wheels since the start
   double wheel_rad_s[2] = {0.0, 0.0};
-  double current_A[2] = {0.0, 0.0};  // that each bridge delivers, averaged over a PWM period
+  double current_A[2] = {0.0, 0.0};  // of each bridge, averaged over a PWM period
 };
 
-/// Motors, wheels and body of a skid-steered robot, stepped together because the body couples the sides.
+/// Motors, wheels and body of a skid-steered robot. They are stepped together because the body couples the
+/// sides.
 ///
 /// Each side: `J dw/dt = n (Kt i - B w) - friction`, `i = (u - Kf w) / R` (inductance neglected: L/R < 1 ms).
 /// The body adds its mass to the mean of the wheel speeds and its yaw inertia to their difference. The
-/// electrical damping is taken half implicitly, Coulomb friction of both sides and the tyres' scrub moment as
-/// bounded impulses (projected Gauss-Seidel), so that the robot really stands still inside the dead band.
+/// electrical damping is integrated half implicitly. Coulomb friction of both sides and the tyres' scrub
+/// moment are bounded impulses (projected Gauss-Seidel), so the robot comes to a true standstill inside the
+/// dead band.
 class DriveTrain {
  public:
   DriveTrain(const PlantParams& params, uint64_t seed);
 
-  /// Advance by `dt_s` (at most some ms) with constant bridge commands at the battery's present voltage.
+  /// Advance by `dt_s` (a few ms at most) with constant bridge commands at the battery's current voltage.
   void Step(const BridgeCommand (&command)[2], double dt_s);
 
   void Place(double x_m, double y_m, double yaw_rad);
 
-  /// The hull touches something: body motion along (v, w) [m/s, rad/s] is held from now on until `Release`.
+  /// Contact of the footprint: block body motion along (v, w) [m/s, rad/s] from now until `Release`.
   void Hold(double v_m_s, double w_rad_s);
   void Release() { held_ = false; }
 

@@ -4,7 +4,7 @@
 
 namespace thumper {
 
-/// A perfect encoder on two pins of a chip: forward edges at an even interval, for measuring.
+/// Ideal encoder on two pins of a chip: forward edges at a constant interval, for measurements.
 class EdgeSource {
  public:
   EdgeSource(avr_t* avr, char port, int a_bit, int b_bit)
@@ -17,28 +17,28 @@ class EdgeSource {
   EdgeSource(const EdgeSource&) = delete;
   EdgeSource& operator=(const EdgeSource&) = delete;
 
-  /// `count` edges, the first one `delay` cycles from now.
+  /// Generate `count` edges, the first one `delay` cycles from now.
   void Start(uint64_t delay, uint64_t interval, uint64_t count) {
     interval_ = interval;
-    left_ = count;
+    remaining_ = count;
     if (count > 0) avr_cycle_timer_register(avr_, delay, OnEdge, this);
   }
 
  private:
   static avr_cycle_count_t OnEdge(avr_t*, avr_cycle_count_t when, void* self) {
     EdgeSource* source = static_cast<EdgeSource*>(self);
-    source->place_ = (source->place_ + 1) & 3;
+    source->phase_ = (source->phase_ + 1) & 3;
     // 00, 10, 11, 01 (A, B): A leads.
-    DriveInput(source->port_, source->a_bit_, source->place_ == 1 || source->place_ == 2);
-    DriveInput(source->port_, source->b_bit_, source->place_ >= 2);
-    return --source->left_ > 0 ? when + source->interval_ : 0;
+    DriveInput(source->port_, source->a_bit_, source->phase_ == 1 || source->phase_ == 2);
+    DriveInput(source->port_, source->b_bit_, source->phase_ >= 2);
+    return --source->remaining_ > 0 ? when + source->interval_ : 0;
   }
 
   avr_t* avr_;
   avr_ioport_t* port_;
   int a_bit_, b_bit_;
-  unsigned place_ = 0;
-  uint64_t interval_ = 0, left_ = 0;
+  unsigned phase_ = 0;
+  uint64_t interval_ = 0, remaining_ = 0;
 };
 
 }  // namespace thumper

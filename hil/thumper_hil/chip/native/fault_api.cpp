@@ -1,4 +1,4 @@
-// The C face of the faults, for faults in bench/. No exception leaves it.
+// C interface of the faults for bench/. It lets no exception through.
 #include "chip.hpp"
 
 using thumper::Chip;

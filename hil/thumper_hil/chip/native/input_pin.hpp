@@ -3,9 +3,9 @@
 
 namespace thumper {
 
-/// Set an input's level so that it stays. simavr re-raises pulled-up inputs on every write to their port,
-/// unless the port knows the level as an external one; and after a reset it forgets the level but not that it
-/// told us so.
+/// Set an input's level so that it stays. simavr raises pulled-up inputs again on every write to their port,
+/// unless the port stores the level as external. After a reset it forgets the level, but not that it has
+/// reported it.
 inline void DriveInput(avr_ioport_t* port, int bit, bool level) {
   const unsigned mask = 1u << bit;
   port->external.pull_value =

@@ -1,4 +1,4 @@
-// The C face of programmer, edge sources and probe, for lab.py. No exception leaves it.
+// C interface of programmer, edge sources and probe, for lab.py. It lets no exception through.
 #include <algorithm>
 
 #include "chip.hpp"

@@ -3,28 +3,28 @@
 
 namespace thumper {
 
-// Filled from parts/wild_thumper.toml by parts/params.py, in this very order: every field is a double.
+// parts/params.py fills these from parts/wild_thumper.toml in this order. Every field is a double.
 
-struct MotorParams {        // one motor, at the wheel side of its gearbox
+struct MotorParams {        // one motor, at the output of its gearbox
   double motors_per_side;   // driven in parallel by one bridge
   double resistance_Ohm;    // winding, with its share of bridge and wiring
-  double torque_Nm_A;       // Kt: smaller than Kf by the gearbox's loss
+  double torque_Nm_A;       // Kt: smaller than Kf by the gearbox losses
   double back_emf_V_s_rad;  // Kf
-  double inertia_kg_m2;     // rotor, gear and wheel, without the body's share
+  double inertia_kg_m2;     // rotor, gear and wheel, without the body
   double viscous_Nm_s_rad;
   double coulomb_Nm;
   double static_ratio;  // break-away torque over sliding friction
   double noise_Nm;      // torque noise, standard deviation
   double noise_time_s;
   double spread_ratio;       // standard deviation of Kt and friction between the sides
-  double unit_spread_ratio;  // and between robots
+  double unit_spread_ratio;  // standard deviation of Kt and friction between robots
 };
 
 struct BatteryParams {
   double capacity_Ah;
   double resistance_Ohm;
   double state_of_charge;     // at start, 0...1
-  double idle_current_A;      // what the board draws
+  double idle_current_A;      // current of the board
   double open_circuit_V[11];  // at 0, 10, ... 100 % charge
 };
 
@@ -33,19 +33,19 @@ struct BodyParams {
   double yaw_inertia_kg_m2;
   double wheel_radius_m;
   double radius_spread_ratio;
-  double track_m;             // effective: what the body turns by
-  double track_growth_s;      // the track grows by this share for each rad/s of yaw
+  double track_m;             // effective track for turning
+  double track_growth_s;      // relative growth of the track per rad/s of yaw
   double track_spread_ratio;  // standard deviation of the track between robots
   double track_noise_ratio;   // slow variation of the slip, standard deviation
   double track_noise_time_s;
-  double scrub_Nm;          // moment about the vertical that the sideways-scrubbing tyres oppose
-  double scrub_slip_rad_s;  // yaw rate at which it is fully there
-  double traction_Nm;       // friction torque on each side's wheels when the body is held and they slip
+  double scrub_Nm;          // moment about the vertical from sideways-scrubbing tyres
+  double scrub_slip_rad_s;  // yaw rate at which it is fully developed
+  double traction_Nm;       // friction torque of each side's wheels when they slip against an obstacle
 };
 
 struct EncoderParams {
   double counts_per_rev;
-  double edge_error_counts;  // standard deviation of each magnet edge's place
+  double edge_error_counts;  // standard deviation of each magnet edge's position
 };
 
 struct BoardParams {

@@ -67,10 +67,10 @@ avr_cycle_count_t Plant::OnTick(avr_t*, avr_cycle_count_t when, void* self) {
 void Plant::OnMotorPin(avr_irq_t* irq, uint32_t, void* self) {
   Plant* plant = static_cast<Plant*>(self);
   if (static_cast<int>(irq->irq) == BridgePins::kPwmBit && plant->bridges_.pwm_running())
-    return;  // the duty says it all
+    return;  // the duty has all the information
   const uint64_t now = plant->avr_->cycle;
-  if (now >= plant->planned_to_) return;  // the tick is due: it sees to it
-  // The inputs were not constant over the step after all: take it again up to now, and plan the rest anew.
+  if (now >= plant->planned_to_) return;  // the tick is due and handles it
+  // The inputs changed during the planned step. Repeat the step up to now, then plan the rest.
   const uint64_t end_cycle = plant->planned_to_;
   plant->drive_train_ = plant->before_;
   if (now > plant->planned_from_)
@@ -147,7 +147,7 @@ void Plant::ScheduleGlitch(EncoderPins& pins) {
   avr_cycle_timer_register(avr, 1 + static_cast<uint64_t>(wait_s * kCpuHz), OnGlitch, &pins);
 }
 
-/// A pulse begins, or ends: 1 to 10 us, what a motor's brushes couple into a wire beside its own.
+/// Start or end a pulse of 1 to 10 us, as motor brushes couple into a neighbouring wire.
 avr_cycle_count_t Plant::OnGlitch(avr_t* avr, avr_cycle_count_t, void* self) {
   EncoderPins& pins = *static_cast<EncoderPins*>(self);
   const bool begins = pins.glitch_channel == EncoderPins::kNoGlitch;

@@ -7,22 +7,22 @@
 
 namespace thumper {
 
-/// The robot round the chip: bridges and encoders on the chip's pins, battery and currents on its ADC.
+/// The robot around the chip: bridges and encoders on the chip's pins, battery and currents on its ADC.
 ///
-/// The drive train is stepped by a cycle timer each millisecond, and at once when a motor pin changes. A step
-/// is planned ahead with the inputs held, so each encoder edge falls on its own cycle and nothing runs
+/// A cycle timer steps the drive train every millisecond, and a motor pin that changes steps it at once. Each
+/// step is planned ahead with constant inputs, so every encoder edge has its own cycle and nothing runs
 /// between events.
 class Plant {
  public:
   Plant(avr_t* avr, const PlantParams& params, const Wiring& wiring, uint64_t seed);
 
-  /// Put levels and timers back after the chip was reset (simavr wipes both).
+  /// Restore levels and timers after a reset of the chip (simavr clears both).
   void Rearm();
 
-  /// Voltage at an ADC channel: battery and motor currents; 0 where nothing is wired.
+  /// Return the voltage at an ADC channel: battery and motor currents, 0 on an unconnected channel.
   double AnalogIn_V(int channel) const;
 
-  /// The truth at this very cycle.
+  /// Return the true state at this cycle.
   RobotState State() const;
   double battery_V() const { return drive_train_.battery().voltage_V(); }
   double charge() const { return drive_train_.battery().charge(); }
@@ -31,12 +31,12 @@ class Plant {
   void Hold(double v_m_s, double w_rad_s);  ///< see DriveTrain
   void Release();
 
-  // Faults, from now on.
+  // Faults, effective immediately.
   void SetSideFaults(int side, const SideFaults& faults);
   void SetWireFault(int side, int channel, WireFault fault);  ///< channel 0 is A, 1 is B
   void SetChannelsSwapped(int side, bool swapped);
-  void SetGlitches(int side, double per_s);               ///< on either channel of the encoder, at random
-  void SetBattery(double charge, double resistance_Ohm);  ///< what is below 0 stays as it is
+  void SetGlitches(int side, double per_s);               ///< random, on either channel of the encoder
+  void SetBattery(double charge, double resistance_Ohm);  ///< negative: unchanged
 
   int32_t encoder_count(int side) const { return encoder_[side].encoder.count(); }
 
@@ -47,8 +47,8 @@ class Plant {
     int a_bit, b_bit;
     Encoder encoder;
     WireFault fault[2] = {WireFault::kNone, WireFault::kNone};
-    bool swapped = false;      // channels A and B are exchanged
-    double glitches_Hz = 0.0;  // short pulses that the wires pick up
+    bool swapped = false;      // channels A and B swapped
+    double glitches_Hz = 0.0;  // rate of short pulses that the wires pick up
     int glitch_channel = kNoGlitch;
     Random glitch_random;
     static constexpr int kNoGlitch = -1;
@@ -74,9 +74,9 @@ class Plant {
   Random random_;
   EncoderPins encoder_[2];
   BridgeCommand command_[2];
-  uint64_t planned_to_;    // the end of the step that `drive_train_` has already taken
-  uint64_t planned_from_;  // and its start
-  DriveTrain before_;      // the drive train at that start: a pin that changes midway takes the step again
+  uint64_t planned_to_;    // end of the step that `drive_train_` has already taken
+  uint64_t planned_from_;  // start of that step
+  DriveTrain before_;      // drive train at that start, to repeat the step if a pin changes during it
 };
 
 }  // namespace thumper

@@ -5,7 +5,7 @@
 namespace thumper {
 namespace {
 
-constexpr uint64_t kResponse = 4;  // from the interrupt to its vector; Chip adds them to simavr's clock
+constexpr uint64_t kResponse = 4;  // from interrupt to vector; Chip adds them to simavr's clock
 constexpr uint16_t kGpior0 = 0x3E, kSpl = 0x5D, kSph = 0x5E;
 
 }  // namespace
@@ -34,14 +34,14 @@ bool Probe::Run(uint64_t until_cycle) {
     const bool slept = avr_->state == cpu_Sleeping;
     const int state = avr_run(avr_);
     if (state == cpu_Crashed || state == cpu_Stopped || state == cpu_Done) return false;
-    Look(slept ? avr_->cycle - (entered_ != 0 ? kResponse : 0) : before, address);
+    Account(slept ? avr_->cycle - (entered_ != 0 ? kResponse : 0) : before, address);
   }
   avr_->run_cycle_limit = limit;
   return true;
 }
 
-/// Books for the instruction just run; an interrupt may have been entered behind it.
-void Probe::Look(uint64_t before, uint32_t address) {
+/// Account for the instruction just executed. An interrupt may have been entered after it.
+void Probe::Account(uint64_t before, uint32_t address) {
   const uint64_t now = avr_->cycle;
   const uint64_t ran_until = entered_ != 0 ? now - kResponse : now;
   const bool in_main = running_.empty();
@@ -91,7 +91,7 @@ void Probe::Look(uint64_t before, uint32_t address) {
 void Probe::OnRunning(avr_irq_t* irq, uint32_t running, void* self) {
   Probe* probe = static_cast<Probe*>(self);
   if (running == 0) {
-    probe->leaving_ = true;  // RETI itself is not on the clock yet
+    probe->leaving_ = true;  // the cycles of RETI itself are not counted yet
     return;
   }
   const avr_t* avr = probe->avr_;
@@ -120,7 +120,7 @@ void Probe::Enter(int vector, uint64_t cycle) {
 
 void Probe::Leave(uint64_t cycle) {
   leaving_ = false;
-  if (running_.empty()) return;  // it was entered before the probe was there
+  if (running_.empty()) return;  // entered before the probe existed
   const Running done = running_.back();
   running_.pop_back();
   const uint64_t cycles = done.spent + cycle - done.resumed;

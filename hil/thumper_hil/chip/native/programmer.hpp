@@ -6,13 +6,12 @@
 
 namespace thumper {
 
-/// What a programmer does to a chip from outside: its flash, its EEPROM, and the fuse that says where it
-/// starts.
+/// External programmer of a chip: its flash, its EEPROM and the fuses that select the start address.
 class Programmer {
  public:
   explicit Programmer(avr_t* avr) : avr_(avr) {}
 
-  /// False when it does not fit.
+  /// Return false if the data does not fit.
   bool WriteFlash(uint32_t address, const uint8_t* data, std::size_t count) {
     if (address > avr_->flashend + 1 || count > avr_->flashend + 1 - address) return false;
     std::memcpy(avr_->flash + address, data, count);
@@ -40,7 +39,7 @@ class Programmer {
     return true;
   }
 
-  /// Where the chip starts after a reset [bytes]: what the fuses BOOTRST and BOOTSZ choose.
+  /// Set the start address after a reset [bytes], as the fuses BOOTRST and BOOTSZ do.
   void StartAt(uint32_t address) { avr_->reset_pc = address; }
 
  private:

@@ -4,8 +4,8 @@
 
 namespace thumper {
 
-/// Random numbers that are the same on every machine for a seed: xoshiro256** (Blackman & Vigna 2018), seeded
-/// by splitmix64. The standard library's distributions differ between implementations.
+/// Random numbers that depend only on the seed, on every machine: xoshiro256** (Blackman & Vigna 2018),
+/// seeded by splitmix64. The standard library's distributions differ between implementations.
 class Random {
  public:
   explicit Random(uint64_t seed) {
@@ -21,7 +21,8 @@ class Random {
   /// Uniform in [0, 1).
   double Uniform() { return static_cast<double>(Next() >> 11) * 0x1.0p-53; }
 
-  /// Mean 0, standard deviation 1, within +/-6: the sum of twelve uniforms, which needs no libm.
+  /// Return a normal variate: mean 0, standard deviation 1, within +/-6. Sum of twelve uniforms, without
+  /// libm.
   double Normal() {
     double sum = -6.0;
     for (int i = 0; i < 12; ++i) sum += Uniform();

@@ -9,7 +9,7 @@ namespace {
 constexpr uint32_t kBitsPerByte = 10;  // start, eight data, stop
 constexpr int kReceiveDepth = 3;       // two in the buffer, one in the shift register (data sheet 19.7)
 
-/// What a receiver at another rate makes of a byte: something else.
+/// Return what a receiver at another baud rate reads: a different byte.
 uint8_t Garble(uint8_t byte) { return static_cast<uint8_t>(byte * 0x9Du ^ 0xA5u); }
 
 int FifoSize(const avr_uart_t* uart) {
@@ -19,7 +19,7 @@ int FifoSize(const avr_uart_t* uart) {
 
 }  // namespace
 
-// The seed's noise is apart from the motors' of the same seed.
+// Separate from the motor noise of the same seed.
 UartLine::UartLine(avr_t* avr, uint64_t seed)
     : avr_(avr), uart_(FindPeripheral<avr_uart_t>(avr, "uart")), random_(seed ^ 0x5E71A1) {
   uart_->flags = 0;  // no copy to stdout, no sleeping in real time
@@ -40,12 +40,12 @@ uint32_t UartLine::CyclesPerByte() const {
 
 bool UartLine::SameBaud() const {
   if (host_baud_ == 0) return true;
-  constexpr double kTolerance = 0.04;  // half a bit in ten, less the sampling's own error
+  constexpr double kTolerance = 0.04;  // half a bit in ten, less the sampling error
   const double chip_baud = static_cast<double>(kBitsPerByte) * kCpuHz / CyclesPerByte();
   return std::abs(chip_baud / host_baud_ - 1.0) < kTolerance;
 }
 
-/// What noise makes of a byte; false when it vanishes.
+/// Apply noise to a byte. Return false if the byte is lost.
 bool UartLine::SurvivesNoise(uint8_t& byte) {
   if (loss_ == 0.0 && flip_ == 0.0) return true;
   if (random_.Uniform() < loss_) return false;
@@ -72,7 +72,7 @@ avr_cycle_count_t UartLine::OnByteTime(avr_t* avr, avr_cycle_count_t when, void*
     ++line->overruns_;
     avr_regbit_set(avr, line->uart_->dor);
   } else {
-    // simavr starts its own byte time now; the byte is already here, so that time is one cycle.
+    // simavr starts its own byte time here. The byte has already arrived, so set that time to one cycle.
     line->uart_->cycles_per_byte = 1;
     avr_raise_irq(line->uart_->io.irq + UART_IRQ_INPUT,
                   clear ? byte : static_cast<uint32_t>(Garble(byte)) | UART_INPUT_FE);
@@ -82,7 +82,7 @@ avr_cycle_count_t UartLine::OnByteTime(avr_t* avr, avr_cycle_count_t when, void*
 }
 
 void UartLine::OnReceiveDone() {
-  // The chip enters the handler again while bytes wait; simavr would only do so a byte time later.
+  // The chip enters the handler again while bytes wait; simavr would do so only a byte time later.
   if (FifoSize(uart_) > 0) avr_raise_interrupt(avr_, &uart_->rxc);
 }
 

@@ -8,25 +8,25 @@
 
 namespace thumper {
 
-/// The serial line between the chip and the host: 8N1, one byte per ten bit times, both ways.
+/// Serial line between chip and host: 8N1, one byte per ten bit times, in both directions.
 ///
-/// Cures of simavr's UART: ten bits a byte, not eleven, whatever the order of U2X and UBRR; a received byte
-/// is there when its last bit is; a receiver that is not served overruns after two bytes and the one being
-/// shifted in.
+/// Fixes for simavr's UART: a byte takes ten bits, not eleven, in any order of U2X and UBRR writes. A
+/// received byte is available when its last bit has arrived. A receiver that the program does not read
+/// overruns after two bytes plus the one in the shift register.
 class UartLine {
  public:
   UartLine(avr_t* avr, uint64_t seed);
 
   void SetHostBaud(uint32_t baud) { host_baud_ = baud; }
 
-  /// A bad cable, both ways: the share of bytes that vanish, and of those that arrive with one bit wrong.
+  /// Simulate a bad cable in both directions: share of lost bytes, and share of bytes with one wrong bit.
   void SetNoise(double loss, double flip) {
     loss_ = loss;
     flip_ = flip;
   }
   void Send(const uint8_t* data, std::size_t count);  ///< host to chip, from now on at line rate
   std::size_t Receive(uint8_t* data, uint64_t* cycles,
-                      std::size_t capacity);  ///< what has fully arrived by now
+                      std::size_t capacity);  ///< bytes that have fully arrived
   std::size_t Available() const;
   uint64_t overruns() const { return overruns_; }
 
@@ -35,7 +35,7 @@ class UartLine {
 
  private:
   struct Arrival {
-    uint64_t cycle;  // when its stop bit is over
+    uint64_t cycle;  // end of its stop bit
     uint8_t byte;
   };
 
@@ -47,7 +47,7 @@ class UartLine {
 
   avr_t* avr_;
   avr_uart_t* uart_;
-  uint32_t host_baud_ = 0;  // 0: whatever the chip uses
+  uint32_t host_baud_ = 0;  // 0: the chip's baud rate
   std::deque<uint8_t> to_chip_;
   std::deque<Arrival> from_chip_;
   uint64_t line_free_cycle_ = 0;

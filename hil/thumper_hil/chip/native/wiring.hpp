@@ -5,12 +5,12 @@
 
 namespace thumper {
 
-/// How one motor's bridge hangs on the chip. Its PWM pin is bit 3 of both ports on every board: Timer 2's.
+/// Connection of one motor's bridge to the chip. Its PWM pin is bit 3 of the port on every board (Timer 2).
 struct MotorWiring {
-  uint16_t port, ddr;  // registers of the port that all its pins are on
+  uint16_t port, ddr;  // registers of the port with all its pins
   int forward_bit;     // high: forward
-  int reverse_bit;     // of a TB6612 or L298N, the bridge's second input; kNone: forward_bit alone decides
-  int brake_bit;       // kNone: no such pin
+  int reverse_bit;  // second input of a TB6612 or L298N bridge; kNone: forward_bit alone sets the direction
+  int brake_bit;    // kNone: no brake pin
 };
 
 struct EncoderWiring {
@@ -18,8 +18,7 @@ struct EncoderWiring {
   int a_bit, b_bit;
 };
 
-/// What is wired to which pin, as firmware/board/trex.hpp and nano.hpp say from the other side. Pairs are
-/// left, right.
+/// Pin assignment of a board, matching firmware/board/trex.hpp and nano.hpp. Pairs are left, right.
 struct Wiring {
   static constexpr int kNone = -1;
   MotorWiring motor[2];
@@ -39,7 +38,7 @@ constexpr Wiring kNanoWiring = {
     3,
     {4, 5}};
 
-/// By the board's number in the protocol's `identity`; null for a number that no board has.
+/// Return the wiring by the board number of the protocol's `identity`; null if unknown.
 inline const Wiring* FindWiring(int board) {
   switch (board) {
     case 1:
