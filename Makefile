@@ -39,8 +39,8 @@ lint: $(VENV)/.dev
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	clang-format --dry-run --Werror $$(git ls-files '*.cpp' '*.hpp' '*.c' '*.h')
-	clang-tidy --quiet --config-file=firmware/.clang-tidy tests/firmware/desk/desk.cpp -- \
-	  -std=c++14 -Ifirmware -Itests/firmware -Itests/firmware/desk
+	clang-tidy --quiet --config-file=firmware/.clang-tidy tests/firmware/native/core_api.cpp -- \
+	  -std=c++14 -Ifirmware -Itests/firmware -Itests/firmware/native
 
 format: $(VENV)/.dev
 	$(BIN)/ruff check --fix

@@ -1,8 +1,8 @@
-"""What the firmware costs and reaches, on the built ELF in the simulated chip, beside what others reach.
+"""Costs and limits of the firmware, measured on the built ELF in the simulated chip, beside other projects.
 
-The peers were measured the same way: libsimavr, one instruction a step, the interrupt response's four cycles
-added, gcc 5.4 -Os -flto. rosserial: float PI, Speeds and Twist in, odometry out. bridge: joshnewans'
-ros_arduino_bridge (L298, pin-change encoders). A dash: the peer has none, or it was not measured.
+The peers were measured the same way: libsimavr, one instruction per step, plus four cycles of interrupt
+response, gcc 5.4 -Os -flto. rosserial: float PI, Speeds and Twist in, odometry out. bridge: joshnewans'
+ros_arduino_bridge (L298, pin-change encoders). A dash: the peer does not have it, or it was not measured.
 """
 
 import re
@@ -25,8 +25,8 @@ from thumper.board.messages import (
 from thumper_hil.bench import DEFAULT_ELF
 from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.edge_rate import most_edges_per_s
-from thumper_hil.chip.instrumented_chip import TICK_VECTOR, InstrumentedChip
-from thumper_hil.chip.robot_params import RobotParams
+from thumper_hil.chip.lab import TICK_VECTOR, LabChip
+from thumper_hil.parts.params import RobotParams
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -36,16 +36,16 @@ FIRMWARE = DEFAULT_ELF.parents[1]
 VECTORS = {3: "right edge", 5: "left edge", 11: "control tick", 14: "millisecond", 18: "receive", 19: "send"}
 LOAD_S = 3.0
 FLOOD = 5
-"""Requests a millisecond: with the answers, the line is full both ways."""
+"""Requests per millisecond: with the answers, the line is full in both directions."""
 
 
 def pack(message: Message, sequence: int = 0) -> bytes:
-    """Frame a message."""
+    """Return a message as a frame."""
     return encode_frame(message.ID, sequence, message.pack())
 
 
 def row(what: str, here: str, aim: str, peers: str) -> None:
-    """One figure; a dash is nothing."""
+    """Print one figure; "-" means no value."""
     name, _, unit = what.partition(" [")
     aim, peers = (text.replace("-", "", 1) if text == "-" else text for text in (aim, peers))
     source = "same simulator and compiler" if peers else ""
@@ -53,7 +53,7 @@ def row(what: str, here: str, aim: str, peers: str) -> None:
 
 
 def sizes() -> None:
-    """Flash and static SRAM."""
+    """Print flash and static SRAM."""
     text = subprocess.run(["avr-size", "-A", DEFAULT_ELF], capture_output=True, text=True, check=True).stdout
     part = {name: int(size) for name, size in re.findall(r"^\.(\w+)\s+(\d+)", text, re.MULTILINE)}
     flash = part["text"] + part["data"]
@@ -63,15 +63,15 @@ def sizes() -> None:
 
 
 def load() -> None:
-    """Both wheels in closed loop at full speed and reversing, the line full both ways."""
-    chip = InstrumentedChip(DEFAULT_ELF, params=RobotParams.load(), seed=1)
+    """Measure both wheels in closed loop at full speed and reversing, line full in both directions."""
+    chip = LabChip(DEFAULT_ELF, params=RobotParams.load(), seed=1)
     chip.run(CPU_HZ // 2)
     chip.send(pack(CommandRequest(command=Command.ARM)))
     with chip.probe() as probe:
         for millisecond in range(round(LOAD_S * 1000)):
             if millisecond % 50 == 0:
-                way = 1 if millisecond < 1500 else -1
-                chip.send(pack(SetWheelSpeeds(left=way * 17_000, right=way * 17_000)))
+                sign = 1 if millisecond < 1500 else -1
+                chip.send(pack(SetWheelSpeeds(left=sign * 17_000, right=sign * 17_000)))
                 chip.send(pack(GetParameter(index=millisecond // 50 % 6)))
             chip.send(pack(Identify()) * FLOOD)
             probe.run(chip.cycle + CPU_HZ // 1000)
@@ -105,7 +105,7 @@ def load() -> None:
 
 
 def source_of(address: int) -> str:
-    """Return the function that a flash address is in; a vector stands for its handler."""
+    """Return the function at a flash address; for a vector, its name."""
     if address < 26 * 4:
         return f"vector {address // 4}, {VECTORS.get(address // 4, '')}"
     command = ["avr-addr2line", "-f", "-C", "-e", str(DEFAULT_ELF), hex(address)]
@@ -114,8 +114,8 @@ def source_of(address: int) -> str:
 
 
 def telemetry() -> None:
-    """Bytes and cycles of a telemetry frame, link otherwise silent."""
-    chip = InstrumentedChip(DEFAULT_ELF, params=RobotParams.load(), seed=1)
+    """Measure bytes and cycles of a telemetry frame on an otherwise silent link."""
+    chip = LabChip(DEFAULT_ELF, params=RobotParams.load(), seed=1)
     chip.run(CPU_HZ)
     chip.receive(chip.available)
     with chip.probe() as probe:
@@ -135,13 +135,13 @@ def telemetry() -> None:
 
 
 def control_law(flag: str, what: str, aim: str, peers: str) -> None:
-    """Cycles of one wheel's step, call and return included where the compiler left them."""
+    """Measure the cycles of one wheel's step, including call and return where the compiler kept them."""
     flags = (FIRMWARE / "platformio.ini").read_text().split("build_flags =")[1].split("[")[0].split()
     with tempfile.TemporaryDirectory() as folder:
         elf = Path(folder) / "control.elf"
         command = ["avr-g++", "-mmcu=atmega328p", "-DF_CPU=16000000L", *flags, f"-I{FIRMWARE}", *flag.split()]
         subprocess.run([*command, Path(__file__).with_name("firmware_control.cpp"), "-o", elf], check=True)
-        chip = InstrumentedChip(elf)
+        chip = LabChip(elf)
         with chip.probe() as probe:
             probe.run(CPU_HZ // 20)
             report = probe.report()

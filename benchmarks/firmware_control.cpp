@@ -1,5 +1,4 @@
-// Steps of the control law between two writes to GPIOR0, over a motor that
-// answers: for firmware.py.
+// Steps of the control law between two writes to GPIOR0, on a simulated motor. Used by firmware.py.
 #include <avr/io.h>
 #include <avr/sleep.h>
 
@@ -11,9 +10,8 @@ constexpr int kSteps = 200;
 volatile int16_t target_mrad_s, error_mrad_s;
 volatile int16_t sink;
 
-/// A first-order wheel, roughly: what the steps do depends on where the loop
-/// is.
-int16_t Follow(int16_t counts, int16_t pwm) { return static_cast<int16_t>(counts + (pwm - counts) / 2); }
+/// Roughly a first-order wheel, because the work of a step depends on the loop's state.
+int16_t Respond(int16_t counts, int16_t pwm) { return static_cast<int16_t>(counts + (pwm - counts) / 2); }
 
 int16_t Target(int step) {
   return static_cast<int16_t>(step < 50 ? 8000 : step < 100 ? -17000 : step < 150 ? 17000 : 0);
@@ -36,7 +34,7 @@ int main() {
     const int16_t pwm = pi.Step(config.pi, error, 0, false);
     GPIOR0 = 0;
     sink = pwm;
-    counts = Follow(counts, pwm);
+    counts = Respond(counts, pwm);
   }
 #else
   for (int step = 0; step < kSteps; ++step) {
@@ -46,7 +44,7 @@ int main() {
     wheel.Step(config, target, counts, &sample);
     GPIOR0 = 0;
     sink = sample.pwm;
-    counts = Follow(counts, sample.pwm);
+    counts = Respond(counts, sample.pwm);
   }
 #endif
   sink = static_cast<int16_t>(sample.integral_pwm_64 + pi.integral());

@@ -120,9 +120,10 @@ constexpr bool Safe(const Transitions& table) {
   return true;
 }
 
-static_assert(Complete(MakeTransitions()), "a state and event without a reaction");
-static_assert(Connected(MakeTransitions()), "a state that cannot be reached, or not left");
-static_assert(Safe(MakeTransitions()), "a fault that does not stop the motors, or unlatches by itself");
+static_assert(Complete(MakeTransitions()), "every state needs a reaction to every event");
+static_assert(Connected(MakeTransitions()), "every state must be reachable and must lead back to DISARMED");
+static_assert(Safe(MakeTransitions()),
+              "every fault must stop the motors, and only CLEAR_FAULT may unlatch it");
 
 /// Whether a fault replaces a latched one. E_STOP is an operator's decision: it replaces every fault, and no
 /// fault replaces it. LOW_BATTERY replaces all others, because the operator must see it.

@@ -1,28 +1,28 @@
-"""The boot loaders that Debian's arduino-core-avr brings, and a chip that has one."""
+"""Boot loaders from Debian's arduino-core-avr, and chips that contain one."""
 
 from pathlib import Path
 
-from thumper_hil.chip.instrumented_chip import ATMEGABOOT, InstrumentedChip
-from thumper_hil.chip.robot_params import RobotParams
+from thumper_hil.chip.lab import ATMEGABOOT, LabChip
+from thumper_hil.parts.params import RobotParams
 
 ROOT = Path(__file__).resolve().parents[2]
 BOOTLOADERS = Path("/usr/share/arduino/hardware/arduino/avr/bootloaders")
 BROKEN_OPTIBOOT = BOOTLOADERS / "optiboot/optiboot_atmega328.hex"
-"""Debian's build of it is 534 bytes long; the chip has 512 for it."""
+"""Debian's build of it has 534 bytes, but the chip has only 512 for it."""
 
 ELF = ROOT / "firmware" / "build" / "thumper.elf"
 HEX = ELF.with_suffix(".hex")
 
 
-def chip_with_bootloader() -> InstrumentedChip:
-    """A chip as it comes from the shop: the boot loader and nothing else."""
-    chip = InstrumentedChip(ELF)
+def chip_with_bootloader() -> LabChip:
+    """Return a factory-fresh chip: it contains only the boot loader."""
+    chip = LabChip(ELF)
     chip.install_bootloader(ATMEGABOOT)
     return chip
 
 
-def chip_with_program(elf: Path, params: RobotParams | None = None) -> InstrumentedChip:
-    """A chip with the boot loader and a program, just reset; with `params` on a robot."""
-    chip = InstrumentedChip(elf, params=params)
+def chip_with_program(elf: Path, params: RobotParams | None = None) -> LabChip:
+    """Return a chip with boot loader and program, just reset; with `params`, on a robot."""
+    chip = LabChip(elf, params=params)
     chip.add_bootloader(ATMEGABOOT)
     return chip

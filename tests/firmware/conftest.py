@@ -1,8 +1,8 @@
-"""Builds the firmware's core for this machine, once, and hands it to the tests as a ctypes library.
+"""Builds the firmware's core for the host computer, once, and loads it as a ctypes library.
 
-Every function of the library takes and returns plain ints (see desk/desk.cpp): ctypes needs no declarations.
-THUMPER_MUTANT names a folder with a changed core to test instead (mutation/run.py). With LLVM_PROFILE_FILE
-set, the core counts what is run of it (coverage.py).
+Every function of the library takes and returns plain ints (native/core_api.cpp), so ctypes needs no
+declarations. THUMPER_MUTANT names a directory with a modified core to test instead (mutation/run.py). With
+LLVM_PROFILE_FILE set, the core records its coverage (coverage.py).
 """
 
 import ctypes
@@ -18,20 +18,20 @@ HERE = Path(__file__).resolve().parent
 MUTANT = os.environ.get("THUMPER_MUTANT")
 FIRMWARE = Path(MUTANT) if MUTANT else HERE.parents[1] / "firmware"
 BUILD = FIRMWARE / "build" if MUTANT else HERE / "build"
-# Overflow, bad shifts and out-of-bounds indices end the run: the chip would go on with a wrong number.
+# Abort on overflow, bad shifts and out-of-bounds indices: the chip would continue with a wrong number.
 SANITIZE = ["-fsanitize=signed-integer-overflow,shift-exponent,bounds", "-fno-sanitize-recover=all"]
 COUNT = ["-O0", "-fprofile-instr-generate", "-fcoverage-mapping"] if "LLVM_PROFILE_FILE" in os.environ else []
 
 
 def run(command: list[str]) -> None:
-    """Run a build step; its errors become the test session's."""
+    """Run a build step. If it fails, end the test session with its errors."""
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     if result.returncode != 0:
         pytest.exit(f"{' '.join(command)}\n{result.stderr}", returncode=1)
 
 
 def build(target: Path, compiler: list[str], sources: list[Path], flags: list[str]) -> Path:
-    """Compile unless the target is newer than the core, this folder and the sources."""
+    """Compile unless the target is newer than the core, this directory and the sources."""
     inputs = [*FIRMWARE.glob("*/*.hpp"), *HERE.glob("*/*.?pp"), *sources, Path(__file__)]
     if target.exists() and target.stat().st_mtime > max(path.stat().st_mtime for path in inputs):
         return target
@@ -44,8 +44,8 @@ def build(target: Path, compiler: list[str], sources: list[Path], flags: list[st
 
 @pytest.fixture(scope="session")
 def core_at_rate() -> Callable[[int], ctypes.CDLL]:
-    """The core by control rate [Hz]."""
-    flags = ["-std=c++14", "-fPIC", "-shared", f"-I{FIRMWARE}", f"-I{HERE}", f"-I{HERE / 'desk'}"]
+    """Return the core built for a control rate [Hz]."""
+    flags = ["-std=c++14", "-fPIC", "-shared", f"-I{FIRMWARE}", f"-I{HERE}", f"-I{HERE / 'native'}"]
     if COUNT:
         flags += COUNT
     elif MUTANT:
@@ -58,19 +58,19 @@ def core_at_rate() -> Callable[[int], ctypes.CDLL]:
         target = BUILD / f"core{rate_Hz}{'_counted' if COUNT else ''}.so"
         rate = f"-DTHUMPER_CONTROL_RATE_HZ={rate_Hz}"
         compiler = ["clang++" if MUTANT or COUNT else "g++"]  # twice as fast
-        return ctypes.CDLL(str(build(target, compiler, [HERE / "desk/desk.cpp"], [*flags, rate])))
+        return ctypes.CDLL(str(build(target, compiler, [HERE / "native/core_api.cpp"], [*flags, rate])))
 
     return at_rate
 
 
 @pytest.fixture(scope="session")
 def core(core_at_rate: Callable[[int], ctypes.CDLL]) -> ctypes.CDLL:
-    """The core at 10 Hz, as flashed."""
+    """Return the core at 10 Hz, as flashed."""
     return core_at_rate(10)
 
 
 def run_on_chip(name: str) -> bytes:
-    """What avr/<name>.cpp computes on the emulated chip."""
+    """Return the output of avr/<name>.cpp on the emulated chip."""
     elf = build(
         BUILD / f"{name}.elf",
         ["avr-g++", "-mmcu=atmega328p", "-DF_CPU=16000000L"],
@@ -83,17 +83,17 @@ def run_on_chip(name: str) -> bytes:
 
 @pytest.fixture(scope="session")
 def chip_vectors() -> bytes:
-    """What the emulated chip computes for desk/vectors.hpp."""
+    """Return the results of native/vectors.hpp on the emulated chip."""
     return run_on_chip("vectors")
 
 
 @pytest.fixture(scope="session")
 def chip_encoder_walk() -> bytes:
-    """What the encoder interrupt and the reference count on the emulated chip."""
+    """Return the counts of the encoder interrupt and of the reference on the emulated chip."""
     return run_on_chip("encoder_walk")
 
 
 @pytest.fixture(scope="session")
 def chip_uart_walk() -> bytes:
-    """What the serial port's interrupts and the reference do on the emulated chip."""
+    """Return the results of the serial port's interrupts and of the reference on the emulated chip."""
     return run_on_chip("uart_walk")

@@ -1,8 +1,8 @@
-"""What the desk tests run of the firmware's core: `python -m tests.firmware.coverage` (`make coverage`).
+"""Measures the coverage of the firmware's core: `python -m tests.firmware.coverage` (`make coverage`).
 
-Clang counts lines, and both ways of every condition. It leaves with 1 unless all of them were run. Not
-counted is what is no code on the desk: lines of braces, a switch's way past all its cases, and what the
-compiler alone runs (`COMPILED`), which test_supervisor.py and the static_asserts themselves hold.
+Clang counts lines and both branches of every condition. The exit status is 1 unless all of them ran. Excluded
+are lines without code in the host build (braces, the path past all cases of a switch) and functions that only
+the compiler runs (`COMPILED`). The static_asserts themselves and test_supervisor.py cover those.
 """
 
 import json
@@ -19,8 +19,8 @@ from tests.firmware.conftest import BUILD
 
 COMPILED = {"IsEventOf", "MakeTransitions", "Complete", "Connected", "Safe", "Largest"}
 """constexpr functions that only static_asserts and constants call."""
-NEVER = {"host_interface.hpp": "default:  // a message that the schema has"}
-"""Kept for the day when a message is added to the schema and forgotten there."""
+NEVER = {"host_interface.hpp": "default:  // unreachable while every message"}
+"""Reached only if someone adds a message to the schema but no case for it."""
 TESTS = sorted(
     path
     for path in Path(__file__).parent.glob("test_*.py")
@@ -30,14 +30,14 @@ TESTS = sorted(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Count:
-    """One file's lines, and ways out of its conditions as (line, column, way): whether it was run."""
+    """Lines of a file, and branches of its conditions as (line, column, branch): whether each ran."""
 
     lines: dict[int, bool] = field(default_factory=dict)
-    ways: dict[tuple[int, int, bool], bool] = field(default_factory=dict)
+    branches: dict[tuple[int, int, bool], bool] = field(default_factory=dict)
 
 
 def measure() -> tuple[str, str]:
-    """Run the tests on a core that counts; returns the lines in lcov's format, and the conditions as JSON."""
+    """Run the tests on an instrumented core; return the lines in lcov format and the branches as JSON."""
     with tempfile.TemporaryDirectory() as folder:
         environment = os.environ | {"LLVM_PROFILE_FILE": f"{folder}/%p-%m.profraw"}
         command = [sys.executable, "-m", "pytest", "-q", "-n", "auto", *map(str, TESTS)]
@@ -47,17 +47,17 @@ def measure() -> tuple[str, str]:
         subprocess.run(["llvm-profdata", "merge", "-sparse", *raw, "-o", merged], check=True)
         libraries = [f"-object={path}" for path in BUILD.glob("core*_counted.so")]
         export = ["llvm-cov", "export", f"-instr-profile={merged}", *libraries]
-        lines, ways = (
+        lines, conditions = (
             subprocess.run([*export, f"-format={kind}"], capture_output=True, text=True, check=True).stdout
             for kind in ("lcov", "text")
         )
-        return lines, ways
+        return lines, conditions
 
 
 def read(lcov: str, conditions: str) -> dict[str, Count]:
-    """The counts of each header of the core, without what is no code."""
+    """Return the counts of each header of the core, without lines that have no code."""
     counts: dict[str, Count] = {}
-    branches = {file["filename"]: file["branches"] for file in json.loads(conditions)["data"][0]["files"]}
+    by_file = {file["filename"]: file["branches"] for file in json.loads(conditions)["data"][0]["files"]}
     for part in lcov.split("end_of_record"):
         path = re.search(r"^SF:(.*/core/(\w+\.hpp))$", part, re.MULTILINE)
         if path is None:
@@ -68,16 +68,16 @@ def read(lcov: str, conditions: str) -> dict[str, Count]:
         for line, hits in re.findall(r"^DA:(\d+),(\d+)", part, re.MULTILINE):
             if int(line) not in left_out:
                 count.lines[int(line)] = int(hits) > 0
-        for at, column, _, _, *hits in branches[path[1]]:  # a template's are there once for each use
+        for at, column, _, _, *hits in by_file[path[1]]:  # a template's appear once per instance
             if at not in left_out and "switch (" not in source[at - 1]:
-                for way in (True, False):
-                    key = at, column, way
-                    count.ways[key] = count.ways.get(key, False) or hits[0 if way else 1] > 0
+                for branch in (True, False):
+                    key = at, column, branch
+                    count.branches[key] = count.branches.get(key, False) or hits[0 if branch else 1] > 0
     return counts
 
 
 def _no_code(name: str, source: list[str]) -> Iterator[int]:
-    """Lines, from 1, that are not counted."""
+    """Yield the lines, from 1, that are not counted."""
     inside = False
     for number, line in enumerate(source, start=1):
         function = re.match(r"constexpr .*?(\w+)\(.*\{$", line)
@@ -90,24 +90,24 @@ def _no_code(name: str, source: list[str]) -> Iterator[int]:
 
 
 def main() -> int:
-    """Print a table and what was not run; returns the exit code."""
+    """Print a table and everything that did not run; return the exit status."""
     counts = read(*measure())
     if not counts:
-        raise SystemExit("no header of the core was counted")
+        raise SystemExit("no header of the core was measured")
     missed = 0
     print(f"{'firmware/core/':24} {'lines':>12} {'conditions':>12}")
     for name, count in sorted(counts.items()):
-        lines, ways = (f"{sum(runs.values())}/{len(runs)}" for runs in (count.lines, count.ways))
-        print(f"{name:24} {lines:>12} {ways:>12}")
+        lines, branches = (f"{sum(runs.values())}/{len(runs)}" for runs in (count.lines, count.branches))
+        print(f"{name:24} {lines:>12} {branches:>12}")
         places = {line for line, run in count.lines.items() if not run}
-        places |= {line for (line, _, _), run in count.ways.items() if not run}
+        places |= {line for (line, _, _), run in count.branches.items() if not run}
         missed += len(places)
         for line in sorted(places):
-            print(f"  not run, or not both ways: {name}:{line}")
-    for what in ("lines", "ways"):
+            print(f"  not run, or not both branches: {name}:{line}")
+    for what in ("lines", "branches"):
         runs = [run for count in counts.values() for run in getattr(count, what).values()]
         print(f"core, {what}: {sum(runs)} of {len(runs)}, {100.0 * sum(runs) / len(runs):.1f} %")
-    print(f"left out: {', '.join(sorted(COMPILED))}, which only the compiler runs")
+    print(f"excluded (only the compiler runs them): {', '.join(sorted(COMPILED))}")
     return 1 if missed else 0
 
 

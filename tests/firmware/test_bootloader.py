@@ -1,4 +1,4 @@
-"""The stock boot loader and the watchdog, on the emulated chip: what a hang leads to, wherever it is."""
+"""Stock boot loader and watchdog on the emulated chip: the effects of a hang at any place."""
 
 import pytest
 
@@ -13,14 +13,14 @@ from thumper.board.messages import (
     State,
     Telemetry,
 )
-from thumper_hil.chip.instrumented_chip import InstrumentedChip
-from thumper_hil.chip.robot_params import RobotParams
+from thumper_hil.chip.lab import LabChip
+from thumper_hil.parts.params import RobotParams
 
 BOOT_S = 1.33
-"""From the reset to the program's start, with ATmegaBOOT."""
+"""From the reset to the start of the program, with ATmegaBOOT."""
 
 WATCHDOG_S = 0.26
-"""250 ms by name; 32768 cycles of its 128 kHz oscillator."""
+"""Nominally 250 ms; 32768 cycles of its 128 kHz oscillator."""
 
 OCR2A, OCR2B = 0xB3, 0xB4
 DDRB, DDRD = 0x24, 0x2A
@@ -29,11 +29,11 @@ RETI = bytes((0x18, 0x95))
 TICK_S = 0.1
 SEI = bytes((0x78, 0x94))
 PCINT2, TIMER0_COMPA = 5, 14
-"""The left encoder's interrupt runs with interrupts off, the millisecond's lets others in."""
+"""The left encoder's interrupt runs with interrupts off; the millisecond's allows nesting."""
 
 
-def driving_robot() -> InstrumentedChip:
-    """A robot with the boot loader that has driven for a second."""
+def driving_robot() -> LabChip:
+    """Return a robot with the boot loader that has driven for a second."""
     chip = chip_with_program(ELF, params=RobotParams.load())
     run_for(chip, BOOT_S + 0.2)
     send(chip, CommandRequest(command=Command.ARM))
@@ -44,8 +44,8 @@ def driving_robot() -> InstrumentedChip:
     return chip
 
 
-def test_the_boot_loader_drives_no_pin_but_its_light() -> None:
-    """Its light is on D13: an encoder's wire there wants the 1 kohm of docs/firmware.md."""
+def test_the_boot_loader_drives_only_its_led_pin() -> None:
+    """Its LED is on D13, so an encoder wire on that pin needs the 1 kohm of docs/firmware.md."""
     chip = chip_with_program(ELF)
     driven = set()
     for _ in range(round(0.9 * BOOT_S / 0.001)):
@@ -55,8 +55,8 @@ def test_the_boot_loader_drives_no_pin_but_its_light() -> None:
     assert (1 << 5, 0) in driven
 
 
-def handler(chip: InstrumentedChip, vector: int) -> int:
-    """Where an interrupt's handler starts: the target of the `jmp` or `rjmp` in the vector table."""
+def handler(chip: LabChip, vector: int) -> int:
+    """Return the start of an interrupt handler: the target of the `jmp` or `rjmp` in the vector table."""
     word = int.from_bytes(chip.read_flash(4 * vector, 2), "little")
     if word == 0x940C:
         return 2 * int.from_bytes(chip.read_flash(4 * vector + 2, 2), "little")
@@ -65,15 +65,15 @@ def handler(chip: InstrumentedChip, vector: int) -> int:
     return 4 * vector + 2 + 2 * (offset - 0x1000 if offset & 0x800 else offset)
 
 
-def find(chip: InstrumentedChip, instruction: bytes, start: int = 0) -> int:
-    """The first place of an instruction in the flash."""
+def find(chip: LabChip, instruction: bytes, start: int = 0) -> int:
+    """Return the first address of an instruction in the flash."""
     address = chip.read_flash(start, 0x4000).index(instruction) + start
     assert address % 2 == 0
     return address
 
 
-def motors_off_after(chip: InstrumentedChip, limit_s: float) -> float:
-    """Let time pass, a millisecond at a time, until both motors get no voltage; returns how long it took."""
+def motors_off_after(chip: LabChip, limit_s: float) -> float:
+    """Run until both motors have no voltage, in steps of 1 ms; return the elapsed time."""
     start_s = chip.time_s
     while chip.time_s < start_s + limit_s:
         run_for(chip, 0.001)
@@ -84,8 +84,8 @@ def motors_off_after(chip: InstrumentedChip, limit_s: float) -> float:
     raise AssertionError(f"the motors still run after {limit_s} s")
 
 
-def last_telemetry(chip: InstrumentedChip) -> Telemetry:
-    """The newest telemetry of the next fifth of a second."""
+def last_telemetry(chip: LabChip) -> Telemetry:
+    """Return the last telemetry message of the next 0.2 s."""
     chip.receive(chip.available)
     run_for(chip, 0.2)
     found = [frame for frame in frames(chip) if frame.message_id == Telemetry.ID]
@@ -93,7 +93,7 @@ def last_telemetry(chip: InstrumentedChip) -> Telemetry:
 
 
 def test_the_boot_loader_starts_the_firmware() -> None:
-    """A little more than a second after the reset, and the firmware still learns why it was."""
+    """It takes a little more than a second after a reset, and the firmware still reads the reset cause."""
     chip = chip_with_program(ELF)
     run_for(chip, 0.9 * BOOT_S)
     assert identity(chip) is None
@@ -106,7 +106,7 @@ def test_the_boot_loader_starts_the_firmware() -> None:
 
 @pytest.mark.parametrize("where", ["main loop", "interrupt"])
 def test_a_hang_with_interrupts_on_is_recovered(where: str) -> None:
-    """The watchdog's interrupt stops the motors and restarts the program itself, past the boot loader."""
+    """The watchdog interrupt stops the motors and restarts the program without the boot loader."""
     chip = driving_robot()
     if where == "main loop":
         address = find(chip, SLEEP)  # where it waits for work
@@ -117,9 +117,9 @@ def test_a_hang_with_interrupts_on_is_recovered(where: str) -> None:
     instruction = chip.read_flash(address, 2)
     chip.hang_at(address)
     assert motors_off_after(chip, 1.0) <= WATCHDOG_S + 0.01
-    chip.write_flash(address, instruction)  # a bug that strikes once
+    chip.write_flash(address, instruction)  # a bug that occurs once
     run_for(chip, 0.1)
-    assert chip.resets == 1  # the one before: no reset since, so no boot loader
+    assert chip.resets == 1  # the initial one: no reset since, so no boot loader
     answer = identity(chip)
     assert answer is not None
     assert answer.reset_cause is ResetCause.WATCHDOG
@@ -129,8 +129,8 @@ def test_a_hang_with_interrupts_on_is_recovered(where: str) -> None:
     assert chip.truth().wheel_rad_s == (0.0, 0.0)
 
 
-def test_a_hang_that_stays_never_drives_again() -> None:
-    """Restarted, it hangs again at once: four times a second, for ever, with the motors off."""
+def test_a_permanent_hang_keeps_the_motors_off() -> None:
+    """After each restart it hangs again at once: four times per second, for ever, with the motors off."""
     chip = driving_robot()
     chip.hang_at(find(chip, SLEEP))
     motors_off_after(chip, 1.0)
@@ -140,7 +140,7 @@ def test_a_hang_that_stays_never_drives_again() -> None:
 
 
 def test_a_dead_millisecond_timer_is_noticed() -> None:
-    """Without it the link would never time out: ticks alone do not hold off the watchdog."""
+    """Without it the link would never time out, so ticks alone must not reset the watchdog."""
     chip = driving_robot()
     vector = chip.read_flash(4 * TIMER0_COMPA, 2)
     chip.write_flash(4 * TIMER0_COMPA, RETI)
@@ -153,8 +153,8 @@ def test_a_dead_millisecond_timer_is_noticed() -> None:
 
 @pytest.mark.parametrize("bootloader", [False, True])
 def test_a_latched_fault_outlasts_a_reset(bootloader: bool) -> None:
-    """As opening the port makes one; and it is cleared for good only on command."""
-    chip = chip_with_program(ELF) if bootloader else InstrumentedChip(ELF, params=RobotParams.load())
+    """A reset, as opening the port causes, keeps it. Only CLEAR_FAULT clears it for good."""
+    chip = chip_with_program(ELF) if bootloader else LabChip(ELF, params=RobotParams.load())
     run_for(chip, BOOT_S + 0.3)
     send(chip, CommandRequest(command=Command.E_STOP))
     run_for(chip, 0.1)
@@ -167,7 +167,7 @@ def test_a_latched_fault_outlasts_a_reset(bootloader: bool) -> None:
     assert answer is not None
     assert answer.reset_cause is ResetCause.EXTERNAL
     if bootloader:
-        return  # without a robot there is no battery, and so nothing may be cleared
+        return  # no robot, so no battery, and clearing is refused
     send(chip, CommandRequest(command=Command.CLEAR_FAULT))
     run_for(chip, 0.1)
     chip.reset()
@@ -176,9 +176,10 @@ def test_a_latched_fault_outlasts_a_reset(bootloader: bool) -> None:
 
 
 def test_a_hang_with_interrupts_off_ends_safe_but_dead() -> None:
-    """The second time-out resets the chip; the stock boot loader loops for ever, every pin an input.
+    """The second time-out resets the chip. The stock boot loader then loops for ever, with every pin an
+    input.
 
-    Nothing on the chip can mend that: power off and on, which clears the watchdog's flag.
+    Only switching the power off and on helps: it clears the watchdog's flag.
     """
     chip = driving_robot()
     chip.hang_at(handler(chip, PCINT2))

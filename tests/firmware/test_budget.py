@@ -1,4 +1,4 @@
-"""What the flashed ELF takes in cycles, on the emulated chip: the limits of the design, in clock cycles."""
+"""Cycle budgets of the flashed ELF on the emulated chip."""
 
 import pytest
 
@@ -6,12 +6,12 @@ from tests.firmware.boot import ELF
 from thumper.board.framing import encode_frame
 from thumper.board.messages import Command, CommandRequest, GetParameter, Message, SetWheelSpeeds
 from thumper_hil.chip.chip import CPU_HZ
-from thumper_hil.chip.instrumented_chip import TICK_VECTOR, InstrumentedChip
-from thumper_hil.chip.native_library import CProbeReport
-from thumper_hil.chip.robot_params import RobotParams
+from thumper_hil.chip.lab import TICK_VECTOR, LabChip
+from thumper_hil.chip.library import CProbeReport
+from thumper_hil.parts.params import RobotParams
 
 EDGE_VECTORS = (3, 5)  # PCINT0, PCINT2
-EDGE_CYCLES = 75  # entry to RETI, the response's 4 included
+EDGE_CYCLES = 75  # entry to RETI, including the response's 4
 TICK_CYCLES = 1500  # both wheels, ramp, feed-forward and PI
 OFF_CYCLES = 150
 
@@ -22,8 +22,8 @@ def frame(message: Message) -> bytes:
 
 @pytest.fixture(scope="module")
 def report() -> CProbeReport:
-    """Two seconds of driving, commands and requests coming in; what precedes the first sei is left out."""
-    chip = InstrumentedChip(ELF, params=RobotParams.load())
+    """Two seconds of driving with incoming commands and requests, measured after the first sei."""
+    chip = LabChip(ELF, params=RobotParams.load())
     chip.run(CPU_HZ // 5)
     with chip.probe() as probe:
         chip.send(frame(CommandRequest(command=Command.ARM)))

@@ -1,4 +1,4 @@
-"""No edge is lost at 100 000 a second on both wheels at once, the line busy, on either board."""
+"""No edge is lost at 100 000 edges/s on both wheels at once with a busy line, on either board."""
 
 import pytest
 
@@ -14,7 +14,8 @@ EDGES_PER_S = 100_000
 @pytest.mark.parametrize("board", list(Board), ids=lambda board: board.name.lower())
 @pytest.mark.parametrize("line_share", [0.0, 0.1, 1.0])
 def test_no_edge_is_lost_in_any_phase(board: Board, line_share: float) -> None:
-    """Encoders to each other, and to the bytes on the line: nothing there is random, so all of it repeats."""
+    """The phases of the encoders to each other and to the bytes on the line. Without noise, every run
+    repeats."""
     assert all(
         counts_all(
             ELFS[board],
@@ -30,6 +31,6 @@ def test_no_edge_is_lost_in_any_phase(board: Board, line_share: float) -> None:
     )
 
 
-def test_a_rate_beyond_the_chip_is_noticed() -> None:
-    """At 250 000 a second an edge leaves 64 cycles for both wheels."""
+def test_a_rate_beyond_the_chip_loses_edges() -> None:
+    """At 250 000 edges/s, 64 cycles per edge remain for both wheels."""
     assert not counts_all(ELF, CPU_HZ // 250_000, edges=2000, line_share=1.0)

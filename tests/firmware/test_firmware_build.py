@@ -1,4 +1,4 @@
-"""The core stays pure, every rate builds within budget, and PlatformIO and Makefile build the same thing."""
+"""The core stays pure, every rate builds within budget, and PlatformIO and Makefile build the same."""
 
 import re
 import subprocess
@@ -24,7 +24,7 @@ def test_core_includes_nothing_but_itself_and_fixed_width_types(header: Path) ->
 
 
 @pytest.mark.parametrize("header", sorted((FIRMWARE / "core").glob("*.hpp")), ids=lambda path: path.name)
-def test_every_core_header_stands_alone(header: Path, tmp_path: Path) -> None:
+def test_every_core_header_compiles_alone(header: Path, tmp_path: Path) -> None:
     source = tmp_path / "alone.cpp"
     source.write_text(f'#include "core/{header.name}"\n')
     command = [
@@ -43,24 +43,24 @@ def test_every_core_header_stands_alone(header: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("folder", ["app", "board"])
 def test_no_register_is_a_template_argument(folder: str) -> None:
-    """gcc 7, which PlatformIO ships, calls a register's address no constant there; gcc 5 takes it."""
+    """gcc 7, which PlatformIO ships, rejects a register address as a constant there; gcc 5 accepts it."""
     for source in (FIRMWARE / folder).glob("*.[ch]pp"):
         assert not re.search(r"<[^<>;]*_SFR_(IO|MEM)_ADDR", source.read_text()), source
 
 
-def test_other_options_build_anew_and_the_same_do_not(tmp_path: Path) -> None:
-    def built(*options: str) -> tuple[bytes, bool]:
+def test_changed_options_rebuild_and_the_same_options_do_not(tmp_path: Path) -> None:
+    def build_with(*options: str) -> tuple[bytes, bool]:
         before = (tmp_path / "thumper.elf").stat().st_mtime_ns if (tmp_path / "thumper.elf").exists() else 0
         assert make(f"BUILD={tmp_path}", *options).returncode == 0
         return (tmp_path / "thumper.hex").read_bytes(), (tmp_path / "thumper.elf").stat().st_mtime_ns > before
 
-    ten, _ = built()
-    assert built() == (ten, False)
-    fifty, anew = built("RATE=50")
-    assert anew
+    ten, _ = build_with()
+    assert build_with() == (ten, False)
+    fifty, rebuilt = build_with("RATE=50")
+    assert rebuilt
     assert fifty != ten
-    assert built("RATE=50", "BAUD=250000")[1]
-    assert built() == (ten, True)
+    assert build_with("RATE=50", "BAUD=250000")[1]
+    assert build_with() == (ten, True)
 
 
 def test_a_baud_rate_off_by_two_percent_is_refused(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""`thumper flash`: the real avrdude, the real boot loader on the emulated chip; and every way it fails."""
+"""`thumper flash` with the real avrdude and the real boot loader on the emulated chip, and every failure."""
 
 import os
 import subprocess
@@ -17,7 +17,7 @@ THUMPER = Path(sys.executable).with_name("thumper")
 
 
 def flash(*arguments: str | Path, path: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """Run the command; `path` replaces where programs are found."""
+    """Run the command; `path` replaces the PATH of programs."""
     environment = os.environ | ({"PATH": str(path)} if path else {})
     return subprocess.run(
         [THUMPER, "flash", *map(str, arguments)], capture_output=True, text=True, env=environment, check=False
@@ -25,7 +25,7 @@ def flash(*arguments: str | Path, path: Path | None = None) -> subprocess.Comple
 
 
 def tool(folder: Path, name: str, script: str) -> Path:
-    """Put a program that stands for a tool into `folder`."""
+    """Create a fake tool in `folder`."""
     program = folder / name
     program.write_text(f"#!/bin/sh\n{script}\n")
     program.chmod(0o755)
@@ -33,14 +33,15 @@ def tool(folder: Path, name: str, script: str) -> Path:
 
 
 def one_line(result: subprocess.CompletedProcess[str]) -> str:
-    """The error: one line, and no traceback."""
+    """Return the error: one line without a traceback."""
     assert result.returncode != 0
     assert result.stderr.count("\n") == 1, result.stderr
     return result.stderr
 
 
 def test_the_flashed_robot_answers() -> None:
-    """Written, verified, started by the boot loader, and greeted at the firmware's own rate."""
+    """The program is written, verified and started by the boot loader, and answers at the firmware's baud
+    rate."""
     chip = chip_with_bootloader()
     with on_pty(chip) as port:
         result = flash("--port", port, "--bootloader", "old")
@@ -52,10 +53,10 @@ def test_the_flashed_robot_answers() -> None:
     assert chip.read_flash(start, len(image)) == image
     boot_start, boot_image = read_hex(ATMEGABOOT)
     assert chip.read_flash(boot_start, len(boot_image)) == boot_image
-    assert chip.resets >= 3  # to install, and each time the port was opened
+    assert chip.resets >= 3  # one to install, one each time the port was opened
 
 
-def test_the_other_speed_is_found_out() -> None:
+def test_the_other_boot_loader_baud_rate_is_detected() -> None:
     with on_pty(chip_with_bootloader()) as port:
         error = one_line(flash("--port", port, "--bootloader", "new"))
     assert "answers at 57600 baud" in error
@@ -63,7 +64,7 @@ def test_the_other_speed_is_found_out() -> None:
 
 
 @pytest.mark.parametrize(
-    ("says", "expected"),
+    ("message", "expected"),
     [
         ("avrdude OS error: cannot set attributes for port /dev/x: Inappropriate ioctl", "as a port"),
         ("avrdude error: line 1 is no record\navrdude done.  Thank you.", "failed: avrdude error: line 1"),
@@ -73,12 +74,12 @@ def test_the_other_speed_is_found_out() -> None:
         ("avrdude: something new", "avrdude failed: avrdude: something new"),
     ],
 )
-def test_what_avrdude_says_becomes_one_line(says: str, expected: str, tmp_path: Path) -> None:
-    tools = tool(tmp_path, "avrdude", f"echo '{says}' >&2; exit 1")
+def test_avrdude_errors_become_one_line(message: str, expected: str, tmp_path: Path) -> None:
+    tools = tool(tmp_path, "avrdude", f"echo '{message}' >&2; exit 1")
     assert expected in one_line(flash("--port", "/dev/null", "--hex", HEX, "--tool", "avrdude", path=tools))
 
 
-def test_missing_things_are_named(tmp_path: Path) -> None:
+def test_a_missing_port_file_or_tool_is_named(tmp_path: Path) -> None:
     avrdude = tool(tmp_path, "avrdude", "exit 0")
     nothing = tmp_path / "nothing"
     assert "no such port" in one_line(flash("--port", nothing, "--hex", HEX, path=avrdude))
@@ -87,16 +88,16 @@ def test_missing_things_are_named(tmp_path: Path) -> None:
     assert "apt install avrdude" in one_line(no_tool)
 
 
-def test_platformio_takes_the_environment_of_board_and_boot_loader(tmp_path: Path) -> None:
-    told = tmp_path / "told"
-    tools = tool(tmp_path, "pio", f'echo "$@" > {told}; exit 1')
+def test_platformio_uses_the_environment_of_board_and_boot_loader(tmp_path: Path) -> None:
+    arguments = tmp_path / "arguments"
+    tools = tool(tmp_path, "pio", f'echo "$@" > {arguments}; exit 1')
     one_line(
         flash("--port", "/dev/null", "--tool", "pio", "--board", "nano", "--bootloader", "new", path=tools)
     )
-    assert "-e nano_new -t upload --upload-port /dev/null" in told.read_text()
+    assert "-e nano_new -t upload --upload-port /dev/null" in arguments.read_text()
 
 
-def test_a_boot_loader_that_is_too_long_is_refused() -> None:
+def test_an_overlong_boot_loader_is_refused() -> None:
     chip = chip_with_bootloader()
     with pytest.raises(ChipError, match="past the end of the flash"):
         chip.install_bootloader(BROKEN_OPTIBOOT)

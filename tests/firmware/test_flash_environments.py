@@ -1,4 +1,4 @@
-"""platformio.ini has an environment a board and boot loader, and the Makefile takes its flags from it."""
+"""platformio.ini has one environment per board and boot loader, and the Makefile reads its flags from it."""
 
 import subprocess
 from pathlib import Path
@@ -12,21 +12,21 @@ from thumper.board.messages import Board
 FIRMWARE = Path(__file__).resolve().parents[2] / "firmware"
 INI = FIRMWARE / "platformio.ini"
 PLATFORM_BOARD = {"old": "nanoatmega328", "new": "nanoatmega328new"}
-"""PlatformIO's names for the same chip behind either boot loader."""
+"""PlatformIO's board names of the same chip with either boot loader."""
 
 
 def planned_compile(board: str, folder: Path) -> list[str]:
-    """The words of the command by which the Makefile compiles."""
+    """Return the words of the Makefile's compile command."""
     command = ["make", "-C", str(FIRMWARE), "-n", "-B", f"BOARD={board}", f"BUILD={folder}"]
     lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
     return next(line for line in lines if line.startswith("avr-g++")).split()
 
 
-def test_platformio_finds_no_fault_in_the_file() -> None:
+def test_platformio_ini_is_valid() -> None:
     assert ProjectConfig.lint(str(INI)) == {"errors": [], "warnings": []}
 
 
-def test_every_board_has_both_environments_and_no_other_is_there() -> None:
+def test_each_board_has_exactly_its_two_environments() -> None:
     names = {kind.name.lower() for kind in Board}
     assert set(ProjectConfig(str(INI)).envs()) == names | {f"{name}_new" for name in names}
 
@@ -56,7 +56,7 @@ def test_make_compiles_with_the_environments_flags(kind: Board, tmp_path: Path) 
     assert ("-DTHUMPER_BOARD_NANO" in words) == (kind is Board.NANO)
 
 
-def test_make_knows_no_other_board() -> None:
+def test_make_refuses_an_unknown_board() -> None:
     result = subprocess.run(
         ["make", "-C", str(FIRMWARE), "BOARD=mega"], capture_output=True, text=True, check=False
     )

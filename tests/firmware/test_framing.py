@@ -1,4 +1,4 @@
-"""Frames against an independent COBS and CRC, and against anything a noisy line can do to them."""
+"""Frames against an independent COBS and CRC, and with every kind of line noise."""
 
 import ctypes
 
@@ -6,7 +6,7 @@ from cobs import cobs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.firmware.speaker import crc
+from tests.firmware.host_interface import crc
 
 payloads = st.one_of(st.binary(max_size=60), st.lists(st.sampled_from([0, 1, 255]), max_size=60).map(bytes))
 
@@ -16,7 +16,7 @@ def frame(body: bytes) -> bytes:
 
 
 def push(core: ctypes.CDLL, decoder: int, data: bytes) -> list[bytes]:
-    """Feed bytes; return id, seq and payload of each frame that came out."""
+    """Feed bytes; return id, seq and payload of each decoded frame."""
     found = []
     out = ctypes.create_string_buffer(80)
     for byte in data:
@@ -27,7 +27,7 @@ def push(core: ctypes.CDLL, decoder: int, data: bytes) -> list[bytes]:
 
 
 def test_crc_check_value(core: ctypes.CDLL) -> None:
-    """The catalogue's check values of CRC-16/MCRF4XX, and of its complement X-25, which a frame carries."""
+    """Check values of the CRC catalogue: CRC-16/MCRF4XX, and its complement X-25 that a frame carries."""
     assert core.crc16(b"123456789", 9) == 0x6F91
     assert crc(b"123456789") == 0x906E
 
@@ -48,7 +48,9 @@ def test_round_trip_with_an_independent_encoder(core: ctypes.CDLL, payload: byte
 
 @settings(max_examples=200, deadline=None)
 @given(payload=payloads, cut=st.integers(0, 70))
-def test_a_cut_frame_is_refused_and_the_next_one_read(core: ctypes.CDLL, payload: bytes, cut: int) -> None:
+def test_a_truncated_frame_is_rejected_and_the_next_one_read(
+    core: ctypes.CDLL, payload: bytes, cut: int
+) -> None:
     body = b"\x01\x02" + payload
     whole = frame(body)
     kept = whole[:-1][:cut]
@@ -61,12 +63,12 @@ def test_a_cut_frame_is_refused_and_the_next_one_read(core: ctypes.CDLL, payload
 @settings(max_examples=200, deadline=None)
 @given(payload=payloads, bit=st.integers(0, 8 * 70))
 def test_every_single_bit_flip_is_refused(core: ctypes.CDLL, payload: bytes, bit: int) -> None:
-    """Nothing false comes out, and the stream recovers by the frame after the next delimiter."""
+    """No wrong frame comes out, and the stream recovers by the second frame after the next delimiter."""
     body = b"\x01\x02" + payload
-    spoilt = bytearray(frame(body))
-    spoilt[bit // 8 % len(spoilt)] ^= 1 << bit % 8
+    corrupt = bytearray(frame(body))
+    corrupt[bit // 8 % len(corrupt)] ^= 1 << bit % 8
     decoder = core.decoder_new()
-    found = push(core, decoder, bytes(spoilt) + frame(b"\x03\x04") + frame(b"\x05\x06"))
+    found = push(core, decoder, bytes(corrupt) + frame(b"\x03\x04") + frame(b"\x05\x06"))
     assert found in ([b"\x03\x04", b"\x05\x06"], [b"\x05\x06"])
     assert core.decoder_errors(decoder) >= 1
 
@@ -79,21 +81,21 @@ def test_any_bytes_leave_the_decoder_ready(core: ctypes.CDLL, noise: bytes) -> N
     assert push(core, decoder, b"\0" + frame(b"\x07\x08data")) == [b"\x07\x08data"]
 
 
-def test_too_long_a_frame_is_refused_without_harm(core: ctypes.CDLL) -> None:
+def test_an_overlong_frame_is_rejected(core: ctypes.CDLL) -> None:
     decoder = core.decoder_new()
     assert push(core, decoder, frame(bytes(range(2, 100))) + frame(b"\x01\x02")) == [b"\x01\x02"]
     assert core.decoder_errors(decoder) == 1
 
 
-def test_a_whole_frame_with_more_behind_it_is_refused(core: ctypes.CDLL) -> None:
-    """What does not fit is not simply cut off."""
+def test_a_valid_frame_with_trailing_bytes_is_rejected(core: ctypes.CDLL) -> None:
+    """Excess bytes are not just cut off."""
     body = bytes(range(1, 63))
     longer = body + crc(body).to_bytes(2, "little") + b"\x01"
     assert push(core, core.decoder_new(), bytes(cobs.encode(longer)) + b"\0") == []
 
 
-def test_the_longest_frame_fits_and_a_byte_more_does_not(core: ctypes.CDLL) -> None:
-    """The desk's decoder takes 60 bytes of payload."""
+def test_the_longest_frame_fits_and_one_byte_more_does_not(core: ctypes.CDLL) -> None:
+    """The decoder of the host build accepts payloads of 60 bytes."""
     decoder = core.decoder_new()
     longest, longer = bytes(range(1, 63)), bytes(range(1, 64))
     assert push(core, decoder, frame(longest)) == [longest]

@@ -1,6 +1,6 @@
 """libFuzzer on parser, supervisor, monitors and parameters, with address and undefined-behaviour sanitizers.
 
-For longer: `tests/firmware/build/fuzz -max_len=256 tests/firmware/fuzz/corpus`.
+For a longer run: `tests/firmware/build/fuzz -max_len=256 tests/firmware/fuzz/corpus`.
 """
 
 import shutil
@@ -14,7 +14,7 @@ SECONDS = 8
 
 
 def test_no_bytes_break_the_firmware(tmp_path: Path) -> None:
-    """Starts from the corpus; new finds stay out of the repository."""
+    """Starts from a copy of the corpus, so new inputs stay out of the repository."""
     corpus = tmp_path / "corpus"
     shutil.copytree(CORPUS, corpus)
     assert any(corpus.iterdir())

@@ -1,4 +1,4 @@
-"""What the firmware answers and does, message by message, spoken with the generated Python codec."""
+"""Answers and actions of the firmware, message by message, driven with the generated Python codec."""
 
 import ctypes
 from pathlib import Path
@@ -7,18 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.firmware.speaker import Host, frame, read_frames
-from thumper.board import messages as m
+from tests.firmware.host_interface import HostInterface, frame, read_frames
+from thumper.link import messages as m
 
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "firmware.md"
 
 
 @pytest.fixture
-def host(core: ctypes.CDLL) -> Host:
-    return Host(core)
+def host(core: ctypes.CDLL) -> HostInterface:
+    return HostInterface(core)
 
 
-def test_identity_carries_the_schema_hash(host: Host) -> None:
+def test_identity_carries_the_schema_hash(host: HostInterface) -> None:
     (identity,) = host.send(m.Identify(), seq=77)
     assert isinstance(identity, m.Identity)
     assert identity.schema_hash == m.SCHEMA_HASH
@@ -29,7 +29,7 @@ def test_identity_carries_the_schema_hash(host: Host) -> None:
     assert DOCUMENT.read_text(encoding="utf-8").splitlines()[2].startswith(f"Version {version} ")
 
 
-def test_set_points_act_only_in_closed_loop(host: Host) -> None:
+def test_set_points_apply_only_in_closed_loop(host: HostInterface) -> None:
     speeds = m.SetWheelSpeeds(left=1234, right=-4321)
     assert host.send(speeds) == []
     assert host.status() == (m.State.DISARMED, m.Fault.NONE, 0, 0)
@@ -41,7 +41,7 @@ def test_set_points_act_only_in_closed_loop(host: Host) -> None:
     assert host.status() == (m.State.DISARMED, m.Fault.NONE, 0, 0)
 
 
-def test_manual_overrides_and_arm_returns_at_standstill(host: Host) -> None:
+def test_manual_overrides_closed_loop_and_arm_returns_with_zero_set_points(host: HostInterface) -> None:
     host.send(m.SetMotorPwm(left=50, right=50))
     assert host.status()[0] is m.State.DISARMED, "manual needs an armed robot"
     host.command(m.Command.ARM)
@@ -54,7 +54,7 @@ def test_manual_overrides_and_arm_returns_at_standstill(host: Host) -> None:
     assert host.status() == (m.State.CLOSED_LOOP, m.Fault.NONE, 0, 0)
 
 
-def test_silence_stops_the_motors_after_300_ms(host: Host) -> None:
+def test_silence_stops_the_motors_after_300_ms(host: HostInterface) -> None:
     host.command(m.Command.ARM)
     for _ in range(5):
         host.send(m.SetWheelSpeeds(left=1000, right=1000))
@@ -68,8 +68,8 @@ def test_silence_stops_the_motors_after_300_ms(host: Host) -> None:
 
 
 @pytest.mark.parametrize("last", [m.SetWheelSpeeds(left=1, right=1), m.SetMotorPwm(left=1, right=1), None])
-def test_the_time_runs_from_the_change_of_state_or_the_last_command(
-    host: Host, last: m.Message | None
+def test_link_timeout_starts_at_the_state_change_or_last_command(
+    host: HostInterface, last: m.Message | None
 ) -> None:
     host.command(m.Command.ARM)
     if last:
@@ -81,7 +81,7 @@ def test_the_time_runs_from_the_change_of_state_or_the_last_command(
     assert host.status()[1] is m.Fault.LINK_LOST
 
 
-def test_a_planner_does_not_keep_a_dead_gamepad_alive(host: Host) -> None:
+def test_a_planner_does_not_keep_a_dead_gamepad_alive(host: HostInterface) -> None:
     host.command(m.Command.ARM)
     host.send(m.SetMotorPwm(left=100, right=100))
     for _ in range(3):
@@ -91,7 +91,7 @@ def test_a_planner_does_not_keep_a_dead_gamepad_alive(host: Host) -> None:
     assert host.status() == (m.State.FAULT, m.Fault.LINK_LOST, 0, 0)
 
 
-def test_e_stop_latches_from_anywhere(host: Host) -> None:
+def test_e_stop_latches_even_while_disarmed(host: HostInterface) -> None:
     host.command(m.Command.E_STOP)
     assert host.status() == (m.State.FAULT, m.Fault.E_STOP, 0, 0)
     host.send(m.SetMotorPwm(left=100, right=100))
@@ -101,10 +101,8 @@ def test_e_stop_latches_from_anywhere(host: Host) -> None:
 @pytest.mark.parametrize(
     ("battery_mV", "status"), [(0, m.AckStatus.BATTERY_UNKNOWN), (6900, m.AckStatus.BATTERY_LOW)]
 )
-def test_nothing_starts_before_the_battery_is_known_to_be_charged(
-    core: ctypes.CDLL, battery_mV: int, status: m.AckStatus
-) -> None:
-    host = Host(core, battery_mV=battery_mV)
+def test_arming_needs_a_charged_battery(core: ctypes.CDLL, battery_mV: int, status: m.AckStatus) -> None:
+    host = HostInterface(core, battery_mV=battery_mV)
     assert host.command(m.Command.ARM) is status
     assert host.command(m.Command.CLEAR_FAULT) is status
     assert host.status()[:2] == (m.State.DISARMED, m.Fault.NONE)
@@ -117,20 +115,20 @@ def test_nothing_starts_before_the_battery_is_known_to_be_charged(
 
 @pytest.mark.parametrize("cause", [m.ResetCause.EXTERNAL, m.ResetCause.WATCHDOG])
 @pytest.mark.parametrize("latched", [m.Fault.E_STOP, m.Fault.LOW_BATTERY, m.Fault.STALL_LEFT])
-def test_a_latched_fault_outlasts_a_restart(core: ctypes.CDLL, latched: m.Fault, cause: m.ResetCause) -> None:
-    host = Host(core, cause=cause, latched=latched)
+def test_a_latched_fault_survives_a_restart(core: ctypes.CDLL, latched: m.Fault, cause: m.ResetCause) -> None:
+    host = HostInterface(core, cause=cause, latched=latched)
     assert host.status() == (m.State.FAULT, latched, 0, 0)
     assert host.command(m.Command.ARM) is m.AckStatus.FAULT_LATCHED
     assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.OK
     assert host.command(m.Command.ARM) is m.AckStatus.OK
 
 
-def test_a_lost_link_is_over_when_the_host_is_back(core: ctypes.CDLL) -> None:
-    host = Host(core, cause=m.ResetCause.EXTERNAL, latched=m.Fault.LINK_LOST)
+def test_link_lost_is_not_latched_again_after_a_restart(core: ctypes.CDLL) -> None:
+    host = HostInterface(core, cause=m.ResetCause.EXTERNAL, latched=m.Fault.LINK_LOST)
     assert host.status()[:2] == (m.State.DISARMED, m.Fault.NONE)
 
 
-def test_a_low_battery_does_not_hide_an_emergency_stop(core: ctypes.CDLL, host: Host) -> None:
+def test_a_low_battery_does_not_hide_an_emergency_stop(core: ctypes.CDLL, host: HostInterface) -> None:
     host.command(m.Command.E_STOP)
     assert core.host_battery(host.handle, 3000) == 0, "filtered"
     while not core.host_battery(host.handle, 3000):
@@ -140,7 +138,7 @@ def test_a_low_battery_does_not_hide_an_emergency_stop(core: ctypes.CDLL, host: 
     assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.BATTERY_LOW
 
 
-def test_low_battery_stops_and_holds_until_charged(core: ctypes.CDLL, host: Host) -> None:
+def test_low_battery_stops_and_holds_until_charged(core: ctypes.CDLL, host: HostInterface) -> None:
     host.command(m.Command.ARM)
     host.send(m.SetWheelSpeeds(left=1000, right=1000))
     while not core.host_battery(host.handle, 6300):
@@ -155,7 +153,9 @@ def test_low_battery_stops_and_holds_until_charged(core: ctypes.CDLL, host: Host
 
 
 @pytest.mark.parametrize("spec", m.PARAMETERS, ids=lambda spec: spec.name)
-def test_parameters_start_at_their_default_and_keep_their_range(host: Host, spec: m.ParameterSpec) -> None:
+def test_parameters_start_at_their_default_and_keep_their_range(
+    host: HostInterface, spec: m.ParameterSpec
+) -> None:
     def get() -> int:
         (answer,) = host.send(m.GetParameter(index=spec.index))
         assert isinstance(answer, m.ParameterValue)
@@ -177,7 +177,7 @@ def test_parameters_start_at_their_default_and_keep_their_range(host: Host, spec
         assert get() == high
 
 
-def test_unknown_requests_are_refused_by_name(host: Host) -> None:
+def test_unknown_parameters_and_commands_are_refused(host: HostInterface) -> None:
     index = len(m.PARAMETERS)
     for request in (
         m.GetParameter(index=index),
@@ -192,7 +192,7 @@ def test_unknown_requests_are_refused_by_name(host: Host) -> None:
     assert answer.status is m.AckStatus.UNKNOWN_COMMAND
 
 
-def test_wrong_ids_and_lengths_are_counted_and_do_nothing(core: ctypes.CDLL, host: Host) -> None:
+def test_wrong_ids_and_lengths_are_counted_and_ignored(core: ctypes.CDLL, host: HostInterface) -> None:
     host.command(m.Command.ARM)
     requests = [message for id_, message in m.MESSAGES.items() if 0x01 < id_ < 0x80]
     bad = [frame(0x7F, b""), frame(m.Telemetry.ID, b""), *(frame(r.ID, b"\1\1") for r in requests)]
@@ -201,8 +201,8 @@ def test_wrong_ids_and_lengths_are_counted_and_do_nothing(core: ctypes.CDLL, hos
     assert host.status() == (m.State.CLOSED_LOOP, m.Fault.NONE, 0, 0)
 
 
-def test_every_known_request_is_a_good_frame(core: ctypes.CDLL, host: Host) -> None:
-    """Answered or not, obeyed or refused: it was understood, and it shows that the host is there."""
+def test_every_known_request_counts_as_a_valid_frame(core: ctypes.CDLL, host: HostInterface) -> None:
+    """Answered or not, accepted or refused: a valid frame proves that the host is present."""
     requests: list[m.Message] = [
         m.Identify(),
         m.SetWheelSpeeds(left=0, right=0),
@@ -232,8 +232,8 @@ def test_every_known_request_is_a_good_frame(core: ctypes.CDLL, host: Host) -> N
     )
 )
 def test_no_byte_stream_moves_a_silent_robot(core: ctypes.CDLL, noise: list[bytes]) -> None:
-    """Whatever arrives, 300 ms of silence later the motors are off and `identify` is answered."""
-    host = Host(core)
+    """After any input and 300 ms of silence, the motors are off and `identify` is answered."""
+    host = HostInterface(core)
     host.feed(b"".join(noise) + b"\0")
     host.wait(300)
     state, _, left, right = host.status()
@@ -242,8 +242,8 @@ def test_no_byte_stream_moves_a_silent_robot(core: ctypes.CDLL, noise: list[byte
     assert isinstance(host.send(m.Identify())[0], m.Identity)
 
 
-def test_telemetry_is_numbered_from_zero_on(core: ctypes.CDLL, host: Host) -> None:
-    """Round the byte's end, so that the host sees each frame that is missing."""
+def test_telemetry_sequence_starts_at_zero_and_wraps(core: ctypes.CDLL, host: HostInterface) -> None:
+    """And across the wrap, so that the host detects every missing frame."""
     out = ctypes.create_string_buffer(100)
     numbers = []
     for _ in range(300):
@@ -252,24 +252,24 @@ def test_telemetry_is_numbered_from_zero_on(core: ctypes.CDLL, host: Host) -> No
     assert numbers == [number % 256 for number in range(300)]
 
 
-def test_before_any_reading_it_tells_no_current(host: Host) -> None:
-    told = host.telemetry()
-    assert (told.left_current_mA, told.right_current_mA) == (0, 0)
+def test_current_is_zero_before_the_first_reading(host: HostInterface) -> None:
+    telemetry = host.telemetry()
+    assert (telemetry.left_current_mA, telemetry.right_current_mA) == (0, 0)
 
 
 @pytest.mark.parametrize(("left", "right"), [(0, 0), (5, 0), (0, -5), (5, 5)])
-def test_it_is_quiet_while_both_wheels_stand(host: Host, left: int, right: int) -> None:
+def test_quiet_requires_both_wheels_stationary(host: HostInterface, left: int, right: int) -> None:
     host.core.host_speeds(host.handle, left, right)
     assert host.core.host_quiet(host.handle) == int(left == right == 0)
 
 
-def test_it_is_not_quiet_while_armed(host: Host) -> None:
+def test_not_quiet_while_armed(host: HostInterface) -> None:
     host.command(m.Command.ARM)
     assert host.core.host_quiet(host.handle) == 0
 
 
-def test_the_tick_gets_the_live_parameters_at_the_measured_battery(core: ctypes.CDLL) -> None:
-    host = Host(core, battery_mV=8000)
+def test_derived_constants_use_live_parameters_and_battery_voltage(core: ctypes.CDLL) -> None:
+    host = HostInterface(core, battery_mV=8000)
     host.set("kp", 1234)
     initial = [round(spec.default * spec.scale) for spec in m.PARAMETERS]
     values = (ctypes.c_int32 * 7)(1234, *initial[1:])
@@ -279,7 +279,7 @@ def test_the_tick_gets_the_live_parameters_at_the_measured_battery(core: ctypes.
     assert list(given) == list(due)
 
 
-def test_only_what_the_host_sends_has_a_length(core: ctypes.CDLL) -> None:
+def test_only_host_messages_have_a_payload_size(core: ctypes.CDLL) -> None:
     sent = (
         m.Identify(),
         m.SetWheelSpeeds(left=0, right=0),

@@ -1,4 +1,4 @@
-"""The whole wheel controller against the same law in float64, over the whole range of everything."""
+"""The complete wheel controller against the same control law in float64, over the full input range."""
 
 import ctypes
 import math
@@ -22,14 +22,14 @@ def clamp(value: float, limit: float) -> float:
 
 
 class FloatWheel:
-    """The law of docs/firmware.md in float64, with the constants that the firmware derived."""
+    """The control law of docs/firmware.md in float64, with the constants derived by the firmware."""
 
     def __init__(self) -> None:
         self.setpoint = self.model = self.predicted = self.integral = 0.0
         self.at_rest = False  # where whole mrad/s decide whether the integral is cleared
 
-    def take(self, state: ctypes.Array[ctypes.c_int32]) -> None:
-        """Go on from the chip's whole numbers."""
+    def set_state(self, state: ctypes.Array[ctypes.c_int32]) -> None:
+        """Set the state from the core's integers."""
         self.integral, self.model, self.predicted = state[0] / 2**19, float(state[1]), float(state[2])
         self.setpoint = float(state[3])
 
@@ -83,8 +83,8 @@ def test_every_tick_of_any_drive_is_within_one_pwm(
     parameters: tuple[int, ...],
     ticks: list[tuple[int, int, int, int]],
 ) -> None:
-    """Any parameters; stretches of any set-point, count and battery, reversals among them. Before each tick
-    the reference takes the chip's state, so that only what this tick does is compared."""
+    """Any parameters, and sequences of any set-point, count and battery, including reversals. The reference
+    takes the core's state before each tick, so only the effect of that tick is compared."""
     core = core_at_rate(rate_Hz)
     values = (ctypes.c_int32 * len(parameters))(*parameters)
     chip, reference = core.wheel_new(), FloatWheel()
@@ -94,7 +94,7 @@ def test_every_tick_of_any_drive_is_within_one_pwm(
         turned = core.speed_from_counts(counts) / (2 * math.pi * rate_Hz / 1200 * 1000)  # whole mrad/s
         for _ in range(stretch):
             core.wheel_state(chip, state)
-            reference.take(state)
+            reference.set_state(state)
             assert core.wheel_step(chip, values, target, counts, battery_mV, out) == 0
             exact = reference.step(constants, target, turned, rate_Hz)
             core.wheel_state(chip, state)
@@ -105,8 +105,8 @@ def test_every_tick_of_any_drive_is_within_one_pwm(
 
 
 def test_ramp_and_model_do_not_drift_in_a_long_drive(core: ctypes.CDLL) -> None:
-    """Seven hours with starts, reversals and stops. The integral, exact by test_pi, is taken over each
-    tick; ramp, model and feed-forward run freely beside the chip's."""
+    """Seven hours with starts, reversals and stops. The reference takes the integral, which test_pi proves
+    exact, after each tick. Its ramp, model and feed-forward run independently."""
     noise = random.Random(1)
     parameters = [round(spec.default * spec.scale) for spec in PARAMETERS]
     values = (ctypes.c_int32 * len(parameters))(*parameters)
@@ -118,7 +118,7 @@ def test_ramp_and_model_do_not_drift_in_a_long_drive(core: ctypes.CDLL) -> None:
     for tick in range(250_000):
         if tick % 40 == 0:
             target = noise.choice([-8000, -3000, 0, 0, 2500, 8000])
-        speed += 0.7 * (out[2] * 1.115 - speed)  # a wheel, roughly: counts a tick
+        speed += 0.7 * (out[2] * 1.115 - speed)  # roughly a wheel: counts per tick
         core.wheel_step(chip, values, target, int(speed), 7400, out)
         difference = abs(out[2] - reference.step(constants, target, int(speed)))
         worst = worst if reference.at_rest else max(worst, difference)
@@ -131,9 +131,9 @@ def counted(speed_mrad_s: float) -> int:
     return round(speed_mrad_s * 1200 / (2 * math.pi * 1000 * 10))
 
 
-def test_each_with_a_wheel_of_its_own_they_drive_alike(core: ctypes.CDLL) -> None:
-    """Nothing is handed over here: two loops, two equal wheels. A count that falls into the next tick sets
-    them apart by some PWM for a moment, but in 99 of 100 ticks they agree within 2, and drift never."""
+def test_core_and_reference_drive_equal_wheels_alike(core: ctypes.CDLL) -> None:
+    """No shared state: two controllers with two equal wheels. A count that falls into the next tick separates
+    them by a few PWM for a moment. In 99 of 100 ticks they agree within 2, and they never drift apart."""
     noise = random.Random(2)
     parameters = [round(spec.default * spec.scale) for spec in PARAMETERS]
     values = (ctypes.c_int32 * len(parameters))(*parameters)
@@ -158,8 +158,8 @@ def test_each_with_a_wheel_of_its_own_they_drive_alike(core: ctypes.CDLL) -> Non
     assert late <= 2 * early
 
 
-def test_the_model_s_constants_belong_together_and_end_at_thirty_ticks(core: ctypes.CDLL) -> None:
-    """b follows from a and tau/T to the last bit; a slower wheel is taken as one of 30 ticks."""
+def test_model_constants_are_consistent_and_limited_to_thirty_ticks(core: ctypes.CDLL) -> None:
+    """b follows from a and tau/T bit for bit. A slower wheel counts as one of 30 ticks."""
     out = (ctypes.c_int32 * 8)()
     for kv, ka, lead in ((8976, 2693, 768), (300, 8000, 30 * 256)):
         core.derive((ctypes.c_int32 * 7)(0, 0, 0, kv, ka, 1, 18000), 7400, out)

@@ -1,4 +1,4 @@
-"""Whatever comes down the line, the flashed firmware accepts what is whole, counts the rest, and lives on."""
+"""On any input, the flashed firmware accepts valid frames, counts the rest, and keeps running."""
 
 import pytest
 
@@ -24,8 +24,8 @@ OCR2A, OCR2B = 0xB3, 0xB4
 TRUNCATED = encode_frame(GetParameter.ID, 1, GetParameter(index=0).pack())
 
 
-def test_damaged_frames_are_counted_and_whole_ones_answered() -> None:
-    """Flipped bits, lost and doubled bytes, cut ends, garbage: 20 000 frames, three in four damaged."""
+def test_damaged_frames_are_counted_and_valid_ones_answered() -> None:
+    """Flipped bits, lost and doubled bytes, truncation, garbage: 20 000 frames, three in four damaged."""
     chip = Chip(ELF)
     chip.run(CPU_HZ // 10)
     chip.receive(chip.available)
@@ -40,7 +40,7 @@ def test_damaged_frames_are_counted_and_whole_ones_answered() -> None:
 
 
 def test_a_host_that_never_pauses_keeps_neither_time_out_nor_watchdog_away() -> None:
-    """More requests than the line can answer, and no motion command among them."""
+    """More requests than the line can answer, and no motion command."""
     chip = Chip(ELF, params=RobotParams.load())
     run_for(chip, 0.5)
     send(chip, CommandRequest(command=Command.ARM))
@@ -51,14 +51,14 @@ def test_a_host_that_never_pauses_keeps_neither_time_out_nor_watchdog_away() -> 
     received = frames(chip)
     states = [Telemetry.unpack(frame.payload) for frame in received if frame.message_id == Telemetry.ID]
     assert states[-1].fault is Fault.LINK_LOST
-    assert len(states) >= 11  # ten a second, all the time
+    assert len(states) >= 11  # ten per second, without a gap
     who = next(frame for frame in reversed(received) if frame.message_id == Identity.ID)
     assert Identity.unpack(who.payload).reset_cause is ResetCause.POWER_ON
 
 
 @pytest.mark.parametrize("kept", range(len(TRUNCATED)))
-def test_one_frame_after_a_cut_it_hears_again(kept: int) -> None:
-    """A frame cut at any byte can take the one behind it along, for its delimiter is gone; never another."""
+def test_a_truncated_frame_costs_at_most_the_next_one(kept: int) -> None:
+    """A frame truncated at any byte can destroy only the next one, because its delimiter is missing."""
     chip = Chip(ELF)
     chip.run(CPU_HZ // 10)
     chip.receive(chip.available)
@@ -66,5 +66,5 @@ def test_one_frame_after_a_cut_it_hears_again(kept: int) -> None:
     chip.send(TRUNCATED[:kept] + b"".join(clean))
     chip.run(chip.cycle + CPU_HZ // 50)
     frames = FrameDecoder().feed(chip.receive(chip.available))
-    heard = [frame.sequence for frame in frames if frame.message_id == ParameterValue.ID]
-    assert heard == ([2, 3] if kept == 0 else [3])
+    answered = [frame.sequence for frame in frames if frame.message_id == ParameterValue.ID]
+    assert answered == ([2, 3] if kept == 0 else [3])

@@ -1,4 +1,4 @@
-"""The wheel's model to the last bit: where it ends, how it rounds, and what friction adds."""
+"""The wheel model bit for bit: its limits, its rounding, and the friction feed-forward."""
 
 import ctypes
 import math
@@ -10,12 +10,12 @@ from thumper.board.messages import PARAMETERS
 
 INDEX = {spec.name: spec.index for spec in PARAMETERS}
 LEAST_TICKS_Q8, MOST_TICKS_Q8 = 256 // 6, 30 * 256
-"""tau/T of the quickest wheel that has a model, and of the slowest."""
+"""Smallest and largest tau/T of a wheel model."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Model:
-    """What the firmware derives: tau/T as far as it leads (Q8), a and b (Q15)."""
+    """Constants derived by the firmware: limited tau/T (Q8), a and b (Q15)."""
 
     lead: int
     decay: int
@@ -23,7 +23,7 @@ class Model:
 
 
 def wire(**values: int) -> ctypes.Array[ctypes.c_int32]:
-    """All parameters 0 but these."""
+    """Return parameters that are all 0 except these."""
     array = (ctypes.c_int32 * len(PARAMETERS))()
     array[INDEX["current_limit"]] = 1000
     for name, value in values.items():
@@ -38,17 +38,17 @@ def model(core: ctypes.CDLL, kv: int, ka: int, acceleration: int = 1) -> Model:
 
 
 def ticks_q8(kv: int, ka: int) -> int:
-    """tau/T at 10 Hz."""
+    """Return tau/T at 10 Hz."""
     return ka * 10 * 256 // kv
 
 
 @pytest.mark.parametrize(("kv", "ka"), [(0, 1000), (1000, 0), (0, 0), (61, 1), (2560, LEAST_TICKS_Q8 - 1)])
-def test_a_wheel_quicker_than_a_sixth_of_a_tick_has_no_model(core: ctypes.CDLL, kv: int, ka: int) -> None:
+def test_no_model_below_a_sixth_of_a_tick(core: ctypes.CDLL, kv: int, ka: int) -> None:
     assert model(core, kv, ka) == Model(lead=0, decay=0, mean=0)
 
 
 @pytest.mark.parametrize(("kv", "ka"), [(1, 1), (10, 1), (2560, LEAST_TICKS_Q8), (60, 1)])
-def test_any_other_has_one(core: ctypes.CDLL, kv: int, ka: int) -> None:
+def test_a_model_from_a_sixth_of_a_tick_on(core: ctypes.CDLL, kv: int, ka: int) -> None:
     got = model(core, kv, ka)
     assert got.lead == min(ticks_q8(kv, ka), MOST_TICKS_Q8)
     assert got.decay > 0
@@ -56,14 +56,14 @@ def test_any_other_has_one(core: ctypes.CDLL, kv: int, ka: int) -> None:
 
 
 @pytest.mark.parametrize("ka", [900, 901, 902, 929, 930, 2000])
-def test_a_wheel_slower_than_thirty_ticks_is_taken_for_one_of_thirty(core: ctypes.CDLL, ka: int) -> None:
+def test_the_time_constant_is_limited_to_thirty_ticks(core: ctypes.CDLL, ka: int) -> None:
     assert ticks_q8(300, ka) >= MOST_TICKS_Q8
     assert model(core, 300, ka).lead == MOST_TICKS_Q8
 
 
 @pytest.mark.parametrize("acceleration", [250, 256, 500, 700, 1000, 3500, 20_000])
 def test_the_feed_forward_leads_by_seven_rad_s_at_most(core: ctypes.CDLL, acceleration: int) -> None:
-    """And by all of that: the lead times the ramp's largest step."""
+    """The limit is also used in full: it equals lead times the largest step of the ramp."""
     assert model(core, 300, 2000, acceleration).lead == 7000 * 256 // acceleration
 
 
@@ -71,9 +71,9 @@ def test_without_a_ramp_there_is_no_lead(core: ctypes.CDLL) -> None:
     assert model(core, 300, 200, 0).lead == 0
 
 
-def test_the_decay_is_its_formula_for_every_wheel(core: ctypes.CDLL) -> None:
-    """(1 - z + z^2/2)^8 with z = T/(8 tau), each step rounded down in Q15: z makes it larger by 8 units at
-    most, the square and the three powers smaller by 15."""
+def test_the_decay_matches_its_formula_for_every_wheel(core: ctypes.CDLL) -> None:
+    """(1 - z + z^2/2)^8 with z = T/(8 tau), each step rounded down in Q15. The rounding of z makes it larger
+    by at most 8 units; the square and the three powers make it smaller by at most 15."""
     for ticks in range(LEAST_TICKS_Q8, MOST_TICKS_Q8 + 1):
         z = 256 / ticks / 8
         got = model(core, 2560, ticks)
@@ -81,10 +81,11 @@ def test_the_decay_is_its_formula_for_every_wheel(core: ctypes.CDLL) -> None:
         assert got.mean == (2**15 - got.decay) * ticks >> 8
 
 
-def test_the_model_moves_to_the_last_bit_as_documented(core: ctypes.CDLL) -> None:
-    """v' = w + a (v - w), towards w; y' = w + b (v - w), rounded: from rest, for set-points of both signs."""
+def test_the_model_matches_its_equations_bit_for_bit(core: ctypes.CDLL) -> None:
+    """v' = w + a (v - w), rounded towards w; y' = w + b (v - w), rounded. From rest, with set-points of both
+    signs."""
     even = [ka for ka in range(42, 3000) if model(core, 2560, ka, 0).decay % 256 == 0]
-    assert even, "set-points for which the decay is a whole number are where rounding may go wrong"
+    assert even, "rounding can fail at set-points with an integer decay"
     state, out = (ctypes.c_int32 * 4)(), (ctypes.c_int * 4)()
     for ka in even[:5]:
         constants = model(core, 2560, ka, 0)
@@ -97,7 +98,7 @@ def test_the_model_moves_to_the_last_bit_as_documented(core: ctypes.CDLL) -> Non
 
 
 @pytest.mark.parametrize(("target", "pwm"), [(0, 0), (1, 20), (-1, -20), (17_000, 20), (-17_000, -20)])
-def test_friction_is_overcome_from_the_smallest_set_point_on(
+def test_friction_feed_forward_applies_from_the_smallest_set_point(
     core: ctypes.CDLL, target: int, pwm: int
 ) -> None:
     out = (ctypes.c_int * 4)()
@@ -105,7 +106,7 @@ def test_friction_is_overcome_from_the_smallest_set_point_on(
     assert out[2] == pwm
 
 
-def test_it_starts_from_rest_and_forgets_all_but_the_wheel_s_speed(core: ctypes.CDLL) -> None:
+def test_track_speed_clears_all_but_the_speed(core: ctypes.CDLL) -> None:
     wheel, state, out = core.wheel_new(), (ctypes.c_int32 * 4)(), (ctypes.c_int * 4)()
     core.wheel_state(wheel, state)
     assert list(state) == [0, 0, 0, 0]
@@ -118,7 +119,7 @@ def test_it_starts_from_rest_and_forgets_all_but_the_wheel_s_speed(core: ctypes.
     assert list(state) == [0, -1234, -1234, 0]
 
 
-def test_a_wheel_that_is_to_stand_and_does_keeps_no_integral(core: ctypes.CDLL) -> None:
+def test_the_integral_clears_when_the_wheel_has_stopped(core: ctypes.CDLL) -> None:
     wheel, state, out = core.wheel_new(), (ctypes.c_int32 * 4)(), (ctypes.c_int * 4)()
     for target, integral in ((1000, 5000 * 1000), (0, 0)):
         core.wheel_step(wheel, wire(ki=5000), target, 0, 7400, out)

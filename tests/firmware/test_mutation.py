@@ -1,4 +1,4 @@
-"""The desk suite is itself tested: it must notice flipped operators and constants in the core."""
+"""Tests the tests: they must notice flipped operators and constants in the core."""
 
 import subprocess
 import sys
@@ -15,8 +15,8 @@ def test_each_mutant_changes_its_line_only() -> None:
 
 
 def test_a_sample_of_mutants_is_killed() -> None:
-    """And the suite passes without a change, or the run ends with that. In a process of its own, so that no
-    test module is imported yet. `make mutation` takes all; docs/firmware.md says who survives, and why."""
+    """Also checks that the suite passes without a change. Runs in its own process, so that no test module is
+    imported yet. `make mutation` runs all; docs/firmware.md lists the survivors and why they survive."""
     command = [sys.executable, "-m", "tests.firmware.mutation.run", "--jobs", "1"]
     command += ["--only", "pi.hpp", "--sample", "3", "--seed", "4"]
     result = subprocess.run(command, capture_output=True, text=True, check=False, cwd=CORE.parents[1])

@@ -1,4 +1,4 @@
-"""The fixed-point PI against the same law in float64."""
+"""The fixed-point PI against the same control law in float64."""
 
 import ctypes
 import random
@@ -17,7 +17,7 @@ feed_forwards = st.one_of(
 
 
 class FloatPi:
-    """u = Kp e + I; I += Ki e unless saturated and pushed further out; I clamped; cleared at rest."""
+    """u = Kp e + I; I += Ki e unless saturated in that direction; I is clamped, and cleared at rest."""
 
     def __init__(self) -> None:
         self.integral_pwm = 0.0
@@ -53,7 +53,7 @@ def test_no_drift_in_a_million_ticks(core: ctypes.CDLL) -> None:
     integral = core.pi_run(kp, ki, errors, ticks, pwms) / Q19
     exact = 0.0
     worst = 0.0
-    for error, pwm in zip(errors, pwms, strict=True):  # FloatPi.step, written out: a call costs more
+    for error, pwm in zip(errors, pwms, strict=True):  # FloatPi.step inlined: a call takes longer
         before = kp / Q19 * error + exact
         if not ((before >= 255 and error > 0) or (before <= -255 and error < 0)):
             exact = min(max(exact + ki / Q19 * error, -255.0), 255.0)
@@ -63,8 +63,8 @@ def test_no_drift_in_a_million_ticks(core: ctypes.CDLL) -> None:
     assert integral == exact
 
 
-def test_the_largest_gains_errors_and_feed_forwards_saturate_the_right_way(core: ctypes.CDLL) -> None:
-    """The sum comes within 6 % of int32's end; the library is built to stop at any overflow."""
+def test_the_largest_inputs_saturate_in_the_right_direction(core: ctypes.CDLL) -> None:
+    """The sum comes within 6 % of int32's limit. The library aborts on any overflow."""
     chip = core.pi_new()
     for sign in (1, -1, 1, -1):
         for feed_forward in (0, sign * 1700 * 2**19):
@@ -73,7 +73,7 @@ def test_the_largest_gains_errors_and_feed_forwards_saturate_the_right_way(core:
 
 
 def test_only_the_integral_freezes_while_saturated(core: ctypes.CDLL) -> None:
-    """The thesis's code froze the whole output, so P went stale until the error changed sign."""
+    """The thesis's code froze the whole output, so P was stale until the error changed sign."""
     chip = core.pi_new()
     kp, ki = 15729, 262  # 30 and 0.5 PWM/(rad/s)
     assert core.pi_step(chip, kp, ki, 17_000, 0, 0) == 255
@@ -85,9 +85,9 @@ def test_only_the_integral_freezes_while_saturated(core: ctypes.CDLL) -> None:
 
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("error", [1, 2, 1000])
-def test_it_freezes_from_the_very_end_of_the_output_on(core: ctypes.CDLL, sign: int, error: int) -> None:
-    """Feed-forward alone takes all of the output: outwards nothing is added, inwards it is, and short of the
-    end both ways."""
+def test_the_integral_freezes_exactly_at_saturation(core: ctypes.CDLL, sign: int, error: int) -> None:
+    """Feed-forward alone saturates the output. Outwards the integral stays; inwards it changes. Just below
+    the limit it changes in both directions."""
     full = 255 * 2**19
     for feed_forward, way, grows in ((full, 1, False), (full, -1, True), (full - 1, 1, True)):
         chip = core.pi_new()
@@ -95,7 +95,7 @@ def test_it_freezes_from_the_very_end_of_the_output_on(core: ctypes.CDLL, sign: 
         assert core.pi_integral(chip) == (sign * way * error * 4194 if grows else 0)
 
 
-def test_a_reset_forgets_the_integral(core: ctypes.CDLL) -> None:
+def test_reset_clears_the_integral(core: ctypes.CDLL) -> None:
     chip = core.pi_new()
     core.pi_step(chip, 0, 4194, 1000, 0, 0)
     core.pi_reset(chip)
@@ -106,7 +106,7 @@ def test_integral_clears_only_at_rest(core: ctypes.CDLL) -> None:
     chip = core.pi_new()
     core.pi_step(chip, 0, 4194, 1000, 0, 0)
     assert core.pi_integral(chip) == 4194 * 1000
-    core.pi_step(chip, 0, 4194, 0, 0, 0)  # moving with zero error: kept
+    core.pi_step(chip, 0, 4194, 0, 0, 0)  # moving with zero error: keeps it
     assert core.pi_integral(chip) == 4194 * 1000
     assert core.pi_step(chip, 0, 4194, 0, 0, 1) == 0
     assert core.pi_integral(chip) == 0

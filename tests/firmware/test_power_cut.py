@@ -1,4 +1,4 @@
-"""Power may fail at any byte of a save, and while it is written: a whole set of parameters survives."""
+"""Power may fail at or between any bytes of a save: a complete parameter set survives."""
 
 from itertools import pairwise
 
@@ -17,37 +17,37 @@ from thumper.board.messages import (
     ParameterValue,
     SetParameter,
 )
-from thumper_hil.chip.instrumented_chip import InstrumentedChip
-from thumper_hil.chip.robot_params import RobotParams
+from thumper_hil.chip.lab import LabChip
+from thumper_hil.parts.params import RobotParams
 
 STEP_S = 2e-5
-"""Shorter than a pass of the main loop, which writes a byte at most."""
+"""Shorter than a pass of the main loop, which writes at most one byte."""
 
 SAVE_S = 0.2
 TORN = (0x00, 0x55, 0xFF)
-"""What the byte that was being written may read as, beside its old and its new value."""
+"""Possible values of the interrupted byte, besides its old and its new value."""
 
 
-def board() -> InstrumentedChip:
-    """A board with a charged battery: with a low one it does not save."""
-    return InstrumentedChip(ELF, params=RobotParams.load())
+def board() -> LabChip:
+    """Return a board with a charged battery, because saving is refused on a low one."""
+    return LabChip(ELF, params=RobotParams.load())
 
 
 def values(part: float) -> list[int]:
-    """A set of parameters, this part of the way up their ranges."""
+    """Return a parameter set at this fraction of each range."""
     return [round(spec.scale * (spec.minimum + part * (spec.maximum - spec.minimum))) for spec in PARAMETERS]
 
 
-def choose(chip: InstrumentedChip, wanted: list[int]) -> None:
-    """Make them the live parameters."""
+def choose(chip: LabChip, wanted: list[int]) -> None:
+    """Make these the live parameters."""
     for index, value in enumerate(wanted):
         frame = ask(chip, SetParameter(index=index, value=value), Ack)
         assert frame is not None
         assert Ack.unpack(frame.payload).status is AckStatus.OK
 
 
-def save(chip: InstrumentedChip) -> list[bytes]:
-    """Save them; returns the EEPROM before and after each byte that was written."""
+def save(chip: LabChip) -> list[bytes]:
+    """Save the parameters; return the EEPROM before and after each written byte."""
     snapshots = [chip.eeprom()]
     send(chip, CommandRequest(command=Command.SAVE))
     for _ in range(round(SAVE_S / STEP_S)):
@@ -58,7 +58,7 @@ def save(chip: InstrumentedChip) -> list[bytes]:
 
 
 def after_power_on(eeprom: bytes) -> tuple[list[int], ParameterSource]:
-    """What a board with this EEPROM starts with."""
+    """Return the parameters and their source after a start with this EEPROM."""
     chip = board()
     chip.write_eeprom(eeprom)
     run_for(chip, 0.02)

@@ -1,4 +1,4 @@
-"""The decoder never loses or invents a count on legal walks, and counts what it cannot decide."""
+"""The decoder never loses or invents a count on legal walks, and counts undecidable steps as lost."""
 
 import ctypes
 
@@ -18,7 +18,7 @@ def signed16(value: int) -> int:
 @settings(max_examples=200, deadline=None)
 @given(walk=st.lists(st.sampled_from([-1, 0, +1]), max_size=400), start=st.integers(0, 3))
 def test_count_is_the_true_travel(core: ctypes.CDLL, walk: list[int], start: int) -> None:
-    """0 is an interrupt whose glitch was over before the pins were read: it must not count."""
+    """0 is an interrupt whose glitch ended before the pins were read. It must not count."""
     phase = start
     decoder = core.quadrature_new(FORWARD_AB[start])
     for step in walk:
@@ -30,7 +30,7 @@ def test_count_is_the_true_travel(core: ctypes.CDLL, walk: list[int], start: int
 
 @settings(max_examples=200, deadline=None)
 @given(walk=st.lists(st.sampled_from([-1, +1, +2, +1, -1]), max_size=200))
-def test_a_double_step_is_reported_and_not_guessed(core: ctypes.CDLL, walk: list[int]) -> None:
+def test_a_double_step_counts_as_a_lost_edge(core: ctypes.CDLL, walk: list[int]) -> None:
     phase = 0
     decoder = core.quadrature_new(FORWARD_AB[0])
     for step in walk:
@@ -95,4 +95,4 @@ def test_only_the_armed_states_drive(core: ctypes.CDLL) -> None:
     assert (out[0], out[1] > 19) == (800, True)
     core.side_step(side, State.DISARMED, 0, 0, out)
     core.side_step(side, State.CLOSED_LOOP, 0, 0, out)
-    assert list(out) == [0, 0, 0], "nothing of the last drive is left"
+    assert list(out) == [0, 0, 0], "no residue of the last drive"

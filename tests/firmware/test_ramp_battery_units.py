@@ -1,4 +1,4 @@
-"""The small parts: set-point ramp, battery monitor, beeps, conversions."""
+"""Set-point ramp, battery monitor, beeps and unit conversions."""
 
 import ctypes
 import itertools
@@ -21,19 +21,19 @@ def test_ramp_reaches_the_target_no_faster_than_allowed(
 ) -> None:
     after = core.ramp(start, target, step)
     assert abs(after - start) == min(step, abs(target - start))
-    assert abs(target - after) == abs(target - start) - abs(after - start), "straight at the target"
+    assert abs(target - after) == abs(target - start) - abs(after - start), "straight to the target"
 
 
 @given(start=setpoints, target=setpoints)
-def test_no_limit_means_at_once(core: ctypes.CDLL, start: int, target: int) -> None:
+def test_without_a_limit_the_set_point_jumps(core: ctypes.CDLL, start: int, target: int) -> None:
     assert core.ramp(start, target, core.ramp_step(0)) == target
 
 
 @pytest.mark.parametrize("rate_Hz", [10, 50, 100])
-def test_ramp_step_is_the_acceleration_a_tick(
+def test_ramp_step_is_the_acceleration_per_tick(
     core_at_rate: Callable[[int], ctypes.CDLL], rate_Hz: int
 ) -> None:
-    """Rounded; 0 alone means no limit, so that the slowest ramp is one step a tick."""
+    """Rounded. Only 0 means no limit, so the slowest ramp is one step per tick."""
     core, steps = core_at_rate(rate_Hz), rate_Hz // 10
     for acceleration in range(20_001):
         rounded = (2 * acceleration + steps) // (2 * steps)
@@ -61,7 +61,7 @@ def test_a_difference_is_limited_and_never_wraps(core: ctypes.CDLL) -> None:
 
 
 def test_battery_and_current_scales(core: ctypes.CDLL) -> None:
-    """1007 counts are 30 V; 100 mV/A round 511 (sums of 32 samples)."""
+    """1007 counts are 30 V; 100 mV/A around 511 (sums of 32 samples)."""
     assert core.battery_from_sum(1007 * 32) == pytest.approx(30_000, abs=2)
     assert core.battery_from_sum(248 * 32) == pytest.approx(7_388, abs=2)
     assert core.current_from_sum(511 * 32) == 0
@@ -75,7 +75,7 @@ def test_the_battery_scale_is_rounded_once_over_its_range(core: ctypes.CDLL) -> 
 
 
 def test_supply_ratio_follows_the_voltage_within_limits(core: ctypes.CDLL) -> None:
-    """7.4 V over the voltage, Q12, rounded down; two thirds to twice of 7.4 V count."""
+    """7.4 V over the voltage, Q12, rounded down; the voltage is limited to 2/3 ... 2 times 7.4 V."""
     assert core.supply_ratio(0) == 4096
     for battery_mV in range(4934, 14_801):
         assert core.supply_ratio(battery_mV) == 4096 * 7400 // battery_mV
@@ -92,8 +92,8 @@ def test_a_start_up_dip_is_no_empty_battery(core: ctypes.CDLL) -> None:
     assert core.battery_status(battery) == AckStatus.OK
 
 
-def test_a_battery_shows_its_charge_before_it_counts_as_charged(core: ctypes.CDLL) -> None:
-    """Between 6.4 and 7.0 V a fresh start waits, though nothing is wrong yet."""
+def test_a_battery_must_prove_its_charge_after_a_reset(core: ctypes.CDLL) -> None:
+    """Between 6.4 and 7.0 V a fresh start must wait, without a fault."""
     battery = core.battery_new()
     assert core.battery_status(battery) == AckStatus.BATTERY_UNKNOWN
     for _ in range(50):
@@ -108,12 +108,12 @@ def test_a_battery_shows_its_charge_before_it_counts_as_charged(core: ctypes.CDL
 def test_the_operator_is_warned_below_seven_volts(core: ctypes.CDLL) -> None:
     for reading_mV, warning in ((7000, 0), (6999, 1), (16, 1)):
         battery = core.battery_new()
-        assert core.battery_warning(battery) == 0, "nothing is known yet"
+        assert core.battery_warning(battery) == 0, "no reading yet"
         core.battery_update(battery, reading_mV)
         assert core.battery_warning(battery) == warning
 
 
-def test_low_battery_trips_late_once_and_releases_above_seven_volts(core: ctypes.CDLL) -> None:
+def test_low_battery_trips_once_after_a_second_and_releases_above_7_V(core: ctypes.CDLL) -> None:
     battery = core.battery_new()
     core.battery_update(battery, 7400)
     trips = [core.battery_update(battery, 6000) for _ in range(60)]
@@ -127,8 +127,8 @@ def test_low_battery_trips_late_once_and_releases_above_seven_volts(core: ctypes
     assert core.battery_status(battery) == AckStatus.OK
 
 
-def test_beeps_wait_for_quiet_wheels(core: ctypes.CDLL) -> None:
-    """Five of 200 ms with as long a pause, not a moment while anything moves."""
+def test_beeps_sound_only_while_the_wheels_are_quiet(core: ctypes.CDLL) -> None:
+    """Five beeps of 200 ms with pauses of 200 ms, and none while anything moves."""
     beep = core.beep_new()
     assert [core.beep_step(beep, 1, 1) for _ in range(10)] == [0] * 10
     core.beep_start(beep, core.low_battery_beeps())

@@ -1,4 +1,4 @@
-"""A motor turns round at PWM 0: never in a new direction under the old duty, traced on the emulated chip."""
+"""A motor reverses at PWM 0, never in the new direction with the old duty. Traced on the emulated chip."""
 
 import pytest
 
@@ -7,8 +7,8 @@ from tests.firmware.wire import run_for, send
 from thumper.board.framing import encode_frame
 from thumper.board.messages import Command, CommandRequest, Identify, SetMotorPwm, SetWheelSpeeds
 from thumper_hil.chip.chip import CPU_HZ
-from thumper_hil.chip.instrumented_chip import InstrumentedChip
-from thumper_hil.chip.robot_params import RobotParams
+from thumper_hil.chip.lab import LabChip
+from thumper_hil.parts.params import RobotParams
 
 PWM_PERIOD_S = 510 * 256 / CPU_HZ
 TCCR2A, OCR2A, OCR2B = 0xB0, 0xB3, 0xB4
@@ -23,7 +23,7 @@ SIDES = {"left": (PORTD, 2, 5, OCR2B), "right": (PORTB, 2, 7, OCR2A)}
 @pytest.mark.parametrize(("before", "after"), [(200, -150), (-200, 150), (200, -1)])
 def test_a_turning_motor_rests_first(side: str, before: int, after: int) -> None:
     port, direction_bit, output_bit, compare = SIDES[side]
-    chip = InstrumentedChip(ELF, params=RobotParams.load())
+    chip = LabChip(ELF, params=RobotParams.load())
     run_for(chip, 0.2)
     send(chip, CommandRequest(command=Command.ARM))
     for _ in range(3):
@@ -49,15 +49,15 @@ def test_a_turning_motor_rests_first(side: str, before: int, after: int) -> None
             on_s = chip.time_s
             assert chip.data(compare) == abs(after)
         other = OCR2A if side == "left" else OCR2B
-        assert chip.data(other) == abs(before), "the other motor goes on"
+        assert chip.data(other) == abs(before), "the other motor continues"
     assert turned_s is not None
     assert on_s is not None
-    assert PWM_PERIOD_S <= on_s - turned_s <= 0.012, "the old duty has gone when the timer drives again"
+    assert PWM_PERIOD_S <= on_s - turned_s <= 0.012, "the old duty must be over when the timer drives again"
 
 
 def test_a_late_main_loop_shortens_no_rest() -> None:
-    """Answers to a busy host make it late: milliseconds of before the rest must not count for it."""
-    chip = InstrumentedChip(ELF, params=RobotParams.load())
+    """Answers to a busy host delay it. Milliseconds before the rest must not count towards the rest."""
+    chip = LabChip(ELF, params=RobotParams.load())
     run_for(chip, 0.5)
     send(chip, CommandRequest(command=Command.ARM))
     requests = 9 * encode_frame(Identify.ID, 7, Identify().pack())
@@ -81,9 +81,9 @@ def test_a_late_main_loop_shortens_no_rest() -> None:
 
 @pytest.mark.parametrize("speed_rad_s", [-8.0, 4.0, 12.0])
 def test_a_rolling_wheel_that_is_taken_over_does_not_swing_back(speed_rad_s: float) -> None:
-    """As when a hand lets go of the stick. Taken for standing, the wheel would come back with 40 to 70 % of
-    its speed; up to 26 % are left when the first output is a 0 by chance: then the motors coast."""
-    chip = InstrumentedChip(ELF, params=RobotParams.load(), seed=1)
+    """As when the operator releases the stick. With a model speed of zero, the wheel would swing back with 40
+    to 70 % of its speed. Up to 26 % remain if the first output is 0 by chance: then the motors coast."""
+    chip = LabChip(ELF, params=RobotParams.load(), seed=1)
     run_for(chip, 0.5)
     speed, pwm = round(1000 * speed_rad_s), round(17.0 * speed_rad_s)
     send(chip, CommandRequest(command=Command.ARM))
@@ -101,13 +101,13 @@ def test_a_rolling_wheel_that_is_taken_over_does_not_swing_back(speed_rad_s: flo
         shares.append(chip.truth().wheel_rad_s[0] / begun.wheel_rad_s[0])
     assert min(shares) >= -0.3
     assert shares[-1] == 0.0
-    way_rad = abs(chip.truth().wheel_rad[0] - begun.wheel_rad[0])
-    assert way_rad <= speed_rad_s**2 / (2 * 8.0), "no farther than down the ramp"
+    distance_rad = abs(chip.truth().wheel_rad[0] - begun.wheel_rad[0])
+    assert distance_rad <= speed_rad_s**2 / (2 * 8.0), "no farther than with the ramp"
 
 
-def test_at_zero_a_motor_keeps_its_way() -> None:
-    """At PWM 0 the direction stays: a wheel that dithers about zero is not turned round each time."""
-    chip = InstrumentedChip(ELF, params=RobotParams.load())
+def test_at_zero_pwm_a_motor_keeps_its_direction() -> None:
+    """A wheel that dithers around zero does not switch its direction each time."""
+    chip = LabChip(ELF, params=RobotParams.load())
     run_for(chip, 0.2)
     send(chip, CommandRequest(command=Command.ARM))
     for pwm in (-100, 0, -100, 0):

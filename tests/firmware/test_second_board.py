@@ -1,4 +1,4 @@
-"""Every board's firmware passes the same suite on the simulated robot, wired by that board's pin map."""
+"""Every board's firmware passes the same tests on the simulated robot, wired by that board's pin map."""
 
 from collections.abc import Iterator
 
@@ -15,7 +15,7 @@ OCR2A, OCR2B = 0xB3, 0xB4
 
 
 class Robot:
-    """A simulated robot with one board, and the time that passes on it."""
+    """A simulated robot with one board, and its simulated time."""
 
     def __init__(self, kind: BoardKind, options: str = "") -> None:
         name = f"board-{kind.name.lower()}"
@@ -23,7 +23,7 @@ class Robot:
         self.bench: Bench = simulation(name)
 
     def drive(self, left_rad_s: float, right_rad_s: float, seconds: float) -> list[TelemetrySample]:
-        """Command the speeds at each telemetry message."""
+        """Command the speeds at each telemetry message; return the telemetry."""
         samples = []
         until_s = self.bench.time_s + seconds
         while self.bench.time_s < until_s:
@@ -41,20 +41,20 @@ def kind(request: pytest.FixtureRequest) -> BoardKind:
 
 @pytest.fixture
 def robot(kind: BoardKind) -> Iterator[Robot]:
-    """A robot with that board and a charged battery."""
+    """Yield a robot with that board and a charged battery."""
     robot = Robot(kind)
     yield robot
     robot.board.close()
 
 
-def test_it_says_which_board_it_is(robot: Robot, kind: BoardKind) -> None:
+def test_identity_reports_the_board(robot: Robot, kind: BoardKind) -> None:
     assert robot.board.identity.board is kind
     assert robot.board.poll(0.5)[-1].telemetry.state is State.DISARMED
 
 
 @pytest.mark.parametrize(("left_rad_s", "right_rad_s"), [(6.0, 4.0), (-3.0, 3.0)])
-def test_its_wheels_turn_as_told(robot: Robot, left_rad_s: float, right_rad_s: float) -> None:
-    """Both ways, within 2 % in the mean of a second, each edge counted; currents have the motors' sign."""
+def test_wheels_follow_the_commanded_speeds(robot: Robot, left_rad_s: float, right_rad_s: float) -> None:
+    """Both directions, mean of a second within 2 %, every edge counted; currents have the motors' sign."""
     robot.board.command(Command.ARM)
     robot.drive(left_rad_s, right_rad_s, 2.0)
     last = robot.drive(left_rad_s, right_rad_s, 1.0)[-1].telemetry
@@ -66,8 +66,8 @@ def test_its_wheels_turn_as_told(robot: Robot, left_rad_s: float, right_rad_s: f
     assert last.right_current_mA * right_rad_s > 0
 
 
-def test_a_silent_host_stops_it(robot: Robot) -> None:
-    """300 ms without a command and both PWMs are 0; the wheels stand soon after."""
+def test_a_silent_host_stops_the_robot(robot: Robot) -> None:
+    """After 300 ms without a command both PWMs are 0; the wheels stop soon after."""
     robot.board.command(Command.ARM)
     robot.drive(6.0, 6.0, 1.5)
     robot.bench.advance(robot.bench.time_s + 0.45)
@@ -78,9 +78,9 @@ def test_a_silent_host_stops_it(robot: Robot) -> None:
     assert (last.state, last.fault) == (State.FAULT, Fault.LINK_LOST)
 
 
-def test_a_low_battery_keeps_it_still(kind: BoardKind) -> None:
+def test_a_low_battery_prevents_motion(kind: BoardKind) -> None:
     robot = Robot(kind, "&charge=0.02")
-    robot.bench.advance(robot.bench.time_s + 5.0)  # it has found out, and beeped
+    robot.bench.advance(robot.bench.time_s + 5.0)  # it has detected the battery and beeped
     with pytest.raises(ThumperError, match=r"refused|battery"):
         robot.board.command(Command.ARM)
     last = robot.board.poll(0.3)[-1].telemetry

@@ -1,11 +1,11 @@
-"""Saved parameters: written on request only, found again, and never lost to a power cut."""
+"""Saved parameters are written only on request, found again, and never lost to a power failure."""
 
 import ctypes
 
 import pytest
 
-from tests.firmware.speaker import Host
-from thumper.board import messages as m
+from tests.firmware.host_interface import HostInterface
+from thumper.link import messages as m
 
 SLOT_BYTES = 1 + 2 * len(m.PARAMETERS) + 2
 SLOTS = (0x20, 0x80)
@@ -17,29 +17,29 @@ def cells(core: ctypes.CDLL, eeprom: int) -> bytes:
     return out.raw
 
 
-def saved(core: ctypes.CDLL, kp: int, eeprom: int) -> Host:
-    """A host that has saved this gain."""
-    host = Host(core, eeprom=eeprom)
+def saved(core: ctypes.CDLL, kp: int, eeprom: int) -> HostInterface:
+    """Return a HostInterface that has saved this gain."""
+    host = HostInterface(core, eeprom=eeprom)
     host.set("kp", kp)
     assert host.command_later(m.Command.SAVE) is m.AckStatus.OK
     return host
 
 
-def source(host: Host) -> m.ParameterSource:
+def source(host: HostInterface) -> m.ParameterSource:
     (identity,) = host.send(m.Identify())
     assert isinstance(identity, m.Identity)
     return identity.parameters
 
 
 def test_a_fresh_board_has_its_defaults_and_no_fault(core: ctypes.CDLL) -> None:
-    host = Host(core)
+    host = HostInterface(core)
     assert host.status()[:2] == (m.State.DISARMED, m.Fault.NONE)
     assert source(host) is m.ParameterSource.DEFAULTS
 
 
-def test_nothing_is_written_unasked(core: ctypes.CDLL) -> None:
+def test_nothing_is_written_without_a_request(core: ctypes.CDLL) -> None:
     eeprom = core.eeprom_new()
-    host = Host(core, eeprom=eeprom)
+    host = HostInterface(core, eeprom=eeprom)
     host.set("kp", 1)
     host.command_later(m.Command.LOAD)
     host.command(m.Command.RESTORE_DEFAULTS)
@@ -50,12 +50,12 @@ def test_nothing_is_written_unasked(core: ctypes.CDLL) -> None:
 def test_saved_parameters_survive_a_restart(core: ctypes.CDLL) -> None:
     eeprom = core.eeprom_new()
     wanted = {spec.name: round(spec.maximum * spec.scale) - 1 for spec in m.PARAMETERS}
-    host = Host(core, eeprom=eeprom)
+    host = HostInterface(core, eeprom=eeprom)
     for name, value in wanted.items():
         assert host.set(name, value) is m.AckStatus.OK
     assert host.command_later(m.Command.SAVE, seq=9) is m.AckStatus.OK
 
-    again = Host(core, eeprom=eeprom)
+    again = HostInterface(core, eeprom=eeprom)
     assert {name: again.get(name) for name in wanted} == wanted
     assert source(again) is m.ParameterSource.SAVED
     again.command(m.Command.RESTORE_DEFAULTS)
@@ -64,9 +64,9 @@ def test_saved_parameters_survive_a_restart(core: ctypes.CDLL) -> None:
     assert again.get("kp") == wanted["kp"]
 
 
-def test_saves_take_turns_and_the_newest_counts_through_the_wrap(core: ctypes.CDLL) -> None:
+def test_saves_alternate_slots_and_the_newest_wins_across_the_wrap(core: ctypes.CDLL) -> None:
     eeprom = core.eeprom_new()
-    host = Host(core, eeprom=eeprom)
+    host = HostInterface(core, eeprom=eeprom)
     for save in range(600):
         host.set("kp", save)
         before = cells(core, eeprom)
@@ -76,40 +76,40 @@ def test_saves_take_turns_and_the_newest_counts_through_the_wrap(core: ctypes.CD
         slot = SLOTS[save % 2]
         assert changed <= set(range(slot, slot + SLOT_BYTES))
         if save % 50 < 3 or save in range(250, 262):
-            host = Host(core, eeprom=eeprom)
+            host = HostInterface(core, eeprom=eeprom)
             assert host.get("kp") == save
 
 
 @pytest.mark.parametrize("saves_before", [0, 1, 2, 3])
 def test_power_may_fail_at_any_byte_of_a_save(core: ctypes.CDLL, saves_before: int) -> None:
-    """The set before it is there, or the new one; never a mixture, never a fault."""
+    """The previous or the new set is loaded, never a mixture, never a fault."""
     for cut in range(1, SLOT_BYTES + 1):
         eeprom = core.eeprom_new()
         old = 3198
         for save in range(saves_before):
             old = 1000 + save
             saved(core, old, eeprom)
-        host = Host(core, eeprom=eeprom)
+        host = HostInterface(core, eeprom=eeprom)
         host.set("kp", 0x1234)
         host.set("ki", 0x2345)
         core.eeprom_power(eeprom, cut)
         host.send(m.CommandRequest(command=m.Command.SAVE))
         host.work()
 
-        again = Host(core, eeprom=eeprom)
+        again = HostInterface(core, eeprom=eeprom)
         assert (again.get("kp"), again.get("ki")) in ((old, 5715), (0x1234, 0x2345))
         if cut < SLOT_BYTES - 4:
             assert again.get("kp") == old
         fault = again.status()[1]
-        # A cell half written in a slot that was never used is all that a first save can leave.
+        # Power failing in the first save leaves at most a half-written cell in an unused slot.
         assert fault is m.Fault.NONE or (saves_before == 0 and fault is m.Fault.BAD_PARAMETERS)
         core.eeprom_power(eeprom, 1000)
-        assert again.command_later(m.Command.SAVE) is m.AckStatus.OK, "and the next save works"
+        assert again.command_later(m.Command.SAVE) is m.AckStatus.OK, "the next save works"
 
 
-def test_a_cell_that_keeps_nothing_is_reported(core: ctypes.CDLL) -> None:
+def test_a_dead_cell_is_reported(core: ctypes.CDLL) -> None:
     eeprom = core.eeprom_new()
-    host = Host(core, eeprom=eeprom)
+    host = HostInterface(core, eeprom=eeprom)
     core.eeprom_power(eeprom, 3)
     assert host.command_later(m.Command.SAVE) is m.AckStatus.NOT_SAVED
     core.eeprom_power(eeprom, 1000)
@@ -117,12 +117,12 @@ def test_a_cell_that_keeps_nothing_is_reported(core: ctypes.CDLL) -> None:
 
 
 @pytest.mark.parametrize("address", range(SLOTS[0], SLOTS[0] + SLOT_BYTES))
-def test_any_spoilt_byte_is_noticed(core: ctypes.CDLL, address: int) -> None:
-    """One set only, then spoilt: the defaults, and a fault that says so. With two, the other one is taken."""
+def test_any_corrupt_byte_is_detected(core: ctypes.CDLL, address: int) -> None:
+    """A single corrupt set: the defaults and a fault. With two sets, the other one is loaded."""
     eeprom = core.eeprom_new()
     saved(core, 777, eeprom)
     core.eeprom_set(eeprom, address, cells(core, eeprom)[address] ^ 0x10)
-    host = Host(core, eeprom=eeprom)
+    host = HostInterface(core, eeprom=eeprom)
     assert host.get("kp") == 3198
     assert host.status()[:2] == (m.State.FAULT, m.Fault.BAD_PARAMETERS)
     assert source(host) is m.ParameterSource.DEFAULTS
@@ -133,14 +133,14 @@ def test_any_spoilt_byte_is_noticed(core: ctypes.CDLL, address: int) -> None:
     saved(core, 777, pair)
     saved(core, 778, pair)
     core.eeprom_set(pair, address + SLOTS[1] - SLOTS[0], 0x55)
-    host = Host(core, eeprom=pair)
+    host = HostInterface(core, eeprom=pair)
     assert host.get("kp") == 777
     assert host.status()[1] is m.Fault.NONE
 
 
-def test_control_goes_on_during_a_save_and_takes_new_values(core: ctypes.CDLL) -> None:
+def test_control_continues_during_a_save_and_accepts_new_values(core: ctypes.CDLL) -> None:
     eeprom = core.eeprom_new()
-    host = Host(core, eeprom=eeprom)
+    host = HostInterface(core, eeprom=eeprom)
     host.set("kp", 111)
     host.command(m.Command.ARM)
     host.send(m.CommandRequest(command=m.Command.SAVE), seq=1)
@@ -150,12 +150,12 @@ def test_control_goes_on_during_a_save_and_takes_new_values(core: ctypes.CDLL) -
     assert isinstance(ack, m.Ack)
     assert (seq, ack.status) == (1, m.AckStatus.OK)
     assert host.status()[0] is m.State.CLOSED_LOOP
-    assert Host(core, eeprom=eeprom).get("kp") == 111, "what was asked to be saved, not what came later"
+    assert HostInterface(core, eeprom=eeprom).get("kp") == 111, "the value at the request, not a later one"
 
 
-def test_a_save_asked_for_during_a_save_is_answered_when_it_is_true(core: ctypes.CDLL) -> None:
+def test_a_save_requested_during_a_save_is_answered_after_its_own_write(core: ctypes.CDLL) -> None:
     eeprom = core.eeprom_new()
-    host = Host(core, eeprom=eeprom)
+    host = HostInterface(core, eeprom=eeprom)
     host.set("kp", 111)
     host.send(m.CommandRequest(command=m.Command.SAVE), seq=1)
     host.work(7)
@@ -164,11 +164,11 @@ def test_a_save_asked_for_during_a_save_is_answered_when_it_is_true(core: ctypes
     ((seq, ack),) = host.work()
     assert isinstance(ack, m.Ack)
     assert (seq, ack.status) == (2, m.AckStatus.OK)
-    assert Host(core, eeprom=eeprom).get("kp") == 222
+    assert HostInterface(core, eeprom=eeprom).get("kp") == 222
 
 
-def test_a_load_asked_for_during_a_save_is_answered_as_a_load(core: ctypes.CDLL) -> None:
-    host = Host(core, eeprom=core.eeprom_new())
+def test_a_load_requested_during_a_save_is_answered_as_a_load(core: ctypes.CDLL) -> None:
+    host = HostInterface(core, eeprom=core.eeprom_new())
     host.set("kp", 111)
     host.send(m.CommandRequest(command=m.Command.SAVE), seq=1)
     host.work(7)
@@ -180,11 +180,11 @@ def test_a_load_asked_for_during_a_save_is_answered_as_a_load(core: ctypes.CDLL)
     assert host.get("kp") == 111
 
 
-def test_a_cell_that_loses_its_value_during_a_save_is_noticed(core: ctypes.CDLL) -> None:
+def test_a_cell_that_loses_its_value_during_a_save_is_detected(core: ctypes.CDLL) -> None:
     eeprom = core.eeprom_new()
-    host = Host(core, eeprom=eeprom)
+    host = HostInterface(core, eeprom=eeprom)
     host.send(m.CommandRequest(command=m.Command.SAVE), seq=1)
-    host.work(9)  # it is written from the end on
+    host.work(9)  # written from the end
     last = SLOTS[0] + 2 * len(m.PARAMETERS) + 2
     core.eeprom_set(eeprom, last, cells(core, eeprom)[last] ^ 0x10)
     ((seq, ack),) = host.work()
@@ -192,21 +192,21 @@ def test_a_cell_that_loses_its_value_during_a_save_is_noticed(core: ctypes.CDLL)
     assert (seq, ack.status) == (1, m.AckStatus.NOT_SAVED)
 
 
-def test_defaults_are_not_taken_under_way(core: ctypes.CDLL) -> None:
-    host = Host(core)
+def test_restoring_defaults_is_refused_while_armed(core: ctypes.CDLL) -> None:
+    host = HostInterface(core)
     host.set("kp", 111)
     host.command(m.Command.ARM)
     assert host.command(m.Command.RESTORE_DEFAULTS) is m.AckStatus.ARMED
     assert host.get("kp") == 111
 
 
-def test_an_empty_battery_refuses_to_save(core: ctypes.CDLL) -> None:
-    host = Host(core, battery_mV=6000)
+def test_saving_is_refused_on_an_empty_battery(core: ctypes.CDLL) -> None:
+    host = HostInterface(core, battery_mV=6000)
     assert host.command(m.Command.SAVE) is m.AckStatus.BATTERY_LOW
     assert host.work() == []
 
 
-def test_loading_waits_until_it_is_disarmed(core: ctypes.CDLL) -> None:
+def test_loading_is_refused_while_armed(core: ctypes.CDLL) -> None:
     eeprom = core.eeprom_new()
     host = saved(core, 777, eeprom)
     host.set("kp", 5)
@@ -219,7 +219,7 @@ def test_loading_waits_until_it_is_disarmed(core: ctypes.CDLL) -> None:
     assert host.get("kp") == 777
 
 
-def test_loading_what_cannot_be_read_keeps_the_live_values(core: ctypes.CDLL) -> None:
+def test_loading_corrupt_data_keeps_the_live_values(core: ctypes.CDLL) -> None:
     eeprom = core.eeprom_new()
     host = saved(core, 777, eeprom)
     core.host_take_change(host.handle)
@@ -229,15 +229,15 @@ def test_loading_what_cannot_be_read_keeps_the_live_values(core: ctypes.CDLL) ->
     assert host.command_later(m.Command.LOAD) is m.AckStatus.BAD_PARAMETERS
     assert host.get("kp") == 5
     assert core.host_take_change(host.handle) == 0
-    assert host.status()[:2] == (m.State.DISARMED, m.Fault.NONE), "nothing has changed: no fault"
+    assert host.status()[:2] == (m.State.DISARMED, m.Fault.NONE), "nothing has changed, so no fault"
     assert host.command_later(m.Command.SAVE) is m.AckStatus.OK
-    assert Host(core, eeprom=eeprom).get("kp") == 5
+    assert HostInterface(core, eeprom=eeprom).get("kp") == 5
 
 
-def test_the_board_tells_where_its_parameters_come_from(core: ctypes.CDLL) -> None:
+def test_identity_reports_the_parameter_source(core: ctypes.CDLL) -> None:
     eeprom = core.eeprom_new()
-    host = Host(core, eeprom=eeprom)
-    for command, said in (
+    host = HostInterface(core, eeprom=eeprom)
+    for command, expected in (
         (m.Command.LOAD, m.ParameterSource.DEFAULTS),  # nothing is saved
         (m.Command.SAVE, m.ParameterSource.SAVED),
         (m.Command.RESTORE_DEFAULTS, m.ParameterSource.DEFAULTS),
@@ -247,15 +247,15 @@ def test_the_board_tells_where_its_parameters_come_from(core: ctypes.CDLL) -> No
             host.command(command)
         else:
             assert host.command_later(command) is m.AckStatus.OK
-        assert source(host) is said
+        assert source(host) is expected
     host.command(m.Command.RESTORE_DEFAULTS)
     core.eeprom_power(eeprom, 3)
     assert host.command_later(m.Command.SAVE) is m.AckStatus.NOT_SAVED
     assert source(host) is m.ParameterSource.DEFAULTS
 
 
-def test_each_change_is_told_to_the_control_loop_once(core: ctypes.CDLL) -> None:
-    host = Host(core)
+def test_each_change_reaches_the_control_loop_once(core: ctypes.CDLL) -> None:
+    host = HostInterface(core)
     assert [core.host_take_change(host.handle) for _ in range(2)] == [1, 0]
     host.set("kp", 5)
     assert [core.host_take_change(host.handle) for _ in range(2)] == [1, 0]
@@ -271,8 +271,8 @@ def test_each_change_is_told_to_the_control_loop_once(core: ctypes.CDLL) -> None
     assert core.host_take_change(host.handle) == 0
 
 
-def test_one_copy_that_cannot_be_read_is_a_fault_in_either_place(core: ctypes.CDLL) -> None:
+def test_a_single_corrupt_slot_is_a_fault_in_either_slot(core: ctypes.CDLL) -> None:
     for slot in SLOTS:
         eeprom = core.eeprom_new()
-        core.eeprom_set(eeprom, slot, 7)  # a number, and no copy that it belongs to
-        assert Host(core, eeprom=eeprom).status()[:2] == (m.State.FAULT, m.Fault.BAD_PARAMETERS)
+        core.eeprom_set(eeprom, slot, 7)  # a sequence number without a valid set
+        assert HostInterface(core, eeprom=eeprom).status()[:2] == (m.State.FAULT, m.Fault.BAD_PARAMETERS)

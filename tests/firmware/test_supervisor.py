@@ -18,7 +18,7 @@ WAYS_IN = {
     State.MANUAL: [ARM, MANUAL],
     State.FAULT: [ARM, Fault.LINK_LOST],
 }
-# The whole machine, written as the safety argument reads: next state where it is not the same.
+# The complete state machine, written like the safety argument: the next state where it changes.
 NEXT = {
     State.DISARMED: {ARM: State.CLOSED_LOOP, E_STOP: State.FAULT},
     State.CLOSED_LOOP: {DISARM: State.DISARMED, MANUAL: State.MANUAL, E_STOP: State.FAULT},
@@ -30,7 +30,7 @@ NOT_READY = [AckStatus.BATTERY_LOW, AckStatus.BATTERY_UNKNOWN]
 
 
 def survivor(latched: Fault, fault: Fault) -> Fault:
-    """The first one; but an emergency stop goes over all, and a low battery over all but that."""
+    """Return the fault that stays: the first, but E_STOP outranks all, and LOW_BATTERY all others."""
     if Fault.E_STOP in (latched, fault):
         return Fault.E_STOP
     return fault if latched is Fault.NONE or fault is Fault.LOW_BATTERY else latched
@@ -44,7 +44,7 @@ def feed(core: ctypes.CDLL, machine: int, event: int) -> None:
 
 
 def with_cell(row: str, column: int, reaction: str) -> str:
-    """The row with another reaction in a cell."""
+    """Return the row with another reaction in one cell."""
     cells = row.split("{")[1].split("}", maxsplit=1)[0].split(", ")
     cells[column] = reaction
     return f"{{{', '.join(cells)}}},"
@@ -89,7 +89,7 @@ def test_every_fault(core: ctypes.CDLL, state: State, fault: Fault) -> None:
 
 
 @pytest.mark.parametrize("number", [Fault.NONE, 200])
-def test_a_trip_without_a_known_fault_stops_as_well(core: ctypes.CDLL, number: int) -> None:
+def test_an_unknown_fault_also_stops(core: ctypes.CDLL, number: int) -> None:
     machine = machine_in(core, State.CLOSED_LOOP)
     core.supervisor_trip(machine, number)
     assert core.supervisor_state(machine) == State.FAULT
@@ -106,7 +106,7 @@ def test_the_most_severe_fault_stays(core: ctypes.CDLL, latched: Fault, fault: F
 
 @pytest.mark.parametrize("fault", list(Fault))
 def test_a_fault_from_before_a_restart_is_latched_again(core: ctypes.CDLL, fault: Fault) -> None:
-    """Those too that a robot at rest does not meet by itself."""
+    """Including those that never trip while disarmed."""
     machine = core.supervisor_new()
     core.supervisor_relatch(machine, fault)
     assert core.supervisor_state(machine) == (State.DISARMED if fault is Fault.NONE else State.FAULT)
@@ -116,7 +116,7 @@ def test_a_fault_from_before_a_restart_is_latched_again(core: ctypes.CDLL, fault
 @pytest.mark.parametrize("state", list(State))
 @pytest.mark.parametrize("request_", [ARM, CLEAR])
 @pytest.mark.parametrize("battery", NOT_READY)
-def test_a_battery_that_is_not_ready_refuses_to_arm_or_clear(
+def test_arm_and_clear_are_refused_until_the_battery_is_ready(
     core: ctypes.CDLL, state: State, request_: int, battery: AckStatus
 ) -> None:
     machine = machine_in(core, state)
@@ -127,7 +127,7 @@ def test_a_battery_that_is_not_ready_refuses_to_arm_or_clear(
 @pytest.mark.parametrize("state", list(State))
 @pytest.mark.parametrize("request_", [DISARM, E_STOP])
 @pytest.mark.parametrize("battery", NOT_READY)
-def test_no_battery_refuses_a_stop(
+def test_a_stop_works_in_every_battery_state(
     core: ctypes.CDLL, state: State, request_: int, battery: AckStatus
 ) -> None:
     machine = machine_in(core, state)
@@ -138,36 +138,41 @@ def test_no_battery_refuses_a_stop(
 TABLE = FIRMWARE / "core" / "supervisor.hpp"
 MESSAGES = FIRMWARE / "core" / "messages.hpp"
 ROWS = TABLE.read_text(encoding="utf-8").split("// disarm, arm,")[1].splitlines()[1:5]
-SPOILT = {
+CORRUPTED = {
     "an event without a column": (
         TABLE,
         "kFaultAlways, kEnd",
         "kFaultAlways, kNew, kEnd",
-        "without a reaction",
+        "needs a reaction",
     ),
-    "a state without a row": (MESSAGES, "kStateCount = 4", "kStateCount = 5", "without a reaction"),
+    "a state without a row": (MESSAGES, "kStateCount = 4", "kStateCount = 5", "needs a reaction"),
     "a fault without an event": (
         MESSAGES,
         "kBadParameters = 11,",
         "kBadParameters = 11, kNew = 12,",
         "switch",
     ),
-    "another order of the commands": (MESSAGES, "kArm = 1,", "kArm = 7,", "same order"),
-    "a state out of reach": (TABLE, "kManu = Reaction::kManual", "kManu = Reaction::kClosedLoop", "reached"),
-    "an emergency stop ignored": (TABLE, ROWS[1], ROWS[1].replace("kFail", "kLoop", 1), "does not stop"),
-    "a fault under way ignored": (
+    "commands in a different order": (MESSAGES, "kArm = 1,", "kArm = 7,", "same order"),
+    "an unreachable state": (
+        TABLE,
+        "kManu = Reaction::kManual",
+        "kManu = Reaction::kClosedLoop",
+        "reachable",
+    ),
+    "an emergency stop ignored": (TABLE, ROWS[1], ROWS[1].replace("kFail", "kLoop", 1), "must stop"),
+    "a fault while armed ignored": (
         TABLE,
         ROWS[2],
         ROWS[2][::-1].replace("liaFk", "unaMk", 2)[::-1],
-        "does not stop",
+        "must stop",
     ),
-    "a fault that unlatches itself": (TABLE, ROWS[3], ROWS[3].replace("kFail", "kOff", 1), "unlatches"),
+    "a fault that unlatches itself": (TABLE, ROWS[3], ROWS[3].replace("kFail", "kOff", 1), "may unlatch"),
     **{
         f"no cell {column} in row {row}": (
             TABLE,
             ROWS[row],
             with_cell(ROWS[row], column, "Reaction::kUnhandled"),
-            "without a reaction",
+            "needs a reaction",
         )
         for row in range(4)
         for column in range(7)
@@ -177,7 +182,7 @@ SPOILT = {
             TABLE,
             ROWS[row],
             with_cell(ROWS[row], column, "kOff"),
-            "does not stop",
+            "must stop",
         )
         for row, column in [(0, 2), (0, 6), (1, 2), (1, 5), (1, 6), (2, 2), (2, 5), (2, 6)]
     },
@@ -186,19 +191,19 @@ SPOILT = {
             TABLE,
             ROWS[3],
             with_cell(ROWS[3], column, "kOff"),
-            "unlatches",
+            "may unlatch",
         )
         for column in (0, 1, 4)
     },
     "a fault never left": (TABLE, ROWS[3], with_cell(ROWS[3], 3, "kFail"), "static assertion"),
-    "a refusal outside FAULT": (TABLE, ROWS[1], with_cell(ROWS[1], 4, "kHeld"), "without a reaction"),
+    "a refusal outside FAULT": (TABLE, ROWS[1], with_cell(ROWS[1], 4, "kHeld"), "needs a reaction"),
 }
 
 
-@pytest.mark.parametrize("change", SPOILT)
+@pytest.mark.parametrize("change", CORRUPTED)
 def test_a_spoilt_table_does_not_compile(change: str, tmp_path: Path) -> None:
-    """What the table promises is checked by the compiler: it refuses each change, for the right reason."""
-    path, old, new, complaint = SPOILT[change]
+    """The compiler checks the promises of the table: it rejects each change for the right reason."""
+    path, old, new, expected = CORRUPTED[change]
     folder = tmp_path / "core"
     folder.mkdir()
     for source in (TABLE, MESSAGES):
@@ -223,4 +228,4 @@ def test_a_spoilt_table_does_not_compile(change: str, tmp_path: Path) -> None:
         check=False,
     )
     assert result.returncode != 0
-    assert complaint in result.stderr
+    assert expected in result.stderr

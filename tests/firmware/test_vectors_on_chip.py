@@ -1,9 +1,9 @@
-"""The chip computes what the desk computes, bit for bit: `int` has 16 bits there and 32 here."""
+"""Chip and host build compute the same, bit for bit, although `int` has 16 bits there and 32 here."""
 
 import ctypes
 
 
-def test_chip_and_desk_agree_on_every_bit(core: ctypes.CDLL, chip_vectors: bytes) -> None:
+def test_chip_and_host_build_agree_bit_for_bit(core: ctypes.CDLL, chip_vectors: bytes) -> None:
     words = (ctypes.c_int32 * 100_000)()
     size = core.vectors_run(words, len(words))
 

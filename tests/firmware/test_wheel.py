@@ -32,7 +32,7 @@ THESIS = {"kp": 15.0, "ki": 0.5, "ks": 0.0, "kv": 0.0, "ka": 0.0, "acceleration"
 
 
 class Wheel:
-    """One pole behind dry friction, counted over each tick as the encoder does, driven by the core."""
+    """First-order wheel with static friction, counted per tick like the encoder, driven by the core."""
 
     def __init__(self, core: ctypes.CDLL, parameters: dict[str, float], supply: float = 1.0) -> None:
         self.core, self.controller, self.supply = core, core.wheel_new(), supply
@@ -42,7 +42,7 @@ class Wheel:
         self.count = self.pwm = 0
 
     def step(self, target_rad_s: float) -> tuple[float, float, int]:
-        """Advance one tick; return counted speed, set-point [rad/s] and the PWM that now begins."""
+        """Advance one tick; return measured speed, set-point [rad/s] and the PWM for the next tick."""
         drive = self.supply * self.pwm - math.copysign(KS_PWM, self.pwm)
         steady = GAIN * drive if abs(self.supply * self.pwm) > KS_PWM else 0.0
         period = 1 / RATE_HZ
@@ -66,7 +66,7 @@ class Wheel:
 def test_tracks_a_trapezoid_at_any_battery_voltage(
     core: ctypes.CDLL, acceleration: float, supply: float
 ) -> None:
-    """Set-point minus counted speed of the same interval, 0 -> 8 -> 0 rad/s: std <= 0.08 rad/s, no bias."""
+    """Set-point minus measured speed of the same interval, 0 -> 8 -> 0 rad/s: std <= 0.08 rad/s, no bias."""
     wheel = Wheel(core, DEFAULTS | {"acceleration": acceleration}, supply)
     errors = []
     for tick in range(120):
@@ -79,7 +79,7 @@ def test_tracks_a_trapezoid_at_any_battery_voltage(
 
 
 def test_a_start_does_not_overshoot(core: ctypes.CDLL) -> None:
-    """A PI that took the unavoidable lag for an error would add to the feed-forward and overshoot."""
+    """A PI that treats the unavoidable lag as an error would add to the feed-forward and overshoot."""
     wheel = Wheel(core, DEFAULTS)
     speeds = [wheel.step(8.0)[0] for _ in range(40)]
     assert max(speeds) <= 8.0 * 1.03
@@ -87,15 +87,15 @@ def test_a_start_does_not_overshoot(core: ctypes.CDLL) -> None:
 
 
 def test_the_prediction_keeps_the_integral_small(core: ctypes.CDLL) -> None:
-    """With a perfect model the PI has only quantisation to do."""
+    """With a perfect model the PI corrects only quantization."""
     wheel = Wheel(core, DEFAULTS)
     pwm = [wheel.step(8.0)[2] for _ in range(40)]
     steady = 19.3 + 8.0 / GAIN
     assert max(pwm) <= steady + 17.12 * 0.8 * 0.75 + 3
 
 
-def test_without_feed_forward_it_is_the_plain_pi(core: ctypes.CDLL) -> None:
-    """All feed-forward gains 0: u = Kp e + I on the newest set-point, to the PWM count."""
+def test_without_feed_forward_the_controller_is_a_plain_pi(core: ctypes.CDLL) -> None:
+    """All feed-forward gains 0: u = Kp e + I on the newest set-point, exact to one PWM count."""
     wheel = Wheel(core, THESIS)
     kp, ki = round(15.0 * 524.288) / 2**19, round(0.5 * 524.288) / 2**19
     integral = 0.0

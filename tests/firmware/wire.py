@@ -1,4 +1,4 @@
-"""Talk to a chip without a robot or a port: frames in, frames out."""
+"""Exchanges frames with a chip that has no robot and no port."""
 
 from thumper.board.framing import Frame, FrameDecoder, encode_frame
 from thumper.board.messages import Identify, Identity, Message
@@ -8,17 +8,17 @@ ANSWER_S = 0.02
 
 
 def run_for(chip: Chip, seconds: float) -> None:
-    """Let `seconds` pass."""
+    """Run for `seconds`."""
     chip.run(chip.cycle + round(seconds * CPU_HZ))
 
 
 def send(chip: Chip, message: Message, sequence: int = 1) -> None:
-    """Queue a frame to the chip, behind a delimiter."""
+    """Send a frame to the chip, with a delimiter before it."""
     chip.send(b"\x00" + encode_frame(message.ID, sequence, message.pack()))
 
 
 def frames(chip: Chip) -> list[Frame]:
-    """Fetch what has come; a frame that was cut off before the first delimiter is dropped."""
+    """Return the received frames; drop a frame that was cut off before the first delimiter."""
     return FrameDecoder().feed(chip.receive(chip.available))
 
 
@@ -31,6 +31,6 @@ def ask(chip: Chip, message: Message, answer: type[Message], wait_s: float = ANS
 
 
 def identity(chip: Chip) -> Identity | None:
-    """Ask who is there; None when nobody answers."""
+    """Request the identity; return None without an answer."""
     frame = ask(chip, Identify(), Identity)
     return Identity.unpack(frame.payload) if frame else None

@@ -1,5 +1,5 @@
-// The encoder interrupt in assembler beside the decoder in C++, on the same random pins: glitches, double
-// edges, and the port's other pins moving. Every result leaves through TWAMR, byte by byte.
+// The assembly encoder interrupt against the C++ decoder, on the same random pins: glitches, double edges,
+// and changes on the port's other pins. Every result is written to TWAMR, byte by byte.
 
 #include <avr/interrupt.h>
 #include <avr/io.h>
@@ -10,7 +10,7 @@
 
 namespace {
 
-// GPIOR1 stands in for the port. The pins of both boards' wheels: bits 0, 1, bits 4, 5 and bits 5, 6.
+// GPIOR1 replaces the port. The encoder pins of both boards: bits 0, 1, bits 4, 5 and bits 5, 6.
 using Low = fw::QuadratureDecoder<0x03>;
 using Middle = fw::QuadratureDecoder<0x30>;
 using High = fw::QuadratureDecoder<0x60>;
@@ -23,14 +23,14 @@ void Put(uint16_t word) {
   TWAMR = static_cast<uint8_t>(word >> 8);
 }
 
-/// Call the interrupt with marked registers and flags; false unless it left all of them as they were.
+/// Call the interrupt with marked registers and flags. Return false if it changed any of them.
 template <void (*kInterrupt)()>
-bool Leaves() {
+bool KeepsRegisters() {
   uint8_t first = 0x5A, second = 0xA5, flags = 0;
   __asm__ volatile(
       "mov r24, %[first]\n\t"
       "mov r25, %[second]\n\t"
-      "ldi r18, 0x7F\n\t"  // all flags but I, which reti sets
+      "ldi r18, 0x7F\n\t"  // all flags except I, which reti sets
       "out __SREG__, r18\n\t"
       "%~call %x[interrupt]\n\t"
       "in %[flags], __SREG__\n\t"
@@ -55,7 +55,8 @@ void Walk(const Decoder& on_chip) {
   Decoder reference;
   uint8_t phase = 0;
   for (uint16_t step = 0; step < 6000; ++step) {
-    // Mostly onward, a while each way, so that the count passes zero and carries; then all there is.
+    // Mostly steps in one direction, alternating after a while, so that the count crosses zero and carries.
+    // The rest is random.
     const uint8_t die = Random();
     const uint8_t onward = (step >> 10 & 1) != 0 ? 3 : 1;
     phase = (phase + (die < 200 ? onward : die)) & 3;
@@ -65,12 +66,12 @@ void Walk(const Decoder& on_chip) {
     const uint8_t port = others | (a != 0 ? Decoder::kA : 0) | (b != 0 ? Decoder::kA << 1 : 0);
     GPIOR1 = port;
     reference.Step(port);
-    const bool whole = Leaves<kInterrupt>();
+    const bool unchanged = KeepsRegisters<kInterrupt>();
     Put(on_chip.count());
     Put(on_chip.lost());
     Put(reference.count());
     Put(reference.lost());
-    Put(whole);
+    Put(unchanged);
   }
 }
 

@@ -1,5 +1,5 @@
-// Run an ELF on the emulated ATmega328P until it sleeps for ever; what it writes to TWAMR comes out of
-// stdout. (The general purpose registers are the firmware's own.)
+// Runs an ELF on the emulated ATmega328P until it sleeps for ever, and copies everything it writes to TWAMR
+// to stdout. (The firmware itself uses the general purpose registers.)
 
 #include <simavr/sim_avr.h>
 #include <simavr/sim_elf.h>

@@ -1,5 +1,5 @@
-// The serial port's two interrupts in assembler beside rings in C++, on a random coming and going of bytes.
-// Every result leaves through TWAMR.
+// The serial port's two assembly interrupts against ring buffers in C++, with random traffic. Every result is
+// written to TWAMR.
 
 #include <avr/interrupt.h>
 #include <avr/io.h>
@@ -9,10 +9,10 @@
 
 namespace {
 
-// EEDR stands in for the data register.
+// EEDR replaces the data register.
 Uart uart;
 
-/// What OnReceive and OnReady have to do.
+/// Reference for OnReceive and OnReady.
 struct Ring {
   uint8_t bytes[Uart::kSize];
   uint8_t head = 0, tail = 0;
@@ -24,15 +24,15 @@ struct Ring {
   }
 };
 
-/// Call the interrupt with marked registers and flags; false unless it left all of them as they were.
+/// Call the interrupt with marked registers and flags. Return false if it changed any of them.
 template <void (*kInterrupt)()>
-bool Leaves() {
+bool KeepsRegisters() {
   uint8_t r24 = 0x5A, r30 = 0xA5, r31 = 0x3C, flags = 0;
   __asm__ volatile(
       "mov r24, %[r24]\n\t"
       "mov r30, %[r30]\n\t"
       "mov r31, %[r31]\n\t"
-      "ldi r18, 0x7F\n\t"  // all flags but I, which reti sets
+      "ldi r18, 0x7F\n\t"  // all flags except I, which reti sets
       "out __SREG__, r18\n\t"
       "%~call %x[interrupt]\n\t"
       "in %[flags], __SREG__\n\t"
@@ -62,31 +62,31 @@ __attribute__((naked, used)) void Ready() { uart_interrupts::OnReady<uart>(_SFR_
 
 int main() {
   Ring ring;
-  // Fill and drain in turn, past full and past empty.
+  // Fill and drain alternately, beyond full and beyond empty.
   for (uint16_t step = 0; step < 6000; ++step) {
     const bool filling = (step >> 7 & 1) == 0;
     const bool in = (Random() & 7) != 0 ? filling : !filling;
-    bool whole = true;
+    bool unchanged = true;
     uint8_t here = 0, there = 0;
     if (in) {
       EEDR = here = Random();
       ring.Add(here);
-      whole = Leaves<Receive>();
+      unchanged = KeepsRegisters<Receive>();
       there = here;
     } else if (ring.head != ring.tail) {
       there = ring.bytes[ring.tail];
       ring.tail = Ring::After(ring.tail);
-      whole = uart.Get(&here);
+      unchanged = uart.Get(&here);
     } else {
-      whole = !uart.Get(&here);
+      unchanged = !uart.Get(&here);
     }
     TWAMR = in;
     TWAMR = here;
     TWAMR = there;
-    TWAMR = whole;
+    TWAMR = unchanged;
     TWAMR = uart.empty() == (ring.head == ring.tail);
   }
-  // Send bursts of 1 to 63 bytes, as the interrupt does until it switches itself off.
+  // Send bursts of 1 to 63 bytes, until the interrupt disables itself.
   for (uint16_t burst = 1; burst < Uart::kSize; ++burst) {
     const uint8_t first = Random();
     for (uint8_t i = 0; i < burst; ++i) {
@@ -95,16 +95,16 @@ int main() {
     }
     UCSR0B = 0;
     uint8_t sent = 0;
-    bool whole = true, right = true;
+    bool unchanged = true, right = true;
     while (UCSR0B == 0 && sent < burst + 2) {
-      whole = Leaves<Ready>() && whole;
+      unchanged = KeepsRegisters<Ready>() && unchanged;
       right = right && EEDR == static_cast<uint8_t>(first + sent);
       ++sent;
     }
     TWAMR = 2;
     TWAMR = sent;
     TWAMR = static_cast<uint8_t>(burst);
-    TWAMR = whole;
+    TWAMR = unchanged;
     TWAMR = right && UCSR0B == Uart::kOn;
   }
   cli();

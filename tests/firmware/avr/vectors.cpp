@@ -1,7 +1,7 @@
-// Runs the shared vectors on the chip; every result leaves through TWAMR, byte by byte, then the chip sleeps
+// Runs the shared vectors on the chip. Every result is written to TWAMR, byte by byte; then the chip sleeps
 // for ever.
 
-#include "desk/vectors.hpp"
+#include "native/vectors.hpp"
 
 #include <avr/interrupt.h>
 #include <avr/io.h>

@@ -1,8 +1,8 @@
-// Any bytes at all through parser, supervisor, monitors and parameters, for libFuzzer.
+// libFuzzer target: arbitrary bytes through parser, supervisor, monitors and parameters.
 //
-// The input is a script: 0xF0 to 0xF5 let something else happen (time, battery, currents, ticks, work, a
-// restart), with the bytes that follow as its numbers; 0xFE sends a frame whose CRC and COBS are right, so
-// that the fuzzer gets past them; all else goes to the parser as it is.
+// The input is a script. 0xF0 to 0xF5 trigger another event (time, battery, currents, ticks, save and load
+// work, a restart), with the following bytes as its arguments. 0xFE sends a frame with valid CRC and COBS, so
+// that the fuzzer gets past them. Every other byte goes directly to the parser.
 
 #include <cstdlib>
 #include <cstring>
@@ -38,7 +38,7 @@ void Check(bool held) {
   if (!held) std::abort();
 }
 
-/// What must hold whatever came in.
+/// Conditions that must hold after any input.
 void CheckSafe(const fw::HostInterface& host) {
   const auto& command = host.command();
   const bool armed = host.supervisor().armed();

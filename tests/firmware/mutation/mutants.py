@@ -1,4 +1,4 @@
-"""Every small lie that can be told in firmware/core: an operator or a constant flipped, one at a time."""
+"""All mutants of firmware/core: one operator or constant changed at a time."""
 
 import re
 from collections.abc import Iterator
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 CORE = Path(__file__).resolve().parents[3] / "firmware" / "core"
-SKIPPED = {"messages.hpp"}  # generated, and compared with its schema by a test of its own
+SKIPPED = {"messages.hpp"}  # generated, and another test compares it with the schema
 
 OPERATORS = {
     "==": "!=",
@@ -53,7 +53,7 @@ class Mutant:
         return f"{self.file}:{self.line}:{self.column + 1}: {self.old.strip()} -> {self.new.strip()}"
 
     def apply(self, text: str) -> str:
-        """Return the file's text with the change made."""
+        """Return the file's text with the change."""
         lines = text.splitlines(keepends=True)
         line = lines[self.line - 1]
         lines[self.line - 1] = line[: self.column] + self.new + line[self.column + len(self.old) :]
@@ -61,20 +61,20 @@ class Mutant:
 
 
 def mutants() -> list[Mutant]:
-    """Every mutant, in the order of files and lines."""
+    """Return every mutant, in the order of files and lines."""
     return [
         mutant for path in sorted(CORE.glob("*.hpp")) if path.name not in SKIPPED for mutant in _of_file(path)
     ]
 
 
 def _of_file(path: Path) -> Iterator[Mutant]:
-    checked = False  # inside a static_assert: it says what must hold, it does nothing
+    inside_assert = False  # inside a static_assert, which only states a condition
     for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
-        checked = checked or "static_assert(" in line
+        inside_assert = inside_assert or "static_assert(" in line
         code = COMMENT.sub("", line)
-        if not checked and "template <" not in line and "__attribute__" not in line and '"' not in code:
+        if not inside_assert and "template <" not in line and "__attribute__" not in line and '"' not in code:
             for match in TOKEN.finditer(code):
                 old = match[0]
                 new = OPERATORS.get(old) or str(int(old, 0) + 1)
                 yield Mutant(file=path.name, line=number, column=match.start(), old=old, new=new)
-        checked = checked and not line.rstrip().endswith(");")
+        inside_assert = inside_assert and not line.rstrip().endswith(");")

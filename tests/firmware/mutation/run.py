@@ -1,8 +1,8 @@
-"""Does the desk suite notice? Builds the core once per mutant and runs the tests that need no chip.
+"""Mutation test of firmware/core: builds it once per mutant and runs the tests that need no chip.
 
 python -m tests.firmware.mutation.run                  all of them (`make mutation`)
-python -m tests.firmware.mutation.run --sample 20      a random few, by --seed
-python -m tests.firmware.mutation.run --only pi.hpp battery.hpp:35:    those whose printed place begins so
+python -m tests.firmware.mutation.run --sample 20      a random sample, by --seed
+python -m tests.firmware.mutation.run --only pi.hpp battery.hpp:35:    those whose printed place starts so
 """
 
 import argparse
@@ -23,6 +23,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 
+from tests.firmware import host_interface  # noqa: F401  import once for all child processes
 from tests.firmware.mutation.mutants import CORE, Mutant, mutants
 
 TESTS = Path(__file__).resolve().parents[1]
@@ -39,8 +40,8 @@ SUITE = {
     "test_law": {"parameters.hpp"},
     "test_pi": {"pi.hpp"},
 }
-"""Which headers a test goes through; with what these include it is all that it can notice a change of. The
-quick ones first: pytest stops at the first failure."""
+"""The headers that a test exercises. Together with their includes, it can detect a change in these only. The
+quick tests come first, because pytest stops at the first failure."""
 OWN = {
     "battery.hpp": "test_ramp_battery_units",
     "beep.hpp": "test_monitors",
@@ -61,16 +62,16 @@ OWN = {
     "units.hpp": "test_ramp_battery_units",
     "wheel.hpp": "test_wheel",
 }
-"""The test likeliest to notice a change of a file; it goes before all others."""
+"""The test most likely to detect a change in a file; it runs first."""
 INCLUDE = re.compile(r'#include "core/(.+)"')
 LONG = re.compile("million|long_drive")
-"""Which tests take seconds."""
+"""Tests that take seconds."""
 Result = tuple[Mutant | None, str]
 TIMEOUT_S = 60
-"""Of processor time: a mutant that runs for ever is noticed too."""
-NOTICED, UNNOTICED = 1, 0
+"""Processor time: a mutant in an endless loop counts as detected."""
+DETECTED, UNDETECTED = 1, 0
 
-# Which example fails does not matter here, so none is made smaller; a busy machine is no failure.
+# Which example fails does not matter here, so skip shrinking. A busy machine is no failure.
 settings.register_profile(
     "mutation",
     deadline=None,
@@ -82,13 +83,13 @@ settings.register_profile(
 
 @cache
 def reached(header: str) -> frozenset[str]:
-    """Return a header of the core and all that it includes."""
+    """Return a header of the core and everything it includes."""
     included = INCLUDE.findall((CORE / header).read_text(encoding="utf-8"))
     return frozenset({header}).union(*map(reached, included))
 
 
 def suite_for(items: list[pytest.Item], file: str | None) -> list[pytest.Item]:
-    """Return the tests that can notice a change of a file: the likeliest first, the long ones last."""
+    """Return the tests that can detect a change in a file: the most likely first, the long ones last."""
     able = [name for name, roots in SUITE.items() if not file or any(file in reached(root) for root in roots)]
     able.sort(key=lambda name: name != OWN.get(file or ""))
     chosen = [item for item in items if item.path.stem in able]
@@ -96,30 +97,32 @@ def suite_for(items: list[pytest.Item], file: str | None) -> list[pytest.Item]:
 
 
 class Worker:
-    """A pytest that collects once, then tests one mutant after the other, each in a process of its own."""
+    """A pytest that collects once, then tests one mutant after another, each in its own process."""
 
-    def __init__(self, folder: Path, chosen: Sequence[Mutant | None], tell: Callable[[Result], None]) -> None:
-        self.folder, self.chosen, self.tell = folder, chosen, tell
+    def __init__(
+        self, folder: Path, chosen: Sequence[Mutant | None], report: Callable[[Result], None]
+    ) -> None:
+        self.folder, self.chosen, self.report = folder, chosen, report
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
-        """Stand in for pytest's own loop."""
+        """Replace pytest's own loop."""
         if session.testsfailed:
             raise session.Failed("a test module cannot be imported")
         for mutant in self.chosen:
-            self.tell((mutant, self.test(session, mutant)))
+            self.report((mutant, self.test(session, mutant)))
         return True
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """Keep what the first failure says, and end with it."""
+        """Store the message of the first failure and exit."""
         if report.failed:
             failure = self.folder / "failure"
             failure.write_text(f"{report.nodeid}\n{report.longreprtext}", encoding="utf-8")
-            os._exit(NOTICED)
+            os._exit(DETECTED)
 
     def test(self, session: pytest.Session, mutant: Mutant | None) -> str:
-        """Return what notices that a copy of the core has this one change, or none: empty if nothing does."""
+        """Return which test detects this change in a copy of the core; empty if none does."""
         failure = self.folder / "failure"
-        failure.write_text("it did not get as far as a test", encoding="utf-8")
+        failure.write_text("no test ran", encoding="utf-8")
         for name in ("core", "build"):
             shutil.rmtree(self.folder / name, ignore_errors=True)
         shutil.copytree(CORE, self.folder / "core")
@@ -134,18 +137,18 @@ class Worker:
                 for item, after in zip(items, [*items[1:], None], strict=True):
                     item.config.hook.pytest_runtest_protocol(item=item, nextitem=after)
             except BaseException:  # it does not compile
-                os._exit(NOTICED)
-            os._exit(UNNOTICED)
-        noticed = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) != UNNOTICED
-        return failure.read_text(encoding="utf-8") if noticed else ""
+                os._exit(DETECTED)
+            os._exit(UNDETECTED)
+        detected = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) != UNDETECTED
+        return failure.read_text(encoding="utf-8") if detected else ""
 
 
 def _work(chosen: Sequence[Mutant | None], results: "SimpleQueue[Result | None]") -> None:
-    """In a process of its own: test these mutants, and say None at the end."""
+    """Test these mutants in a process of its own, and put None at the end."""
     with tempfile.TemporaryDirectory() as folder:
         os.environ["THUMPER_MUTANT"] = folder
-        os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"  # or each process imports a browser's
-        shutil.copytree(CORE, Path(folder) / "core")  # a test module reads it as it is imported
+        os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"  # otherwise each process imports a browser's
+        shutil.copytree(CORE, Path(folder) / "core")  # a test module reads it on import
         descriptor = os.open(Path(folder) / "log", os.O_WRONLY | os.O_CREAT)
         os.dup2(descriptor, 1)
         os.dup2(descriptor, 2)
@@ -157,7 +160,7 @@ def _work(chosen: Sequence[Mutant | None], results: "SimpleQueue[Result | None]"
 
 
 def results_of(chosen: Sequence[Mutant | None], jobs: int) -> Iterator[Result]:
-    """Yield each mutant (None: the core unchanged), and what noticed it, as they are tested."""
+    """Yield each mutant (None: the core unchanged) and the test that detected it, in order of completion."""
     fork = get_context("fork")
     results = fork.SimpleQueue()
     workers = [
@@ -178,33 +181,33 @@ def results_of(chosen: Sequence[Mutant | None], jobs: int) -> Iterator[Result]:
 
 
 def fails_unchanged() -> str:
-    """Return what the suite says about the core as it is, if that is not good."""
+    """Return the failure of the suite on the unchanged core, or an empty string."""
     ((_, failure),) = results_of([None], jobs=1)
     return failure
 
 
 def survivors(chosen: Sequence[Mutant], jobs: int) -> Iterator[Mutant]:
-    """Yield the mutants that no test noticed, as they are found."""
+    """Yield the mutants that no test detected, as they are found."""
     return (mutant for mutant, failure in results_of(chosen, jobs) if mutant and not failure)
 
 
 def main() -> int:
-    """Print the survivors and their share; fail below 90 % killed."""
+    """Print the survivors and the share killed; fail below 90 %."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--sample", type=int, default=0, help="how many, 0 = all")
+    parser.add_argument("--sample", type=int, default=0, help="sample size (0: all)")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", nargs="+", default=[""], help="only those whose printed place begins so")
+    parser.add_argument("--only", nargs="+", default=[""], help="only mutants whose printed place starts so")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     arguments = parser.parse_args()
-    if said := fails_unchanged():
-        print(said)
-        print("the suite fails without any change: mend that first")
+    if failure := fails_unchanged():
+        print(failure)
+        print("the suite fails on the unchanged core; fix that first")
         return 2
     chosen = [mutant for mutant in mutants() if str(mutant).startswith(tuple(arguments.only))]
     if arguments.sample:
         chosen = random.Random(arguments.seed).sample(chosen, arguments.sample)
     tested = alive = 0
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # however it is stopped, it says how far it got
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # report the progress however it is stopped
     try:
         for mutant, failure in results_of(chosen, arguments.jobs):
             tested += 1

@@ -1,5 +1,5 @@
-// Converts the battery's channel, but selects another one before it reads; then motor current, then the band
-// gap.
+// Converts the battery channel, but selects another channel before it reads the result. Then the motor
+// current, then the band gap.
 #include "bench.h"
 
 static void convert(uint8_t channel, uint8_t next_channel) {

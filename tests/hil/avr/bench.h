@@ -1,4 +1,4 @@
-// What the test firmwares share: a polled UART at 500 000 baud. They test the simulator, not the product.
+// Shared by the test firmwares: a polled UART at 500 000 baud. They test the simulator, not the product.
 #pragma once
 #include <avr/interrupt.h>
 #include <avr/io.h>
@@ -6,7 +6,7 @@
 #include <stdint.h>
 
 static inline void uart_start(void) {
-  UBRR0 = 3;  // before U2X0, which is allowed: the simulated line must not care
+  UBRR0 = 3;  // before U2X0, which is allowed: the simulated line must accept it
   UCSR0A = 1 << U2X0;
   UCSR0C = 1 << UCSZ01 | 1 << UCSZ00;
   UCSR0B = 1 << RXEN0 | 1 << TXEN0;

@@ -1,6 +1,6 @@
-// Sets the bridges as told: packets of left PWM, right PWM and flags (bits 0, 1: left, right forward; 2, 3:
-// brake). Meanwhile it counts quadrature edges and toggles a free pin of each encoder's port at 10 kHz. Each
-// packet is answered with both counts and the number of edges that it could not place.
+// Sets the bridges from packets of left PWM, right PWM and flags (bits 0, 1: left, right forward; 2, 3:
+// brake). Meanwhile it counts quadrature edges and toggles a free pin of each encoder's port at 10 kHz. It
+// answers each packet with both counts and the number of edges of unknown direction.
 #include "bench.h"
 
 static volatile uint16_t left_count, right_count;

@@ -1,4 +1,4 @@
-// Sends 64 bytes as fast as the UART takes them, then echoes what comes, from the receive interrupt.
+// Sends 64 bytes as fast as the UART accepts them, then echoes received bytes from the receive interrupt.
 #include "bench.h"
 
 ISR(USART_RX_vect) { UDR0 = UDR0; }

@@ -1,4 +1,4 @@
-// Sleeps with interrupts off: nothing can wake it.
+// Sleeps with interrupts off, so nothing can wake it.
 #include "bench.h"
 
 int main(void) {

@@ -1,4 +1,4 @@
-// Runs into something that is no instruction.
+// Executes an invalid opcode.
 #include "bench.h"
 
 int main(void) { asm volatile(".word 0x0001"); }

@@ -1,5 +1,4 @@
-// Looks away for 1 ms after the first byte, then sends how many bytes it still found and whether DOR0 was
-// set.
+// Stops reading for 1 ms after the first byte, then sends how many bytes were left and whether DOR0 was set.
 #include <util/delay.h>
 
 #include "bench.h"

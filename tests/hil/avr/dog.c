@@ -1,4 +1,4 @@
-// Drives both motors until the watchdog resets it; says after each start whether the watchdog had bitten.
+// Drives both motors until the watchdog resets it. Reports after each start whether the watchdog caused it.
 #include <avr/wdt.h>
 
 #include "bench.h"

@@ -1,4 +1,4 @@
-// Sleeps the safe way while interrupts are already waiting: each round must end at once.
+// Sleeps with the safe sequence while an interrupt is already pending: each round must end at once.
 #include <util/delay.h>
 
 #include "bench.h"
@@ -7,7 +7,7 @@ ISR(TIMER0_COMPA_vect) {}
 
 int main(void) {
   uart_start();
-  OCR0A = 249;  // a match each millisecond
+  OCR0A = 249;  // a match every millisecond
   TCCR0A = 1 << WGM01;
   TIMSK0 = 1 << OCIE0A;
   TCCR0B = 1 << CS01 | 1 << CS00;

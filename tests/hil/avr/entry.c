@@ -1,4 +1,4 @@
-// How many cycles after a compare match does the handler's first instruction read the timer?
+// Measures the cycles from a compare match to the timer read in the handler's first instruction.
 #include "bench.h"
 
 ISR(TIMER1_COMPA_vect, ISR_NAKED) {

@@ -1,4 +1,4 @@
-// Known to the cycle: an interrupt of two instructions, twenty with interrupts off, thirty between two marks.
+// Known cycle counts: an interrupt of two instructions, twenty with interrupts off, thirty between two marks.
 #include "bench.h"
 
 ISR(TIMER1_COMPA_vect, ISR_NAKED) { __asm__ volatile("nop\n\tnop\n\treti"); }

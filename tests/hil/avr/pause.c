@@ -1,5 +1,5 @@
-// Counts received bytes in the receive interrupt, but keeps interrupts off for 45 us of every 145; says the
-// count in the end.
+// Counts received bytes in the receive interrupt, but keeps interrupts off for 45 of every 145 us. Sends the
+// count at the end.
 #include <util/delay.h>
 
 #include "bench.h"

@@ -1,5 +1,4 @@
-// What the firmware's core is given on this machine in place of its surroundings: somewhere to put bytes, and
-// an EEPROM.
+// Fakes for the core's environment in the host build: byte sinks and an EEPROM.
 
 #pragma once
 
@@ -19,11 +18,11 @@ struct Words {
   void Put(int32_t word) { data.push_back(word); }
 };
 
-/// An EEPROM whose power fails after a number of writes; the byte under way is then left half done.
+/// An EEPROM whose power fails after a number of writes. The byte being written is then half done.
 struct Eeprom {
   uint8_t cells[256];
   int writes_left = 1000000;
-  int busy = 0;  // looks until the write is done
+  int busy = 0;  // polls until the write is done
 
   Eeprom() { std::memset(cells, 0xFF, sizeof(cells)); }
   uint8_t Read(uint8_t address) const { return cells[address]; }
@@ -42,7 +41,7 @@ struct Eeprom {
 struct Interface {
   fw::HostInterface host;
   Eeprom* eeprom;
-  int handled = 0;  // good frames
+  int handled = 0;  // valid frames
   Interface(fw::ResetCause cause, fw::Fault latched, Eeprom* memory)
       : host(fw::Board::kTrex, cause), eeprom(memory) {
     host.Start(*eeprom, latched);

@@ -1,5 +1,5 @@
-// The firmware's core for this machine, behind C functions of plain ints, so that Python needs no
-// declarations. Objects are numbered; `*_new` returns the number.
+// The firmware's core in the host build, behind C functions of plain ints, so that Python needs no
+// declarations. Objects have numbers; `*_new` returns the number.
 
 #include <cstring>
 #include <vector>
@@ -7,12 +7,12 @@
 #include "core/beep.hpp"
 #include "core/host_interface.hpp"
 #include "core/quadrature.hpp"
-#include "surroundings.hpp"
+#include "fakes.hpp"
 #include "vectors.hpp"
 
 namespace {
 
-// One list for all types: a container of each would be most of what the compiler has to do.
+// One list for all types: a container for each would take most of the compile time.
 std::vector<void*> objects;
 
 template <typename T>
@@ -48,7 +48,7 @@ int pi_step(int pi, int kp, int ki, int error, int feed_forward, int idle) {
   const fw::PiGains gains = {static_cast<int16_t>(kp), static_cast<int16_t>(ki)};
   return At<fw::PiController>(pi).Step(gains, static_cast<int16_t>(error), feed_forward, idle != 0);
 }
-/// A whole run from rest, without feed-forward. Returns the integral at its end.
+/// Run from rest, without feed-forward. Return the final integral.
 int pi_run(int kp, int ki, const int16_t* errors, int ticks, int16_t* pwms) {
   const fw::PiGains gains = {static_cast<int16_t>(kp), static_cast<int16_t>(ki)};
   fw::PiController pi;
@@ -79,7 +79,7 @@ int wheel_step(int wheel, const int32_t* values, int target, int counts, int bat
 void wheel_track_speed(int wheel, int speed) {
   At<fw::WheelController>(wheel).TrackSpeed(static_cast<int16_t>(speed));
 }
-/// out: all that the controller remembers: integral [Q19 PWM], model's speed and prediction, set-point
+/// out: complete state of the controller: integral [Q19 PWM], the model's speed and prediction, set-point
 /// [mrad/s].
 void wheel_state(int wheel, int32_t* out) {
   struct {
@@ -158,7 +158,7 @@ int crc16(const uint8_t* data, int size) {
   for (int i = 0; i < size; ++i) crc = fw::Crc16(crc, data[i]);
   return crc;
 }
-/// body: id, seq, payload, two spare bytes. Returns the frame's size.
+/// body: id, seq, payload, two spare bytes. Return the frame's size.
 int frame_encode(uint8_t* body, int size, uint8_t* out) {
   Bytes sink;
   fw::SendBody(sink, body, static_cast<uint8_t>(size));
@@ -167,7 +167,7 @@ int frame_encode(uint8_t* body, int size, uint8_t* out) {
 }
 int decoder_new() { return New<Decoder>(); }
 int decoder_push(int decoder, int byte) { return At<Decoder>(decoder).Push(static_cast<uint8_t>(byte)); }
-/// out: id, seq, payload of the frame just completed. Returns their size.
+/// out: id, seq, payload of the frame just decoded. Return their size.
 int decoder_frame(int decoder, uint8_t* out) {
   const auto& frame = At<Decoder>(decoder);
   out[0] = frame.id();
@@ -216,12 +216,12 @@ int beep_step(int beep, int elapsed_ms, int quiet) {
   return At<fw::BeepPattern>(beep).Step(static_cast<uint8_t>(elapsed_ms), quiet != 0);
 }
 
-/// A main loop after a start for this reason, with this fault latched before, on this EEPROM.
+/// A HostInterface after a start with this reset cause, this previously latched fault and this EEPROM.
 int host_new(int cause, int latched, int eeprom) {
   return New<Interface>(static_cast<fw::ResetCause>(cause), static_cast<fw::Fault>(latched),
                         &At<Eeprom>(eeprom));
 }
-/// Feed bytes; the answers' bytes go to out (room for 30 a byte fed). Returns their size.
+/// Feed bytes and write the answers to out (room for 30 bytes per byte fed). Return their size.
 int host_receive(int host, const uint8_t* data, int size, uint8_t* out) {
   Bytes sink;
   for (int i = 0; i < size; ++i)
@@ -229,14 +229,14 @@ int host_receive(int host, const uint8_t* data, int size, uint8_t* out) {
   std::memcpy(out, sink.data.data(), sink.data.size());
   return static_cast<int>(sink.data.size());
 }
-/// One pass of the main loop's slow work. Returns the size of the answers in out.
+/// One pass of the save and load work. Return the size of the answers in out.
 int host_step_store(int host, uint8_t* out) {
   Bytes sink;
   At<Interface>(host).host.StepStore(*At<Interface>(host).eeprom, sink);
   std::memcpy(out, sink.data.data(), sink.data.size());
   return static_cast<int>(sink.data.size());
 }
-/// What the control tick gets after a change of the parameters or the battery; out as for derive().
+/// The control tick's constants after a change of parameters or battery; out as for derive().
 void host_derive(int host, int32_t* out) {
   const auto& interface = At<Interface>(host).host;
   Derive(interface.parameters(), interface.battery_mV(), out);
@@ -251,7 +251,7 @@ int host_battery(int host, int reading) {
 void host_currents(int host, int left, int right) {
   At<Interface>(host).host.UpdateCurrents(static_cast<int16_t>(left), static_cast<int16_t>(right));
 }
-/// A control tick's samples: counts, PWM and lost edges.
+/// Samples of a control tick: counts, PWM and lost edges.
 void host_watch(int host, int left, int right, int left_pwm, int right_pwm, int lost) {
   auto& interface = At<Interface>(host).host;
   auto* samples = interface.samples();

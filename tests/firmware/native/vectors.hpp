@@ -7,8 +7,8 @@
 #include "core/quadrature.hpp"
 #include "core/wheel.hpp"
 
-/// The same pseudo-random run of the core on desk and chip; every result goes to `sink.Put(int32_t)`. `int`
-/// has 32 bits on one and 16 on the other, so any arithmetic left to it shows here.
+/// The same pseudo-random run of the core in the host build and on the chip. Every result goes to
+/// `sink.Put(int32_t)`. `int` has 32 bits on one and 16 on the other, so any dependence on it shows here.
 namespace vectors {
 
 class Random {

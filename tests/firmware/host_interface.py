@@ -1,4 +1,4 @@
-"""The firmware's main loop on the desk, spoken to with the generated Python codec."""
+"""The core's HostInterface in the host build, driven with the generated Python codec."""
 
 import ctypes
 
@@ -8,7 +8,7 @@ from thumper.board import messages as m
 
 
 def crc(data: bytes) -> int:
-    """CRC-16/X-25, bit by bit."""
+    """Return the CRC-16/X-25, computed bit by bit."""
     value = 0xFFFF
     for byte in data:
         value ^= byte
@@ -18,22 +18,22 @@ def crc(data: bytes) -> int:
 
 
 def frame(message_id: int, payload: bytes, seq: int = 5) -> bytes:
-    """Return a frame, delimiter included."""
+    """Return a frame with its delimiter."""
     body = bytes([message_id, seq]) + payload
     return bytes(cobs.encode(body + crc(body).to_bytes(2, "little"))) + b"\0"
 
 
 def read_frames(data: bytes) -> list[tuple[int, m.Message]]:
-    """Return sequence number and message of each frame; every one must check."""
+    """Return sequence number and message of each frame; fail on a wrong CRC."""
     bodies = [cobs.decode(part) for part in data.split(b"\0")[:-1]]
     assert all(crc(body[:-2]).to_bytes(2, "little") == body[-2:] for body in bodies)
     return [(body[1], m.MESSAGES[body[0]].unpack(body[2:-2])) for body in bodies]
 
 
-class Host:
-    """One start of the firmware, for a reason, on an EEPROM (a new one if none is given).
+class HostInterface:
+    """The HostInterface after one start, with a reset cause and an EEPROM (a new one by default).
 
-    Its battery has been measured once, unless `battery_mV` is 0.
+    Its battery has one reading, unless `battery_mV` is 0.
     """
 
     def __init__(
@@ -56,20 +56,20 @@ class Host:
         return read_frames(out.raw[:size])
 
     def send(self, message: m.Message, seq: int = 5) -> list[m.Message]:
-        """Return the answers to a request, which must carry its number."""
+        """Return the answers to a request; each must have the request's sequence number."""
         answers = self.feed(frame(message.ID, message.pack(), seq))
         assert all(answered == seq for answered, _ in answers)
         return [answer for _, answer in answers]
 
     def command(self, command: m.Command) -> m.AckStatus:
-        """Return the answer to a command that is answered at once."""
+        """Return the answer to a command that is answered immediately."""
         (ack,) = self.send(m.CommandRequest(command=command))
         assert isinstance(ack, m.Ack)
         assert (ack.request_id, ack.request_seq) == (m.CommandRequest.ID, 5)
         return ack.status
 
     def work(self, passes: int = 200) -> list[tuple[int, m.Message]]:
-        """Let the main loop go round."""
+        """Run passes of the main loop's save and load work; return the answers."""
         answers = []
         out = ctypes.create_string_buffer(100)
         for _ in range(passes):
@@ -78,7 +78,7 @@ class Host:
         return answers
 
     def command_later(self, command: m.Command, seq: int = 5) -> m.AckStatus:
-        """Return the answer to a command that takes a while."""
+        """Return the answer to a command that is answered later (SAVE, LOAD)."""
         assert self.send(m.CommandRequest(command=command), seq) == []
         ((answered, ack),) = self.work()
         assert isinstance(ack, m.Ack)
@@ -94,19 +94,19 @@ class Host:
         return answer.value
 
     def set(self, name: str, value: int) -> m.AckStatus:
-        """Set a parameter's wire value."""
+        """Set a parameter's wire value; return the status."""
         index = next(spec.index for spec in m.PARAMETERS if spec.name == name)
         (answer,) = self.send(m.SetParameter(index=index, value=value))
         assert isinstance(answer, m.Ack)
         return answer.status
 
     def wait(self, milliseconds: int) -> None:
-        """Let time pass."""
+        """Advance the time."""
         for _ in range(milliseconds):
             self.core.host_advance_time(self.handle, 1)
 
     def telemetry(self) -> m.Telemetry:
-        """Return what the board would tell now."""
+        """Return the current telemetry."""
         out = ctypes.create_string_buffer(100)
         size = self.core.host_telemetry(self.handle, out)
         ((_, message),) = read_frames(out.raw[:size])
@@ -114,7 +114,7 @@ class Host:
         return message
 
     def status(self) -> tuple[m.State, m.Fault, int, int]:
-        """State, fault, and the values the motors follow."""
+        """Return state, fault and the motors' command values."""
         out = (ctypes.c_int * 5)()
         self.core.host_status(self.handle, out)
         assert out[0] == out[2], "the motors must follow the supervisor's state"
