@@ -1,4 +1,4 @@
-// C interface of the faults for bench/. It lets no exception through.
+// C interface of the faults for chip_faults.py. It lets no exception through.
 #include "chip.hpp"
 
 using thumper::Chip;

@@ -1,4 +1,4 @@
-// C interface of programmer, edge sources and probe, for lab.py. It lets no exception through.
+// C interface of programmer, edge sources and probe, for instrumented_chip.py. It lets no exception through.
 #include <algorithm>
 
 #include "chip.hpp"

@@ -3,7 +3,7 @@
 
 namespace thumper {
 
-// parts/params.py fills these from parts/wild_thumper.toml in this order. Every field is a double.
+// robot_params.py fills these from wild_thumper.toml in this order. Every field is a double.
 
 struct MotorParams {        // one motor, at the output of its gearbox
   double motors_per_side;   // driven in parallel by one bridge
