@@ -36,8 +36,8 @@ void Keep(fw::Fault fault) { kept = fw::kSchemaHash ^ static_cast<uint8_t>(fault
 
 fw::Fault Kept() {
   const uint32_t fault = kept ^ fw::kSchemaHash;
-  const bool ours = fault < fw::kFaultCount && (flags & 1 << PORF) == 0;
-  return ours ? static_cast<fw::Fault>(fault) : fw::Fault::kNone;
+  const bool valid = fault < fw::kFaultCount && (flags & 1 << PORF) == 0;
+  return valid ? static_cast<fw::Fault>(fault) : fw::Fault::kNone;
 }
 
 void Restart() {

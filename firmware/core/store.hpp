@@ -24,18 +24,18 @@ class ParameterStore {
   template <typename Memory>
   Outcome Load(Memory& memory, Parameters* parameters) {
     uint8_t sequence[2];
-    bool whole[2], used[2];
+    bool valid[2], used[2];
     for (uint8_t slot = 0; slot < 2; ++slot) {
       sequence[slot] = memory.Read(Address(slot));
       used[slot] = sequence[slot] != kEmpty;
-      whole[slot] = used[slot] && Check(memory, slot);
+      valid[slot] = used[slot] && Check(memory, slot);
     }
-    if (!whole[0] && !whole[1]) {
+    if (!valid[0] && !valid[1]) {
       next_slot_ = 0;
       next_sequence_ = 0;
       return used[0] || used[1] ? Outcome::kUnreadable : Outcome::kEmpty;
     }
-    const bool second_newer = !whole[0] || (whole[1] && static_cast<int8_t>(sequence[1] - sequence[0]) > 0);
+    const bool second_newer = !valid[0] || (valid[1] && static_cast<int8_t>(sequence[1] - sequence[0]) > 0);
     const uint8_t slot = second_newer ? 1 : 0;
     next_slot_ = slot ^ 1;
     next_sequence_ = After(sequence[slot]);
