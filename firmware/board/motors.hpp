@@ -62,8 +62,8 @@ class Drive {
     OCR2A = Duty(right);
   }
 
-  /// Call at least a millisecond apart, with the tick held and no tone on. Reconnects the pins after the
-  /// rest.
+  /// Reconnect the pins after the rest. Call each time at least one more millisecond has elapsed, with the
+  /// tick held and no tone on.
   void AfterMillisecond() {
     if (rest_ != 0 && --rest_ == 0) TCCR2A = kPhaseCorrect | kOutputs;
   }

@@ -9,9 +9,9 @@ namespace fw {
 /// Stall and wiring monitor of one side. Runs once per control tick.
 ///
 /// Integrates |PWM| over time. The integral restarts when the wheel advances 3 counts in the commanded
-/// direction. At 38 PWM s it reports a fault: after 300 ms at half PWM or more, later at less. Fewer than 3
-/// counts either way: a stall, or a dead encoder or motor. 3 or more counts backwards, and still moving
-/// backwards: swapped wires.
+/// direction. At 38 PWM s (after 300 ms at half PWM or more, later at less) the monitor decides. Fewer than
+/// 3 counts either way are a stall, or a dead encoder or motor. 3 or more counts backwards, and still moving
+/// backwards, are swapped wires. In any other case the integral restarts.
 ///
 /// The integral thus limits how far a wheel can run away at any steady set-point. A wheel that is being
 /// reversed turns round within that time. A command that changes sign more often than every 300 ms restarts
