@@ -25,8 +25,8 @@ from thumper.board.messages import (
 from thumper_hil.bench import DEFAULT_ELF
 from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.edge_rate import most_edges_per_s
-from thumper_hil.chip.lab import TICK_VECTOR, LabChip
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.instrumented_chip import TICK_VECTOR, InstrumentedChip
+from thumper_hil.chip.robot_params import RobotParams
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -64,7 +64,7 @@ def sizes() -> None:
 
 def load() -> None:
     """Measure both wheels in closed loop at full speed and reversing, line full in both directions."""
-    chip = LabChip(DEFAULT_ELF, params=RobotParams.load(), seed=1)
+    chip = InstrumentedChip(DEFAULT_ELF, params=RobotParams.load(), seed=1)
     chip.run(CPU_HZ // 2)
     chip.send(pack(CommandRequest(command=Command.ARM)))
     with chip.probe() as probe:
@@ -115,7 +115,7 @@ def source_of(address: int) -> str:
 
 def telemetry() -> None:
     """Measure bytes and cycles of a telemetry frame on an otherwise silent link."""
-    chip = LabChip(DEFAULT_ELF, params=RobotParams.load(), seed=1)
+    chip = InstrumentedChip(DEFAULT_ELF, params=RobotParams.load(), seed=1)
     chip.run(CPU_HZ)
     chip.receive(chip.available)
     with chip.probe() as probe:
@@ -141,7 +141,7 @@ def control_law(flag: str, what: str, aim: str, peers: str) -> None:
         elf = Path(folder) / "control.elf"
         command = ["avr-g++", "-mmcu=atmega328p", "-DF_CPU=16000000L", *flags, f"-I{FIRMWARE}", *flag.split()]
         subprocess.run([*command, Path(__file__).with_name("firmware_control.cpp"), "-o", elf], check=True)
-        chip = LabChip(elf)
+        chip = InstrumentedChip(elf)
         with chip.probe() as probe:
             probe.run(CPU_HZ // 20)
             report = probe.report()

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from thumper_hil.chip.lab import ATMEGABOOT, LabChip
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.instrumented_chip import ATMEGABOOT, InstrumentedChip
+from thumper_hil.chip.robot_params import RobotParams
 
 ROOT = Path(__file__).resolve().parents[2]
 BOOTLOADERS = Path("/usr/share/arduino/hardware/arduino/avr/bootloaders")
@@ -14,15 +14,15 @@ ELF = ROOT / "firmware" / "build" / "thumper.elf"
 HEX = ELF.with_suffix(".hex")
 
 
-def chip_with_bootloader() -> LabChip:
+def chip_with_bootloader() -> InstrumentedChip:
     """Return a factory-fresh chip: it contains only the boot loader."""
-    chip = LabChip(ELF)
+    chip = InstrumentedChip(ELF)
     chip.install_bootloader(ATMEGABOOT)
     return chip
 
 
-def chip_with_program(elf: Path, params: RobotParams | None = None) -> LabChip:
+def chip_with_program(elf: Path, params: RobotParams | None = None) -> InstrumentedChip:
     """Return a chip with boot loader and program, just reset; with `params`, on a robot."""
-    chip = LabChip(elf, params=params)
+    chip = InstrumentedChip(elf, params=params)
     chip.add_bootloader(ATMEGABOOT)
     return chip

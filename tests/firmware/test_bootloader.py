@@ -13,8 +13,8 @@ from thumper.board.messages import (
     State,
     Telemetry,
 )
-from thumper_hil.chip.lab import LabChip
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.instrumented_chip import InstrumentedChip
+from thumper_hil.chip.robot_params import RobotParams
 
 BOOT_S = 1.33
 """From the reset to the start of the program, with ATmegaBOOT."""
@@ -32,7 +32,7 @@ PCINT2, TIMER0_COMPA = 5, 14
 """The left encoder's interrupt runs with interrupts off; the millisecond's allows nesting."""
 
 
-def driving_robot() -> LabChip:
+def driving_robot() -> InstrumentedChip:
     """Return a robot with the boot loader that has driven for a second."""
     chip = chip_with_program(ELF, params=RobotParams.load())
     run_for(chip, BOOT_S + 0.2)
@@ -55,7 +55,7 @@ def test_the_boot_loader_drives_only_its_led_pin() -> None:
     assert (1 << 5, 0) in driven
 
 
-def handler(chip: LabChip, vector: int) -> int:
+def handler(chip: InstrumentedChip, vector: int) -> int:
     """Return the start of an interrupt handler: the target of the `jmp` or `rjmp` in the vector table."""
     word = int.from_bytes(chip.read_flash(4 * vector, 2), "little")
     if word == 0x940C:
@@ -65,14 +65,14 @@ def handler(chip: LabChip, vector: int) -> int:
     return 4 * vector + 2 + 2 * (offset - 0x1000 if offset & 0x800 else offset)
 
 
-def find(chip: LabChip, instruction: bytes, start: int = 0) -> int:
+def find(chip: InstrumentedChip, instruction: bytes, start: int = 0) -> int:
     """Return the first address of an instruction in the flash."""
     address = chip.read_flash(start, 0x4000).index(instruction) + start
     assert address % 2 == 0
     return address
 
 
-def motors_off_after(chip: LabChip, limit_s: float) -> float:
+def motors_off_after(chip: InstrumentedChip, limit_s: float) -> float:
     """Run until both motors have no voltage, in steps of 1 ms; return the elapsed time."""
     start_s = chip.time_s
     while chip.time_s < start_s + limit_s:
@@ -84,7 +84,7 @@ def motors_off_after(chip: LabChip, limit_s: float) -> float:
     raise AssertionError(f"the motors still run after {limit_s} s")
 
 
-def last_telemetry(chip: LabChip) -> Telemetry:
+def last_telemetry(chip: InstrumentedChip) -> Telemetry:
     """Return the last telemetry message of the next 0.2 s."""
     chip.receive(chip.available)
     run_for(chip, 0.2)
@@ -154,7 +154,7 @@ def test_a_dead_millisecond_timer_is_noticed() -> None:
 @pytest.mark.parametrize("bootloader", [False, True])
 def test_a_latched_fault_outlasts_a_reset(bootloader: bool) -> None:
     """A reset, as opening the port causes, keeps it. Only CLEAR_FAULT clears it for good."""
-    chip = chip_with_program(ELF) if bootloader else LabChip(ELF, params=RobotParams.load())
+    chip = chip_with_program(ELF) if bootloader else InstrumentedChip(ELF, params=RobotParams.load())
     run_for(chip, BOOT_S + 0.3)
     send(chip, CommandRequest(command=Command.E_STOP))
     run_for(chip, 0.1)

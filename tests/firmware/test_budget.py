@@ -6,9 +6,9 @@ from tests.firmware.boot import ELF
 from thumper.board.framing import encode_frame
 from thumper.board.messages import Command, CommandRequest, GetParameter, Message, SetWheelSpeeds
 from thumper_hil.chip.chip import CPU_HZ
-from thumper_hil.chip.lab import TICK_VECTOR, LabChip
-from thumper_hil.chip.library import CProbeReport
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.instrumented_chip import TICK_VECTOR, InstrumentedChip
+from thumper_hil.chip.native_library import CProbeReport
+from thumper_hil.chip.robot_params import RobotParams
 
 EDGE_VECTORS = (3, 5)  # PCINT0, PCINT2
 EDGE_CYCLES = 75  # entry to RETI, including the response's 4
@@ -23,7 +23,7 @@ def frame(message: Message) -> bytes:
 @pytest.fixture(scope="module")
 def report() -> CProbeReport:
     """Two seconds of driving with incoming commands and requests, measured after the first sei."""
-    chip = LabChip(ELF, params=RobotParams.load())
+    chip = InstrumentedChip(ELF, params=RobotParams.load())
     chip.run(CPU_HZ // 5)
     with chip.probe() as probe:
         chip.send(frame(CommandRequest(command=Command.ARM)))

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.firmware.host_interface import HostInterface, frame, read_frames
-from thumper.link import messages as m
+from thumper.board import messages as m
 
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "firmware.md"
 

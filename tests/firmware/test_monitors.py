@@ -6,7 +6,7 @@ from collections.abc import Callable
 import pytest
 
 from tests.firmware.host_interface import HostInterface
-from thumper.link import messages as m
+from thumper.board import messages as m
 
 FINE, STALL, REVERSED = range(3)
 

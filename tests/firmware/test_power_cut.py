@@ -17,8 +17,8 @@ from thumper.board.messages import (
     ParameterValue,
     SetParameter,
 )
-from thumper_hil.chip.lab import LabChip
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.instrumented_chip import InstrumentedChip
+from thumper_hil.chip.robot_params import RobotParams
 
 STEP_S = 2e-5
 """Shorter than a pass of the main loop, which writes at most one byte."""
@@ -28,9 +28,9 @@ TORN = (0x00, 0x55, 0xFF)
 """Possible values of the interrupted byte, besides its old and its new value."""
 
 
-def board() -> LabChip:
+def board() -> InstrumentedChip:
     """Return a board with a charged battery, because saving is refused on a low one."""
-    return LabChip(ELF, params=RobotParams.load())
+    return InstrumentedChip(ELF, params=RobotParams.load())
 
 
 def values(part: float) -> list[int]:
@@ -38,7 +38,7 @@ def values(part: float) -> list[int]:
     return [round(spec.scale * (spec.minimum + part * (spec.maximum - spec.minimum))) for spec in PARAMETERS]
 
 
-def choose(chip: LabChip, wanted: list[int]) -> None:
+def choose(chip: InstrumentedChip, wanted: list[int]) -> None:
     """Make these the live parameters."""
     for index, value in enumerate(wanted):
         frame = ask(chip, SetParameter(index=index, value=value), Ack)
@@ -46,7 +46,7 @@ def choose(chip: LabChip, wanted: list[int]) -> None:
         assert Ack.unpack(frame.payload).status is AckStatus.OK
 
 
-def save(chip: LabChip) -> list[bytes]:
+def save(chip: InstrumentedChip) -> list[bytes]:
     """Save the parameters; return the EEPROM before and after each written byte."""
     snapshots = [chip.eeprom()]
     send(chip, CommandRequest(command=Command.SAVE))

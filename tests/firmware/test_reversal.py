@@ -7,8 +7,8 @@ from tests.firmware.wire import run_for, send
 from thumper.board.framing import encode_frame
 from thumper.board.messages import Command, CommandRequest, Identify, SetMotorPwm, SetWheelSpeeds
 from thumper_hil.chip.chip import CPU_HZ
-from thumper_hil.chip.lab import LabChip
-from thumper_hil.parts.params import RobotParams
+from thumper_hil.chip.instrumented_chip import InstrumentedChip
+from thumper_hil.chip.robot_params import RobotParams
 
 PWM_PERIOD_S = 510 * 256 / CPU_HZ
 TCCR2A, OCR2A, OCR2B = 0xB0, 0xB3, 0xB4
@@ -23,7 +23,7 @@ SIDES = {"left": (PORTD, 2, 5, OCR2B), "right": (PORTB, 2, 7, OCR2A)}
 @pytest.mark.parametrize(("before", "after"), [(200, -150), (-200, 150), (200, -1)])
 def test_a_turning_motor_rests_first(side: str, before: int, after: int) -> None:
     port, direction_bit, output_bit, compare = SIDES[side]
-    chip = LabChip(ELF, params=RobotParams.load())
+    chip = InstrumentedChip(ELF, params=RobotParams.load())
     run_for(chip, 0.2)
     send(chip, CommandRequest(command=Command.ARM))
     for _ in range(3):
@@ -57,7 +57,7 @@ def test_a_turning_motor_rests_first(side: str, before: int, after: int) -> None
 
 def test_a_late_main_loop_shortens_no_rest() -> None:
     """Answers to a busy host delay it. Milliseconds before the rest must not count towards the rest."""
-    chip = LabChip(ELF, params=RobotParams.load())
+    chip = InstrumentedChip(ELF, params=RobotParams.load())
     run_for(chip, 0.5)
     send(chip, CommandRequest(command=Command.ARM))
     requests = 9 * encode_frame(Identify.ID, 7, Identify().pack())
@@ -83,7 +83,7 @@ def test_a_late_main_loop_shortens_no_rest() -> None:
 def test_a_rolling_wheel_that_is_taken_over_does_not_swing_back(speed_rad_s: float) -> None:
     """As when the operator releases the stick. With a model speed of zero, the wheel would swing back with 40
     to 70 % of its speed. Up to 26 % remain if the first output is 0 by chance: then the motors coast."""
-    chip = LabChip(ELF, params=RobotParams.load(), seed=1)
+    chip = InstrumentedChip(ELF, params=RobotParams.load(), seed=1)
     run_for(chip, 0.5)
     speed, pwm = round(1000 * speed_rad_s), round(17.0 * speed_rad_s)
     send(chip, CommandRequest(command=Command.ARM))
@@ -107,7 +107,7 @@ def test_a_rolling_wheel_that_is_taken_over_does_not_swing_back(speed_rad_s: flo
 
 def test_at_zero_pwm_a_motor_keeps_its_direction() -> None:
     """A wheel that dithers around zero does not switch its direction each time."""
-    chip = LabChip(ELF, params=RobotParams.load())
+    chip = InstrumentedChip(ELF, params=RobotParams.load())
     run_for(chip, 0.2)
     send(chip, CommandRequest(command=Command.ARM))
     for pwm in (-100, 0, -100, 0):

@@ -5,7 +5,7 @@ import ctypes
 import pytest
 
 from tests.firmware.host_interface import HostInterface
-from thumper.link import messages as m
+from thumper.board import messages as m
 
 SLOT_BYTES = 1 + 2 * len(m.PARAMETERS) + 2
 SLOTS = (0x20, 0x80)

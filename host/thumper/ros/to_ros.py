@@ -1,4 +1,4 @@
-"""The product's data as ROS 2 messages. `thumper.ros.parse` is the way back."""
+"""The product's data as ROS 2 messages. `thumper.ros.from_ros` is the way back."""
 
 import math
 from dataclasses import asdict, dataclass
