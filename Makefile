@@ -57,8 +57,9 @@ chip: $(VENV)/.run $(VENV)/.packages
 protocol: $(VENV)/.run
 	$(BIN)/python firmware/protocol/generate.py
 
-reference: $(VENV)/.run
+reference: $(VENV)/.dev
 	$(BIN)/python scripts/generate_reference.py
+	$(BIN)/python scripts/draw_architecture.py
 
 docs: $(VENV)/.dev
 	@$(BIN)/zensical build --clean --strict

@@ -1,4 +1,4 @@
-"""Thumper: the brain of a differential-drive robot (link, odometry, lidar, mapping, navigation)."""
+"""The brain of a differential-drive robot: `Robot`, `ThumperError`."""
 
 from thumper.common.errors import ThumperError
 from thumper.common.version import __version__

@@ -1,4 +1,4 @@
-"""The `thumper` command as it is started: minds Ctrl-C before anything that takes time is imported."""
+"""Entry of the `thumper` command. It handles Ctrl-C before the slow imports."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""The robot as an object, for scripts and notebooks: drive it, send it somewhere, look at its map.
+"""`Robot` for scripts and notebooks: drive, go to a goal, read the map.
 
     from thumper import Robot
 

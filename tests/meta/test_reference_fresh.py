@@ -11,11 +11,17 @@ from thumper.config.robot import RobotConfig
 
 ROOT = Path(__file__).parents[2]
 GENERATE = ROOT / "scripts/generate_reference.py"
+DRAW = ROOT / "scripts/draw_architecture.py"
 REFERENCE = ROOT / "docs/reference"
 
 
 def test_the_pages_are_fresh() -> None:
     result = check(GENERATE)
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+def test_the_drawing_of_the_layers_is_fresh() -> None:
+    result = check(DRAW)
     assert result.returncode == 0, result.stdout + result.stderr
 
 

@@ -1,1 +1,1 @@
-
+"""The motor board: wire protocol, driver, flashing."""

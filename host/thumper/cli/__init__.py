@@ -1,0 +1,1 @@
+"""The `thumper` command: one subcommand per file."""

@@ -1,0 +1,1 @@
+"""What everything uses: geometry, kinematics, errors, serial port."""

@@ -1,1 +1,1 @@
-"""The robot's configuration: one TOML file, checked whole before anything moves."""
+"""The robot's TOML file, checked before anything moves."""

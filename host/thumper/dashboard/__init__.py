@@ -1,1 +1,1 @@
-"""The page in the browser: a process of its own that speaks to the robot over the bus alone."""
+"""The operator page: a process of its own, a client of the bus."""

@@ -1,1 +1,1 @@
-"""What `thumper doctor` measures, and what it makes of it."""
+"""Checks of host, board and lidar."""

@@ -1,1 +1,1 @@
-"""Lidars: one `Scan` type, one driver a sensor."""
+"""Lidars: drivers, de-skewing, checks; one `Scan` type."""

@@ -1,0 +1,1 @@
+"""The occupancy grid: its files, edits and pictures."""

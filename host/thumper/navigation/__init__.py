@@ -1,5 +1,5 @@
-"""From pose, map and scan to a twist: costmap, planner, controller, collision monitor, recoveries.
+"""Pose, grid and scan in, twist out.
 
 The runtime needs `navigator.Navigator`, `options.NavigationOptions`, `footprint.Footprint`, `goal.Goal`,
-`validate.validate_goal` and `warm.warm_up`. Nothing is imported here, so that `--help` need not load numba.
+`planners.goal_validation.validate_goal` and `warm_up.warm_up`. Nothing is imported here, so `--help` does not load numba.
 """

@@ -1,1 +1,1 @@
-
+"""Encoder counts to pose; pose buffer, slip and jump detection."""

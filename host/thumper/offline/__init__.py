@@ -1,1 +1,1 @@
-"""Readers of public robot logs."""
+"""Maps from recorded logs; readers of public formats."""

@@ -1,1 +1,1 @@
-"""Every product of a run in MCAP files that survive a crash; back again as messages, maps and tables."""
+"""MCAP recordings: write, repair, replay, export."""

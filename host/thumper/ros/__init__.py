@@ -1,1 +1,1 @@
-"""The product's border: its data as standard ROS 2 messages, for the bus, recordings and other programs."""
+"""ROS 2 messages and topics: conversion, codec, text."""

@@ -1,1 +1,1 @@
-"""The robot's process as others see it: what may be asked of it, who goes first, and what it answers."""
+"""The robot's one loop: sense, decide, act, publish."""

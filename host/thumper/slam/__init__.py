@@ -1,1 +1,1 @@
-
+"""Scan in, corrected pose and occupancy grid out."""

@@ -1,0 +1,1 @@
+"""Controllers, goal checker, speed limiter."""

@@ -1,0 +1,1 @@
+"""Costmap layers, inflation, filters, obstacle memory."""

@@ -1,0 +1,1 @@
+"""Progress checker, recovery behaviors and the policy between them."""

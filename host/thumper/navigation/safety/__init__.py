@@ -1,0 +1,1 @@
+"""The last checks of a command: smoother, collision monitor, escape."""

@@ -1,0 +1,1 @@
+"""Who moves the wheels: drive manager, twist mux, heartbeats."""

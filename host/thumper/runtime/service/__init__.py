@@ -1,0 +1,1 @@
+"""What clients request: queue, handler, board jobs, experiments."""

@@ -1,0 +1,1 @@
+"""The mapper with one map and one hypothesis; branch-and-bound search."""

@@ -1,1 +1,1 @@
-"""Finding the robot in a map that is known."""
+"""AMCL: the pose in a known map."""

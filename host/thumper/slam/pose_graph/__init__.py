@@ -1,0 +1,1 @@
+"""The graph mapper: submaps, loop closure, optimisation."""

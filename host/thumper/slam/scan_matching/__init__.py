@@ -1,0 +1,1 @@
+"""Scan-to-grid matching: kernels, options, covariance, degeneracy."""
