@@ -80,3 +80,8 @@ def test_imports_go_down(package: str, layers: tuple[str, ...]) -> None:
                 other = name.removeprefix(f"{package}.").split(".")[0]
                 other = other if other in floor else "__init__"
                 assert other == own or floor[other] < floor[own], f"{path.relative_to(HOST)} imports {name}"
+
+
+def test_the_robot_does_not_import_the_simulator() -> None:
+    for path in sorted(HOST.rglob("*.py")):
+        assert not {name for name in imports(path) if name.startswith(("thumper_hil", "thumper_tuning"))}, path
