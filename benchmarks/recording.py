@@ -18,7 +18,6 @@ from rich.console import Console
 from rich.table import Table
 
 from thumper.common.geometry import FloatArray
-from thumper.config.recording import RecordingOptions
 from thumper.recording.recorder import Recorder
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -29,14 +28,14 @@ from tests.host.recording.samples import SESSION, beat, beats
 
 BEATS_PER_S = 10.0
 LOOP_HZ = 50.0
-OPTIONS = RecordingOptions(waiting_messages=1_000_000)
+QUEUE_SIZE = 1_000_000
 
 
 def throughput(folder: Path) -> tuple[float, float, float]:
     """Messages a second from the queue to the disk, times faster than the robot says them, bytes a second."""
     messages = list(beats(1500))
     start_s = time.perf_counter()
-    recorder = Recorder(folder, SESSION, OPTIONS)
+    recorder = Recorder(folder, SESSION, queue_size=QUEUE_SIZE)
     for topic, now_s, message in messages:
         recorder(topic, now_s, message)
     recorder.close()
@@ -49,7 +48,7 @@ def throughput(folder: Path) -> tuple[float, float, float]:
 def loop(folder: Path | None, seconds: float) -> tuple[FloatArray, float]:
     """Lateness of each beat [s] and the share of a core that was used, recording to `folder` or not."""
     made = [list(beat(k)) for k in range(20)]
-    recorder = Recorder(folder, SESSION, OPTIONS) if folder else None
+    recorder = Recorder(folder, SESSION, queue_size=QUEUE_SIZE) if folder else None
     late, cpu_s, start_s = [], time.process_time(), time.perf_counter()
     for k in range(round(seconds * LOOP_HZ)):
         due_s = start_s + k / LOOP_HZ

@@ -90,6 +90,18 @@ def test_a_wrong_file_is_one_line_that_names_it(tmp_path: Path, old: str, new: s
     assert "\n" not in str(caught.value)
 
 
+def test_a_removed_key_in_a_robots_file_is_refused_with_the_fix(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    (tmp_path / "gentle.toml").write_text("[recording]\nwaiting_messages = 16\n")
+    with pytest.raises(ThumperError) as caught:
+        jobs_of(load_campaign(path), tmp_path)
+    assert str(caught.value) == (
+        f"{tmp_path / 'gentle.toml'}: recording.waiting_messages was removed: "
+        "it is fixed at 4096 messages; delete the key"
+    )
+    assert caught.value.exit_code == 2
+
+
 def test_rows_outlast_a_kill_and_are_there_once(tmp_path: Path) -> None:
     with RowStore(tmp_path, "d") as store:
         store.add(row("a"))

@@ -4,8 +4,10 @@ import difflib
 import json
 import math
 import tomllib
+from collections.abc import Mapping
 from dataclasses import is_dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar, cast, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
@@ -15,13 +17,22 @@ from thumper.common.errors import EXIT_USAGE, ThumperError
 T = TypeVar("T")
 
 
-def read_checked(path: Path, adapter: TypeAdapter[T], of: type[T], what: str) -> T:
-    """Read `path`, a TOML file of the keys of the dataclass `of`; `what` names it in refusals.
+def read_checked(
+    path: Path,
+    adapter: TypeAdapter[T],
+    of: type[T],
+    what: str,
+    *,
+    removed: Mapping[str, str] = MappingProxyType({}),
+) -> T:
+    """Read the TOML file at `path` into the dataclass `of`; errors call the file a `what`.
+
+    `removed` maps a key or table of earlier versions, with its full path, to what the error says about it.
 
     Raises
     ------
     ThumperError
-        The file cannot be read, is no TOML, or holds a key, type or value that is wrong: named with the file.
+        The file cannot be read, is not valid TOML, or has a wrong key, type or value. The error names it.
     """
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -31,7 +42,7 @@ def read_checked(path: Path, adapter: TypeAdapter[T], of: type[T], what: str) ->
         ) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ThumperError(f"{path}: not valid TOML: {error}", exit_code=EXIT_USAGE) from error
-    _refuse_unknown_keys(data, of, path, "")
+    _refuse_unknown_keys(data, of, path, "", removed)
     try:
         # By way of JSON: in strict mode pydantic takes tables for dataclasses only from there.
         return adapter.validate_json(json.dumps(data, default=str), strict=True)
@@ -46,15 +57,19 @@ def read_checked(path: Path, adapter: TypeAdapter[T], of: type[T], what: str) ->
         raise ThumperError(f"{path}: {said}: {why}", exit_code=EXIT_USAGE) from error
 
 
-def _refuse_unknown_keys(table: dict[str, Any], of: type, path: Path, prefix: str) -> None:
-    """pydantic ignores what a plain dataclass does not know; a typing error must not pass unseen."""
+def _refuse_unknown_keys(
+    table: dict[str, Any], of: type, path: Path, prefix: str, removed: Mapping[str, str]
+) -> None:
+    """Raise for the first unknown key: pydantic ignores unknown keys of plain dataclasses."""
     types = get_type_hints(of)
     for key, value in table.items():
         if key not in types:
+            if reason := removed.get(f"{prefix}{key}"):
+                raise ThumperError(f"{path}: {prefix}{key} was removed: it {reason}", exit_code=EXIT_USAGE)
             close = difflib.get_close_matches(key, types, n=1)
             hint = f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(sorted(types))}"
             raise ThumperError(f"{path}: unknown key {prefix}{key}; {hint}", exit_code=EXIT_USAGE)
         if isinstance(value, dict) and is_dataclass(types[key]):
-            _refuse_unknown_keys(value, cast("type", types[key]), path, f"{prefix}{key}.")
+            _refuse_unknown_keys(value, cast("type", types[key]), path, f"{prefix}{key}.", removed)
         elif isinstance(value, float) and not math.isfinite(value):
             raise ThumperError(f"{path}: {prefix}{key} = {value}: give a finite number", exit_code=EXIT_USAGE)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Gt
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -12,8 +12,6 @@ class RecordingOptions:
 
     # Folder of the recordings, from where the program is started.
     folder: str = "recordings"
-    # What was said is on the disk so much later [s]: a crash costs no more than this and one write.
-    flush_period_s: Annotated[float, Gt(0), Le(10)] = 0.5
     # A new file is begun beyond this size [MB] ...
     file_MB: Annotated[float, Gt(0)] = 512.0
     # ... and beyond this age [s].
@@ -22,5 +20,3 @@ class RecordingOptions:
     budget_MB: Annotated[float, Gt(0)] = 8192.0
     # Recording stops before less than this is left on the disk for everything else [MB].
     spare_MB: Annotated[float, Ge(0)] = 256.0
-    # Messages that may wait for the disk; what comes beyond is dropped and counted.
-    waiting_messages: Annotated[int, Gt(0)] = 4096

@@ -1,7 +1,9 @@
 """Read the robot's TOML and check every key, type and range. Nothing unknown is ignored."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated
 from urllib.parse import urlsplit
 
@@ -54,6 +56,15 @@ class RobotConfig:
     teleop: TeleopOptions = field(default_factory=TeleopOptions)
 
 
+# Keys and tables of earlier versions: the full key, and how "KEY was removed: it ..." goes on. Append here
+# what you remove, so that an old file is refused with the reason and the fix.
+REMOVED_KEYS: Mapping[str, str] = MappingProxyType(
+    {
+        "recording.flush_period_s": "is fixed at 0.5 s; delete the key",
+        "recording.waiting_messages": "is fixed at 4096 messages; delete the key",
+    }
+)
+
 _ADAPTER = TypeAdapter(RobotConfig)
 
 
@@ -67,7 +78,7 @@ def load_config(path: Path | None) -> RobotConfig:
     """
     if path is None:
         return RobotConfig()
-    config = read_checked(path, _ADAPTER, RobotConfig, "configuration")
+    config = read_checked(path, _ADAPTER, RobotConfig, "configuration", removed=REMOVED_KEYS)
     try:
         check_names(config.navigation)
     except ThumperError as error:

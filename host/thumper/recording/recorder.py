@@ -17,6 +17,8 @@ from thumper.ros.topics import TOPICS
 
 MB = 1_000_000.0
 CLOSE_TIMEOUT_S = 10.0
+FLUSH_PERIOD_S = 0.5  # a crash loses at most the messages of this time and one write
+QUEUE_SIZE = 4096  # messages that wait for a slow disk, about half a minute of a robot
 
 _Item = tuple[str, str, int, Message | bytes]  # topic, type, log time [ns], the message or its CDR
 
@@ -31,14 +33,17 @@ class Recorder:
         options: RecordingOptions | None = None,
         *,
         say: Callable[[str], None] = lambda _: None,
+        flush_period_s: float = FLUSH_PERIOD_S,
+        queue_size: int = QUEUE_SIZE,
     ) -> None:
         """Begin; the thread makes folder and file. `say` is told by it why recording stopped by itself."""
         self._folder, self._session = folder, session
         self._options = options or session.config.recording
         self._say = say
+        self._flush_period_s = flush_period_s
         # A quarter at most: else the file that is being written would push out the one just ended.
         self._largest_bytes = min(self._options.file_MB, 0.25 * self._options.budget_MB) * MB
-        self._queue: queue.Queue[_Item | None] = queue.Queue(self._options.waiting_messages)
+        self._queue: queue.Queue[_Item | None] = queue.Queue(queue_size)
         self._newest_ns = 0
         self._run_ns = time.time_ns()  # what the files of this recording have in common
         self._part = 0
@@ -98,7 +103,7 @@ class Recorder:
             self._say(f"recording stopped: {self.trouble}; the robot goes on without")
 
     def _write_until_finished(self, file: McapFile) -> None:
-        period_s = self._options.flush_period_s
+        period_s = self._flush_period_s
         due_s = time.monotonic() + period_s
         while not (self._last_word and self._queue.empty()):
             try:

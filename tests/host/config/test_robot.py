@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from thumper.common.errors import ThumperError
-from thumper.config.robot import RobotConfig, config_from_json, config_to_json, load_config
+from thumper.config.robot import REMOVED_KEYS, RobotConfig, config_from_json, config_to_json, load_config
 
 
 def written(folder: Path, text: str) -> Path:
@@ -69,6 +69,26 @@ def test_what_is_wrong_is_named(tmp_path: Path, text: str, named: list[str]) -> 
     assert "\n" not in message
     assert all(part in message for part in [str(path), *named]), message
     assert caught.value.exit_code == 2
+
+
+@pytest.mark.parametrize("key", REMOVED_KEYS)
+def test_a_removed_key_is_refused_with_the_fix(tmp_path: Path, key: str) -> None:
+    path = written(tmp_path, f"{key} = 1\n")
+    with pytest.raises(ThumperError) as caught:
+        load_config(path)
+    assert str(caught.value) == f"{path}: {key} was removed: it {REMOVED_KEYS[key]}"
+    assert caught.value.exit_code == 2
+
+
+def test_a_removed_table_is_refused_with_the_fix(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    removed = {"navigation.warp_drive": "left with its controller; delete the table"}
+    monkeypatch.setattr("thumper.config.robot.REMOVED_KEYS", removed)
+    path = written(tmp_path, "[navigation.warp_drive]\nspeed = 3.0\n")
+    with pytest.raises(ThumperError) as caught:
+        load_config(path)
+    assert str(caught.value) == (
+        f"{path}: navigation.warp_drive was removed: it left with its controller; delete the table"
+    )
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

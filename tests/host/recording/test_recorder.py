@@ -102,8 +102,8 @@ def test_rotation_keeps_to_the_budget_and_to_its_own_files(tmp_path: Path) -> No
     strangers = [tmp_path / "mole_20200101-000000_000.mcap", tmp_path / "mine.mcap", tmp_path / "notes.txt"]
     for path in strangers:
         path.write_bytes(b"precious" * 100_000)
-    options = RecordingOptions(file_MB=0.05, budget_MB=0.3, flush_period_s=0.01)
-    recorder = Recorder(tmp_path, SESSION, options)
+    options = RecordingOptions(file_MB=0.05, budget_MB=0.3)
+    recorder = Recorder(tmp_path, SESSION, options, flush_period_s=0.01)
     for topic, now_s, message in beats(600):
         recorder(topic, now_s, message)
         if topic == "status":
@@ -129,7 +129,7 @@ def test_a_hanging_disk_costs_messages_and_nothing_else(
     hang = threading.Event()
     monkeypatch.setattr("thumper.recording.mcap_file.os.fsync", lambda _: hang.wait(20.0))
     hang.set()
-    recorder = Recorder(tmp_path, SESSION, RecordingOptions(waiting_messages=16, flush_period_s=0.01))
+    recorder = Recorder(tmp_path, SESSION, flush_period_s=0.01, queue_size=16)
     hang.clear()
     time.sleep(0.1)
     offered = 0
@@ -147,11 +147,10 @@ FULL_DISK = """
 import resource, sys, time
 from pathlib import Path
 from tests.host.recording.samples import SESSION, beats
-from thumper.config.recording import RecordingOptions
 from thumper.recording.recorder import Recorder
 
 said = []
-recorder = Recorder(Path(sys.argv[1]), SESSION, RecordingOptions(flush_period_s=0.02), say=said.append)
+recorder = Recorder(Path(sys.argv[1]), SESSION, say=said.append, flush_period_s=0.02)
 resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
 for topic, now_s, message in beats(200):
     recorder(topic, now_s, message)
@@ -178,8 +177,8 @@ def test_a_full_disk_ends_the_recording_in_one_line(tmp_path: Path) -> None:
 
 def test_too_little_space_to_spare_ends_the_recording(tmp_path: Path) -> None:
     said: list[str] = []
-    options = RecordingOptions(spare_MB=1e12, flush_period_s=0.01)
-    recorder = Recorder(tmp_path, SESSION, options, say=said.append)
+    options = RecordingOptions(spare_MB=1e12)
+    recorder = Recorder(tmp_path, SESSION, options, say=said.append, flush_period_s=0.01)
     deadline_s = time.monotonic() + 5.0
     while recorder.active and time.monotonic() < deadline_s:
         time.sleep(0.01)
