@@ -1,4 +1,4 @@
-"""A drive with a progress bar on the terminal; Ctrl-C stops the motors first."""
+"""Drive to a goal with a progress bar in the terminal; Ctrl-C stops the motors first."""
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
@@ -14,7 +14,7 @@ PLAIN_PERIOD_S = 1.0
 def drive_with_progress(
     robot: RobotLoop, goal: Goal, name: str, console: Console, *, clear_fault: bool = False
 ) -> DriveResult:
-    """Drive to the goal and show how far it still is: a bar on a terminal, else a line a second."""
+    """Drive to the goal; show the remaining distance as a bar, or one line per second without a terminal."""
     with Progress(
         TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[state]}"), console=console
     ) as progress:
@@ -44,12 +44,12 @@ def drive_with_progress(
 
 
 def print_notes(robot: RobotLoop, console: Console) -> None:
-    """Say what was wrong with the lidar's scans and the wheels on the way, one line a kind with its count."""
+    """Print what was wrong with scans and wheels during the drive: one line per kind, with its count."""
     for line in robot.senses.perception.notes().values():
         console.print(f"note: {line}", markup=False, soft_wrap=True)
 
 
 def raise_if_interrupted(result: DriveResult) -> None:
-    """End a command that would drive on: Ctrl-C means all of it; the robot stands already."""
+    """Raise `ThumperError` after Ctrl-C, which ends the whole command; the robot has stopped already."""
     if result.interrupted:
         raise ThumperError(result.reason, exit_code=EXIT_INTERRUPTED)

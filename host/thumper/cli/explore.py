@@ -1,4 +1,4 @@
-"""`thumper explore`: map an unknown place without being told where to go, and come back."""
+"""`thumper explore`: map an unknown place autonomously and return to the start."""
 
 import math
 from dataclasses import replace
@@ -7,6 +7,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from thumper.cli.common_options import (
+    BoardPort,
+    BusAddress,
+    ConfigFile,
+    LidarPort,
+    Record,
+    RecordTo,
+    RunFolder,
+    Session,
+    StartPose,
+)
 from thumper.cli.interrupted import interrupt_told
 
 if TYPE_CHECKING:
@@ -22,31 +33,23 @@ HOME_TOLERANCE_M = 0.15
 
 @interrupt_told()
 def explore(
-    board: Annotated[str, typer.Option(help="Board port or URL; overrides the configuration.")] = "",
-    lidar: Annotated[str, typer.Option(help="Lidar port or URL; overrides the configuration.")] = "",
-    minutes: Annotated[float, typer.Option(help="Go home after this time [min].", min=0.1)] = 15.0,
-    config: Annotated[Path | None, typer.Option(help="The robot's TOML; without it, a Wild Thumper.")] = None,
-    out: Annotated[Path, typer.Option(help="Folder for map, pictures and summary.")] = Path("out/explore"),
-    session: Annotated[
-        Path | None, typer.Option(help="Go on mapping in this map.session, from another run or `map-log`.")
-    ] = None,
-    start: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option(
-            help="Where the robot stands in the --session: X Y in metres, then its heading in degrees. "
-            "Without it, wherever it recognises."
-        ),
-    ] = None,
-    bus: Annotated[str, typer.Option(help="HOST:PORT of the bus; overrides the configuration.")] = "",
-    record: Annotated[
-        bool, typer.Option("--record", help="Record everything, in the folder that is configured.")
-    ] = False,
-    record_to: Annotated[Path | None, typer.Option(help="Record everything, in this folder.")] = None,
+    board: BoardPort = "",
+    lidar: LidarPort = "",
+    minutes: Annotated[float, typer.Option(help="Return home after this many minutes.", min=0.1)] = 15.0,
+    config: ConfigFile = None,
+    out: RunFolder = Path("out/explore"),
+    session: Session = None,
+    start: StartPose = None,
+    bus: BusAddress = "",
+    record: Record = False,
+    record_to: RecordTo = None,
 ) -> None:
-    """Drive to the borders of the known until there are none, return to the start, and leave the map.
+    """Explore an unknown place until no frontier is left, return to the start and save the map.
 
-    The robot starts at the map's origin and looks along x, or where it finds itself in the --session. Leaves
-    with 1 when it did not come home.
+    The robot starts at the map's origin and faces along x. With --session, it starts at --start or localizes
+    itself. Exits with 1 if the robot did not return home.
+
+    Example: `thumper explore --board /dev/ttyUSB0 --lidar /dev/ttyACM0 --minutes 10`
     """
     from rich.console import Console
 
@@ -101,15 +104,15 @@ def explore(
 def _explore(
     robot: "RobotLoop", explorer: "Explorer", limit_s: float, home: "Goal", console: "Console"
 ) -> "tuple[str, DriveResult]":
-    """Drive from frontier to frontier; returns why it ended, in words, and how the last drive did.
+    """Drive from frontier to frontier; return why exploration ended and the last drive's result.
 
-    The result's time and way are those of all drives.
+    The result's time and distance cover all drives.
     """
     from thumper.cli.drive_progress import drive_with_progress
     from thumper.common.errors import ThumperError
     from thumper.navigation.state import NavigationState
 
-    # The first drive ends where it began: it makes the robot look round and gives the first map.
+    # The first goal is the start itself: the robot rotates in place and so gets its first map.
     result = drive_with_progress(robot, home, "look", console)
     tried, reached = 0, 0
     while (spent_s := result.time_s) < limit_s and not result.interrupted:
@@ -121,12 +124,12 @@ def _explore(
         tried += 1
         try:
             drive = drive_with_progress(robot, goal, f"frontier {tried}", console)
-        except ThumperError as error:  # what borders on free ground is no bad goal: the robot cannot drive
+        except ThumperError as error:  # a frontier is a valid goal, so the robot itself cannot drive
             return f"ended after {spent_s:.0f} s: {error}", replace(result, reached=False, reason=str(error))
         result = drive.after(result)
         reached += drive.reached
         if not drive.reached and not drive.interrupted:
-            if robot.pilot.navigator.state is not NavigationState.FAILED:  # then it is no fault of the place
+            if robot.pilot.navigator.state is not NavigationState.FAILED:  # the goal is not to blame
                 return f"ended after {result.time_s:.0f} s: {result.reason}", result
             console.print(f"frontier {tried} at {goal} is left: {result.reason}")
     why = "interrupted" if result.interrupted else "time is up"
@@ -134,7 +137,7 @@ def _explore(
 
 
 def _home(robot: "RobotLoop", last: "DriveResult", home: "Goal", console: "Console") -> "DriveResult":
-    """Drive home; a robot that cannot leaves what it has mapped all the same."""
+    """Drive home; if that fails, return the last result with the reason, so that the map is still saved."""
     from thumper.cli.drive_progress import drive_with_progress
     from thumper.common.errors import ThumperError
 
@@ -146,7 +149,13 @@ def _home(robot: "RobotLoop", last: "DriveResult", home: "Goal", console: "Conso
 
 
 def _here(robot: "RobotLoop") -> "Goal":
-    """Where it stands, to come back to; raises ThumperError when it does not know that."""
+    """Return the current pose as the goal to come home to.
+
+    Raises
+    ------
+    ThumperError
+        The robot does not know its pose.
+    """
     from thumper.common.errors import ThumperError
     from thumper.navigation.goal import Goal
 

@@ -1,4 +1,4 @@
-"""The folder that a command writes to: checked before the work starts."""
+"""Check a command's output folder before the work starts."""
 
 import os
 import tempfile
@@ -8,9 +8,14 @@ from thumper.common.errors import EXIT_USAGE, ThumperError
 
 
 def prepare_output(folder: Path, option: str = "--out") -> Path:
-    """Create `folder` if need be and prove that it can be written to; `ThumperError` says why not.
+    """Create `folder` if needed, check that it is writable, and return it.
 
-    `option` is the one that names the folder.
+    `option` is the command-line option that names the folder.
+
+    Raises
+    ------
+    ThumperError
+        The folder cannot be created or written to.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""`--record` of the commands that drive a robot."""
+"""`--record` and `--record-to` of the commands that drive a robot."""
 
 import sys
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def recorded(
     robot: "RobotLoop", settings: "RobotConfig", start: "Pose2 | None", record: bool, record_to: Path | None
 ) -> Iterator[None]:
-    """Record from now on if asked to; in any case `record_start` and `record_stop` work over the bus.
+    """Record from the start if requested; `record_start` and `record_stop` work over the bus in any case.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""`thumper run`: start the robot; with goals drive to them and end, without keep it at others' service."""
+"""`thumper run`: start the robot; drive to the given goals and exit, or run until Ctrl-C."""
 
 import math
 from dataclasses import replace
@@ -8,6 +8,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from thumper.cli.common_options import (
+    BoardPort,
+    BusAddress,
+    ClearFault,
+    ConfigFile,
+    GoalTolerance,
+    LidarPort,
+    Record,
+    RecordTo,
+    RunFolder,
+    SavedMap,
+    Session,
+    StartPose,
+)
 from thumper.cli.interrupted import interrupt_told
 
 if TYPE_CHECKING:
@@ -21,58 +35,49 @@ if TYPE_CHECKING:
 def run(
     goal: Annotated[
         tuple[float, float] | None,
-        typer.Option("--goal", "--goto", help="Where to drive: X Y in metres, in the map."),
+        typer.Option("--goal", metavar="X Y", help="Goal in the map, in metres."),
     ] = None,
     heading: Annotated[
-        float | None, typer.Option(help="Which way to look at --goal, in degrees from x.")
+        float | None, typer.Option(help="Heading at --goal, in degrees from the x axis.")
     ] = None,
     waypoint: Annotated[
         list[str] | None,
-        typer.Option(help="X,Y in metres; may be given often: driven to in that order, before --goal."),
+        typer.Option(metavar="X,Y", help="Waypoint before --goal, in metres; repeat for more."),
     ] = None,
     patrol: Annotated[
-        int, typer.Option(help="Drive all waypoints (and the goal) this often.", min=1, max=10_000)
+        int, typer.Option(help="Number of rounds over the waypoints and the goal.", min=1, max=10_000)
     ] = 1,
-    board: Annotated[str, typer.Option(help="Board port or URL; overrides the configuration.")] = "",
-    lidar: Annotated[str, typer.Option(help="Lidar port or URL; overrides the configuration.")] = "",
-    start: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option(
-            help="Where the robot stands: X Y in metres, then its heading in degrees. Without it the origin, "
-            "or with --map or --session wherever it recognises."
-        ),
-    ] = None,
-    saved_map: Annotated[
-        Path | None, typer.Option("--map", help="Localise in this map (its .yaml) instead of mapping.")
-    ] = None,
-    session: Annotated[
-        Path | None, typer.Option(help="Go on mapping in this map.session, from another run or `map-log`.")
-    ] = None,
-    tolerance: Annotated[
-        float, typer.Option(help="How near is near enough, in metres.", min=0.02, max=1.0)
-    ] = 0.1,
-    clear_fault: Annotated[bool, typer.Option(help="Clear a fault that the board has latched.")] = False,
-    config: Annotated[Path | None, typer.Option(help="The robot's TOML; without it, a Wild Thumper.")] = None,
-    out: Annotated[Path, typer.Option(help="Folder for map, pictures and summary.")] = Path("out/run"),
+    board: BoardPort = "",
+    lidar: LidarPort = "",
+    start: StartPose = None,
+    saved_map: SavedMap = None,
+    session: Session = None,
+    tolerance: GoalTolerance = 0.1,
+    clear_fault: ClearFault = False,
+    config: ConfigFile = None,
+    out: RunFolder = Path("out/run"),
     speed: Annotated[
         float,
-        typer.Option(help="Pace of a simulated robot that is at service; 1 is real time.", min=0.1, max=20.0),
+        typer.Option(
+            help="Real-time factor of a simulated robot that runs without a goal.", min=0.1, max=20.0
+        ),
     ] = 1.0,
-    bus: Annotated[str, typer.Option(help="HOST:PORT of the bus; overrides the configuration.")] = "",
+    bus: BusAddress = "",
     ui: Annotated[
-        bool, typer.Option("--ui", help="Serve the page in the browser beside it; see `thumper dashboard`.")
+        bool, typer.Option("--ui", help="Also serve the browser page; see `thumper dashboard`.")
     ] = False,
-    record: Annotated[
-        bool, typer.Option("--record", help="Record everything, in the folder that is configured.")
-    ] = False,
-    record_to: Annotated[Path | None, typer.Option(help="Record everything, in this folder.")] = None,
+    record: Record = False,
+    record_to: RecordTo = None,
 ) -> None:
-    """Drive to a goal, or round waypoints, in a place that the robot has never seen; leave the map behind.
+    """Start the robot. With a goal, drive there, save the map and exit; without one, run until Ctrl-C.
 
-    The map's frame is laid by --start: by default the robot stands at its origin and looks along x.
-    In a --map or a --session that frame holds, and the robot first finds out where in it it stands.
-    Without a goal the robot stays at service until Ctrl-C: it maps, and does what `thumper goto`, a page, a
-    gamepad or another program asks of it over the bus.
+    A robot without a goal maps and accepts commands from the bus: `thumper goto`, the browser page, a
+    gamepad, other programs.
+
+    --start defines the map frame. By default, the robot starts at the origin and faces along x. With --map or
+    --session, the saved frame stays, and the robot first localizes in it.
+
+    Example: `thumper run --board /dev/ttyUSB0 --lidar /dev/ttyACM0 --goal 2.0 0.5`
     """
     from rich.console import Console
 

@@ -1,4 +1,4 @@
-"""Pictures and files that a run leaves behind."""
+"""The pictures and files that a run writes."""
 
 import json
 from pathlib import Path
@@ -21,9 +21,9 @@ from thumper.slam.saved_state import SavedSlamState, save_session
 
 INK, BLUE, ORANGE, GREEN = "#1f2933", "#2563eb", "#ea580c", "#16a34a"
 BORDER_M = 0.3
-SHORTEST_PLAN_M = 0.1  # to look round, an exploring robot plans a way to where it stands
+SHORTEST_PLAN_M = 0.1  # exploration starts with a plan to the current position
 LEGEND = {"loc": "lower center", "bbox_to_anchor": (0.56, 1.0), "ncols": 2, "frameon": False, "fontsize": 8}
-"""Above the axes, between title and error: inside it would cover the curves."""
+"""Above the axes, between title and error; inside, it would cover the curves."""
 
 
 def draw_map(axes: Axes, grid: OccupancyGrid) -> None:
@@ -60,7 +60,7 @@ def draw_map(axes: Axes, grid: OccupancyGrid) -> None:
 
 
 def draw_drive(axes: Axes, log: DriveLog) -> None:
-    """Draw the first plan and the path as the robot believes to have driven it."""
+    """Draw the first plan (later ones thin) and the driven path by the robot's own estimate."""
     plans = [plan for plan in log.plans if arc_lengths(plan)[-1] > SHORTEST_PLAN_M]
     if plans:
         for plan in plans[1:]:
@@ -71,14 +71,14 @@ def draw_drive(axes: Axes, log: DriveLog) -> None:
 
 
 def draw_speeds(figure: Figure, speeds: FloatArray, title: str) -> None:
-    """Draw set-point, measured speed and PWM of both sides over time."""
+    """Plot setpoint, measured speed and PWM of both sides over time."""
     axes = figure.subplots(3, 1, sharex=True, height_ratios=(2, 2, 1.2))
     time_s = speeds[:, 0] - speeds[0, 0]
     for panel, side in zip(axes, ("left", "right"), strict=False):
         setpoint = speeds[:, SPEED_COLUMNS.index(f"{side}_setpoint")]
         measured = speeds[:, SPEED_COLUMNS.index(f"{side}_speed")]
         error = speed_errors(speeds)[side]
-        # Set-point and speed of a row belong to the interval that ends there; the PWM to the one that begins.
+        # Setpoint and speed of a row describe the interval before it; the PWM describes the one after it.
         panel.step(time_s, setpoint, where="pre", color=INK, linewidth=1.2, label="set-point")
         panel.plot(time_s, measured, ".-", color=BLUE, linewidth=1.0, markersize=3, label="measured")
         panel.set_ylabel(f"{side} [rad/s]")
@@ -99,7 +99,7 @@ def draw_speeds(figure: Figure, speeds: FloatArray, title: str) -> None:
 
 
 def write_run(folder: Path, mapper: Mapper, log: DriveLog, result: DriveResult) -> list[str]:
-    """Write map, session, two pictures and the summary of one run; returns the file names."""
+    """Write map, session, two pictures and summary.json of one run; return the file names."""
     grid = mapper.grid()
     save_map(grid, folder / "map.yaml")
     save_session(SavedSlamState.of(mapper, result.map_from_base), folder / "map.session")

@@ -1,4 +1,4 @@
-"""`--map` and `--session` of the commands that drive a robot: what is known of the place before the start."""
+"""`--map` and `--session`: load the saved map or session that a drive starts with."""
 
 import math
 from pathlib import Path
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 def known_place(
     settings: "RobotConfig", saved_map: Path | None, session: Path | None
 ) -> "OccupancyGrid | SavedSlamState | None":
-    """Read the one that is given, and say what is to be known of it.
+    """Load the given map or session; print where a session was saved and which mapper continues it.
 
     Raises
     ------

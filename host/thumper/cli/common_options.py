@@ -1,0 +1,52 @@
+"""Options that several commands share: each has one name and one help text."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+BoardPort = Annotated[
+    str, typer.Option("--board", help="Serial port or URL of the board; overrides the configuration.")
+]
+LidarPort = Annotated[
+    str, typer.Option("--lidar", help="Serial port or URL of the lidar; overrides the configuration.")
+]
+ConfigFile = Annotated[
+    Path | None, typer.Option("--config", help="TOML file of the robot; without it, a Wild Thumper.")
+]
+BusAddress = Annotated[str, typer.Option("--bus", help="HOST:PORT of the bus; overrides the configuration.")]
+RobotName = Annotated[
+    str, typer.Option("--robot", help="Name of the robot on the bus; overrides the configuration.")
+]
+StartPose = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option(
+        "--start",
+        metavar="X Y DEGREES",
+        help="Start pose in the map: X and Y in metres, heading in degrees. Without it: the origin, or, "
+        "with a saved map or session, global localization.",
+    ),
+]
+SavedMap = Annotated[
+    Path | None, typer.Option("--map", help="Localize in this saved map (.yaml) instead of mapping.")
+]
+Session = Annotated[
+    Path | None, typer.Option("--session", help="Continue mapping from this saved session (map.session).")
+]
+GoalTolerance = Annotated[
+    float, typer.Option("--tolerance", min=0.02, max=1.0, help="Allowed distance from the goal, in metres.")
+]
+ClearFault = Annotated[bool, typer.Option("--clear-fault", help="Clear a fault that the board has latched.")]
+Record = Annotated[bool, typer.Option("--record", help="Record everything to the configured folder.")]
+RecordTo = Annotated[Path | None, typer.Option("--record-to", help="Record everything to this folder.")]
+RunFolder = Annotated[
+    Path, typer.Option("--out", help="Folder for the map, session, pictures and summary.json.")
+]
+MapFolder = Annotated[
+    Path,
+    typer.Option("--out", help="Folder for map.pgm, map.yaml, map.session, map.png and trajectory.csv."),
+]
+Recordings = Annotated[
+    list[Path], typer.Argument(help="Recordings (.mcap) of one run in order, or their folder.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
