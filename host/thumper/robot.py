@@ -33,13 +33,13 @@ from thumper.runtime.drive.drive_manager import DriveMode
 from thumper.runtime.drive_log import DriveLog
 from thumper.runtime.drive_result import DriveResult
 from thumper.runtime.loop import RobotLoop
-from thumper.runtime.requests import goal_of
+from thumper.runtime.requests import parse_goal
 from thumper.runtime.state_estimator import RobotState
 from thumper.slam.saved_state import SavedSlamState, load_session, save_session
 
 SIMULATION = "sim://"
-LONGEST_DRIVE_S = 600.0
-OFF_BEATS = 3  # telemetry from before the motors were switched off may still be on its way
+MAX_DURATION_S = 600.0
+DISARM_CYCLES = 3  # telemetry from before the motors were switched off may still be on its way
 _simulation_numbers = itertools.count(1)
 
 
@@ -90,7 +90,7 @@ class Robot:
             size_m = self._config.mapping.resolution_m
             known = load_session(self._session, size_m) if self._session else None
             self._opened = stack.enter_context(open_robot(self._config, self._start, known))
-            self._runtime.senses.look_round(self._beat)
+            self._runtime.inputs.wait_for_map(self._step)
             self._stack = stack.pop_all()
         return self
 
@@ -118,14 +118,14 @@ class Robot:
         if not (math.isfinite(v_m_s) and math.isfinite(w_rad_s)):
             raise ThumperError("drive: give finite speeds", exit_code=EXIT_USAGE)
         self._catch_up()
-        pilot = self._runtime.pilot
-        pilot.arm(self._runtime.senses.telemetry)
+        drive_manager = self._runtime.drive_manager
+        drive_manager.arm(self._runtime.inputs.telemetry)
         try:
-            pilot.cruise(Twist2(v_m_s=v_m_s, w_rad_s=w_rad_s))
-            self._let_pass(duration_s, while_armed=True)
+            drive_manager.cruise(Twist2(v_m_s=v_m_s, w_rad_s=w_rad_s))
+            self._run_for(duration_s, while_armed=True)
         finally:
             self._runtime.stop()
-            self._hear_motors_off()
+            self._await_motors_off()
 
     def goto(
         self, x_m: float, y_m: float, heading_rad: float | None = None, *, tolerance_m: float = 0.1
@@ -143,8 +143,8 @@ class Robot:
         if heading_rad is not None:
             numbers["yaw_rad"] = heading_rad
         numbers = {name: _number("goto", value) for name, value in numbers.items()}
-        result = self._runtime.drive_to(goal_of(numbers), lambda _progress: None)
-        self._hear_motors_off()
+        result = self._runtime.drive_to(parse_goal(numbers), lambda _progress: None)
+        self._await_motors_off()
         if result.interrupted:
             raise KeyboardInterrupt
         return result
@@ -159,13 +159,13 @@ class Robot:
         """
         duration_s = _duration_s("wait", duration_s)
         self._catch_up()
-        self._let_pass(duration_s, while_armed=False)
+        self._run_for(duration_s, while_armed=False)
 
     @property
     def pose(self) -> Pose2:
         """Where the robot is in the map."""
         self._catch_up()
-        return self._situation.map_from_base
+        return self._robot_state.map_from_base
 
     @property
     def map(self) -> OccupancyGrid:
@@ -177,7 +177,7 @@ class Robot:
     def scan(self) -> Scan:
         """The lidar's newest turn."""
         self._catch_up()
-        scan = self._runtime.senses.newest_scan
+        scan = self._runtime.inputs.newest_scan
         assert scan is not None  # the robot has looked round
         return scan
 
@@ -185,7 +185,7 @@ class Robot:
     def telemetry(self) -> Telemetry:
         """What the board says, in its own units."""
         self._catch_up()
-        telemetry = self._runtime.senses.telemetry
+        telemetry = self._runtime.inputs.telemetry
         assert telemetry is not None
         return telemetry
 
@@ -231,33 +231,33 @@ class Robot:
         return self._opened
 
     @property
-    def _situation(self) -> RobotState:
-        situation = self._runtime.senses.perception.situation()
-        assert situation is not None
-        return situation
+    def _robot_state(self) -> RobotState:
+        state = self._runtime.inputs.estimator.state()
+        assert state is not None
+        return state
 
     def _catch_up(self) -> None:
-        self._runtime.senses.catch_up(self._beat)
+        self._runtime.inputs.catch_up(self._step)
 
-    def _hear_motors_off(self) -> None:
+    def _await_motors_off(self) -> None:
         """Let `telemetry` be of the robot at rest; should the board be silent, the next call says so."""
         with suppress(ThumperError):
-            for _ in range(OFF_BEATS):
-                telemetry = self._runtime.senses.telemetry
-                if telemetry is None or telemetry.state in (State.DISARMED, State.FAULT) or not self._beat():
+            for _ in range(DISARM_CYCLES):
+                telemetry = self._runtime.inputs.telemetry
+                if telemetry is None or telemetry.state in (State.DISARMED, State.FAULT) or not self._step():
                     return
 
-    def _let_pass(self, duration_s: float, *, while_armed: bool) -> None:
+    def _run_for(self, duration_s: float, *, while_armed: bool) -> None:
         until_s = math.inf
-        while self._situation.time_s < until_s:
-            if not self._beat():
+        while self._robot_state.time_s < until_s:
+            if not self._step():
                 raise ThumperError("the board went silent; is the cable loose?", exit_code=EXIT_NOT_THERE)
-            if while_armed and self._runtime.pilot.mode is DriveMode.IDLE:
-                raise ThumperError(f"the drive ended early: {self._runtime.pilot.reason}")
-            until_s = min(until_s, self._situation.time_s + duration_s)  # from the first order on
+            if while_armed and self._runtime.drive_manager.mode is DriveMode.IDLE:
+                raise ThumperError(f"the drive ended early: {self._runtime.drive_manager.reason}")
+            until_s = min(until_s, self._robot_state.time_s + duration_s)  # from the first order on
 
-    def _beat(self) -> bool:
-        alive, _ = self._runtime.beat()
+    def _step(self) -> bool:
+        alive, _ = self._runtime.step()
         return alive
 
 
@@ -270,9 +270,9 @@ def _number(what: str, value: float) -> float:
 
 def _duration_s(what: str, value: float) -> float:
     duration_s = _number(what, value)
-    if not 0.0 < duration_s <= LONGEST_DRIVE_S:  # nor is nan
+    if not 0.0 < duration_s <= MAX_DURATION_S:  # nor is nan
         raise ThumperError(
-            f"{what}: give a duration of more than 0 and up to {LONGEST_DRIVE_S:g} s", exit_code=EXIT_USAGE
+            f"{what}: give a duration of more than 0 and up to {MAX_DURATION_S:g} s", exit_code=EXIT_USAGE
         )
     return duration_s
 

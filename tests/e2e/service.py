@@ -27,8 +27,8 @@ class Service:
         self.robot, self.bench = robot, bench
         self.waited_s = 0.0
         self.events: list[str] = []
-        robot.products.add(self._listen)
-        robot.desk.takes_goals = True
+        robot.publisher.add_sink(self._listen)
+        robot.request_handler.accepts_goals = True
 
     def wall_s(self) -> float:
         """The clock on the wall: beats take no time but the board's, and a test may wait between them."""
@@ -40,11 +40,11 @@ class Service:
 
     def beats(self, count: int) -> None:
         for _ in range(count):
-            self.robot.serve_beat()
+            self.robot.serve_step()
 
     def put(self, *requests: Request) -> None:
         for request in requests:
-            self.robot.inbox.put(request)
+            self.robot.request_queue.put(request)
         self.beats(1)
 
     def until(self, condition: Callable[[], bool], most_beats: int = 300) -> None:
@@ -52,7 +52,7 @@ class Service:
             if condition():
                 return
             self.beats(1)
-        raise AssertionError(self.robot.pilot.reason)
+        raise AssertionError(self.robot.drive_manager.reason)
 
     def ask(self, name: str, content: Mapping[str, Any] | None = None) -> dict[str, Any]:
         answers: list[Mapping[str, Any]] = []
@@ -62,10 +62,10 @@ class Service:
 
     @property
     def telemetry(self) -> Telemetry:
-        telemetry = self.robot.senses.telemetry
+        telemetry = self.robot.inputs.telemetry
         assert telemetry is not None
         return telemetry
 
     @property
     def mode(self) -> str:
-        return self.robot.pilot.mode.value
+        return self.robot.drive_manager.mode.value

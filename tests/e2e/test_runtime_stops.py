@@ -63,7 +63,7 @@ def break_the_mapper(robot: RobotLoop, _bench: Bench) -> None:
 
 
 def silence_the_lidar(robot: RobotLoop, _bench: Bench) -> None:
-    robot.senses.lidar.poll = list  # type: ignore[method-assign]
+    robot.inputs.lidar.poll = list  # type: ignore[method-assign]
 
 
 def restart_the_board(_robot: RobotLoop, bench: Bench) -> None:
@@ -103,7 +103,7 @@ def test_another_ctrl_c_while_it_stops_does_not_skip_disarming(
 ) -> None:
     """The user is impatient: Ctrl-C again in the ramp, or in the very command that disarms."""
     with robot_in_the_lab() as (robot, bench):
-        board = robot.senses.board
+        board = robot.inputs.board
         said = getattr(board, call)
         impatient = True
 
@@ -157,7 +157,7 @@ def test_frames_lost_on_the_way_to_a_stand_are_no_lost_link() -> None:
     with robot_in_the_lab() as (robot, bench):
         drive(robot, bench, interrupt_and_disturb)
         bench.fault("line.noise", 0.0)
-        telemetry = robot.senses.board.poll(0.5)[-1].telemetry
+        telemetry = robot.inputs.board.poll(0.5)[-1].telemetry
     assert (telemetry.state, telemetry.fault) == (State.DISARMED, Fault.NONE)
 
 

@@ -94,8 +94,8 @@ def test_a_drive_with_a_goal_of_its_own_can_be_stopped_but_not_sent_elsewhere(
         nonlocal told
         if beat.time_s > 1.5 and not told:
             told = True
-            service.robot.inbox.put(GoTo(goals=(NEAR,)))
-            service.robot.inbox.put(request_)
+            service.robot.request_queue.put(GoTo(goals=(NEAR,)))
+            service.robot.request_queue.put(request_)
 
     result = service.robot.drive_to(FAR, ask)
     assert not result.reached

@@ -18,7 +18,7 @@ def test_a_board_that_was_unplugged_is_found_again_and_the_map_stays(
 ) -> None:
     service.put(GoTo(goals=(FAR,)))
     service.beats(15)
-    before = service.robot.senses.perception.situation()
+    before = service.robot.inputs.estimator.state()
     known = (service.robot.mapper.grid().cells >= 0).sum()
     service.bench.fault("board", "unplugged")
     naps: list[float] = []
@@ -33,7 +33,7 @@ def test_a_board_that_was_unplugged_is_found_again_and_the_map_stays(
         service.beats(1)
     assert naps
     service.beats(5)
-    after = service.robot.senses.perception.situation()
+    after = service.robot.inputs.estimator.state()
     assert before is not None
     assert after is not None
     assert after.map_from_base.distance_m(before.map_from_base) < 0.4
@@ -46,7 +46,7 @@ def test_a_board_that_was_unplugged_is_found_again_and_the_map_stays(
 
 
 def test_a_lidar_that_was_unplugged_is_opened_again_once_the_robot_stands(service: Service) -> None:
-    first = service.robot.senses.lidar
+    first = service.robot.inputs.lidar
     service.put(GoTo(goals=(FAR,)))
     service.beats(10)
     service.bench.fault("lidar", "unplugged")
@@ -56,7 +56,7 @@ def test_a_lidar_that_was_unplugged_is_opened_again_once_the_robot_stands(servic
     service.beats(60)
     service.bench.fault("lidar", "ok")
     service.until(lambda: "the lidar answers again" in service.events)
-    lidar = service.robot.senses.lidar
+    lidar = service.robot.inputs.lidar
     assert lidar is not first
     assert lidar.counters.scans > 10  # counted on
     assert lidar.counters.restarts > 0
@@ -79,7 +79,7 @@ def test_a_part_that_breaks_stops_the_robot_and_not_its_process(
         raise IndexError("no such cell")
 
     with monkeypatch.context() as patch:
-        patch.setattr(service.robot.senses.perception, "add_scan", broken)
+        patch.setattr(service.robot.inputs.estimator, "add_scan", broken)
         service.beats(2)
     service.beats(2)
     assert service.telemetry.state is State.DISARMED
@@ -108,13 +108,13 @@ def test_a_ctrl_c_that_a_kernel_swallows_ends_it_all_the_same(service: Service) 
 
 def test_orders_go_on_while_the_boards_frames_are_lost(service: Service) -> None:
     """The firmware stops after 300 ms without a command; the host waits half a second for a frame."""
-    senses = service.robot.senses
-    senses.beat()
-    begun_s = senses.board.now_s()
+    inputs = service.robot.inputs
+    inputs.read()
+    begun_s = inputs.board.now_s()
     given_s = [begun_s]
     service.bench.fault("line.loss", 1.0)
-    assert not senses.beat(lambda: given_s.append(senses.board.now_s()))
-    assert senses.board.now_s() - begun_s == pytest.approx(0.5, abs=0.02)
+    assert not inputs.read(lambda: given_s.append(inputs.board.now_s()))
+    assert inputs.board.now_s() - begun_s == pytest.approx(0.5, abs=0.02)
     gaps_s = [after - before for before, after in pairwise(given_s)]
     assert len(gaps_s) == 2
     assert max(gaps_s) < 0.2

@@ -13,7 +13,7 @@ AHEAD = Twist2(v_m_s=0.3)
 def test_a_hand_needs_arming_and_reaches_the_firmware_as_manual(service: Service) -> None:
     service.put(Velocity(channel=TeleopSource.GAMEPAD, twist=AHEAD))
     assert service.mode == "idle"
-    assert "arm the robot" in service.robot.pilot.reason
+    assert "arm the robot" in service.robot.drive_manager.reason
     service.put(RobotCommand(name="arm"))
     service.beats(2)
     assert (service.mode, service.telemetry.state) == ("holding", State.CLOSED_LOOP)

@@ -14,7 +14,7 @@ def command(service: Service, name: str) -> dict[str, object]:
 def test_a_standing_robot_localises_in_its_map_and_maps_on(service: Service) -> None:
     mapper = service.robot.mapper
     assert isinstance(mapper, SlamModeSwitch)
-    service.until(lambda: service.robot.senses.has_looked)
+    service.until(lambda: service.robot.inputs.has_map)
     assert command(service, "localise") == {
         "ok": True,
         "text": "the map stays as it is; the robot localises in it",

@@ -28,7 +28,7 @@ def test_parameters(service: Service) -> None:
 
 def test_the_status_tells_a_heading_of_zero_from_none(service: Service) -> None:
     told: list[float] = []
-    service.robot.products.add(
+    service.robot.publisher.add_sink(
         lambda topic, _stamp_s, message: told.append(message.goal_yaw_rad) if topic == "status" else None
     )
     place = {"x_m": FAR.x_m, "y_m": FAR.y_m}
@@ -52,8 +52,8 @@ def test_the_wheels_do_not_wait_for_parameters(service: Service, monkeypatch: py
     """Simulated time stands still but where the board is waited for."""
     service.put(GoTo(goals=(FAR,)))
     service.beats(10)
-    senses, board, heard_s, ordered_s = service.robot.senses, service.robot.senses.board, [0.0], [0.0]
-    hear, order = senses.beat, board.set_wheel_speeds
+    inputs, board, heard_s, ordered_s = service.robot.inputs, service.robot.inputs.board, [0.0], [0.0]
+    hear, order = inputs.read, board.set_wheel_speeds
 
     def beat(standing_order: Callable[[], None] | None = None) -> bool:
         alive = hear(standing_order)
@@ -64,7 +64,7 @@ def test_the_wheels_do_not_wait_for_parameters(service: Service, monkeypatch: py
         ordered_s[0] = service.bench.time_s
         order(speeds)
 
-    monkeypatch.setattr(senses, "beat", beat)
+    monkeypatch.setattr(inputs, "read", beat)
     monkeypatch.setattr(board, "set_wheel_speeds", set_wheel_speeds)
     values = service.ask("parameters/get")["values"]
     assert ordered_s == heard_s

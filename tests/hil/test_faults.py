@@ -11,7 +11,7 @@ from thumper.board.board import Board
 from thumper.board.messages import Command, Fault, State, Telemetry
 from thumper.common.errors import ThumperError
 from thumper.common.kinematics import WheelSpeeds
-from thumper.runtime.sensor_inputs import LATE_BEAT_S
+from thumper.runtime.sensor_inputs import LATE_CYCLE_S
 from thumper_hil.bench import Bench, simulation
 
 NAME = "fault-test"
@@ -205,7 +205,7 @@ def test_one_command_in_fifty_lost_stops_nothing(driving: Open) -> None:
     errors = 0
     while bench.time_s < until_s:
         board.set_wheel_speeds(spin)
-        for sample in board.poll(LATE_BEAT_S):
+        for sample in board.poll(LATE_CYCLE_S):
             errors = sample.telemetry.rx_errors
             assert sample.telemetry.state is State.CLOSED_LOOP, sample.telemetry.fault
     assert errors > 10

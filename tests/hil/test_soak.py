@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from thumper.runtime.service.stall_guard import HUNG_S
+from thumper.runtime.service.stall_guard import STALL_S
 from thumper_hil.bench import soak as module
 from thumper_hil.bench.soak import soak
 
@@ -35,7 +35,7 @@ def test_a_computer_that_stalls_is_no_complaint(monkeypatch: pytest.MonkeyPatch)
 
     def drive_and_stall(*arguments: Any) -> None:
         drive(*arguments)
-        Event().wait(HUNG_S + 0.2)
+        Event().wait(STALL_S + 0.2)
 
     monkeypatch.setattr(module, "_one_drive", drive_and_stall)
     report = soak(20.0, seed=2)

@@ -25,43 +25,43 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RobotLoop
     )
     with open_robot(config, Pose2()) as robot:
         for _ in range(5):
-            robot.serve_beat()
-        robot._pacer.set_speed(20.0)
+            robot.serve_step()
+        robot._rate.set_speed(20.0)
         yield robot
 
 
 def ask(robot: RobotLoop, name: str, content: Mapping[str, Any], source: str = "me") -> dict[str, Any]:
     answers: list[Mapping[str, Any]] = []
-    robot.inbox.put(Query(name=name, content=content, reply=answers.append, source=source))
-    robot.desk.attend()
+    robot.request_queue.put(Query(name=name, content=content, reply=answers.append, source=source))
+    robot.request_handler.process_pending()
     return dict(answers[0])
 
 
 def interrupt(robot: RobotLoop, monkeypatch: pytest.MonkeyPatch, *requests: Any) -> None:
     """Have requests come in once the robot has been driving for a while."""
     beats = 0
-    attend = robot.desk.attend
+    process = robot.request_handler.process_pending
 
-    def attending() -> None:
+    def processing() -> None:
         nonlocal beats
         beats += 1
         if beats == 40:
             for request in requests:
-                robot.inbox.put(request)
-        attend()
+                robot.request_queue.put(request)
+        process()
 
-    monkeypatch.setattr(robot.desk, "attend", attending)
+    monkeypatch.setattr(robot.request_handler, "process_pending", processing)
 
 
 def state_after(robot: RobotLoop) -> State:
-    robot.serve_beat()
-    assert robot.senses.telemetry is not None
-    return robot.senses.telemetry.state
+    robot.serve_step()
+    assert robot.inputs.telemetry is not None
+    return robot.inputs.telemetry.state
 
 
 def test_motors_are_identified(robot: RobotLoop) -> None:
     assert ask(robot, "experiment/start", {"name": "identify", "lane_m": 1.2})["text"] == "identify begins"
-    robot.serve_beat()
+    robot.serve_step()
     state = ask(robot, "experiment/state", {})
     assert (state["running"], state["problem"]) == ("", "")
     assert [line.partition(":")[0] for line in state["lines"] if "gain" in line] == ["left", "right"]
@@ -78,7 +78,7 @@ def test_it_is_stopped(
 ) -> None:
     ask(robot, "experiment/start", {"name": "tune", "lane_m": 1.2})
     interrupt(robot, monkeypatch, request_)
-    robot.serve_beat()
+    robot.serve_step()
     state = ask(robot, "experiment/state", {})
     assert state["problem"] == problem
     assert 0.0 < state["share"] < 0.2
@@ -86,9 +86,9 @@ def test_it_is_stopped(
 
 
 def test_a_page_that_goes_stops_what_it_began(robot: RobotLoop) -> None:
-    robot.inbox.put(Heartbeat(source="page"))
+    robot.request_queue.put(Heartbeat(source="page"))
     ask(robot, "experiment/start", {"name": "tune", "lane_m": 1.2}, source="page")
-    robot.serve_beat()
+    robot.serve_step()
     assert ask(robot, "experiment/state", {})["problem"] == "the page that began it is gone"
     assert state_after(robot) is State.DISARMED
 
@@ -105,7 +105,7 @@ def test_a_page_that_goes_stops_what_it_began(robot: RobotLoop) -> None:
 )
 def test_what_makes_no_sense_is_refused(robot: RobotLoop, content: dict[str, Any]) -> None:
     assert not ask(robot, "experiment/start", content)["ok"]
-    assert robot.desk.experiments.wanted == ""
+    assert robot.request_handler.experiments.requested == ""
 
 
 def test_one_at_a_time_and_nothing_beside(robot: RobotLoop) -> None:
@@ -113,7 +113,7 @@ def test_one_at_a_time_and_nothing_beside(robot: RobotLoop) -> None:
     assert ask(robot, "experiment/start", order)["ok"]
     assert "under way" in ask(robot, "experiment/start", order)["error"]
     ask(robot, "command", {"command": "cancel"})
-    assert robot.desk.experiments.wanted == ""  # taken back before it began
-    assert robot.senses.telemetry is not None
-    assert robot.senses.telemetry.fault is Fault.NONE
+    assert robot.request_handler.experiments.requested == ""  # taken back before it began
+    assert robot.inputs.telemetry is not None
+    assert robot.inputs.telemetry.fault is Fault.NONE
     assert not ask(robot, "experiment/report", {})["ok"]

@@ -38,7 +38,7 @@ from thumper.runtime.drive.waypoints import MissionState
 from thumper.runtime.loop import RobotLoop
 from thumper.runtime.requests import EmergencyStop, RobotCommand
 from thumper.runtime.sensor_inputs import BLIND_S
-from thumper.runtime.service.stall_guard import LATE_S, TOLD
+from thumper.runtime.service.stall_guard import STALE_PERIOD_S, STALE_REQUEST
 from thumper_hil.bench import Bench, simulation
 
 START = Pose2(x_m=1.0, y_m=0.0, theta_rad=math.pi)
@@ -109,8 +109,8 @@ def soak(duration_s: float, seed: int = 1) -> Report:
     bus = BusOptions(address=f"127.0.0.1:{_free_port()}")
     with open_robot(config, START) as robot, on_bus(robot, config.name, bus):
         bench = simulation(f"soak{seed}")
-        robot.desk.takes_goals, robot.senses.keeps_log = True, False
-        robot.senses.look_round(lambda: robot.beat()[0])
+        robot.request_handler.accepts_goals, robot.inputs.keep_log = True, False
+        robot.inputs.wait_for_map(lambda: robot.step()[0])
         with (
             _time_passes_in_naps(bench),
             ThreadPoolExecutor(1) as visitors,
@@ -123,7 +123,7 @@ def soak(duration_s: float, seed: int = 1) -> Report:
                     _send_goal(robot, visitors, (config.name, bus.address), place_m)
                 except ThumperError as error:
                     report.complaints.append(f"after drive {report.drives}, goal {place_m} refused: {error}")
-                    robot.serve_beat()
+                    robot.serve_step()
                 else:
                     _one_drive(robot, bench, rng, report)
         report.simulated_s, report.contacts = bench.time_s, bench.contacts
@@ -155,14 +155,16 @@ def _send_goal(
         try:
             return visitor.result()
         except ThumperError as error:
-            if str(error) != TOLD:  # this computer is so busy that the loop looked hung: ask again, as told
+            if (
+                str(error) != STALE_REQUEST
+            ):  # this computer is so busy that the loop looked hung: ask again, as told
                 raise
-        _attend_until_done(robot, visitors.submit(Event().wait, LATE_S))
+        _attend_until_done(robot, visitors.submit(Event().wait, STALE_PERIOD_S))
 
 
 def _attend_until_done(robot: RobotLoop, visitor: Future[Any]) -> None:
     while not visitor.done():
-        robot.desk.attend()
+        robot.request_handler.process_pending()
         wait([visitor], timeout=0.005)
 
 
@@ -172,17 +174,17 @@ def _one_drive(robot: RobotLoop, bench: Bench, rng: np.random.Generator, report:
     at_beat = int(rng.integers(5, 40)) if report.drives % 2 == 0 else -1
     broken = ""
     for beat in range(MOST_BEATS):
-        robot.serve_beat()
-        if robot.pilot.mode is DriveMode.IDLE:
+        robot.serve_step()
+        if robot.drive_manager.mode is DriveMode.IDLE:
             break
-        if beat == at_beat and robot.pilot.mode is DriveMode.DRIVING:
+        if beat == at_beat and robot.drive_manager.mode is DriveMode.DRIVING:
             broken = name
             report.faults[name] += 1
             _break(robot, bench, name, bad)
             if name not in DRIVES_ON:
                 _must_stop(robot, bench, name, report)
                 break
-    mission = robot.desk.missions.newest
+    mission = robot.request_handler.missions.newest
     assert mission is not None  # one was sent
     reached = mission.state is MissionState.REACHED
     report.reached += reached
@@ -193,7 +195,7 @@ def _one_drive(robot: RobotLoop, bench: Bench, rng: np.random.Generator, report:
             x_m, y_m = mission.goals[0].x_m, mission.goals[0].y_m
             report.complaints.append(
                 f"drive {report.drives} to ({x_m}, {y_m}), {broken or 'no fault'}, is {mission.state.value}: "
-                f"{mission.reason or robot.pilot.reason}"
+                f"{mission.reason or robot.drive_manager.reason}"
             )
     if broken and good is not None:
         bench.fault(broken, good)
@@ -204,23 +206,25 @@ def _one_drive(robot: RobotLoop, bench: Bench, rng: np.random.Generator, report:
 
 def _break(robot: RobotLoop, bench: Bench, name: str, bad: str | float) -> None:
     if name == E_STOP:
-        robot.inbox.put(EmergencyStop())
+        robot.request_queue.put(EmergencyStop())
     else:
         bench.fault(name, bad)
 
 
 def _must_stop(robot: RobotLoop, bench: Bench, name: str, report: Report) -> None:
     broke_s = bench.time_s
-    while bench.time_s < broke_s + STOP_S or robot.pilot.mode is DriveMode.DRIVING:
-        robot.serve_beat()
+    while bench.time_s < broke_s + STOP_S or robot.drive_manager.mode is DriveMode.DRIVING:
+        robot.serve_step()
         if bench.time_s > broke_s + 3.0 * STOP_S:
             break
     truth = bench.truth()[-round(100 * (bench.time_s - broke_s)) :]
     moving_s = truth[(np.abs(truth[:, 4:6]) > STANDING_RAD_S).any(axis=1), 0]
     stop_s = float(moving_s[-1] - broke_s) if moving_s.size else 0.0
     report.longest_stop_s = max(report.longest_stop_s, stop_s)
-    if stop_s > STOP_S or robot.pilot.mode is DriveMode.DRIVING:
-        report.complaints.append(f"{name}: the robot stood after {stop_s:.1f} s, then {robot.pilot.reason}")
+    if stop_s > STOP_S or robot.drive_manager.mode is DriveMode.DRIVING:
+        report.complaints.append(
+            f"{name}: the robot stood after {stop_s:.1f} s, then {robot.drive_manager.reason}"
+        )
 
 
 def _way_back(robot: RobotLoop, bench: Bench, report: Report, after: str) -> None:
@@ -228,25 +232,25 @@ def _way_back(robot: RobotLoop, bench: Bench, report: Report, after: str) -> Non
     way is open.
     """
     for _ in range(15):
-        robot.serve_beat()
+        robot.serve_step()
     back_s = bench.time_s + LIDAR_BACK_S
     while not _sees(robot) and bench.time_s < back_s:
-        robot.serve_beat()
+        robot.serve_step()
     if not _sees(robot):
         report.complaints.append(f"after {after} there are no scans for {LIDAR_BACK_S:.0f} s")
-    telemetry = robot.senses.telemetry
+    telemetry = robot.inputs.telemetry
     if telemetry is not None and telemetry.state is State.FAULT:
-        robot.inbox.put(RobotCommand(name="clear_fault"))
+        robot.request_queue.put(RobotCommand(name="clear_fault"))
         for _ in range(5):
-            robot.serve_beat()
-    telemetry = robot.senses.telemetry
+            robot.serve_step()
+    telemetry = robot.inputs.telemetry
     if telemetry is None or telemetry.state is not State.DISARMED:
         state = telemetry.state.name if telemetry else "silent"
-        report.complaints.append(f"after {after} the board is {state}: {robot.pilot.reason}")
+        report.complaints.append(f"after {after} the board is {state}: {robot.drive_manager.reason}")
 
 
 def _sees(robot: RobotLoop) -> bool:
-    situation = robot.senses.perception.situation()
+    situation = robot.inputs.estimator.state()
     return situation is not None and situation.scan_age_s < BLIND_S
 
 

@@ -15,7 +15,7 @@ from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2
 from thumper.common.strict_toml import read_checked
 from thumper.config.robot import config_to_json, load_config
-from thumper.runtime.loop import FARTHEST_GOAL_M
+from thumper.runtime.loop import MAX_GOAL_DISTANCE_M
 from thumper_hil.bench.collision import HULL_M
 from thumper_hil.bench.options import FULL_TURN_DEG
 from thumper_hil.campaign.job_digest import content_of, digest
@@ -150,10 +150,10 @@ def _why_not(mission: MissionSpec) -> str:
     if reason := why_not_here(Scene(World.load(mission.world)).world, pose, HULL_M):
         return f"start: a robot at {x_m:g}, {y_m:g} {reason} of {mission.world}; start it somewhere free"
     for here, there in pairwise(((x_m, y_m), *mission.via, mission.goal)):
-        if math.dist(here, there) > FARTHEST_GOAL_M:
+        if math.dist(here, there) > MAX_GOAL_DISTANCE_M:
             return (
-                f"{there[0]:g}, {there[1]:g} is more than {FARTHEST_GOAL_M:g} m from where the robot comes "
-                "from; choose nearer goals"
+                f"{there[0]:g}, {there[1]:g} is more than {MAX_GOAL_DISTANCE_M:g} m from where the robot "
+                "comes from; choose nearer goals"
             )
     return ""
 

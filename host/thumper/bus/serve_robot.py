@@ -31,10 +31,12 @@ def on_bus(robot: RobotLoop, name: str, options: BusOptions) -> Iterator[BusServ
     ThumperError
         The address is taken.
     """
-    server = BusServer(name, options, robot.inbox, lambda text: robot.inbox.put(LogMessage(text=text)))
-    robot.products.add(server.publish)
+    server = BusServer(
+        name, options, robot.request_queue, lambda text: robot.request_queue.put(LogMessage(text=text))
+    )
+    robot.publisher.add_sink(server.publish)
     try:
         yield server
     finally:
-        robot.products.remove(server.publish)
+        robot.publisher.remove_sink(server.publish)
         server.close()

@@ -45,7 +45,7 @@ def drive_with_progress(
 
 def print_notes(robot: RobotLoop, console: Console) -> None:
     """Print what was wrong with scans and wheels during the drive: one line per kind, with its count."""
-    for line in robot.senses.perception.notes().values():
+    for line in robot.inputs.estimator.notes().values():
         console.print(f"note: {line}", markup=False, soft_wrap=True)
 
 

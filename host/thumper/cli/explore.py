@@ -129,7 +129,7 @@ def _explore(
         result = drive.after(result)
         reached += drive.reached
         if not drive.reached and not drive.interrupted:
-            if robot.pilot.navigator.state is not NavigationState.FAILED:  # the goal is not to blame
+            if robot.drive_manager.navigator.state is not NavigationState.FAILED:  # the goal is not to blame
                 return f"ended after {result.time_s:.0f} s: {result.reason}", result
             console.print(f"frontier {tried} at {goal} is left: {result.reason}")
     why = "interrupted" if result.interrupted else "time is up"
@@ -159,7 +159,7 @@ def _here(robot: "RobotLoop") -> "Goal":
     from thumper.common.errors import ThumperError
     from thumper.navigation.goal import Goal
 
-    situation = robot.look_round()
+    situation = robot.wait_for_map()
     if situation.lost:
         raise ThumperError(f"the robot does not know where it stands: {situation.lost}; give --start")
     here = situation.map_from_base

@@ -32,7 +32,7 @@ def recorded(
 
     def say(text: str) -> None:
         print(f"thumper: {text}", file=sys.stderr)
-        robot.inbox.put(LogMessage(text=text))
+        robot.request_queue.put(LogMessage(text=text))
 
     with recording_switch(robot, settings, start or Pose2(), folder, say) as switch:
         if record or record_to:

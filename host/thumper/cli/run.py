@@ -155,14 +155,14 @@ def _serve(robot: "RobotLoop", settings: "RobotConfig", speed: float, out: Path,
     from thumper.slam.saved_state import SavedSlamState
 
     def tell(text: str, good: bool) -> None:
-        robot.inbox.put(LogMessage(text=text, good=good))
+        robot.request_queue.put(LogMessage(text=text, good=good))
 
     def session() -> SavedSlamState:
-        situation = robot.senses.perception.situation()
+        situation = robot.inputs.estimator.state()
         pose = situation.map_from_base if situation and not situation.lost else None
         return SavedSlamState(counts=robot.mapper.counts(), map_from_base=pose)
 
-    robot.desk.handlers["save_map"] = MapSaver(robot.mapper.grid, session, out / "map.yaml", tell)
+    robot.request_handler.handlers["save_map"] = MapSaver(robot.mapper.grid, session, out / "map.yaml", tell)
     with on_bus(robot, settings.name, settings.bus):
         console.print(f"{settings.name} is at service on {settings.bus.address}; Ctrl-C ends it")
         robot.serve(speed=speed)

@@ -100,7 +100,7 @@ def replay(
 
 
 def _note_pose(out: Replayed, perception: StateEstimator) -> None:
-    situation = perception.situation()
+    situation = perception.state()
     if situation is not None:
         pose = situation.map_from_base
         out.poses.append((situation.time_s, pose.x_m, pose.y_m, pose.theta_rad))

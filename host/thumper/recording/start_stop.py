@@ -33,11 +33,11 @@ class RecordSwitch:
 
     def session(self) -> RunMetadata:
         """What a recording that begins now says of the run."""
-        board = self._robot.senses.board
-        situation = self._robot.senses.perception.situation()
+        board = self._robot.inputs.board
+        situation = self._robot.inputs.estimator.state()
         return RunMetadata(
             config=self._config,
-            epoch_ns=self._robot.products.messages.epoch_ns,
+            epoch_ns=self._robot.publisher.messages.epoch_ns,
             map_from_base=situation.map_from_base if situation else self._start_pose,
             simulated=is_simulated(board.port),
             firmware=firmware_words(board.identity),
@@ -49,10 +49,10 @@ class RecordSwitch:
         if self._recorder is not None and self._recorder.active:
             return "it records already"
         self._leave()  # one that has stopped by itself
-        products = self._robot.products
+        publisher = self._robot.publisher
         self._recorder = Recorder(self._folder, self.session(), say=self._told)
-        products.add(self._recorder)
-        products.recording = True
+        publisher.add_sink(self._recorder)
+        publisher.recording = True
         return f"recording to {self._folder}/"
 
     def stop(self) -> str:
@@ -73,12 +73,12 @@ class RecordSwitch:
     def _leave(self) -> Recorder | None:
         recorder, self._recorder = self._recorder, None
         if recorder is not None:
-            self._robot.products.remove(recorder)
-            self._robot.products.recording = False
+            self._robot.publisher.remove_sink(recorder)
+            self._robot.publisher.recording = False
         return recorder
 
     def _told(self, text: str) -> None:
-        self._robot.products.recording = False
+        self._robot.publisher.recording = False
         self._say(text)
 
 
@@ -89,8 +89,10 @@ def recording_switch(
     """Give the robot its switch, also for `record_start` and `record_stop`; first mend what a crash left."""
     recover_apart(folder)
     switch = RecordSwitch(robot, config, map_from_base, folder, say)
-    robot.products.text("session", text(json.dumps(switch.session().as_metadata())))  # for `thumper record`
-    robot.desk.handlers.update(record_start=switch.start, record_stop=switch.stop)
+    robot.publisher.publish_text(
+        "session", text(json.dumps(switch.session().as_metadata()))
+    )  # for `thumper record`
+    robot.request_handler.handlers.update(record_start=switch.start, record_stop=switch.stop)
     try:
         yield switch
     finally:

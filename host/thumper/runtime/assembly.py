@@ -55,12 +55,12 @@ def open_robot(
         robot = RobotLoop(
             board=board,
             lidar=lidar,
-            products=_products(config, board),
+            publisher=_publisher(config, board),
             service=config.service,
             open_board=lambda: Board.open(config.board.port, baud=config.board.baud),
             open_lidar=lambda: open_lidar(config.lidar),
             simulator=getattr(board.port, "simulator", None),
-            perception=StateEstimator(
+            estimator=StateEstimator(
                 drive=config.drive, base_from_laser=base_from_laser, mapper=mapper, imu=config.imu
             ),
             navigation=config.navigation,
@@ -72,8 +72,8 @@ def open_robot(
         try:
             yield robot
         finally:
-            robot.senses.board.close()  # those at the end, should the first have been lost
-            robot.senses.lidar.close()
+            robot.inputs.board.close()  # those at the end, should the first have been lost
+            robot.inputs.lidar.close()
 
 
 @contextmanager
@@ -92,7 +92,7 @@ def robot_mapper(config: RobotConfig, map_from_base: Pose2) -> SlamModeSwitch:
     return SlamModeSwitch(mapper, config.mapping, config.localization, base_from_laser=base_from_laser)
 
 
-def _products(config: RobotConfig, board: Board) -> Publisher:
+def _publisher(config: RobotConfig, board: Board) -> Publisher:
     simulated = is_simulated(board.port)
     # A simulation begins at zero; a real robot's stamps are the date.
     epoch_ns = 0 if simulates(board.port) else epoch_of(board.now_s())

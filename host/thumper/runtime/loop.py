@@ -1,9 +1,9 @@
-"""The one loop of the robot: board and lidar in, perception and navigation, wheel speeds out.
+"""The one loop of the robot: board and lidar in, estimator and navigation, wheel speeds out.
 
 It is single-threaded on purpose: the same bytes give the same run, and a stall of the computer is caught
 by the board's own 300 ms time-out. The board's telemetry is the heartbeat; the lidar is drained after it.
-What others ask for waits in the inbox until the beat takes it, and what is made goes to listeners that must
-not make the loop wait.
+Requests wait in a queue until the next cycle handles them. Published messages go to sinks, which must not
+block.
 """
 
 import time
@@ -25,7 +25,7 @@ from thumper.navigation.navigator import NavigationOutput, Navigator
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.planners.goal_validation import validate_goal
 from thumper.ros.to_ros import ERROR
-from thumper.runtime.drive.drive_manager import GOAL_MARGIN_M, DriveManager, DriveMode, Ending
+from thumper.runtime.drive.drive_manager import GOAL_MARGIN_M, DriveManager, DriveMode, DriveOutcome
 from thumper.runtime.drive_log import DriveLog
 from thumper.runtime.drive_result import DriveProgress, DriveResult
 from thumper.runtime.publisher import LoopTiming, Publisher
@@ -40,9 +40,9 @@ from thumper.runtime.state_estimator import RobotState, StateEstimator
 from thumper.slam.mapper import Mapper
 
 RECONNECT_PERIOD_S = 0.5
-MOST_SILENT_BEATS = 3  # of half a second each
+MAX_SILENT_CYCLES = 3  # of half a second each
 SILENT = "the board went silent; it stops its motors by itself"
-FARTHEST_GOAL_M = 50.0  # the map of a whole drive must fit into memory and planning time
+MAX_GOAL_DISTANCE_M = 50.0  # the map of a whole drive must fit into memory and planning time
 
 
 class RobotLoop:
@@ -53,56 +53,56 @@ class RobotLoop:
         *,
         board: Board,
         lidar: LidarDriver,
-        perception: StateEstimator,
+        estimator: StateEstimator,
         navigation: NavigationOptions,
         footprint: Footprint,
         drive: DriveGeometry,
         max_wheel_rad_s: float,
-        products: Publisher,
+        publisher: Publisher,
         view: FieldOfView | None = None,
         service: ManualDriveOptions | None = None,
         open_board: Callable[[], Board],
         open_lidar: Callable[[], LidarDriver] | None = None,
         simulator: Simulator | None = None,
     ) -> None:
-        self.senses = SensorInputs(board=board, lidar=lidar, perception=perception, open_lidar=open_lidar)
-        self.products = products
-        self.inbox = RequestQueue()
+        self.inputs = SensorInputs(board=board, lidar=lidar, estimator=estimator, open_lidar=open_lidar)
+        self.publisher = publisher
+        self.request_queue = RequestQueue()
         self._navigation = navigation
         self._footprint = footprint
-        self.pilot = DriveManager(
+        self.drive_manager = DriveManager(
             board=board,
             navigator=Navigator(
-                navigation, footprint, drive, view=view, on_transition=self.senses.note_transition
+                navigation, footprint, drive, view=view, on_transition=self.inputs.log_transition
             ),
             drive=drive,
             max_wheel_rad_s=max_wheel_rad_s,
             options=service or ManualDriveOptions(),
         )
-        self.desk = RequestHandler(
-            inbox=self.inbox,
-            pilot=self.pilot,
-            senses=self.senses,
-            products=products,
+        self.request_handler = RequestHandler(
+            request_queue=self.request_queue,
+            drive_manager=self.drive_manager,
+            inputs=self.inputs,
+            publisher=publisher,
             check_goal=self._check_goal,
             simulator=simulator,
         )
         self._open_board = open_board
-        self._pacer = RealTimeRate(self._now_s, paced=simulates(board.port))
-        self._silent_beats = 0
+        self._rate = RealTimeRate(self._now_s, paced=simulates(board.port))
+        self._silent_cycles = 0
         self._timing = LoopTiming()
 
     @property
     def mapper(self) -> Mapper:
         """The map so far, and where it says the robot is."""
-        return self.senses.perception.mapper
+        return self.inputs.estimator.mapper
 
     @property
     def log(self) -> DriveLog:
         """What the drives so far leave for plots and tables."""
-        return self.senses.log
+        return self.inputs.log
 
-    def look_round(self) -> RobotState:
+    def wait_for_map(self) -> RobotState:
         """Stand until the first scans are mapped; from now on no goals come but from the caller.
 
         Raises
@@ -110,8 +110,8 @@ class RobotLoop:
         ThumperError
             The board is silent, or the lidar is.
         """
-        self.desk.takes_goals = False
-        return self.senses.look_round(lambda: self.beat()[0])
+        self.request_handler.accepts_goals = False
+        return self.inputs.wait_for_map(lambda: self.step()[0])
 
     def drive_to(
         self, goal: Goal, on_progress: Callable[[DriveProgress], None], *, clear_fault: bool = False
@@ -125,27 +125,27 @@ class RobotLoop:
         ThumperError
             Before anything moves: no telemetry, no scan, a latched fault, or a goal that makes no sense.
         """
-        start = self.look_round()
-        driven_m = self.senses.perception.driven_m
+        start = self.wait_for_map()
+        driven_m = self.inputs.estimator.driven_m
         self._check_goal(goal)
-        self.pilot.start(goal, self.senses.telemetry, clear_fault=clear_fault)
+        self.drive_manager.start(goal, self.inputs.telemetry, clear_fault=clear_fault)
         interrupted = False
         try:
             ending = self._drive(goal, start.time_s, on_progress)
         except KeyboardInterrupt:
-            interrupted, ending = True, Ending(reached=False, reason="interrupted")
+            interrupted, ending = True, DriveOutcome(reached=False, reason="interrupted")
         finally:
             stopped = self.stop()
         reason = ending.reason
         if not stopped:
             reason += "; the board did not confirm the stop, it stops by itself after 300 ms without commands"
-        end = self.senses.perception.situation() or start
+        end = self.inputs.estimator.state() or start
         return DriveResult(
             reached=ending.reached,
             interrupted=interrupted or ending.by_user,
             reason=reason,
             time_s=end.time_s - start.time_s,
-            path_length_m=self.senses.perception.driven_m - driven_m,
+            path_length_m=self.inputs.estimator.driven_m - driven_m,
             map_from_base=end.map_from_base,
         )
 
@@ -156,13 +156,13 @@ class RobotLoop:
 
         When the board is lost its motors go off by its own time-out; it is looked for until it answers.
         """
-        self.desk.takes_goals, self.senses.keeps_log = True, False
-        self._pacer.set_speed(speed)
-        self.desk.simulation.set_speed = self._pacer.set_speed
+        self.request_handler.accepts_goals, self.inputs.keep_log = True, False
+        self._rate.set_speed(speed)
+        self.request_handler.simulation.set_speed = self._rate.set_speed
         try:
             while True:
-                self.serve_beat()
-                self._pacer.wait()
+                self.serve_step()
+                self._rate.wait()
         except KeyboardInterrupt:
             pass
         finally:
@@ -170,132 +170,134 @@ class RobotLoop:
 
     def _experiment(self) -> None:
         """Lend the board out; at each of its beats the rest of the loop goes on, but for deciding."""
-        experiments, supervision = self.desk.experiments, self.pilot.supervision
+        experiments, heartbeats = self.request_handler.experiments, self.drive_manager.heartbeats
 
         @none_lost()
         def beat(samples: list[TelemetrySample]) -> None:
-            self.senses.take_in(samples)
-            self.senses.take_scans()
-            self.desk.attend()
-            armed = self.senses.telemetry is not None and self.senses.telemetry.state is not State.DISARMED
-            if supervision.is_lost(experiments.source, time.monotonic()) and armed:
+            self.inputs.add_telemetry(samples)
+            self.inputs.read_scans()
+            self.request_handler.process_pending()
+            armed = self.inputs.telemetry is not None and self.inputs.telemetry.state is not State.DISARMED
+            if heartbeats.is_lost(experiments.source, time.monotonic()) and armed:
                 experiments.stop("the page that began it is gone")
-            self.products.beat(self.senses, self.pilot, None, self._timing)
+            self.publisher.publish(self.inputs, self.drive_manager, None, self._timing)
             if samples:
-                self.desk.errands.go_on(self._now_s)
-            self._pacer.wait()
+                self.request_handler.board_jobs.run_for(self._now_s)
+            self._rate.wait()
 
-        self.products.event(f"{experiments.wanted} begins")
-        ending = experiments.run(self.senses.board, beat)
+        self.publisher.publish_event(f"{experiments.requested} begins")
+        ending = experiments.run(self.inputs.board, beat)
         self.stop()
-        self.products.event(ending)
+        self.publisher.publish_event(ending)
 
-    def serve_beat(self) -> None:
+    def serve_step(self) -> None:
         """One beat at service: whatever goes wrong in it, the robot stops and the next beat follows."""
         try:
-            self._silent_beats = 0 if self.beat()[0] else self._silent_beats + 1
-            if self._silent_beats:
-                self.pilot.give_up(SILENT)
-            self.desk.follow_up()
-            if self.senses.board.restarted:
+            self._silent_cycles = 0 if self.step()[0] else self._silent_cycles + 1
+            if self._silent_cycles:
+                self.drive_manager.abort(SILENT)
+            self.request_handler.advance_mission()
+            if self.inputs.board.restarted:
                 self._reconnect("the board has restarted; look at its supply and cable")
-            elif self._silent_beats > MOST_SILENT_BEATS:
+            elif self._silent_cycles > MAX_SILENT_CYCLES:
                 self._reconnect(SILENT)
-            elif self.desk.experiments.wanted and not self.desk.errands:
+            elif self.request_handler.experiments.requested and not self.request_handler.board_jobs:
                 self._experiment()
-            elif self.pilot.mode is DriveMode.IDLE and self.senses.reopen_lidar():
-                self.products.event("the lidar answers again", name="lidar")
+            elif self.drive_manager.mode is DriveMode.IDLE and self.inputs.reopen_lidar():
+                self.publisher.publish_event("the lidar answers again", name="lidar")
         except ThumperError as error:
             self._reconnect(str(error))
         except Exception as error:  # in motion nothing may pass the stop that follows
-            self.pilot.give_up(f"internal error: {type(error).__name__}: {error}")
+            self.drive_manager.abort(f"internal error: {type(error).__name__}: {error}")
             self.stop()
-            self.desk.follow_up()
+            self.request_handler.advance_mission()
 
     def _reconnect(self, why: str) -> None:
         """The board is out of reach and stops its motors by itself: try until it answers, then go on.
 
         What was asked for is not taken up again.
         """
-        self.pilot.give_up(why)
-        self.desk.follow_up()
-        self.products.event(why, ERROR, name="board")
+        self.drive_manager.abort(why)
+        self.request_handler.advance_mission()
+        self.publisher.publish_event(why, ERROR, name="board")
         must_latch = False
         while True:
-            self.senses.samples, self.senses.scans = [], self.senses.lidar.poll()
-            self.products.beat(self.senses, self.pilot, None, self._timing)
-            must_latch |= self.desk.refuse(why)
-            self.senses.board.close()
+            self.inputs.samples, self.inputs.scans = [], self.inputs.lidar.poll()
+            self.publisher.publish(self.inputs, self.drive_manager, None, self._timing)
+            must_latch |= self.request_handler.refuse(why)
+            self.inputs.board.close()
             try:
                 board = self._open_board()
             except ThumperError:
                 time.sleep(RECONNECT_PERIOD_S)
                 continue
-            self.senses.replace_board(board)
-            self.pilot.board = board
-            self.products.event("the board answers again; the motors are off", name="board")
-            self.pilot.reason = ""
+            self.inputs.replace_board(board)
+            self.drive_manager.board = board
+            self.publisher.publish_event("the board answers again; the motors are off", name="board")
+            self.drive_manager.reason = ""
             if must_latch:
-                self.inbox.put(EmergencyStop())
+                self.request_queue.put(EmergencyStop())
             return
 
     def _now_s(self) -> float:
-        return self.senses.board.now_s()  # the board may be another one than at the start
+        return self.inputs.board.now_s()  # the board may be another one than at the start
 
-    def _drive(self, goal: Goal, start_s: float, on_progress: Callable[[DriveProgress], None]) -> Ending:
+    def _drive(
+        self, goal: Goal, start_s: float, on_progress: Callable[[DriveProgress], None]
+    ) -> DriveOutcome:
         """Beat until the end."""
         try:
             while True:
-                alive, output = self.beat()
-                if self.senses.board.restarted:
-                    return Ending(
+                alive, output = self.step()
+                if self.inputs.board.restarted:
+                    return DriveOutcome(
                         reached=False,
                         reason="the board has restarted on the way; look at its supply and cable",
                     )
                 if not alive:
-                    return Ending(reached=False, reason=SILENT)
-                situation = self.senses.perception.situation()
-                if output is not None and situation is not None:
-                    self.log.add_pose(situation.time_s, situation.map_from_base)
+                    return DriveOutcome(reached=False, reason=SILENT)
+                state = self.inputs.estimator.state()
+                if output is not None and state is not None:
+                    self.log.add_pose(state.time_s, state.map_from_base)
                     self.log.add_plan(output.plan)
                     on_progress(
                         DriveProgress(
-                            time_s=situation.time_s - start_s,
-                            distance_to_goal_m=goal.distance_m(situation.map_from_base),
+                            time_s=state.time_s - start_s,
+                            distance_to_goal_m=goal.distance_m(state.map_from_base),
                             reason=output.reason,
                         )
                     )
-                if self.pilot.ending is not None:
-                    return self.pilot.ending
+                if self.drive_manager.outcome is not None:
+                    return self.drive_manager.outcome
         except ThumperError as error:
-            return Ending(reached=False, reason=str(error))
+            return DriveOutcome(reached=False, reason=str(error))
         except Exception as error:  # in motion nothing may pass the stop that follows
-            return Ending(reached=False, reason=f"internal error: {type(error).__name__}: {error}")
+            return DriveOutcome(reached=False, reason=f"internal error: {type(error).__name__}: {error}")
 
     @none_lost()
-    def beat(self) -> tuple[bool, NavigationOutput | None]:
+    def step(self) -> tuple[bool, NavigationOutput | None]:
         """One beat: sense, heed, decide, act, tell. Returns whether the board was heard, and the decision."""
-        alive = self.senses.beat(self.pilot.repeat)
+        alive = self.inputs.read(self.drive_manager.resend_command)
         begun_s = time.perf_counter()
-        situation = self.senses.perception.situation()
-        late_s = self.senses.board.now_s() - situation.time_s if situation else 0.0
-        self.desk.attend()
+        state = self.inputs.estimator.state()
+        late_s = self.inputs.board.now_s() - state.time_s if state else 0.0
+        self.request_handler.process_pending()
         output = None
-        if alive and situation is not None and self.senses.telemetry is not None:
-            output = self.pilot.step(self.senses.telemetry, situation, self.mapper.grid)
-        self.products.beat(self.senses, self.pilot, output, self._timing)
+        if alive and state is not None and self.inputs.telemetry is not None:
+            output = self.drive_manager.step(self.inputs.telemetry, state, self.mapper.grid)
+        self.publisher.publish(self.inputs, self.drive_manager, output, self._timing)
         if alive:
-            self.desk.errands.go_on(self._now_s)
+            self.request_handler.board_jobs.run_for(self._now_s)
         self._timing = LoopTiming(late_s=late_s, busy_s=time.perf_counter() - begun_s)
         return alive, output
 
     def _check_goal(self, goal: Goal) -> None:
-        situation = self.senses.perception.situation()
-        assert situation is not None  # nobody asks before the robot has looked
-        if goal.distance_m(situation.map_from_base) > FARTHEST_GOAL_M:
+        state = self.inputs.estimator.state()
+        assert state is not None  # nobody asks before the robot has looked
+        if goal.distance_m(state.map_from_base) > MAX_GOAL_DISTANCE_M:
             raise ThumperError(
                 f"goal {goal} is outside any map that could be made on the way: "
-                f"choose one within {FARTHEST_GOAL_M:.0f} m of the robot"
+                f"choose one within {MAX_GOAL_DISTANCE_M:.0f} m of the robot"
             )
         grid = self.mapper.grid().including(goal.x_m, goal.y_m, GOAL_MARGIN_M)
         validate_goal(goal, grid, self._footprint, self._navigation.costmap)
@@ -305,10 +307,12 @@ class RobotLoop:
 
         It runs on every way out: it never raises, and minds nothing but the board before that has stopped.
         """
-        samples, confirmed = stop_and_disarm(self.senses.board)
+        samples, confirmed = stop_and_disarm(self.inputs.board)
         with suppress(Exception):  # a fault here must not hide how the drive ended
-            self.senses.take_in(samples)
-            self.senses.scans = []
-            self.products.beat(self.senses, self.pilot, None, self._timing)  # a recording holds the stop too
-        self.pilot.settle()
+            self.inputs.add_telemetry(samples)
+            self.inputs.scans = []
+            self.publisher.publish(
+                self.inputs, self.drive_manager, None, self._timing
+            )  # a recording holds the stop too
+        self.drive_manager.on_stopped()
         return confirmed

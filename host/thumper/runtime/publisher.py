@@ -25,8 +25,8 @@ Sink = Callable[[str, float, Message], None]
 
 MAP_PERIOD_S = 1.0
 COSTMAP_PERIOD_S = 0.5
-COSTMAP_REACH_M = 2.5
-PARTICLES_PERIOD_S, MOST_PARTICLES = 0.5, 200
+COSTMAP_RADIUS_M = 2.5
+PARTICLES_PERIOD_S, MAX_PARTICLES = 0.5, 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +38,7 @@ class LoopTiming:
 
 
 class Publisher:
-    """Hands each product to every outlet; without outlets it makes none."""
+    """Hands each product to every sink; without sinks it makes none."""
 
     def __init__(
         self, *, robot: str, base_from_laser: Pose2, messages: Messages, simulated: bool = False
@@ -48,7 +48,7 @@ class Publisher:
         self._robot = robot
         self._base_from_laser = base_from_laser
         self._simulated = simulated
-        self._outlets: list[Sink] = []
+        self._sinks: list[Sink] = []
         self._latched: dict[str, tuple[float, Message]] = {}
         self._map_s = self._costmap_s = self._particles_s = -np.inf
         self._scans_in_map = 0
@@ -58,124 +58,130 @@ class Publisher:
         self._noted: set[str] = set()  # kinds of notes
         self._time_s = 0.0
 
-    def add(self, outlet: Sink) -> None:
+    def add_sink(self, sink: Sink) -> None:
         """Let somebody have everything from now on, and at once the newest of what is latched."""
-        self._outlets.append(outlet)
+        self._sinks.append(sink)
         for topic, (stamp_s, message) in self._latched.items():
-            self._hand(outlet, topic, stamp_s, message)
+            self._hand(sink, topic, stamp_s, message)
 
-    def remove(self, outlet: Sink) -> None:
+    def remove_sink(self, sink: Sink) -> None:
         """Leave somebody alone."""
-        if outlet in self._outlets:
-            self._outlets.remove(outlet)
+        if sink in self._sinks:
+            self._sinks.remove(sink)
 
-    def beat(
-        self, senses: SensorInputs, pilot: DriveManager, output: NavigationOutput | None, timing: LoopTiming
+    def publish(
+        self,
+        inputs: SensorInputs,
+        drive_manager: DriveManager,
+        output: NavigationOutput | None,
+        timing: LoopTiming,
     ) -> None:
         """Hand out what a beat has brought; called once the wheels have their order."""
-        situation = senses.perception.situation()
-        if not self._outlets or situation is None:
+        state = inputs.estimator.state()
+        if not self._sinks or state is None:
             return
-        self._time_s = time_s = situation.time_s
+        self._time_s = time_s = state.time_s
         if "tf_static" not in self._latched:
             self._send("tf_static", self.messages.fixed_transforms(time_s, self._base_from_laser))
-        for sample in senses.samples:
+        for sample in inputs.samples:
             self._put("wheels", sample.time_s, self.messages.wheels(sample))
-        for scan in senses.scans:
+        for scan in inputs.scans:
             self._put("scan", scan.time_s, self.messages.scan(scan))
-        if senses.samples:
-            self._send("battery", self.messages.battery(senses.samples[-1]))
-        self._tell_where(senses, situation)
-        self._send("cmd_vel", self.messages.twist(time_s, pilot.command))
+        if inputs.samples:
+            self._send("battery", self.messages.battery(inputs.samples[-1]))
+        self._publish_pose(inputs, state)
+        self._send("cmd_vel", self.messages.twist(time_s, drive_manager.command))
         if output is not None:
-            self._tell_plans(pilot, output, situation)
-        self._tell_map(senses)
-        self._tell_events(senses, pilot)
-        self._send("status", self.messages.status(self._status(senses, pilot, situation, timing)))
+            self._publish_plans(drive_manager, output, state)
+        self._publish_map(inputs)
+        self._publish_events(inputs, drive_manager)
+        self._send("status", self.messages.status(self._status(inputs, drive_manager, state, timing)))
 
-    def event(self, text: str, level: int = INFO, *, name: str = "robot") -> None:
+    def publish_event(self, text: str, level: int = INFO, *, name: str = "robot") -> None:
         """Tell people one line."""
         self._send("events", self.messages.event(self._time_s, level, text, name))
 
-    def text(self, topic: str, message: Message) -> None:
+    def publish_text(self, topic: str, message: Message) -> None:
         """Hand out a message that somebody else has made."""
         self._send(topic, message)
 
-    def _tell_where(self, senses: SensorInputs, situation: RobotState) -> None:
-        time_s, perception = situation.time_s, senses.perception
-        odometry = perception.odometry
-        assert odometry is not None  # there is a situation
+    def _publish_pose(self, inputs: SensorInputs, state: RobotState) -> None:
+        time_s, estimator = state.time_s, inputs.estimator
+        odometry = estimator.odometry
+        assert odometry is not None  # there is a state
         self._send("odom", self.messages.odometry(odometry))
-        self._send("pose", self.messages.pose(time_s, situation.map_from_base))
-        map_from_odom = perception.mapper.map_from_odom
+        self._send("pose", self.messages.pose(time_s, state.map_from_base))
+        map_from_odom = estimator.mapper.map_from_odom
         self._send("tf", self.messages.transforms(time_s, map_from_odom, odometry.odom_from_base))
-        poses = getattr(perception.mapper, "particle_poses", None)
+        poses = getattr(estimator.mapper, "particle_poses", None)
         if poses is not None and len(poses) and time_s >= self._particles_s + PARTICLES_PERIOD_S:
             self._particles_s = time_s
-            some = poses[:: -(-len(poses) // MOST_PARTICLES)]
+            some = poses[:: -(-len(poses) // MAX_PARTICLES)]
             self._send("particles", self.messages.particles(time_s, some))
 
-    def _tell_plans(self, pilot: DriveManager, output: NavigationOutput, situation: RobotState) -> None:
-        time_s = situation.time_s
+    def _publish_plans(
+        self, drive_manager: DriveManager, output: NavigationOutput, state: RobotState
+    ) -> None:
+        time_s = state.time_s
         if not np.array_equal(output.plan, self._plan_m):
             self._plan_m = output.plan
             self._send("plan", self.messages.path(time_s, output.plan))
         self._send("local_plan", self.messages.path(time_s, output.local_plan))
-        costmap = pilot.navigator.costmap
+        costmap = drive_manager.navigator.costmap
         if costmap is not None and time_s >= self._costmap_s + COSTMAP_PERIOD_S:
             self._costmap_s = time_s
-            near = _cropped(costmap, situation.map_from_base)
+            near = _cropped(costmap, state.map_from_base)
             self._send("local_costmap", self.messages.costmap(time_s, near))
 
-    def _tell_map(self, senses: SensorInputs) -> None:
-        scans = senses.perception.scans_mapped
+    def _publish_map(self, inputs: SensorInputs) -> None:
+        scans = inputs.estimator.scans_mapped
         if scans != self._scans_in_map and self._time_s >= self._map_s + MAP_PERIOD_S:
             self._map_s, self._scans_in_map = self._time_s, scans
-            self._send("map", self.messages.grid(self._time_s, senses.perception.mapper.grid()))
+            self._send("map", self.messages.grid(self._time_s, inputs.estimator.mapper.grid()))
 
-    def _tell_events(self, senses: SensorInputs, pilot: DriveManager) -> None:
-        transitions = pilot.navigator.transitions
+    def _publish_events(self, inputs: SensorInputs, drive_manager: DriveManager) -> None:
+        transitions = drive_manager.navigator.transitions
         if transitions and transitions[-1] is not self._transition:
             self._transition = newest = transitions[-1]
             why = f": {newest.reason}" if newest.reason else ""
-            self.event(f"{newest.before or 'start'} -> {newest.after}{why}", name="navigation")
-        for kind, line in senses.perception.notes().items():
+            self.publish_event(f"{newest.before or 'start'} -> {newest.after}{why}", name="navigation")
+        for kind, line in inputs.estimator.notes().items():
             if kind not in self._noted:  # the first of its kind; how many there were is told at the end
                 self._noted.add(kind)
-                self.event(line, WARN, name="localisation")
-        fault = Fault.NONE if senses.telemetry is None else senses.telemetry.fault
+                self.publish_event(line, WARN, name="localisation")
+        fault = Fault.NONE if inputs.telemetry is None else inputs.telemetry.fault
         if fault is not self._fault:
             self._fault = fault
             told = f"fault {int(fault)}, {_words(fault)}: {FAULT_CURES[fault]}" if fault else "fault cleared"
-            self.event(told, ERROR if fault else INFO, name="board")
+            self.publish_event(told, ERROR if fault else INFO, name="board")
 
     def _status(
-        self, senses: SensorInputs, pilot: DriveManager, situation: RobotState, timing: LoopTiming
+        self, inputs: SensorInputs, drive_manager: DriveManager, state: RobotState, timing: LoopTiming
     ) -> Status:
-        telemetry, goal, lidar = senses.telemetry, pilot.goal, senses.lidar.counters
-        assert telemetry is not None  # there is a situation
+        telemetry, goal, lidar = inputs.telemetry, drive_manager.goal, inputs.lidar.counters
+        assert telemetry is not None  # there is a state
         return Status(
-            time_s=situation.time_s,
+            time_s=state.time_s,
             robot=self._robot,
-            mode=pilot.mode.value,
-            reason=pilot.reason,
+            mode=drive_manager.mode.value,
+            reason=drive_manager.reason,
             simulated=self._simulated,
             recording=self.recording,
             has_goal=goal is not None,
             goal_x_m=goal.x_m if goal else 0.0,
             goal_y_m=goal.y_m if goal else 0.0,
             goal_yaw_rad=math.nan if goal is None or goal.theta_rad is None else goal.theta_rad,
-            distance_to_goal_m=goal.distance_m(situation.map_from_base) if goal else 0.0,
+            distance_to_goal_m=goal.distance_m(state.map_from_base) if goal else 0.0,
             board_state=telemetry.state.name,
             fault=int(telemetry.fault),
             fault_words=_words(telemetry.fault),
             fault_cure=FAULT_CURES.get(telemetry.fault, ""),
             loop_late_s=timing.late_s,
             loop_busy_s=timing.busy_s,
-            telemetry_age_s=senses.board.now_s() - situation.time_s,
-            scan_age_s=situation.scan_age_s,
+            telemetry_age_s=inputs.board.now_s() - state.time_s,
+            scan_age_s=state.scan_age_s,
             link_frames=telemetry.rx_frames,
-            link_errors=senses.board.receive_errors + telemetry.rx_errors,
+            link_errors=inputs.board.receive_errors + telemetry.rx_errors,
             lost_edges=telemetry.lost_edges,
             lidar_scans=lidar.scans,
             lidar_errors=lidar.bad_replies + lidar.port_errors,
@@ -188,12 +194,12 @@ class Publisher:
     def _put(self, topic: str, stamp_s: float, message: Message) -> None:
         if TOPICS[topic].latched:
             self._latched[topic] = (stamp_s, message)
-        for outlet in tuple(self._outlets):
-            self._hand(outlet, topic, stamp_s, message)
+        for sink in tuple(self._sinks):
+            self._hand(sink, topic, stamp_s, message)
 
-    def _hand(self, outlet: Sink, topic: str, stamp_s: float, message: Message) -> None:
+    def _hand(self, sink: Sink, topic: str, stamp_s: float, message: Message) -> None:
         with suppress(Exception):  # the robot drives on, whatever a listener does
-            outlet(topic, stamp_s, message)
+            sink(topic, stamp_s, message)
 
 
 def _words(fault: Fault) -> str:
@@ -206,7 +212,7 @@ def _cropped(costmap: Costmap, map_from_base: Pose2) -> Costmap:
     rows, columns = costmap.costs.shape
     row = int((map_from_base.y_m - costmap.origin_y_m) / size_m)
     column = int((map_from_base.x_m - costmap.origin_x_m) / size_m)
-    reach = round(COSTMAP_REACH_M / size_m)
+    reach = round(COSTMAP_RADIUS_M / size_m)
     top, left = min(max(row - reach, 0), rows), min(max(column - reach, 0), columns)
     part = np.s_[top : max(row + reach, top), left : max(column + reach, left)]
     return replace(

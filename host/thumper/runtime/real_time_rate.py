@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 
-LONGEST_NAP_S = 0.25
+MAX_SLEEP_S = 0.25
 
 
 class RealTimeRate:
@@ -25,7 +25,7 @@ class RealTimeRate:
             return
         due_s = self._wall_s + (self._now_s() - self._robot_s) / self.speed
         ahead_s = due_s - time.monotonic()
-        if ahead_s < -LONGEST_NAP_S:  # the machine was slow or slept: do not race after it
+        if ahead_s < -MAX_SLEEP_S:  # the machine was slow or slept: do not race after it
             self.set_speed(self.speed)
         elif ahead_s > 0.0:
-            time.sleep(min(ahead_s, LONGEST_NAP_S))
+            time.sleep(min(ahead_s, MAX_SLEEP_S))

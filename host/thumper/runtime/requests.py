@@ -11,7 +11,7 @@ from thumper.common.geometry import Pose2, Twist2
 from thumper.navigation.goal import Goal, check_place
 
 
-def goal_of(content: Mapping[str, Any]) -> Goal:
+def parse_goal(content: Mapping[str, Any]) -> Goal:
     """x_m, y_m, and perhaps yaw_rad and tolerance_m; nothing else, and all of them numbers."""
     known = {"x_m", "y_m", "yaw_rad", "tolerance_m"}
     numbers = {

@@ -6,9 +6,9 @@ from thumper.board.board import Board, TelemetrySample
 from thumper.board.messages import Command
 from thumper.common.errors import ThumperError
 from thumper.common.kinematics import WheelSpeeds
-from thumper.runtime.sensor_inputs import LATE_BEAT_S, LATE_BEATS
+from thumper.runtime.sensor_inputs import LATE_CYCLE_S, LATE_CYCLES
 
-STOP_BEATS = 30  # the firmware's ramp needs two seconds from the fastest speed it takes
+STOP_CYCLES = 30  # the firmware's ramp needs two seconds from the fastest speed it takes
 
 
 def stop_and_disarm(board: Board) -> tuple[list[TelemetrySample], bool]:
@@ -17,15 +17,15 @@ def stop_and_disarm(board: Board) -> tuple[list[TelemetrySample], bool]:
     It never raises. Ctrl-C cuts the ramp short, never the disarming.
     """
     samples: list[TelemetrySample] = []
-    confirmed, silent_beats = False, 0
+    confirmed, silent_cycles = False, 0
     try:
         with suppress(KeyboardInterrupt):
-            for _ in range(STOP_BEATS):
+            for _ in range(STOP_CYCLES):
                 board.set_wheel_speeds(WheelSpeeds())
-                heard = board.poll(LATE_BEAT_S)  # a lost frame must not become a lost link
+                heard = board.poll(LATE_CYCLE_S)  # a lost frame must not become a lost link
                 samples += heard
-                silent_beats = 0 if heard else silent_beats + 1
-                if silent_beats > LATE_BEATS:
+                silent_cycles = 0 if heard else silent_cycles + 1
+                if silent_cycles > LATE_CYCLES:
                     break
                 if heard and heard[-1].telemetry.left_speed == heard[-1].telemetry.right_speed == 0:
                     break

@@ -23,8 +23,8 @@ from thumper.odometry.slip_detector import GOOD_MATCH, SlipDetector
 from thumper.odometry.wheel_odometry import OdometrySample, WheelOdometry
 from thumper.slam.mapper import Mapper
 
-LONGEST_WAIT_S = 1.0  # of a scan for its odometry
-MOST_WAITING_SCANS = 100  # whatever their stamps say
+MAX_SCAN_WAIT_S = 1.0  # of a scan for its odometry
+MAX_WAITING_SCANS = 100  # whatever their stamps say
 UNUSABLE = {Flaw.STAMP, Flaw.BEAMS}
 
 
@@ -108,8 +108,8 @@ class StateEstimator:
         self._waiting.append(scan)
         # By time, not by count alone; a scan stamped far ahead must not hold up those that follow it.
         while (
-            abs(scan.time_s - self._waiting[0].time_s) > LONGEST_WAIT_S
-            or len(self._waiting) > MOST_WAITING_SCANS
+            abs(scan.time_s - self._waiting[0].time_s) > MAX_SCAN_WAIT_S
+            or len(self._waiting) > MAX_WAITING_SCANS
         ):
             self._waiting.popleft()
             self.monitor.note(Flaw.WAITED)
@@ -120,7 +120,7 @@ class StateEstimator:
         """Where the wheels alone say the robot is; None before the first telemetry."""
         return self._newest
 
-    def situation(self) -> RobotState | None:
+    def state(self) -> RobotState | None:
         """Return the state at the newest telemetry; None before the first."""
         if self._newest is None:
             return None
@@ -130,7 +130,7 @@ class StateEstimator:
             map_from_base=self.mapper.map_from_odom @ self._newest.odom_from_base,
             twist=self._newest.twist,
             hits_in_map_m=self._hits_in_map_m,
-            scan_age_s=scan_age_s if scan_age_s > -LONGEST_WAIT_S else np.inf,  # a clock was set back
+            scan_age_s=scan_age_s if scan_age_s > -MAX_SCAN_WAIT_S else np.inf,  # a clock was set back
             lost=self.mapper.quality().lost if self.scans_mapped else "",
         )
 

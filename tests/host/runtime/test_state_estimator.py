@@ -64,7 +64,7 @@ def perception() -> StateEstimator:
 
 
 def test_nothing_is_known_before_the_first_telemetry() -> None:
-    assert perception().situation() is None
+    assert perception().state() is None
 
 
 def test_a_scan_waits_until_odometry_covers_its_turn() -> None:
@@ -75,7 +75,7 @@ def test_a_scan_waits_until_odometry_covers_its_turn() -> None:
     assert robot.scans_mapped == 0
     robot.add_telemetry(telemetry(0.2, 0, 0))
     assert robot.scans_mapped == 1
-    situation = robot.situation()
+    situation = robot.state()
     assert situation is not None
     assert situation.scan_age_s == pytest.approx(0.2 - 0.149, abs=1e-7)
 
@@ -96,7 +96,7 @@ def test_hits_lie_on_the_walls_though_the_robot_turned_during_the_scan() -> None
         robot.add_telemetry(telemetry(0.1 * k, -k * turn_counts, k * turn_counts))
     poses = [Pose2(theta_rad=w_rad_s * (0.1 + 0.1 * i / 100)) for i in range(100)]
     robot.add_scan(scan(0.1, poses))
-    situation = robot.situation()
+    situation = robot.state()
     assert situation is not None
     room_from_map = poses[0]  # the first scan lays the map's origin where it was taken
     assert wall_distance_m(room_from_map.apply(situation.hits_in_map_m)).max() < 0.01
@@ -151,7 +151,7 @@ def test_a_scan_that_makes_no_sense_is_counted_and_harmless(broken: dict[str, An
     robot.add_telemetry(telemetry(0.9, 0, 0))
     assert robot.monitor.counts == {flaw: 1}
     assert list(robot.notes().values()) == [f"1 of 8 scans {flaw.value}"]
-    situation = robot.situation()
+    situation = robot.state()
     assert situation is not None
     assert situation.map_from_base.distance_m(Pose2()) < 0.01
 
@@ -170,7 +170,7 @@ def test_a_pose_given_by_hand_is_no_slip() -> None:
             mapper.localise()
             for _ in range(2):  # for the map, which is not whole yet, speaks against it
                 mapper.set_pose(Pose2(x_m=2.4 - here.x_m, y_m=0.4 - here.y_m, theta_rad=math.pi))
-    situation = robot.situation()
+    situation = robot.state()
     assert situation is not None
     assert abs(situation.map_from_base.theta_rad) > 3.0
     assert situation.lost == ""
@@ -186,7 +186,7 @@ def test_counts_that_leap_are_no_motion_and_are_told() -> None:
         count = leap if k >= 10 else 0
         robot.add_telemetry(telemetry(0.1 * k, count, count))
         robot.add_scan(scan(0.1 * k, [Pose2()] * 100))
-        situation = robot.situation()
+        situation = robot.state()
         assert situation is not None
         assert situation.twist.v_m_s == 0.0
         assert situation.map_from_base.distance_m(Pose2()) < 0.01
@@ -200,13 +200,13 @@ def test_after_a_clock_was_set_back_scans_are_mapped_again() -> None:
         time_s = 0.1 * k + (100.0 if k < 30 else 0.0)
         robot.add_telemetry(telemetry(time_s, 0, 0))
         if k == 30:
-            situation = robot.situation()
+            situation = robot.state()
             assert situation is not None
             assert situation.scan_age_s == math.inf  # what was seen before is no newest scan
         robot.add_scan(scan(time_s, [Pose2()] * 100))
     assert robot.scans_mapped >= 56
     assert robot.monitor.counts[Flaw.BACKWARDS] == 1
-    situation = robot.situation()
+    situation = robot.state()
     assert situation is not None
     assert 0.0 <= situation.scan_age_s < 0.5
 

@@ -37,7 +37,7 @@ class LidarReference:
         self._perception.add_telemetry(sample)
         for scan in self._lidar.poll():
             self._perception.add_scan(scan)
-        situation = self._perception.situation()
+        situation = self._perception.state()
         if situation is not None:
             pose = situation.map_from_base
             self.rows.append((situation.time_s, pose.x_m, pose.y_m, pose.theta_rad))

@@ -22,13 +22,13 @@ from thumper.runtime.drive.heartbeats import HeartbeatMonitor
 from thumper.runtime.drive.manual_pwm import FeedForward, manual_pwm
 from thumper.runtime.drive.twist_mux import TwistMux
 from thumper.runtime.requests import Velocity
-from thumper.runtime.safe_stop import STOP_BEATS
+from thumper.runtime.safe_stop import STOP_CYCLES
 from thumper.runtime.sensor_inputs import BLIND_S
 from thumper.runtime.state_estimator import RobotState
 
 SCAN_TIMEOUT_S = 1.0  # after BLIND_S without a scan the robot waits, after this long the lidar is lost
 GOAL_MARGIN_M = 1.0
-DISARMED_BEATS = 3  # telemetry from before ARM may still be on its way
+DISARMED_CYCLES = 3  # telemetry from before ARM may still be on its way
 
 
 class DriveMode(Enum):
@@ -42,7 +42,7 @@ class DriveMode(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ending:
+class DriveOutcome:
     """How a drive ended."""
 
     reached: bool
@@ -68,21 +68,21 @@ class DriveManager:
         self._max_wheel_rad_s = max_wheel_rad_s
         self._options = options
         self.mux = TwistMux(options)
-        self.supervision = HeartbeatMonitor(options.heartbeat_timeout_s)
+        self.heartbeats = HeartbeatMonitor(options.heartbeat_timeout_s)
         self.mode = DriveMode.IDLE
         self.reason = ""
         self.goal: Goal | None = None
         self.source = ""  # who sent the goal
-        self.ending: Ending | None = None  # of the newest drive, once it is over
+        self.outcome: DriveOutcome | None = None  # of the newest drive, once it is over
         self.command = Twist2()  # as last asked of the wheels
         self._cruise = Twist2()
         self._speeds = WheelSpeeds()
         self._pwm = (0, 0)
-        self._feel: FeedForward | None = None
-        self._armed_by_hand = False
-        self._beats_armed = 0
-        self._disarmed_beats = 0
-        self._stop_beats = 0
+        self._feed_forward: FeedForward | None = None
+        self._manually_armed = False
+        self._cycles_armed = 0
+        self._disarmed_cycles = 0
+        self._stop_cycles = 0
 
     def start(
         self, goal: Goal, telemetry: Telemetry | None, *, source: str = "", clear_fault: bool = False
@@ -91,7 +91,7 @@ class DriveManager:
         if self.mode not in (DriveMode.DRIVING, DriveMode.HOLDING):
             self._arm(telemetry, clear_fault=clear_fault)
         self.navigator.set_goal(goal)
-        self.ending = None
+        self.outcome = None
         self.goal, self.source = goal, source
         self.mode, self.reason = DriveMode.DRIVING, ""
 
@@ -100,7 +100,7 @@ class DriveManager:
         if self.mode is not DriveMode.DRIVING:
             self._arm(telemetry)
             self._speeds, self.mode, self.reason = WheelSpeeds(), DriveMode.HOLDING, "armed"
-        self._armed_by_hand = True
+        self._manually_armed = True
 
     def cruise(self, twist: Twist2) -> None:
         """Hold this speed instead of zero until the robot is stopped. It must be armed, and heeds no wall."""
@@ -108,14 +108,16 @@ class DriveManager:
 
     def disarm(self, reason: str) -> None:
         """Switch the motors off, now."""
-        self._end(reason, by_user=True)
-        self._rest(reason)
+        self._finish_drive(reason, by_user=True)
+        self._go_idle(reason)
         self.board.command(Command.DISARM)
 
     def emergency_stop(self) -> None:
         """Switch the motors off and have the board latch it; raises ThumperError when it does not confirm."""
-        self._end("emergency stop", by_user=True)
-        self._rest("emergency stop")  # should the board not hear it, it hears nothing else either, and stops
+        self._finish_drive("emergency stop", by_user=True)
+        self._go_idle(
+            "emergency stop"
+        )  # should the board not hear it, it hears nothing else either, and stops
         self.board.emergency_stop()
 
     def clear_fault(self) -> None:
@@ -126,13 +128,13 @@ class DriveManager:
 
     def stop(self, reason: str) -> None:
         """Give up the drive, if there is one; slow down to a stand, then motors off."""
-        self._end(reason, by_user=True)
+        self._finish_drive(reason, by_user=True)
         self.mux.clear()
         self._cruise = Twist2()
         if self.mode is not DriveMode.IDLE:
             if self.mode is DriveMode.MANUAL:
                 self.board.command(Command.ARM)
-            self._speeds, self._stop_beats = WheelSpeeds(), 0
+            self._speeds, self._stop_cycles = WheelSpeeds(), 0
             self.mode, self.reason = DriveMode.STOPPING, reason
 
     def take(self, at_s: float, velocity: Velocity) -> None:
@@ -142,47 +144,47 @@ class DriveManager:
             return
         self.mux.take(at_s, velocity)
 
-    def repeat(self) -> None:
+    def resend_command(self) -> None:
         """Give the last order once more: a beat is late."""
         if self.mode is DriveMode.MANUAL:
             self.board.set_motor_pwm(*self._pwm)
         elif self.mode is not DriveMode.IDLE:
             self.board.set_wheel_speeds(self._speeds)
 
-    def give_up(self, reason: str) -> None:
+    def abort(self, reason: str) -> None:
         """The board is out of reach, and its motors are off by its own time-out."""
-        self._end(reason)
-        self._rest(reason)
+        self._finish_drive(reason)
+        self._go_idle(reason)
 
-    def settle(self) -> None:
+    def on_stopped(self) -> None:
         """Somebody else has stopped the robot and switched the motors off."""
-        self._end("stopped")
-        self._rest(self.reason)
+        self._finish_drive("stopped")
+        self._go_idle(self.reason)
 
     def step(
-        self, telemetry: Telemetry, situation: RobotState, grid: Callable[[], OccupancyGrid]
+        self, telemetry: Telemetry, state: RobotState, grid: Callable[[], OccupancyGrid]
     ) -> NavigationOutput | None:
         """Decide and act; returns what navigation decided, when it did."""
         self.command = Twist2()
-        if objection := self._objection(telemetry):
-            self._end(objection)
-            self._rest(objection)
+        if stop_reason := self._stop_reason(telemetry):
+            self._finish_drive(stop_reason)
+            self._go_idle(stop_reason)
             return None
         now_s = time.monotonic()
         hand = self.mux.active(now_s)
         if hand is not None and self.mode is not DriveMode.IDLE:
-            self._drive_by_hand(hand[0].name.lower(), hand[1], telemetry)
+            self._drive_manually(hand[0].name.lower(), hand[1], telemetry)
         elif self.mode is DriveMode.MANUAL:
             self.board.command(Command.ARM)  # back to held wheels
-            self._armed_by_hand = True
+            self._manually_armed = True
             self._hold("let go")
         elif self.mode is DriveMode.DRIVING:
-            if self.supervision.is_lost(self.source, now_s):
+            if self.heartbeats.is_lost(self.source, now_s):
                 self.disarm("the page that sent the goal is gone; send it again")
                 return None
-            return self._drive_on(situation, grid)
+            return self._navigate(state, grid)
         elif self.mode is DriveMode.STOPPING:
-            self._slow_down(telemetry)
+            self._brake(telemetry)
         elif self.mode is DriveMode.HOLDING:
             self._hold(self.reason)
         return None
@@ -197,25 +199,25 @@ class DriveManager:
                 )
             self.board.command(Command.CLEAR_FAULT)
         self.board.command(Command.ARM)
-        self._beats_armed = self._disarmed_beats = 0
+        self._cycles_armed = self._disarmed_cycles = 0
 
-    def _objection(self, telemetry: Telemetry) -> str:
+    def _stop_reason(self, telemetry: Telemetry) -> str:
         """Why nothing may move, or nothing."""
         if self.mode is DriveMode.IDLE:
             return ""
-        self._beats_armed += 1
-        if telemetry.state is State.FAULT and self._beats_armed > 1:  # the first may be older than ARM
+        self._cycles_armed += 1
+        if telemetry.state is State.FAULT and self._cycles_armed > 1:  # the first may be older than ARM
             return f"the board stopped the motors: {FAULT_CURES[telemetry.fault]}"
-        self._disarmed_beats = self._disarmed_beats + 1 if telemetry.state is State.DISARMED else 0
-        return "somebody has disarmed the board" if self._disarmed_beats > DISARMED_BEATS else ""
+        self._disarmed_cycles = self._disarmed_cycles + 1 if telemetry.state is State.DISARMED else 0
+        return "somebody has disarmed the board" if self._disarmed_cycles > DISARMED_CYCLES else ""
 
-    def _drive_by_hand(self, who: str, twist: Twist2, telemetry: Telemetry) -> None:
+    def _drive_manually(self, who: str, twist: Twist2, telemetry: Telemetry) -> None:
         reason = f"driven by {who}"
-        self._end(f"overridden: {reason}", by_user=True)
+        self._finish_drive(f"overridden: {reason}", by_user=True)
         if (
-            self._feel is None or self.mode is not DriveMode.MANUAL
+            self._feed_forward is None or self.mode is not DriveMode.MANUAL
         ):  # they may have been set since the last time
-            self._feel = FeedForward(
+            self._feed_forward = FeedForward(
                 ks_pwm=self.board.get_parameter("ks"), kv_pwm_s=self.board.get_parameter("kv")
             )
         self.mode, self.reason, self.command = DriveMode.MANUAL, reason, twist
@@ -224,27 +226,27 @@ class DriveManager:
             self._drive,
             self._options,
             self._max_wheel_rad_s,
-            self._feel,
+            self._feed_forward,
             1e-3 * telemetry.battery_mV,
         )
         self.board.set_motor_pwm(*self._pwm)
 
-    def _drive_on(self, situation: RobotState, grid: Callable[[], OccupancyGrid]) -> NavigationOutput | None:
+    def _navigate(self, state: RobotState, grid: Callable[[], OccupancyGrid]) -> NavigationOutput | None:
         assert self.goal is not None  # DRIVING has one
-        if situation.scan_age_s > SCAN_TIMEOUT_S:
+        if state.scan_age_s > SCAN_TIMEOUT_S:
             self.end_drive("the lidar sends no more scans; is its cable loose?")
             return None
-        if situation.scan_age_s > BLIND_S:
+        if state.scan_age_s > BLIND_S:
             self._speeds = WheelSpeeds()
             self.board.set_wheel_speeds(self._speeds)
             return None
         output = self.navigator.update(
-            situation.time_s,
-            situation.map_from_base,
-            situation.twist,
+            state.time_s,
+            state.map_from_base,
+            state.twist,
             grid().including(self.goal.x_m, self.goal.y_m, GOAL_MARGIN_M),
-            situation.hits_in_map_m,
-            lost=situation.lost,
+            state.hits_in_map_m,
+            lost=state.lost,
         )
         self.command, self.reason = output.command, output.reason
         self._speeds = limit_wheel_speeds(wheel_speeds(output.command, self._drive), self._max_wheel_rad_s)
@@ -255,15 +257,15 @@ class DriveManager:
 
     def end_drive(self, reason: str, *, reached: bool = False) -> None:
         """End the drive as planned: to a stand, and off unless somebody has armed the robot by hand."""
-        self._end(reason, reached=reached)
-        self._speeds, self._stop_beats, self.reason = WheelSpeeds(), 0, reason
-        self.mode = DriveMode.HOLDING if self._armed_by_hand else DriveMode.STOPPING
+        self._finish_drive(reason, reached=reached)
+        self._speeds, self._stop_cycles, self.reason = WheelSpeeds(), 0, reason
+        self.mode = DriveMode.HOLDING if self._manually_armed else DriveMode.STOPPING
 
-    def _slow_down(self, telemetry: Telemetry) -> None:
-        self._stop_beats += 1
-        if telemetry.left_speed == telemetry.right_speed == 0 or self._stop_beats > STOP_BEATS:
+    def _brake(self, telemetry: Telemetry) -> None:
+        self._stop_cycles += 1
+        if telemetry.left_speed == telemetry.right_speed == 0 or self._stop_cycles > STOP_CYCLES:
             self.board.command(Command.DISARM)
-            self._rest(self.reason)
+            self._go_idle(self.reason)
         else:
             self.board.set_wheel_speeds(WheelSpeeds())
 
@@ -272,13 +274,13 @@ class DriveManager:
         self._speeds = limit_wheel_speeds(wheel_speeds(self._cruise, self._drive), self._max_wheel_rad_s)
         self.board.set_wheel_speeds(self._speeds)
 
-    def _end(self, reason: str, *, reached: bool = False, by_user: bool = False) -> None:
+    def _finish_drive(self, reason: str, *, reached: bool = False, by_user: bool = False) -> None:
         if self.goal is not None:
-            self.ending = Ending(reached=reached, reason=reason, by_user=by_user)
+            self.outcome = DriveOutcome(reached=reached, reason=reason, by_user=by_user)
             self.goal = None
 
-    def _rest(self, reason: str) -> None:
+    def _go_idle(self, reason: str) -> None:
         self._cruise = Twist2()
-        self._armed_by_hand, self._speeds, self._pwm = False, WheelSpeeds(), (0, 0)
+        self._manually_armed, self._speeds, self._pwm = False, WheelSpeeds(), (0, 0)
         self.mux.clear()
         self.mode, self.reason = DriveMode.IDLE, reason

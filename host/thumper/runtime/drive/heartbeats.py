@@ -1,6 +1,6 @@
 """Whether somebody who watches over the robot is still there. Pure."""
 
-MOST_SOURCES = 64
+MAX_SOURCES = 64
 
 
 class HeartbeatMonitor:
@@ -11,10 +11,10 @@ class HeartbeatMonitor:
         self._newest_s: dict[str, float] = {}
         self._watched = ""  # the source that was asked for last: it must not be forgotten
 
-    def beat(self, source: str, at_s: float) -> None:
+    def record(self, source: str, at_s: float) -> None:
         """Note a heartbeat; of too many sources the one that was silent longest is forgotten."""
         self._newest_s[source] = at_s
-        if len(self._newest_s) > MOST_SOURCES:
+        if len(self._newest_s) > MAX_SOURCES:
             others = self._newest_s.keys() - {self._watched}
             del self._newest_s[min(others, key=self._newest_s.__getitem__)]
 

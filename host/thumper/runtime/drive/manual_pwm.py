@@ -9,7 +9,7 @@ from thumper.config.manual_drive import ManualDriveOptions
 
 PWM_MAX = 255
 NOMINAL_V = 7.4  # the voltage that the board's feed-forward parameters are given for
-LEAST_V = 5.0  # below it no reading is believed
+MIN_BATTERY_V = 5.0  # below it no reading is believed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +25,7 @@ def manual_pwm(
     drive: DriveGeometry,
     options: ManualDriveOptions,
     max_wheel_rad_s: float,
-    feel: FeedForward,
+    feed_forward: FeedForward,
     battery_V: float,
 ) -> tuple[int, int]:
     """Return left and right PWM, -255...255, for the speed that is asked for within the limits.
@@ -40,11 +40,13 @@ def manual_pwm(
     )
     within = Twist2(v_m_s=scale * twist.v_m_s, w_rad_s=scale * twist.w_rad_s)
     speeds = limit_wheel_speeds(wheel_speeds(within, drive), max_wheel_rad_s)
-    kv = feel.kv_pwm_s or PWM_MAX / max_wheel_rad_s
-    volts = NOMINAL_V / battery_V if battery_V > LEAST_V else 1.0
-    fastest_rad_s = max(0.1, (PWM_MAX / volts - feel.ks_pwm) / kv)
+    kv = feed_forward.kv_pwm_s or PWM_MAX / max_wheel_rad_s
+    volts = NOMINAL_V / battery_V if battery_V > MIN_BATTERY_V else 1.0
+    fastest_rad_s = max(0.1, (PWM_MAX / volts - feed_forward.ks_pwm) / kv)
     speeds = limit_wheel_speeds(speeds, fastest_rad_s)
-    return _pwm(speeds.left_rad_s, kv, feel.ks_pwm, volts), _pwm(speeds.right_rad_s, kv, feel.ks_pwm, volts)
+    return _pwm(speeds.left_rad_s, kv, feed_forward.ks_pwm, volts), _pwm(
+        speeds.right_rad_s, kv, feed_forward.ks_pwm, volts
+    )
 
 
 def _pwm(speed_rad_s: float, kv: float, ks: float, volts: float) -> int:

@@ -56,7 +56,7 @@ def follow(itinerary: Itinerary, drive: Callable[[str, Goal], DriveResult]) -> D
     return result
 
 
-MOST_REMEMBERED = 32
+MAX_MISSIONS = 32
 
 
 class MissionState(Enum):
@@ -120,6 +120,6 @@ class Missions:
 
     def _keep(self, mission: WaypointMission) -> WaypointMission:
         self._known[mission.number] = mission
-        while len(self._known) > MOST_REMEMBERED:
+        while len(self._known) > MAX_MISSIONS:
             self._known.popitem(last=False)
         return mission

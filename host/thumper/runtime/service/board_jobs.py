@@ -11,8 +11,8 @@ from typing import Any
 from thumper.common.errors import ThumperError
 from thumper.runtime.requests import Query
 
-SHARE_S = 0.02  # of a beat's 0.1 s; a beat's own work takes as much again
-MOST_WAITING = 20
+TIME_SLICE_S = 0.02  # of a beat's 0.1 s; a beat's own work takes as much again
+MAX_PENDING = 20
 
 BoardJob = Generator[None, None, dict[str, Any]]
 """Yields after each request to the board and returns the answer; raises ThumperError when there is none."""
@@ -28,19 +28,19 @@ class BoardJobQueue:
         """Whether any is still to be done."""
         return bool(self._waiting)
 
-    def add(self, ask: Query, errand: BoardJob) -> None:
+    def add(self, ask: Query, job: BoardJob) -> None:
         """Have it done in the beats that follow, and `ask` answered then; ThumperError when too many wait."""
-        if len(self._waiting) >= MOST_WAITING:
+        if len(self._waiting) >= MAX_PENDING:
             raise ThumperError("too many questions to the board wait already: ask again")
-        self._waiting.append((ask, errand))
+        self._waiting.append((ask, job))
 
-    def go_on(self, now_s: Callable[[], float]) -> None:
+    def run_for(self, now_s: Callable[[], float]) -> None:
         """Make one request, and more while the beat's share of time lasts; `now_s` is the board's clock."""
-        until_s = now_s() + SHARE_S
+        until_s = now_s() + TIME_SLICE_S
         while self._waiting:
-            ask, errand = self._waiting[0]
+            ask, job = self._waiting[0]
             try:
-                next(errand)
+                next(job)
             except StopIteration as done:
                 self._finish(ask, {"ok": True, **done.value})
             except ThumperError as error:

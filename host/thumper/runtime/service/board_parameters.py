@@ -8,7 +8,7 @@ from thumper.board.messages import PARAMETERS, Command
 from thumper.common.errors import ThumperError
 from thumper.runtime.service.board_jobs import BoardJob
 
-NAMES = tuple(spec.name for spec in PARAMETERS)
+PARAMETER_NAMES = tuple(spec.name for spec in PARAMETERS)
 
 
 def schema() -> dict[str, Any]:
@@ -28,7 +28,7 @@ def schema() -> dict[str, Any]:
     }
 
 
-def values(board: Board, names: Iterable[str] = NAMES) -> BoardJob:
+def values(board: Board, names: Iterable[str] = PARAMETER_NAMES) -> BoardJob:
     """What the board uses now."""
     known = {}
     for name in names:

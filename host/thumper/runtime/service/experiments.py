@@ -14,9 +14,9 @@ from thumper.board.board import Board, TelemetrySample
 from thumper.common.errors import ThumperError
 
 FOLDER = Path("out") / "experiments"
-SHORTEST_LANE_M, LONGEST_LANE_M = 0.6, 10.0
-MOST_LINES = 200
-BEAT_TIMEOUT_S = 0.5
+MIN_LANE_M, MAX_LANE_M = 0.6, 10.0
+MAX_LINES = 200
+POLL_TIMEOUT_S = 0.5
 
 T = TypeVar("T")
 
@@ -38,16 +38,16 @@ Experiment = Callable[[ExperimentContext], Path | None]
 
 
 class WatchedBoard:
-    """The board with the robot's loop in its `poll`: stops come in and products go out while it is driven."""
+    """A board whose `poll` also runs the robot's loop: it handles stop requests and publishes."""
 
-    def __init__(self, board: Board, each_beat: Callable[[list[TelemetrySample]], None]) -> None:
+    def __init__(self, board: Board, on_cycle: Callable[[list[TelemetrySample]], None]) -> None:
         self._board = board
-        self._each_beat = each_beat
+        self._on_cycle = on_cycle
 
     def poll(self, timeout_s: float) -> list[TelemetrySample]:
         """As the board's; raises ThumperError when somebody wants the experiment to stop."""
         samples = self._board.poll(timeout_s)
-        self._each_beat(samples)
+        self._on_cycle(samples)
         return samples
 
     def __getattr__(self, name: str) -> Any:
@@ -60,40 +60,40 @@ class Experiments:
     def __init__(self) -> None:
         self.running = ""
         self.source = ""  # who asked for it
-        self.wanted = ""  # asked for, not begun
-        self.stop_why = ""
+        self.requested = ""  # asked for, not begun
+        self.stop_reason = ""
         self._lane_m = 0.0
         self._progress: tuple[int, int, str] = (0, 0, "")
         self._lines: list[str] = []
         self._problem = ""
         self._report: Path | None = None
 
-    def ask_for(self, content: Mapping[str, Any], source: str) -> str:
+    def request(self, content: Mapping[str, Any], source: str) -> str:
         """Note what to run at the next beat; raises ThumperError for what cannot be run."""
         name, lane_m = content.get("name"), content.get("lane_m")
         names = [point.name for point in entry_points(group="thumper.experiments")]
-        if self.running or self.wanted:
-            raise ThumperError(f"{self.running or self.wanted} is under way: cancel it first")
+        if self.running or self.requested:
+            raise ThumperError(f"{self.running or self.requested} is under way: cancel it first")
         if name not in names:
             raise ThumperError(f"no experiment {name!r}; there are {', '.join(sorted(names))}")
         number = isinstance(lane_m, int | float) and not isinstance(lane_m, bool)
-        if not number or not SHORTEST_LANE_M <= cast("float", lane_m) <= LONGEST_LANE_M:
-            raise ThumperError(f"the lane is {SHORTEST_LANE_M:g}...{LONGEST_LANE_M:g} m")
-        self.wanted, self.source, self._lane_m = name, source, float(cast("float", lane_m))
+        if not number or not MIN_LANE_M <= cast("float", lane_m) <= MAX_LANE_M:
+            raise ThumperError(f"the lane is {MIN_LANE_M:g}...{MAX_LANE_M:g} m")
+        self.requested, self.source, self._lane_m = name, source, float(cast("float", lane_m))
         return f"{name} begins"
 
     def stop(self, why: str) -> bool:
         """Have it end at the next beat; returns whether there was one."""
-        self.wanted = ""
+        self.requested = ""
         if self.running:
-            self.stop_why = why
+            self.stop_reason = why
         return bool(self.running)
 
     def state(self) -> dict[str, Any]:
         """What a page shows of it."""
         done, total, what = self._progress
         return {
-            "running": self.running or self.wanted,
+            "running": self.running or self.requested,
             "share": done / total if total else 0.0,
             "what": what,
             "lines": list(self._lines),
@@ -107,17 +107,17 @@ class Experiments:
             raise ThumperError("no experiment has left a report yet")
         return {"html": self._report.read_text(encoding="utf-8")}
 
-    def run(self, board: Board, each_beat: Callable[[list[TelemetrySample]], None]) -> str:
+    def run(self, board: Board, on_cycle: Callable[[list[TelemetrySample]], None]) -> str:
         """Run what was asked for; returns how it ended, in words. Nothing of it raises but Ctrl-C."""
-        name, self.wanted = self.wanted, ""
-        self.running, self.stop_why, self._problem, self._report = name, "", "", None
+        name, self.requested = self.requested, ""
+        self.running, self.stop_reason, self._problem, self._report = name, "", "", None
         self._lines.clear()
         self._progress = (0, 0, "beginning")
 
         def beat(samples: list[TelemetrySample]) -> None:
-            each_beat(samples)
-            if self.stop_why:
-                raise ThumperError(self.stop_why)
+            on_cycle(samples)
+            if self.stop_reason:
+                raise ThumperError(self.stop_reason)
 
         watched = cast("Board", WatchedBoard(board, beat))
         try:
@@ -143,7 +143,7 @@ class Experiments:
             try:
                 result = pool.submit(work)
                 while not result.done():
-                    board.poll(BEAT_TIMEOUT_S)
+                    board.poll(POLL_TIMEOUT_S)
                 return result.result()
             finally:
                 pool.shutdown(wait=False)  # who stops the experiment must not wait for what it works out
@@ -153,7 +153,7 @@ class Experiments:
             folder=FOLDER,
             lane_m=self._lane_m,
             show=show,
-            say=lambda line: self._lines.append(line) if len(self._lines) < MOST_LINES else None,
+            say=lambda line: self._lines.append(line) if len(self._lines) < MAX_LINES else None,
             think=think,
         )
 

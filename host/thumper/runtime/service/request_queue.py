@@ -6,14 +6,14 @@ from collections import deque
 
 from thumper.runtime.requests import EmergencyStop, Request
 
-MOST_WAITING = 256  # a beat takes them all; more than this is a flood, and its oldest part is dropped
+MAX_PENDING = 256  # a beat takes them all; more than this is a flood, and its oldest part is dropped
 
 
 class RequestQueue:
     """Bounded; an emergency stop cannot be crowded out."""
 
     def __init__(self) -> None:
-        self._waiting: deque[tuple[float, Request]] = deque(maxlen=MOST_WAITING)
+        self._waiting: deque[tuple[float, Request]] = deque(maxlen=MAX_PENDING)
         self._stop = threading.Event()
 
     def put(self, request: Request) -> None:

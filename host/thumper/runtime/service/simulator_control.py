@@ -5,7 +5,7 @@ from typing import Any, Protocol
 
 from thumper.common.errors import ThumperError
 
-SLOWEST, FASTEST = 0.1, 20.0  # times real time
+MIN_SPEED, MAX_SPEED = 0.1, 20.0  # times real time
 
 
 class Simulator(Protocol):
@@ -20,7 +20,7 @@ class Simulator(Protocol):
         ...
 
 
-class Simulation:
+class SimulatorControl:
     """The simulator of this robot, if it has one here. Every method raises ThumperError with why not."""
 
     def __init__(self, simulator: Simulator | None) -> None:
@@ -42,8 +42,12 @@ class Simulation:
         return self._simulator.apply(content)
 
     def _change_speed(self, speed: object) -> str:
-        if not isinstance(speed, int | float) or isinstance(speed, bool) or not SLOWEST <= speed <= FASTEST:
-            raise ThumperError(f"the speed is {SLOWEST:g}...{FASTEST:g} times real time")
+        if (
+            not isinstance(speed, int | float)
+            or isinstance(speed, bool)
+            or not MIN_SPEED <= speed <= MAX_SPEED
+        ):
+            raise ThumperError(f"the speed is {MIN_SPEED:g}...{MAX_SPEED:g} times real time")
         if self.set_speed is None:
             raise ThumperError("this run is not kept at any speed; `thumper run` without a goal is")
         self.set_speed(float(speed))

@@ -31,11 +31,11 @@ def change(mapper: Mapper, mode: str) -> str:
     raise ThumperError(f"no mode {mode!r}; there are {', '.join(MODES)}")
 
 
-def state(perception: StateEstimator) -> dict[str, str]:
+def state(estimator: StateEstimator) -> dict[str, str]:
     """What it does now, and why the pose or the map may not be trusted; empty while they may."""
-    mapper, situation = perception.mapper, perception.situation()
+    mapper, state = estimator.mapper, estimator.state()
     return {
         "mode": mapper.doing if isinstance(mapper, SlamModeSwitch) else "mapping",
-        "lost": situation.lost if situation else "",
-        "map_doubt": perception.map_doubt,
+        "lost": state.lost if state else "",
+        "map_doubt": estimator.map_doubt,
     }

@@ -1,7 +1,7 @@
 """Goals, legs and endings."""
 
 from thumper.navigation.goal import Goal
-from thumper.runtime.drive.waypoints import MOST_REMEMBERED, Missions, MissionState
+from thumper.runtime.drive.waypoints import MAX_MISSIONS, Missions, MissionState
 
 A, B = Goal(x_m=1.0, y_m=0.0), Goal(x_m=2.0, y_m=0.0)
 
@@ -47,7 +47,7 @@ def test_an_ending_without_a_mission_is_none() -> None:
 def test_a_robot_that_is_on_for_days_forgets() -> None:
     missions = Missions()
     first = missions.begin((A,), "").number
-    for _ in range(MOST_REMEMBERED):
+    for _ in range(MAX_MISSIONS):
         missions.begin((B,), "")
     assert missions.find(first) is None
     assert missions.newest is not None

@@ -7,7 +7,7 @@ import pytest
 
 from thumper.common.errors import ThumperError
 from thumper.runtime.requests import Query
-from thumper.runtime.service.board_jobs import MOST_WAITING, SHARE_S, BoardJob, BoardJobQueue
+from thumper.runtime.service.board_jobs import MAX_PENDING, TIME_SLICE_S, BoardJob, BoardJobQueue
 
 
 class Clock:
@@ -35,22 +35,22 @@ def requests(count: int, clock: Clock, each_s: float, error: Exception | None = 
 
 @pytest.mark.parametrize(("each_s", "beats"), [(0.001, 1), (0.016, 4), (0.1, 8)])
 def test_a_beat_gives_its_share_of_time_and_at_least_one_request(each_s: float, beats: int) -> None:
-    clock, errands, answers = Clock(), BoardJobQueue(), list[Mapping[str, Any]]()
-    errands.add(ask(answers), requests(7, clock, each_s))
+    clock, jobs, answers = Clock(), BoardJobQueue(), list[Mapping[str, Any]]()
+    jobs.add(ask(answers), requests(7, clock, each_s))
     for beat in range(beats):
-        assert (len(answers), bool(errands)) == (0, True)
+        assert (len(answers), bool(jobs)) == (0, True)
         begun_s = clock.now_s
-        errands.go_on(clock)
-        assert clock.now_s - begun_s < SHARE_S + each_s, beat
+        jobs.run_for(clock)
+        assert clock.now_s - begun_s < TIME_SLICE_S + each_s, beat
     assert answers == [{"ok": True, "asked": 7}]
-    assert not errands
+    assert not jobs
 
 
 def test_one_that_fails_is_answered_with_why_and_the_next_one_is_done() -> None:
-    clock, errands, answers = Clock(), BoardJobQueue(), list[Mapping[str, Any]]()
+    clock, jobs, answers = Clock(), BoardJobQueue(), list[Mapping[str, Any]]()
     for error in (ThumperError("it is silent"), IndexError("7"), None):
-        errands.add(ask(answers), requests(1, clock, 0.001, error))
-    errands.go_on(clock)
+        jobs.add(ask(answers), requests(1, clock, 0.001, error))
+    jobs.run_for(clock)
     assert [answer.get("error") for answer in answers] == [
         "it is silent",
         "internal error: IndexError: 7",
@@ -60,11 +60,11 @@ def test_one_that_fails_is_answered_with_why_and_the_next_one_is_done() -> None:
 
 
 def test_a_flood_is_refused_and_a_lost_board_answers_all_that_wait() -> None:
-    clock, errands, answers = Clock(), BoardJobQueue(), list[Mapping[str, Any]]()
-    for _ in range(MOST_WAITING):
-        errands.add(ask(answers), requests(1, clock, 0.001))
+    clock, jobs, answers = Clock(), BoardJobQueue(), list[Mapping[str, Any]]()
+    for _ in range(MAX_PENDING):
+        jobs.add(ask(answers), requests(1, clock, 0.001))
     with pytest.raises(ThumperError, match="ask again"):
-        errands.add(ask(answers), requests(1, clock, 0.001))
-    errands.refuse("the board has gone")
-    assert answers == MOST_WAITING * [{"ok": False, "error": "the board has gone"}]
-    assert not errands
+        jobs.add(ask(answers), requests(1, clock, 0.001))
+    jobs.refuse("the board has gone")
+    assert answers == MAX_PENDING * [{"ok": False, "error": "the board has gone"}]
+    assert not jobs

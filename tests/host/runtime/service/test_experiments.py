@@ -22,12 +22,12 @@ def test_who_stops_one_does_not_wait_for_what_it_works_out(
     monkeypatch.setattr("thumper.runtime.service.experiments._load", work)
     board = Board.open("sim://thinking/board", baud=500_000)
     experiments = Experiments()
-    experiments.ask_for({"name": "tune", "lane_m": 1.2}, "me")
+    experiments.request({"name": "tune", "lane_m": 1.2}, "me")
 
-    def each_beat(_samples: list[TelemetrySample]) -> None:
+    def on_cycle(_samples: list[TelemetrySample]) -> None:
         experiments.stop("cancelled")
 
-    ending = experiments.run(board, each_beat)
+    ending = experiments.run(board, on_cycle)
     try:
         assert (ending, worked_out.is_set()) == ("tune: cancelled", False)
     finally:

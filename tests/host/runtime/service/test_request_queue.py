@@ -1,50 +1,50 @@
 """A flood may crowd out what it likes, but not the emergency stop."""
 
-from thumper.runtime.drive.heartbeats import MOST_SOURCES, HeartbeatMonitor
+from thumper.runtime.drive.heartbeats import MAX_SOURCES, HeartbeatMonitor
 from thumper.runtime.requests import EmergencyStop, Heartbeat, RobotCommand
-from thumper.runtime.service.request_queue import MOST_WAITING, RequestQueue
+from thumper.runtime.service.request_queue import MAX_PENDING, RequestQueue
 
 
 def test_requests_come_out_in_their_order() -> None:
-    inbox = RequestQueue()
-    inbox.put(RobotCommand(name="arm"))
-    inbox.put(RobotCommand(name="disarm"))
-    assert [request for _, request in inbox.take()] == [RobotCommand(name="arm"), RobotCommand(name="disarm")]
-    assert inbox.take() == []
+    queue = RequestQueue()
+    queue.put(RobotCommand(name="arm"))
+    queue.put(RobotCommand(name="disarm"))
+    assert [request for _, request in queue.take()] == [RobotCommand(name="arm"), RobotCommand(name="disarm")]
+    assert queue.take() == []
 
 
 def test_a_flood_loses_its_oldest_part_and_never_the_stop() -> None:
-    inbox = RequestQueue()
-    inbox.put(EmergencyStop())
-    for n in range(MOST_WAITING + 10):
-        inbox.put(Heartbeat(source=str(n)))
-    taken = [request for _, request in inbox.take()]
+    queue = RequestQueue()
+    queue.put(EmergencyStop())
+    for n in range(MAX_PENDING + 10):
+        queue.put(Heartbeat(source=str(n)))
+    taken = [request for _, request in queue.take()]
     assert taken[0] == EmergencyStop()
     assert taken[1] == Heartbeat(source="10")
-    assert len(taken) == MOST_WAITING + 1
+    assert len(taken) == MAX_PENDING + 1
 
 
 def test_a_source_is_lost_only_after_it_was_there() -> None:
-    supervision = HeartbeatMonitor(0.3)
-    assert not supervision.is_lost("page", 100.0)
-    supervision.beat("page", 1.0)
-    assert not supervision.is_lost("page", 1.29)
-    assert supervision.is_lost("page", 1.31)
-    assert not supervision.is_lost("other", 2.0)
+    heartbeats = HeartbeatMonitor(0.3)
+    assert not heartbeats.is_lost("page", 100.0)
+    heartbeats.record("page", 1.0)
+    assert not heartbeats.is_lost("page", 1.29)
+    assert heartbeats.is_lost("page", 1.31)
+    assert not heartbeats.is_lost("other", 2.0)
 
 
 def test_too_many_sources_push_out_the_one_silent_longest() -> None:
-    supervision = HeartbeatMonitor(0.3)
-    for n in range(MOST_SOURCES + 1):
-        supervision.beat(str(n), float(n))
-    assert not supervision.is_lost("0", 1e9)  # forgotten
-    assert supervision.is_lost("1", 1e9)
+    heartbeats = HeartbeatMonitor(0.3)
+    for n in range(MAX_SOURCES + 1):
+        heartbeats.record(str(n), float(n))
+    assert not heartbeats.is_lost("0", 1e9)  # forgotten
+    assert heartbeats.is_lost("1", 1e9)
 
 
 def test_the_source_that_is_watched_is_not_pushed_out() -> None:
-    supervision = HeartbeatMonitor(0.3)
-    supervision.beat("page", 0.0)
-    assert not supervision.is_lost("page", 0.1)
-    for n in range(2 * MOST_SOURCES):
-        supervision.beat(str(n), 1.0)
-    assert supervision.is_lost("page", 1.0)
+    heartbeats = HeartbeatMonitor(0.3)
+    heartbeats.record("page", 0.0)
+    assert not heartbeats.is_lost("page", 0.1)
+    for n in range(2 * MAX_SOURCES):
+        heartbeats.record(str(n), 1.0)
+    assert heartbeats.is_lost("page", 1.0)

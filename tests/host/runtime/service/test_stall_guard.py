@@ -4,17 +4,17 @@ import pytest
 
 from thumper.navigation.goal import Goal
 from thumper.runtime.requests import EmergencyStop, GoTo, Query, Request, RobotCommand
-from thumper.runtime.service.stall_guard import HUNG_S, LATE_S, StallGuard, sets_going
+from thumper.runtime.service.stall_guard import STALE_PERIOD_S, STALL_S, StallGuard, starts_motion
 
 
-def test_only_what_comes_right_after_a_hang_is_late() -> None:
-    waking = StallGuard()
-    assert not waking.is_late(100.0)
-    assert not waking.is_late(100.1)
-    woken_s = 100.1 + HUNG_S + 0.1
-    assert waking.is_late(woken_s)
-    assert waking.is_late(woken_s + 0.9 * LATE_S)
-    assert not waking.is_late(woken_s + 1.1 * LATE_S)
+def test_only_what_comes_right_after_a_hang_is_stale() -> None:
+    guard = StallGuard()
+    assert not guard.is_stale(100.0)
+    assert not guard.is_stale(100.1)
+    woken_s = 100.1 + STALL_S + 0.1
+    assert guard.is_stale(woken_s)
+    assert guard.is_stale(woken_s + 0.9 * STALE_PERIOD_S)
+    assert not guard.is_stale(woken_s + 1.1 * STALE_PERIOD_S)
 
 
 @pytest.mark.parametrize(
@@ -31,4 +31,4 @@ def test_only_what_comes_right_after_a_hang_is_late() -> None:
     ],
 )
 def test_what_sets_the_robot_going(request_: Request, going: bool) -> None:
-    assert sets_going(request_) is going
+    assert starts_motion(request_) is going
