@@ -4,7 +4,9 @@ import math
 from bisect import bisect_right
 from collections import deque
 
-from thumper.common.geometry import Pose2
+import numpy as np
+
+from thumper.common.geometry import FloatArray, Pose2
 from thumper.odometry.wheel_odometry import OdometrySample, advance
 
 
@@ -26,6 +28,18 @@ def interpolate(start: Pose2, end: Pose2, fraction: float) -> Pose2:
         theta_rad=fraction * turn_rad,
     )
     return start @ step
+
+
+def interpolate_poses(times_s: FloatArray, known_s: FloatArray, known: FloatArray) -> FloatArray:
+    """Return the pose at each of `times_s`, shape (n, 3), linear in x, y and unwrapped heading.
+
+    `known` holds x, y, theta [m, m, rad] at the rising times `known_s`, shapes (k, 3) and (k,). Before the
+    first and after the last of them the robot is taken to stand still. For samples as close as 0.1 s; over
+    longer arcs use `interpolate`.
+    """
+    headings_rad = np.unwrap(known[:, 2])
+    columns = [np.interp(times_s, known_s, column) for column in (known[:, 0], known[:, 1], headings_rad)]
+    return np.column_stack(columns)
 
 
 class PoseBuffer:

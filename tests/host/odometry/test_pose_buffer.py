@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from thumper.common.geometry import Pose2, Twist2
-from thumper.odometry.pose_buffer import PoseBuffer, interpolate
+from thumper.odometry.pose_buffer import PoseBuffer, interpolate, interpolate_poses
 from thumper.odometry.wheel_odometry import OdometrySample, advance
 
 V_M_S, W_RAD_S = 0.8, 1.2
@@ -74,3 +74,10 @@ def test_a_part_of_a_part_lies_on_the_same_screw(
     middle = interpolate(start, end, part)
     assert_same(interpolate(start, middle, part_of_part), interpolate(start, end, part * part_of_part))
     assert_same(interpolate(start, end, 1.0), end)
+
+
+def test_many_poses_at_once_are_linear_clamped_and_turn_the_short_way() -> None:
+    known = np.array([(0.0, 0.0, 3.0), (1.0, 2.0, -3.0)])
+    found = interpolate_poses(np.array([-1.0, 0.5, 2.0]), np.array([0.0, 1.0]), known)
+    assert found[:, :2].tolist() == [[0.0, 0.0], [0.5, 1.0], [1.0, 2.0]]
+    assert found[1, 2] == pytest.approx(math.pi)
