@@ -25,7 +25,7 @@ from thumper.common.geometry import Pose2, Twist2
 from thumper.common.kinematics import WheelSpeeds
 from thumper.config.robot import RobotConfig, load_config, with_ports
 from thumper.lidar.scan import Scan
-from thumper.maps.map_server_io import description_path, save_map
+from thumper.maps.map_server_io import map_yaml_path, save_map
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.goal import check_place
 from thumper.runtime.assembly import open_robot
@@ -217,7 +217,7 @@ class Robot:
         ThumperError
             It is no path, or cannot be written.
         """
-        yaml_path = description_path(_path("save_map", path))
+        yaml_path = map_yaml_path(_path("save_map", path))
         save_map(self.map, yaml_path)
         save_session(SavedSlamState.of(self._runtime.mapper, self.pose), yaml_path.with_suffix(".session"))
         return yaml_path

@@ -51,7 +51,9 @@ def test_a_session_stays_that_of_its_map(thumper: Run, tmp_path: Path) -> None:
     grid = World.load("lab").to_grid()
     save_map(grid, lab)
     was = Pose2(x_m=1.0, y_m=0.5, theta_rad=0.2)
-    save_session(SavedSlamState(counts=HitCounts.of(grid), map_from_base=was), lab.with_suffix(".session"))
+    save_session(
+        SavedSlamState(counts=HitCounts.from_grid(grid), map_from_base=was), lab.with_suffix(".session")
+    )
     new.write_text("of another map")
     refused(thumper("edit", lab, "--rotate", "90", "--out", tmp_path / "new"), str(new), "there already")
     assert [new.read_text(), (tmp_path / "new.yaml").exists()] == ["of another map", False]

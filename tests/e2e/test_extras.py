@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from thumper.common.optional_packages import PARTS, missing
+from thumper.common.optional_packages import EXTRAS, missing_package
 
 RUN_WITHOUT = """
 import sys
@@ -41,6 +41,6 @@ def test_what_is_missing_is_named_with_its_cure(
     assert [path.name for path in tmp_path.iterdir()] == ["c.toml"]
 
 
-@pytest.mark.parametrize("extra", PARTS)
+@pytest.mark.parametrize("extra", EXTRAS)
 def test_each_extra_is_one_of_the_project(extra: str) -> None:
-    assert "pip install '" in str(missing(extra, "it"))
+    assert "pip install '" in str(missing_package(extra, "it"))

@@ -12,7 +12,7 @@ from tests.hil.memory_port import MemoryPort, standing
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.deskew import scan_points
 from thumper.lidar.ld19 import Ld19Driver, Ld19Options
-from thumper.lidar.ld19_protocol import FrameCutter
+from thumper.lidar.ld19_protocol import Ld19Decoder
 from thumper.lidar.scan import Scan
 from thumper_hil.lidars.ld19 import Ld19
 from thumper_hil.world.world import World
@@ -163,4 +163,4 @@ def test_the_frames_do_not_depend_on_how_often_one_looks() -> None:
 
     assert run(0.001, 3) == run(0.05, 3)
     assert run(0.05, 3) != run(0.05, 4)
-    assert len(FrameCutter().feed(run(0.05, 3))) == 149, "375 frames a second, the last still on the wire"
+    assert len(Ld19Decoder().feed(run(0.05, 3))) == 149, "375 frames a second, the last still on the wire"

@@ -27,7 +27,7 @@ def campaign(
 
     from thumper.cli.output_folder import prepare_output
     from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
-    from thumper.common.optional_packages import need
+    from thumper.common.optional_packages import require_extra
     from thumper_hil.campaign.figures import draw
     from thumper_hil.campaign.parquet import write_parquet
     from thumper_hil.campaign.result_row import CampaignRow, succeeded
@@ -36,7 +36,7 @@ def campaign(
     from thumper_hil.campaign.spec import digest_of, jobs_of, load_campaign
     from thumper_hil.campaign.summary import markdown, summarise
 
-    need("campaign")
+    require_extra("campaign")
     console = Console()
     plan = load_campaign(file)
     jobs = jobs_of(plan, file.parent)

@@ -65,8 +65,10 @@ def seen_s(track: list[Pose2], walker: KinematicPedestrian, time_s: float) -> fl
     """
     view, cycles = FieldOfView(), 0
     for pose in reversed(track):
-        bearing_rad, range_m = view.polar(pose, walker.place_m(time_s - cycles * CYCLE_S)[None, :])
-        if not view.holds(bearing_rad, range_m, edge_rad=0.0)[0]:
+        bearing_rad, range_m = view.bearings_and_ranges(
+            pose, walker.place_m(time_s - cycles * CYCLE_S)[None, :]
+        )
+        if not view.contains(bearing_rad, range_m, edge_rad=0.0)[0]:
             break
         cycles += 1
     return cycles * CYCLE_S

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import serial
 
-from thumper.board.clock import ClockFit
-from thumper.board.fault_texts import REFUSALS
+from thumper.board.clock import ClockFilter
+from thumper.board.fault_texts import REFUSAL_REASONS
 from thumper.board.framing import DELIMITER, Frame, FrameDecoder, encode_frame
 from thumper.board.messages import (
     MESSAGES,
@@ -33,7 +33,7 @@ from thumper.board.messages import (
 from thumper.board.parameters import parameter_named
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 from thumper.common.kinematics import WheelSpeeds
-from thumper.common.serial_port import clock_of, open_port
+from thumper.common.serial_port import open_port, port_clock
 
 REPLY_TIMEOUT_S = 0.1
 REQUEST_TRIES = 5
@@ -58,9 +58,9 @@ class Board:
     def __init__(self, port: serial.Serial, name: str) -> None:
         self._port = port
         self._name = name
-        self._clock = clock_of(port)
+        self._clock = port_clock(port)
         self._decoder = FrameDecoder()
-        self._fit = ClockFit(tick_s=1e-6, wrap_ticks=2**32)
+        self._fit = ClockFilter(tick_s=1e-6, wrap_ticks=2**32)
         self._sequence = 0
         self._samples: deque[TelemetrySample] = deque()
         self._replies: list[Message] = []
@@ -152,7 +152,7 @@ class Board:
         try:
             self._acknowledged(SetParameter(index=spec.index, value=round(value * spec.scale)), what)
         except (struct.error, OverflowError, ValueError):  # far out of range, or no number: fits no wire
-            raise ThumperError(f"refused {what}: {REFUSALS[AckStatus.OUT_OF_RANGE]}") from None
+            raise ThumperError(f"refused {what}: {REFUSAL_REASONS[AckStatus.OUT_OF_RANGE]}") from None
 
     def get_parameter(self, name: str) -> float:
         """Return a parameter's present value in the unit that `docs/protocol.md` gives."""
@@ -218,7 +218,7 @@ class Board:
             if isinstance(reply, Ack):
                 if reply.status is AckStatus.OK:
                     return
-                refusal = REFUSALS[reply.status]
+                refusal = REFUSAL_REASONS[reply.status]
                 if reply.status is not AckStatus.BATTERY_UNKNOWN:
                     break
                 self._listen(READING_S)

@@ -1,7 +1,7 @@
 """From a device's counter to the host's clock, by the smallest delay seen (the clock filter of NTP)."""
 
 
-class ClockFit:
+class ClockFilter:
     """Maps a wrapping device counter to host seconds.
 
     Every message is late by its own delay, never early: the smallest `host - device` seen is the best

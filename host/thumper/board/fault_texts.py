@@ -2,7 +2,7 @@
 
 from thumper.board.messages import AckStatus, Fault
 
-REFUSALS = {
+REFUSAL_REASONS = {
     AckStatus.UNKNOWN_COMMAND: "it does not know it; flash the firmware that belongs to this program",
     AckStatus.UNKNOWN_PARAMETER: "it does not know it; flash the firmware that belongs to this program",
     AckStatus.OUT_OF_RANGE: "the value is out of range",
@@ -15,7 +15,7 @@ REFUSALS = {
 }
 
 
-FAULT_CURES = {
+FAULT_HINTS = {
     Fault.LINK_LOST: "it heard no command for 300 ms; is the computer overloaded or the cable loose?",
     Fault.LOW_BATTERY: "the battery is empty; charge it",
     Fault.E_STOP: "the emergency stop was pressed",

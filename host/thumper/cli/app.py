@@ -25,7 +25,7 @@ from thumper.cli.save import save
 from thumper.cli.status import status, watch
 from thumper.cli.teleop import teleop
 from thumper.common.errors import ThumperError
-from thumper.common.optional_packages import extra_of, missing
+from thumper.common.optional_packages import extra_providing, missing_package
 from thumper.common.version import __version__
 
 
@@ -99,10 +99,10 @@ def main() -> None:
         _leave(error)
     except ModuleNotFoundError as error:
         module = error.name or ""
-        extra = extra_of(module)
+        extra = extra_providing(module)
         if extra is None:
             raise
-        _leave(missing(extra, module))
+        _leave(missing_package(extra, module))
 
 
 def _leave(error: ThumperError) -> NoReturn:

@@ -43,9 +43,9 @@ def edit(
     """
     from thumper.cli.output_folder import prepare_output
     from thumper.common.errors import EXIT_USAGE, ThumperError
-    from thumper.maps.edit import cropped, filled, rotated, trimmed
+    from thumper.maps import edit as map_edit
     from thumper.maps.hit_counts import HitCounts
-    from thumper.maps.map_server_io import description_path, load_turned_map, save_map
+    from thumper.maps.map_server_io import load_rotated_map, map_yaml_path, save_map
     from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
     from thumper.slam.saved_state import SavedSlamState, save_session
 
@@ -66,8 +66,8 @@ def edit(
         raise ThumperError(
             f"--out {out}: this is a folder; name the new map, as in {out / 'map.yaml'}", exit_code=EXIT_USAGE
         )
-    grid, yaw_rad = load_turned_map(file)
-    out = description_path(out)
+    grid, yaw_rad = load_rotated_map(file)
+    out = map_yaml_path(out)
     for path in (out, out.with_suffix(".pgm"), out.with_suffix(".session")):
         if path.exists() and not force:
             raise ThumperError(
@@ -75,15 +75,15 @@ def edit(
             )
     done = [f"its yaw of {math.degrees(yaw_rad):g} degrees taken out"] if yaw_rad else []
     if rotate:
-        grid = rotated(grid, math.radians(rotate))
+        grid = map_edit.rotate(grid, math.radians(rotate))
         done.append(f"turned by {rotate:g} degrees")
     for word, state, several in boxes:
         for one in several:
-            grid = filled(grid, one, state)
+            grid = map_edit.fill_box(grid, one, state)
         if several:
             done.append(f"{len(several)} {'box' if len(several) == 1 else 'boxes'} made {word}")
     if kept or trim:
-        grid = cropped(grid, kept) if kept else trimmed(grid)
+        grid = map_edit.crop(grid, kept) if kept else map_edit.trim(grid)
         done.append("cropped" if kept else "trimmed")
     if not done:
         raise ThumperError(
@@ -93,7 +93,7 @@ def edit(
     pose = _saved_pose(file, grid.resolution_m, math.radians(rotate))
     image = save_map(grid, out)
     session = save_session(
-        SavedSlamState(counts=HitCounts.of(grid), map_from_base=pose), out.with_suffix(".session")
+        SavedSlamState(counts=HitCounts.from_grid(grid), map_from_base=pose), out.with_suffix(".session")
     )
     print(f"{file}: {', '.join(done)}; {_words(grid)}: {out}, {image.name} and {session.name}")
 

@@ -37,7 +37,7 @@ def export(
     """Turn a recording into tables (CSV), a map file, a picture."""
     from thumper.cli.output_folder import prepare_output
     from thumper.common.errors import EXIT_USAGE, ThumperError
-    from thumper.maps.map_server_io import description_path, save_map
+    from thumper.maps.map_server_io import map_yaml_path, save_map
     from thumper.maps.plot import plot_map
     from thumper.recording.export import export_csv, last_map
     from thumper.recording.reader import Recording, find_recordings
@@ -55,7 +55,7 @@ def export(
         grid, path_m = last_map(recording)
         if map_file:
             prepare_output(map_file.parent, "--map")
-            description = description_path(map_file)
+            description = map_yaml_path(map_file)
             image = save_map(grid, description)
             print(f"{description} and {image.name}")
         if png:

@@ -11,7 +11,7 @@ from thumper.cli.bus_options import Address, Config, Robot, join
 if TYPE_CHECKING:
     from thumper.bus.heartbeat_sender import HeartbeatSender
     from thumper.teleop.gamepad import Gamepad
-    from thumper.teleop.teleop_loop import Driver
+    from thumper.teleop.teleop_loop import TeleopLoop
 
 LINE_PERIOD_S = 0.2
 HELP = """r: arm, then hold a key to drive:   u i o    (or the arrow keys; with Shift: turbo)
@@ -37,7 +37,7 @@ def teleop(
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.config.robot import load_config
     from thumper.teleop.keyboard import raw_terminal
-    from thumper.teleop.teleop_loop import Driver
+    from thumper.teleop.teleop_loop import TeleopLoop
 
     settings = load_config(config)
     heard: dict[str, str] = {}
@@ -52,7 +52,7 @@ def teleop(
                 "neither a terminal to type in nor a gamepad: start it in a terminal", exit_code=EXIT_USAGE
             )
         print(HELP)
-        driver = Driver(settings, client.publish, terminal.read if terminal else bytes, pad)
+        driver = TeleopLoop(settings, client.publish, terminal.read if terminal else bytes, pad)
         stack.callback(driver.release)
         try:
             _drive(driver, pad, heard, HeartbeatSender(client), 1.0 / settings.teleop.rate_Hz)
@@ -63,7 +63,11 @@ def teleop(
 
 
 def _drive(
-    driver: "Driver", pad: "Gamepad | None", heard: dict[str, str], pulse: "HeartbeatSender", period_s: float
+    driver: "TeleopLoop",
+    pad: "Gamepad | None",
+    heard: dict[str, str],
+    pulse: "HeartbeatSender",
+    period_s: float,
 ) -> None:
     line_s, last_event = 0.0, ""
     due_s = time.monotonic()

@@ -6,7 +6,7 @@ from importlib.util import find_spec
 
 from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
 
-PARTS = {  # what an extra is for, and the modules that it brings
+EXTRAS = {  # what an extra is for, and the modules that it brings
     "ui": ("the page", ("nicegui", "cryptography")),
     "gamepad": ("a gamepad", ("pygame",)),
     "rosbridge": ("rosbridge", ("websockets",)),
@@ -14,24 +14,24 @@ PARTS = {  # what an extra is for, and the modules that it brings
 }
 
 
-def need(extra: str) -> None:
+def require_extra(extra: str) -> None:
     """Refuse, before anything is done, when a module of the extra is missing; raises ThumperError."""
-    for module in PARTS[extra][1]:
+    for module in EXTRAS[extra][1]:
         if find_spec(module) is None:
-            raise missing(extra, module)
+            raise missing_package(extra, module)
 
 
-def extra_of(module: str) -> str | None:
+def extra_providing(module: str) -> str | None:
     """Which extra brings the module."""
     top = module.partition(".")[0]
-    return next((extra for extra, (_, modules) in PARTS.items() if top in modules), None)
+    return next((extra for extra, (_, modules) in EXTRAS.items() if top in modules), None)
 
 
-def missing(extra: str, module: str) -> ThumperError:
+def missing_package(extra: str, module: str) -> ThumperError:
     """The module in words, with the packages to install: by their names, as thumper itself is on no index."""
     ours = [line.split(";")[0].strip() for line in requires("thumper") or [] if _is_of(line, extra)]
     packages = " ".join(f"'{package}'" for package in ours)
-    what = f"{PARTS[extra][0]} needs {module.partition('.')[0]}, which is not installed"
+    what = f"{EXTRAS[extra][0]} needs {module.partition('.')[0]}, which is not installed"
     return ThumperError(f"{what}: {sys.executable} -m pip install {packages}", exit_code=EXIT_CHECK_FAILED)
 
 

@@ -31,20 +31,20 @@ def open_port(url: str, *, baud: int, name: str) -> serial.Serial:
         ) from error
 
 
-def clock_of(port: serial.Serial) -> Callable[[], float]:
+def port_clock(port: serial.Serial) -> Callable[[], float]:
     """Return the clock [s] of the world that the port lives in: a simulated port brings its own."""
     clock: Callable[[], float] = getattr(port, "clock_s", time.monotonic)
     return clock
 
 
-def simulates(port: serial.Serial) -> bool:
+def has_simulated_clock(port: serial.Serial) -> bool:
     """Whether the port leads into a simulated world, whose time passes only while somebody reads."""
     return hasattr(port, "clock_s")
 
 
 def is_simulated(port: serial.Serial) -> bool:
     """Whether what is behind the port is simulated: in this process, or at the other end of a terminal."""
-    return simulates(port) or os.path.realpath(port.port or "").startswith("/dev/pts/")
+    return has_simulated_clock(port) or os.path.realpath(port.port or "").startswith("/dev/pts/")
 
 
 def _register_plugins() -> None:

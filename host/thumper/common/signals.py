@@ -13,8 +13,8 @@ _came = [False]  # no Event: a handler must not wait for a lock that the code it
 
 
 @contextmanager
-def remembered() -> Iterator[None]:
-    """Note, for `none_lost`, each signal that raises KeyboardInterrupt.
+def record_interrupts() -> Iterator[None]:
+    """Note, for `raise_lost_interrupt`, each signal that raises KeyboardInterrupt.
 
     In another thread than the main one, to which no signal comes, it does nothing.
     """
@@ -32,7 +32,7 @@ def remembered() -> Iterator[None]:
 
 
 @contextmanager
-def none_lost() -> Iterator[None]:
+def raise_lost_interrupt() -> Iterator[None]:
     """Raise KeyboardInterrupt at the end if one came and was lost on the way: for one turn of a loop."""
     _came[0] = False
     try:

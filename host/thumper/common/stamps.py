@@ -9,7 +9,7 @@ import time
 NS_PER_S = 1_000_000_000
 
 
-def epoch_of(now_s: float) -> int:
+def epoch_ns_at(now_s: float) -> int:
     """`epoch_ns` for a host's clock that shows `now_s` now."""
     return time.time_ns() - stamp_ns(now_s, 0)
 
@@ -19,11 +19,11 @@ def stamp_ns(time_s: float, epoch_ns: int) -> int:
     return round(time_s * NS_PER_S) + epoch_ns
 
 
-def time_s_of(stamp: int, epoch_ns: int) -> float:
+def host_time_s(stamp: int, epoch_ns: int) -> float:
     """Stamp [ns] to the host's clock."""
     return (stamp - epoch_ns) / NS_PER_S
 
 
 def rounded_s(time_s: float) -> float:
     """The time as it comes back from a stamp."""
-    return time_s_of(stamp_ns(time_s, 0), 0)
+    return host_time_s(stamp_ns(time_s, 0), 0)

@@ -9,7 +9,7 @@ from thumper.board.board import Board
 from thumper.board.messages import Command, Telemetry
 from thumper.board.options import BoardOptions
 from thumper.common.errors import ThumperError
-from thumper.common.serial_port import clock_of, open_port
+from thumper.common.serial_port import open_port, port_clock
 from thumper.doctor.check import Check
 from thumper.doctor.verdicts import (
     BOARD_JITTER_FAIL_S,
@@ -18,11 +18,11 @@ from thumper.doctor.verdicts import (
     BOARD_ROUND_TRIP_WARN_S,
     Limits,
     Stream,
-    ask_often,
     judge_battery,
     judge_round_trip,
     judge_spin,
     judge_stream,
+    measure_round_trips,
 )
 
 SPIN_PWM, SPIN_S, REST_S = 60, 0.8, 0.5  # slow: a quarter of full power
@@ -47,7 +47,7 @@ def check_board(
         yield from also
         return
     try:
-        yield from _checks(board, config.port, clock_of(port), seconds, spin)
+        yield from _checks(board, config.port, port_clock(port), seconds, spin)
         yield from also
     finally:
         board.close()
@@ -60,7 +60,7 @@ def _checks(
     version = f"{i.version_major}.{i.version_minor}.{i.version_patch}"
     yield Check(verdict="pass", what=f"board {name}: firmware {version}")
     try:
-        trips_s, lost = ask_often(board.round_trip_s)
+        trips_s, lost = measure_round_trips(board.round_trip_s)
         yield judge_round_trip("board", trips_s, lost, BOARD_ROUND_TRIP_WARN_S, BOARD_ROUND_TRIP_FAIL_S)
         stream, last = _watch(board, clock_s, seconds)
         jitter = Limits(warn_s=BOARD_JITTER_WARN_S, fail_s=BOARD_JITTER_FAIL_S)

@@ -13,9 +13,9 @@ from thumper.doctor.verdicts import (
     LIDAR_ROUND_TRIP_WARN_S,
     Limits,
     Stream,
-    ask_often,
     judge_round_trip,
     judge_stream,
+    measure_round_trips,
 )
 from thumper.lidar.open_lidar import open_lidar
 from thumper.lidar.options import LidarOptions
@@ -35,7 +35,7 @@ def check_lidar(config: LidarOptions, *, seconds: float) -> Iterator[Check]:
         return
     try:
         if isinstance(lidar, Urg04LxDriver):  # the LD19 cannot be asked anything
-            trips_s, lost = ask_often(lidar.round_trip_s)
+            trips_s, lost = measure_round_trips(lidar.round_trip_s)
             yield judge_round_trip("lidar", trips_s, lost, LIDAR_ROUND_TRIP_WARN_S, LIDAR_ROUND_TRIP_FAIL_S)
         lidar.wait_for_scan(SCAN_TIMEOUT_S)
         damaged = lidar.counters.bad_replies

@@ -44,7 +44,7 @@ class Limits:
     fail_s: float
 
 
-def ask_often(ask: Callable[[int, float], float | None]) -> tuple[list[float], int]:
+def measure_round_trips(ask: Callable[[int, float], float | None]) -> tuple[list[float], int]:
     """Ask QUESTIONS times, less if nobody answers; returns the answers' times [s] and how many did not come.
 
     `ask(number, timeout_s)` returns the time [s] from question to answer, None without one.

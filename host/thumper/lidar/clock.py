@@ -9,7 +9,7 @@ JUMP_S = 10.0
 """Clocks part by this much in one step only if the lidar was restarted: its own begins at 0 again."""
 
 
-class LeastLag:
+class MinimumLag:
     """The smallest lag of the last one to two windows, and how it has changed since the first one."""
 
     def __init__(self) -> None:
@@ -41,7 +41,7 @@ class LeastLag:
         self._window_least_s = min(self._window_least_s, lag_s)
 
 
-class StampFit:
+class ClockSync:
     """Maps device stamps to host seconds.
 
     A scan reaches the host later than it was stamped, by a turn of the head and by the time until the host
@@ -57,7 +57,7 @@ class StampFit:
         self._unwrapped_ms = 0
         self._last_ms: int | None = None
         self._last_received_s = 0.0
-        self._lags = LeastLag()
+        self._lags = MinimumLag()
 
     def sync(self, stamp_ms: int, asked_s: float, answered_s: float) -> None:
         """Take one answer to the question for the device's clock: `stamp_ms`, read between the two times."""
@@ -77,7 +77,7 @@ class StampFit:
             step_ms = (stamp_ms - self._last_ms) % self._wrap_ms
             if abs(1e-3 * step_ms - (received_s - self._last_received_s)) > JUMP_S:
                 self._offset_s = None  # it holds no longer
-                self._lags = LeastLag()
+                self._lags = MinimumLag()
             self._unwrapped_ms += step_ms
         self._last_ms = stamp_ms
         self._last_received_s = received_s

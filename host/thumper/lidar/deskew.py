@@ -10,7 +10,7 @@ from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.common.numba_kernel import kernel
 from thumper.lidar.scan import Scan
 
-SILENT, HIT, PASSED = 0, 1, 2  # says nothing; ended on something; saw nothing up to its end
+INVALID, HIT, MISS = 0, 1, 2  # says nothing; ended on something; saw nothing up to its end
 
 SURE_SHARE = 0.98  # of the sensor's range
 
@@ -23,7 +23,7 @@ class ScanPoints:
 
     origins_m: FloatArray  # where the laser was, shape (n, 2)
     ends_m: FloatArray  # where the beam ended, shape (n, 2)
-    kinds: KindArray  # SILENT, HIT or PASSED, shape (n,)
+    kinds: KindArray  # INVALID, HIT or MISS, shape (n,)
 
     def hits_m(self) -> FloatArray:
         """The ends of the beams that hit something, shape (m, 2)."""
@@ -78,11 +78,11 @@ def _points(
         range_m = ranges_m[i]
         kind = HIT
         if range_m == math.inf:
-            range_m, kind = usable_range_m, PASSED
+            range_m, kind = usable_range_m, MISS
         elif not (range_min_m <= range_m <= range_max_m):  # NaN falls in here too
             continue
         elif range_m > usable_range_m:
-            range_m, kind = usable_range_m, PASSED
+            range_m, kind = usable_range_m, MISS
         time_s = i * time_increment_s
         turn_rad = w_rad_s * time_s
         half_rad = 0.5 * turn_rad

@@ -17,12 +17,14 @@ class FieldOfView:
     opening_rad: float = math.radians(240.0)
     range_m: float = 4.0
 
-    def polar(self, map_from_base: Pose2, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def bearings_and_ranges(
+        self, map_from_base: Pose2, points_m: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Bearing [rad] and range [m] of points in `map`, shape (n, 2), as the lidar sees them."""
         x_m, y_m = (map_from_base @ self.base_from_laser).inverse().apply(points_m).T
         return np.arctan2(y_m, x_m), np.hypot(x_m, y_m)
 
-    def holds(self, bearing_rad: FloatArray, range_m: FloatArray, *, edge_rad: float) -> NDArray[np.bool_]:
+    def contains(self, bearing_rad: FloatArray, range_m: FloatArray, *, edge_rad: float) -> NDArray[np.bool_]:
         """Which points, shape (n,), are in view, and not within `edge_rad` of its edge if it has one."""
         near: NDArray[np.bool_] = range_m <= self.range_m
         if self.opening_rad >= math.tau - 1e-6:

@@ -10,16 +10,16 @@ from annotated_types import Ge, Le
 
 from thumper.common.closable import Closable
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
-from thumper.common.serial_port import clock_of
-from thumper.lidar.clock import StampFit
+from thumper.common.serial_port import port_clock
+from thumper.lidar.clock import ClockSync
 from thumper.lidar.driver import LidarCounters
 from thumper.lidar.ld19_protocol import (
     FRAME_BYTES,
     STAMP_WRAP_MS,
-    FrameCutter,
+    Ld19Decoder,
     Ld19Frame,
-    Turn,
-    TurnAssembler,
+    Revolution,
+    RevolutionAssembler,
 )
 from thumper.lidar.scan import Scan
 
@@ -65,11 +65,11 @@ class Ld19Driver(Closable):
         self._options = options or Ld19Options()
         self._name = name or str(port.port)
         self._port = port
-        self._clock_s = clock_s or clock_of(port)
-        self._cutter = FrameCutter()
-        self._assembler = TurnAssembler()
+        self._clock_s = clock_s or port_clock(port)
+        self._decoder = Ld19Decoder()
+        self._assembler = RevolutionAssembler()
         # The stamp is taken to be that of the frame's last point, after which the frame is sent.
-        self._stamps = StampFit(wrap_ms=STAMP_WRAP_MS, least_lag_s=WIRE_S)
+        self._stamps = ClockSync(wrap_ms=STAMP_WRAP_MS, least_lag_s=WIRE_S)
         self.counters = LidarCounters()
         port.timeout = READ_TIMEOUT_S
         self._wait_for_frame()
@@ -115,7 +115,7 @@ class Ld19Driver(Closable):
                     exit_code=EXIT_NOT_THERE,
                 ) from error
             received_bytes += len(data)
-            if self._cutter.feed(data):
+            if self._decoder.feed(data):
                 return
         if received_bytes == 0:
             raise ThumperError(
@@ -140,29 +140,29 @@ class Ld19Driver(Closable):
             self.counters.port_errors += 1
             return []
         now_s = self._clock_s()
-        turns = [self._add(frame, now_s) for frame in self._cutter.feed(data)]
-        scans = [self._scan(turn) for turn in turns if turn is not None]
+        revolutions = [self._add(frame, now_s) for frame in self._decoder.feed(data)]
+        scans = [self._scan(one) for one in revolutions if one is not None]
         self.counters.scans += len(scans)
-        self.counters.bad_replies = self._cutter.bad_frames
+        self.counters.bad_replies = self._decoder.bad_frames
         return scans
 
-    def _add(self, frame: Ld19Frame, received_s: float) -> Turn | None:
+    def _add(self, frame: Ld19Frame, received_s: float) -> Revolution | None:
         # A stamp is cut down to whole milliseconds: on average it is half a one early. The smallest lag is
         # that of a stamp hardly cut, so that half a millisecond is added to the mean, none to the least.
         stamped_s = self._stamps.host_time_s(frame.stamp_ms, received_s)
         return self._assembler.feed(frame, stamped_s + 0.5 * STAMP_GRAIN_S, POINT_S)
 
-    def _scan(self, turn: Turn) -> Scan:
+    def _scan(self, revolution: Revolution) -> Scan:
         no_return_m = np.inf if self._options.zero_as_no_return else np.nan
-        ranges_m = np.where(turn.ranges_mm == 0, no_return_m, 1e-3 * turn.ranges_mm)
-        ranges_m[turn.intensities < self._options.min_intensity] = np.nan
-        ranges_m[~turn.known] = np.nan
+        ranges_m = np.where(revolution.ranges_mm == 0, no_return_m, 1e-3 * revolution.ranges_mm)
+        ranges_m[revolution.intensities < self._options.min_intensity] = np.nan
+        ranges_m[~revolution.known] = np.nan
         return Scan(
-            time_s=turn.time_s,
+            time_s=revolution.time_s,
             ranges_m=np.asarray(ranges_m, np.float64),
-            angle_min_rad=-np.deg2rad(turn.first_deg) + 2.0 * np.pi,
-            angle_increment_rad=-np.deg2rad(turn.step_deg),
-            time_increment_s=turn.point_s,
+            angle_min_rad=-np.deg2rad(revolution.first_deg) + 2.0 * np.pi,
+            angle_increment_rad=-np.deg2rad(revolution.step_deg),
+            time_increment_s=revolution.point_s,
             range_min_m=RANGE_MIN_M,
             range_max_m=RANGE_MAX_M,
         )

@@ -17,7 +17,7 @@ HEADER = b"\x54\x2c"
 FRAME_BYTES = 47
 POINTS = 12
 STAMP_WRAP_MS = 30_000
-FULL_TURN_DEG = 360.0
+REVOLUTION_DEG = 360.0
 STEP_MIN_DEG, STEP_MAX_DEG = 0.2, 2.0
 """Between two points of a head at 5 ... 13 turns a second it is 0.4 ... 1.04 degrees."""
 
@@ -58,7 +58,7 @@ def crc8(data: bytes) -> int:
     return crc
 
 
-class FrameCutter:
+class Ld19Decoder:
     """Finds frames in a byte stream, wherever it starts and whatever is lost or damaged in it."""
 
     def __init__(self) -> None:
@@ -88,7 +88,7 @@ def _parse(raw: bytes) -> Ld19Frame | None:
     _, speed_deg_s, start, points, end, stamp_ms, crc = _ENDS.unpack(raw)
     if crc != crc8(raw[:-1]):
         return None
-    step_deg = 0.01 * (end - start) % FULL_TURN_DEG / (POINTS - 1)
+    step_deg = 0.01 * (end - start) % REVOLUTION_DEG / (POINTS - 1)
     if not STEP_MIN_DEG <= step_deg <= STEP_MAX_DEG:
         return None
     table = np.frombuffer(points, _POINT)
@@ -102,18 +102,18 @@ def _parse(raw: bytes) -> Ld19Frame | None:
     )
 
 
-TURN_BEGINS_DEG = 180.0
+SEAM_DEG = 180.0
 """Behind: what lies ahead is seen in one sweep, and the turn is complete long before it matters."""
 
 GAP_MAX_S = 0.05
 """After half a turn without frames the count of what was lost is a guess; begin anew."""
 
 LEAST_SHARE = 0.5
-"""A turn with fewer of its points is no turn."""
+"""A turn with fewer of its points is no revolution."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Turn:
+class Revolution:
     """One turn clockwise; point i lies at `first_deg + i * step_deg` and was taken `i * point_s` after 0."""
 
     time_s: float
@@ -126,8 +126,8 @@ class Turn:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Piece:
-    """What one frame adds to a turn."""
+class _Segment:
+    """What one frame adds to a revolution."""
 
     numbers: NDArray[np.int64]
     angles_deg: FloatArray  # from where the turn begins, rising over 360
@@ -135,8 +135,8 @@ class _Piece:
     ranges_mm: NDArray[np.uint16]
     intensities: NDArray[np.uint8]
 
-    def part(self, chosen: NDArray[np.bool_], less_deg: float) -> "_Piece":
-        return _Piece(
+    def part(self, chosen: NDArray[np.bool_], less_deg: float) -> "_Segment":
+        return _Segment(
             numbers=self.numbers[chosen],
             angles_deg=self.angles_deg[chosen] - less_deg,
             times_s=self.times_s[chosen],
@@ -145,31 +145,31 @@ class _Piece:
         )
 
 
-class TurnAssembler:
+class RevolutionAssembler:
     """Collects frames; the one that ends a turn returns it."""
 
     def __init__(self) -> None:
-        self._pieces: list[_Piece] = []
+        self._segments: list[_Segment] = []
         self._is_whole = False  # false until the turn's beginning has been seen
         self._stamped_s: float | None = None
         self._number = 0
         self._end_deg = 0.0
 
-    def feed(self, frame: Ld19Frame, last_point_s: float, point_s: float) -> Turn | None:
+    def feed(self, frame: Ld19Frame, last_point_s: float, point_s: float) -> Revolution | None:
         """Take a frame whose last point was measured at `last_point_s`, the points `point_s` apart."""
-        start_deg = (frame.start_deg - TURN_BEGINS_DEG) % FULL_TURN_DEG
+        start_deg = (frame.start_deg - SEAM_DEG) % REVOLUTION_DEG
         first_number = self._number
         if self._stamped_s is None or not 0.0 <= last_point_s - self._stamped_s <= GAP_MAX_S:
-            self._pieces, self._is_whole = [], False
+            self._segments, self._is_whole = [], False
         else:
-            gap_deg = (start_deg - self._end_deg) % FULL_TURN_DEG
+            gap_deg = (start_deg - self._end_deg) % REVOLUTION_DEG
             lost = max(round(gap_deg / frame.step_deg) - 1, 0)
-            if lost > FULL_TURN_DEG / frame.step_deg / 2:  # it went back a little: no gap at all
+            if lost > REVOLUTION_DEG / frame.step_deg / 2:  # it went back a little: no gap at all
                 lost, gap_deg = 0, frame.step_deg
             first_number += lost
             start_deg = self._end_deg + gap_deg
         order = np.arange(POINTS)
-        piece = _Piece(
+        segment = _Segment(
             numbers=first_number + order,
             angles_deg=np.asarray(start_deg + frame.step_deg * order, np.float64),
             times_s=np.asarray(last_point_s - point_s * order[::-1], np.float64),
@@ -178,36 +178,36 @@ class TurnAssembler:
         )
         self._number = first_number + POINTS
         self._stamped_s = last_point_s
-        self._end_deg = float(piece.angles_deg[-1])
-        if self._end_deg < FULL_TURN_DEG:
-            self._pieces.append(piece)
+        self._end_deg = float(segment.angles_deg[-1])
+        if self._end_deg < REVOLUTION_DEG:
+            self._segments.append(segment)
             return None
-        self._end_deg -= FULL_TURN_DEG
-        beyond = piece.angles_deg >= FULL_TURN_DEG
-        self._pieces.append(piece.part(~beyond, 0.0))
-        turn = self._finish() if self._is_whole else None
-        self._pieces, self._is_whole = [piece.part(beyond, FULL_TURN_DEG)], True
-        return turn
+        self._end_deg -= REVOLUTION_DEG
+        beyond = segment.angles_deg >= REVOLUTION_DEG
+        self._segments.append(segment.part(~beyond, 0.0))
+        revolution = self._finish() if self._is_whole else None
+        self._segments, self._is_whole = [segment.part(beyond, REVOLUTION_DEG)], True
+        return revolution
 
-    def _finish(self) -> Turn | None:
-        numbers = np.concatenate([piece.numbers for piece in self._pieces])
+    def _finish(self) -> Revolution | None:
+        numbers = np.concatenate([segment.numbers for segment in self._segments])
         places = numbers - numbers[0]
         beams = int(places[-1]) + 1
         if places.size < LEAST_SHARE * beams:
             return None
-        angles_deg = np.concatenate([piece.angles_deg for piece in self._pieces])
-        times_s = np.concatenate([piece.times_s for piece in self._pieces])
+        angles_deg = np.concatenate([segment.angles_deg for segment in self._segments])
+        times_s = np.concatenate([segment.times_s for segment in self._segments])
         step_deg, first_deg = np.polyfit(places, angles_deg, 1)
         point_s, after_s = np.polyfit(places, times_s - times_s[0], 1)
         ranges_mm, intensities = np.zeros(beams, np.uint16), np.zeros(beams, np.uint8)
         known = np.zeros(beams, np.bool_)
-        ranges_mm[places] = np.concatenate([piece.ranges_mm for piece in self._pieces])
-        intensities[places] = np.concatenate([piece.intensities for piece in self._pieces])
+        ranges_mm[places] = np.concatenate([segment.ranges_mm for segment in self._segments])
+        intensities[places] = np.concatenate([segment.intensities for segment in self._segments])
         known[places] = True
-        return Turn(
+        return Revolution(
             time_s=float(times_s[0] + after_s),
             point_s=float(point_s),
-            first_deg=float(first_deg) + TURN_BEGINS_DEG,
+            first_deg=float(first_deg) + SEAM_DEG,
             step_deg=float(step_deg),
             ranges_mm=ranges_mm,
             intensities=intensities,

@@ -18,7 +18,7 @@ FARTHEST_S = 1e10  # no clock is 300 years from its epoch
 LARGEST = 1e6  # of an angle [rad] or a time [s]
 
 
-class Flaw(StrEnum):
+class ScanDefect(StrEnum):
     """What can be wrong with a scan; the text names the cause to look for."""
 
     BACKWARDS = "stamped before the scan before it; do two programs set the clock?"
@@ -50,57 +50,57 @@ class ScanChecker:
         self._steps_s: deque[float] = deque(maxlen=PERIODS)
         self._longest_gap_s = 0.0
         self.scans = 0
-        self.counts: dict[Flaw, int] = {}
+        self.counts: dict[ScanDefect, int] = {}
 
-    def note(self, flaw: Flaw) -> None:
+    def count(self, flaw: ScanDefect) -> None:
         """Count a flaw that only the caller can know of."""
         self.counts[flaw] = self.counts.get(flaw, 0) + 1
 
-    def look(self, scan: Scan) -> list[Flaw]:
+    def check(self, scan: Scan) -> list[ScanDefect]:
         """Judge one scan in the order of arrival; returns what is odd about it, and counts it."""
         self.scans += 1
         found = [*self._time_flaws(scan.time_s), *self._beam_flaws(scan)]
         for flaw in found:
-            self.note(flaw)
+            self.count(flaw)
         return found
 
-    def notes(self) -> dict[str, str]:
+    def summary_by_kind(self) -> dict[str, str]:
         """One line for each kind of flaw, by its name, the most frequent first."""
         notes = {}
         for flaw, count in sorted(self.counts.items(), key=lambda item: -item[1]):
-            longest = f" (the longest {self._longest_gap_s:.1f} s)" if flaw is Flaw.GAP else ""
+            longest = f" (the longest {self._longest_gap_s:.1f} s)" if flaw is ScanDefect.GAP else ""
             notes[flaw.name] = f"{count} of {self.scans} scans {flaw.value}{longest}"
         return notes
 
-    def lines(self) -> list[str]:
+    def summary_lines(self) -> list[str]:
         """One line for each kind of flaw, the most frequent first."""
-        return list(self.notes().values())
+        return list(self.summary_by_kind().values())
 
-    def _beam_flaws(self, scan: Scan) -> list[Flaw]:
+    def _beam_flaws(self, scan: Scan) -> list[ScanDefect]:
         ranges_m, step_rad = scan.ranges_m, scan.angle_increment_rad
         directions = abs(scan.angle_min_rad) + abs(step_rad) + abs(scan.time_increment_s)
         if ranges_m.size == 0 or step_rad == 0.0 or not directions < LARGEST:  # nor is NaN
-            return [Flaw.BEAMS]
-        found = [Flaw.ZEROS] if np.any(ranges_m == 0.0) else []
+            return [ScanDefect.BEAMS]
+        found = [ScanDefect.ZEROS] if np.any(ranges_m == 0.0) else []
         usable = (ranges_m >= scan.range_min_m) & ((ranges_m <= scan.range_max_m) | np.isposinf(ranges_m))
         if np.count_nonzero(usable) < self._options.fewest_beams:
-            found.append(Flaw.EMPTY)
+            found.append(ScanDefect.EMPTY)
         return found
 
-    def _time_flaws(self, time_s: float) -> list[Flaw]:
+    def _time_flaws(self, time_s: float) -> list[ScanDefect]:
         if not abs(time_s) < FARTHEST_S:  # nor is NaN
-            return [Flaw.STAMP]
+            return [ScanDefect.STAMP]
         last_s, self._last_s = self._last_s, time_s
         if last_s is None:
             return []
         step_s = time_s - last_s
         if step_s < 0.0:
-            return [Flaw.BACKWARDS]
+            return [ScanDefect.BACKWARDS]
         if step_s == 0.0:
-            return [Flaw.DUPLICATE]
+            return [ScanDefect.DUPLICATE]
         period_s = median(self._steps_s) if self._steps_s else step_s
         self._steps_s.append(step_s)
         if step_s > max(self._options.gap_s, FAR_PERIODS * period_s):
             self._longest_gap_s = max(self._longest_gap_s, step_s)
-            return [Flaw.GAP]
-        return [Flaw.BURST] if step_s < BURST_PERIODS * period_s else []
+            return [ScanDefect.GAP]
+        return [ScanDefect.BURST] if step_s < BURST_PERIODS * period_s else []

@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
-from thumper.lidar.clock import StampFit
+from thumper.lidar.clock import ClockSync
 from thumper.lidar.scip import STATUS_OK, ScipError, parse_table, parse_time
 from thumper.lidar.scip_port import ScipPort
 
 REPLY_TIMEOUT_S = 0.3
 PARAMETER_TRIES = 3
 CLOCK_TRIES = 5
-STATUS_ALREADY_LIT = "02"
+STATUS_ALREADY_ON = "02"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,13 +20,15 @@ class ScipGeometry:
     first_step: int  # AMIN
     last_step: int  # AMAX
     front_step: int  # AFRT: the step that looks ahead
-    steps_per_turn: int  # ARES
-    turn_s: float  # 60 / SCAN
+    steps_per_revolution: int  # ARES
+    revolution_s: float  # 60 / SCAN
     range_max_m: float  # DMAX
 
     def __post_init__(self) -> None:
         if not (
-            0 <= self.first_step < self.last_step <= 9999 and self.steps_per_turn > 0 and self.turn_s > 0
+            0 <= self.first_step < self.last_step <= 9999
+            and self.steps_per_revolution > 0
+            and self.revolution_s > 0
         ):
             raise ValueError(f"no possible lidar: {self}")
 
@@ -38,7 +40,7 @@ class ScipGeometry:
     @property
     def step_s(self) -> float:
         """Time from one beam to the next."""
-        return self.turn_s / self.steps_per_turn
+        return self.revolution_s / self.steps_per_revolution
 
 
 def stop_and_identify(port: ScipPort, name: str) -> dict[str, str]:
@@ -88,8 +90,8 @@ def read_geometry(port: ScipPort, name: str) -> ScipGeometry:
                 first_step=int(table["AMIN"]),
                 last_step=int(table["AMAX"]),
                 front_step=int(table["AFRT"]),
-                steps_per_turn=int(table["ARES"]),
-                turn_s=60.0 / int(table["SCAN"]),
+                steps_per_revolution=int(table["ARES"]),
+                revolution_s=60.0 / int(table["SCAN"]),
                 range_max_m=1e-3 * int(table["DMAX"]),
             )
         except (KeyError, ValueError, ZeroDivisionError):
@@ -100,7 +102,7 @@ def read_geometry(port: ScipPort, name: str) -> ScipGeometry:
     )
 
 
-def sync_clock(port: ScipPort, fit: StampFit) -> None:
+def sync_clock(port: ScipPort, fit: ClockSync) -> None:
     """Ask for the device's clock a few times and give `fit` the quickest answer, if there is any."""
     best: tuple[float, int, float, float] | None = None
     if port.ask(b"TM0", REPLY_TIMEOUT_S) is None:
@@ -121,7 +123,7 @@ def sync_clock(port: ScipPort, fit: StampFit) -> None:
         fit.sync(best[1], best[2], best[3])
 
 
-def light_laser(port: ScipPort, name: str) -> None:
+def enable_laser(port: ScipPort, name: str) -> None:
     """Switch the laser on.
 
     Raises
@@ -131,7 +133,7 @@ def light_laser(port: ScipPort, name: str) -> None:
     """
     reply = port.ask(b"BM", REPLY_TIMEOUT_S)
     status = reply.status if reply else "none"
-    if status not in {STATUS_OK, STATUS_ALREADY_LIT}:
+    if status not in {STATUS_OK, STATUS_ALREADY_ON}:
         raise ThumperError(
             f"the lidar on {name} does not light its laser (status {status}); "
             "unplug it, wait 5 s and plug it in again; if that does not help, it is broken",

@@ -11,8 +11,8 @@ from annotated_types import Ge, Le
 from thumper.common.closable import Closable
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 from thumper.common.geometry import FloatArray
-from thumper.common.serial_port import clock_of
-from thumper.lidar.clock import StampFit
+from thumper.common.serial_port import port_clock
+from thumper.lidar.clock import ClockSync
 from thumper.lidar.driver import LidarCounters
 from thumper.lidar.scan import Scan
 from thumper.lidar.scip import (
@@ -26,7 +26,7 @@ from thumper.lidar.scip import (
     stream_request,
 )
 from thumper.lidar.scip_port import ScipPort
-from thumper.lidar.scip_startup import light_laser, read_geometry, stop_and_identify, sync_clock
+from thumper.lidar.scip_startup import enable_laser, read_geometry, stop_and_identify, sync_clock
 
 BAUD = 115_200  # for units with a serial line; USB ones ignore it
 CODES_BELOW_MM = 20
@@ -66,15 +66,15 @@ class Urg04LxDriver(Closable):
         """
         self._options = options or Urg04LxOptions()
         self._name = name or str(port.port)
-        self._port = ScipPort(port, clock_s or clock_of(port))
+        self._port = ScipPort(port, clock_s or port_clock(port))
         self.counters = LidarCounters()
         try:
             self.identity = stop_and_identify(self._port, self._name)
             self.geometry = read_geometry(self._port, self._name)
             last_beam_s = (self.geometry.last_step - self._options.stamp_step) * self.geometry.step_s
-            self._stamps = StampFit(wrap_ms=CLOCK_WRAP_MS, least_lag_s=last_beam_s)
+            self._stamps = ClockSync(wrap_ms=CLOCK_WRAP_MS, least_lag_s=last_beam_s)
             sync_clock(self._port, self._stamps)
-            light_laser(self._port, self._name)
+            enable_laser(self._port, self._name)
             self._request = stream_request(self.geometry.first_step, self.geometry.last_step)
             self._port.send(self._request)
         except (serial.SerialException, OSError) as error:  # in_waiting of a pulled plug is a plain OSError
@@ -169,7 +169,7 @@ class Urg04LxDriver(Closable):
         except ScipError:
             self.counters.bad_replies += 1
             return None
-        step_rad = 2.0 * np.pi / self.geometry.steps_per_turn
+        step_rad = 2.0 * np.pi / self.geometry.steps_per_revolution
         stamped_s = self._stamps.host_time_s(scan.stamp_ms, received_s)
         return Scan(
             time_s=stamped_s + (self.geometry.first_step - self._options.stamp_step) * self.geometry.step_s,

@@ -21,7 +21,7 @@ class Box:
     y1_m: float
 
 
-def filled(grid: OccupancyGrid, box: Box, state: int) -> OccupancyGrid:
+def fill_box(grid: OccupancyGrid, box: Box, state: int) -> OccupancyGrid:
     """The map with all cells that the box touches free, occupied or unknown; a line is one cell wide.
 
     Raises
@@ -35,7 +35,7 @@ def filled(grid: OccupancyGrid, box: Box, state: int) -> OccupancyGrid:
     return replace(grid, cells=cells)
 
 
-def cropped(grid: OccupancyGrid, box: Box) -> OccupancyGrid:
+def crop(grid: OccupancyGrid, box: Box) -> OccupancyGrid:
     """The part of the map that the box touches; each cell stays in its place.
 
     Raises
@@ -46,7 +46,7 @@ def cropped(grid: OccupancyGrid, box: Box) -> OccupancyGrid:
     return _part(grid, *_touched(grid, box))
 
 
-def trimmed(grid: OccupancyGrid, margin_m: float = 0.5) -> OccupancyGrid:
+def trim(grid: OccupancyGrid, margin_m: float = 0.5) -> OccupancyGrid:
     """The known part of a map and a margin round it; a map that knows nothing stays as it is."""
     known = np.argwhere(grid.cells != UNKNOWN)
     if not known.size:
@@ -57,7 +57,7 @@ def trimmed(grid: OccupancyGrid, margin_m: float = 0.5) -> OccupancyGrid:
     return _part(grid, slice(int(low[0]), int(high[0])), slice(int(low[1]), int(high[1])))
 
 
-def rotated(grid: OccupancyGrid, angle_rad: float) -> OccupancyGrid:
+def rotate(grid: OccupancyGrid, angle_rad: float) -> OccupancyGrid:
     """The map turned counter-clockwise about its frame's origin; each new cell takes the nearest old one.
 
     An occupied cell that is nearest to none of them is kept as well: a chair's leg must not vanish.

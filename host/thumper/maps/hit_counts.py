@@ -23,7 +23,7 @@ class HitCounts:
     resolution_m: float
 
     @classmethod
-    def of(cls, grid: OccupancyGrid) -> "HitCounts":
+    def from_grid(cls, grid: OccupancyGrid) -> "HitCounts":
         """Counts that say what a finished map says; it is moved by half a cell at most."""
         size_m = grid.resolution_m
         return cls(
@@ -33,7 +33,7 @@ class HitCounts:
             resolution_m=size_m,
         )
 
-    def aged(self, occupied_fraction: float) -> "HitCounts":
+    def limit_observations(self, occupied_fraction: float) -> "HitCounts":
         """The same map with at most `AGED` observations a cell, to be changed by what is seen from now on."""
         total = self.hits.astype(np.int32) + self.misses
         share = AGED * (self.hits / np.maximum(total, 1))

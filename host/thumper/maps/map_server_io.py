@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
-from thumper.maps.edit import rotated
+from thumper.maps.edit import rotate
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from thumper.maps.pgm import decode_pgm, encode_pgm
 
@@ -39,7 +39,7 @@ class Description:
     free_thresh: float
 
 
-def description_path(name: str | Path) -> Path:
+def map_yaml_path(name: str | Path) -> Path:
     """Where the description of a map called `name` is: any ending but .yaml is a part of the name."""
     return Path(f"{str(name).removesuffix('.yaml')}.yaml")
 
@@ -85,7 +85,7 @@ def load_map(yaml_path: Path) -> OccupancyGrid:
     return _grid(description, occupancy)
 
 
-def load_turned_map(yaml_path: Path) -> tuple[OccupancyGrid, float]:
+def load_rotated_map(yaml_path: Path) -> tuple[OccupancyGrid, float]:
     """Read a map whose origin may have a yaw: it is turned so that it has none. Returns that yaw, too.
 
     Raises
@@ -97,7 +97,7 @@ def load_turned_map(yaml_path: Path) -> tuple[OccupancyGrid, float]:
     grid = _grid(description, occupancy)
     if description.yaw_rad == 0.0:
         return grid, 0.0
-    turned = rotated(replace(grid, origin_x_m=0.0, origin_y_m=0.0), description.yaw_rad)
+    turned = rotate(replace(grid, origin_x_m=0.0, origin_y_m=0.0), description.yaw_rad)
     x_m, y_m = turned.origin_x_m + grid.origin_x_m, turned.origin_y_m + grid.origin_y_m
     return replace(turned, origin_x_m=x_m, origin_y_m=y_m), description.yaw_rad
 

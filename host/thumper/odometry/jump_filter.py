@@ -18,27 +18,27 @@ class JumpFilter:
         self._last: tuple[float, Pose2] | None = None  # time and pose as they came
         self._steps_m: deque[float] = deque(maxlen=STEPS)
         self._bridged_from_odom = Pose2()
-        self.leaps, self.farthest_m = 0, 0.0
+        self.jumps, self.largest_m = 0, 0.0
 
-    def take(self, time_s: float, odom_from_base: Pose2) -> Pose2:
+    def filter(self, time_s: float, odom_from_base: Pose2) -> Pose2:
         """The pose without the leaps so far."""
         last, self._last = self._last, (time_s, odom_from_base)
         if last is not None:
             way_m = last[1].distance_m(odom_from_base)
             if self._is_leap(time_s - last[0], way_m):
-                self.leaps, self.farthest_m = self.leaps + 1, max(self.farthest_m, way_m)
+                self.jumps, self.largest_m = self.jumps + 1, max(self.largest_m, way_m)
                 self._bridged_from_odom = self._bridged_from_odom @ last[1] @ odom_from_base.inverse()
             else:
                 self._steps_m.append(way_m)
-        return self._bridged_from_odom @ odom_from_base if self.leaps else odom_from_base
+        return self._bridged_from_odom @ odom_from_base if self.jumps else odom_from_base
 
-    def lines(self) -> list[str]:
+    def summary_lines(self) -> list[str]:
         """Nothing, or one line."""
-        if not self.leaps:
+        if not self.jumps:
             return []
-        often = "once" if self.leaps == 1 else f"{self.leaps} times"
+        often = "once" if self.jumps == 1 else f"{self.jumps} times"
         return [
-            f"{often} the odometry leapt, by up to {self.farthest_m:.1f} m: taken as no motion; "
+            f"{often} the odometry leapt, by up to {self.largest_m:.1f} m: taken as no motion; "
             "did its board or program begin anew?"
         ]
 

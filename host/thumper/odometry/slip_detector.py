@@ -39,7 +39,7 @@ class SlipDetector:
         self.slips = 0
         self.worst_m = self.worst_rad = 0.0
 
-    def look(self, odom_from_base: Pose2, map_from_base: Pose2) -> bool:
+    def update(self, odom_from_base: Pose2, map_from_base: Pose2) -> bool:
         """Take both poses of a scan that was matched well; whether the stretch before is now found a slip."""
         options, now = self._options, (odom_from_base, map_from_base)
         if self._start is None:
@@ -66,11 +66,11 @@ class SlipDetector:
         self.worst_m, self.worst_rad = max(self.worst_m, off_m), max(self.worst_rad, off_rad)
         return True
 
-    def skip(self) -> None:
+    def reset(self) -> None:
         """The scans say nothing just now, or the pose was changed by hand: begin anew at the next one."""
         self._start = self._suspect = None
 
-    def lines(self) -> list[str]:
+    def summary_lines(self) -> list[str]:
         """Nothing, or one line."""
         if not self.slips:
             return []

@@ -24,7 +24,7 @@ from thumper.offline.carmen_lines import (
     robotlaser,
 )
 from thumper.offline.robot_log import (
-    MOST_BROKEN,
+    MAX_BROKEN_SHARE,
     NO_ODOMETRY,
     LogRecord,
     RobotLog,
@@ -85,7 +85,7 @@ def read_carmen(name: str, lines: Iterable[str], fov_rad: float | None = None) -
             broken.append(f"line {number}: broken {keyword} ({error})")
     used = next((keyword for keyword in LINES if lasers[keyword]), "")
     scans = lasers.get(used, [])
-    if not scans or len(broken) > max(1, MOST_BROKEN * len(scans)):
+    if not scans or len(broken) > max(1, MAX_BROKEN_SHARE * len(scans)):
         if broken:
             raise ThumperError(
                 f"{name}: {broken[0]}; the file may be cut off: copy it again", exit_code=EXIT_USAGE

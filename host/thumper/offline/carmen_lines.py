@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
-from thumper.offline.robot_log import check_place
+from thumper.offline.robot_log import check_pose
 
 # Old laser lines do not tell their field of view: half a turn by convention, which these counts contradict.
 FIELD_OF_VIEW_RAD = {
@@ -110,4 +110,4 @@ def _pose(fields: list[str]) -> Pose2:
     x_m, y_m, theta_rad = (float(field) for field in fields)
     if not (math.isfinite(x_m) and math.isfinite(y_m) and math.isfinite(theta_rad)):
         raise ValueError("a pose that is not finite")
-    return check_place(Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad))
+    return check_pose(Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad))

@@ -28,7 +28,7 @@ from thumper.slam.mode_switch import SlamModeSwitch
 from thumper.slam.saved_state import SavedSlamState, save_session
 
 PROGRESS_EVERY = 20  # scans
-MOST_LOST = 0.5  # share of the scans of a log that goes on in a session
+MAX_LOST_SHARE = 0.5  # share of the scans of a log that goes on in a session
 # A guess from the motion before says little: a robot may start, stop and turn between two scans.
 COASTING_STD_M, COASTING_STD_RAD = 0.1, 0.1
 LEAP_M, LEAP_RAD = 0.25, 0.4
@@ -64,7 +64,7 @@ class MappedLog:
     lines: tuple[str, ...] = ()  # what was odd about the scans, a line each
 
 
-class Coasting:
+class ConstantVelocityOdometry:
     """In the place of odometry: the robot goes on as it moved between the two scans before."""
 
     def __init__(self) -> None:
@@ -113,20 +113,22 @@ def map_records(
     updates: list[MapperUpdate] = []
     monitor, slip, bridge = ScanChecker(), SlipDetector(), JumpFilter()
     lost: list[tuple[int, str]] = []  # number of the scan, and why nobody should trust its pose
-    coasting = None if log.has_odometry else Coasting()
+    coasting = None if log.has_odometry else ConstantVelocityOdometry()
     cpu_ms = np.empty(total)
     for done, record in enumerate(log.records, start=1):
         start_s = time.process_time()
-        monitor.look(record.scan)
-        odom_from_base = coasting.predict() if coasting else bridge.take(record.time_s, record.odom_from_base)
+        monitor.check(record.scan)
+        odom_from_base = (
+            coasting.predict() if coasting else bridge.filter(record.time_s, record.odom_from_base)
+        )
         update = mapper.update(odom_from_base, record.scan, record.twist)
         updates.append(update)
         if coasting:
             coasting.moved(update.map_from_base)
         elif update.jumped or update.match_score < GOOD_MATCH:
-            slip.skip()
+            slip.reset()
         elif update.match_score >= GOOD_MATCH:
-            slip.look(odom_from_base, update.map_from_base)
+            slip.update(odom_from_base, update.map_from_base)
         cpu_ms[done - 1] = 1e3 * (time.process_time() - start_s)
         if why := mapper.quality().lost:
             lost.append((done, why))
@@ -144,7 +146,12 @@ def map_records(
         counts=mapper.counts(),
         cpu_ms=cpu_ms,
         lost=len(lost),
-        lines=(*monitor.lines(), *bridge.lines(), *slip.lines(), *_lost_lines(lost, total)),
+        lines=(
+            *monitor.summary_lines(),
+            *bridge.summary_lines(),
+            *slip.summary_lines(),
+            *_lost_lines(lost, total),
+        ),
     )
 
 
@@ -205,7 +212,7 @@ def map_log(
         raise ThumperError(
             f"{path}: no scan has enough usable beams: there is nothing to map", exit_code=EXIT_USAGE
         )
-    if session is not None and mapped.lost > MOST_LOST * len(log.records):
+    if session is not None and mapped.lost > MAX_LOST_SHARE * len(log.records):
         # Who searches for long enough finds a place in any map; entering it would spoil the map.
         raise ThumperError(
             f"{path}: its place in the session's map was lost at {mapped.lost} of {len(log.records)} scans, "

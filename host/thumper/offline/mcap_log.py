@@ -15,7 +15,7 @@ from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2, Twist2
 from thumper.lidar.scan import Scan
 from thumper.odometry.pose_buffer import interpolate
-from thumper.offline.robot_log import NO_ODOMETRY, LogRecord, RobotLog, check_place
+from thumper.offline.robot_log import NO_ODOMETRY, LogRecord, RobotLog, check_pose
 from thumper.recording.reader import RecordedMessage, Recording
 from thumper.ros import from_ros
 
@@ -101,7 +101,7 @@ def _take(found: _Found, said: RecordedMessage) -> None:
     elif said.type_name == ODOMETRY:
         stamp = from_ros.stamp_ns_of(message), said.log_ns
         found.odometry.setdefault(said.topic, []).append(
-            (stamp, check_place(from_ros.pose_of(message.pose.pose)))
+            (stamp, check_pose(from_ros.pose_of(message.pose.pose)))
         )
         found.bases[said.topic] = message.child_frame_id
     else:
@@ -109,7 +109,7 @@ def _take(found: _Found, said: RecordedMessage) -> None:
             names = (stamped.header.frame_id.lstrip("/"), stamped.child_frame_id.lstrip("/"))
             stamp = from_ros.stamp_ns_of(stamped), said.log_ns
             found.moving.setdefault(names, []).append(
-                (stamp, check_place(from_ros.transform_of(stamped.transform)))
+                (stamp, check_pose(from_ros.transform_of(stamped.transform)))
             )
 
 

@@ -14,7 +14,7 @@ from thumper.common.geometry import Pose2
 from thumper.common.kinematics import DriveGeometry
 from thumper.lidar.scan import Scan
 from thumper.odometry.wheel_odometry import WheelOdometry, advance
-from thumper.offline.robot_log import MOST_BROKEN, LogRecord, RobotLog, broken_note
+from thumper.offline.robot_log import MAX_BROKEN_SHARE, LogRecord, RobotLog, broken_note
 
 GEOMETRY = DriveGeometry(wheel_radius_m=0.077, track_m=0.33, counts_per_rev=2000)
 BASE_FROM_LASER = Pose2(x_m=0.145)
@@ -51,7 +51,7 @@ def read_mines(name: str, lines: Iterable[str]) -> RobotLog:
             records.append(_record(line.split(), odometry))
         except ValueError as error:
             broken.append(f"line {number}: broken scan ({error})")
-    if not records or len(broken) > max(1, MOST_BROKEN * len(records)):
+    if not records or len(broken) > max(1, MAX_BROKEN_SHARE * len(records)):
         raise ThumperError(
             f"{name}: {broken[0]}; the file may be cut off: copy it again", exit_code=EXIT_USAGE
         )

@@ -6,7 +6,7 @@ from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2, Twist2
 from thumper.lidar.scan import Scan
 
-MOST_BROKEN = 0.1  # share of broken lines beyond which a file is not worth trusting
+MAX_BROKEN_SHARE = 0.1  # share of broken lines beyond which a file is not worth trusting
 FARTHEST_M = 1e8  # twice round the earth; of what is beyond, too few digits are left for the rest of the log
 NO_ODOMETRY = "no odometry that moves: the scans alone tell the way; --method scan_match is the surest then"
 
@@ -32,7 +32,7 @@ class RobotLog:
     has_odometry: bool = True  # else all `odom_from_base` are the same
 
 
-def check_place(odom_from_base: Pose2) -> Pose2:
+def check_pose(odom_from_base: Pose2) -> Pose2:
     """Give the pose back; raises ValueError for one that is no place at all, however the log came by it."""
     farthest_m = max(abs(odom_from_base.x_m), abs(odom_from_base.y_m))
     if not farthest_m < FARTHEST_M:

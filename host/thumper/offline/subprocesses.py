@@ -14,7 +14,7 @@ from thumper.slam.factory import Method
 from thumper.slam.scan_matching.correlative import correlative_search
 
 KERNEL_PACKAGES = ("common", "lidar", "maps", "slam")  # a mapper's kernels are defined in these
-MOST_ROUNDS = 12  # of compiling, in case the cache cannot be written; five to seven do it
+MAX_ROUNDS = 12  # of compiling, in case the cache cannot be written; five to seven do it
 
 PLOT = (
     "import sys; from pathlib import Path; import numpy as np; "
@@ -54,7 +54,7 @@ def compile_in_subprocess(method: Method) -> None:
     if done.exists():
         return
     command = [sys.executable, "-m", compile_kernels.__name__, method]
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         code = subprocess.run(command, check=False, capture_output=True).returncode
         if code != compile_kernels.GO_ON:
             break

@@ -11,7 +11,7 @@ import numpy as np
 from thumper.board.board import TelemetrySample
 from thumper.board.messages import Fault, State, Telemetry
 from thumper.common.geometry import FloatArray, Pose2, Twist2
-from thumper.common.stamps import NS_PER_S, time_s_of
+from thumper.common.stamps import NS_PER_S, host_time_s
 from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.ros.codec import Message
@@ -31,7 +31,7 @@ def scan_of(of: Message, epoch_ns: int = 0) -> Scan:
     if not of.ranges.size or not of.angle_increment or not math.isfinite(of.angle_min + of.angle_increment):
         raise ValueError("a scan without beams or without their directions")
     return Scan(
-        time_s=time_s_of(stamp_ns_of(of), epoch_ns),
+        time_s=host_time_s(stamp_ns_of(of), epoch_ns),
         ranges_m=of.ranges.astype(np.float64),
         angle_min_rad=of.angle_min,
         angle_increment_rad=of.angle_increment,
@@ -65,7 +65,7 @@ def telemetry_of(of: Message, epoch_ns: int = 0) -> TelemetrySample:
         rx_frames=of.rx_frames,
         rx_errors=of.rx_errors,
     )
-    return TelemetrySample(time_s=time_s_of(stamp_ns_of(of), epoch_ns), telemetry=telemetry)
+    return TelemetrySample(time_s=host_time_s(stamp_ns_of(of), epoch_ns), telemetry=telemetry)
 
 
 def pose_of(of: Message) -> Pose2:
@@ -126,7 +126,7 @@ def grid_of(of: Message) -> OccupancyGrid:
 def status_of(of: Message, epoch_ns: int = 0) -> Status:
     """thumper_msgs/Status to Status."""
     content = {field.name: getattr(of, field.name) for field in fields(Status) if field.name != "time_s"}
-    return Status(time_s=time_s_of(stamp_ns_of(of), epoch_ns), **content)
+    return Status(time_s=host_time_s(stamp_ns_of(of), epoch_ns), **content)
 
 
 def _short(resolution: float) -> float:

@@ -8,9 +8,9 @@ from thumper.board.messages import Identity
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2
 from thumper.common.kinematics import DriveGeometry
-from thumper.common.serial_port import is_simulated, simulates
-from thumper.common.signals import remembered
-from thumper.common.stamps import epoch_of
+from thumper.common.serial_port import has_simulated_clock, is_simulated
+from thumper.common.signals import record_interrupts
+from thumper.common.stamps import epoch_ns_at
 from thumper.config.robot import RobotConfig
 from thumper.lidar.open_lidar import open_lidar
 from thumper.maps.occupancy_grid import OccupancyGrid
@@ -40,7 +40,7 @@ def open_robot(
     """
     warm_up(config)  # compiling takes seconds, and must not happen while wheels turn
     with _motors_off_told(), ExitStack() as stack:
-        stack.enter_context(remembered())
+        stack.enter_context(record_interrupts())
         board = Board.open(config.board.port, baud=config.board.baud)
         stack.callback(board.close)
         _check_geometry(config.drive, board.identity)
@@ -95,7 +95,7 @@ def robot_mapper(config: RobotConfig, map_from_base: Pose2) -> SlamModeSwitch:
 def _publisher(config: RobotConfig, board: Board) -> Publisher:
     simulated = is_simulated(board.port)
     # A simulation begins at zero; a real robot's stamps are the date.
-    epoch_ns = 0 if simulates(board.port) else epoch_of(board.now_s())
+    epoch_ns = 0 if has_simulated_clock(board.port) else epoch_ns_at(board.now_s())
     return Publisher(
         robot=config.name,
         base_from_laser=config.lidar.base_from_laser,

@@ -14,8 +14,8 @@ from thumper.board.board import Board, TelemetrySample
 from thumper.board.messages import State
 from thumper.common.errors import ThumperError
 from thumper.common.kinematics import DriveGeometry
-from thumper.common.serial_port import simulates
-from thumper.common.signals import none_lost
+from thumper.common.serial_port import has_simulated_clock
+from thumper.common.signals import raise_lost_interrupt
 from thumper.config.manual_drive import ManualDriveOptions
 from thumper.lidar.driver import LidarDriver
 from thumper.lidar.field_of_view import FieldOfView
@@ -88,7 +88,7 @@ class RobotLoop:
             simulator=simulator,
         )
         self._open_board = open_board
-        self._rate = RealTimeRate(self._now_s, paced=simulates(board.port))
+        self._rate = RealTimeRate(self._now_s, paced=has_simulated_clock(board.port))
         self._silent_cycles = 0
         self._timing = LoopTiming()
 
@@ -172,7 +172,7 @@ class RobotLoop:
         """Lend the board out; at each of its beats the rest of the loop goes on, but for deciding."""
         experiments, heartbeats = self.request_handler.experiments, self.drive_manager.heartbeats
 
-        @none_lost()
+        @raise_lost_interrupt()
         def beat(samples: list[TelemetrySample]) -> None:
             self.inputs.add_telemetry(samples)
             self.inputs.read_scans()
@@ -274,7 +274,7 @@ class RobotLoop:
         except Exception as error:  # in motion nothing may pass the stop that follows
             return DriveOutcome(reached=False, reason=f"internal error: {type(error).__name__}: {error}")
 
-    @none_lost()
+    @raise_lost_interrupt()
     def step(self) -> tuple[bool, NavigationOutput | None]:
         """One beat: sense, heed, decide, act, tell. Returns whether the board was heard, and the decision."""
         alive = self.inputs.read(self.drive_manager.resend_command)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thumper.board.fault_texts import FAULT_CURES
+from thumper.board.fault_texts import FAULT_HINTS
 from thumper.board.messages import Fault
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.navigation.costmap.costmap import Costmap
@@ -152,7 +152,7 @@ class Publisher:
         fault = Fault.NONE if inputs.telemetry is None else inputs.telemetry.fault
         if fault is not self._fault:
             self._fault = fault
-            told = f"fault {int(fault)}, {_words(fault)}: {FAULT_CURES[fault]}" if fault else "fault cleared"
+            told = f"fault {int(fault)}, {_words(fault)}: {FAULT_HINTS[fault]}" if fault else "fault cleared"
             self.publish_event(told, ERROR if fault else INFO, name="board")
 
     def _status(
@@ -175,7 +175,7 @@ class Publisher:
             board_state=telemetry.state.name,
             fault=int(telemetry.fault),
             fault_words=_words(telemetry.fault),
-            fault_cure=FAULT_CURES.get(telemetry.fault, ""),
+            fault_cure=FAULT_HINTS.get(telemetry.fault, ""),
             loop_late_s=timing.late_s,
             loop_busy_s=timing.busy_s,
             telemetry_age_s=inputs.board.now_s() - state.time_s,

@@ -14,7 +14,7 @@ from thumper.common.kinematics import DriveGeometry
 from thumper.common.stamps import rounded_s
 from thumper.lidar.deskew import scan_points
 from thumper.lidar.scan import Scan
-from thumper.lidar.scan_checks import Flaw, ScanChecker
+from thumper.lidar.scan_checks import ScanChecker, ScanDefect
 from thumper.odometry.gyro_ekf import GyroEkf
 from thumper.odometry.imu import ImuOptions, ImuSample
 from thumper.odometry.jump_filter import JumpFilter
@@ -25,7 +25,7 @@ from thumper.slam.mapper import Mapper
 
 MAX_SCAN_WAIT_S = 1.0  # of a scan for its odometry
 MAX_WAITING_SCANS = 100  # whatever their stamps say
-UNUSABLE = {Flaw.STAMP, Flaw.BEAMS}
+UNUSABLE = {ScanDefect.STAMP, ScanDefect.BEAMS}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,11 +73,11 @@ class StateEstimator:
         telemetry = sample.telemetry
         time_s = rounded_s(sample.time_s)
         newest = self._odometry.update(time_s, telemetry.left_count, telemetry.right_count)
-        leaps = self._bridge.leaps
-        bridged = replace(newest, odom_from_base=self._bridge.take(time_s, newest.odom_from_base))
+        leaps = self._bridge.jumps
+        bridged = replace(newest, odom_from_base=self._bridge.filter(time_s, newest.odom_from_base))
         if self._newest is not None:
             self.driven_m += self._newest.odom_from_base.distance_m(bridged.odom_from_base)
-        self._newest = bridged if self._bridge.leaps == leaps else replace(bridged, twist=Twist2())
+        self._newest = bridged if self._bridge.jumps == leaps else replace(bridged, twist=Twist2())
         self._history.add(self._newest)
         self._map_what_is_covered()
 
@@ -88,8 +88,8 @@ class StateEstimator:
 
     def notes(self) -> dict[str, str]:
         """What was wrong with the input so far: one line with its count for each kind, by the kind's name."""
-        notes = self.monitor.notes()
-        for kind, lines in (("LEAP", self._bridge.lines()), ("SLIP", self._slip.lines())):
+        notes = self.monitor.summary_by_kind()
+        for kind, lines in (("LEAP", self._bridge.summary_lines()), ("SLIP", self._slip.summary_lines())):
             if lines:
                 notes[kind] = lines[0]
         if isinstance(self._odometry, GyroEkf) and self._odometry.slips:
@@ -102,7 +102,7 @@ class StateEstimator:
 
     def add_scan(self, scan: Scan) -> None:
         """Queue a scan; it is mapped as soon as odometry covers its whole turn."""
-        if UNUSABLE.intersection(self.monitor.look(scan)):
+        if UNUSABLE.intersection(self.monitor.check(scan)):
             return
         scan = scan.as_recorded()
         self._waiting.append(scan)
@@ -112,7 +112,7 @@ class StateEstimator:
             or len(self._waiting) > MAX_WAITING_SCANS
         ):
             self._waiting.popleft()
-            self.monitor.note(Flaw.WAITED)
+            self.monitor.count(ScanDefect.WAITED)
         self._map_what_is_covered()
 
     @property
@@ -142,7 +142,7 @@ class StateEstimator:
                 return
             self._waiting.popleft()
             if not self._history.covers(scan.time_s):
-                self.monitor.note(Flaw.NO_ODOMETRY)
+                self.monitor.count(ScanDefect.NO_ODOMETRY)
                 continue  # older than the odometry: taken before the board was heard
             odom_from_base = self._history.at(scan.time_s)
             turned = odom_from_base.inverse() @ self._history.at(scan.time_s + turn_s)
@@ -151,9 +151,9 @@ class StateEstimator:
                 twist = Twist2(v_m_s=turned.x_m / turn_s, w_rad_s=turned.theta_rad / turn_s)
             update = self.mapper.update(odom_from_base, scan, twist)
             if update.jumped or update.match_score < GOOD_MATCH:
-                self._slip.skip()
+                self._slip.reset()
             elif update.match_score >= GOOD_MATCH:
-                self._slip.look(odom_from_base, update.map_from_base)
+                self._slip.update(odom_from_base, update.map_from_base)
             self.map_doubt = getattr(self.mapper, "map_doubt", "") or self.map_doubt
             self.scans_mapped += 1
             self._scan_time_s = scan.time_s + turn_s

@@ -110,7 +110,7 @@ class SlamModeSwitch:
             There is no wall in the map.
         """
         self._start(grid, map_from_base)
-        self._foreign, self._goes_on = HitCounts.of(grid), False
+        self._foreign, self._goes_on = HitCounts.from_grid(grid), False
 
     def continue_in(self, counts: HitCounts, map_from_base: Pose2 | None) -> None:
         """Go on mapping in a map of another day, as soon as it is known where in it the robot is.

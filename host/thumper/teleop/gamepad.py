@@ -4,8 +4,8 @@ import os
 from dataclasses import dataclass
 from typing import Any
 
-from thumper.common.optional_packages import need
-from thumper.teleop.joystick_curve import Stick
+from thumper.common.optional_packages import require_extra
+from thumper.teleop.joystick_curve import JoystickState
 from thumper.teleop.keyboard import Action
 
 FULL = 32767.0
@@ -23,10 +23,10 @@ ENVIRONMENT = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PadState:
+class GamepadState:
     """One look at the pad."""
 
-    stick: Stick
+    stick: JoystickState
     pressed: tuple[Action, ...] = ()  # since the look before
 
 
@@ -37,7 +37,7 @@ class Gamepad:
         """Start SDL. Raises ThumperError without pygame."""
         for name, value in ENVIRONMENT.items():
             os.environ.setdefault(name, value)
-        need("gamepad")
+        require_extra("gamepad")
         import pygame
         from pygame._sdl2 import controller
 
@@ -54,7 +54,7 @@ class Gamepad:
         """What the pad calls itself; nothing without one."""
         return "" if self._pad is None else str(self._pad.name)
 
-    def poll(self) -> PadState | None:
+    def poll(self) -> GamepadState | None:
         """Look at the pad; None while there is none."""
         self._pygame.event.get()
         if self._pad is not None and not self._pad.attached():
@@ -64,11 +64,11 @@ class Gamepad:
             return None
         down = {button for button in ACTIONS if self._pad.get_button(button)}
         pressed, self._down = down - self._down, down
-        return PadState(
-            stick=Stick(
+        return GamepadState(
+            stick=JoystickState(
                 forward=-self._pad.get_axis(LEFT_Y) / FULL,  # SDL's y points down
                 turn=-self._pad.get_axis(RIGHT_X) / FULL,
-                hold=bool(self._pad.get_button(LEFT_SHOULDER)),
+                enable=bool(self._pad.get_button(LEFT_SHOULDER)),
                 turbo=bool(self._pad.get_button(RIGHT_SHOULDER)),
             ),
             pressed=tuple(ACTIONS[button] for button in sorted(pressed)),

@@ -9,16 +9,16 @@ from thumper.config.teleop import TeleopOptions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stick:
+class JoystickState:
     """What the hand says now: both axes -1...1, forward and left positive."""
 
     forward: float = 0.0
     turn: float = 0.0
-    hold: bool = False  # the button that must be held to drive
+    enable: bool = False  # the button that must be held to drive
     turbo: bool = False
 
 
-def shaped(value: float, dead_zone: float, expo: float) -> float:
+def apply_curve(value: float, dead_zone: float, expo: float) -> float:
     """An axis behind its dead zone, stretched to -1...1 again, and flatter about the middle."""
     size = min(abs(value), 1.0)
     if not size > dead_zone:  # also when it is no number
@@ -27,17 +27,17 @@ def shaped(value: float, dead_zone: float, expo: float) -> float:
     return math.copysign((1.0 - expo) * size + expo * size**3, value)
 
 
-def wanted_twist(
-    stick: Stick, options: TeleopOptions, drive: DriveGeometry, max_wheel_rad_s: float
+def joystick_twist(
+    stick: JoystickState, options: TeleopOptions, drive: DriveGeometry, max_wheel_rad_s: float
 ) -> Twist2:
     """The speed that the stick asks for; what wheels cannot do is scaled so that a bend stays that bend."""
-    if not stick.hold:
+    if not stick.enable:
         return Twist2()
     v_max = options.v_turbo_m_s if stick.turbo else options.v_max_m_s
     w_max = options.w_turbo_rad_s if stick.turbo else options.w_max_rad_s
     asked = Twist2(
-        v_m_s=v_max * shaped(stick.forward, options.dead_zone, options.expo),
-        w_rad_s=w_max * shaped(stick.turn, options.dead_zone, options.expo),
+        v_m_s=v_max * apply_curve(stick.forward, options.dead_zone, options.expo),
+        w_rad_s=w_max * apply_curve(stick.turn, options.dead_zone, options.expo),
     )
     return body_twist(limit_wheel_speeds(wheel_speeds(asked, drive), max_wheel_rad_s), drive)
 
@@ -49,22 +49,22 @@ class SpeedScaler:
         self._options, self._drive, self._max_wheel_rad_s = options, drive, max_wheel_rad_s
         self._twist = Twist2()
         self._driving = False
-        self._must_let_go = True
+        self._needs_release = True
 
-    def step(self, stick: Stick | None, period_s: float) -> Twist2 | None:
+    def step(self, stick: JoystickState | None, period_s: float) -> Twist2 | None:
         """Return what to send now, None for nothing. A stick that is lost (None) counts as let go.
 
         After a loss, as at the start, the button must be seen up before it counts: nothing drives off by
         itself when a pad comes back with the button held.
         """
         if stick is None:
-            self._must_let_go = True
-        elif not stick.hold:
-            self._must_let_go = False
-        if stick is None or not stick.hold or self._must_let_go:
+            self._needs_release = True
+        elif not stick.enable:
+            self._needs_release = False
+        if stick is None or not stick.enable or self._needs_release:
             was_driving, self._driving, self._twist = self._driving, False, Twist2()
             return Twist2() if was_driving else None
-        wanted = wanted_twist(stick, self._options, self._drive, self._max_wheel_rad_s)
+        wanted = joystick_twist(stick, self._options, self._drive, self._max_wheel_rad_s)
         self._driving = True
         self._twist = Twist2(
             v_m_s=_nearer(self._twist.v_m_s, wanted.v_m_s, self._options.v_slew_m_s2 * period_s),

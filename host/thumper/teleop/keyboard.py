@@ -1,4 +1,4 @@
-"""Keys of a terminal as a stick. Pure: bytes and times come in.
+"""KeyboardJoystick of a terminal as a stick. Pure: bytes and times come in.
 
 A terminal tells when a key is pressed and that it repeats, never that it is let go: a key holds for a moment.
 """
@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from enum import Enum
 
 from thumper.config.teleop import TeleopOptions
-from thumper.teleop.joystick_curve import Stick
+from thumper.teleop.joystick_curve import JoystickState
 
 MOST_BYTES = 1024
 
@@ -81,7 +81,7 @@ ACTIONS = {
 }
 
 
-class Keys:
+class KeyboardJoystick:
     """Remembers which key is held, as far as a terminal lets one know."""
 
     def __init__(self, options: TeleopOptions) -> None:
@@ -105,14 +105,14 @@ class Keys:
                 self._key = ""  # any other key lets go
         return actions
 
-    def stick(self, now_s: float) -> Stick:
+    def stick(self, now_s: float) -> JoystickState:
         """What the keys say now; Shift is turbo."""
         if not self._key or now_s >= self._until_s:
             self._key = ""
-            return Stick()
+            return JoystickState()
         plain = SHIFTED.get(self._key, self._key.lower())
         forward, turn = DIRECTIONS[plain]
-        return Stick(forward=forward, turn=turn, hold=plain != "k", turbo=plain != self._key)
+        return JoystickState(forward=forward, turn=turn, enable=plain != "k", turbo=plain != self._key)
 
 
 def _split(data: bytes) -> list[str]:

@@ -8,14 +8,14 @@ from thumper.common.geometry import Twist2
 from thumper.config.robot import RobotConfig
 from thumper.ros.codec import Message
 from thumper.ros.to_ros import Messages, flag, text
-from thumper.teleop.gamepad import PadState
-from thumper.teleop.joystick_curve import SpeedScaler, Stick
-from thumper.teleop.keyboard import Action, Keys
+from thumper.teleop.gamepad import GamepadState
+from thumper.teleop.joystick_curve import JoystickState, SpeedScaler
+from thumper.teleop.keyboard import Action, KeyboardJoystick
 
 COMMANDS = {Action.ARM: "arm", Action.DISARM: "disarm", Action.CLEAR_FAULT: "clear_fault"}
 
 
-class Pad(Protocol):
+class GamepadSource(Protocol):
     """A gamepad, real or not."""
 
     @property
@@ -23,12 +23,12 @@ class Pad(Protocol):
         """What it calls itself."""
         ...
 
-    def poll(self) -> PadState | None:
+    def poll(self) -> GamepadState | None:
         """Look at it; None while there is none."""
         ...
 
 
-class Driver:
+class TeleopLoop:
     """One person with keyboard and perhaps gamepad; `step` is called `rate_Hz` times a second."""
 
     def __init__(
@@ -36,14 +36,14 @@ class Driver:
         config: RobotConfig,
         publish: Callable[[str, Message], None],
         read: Callable[[], bytes],
-        pad: Pad | None,
+        pad: GamepadSource | None,
     ) -> None:
         """`publish` takes a topic and a message; `read` gives what was typed since the last call."""
         options, limit = config.teleop, config.drive.max_wheel_rad_s
         self._publish, self._read, self._pad = publish, read, pad
-        self._keys = Keys(options)
-        self._key_helm = SpeedScaler(options, config.drive, limit)
-        self._pad_helm = SpeedScaler(options, config.drive, limit)
+        self._keys = KeyboardJoystick(options)
+        self._keyboard_scaler = SpeedScaler(options, config.drive, limit)
+        self._gamepad_scaler = SpeedScaler(options, config.drive, limit)
         self._messages = Messages()
         self.twist = Twist2()  # as last sent
 
@@ -60,23 +60,27 @@ class Driver:
         for action in actions:
             if action in COMMANDS:
                 self._publish("command", text(COMMANDS[action]))
-        sent = self._send("teleop", self._key_helm, self._keys.stick(now_s), period_s)
+        sent = self._send("teleop", self._keyboard_scaler, self._keys.stick(now_s), period_s)
         if self._pad is not None:  # last: the pad goes before the keyboard
-            sent = self._send("gamepad", self._pad_helm, state.stick if state else None, period_s) or sent
+            sent = (
+                self._send("gamepad", self._gamepad_scaler, state.stick if state else None, period_s) or sent
+            )
         if sent is not None:
             self.twist = sent
         return Action.QUIT not in actions
 
     def release(self) -> None:
         """Let go of everything; whoever holds a button must let go of it before it counts again."""
-        for topic, helm in (("teleop", self._key_helm), ("gamepad", self._pad_helm)):
-            helm.step(None, 0.0)
+        for topic, scaler in (("teleop", self._keyboard_scaler), ("gamepad", self._gamepad_scaler)):
+            scaler.step(None, 0.0)
             self._publish(topic, self._messages.twist(time.time(), Twist2()))
         self._keys.feed(b"k", 0.0)
         self.twist = Twist2()
 
-    def _send(self, topic: str, helm: SpeedScaler, stick: Stick | None, period_s: float) -> Twist2 | None:
-        twist = helm.step(stick, period_s)
+    def _send(
+        self, topic: str, scaler: SpeedScaler, stick: JoystickState | None, period_s: float
+    ) -> Twist2 | None:
+        twist = scaler.step(stick, period_s)
         if twist is not None:
             self._publish(topic, self._messages.twist(time.time(), twist))
         return twist

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from thumper.board.clock import ClockFit
+from thumper.board.clock import ClockFilter
 
 WRAP = 2**32
 
@@ -12,7 +12,7 @@ WRAP = 2**32
 def test_delays_do_not_shift_the_stamps() -> None:
     """Messages are late by up to 30 ms; after the first quick one the stamps are right to 1 ms."""
     rng = random.Random(1)
-    fit = ClockFit(tick_s=1e-6, wrap_ticks=WRAP)
+    fit = ClockFilter(tick_s=1e-6, wrap_ticks=WRAP)
     start_ticks = WRAP - 3_000_000  # wraps after 3 s
     for k in range(200):
         true_s = 50.0 + 0.1 * k
@@ -24,7 +24,7 @@ def test_delays_do_not_shift_the_stamps() -> None:
 
 def test_drift_of_the_device_clock_is_followed() -> None:
     """A ceramic resonator that is 0.05 % slow must not let the stamps fall behind."""
-    fit = ClockFit(tick_s=1e-6, wrap_ticks=WRAP)
+    fit = ClockFilter(tick_s=1e-6, wrap_ticks=WRAP)
     for k in range(5_000):
         true_s = 0.1 * k
         stamp_s = fit.host_time_s(round(true_s * 0.9995e6), true_s)

@@ -7,11 +7,11 @@ import pytest
 import serial
 
 from thumper.board.options import BoardOptions
-from thumper.common.serial_port import clock_of, open_port
+from thumper.common.serial_port import open_port, port_clock
 from thumper.doctor.board_checks import check_board
 from thumper.doctor.check import Check
 from thumper.doctor.lidar_checks import check_lidar
-from thumper.doctor.verdicts import ask_often
+from thumper.doctor.verdicts import measure_round_trips
 from thumper.lidar.options import LidarOptions
 
 STEP_S = 0.001
@@ -22,7 +22,7 @@ class DelayedPort:
 
     def __init__(self, port: serial.Serial, delay_s: float) -> None:
         self._port, self._delay_s = port, delay_s
-        self.clock_s = clock_of(port)
+        self.clock_s = port_clock(port)
         self.timeout = 0.02
         self._out: deque[tuple[float, bytes]] = deque()
         self._in: deque[tuple[float, bytes]] = deque()
@@ -108,8 +108,8 @@ def test_silence_ends_the_questions() -> None:
         asked.append(number)
         return None
 
-    assert ask_often(nobody) == ([], 5)
+    assert measure_round_trips(nobody) == ([], 5)
     assert asked == [0, 1, 2, 3, 4]
-    trips_s, lost = ask_often(lambda number, _: None if number % 10 == 3 else 0.001 * number)
+    trips_s, lost = measure_round_trips(lambda number, _: None if number % 10 == 3 else 0.001 * number)
     assert (len(trips_s), lost) == (45, 5)
     assert trips_s[-1] == pytest.approx(0.049)

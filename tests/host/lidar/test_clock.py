@@ -2,7 +2,7 @@
 
 import pytest
 
-from thumper.lidar.clock import StampFit
+from thumper.lidar.clock import ClockSync
 
 WRAP_MS = 1 << 24
 LEAST_LAG_S = 0.07
@@ -12,7 +12,7 @@ def worst_error_s(
     *, synced: bool, drift: float, host_period_s: float, scans: int = 6000, first_ms: int = 5, skip: int = 0
 ) -> float:
     """Feed scans, one each 98.2 ms, seen at the host's next look; return the worst error after `skip`."""
-    fit = StampFit(wrap_ms=WRAP_MS, least_lag_s=LEAST_LAG_S)
+    fit = ClockSync(wrap_ms=WRAP_MS, least_lag_s=LEAST_LAG_S)
     if synced:
         fit.sync(first_ms, 9.999, 10.001)
     worst_s = 0.0
@@ -48,14 +48,14 @@ def test_the_clock_may_wrap() -> None:
 
 
 def test_a_restarted_lidar_is_fitted_anew() -> None:
-    fit = StampFit(wrap_ms=WRAP_MS, least_lag_s=LEAST_LAG_S)
+    fit = ClockSync(wrap_ms=WRAP_MS, least_lag_s=LEAST_LAG_S)
     fit.sync(3_600_000, 9.999, 10.001)
     assert fit.host_time_s(3_600_100, 10.2) == pytest.approx(10.1, abs=0.001)
     assert fit.host_time_s(40, 12.0) == pytest.approx(12.0 - LEAST_LAG_S)
 
 
 def test_scans_that_pile_up_while_the_host_stalls_keep_their_stamps() -> None:
-    fit = StampFit(wrap_ms=WRAP_MS, least_lag_s=LEAST_LAG_S)
+    fit = ClockSync(wrap_ms=WRAP_MS, least_lag_s=LEAST_LAG_S)
     fit.sync(1000, 9.999, 10.001)
     stamps_s = [fit.host_time_s(1000 + 100 * k, 14.0) for k in range(1, 31)]
     assert stamps_s == pytest.approx([10.0 + 0.1 * k for k in range(1, 31)], abs=0.002)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from thumper.lidar.ld19_protocol import FRAME_BYTES, FrameCutter, crc8
+from thumper.lidar.ld19_protocol import FRAME_BYTES, Ld19Decoder, crc8
 
 PUBLISHED = bytes.fromhex(
     "542C6808AB7EE000E4DC00E2D900E5D500E3D300E4D000E9CD00E4CA00E2C700E9C500E5C200E5C000E5BE823A1A50"
@@ -12,7 +12,7 @@ PUBLISHED = bytes.fromhex(
 
 
 def test_the_published_frame() -> None:
-    (frame,) = FrameCutter().feed(PUBLISHED)
+    (frame,) = Ld19Decoder().feed(PUBLISHED)
     assert (frame.speed_deg_s, frame.stamp_ms) == (2152, 6714)
     assert frame.start_deg == pytest.approx(324.27)
     assert frame.step_deg == pytest.approx((334.70 - 324.27) / 11)
@@ -22,12 +22,12 @@ def test_the_published_frame() -> None:
 
 @given(noise=st.binary(max_size=60), cuts=st.lists(st.integers(1, 30), max_size=30))
 def test_frames_are_found_wherever_the_stream_starts_and_is_cut(noise: bytes, cuts: list[int]) -> None:
-    cutter, frames = FrameCutter(), []
+    decoder, frames = Ld19Decoder(), []
     stream = noise + 3 * PUBLISHED
     for cut in cuts:
-        frames += cutter.feed(stream[:cut])
+        frames += decoder.feed(stream[:cut])
         stream = stream[cut:]
-    frames += cutter.feed(stream)
+    frames += decoder.feed(stream)
     assert len(frames) == 3
 
 
@@ -36,28 +36,28 @@ def test_one_changed_byte_costs_one_frame(data: st.DataObject) -> None:
     at = data.draw(st.integers(0, FRAME_BYTES - 1))
     changed = bytearray(PUBLISHED)
     changed[at] ^= data.draw(st.integers(1, 255))
-    cutter = FrameCutter()
-    assert len(cutter.feed(bytes(changed) + 2 * PUBLISHED)) == 2
-    assert cutter.bad_frames == (1 if at > 1 else 0), "without its header it is no frame that went bad"
+    decoder = Ld19Decoder()
+    assert len(decoder.feed(bytes(changed) + 2 * PUBLISHED)) == 2
+    assert decoder.bad_frames == (1 if at > 1 else 0), "without its header it is no frame that went bad"
 
 
 def test_the_last_byte_before_a_header_is_kept() -> None:
-    cutter = FrameCutter()
-    assert cutter.feed(b"\x00" + PUBLISHED[:1]) == []
-    assert len(cutter.feed(PUBLISHED[1:])) == 1
+    decoder = Ld19Decoder()
+    assert decoder.feed(b"\x00" + PUBLISHED[:1]) == []
+    assert len(decoder.feed(PUBLISHED[1:])) == 1
 
 
 def test_a_frame_with_impossible_angles_is_bad() -> None:
     body = bytearray(PUBLISHED[:-1])
     body[42:44] = body[4:6]  # ends where it starts
-    cutter = FrameCutter()
-    assert cutter.feed(bytes(body) + bytes([crc8(bytes(body))])) == []
-    assert cutter.bad_frames == 1
+    decoder = Ld19Decoder()
+    assert decoder.feed(bytes(body) + bytes([crc8(bytes(body))])) == []
+    assert decoder.bad_frames == 1
 
 
 @given(st.lists(st.binary(max_size=200), max_size=8))
 def test_no_bytes_crash_the_cutter_or_fill_the_memory(chunks: list[bytes]) -> None:
-    cutter = FrameCutter()
+    decoder = Ld19Decoder()
     for chunk in chunks:
-        cutter.feed(chunk)
-    assert len(cutter._buffer) < FRAME_BYTES
+        decoder.feed(chunk)
+    assert len(decoder._buffer) < FRAME_BYTES

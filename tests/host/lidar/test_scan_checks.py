@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from thumper.lidar.scan import Scan
-from thumper.lidar.scan_checks import Flaw, ScanChecker
+from thumper.lidar.scan_checks import ScanChecker, ScanDefect
 
 
 def scan(time_s: float, ranges_m: float = 1.0) -> Scan:
@@ -18,22 +18,22 @@ def scan(time_s: float, ranges_m: float = 1.0) -> Scan:
 @pytest.mark.parametrize(
     ("after", "flaw"),
     [
-        (scan(0.25), Flaw.BACKWARDS),
-        (scan(0.301), Flaw.BURST),
-        (scan(0.1 * 3), Flaw.DUPLICATE),
-        (scan(3.0), Flaw.GAP),
-        (scan(math.nan), Flaw.STAMP),
-        (scan(0.4, math.nan), Flaw.EMPTY),
+        (scan(0.25), ScanDefect.BACKWARDS),
+        (scan(0.301), ScanDefect.BURST),
+        (scan(0.1 * 3), ScanDefect.DUPLICATE),
+        (scan(3.0), ScanDefect.GAP),
+        (scan(math.nan), ScanDefect.STAMP),
+        (scan(0.4, math.nan), ScanDefect.EMPTY),
     ],
 )
-def test_each_flaw_is_counted_once_and_named(after: Scan, flaw: Flaw) -> None:
+def test_each_flaw_is_counted_once_and_named(after: Scan, flaw: ScanDefect) -> None:
     monitor = ScanChecker()
     for k in range(4):
-        assert monitor.look(scan(0.1 * k)) == []
-    assert monitor.look(after) == [flaw]
+        assert monitor.check(scan(0.1 * k)) == []
+    assert monitor.check(after) == [flaw]
     assert monitor.counts == {flaw: 1}
-    longest = " (the longest 2.7 s)" if flaw is Flaw.GAP else ""
-    assert monitor.lines() == [f"1 of 5 scans {flaw.value}{longest}"]
+    longest = " (the longest 2.7 s)" if flaw is ScanDefect.GAP else ""
+    assert monitor.summary_lines() == [f"1 of 5 scans {flaw.value}{longest}"]
 
 
 @pytest.mark.parametrize(
@@ -47,23 +47,23 @@ def test_each_flaw_is_counted_once_and_named(after: Scan, flaw: Flaw) -> None:
     ],
 )
 def test_scans_without_beams_or_directions_are_named(broken: dict[str, Any]) -> None:
-    assert ScanChecker().look(replace(scan(0.0), **broken)) == [Flaw.BEAMS]
+    assert ScanChecker().check(replace(scan(0.0), **broken)) == [ScanDefect.BEAMS]
 
 
 def test_a_slower_rate_is_no_row_of_gaps() -> None:
     """A recording may hold every scan of its first part and every tenth of the rest."""
     monitor = ScanChecker()
     for time_s in [*np.arange(0.0, 2.0, 0.1), *np.arange(2.0, 60.0, 1.2)]:
-        monitor.look(scan(float(time_s)))
-    assert monitor.counts == {Flaw.GAP: 6}  # until most of the last eleven steps are of the new rate
+        monitor.check(scan(float(time_s)))
+    assert monitor.counts == {ScanDefect.GAP: 6}  # until most of the last eleven steps are of the new rate
 
 
 def test_zeros_are_named() -> None:
-    assert ScanChecker().look(scan(0.0, 0.0)) == [Flaw.ZEROS, Flaw.EMPTY]
+    assert ScanChecker().check(scan(0.0, 0.0)) == [ScanDefect.ZEROS, ScanDefect.EMPTY]
 
 
 def test_after_a_gap_and_a_step_back_the_period_still_holds() -> None:
     monitor = ScanChecker()
     for time_s in (0.0, 0.1, 0.2, 5.0, 5.1, 4.0, 4.1, 4.2):
-        monitor.look(scan(time_s))
-    assert monitor.counts == {Flaw.GAP: 1, Flaw.BACKWARDS: 1}
+        monitor.check(scan(time_s))
+    assert monitor.counts == {ScanDefect.GAP: 1, ScanDefect.BACKWARDS: 1}

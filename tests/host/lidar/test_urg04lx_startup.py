@@ -122,7 +122,7 @@ def test_the_start_orders_the_stream_last_and_asks_for_the_identity_once() -> No
     assert port.lines[-1] == b"MD0044072501000"
     assert port.lines.count(b"VV") == 1
     assert driver.identity["SERI"] == "H0123456"
-    assert (driver.geometry.beams, driver.geometry.turn_s) == (682, 0.1)
+    assert (driver.geometry.beams, driver.geometry.revolution_s) == (682, 0.1)
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from thumper.common.errors import ThumperError
-from thumper.maps.edit import Box, cropped, filled, rotated, trimmed
-from thumper.maps.map_server_io import load_map, load_turned_map, save_map
+from thumper.maps.edit import Box, crop, fill_box, rotate, trim
+from thumper.maps.map_server_io import load_map, load_rotated_map, save_map
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 
@@ -25,12 +25,12 @@ def box(x0: float, y0: float, x1: float, y1: float) -> Box:
 
 def test_trimming_keeps_every_known_cell_in_place() -> None:
     grid = corner_map()
-    small = trimmed(grid, margin_m=0.2)
+    small = trim(grid, margin_m=0.2)
     assert small.cells.shape == (14, 14)
     assert small.cells[small.cell_of(*grid.centre_of(10, 20))] == OCCUPIED
     assert np.count_nonzero(small.cells == FREE) == 99
     nothing = OccupancyGrid(cells=grid.cells[:5, :5], resolution_m=0.1, origin_x_m=0.0, origin_y_m=0.0)
-    assert trimmed(nothing) is nothing
+    assert trim(nothing) is nothing
 
 
 @pytest.mark.parametrize(
@@ -38,22 +38,22 @@ def test_trimming_keeps_every_known_cell_in_place() -> None:
 )
 def test_cropping_keeps_the_cells_that_the_box_touches(corners: tuple[float, float, float, float]) -> None:
     grid = corner_map()
-    small = cropped(grid, box(*corners))
+    small = crop(grid, box(*corners))
     assert (small.origin_x_m, small.origin_y_m) == pytest.approx((1.0, -1.0))
     np.testing.assert_array_equal(small.cells, grid.cells[10:14, 20:25])
 
 
 def test_cropping_never_grows_a_map() -> None:
     grid = corner_map()
-    np.testing.assert_array_equal(cropped(grid, box(-9, -9, 9, 9)).cells, grid.cells)
+    np.testing.assert_array_equal(crop(grid, box(-9, -9, 9, 9)).cells, grid.cells)
 
 
 def test_boxes_are_filled_and_nothing_else_is() -> None:
     grid = corner_map()
-    new = filled(grid, box(1.2, -0.9, 1.2, -0.5), OCCUPIED)  # a line
+    new = fill_box(grid, box(1.2, -0.9, 1.2, -0.5), OCCUPIED)  # a line
     np.testing.assert_array_equal(np.argwhere(new.cells != grid.cells), [(row, 22) for row in range(11, 15)])
     assert (new.cells[11:15, 22] == OCCUPIED).all()
-    again = filled(new, box(1.0, -1.0, 2.0, 0.0), UNKNOWN)
+    again = fill_box(new, box(1.0, -1.0, 2.0, 0.0), UNKNOWN)
     assert (again.cells == UNKNOWN).all()
     assert (grid.cells[10, 20], new.cells[10, 20]) == (OCCUPIED, OCCUPIED)  # what is given is not changed
 
@@ -61,18 +61,18 @@ def test_boxes_are_filled_and_nothing_else_is() -> None:
 @pytest.mark.parametrize("corners", [(6.0, 0.0, 7.0, 1.0), (0.0, -9.0, 1.0, -2.5)])
 def test_a_box_beside_the_map_is_refused(corners: tuple[float, float, float, float]) -> None:
     with pytest.raises(ThumperError, match="lies beside the map, which reaches from"):
-        filled(corner_map(), box(*corners), FREE)
+        fill_box(corner_map(), box(*corners), FREE)
     with pytest.raises(ThumperError, match="lies beside the map, which reaches from"):
-        cropped(corner_map(), box(*corners))
+        crop(corner_map(), box(*corners))
 
 
 def test_four_quarter_turns_change_nothing() -> None:
     grid = corner_map()
-    turned = rotated(grid, math.pi / 2)
+    turned = rotate(grid, math.pi / 2)
     x_m, y_m = grid.centre_of(10, 20)
     assert turned.cells[turned.cell_of(-y_m, x_m)] == OCCUPIED
     for _ in range(3):
-        turned = rotated(turned, math.pi / 2)
+        turned = rotate(turned, math.pi / 2)
     np.testing.assert_array_equal(turned.cells, grid.cells)
     assert (turned.origin_x_m, turned.origin_y_m) == pytest.approx((-1.0, -2.0))
 
@@ -86,7 +86,7 @@ def test_a_map_whose_origin_has_a_yaw_is_turned_to_where_it_says(tmp_path: Path,
     if yaw_rad:
         with pytest.raises(ThumperError, match=r"yaw .*thumper edit .*a\.yaml --out"):
             load_map(tmp_path / "a.yaml")
-    turned, found_rad = load_turned_map(tmp_path / "a.yaml")
+    turned, found_rad = load_rotated_map(tmp_path / "a.yaml")
     assert found_rad == yaw_rad
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     for row, col in np.ndindex(*grid.cells.shape):
@@ -96,6 +96,6 @@ def test_a_map_whose_origin_has_a_yaw_is_turned_to_where_it_says(tmp_path: Path,
         assert grid.cells[row, col] in turned.cells[max(0, r - 1) : r + 2, max(0, c - 1) : c + 2]
     for state in (FREE, UNKNOWN):
         assert (
-            np.count_nonzero(rotated(grid, yaw_rad).cells == state)
+            np.count_nonzero(rotate(grid, yaw_rad).cells == state)
             >= np.count_nonzero(grid.cells == state) - 3
         )

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from thumper.board.board import TelemetrySample
 from thumper.board.messages import Fault, State, Telemetry
 from thumper.common.geometry import Pose2, Twist2
-from thumper.common.stamps import epoch_of, rounded_s, stamp_ns, time_s_of
+from thumper.common.stamps import epoch_ns_at, host_time_s, rounded_s, stamp_ns
 from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.costmap import CostmapOptions, build_costmap
@@ -37,12 +37,12 @@ def sent(message: Any) -> Any:
 def test_a_rounded_time_survives_any_epoch(time_s: float, epoch_ns: int) -> None:
     rounded = rounded_s(time_s)
     assert abs(rounded - time_s) < 2e-9
-    assert time_s_of(stamp_ns(rounded, epoch_ns), epoch_ns) == rounded
+    assert host_time_s(stamp_ns(rounded, epoch_ns), epoch_ns) == rounded
     assert rounded_s(rounded) == rounded
 
 
 def test_epoch_puts_now_at_the_wall_clock() -> None:
-    assert stamp_ns(123.0, epoch_of(123.0)) > 1_600_000_000_000_000_000
+    assert stamp_ns(123.0, epoch_ns_at(123.0)) > 1_600_000_000_000_000_000
 
 
 @given(

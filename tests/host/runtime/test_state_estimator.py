@@ -12,7 +12,7 @@ from thumper.board.board import TelemetrySample
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.common.kinematics import DriveGeometry
 from thumper.lidar.scan import Scan
-from thumper.lidar.scan_checks import Flaw
+from thumper.lidar.scan_checks import ScanDefect
 from thumper.runtime.state_estimator import StateEstimator
 from thumper.slam.grid.grid_mapper import GridMapper
 from thumper.slam.mode_switch import SlamModeSwitch
@@ -109,10 +109,10 @@ def test_a_scan_from_the_future_does_not_hold_up_the_others() -> None:
         robot.add_scan(scan(100.0 if k == 10 else 0.1 * k - 0.1, [Pose2()] * 100))
     robot.add_telemetry(telemetry(3.0, 0, 0))
     assert robot.monitor.counts == {
-        Flaw.NO_ODOMETRY: 1,  # the first one, from before the board was heard
-        Flaw.GAP: 1,
-        Flaw.BACKWARDS: 1,
-        Flaw.WAITED: 1,
+        ScanDefect.NO_ODOMETRY: 1,  # the first one, from before the board was heard
+        ScanDefect.GAP: 1,
+        ScanDefect.BACKWARDS: 1,
+        ScanDefect.WAITED: 1,
     }
     assert robot.scans_mapped == 28
 
@@ -124,25 +124,27 @@ def test_a_silent_board_costs_scans_that_are_counted() -> None:
         robot.add_scan(scan(0.1 * k, [Pose2()] * 100))
     robot.add_telemetry(telemetry(4.1, 0, 0))
     counts = robot.monitor.counts
-    assert counts.keys() == {Flaw.WAITED, Flaw.NO_ODOMETRY} or counts.keys() == {Flaw.WAITED}
+    assert counts.keys() == {ScanDefect.WAITED, ScanDefect.NO_ODOMETRY} or counts.keys() == {
+        ScanDefect.WAITED
+    }
     assert robot.scans_mapped + sum(counts.values()) == 40
 
 
 @pytest.mark.parametrize(
     ("broken", "flaw"),
     [
-        ({"time_s": math.nan}, Flaw.STAMP),
-        ({"time_s": math.inf}, Flaw.STAMP),
-        ({"time_s": 1e300}, Flaw.STAMP),
-        ({"ranges_m": np.empty(0)}, Flaw.BEAMS),
-        ({"angle_increment_rad": math.nan}, Flaw.BEAMS),
-        ({"angle_min_rad": 1e300}, Flaw.BEAMS),
-        ({"ranges_m": np.full(100, math.nan)}, Flaw.EMPTY),
-        ({"ranges_m": np.full(100, -1.0)}, Flaw.EMPTY),
-        ({"range_max_m": math.nan}, Flaw.EMPTY),
+        ({"time_s": math.nan}, ScanDefect.STAMP),
+        ({"time_s": math.inf}, ScanDefect.STAMP),
+        ({"time_s": 1e300}, ScanDefect.STAMP),
+        ({"ranges_m": np.empty(0)}, ScanDefect.BEAMS),
+        ({"angle_increment_rad": math.nan}, ScanDefect.BEAMS),
+        ({"angle_min_rad": 1e300}, ScanDefect.BEAMS),
+        ({"ranges_m": np.full(100, math.nan)}, ScanDefect.EMPTY),
+        ({"ranges_m": np.full(100, -1.0)}, ScanDefect.EMPTY),
+        ({"range_max_m": math.nan}, ScanDefect.EMPTY),
     ],
 )
-def test_a_scan_that_makes_no_sense_is_counted_and_harmless(broken: dict[str, Any], flaw: Flaw) -> None:
+def test_a_scan_that_makes_no_sense_is_counted_and_harmless(broken: dict[str, Any], flaw: ScanDefect) -> None:
     robot = perception()
     for k in range(8):
         robot.add_telemetry(telemetry(0.1 * k, 0, 0))
@@ -175,7 +177,7 @@ def test_a_pose_given_by_hand_is_no_slip() -> None:
     assert abs(situation.map_from_base.theta_rad) > 3.0
     assert situation.lost == ""
     assert robot.scans_mapped == 29
-    before_the_board_was_heard = f"1 of 30 scans {Flaw.NO_ODOMETRY}"
+    before_the_board_was_heard = f"1 of 30 scans {ScanDefect.NO_ODOMETRY}"
     assert robot.notes() == {"NO_ODOMETRY": before_the_board_was_heard}
 
 
@@ -205,7 +207,7 @@ def test_after_a_clock_was_set_back_scans_are_mapped_again() -> None:
             assert situation.scan_age_s == math.inf  # what was seen before is no newest scan
         robot.add_scan(scan(time_s, [Pose2()] * 100))
     assert robot.scans_mapped >= 56
-    assert robot.monitor.counts[Flaw.BACKWARDS] == 1
+    assert robot.monitor.counts[ScanDefect.BACKWARDS] == 1
     situation = robot.state()
     assert situation is not None
     assert 0.0 <= situation.scan_age_s < 0.5

@@ -61,7 +61,7 @@ def test_a_robot_that_was_lost_says_no_pose(tmp_path: Path) -> None:
 def test_a_cell_of_another_day_says_the_same_with_fewer_observations(hits: int, misses: int) -> None:
     cell = (np.array([[n]], dtype=np.uint16) for n in (hits, misses))
     counts = HitCounts(hits=next(cell), misses=next(cell), first_cell=(0, 0), resolution_m=SIZE_M)
-    aged = counts.aged(0.25)
+    aged = counts.limit_observations(0.25)
     assert int(aged.hits[0, 0]) + int(aged.misses[0, 0]) == min(hits + misses, AGED)
     assert aged.grid(0.25).cells == counts.grid(0.25).cells
 

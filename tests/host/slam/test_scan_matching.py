@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.host.slam.rooms import room_scan
 from thumper.common.geometry import FloatArray, Pose2, Twist2
-from thumper.lidar.deskew import HIT, PASSED, SILENT, ScanPoints, scan_points
+from thumper.lidar.deskew import HIT, INVALID, MISS, ScanPoints, scan_points
 from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.scan_matching.correlative import correlative_search
 from thumper.slam.scan_matching.gauss_newton import MatchOptions, interpolate, match, normal_equations
@@ -173,7 +173,7 @@ def test_what_stood_for_days_is_cleared_in_bounded_time() -> None:
     beam["ends_m"] = np.array([[2.05, 0.1]])
     scans = 0
     while cells.occupied().any() and scans < 3000:
-        cells.integrate(Pose2(), ScanPoints(**beam, kinds=np.array([PASSED], dtype=np.uint8)))
+        cells.integrate(Pose2(), ScanPoints(**beam, kinds=np.array([MISS], dtype=np.uint8)))
         scans += 1
     assert 3 < scans <= CLEARED_AFTER
     np.testing.assert_array_equal(cells.distance_m, cells.field_from_scratch())
@@ -186,7 +186,7 @@ def test_beams_are_sorted_into_hits_passes_and_silence() -> None:
         time_s=0.0, ranges_m=ranges_m, angle_min_rad=0.0, angle_increment_rad=0.1, range_max_m=30.0
     )
     points = scan_points(scan, Twist2(), Pose2(x_m=0.2), 5.0)
-    assert points.kinds.tolist() == [HIT, SILENT, PASSED, PASSED, SILENT, SILENT]
+    assert points.kinds.tolist() == [HIT, INVALID, MISS, MISS, INVALID, INVALID]
     assert points.ends_m[0] == pytest.approx([1.2, 0.0])
     assert np.hypot(*(points.ends_m[3] - points.origins_m[3])) == pytest.approx(5.0)
 

@@ -11,7 +11,7 @@ from thumper.config.robot import RobotConfig
 from thumper.ros.from_ros import twist_of
 from thumper.teleop.gamepad import Gamepad
 from thumper.teleop.keyboard import Action
-from thumper.teleop.teleop_loop import Driver
+from thumper.teleop.teleop_loop import TeleopLoop
 
 pytest.importorskip("pygame", reason="pygame is not installed (pip install thumper[gamepad])")
 PAD_TYPE, AXES, BUTTONS, HATS = 1, 6, 15, 1
@@ -63,7 +63,7 @@ def test_sticks_and_buttons(gamepad: Gamepad) -> None:
     assert "Virtual" in gamepad.name
     assert state.stick.forward == pytest.approx(1.0)
     assert state.stick.turn == pytest.approx(-0.5, abs=0.01)
-    assert state.stick.hold
+    assert state.stick.enable
     assert not state.stick.turbo
     virtual.button(RB, True)
     virtual.button(B, True)
@@ -83,7 +83,7 @@ Sent = list[tuple[str, Any]]
 
 
 @pytest.fixture
-def driver(gamepad: Gamepad) -> tuple[Driver, Sent, Callable[[bytes], None]]:
+def driver(gamepad: Gamepad) -> tuple[TeleopLoop, Sent, Callable[[bytes], None]]:
     sent: Sent = []
     typed: list[bytes] = []
 
@@ -93,7 +93,7 @@ def driver(gamepad: Gamepad) -> tuple[Driver, Sent, Callable[[bytes], None]]:
         return data
 
     return (
-        Driver(RobotConfig(), lambda topic, message: sent.append((topic, message)), read, gamepad),
+        TeleopLoop(RobotConfig(), lambda topic, message: sent.append((topic, message)), read, gamepad),
         sent,
         typed.append,
     )
@@ -104,7 +104,7 @@ def twists(sent: Sent, topic: str) -> list[Twist2]:
 
 
 def test_pulling_the_plug_sends_one_zero_and_the_way_back_is_to_let_go_first(
-    driver: tuple[Driver, Sent, Callable[[bytes], None]],
+    driver: tuple[TeleopLoop, Sent, Callable[[bytes], None]],
 ) -> None:
     drive, sent, _ = driver
     virtual = VirtualPad()
@@ -138,7 +138,7 @@ def test_pulling_the_plug_sends_one_zero_and_the_way_back_is_to_let_go_first(
 
 
 def test_the_emergency_button_goes_out_at_once_with_zeros_behind_it(
-    driver: tuple[Driver, Sent, Callable[[bytes], None]],
+    driver: tuple[TeleopLoop, Sent, Callable[[bytes], None]],
 ) -> None:
     drive, sent, _ = driver
     virtual = VirtualPad()
@@ -158,7 +158,7 @@ def test_the_emergency_button_goes_out_at_once_with_zeros_behind_it(
     virtual.unplug()
 
 
-def test_the_keyboard_drives_beside_it(driver: tuple[Driver, Sent, Callable[[bytes], None]]) -> None:
+def test_the_keyboard_drives_beside_it(driver: tuple[TeleopLoop, Sent, Callable[[bytes], None]]) -> None:
     drive, sent, type_in = driver
     drive.step(0.0, PERIOD_S)
     type_in(b"i")

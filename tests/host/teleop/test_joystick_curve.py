@@ -9,63 +9,65 @@ from hypothesis import strategies as st
 from thumper.common.geometry import Twist2
 from thumper.common.kinematics import DriveGeometry, wheel_speeds
 from thumper.config.teleop import TeleopOptions
-from thumper.teleop.joystick_curve import SpeedScaler, Stick, shaped, wanted_twist
+from thumper.teleop.joystick_curve import JoystickState, SpeedScaler, apply_curve, joystick_twist
 
 OPTIONS, DRIVE, LIMIT = TeleopOptions(), DriveGeometry(), 13.0
 axes = st.floats(-1.0, 1.0)
 shares = st.floats(0.0, 0.9)
-sticks = st.builds(Stick, forward=axes, turn=axes, hold=st.booleans(), turbo=st.booleans())
+sticks = st.builds(JoystickState, forward=axes, turn=axes, enable=st.booleans(), turbo=st.booleans())
 
 
 @given(value=axes, other=axes, dead_zone=shares, expo=st.floats(0.0, 1.0))
 def test_an_axis_is_odd_monotonic_and_reaches_its_ends(
     value: float, other: float, dead_zone: float, expo: float
 ) -> None:
-    answer = shaped(value, dead_zone, expo)
+    answer = apply_curve(value, dead_zone, expo)
     assert -1.0 <= answer <= 1.0
-    assert answer == -shaped(-value, dead_zone, expo)
+    assert answer == -apply_curve(-value, dead_zone, expo)
     if value <= other:
-        assert answer <= shaped(other, dead_zone, expo) + 1e-12
+        assert answer <= apply_curve(other, dead_zone, expo) + 1e-12
     if abs(value) <= dead_zone:
         assert answer == 0.0
-    assert shaped(1.0, dead_zone, expo) == pytest.approx(1.0)
+    assert apply_curve(1.0, dead_zone, expo) == pytest.approx(1.0)
 
 
 def test_an_axis_that_is_no_number_is_centred_and_one_beyond_its_end_is_at_it() -> None:
-    assert shaped(math.nan, 0.1, 0.3) == 0.0
-    assert shaped(1.2, 0.1, 0.3) == pytest.approx(1.0)
+    assert apply_curve(math.nan, 0.1, 0.3) == 0.0
+    assert apply_curve(1.2, 0.1, 0.3) == pytest.approx(1.0)
 
 
 @given(stick=sticks, limit=st.floats(0.5, 17.0))
 def test_no_wheel_is_asked_for_more_than_it_can_and_a_bend_stays_that_bend(
-    stick: Stick, limit: float
+    stick: JoystickState, limit: float
 ) -> None:
-    free = wanted_twist(stick, OPTIONS, DRIVE, 1e9)
-    twist = wanted_twist(stick, OPTIONS, DRIVE, limit)
+    free = joystick_twist(stick, OPTIONS, DRIVE, 1e9)
+    twist = joystick_twist(stick, OPTIONS, DRIVE, limit)
     speeds = wheel_speeds(twist, DRIVE)
     assert max(abs(speeds.left_rad_s), abs(speeds.right_rad_s)) <= limit * (1.0 + 1e-9)
     assert twist.v_m_s * free.w_rad_s == pytest.approx(free.v_m_s * twist.w_rad_s, abs=1e-9)
     assert twist.v_m_s * free.v_m_s >= 0.0
-    if not stick.hold:
+    if not stick.enable:
         assert twist == Twist2()
 
 
 @given(stick=sticks)
-def test_turbo_is_never_slower(stick: Stick) -> None:
-    slow = wanted_twist(Stick(forward=stick.forward, hold=True), OPTIONS, DRIVE, LIMIT)
-    fast = wanted_twist(Stick(forward=stick.forward, hold=True, turbo=True), OPTIONS, DRIVE, LIMIT)
+def test_turbo_is_never_slower(stick: JoystickState) -> None:
+    slow = joystick_twist(JoystickState(forward=stick.forward, enable=True), OPTIONS, DRIVE, LIMIT)
+    fast = joystick_twist(
+        JoystickState(forward=stick.forward, enable=True, turbo=True), OPTIONS, DRIVE, LIMIT
+    )
     assert abs(fast.v_m_s) >= abs(slow.v_m_s)
 
 
 @given(hands=st.lists(st.one_of(st.none(), sticks), max_size=40))
-def test_it_drives_only_while_held_ramps_and_says_zero_once(hands: list[Stick | None]) -> None:
-    helm, period_s = SpeedScaler(OPTIONS, DRIVE, LIMIT), 0.05
+def test_it_drives_only_while_held_ramps_and_says_zero_once(hands: list[JoystickState | None]) -> None:
+    scaler, period_s = SpeedScaler(OPTIONS, DRIVE, LIMIT), 0.05
     last: Twist2 | None = None
     let_go = False  # since the start or the last loss
     for stick in hands:
-        said = helm.step(stick, period_s)
-        let_go = stick is not None and (let_go or not stick.hold)
-        if stick is None or not stick.hold or not let_go:
+        said = scaler.step(stick, period_s)
+        let_go = stick is not None and (let_go or not stick.enable)
+        if stick is None or not stick.enable or not let_go:
             assert said in (None, Twist2())
             assert not (said is not None and last is None)  # a zero only where something was before
             last = None
@@ -78,21 +80,21 @@ def test_it_drives_only_while_held_ramps_and_says_zero_once(hands: list[Stick | 
 
 
 def test_a_pad_that_comes_back_with_the_button_held_does_not_drive() -> None:
-    helm, held = SpeedScaler(OPTIONS, DRIVE, LIMIT), Stick(forward=1.0, hold=True)
-    assert helm.step(held, 0.05) is None  # nor at the start
-    assert helm.step(Stick(), 0.05) is None
-    assert helm.step(held, 0.05) is not None
-    assert helm.step(None, 0.05) == Twist2()
-    assert helm.step(None, 0.05) is None
-    assert helm.step(held, 0.05) is None
-    helm.step(Stick(), 0.05)
-    assert helm.step(held, 0.05) is not None
+    scaler, held = SpeedScaler(OPTIONS, DRIVE, LIMIT), JoystickState(forward=1.0, enable=True)
+    assert scaler.step(held, 0.05) is None  # nor at the start
+    assert scaler.step(JoystickState(), 0.05) is None
+    assert scaler.step(held, 0.05) is not None
+    assert scaler.step(None, 0.05) == Twist2()
+    assert scaler.step(None, 0.05) is None
+    assert scaler.step(held, 0.05) is None
+    scaler.step(JoystickState(), 0.05)
+    assert scaler.step(held, 0.05) is not None
 
 
 def test_full_stick_becomes_full_speed() -> None:
-    helm = SpeedScaler(OPTIONS, DRIVE, LIMIT)
-    helm.step(Stick(), 0.05)
+    scaler = SpeedScaler(OPTIONS, DRIVE, LIMIT)
+    scaler.step(JoystickState(), 0.05)
     for _ in range(40):
-        said = helm.step(Stick(forward=1.0, hold=True), 0.05)
+        said = scaler.step(JoystickState(forward=1.0, enable=True), 0.05)
     assert said is not None
     assert said.v_m_s == pytest.approx(OPTIONS.v_max_m_s)

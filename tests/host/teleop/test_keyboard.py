@@ -9,23 +9,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from thumper.config.teleop import TeleopOptions
-from thumper.teleop.joystick_curve import Stick
-from thumper.teleop.keyboard import Action, Keys, Terminal
+from thumper.teleop.joystick_curve import JoystickState
+from thumper.teleop.keyboard import Action, KeyboardJoystick, Terminal
 
 OPTIONS = TeleopOptions()
 
 
 def test_a_press_holds_until_repeats_come_and_these_hold_shortly() -> None:
-    keys = Keys(OPTIONS)
+    keys = KeyboardJoystick(OPTIONS)
     keys.feed(b"i", 0.0)
-    assert keys.stick(0.59).hold
-    assert not keys.stick(0.6).hold
+    assert keys.stick(0.59).enable
+    assert not keys.stick(0.6).enable
     keys.feed(b"i", 1.0)
     for k in range(10):
         keys.feed(b"i", 1.5 + 0.03 * k)
-        assert keys.stick(1.5 + 0.03 * k).hold
-    assert keys.stick(1.77 + 0.19).hold
-    assert not keys.stick(1.77 + 0.2).hold
+        assert keys.stick(1.5 + 0.03 * k).enable
+    assert keys.stick(1.77 + 0.19).enable
+    assert not keys.stick(1.77 + 0.2).enable
 
 
 @pytest.mark.parametrize(
@@ -47,9 +47,9 @@ def test_a_press_holds_until_repeats_come_and_these_hold_shortly() -> None:
     ],
 )
 def test_directions(typed: bytes, forward: float, turn: float, turbo: bool) -> None:
-    keys = Keys(OPTIONS)
+    keys = KeyboardJoystick(OPTIONS)
     assert keys.feed(typed, 0.0) == []
-    assert keys.stick(0.1) == Stick(forward=forward, turn=turn, hold=True, turbo=turbo)
+    assert keys.stick(0.1) == JoystickState(forward=forward, turn=turn, enable=True, turbo=turbo)
 
 
 @pytest.mark.parametrize(
@@ -64,24 +64,24 @@ def test_directions(typed: bytes, forward: float, turn: float, turbo: bool) -> N
     ],
 )
 def test_other_keys_act_and_let_go(typed: bytes, action: Action) -> None:
-    keys = Keys(OPTIONS)
+    keys = KeyboardJoystick(OPTIONS)
     keys.feed(b"i", 0.0)
     assert keys.feed(typed, 0.1) == [action]
-    assert not keys.stick(0.1).hold
+    assert not keys.stick(0.1).enable
 
 
 def test_k_stops() -> None:
-    keys = Keys(OPTIONS)
+    keys = KeyboardJoystick(OPTIONS)
     keys.feed(b"i", 0.0)
     keys.feed(b"k", 0.1)
-    assert not keys.stick(0.1).hold
+    assert not keys.stick(0.1).enable
 
 
 @given(data=st.binary(max_size=64))
 def test_any_bytes_are_taken_and_hold_for_a_moment_at_most(data: bytes) -> None:
-    keys = Keys(OPTIONS)
+    keys = KeyboardJoystick(OPTIONS)
     keys.feed(data, 5.0)
-    assert not keys.stick(5.0 + OPTIONS.key_first_s).hold
+    assert not keys.stick(5.0 + OPTIONS.key_first_s).enable
 
 
 def test_the_terminal_gives_single_keys_without_waiting() -> None:

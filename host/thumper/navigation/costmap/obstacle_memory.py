@@ -67,8 +67,8 @@ class ObstacleMemory:
         Nor is what lies beside the robot where the lidar does not look: it would not be seen again before the
         robot backs into it.
         """
-        bearing_rad, range_m = self._view.polar(map_from_base, self._points_m)
-        kept = ~self._view.holds(bearing_rad, range_m, edge_rad=BIN_RAD)
+        bearing_rad, range_m = self._view.bearings_and_ranges(map_from_base, self._points_m)
+        kept = ~self._view.contains(bearing_rad, range_m, edge_rad=BIN_RAD)
         kept &= _within(self._points_m, map_from_base, self._beside_m)
         kept |= _within(self._points_m, map_from_base, radius_m)
         self._keep(kept)
@@ -110,14 +110,14 @@ class ObstacleMemory:
         self, points_m: FloatArray, map_from_base: Pose2, hits_m: FloatArray
     ) -> np.typing.NDArray[np.bool_]:
         """Whether the scan says nothing of a point: out of view, or behind something nearer."""
-        bearing_rad, range_m = self._view.polar(map_from_base, points_m)
-        hit_rad, hit_m = self._view.polar(map_from_base, hits_m)
+        bearing_rad, range_m = self._view.bearings_and_ranges(map_from_base, points_m)
+        hit_rad, hit_m = self._view.bearings_and_ranges(map_from_base, hits_m)
         seen_m = np.full(round(math.tau / BIN_RAD) + 2, np.inf)
         np.minimum.at(seen_m, 1 + ((hit_rad + math.pi) / BIN_RAD).astype(np.int64) % (seen_m.size - 2), hit_m)
         seen_m[0], seen_m[-1] = seen_m[-2], seen_m[1]
         around_m = np.minimum(np.minimum(seen_m[:-2], seen_m[1:-1]), seen_m[2:])
         there_m = around_m[((bearing_rad + math.pi) / BIN_RAD).astype(np.int64) % around_m.size]
-        in_view = self._view.holds(bearing_rad, range_m, edge_rad=BIN_RAD)
+        in_view = self._view.contains(bearing_rad, range_m, edge_rad=BIN_RAD)
         hidden: np.typing.NDArray[np.bool_] = ~in_view | (there_m < range_m - THICKNESS_M)
         return hidden
 

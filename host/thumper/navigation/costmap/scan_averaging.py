@@ -45,7 +45,7 @@ def averaged_hits(map_from_base: Pose2, hits_in_map_m: FloatArray, view: FieldOf
     """A scan's hits, shape (n, 2) [m], in the order of their beams, moved along the beams onto the surfaces
     they come from.
     """
-    bearings_rad, ranges_m = view.polar(map_from_base, hits_in_map_m)
+    bearings_rad, ranges_m = view.bearings_and_ranges(map_from_base, hits_in_map_m)
     smooth_m = averaged(bearings_rad, ranges_m)
     in_laser_m = np.column_stack((smooth_m * np.cos(bearings_rad), smooth_m * np.sin(bearings_rad)))
     return (map_from_base @ view.base_from_laser).apply(in_laser_m)

@@ -119,13 +119,13 @@ class DynamicObstacles:
     def _came(self, hits_m: FloatArray, then_from: Pose2, then_m: FloatArray) -> np.typing.NDArray[np.bool_]:
         """Which hits lie where the earlier scan's rays passed."""
         bins = round(math.tau / BIN_RAD)
-        then_rad, then_range_m = self._view.polar(then_from, then_m)
-        bearing_rad, range_m = self._view.polar(then_from, hits_m)
+        then_rad, then_range_m = self._view.bearings_and_ranges(then_from, then_m)
+        bearing_rad, range_m = self._view.bearings_and_ranges(then_from, hits_m)
         seen_m = np.full(bins, np.inf)
         np.minimum.at(seen_m, (then_rad / BIN_RAD).astype(np.int64) % bins, then_range_m)
         around_m = np.minimum(np.minimum(np.roll(seen_m, 1), seen_m), np.roll(seen_m, -1))
         passed_m = around_m[(bearing_rad / BIN_RAD).astype(np.int64) % bins]
-        in_view = self._view.holds(bearing_rad, range_m, edge_rad=2.0 * BIN_RAD)
+        in_view = self._view.contains(bearing_rad, range_m, edge_rad=2.0 * BIN_RAD)
         came: np.typing.NDArray[np.bool_] = in_view & (passed_m > range_m + BEHIND_M)
         return came
 

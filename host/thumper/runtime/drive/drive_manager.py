@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from thumper.board.board import Board
-from thumper.board.fault_texts import FAULT_CURES
+from thumper.board.fault_texts import FAULT_HINTS
 from thumper.board.messages import Command, Fault, State, Telemetry
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Twist2
@@ -193,7 +193,7 @@ class DriveManager:
         if telemetry is not None and telemetry.state is State.FAULT:
             if telemetry.fault is not Fault.LINK_LOST and not clear_fault:
                 raise ThumperError(
-                    f"the board has latched a fault: {FAULT_CURES[telemetry.fault]}; "
+                    f"the board has latched a fault: {FAULT_HINTS[telemetry.fault]}; "
                     "clear the fault when it is safe",
                     option="--clear-fault",
                 )
@@ -207,7 +207,7 @@ class DriveManager:
             return ""
         self._cycles_armed += 1
         if telemetry.state is State.FAULT and self._cycles_armed > 1:  # the first may be older than ARM
-            return f"the board stopped the motors: {FAULT_CURES[telemetry.fault]}"
+            return f"the board stopped the motors: {FAULT_HINTS[telemetry.fault]}"
         self._disarmed_cycles = self._disarmed_cycles + 1 if telemetry.state is State.DISARMED else 0
         return "somebody has disarmed the board" if self._disarmed_cycles > DISARMED_CYCLES else ""
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray, Pose2
-from thumper.lidar.deskew import SILENT, ScanPoints
+from thumper.lidar.deskew import INVALID, ScanPoints
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import UNKNOWN, CellArray, OccupancyGrid
 from thumper.slam.grid.scan_inserter import integrate, states
@@ -63,7 +63,7 @@ class HitGrid:
                 exit_code=EXIT_USAGE,
             )
         cells = cls(resolution_m, reach_m, occupied_fraction)
-        counts = counts.aged(occupied_fraction)
+        counts = counts.limit_observations(occupied_fraction)
         edge = cells.reach + 2  # a map may end at its walls, but the distances to them do not
         (row, col), hits, misses = counts.first_cell, counts.hits, counts.misses
         cells._first_row, cells._first_col = row - edge, col - edge
@@ -94,7 +94,7 @@ class HitGrid:
 
     def integrate(self, map_from_base: Pose2, points: ScanPoints) -> None:
         """Enter a scan that was taken at the pose."""
-        said = points.kinds != SILENT
+        said = points.kinds != INVALID
         if not said.any():
             return
         origins_m = map_from_base.apply(points.origins_m[said])

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
-from thumper.lidar.deskew import SILENT, KindArray
+from thumper.lidar.deskew import INVALID, KindArray
 
 LayerArray = NDArray[np.uint8]
 CrossedArray = NDArray[np.int32]
@@ -34,7 +34,7 @@ def trace(
         room += int(abs(ends[i, 0] - origins[i, 0]) + abs(ends[i, 1] - origins[i, 1])) + 3
     crossed, n = np.empty((room, 2), dtype=np.int32), 0
     for i in range(start, kinds.size, every):
-        if kinds[i] == SILENT:
+        if kinds[i] == INVALID:
             continue
         row, col = math.floor(origins[i, 1]), math.floor(origins[i, 0])
         end_row, end_col = math.floor(ends[i, 1]), math.floor(ends[i, 0])

@@ -161,7 +161,7 @@ class Amcl:
 
     def counts(self) -> HitCounts:
         """What the map says."""
-        return HitCounts.of(self._field.grid)
+        return HitCounts.from_grid(self._field.grid)
 
     def path(self) -> FloatArray:
         """x, y, theta at each scan, as given at the time, shape (scans, 3)."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2
-from thumper.lidar.deskew import SILENT, KindArray, ScanPoints
+from thumper.lidar.deskew import INVALID, KindArray, ScanPoints
 from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.pose_graph.optimizer import Edge
 
@@ -80,7 +80,7 @@ class SubmapGraph:
         relative = self.pose(self.newest).inverse() @ map_from_base
         self._relative.extend((self.newest, relative.x_m, relative.y_m, relative.theta_rad))
         if points is not None:
-            said = points.kinds != SILENT
+            said = points.kinds != INVALID
             self.scans.append(
                 NodeScan(
                     place=self.newest,

@@ -63,7 +63,7 @@ def test_points_move_along_their_beams_only() -> None:
     laser = pose @ view.base_from_laser
     noisy_m = ranges_m + NOISE_M * np.random.default_rng(2).standard_normal(ranges_m.size)
     points_m = laser.apply(np.column_stack((noisy_m * np.cos(bearings_rad), noisy_m * np.sin(bearings_rad))))
-    after_rad, after_m = view.polar(pose, averaged_hits(pose, points_m, view))
+    after_rad, after_m = view.bearings_and_ranges(pose, averaged_hits(pose, points_m, view))
     assert after_rad == pytest.approx(bearings_rad)
     assert after_m == pytest.approx(averaged(bearings_rad, noisy_m))
     assert averaged_hits(pose, np.empty((0, 2)), view).shape == (0, 2)

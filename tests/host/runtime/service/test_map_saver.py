@@ -16,7 +16,7 @@ from thumper.runtime.service.map_saver import MapSaver
 from thumper.slam.saved_state import SavedSlamState, load_session
 
 GRID = OccupancyGrid(cells=np.zeros((4, 5), dtype=np.int8), resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
-SESSION = SavedSlamState(counts=HitCounts.of(GRID), map_from_base=Pose2(x_m=0.1))
+SESSION = SavedSlamState(counts=HitCounts.from_grid(GRID), map_from_base=Pose2(x_m=0.1))
 
 
 def test_the_caller_does_not_wait_for_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

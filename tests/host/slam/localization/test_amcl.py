@@ -283,7 +283,7 @@ def test_mapping_does_not_go_on_before_the_place_is_known() -> None:
     square = np.concatenate((rectangle(-2.0, -2.0, 2.0, 2.0), rectangle(4.0, -2.0, 8.0, 2.0)))
     grid = World(segments_m=square, circles_m=np.zeros((0, 3))).to_grid()
     robot = SlamModeSwitch(GridMapper())
-    robot.continue_in(HitCounts.of(grid), None)
+    robot.continue_in(HitCounts.from_grid(grid), None)
     scan = room_scan(Pose2(x_m=0.4, y_m=0.3), walls=square)
     for _ in range(3):
         assert not robot.update(Pose2(), scan, STILL).integrated
@@ -302,7 +302,7 @@ NEXT_DOOR = np.concatenate((rectangle(20.0, -2.0, 24.5, 1.5), rectangle(21.0, 0.
 
 def test_a_session_is_not_mapped_on_from_a_place_outside_it() -> None:
     robot = SlamModeSwitch(GridMapper())
-    robot.continue_in(HitCounts.of(GRID), None)
+    robot.continue_in(HitCounts.from_grid(GRID), None)
     path = way(Pose2(x_m=22.0, y_m=-0.5), 40)
     odometry, rng = Pose2(), np.random.default_rng(5)
     for before, pose in itertools.pairwise([path[0], *path]):
@@ -314,7 +314,7 @@ def test_a_session_is_not_mapped_on_from_a_place_outside_it() -> None:
 
 def test_a_session_is_mapped_on_only_after_some_way_at_the_place_that_was_found() -> None:
     robot = SlamModeSwitch(GridMapper())
-    robot.continue_in(HitCounts.of(GRID), None)
+    robot.continue_in(HitCounts.from_grid(GRID), None)
     path = [Pose2(x_m=0.1 * k - 0.8, y_m=0.3, theta_rad=0.2) for k in range(16)]
     mapping = []
     for k, pose in enumerate(path):
@@ -327,7 +327,7 @@ def test_a_session_is_mapped_on_only_after_some_way_at_the_place_that_was_found(
 
 def test_who_asks_to_localise_keeps_the_map_of_another_day_as_it_is() -> None:
     robot = SlamModeSwitch(GridMapper())
-    robot.continue_in(HitCounts.of(GRID), Pose2())
+    robot.continue_in(HitCounts.from_grid(GRID), Pose2())
     robot.localise()
     drive(robot, way(Pose2(), 5), Pose2())
     assert robot.localiser is not None
