@@ -92,7 +92,7 @@ def searched(way: Way, grid: OccupancyGrid, first: int, *, foreign: bool) -> tup
         near = not foreign and found.distance_m(true) < NEAR_M and turn_rad < NEAR_RAD
         believed = "right" if near else "wrong"
         judged.append("doubt" if localiser.quality().lost else believed)
-        if localiser.proven and proven == "never":
+        if localiser.confirmed and proven == "never":
             proven = believed
     return judged, proven
 

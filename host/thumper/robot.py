@@ -219,7 +219,8 @@ class Robot:
         """
         yaml_path = map_yaml_path(_path("save_map", path))
         save_map(self.map, yaml_path)
-        save_session(SavedSlamState.of(self._runtime.mapper, self.pose), yaml_path.with_suffix(".session"))
+        state = SavedSlamState.from_mapper(self._runtime.mapper, self.pose)
+        save_session(state, yaml_path.with_suffix(".session"))
         return yaml_path
 
     @property

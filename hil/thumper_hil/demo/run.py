@@ -82,7 +82,7 @@ def drive_mission(
         result = drive_with_progress(robot, goal, mission.title, console)
         raise_if_interrupted(result)
         wall_time_s = time.perf_counter() - started_s
-        grid, session = robot.mapper.grid(), SavedSlamState.of(robot.mapper, result.map_from_base)
+        grid, session = robot.mapper.grid(), SavedSlamState.from_mapper(robot.mapper, result.map_from_base)
     return Outcome(
         mission=mission,
         result=result,

@@ -49,7 +49,7 @@ def replay(
     save_map(grid, out / "map.yaml")
     x_m, y_m, theta_rad = (float(value) for value in path[-1, 1:])
     end = Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
-    save_session(SavedSlamState.of(result.mapper, end), out / "map.session")
+    save_session(SavedSlamState.from_mapper(result.mapper, end), out / "map.session")
     plot_map(grid, path[:, 1:3], out / "map.png", recording.paths[0].name)
     with (out / "trajectory.csv").open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")

@@ -102,7 +102,7 @@ def write_run(folder: Path, mapper: Mapper, log: DriveLog, result: DriveResult) 
     """Write map, session, two pictures and summary.json of one run; return the file names."""
     grid = mapper.grid()
     save_map(grid, folder / "map.yaml")
-    save_session(SavedSlamState.of(mapper, result.map_from_base), folder / "map.session")
+    save_session(SavedSlamState.from_mapper(mapper, result.map_from_base), folder / "map.session")
     picture = Figure(figsize=(8, 7), layout="constrained")
     axes = picture.subplots()
     draw_map(axes, grid)

@@ -162,7 +162,7 @@ def _mapper(
         return make_mapper(options, base_from_laser=log.base_from_laser)
     first = make_mapper(replace(options, method="scan_match"), base_from_laser=log.base_from_laser)
     mapper = SlamModeSwitch(first, options, base_from_laser=log.base_from_laser)
-    mapper.continue_in(session.counts, start)
+    mapper.resume_from(session.counts, start)
     return mapper
 
 

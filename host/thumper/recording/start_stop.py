@@ -13,6 +13,7 @@ from thumper.recording.repair import recover_apart
 from thumper.recording.run_metadata import RunMetadata, firmware_words
 from thumper.ros.to_ros import text
 from thumper.runtime.loop import RobotLoop
+from thumper.slam.mapper import SwitchesMode
 
 
 class RecordSwitch:
@@ -34,14 +35,15 @@ class RecordSwitch:
     def session(self) -> RunMetadata:
         """What a recording that begins now says of the run."""
         board = self._robot.inputs.board
-        situation = self._robot.inputs.estimator.state()
+        situation, mapper = self._robot.inputs.estimator.state(), self._robot.mapper
+        localizing = isinstance(mapper, SwitchesMode) and mapper.is_localizing
         return RunMetadata(
             config=self._config,
             epoch_ns=self._robot.publisher.messages.epoch_ns,
             map_from_base=situation.map_from_base if situation else self._start_pose,
             simulated=is_simulated(board.port),
             firmware=firmware_words(board.identity),
-            from_start=situation is None and getattr(self._robot.mapper, "localiser", None) is None,
+            from_start=situation is None and not localizing,
         )
 
     def start(self) -> str:

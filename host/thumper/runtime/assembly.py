@@ -49,9 +49,9 @@ def open_robot(
         base_from_laser = config.lidar.base_from_laser
         mapper = robot_mapper(config, map_from_base or Pose2())
         if isinstance(known, SavedSlamState):
-            mapper.continue_in(known.counts, map_from_base)
+            mapper.resume_from(known.counts, map_from_base)
         elif known is not None:
-            mapper.localise_in(known, map_from_base)
+            mapper.localize_in(known, map_from_base)
         robot = RobotLoop(
             board=board,
             lidar=lidar,

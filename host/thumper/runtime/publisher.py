@@ -19,6 +19,7 @@ from thumper.ros.topics import TOPICS
 from thumper.runtime.drive.drive_manager import DriveManager
 from thumper.runtime.sensor_inputs import SensorInputs
 from thumper.runtime.state_estimator import RobotState
+from thumper.slam.mapper import HasParticles
 
 Sink = Callable[[str, float, Message], None]
 """Takes a topic's name, the robot's time [s] and the message. It must neither wait nor raise."""
@@ -113,7 +114,8 @@ class Publisher:
         self._send("pose", self.messages.pose(time_s, state.map_from_base))
         map_from_odom = estimator.mapper.map_from_odom
         self._send("tf", self.messages.transforms(time_s, map_from_odom, odometry.odom_from_base))
-        poses = getattr(estimator.mapper, "particle_poses", None)
+        mapper = estimator.mapper
+        poses = mapper.particle_poses if isinstance(mapper, HasParticles) else None
         if poses is not None and len(poses) and time_s >= self._particles_s + PARTICLES_PERIOD_S:
             self._particles_s = time_s
             some = poses[:: -(-len(poses) // MAX_PARTICLES)]

@@ -21,7 +21,7 @@ from thumper.odometry.jump_filter import JumpFilter
 from thumper.odometry.pose_buffer import PoseBuffer
 from thumper.odometry.slip_detector import GOOD_MATCH, SlipDetector
 from thumper.odometry.wheel_odometry import OdometrySample, WheelOdometry
-from thumper.slam.mapper import Mapper
+from thumper.slam.mapper import Mapper, ReportsDoubt
 
 MAX_SCAN_WAIT_S = 1.0  # of a scan for its odometry
 MAX_WAITING_SCANS = 100  # whatever their stamps say
@@ -154,7 +154,8 @@ class StateEstimator:
                 self._slip.reset()
             elif update.match_score >= GOOD_MATCH:
                 self._slip.update(odom_from_base, update.map_from_base)
-            self.map_doubt = getattr(self.mapper, "map_doubt", "") or self.map_doubt
+            if isinstance(self.mapper, ReportsDoubt):
+                self.map_doubt = self.mapper.map_doubt or self.map_doubt
             self.scans_mapped += 1
             self._scan_time_s = scan.time_s + turn_s
             points = scan_points(scan, twist, self._base_from_laser, scan.range_max_m)

@@ -1,4 +1,4 @@
-"""Choosing a mapper by name."""
+"""Create the mapper that the configuration names."""
 
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
@@ -14,34 +14,34 @@ Method = Literal["scan_match", "graph", "rbpf"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MappingOptions(GridMapperOptions):
-    """The robot's `[mapping]`: which mapper, and the options of all of them."""
+    """`[mapping]`: the method, and the options of all methods."""
 
-    # The cheapest, and no closed loop moves the pose of a robot that drives.
+    # The cheapest method. No loop closure moves the pose of a moving robot.
     method: Method = "scan_match"
     loops: LoopOptions = field(default_factory=LoopOptions)
     filter: RbpfOptions = field(default_factory=RbpfOptions)
 
 
 class PathMapper(Mapper, Protocol):
-    """A mapper that can revise the whole path, and warm itself up."""
+    """A mapper that keeps the whole path and can compile its kernels in advance."""
 
     def path(self) -> FloatArray:
-        """x, y, theta at each scan so far as is known now, shape (scans, 3)."""
+        """Return x, y, theta at each scan, as corrected so far, shape (scans, 3)."""
         ...
 
-    def continue_from(self, map_from_base: Pose2, map_from_odom: Pose2, covariance: FloatArray) -> None:
-        """Go on with the same map from a pose that somebody else found at a newer scan."""
+    def resume_at(self, map_from_base: Pose2, map_from_odom: Pose2, covariance: FloatArray) -> None:
+        """Continue in the same map from a pose that another estimator found at a newer scan."""
         ...
 
     def warm_up(self) -> None:
-        """Compile the kernels (or load them from the cache)."""
+        """Compile the kernels, or load them from the cache."""
         ...
 
 
 def make_mapper(
     options: MappingOptions, *, base_from_laser: Pose2 | None = None, map_from_base: Pose2 | None = None
 ) -> PathMapper:
-    """Build the mapper that `options.method` names, with an empty map."""
+    """Return the mapper named by `options.method`, with an empty map."""
     if options.method == "rbpf":
         return RbpfMapper(
             options, options.filter, base_from_laser=base_from_laser, map_from_base=map_from_base

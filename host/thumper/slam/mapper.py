@@ -1,8 +1,8 @@
-"""What every mapper offers: odometry and a scan in, the corrected pose and the grid out."""
+"""The `Mapper` protocol: odometry and a scan in, the corrected pose and the grid out."""
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.scan import Scan
@@ -12,21 +12,21 @@ from thumper.maps.occupancy_grid import OccupancyGrid
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapperUpdate:
-    """What one scan taught the mapper."""
+    """The result of one scan."""
 
     map_from_base: Pose2  # corrected pose of the robot at `scan.time_s`
-    match_score: float  # mean likelihood of the beams at that pose, 0...1; NaN when the scan was not matched
-    integrated: bool  # whether the scan changed the map
-    jumped: bool = False  # a loop closed, or the place was given or searched for: the robot did not move so
+    match_score: float  # mean likelihood of the beams at that pose, 0...1; NaN if the scan was not matched
+    integrated: bool  # whether the scan was inserted into the map
+    jumped: bool = False  # the pose changed without motion: loop closure, given pose or relocalization
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseQuality:
-    """How sure a pose is."""
+    """How reliable a pose is."""
 
     covariance: FloatArray  # of x, y, theta in the map, shape (3, 3) [m^2, m rad, rad^2]
-    explained: float  # mean likelihood of the newest matched scan's beams at the pose, 0...1
-    lost: str  # why nobody should drive by this pose; empty while one may
+    explained: float  # mean likelihood of the beams of the newest matched scan at the pose, 0...1
+    lost: str  # why the robot must not drive by this pose; empty while it may
 
     @property
     def std_m(self) -> float:
@@ -37,25 +37,72 @@ class PoseQuality:
 
 
 class Mapper(Protocol):
-    """Simultaneous localisation and mapping behind one call a scan."""
+    """Simultaneous localization and mapping, one call per scan."""
 
     def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
-        """Take the odometry pose at `scan.time_s` (beam 0) and the speed during the turn, for de-skewing."""
+        """Process one scan.
+
+        `odom_from_base` is the odometry pose at `scan.time_s` (beam 0). `twist` is the speed during the
+        revolution, for de-skewing.
+        """
         ...
 
     @property
     def map_from_odom(self) -> Pose2:
-        """The correction that the last match found."""
+        """The correction found by the newest match."""
         ...
 
     def grid(self) -> OccupancyGrid:
-        """The map so far; a grid once given does not change, and nobody may write to it."""
+        """Return the current map. A returned grid never changes and is read-only."""
         ...
 
     def counts(self) -> HitCounts:
-        """What the map so far is made of (a copy), to go on with another day."""
+        """Return a copy of the map's hit and miss counts, to resume mapping later."""
         ...
 
     def quality(self) -> PoseQuality:
-        """How sure the newest pose is."""
+        """Return the covariance of the newest pose and whether it is lost."""
+        ...
+
+
+@runtime_checkable
+class HasParticles(Protocol):
+    """A mapper whose pose estimate is a particle cloud."""
+
+    @property
+    def particle_poses(self) -> FloatArray | None:
+        """x, y, theta of each particle, shape (n, 3); None while the active method has no particles."""
+        ...
+
+
+@runtime_checkable
+class ReportsDoubt(Protocol):
+    """A mapper that checks whether its map fits the place."""
+
+    @property
+    def map_doubt(self) -> str:
+        """Why the map may be the wrong one; empty while it fits."""
+        ...
+
+
+@runtime_checkable
+class Relocalizable(Protocol):
+    """A mapper that accepts a pose from the operator, or searches the whole map for it."""
+
+    def set_pose(self, map_from_base: Pose2) -> None:
+        """Restart from this approximate pose; the next scan refines it."""
+        ...
+
+    def relocalize(self) -> None:
+        """Discard the pose; the next scan is searched for in the whole map."""
+        ...
+
+
+@runtime_checkable
+class SwitchesMode(Protocol):
+    """A mapper that can change between mapping and localization."""
+
+    @property
+    def is_localizing(self) -> bool:
+        """Whether the map is fixed and only the pose is estimated."""
         ...

@@ -169,7 +169,7 @@ def test_a_pose_given_by_hand_is_no_slip() -> None:
         robot.add_scan(scan(0.1 * k - 0.1, [Pose2(x_m=begin_m + step_m * i / 100) for i in range(100)]))
         if k == 15:
             here = mapper.map_from_odom @ Pose2(x_m=begin_m + 0.7)
-            mapper.localise()
+            mapper.localize()
             for _ in range(2):  # for the map, which is not whole yet, speaks against it
                 mapper.set_pose(Pose2(x_m=2.4 - here.x_m, y_m=0.4 - here.y_m, theta_rad=math.pi))
     situation = robot.state()
@@ -216,7 +216,7 @@ def test_after_a_clock_was_set_back_scans_are_mapped_again() -> None:
 def test_a_map_that_does_not_fit_is_told() -> None:
     mapper = SlamModeSwitch(GridMapper(base_from_laser=LASER), base_from_laser=LASER)
     foreign = np.array([[-6.0, -0.4, 6.0, -0.4], [-6.0, 0.9, 6.0, 0.9], [0.5, -0.4, 0.5, 0.1]])
-    mapper.localise_in(World(segments_m=foreign, circles_m=np.zeros((0, 3))).to_grid(), None)
+    mapper.localize_in(World(segments_m=foreign, circles_m=np.zeros((0, 3))).to_grid(), None)
     robot = StateEstimator(drive=DRIVE, base_from_laser=LASER, mapper=mapper)
     step = round(0.05 / M_PER_COUNT)
     for k in range(60):  # turning on the spot

@@ -75,7 +75,7 @@ def test_a_map_that_ends_at_its_walls_keeps_the_distances_behind_them() -> None:
     box = np.s_[low[0] : high[0], low[1] : high[1]]
     first = (counts.first_cell[0] + int(low[0]), counts.first_cell[1] + int(low[1]))
     tight = HitCounts(hits=counts.hits[box], misses=counts.misses[box], first_cell=first, resolution_m=SIZE_M)
-    cells = HitGrid.of(tight, SIZE_M, 0.5, 0.25)
+    cells = HitGrid.from_counts(tight, SIZE_M, 0.5, 0.25)
     np.testing.assert_allclose(cells.distance_m, cells.field_from_scratch())
     inner, (x_m, y_m) = cells.distance_m, cells.corner_m
     row, col = round(y_m / SIZE_M) - counts.first_cell[0], round(x_m / SIZE_M) - counts.first_cell[1]

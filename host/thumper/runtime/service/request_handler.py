@@ -32,6 +32,7 @@ from thumper.runtime.service.experiments import Experiments
 from thumper.runtime.service.request_queue import RequestQueue
 from thumper.runtime.service.simulator_control import Simulator, SimulatorControl
 from thumper.runtime.service.stall_guard import STALE_REQUEST, StallGuard, starts_motion
+from thumper.slam.mapper import Relocalizable
 
 Handler = Callable[[], str]
 """Carries out a command and returns what it did, in words; raises ThumperError with the cure."""
@@ -267,12 +268,12 @@ class RequestHandler:
     def _set_pose(self, request: SetPose) -> None:
         self._require_no_experiment()
         self._require_stationary("be told where it is")
-        set_pose = getattr(self._inputs.estimator.mapper, "set_pose", None)
-        if set_pose is None:
+        mapper = self._inputs.estimator.mapper
+        if not isinstance(mapper, Relocalizable):
             raise ThumperError(
                 "this mapping method cannot be told where the robot is; give it to `thumper run --start`"
             )
-        set_pose(request.map_from_base)
+        mapper.set_pose(request.map_from_base)
         self._publisher.publish_event("the robot was told where it is")
 
     def _request_experiment(self, content: Mapping[str, Any], source: str) -> str:

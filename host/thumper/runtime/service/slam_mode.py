@@ -20,13 +20,13 @@ def change(mapper: Mapper, mode: str) -> str:
         raise ThumperError("this robot's mapper cannot change between mapping and localising")
     match mode:
         case "localise":
-            mapper.localise()
+            mapper.localize()
             return "the map stays as it is; the robot localises in it"
         case "map_on":
-            mapper.map_on()
+            mapper.resume_mapping()
             return "the robot goes on mapping"
         case "relocalise":
-            mapper.relocalise()
+            mapper.relocalize()
             return "the robot looks for itself in the whole map"
     raise ThumperError(f"no mode {mode!r}; there are {', '.join(MODES)}")
 
@@ -35,7 +35,7 @@ def state(estimator: StateEstimator) -> dict[str, str]:
     """What it does now, and why the pose or the map may not be trusted; empty while they may."""
     mapper, state = estimator.mapper, estimator.state()
     return {
-        "mode": mapper.doing if isinstance(mapper, SlamModeSwitch) else "mapping",
+        "mode": mapper.mode if isinstance(mapper, SlamModeSwitch) else "mapping",
         "lost": state.lost if state else "",
         "map_doubt": estimator.map_doubt,
     }

@@ -98,13 +98,13 @@ class GridMapper:
         """How sure the newest pose is."""
         return self._confidence.quality()
 
-    def continue_from(self, map_from_base: Pose2, map_from_odom: Pose2, covariance: FloatArray) -> None:
+    def resume_at(self, map_from_base: Pose2, map_from_odom: Pose2, covariance: FloatArray) -> None:
         """Go on with the same map from a pose that somebody else found at a newer scan."""
         self._pose, self._map_from_odom = map_from_base, map_from_odom
         self._odometry = map_from_odom.inverse() @ map_from_base
         self._confidence.reset(covariance)
 
-    def restart(self, cells: HitGrid, map_from_base: Pose2) -> None:
+    def replace_map(self, cells: HitGrid, map_from_base: Pose2) -> None:
         """Go on with another map, where the robot now is at `map_from_base`; a scan has just been entered."""
         if self._odometry is not None:
             self._map_from_odom = map_from_base @ self._odometry.inverse()

@@ -46,7 +46,7 @@ class HitGrid:
         self._layer = np.zeros((0, 0), dtype=np.uint8)  # scratch, empty between the scans
 
     @classmethod
-    def of(
+    def from_counts(
         cls, counts: HitCounts, resolution_m: float, reach_m: float, occupied_fraction: float
     ) -> "HitGrid":
         """Cells to go on with, from what another day or a finished map knows.

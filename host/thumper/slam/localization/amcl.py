@@ -44,11 +44,11 @@ class Amcl:
         std_m: float = 0.3,
         std_rad: float = 0.2,
         odom_from_base: Pose2 | None = None,
-        by_hand: bool = True,
+        verify: bool = True,
     ) -> None:
         """Start round `map_from_base`, or anywhere in the map (global relocalisation) without it.
 
-        `odom_from_base` is the odometry at that pose, if the robot has driven before. A pose given `by_hand`
+        `odom_from_base` is the odometry at that pose, if the robot has driven before. A pose given `verify`
         is compared with the rest of the map at the first scan.
         """
         self._options = options or AmclOptions()
@@ -63,7 +63,7 @@ class Amcl:
         self._looks: deque[float] = deque(maxlen=LOOKS)  # what the newest weighed scans explained
         self._unweighed = 0  # scans since the newest one that was weighed
         self._evidence = PoseTrust(vouched=False)
-        self.relocalisations = 0
+        self.relocalizations = 0
         self._poses = np.zeros((0, 3))
         self._told: Pose2 | None = None  # by hand, and not yet compared with the rest of the map
         self._named: Pose2 | None = None  # the last one that was told
@@ -71,8 +71,8 @@ class Amcl:
         if map_from_base is None:
             self._poses = self._field.anywhere(self._options.most_particles, self._rng)
         else:
-            self.place(map_from_base, std_m, std_rad, odom_from_base)
-            self._told = map_from_base if by_hand else None
+            self.set_pose(map_from_base, std_m, std_rad, odom_from_base)
+            self._told = map_from_base if verify else None
         self._weights = np.full(len(self._poses), 1.0 / len(self._poses))
 
     @property
@@ -89,7 +89,7 @@ class Amcl:
             else self._pose
         )
 
-    def place(
+    def set_pose(
         self,
         map_from_base: Pose2,
         std_m: float = 0.3,
@@ -112,7 +112,7 @@ class Amcl:
         if odom_from_base is not None:
             self._map_from_odom = map_from_base @ odom_from_base.inverse()
 
-    def relocalise(self) -> None:
+    def relocalize(self) -> None:
         """Forget the pose: the next scan is looked for in the whole map."""
         self._searching, self._odometry, self._wait, self._told = True, None, 0, None
 
@@ -124,7 +124,7 @@ class Amcl:
         return PoseQuality(covariance=np.asarray(covariance), explained=self._explained, lost=self._lost())
 
     @property
-    def proven(self) -> bool:
+    def confirmed(self) -> bool:
         """Whether the place is given by hand, or was confirmed on the way since a search found it."""
         return self._evidence.proven
 
@@ -262,7 +262,7 @@ class Amcl:
         weights = np.concatenate((weights, np.full(n - n // 2, chances.min())))
         self._weights = weights / weights.sum()
         self._searching, self._doubts, self._evidence = False, 0, PoseTrust(vouched=False)
-        self.relocalisations += 1
+        self.relocalizations += 1
 
     def _compare(self, scan: ScanLikelihood, told: Pose2) -> None:
         """Particles round the place that a person has named, and round those that explain the scan better.

@@ -90,7 +90,7 @@ class RbpfMapper:
         covariance = quality.covariance + (apart * weights[:, np.newaxis]).T @ apart
         return PoseQuality(covariance=np.asarray(covariance), explained=quality.explained, lost=quality.lost)
 
-    def continue_from(self, map_from_base: Pose2, map_from_odom: Pose2, covariance: FloatArray) -> None:
+    def resume_at(self, map_from_base: Pose2, map_from_odom: Pose2, covariance: FloatArray) -> None:
         """Go on with the same maps from a pose that somebody else found at a newer scan."""
         step = _pose(self._poses[self._best]).inverse() @ map_from_base
         self._poses = _moved(self._poses, step)

@@ -88,12 +88,10 @@ class GraphMapper:
         """How sure the newest pose is."""
         return self._front.quality()
 
-    def continue_from(self, map_from_base: Pose2, map_from_odom: Pose2, covariance: FloatArray) -> None:
+    def resume_at(self, map_from_base: Pose2, map_from_odom: Pose2, covariance: FloatArray) -> None:
         """Go on with the same map from a pose that somebody else found at a newer scan."""
         front_from_graph = self._graph_from_front.inverse()
-        self._front.continue_from(
-            front_from_graph @ map_from_base, front_from_graph @ map_from_odom, covariance
-        )
+        self._front.resume_at(front_from_graph @ map_from_base, front_from_graph @ map_from_odom, covariance)
 
     def path(self) -> FloatArray:
         """x, y, theta at each scan so far, as all loops closed since say, shape (scans, 3).
@@ -180,7 +178,7 @@ class GraphMapper:
                 self._joining = None
         elif self._drawn is not None:
             if self._drawn.draw(self.places, SCANS_AT_ONCE):
-                self._front.restart(self._drawn.cells, self._graph_from_front @ self._front.map_from_base)
+                self._front.replace_map(self._drawn.cells, self._graph_from_front @ self._front.map_from_base)
                 self._graph_from_front = Pose2()
                 self._active = self._drawn.chosen or set()
                 self._drawn = None

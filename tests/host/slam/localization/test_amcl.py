@@ -63,7 +63,7 @@ def test_the_pose_is_found_anywhere(x_m: float, y_m: float, theta_rad: float) ->
     path = way(start, 8)
     drive(localiser, path, Pose2())  # from one spot the room turned half round looks nearly the same
     assert error_m(localiser, path[-1]) < 0.05
-    assert localiser.relocalisations == 1
+    assert localiser.relocalizations == 1
     assert localiser.quality().lost == ""
 
 
@@ -79,7 +79,7 @@ def test_a_pose_by_hand_is_refined_and_followed_with_fewer_particles() -> None:
     assert localiser.particles < 0.3 * before_particles
     assert after.std_m < 0.1 < before.std_m
     assert after.explained > 0.7
-    assert localiser.relocalisations == 0
+    assert localiser.relocalizations == 0
 
 
 PLAIN = np.concatenate((rectangle(-4.0, -2.5, 4.0, 2.5), rectangle(3.0, 1.9, 4.0, 2.5)))  # but for a cupboard
@@ -121,7 +121,7 @@ def test_who_names_the_same_place_again_is_believed() -> None:
     true, named = STARTS[0], Pose2(x_m=-1.0, y_m=-0.5, theta_rad=0.3 - math.pi)
     localiser = Amcl(PLAIN_GRID, map_from_base=named)
     localiser.update(Pose2(), room_scan(true, walls=PLAIN), STILL)
-    localiser.place(named @ Pose2(x_m=0.1))
+    localiser.set_pose(named @ Pose2(x_m=0.1))
     localiser.update(Pose2(), room_scan(true, walls=PLAIN), STILL)
     assert localiser.map_from_base.distance_m(named) < 0.1
 
@@ -164,7 +164,7 @@ def test_a_kidnapped_robot_says_so_and_is_found_again() -> None:
         odometry = drive(localiser, [here, there], odometry)
         lost = lost or localiser.quality().lost
     assert lost
-    assert localiser.relocalisations >= 1
+    assert localiser.relocalizations >= 1
     assert error_m(localiser, elsewhere[-1]) < 0.06
 
 
@@ -212,11 +212,11 @@ def test_mapping_localising_and_mapping_again_without_a_jump() -> None:
     robot = SlamModeSwitch(GridMapper())
     robot.update(Pose2(), room_scan(path[0]), STILL)
     odometry = drive(robot, path[:11], Pose2())
-    robot.localise()
+    robot.localize()
     frozen = robot.grid()
     odometry = drive(robot, path[10:21], odometry)
     assert _same(robot.grid(), frozen.cells)
-    robot.map_on()
+    robot.resume_mapping()
     odometry = drive(robot, path[20:], odometry)
     assert not _same(robot.grid(), frozen.cells)
     assert (robot.map_from_odom @ odometry).distance_m(path[-1]) < 0.05
@@ -225,11 +225,11 @@ def test_mapping_localising_and_mapping_again_without_a_jump() -> None:
 def test_mapping_does_not_go_on_from_a_lost_pose() -> None:
     robot = SlamModeSwitch(GridMapper())
     robot.update(Pose2(), room_scan(Pose2()), STILL)
-    robot.localise()
-    assert robot.localiser is not None
-    robot.localiser.relocalise()
+    robot.localize()
+    assert robot.localizer is not None
+    robot.localizer.relocalize()
     with pytest.raises(ThumperError, match="spoil the map"):
-        robot.map_on()
+        robot.resume_mapping()
 
 
 def _same(grid: OccupancyGrid, cells: FloatArray | np.ndarray[tuple[int, int], np.dtype[np.int8]]) -> bool:
@@ -240,13 +240,13 @@ def test_a_map_from_disk_is_localised_in_and_mapped_on() -> None:
     path = way(Pose2(), 20)
     robot = SlamModeSwitch(GridMapper())
     robot.update(Pose2(x_m=5.0), room_scan(path[0]), STILL)
-    robot.localise_in(GRID, Pose2(x_m=0.05, y_m=-0.05))
+    robot.localize_in(GRID, Pose2(x_m=0.05, y_m=-0.05))
     assert (robot.map_from_odom @ Pose2(x_m=5.0)).distance_m(Pose2()) < 0.1  # at once, without a scan
     odometry = drive(robot, path[:11], Pose2(x_m=5.0))
     assert robot.grid() is GRID
     robot.set_pose(path[10])
     odometry = drive(robot, path[10:13], odometry)
-    robot.map_on()
+    robot.resume_mapping()
     odometry = drive(robot, path[12:], odometry)
     assert robot.grid() is not GRID
     assert (robot.map_from_odom @ odometry).distance_m(path[-1]) < 0.05
@@ -265,12 +265,12 @@ def test_mapping_goes_on_in_the_counts_of_another_day(told: Pose2 | None) -> Non
         before.update(pose, room_scan(pose, walls=box), STILL)
     counts = before.counts()
     robot, path = SlamModeSwitch(GridMapper()), way(Pose2(), 60)
-    robot.continue_in(counts, told)
+    robot.resume_from(counts, told)
     assert robot.counts() is counts
     assert counts.hits.max() > 20
     robot.update(Pose2(x_m=5.0), room_scan(path[0]), STILL)
     odometry = drive(robot, path, Pose2(x_m=5.0))
-    assert robot.localiser is None
+    assert robot.localizer is None
     assert (robot.map_from_odom @ odometry).distance_m(path[-1]) < 0.05
     old, new = before.grid(), robot.grid()
     inside = [(x, y) for x in np.arange(0.55, 1.0, 0.05) for y in np.arange(-0.35, 0.1, 0.05)]
@@ -283,17 +283,17 @@ def test_mapping_does_not_go_on_before_the_place_is_known() -> None:
     square = np.concatenate((rectangle(-2.0, -2.0, 2.0, 2.0), rectangle(4.0, -2.0, 8.0, 2.0)))
     grid = World(segments_m=square, circles_m=np.zeros((0, 3))).to_grid()
     robot = SlamModeSwitch(GridMapper())
-    robot.continue_in(HitCounts.from_grid(grid), None)
+    robot.resume_from(HitCounts.from_grid(grid), None)
     scan = room_scan(Pose2(x_m=0.4, y_m=0.3), walls=square)
     for _ in range(3):
         assert not robot.update(Pose2(), scan, STILL).integrated
     assert "several places" in robot.quality().lost
-    assert robot.doing == "localising, to map on once the place is known"
+    assert robot.mode == "localising, to map on once the place is known"
     robot.set_pose(Pose2(x_m=0.45, y_m=0.25))
     for _ in range(3):
         robot.update(Pose2(), scan, STILL)
-    assert robot.localiser is None
-    assert robot.doing == "mapping"
+    assert robot.localizer is None
+    assert robot.mode == "mapping"
     assert robot.quality().lost == ""
 
 
@@ -302,7 +302,7 @@ NEXT_DOOR = np.concatenate((rectangle(20.0, -2.0, 24.5, 1.5), rectangle(21.0, 0.
 
 def test_a_session_is_not_mapped_on_from_a_place_outside_it() -> None:
     robot = SlamModeSwitch(GridMapper())
-    robot.continue_in(HitCounts.from_grid(GRID), None)
+    robot.resume_from(HitCounts.from_grid(GRID), None)
     path = way(Pose2(x_m=22.0, y_m=-0.5), 40)
     odometry, rng = Pose2(), np.random.default_rng(5)
     for before, pose in itertools.pairwise([path[0], *path]):
@@ -314,12 +314,12 @@ def test_a_session_is_not_mapped_on_from_a_place_outside_it() -> None:
 
 def test_a_session_is_mapped_on_only_after_some_way_at_the_place_that_was_found() -> None:
     robot = SlamModeSwitch(GridMapper())
-    robot.continue_in(HitCounts.from_grid(GRID), None)
+    robot.resume_from(HitCounts.from_grid(GRID), None)
     path = [Pose2(x_m=0.1 * k - 0.8, y_m=0.3, theta_rad=0.2) for k in range(16)]
     mapping = []
     for k, pose in enumerate(path):
         robot.update(Pose2(x_m=0.1 * k), room_scan(pose), STILL)
-        mapping.append(robot.localiser is None)
+        mapping.append(robot.localizer is None)
     assert robot.quality().lost == ""
     assert not any(mapping[:10])
     assert mapping[12]
@@ -327,10 +327,10 @@ def test_a_session_is_mapped_on_only_after_some_way_at_the_place_that_was_found(
 
 def test_who_asks_to_localise_keeps_the_map_of_another_day_as_it_is() -> None:
     robot = SlamModeSwitch(GridMapper())
-    robot.continue_in(HitCounts.from_grid(GRID), Pose2())
-    robot.localise()
+    robot.resume_from(HitCounts.from_grid(GRID), Pose2())
+    robot.localize()
     drive(robot, way(Pose2(), 5), Pose2())
-    assert robot.localiser is not None
+    assert robot.localizer is not None
 
 
 def test_where_places_look_alike_the_pose_is_not_called_known() -> None:
@@ -341,13 +341,13 @@ def test_where_places_look_alike_the_pose_is_not_called_known() -> None:
     assert "several places" in localiser.quality().lost
 
 
-@pytest.mark.parametrize("deed", ["set_pose", "relocalise"])
+@pytest.mark.parametrize("deed", ["set_pose", "relocalize"])
 def test_what_needs_a_saved_map_says_so(deed: str) -> None:
     robot = SlamModeSwitch(GridMapper())
     with pytest.raises(ThumperError, match="localise first"):
-        robot.set_pose(Pose2()) if deed == "set_pose" else robot.relocalise()
+        robot.set_pose(Pose2()) if deed == "set_pose" else robot.relocalize()
     with pytest.raises(ThumperError, match="no wall in the map"):
-        robot.localise_in(replace(GRID, cells=np.zeros((9, 9), np.int8)), None)
+        robot.localize_in(replace(GRID, cells=np.zeros((9, 9), np.int8)), None)
     with pytest.raises(ThumperError, match="no wall in the map"):
-        robot.localise()  # before anything was mapped
-    assert robot.localiser is None
+        robot.localize()  # before anything was mapped
+    assert robot.localizer is None

@@ -78,11 +78,11 @@ def test_a_place_that_the_first_looks_favour_is_not_mapped_on_from_if_it_is_wron
     """The robot is where a box was taken away: the other room fits wholly, till a cupboard is in sight."""
     box = rectangle(-2.2, -1.5, -0.9, -0.8)
     robot = SlamModeSwitch(GridMapper())
-    robot.continue_in(HitCounts.from_grid(grid_of(TWINS, CUPBOARD, box)), None)
+    robot.resume_from(HitCounts.from_grid(grid_of(TWINS, CUPBOARD, box)), None)
     told = drive(robot, eastwards(-1.6, -0.1, 30), np.concatenate((TWINS, CUPBOARD)), range_m=2.5, seed=seed)
     assert told[0][0] > 5.0
     assert not any(update.integrated and error_m > 0.1 for error_m, update, _ in told)
-    assert robot.localiser is None
+    assert robot.localizer is None
     assert told[-1][0] < 0.1
 
 
@@ -98,7 +98,7 @@ def corridor(spacing_m: float) -> FloatArray:
 def test_a_corridor_as_wide_in_another_building_is_not_mapped_on(spacing_m: float) -> None:
     """Its scans fit 0.7 to 0.8 wherever they are laid, but from one place to another, not along the way."""
     robot = SlamModeSwitch(GridMapper())
-    robot.continue_in(HitCounts.from_grid(grid_of(corridor(1.0))), None)
+    robot.resume_from(HitCounts.from_grid(grid_of(corridor(1.0))), None)
     told = drive(robot, eastwards(3.0, 0.1, 60), corridor(spacing_m), range_m=4.0)
     assert not any(update.integrated for _, update, _ in told)
     assert np.mean([update.match_score for _, update, _ in told]) > 0.7
@@ -106,12 +106,12 @@ def test_a_corridor_as_wide_in_another_building_is_not_mapped_on(spacing_m: floa
 
 def test_the_same_corridor_is_mapped_on() -> None:
     robot = SlamModeSwitch(GridMapper())
-    robot.continue_in(HitCounts.from_grid(grid_of(corridor(1.0), rectangle(5.4, 0.3, 5.7, 0.6))), None)
+    robot.resume_from(HitCounts.from_grid(grid_of(corridor(1.0), rectangle(5.4, 0.3, 5.7, 0.6))), None)
     told = drive(
         robot,
         eastwards(3.0, 0.1, 40),
         np.concatenate((corridor(1.0), rectangle(5.4, 0.3, 5.7, 0.6))),
         range_m=4.0,
     )
-    assert robot.localiser is None
+    assert robot.localizer is None
     assert told[-1][0] < 0.1
