@@ -69,7 +69,7 @@ def test_the_other_boot_loader_baud_rate_is_detected() -> None:
         ("avrdude OS error: cannot set attributes for port /dev/x: Inappropriate ioctl", "as a port"),
         ("avrdude error: line 1 is no record\navrdude done.  Thank you.", "failed: avrdude error: line 1"),
         ("avrdude: stk500_getsync() attempt 10 of 10: not in sync: resp=0x00", "no boot loader answers"),
-        ("avrdude: verification error, first mismatch at byte 0x0000", "does not read back"),
+        ("avrdude: verification error, first mismatch at byte 0x0000", "verification failed"),
         ("avrdude ser_open() error: cannot open port /dev/x: Permission denied", "not permitted"),
         ("avrdude: something new", "avrdude failed: avrdude: something new"),
     ],

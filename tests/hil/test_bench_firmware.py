@@ -91,7 +91,7 @@ def test_a_low_battery_stops_the_robot(open_board: Open) -> None:
 def test_no_edge_is_lost_at_full_speed_with_a_busy_link(open_board: Open) -> None:
     """Full PWM on a full battery: above 14 rad/s, 5300 edges/s, while the line is kept full of requests."""
     board, bench = open_board("charge=1&x_m=-1.2")
-    port = board._port  # the flood goes past the client, which would wait for answers
+    port = board._port.raw  # the flood goes past the client, which would wait for answers
     board.command(Command.ARM)
     request = encode_frame(Identify.ID, 7, Identify().pack())
     push = SetMotorPwm(left=255, right=255)

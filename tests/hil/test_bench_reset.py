@@ -19,7 +19,7 @@ BAUD = 500_000
 @pytest.fixture
 def lidar_port() -> Iterator[Serial]:
     """The robot's other port: while it is open, the robot stays."""
-    port = open_port(f"sim://{NAME}/lidar?reset_on_open=1", baud=BAUD, name="lidar")
+    port = open_port(f"sim://{NAME}/lidar?reset_on_open=1", baud=BAUD, name="lidar").raw
     assert isinstance(port, Serial)
     yield port
     port.close()
@@ -27,7 +27,7 @@ def lidar_port() -> Iterator[Serial]:
 
 def first_telemetry_s(url: str) -> float:
     """How long after opening a port a host that only listens hears telemetry [s]."""
-    port = open_port(url, baud=BAUD, name="board")
+    port = open_port(url, baud=BAUD, name="board").raw
     assert isinstance(port, Serial)
     port.timeout = 0.01
     start_s, decoder = port.clock_s(), FrameDecoder()
@@ -65,7 +65,7 @@ def test_the_host_gets_through_and_finds_a_board_that_has_just_started(lidar_por
 
 
 def test_dtr_resets_when_it_is_raised_not_when_it_stays(lidar_port: Serial) -> None:
-    port = open_port(f"sim://{NAME}/board", baud=BAUD, name="board")
+    port = open_port(f"sim://{NAME}/board", baud=BAUD, name="board").raw
     chip = simulation(NAME).chip
     resets = chip.resets
     port.dtr = True

@@ -10,6 +10,7 @@ import serial
 
 from tests.hil.memory_port import MemoryPort, standing
 from thumper.common.geometry import FloatArray, Pose2, Twist2
+from thumper.common.serial_port import SerialPort
 from thumper.lidar.deskew import scan_points
 from thumper.lidar.ld19 import Ld19Driver, Ld19Options
 from thumper.lidar.ld19_protocol import Ld19Decoder
@@ -36,7 +37,7 @@ def connect(
 ) -> tuple[MemoryPort[Ld19], Ld19Driver]:
     lidar = Ld19(world=world, pose_at=pose_at, base_from_laser=MOUNT, seed=seed)
     port = MemoryPort(lidar)
-    return port, Ld19Driver(cast("serial.Serial", port), options=options)
+    return port, Ld19Driver(SerialPort(cast("serial.Serial", port)), options=options)
 
 
 def scans_of(port: MemoryPort[Ld19], driver: Ld19Driver, seconds: float) -> Iterator[Scan]:

@@ -26,7 +26,7 @@ def open_sim() -> Iterator[OpenPort]:
     ports = []
 
     def open_(rest: str) -> Serial:
-        port = open_port(f"sim://port-test/{rest}", baud=500_000, name="test")
+        port = open_port(f"sim://port-test/{rest}", baud=500_000, name="test").raw
         assert isinstance(port, Serial)
         ports.append(port)
         return port

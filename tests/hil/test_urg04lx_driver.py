@@ -10,6 +10,7 @@ import serial
 
 from tests.hil.memory_port import MemoryPort, standing
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.common.serial_port import SerialPort
 from thumper.lidar.scan import Scan
 from thumper.lidar.urg04lx import Urg04LxDriver, Urg04LxOptions
 from thumper_hil.lidars.urg04lx import Urg04Lx
@@ -37,7 +38,7 @@ def connect(
 ) -> tuple[MemoryPort[Urg04Lx], Urg04LxDriver]:
     lidar = Urg04Lx(world=world, pose_at=pose_at, base_from_laser=Pose2(x_m=0.12), seed=seed, turn_s=turn_s)
     port = MemoryPort(lidar)
-    return port, Urg04LxDriver(cast("serial.Serial", port), options=options)
+    return port, Urg04LxDriver(SerialPort(cast("serial.Serial", port)), options=options)
 
 
 def scans_of(port: MemoryPort[Urg04Lx], driver: Urg04LxDriver, seconds: float) -> Iterator[Scan]:
@@ -106,7 +107,7 @@ def test_stamps_are_the_true_times_of_beam_zero(turn_s: float, seed: int) -> Non
 def test_a_stream_left_running_is_taken_over() -> None:
     port, _ = connect()
     port.pass_time(0.35)
-    driver = Urg04LxDriver(cast("serial.Serial", port))
+    driver = Urg04LxDriver(SerialPort(cast("serial.Serial", port)))
     assert len(list(scans_of(port, driver, 1.0))) >= 9
     assert driver.identity["PROT"] == "SCIP 2.0"
 
@@ -115,7 +116,7 @@ def test_a_lidar_left_in_clock_mode_is_woken() -> None:
     port, driver = connect()
     driver.close()
     port.lidar.write(b"TM0\n", port.time_s)
-    again = Urg04LxDriver(cast("serial.Serial", port))
+    again = Urg04LxDriver(SerialPort(cast("serial.Serial", port)))
     assert len(list(scans_of(port, again, 1.0))) >= 9
     assert again.identity["PROT"] == "SCIP 2.0"
 

@@ -2,11 +2,7 @@
 
 import struct
 from collections import deque
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-
-import serial
 
 from thumper.board.clock import ClockFilter
 from thumper.board.fault_texts import REFUSAL_REASONS
@@ -33,154 +29,154 @@ from thumper.board.messages import (
 from thumper.board.parameters import parameter_named
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 from thumper.common.kinematics import WheelSpeeds
-from thumper.common.serial_port import open_port, port_clock
+from thumper.common.serial_port import SerialPort, open_port
 
 REPLY_TIMEOUT_S = 0.1
 REQUEST_TRIES = 5
-READING_S = 0.1  # a board just started answers before it has measured its battery
+BATTERY_RETRY_S = 0.1  # after a reset the board answers before it has measured its battery
 STOP_TIMEOUT_S = 2.0
 STOP_REPEAT_S = 0.02
-BOOT_TIMEOUT_S = 4.0  # opening the port resets the board; its bootloader waits 1.3 s
-ORDER_COPIES = 2  # ten orders a second, and two lost ones make the 300 ms of silence that stop the board
+BOOT_TIMEOUT_S = 4.0  # opening the port resets the board; its boot loader waits 1.3 s
+# At ten commands per second, two lost ones make the 300 ms of silence that stop the board.
+COMMAND_COPIES = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TelemetrySample:
-    """One telemetry message and when the board took it, on the host's clock [s]."""
+    """One telemetry message, and when the board took it on the host's clock [s]."""
 
     time_s: float
     telemetry: Telemetry
 
 
 class Board:
-    """A board that answered the handshake. Use `Board.open`; `close` disarms it first."""
+    """A board that answered the handshake. Create it with `Board.open`; `close` disarms it first."""
 
-    def __init__(self, port: serial.Serial, name: str) -> None:
+    def __init__(self, port: SerialPort) -> None:
         self._port = port
-        self._name = name
-        self._clock = port_clock(port)
         self._decoder = FrameDecoder()
-        self._fit = ClockFilter(tick_s=1e-6, wrap_ticks=2**32)
+        self._clock_filter = ClockFilter(tick_s=1e-6, wrap_ticks=2**32)
         self._sequence = 0
         self._samples: deque[TelemetrySample] = deque()
         self._replies: list[Message] = []
         self._schema_hash: int | None = None
         self._last_time_us: int | None = None
-        self.restarted = False  # its clock went back: what it sends no longer continues what it sent
+        self.restarted = False  # its clock went back; the telemetry stream ends here
         self.identity = self._handshake()
 
     @classmethod
     def open(cls, url: str, *, baud: int) -> "Board":
-        """Open the port and shake hands.
+        """Open the port and do the handshake.
 
         Raises
         ------
         ThumperError
-            No such port, nobody answers, or the firmware speaks another version of the protocol.
+            The port does not exist, no board answers, or its firmware speaks another protocol version.
         """
         port = open_port(url, baud=baud, name="board")
         try:
-            return cls(port, url)
+            return cls(port)
         except BaseException:
             port.close()
             raise
 
     @property
     def receive_errors(self) -> int:
-        """Frames from the board that did not check."""
+        """Number of frames from the board that failed the CRC."""
         return self._decoder.errors
 
     def now_s(self) -> float:
-        """The clock that telemetry is stamped on: the host's, or that of the simulated world."""
-        return self._clock()
+        """Return the time [s] on the clock of the telemetry stamps: the host's or the simulation's."""
+        return self._port.now_s()
 
     @property
-    def port(self) -> serial.Serial:
-        """The port it is on."""
+    def port(self) -> SerialPort:
+        """The port that the board is on."""
         return self._port
 
     def poll(self, timeout_s: float) -> list[TelemetrySample]:
-        """Return the telemetry since the last call, oldest first; wait for some up to `timeout_s`."""
-        deadline_s = self._clock() + timeout_s
-        while not self._samples and self._clock() < deadline_s:
-            self._receive(deadline_s - self._clock())
+        """Return the telemetry since the last call, oldest first; wait up to `timeout_s` for the first."""
+        deadline_s = self.now_s() + timeout_s
+        while not self._samples and self.now_s() < deadline_s:
+            self._receive(deadline_s - self.now_s())
         samples = list(self._samples)
         self._samples.clear()
         return samples
 
     def set_wheel_speeds(self, speeds: WheelSpeeds) -> None:
-        """Send the set-points; the board stops by itself when none comes for 300 ms."""
+        """Send the set-points. The board stops the motors if it receives none for 300 ms."""
         self._send(
             SetWheelSpeeds(
                 left=_int16(1000.0 * speeds.left_rad_s), right=_int16(1000.0 * speeds.right_rad_s)
             ),
-            copies=ORDER_COPIES,
+            copies=COMMAND_COPIES,
         )
 
     def set_motor_pwm(self, left: int, right: int) -> None:
-        """Drive the motors open-loop, -255...255; the board stops by itself when none comes for 300 ms."""
-        self._send(SetMotorPwm(left=_int16(left), right=_int16(right)), copies=ORDER_COPIES)
+        """Drive the motors open-loop, -255...255. The board stops them if it receives none for 300 ms."""
+        self._send(SetMotorPwm(left=_int16(left), right=_int16(right)), copies=COMMAND_COPIES)
 
     def command(self, command: Command) -> None:
-        """Have the board change its state; raises `ThumperError` when it refuses or does not answer."""
-        self._acknowledged(CommandRequest(command=command), f"{command.name.lower()} command")
+        """Change the board's state; raise `ThumperError` if it refuses or does not answer."""
+        self._request_ack(CommandRequest(command=command), f"{command.name.lower()} command")
 
     def emergency_stop(self) -> None:
-        """Stop the motors and latch it: sent ahead of all else, again and again until telemetry shows FAULT.
+        """Stop the motors and latch the stop. Repeats the command until the telemetry shows FAULT.
+
+        The command overtakes everything that waits to be sent.
 
         Raises
         ------
         ThumperError
-            The board did not confirm it within two seconds; it stops by itself when no other host drives it.
+            The board did not confirm within 2 s. It still stops by itself if no other host drives it.
         """
-        deadline_s = self._clock() + STOP_TIMEOUT_S
+        deadline_s = self.now_s() + STOP_TIMEOUT_S
         stopped = False
-        while not stopped and self._clock() < deadline_s:
-            with self._explained():
-                self._port.reset_output_buffer()
+        while not stopped and self.now_s() < deadline_s:
+            self._port.discard_output()
             self._send(CommandRequest(command=Command.E_STOP))
             known = len(self._samples)
-            self._listen(STOP_REPEAT_S)
+            self._receive_for(STOP_REPEAT_S)
             stopped = any(sample.telemetry.state is State.FAULT for sample in list(self._samples)[known:])
         if not stopped:
             raise ThumperError("the board did not confirm the emergency stop; cut its power if it moves")
 
     def set_parameter(self, name: str, value: float) -> None:
-        """Set a parameter in the unit that `docs/protocol.md` gives; the board checks the range as well."""
+        """Set a parameter, in the unit that `docs/protocol.md` lists. The board checks the range, too."""
         spec = parameter_named(name)
         what = f"parameter {name} = {value:g} (allowed {spec.minimum:g}...{spec.maximum:g} {spec.unit})"
         try:
-            self._acknowledged(SetParameter(index=spec.index, value=round(value * spec.scale)), what)
-        except (struct.error, OverflowError, ValueError):  # far out of range, or no number: fits no wire
+            self._request_ack(SetParameter(index=spec.index, value=round(value * spec.scale)), what)
+        except (struct.error, OverflowError, ValueError):  # NaN, or too large for the wire format
             raise ThumperError(f"refused {what}: {REFUSAL_REASONS[AckStatus.OUT_OF_RANGE]}") from None
 
     def get_parameter(self, name: str) -> float:
-        """Return a parameter's present value in the unit that `docs/protocol.md` gives."""
+        """Return a parameter's current value, in the unit that `docs/protocol.md` lists."""
         spec = parameter_named(name)
         for _ in range(REQUEST_TRIES):
             reply, _ = self._request(GetParameter(index=spec.index), ParameterValue)
             if isinstance(reply, ParameterValue) and reply.index == spec.index:
                 return reply.value / spec.scale
-        raise ThumperError(f"the board did not tell its parameter {name}; is the cable loose?")
+        raise ThumperError(f"the board did not report its parameter {name}; is the cable loose?")
 
-    def round_trip_s(self, question: int, timeout_s: float) -> float | None:
-        """Ask once for a parameter and return how long [s] the answer took, None if none came in time.
+    def round_trip_s(self, number: int, timeout_s: float) -> float | None:
+        """Request one parameter; return how long [s] the reply took, or None if none came in time.
 
-        Number the questions: each asks for another parameter than the last ones, so that an answer that comes
-        late is not taken for that of the next question.
+        `number` counts the requests. Each one asks for a different parameter than those before it, so that a
+        late reply is not mistaken for the reply to the next request.
         """
-        index = PARAMETERS[question % len(PARAMETERS)].index
+        index = PARAMETERS[number % len(PARAMETERS)].index
         self._replies.clear()
-        asked_s = self._clock()
+        sent_s = self.now_s()
         self._send(GetParameter(index=index))
-        while (left_s := asked_s + timeout_s - self._clock()) > 0.0:
+        while (left_s := sent_s + timeout_s - self.now_s()) > 0.0:
             self._receive(left_s)
             if any(isinstance(reply, ParameterValue) and reply.index == index for reply in self._replies):
-                return self._clock() - asked_s
+                return self.now_s() - sent_s
         return None
 
     def close(self) -> None:
-        """Stop the motors, then close the port. Never raises: the board's own time-out is the second line."""
+        """Stop and disarm the motors, then close the port. Never raises: the board also times out."""
         try:
             self.set_wheel_speeds(WheelSpeeds())
             self.command(Command.DISARM)
@@ -190,28 +186,30 @@ class Board:
             self._port.close()
 
     def _handshake(self) -> Identity:
-        deadline_s = self._clock() + BOOT_TIMEOUT_S
-        heard_bytes = 0
-        while self._clock() < deadline_s:
+        deadline_s = self.now_s() + BOOT_TIMEOUT_S
+        received_bytes = 0
+        while self.now_s() < deadline_s:
             reply, received = self._request(Identify(), Identity)
-            heard_bytes += received
+            received_bytes += received
             if self._schema_hash not in (None, SCHEMA_HASH):
                 raise ThumperError(
-                    f"the firmware on {self._name} speaks another protocol version ({self._schema_hash:08x}, "
-                    f"this program {SCHEMA_HASH:08x}); flash the firmware that belongs to this program",
+                    f"the firmware on {self._port.url} speaks another protocol version "
+                    f"({self._schema_hash:08x}, this program {SCHEMA_HASH:08x}); "
+                    "flash the firmware of this program's version",
                     exit_code=EXIT_NOT_THERE,
                 )
             if isinstance(reply, Identity):
                 return reply
-        sends = f"what it sends at {self._port.baudrate} baud is not the Thumper protocol"
-        what = sends if heard_bytes else "it stays silent"
+        foreign = f"the data at {self._port.baud} baud is not the Thumper protocol"
+        reason = foreign if received_bytes else "it sends nothing"
         raise ThumperError(
-            f"no Thumper board answers on {self._name}: {what}; "
-            "is it the right port and rate, flashed and powered?",
+            f"no Thumper board answers on {self._port.url}: {reason}; "
+            "are port and baud rate right, is the board flashed and powered?",
             exit_code=EXIT_NOT_THERE,
         )
 
-    def _acknowledged(self, request: Message, what: str) -> None:
+    def _request_ack(self, request: Message, what: str) -> None:
+        """Send a request until it is acknowledged; `what` names it in error messages."""
         refusal = ""
         for _ in range(REQUEST_TRIES):
             reply, _ = self._request(request, Ack)
@@ -221,19 +219,19 @@ class Board:
                 refusal = REFUSAL_REASONS[reply.status]
                 if reply.status is not AckStatus.BATTERY_UNKNOWN:
                     break
-                self._listen(READING_S)
+                self._receive_for(BATTERY_RETRY_S)
         if refusal:
             raise ThumperError(f"the board refused the {what}: {refusal}")
         raise ThumperError(f"the board did not answer the {what}; is the cable loose?")
 
     def _request(self, request: Message, reply_type: type[Message]) -> tuple[Message | None, int]:
-        """Send once and wait; return the reply that belongs to this request, and how many bytes came."""
+        """Send once and wait; return the reply to this request, and the number of bytes received."""
         sequence = self._send(request)
         self._replies.clear()
         received = 0
-        deadline_s = self._clock() + REPLY_TIMEOUT_S
-        while self._clock() < deadline_s:
-            received += self._receive(deadline_s - self._clock())
+        deadline_s = self.now_s() + REPLY_TIMEOUT_S
+        while self.now_s() < deadline_s:
+            received += self._receive(deadline_s - self.now_s())
             for reply in self._replies:
                 if isinstance(reply, Ack):
                     if (reply.request_id, reply.request_seq) == (request.ID, sequence):
@@ -242,58 +240,45 @@ class Board:
                     return reply, received
         return None, received
 
-    def _listen(self, duration_s: float) -> None:
-        """Take in what comes; the telemetry stays for `poll`."""
-        deadline_s = self._clock() + duration_s
-        while (left_s := deadline_s - self._clock()) > 0.0:
+    def _receive_for(self, duration_s: float) -> None:
+        """Receive for `duration_s`; the telemetry stays queued for `poll`."""
+        deadline_s = self.now_s() + duration_s
+        while (left_s := deadline_s - self.now_s()) > 0.0:
             self._receive(left_s)
 
     def _send(self, message: Message, *, copies: int = 1) -> int:
-        """Send a frame, or the same one more often; returns its sequence number."""
+        """Send `copies` of one frame and return its sequence number."""
         self._sequence = (self._sequence + 1) % 256
-        # The delimiter ahead ends what noise left open: a spoilt one behind takes no second frame along.
+        # The leading delimiter ends a frame that noise has begun, so a damaged delimiter costs one frame.
         data = DELIMITER + encode_frame(message.ID, self._sequence, message.pack())
-        with self._explained():
-            self._port.write(copies * data)
+        self._port.write(copies * data)
         return self._sequence
 
     def _receive(self, timeout_s: float) -> int:
-        """Read what is there, or wait for the first byte; sort what it completes. Returns the bytes read."""
-        with self._explained():
-            self._port.timeout = max(timeout_s, 0.0)
-            data = self._port.read(max(1, self._port.in_waiting))
-        received_s = self._clock()
+        """Read what has arrived, or wait for the first byte; dispatch frames. Returns the bytes read."""
+        data = self._port.read_available(timeout_s)
+        received_s = self.now_s()
         for frame in self._decoder.feed(data):
-            self._sort(frame, received_s)
+            self._dispatch(frame, received_s)
         return len(data)
 
-    @contextmanager
-    def _explained(self) -> Iterator[None]:
-        """Tell a failing port in words."""
-        try:
-            yield
-        except (serial.SerialException, OSError) as error:
-            raise ThumperError(
-                f"the board's port {self._name} fails ({error}); is the cable loose?",
-                exit_code=EXIT_NOT_THERE,
-            ) from error
-
-    def _sort(self, frame: Frame, received_s: float) -> None:
-        if frame.message_id == Identity.ID:  # its first field is the hash in every version
+    def _dispatch(self, frame: Frame, received_s: float) -> None:
+        """Queue a message as telemetry or as a reply."""
+        if frame.message_id == Identity.ID:  # its first field is the schema hash in every version
             self._schema_hash = int.from_bytes(frame.payload[:4], "little")
         message_type = MESSAGES.get(frame.message_id)
         if message_type is None:
             return
         try:
             message = message_type.unpack(frame.payload)
-        except ValueError:  # another protocol version: the handshake will say so
+        except ValueError:  # another protocol version, which the handshake reports
             return
         if isinstance(message, Telemetry):
             last_us, self._last_time_us = self._last_time_us, message.time_us
             self.restarted |= last_us is not None and (message.time_us - last_us) % 2**32 > 2**31
             if self.restarted:
                 return
-            time_s = self._fit.host_time_s(message.time_us, received_s)
+            time_s = self._clock_filter.host_time_s(message.time_us, received_s)
             self._samples.append(TelemetrySample(time_s=time_s, telemetry=message))
         else:
             self._replies.append(message)

@@ -1,11 +1,12 @@
-"""From a device's counter to the host's clock, by the smallest delay seen (the clock filter of NTP)."""
+"""Convert a device's counter to the host's clock by the smallest delay seen (the clock filter of NTP)."""
 
 
 class ClockFilter:
     """Maps a wrapping device counter to host seconds.
 
-    Every message is late by its own delay, never early: the smallest `host - device` seen is the best
-    estimate of the offset. It is forgotten at `drift_s_per_s`, above any crystal's error, to follow drift.
+    Every message arrives late by its own delay and never early, so the smallest `host - device` seen is the
+    best estimate of the offset. The estimate decays at `drift_s_per_s`, which is above the error of any
+    crystal, so that it follows the drift between the two clocks.
     """
 
     def __init__(self, *, tick_s: float, wrap_ticks: int, drift_s_per_s: float = 1e-3) -> None:
@@ -17,7 +18,7 @@ class ClockFilter:
         self._offset_s = 0.0
 
     def host_time_s(self, device_ticks: int, received_s: float) -> float:
-        """Return when the device took the stamp, on the host's clock; `received_s` is when it arrived."""
+        """Return when the device took the stamp, on the host's clock; `received_s` is the arrival time."""
         if self._last_ticks is None:
             self._offset_s = received_s
         else:

@@ -1,4 +1,4 @@
-"""Write a firmware to a board through its boot loader, with avrdude or PlatformIO. Faults become one line."""
+"""Flash a board through its boot loader with avrdude or PlatformIO. Every failure becomes one line."""
 
 import re
 import shutil
@@ -11,7 +11,7 @@ from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_NOT_THERE, EXIT_USAGE,
 
 FIRMWARE = Path(__file__).resolve().parents[3] / "firmware"
 UPLOAD_BAUD = {"old": 57_600, "new": 115_200}
-ASK_TIMEOUT_S = 8.0  # a boot loader answers within 2 s of the reset; avrdude alone would try for a minute
+PROBE_TIMEOUT_S = 8.0  # a boot loader answers within 2 s of the reset; avrdude alone tries for a minute
 FLASH_TIMEOUT_S = 120.0
 NO_SYNC = re.compile(r"not in sync|not responding|can't? ?sync|timeout communicating|bad cmd", re.IGNORECASE)
 NO_PORT = re.compile(
@@ -23,7 +23,7 @@ MISMATCH = re.compile(r"verification error|content mismatch|doesn't match", re.I
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlashJob:
-    """What is written where."""
+    """The firmware file, and the board and port to write it to."""
 
     port: str
     hex_file: Path
@@ -32,24 +32,23 @@ class FlashJob:
 
     @property
     def upload_baud(self) -> int:
-        """The boot loader's rate."""
+        """Baud rate of the boot loader."""
         return UPLOAD_BAUD[self.bootloader]
 
 
 def flash_board(job: FlashJob, *, tool: str) -> None:
-    """Write and verify; `tool` is avrdude, pio or auto.
+    """Write and verify the firmware; `tool` is avrdude, pio or auto.
 
     Raises
     ------
     ThumperError
-        No tool, no HEX, no port, no answer, an answer at the other boot loader's rate, or a bad comparison.
+        The tool, HEX file or port is missing, the boot loader does not answer or answers at the other baud
+        rate, or the verification fails.
     """
     tool, executable = _find_tool(tool)
     if tool == "avrdude" and not job.hex_file.is_file():
         build = "make firmware" if job.board == "trex" else f"make -C firmware BOARD={job.board}"
-        raise ThumperError(
-            f"{job.hex_file}: there is no firmware to flash; run `{build}`", exit_code=EXIT_CHECK_FAILED
-        )
+        raise ThumperError(f"{job.hex_file}: no firmware file; run `{build}`", exit_code=EXIT_CHECK_FAILED)
     if not Path(job.port).exists():
         raise ThumperError(
             f"{job.port}: no such port; is it plugged in? `thumper doctor` lists the ports that exist",
@@ -60,11 +59,11 @@ def flash_board(job: FlashJob, *, tool: str) -> None:
         command = [executable, "run", "-d", str(FIRMWARE), "-e", environment, "-t", "upload"]
         command += ["--upload-port", job.port]
     else:
-        ask = _avrdude(executable, job.port, job.upload_baud)
-        status, output = _run(ask, ASK_TIMEOUT_S)
+        probe = _avrdude(executable, job.port, job.upload_baud)
+        status, output = _run(probe, PROBE_TIMEOUT_S)
         if status != 0:
             raise _explain(job, tool, executable, output)
-        command = [*ask, "-U", f"flash:w:{job.hex_file}:i"]
+        command = [*probe, "-U", f"flash:w:{job.hex_file}:i"]
     status, output = _run(command, FLASH_TIMEOUT_S)
     if status != 0:
         raise _explain(job, tool, executable, output)
@@ -72,24 +71,25 @@ def flash_board(job: FlashJob, *, tool: str) -> None:
 
 def _find_tool(wanted: str) -> tuple[str, str]:
     tools = ("avrdude", "pio") if wanted == "auto" else (wanted,)
-    if not FIRMWARE.is_dir():  # PlatformIO builds from the sources, which an installed wheel lacks
+    if not FIRMWARE.is_dir():  # PlatformIO builds from the sources, which an installed wheel does not contain
         if wanted == "pio":
             raise ThumperError(
-                "PlatformIO needs the firmware's sources; run it in a clone", exit_code=EXIT_USAGE
+                "PlatformIO needs the firmware sources; run the command in a clone of the repository",
+                exit_code=EXIT_USAGE,
             )
         tools = ("avrdude",)
-    beside_python = str(Path(sys.executable).parent)  # where pip puts PlatformIO in a virtual environment
+    beside_python = str(Path(sys.executable).parent)  # pip installs PlatformIO there in a virtual environment
     for tool in tools:
         executable = shutil.which(tool) or shutil.which(tool, path=beside_python)
         if executable:
             return tool, executable
     raise ThumperError(
-        f"neither of {', '.join(tools)} is installed; sudo apt install avrdude", exit_code=EXIT_CHECK_FAILED
+        f"not installed: {', '.join(tools)}; run `sudo apt install avrdude`", exit_code=EXIT_CHECK_FAILED
     )
 
 
 def _avrdude(executable: str, port: str, baud: int) -> list[str]:
-    # -D: a boot loader cannot erase the chip, it erases page by page. avrdude verifies by itself.
+    # -D: a boot loader erases page by page, not the whole chip. avrdude verifies without being asked to.
     return [executable, "-q", "-c", "arduino", "-p", "m328p", "-P", port, "-b", str(baud), "-D"]
 
 
@@ -106,29 +106,33 @@ def _run(command: list[str], timeout_s: float) -> tuple[int, str]:
 def _explain(job: FlashJob, tool: str, executable: str, output: str) -> ThumperError:
     if MISMATCH.search(output):
         return ThumperError(
-            f"{job.port}: the flash does not read back as written; flash again, or the chip is worn out"
+            f"{job.port}: the verification failed; flash again. If it fails again, the chip is worn out"
         )
     if BUSY.search(output):
         return ThumperError(
-            f"{job.port}: busy or not permitted; close what uses it, or sudo usermod -aG dialout $USER",
+            f"{job.port}: busy or permission denied; close the program that uses it, "
+            "or run `sudo usermod -aG dialout $USER`",
             exit_code=EXIT_NOT_THERE,
         )
     if NO_PORT.search(output):
-        return ThumperError(f"{job.port}: it cannot be opened as a port", exit_code=EXIT_NOT_THERE)
+        return ThumperError(f"{job.port}: cannot be opened as a serial port", exit_code=EXIT_NOT_THERE)
     if NO_SYNC.search(output):
-        other = "new" if job.bootloader == "old" else "old"
-        if (
-            tool == "avrdude"
-            and _run(_avrdude(executable, job.port, UPLOAD_BAUD[other]), ASK_TIMEOUT_S)[0] == 0
-        ):
-            return ThumperError(
-                f"{job.port}: the boot loader answers at {UPLOAD_BAUD[other]} baud, not at "
-                f"{job.upload_baud}; flash with --bootloader {other}",
-                exit_code=EXIT_NOT_THERE,
-            )
+        return _explain_silence(job, tool, executable)
+    lines = [line.strip() for line in output.splitlines() if line.strip() and "avrdude done" not in line]
+    return ThumperError(f"{job.port}: {tool} failed: {lines[-1] if lines else 'no output'}")
+
+
+def _explain_silence(job: FlashJob, tool: str, executable: str) -> ThumperError:
+    """Return the error for no answer, after a probe at the other boot loader's baud rate."""
+    other = "new" if job.bootloader == "old" else "old"
+    probe = _avrdude(executable, job.port, UPLOAD_BAUD[other])
+    if tool == "avrdude" and _run(probe, PROBE_TIMEOUT_S)[0] == 0:
         return ThumperError(
-            f"{job.port}: no boot loader answers; is it the right port, and the board powered?",
+            f"{job.port}: the boot loader answers at {UPLOAD_BAUD[other]} baud, not at "
+            f"{job.upload_baud}; flash with --bootloader {other}",
             exit_code=EXIT_NOT_THERE,
         )
-    lines = [line.strip() for line in output.splitlines() if line.strip() and "avrdude done" not in line]
-    return ThumperError(f"{job.port}: {tool} failed: {lines[-1] if lines else 'it said nothing'}")
+    return ThumperError(
+        f"{job.port}: no boot loader answers; is it the right port, and is the board powered?",
+        exit_code=EXIT_NOT_THERE,
+    )

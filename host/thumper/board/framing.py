@@ -6,7 +6,7 @@ from cobs import cobs
 
 DELIMITER = b"\x00"
 OVERHEAD_BYTES = 4  # id, sequence, CRC-16
-MAX_ENCODED_BYTES = 128  # longer runs without a delimiter are noise
+MAX_ENCODED_BYTES = 128  # anything longer without a delimiter is noise
 
 
 def _crc_table() -> tuple[int, ...]:
@@ -23,7 +23,10 @@ _CRC_TABLE = _crc_table()
 
 
 def crc16(data: bytes) -> int:
-    """CRC-16/X-25: reflected (0x8408), start 0xFFFF, complemented, so that a lost last byte never checks."""
+    """Return the CRC-16/X-25: reflected (0x8408), initial value 0xFFFF, complemented.
+
+    The complement makes the check fail if the last byte is lost.
+    """
     crc = 0xFFFF
     for byte in data:
         crc = (crc >> 8) ^ _CRC_TABLE[(crc ^ byte) & 0xFF]
@@ -32,7 +35,7 @@ def crc16(data: bytes) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
-    """One frame that arrived whole."""
+    """One complete frame with a valid CRC."""
 
     message_id: int
     sequence: int
@@ -40,26 +43,26 @@ class Frame:
 
 
 def encode_frame(message_id: int, sequence: int, payload: bytes) -> bytes:
-    """Return the bytes to send, delimiter included."""
+    """Return the bytes to send, including the delimiter."""
     body = bytes((message_id, sequence)) + payload
     return bytes(cobs.encode(body + crc16(body).to_bytes(2, "little"))) + DELIMITER
 
 
 class FrameDecoder:
-    """Cuts a byte stream into frames; what does not check is counted in `errors` and dropped."""
+    """Splits a byte stream into frames; drops frames that fail the CRC and counts them in `errors`."""
 
     def __init__(self) -> None:
         self.errors = 0
         self._pending = bytearray()
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Take bytes as they come and return the frames that they complete, in order."""
+        """Append received bytes and return the frames that they complete, in order."""
         frames = []
         self._pending += data
         while (end := self._pending.find(DELIMITER)) >= 0:
             encoded = bytes(self._pending[:end])
             del self._pending[: end + 1]
-            if encoded:  # two delimiters in a row are legal: a sender may flush noise with one
+            if encoded:  # two delimiters in a row are legal: a sender flushes noise with one
                 frame = _decode(encoded)
                 if frame is None:
                     self.errors += 1

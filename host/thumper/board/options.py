@@ -6,7 +6,7 @@ from typing import Literal
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoardOptions:
-    """Where the motor board is."""
+    """Serial port and baud rate of the motor board."""
 
     port: str = "/dev/ttyUSB0"
     baud: Literal[250_000, 500_000] = 500_000

@@ -1,13 +1,13 @@
-"""The board's parameters by name."""
+"""Look up the board's parameters by name."""
 
 from thumper.board.messages import PARAMETERS, ParameterSpec
 from thumper.common.errors import ThumperError
 
 
 def parameter_named(name: str) -> ParameterSpec:
-    """Return a parameter's unit, range and scale; raises `ThumperError` when there is none of that name."""
+    """Return a parameter's unit, range and scale; raise `ThumperError` for an unknown name."""
     for spec in PARAMETERS:
         if spec.name == name:
             return spec
     names = ", ".join(spec.name for spec in PARAMETERS)
-    raise ThumperError(f"the board has no parameter {name!r}; it has {names}")
+    raise ThumperError(f"unknown board parameter {name!r}; choose from: {names}")

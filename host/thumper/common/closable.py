@@ -1,15 +1,15 @@
-"""What `with` closes on the way out."""
+"""Base class of objects that a `with` statement closes."""
 
 from abc import ABC, abstractmethod
 from typing import Self
 
 
 class Closable(ABC):
-    """Give it a `close`, and it can be used in a `with` statement."""
+    """Adds the context manager methods to a class that has a `close` method."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of what it holds."""
+        """Release all resources."""
 
     def __enter__(self) -> Self:
         return self

@@ -1,17 +1,17 @@
-"""The one exception that a user may see: it says what is wrong and what cures it, in one line."""
+"""The exception for every error that a user can fix, and the exit statuses of the commands."""
 
-EXIT_USAGE = 2  # wrong input
-EXIT_NOT_THERE = 3  # a device, or the robot that is asked, is missing or does not answer
-EXIT_CHECK_FAILED = 4  # of the robot, of data, or that what the command needs is installed
+EXIT_USAGE = 2  # invalid input
+EXIT_NOT_THERE = 3  # no device, or a device or robot that does not answer
+EXIT_CHECK_FAILED = 4  # a check of the robot or of data failed, or a required package is missing
 EXIT_INTERRUPTED = 130  # by Ctrl-C, as a shell expects
 
 
 class ThumperError(Exception):
-    """A fault that the user can mend. The message is one line: what is wrong, then the cure.
+    """An error that the user can fix. The message is one line: what is wrong, then how to fix it.
 
-    The command line prints it without a traceback and leaves with `exit_code`: 1, or one of those above.
-    `option` is the command's option that is the cure there; the page and other programs, which have none,
-    show the message alone.
+    The command line prints the message without a traceback and exits with `exit_code`: 1, or one of the
+    constants above. `option` names the command-line option that fixes the error. Dashboard and bus clients
+    have no options; they show the message alone.
     """
 
     def __init__(self, message: str, *, exit_code: int = 1, option: str = "") -> None:

@@ -1,6 +1,6 @@
-"""Planar poses and speeds. SI units, REP-103: x forward, y left, counter-clockwise positive.
+"""Planar poses and twists. SI units, REP-103: x forward, y left, counter-clockwise positive.
 
-A pose that is also a transform is named `target_from_source`, so that neighbours cancel:
+A pose that serves as a transform is named `target_from_source`, so that neighbours cancel:
 `map_from_base = map_from_odom @ odom_from_base`.
 """
 
@@ -14,13 +14,13 @@ FloatArray = NDArray[np.float64]
 
 
 def wrap_angle(angle_rad: float) -> float:
-    """Return the same angle in [-pi, pi]."""
+    """Return the angle wrapped to [-pi, pi]."""
     return math.remainder(angle_rad, math.tau)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pose2:
-    """A pose in the plane; also the transform that takes the body's points to the frame it is given in."""
+    """A pose in the plane. As a transform it maps points from the body's frame to the pose's frame."""
 
     x_m: float = 0.0
     y_m: float = 0.0
@@ -45,19 +45,19 @@ class Pose2:
         )
 
     def apply(self, points_m: FloatArray) -> FloatArray:
-        """Take points, shape (n, 2) [m], from the source frame to the target frame."""
+        """Return points, shape (n, 2) [m], transformed from the source frame to the target frame."""
         cos, sin = math.cos(self.theta_rad), math.sin(self.theta_rad)
         rotation = np.array([[cos, sin], [-sin, cos]])
         return np.asarray(points_m @ rotation + (self.x_m, self.y_m), dtype=np.float64)
 
     def distance_m(self, other: "Pose2") -> float:
-        """Euclidean distance between the two origins [m]."""
+        """Return the Euclidean distance between the two origins [m]."""
         return math.hypot(self.x_m - other.x_m, self.y_m - other.y_m)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Twist2:
-    """Speed of a body that cannot move sideways: forward [m/s] and counter-clockwise [rad/s]."""
+    """Velocity of a differential-drive body: forward [m/s] and counter-clockwise [rad/s]."""
 
     v_m_s: float = 0.0
     w_rad_s: float = 0.0

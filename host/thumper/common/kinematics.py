@@ -1,4 +1,4 @@
-"""Differential-drive kinematics: body twist to wheel speeds and back. Pure: no I/O, no clock."""
+"""Differential-drive kinematics: body twist to wheel speeds and back. Pure functions: no I/O, no clock."""
 
 import math
 from dataclasses import dataclass
@@ -11,11 +11,12 @@ from thumper.common.geometry import Twist2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveGeometry:
-    """What the wheels do to the body. Defaults: Dagu Wild Thumper 6WD.
+    """Wheel radii, track and encoder resolution. Defaults: Dagu Wild Thumper 6WD.
 
-    `track_m` is the *effective* track: a skid-steered base turns less than the distance between its wheels
-    says (0.245 m), because the wheels slip sideways; turning on the spot against the lidar calibrates it.
-    No two tyres are alike: `radius_ratio` is the left radius over the right one, `wheel_radius_m` their mean.
+    `track_m` is the *effective* track. A skid-steered base turns less than the distance between its wheels
+    (0.245 m) suggests, because the wheels slip sideways. The calibration measures it with rotations in place
+    against the lidar. `wheel_radius_m` is the mean radius of both sides and `radius_ratio` the left radius
+    divided by the right one.
     """
 
     wheel_radius_m: Annotated[float, Gt(0)] = 0.062
@@ -35,7 +36,7 @@ class DriveGeometry:
 
     @property
     def rad_per_count(self) -> float:
-        """Turn of a wheel per encoder count [rad]."""
+        """Rotation of a wheel per encoder count [rad]."""
         return math.tau / self.counts_per_rev
 
 
@@ -48,7 +49,7 @@ class WheelSpeeds:
 
 
 def wheel_speeds(twist: Twist2, geometry: DriveGeometry) -> WheelSpeeds:
-    """Inverse kinematics: w = (v -/+ omega l/2) / r for left/right."""
+    """Return the wheel speeds of a twist (inverse kinematics): w = (v -/+ omega l/2) / r, left/right."""
     half_m_s = 0.5 * twist.w_rad_s * geometry.track_m
     return WheelSpeeds(
         left_rad_s=(twist.v_m_s - half_m_s) / geometry.left_radius_m,
@@ -57,7 +58,7 @@ def wheel_speeds(twist: Twist2, geometry: DriveGeometry) -> WheelSpeeds:
 
 
 def body_twist(speeds: WheelSpeeds, geometry: DriveGeometry) -> Twist2:
-    """Forward kinematics: v = (rR wR + rL wL)/2, omega = (rR wR - rL wL)/l."""
+    """Return the twist (forward kinematics): v = (rR wR + rL wL)/2, omega = (rR wR - rL wL)/l."""
     left_m_s = geometry.left_radius_m * speeds.left_rad_s
     right_m_s = geometry.right_radius_m * speeds.right_rad_s
     return Twist2(
@@ -67,7 +68,7 @@ def body_twist(speeds: WheelSpeeds, geometry: DriveGeometry) -> Twist2:
 
 
 def limit_wheel_speeds(speeds: WheelSpeeds, limit_rad_s: float) -> WheelSpeeds:
-    """Scale both sides by the same factor so that neither exceeds the limit: the curvature is kept."""
+    """Scale both sides by one factor so that neither exceeds the limit; this keeps the curvature."""
     fastest = max(abs(speeds.left_rad_s), abs(speeds.right_rad_s))
     if fastest <= limit_rad_s:
         return speeds

@@ -1,4 +1,4 @@
-"""Packages that only some commands need: pyproject.toml's optional dependencies, and how to get one."""
+"""Optional dependencies: which commands need them, and how to install them."""
 
 import sys
 from importlib.metadata import requires
@@ -6,7 +6,7 @@ from importlib.util import find_spec
 
 from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
 
-EXTRAS = {  # what an extra is for, and the modules that it brings
+EXTRAS = {  # extra of pyproject.toml: the feature it serves, the modules it installs
     "ui": ("the page", ("nicegui", "cryptography")),
     "gamepad": ("a gamepad", ("pygame",)),
     "rosbridge": ("rosbridge", ("websockets",)),
@@ -15,26 +15,31 @@ EXTRAS = {  # what an extra is for, and the modules that it brings
 
 
 def require_extra(extra: str) -> None:
-    """Refuse, before anything is done, when a module of the extra is missing; raises ThumperError."""
+    """Raise ThumperError if a module of the extra is not installed. Call it before any other work."""
     for module in EXTRAS[extra][1]:
         if find_spec(module) is None:
             raise missing_package(extra, module)
 
 
 def extra_providing(module: str) -> str | None:
-    """Which extra brings the module."""
+    """Return the extra that installs `module`."""
     top = module.partition(".")[0]
     return next((extra for extra, (_, modules) in EXTRAS.items() if top in modules), None)
 
 
 def missing_package(extra: str, module: str) -> ThumperError:
-    """The module in words, with the packages to install: by their names, as thumper itself is on no index."""
-    ours = [line.split(";")[0].strip() for line in requires("thumper") or [] if _is_of(line, extra)]
-    packages = " ".join(f"'{package}'" for package in ours)
-    what = f"{EXTRAS[extra][0]} needs {module.partition('.')[0]}, which is not installed"
-    return ThumperError(f"{what}: {sys.executable} -m pip install {packages}", exit_code=EXIT_CHECK_FAILED)
+    """Return the error for a missing module, with the command that installs it.
+
+    The command names the packages and not `thumper[extra]`, because thumper is on no package index.
+    """
+    requirements = [
+        line.split(";")[0].strip() for line in requires("thumper") or [] if _belongs_to(line, extra)
+    ]
+    packages = " ".join(f"'{package}'" for package in requirements)
+    reason = f"{EXTRAS[extra][0]} needs {module.partition('.')[0]}, which is not installed"
+    return ThumperError(f"{reason}: {sys.executable} -m pip install {packages}", exit_code=EXIT_CHECK_FAILED)
 
 
-def _is_of(requirement: str, extra: str) -> bool:
-    """Whether metadata's line, such as "pygame>=2.6; extra == 'gamepad'", belongs to the extra."""
+def _belongs_to(requirement: str, extra: str) -> bool:
+    """Return whether a line of the metadata, such as "pygame>=2.6; extra == 'gamepad'", is of the extra."""
     return requirement.partition(";")[2].replace('"', "'").strip() == f"extra == '{extra}'"

@@ -1,50 +1,116 @@
-"""Open a serial port by URL: `/dev/ttyUSB0`, `socket://host:port`, or a protocol that a plug-in registers."""
+"""Serial ports by URL: `/dev/ttyUSB0`, `socket://host:port`, or a protocol that a plug-in registers."""
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from importlib.metadata import entry_points
 from typing import Any
 
 import serial
 
+from thumper.common.closable import Closable
 from thumper.common.errors import EXIT_NOT_THERE, EXIT_USAGE, ThumperError
 
+# What pyserial lets through when a port fails: SerialException is an OSError, termios.error is none.
+_FAILURES: tuple[type[Exception], ...] = (OSError,)
+with suppress(ModuleNotFoundError):  # Windows
+    import termios
 
-def open_port(url: str, *, baud: int, name: str) -> serial.Serial:
-    """Open `url`; `name` says in errors what should be on it ("board", "lidar").
+    _FAILURES = (OSError, termios.error)
+_OPEN_FAILURES: tuple[type[Exception], ...] = (ValueError, *_FAILURES)
+
+
+class PortError(ThumperError):
+    """A port failed while it was open, or was used after it was closed."""
+
+
+class SerialPort(Closable):
+    """A serial port on which every failure is a `PortError`. `close` never raises."""
+
+    def __init__(self, port: serial.Serial, *, url: str = "", device: str = "device") -> None:
+        """Wrap an open port; `url` and `device` (such as "board") appear in error messages."""
+        self.raw = port
+        self.url = url or str(port.port)
+        self.device = device
+        self._is_closed = False
+        # A simulated port brings the clock of its own world.
+        self._clock_s: Callable[[], float] = getattr(port, "clock_s", time.monotonic)
+
+    @property
+    def baud(self) -> int:
+        """Line rate [baud]."""
+        return int(self.raw.baudrate)
+
+    @property
+    def has_simulated_clock(self) -> bool:
+        """Whether the port leads into a simulation, whose time only passes while somebody reads."""
+        return hasattr(self.raw, "clock_s")
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether the device is simulated: in this process, or behind a pseudo-terminal."""
+        return self.has_simulated_clock or os.path.realpath(self.raw.port or "").startswith("/dev/pts/")
+
+    def now_s(self) -> float:
+        """Return the time [s] on the clock of the world that the port lives in."""
+        return self._clock_s()
+
+    def read_available(self, timeout_s: float | None = None) -> bytes:
+        """Return the bytes that have arrived; with a timeout [s], wait that long for the first byte."""
+        with self._failures_explained():
+            if timeout_s is None:
+                return self.raw.read(self.raw.in_waiting)
+            self.raw.timeout = max(timeout_s, 0.0)
+            return self.raw.read(max(1, self.raw.in_waiting))
+
+    def write(self, data: bytes) -> None:
+        """Send all of `data`."""
+        with self._failures_explained():
+            self.raw.write(data)
+
+    def discard_output(self) -> None:
+        """Drop the bytes that were written but not sent yet."""
+        with self._failures_explained():
+            self.raw.reset_output_buffer()
+
+    def close(self) -> None:
+        """Close the port, even if the device is gone."""
+        self._is_closed = True
+        with suppress(*_FAILURES):
+            self.raw.close()
+
+    @contextmanager
+    def _failures_explained(self) -> Iterator[None]:
+        try:
+            if self._is_closed:  # pyserial would raise a TypeError
+                raise serial.PortNotOpenError
+            yield
+        except _FAILURES as error:
+            raise PortError(
+                f"the {self.device}'s port {self.url} failed ({error}); is the cable loose?",
+                exit_code=EXIT_NOT_THERE,
+            ) from error
+
+
+def open_port(url: str, *, baud: int, name: str) -> SerialPort:
+    """Open `url`; `name` is the device expected there ("board", "lidar"), for error messages.
 
     Raises
     ------
     ThumperError
-        The port is missing, not permitted or busy; the message names the cure.
+        The port does not exist, is busy, or access is denied; the message says how to fix it.
     """
     _register_plugins()
     options: dict[str, Any] = {"baudrate": baud, "timeout": 0.02, "write_timeout": 0.1}
     if "://" not in url:
-        options["exclusive"] = True  # two programs on one motor board would be dangerous
+        options["exclusive"] = True  # two programs that drive one motor board are dangerous
     try:
-        return serial.serial_for_url(url, **options)
-    except (serial.SerialException, ValueError, OSError) as error:
+        return SerialPort(serial.serial_for_url(url, **options), url=url, device=name)
+    except _OPEN_FAILURES as error:
         raise ThumperError(
-            f"cannot open the {name} port {url}: {_cause_and_cure(error, name)}", exit_code=_exit_code(error)
+            f"cannot open the {name} port {url}: {_explain(error, name)}", exit_code=_exit_code(error)
         ) from error
-
-
-def port_clock(port: serial.Serial) -> Callable[[], float]:
-    """Return the clock [s] of the world that the port lives in: a simulated port brings its own."""
-    clock: Callable[[], float] = getattr(port, "clock_s", time.monotonic)
-    return clock
-
-
-def has_simulated_clock(port: serial.Serial) -> bool:
-    """Whether the port leads into a simulated world, whose time passes only while somebody reads."""
-    return hasattr(port, "clock_s")
-
-
-def is_simulated(port: serial.Serial) -> bool:
-    """Whether what is behind the port is simulated: in this process, or at the other end of a terminal."""
-    return has_simulated_clock(port) or os.path.realpath(port.port or "").startswith("/dev/pts/")
 
 
 def _register_plugins() -> None:
@@ -54,25 +120,28 @@ def _register_plugins() -> None:
 
 
 def _exit_code(error: Exception) -> int:
-    """2 for a URL that no port can have, else 3; a simulated port knows itself what is wrong."""
+    """Return 2 for an invalid URL, else 3; the error of a simulated port carries its own."""
     if isinstance(error.__cause__, ThumperError):
         return error.__cause__.exit_code
     return EXIT_USAGE if "unknown protocol" in str(error) or "invalid URL" in str(error) else EXIT_NOT_THERE
 
 
-def _cause_and_cure(error: Exception, name: str) -> str:
+def _explain(error: Exception, name: str) -> str:
+    """Return the cause of a failed open and how to fix it."""
     text = str(error)
     if isinstance(error, FileNotFoundError) or "No such file" in text:
         return (
-            "there is no such port; is it plugged in? `ls /dev/ttyUSB* /dev/ttyACM*` shows what is there, "
+            "there is no such port; is it plugged in? `ls /dev/ttyUSB* /dev/ttyACM*` lists the ports, "
             f"and sim://robot/{name} is a simulated one"
         )
     if isinstance(error, PermissionError) or "Permission denied" in text:
-        return "not permitted; add yourself to its group: sudo usermod -aG dialout $USER, then log in again"
+        return (
+            "permission denied; add yourself to its group: sudo usermod -aG dialout $USER, then log in again"
+        )
     if "exclusively lock" in text or "busy" in text:
         return "another program has it open; close that program first"
     if any(words in text for words in ("Inappropriate ioctl", "not a tty", "Is a directory")):
-        return "it is no serial port; `ls /dev/ttyUSB* /dev/ttyACM*` shows which there are"
+        return "it is not a serial port; `ls /dev/ttyUSB* /dev/ttyACM*` lists the ports"
     if "unknown protocol" in text or "invalid URL" in text:
-        return "no such kind of port; give a device such as /dev/ttyUSB0 or a URL such as sim://robot/board"
+        return "no such kind of port; use a device such as /dev/ttyUSB0 or a URL such as sim://robot/board"
     return " ".join(text.split())

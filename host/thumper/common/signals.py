@@ -1,5 +1,7 @@
-"""Ctrl-C for certain. Python raises KeyboardInterrupt wherever the program happens to be; where that is a
-callback from a library's C code (numba's, each time a kernel returns an array) the exception is lost.
+"""Make sure that Ctrl-C is never lost.
+
+Python raises KeyboardInterrupt wherever the program happens to be. If that is a callback from the C code of a
+library (numba makes one each time a kernel returns an array), the exception is lost.
 """
 
 import signal
@@ -9,14 +11,14 @@ from contextlib import contextmanager
 from types import FrameType
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
-_came = [False]  # no Event: a handler must not wait for a lock that the code it interrupts may hold
+_received = [False]  # not an Event: a handler must not wait for a lock that the interrupted code may hold
 
 
 @contextmanager
 def record_interrupts() -> Iterator[None]:
-    """Note, for `raise_lost_interrupt`, each signal that raises KeyboardInterrupt.
+    """Record each signal that raises KeyboardInterrupt, for `raise_lost_interrupt`.
 
-    In another thread than the main one, to which no signal comes, it does nothing.
+    Does nothing outside the main thread, because only the main thread receives signals.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -33,15 +35,15 @@ def record_interrupts() -> Iterator[None]:
 
 @contextmanager
 def raise_lost_interrupt() -> Iterator[None]:
-    """Raise KeyboardInterrupt at the end if one came and was lost on the way: for one turn of a loop."""
-    _came[0] = False
+    """Raise KeyboardInterrupt at the end if one was lost inside. Wrap one pass of a loop in it."""
+    _received[0] = False
     try:
         yield
     finally:
-        if _came[0]:
+        if _received[0]:
             raise KeyboardInterrupt
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    _came[0] = True
+    _received[0] = True
     signal.default_int_handler(number, frame)

@@ -1,4 +1,4 @@
-"""Read a TOML file into a dataclass of options, and refuse every key, type and value that is wrong."""
+"""Read a TOML file into a dataclass of options. Unknown keys, wrong types and bad values are errors."""
 
 import difflib
 import json
@@ -20,12 +20,12 @@ T = TypeVar("T")
 def read_checked(
     path: Path,
     adapter: TypeAdapter[T],
-    of: type[T],
+    options_type: type[T],
     what: str,
     *,
     removed: Mapping[str, str] = MappingProxyType({}),
 ) -> T:
-    """Read the TOML file at `path` into the dataclass `of`; errors call the file a `what`.
+    """Read the TOML file at `path` into the dataclass `options_type`; errors call the file a `what`.
 
     `removed` maps a key or table of earlier versions, with its full path, to what the error says about it.
 
@@ -42,32 +42,31 @@ def read_checked(
         ) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ThumperError(f"{path}: not valid TOML: {error}", exit_code=EXIT_USAGE) from error
-    _refuse_unknown_keys(data, of, path, "", removed)
+    _refuse_unknown_keys(data, options_type, path, "", removed)
     try:
-        # By way of JSON: in strict mode pydantic takes tables for dataclasses only from there.
+        # Through JSON, because strict mode accepts a table for a dataclass only there.
         return adapter.validate_json(json.dumps(data, default=str), strict=True)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])
-        whole = first["type"] == "missing" or isinstance(
-            first["input"], dict
-        )  # a table, perhaps with a secret
-        said = key if whole else f"{key} = {first['input']!r}"
-        why = first["msg"].removeprefix("Value error, ")
-        raise ThumperError(f"{path}: {said}: {why}", exit_code=EXIT_USAGE) from error
+        # Do not print a whole table: it may hold a secret.
+        is_table = first["type"] == "missing" or isinstance(first["input"], dict)
+        setting = key if is_table else f"{key} = {first['input']!r}"
+        reason = first["msg"].removeprefix("Value error, ")
+        raise ThumperError(f"{path}: {setting}: {reason}", exit_code=EXIT_USAGE) from error
 
 
 def _refuse_unknown_keys(
-    table: dict[str, Any], of: type, path: Path, prefix: str, removed: Mapping[str, str]
+    table: dict[str, Any], options_type: type, path: Path, prefix: str, removed: Mapping[str, str]
 ) -> None:
     """Raise for the first unknown key: pydantic ignores unknown keys of plain dataclasses."""
-    types = get_type_hints(of)
+    types = get_type_hints(options_type)
     for key, value in table.items():
         if key not in types:
             if reason := removed.get(f"{prefix}{key}"):
                 raise ThumperError(f"{path}: {prefix}{key} was removed: it {reason}", exit_code=EXIT_USAGE)
             close = difflib.get_close_matches(key, types, n=1)
-            hint = f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(sorted(types))}"
+            hint = f"did you mean {close[0]!r}?" if close else f"choose from: {', '.join(sorted(types))}"
             raise ThumperError(f"{path}: unknown key {prefix}{key}; {hint}", exit_code=EXIT_USAGE)
         if isinstance(value, dict) and is_dataclass(types[key]):
             _refuse_unknown_keys(value, cast("type", types[key]), path, f"{prefix}{key}.", removed)

@@ -1,3 +1,3 @@
-"""The version of program and firmware."""
+"""The version of the program and of the firmware."""
 
 __version__ = "0.2.0"

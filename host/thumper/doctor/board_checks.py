@@ -3,13 +3,12 @@
 from collections.abc import Callable, Iterator
 
 import numpy as np
-import serial
 
 from thumper.board.board import Board
 from thumper.board.messages import Command, Telemetry
 from thumper.board.options import BoardOptions
 from thumper.common.errors import ThumperError
-from thumper.common.serial_port import open_port, port_clock
+from thumper.common.serial_port import SerialPort, open_port
 from thumper.doctor.check import Check
 from thumper.doctor.verdicts import (
     BOARD_JITTER_FAIL_S,
@@ -36,10 +35,10 @@ def check_board(
 
     `also` are checks to make before the board's port is closed: a simulated robot is gone with its last port.
     """
-    port: serial.Serial | None = None
+    port: SerialPort | None = None
     try:
         port = open_port(config.port, baud=config.baud, name="board")
-        board = Board(port, config.port)
+        board = Board(port)
     except ThumperError as error:
         if port is not None:
             port.close()
@@ -47,7 +46,7 @@ def check_board(
         yield from also
         return
     try:
-        yield from _checks(board, config.port, port_clock(port), seconds, spin)
+        yield from _checks(board, config.port, port.now_s, seconds, spin)
         yield from also
     finally:
         board.close()

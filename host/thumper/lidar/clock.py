@@ -1,53 +1,53 @@
-"""From a lidar's wrapping millisecond clock to the host's clock."""
+"""Convert a lidar's wrapping millisecond clock to the host's clock."""
 
 import math
 
 WINDOW_S = 15.0
-"""Long enough for the phase between a lidar at 10.2 Hz and a host that looks at 10 Hz to go round."""
+"""Long enough for the phase between a lidar at 10.2 Hz and a host that reads at 10 Hz to cycle once."""
 
 JUMP_S = 10.0
-"""Clocks part by this much in one step only if the lidar was restarted: its own begins at 0 again."""
+"""The clocks diverge by this much in one step only after a restart of the lidar, which starts at 0 again."""
 
 
 class MinimumLag:
-    """The smallest lag of the last one to two windows, and how it has changed since the first one."""
+    """The smallest lag over the last one to two windows, and its change since the first window."""
 
     def __init__(self) -> None:
         self._window_end_s: float | None = None
-        self._window_least_s = math.inf
-        self._before_least_s = math.inf
+        self._window_minimum_s = math.inf
+        self._previous_minimum_s = math.inf
         self._reference_s: float | None = None
 
     @property
-    def least_s(self) -> float:
-        """The smallest lag of this window and the one before."""
-        return min(self._before_least_s, self._window_least_s)
+    def minimum_s(self) -> float:
+        """Smallest lag in this window and the one before."""
+        return min(self._previous_minimum_s, self._window_minimum_s)
 
     @property
     def change_s(self) -> float:
-        """`least_s` against that of the first window; 0 until the first window is over."""
-        return 0.0 if self._reference_s is None else self.least_s - self._reference_s
+        """`minimum_s` minus that of the first window; 0 until the first window is complete."""
+        return 0.0 if self._reference_s is None else self.minimum_s - self._reference_s
 
     def add(self, device_s: float, lag_s: float) -> None:
-        """Take the lag of a scan stamped at `device_s`, which never goes back."""
+        """Add the lag of a scan with the stamp `device_s`; stamps must not decrease."""
         if self._window_end_s is None:
             self._window_end_s = device_s + WINDOW_S
         elif device_s > self._window_end_s:
             if self._reference_s is None:
-                self._reference_s = self._window_least_s
-            self._before_least_s = self._window_least_s
-            self._window_least_s = math.inf
+                self._reference_s = self._window_minimum_s
+            self._previous_minimum_s = self._window_minimum_s
+            self._window_minimum_s = math.inf
             self._window_end_s = device_s + WINDOW_S
-        self._window_least_s = min(self._window_least_s, lag_s)
+        self._window_minimum_s = min(self._window_minimum_s, lag_s)
 
 
 class ClockSync:
     """Maps device stamps to host seconds.
 
-    A scan reaches the host later than it was stamped, by a turn of the head and by the time until the host
-    looks: up to 0.2 s. `sync`, with an answer that came at once, gives the offset itself. After it the
-    smallest lag of the last scans is only watched for change, which is the drift between the two crystals.
-    Without `sync` the smallest lag less `least_lag_s`, which no scan can beat, has to serve.
+    A scan reaches the host up to 0.2 s after its stamp: one revolution of the head, and the time until the
+    host reads it. `sync`, with a reply that the device sent at once, measures the offset itself. After that,
+    the smallest lag of recent scans is only watched for change, which is the drift between the two crystals.
+    Without `sync`, the offset is the smallest lag minus `least_lag_s`, the delay that every scan has.
     """
 
     def __init__(self, *, wrap_ms: int, least_lag_s: float) -> None:
@@ -59,24 +59,24 @@ class ClockSync:
         self._last_received_s = 0.0
         self._lags = MinimumLag()
 
-    def sync(self, stamp_ms: int, asked_s: float, answered_s: float) -> None:
-        """Take one answer to the question for the device's clock: `stamp_ms`, read between the two times."""
-        device_s = self._unwrap(stamp_ms, answered_s)
-        self._offset_s = 0.5 * (asked_s + answered_s) - device_s
+    def sync(self, stamp_ms: int, sent_s: float, received_s: float) -> None:
+        """Set the offset from one reply: the device read `stamp_ms` between the two host times."""
+        device_s = self._unwrap(stamp_ms, received_s)
+        self._offset_s = 0.5 * (sent_s + received_s) - device_s
 
     def host_time_s(self, stamp_ms: int, received_s: float) -> float:
-        """Return when the scan that came at `received_s` was stamped, on the host's clock."""
+        """Return the host time of a scan's stamp; `received_s` is when the scan arrived."""
         device_s = self._unwrap(stamp_ms, received_s)
         self._lags.add(device_s, received_s - device_s)
         if self._offset_s is None:
-            return device_s + self._lags.least_s - self._least_lag_s
+            return device_s + self._lags.minimum_s - self._least_lag_s
         return device_s + self._offset_s + self._lags.change_s
 
     def _unwrap(self, stamp_ms: int, received_s: float) -> float:
         if self._last_ms is not None:
             step_ms = (stamp_ms - self._last_ms) % self._wrap_ms
             if abs(1e-3 * step_ms - (received_s - self._last_received_s)) > JUMP_S:
-                self._offset_s = None  # it holds no longer
+                self._offset_s = None  # no longer valid: the lidar has restarted
                 self._lags = MinimumLag()
             self._unwrapped_ms += step_ms
         self._last_ms = stamp_ms

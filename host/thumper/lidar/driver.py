@@ -1,4 +1,4 @@
-"""What every lidar driver offers, whatever the sensor speaks."""
+"""The interface of all lidar drivers."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -8,16 +8,16 @@ from thumper.lidar.scan import Scan
 
 @dataclass(slots=True, kw_only=True)
 class LidarCounters:
-    """What has happened on the line since the start."""
+    """Events on the line since the start."""
 
     scans: int = 0
-    bad_replies: int = 0  # or frames: whatever the sensor sends that does not check
+    bad_replies: int = 0  # replies or frames that fail their checksum
     restarts: int = 0
     port_errors: int = 0
 
 
 class LidarDriver(Protocol):
-    """A lidar that streams. It is awake once it exists; `poll` never waits and never raises."""
+    """A streaming lidar. The constructor starts it; `poll` never waits and never raises."""
 
     counters: LidarCounters
 
@@ -26,13 +26,13 @@ class LidarDriver(Protocol):
         ...
 
     def wait_for_scan(self, timeout_s: float) -> Scan:
-        """Wait for the next scan; raises `ThumperError` when none comes in time."""
+        """Wait for the next scan; raise `ThumperError` if none arrives in time."""
         ...
 
     def now_s(self) -> float:
-        """The clock that the scans are stamped on."""
+        """Return the time [s] on the clock of the scan stamps."""
         ...
 
     def close(self) -> None:
-        """Close the port; a port that has gone is no error."""
+        """Close the port, even if the device is gone."""
         ...

@@ -1,4 +1,4 @@
-"""What the lidar can see: where it sits, how wide it looks, how far. Pure."""
+"""The lidar's field of view: mounting pose, opening angle and range. Pure functions."""
 
 import math
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from thumper.common.geometry import FloatArray, Pose2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FieldOfView:
-    """Field of view, symmetric about the lidar's own x axis; the default is the Wild Thumper's URG-04LX."""
+    """Field of view, symmetric about the lidar's x axis. Defaults: the URG-04LX on the Wild Thumper."""
 
     base_from_laser: Pose2 = field(default_factory=lambda: Pose2(x_m=0.12))
     opening_rad: float = math.radians(240.0)
@@ -20,12 +20,12 @@ class FieldOfView:
     def bearings_and_ranges(
         self, map_from_base: Pose2, points_m: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Bearing [rad] and range [m] of points in `map`, shape (n, 2), as the lidar sees them."""
+        """Return bearing [rad] and range [m], from the lidar, of points in `map`, shape (n, 2)."""
         x_m, y_m = (map_from_base @ self.base_from_laser).inverse().apply(points_m).T
         return np.arctan2(y_m, x_m), np.hypot(x_m, y_m)
 
     def contains(self, bearing_rad: FloatArray, range_m: FloatArray, *, edge_rad: float) -> NDArray[np.bool_]:
-        """Which points, shape (n,), are in view, and not within `edge_rad` of its edge if it has one."""
+        """Return which points, shape (n,), are in view and at least `edge_rad` away from its edges."""
         near: NDArray[np.bool_] = range_m <= self.range_m
         if self.opening_rad >= math.tau - 1e-6:
             return near

@@ -1,8 +1,8 @@
-"""From the frames of a lidar that never stops to whole turns. Pure: no port, no clock.
+"""Decode the LD19's frames and assemble them to full revolutions. Pure: no port, no clock.
 
-The sensor measures at a fixed rate, so a point's number in the turn is its time, and with a steady head its
-angle too: straight lines through what the frames say give both, and average out the grain of the stamps
-(1 ms) and angles (0.01 deg). Lost frames leave numbers free, which the turn shows as silent points.
+The sensor measures at a fixed rate. So the index of a point within a revolution determines its time and, if
+the head turns steadily, its angle. Straight lines fitted to the frames give both, and average out the
+resolution of the stamps (1 ms) and angles (0.01 deg). Lost frames leave indices without a point.
 """
 
 import struct
@@ -19,7 +19,7 @@ POINTS = 12
 STAMP_WRAP_MS = 30_000
 REVOLUTION_DEG = 360.0
 STEP_MIN_DEG, STEP_MAX_DEG = 0.2, 2.0
-"""Between two points of a head at 5 ... 13 turns a second it is 0.4 ... 1.04 degrees."""
+"""The step between two points is 0.4 ... 1.04 degrees at 5 ... 13 revolutions per second."""
 
 _ENDS = struct.Struct("<2sHH36sHHB")
 _POINT = np.dtype([("range_mm", "<u2"), ("intensity", "u1")])
@@ -40,7 +40,7 @@ _CRC_TABLE = _crc_table()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ld19Frame:
-    """Twelve points, evenly spaced from `start_deg` clockwise; a range of 0 is no return."""
+    """Twelve points, evenly spaced clockwise from `start_deg`; a range of 0 means no return."""
 
     speed_deg_s: int
     start_deg: float
@@ -51,7 +51,7 @@ class Ld19Frame:
 
 
 def crc8(data: bytes) -> int:
-    """The check byte of `data`."""
+    """Return the CRC-8 of `data`."""
     crc = 0
     for byte in data:
         crc = _CRC_TABLE[crc ^ byte]
@@ -59,11 +59,11 @@ def crc8(data: bytes) -> int:
 
 
 class Ld19Decoder:
-    """Finds frames in a byte stream, wherever it starts and whatever is lost or damaged in it."""
+    """Finds frames in a byte stream that may start anywhere and lose or change bytes."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
-        self.bad_frames = 0  # began like a frame and did not check
+        self.bad_frames = 0  # a header, but a wrong CRC or impossible angles
 
     def feed(self, data: bytes) -> list[Ld19Frame]:
         """Return the frames that `data` completes."""
@@ -74,17 +74,17 @@ class Ld19Decoder:
             frame = _parse(bytes(self._buffer[start : start + FRAME_BYTES]))
             if frame is None:
                 self.bad_frames += 1
-                start += 1  # the header may have been two bytes of something else
+                start += 1  # the header may have been two bytes of data
             else:
                 frames.append(frame)
                 start += FRAME_BYTES
-        # Without a header only the last byte can still begin one.
+        # Without a header in the buffer, only the last byte can be the start of one.
         del self._buffer[: start if start >= 0 else max(len(self._buffer) - 1, 0)]
         return frames
 
 
 def _parse(raw: bytes) -> Ld19Frame | None:
-    """Read one frame; None if its check byte or its angles are wrong."""
+    """Return the frame, or None if its CRC or its angles are wrong."""
     _, speed_deg_s, start, points, end, stamp_ms, crc = _ENDS.unpack(raw)
     if crc != crc8(raw[:-1]):
         return None
@@ -103,18 +103,18 @@ def _parse(raw: bytes) -> Ld19Frame | None:
 
 
 SEAM_DEG = 180.0
-"""Behind: what lies ahead is seen in one sweep, and the turn is complete long before it matters."""
+"""A revolution starts and ends behind the robot, so that one sweep covers everything ahead of it."""
 
 GAP_MAX_S = 0.05
-"""After half a turn without frames the count of what was lost is a guess; begin anew."""
+"""After half a revolution without frames the number of lost points is a guess; start again."""
 
-LEAST_SHARE = 0.5
-"""A turn with fewer of its points is no revolution."""
+MIN_SHARE = 0.5
+"""Drop a revolution with a smaller share of its points."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Revolution:
-    """One turn clockwise; point i lies at `first_deg + i * step_deg` and was taken `i * point_s` after 0."""
+    """One clockwise revolution; point i is at `first_deg + i * step_deg`, measured at `i * point_s`."""
 
     time_s: float
     point_s: float
@@ -127,18 +127,18 @@ class Revolution:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Segment:
-    """What one frame adds to a revolution."""
+    """The points that one frame adds to a revolution."""
 
-    numbers: NDArray[np.int64]
-    angles_deg: FloatArray  # from where the turn begins, rising over 360
+    indices: NDArray[np.int64]
+    angles_deg: FloatArray  # from the seam, rising past 360
     times_s: FloatArray
     ranges_mm: NDArray[np.uint16]
     intensities: NDArray[np.uint8]
 
-    def part(self, chosen: NDArray[np.bool_], less_deg: float) -> "_Segment":
+    def select(self, chosen: NDArray[np.bool_], offset_deg: float) -> "_Segment":
         return _Segment(
-            numbers=self.numbers[chosen],
-            angles_deg=self.angles_deg[chosen] - less_deg,
+            indices=self.indices[chosen],
+            angles_deg=self.angles_deg[chosen] - offset_deg,
             times_s=self.times_s[chosen],
             ranges_mm=self.ranges_mm[chosen],
             intensities=self.intensities[chosen],
@@ -146,37 +146,37 @@ class _Segment:
 
 
 class RevolutionAssembler:
-    """Collects frames; the one that ends a turn returns it."""
+    """Collects frames; returns a revolution with the frame that completes it."""
 
     def __init__(self) -> None:
         self._segments: list[_Segment] = []
-        self._is_whole = False  # false until the turn's beginning has been seen
+        self._is_whole = False  # false until the seam has been passed
         self._stamped_s: float | None = None
-        self._number = 0
+        self._next_index = 0
         self._end_deg = 0.0
 
     def feed(self, frame: Ld19Frame, last_point_s: float, point_s: float) -> Revolution | None:
-        """Take a frame whose last point was measured at `last_point_s`, the points `point_s` apart."""
+        """Add a frame whose last point was measured at `last_point_s`, with points `point_s` apart."""
         start_deg = (frame.start_deg - SEAM_DEG) % REVOLUTION_DEG
-        first_number = self._number
+        first_index = self._next_index
         if self._stamped_s is None or not 0.0 <= last_point_s - self._stamped_s <= GAP_MAX_S:
             self._segments, self._is_whole = [], False
         else:
             gap_deg = (start_deg - self._end_deg) % REVOLUTION_DEG
             lost = max(round(gap_deg / frame.step_deg) - 1, 0)
-            if lost > REVOLUTION_DEG / frame.step_deg / 2:  # it went back a little: no gap at all
+            if lost > REVOLUTION_DEG / frame.step_deg / 2:  # the angle stepped back a little: not a gap
                 lost, gap_deg = 0, frame.step_deg
-            first_number += lost
+            first_index += lost
             start_deg = self._end_deg + gap_deg
         order = np.arange(POINTS)
         segment = _Segment(
-            numbers=first_number + order,
+            indices=first_index + order,
             angles_deg=np.asarray(start_deg + frame.step_deg * order, np.float64),
             times_s=np.asarray(last_point_s - point_s * order[::-1], np.float64),
             ranges_mm=frame.ranges_mm,
             intensities=frame.intensities,
         )
-        self._number = first_number + POINTS
+        self._next_index = first_index + POINTS
         self._stamped_s = last_point_s
         self._end_deg = float(segment.angles_deg[-1])
         if self._end_deg < REVOLUTION_DEG:
@@ -184,16 +184,16 @@ class RevolutionAssembler:
             return None
         self._end_deg -= REVOLUTION_DEG
         beyond = segment.angles_deg >= REVOLUTION_DEG
-        self._segments.append(segment.part(~beyond, 0.0))
+        self._segments.append(segment.select(~beyond, 0.0))
         revolution = self._finish() if self._is_whole else None
-        self._segments, self._is_whole = [segment.part(beyond, REVOLUTION_DEG)], True
+        self._segments, self._is_whole = [segment.select(beyond, REVOLUTION_DEG)], True
         return revolution
 
     def _finish(self) -> Revolution | None:
-        numbers = np.concatenate([segment.numbers for segment in self._segments])
-        places = numbers - numbers[0]
+        indices = np.concatenate([segment.indices for segment in self._segments])
+        places = indices - indices[0]
         beams = int(places[-1]) + 1
-        if places.size < LEAST_SHARE * beams:
+        if places.size < MIN_SHARE * beams:
             return None
         angles_deg = np.concatenate([segment.angles_deg for segment in self._segments])
         times_s = np.concatenate([segment.times_s for segment in self._segments])

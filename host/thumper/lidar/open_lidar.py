@@ -1,4 +1,4 @@
-"""Open the lidar that a configuration names, with the driver of its model."""
+"""Open the configured lidar with the driver of its model."""
 
 from thumper.common.serial_port import open_port
 from thumper.lidar import ld19, urg04lx
@@ -7,19 +7,19 @@ from thumper.lidar.options import LidarOptions
 
 
 def open_lidar(config: LidarOptions) -> LidarDriver:
-    """Open the port and wake the lidar on it.
+    """Open the port and start the lidar on it.
 
     Raises
     ------
     ThumperError
-        The port cannot be opened, or no lidar of that model is on it; the message names the cure.
+        The port cannot be opened, or has no lidar of that model; the message says how to fix it.
     """
     baud = config.baud or (ld19.BAUD if config.model == "ld19" else urg04lx.BAUD)
     port = open_port(config.port, baud=baud, name="lidar")
     try:
         if config.model == "ld19":
-            return ld19.Ld19Driver(port, options=config.ld19, name=config.port)
-        return urg04lx.Urg04LxDriver(port, options=config.urg04lx, name=config.port)
+            return ld19.Ld19Driver(port, options=config.ld19)
+        return urg04lx.Urg04LxDriver(port, options=config.urg04lx)
     except BaseException:
         port.close()
         raise

@@ -14,11 +14,11 @@ from thumper.lidar.urg04lx import Urg04LxOptions
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LidarOptions:
-    """Which lidar, on which port, and where on the robot (base_link: between the middle wheels)."""
+    """Model, port and mounting pose of the lidar (base_link: between the middle wheels)."""
 
     model: Literal["urg04lx", "ld19"] = "urg04lx"
     port: str = "/dev/ttyACM0"
-    baud: Annotated[int, Ge(0)] = 0  # 0: the model's own; ignored by USB lidars
+    baud: Annotated[int, Ge(0)] = 0  # 0: the model's default; USB lidars ignore it
     x_m: float = 0.12
     y_m: float = 0.0
     yaw_deg: Annotated[float, Ge(-180), Le(180)] = 0.0
@@ -27,12 +27,12 @@ class LidarOptions:
 
     @property
     def base_from_laser(self) -> Pose2:
-        """The mounting as a transform."""
+        """Mounting pose as a transform."""
         return Pose2(x_m=self.x_m, y_m=self.y_m, theta_rad=math.radians(self.yaw_deg))
 
     @property
     def view(self) -> FieldOfView:
-        """What it can see, by its model's data sheet."""
+        """Field of view, from the model's data sheet."""
         opening_deg, range_m = {"urg04lx": (240.0, 4.0), "ld19": (360.0, 12.0)}[self.model]
         return FieldOfView(
             base_from_laser=self.base_from_laser, opening_rad=math.radians(opening_deg), range_m=range_m

@@ -1,4 +1,4 @@
-"""One turn of a 2-D lidar, as every sensor driver delivers it and every consumer takes it."""
+"""One revolution of a 2-D lidar, as all drivers deliver it."""
 
 from dataclasses import dataclass, replace
 
@@ -10,11 +10,11 @@ from thumper.common.stamps import rounded_s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scan:
-    """Ranges in the laser frame, beam 0 first in time; beam i points at angle_min + i * angle_increment.
+    """Ranges in the laser frame; beam i points at angle_min + i * angle_increment.
 
-    `ranges_m` has shape (n,). NaN: invalid; +inf: nothing seen up to `range_max_m` (REP-117). A negative
-    `angle_increment_rad` is a sensor that turns clockwise. `time_s` is when beam 0 was measured, on the
-    host's clock.
+    `ranges_m` has shape (n,), in the order of measurement. NaN is invalid, +inf means no return up to
+    `range_max_m` (REP-117). A clockwise sensor has a negative `angle_increment_rad`. `time_s` is when beam 0
+    was measured, on the host's clock.
     """
 
     time_s: float
@@ -26,12 +26,12 @@ class Scan:
     range_max_m: float = 5.6
 
     def angles_rad(self) -> FloatArray:
-        """Direction of each beam in the laser frame, shape (n,)."""
+        """Return the direction of each beam in the laser frame, shape (n,)."""
         steps = np.arange(self.ranges_m.size, dtype=np.float64)
         return np.asarray(self.angle_min_rad + self.angle_increment_rad * steps, dtype=np.float64)
 
     def as_recorded(self) -> "Scan":
-        """The scan as a recording keeps it: single precision, whole nanoseconds."""
+        """Return the scan as a recording stores it: single precision, whole nanoseconds."""
         return replace(
             self,
             time_s=rounded_s(self.time_s),

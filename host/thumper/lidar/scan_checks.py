@@ -1,4 +1,4 @@
-"""Counting what is wrong with scans, so that none is dropped without a word."""
+"""Count defective scans by kind, so that every dropped scan is reported."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -11,38 +11,38 @@ from annotated_types import Gt
 
 from thumper.lidar.scan import Scan
 
-PERIODS = 11  # steps whose median is the sensor's period: it follows a new rate after six scans
-FAR_PERIODS = 5.0  # a gap is also this many periods long: a log may hold every fifth scan
+PERIODS = 11  # the period is the median of these steps, so it follows a new rate after six scans
+GAP_PERIODS = 5.0  # a gap is also longer than this many periods: a log may hold only every fifth scan
 BURST_PERIODS = 0.1
-FARTHEST_S = 1e10  # no clock is 300 years from its epoch
+LARGEST_STAMP_S = 1e10  # no clock is 300 years from its epoch
 LARGEST = 1e6  # of an angle [rad] or a time [s]
 
 
 class ScanDefect(StrEnum):
-    """What can be wrong with a scan; the text names the cause to look for."""
+    """Defects of a scan; the text names the likely cause."""
 
-    BACKWARDS = "stamped before the scan before it; do two programs set the clock?"
-    DUPLICATE = "with the same stamp as the scan before; is each sent twice, or the clock too coarse?"
-    BURST = "came within a tenth of the usual period; is the reader stalled now and then?"
-    GAP = "came after a gap; did the lidar stop and come back?"
-    NO_ODOMETRY = "without odometry for its time; is the board silent, or its clock another?"
-    WAITED = "dropped, having waited too long for odometry; is the board silent, or its clock another?"
-    STAMP = "without a usable stamp; look at the driver"
-    BEAMS = "without beams or their directions; look at the driver"
+    BACKWARDS = "stamped before the previous scan; do two programs set the clock?"
+    DUPLICATE = "with the stamp of the previous scan; is each scan sent twice, or the clock too coarse?"
+    BURST = "arrived within a tenth of the usual period; does the reader stall now and then?"
+    GAP = "arrived after a gap; did the lidar stop and restart?"
+    NO_ODOMETRY = "without odometry for their time; is the board silent, or its clock wrong?"
+    WAITED = "dropped after waiting too long for odometry; is the board silent, or its clock wrong?"
+    STAMP = "without a usable stamp; check the driver"
+    BEAMS = "without beams or beam directions; check the driver"
     EMPTY = "with too few usable beams; is the lidar covered or its range limit wrong?"
-    ZEROS = "with zeros for ranges: taken as no reading, not as free space"
+    ZEROS = "with zeros for ranges: read as invalid, not as free space"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScanCheckOptions:
-    """When a scan counts as odd."""
+    """Limits beyond which a scan counts as defective."""
 
-    gap_s: Annotated[float, Gt(0)] = 1.0  # a silence longer than this, and than five periods, is a gap
+    gap_s: Annotated[float, Gt(0)] = 1.0  # a pause longer than this and than five periods is a gap [s]
     fewest_beams: Annotated[int, Gt(0)] = 10
 
 
 class ScanChecker:
-    """Looks at every scan, counts, and says in one line a kind what was seen."""
+    """Checks every scan, counts the defects, and summarizes them in one line per kind."""
 
     def __init__(self, options: ScanCheckOptions | None = None) -> None:
         self._options = options or ScanCheckOptions()
@@ -52,34 +52,34 @@ class ScanChecker:
         self.scans = 0
         self.counts: dict[ScanDefect, int] = {}
 
-    def count(self, flaw: ScanDefect) -> None:
-        """Count a flaw that only the caller can know of."""
-        self.counts[flaw] = self.counts.get(flaw, 0) + 1
+    def count(self, defect: ScanDefect) -> None:
+        """Count a defect that only the caller can detect."""
+        self.counts[defect] = self.counts.get(defect, 0) + 1
 
     def check(self, scan: Scan) -> list[ScanDefect]:
-        """Judge one scan in the order of arrival; returns what is odd about it, and counts it."""
+        """Return the defects of a scan and count them. Call it in the order of arrival."""
         self.scans += 1
-        found = [*self._time_flaws(scan.time_s), *self._beam_flaws(scan)]
-        for flaw in found:
-            self.count(flaw)
+        found = [*self._time_defects(scan.time_s), *self._beam_defects(scan)]
+        for defect in found:
+            self.count(defect)
         return found
 
     def summary_by_kind(self) -> dict[str, str]:
-        """One line for each kind of flaw, by its name, the most frequent first."""
+        """Return one line for each kind of defect, by its name, the most frequent first."""
         notes = {}
-        for flaw, count in sorted(self.counts.items(), key=lambda item: -item[1]):
-            longest = f" (the longest {self._longest_gap_s:.1f} s)" if flaw is ScanDefect.GAP else ""
-            notes[flaw.name] = f"{count} of {self.scans} scans {flaw.value}{longest}"
+        for defect, count in sorted(self.counts.items(), key=lambda item: -item[1]):
+            longest = f" (the longest {self._longest_gap_s:.1f} s)" if defect is ScanDefect.GAP else ""
+            notes[defect.name] = f"{count} of {self.scans} scans {defect.value}{longest}"
         return notes
 
     def summary_lines(self) -> list[str]:
-        """One line for each kind of flaw, the most frequent first."""
+        """Return one line for each kind of defect, the most frequent first."""
         return list(self.summary_by_kind().values())
 
-    def _beam_flaws(self, scan: Scan) -> list[ScanDefect]:
+    def _beam_defects(self, scan: Scan) -> list[ScanDefect]:
         ranges_m, step_rad = scan.ranges_m, scan.angle_increment_rad
         directions = abs(scan.angle_min_rad) + abs(step_rad) + abs(scan.time_increment_s)
-        if ranges_m.size == 0 or step_rad == 0.0 or not directions < LARGEST:  # nor is NaN
+        if ranges_m.size == 0 or step_rad == 0.0 or not directions < LARGEST:  # also true for NaN
             return [ScanDefect.BEAMS]
         found = [ScanDefect.ZEROS] if np.any(ranges_m == 0.0) else []
         usable = (ranges_m >= scan.range_min_m) & ((ranges_m <= scan.range_max_m) | np.isposinf(ranges_m))
@@ -87,8 +87,8 @@ class ScanChecker:
             found.append(ScanDefect.EMPTY)
         return found
 
-    def _time_flaws(self, time_s: float) -> list[ScanDefect]:
-        if not abs(time_s) < FARTHEST_S:  # nor is NaN
+    def _time_defects(self, time_s: float) -> list[ScanDefect]:
+        if not abs(time_s) < LARGEST_STAMP_S:  # also true for NaN
             return [ScanDefect.STAMP]
         last_s, self._last_s = self._last_s, time_s
         if last_s is None:
@@ -100,7 +100,7 @@ class ScanChecker:
             return [ScanDefect.DUPLICATE]
         period_s = median(self._steps_s) if self._steps_s else step_s
         self._steps_s.append(step_s)
-        if step_s > max(self._options.gap_s, FAR_PERIODS * period_s):
+        if step_s > max(self._options.gap_s, GAP_PERIODS * period_s):
             self._longest_gap_s = max(self._longest_gap_s, step_s)
             return [ScanDefect.GAP]
         return [ScanDefect.BURST] if step_s < BURST_PERIODS * period_s else []

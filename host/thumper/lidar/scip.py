@@ -1,8 +1,8 @@
-"""SCIP 2.0, the host's half: write requests, take replies apart (Hokuyo C-42-03320B). Pure: no port.
+"""SCIP 2.0, host side: encode requests, parse replies (Hokuyo C-42-03320B). Pure: no port.
 
-A reply is lines ended by LF and closed by an empty line: the echo of the request, a status of two characters
-with its checksum, then data lines, each with a checksum. Values are six bits a character, each + 0x30, most
-significant first. Scan data is cut into blocks of 64 characters, and a value may straddle two of them.
+A reply consists of lines that end with LF, and ends with an empty line: the echo of the request, a status of
+two characters with its checksum, then data lines, each with a checksum. Values have six bits per character,
+each + 0x30, most significant first. Scan data comes in blocks of 64 characters; a value may span two blocks.
 """
 
 from dataclasses import dataclass
@@ -19,12 +19,12 @@ RangeArray = NDArray[np.int32]
 
 
 class ScipError(ValueError):
-    """Bytes that are no reply, or a reply that contradicts its checksum."""
+    """The bytes are not a reply, or a checksum is wrong."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reply:
-    """One reply: echo and status without checksum, data lines as received, checksum last."""
+    """One reply: echo and status without checksum; data lines as received, with their checksum."""
 
     echo: str
     status: str
@@ -33,21 +33,21 @@ class Reply:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RawScan:
-    """One turn as sent: the device's clock [ms, wraps at 2**24] and the values [mm; below 20 a code]."""
+    """One scan as sent: device clock [ms, wraps at 2**24] and ranges [mm]; values below 20 are codes."""
 
     stamp_ms: int
     values_mm: RangeArray
 
 
 class ReplySplitter:
-    """Cuts a byte stream into replies; what never ends is thrown away, so that memory stays bounded."""
+    """Splits a byte stream into replies; drops an endless reply, so that memory stays bounded."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
         self.overruns = 0
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Return the replies that `data` completes, without their closing empty line."""
+        """Return the replies that `data` completes, without the empty line at their end."""
         self._buffer += data.replace(b"\r\n", b"\n")
         *replies, rest = bytes(self._buffer).split(b"\n\n")
         if len(rest) > MAX_REPLY_BYTES:
@@ -57,22 +57,22 @@ class ReplySplitter:
         return [reply for reply in replies if reply.strip(b"\n")]
 
     def clear(self) -> None:
-        """Forget a reply that has begun."""
+        """Drop an incomplete reply."""
         self._buffer.clear()
 
 
 def checksum(text: bytes) -> int:
-    """The character that closes a line: the low six bits of the sum of its bytes, + 0x30."""
+    """Return the check character of a line: the low six bits of the sum of its bytes, + 0x30."""
     return 0x30 + (sum(text) & 0x3F)
 
 
 def encode_value(value: int, chars: int) -> bytes:
-    """Write an unsigned value in `chars` characters.
+    """Encode an unsigned value in `chars` characters.
 
     Raises
     ------
     ValueError
-        It does not fit in 6 * chars bits.
+        The value does not fit in 6 * chars bits.
     """
     if not 0 <= value < 1 << 6 * chars:
         raise ValueError(f"{value} does not fit in {chars} characters of 6 bits")
@@ -80,16 +80,16 @@ def encode_value(value: int, chars: int) -> bytes:
 
 
 def decode_values(text: bytes, chars: int) -> RangeArray:
-    """Read values of `chars` (1 to 4) characters each, shape (len(text) / chars,).
+    """Decode values of `chars` (1 to 4) characters each, shape (len(text) / chars,).
 
     Raises
     ------
     ScipError
-        A character outside 0x30 ... 0x6F, or a length that is no multiple of `chars`.
+        A character is outside 0x30 ... 0x6F, or the length is not a multiple of `chars`.
     """
     if len(text) % chars:
-        raise ScipError(f"{len(text)} characters are no whole number of {chars}-character values")
-    digits = np.frombuffer(text, np.uint8).astype(np.int32) - 0x30  # signed first: uint8 would wrap
+        raise ScipError(f"{len(text)} characters are not a multiple of {chars}")
+    digits = np.frombuffer(text, np.uint8).astype(np.int32) - 0x30  # signed, because uint8 would wrap
     if np.any((digits < 0) | (digits > 0x3F)):
         raise ScipError("a character outside 0x30 ... 0x6F")
     places = 64 ** np.arange(chars - 1, -1, -1, dtype=np.int32)
@@ -99,23 +99,23 @@ def decode_values(text: bytes, chars: int) -> RangeArray:
 def stream_request(
     first_step: int, last_step: int, *, cluster: int = 1, skip: int = 0, count: int = 0
 ) -> bytes:
-    """Return MD: `count` scans (0: endless) of the steps, three characters a value."""
+    """Return the MD request: `count` scans (0: endless) of the steps, three characters per value."""
     return b"MD%04d%04d%02d%d%02d\n" % (first_step, last_step, cluster, skip, count)
 
 
 def parse_reply(raw: bytes) -> Reply:
-    """Take one reply of `ReplySplitter` apart and check its status line.
+    """Parse one reply from `ReplySplitter` and check its status line.
 
     Raises
     ------
     ScipError
-        There is no status line, or its checksum is wrong.
+        The status line is missing, or its checksum is wrong.
     """
     lines = raw.lstrip(b"\n").split(b"\n")
     if len(lines) < 2:
         raise ScipError("no status line")
     status = lines[1]
-    if len(status) == 2:  # SCIP 1.1 sums nothing, and some firmware answers RS so
+    if len(status) == 2:  # SCIP 1.1 has no checksums, and some firmware answers RS without one
         return Reply(echo=_text(lines[0]), status=_text(status), lines=tuple(lines[2:]))
     if len(status) != 3 or status[2] != checksum(status[:2]):
         raise ScipError(f"bad status line {status!r}")
@@ -123,7 +123,7 @@ def parse_reply(raw: bytes) -> Reply:
 
 
 def parse_scan(reply: Reply, chars: int = 3) -> RawScan:
-    """Read the stamp and the values of an MD/MS or GD/GS reply; `chars` is 3 for ..D and 2 for ..S.
+    """Return the stamp and ranges of an MD/MS or GD/GS reply; `chars` is 3 for ..D and 2 for ..S.
 
     Raises
     ------
@@ -142,12 +142,12 @@ def parse_scan(reply: Reply, chars: int = 3) -> RawScan:
 
 
 def parse_time(reply: Reply) -> int:
-    """Read the device's clock [ms] from a TM1 reply.
+    """Return the device's clock [ms] from a TM1 reply.
 
     Raises
     ------
     ScipError
-        It carries none, or its checksum is wrong.
+        The reply has no clock, or its checksum is wrong.
     """
     if len(reply.lines) != 1 or len(reply.lines[0]) != STAMP_CHARS + 1:
         raise ScipError("no clock in the reply")
@@ -155,10 +155,10 @@ def parse_time(reply: Reply) -> int:
 
 
 def parse_table(reply: Reply) -> tuple[dict[str, str], int]:
-    """Read the `KEY:value;sum` lines of VV, PP or II; return them and how many had a wrong checksum.
+    """Return the `KEY:value;sum` lines of VV, PP or II, and how many had a wrong checksum.
 
-    The sum leaves the semicolon out; a sum that counts it is taken too, as firmware exists that does so. A
-    line with a wrong sum is kept: some URG-04LX mangle their serial number and are well otherwise.
+    The checksum excludes the semicolon. One that includes it is valid, too, because some firmware sends it. A
+    line with a wrong checksum is kept: some URG-04LX corrupt their serial number but work otherwise.
     """
     table, bad = {}, 0
     for line in reply.lines:

@@ -1,44 +1,44 @@
-"""Questions and answers with a SCIP 2.0 device on a serial port. Only `ask` and `wait` wait."""
+"""Requests to a SCIP 2.0 device on a serial port, and its replies. Only `request` and `wait` block."""
 
-from collections.abc import Callable
-
-import serial
-
+from thumper.common.serial_port import SerialPort
 from thumper.lidar.scip import Reply, ReplySplitter, ScipError, parse_reply
 
 READ_TIMEOUT_S = 0.02
 
 
 class ScipPort:
-    """A port, its clock, and the replies that come through it."""
+    """A serial port that is read reply by reply. Every method may raise `PortError`."""
 
-    def __init__(self, port: serial.Serial, clock_s: Callable[[], float]) -> None:
+    def __init__(self, port: SerialPort) -> None:
         self._port = port
-        self._clock_s = clock_s
         self._splitter = ReplySplitter()
         self.received_bytes = 0
-        port.timeout = READ_TIMEOUT_S
+
+    @property
+    def url(self) -> str:
+        """URL of the port, for error messages."""
+        return self._port.url
 
     def now_s(self) -> float:
-        """The time of the world that the port lives in."""
-        return self._clock_s()
+        """Return the time [s] on the clock of the port."""
+        return self._port.now_s()
 
     def send(self, lines: bytes) -> None:
-        """Write requests; the first line feed ends whatever half a line the device may hold."""
+        """Write requests. The leading line feed ends a partial line that the device may hold."""
         self._port.write(b"\n" + lines)
 
-    def take(self) -> list[bytes]:
+    def poll(self) -> list[bytes]:
         """Return the replies that are complete by now, without waiting."""
-        return self._feed(self._port.read(self._port.in_waiting))
+        return self._feed(self._port.read_available())
 
     def wait(self) -> list[bytes]:
         """Return the replies that are complete after a short wait for at least one byte."""
-        return self._feed(self._port.read(max(1, self._port.in_waiting)))
+        return self._feed(self._port.read_available(READ_TIMEOUT_S))
 
-    def ask(self, command: bytes, timeout_s: float) -> Reply | None:
-        """Send one request and return the reply that echoes it, None if there is none in time.
+    def request(self, command: bytes, timeout_s: float) -> Reply | None:
+        """Send one request; return the reply that echoes it, or None if there is none in time.
 
-        Other replies are thrown away: a stream may still be running.
+        Drops all other replies, because a stream may still be running.
         """
         self.send(command + b"\n")
         until_s = self.now_s() + timeout_s
@@ -53,8 +53,8 @@ class ScipPort:
                     continue
         return None
 
-    def forget(self) -> None:
-        """Drop a reply that has begun."""
+    def drop_partial_reply(self) -> None:
+        """Drop an incomplete reply."""
         self._splitter.clear()
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Wake a SCIP 2.0 lidar, whatever state it is in, and learn its geometry."""
+"""Start a SCIP 2.0 lidar from any state and read its geometry."""
 
 from dataclasses import dataclass
 
@@ -15,11 +15,11 @@ STATUS_ALREADY_ON = "02"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScipGeometry:
-    """What PP tells: where the beams point, and when."""
+    """Beam directions and timing, from the reply to PP."""
 
     first_step: int  # AMIN
     last_step: int  # AMAX
-    front_step: int  # AFRT: the step that looks ahead
+    front_step: int  # AFRT: the step that points straight ahead
     steps_per_revolution: int  # ARES
     revolution_s: float  # 60 / SCAN
     range_max_m: float  # DMAX
@@ -30,11 +30,11 @@ class ScipGeometry:
             and self.steps_per_revolution > 0
             and self.revolution_s > 0
         ):
-            raise ValueError(f"no possible lidar: {self}")
+            raise ValueError(f"impossible geometry: {self}")
 
     @property
     def beams(self) -> int:
-        """Beams in one scan."""
+        """Number of beams in one scan."""
         return self.last_step - self.first_step + 1
 
     @property
@@ -43,43 +43,44 @@ class ScipGeometry:
         return self.revolution_s / self.steps_per_revolution
 
 
-def stop_and_identify(port: ScipPort, name: str) -> dict[str, str]:
-    """Stop a stream left running, switch to SCIP 2.0, and return the identity: VEND, PROD, FIRM, PROT, SERI.
+def stop_and_identify(port: ScipPort) -> dict[str, str]:
+    """Stop a running stream, switch to SCIP 2.0 and return the identity: VEND, PROD, FIRM, PROT, SERI.
 
-    VV is asked once: some URG-04LX fall silent at the second. An empty identity is no error.
+    Sends VV only once, because some URG-04LX stop answering after a second one. An empty identity is valid.
 
     Raises
     ------
     ThumperError
-        Nothing, or nothing that speaks SCIP, is on the port called `name`.
+        No device answers, or the device does not speak SCIP.
     """
-    answer = port.ask(b"QT", REPLY_TIMEOUT_S)
-    port.ask(b"TM2", REPLY_TIMEOUT_S)  # somebody may have left it in clock mode, in which it obeys only TM
-    port.ask(b"SCIP2.0", REPLY_TIMEOUT_S)  # needed by old units, unknown to new ones: any answer will do
-    if answer is None and port.ask(b"QT", REPLY_TIMEOUT_S) is None:
+    answer = port.request(b"QT", REPLY_TIMEOUT_S)
+    port.request(b"TM2", REPLY_TIMEOUT_S)  # leave clock mode, in which the lidar accepts only TM
+    port.request(b"SCIP2.0", REPLY_TIMEOUT_S)  # old units need it, new ones do not know it: ignore the reply
+    if answer is None and port.request(b"QT", REPLY_TIMEOUT_S) is None:
         if port.received_bytes == 0:
             raise ThumperError(
-                f"no lidar answers on {name}; is it plugged in? `thumper doctor` lists the ports",
+                f"no lidar answers on {port.url}; is it plugged in? `thumper doctor` lists the ports",
                 exit_code=EXIT_NOT_THERE,
             )
         raise ThumperError(
-            f"what is on {name} is no SCIP 2.0 lidar; give the lidar's port, `thumper doctor` lists them",
+            f"the device on {port.url} is not a SCIP 2.0 lidar; set the lidar's port "
+            "(`thumper doctor` lists the ports)",
             exit_code=EXIT_NOT_THERE,
         )
-    identity = port.ask(b"VV", REPLY_TIMEOUT_S)
+    identity = port.request(b"VV", REPLY_TIMEOUT_S)
     return parse_table(identity)[0] if identity else {}
 
 
-def read_geometry(port: ScipPort, name: str) -> ScipGeometry:
-    """Ask for the parameters until they come without an error.
+def read_geometry(port: ScipPort) -> ScipGeometry:
+    """Request the parameters until they arrive without an error.
 
     Raises
     ------
     ThumperError
-        They do not come, or make no sense.
+        They do not arrive, or are impossible.
     """
     for _ in range(PARAMETER_TRIES):
-        reply = port.ask(b"PP", REPLY_TIMEOUT_S)
+        reply = port.request(b"PP", REPLY_TIMEOUT_S)
         if reply is None:
             continue
         table, bad_lines = parse_table(reply)
@@ -97,33 +98,34 @@ def read_geometry(port: ScipPort, name: str) -> ScipGeometry:
         except (KeyError, ValueError, ZeroDivisionError):
             continue
     raise ThumperError(
-        f"the lidar on {name} does not tell its parameters (PP); unplug it, wait 5 s and plug it in again",
+        f"the lidar on {port.url} does not report its parameters (PP); "
+        "unplug it, wait 5 s and plug it in again",
         exit_code=EXIT_NOT_THERE,
     )
 
 
-def sync_clock(port: ScipPort, fit: ClockSync) -> None:
-    """Ask for the device's clock a few times and give `fit` the quickest answer, if there is any."""
+def sync_clock(port: ScipPort, clock_sync: ClockSync) -> None:
+    """Read the device's clock a few times and pass the fastest reply, if any, to `clock_sync`."""
     best: tuple[float, int, float, float] | None = None
-    if port.ask(b"TM0", REPLY_TIMEOUT_S) is None:
+    if port.request(b"TM0", REPLY_TIMEOUT_S) is None:
         return
     for _ in range(CLOCK_TRIES):
-        asked_s = port.now_s()
-        reply = port.ask(b"TM1", REPLY_TIMEOUT_S)
-        answered_s = port.now_s()
+        sent_s = port.now_s()
+        reply = port.request(b"TM1", REPLY_TIMEOUT_S)
+        received_s = port.now_s()
         if reply is None or reply.status != STATUS_OK:
             continue
         try:
-            attempt = (answered_s - asked_s, parse_time(reply), asked_s, answered_s)
+            attempt = (received_s - sent_s, parse_time(reply), sent_s, received_s)
         except ScipError:
             continue
         best = attempt if best is None else min(best, attempt)
-    port.ask(b"TM2", REPLY_TIMEOUT_S)
+    port.request(b"TM2", REPLY_TIMEOUT_S)
     if best is not None:
-        fit.sync(best[1], best[2], best[3])
+        clock_sync.sync(best[1], best[2], best[3])
 
 
-def enable_laser(port: ScipPort, name: str) -> None:
+def enable_laser(port: ScipPort) -> None:
     """Switch the laser on.
 
     Raises
@@ -131,11 +133,11 @@ def enable_laser(port: ScipPort, name: str) -> None:
     ThumperError
         The lidar refuses.
     """
-    reply = port.ask(b"BM", REPLY_TIMEOUT_S)
+    reply = port.request(b"BM", REPLY_TIMEOUT_S)
     status = reply.status if reply else "none"
     if status not in {STATUS_OK, STATUS_ALREADY_ON}:
         raise ThumperError(
-            f"the lidar on {name} does not light its laser (status {status}); "
-            "unplug it, wait 5 s and plug it in again; if that does not help, it is broken",
+            f"the lidar on {port.url} does not switch its laser on (status {status}); "
+            "unplug it, wait 5 s and plug it in again. If that does not help, the lidar is broken",
             exit_code=EXIT_NOT_THERE,
         )

@@ -6,7 +6,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from thumper.common.geometry import Pose2
-from thumper.common.serial_port import is_simulated
 from thumper.config.robot import RobotConfig
 from thumper.recording.recorder import Recorder
 from thumper.recording.repair import recover_apart
@@ -41,7 +40,7 @@ class RecordSwitch:
             config=self._config,
             epoch_ns=self._robot.publisher.messages.epoch_ns,
             map_from_base=situation.map_from_base if situation else self._start_pose,
-            simulated=is_simulated(board.port),
+            simulated=board.port.is_simulated,
             firmware=firmware_words(board.identity),
             from_start=situation is None and not localizing,
         )

@@ -8,7 +8,6 @@ from thumper.board.messages import Identity
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2
 from thumper.common.kinematics import DriveGeometry
-from thumper.common.serial_port import has_simulated_clock, is_simulated
 from thumper.common.signals import record_interrupts
 from thumper.common.stamps import epoch_ns_at
 from thumper.config.robot import RobotConfig
@@ -59,7 +58,7 @@ def open_robot(
             service=config.service,
             open_board=lambda: Board.open(config.board.port, baud=config.board.baud),
             open_lidar=lambda: open_lidar(config.lidar),
-            simulator=getattr(board.port, "simulator", None),
+            simulator=getattr(board.port.raw, "simulator", None),
             estimator=StateEstimator(
                 drive=config.drive, base_from_laser=base_from_laser, mapper=mapper, imu=config.imu
             ),
@@ -93,9 +92,9 @@ def robot_mapper(config: RobotConfig, map_from_base: Pose2) -> SlamModeSwitch:
 
 
 def _publisher(config: RobotConfig, board: Board) -> Publisher:
-    simulated = is_simulated(board.port)
+    simulated = board.port.is_simulated
     # A simulation begins at zero; a real robot's stamps are the date.
-    epoch_ns = 0 if has_simulated_clock(board.port) else epoch_ns_at(board.now_s())
+    epoch_ns = 0 if board.port.has_simulated_clock else epoch_ns_at(board.now_s())
     return Publisher(
         robot=config.name,
         base_from_laser=config.lidar.base_from_laser,

@@ -14,7 +14,6 @@ from thumper.board.board import Board, TelemetrySample
 from thumper.board.messages import State
 from thumper.common.errors import ThumperError
 from thumper.common.kinematics import DriveGeometry
-from thumper.common.serial_port import has_simulated_clock
 from thumper.common.signals import raise_lost_interrupt
 from thumper.config.manual_drive import ManualDriveOptions
 from thumper.lidar.driver import LidarDriver
@@ -88,7 +87,7 @@ class RobotLoop:
             simulator=simulator,
         )
         self._open_board = open_board
-        self._rate = RealTimeRate(self._now_s, paced=has_simulated_clock(board.port))
+        self._rate = RealTimeRate(self._now_s, paced=board.port.has_simulated_clock)
         self._silent_cycles = 0
         self._timing = LoopTiming()
 

@@ -68,7 +68,7 @@ def test_an_unknown_kind_of_url() -> None:
 
 def test_a_silent_port() -> None:
     with device(lambda _: b"") as url:
-        assert "stays silent" in refusal(url)
+        assert "sends nothing" in refusal(url)
 
 
 def test_a_device_that_speaks_something_else() -> None:

@@ -2,12 +2,13 @@
 
 from collections import deque
 from collections.abc import Iterator
+from typing import cast
 
 import pytest
 import serial
 
 from thumper.board.options import BoardOptions
-from thumper.common.serial_port import open_port, port_clock
+from thumper.common.serial_port import SerialPort, open_port
 from thumper.doctor.board_checks import check_board
 from thumper.doctor.check import Check
 from thumper.doctor.lidar_checks import check_lidar
@@ -20,9 +21,12 @@ STEP_S = 0.001
 class DelayedPort:
     """A simulated port behind a wire that takes its time, in simulated seconds, each way."""
 
-    def __init__(self, port: serial.Serial, delay_s: float) -> None:
-        self._port, self._delay_s = port, delay_s
-        self.clock_s = port_clock(port)
+    port = "delayed"
+    baudrate = 500_000
+
+    def __init__(self, port: SerialPort, delay_s: float) -> None:
+        self._port, self._delay_s = port.raw, delay_s
+        self.clock_s = port.now_s
         self.timeout = 0.02
         self._out: deque[tuple[float, bytes]] = deque()
         self._in: deque[tuple[float, bytes]] = deque()
@@ -63,8 +67,8 @@ def delay_s(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> 
     """Both of the doctor's ports are delayed by this, each way [s]."""
     delay_s: float = request.param
 
-    def delayed(url: str, *, baud: int, name: str) -> DelayedPort:
-        return DelayedPort(open_port(url, baud=baud, name=name), delay_s)
+    def delayed(url: str, *, baud: int, name: str) -> SerialPort:
+        return SerialPort(cast("serial.Serial", DelayedPort(open_port(url, baud=baud, name=name), delay_s)))
 
     for module in ("thumper.doctor.board_checks", "thumper.lidar.open_lidar"):
         monkeypatch.setattr(f"{module}.open_port", delayed)

@@ -7,6 +7,7 @@ import serial
 
 from tests.host.lidar.test_ld19_protocol import PUBLISHED
 from thumper.common.errors import ThumperError
+from thumper.common.serial_port import SerialPort
 from thumper.lidar.ld19 import Ld19Driver
 
 
@@ -39,14 +40,14 @@ class OneWayPort:
 @pytest.mark.parametrize(
     ("port", "says"),
     [
-        (OneWayPort(b""), "nothing comes from the lidar"),
-        (OneWayPort(b"MD0044072501000\n99b\n"), "no LD19 at 115200 baud; it needs 230400"),
+        (OneWayPort(b""), "no data from the lidar"),
+        (OneWayPort(b"MD0044072501000\n99b\n"), "not an LD19 at 115200 baud .an LD19 needs 230400"),
         (OneWayPort(b"", fails=True), "cable loose"),
     ],
 )
 def test_the_start_fails_in_one_line_that_names_the_port(port: OneWayPort, says: str) -> None:
     with pytest.raises(ThumperError, match=says) as caught:
-        Ld19Driver(cast("serial.Serial", port))
+        Ld19Driver(SerialPort(cast("serial.Serial", port)))
     assert caught.value.exit_code == 3
     assert "/dev/ttyUSB7" in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -54,4 +55,4 @@ def test_the_start_fails_in_one_line_that_names_the_port(port: OneWayPort, says:
 
 
 def test_one_frame_is_enough_to_start() -> None:
-    Ld19Driver(cast("serial.Serial", OneWayPort(PUBLISHED)))
+    Ld19Driver(SerialPort(cast("serial.Serial", OneWayPort(PUBLISHED))))

@@ -7,6 +7,7 @@ import pytest
 import serial
 
 from thumper.common.errors import ThumperError
+from thumper.common.serial_port import SerialPort
 from thumper.lidar.scip import checksum
 from thumper.lidar.urg04lx import Urg04LxDriver
 
@@ -75,7 +76,7 @@ def plain_lidar(line: bytes) -> bytes:
 
 def start(answer: Answer) -> tuple[ScriptedPort, Urg04LxDriver]:
     port = ScriptedPort(answer)
-    return port, Urg04LxDriver(cast("serial.Serial", port))
+    return port, Urg04LxDriver(SerialPort(cast("serial.Serial", port)))
 
 
 def refusal(answer: Answer) -> str:
@@ -93,7 +94,7 @@ def test_silence_is_no_lidar() -> None:
 
 
 def test_another_device_is_no_lidar() -> None:
-    assert "no SCIP 2.0 lidar" in refusal(lambda _: b"\x00\x81\x07telemetry\x00\n\n")
+    assert "not a SCIP 2.0 lidar" in refusal(lambda _: b"\x00\x81\x07telemetry\x00\n\n")
 
 
 def test_a_lidar_that_refuses_to_light_is_named_with_its_status() -> None:
@@ -107,7 +108,7 @@ def test_a_plug_pulled_during_the_start_is_one_line() -> None:
             raise OSError("input/output error")  # not wrapped by pyserial
 
     with pytest.raises(ThumperError, match="cable loose") as caught:
-        Urg04LxDriver(cast("serial.Serial", PulledPort(plain_lidar)))
+        Urg04LxDriver(SerialPort(cast("serial.Serial", PulledPort(plain_lidar))))
     assert caught.value.exit_code == 3
 
 

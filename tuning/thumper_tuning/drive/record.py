@@ -8,7 +8,6 @@ from pathlib import Path
 
 from thumper.board.board import Board, TelemetrySample
 from thumper.board.messages import State
-from thumper.common.serial_port import has_simulated_clock
 from thumper.common.stamps import epoch_ns_at
 from thumper_tuning.drive.board_gains import armed, beat
 from thumper_tuning.drive.excitation import ExcitationOptions, blocks
@@ -51,7 +50,7 @@ def record(board: Board, options: ExcitationOptions, path: Path, show: Show) -> 
             _drive(board, options, samples, show)
     finally:
         write_rows(path, [_row(sample) for sample in samples])
-        epoch_ns = 0 if has_simulated_clock(board.port) else epoch_ns_at(board.now_s())
+        epoch_ns = 0 if board.port.has_simulated_clock else epoch_ns_at(board.now_s())
         write_wheels(path.with_suffix(".mcap"), samples, epoch_ns)
     return path
 
