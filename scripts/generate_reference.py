@@ -37,12 +37,12 @@ def cli_page() -> str:
         "## Exit codes\n",
         "| code | meaning |",
         "|---|---|",
-        "| 0 | all is well |",
-        "| 1 | what was asked for did not come about: a goal not reached, no way |",
-        "| 2 | wrong input: an option, a file, a goal that cannot be |",
-        "| 3 | a device, or the robot that is asked, is missing or does not answer |",
-        "| 4 | a check failed, or a part is not installed |",
-        "| 130 | interrupted with Ctrl-C; the motors were stopped first |",
+        "| 0 | success; also Ctrl-C on a robot that runs without a goal |",
+        "| 1 | the task failed: goal not reached, no path |",
+        "| 2 | invalid input |",
+        "| 3 | a device or the addressed robot is missing or does not answer |",
+        "| 4 | a check failed: of the robot, of data, or of the installation and build |",
+        "| 130 | Ctrl-C interrupted a drive |",
         "",
     ]
     return "\n".join(parts)

@@ -3,7 +3,7 @@
 from thumper.common.errors import ThumperError
 from thumper.common.version import __version__
 
-TYPE_CHECKING = False  # of `typing`, which takes longer to import than all that stands before the command
+TYPE_CHECKING = False  # importing typing would take longer than all other imports here
 if TYPE_CHECKING:
     from thumper.robot import Robot
 
@@ -11,7 +11,7 @@ __all__ = ["Robot", "ThumperError", "__version__"]
 
 
 def __getattr__(name: str) -> object:
-    """`from thumper import Robot` loads what a robot takes; `import thumper` alone stays quick."""
+    """Import `Robot` on first use, so that `import thumper` alone stays fast."""
     if name == "Robot":
         from thumper.robot import Robot
 

@@ -7,10 +7,10 @@ from thumper.common.errors import EXIT_INTERRUPTED
 
 
 def main() -> None:
-    """Load the command line and run it; until it is there, Ctrl-C or a polite kill just ends the process."""
+    """Load and run the command line; until it is loaded, Ctrl-C and SIGTERM end the process at once."""
     for number in (signal.SIGINT, signal.SIGTERM):
-        if signal.getsignal(number) is not signal.SIG_IGN:  # a shell's `&` makes it ignored
-            # Not an exception: an import that is interrupted halfway may turn it into another error.
+        if signal.getsignal(number) is not signal.SIG_IGN:  # a shell ignores it for `command &`
+            # No exception: an interrupted import may turn it into another error.
             signal.signal(number, lambda *_: os._exit(EXIT_INTERRUPTED))
     from thumper.cli.app import main as run_command
 

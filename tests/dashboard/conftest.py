@@ -40,7 +40,7 @@ class Server:
         self._log = folder / f"dashboard-{self.port}.log"
         self._command = [
             *(sys.executable, "-m", "thumper", "dashboard"),
-            *("--robot-address", robot_address, "--port", str(self.port), *more),
+            *("--bus", robot_address, "--port", str(self.port), *more),
         ]
         self.start()
 

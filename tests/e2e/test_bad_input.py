@@ -109,4 +109,4 @@ def test_a_mistyped_option_of_goto_is_no_heading(thumper: Run) -> None:
     """Negative coordinates look like options, so an option that does not exist is read as one."""
     done = thumper("goto", "1", "-0.5", "--tolerence")
     assert done.returncode == 2
-    assert "'--tolerence' is no number" in done.stderr
+    assert "'--tolerence' is neither a number nor an option" in done.stderr

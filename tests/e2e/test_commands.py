@@ -88,9 +88,9 @@ def test_watch(thumper: Run, bus: str) -> None:
     [
         (["status", "--bus", "127.0.0.1:1"], 3, "no robot is running at 127.0.0.1:1"),
         (["stop", "--bus", "nonsense"], 2, "give HOST:PORT"),
-        (["dashboard", "--robot-address", "nonsense"], 2, "give HOST:PORT"),
+        (["dashboard", "--bus", "nonsense"], 2, "give HOST:PORT"),
         (["flash", "--port", "/dev/null", "--hex", "none.hex"], 2, "none.hex: no such file"),
-        (["watch", "nonsense"], 2, "no topic 'nonsense'"),
+        (["watch", "nonsense"], 2, "unknown topic 'nonsense'"),
         (["goto", "nan", "0"], 2, "finite"),
         (["run", "--patrol", "2"], 2, "--patrol belongs to --waypoint"),
         (["run", "--bus", "0.0.0.0:7447"], 2, "set a token"),

@@ -37,8 +37,8 @@ def test_a_map_is_edited_into_another(thumper: Run, tmp_path: Path) -> None:
     np.testing.assert_array_equal(said.counts.grid(0.25).cells, made.cells)
     assert said.map_from_base is None
     before = new.read_bytes()
-    refused(thumper("edit", lab, "--trim", "--out", new), str(new), "there already")
-    refused(thumper("edit", new, "--rotate", "90", "--out", new), "there already")
+    refused(thumper("edit", lab, "--trim", "--out", new), str(new), "already exists")
+    refused(thumper("edit", new, "--rotate", "90", "--out", new), "already exists")
     assert new.read_bytes() == before
     done = thumper("edit", new, "--rotate", "90", "--out", new, "--force")
     assert done.returncode == 0, done.stderr
@@ -55,7 +55,7 @@ def test_a_session_stays_that_of_its_map(thumper: Run, tmp_path: Path) -> None:
         SavedSlamState(counts=HitCounts.from_grid(grid), map_from_base=was), lab.with_suffix(".session")
     )
     new.write_text("of another map")
-    refused(thumper("edit", lab, "--rotate", "90", "--out", tmp_path / "new"), str(new), "there already")
+    refused(thumper("edit", lab, "--rotate", "90", "--out", tmp_path / "new"), str(new), "already exists")
     assert [new.read_text(), (tmp_path / "new.yaml").exists()] == ["of another map", False]
     done = thumper("edit", lab, "--rotate", "90", "--out", lab, "--force")
     assert done.returncode == 0, done.stderr
@@ -87,7 +87,7 @@ def test_what_cannot_be_edited_is_refused(thumper: Run, tmp_path: Path) -> None:
         ((lab, "--wall", "1,2,3"), "--wall 1,2,3: give X0,Y0,X1,Y1"),
         ((lab, "--free", "90,0,91,1"), "beside the map"),
         ((lab, "--crop", "0,0,1,1", "--trim"), "give one"),
-        ((lab, "--trim", "--out", tmp_path), "this is a folder; name the new map"),
+        ((lab, "--trim", "--out", tmp_path), "is a directory; name the new map"),
         ((tmp_path / "none.yaml", "--trim"), "none.yaml"),
     ):
         done = thumper("edit", "--out", tmp_path / "new.yaml", *arguments)

@@ -1,4 +1,4 @@
-"""The `thumper` command. Each command imports what it needs when it runs, so that `--help` is quick."""
+"""The `thumper` command. Commands import their modules when they run, so that `--help` is fast."""
 
 import signal
 import sys
@@ -36,9 +36,9 @@ def _show_version(wanted: bool) -> None:
 
 
 def build_app() -> typer.Typer:
-    """All commands, those of other packages included."""
+    """Build the command line from the commands below and the plugins of other packages."""
     app = typer.Typer(
-        help="A brain for differential-drive robots: holds wheel speeds, maps, and drives to a goal.",
+        help="A brain for differential-drive robots: wheel speed control, mapping and navigation.",
         no_args_is_help=True,
         rich_markup_mode="markdown",  # in "rich" a unit such as [m] is markup and vanishes
         pretty_exceptions_enable=False,
@@ -48,17 +48,17 @@ def build_app() -> typer.Typer:
     @app.callback()
     def _options(
         version: bool = typer.Option(
-            False, "--version", callback=_show_version, is_eager=True, help="Print the version and leave."
+            False, "--version", callback=_show_version, is_eager=True, help="Print the version and exit."
         ),
     ) -> None:
         pass
 
     for plugin in sorted(entry_points(group="thumper.commands"), key=lambda point: point.name):
-        part = plugin.load()  # a command, or a group of commands
-        if isinstance(part, typer.Typer):
-            app.add_typer(part, name=plugin.name)
+        loaded = plugin.load()  # a command, or a group of commands
+        if isinstance(loaded, typer.Typer):
+            app.add_typer(loaded, name=plugin.name)
         else:
-            app.command(plugin.name)(part)
+            app.command(plugin.name)(loaded)
     for command in (
         run,
         goto,
@@ -81,31 +81,31 @@ def build_app() -> typer.Typer:
         recover,
         export,
     ):
-        # goto's negative coordinates are no options
+        # so that goto accepts negative coordinates
         settings = {"ignore_unknown_options": True} if command is goto else None
         app.command(command.__name__.replace("_", "-"), context_settings=settings)(command)
     return app
 
 
 def main() -> None:
-    """Run the command line; a fault that the user can mend is one line on stderr, never a traceback."""
+    """Run the command line; print an error that the user can fix as one line, without a traceback."""
     try:
-        app = build_app()  # which imports, so that Ctrl-C may just end the process till then
-        for number in (signal.SIGINT, signal.SIGTERM):  # a polite kill is a Ctrl-C: motors first
+        app = build_app()  # Ctrl-C may end the process during these imports: nothing runs yet
+        for number in (signal.SIGINT, signal.SIGTERM):  # SIGTERM acts as Ctrl-C: motors first
             if signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, signal.default_int_handler)
         app()
     except ThumperError as error:
-        _leave(error)
+        _exit_with(error)
     except ModuleNotFoundError as error:
         module = error.name or ""
         extra = extra_providing(module)
         if extra is None:
             raise
-        _leave(missing_package(extra, module))
+        _exit_with(missing_package(extra, module))
 
 
-def _leave(error: ThumperError) -> NoReturn:
+def _exit_with(error: ThumperError) -> NoReturn:
     option = f" ({error.option})" if error.option else ""
     print(f"thumper: {error}{option}", file=sys.stderr)
     sys.exit(error.exit_code)

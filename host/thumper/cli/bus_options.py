@@ -1,32 +1,24 @@
-"""The options by which a command finds a running robot, and the way to it."""
+"""Connect a command to the bus of a running robot."""
 
 import os
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from thumper.bus.client import BusClient
     from thumper.config.bus import BusOptions
 
-TOKEN_VARIABLE = "THUMPER_TOKEN"  # not an option: others can read a command line
-
-Config = Annotated[
-    Path | None, typer.Option(help="The robot's TOML: its name, and [bus] with address and token.")
-]
-Address = Annotated[str, typer.Option("--bus", help="HOST:PORT of the robot's bus.")]
-Robot = Annotated[str, typer.Option(help="The robot's name on the bus.")]
+TOKEN_VARIABLE = "THUMPER_TOKEN"  # not an option: other users can read a process's command line
 
 
-def join(config: Path | None, address: str, robot: str) -> "BusClient":
-    """Join the bus of the robot that the options name; the token may also be in $THUMPER_TOKEN.
+def connect(config: Path | None, address: str, robot: str) -> "BusClient":
+    """Return a client of the robot that `--config`, `--bus` and `--robot` name.
 
     Raises
     ------
     ThumperError
-        No such robot, or wrong options.
+        No such robot, or invalid options.
     """
     from thumper.bus.client import BusClient
     from thumper.common.errors import EXIT_USAGE, ThumperError
@@ -34,9 +26,9 @@ def join(config: Path | None, address: str, robot: str) -> "BusClient":
 
     if robot and not re.fullmatch(ROBOT_NAME, robot):
         raise ThumperError(
-            f"--robot {robot!r} is no robot's name: letters, digits, - and _", exit_code=EXIT_USAGE
+            f"--robot {robot!r} is not a robot name; use letters, digits, - and _", exit_code=EXIT_USAGE
         )
-    name, options = _settings(config)
+    name, options = _name_and_bus(config)
     address = address or options.address
     try:
         split_address(address)
@@ -46,14 +38,14 @@ def join(config: Path | None, address: str, robot: str) -> "BusClient":
 
 
 def token_of(config: Path | None) -> str:
-    """The shared secret: from the environment, or the configuration; empty for none."""
-    return os.environ.get(TOKEN_VARIABLE) or _settings(config)[1].token
+    """Return the bus token from $THUMPER_TOKEN or the configuration; empty for none."""
+    return os.environ.get(TOKEN_VARIABLE) or _name_and_bus(config)[1].token
 
 
-def _settings(config: Path | None) -> "tuple[str, BusOptions]":
+def _name_and_bus(config: Path | None) -> "tuple[str, BusOptions]":
     from thumper.config.bus import USUAL_ROBOT, BusOptions
 
-    if config is None:  # reading the configuration takes a second that a stop does not have
+    if config is None:  # loading the whole configuration takes 1 s, too long for `thumper stop`
         return USUAL_ROBOT, BusOptions()
     from thumper.config.robot import load_config
 

@@ -1,28 +1,31 @@
-"""`thumper dashboard`: watch and steer a running robot in the browser."""
+"""`thumper dashboard`: watch and control a running robot in the browser."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from thumper.cli.common_options import BusAddress, ConfigFile
+
 
 def dashboard(
-    robot_address: Annotated[
-        str, typer.Option(help="HOST:PORT of the robot's bus; overrides the configuration.")
-    ] = "",
+    bus: BusAddress = "",
     host: Annotated[
-        str, typer.Option(help="Address to serve at; any but loopback needs a password and HTTPS.")
+        str,
+        typer.Option(help="Address to listen on; any other than loopback needs a password and HTTPS."),
     ] = "",
-    port: Annotated[int, typer.Option(help="Port to serve at; 0: as configured.", min=0, max=65535)] = 0,
-    config: Annotated[Path | None, typer.Option(help="The robot's TOML; without it, a Wild Thumper.")] = None,
+    port: Annotated[int, typer.Option(help="Port to listen on; 0: as configured.", min=0, max=65535)] = 0,
+    config: ConfigFile = None,
     make_certificate: Annotated[
-        bool, typer.Option("--make-certificate", help="Make a certificate for HTTPS, and leave.")
+        bool, typer.Option("--make-certificate", help="Create a certificate for HTTPS and exit.")
     ] = False,
 ) -> None:
-    """Serve the page to watch and steer a running robot; Ctrl-C ends it, and the robot stops if it drove.
+    """Serve the browser page to watch and control a running robot, until Ctrl-C.
 
-    The page speaks to `thumper run` over the bus and may be started before it.
+    The page connects to `thumper run` over the bus; start the two in any order. A robot that the page drives
+    stops when the page ends.
+
+    Example: `thumper dashboard --bus 192.168.1.20:7447`
     """
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.config.bus import split_address
@@ -38,14 +41,14 @@ def dashboard(
 
         certificate, key = own_certificate()
         fingerprint = make(certificate, key, own_names(options.host))
-        print(f"{certificate} and {key} are there; the browser will show SHA-256 {fingerprint}")
+        print(f"wrote {certificate} and {key}; the browser will show SHA-256 {fingerprint}")
         return
-    address = robot_address or settings.bus.address
+    address = bus or settings.bus.address
     try:
         split_address(address)
     except ValueError as error:
-        raise ThumperError(f"--robot-address {error}", exit_code=EXIT_USAGE) from error
-    listening = checked(options)  # before the slow imports: what is wrong is said at once
+        raise ThumperError(f"--bus {error}", exit_code=EXIT_USAGE) from error
+    listening = checked(options)  # before the slow imports, so that errors appear at once
     from thumper.dashboard.process import run_dashboard
 
     run_dashboard(settings, listening, address)

@@ -1,4 +1,4 @@
-"""`thumper doctor`: what is missing on this computer, and how to get it."""
+"""`thumper doctor`: check the computer and the robot, and say how to fix what fails."""
 
 import json
 import shutil
@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from thumper.cli.common_options import AsJson, BoardPort, ConfigFile, LidarPort
 from thumper.doctor.check import Check
 
 KNOWN_USB = {
@@ -22,18 +23,24 @@ KNOWN_USB = {
 
 
 def doctor(
-    board: Annotated[str, typer.Option(help="Also measure the board on this port or URL.")] = "",
-    lidar: Annotated[str, typer.Option(help="Also measure the lidar on this port or URL.")] = "",
-    config: Annotated[
-        Path | None, typer.Option(help="The robot's TOML: measure the board and the lidar that it names.")
-    ] = None,
-    seconds: Annotated[float, typer.Option(help="How long to watch each.", min=1.0, max=60.0)] = 3.0,
+    board: BoardPort = "",
+    lidar: LidarPort = "",
+    config: ConfigFile = None,
+    seconds: Annotated[
+        float, typer.Option(help="Duration of each link measurement, in seconds.", min=1.0, max=60.0)
+    ] = 3.0,
     spin: Annotated[
-        bool, typer.Option(help="Also turn each wheel, slowly, to check the encoders: WHEELS UP.")
+        bool,
+        typer.Option("--spin", help="Also turn each wheel slowly to check the encoders: WHEELS UP."),
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Check this computer, and with --board and --lidar the robot; say how to mend what is missing."""
+    """Check the computer and, with --board, --lidar or --config, the robot; say how to fix what fails.
+
+    Exits with 4 if a check failed.
+
+    Example: `thumper doctor --board /dev/ttyUSB0 --lidar /dev/ttyACM0`
+    """
     checks = _checks(board, lidar, config, seconds, spin)
     if as_json:
         rows = [asdict(check) for check in checks]
@@ -67,13 +74,13 @@ def _checks(board: str, lidar: str, config: Path | None, seconds: float, spin: b
 
 
 def _consent() -> bool:
-    # Not typer.confirm: it writes a blank to stdout, which belongs to the report.
+    # Not typer.confirm, which writes to stdout; stdout carries only the report.
     typer.echo("The wheels will turn. Is the robot on a stand, wheels in the air? [y/N] ", err=True, nl=False)
     return sys.stdin.readline().strip().lower() in {"y", "yes"}
 
 
 def _print(checks: Iterator[Check]) -> bool:
-    """Print each line as it comes; returns whether one failed."""
+    """Print each check as it completes; return whether one failed."""
     from rich.console import Console
     from rich.markup import escape
 
@@ -124,15 +131,17 @@ def _ports() -> Iterator[Check]:
             yield Check(
                 verdict="fail",
                 what=f"{port.device}: {name}",
-                cure="not permitted: sudo usermod -aG dialout $USER",
+                cure="no permission; run: sudo usermod -aG dialout $USER",
             )
         except OSError:
             yield Check(
                 verdict="warn",
                 what=f"{port.device}: {name}",
-                cure="cannot be opened; is another program using it?",
+                cure="cannot be opened; close other programs that use it",
             )
     if not found:
         yield Check(
-            verdict="warn", what="no USB serial port", cure="plug in board and lidar, or use sim:// ports"
+            verdict="warn",
+            what="no USB serial port",
+            cure="plug in the board and the lidar, or use sim:// ports",
         )

@@ -1,6 +1,8 @@
-"""`thumper edit`: turn a saved map, crop it, make parts of it free, a wall or unknown, its session too."""
+"""`thumper edit`: rotate, crop and correct a saved map and its session."""
 
 import math
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,80 +13,58 @@ if TYPE_CHECKING:
     from thumper.maps.edit import Box
     from thumper.maps.occupancy_grid import OccupancyGrid
 
-BOX = "X0,Y0,X1,Y1 in metres, in the map once turned"
+BOX = "X0,Y0,X1,Y1 in metres after rotation"
 
 
 def edit(
-    file: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="The map, as map_server saves it.")],
-    out: Annotated[Path, typer.Option(help="The new map's .yaml; its image and session are put beside it.")],
+    file: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="Saved map in map_server format.")],
+    out: Annotated[Path, typer.Option(help="The new map's .yaml; its image and session go beside it.")],
     rotate: Annotated[
         float,
         typer.Option(
-            help="Turn it counter-clockwise about its origin (0, 0), by so many degrees.", min=-360, max=360
+            help="Rotate counter-clockwise about the map's origin (0, 0), in degrees.", min=-360, max=360
         ),
     ] = 0.0,
-    free: Annotated[
-        list[str] | None, typer.Option(help=f"Make a box free: {BOX}; may be given often.")
-    ] = None,
+    free: Annotated[list[str] | None, typer.Option(help=f"Make a box free: {BOX}; repeat for more.")] = None,
     wall: Annotated[
-        list[str] | None, typer.Option(help=f"Make a box occupied: {BOX}; may be given often.")
+        list[str] | None, typer.Option(help=f"Make a box occupied: {BOX}; repeat for more.")
     ] = None,
     unknown: Annotated[
-        list[str] | None, typer.Option(help=f"Make a box unknown: {BOX}; may be given often.")
+        list[str] | None, typer.Option(help=f"Make a box unknown: {BOX}; repeat for more.")
     ] = None,
-    crop: Annotated[str, typer.Option(help=f"Keep this box alone: {BOX}.")] = "",
-    trim: Annotated[bool, typer.Option("--trim", help="Keep what is known, and 0.5 m round it.")] = False,
+    crop: Annotated[str, typer.Option(help=f"Crop to a box: {BOX}.")] = "",
+    trim: Annotated[bool, typer.Option("--trim", help="Crop to the known area and 0.5 m around it.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Overwrite --out, even if it is MAP.yaml.")] = False,
 ) -> None:
-    """Change a saved map and save it as another one; what is unknown stays unknown.
+    """Edit a saved map and save the result as a new map with its session.
 
-    First it is turned, then boxes are filled (free, wall, unknown), then it is cropped. A map whose origin
-    has a yaw is turned so that it has none. The new map's session is made from it, to go on mapping in.
+    The steps run in this order: rotate, fill boxes (free, wall, unknown), crop. Unknown cells stay unknown. A
+    map whose origin has a yaw is rotated so that the yaw becomes 0. `thumper run --session` can continue
+    mapping in the result.
+
+    Example: `thumper edit map.yaml --out new.yaml --rotate 90 --wall 1.0,-0.5,2.0,-0.45`
     """
     from thumper.cli.output_folder import prepare_output
     from thumper.common.errors import EXIT_USAGE, ThumperError
-    from thumper.maps import edit as map_edit
     from thumper.maps.hit_counts import HitCounts
     from thumper.maps.map_server_io import load_rotated_map, map_yaml_path, save_map
-    from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
     from thumper.slam.saved_state import SavedSlamState, save_session
 
-    boxes = [
-        (word, state, [_box(f"--{option} {text}", text) for text in given or []])
-        for option, word, state, given in (
-            ("free", "free", FREE, free),
-            ("wall", "a wall", OCCUPIED, wall),
-            ("unknown", "unknown", UNKNOWN, unknown),
-        )
-    ]
-    kept = _box(f"--crop {crop}", crop) if crop else None
-    if not math.isfinite(rotate):
-        raise ThumperError("--rotate takes a finite number of degrees", exit_code=EXIT_USAGE)
-    if crop and trim:
-        raise ThumperError("--crop keeps a box, --trim what is known: give one", exit_code=EXIT_USAGE)
+    edits = _Edits.parse(rotate=rotate, free=free, wall=wall, unknown=unknown, crop=crop, trim=trim)
     if out.is_dir():
         raise ThumperError(
-            f"--out {out}: this is a folder; name the new map, as in {out / 'map.yaml'}", exit_code=EXIT_USAGE
+            f"--out {out}: is a directory; name the new map, as in {out / 'map.yaml'}", exit_code=EXIT_USAGE
         )
     grid, yaw_rad = load_rotated_map(file)
     out = map_yaml_path(out)
     for path in (out, out.with_suffix(".pgm"), out.with_suffix(".session")):
         if path.exists() and not force:
             raise ThumperError(
-                f"{path} is there already; give another --out, or --force", exit_code=EXIT_USAGE
+                f"{path} already exists; choose another --out or add --force", exit_code=EXIT_USAGE
             )
-    done = [f"its yaw of {math.degrees(yaw_rad):g} degrees taken out"] if yaw_rad else []
-    if rotate:
-        grid = map_edit.rotate(grid, math.radians(rotate))
-        done.append(f"turned by {rotate:g} degrees")
-    for word, state, several in boxes:
-        for one in several:
-            grid = map_edit.fill_box(grid, one, state)
-        if several:
-            done.append(f"{len(several)} {'box' if len(several) == 1 else 'boxes'} made {word}")
-    if kept or trim:
-        grid = map_edit.crop(grid, kept) if kept else map_edit.trim(grid)
-        done.append("cropped" if kept else "trimmed")
+    done = [f"yaw of {math.degrees(yaw_rad):g} degrees removed"] if yaw_rad else []
+    grid, log = edits.apply(grid)
+    done += log
     if not done:
         raise ThumperError(
             "nothing to do: give --rotate, --free, --wall, --unknown, --crop or --trim", exit_code=EXIT_USAGE
@@ -95,20 +75,91 @@ def edit(
     session = save_session(
         SavedSlamState(counts=HitCounts.from_grid(grid), map_from_base=pose), out.with_suffix(".session")
     )
-    print(f"{file}: {', '.join(done)}; {_words(grid)}: {out}, {image.name} and {session.name}")
+    print(f"{file}: {', '.join(done)}; {_size_text(grid)}: {out}, {image.name} and {session.name}")
 
 
-def _saved_pose(file: Path, resolution_m: float, turn_rad: float) -> "Pose2 | None":
-    """Where the session beside the map says that the robot was, in the map once turned."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Fill:
+    """Boxes that get one cell state, and the word for it in the summary."""
+
+    word: str
+    state: int
+    boxes: "list[Box]"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Edits:
+    """The requested edits, in the order in which they run."""
+
+    rotate_deg: float
+    fills: list[_Fill]
+    crop: "Box | None"
+    trim: bool
+
+    @classmethod
+    def parse(
+        cls,
+        *,
+        rotate: float,
+        free: Iterable[str] | None,
+        wall: Iterable[str] | None,
+        unknown: Iterable[str] | None,
+        crop: str,
+        trim: bool,
+    ) -> "_Edits":
+        """Check the options; raise `ThumperError` for an invalid one."""
+        from thumper.common.errors import EXIT_USAGE, ThumperError
+        from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
+
+        fills = [
+            _Fill(word=word, state=state, boxes=[_box(f"--{option} {text}", text) for text in texts or ()])
+            for option, word, state, texts in (
+                ("free", "free", FREE, free),
+                ("wall", "a wall", OCCUPIED, wall),
+                ("unknown", "unknown", UNKNOWN, unknown),
+            )
+        ]
+        box = _box(f"--crop {crop}", crop) if crop else None
+        if not math.isfinite(rotate):
+            raise ThumperError("--rotate must be a finite number of degrees", exit_code=EXIT_USAGE)
+        if crop and trim:
+            raise ThumperError(
+                "--crop keeps a box, --trim the known area; give one of them", exit_code=EXIT_USAGE
+            )
+        return cls(rotate_deg=rotate, fills=fills, crop=box, trim=trim)
+
+    def apply(self, grid: "OccupancyGrid") -> "tuple[OccupancyGrid, list[str]]":
+        """Return the edited grid and what was done to it."""
+        from thumper.maps import edit as map_edit
+
+        done = []
+        if self.rotate_deg:
+            grid = map_edit.rotate(grid, math.radians(self.rotate_deg))
+            done.append(f"rotated by {self.rotate_deg:g} degrees")
+        for fill in self.fills:
+            for box in fill.boxes:
+                grid = map_edit.fill_box(grid, box, fill.state)
+            if fill.boxes:
+                count = len(fill.boxes)
+                done.append(f"{count} {'box' if count == 1 else 'boxes'} made {fill.word}")
+        if self.crop:
+            return map_edit.crop(grid, self.crop), [*done, "cropped"]
+        if self.trim:
+            return map_edit.trim(grid), [*done, "trimmed"]
+        return grid, done
+
+
+def _saved_pose(file: Path, resolution_m: float, rotation_rad: float) -> "Pose2 | None":
+    """Return the robot pose of the session beside the map, in the rotated map; None without one."""
     from thumper.common.errors import ThumperError
     from thumper.common.geometry import Pose2
     from thumper.slam.saved_state import load_session
 
     try:
         pose = load_session(file.with_suffix(".session"), resolution_m).map_from_base
-    except ThumperError:  # there is none, or none that is of use
+    except ThumperError:  # no session, or an unusable one
         return None
-    return Pose2(theta_rad=turn_rad) @ pose if pose else None
+    return Pose2(theta_rad=rotation_rad) @ pose if pose else None
 
 
 def _box(option: str, text: str) -> "Box":
@@ -126,7 +177,7 @@ def _box(option: str, text: str) -> "Box":
     return Box(x0_m=x0_m, y0_m=y0_m, x1_m=x1_m, y1_m=y1_m)
 
 
-def _words(grid: "OccupancyGrid") -> str:
+def _size_text(grid: "OccupancyGrid") -> str:
     from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 
     rows, cols = grid.cells.shape

@@ -18,7 +18,7 @@ from thumper.cli.common_options import (
     Session,
     StartPose,
 )
-from thumper.cli.interrupted import interrupt_told
+from thumper.cli.interrupted import report_interrupt
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 HOME_TOLERANCE_M = 0.15
 
 
-@interrupt_told()
+@report_interrupt()
 def explore(
     board: BoardPort = "",
     lidar: LidarPort = "",

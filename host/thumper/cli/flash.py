@@ -1,4 +1,4 @@
-"""`thumper flash`: put the firmware on a board through its own boot loader, and see that it answers."""
+"""`thumper flash`: write the firmware through the board's boot loader and check that it answers."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -8,21 +8,21 @@ import typer
 
 
 class Target(StrEnum):
-    """Boards that there is a firmware for."""
+    """Supported boards."""
 
     TREX = "trex"
     NANO = "nano"
 
 
 class Bootloader(StrEnum):
-    """The boot loader that came with the board: they differ in speed."""
+    """Boot loaders that boards come with; they differ in baud rate."""
 
     OLD = "old"
     NEW = "new"
 
 
 class Tool(StrEnum):
-    """What does the flashing."""
+    """Programs that can write the flash."""
 
     AUTO = "auto"
     AVRDUDE = "avrdude"
@@ -30,20 +30,25 @@ class Tool(StrEnum):
 
 
 def flash(
-    port: Annotated[str, typer.Option(help="The board's serial port, such as /dev/ttyUSB0.")],
-    board: Annotated[Target, typer.Option(help="Which board it is.")] = Target.TREX,
+    port: Annotated[str, typer.Option(help="Serial port of the board, such as /dev/ttyUSB0.")],
+    board: Annotated[Target, typer.Option(help="Board type.")] = Target.TREX,
     bootloader: Annotated[
         Bootloader,
         typer.Option(help="old: 57600 baud (T'REX, most Nanos); new: 115200 baud (Uno, Nanos since 2018)."),
     ] = Bootloader.OLD,
     hex_file: Annotated[
         Path | None,
-        typer.Option("--hex", help="The firmware; without it, the one that `make firmware` built."),
+        typer.Option("--hex", help="Firmware file; without it, the one that `make firmware` built."),
     ] = None,
-    tool: Annotated[Tool, typer.Option(help="avrdude or PlatformIO; auto takes what is there.")] = Tool.AUTO,
-    baud: Annotated[int, typer.Option(help="Rate of the firmware once it runs.", min=1)] = 500_000,
+    tool: Annotated[
+        Tool, typer.Option(help="avrdude or PlatformIO; auto uses the installed one.")
+    ] = Tool.AUTO,
+    baud: Annotated[int, typer.Option(help="Baud rate of the running firmware.", min=1)] = 500_000,
 ) -> None:
-    """Flash a board, read the flash back and compare, then shake hands with what runs on it."""
+    """Flash a board, verify the flash, and check that the firmware answers.
+
+    Example: `thumper flash --port /dev/ttyUSB0`
+    """
     from rich.console import Console
 
     from thumper.board.board import Board
@@ -53,7 +58,8 @@ def flash(
 
     if hex_file is not None and not hex_file.is_file():
         raise ThumperError(
-            f"{hex_file}: no such file; without --hex it is what `make firmware` built", exit_code=EXIT_USAGE
+            f"{hex_file}: no such file; leave out --hex to flash what `make firmware` built",
+            exit_code=EXIT_USAGE,
         )
     job = FlashJob(
         port=port,

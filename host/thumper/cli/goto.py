@@ -1,4 +1,4 @@
-"""`thumper goto`, `thumper stop`: send a running robot somewhere, or stop it."""
+"""`thumper goto`, `thumper stop`: send a running robot to a goal, or stop it."""
 
 import math
 import time
@@ -6,56 +6,59 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from thumper.cli.bus_options import Address, Config, Robot, join
+from thumper.cli.bus_options import connect
+from thumper.cli.common_options import BusAddress, ClearFault, ConfigFile, GoalTolerance, RobotName
 
 if TYPE_CHECKING:
     from thumper.bus.client import BusClient
 
-LOOK_PERIOD_S = 0.2
+POLL_PERIOD_S = 0.2
 LINE_PERIOD_S = 1.0
 
 
 def _number(text: str) -> float:
-    """Read a coordinate; as those may be negative, an option that does not exist comes here, too."""
+    """Parse a coordinate. Unknown options arrive here, too, because coordinates may be negative."""
     try:
         return float(text)
     except ValueError as error:
-        raise typer.BadParameter(f"{text!r} is no number, and no option of `thumper goto`") from error
+        raise typer.BadParameter(f"{text!r} is neither a number nor an option of `thumper goto`") from error
 
 
 def goto(
     x: Annotated[float, typer.Argument(help="X in the map [m].", parser=_number)],
     y: Annotated[float, typer.Argument(help="Y in the map [m].", parser=_number)],
     yaw: Annotated[
-        float | None, typer.Argument(help="Which way to look there [degrees from x].", parser=_number)
+        float | None, typer.Argument(help="Heading at the goal [degrees from x].", parser=_number)
     ] = None,
-    tolerance: Annotated[float, typer.Option(help="How near is near enough [m].", min=0.02, max=1.0)] = 0.1,
-    wait: Annotated[bool, typer.Option(help="Wait until the robot is there.")] = True,
-    clear_fault: Annotated[bool, typer.Option(help="Clear a fault that the board has latched.")] = False,
-    config: Config = None,
-    bus: Address = "",
-    robot: Robot = "",
+    tolerance: GoalTolerance = 0.1,
+    wait: Annotated[bool, typer.Option(help="Wait until the drive ends.")] = True,
+    clear_fault: ClearFault = False,
+    config: ConfigFile = None,
+    bus: BusAddress = "",
+    robot: RobotName = "",
 ) -> None:
-    """Send a running robot to a goal and wait until it is there. Ctrl-C cancels the goal.
+    """Send a running robot to a goal and wait until it arrives. Ctrl-C cancels the goal.
 
-    Leaves with 1 when the goal is refused or not reached.
+    Exits with 1 if the goal is rejected or not reached.
+
+    Example: `thumper goto 1.5 -0.5 90`
     """
     from thumper.common.errors import EXIT_INTERRUPTED, EXIT_USAGE, ThumperError
     from thumper.navigation.goal import check_place
 
     numbers = (x, y, yaw or 0.0, tolerance)
     if not all(map(math.isfinite, numbers)):
-        raise ThumperError("the goal and --tolerance take finite numbers", exit_code=EXIT_USAGE)
+        raise ThumperError("the goal and --tolerance must be finite numbers", exit_code=EXIT_USAGE)
     check_place("the goal", x, y)
     goal = {"x_m": x, "y_m": y, "tolerance_m": tolerance}
     if yaw is not None:
         goal["yaw_rad"] = math.radians(yaw)
-    with join(config, bus, robot) as client:
+    with connect(config, bus, robot) as client:
         if clear_fault:
             client.query("command", {"command": "clear_fault"})
         mission = client.query("mission/send", goal)["mission"]
         if not wait:
-            print(f"mission {mission} is under way")
+            print(f"mission {mission} started")
             return
         try:
             state = _wait(client, mission)
@@ -70,30 +73,36 @@ def goto(
 
 
 def _wait(client: "BusClient", mission: int) -> dict[str, object]:
-    """Show how far it still is, until the mission is over."""
+    """Print the remaining distance until the mission ends; return its final state."""
     begun_s = next_line_s = time.monotonic()
     while (state := client.query("mission/state", {"mission": mission}))["state"] == "driving":
         now_s = time.monotonic()
         if now_s >= next_line_s:
             next_line_s += LINE_PERIOD_S
-            why = f": {state['reason']}" if state["reason"] else ""
-            print(f"{state['distance_m']:5.2f} m to go, {now_s - begun_s:5.1f} s{why}", flush=True)
-        time.sleep(LOOK_PERIOD_S)
+            reason = f": {state['reason']}" if state["reason"] else ""
+            print(f"{state['distance_m']:5.2f} m to go, {now_s - begun_s:5.1f} s{reason}", flush=True)
+        time.sleep(POLL_PERIOD_S)
     return state
 
 
 def stop(
     emergency: Annotated[
-        bool, typer.Option("--emergency", help="Motors off at once, and latched until the fault is cleared.")
+        bool,
+        typer.Option(
+            "--emergency", help="Switch the motors off at once; latched until the fault is cleared."
+        ),
     ] = False,
-    config: Config = None,
-    bus: Address = "",
-    robot: Robot = "",
+    config: ConfigFile = None,
+    bus: BusAddress = "",
+    robot: RobotName = "",
 ) -> None:
-    """Cancel what a running robot does and stop it."""
+    """Cancel the running robot's goal or manual drive and stop it.
+
+    Example: `thumper stop --emergency`
+    """
     from thumper.ros.codec import message
 
-    with join(config, bus, robot) as client:
-        if emergency:
-            client.publish("estop", message("std_msgs/msg/Bool", data=True))  # it goes before all questions
+    with connect(config, bus, robot) as client:
+        if emergency:  # published first: the topic overtakes all queries
+            client.publish("estop", message("std_msgs/msg/Bool", data=True))
         print(client.query("command", {"command": "estop" if emergency else "cancel"})["text"])

@@ -1,4 +1,4 @@
-"""Ctrl-C outside a drive: while a command loads, waits for a device, maps or writes files."""
+"""Handle Ctrl-C outside a drive: while a command loads, waits for a device, maps or writes files."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,11 +7,15 @@ from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
 
 
 @contextmanager
-def interrupt_told(otherwise: str = "") -> Iterator[None]:
-    """Say in one line what Ctrl-C has left: a robot that was opened says so itself, `otherwise` this."""
+def report_interrupt(default: str = "") -> Iterator[None]:
+    """Turn Ctrl-C into a one-line `ThumperError`.
+
+    It repeats what an opened robot reported about its motors, or else `default`.
+    """
     try:
         yield
     except KeyboardInterrupt as interrupt:
-        left = str(interrupt) or otherwise
-        told = f"interrupted; {left}" if left else "interrupted"
-        raise ThumperError(told, exit_code=EXIT_INTERRUPTED) from None
+        detail = str(interrupt) or default
+        raise ThumperError(
+            f"interrupted; {detail}" if detail else "interrupted", exit_code=EXIT_INTERRUPTED
+        ) from None

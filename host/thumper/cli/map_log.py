@@ -1,17 +1,24 @@
-"""`thumper map-log`: a map and a trajectory from a recorded log."""
+"""`thumper map-log`: build a map and a trajectory from a recorded log."""
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from thumper.cli.interrupted import interrupt_told
+from thumper.cli.common_options import MapFolder, Session
+from thumper.cli.interrupted import report_interrupt
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from thumper.common.geometry import Pose2
+    from thumper.offline.map_log import MapLogSummary
 
 Method = Literal["graph", "rbpf", "scan_match"]
 
 
-@interrupt_told("the map was not finished")
+@report_interrupt("the map was not finished")
 def map_log(
     file: Annotated[
         Path,
@@ -19,20 +26,20 @@ def map_log(
             help="CARMEN log (.log, .clf), MINES log (.dat) or ROS 2 recording (.mcap), plain or .gz."
         ),
     ],
-    out: Annotated[
-        Path, typer.Option(help="Folder for map.pgm, map.yaml, map.session, map.png and trajectory.csv.")
-    ] = Path("out/map-log"),
+    out: MapFolder = Path("out/map-log"),
     online: Annotated[
         bool,
         typer.Option(
-            help="Poses as reported at the time in trajectory.csv, the final path in trajectory_final.csv."
+            "--online",
+            help="Write the poses known at each time to trajectory.csv, and the final ones to "
+            "trajectory_final.csv.",
         ),
     ] = False,
     method: Annotated[
         Method | None,
         typer.Option(
-            help="Mapper: pose graph, particle filter or plain scan matching; without it graph, or "
-            "scan_match with --session."
+            help="Mapper: pose graph, particle filter or scan matching alone. Default: graph, or scan_match "
+            "with --session."
         ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of the particle filter.")] = 1,
@@ -41,29 +48,28 @@ def map_log(
         typer.Option(
             min=1,
             max=360,
-            help="The laser's field of view in degrees, for logs that lack it: FLASER, RLASER lines.",
+            help="Field of view of the lidar in degrees, for logs without it (FLASER, RLASER lines).",
         ),
     ] = None,
-    session: Annotated[
-        Path | None, typer.Option(help="Go on mapping in this map.session, from a robot or another log.")
-    ] = None,
+    session: Session = None,
     start: Annotated[
         tuple[float, float, float] | None,
         typer.Option(
-            help="Where the log begins in the --session: X Y in metres, then the heading in degrees. Without "
-            "it, wherever the place is recognised."
+            metavar="X Y DEGREES",
+            help="Start pose of the log in the --session: X and Y in metres, heading in degrees. Without it: "
+            "global localization.",
         ),
     ] = None,
 ) -> None:
-    """Build a map from a recorded lidar log, with the odometry and the mapper that the robot uses."""
-    import numpy as np
+    """Build a map from a recorded lidar log with the robot's own odometry and mapper.
+
+    Example: `thumper map-log intel.log --out out/intel`
+    """
     from rich.console import Console
     from rich.progress import Progress
 
     from thumper.cli.output_folder import prepare_output
     from thumper.common.errors import EXIT_USAGE, ThumperError
-    from thumper.common.geometry import Pose2
-    from thumper.navigation.goal import check_place
     from thumper.offline.map_log import map_log as build
     from thumper.slam.factory import MappingOptions
     from thumper.slam.particle_filter.rbpf_mapper import RbpfOptions
@@ -71,21 +77,15 @@ def map_log(
 
     if session is not None and method not in (None, "scan_match"):
         raise ThumperError(
-            f"--session is gone on with by scan_match, not by {method}: leave out --method",
+            f"only scan_match can continue a --session, not {method}; leave out --method",
             exit_code=EXIT_USAGE,
         )
-    if start is not None and (session is None or not all(map(math.isfinite, start))):
-        raise ThumperError(
-            "--start X Y DEGREES belongs to --session, and takes finite numbers", exit_code=EXIT_USAGE
-        )
-    if start is not None:
-        check_place("--start", *start[:2])
-    begin = Pose2(x_m=start[0], y_m=start[1], theta_rad=math.radians(start[2])) if start else None
+    start_pose = _start_pose(start, session)
     options = MappingOptions(method="graph" if method is None else method, filter=RbpfOptions(seed=seed))
     known = load_session(session, options.resolution_m) if session else None
     prepare_output(out)
     console = Console()
-    # Without a terminal the bar would leave an empty line.
+    # Without a terminal, the bar would leave an empty line.
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task(f"mapping {file.name}", total=None)
         summary = build(
@@ -96,8 +96,29 @@ def map_log(
             online=online,
             fov_rad=math.radians(fov) if fov else None,
             session=known,
-            start=begin,
+            start=start_pose,
         )
+    _print_summary(summary, out, console)
+
+
+def _start_pose(start: tuple[float, float, float] | None, session: Path | None) -> "Pose2 | None":
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.common.geometry import Pose2
+    from thumper.navigation.goal import check_place
+
+    if start is None:
+        return None
+    if session is None or not all(map(math.isfinite, start)):
+        raise ThumperError(
+            "--start X Y DEGREES must be finite numbers and needs --session", exit_code=EXIT_USAGE
+        )
+    check_place("--start", *start[:2])
+    return Pose2(x_m=start[0], y_m=start[1], theta_rad=math.radians(start[2]))
+
+
+def _print_summary(summary: "MapLogSummary", out: Path, console: "Console") -> None:
+    import numpy as np
+
     matched = f"mean match {summary.mean_score:.2f} of 1"
     if math.isnan(summary.mean_score):
         matched = "no scan matched with a map"
@@ -106,9 +127,9 @@ def map_log(
     for note in summary.notes:
         console.print(f"note: {note}", markup=False, soft_wrap=True)
     console.print(f"in {out}/: {', '.join(path.name for path in summary.files)}", soft_wrap=True)
-    memory = f", {summary.peak_MB:.0f} MB of memory at most" if summary.peak_MB is not None else ""
+    memory = f", peak memory {summary.peak_MB:.0f} MB" if summary.peak_MB is not None else ""
     console.print(
-        f"CPU a scan: mean {summary.cpu_ms.mean():.2f} ms, p99 {np.percentile(summary.cpu_ms, 99):.2f} ms; "
-        f"{summary.wall_s:.1f} s in all{memory}",
+        f"CPU per scan: mean {summary.cpu_ms.mean():.2f} ms, p99 {np.percentile(summary.cpu_ms, 99):.2f} ms; "
+        f"{summary.wall_s:.1f} s in total{memory}",
         soft_wrap=True,
     )

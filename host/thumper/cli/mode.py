@@ -1,15 +1,16 @@
-"""`thumper mode`: whether a running robot maps, or localises in the map that it has."""
+"""`thumper mode`: switch a running robot between mapping and localization."""
 
 from enum import StrEnum
 from typing import Annotated
 
 import typer
 
-from thumper.cli.bus_options import Address, Config, Robot, join
+from thumper.cli.bus_options import connect
+from thumper.cli.common_options import BusAddress, ConfigFile, RobotName
 
 
 class SlamMode(StrEnum):
-    """What to do with the map, and the robot's command for it."""
+    """What the robot does with its map."""
 
     LOCALISE = "localise"
     MAP = "map"
@@ -23,14 +24,17 @@ def mode(
     what: Annotated[
         SlamMode,
         typer.Argument(
-            help="localise: keep the map as it is, and know the place in it. map: go on mapping, in a loaded "
-            "map (`run --map`) too. search: forget the pose, and look for it in the whole map."
+            help="localise: freeze the map and localize in it. map: resume mapping, also in a map loaded "
+            "with `run --map`. search: forget the pose and relocalize in the whole map."
         ),
     ],
-    config: Config = None,
-    bus: Address = "",
-    robot: Robot = "",
+    config: ConfigFile = None,
+    bus: BusAddress = "",
+    robot: RobotName = "",
 ) -> None:
-    """Change a running robot between mapping and localising; it must stand."""
-    with join(config, bus, robot) as client:
+    """Switch a stationary robot between mapping and localization, or relocalize it.
+
+    Example: `thumper mode localise`
+    """
+    with connect(config, bus, robot) as client:
         print(client.query("command", {"command": COMMAND_OF[what]})["text"])

@@ -1,66 +1,67 @@
-"""`thumper plan`: the way from here to there on a saved map."""
+"""`thumper plan`: plan paths on a saved map."""
 
-import time
+import dataclasses
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from thumper.cli.common_options import AsJson, ConfigFile
+
 if TYPE_CHECKING:
-    from thumper.cli.plan_queries import PlanQuery
-    from thumper.common.geometry import FloatArray
+    from thumper.cli.plan_queries import PlanAnswer
     from thumper.maps.occupancy_grid import OccupancyGrid
-    from thumper.navigation.costmap.costmap import Costmap
-    from thumper.navigation.planners.planner import Planner
+    from thumper.navigation.options import NavigationOptions
 
-    Answer = dict[str, object]
-
-DECIMALS = 4
-KEEP_OUT_SHADE = 40  # percent of occupancy, as which a keep-out zone is drawn
+KEEP_OUT_SHADE = 40  # occupancy in percent with which to draw a keep-out zone
+GRID_PLANNERS = ("navfn", "astar", "lattice")
 
 
 def plan(
-    file: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="The map, as map_server saves it.")],
-    start: Annotated[tuple[float, float] | None, typer.Option(help="X Y in metres, in the map.")] = None,
-    goal: Annotated[tuple[float, float] | None, typer.Option(help="X Y in metres, in the map.")] = None,
-    planner: Annotated[str, typer.Option(help="carrot, navfn, astar or lattice; else the robot's.")] = "",
+    file: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="Saved map in map_server format.")],
+    start: Annotated[
+        tuple[float, float] | None, typer.Option(metavar="X Y", help="Start in the map, in metres.")
+    ] = None,
+    goal: Annotated[
+        tuple[float, float] | None, typer.Option(metavar="X Y", help="Goal in the map, in metres.")
+    ] = None,
+    planner: Annotated[
+        str, typer.Option(help="carrot, navfn, astar or lattice; overrides the configuration.")
+    ] = "",
     unknown: Annotated[
-        bool | None, typer.Option("--unknown/--no-unknown", help="Cross ground never seen, or do not.")
+        bool | None,
+        typer.Option("--unknown/--no-unknown", help="Allow paths through unknown space, or forbid them."),
     ] = None,
     tolerance: Annotated[
-        float, typer.Option(help="How near to the goal is near enough [m].", min=1e-6, max=1.0)
+        float, typer.Option(help="Allowed distance from the goal, in metres.", min=1e-6, max=1.0)
     ] = 0.1,
-    heading: Annotated[float, typer.Option(help="The robot's heading at the start [degrees].")] = 0.0,
+    heading: Annotated[float, typer.Option(help="Heading at the start, in degrees from the x axis.")] = 0.0,
     keepout: Annotated[
-        Path | None, typer.Option(help="YAML of a keep-out mask; overrides the robot's.")
+        Path | None, typer.Option(help="Keep-out mask (.yaml); overrides the configuration.")
     ] = None,
     speed_mask: Annotated[
-        Path | None, typer.Option(help="YAML of a speed mask; overrides the robot's.")
+        Path | None, typer.Option(help="Speed mask (.yaml); overrides the configuration.")
     ] = None,
-    batch: Annotated[Path | None, typer.Option(help="CSV of start_x, start_y, goal_x, goal_y.")] = None,
-    config: Annotated[Path | None, typer.Option(help="The robot's TOML; without it, a Wild Thumper.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON with the path.")] = False,
+    batch: Annotated[
+        Path | None, typer.Option(help="CSV file with columns start_x, start_y, goal_x, goal_y.")
+    ] = None,
+    config: ConfigFile = None,
+    as_json: AsJson = False,
     png: Annotated[Path | None, typer.Option(help="Draw map and path to this file.")] = None,
 ) -> None:
-    """Plan a path and print its length; leaves with 1 when there is no way.
+    """Plan a path on a saved map; print its length and the time to drive it.
 
-    The time is that of driving it at the fastest speed that the robot and the speed mask allow.
-    With --batch one line of CSV (or one JSON object) a row: found, length, milliseconds, reason.
+    The time assumes the fastest speed that the robot and the speed mask allow. With --batch, the output has
+    one CSV line (or JSON object) per row: found, length, planning time in milliseconds, reason. Exits with 1
+    if there is no path.
+
+    Example: `thumper plan map.yaml --start 0 0 --goal 2.0 0.5 --png path.png`
     """
-    import dataclasses
-    import json
-
-    import numpy as np
-
-    from thumper.cli.plan_queries import PlanQuery, read_queries
+    from thumper.cli.plan_queries import PlanQuery, QueryPlanner, read_queries, to_csv
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.config.robot import load_config
     from thumper.maps.map_server_io import load_map
-    from thumper.navigation.controllers.speed_limiter import SpeedLimiter
-    from thumper.navigation.costmap.costmap import build_costmap
-    from thumper.navigation.costmap.filters import is_closed, load_masks
-    from thumper.navigation.costmap.footprint_collision import category_at
-    from thumper.navigation.registry import make_planner
 
     if batch is None and (start is None or goal is None):
         raise ThumperError(
@@ -68,128 +69,76 @@ def plan(
         )
     if batch is not None and (start is not None or goal is not None or png is not None):
         raise ThumperError(
-            "--batch brings its own starts and goals: leave --start, --goal and --png", exit_code=EXIT_USAGE
+            "--batch has its own starts and goals: leave out --start, --goal and --png", exit_code=EXIT_USAGE
         )
     settings = load_config(config)
-    options = settings.navigation
-    if planner:
-        options = dataclasses.replace(options, planner=planner)
-    if unknown is not None:
-        names = ("navfn", "astar", "lattice")
-        changed = {n: dataclasses.replace(getattr(options, n), allow_unknown=unknown) for n in names}
-        options = dataclasses.replace(options, **changed)
-    given = {"keepout": keepout, "speed": speed_mask}
-    masks = load_masks(
-        dataclasses.replace(options.masks, **{name: str(path) for name, path in given.items() if path})
-    )
-    chosen = make_planner(options, settings.footprint)
-    rule = SpeedLimiter(options.limits, approach_m_s=options.approach_m_s, mask=masks.speed)
+    options = _options(settings.navigation, planner, unknown, {"keepout": keepout, "speed": speed_mask})
     grid = load_map(file)
-    costmap = build_costmap(grid, np.empty((0, 2)), settings.footprint, options.costmap, masks.keepout)
-    if batch is not None:
-        queries = read_queries(batch, grid)
-    else:
-        assert start is not None  # checked above
-        assert goal is not None
+    queries = read_queries(batch, grid) if batch else []
+    if start and goal:
         queries = [PlanQuery(start_m=start, goal_m=goal)]
-    if options.planner != "carrot":
-        _answer(
-            chosen, costmap, queries[0], tolerance, heading
-        )  # loads the kernels, so that times are honest
-    answers, paths = [], []
-    for query in queries:
-        answer, path_m = _answer(chosen, costmap, query, tolerance, heading)
-        answer["travel_s"] = None if path_m is None else round(rule.travel_s(path_m), DECIMALS)
-        for end, (x_m, y_m) in (("start", query.start_m), ("goal", query.goal_m)):
-            category = category_at(costmap, settings.footprint, x_m, y_m)
-            answer[f"{end}_category"] = "off the map" if category is None else category.value
-        answers.append(answer)
-        paths.append(path_m)
+    query_planner = QueryPlanner(grid, settings, options)
+    if options.planner != "carrot":  # load the kernels first, so that they do not count as planning time
+        query_planner.answer(queries[0], tolerance_m=tolerance, heading_deg=heading)
+    answers = [query_planner.answer(query, tolerance_m=tolerance, heading_deg=heading) for query in queries]
     if batch is not None:
-        typer.echo(json.dumps(answers, indent=1) if as_json else _csv(answers))
+        typer.echo(
+            json.dumps([answer.to_json() for answer in answers], indent=1) if as_json else to_csv(answers)
+        )
     else:
-        points = [] if paths[0] is None else paths[0].round(DECIMALS).tolist()
-        if as_json:
-            typer.echo(json.dumps({"planner": options.planner, **answers[0], "path": points}))
-        else:
-            typer.echo(_words(answers[0], len(points)))
+        typer.echo(_json(options.planner, answers[0]) if as_json else _text(answers[0]))
         if png is not None:
-            closed = is_closed(masks.keepout, grid) & (grid.cells < KEEP_OUT_SHADE)
-            grid = dataclasses.replace(
-                grid, cells=np.where(closed, KEEP_OUT_SHADE, grid.cells).astype(np.int8)
-            )
-            _draw(grid, paths[0], png, f"{file.name}: {options.planner}")
-    if not all(answer["found"] for answer in answers):
+            _draw(grid, query_planner.keepout, answers[0], png, f"{file.name}: {options.planner}")
+    if not all(answer.found for answer in answers):
         raise typer.Exit(1)
 
 
-def _answer(
-    planner: "Planner", costmap: "Costmap", query: "PlanQuery", tolerance_m: float, heading_deg: float
-) -> "tuple[Answer, FloatArray | None]":
-    """What one question comes to, and its path."""
-    import math
-
-    from thumper.common.errors import EXIT_USAGE, ThumperError
-    from thumper.common.geometry import Pose2
-    from thumper.navigation.goal import Goal, check_place
-    from thumper.navigation.planners.polyline import arc_lengths
-
-    numbers = (*query.start_m, *query.goal_m, heading_deg, tolerance_m)
-    if not all(map(math.isfinite, numbers)):
-        raise ThumperError("start, goal, heading and tolerance must be finite numbers", exit_code=EXIT_USAGE)
-    check_place("the start", *query.start_m)
-    check_place("the goal", *query.goal_m)
-    start = Pose2(x_m=query.start_m[0], y_m=query.start_m[1], theta_rad=math.radians(heading_deg))
-    goal = Goal(x_m=query.goal_m[0], y_m=query.goal_m[1], tolerance_m=tolerance_m)
-    begun = time.perf_counter()
-    result = planner.plan(costmap, start, goal)
-    took_ms = 1e3 * (time.perf_counter() - begun)
-    length_m = None if result.path_m is None else round(float(arc_lengths(result.path_m)[-1]), DECIMALS)
-    answer: Answer = {
-        "start": [round(number, DECIMALS) for number in query.start_m],
-        "goal": [round(number, DECIMALS) for number in query.goal_m],
-        "found": result.path_m is not None,
-        "length_m": length_m,
-        "time_ms": round(took_ms, 3),
-        "reason": result.reason,
-    }
-    return answer, result.path_m
+def _options(
+    options: "NavigationOptions", planner: str, unknown: bool | None, masks: dict[str, Path | None]
+) -> "NavigationOptions":
+    """Return the configured options with those of the command line on top."""
+    if planner:
+        options = dataclasses.replace(options, planner=planner)
+    if unknown is not None:
+        changed = {
+            name: dataclasses.replace(getattr(options, name), allow_unknown=unknown) for name in GRID_PLANNERS
+        }
+        options = dataclasses.replace(options, **changed)
+    files = {name: str(path) for name, path in masks.items() if path}
+    return dataclasses.replace(options, masks=dataclasses.replace(options.masks, **files))
 
 
-def _words(answer: "Answer", points: int) -> str:
-    told = f"; {answer['reason']}" if answer["found"] and answer["reason"] else ""
-    if not answer["found"]:
-        return f"no path: {answer['reason']}"
+def _json(planner: str, answer: "PlanAnswer") -> str:
+    from thumper.cli.plan_queries import DECIMALS
+
+    path = [] if answer.path_m is None else answer.path_m.round(DECIMALS).tolist()
+    return json.dumps({"planner": planner, **answer.to_json(), "path": path})
+
+
+def _text(answer: "PlanAnswer") -> str:
+    if answer.path_m is None:
+        return f"no path: {answer.reason}"
+    note = f"; {answer.reason}" if answer.reason else ""
     return (
-        f"{answer['length_m']:.3f} m in {points} points, {answer['travel_s']:.1f} s at the fastest, "
-        f"planned in {answer['time_ms']:.2f} ms{told}"
+        f"{answer.length_m:.3f} m in {len(answer.path_m)} points, {answer.travel_s:.1f} s at full speed, "
+        f"planned in {answer.time_ms:.2f} ms{note}"
     )
 
 
-def _csv(answers: "list[Answer]") -> str:
-    import csv
-    import io
-
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("start_x", "start_y", "goal_x", "goal_y", "found", "length_m", "time_ms", "reason"))
-    for answer in answers:
-        start, goal = answer["start"], answer["goal"]
-        assert isinstance(start, list)
-        assert isinstance(goal, list)
-        rest = (int(bool(answer["found"])), answer["length_m"], answer["time_ms"], answer["reason"])
-        writer.writerow((*start, *goal, *rest))
-    return text.getvalue().rstrip("\n")
-
-
-def _draw(grid: "OccupancyGrid", path_m: "FloatArray | None", png: Path, title: str) -> None:
+def _draw(
+    grid: "OccupancyGrid", keepout: "OccupancyGrid | None", answer: "PlanAnswer", png: Path, title: str
+) -> None:
+    """Draw map, keep-out zones and path."""
     import numpy as np
 
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.maps.plot import plot_map
+    from thumper.navigation.costmap.filters import is_closed
 
+    closed = is_closed(keepout, grid) & (grid.cells < KEEP_OUT_SHADE)
+    grid = dataclasses.replace(grid, cells=np.where(closed, KEEP_OUT_SHADE, grid.cells).astype(np.int8))
     try:
-        plot_map(grid, np.empty((0, 2)) if path_m is None else path_m, png, title)
+        plot_map(grid, np.empty((0, 2)) if answer.path_m is None else answer.path_m, png, title)
     except (OSError, ValueError) as error:
         raise ThumperError(
             f"{png}: cannot be written ({error}); choose another file with --png", exit_code=EXIT_USAGE

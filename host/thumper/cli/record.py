@@ -1,27 +1,30 @@
-"""`thumper record`: record a robot that runs, from beside it or from another machine."""
+"""`thumper record`: record a running robot, on its own computer or another one."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from thumper.cli.bus_options import Address, Config, Robot, join
+from thumper.cli.bus_options import connect
+from thumper.cli.common_options import BusAddress, ConfigFile, RobotName
 
 
 def record(
     out: Annotated[
-        Path | None, typer.Option(help="Folder for the recordings; without it, as configured.")
+        Path | None, typer.Option(help="Folder for the recordings; overrides the configuration.")
     ] = None,
     seconds: Annotated[
-        float | None, typer.Option(help="Record for so long; without it, until Ctrl-C.", min=0.1)
+        float | None, typer.Option(help="Stop after this many seconds; without it, at Ctrl-C.", min=0.1)
     ] = None,
-    config: Config = None,
-    bus: Address = "",
-    robot: Robot = "",
+    config: ConfigFile = None,
+    bus: BusAddress = "",
+    robot: RobotName = "",
 ) -> None:
-    """Record everything that a running robot says, in MCAP files.
+    """Record all messages of a running robot to MCAP files.
 
-    `thumper run --record` does the same inside the robot's program, and loses nothing to the network.
+    `thumper run --record` does the same in the robot's own process and loses nothing to the network.
+
+    Example: `thumper record --seconds 60`
     """
     import sys
 
@@ -34,14 +37,14 @@ def record(
     settings = load_config(config)
     folder = out or Path(settings.recording.folder)
 
-    def say(text: str) -> None:
+    def report(text: str) -> None:
         print(f"thumper: {text}", file=sys.stderr)
 
-    with join(config, bus, robot) as client:
+    with connect(config, bus, robot) as client:
         prepare_output(folder)
         recover_apart(folder)
-        print(f"recording to {folder}/; Ctrl-C ends it")
-        recorder = record_from_bus(client, folder, settings.recording, seconds=seconds, say=say)
+        print(f"recording to {folder}/ (Ctrl-C to stop)")
+        recorder = record_from_bus(client, folder, settings.recording, seconds=seconds, say=report)
     if recorder.trouble:
         raise ThumperError(f"the recording ended early: {recorder.trouble}")
     dropped = f", {recorder.dropped} dropped: the disk is too slow" if recorder.dropped else ""

@@ -1,17 +1,22 @@
-"""`thumper recover` and `thumper export`: what is done with recordings afterwards."""
+"""`thumper recover` and `thumper export`: repair recordings and convert them."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from thumper.cli.common_options import Recordings
+
+if TYPE_CHECKING:
+    from thumper.recording.reader import Recording
 
 
 def recover(
     places: Annotated[
-        list[Path], typer.Argument(help="Torn recordings (.mcap, .mcap.part), or folders of them.")
+        list[Path], typer.Argument(help="Truncated recordings (.mcap, .mcap.part), or folders of them.")
     ],
 ) -> None:
-    """Make recordings whole that a crash or a full disk has torn; everything up to the tear is kept."""
+    """Repair recordings that a crash or a full disk truncated; keep everything up to that point."""
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.recording.repair import left_behind, recover_all
 
@@ -19,27 +24,26 @@ def recover(
     if not paths:
         print("nothing to repair")
     if not recover_all(paths, print):
-        raise ThumperError(
-            "not every file could be repaired; those that could not are as they were", exit_code=EXIT_USAGE
-        )
+        raise ThumperError("not every file could be repaired; the others are unchanged", exit_code=EXIT_USAGE)
 
 
 def export(
-    files: Annotated[
-        list[Path], typer.Argument(help="Recordings (.mcap) of one run in their order, or their folder.")
-    ],
-    csv: Annotated[Path | None, typer.Option(help="Folder for a table of each topic.")] = None,
+    files: Recordings,
+    csv: Annotated[Path | None, typer.Option(help="Write one table per topic to this folder.")] = None,
     map_file: Annotated[
-        Path | None, typer.Option("--map", help="The last map: a .yaml, with the .pgm beside it.")
+        Path | None, typer.Option("--map", help="Write the last map to this .yaml, with its .pgm beside it.")
     ] = None,
-    png: Annotated[Path | None, typer.Option(help="A picture of the last map and the path driven.")] = None,
+    png: Annotated[
+        Path | None, typer.Option(help="Draw the last map and the driven path to this file.")
+    ] = None,
 ) -> None:
-    """Turn a recording into tables (CSV), a map file, a picture."""
+    """Convert a recording to CSV tables, a map file or a picture.
+
+    Example: `thumper export recordings/ --csv tables --png drive.png`
+    """
     from thumper.cli.output_folder import prepare_output
     from thumper.common.errors import EXIT_USAGE, ThumperError
-    from thumper.maps.map_server_io import map_yaml_path, save_map
-    from thumper.maps.plot import plot_map
-    from thumper.recording.export import export_csv, last_map
+    from thumper.recording.export import export_csv
     from thumper.recording.reader import Recording, find_recordings
 
     if not (csv or map_file or png):
@@ -52,18 +56,28 @@ def export(
         tables = export_csv(recording, csv)
         print(f"in {csv}/: {', '.join(path.name for path in tables)}")
     if map_file or png:
-        grid, path_m = last_map(recording)
-        if map_file:
-            prepare_output(map_file.parent, "--map")
-            description = map_yaml_path(map_file)
-            image = save_map(grid, description)
-            print(f"{description} and {image.name}")
-        if png:
-            prepare_output(png.parent, "--png")
-            try:
-                plot_map(grid, path_m, png, recording.paths[0].name)
-            except (OSError, ValueError) as error:
-                raise ThumperError(f"{png}: cannot be written ({error})", exit_code=EXIT_USAGE) from error
-            print(str(png))
+        _export_map(recording, map_file, png)
     for note in recording.notes:
         print(f"note: {note}")
+
+
+def _export_map(recording: "Recording", map_file: Path | None, png: Path | None) -> None:
+    from thumper.cli.output_folder import prepare_output
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.maps.map_server_io import map_yaml_path, save_map
+    from thumper.maps.plot import plot_map
+    from thumper.recording.export import last_map
+
+    grid, path_m = last_map(recording)
+    if map_file:
+        prepare_output(map_file.parent, "--map")
+        description = map_yaml_path(map_file)
+        image = save_map(grid, description)
+        print(f"{description} and {image.name}")
+    if png:
+        prepare_output(png.parent, "--png")
+        try:
+            plot_map(grid, path_m, png, recording.paths[0].name)
+        except (OSError, ValueError) as error:
+            raise ThumperError(f"{png}: cannot be written ({error})", exit_code=EXIT_USAGE) from error
+        print(str(png))

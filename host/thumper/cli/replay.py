@@ -1,31 +1,32 @@
-"""`thumper replay`: a recorded run through the mapper again, or back onto the bus."""
+"""`thumper replay`: run a recording through the mapper again, or publish it on a bus."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from thumper.cli.common_options import MapFolder, Recordings
+
+if TYPE_CHECKING:
+    from thumper.common.geometry import FloatArray
+
 
 def replay(
-    files: Annotated[
-        list[Path], typer.Argument(help="Recordings (.mcap) of one run in their order, or their folder.")
-    ],
-    out: Annotated[
-        Path, typer.Option(help="Folder for map.pgm, map.yaml, map.session, map.png and trajectory.csv.")
-    ] = Path("out/replay"),
-    speed: Annotated[
-        float, typer.Option(help="How many times faster than it was; 0: as fast as it goes.", min=0.0)
-    ] = 0.0,
+    files: Recordings,
+    out: MapFolder = Path("out/replay"),
+    speed: Annotated[float, typer.Option(help="Real-time factor; 0: as fast as possible.", min=0.0)] = 0.0,
     config: Annotated[
-        Path | None, typer.Option(help="Another robot's TOML, to see what other options make of the run.")
+        Path | None,
+        typer.Option(help="TOML file of a robot whose options replace the recorded ones, to compare them."),
     ] = None,
     bus: Annotated[
-        str, typer.Option(help="HOST:PORT: say every message on a bus there again, for page and programs.")
+        str, typer.Option(help="HOST:PORT of a bus on which to publish every recorded message.")
     ] = "",
 ) -> None:
-    """Give recorded wheels and scans to the robot's mapper again: the same inputs, the same map."""
-    import csv
+    """Map a recording again from its wheel and lidar data: the same input gives the same map.
 
+    Example: `thumper replay recordings/ --speed 1 --bus 127.0.0.1:7447`
+    """
     from thumper.cli.output_folder import prepare_output
     from thumper.common.geometry import Pose2
     from thumper.config.robot import load_config
@@ -51,15 +52,22 @@ def replay(
     end = Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
     save_session(SavedSlamState.from_mapper(result.mapper, end), out / "map.session")
     plot_map(grid, path[:, 1:3], out / "map.png", recording.paths[0].name)
-    with (out / "trajectory.csv").open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(("time_s", "x_m", "y_m", "theta_rad"))
-        writer.writerows((f"{t:.6f}", f"{x:.6f}", f"{y:.6f}", f"{theta:.6f}") for t, x, y, theta in path)
+    _write_trajectory(path, out / "trajectory.csv")
     print(f"{result.time_s:.1f} s replayed, {result.scans} scans mapped")
     if result.maps_recorded:
-        print(f"{result.maps_same} of {result.maps_recorded} maps are the recorded ones cell by cell")
+        print(f"{result.maps_same} of {result.maps_recorded} maps match the recorded ones cell for cell")
     if result.unreadable:
         print(f"note: {result.unreadable} messages could not be read")
     for note in recording.notes:
         print(f"note: {note}")
     print(f"in {out}/: map.pgm, map.yaml, map.session, map.png, trajectory.csv")
+
+
+def _write_trajectory(path: "FloatArray", file: Path) -> None:
+    """Write rows of time [s], x [m], y [m] and heading [rad] as CSV."""
+    import csv
+
+    with file.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(("time_s", "x_m", "y_m", "theta_rad"))
+        writer.writerows((f"{t:.6f}", f"{x:.6f}", f"{y:.6f}", f"{theta:.6f}") for t, x, y, theta in path)

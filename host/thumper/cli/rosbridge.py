@@ -1,25 +1,28 @@
-"""`thumper rosbridge`: let web pages and ROS tools that speak rosbridge talk to a running robot."""
+"""`thumper rosbridge`: connect web pages and ROS tools that speak rosbridge to a running robot."""
 
 from typing import Annotated
 
 import typer
 
-from thumper.cli.bus_options import Address, Config, Robot, join
+from thumper.cli.bus_options import connect
+from thumper.cli.common_options import BusAddress, ConfigFile, RobotName
 
 
 def rosbridge(
     port: Annotated[
-        int, typer.Option(help="Port to listen at; 0: [bus] rosbridge_port, 9090.", min=0, max=65535)
+        int, typer.Option(help="Port to listen on; 0: [bus] rosbridge_port, 9090.", min=0, max=65535)
     ] = 0,
     host: Annotated[
         str,
-        typer.Option(help="Address to listen at; any but loopback needs [bus] token and a certificate."),
+        typer.Option(
+            help="Address to listen on; any other than loopback needs [bus] token and a certificate."
+        ),
     ] = "127.0.0.1",
-    config: Config = None,
-    bus: Address = "",
-    robot: Robot = "",
+    config: ConfigFile = None,
+    bus: BusAddress = "",
+    robot: RobotName = "",
 ) -> None:
-    """Serve rosbridge v2 for a running robot until Ctrl-C: roslibpy, roslibjs and others can connect."""
+    """Serve rosbridge v2 for a running robot (roslibpy, roslibjs and others) until Ctrl-C."""
     import asyncio
     from contextlib import suppress
 
@@ -34,10 +37,12 @@ def rosbridge(
     port = port or settings.bus.rosbridge_port
     pair = None if is_loopback(host) else certificate_pair(settings.dashboard)
     tls = server_tls(*pair) if pair else None
-    with join(config, bus, robot) as client:
+    with connect(config, bus, robot) as client:
         bridge = Rosbridge(client, host=host, port=port, token=token_of(config), tls=tls)
         url = f"{'wss' if tls else 'ws'}://{host}"
         with suppress(KeyboardInterrupt):
             asyncio.run(
-                bridge.serve(lambda at: print(f"rosbridge at {url}:{at}; Ctrl-C ends it", flush=True))
+                bridge.serve(
+                    lambda bound: print(f"rosbridge is running on {url}:{bound} (Ctrl-C to stop)", flush=True)
+                )
             )

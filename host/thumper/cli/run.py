@@ -22,7 +22,7 @@ from thumper.cli.common_options import (
     Session,
     StartPose,
 )
-from thumper.cli.interrupted import interrupt_told
+from thumper.cli.interrupted import report_interrupt
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from thumper.runtime.loop import RobotLoop
 
 
-@interrupt_told()
+@report_interrupt()
 def run(
     goal: Annotated[
         tuple[float, float] | None,

@@ -1,36 +1,37 @@
-"""`thumper save`: a running robot leaves its map."""
+"""`thumper save`: save the map of a running robot."""
 
 import queue
 import time
 
-from thumper.cli.bus_options import Address, Config, Robot, join
+from thumper.cli.bus_options import connect
+from thumper.cli.common_options import BusAddress, ConfigFile, RobotName
 
-PATIENCE_S = 30.0  # with a slow disk
+SAVE_TIMEOUT_S = 30.0  # allows for a slow disk
 
 
-def save(config: Config = None, bus: Address = "", robot: Robot = "") -> None:
-    """Have a running robot write its map and its session into the folder of its --out, and wait for it.
+def save(config: ConfigFile = None, bus: BusAddress = "", robot: RobotName = "") -> None:
+    """Save a running robot's map and session to its --out folder, and wait until they are written.
 
-    Leaves with 1 when that fails.
+    Exits with 1 if that fails.
     """
     from thumper.bus.heartbeat_sender import HeartbeatSender
     from thumper.common.errors import ThumperError
     from thumper.runtime.service.map_saver import NOT_SAVED, SAVED
 
-    told: queue.Queue[str] = queue.Queue()
-    with join(config, bus, robot) as client:
-        client.subscribe("events", lambda message: told.put(message.msg))
+    events: queue.Queue[str] = queue.Queue()
+    with connect(config, bus, robot) as client:
+        client.subscribe("events", lambda message: events.put(message.msg))
         client.query("command", {"command": "save_map"})
-        pulse, until_s = HeartbeatSender(client), time.monotonic() + PATIENCE_S
+        heartbeat, until_s = HeartbeatSender(client), time.monotonic() + SAVE_TIMEOUT_S
         while time.monotonic() < until_s:
             try:
-                text = told.get(timeout=0.2)
+                text = events.get(timeout=0.2)
             except queue.Empty:
-                pulse.check()
+                heartbeat.check()
                 continue
             if text.startswith(NOT_SAVED):
                 raise ThumperError(text)
             if text.startswith(SAVED):
                 print(text)
                 return
-    raise ThumperError(f"the robot has not said within {PATIENCE_S:.0f} s that its map is saved")
+    raise ThumperError(f"the robot did not confirm the save within {SAVE_TIMEOUT_S:.0f} s; check its log")

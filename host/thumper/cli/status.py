@@ -1,4 +1,4 @@
-"""`thumper status`, `thumper watch`: what a running robot says of itself."""
+"""`thumper status`, `thumper watch`: show the state and the messages of a running robot."""
 
 import json
 import sys
@@ -9,83 +9,86 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from thumper.cli.bus_options import Address, Config, Robot, join
+from thumper.cli.bus_options import connect
+from thumper.cli.common_options import AsJson, BusAddress, ConfigFile, RobotName
 
 if TYPE_CHECKING:
     import queue
 
 STATUS_TIMEOUT_S = 3.0
-LOOK_PERIOD_S = 0.5
-MOST_WAITING = 100
+POLL_PERIOD_S = 0.5
+MAX_QUEUED = 100
 
 
 def status(
-    as_json: Annotated[bool, typer.Option("--json", help="Print everything as one JSON object.")] = False,
-    config: Config = None,
-    bus: Address = "",
-    robot: Robot = "",
+    as_json: AsJson = False, config: ConfigFile = None, bus: BusAddress = "", robot: RobotName = ""
 ) -> None:
-    """Tell what a running robot does, whether it maps or localises, and how its parts keep up."""
+    """Show what a running robot does: mode, goal, board, lidar, control loop, recording."""
     from thumper.common.errors import EXIT_NOT_THERE, ThumperError
     from thumper.ros.to_json import to_json
 
-    heard = threading.Event()
-    newest: list[Any] = []
+    received = threading.Event()
+    messages: list[Any] = []
 
-    def take(message: Any) -> None:
-        newest.append(message)
-        heard.set()
+    def on_status(message: Any) -> None:
+        messages.append(message)
+        received.set()
 
-    with join(config, bus, robot) as client:
-        client.subscribe("status", take)
-        if not heard.wait(STATUS_TIMEOUT_S):
+    with connect(config, bus, robot) as client:
+        client.subscribe("status", on_status)
+        if not received.wait(STATUS_TIMEOUT_S):
             raise ThumperError(
-                "the robot is on the bus but says nothing; is its board connected, and is --robot its name?",
+                "the robot is on the bus but sends no status; check that its board is connected and that "
+                "--robot is its name",
                 exit_code=EXIT_NOT_THERE,
             )
         mapping: dict[str, Any] = {}
-        with suppress(ThumperError):  # while it looks for its board, it answers nothing
+        with suppress(ThumperError):  # a robot that waits for its board answers no queries
             mapping = client.query("mapping/state")
             del mapping["ok"]
-    message = newest[-1]
+    message = messages[-1]
     if as_json:
         print(json.dumps({**to_json(message), "mapping": mapping}))
     else:
-        print(_in_words(message, mapping))
+        print(_status_text(message, mapping))
 
 
-def _in_words(of: Any, mapping: Mapping[str, str]) -> str:
+def _status_text(message: Any, mapping: Mapping[str, str]) -> str:
+    m = message
     lines = [
-        f"{of.robot} ({'SIMULATED' if of.simulated else 'REAL'}): {of.mode}"
-        + (f", {of.reason}" if of.reason else "")
+        f"{m.robot} ({'SIMULATED' if m.simulated else 'REAL'}): {m.mode}"
+        + (f", {m.reason}" if m.reason else "")
     ]
-    if of.has_goal:
-        lines.append(f"goal     ({of.goal_x_m:.2f}, {of.goal_y_m:.2f}), {of.distance_to_goal_m:.2f} m to go")
+    if m.has_goal:
+        lines.append(f"goal     ({m.goal_x_m:.2f}, {m.goal_y_m:.2f}), {m.distance_to_goal_m:.2f} m to go")
     if mapping:
         lines.append("mode     " + "; ".join(filter(None, map(mapping.get, ("mode", "lost", "map_doubt")))))
-    lines.append(f"board    {of.board_state.lower().replace('_', ' ')}")
-    if of.fault:
-        lines.append(f"fault    {of.fault}, {of.fault_words}: {of.fault_cure}")
+    lines.append(f"board    {m.board_state.lower().replace('_', ' ')}")
+    if m.fault:
+        lines.append(f"fault    {m.fault}, {m.fault_words}: {m.fault_cure}")
     lines += [
-        f"link     {of.link_errors} bad frames, {of.lost_edges} lost encoder edges, "
-        f"telemetry {max(0.0, 1e3 * of.telemetry_age_s):.0f} ms old",
-        f"lidar    {of.lidar_scans} scans, {of.lidar_errors} errors, {of.lidar_restarts} restarts, "
-        f"scan {max(0.0, 1e3 * of.scan_age_s):.0f} ms old",
-        f"loop     {1e3 * of.loop_late_s:.1f} ms late, busy for {1e3 * of.loop_busy_s:.1f} ms",
-        f"recording {'on' if of.recording else 'off'}",
+        f"link     {m.link_errors} bad frames, {m.lost_edges} lost encoder edges, "
+        f"telemetry {max(0.0, 1e3 * m.telemetry_age_s):.0f} ms old",
+        f"lidar    {m.lidar_scans} scans, {m.lidar_errors} errors, {m.lidar_restarts} restarts, "
+        f"scan {max(0.0, 1e3 * m.scan_age_s):.0f} ms old",
+        f"loop     {1e3 * m.loop_late_s:.1f} ms late, busy for {1e3 * m.loop_busy_s:.1f} ms",
+        f"recording {'on' if m.recording else 'off'}",
     ]
     return "\n".join(lines)
 
 
 def watch(
-    topic: Annotated[str, typer.Argument(help="Which topic; docs/operate.md lists them.")],
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False,
-    count: Annotated[int, typer.Option(help="End after so many messages; 0: at Ctrl-C.", min=0)] = 0,
-    config: Config = None,
-    bus: Address = "",
-    robot: Robot = "",
+    topic: Annotated[str, typer.Argument(help="Topic name; docs/operate.md lists them.")],
+    as_json: AsJson = False,
+    count: Annotated[int, typer.Option(help="Stop after this many messages; 0: at Ctrl-C.", min=0)] = 0,
+    config: ConfigFile = None,
+    bus: BusAddress = "",
+    robot: RobotName = "",
 ) -> None:
-    """Print the messages of a topic of a running robot as they come."""
+    """Print the messages of a running robot's topic as they arrive; with --json, one object per line.
+
+    Example: `thumper watch pose --count 10`
+    """
     import queue
 
     from thumper.bus.heartbeat_sender import HeartbeatSender
@@ -95,30 +98,30 @@ def watch(
     from thumper.ros.topics import TOPICS
 
     if topic not in TOPICS:
-        raise ThumperError(f"no topic {topic!r}; there are {', '.join(TOPICS)}", exit_code=EXIT_USAGE)
-    waiting: queue.Queue[Any] = queue.Queue(MOST_WAITING)
-    with join(config, bus, robot) as client:
-        client.subscribe(topic, lambda message: _leave(waiting, message))
-        pulse = HeartbeatSender(client)
-        shown, waits = 0, False
+        raise ThumperError(f"unknown topic {topic!r}; choose from: {', '.join(TOPICS)}", exit_code=EXIT_USAGE)
+    received: queue.Queue[Any] = queue.Queue(MAX_QUEUED)
+    with connect(config, bus, robot) as client:
+        client.subscribe(topic, lambda message: _enqueue(received, message))
+        heartbeat = HeartbeatSender(client)
+        printed, hint_printed = 0, False
         try:
-            while not count or shown < count:
+            while not count or printed < count:
                 try:
-                    message = waiting.get(timeout=LOOK_PERIOD_S)
+                    message = received.get(timeout=POLL_PERIOD_S)
                 except queue.Empty:
-                    if pulse.has_talked and not (shown or waits):
-                        waits = True
-                        told = f"robot {client.robot!r} is there, nothing on {topic} yet; Ctrl-C ends it"
-                        print(f"thumper: {told}", file=sys.stderr)
-                    pulse.check()
+                    if heartbeat.has_talked and not (printed or hint_printed):
+                        hint_printed = True
+                        hint = f"robot {client.robot!r} is running; no messages on {topic} yet"
+                        print(f"thumper: {hint} (Ctrl-C to stop)", file=sys.stderr)
+                    heartbeat.check()
                     continue
                 print(json.dumps(to_json(message)) if as_json else message_text(message), flush=True)
-                shown += 1
+                printed += 1
         except KeyboardInterrupt:
             pass
 
 
-def _leave(waiting: "queue.Queue[Any]", message: Any) -> None:
-    """A terminal that is too slow misses messages; it must not gather them."""
-    if not waiting.full():
-        waiting.put_nowait(message)
+def _enqueue(messages: "queue.Queue[Any]", message: Any) -> None:
+    """Queue a message; drop it if the queue is full, so that a slow terminal cannot fill the memory."""
+    if not messages.full():
+        messages.put_nowait(message)

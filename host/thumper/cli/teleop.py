@@ -1,4 +1,4 @@
-"""`thumper teleop`: drive a running robot by hand, from the keyboard or a gamepad."""
+"""`thumper teleop`: drive a running robot manually with keyboard or gamepad."""
 
 import time
 from contextlib import ExitStack
@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from thumper.cli.bus_options import Address, Config, Robot, join
+from thumper.cli.bus_options import connect
+from thumper.cli.common_options import BusAddress, ConfigFile, RobotName
 
 if TYPE_CHECKING:
     from thumper.bus.heartbeat_sender import HeartbeatSender
@@ -17,21 +18,21 @@ LINE_PERIOD_S = 0.2
 HELP = """r: arm, then hold a key to drive:   u i o    (or the arrow keys; with Shift: turbo)
                                     j k l    k stops
                                     m , .
-Space, Esc: EMERGENCY STOP   c: clear the fault   f: disarm   q: leave
+Space, Esc: EMERGENCY STOP   c: clear the fault   f: disarm   q: quit
 gamepad: hold LB to drive (RB: turbo), left stick forward, right stick turns, B: EMERGENCY STOP,
          Start: arm, Back: disarm"""
 
 
 def teleop(
-    gamepad: Annotated[bool, typer.Option(help="Look for a gamepad as well (needs pygame).")] = True,
-    config: Config = None,
-    bus: Address = "",
-    robot: Robot = "",
+    gamepad: Annotated[bool, typer.Option(help="Also use a gamepad, if there is one (needs pygame).")] = True,
+    config: ConfigFile = None,
+    bus: BusAddress = "",
+    robot: RobotName = "",
 ) -> None:
-    """Drive a running robot by hand; whatever it was driving to by itself is given up.
+    """Drive a running robot manually with keyboard or gamepad; this cancels its current goal.
 
-    The robot drives only while a key or the pad's button is held. Without either, or when this program, the
-    pad or the network fails, it stands within half a second.
+    The robot drives only while you hold a key or the gamepad's button. When you release it, or if this
+    program, the gamepad or the network fails, the robot stops within 0.5 s.
     """
     from thumper.bus.heartbeat_sender import HeartbeatSender
     from thumper.common.errors import EXIT_USAGE, ThumperError
@@ -40,22 +41,22 @@ def teleop(
     from thumper.teleop.teleop_loop import TeleopLoop
 
     settings = load_config(config)
-    heard: dict[str, str] = {}
+    latest: dict[str, str] = {}
     with ExitStack() as stack:
-        client = stack.enter_context(join(config, bus, robot))
-        client.subscribe("status", lambda message: heard.update(status=_status_words(message)))
-        client.subscribe("events", lambda message: heard.update(event=message.msg))
+        client = stack.enter_context(connect(config, bus, robot))
+        client.subscribe("status", lambda message: latest.update(status=_status_text(message)))
+        client.subscribe("events", lambda message: latest.update(event=message.msg))
         pad = _gamepad(stack) if gamepad else None
         terminal = stack.enter_context(raw_terminal())
         if terminal is None and pad is None:
             raise ThumperError(
-                "neither a terminal to type in nor a gamepad: start it in a terminal", exit_code=EXIT_USAGE
+                "neither a terminal nor a gamepad to drive with; start it in a terminal", exit_code=EXIT_USAGE
             )
         print(HELP)
-        driver = TeleopLoop(settings, client.publish, terminal.read if terminal else bytes, pad)
-        stack.callback(driver.release)
+        loop = TeleopLoop(settings, client.publish, terminal.read if terminal else bytes, pad)
+        stack.callback(loop.release)
         try:
-            _drive(driver, pad, heard, HeartbeatSender(client), 1.0 / settings.teleop.rate_Hz)
+            _drive(loop, pad, latest, HeartbeatSender(client), 1.0 / settings.teleop.rate_Hz)
         except KeyboardInterrupt:
             pass
         finally:
@@ -63,32 +64,33 @@ def teleop(
 
 
 def _drive(
-    driver: "TeleopLoop",
+    loop: "TeleopLoop",
     pad: "Gamepad | None",
-    heard: dict[str, str],
-    pulse: "HeartbeatSender",
+    latest: dict[str, str],
+    heartbeat: "HeartbeatSender",
     period_s: float,
 ) -> None:
+    """Run the loop until the operator quits; print events and, every 0.2 s, a status line."""
     line_s, last_event = 0.0, ""
     due_s = time.monotonic()
-    while driver.step(time.monotonic(), period_s):
+    while loop.step(time.monotonic(), period_s):
         now_s = time.monotonic()
         if now_s >= line_s + LINE_PERIOD_S:
             line_s = now_s
-            pulse.check()
-            event = heard.get("event", "")
+            heartbeat.check()
+            event = latest.get("event", "")
             if event != last_event:
                 print(f"\r\033[K{event}")
                 last_event = event
-            hand = pad.name if pad and pad.name else "keyboard"
-            twist = driver.twist
-            said = heard.get("status", "")
+            device = pad.name if pad and pad.name else "keyboard"
+            twist = loop.twist
+            status = latest.get("status", "")
             print(
-                f"\r\033[K{hand}: {twist.v_m_s:+.2f} m/s {twist.w_rad_s:+.2f} rad/s | {said}",
+                f"\r\033[K{device}: {twist.v_m_s:+.2f} m/s {twist.w_rad_s:+.2f} rad/s | {status}",
                 end="",
                 flush=True,
             )
-        due_s = max(due_s + period_s, now_s)  # a late beat is not made up for
+        due_s = max(due_s + period_s, now_s)  # do not catch up on missed cycles
         time.sleep(max(0.0, due_s - now_s))
 
 
@@ -105,7 +107,7 @@ def _gamepad(stack: ExitStack) -> "Gamepad | None":
     return pad
 
 
-def _status_words(message: Any) -> str:
+def _status_text(message: Any) -> str:
     fault = f", {message.fault_words}: {message.fault_cure}" if message.fault else ""
-    why = f" ({message.reason})" if message.reason else ""
-    return f"{message.robot}: {message.mode}, {message.board_state}{why}{fault}"
+    reason = f" ({message.reason})" if message.reason else ""
+    return f"{message.robot}: {message.mode}, {message.board_state}{reason}{fault}"

@@ -89,7 +89,7 @@ def beside(config: Path | None, robot_address: str, *, wanted: bool = True) -> I
         raise ModuleNotFoundError(name="nicegui")
     bound(checked(load_config(config).dashboard)).close()
     check_free(robot_address)  # the page would show another robot
-    command = [sys.executable, "-m", "thumper", "dashboard", "--robot-address", robot_address]
+    command = [sys.executable, "-m", "thumper", "dashboard", "--bus", robot_address]
     if config is not None:
         command += ["--config", str(config)]
     process = subprocess.Popen(command, start_new_session=True)  # Ctrl-C is the robot's first

@@ -172,7 +172,7 @@ def test_who_watches_an_idle_robot_is_told_that_it_is_there(
         watch("events", bus=robot.address, robot="r1")
     assert capsys.readouterr() == (
         "",
-        "thumper: robot 'r1' is there, nothing on events yet; Ctrl-C ends it\n",
+        "thumper: robot 'r1' is running; no messages on events yet (Ctrl-C to stop)\n",
     )
 
 

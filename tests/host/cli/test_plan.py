@@ -91,11 +91,11 @@ def test_refusals(room: Path, words: tuple[object, ...], message: str) -> None:
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        ("", "holds no rows"),
-        ("start_x,start_y,goal_x,goal_y\n", "holds a header and no rows"),
+        ("", "has no rows"),
+        ("start_x,start_y,goal_x,goal_y\n", "has a header but no rows"),
         ("a,b,c,d\n1,2,3,4\n", "needs the columns start_x"),
-        ("start_x,start_y,goal_x,goal_y\n1,2,3,x\n", "line 2: 'x' is not a number; mend column 4"),
-        ("1,2,3\n", "line 1: '' is not a number; mend column 4"),
+        ("start_x,start_y,goal_x,goal_y\n1,2,3,x\n", "line 2: 'x' is not a number; fix column 4"),
+        ("1,2,3\n", "line 1: '' is not a number; fix column 4"),
     ],
 )
 def test_bad_batches(room: Path, tmp_path: Path, rows: str, message: str) -> None:
