@@ -10,13 +10,13 @@ TEST_PACKAGES := clang-format clang clang-tidy llvm libclang-rt-dev simavr ardui
 help:
 	@echo "make demo      install what is missing, build, and drive the two missions in simulation (results in out/)"
 	@echo "make test      install what is missing, build, and run every test"
-	@echo "make lint      ruff, mypy --strict, clang-format, clang-tidy on the firmware's core"
+	@echo "make lint      ruff, mypy --strict, house words, clang-format, clang-tidy on the firmware's core"
 	@echo "make coverage  what the tests run: all lines and conditions of the firmware's core, 90 % of Python's lines"
 	@echo "make firmware  build firmware/build/thumper.elf and .hex and those of the second board, print their size"
-	@echo "make reference write the reference pages of commands and options anew"
+	@echo "make reference write the reference pages of commands and options"
 	@echo "make docs      build the documentation's site into site/, offline; a dead link is an error"
 	@echo "make bench     run every benchmark and write the table in docs/results/benchmarks.md"
-	@echo "make results   drive the sample campaigns anew and write their reports into docs/results/"
+	@echo "make results   drive the sample campaigns again and write their reports into docs/results/"
 	@echo "make soak      two simulated hours of goals and faults (half an hour), see docs/results/soak.md"
 	@echo "make mutation  flip every operator and constant of the firmware's core and count who notices (half an hour)"
 
@@ -38,6 +38,7 @@ lint: $(VENV)/.dev
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
+	$(BIN)/python -m pytest -q tests/meta/test_language.py
 	clang-format --dry-run --Werror $$(git ls-files '*.cpp' '*.hpp' '*.c' '*.h')
 	clang-tidy --quiet --config-file=firmware/.clang-tidy tests/firmware/native/core_api.cpp -- \
 	  -std=c++14 -Ifirmware -Itests/firmware -Itests/firmware/native

@@ -1,0 +1,114 @@
+"""The texts use the field's terms (CONTRIBUTING.md): no house words in pages, comments, messages or help."""
+
+import re
+import tokenize
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/**/*.md")
+CODE = ("host", "hil", "tuning", "firmware", "benchmarks", "scripts")
+PENDING = (
+    "host/thumper",
+    "hil",
+    "tuning",
+    "benchmarks",
+    "scripts",
+    "docs/reference",
+    "docs/tutorials/map.md",
+)
+
+COUNTED = (
+    "times|counts|messages|points|scans|rows|lines|steps|turns|bytes|frames|packets|commands|pulses|beams|samples|cycles|"
+    "questions|pixels|wheels|motors|beats|observations|hits|reads|writes|cores|once|twice|one|ms|mb"
+)
+UNIT = (
+    "second|minute|hour|turn|revolution|scan|cycle|drive|row|line|side|core|message|frame|run|particle|cell"
+)
+TERMS = {
+    r"told": "reported, given",
+    r"(?<!can\s)(?<!cannot\s)tells?(?! you| apart)": "reports, shows, says",
+    r"lea(?:ves?|ving) with": "exits with",
+    r"at (?:others' )?service": "running",
+    r"anew": "again",
+    rf"(?:\d+|{COUNTED}) an? (?:{UNIT})": "per",
+    r"the clock on the wall": "real time",
+    r"bit by bit": "bit for bit",
+    r"gives? up where": "aborts, stops",
+    r"(?:of|on) its own that": "(rewrite the sentence)",
+    r"(?:do|does|did) not check": "fails the CRC, is invalid",
+    r"believe[sd]?": "estimates, trusts",
+    r"by hand (?:is|are|it|may|can|the)|(?<!other\s)(?:a|the) hand(?! on)": "the operator, manually",
+    r"mend(?:s|ed|ing)?": "fix, repair",
+    r"cure[sd]?": "fix",
+    r"st(?:and|ands|ood) still": "stops, is stationary",
+    r"(?:robot|it|wheels?) st(?:ands|ood)": "stops, is (at)",
+    r"pric(?:e|es|ed|ing)": "cost",
+    r"look(?:s|ed|ing)? round": "rotate in place, scan",
+    r"looks? along": "faces along",
+    r"(?<!convex\s)hulls?": "footprint",
+    r"errands?": "board job",
+    r"patience": "recovery policy",
+    r"prospects": "reachability",
+    r"bearings": "motion watchdog",
+    r"senses": "sensor inputs",
+    r"(?:its|robot's|loop's|runtime's) products": "publisher",
+    r"desk": "request handler",
+    r"inbox": "request queue",
+    r"rivals?": "alternative poses",
+    r"laid scan": "scan likelihood",
+    r"(?:compiled?|plot(?:ted)?|done) apart": "in a subprocess",
+    r"(?:a|the|each|every|one|per|next|last|this|first|two|of) beats?": "cycle",
+    r"(?:an|the last|the newest|wheel|drive|speed|each|every|its) orders?(?! of| in)": "command",
+    r"borders? of the known": "frontier",
+    r"go(?:es|ne|ing)? on (?:with|mapping|where)": "continue",
+    r"near enough, in": "tolerance",
+    r"shall": "must, will",
+    r"stray(?:s|ed)": "leaves the path",
+}
+HOUSE_WORDS = re.compile(rf"\b(?:{'|'.join(f'({words})' for words in TERMS)})\b".replace(" ", r"\s+"))
+CODE_SPAN = re.compile(r"```.*?```|`[^`\n]*`", re.DOTALL)
+C_TEXT = re.compile(r'//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])*\'|`[^`]*`', re.DOTALL)
+
+
+def texts(path: Path) -> Iterator[tuple[int, str]]:
+    """Yield each comment, string or page with its first line."""
+    if path.suffix == ".py":
+        kinds = {tokenize.COMMENT, tokenize.STRING, getattr(tokenize, "FSTRING_MIDDLE", tokenize.STRING)}
+        with tokenize.open(path) as stream:
+            for token in tokenize.generate_tokens(stream.readline):
+                if token.type in kinds and " " in token.string:
+                    yield token.start[0], token.string
+    elif path.suffix == ".md":
+        yield 1, path.read_text(encoding="utf-8")
+    else:
+        source = path.read_text(encoding="utf-8")
+        for found in C_TEXT.finditer(source):
+            if " " in found[0]:
+                yield source.count("\n", 0, found.start()) + 1, found[0]
+
+
+def house_words(path: Path) -> Iterator[str]:
+    """Yield `file:line: 'phrase'; use TERM` for each house word."""
+    for line, text in texts(path):
+        plain = CODE_SPAN.sub(lambda span: re.sub(r"[^\n]", "`", span[0]), text.lower())
+        for found in HOUSE_WORDS.finditer(plain):
+            phrase, term = " ".join(found[0].split()), [*TERMS.values()][(found.lastindex or 1) - 1]
+            at = line + text.count("\n", 0, found.start())
+            yield f"{path.relative_to(ROOT)}:{at}: {phrase!r}; use: {term}"
+
+
+def files() -> Iterator[Path]:
+    """Yield the pages and sources, without vendored and built files."""
+    for pattern in (
+        *PAGES,
+        *(f"{folder}/**/*.{suffix}" for folder in CODE for suffix in ("py", "js", "[hc]pp")),
+    ):
+        for path in sorted(ROOT.glob(pattern)):
+            if not {"build", "vendor"} & set(path.parts) and ".min." not in path.name:
+                yield path
+
+
+def test_texts_use_the_terms_of_the_field() -> None:
+    wrong = [line for path in files() for line in house_words(path)]
+    assert not [line for line in wrong if not line.startswith(PENDING or ("\0",))], "\n".join(wrong)
