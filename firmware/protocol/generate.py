@@ -55,29 +55,13 @@ def load_schema(path: Path = SCHEMA) -> Schema:
 
 def check_schema(schema: Schema) -> None:
     """Raise ValueError for the first invalid entry, naming it."""
-    enums = {enum["name"]: enum for enum in schema["enum"]}
-    for what, keys in {
-        "enum name": [e["name"] for e in schema["enum"]],
-        "message name": [m["name"] for m in schema["message"]],
-        "message id": [m["id"] for m in schema["message"]],
-        "parameter name": [p["name"] for p in schema["parameter"]],
-    }.items():
-        if len(set(keys)) != len(keys):
-            raise ValueError(f"{what} used twice; make it unique: {keys}")
+    check_unique(schema)
     for enum in schema["enum"]:
         values = [v["value"] for v in enum["values"]]
         if len(set(values)) != len(values) or not all(0 <= v <= 255 for v in values):
             raise ValueError(f"enum {enum['name']}: values must be distinct and within 0..255")
     for message in schema["message"]:
-        if (message["id"] >= 0x80) != (message["from"] == "firmware") or not 0 < message["id"] <= 0xFF:
-            raise ValueError(f"message {message['name']}: firmware ids start at 0x80, host ids are below")
-        for field in message["fields"]:
-            if field["type"] not in TYPES:
-                raise ValueError(f"{message['name']}.{field['name']}: unknown wire type {field['type']}")
-            if field["enum"] and (field["enum"] not in enums or field["type"] != "u8"):
-                raise ValueError(
-                    f"{message['name']}.{field['name']}: an enum field needs a known enum and type u8"
-                )
+        check_message(message, {enum["name"] for enum in schema["enum"]})
     identity = next(m for m in schema["message"] if m["name"] == "identity")
     if identity["fields"][0]["name"] != "schema_hash" or identity["fields"][0]["type"] != "u32":
         raise ValueError("identity must begin with schema_hash, u32; the host needs it to report a mismatch")
@@ -86,6 +70,30 @@ def check_schema(schema: Schema) -> None:
             raise ValueError(f"parameter {spec['name']}: the default is outside its range")
         if max(abs(spec["minimum"]), abs(spec["maximum"])) * spec["scale"] >= 2**15:
             raise ValueError(f"parameter {spec['name']}: the range times scale does not fit int16")
+
+
+def check_unique(schema: Schema) -> None:
+    """Raise ValueError if a name or a message id occurs twice."""
+    for what, keys in {
+        "enum name": [e["name"] for e in schema["enum"]],
+        "message name": [m["name"] for m in schema["message"]],
+        "message id": [m["id"] for m in schema["message"]],
+        "parameter name": [p["name"] for p in schema["parameter"]],
+    }.items():
+        if len(set(keys)) != len(keys):
+            raise ValueError(f"{what} used twice; make it unique: {keys}")
+
+
+def check_message(message: Schema, enums: set[str]) -> None:
+    """Raise ValueError if the id does not suit the sender, or a field has an unknown type or enum."""
+    if (message["id"] >= 0x80) != (message["from"] == "firmware") or not 0 < message["id"] <= 0xFF:
+        raise ValueError(f"message {message['name']}: firmware ids start at 0x80, host ids are below")
+    for field in message["fields"]:
+        name = f"{message['name']}.{field['name']}"
+        if field["type"] not in TYPES:
+            raise ValueError(f"{name}: unknown wire type {field['type']}")
+        if field["enum"] and (field["enum"] not in enums or field["type"] != "u8"):
+            raise ValueError(f"{name}: an enum field needs a known enum and type u8")
 
 
 def schema_hash(schema: Schema) -> int:

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from importlib import import_module
 from typing import ParamSpec, TypeVar, cast
 
 import numba
@@ -11,7 +12,7 @@ import numba
 if "scipy.linalg" not in sys.modules:
     sys.modules["scipy.linalg"] = None  # type: ignore[assignment]
     try:
-        import numba.np.arraymath
+        import_module("numba.np.arraymath")
     finally:
         del sys.modules["scipy.linalg"]
 
