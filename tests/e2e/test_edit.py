@@ -85,7 +85,7 @@ def test_what_cannot_be_edited_is_refused(thumper: Run, tmp_path: Path) -> None:
     for arguments, word in (
         ((lab,), "nothing to do"),
         ((lab, "--wall", "1,2,3"), "--wall 1,2,3: give X0,Y0,X1,Y1"),
-        ((lab, "--free", "90,0,91,1"), "beside the map"),
+        ((lab, "--free", "90,0,91,1"), "outside the map"),
         ((lab, "--crop", "0,0,1,1", "--trim"), "give one"),
         ((lab, "--trim", "--out", tmp_path), "is a directory; name the new map"),
         ((tmp_path / "none.yaml", "--trim"), "none.yaml"),

@@ -6,13 +6,12 @@ from pathlib import Path
 import matplotlib
 
 matplotlib.use("Agg")
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from thumper.common.geometry import FloatArray
 from thumper.maps.map_server_io import save_map
-from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.maps.plot import draw_grid
 from thumper.navigation.planners.polyline import arc_lengths
 from thumper.runtime.drive_log import SPEED_COLUMNS, DriveLog, speed_errors
 from thumper.runtime.drive_result import DriveResult
@@ -20,43 +19,9 @@ from thumper.slam.mapper import Mapper
 from thumper.slam.saved_state import SavedSlamState, save_session
 
 INK, BLUE, ORANGE, GREEN = "#1f2933", "#2563eb", "#ea580c", "#16a34a"
-BORDER_M = 0.3
 SHORTEST_PLAN_M = 0.1  # exploration starts with a plan to the current position
 LEGEND = {"loc": "lower center", "bbox_to_anchor": (0.56, 1.0), "ncols": 2, "frameon": False, "fontsize": 8}
 """Above the axes, between title and error; inside, it would cover the curves."""
-
-
-def draw_map(axes: Axes, grid: OccupancyGrid) -> None:
-    """Draw the grid as map viewers do: white free, black occupied, grey unknown; axes in metres."""
-    shade = np.where(grid.cells < 0, 0.82, 1.0 - grid.cells / 100.0)
-    rows, columns = grid.cells.shape
-    axes.imshow(
-        shade,
-        cmap="gray",
-        vmin=0.0,
-        vmax=1.0,
-        origin="lower",
-        interpolation="nearest",
-        extent=(
-            grid.origin_x_m,
-            grid.origin_x_m + columns * grid.resolution_m,
-            grid.origin_y_m,
-            grid.origin_y_m + rows * grid.resolution_m,
-        ),
-    )
-    known_rows, known_columns = np.nonzero(grid.cells >= 0)
-    if known_rows.size:  # a map grows in large patches: show what is known, not the patches
-        axes.set_xlim(
-            grid.origin_x_m + known_columns.min() * grid.resolution_m - BORDER_M,
-            grid.origin_x_m + (known_columns.max() + 1) * grid.resolution_m + BORDER_M,
-        )
-        axes.set_ylim(
-            grid.origin_y_m + known_rows.min() * grid.resolution_m - BORDER_M,
-            grid.origin_y_m + (known_rows.max() + 1) * grid.resolution_m + BORDER_M,
-        )
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
-    axes.set_aspect("equal")
 
 
 def draw_drive(axes: Axes, log: DriveLog) -> None:
@@ -105,7 +70,7 @@ def write_run(folder: Path, mapper: Mapper, log: DriveLog, result: DriveResult) 
     save_session(SavedSlamState.from_mapper(mapper, result.map_from_base), folder / "map.session")
     picture = Figure(figsize=(8, 7), layout="constrained")
     axes = picture.subplots()
-    draw_map(axes, grid)
+    draw_grid(axes, grid)
     draw_drive(axes, log)
     for row, mark, colour, name in ((0, "o", GREEN, "start"), (-1, "s", BLUE, "end")):
         axes.plot(*log.poses[row:][:1, 1:3].T, mark, color=colour, markersize=8, label=name)

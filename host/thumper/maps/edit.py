@@ -1,4 +1,4 @@
-"""Changing a finished map: boxes of it, its extent, its direction. What is unknown stays unknown."""
+"""Edit a finished map: fill boxes, crop, trim, rotate. Unknown cells stay unknown."""
 
 import math
 from dataclasses import dataclass, replace
@@ -8,12 +8,12 @@ import numpy as np
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.maps.occupancy_grid import OCCUPIED, UNKNOWN, OccupancyGrid
 
-SLACK = 1e-6  # cells: a coordinate that is meant to lie on a cell's border does
+TOLERANCE_CELLS = 1e-6  # rounding error of a coordinate that lies on a cell border
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Box:
-    """A rectangle along the map's axes [m]; which corners are named does not matter."""
+    """A rectangle along the map's axes [m], from any two opposite corners."""
 
     x0_m: float
     y0_m: float
@@ -22,45 +22,46 @@ class Box:
 
 
 def fill_box(grid: OccupancyGrid, box: Box, state: int) -> OccupancyGrid:
-    """The map with all cells that the box touches free, occupied or unknown; a line is one cell wide.
+    """Return the map with all cells that the box touches set to `state`; a line is one cell wide.
 
     Raises
     ------
     ThumperError
-        The box lies beside the map.
+        The box lies outside the map.
     """
     cells = grid.cells.copy()
-    rows, cols = _touched(grid, box)
+    rows, cols = _cells_in(grid, box)
     cells[rows, cols] = state
     return replace(grid, cells=cells)
 
 
 def crop(grid: OccupancyGrid, box: Box) -> OccupancyGrid:
-    """The part of the map that the box touches; each cell stays in its place.
+    """Return the part of the map that the box touches; each cell keeps its position.
 
     Raises
     ------
     ThumperError
-        The box lies beside the map.
+        The box lies outside the map.
     """
-    return _part(grid, *_touched(grid, box))
+    return _slice(grid, *_cells_in(grid, box))
 
 
 def trim(grid: OccupancyGrid, margin_m: float = 0.5) -> OccupancyGrid:
-    """The known part of a map and a margin round it; a map that knows nothing stays as it is."""
+    """Return the known part of a map and a margin around it; an unknown map stays as it is."""
     known = np.argwhere(grid.cells != UNKNOWN)
     if not known.size:
         return grid
-    margin = math.ceil(margin_m / grid.resolution_m - SLACK)
+    margin = math.ceil(margin_m / grid.resolution_m - TOLERANCE_CELLS)
     low = np.maximum(known.min(axis=0) - margin, 0)
     high = np.minimum(known.max(axis=0) + margin + 1, grid.cells.shape)
-    return _part(grid, slice(int(low[0]), int(high[0])), slice(int(low[1]), int(high[1])))
+    return _slice(grid, slice(int(low[0]), int(high[0])), slice(int(low[1]), int(high[1])))
 
 
 def rotate(grid: OccupancyGrid, angle_rad: float) -> OccupancyGrid:
-    """The map turned counter-clockwise about its frame's origin; each new cell takes the nearest old one.
+    """Return the map rotated counter-clockwise about the origin of its frame.
 
-    An occupied cell that is nearest to none of them is kept as well: a chair's leg must not vanish.
+    Each new cell takes the state of the nearest old one. An occupied cell that is nearest to no new cell is
+    kept, too, so that a chair leg does not vanish.
     """
     rows, cols = grid.cells.shape
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
@@ -85,27 +86,27 @@ def rotate(grid: OccupancyGrid, angle_rad: float) -> OccupancyGrid:
     return replace(grid, cells=cells, origin_x_m=float(low[0]), origin_y_m=float(low[1]))
 
 
-def _touched(grid: OccupancyGrid, box: Box) -> tuple[slice, slice]:
-    """Rows and columns of the map that the box shares more than a border with, or that hold it."""
+def _cells_in(grid: OccupancyGrid, box: Box) -> tuple[slice, slice]:
+    """Return the rows and columns that overlap the box; a line or point overlaps the cells it lies in."""
     ranges = []
     for name, ends, origin_m, size in (
         ("y", (box.y0_m, box.y1_m), grid.origin_y_m, grid.cells.shape[0]),
         ("x", (box.x0_m, box.x1_m), grid.origin_x_m, grid.cells.shape[1]),
     ):
-        first = math.floor((min(ends) - origin_m) / grid.resolution_m + SLACK)
-        last = max(first, math.ceil((max(ends) - origin_m) / grid.resolution_m - SLACK) - 1)
+        first = math.floor((min(ends) - origin_m) / grid.resolution_m + TOLERANCE_CELLS)
+        last = max(first, math.ceil((max(ends) - origin_m) / grid.resolution_m - TOLERANCE_CELLS) - 1)
         if last < 0 or first >= size:
             end_m = origin_m + size * grid.resolution_m
             raise ThumperError(
-                f"the box from {name} = {min(ends):g} to {max(ends):g} lies beside the map, "
-                f"which reaches from {origin_m:g} to {end_m:g}",
+                f"the box from {name} = {min(ends):g} to {max(ends):g} lies outside the map, "
+                f"which extends from {origin_m:g} to {end_m:g}",
                 exit_code=EXIT_USAGE,
             )
         ranges.append(slice(max(0, first), min(size, last + 1)))
     return ranges[0], ranges[1]
 
 
-def _part(grid: OccupancyGrid, rows: slice, cols: slice) -> OccupancyGrid:
+def _slice(grid: OccupancyGrid, rows: slice, cols: slice) -> OccupancyGrid:
     return replace(
         grid,
         cells=grid.cells[rows, cols].copy(),

@@ -1,12 +1,13 @@
-"""Maps on disk: the PGM image and YAML description that ROS's map_server reads and writes.
+"""Maps on disk: the PGM image and YAML metadata of ROS's map_server.
 
-Format: http://wiki.ros.org/map_server, "trinary" mode. The description is six keys on six lines, so it is
-written and read by hand: no YAML library is needed.
+Format: http://wiki.ros.org/map_server, "trinary" mode. The metadata are six keys on six lines, so this module
+needs no YAML library.
 """
 
 import math
 import os
 from dataclasses import dataclass, replace
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -15,18 +16,17 @@ from numpy.typing import NDArray
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.maps.edit import rotate
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from thumper.maps.pgm import decode_pgm, encode_pgm
 
 FREE_THRESH, OCCUPIED_THRESH = 0.196, 0.65
 WHITE_FREE, BLACK_OCCUPIED, GREY_UNKNOWN = 254, 0, 205
-# 0.196 is 50/255: grey 205 is exactly on it, so the comparison below must be strict for unknown to survive.
+# 0.196 is 50/255. Grey 205 lies exactly on it; the strict comparison in `_grid` keeps it unknown.
 
 ImageArray = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Description:
-    """What the YAML file says of its image; `mode` is trinary, scale or raw."""
+class MapMetadata:
+    """Content of the YAML file; `mode` is trinary, scale or raw."""
 
     image: str
     mode: str
@@ -40,27 +40,27 @@ class Description:
 
 
 def map_yaml_path(name: str | Path) -> Path:
-    """Where the description of a map called `name` is: any ending but .yaml is a part of the name."""
+    """Return the YAML path of the map `name`. Any suffix except .yaml is part of the name."""
     return Path(f"{str(name).removesuffix('.yaml')}.yaml")
 
 
 def save_map(grid: OccupancyGrid, yaml_path: Path) -> Path:
-    """Write `yaml_path` and, beside it, the image of the same name with `.pgm`; return the image's path.
+    """Write `yaml_path` and the image beside it, with the suffix `.pgm`; return the image's path.
 
-    Each file appears whole or not at all, the image first. Cells of 65 % and more become occupied, cells
-    below 19.6 % free, the rest unknown.
+    Each file is written completely or not at all, the image first. Cells of 65 % and more become occupied,
+    cells below 19.6 % free, the rest unknown.
 
     Raises
     ------
     ThumperError
-        The folder cannot be written.
+        The directory is not writable.
     """
     pgm_path = yaml_path.with_suffix(".pgm")
     occupied = grid.cells >= 100.0 * OCCUPIED_THRESH
     free = (grid.cells != UNKNOWN) & (grid.cells < 100.0 * FREE_THRESH)
     image = np.full(grid.cells.shape, GREY_UNKNOWN, dtype=np.uint8)
     image[occupied], image[free] = BLACK_OCCUPIED, WHITE_FREE
-    description = (
+    metadata = (
         f"image: {pgm_path.name}\n"
         f"resolution: {grid.resolution_m!r}\n"
         f"origin: [{float(grid.origin_x_m)!r}, {float(grid.origin_y_m)!r}, 0.0]\n"
@@ -69,58 +69,58 @@ def save_map(grid: OccupancyGrid, yaml_path: Path) -> Path:
         f"free_thresh: {FREE_THRESH}\n"
     )
     _write(pgm_path, encode_pgm(image[::-1]))  # the image's first row is the map's largest y
-    _write(yaml_path, description.encode())
+    _write(yaml_path, metadata.encode())
     return pgm_path
 
 
 def load_map(yaml_path: Path) -> OccupancyGrid:
-    """Read a map by its description; the image's path is relative to it.
+    """Read a map from its YAML file; the path of the image is relative to that file.
 
     Raises
     ------
     ThumperError
-        A file is missing or broken; the message names the file, the key and the value.
+        A file is missing or invalid; the message names the file, the key and the value.
     """
-    description, occupancy = read_occupancy(yaml_path, ("trinary",))
-    return _grid(description, occupancy)
+    metadata, occupancy = read_occupancy(yaml_path, ("trinary",))
+    return _grid(metadata, occupancy)
 
 
 def load_rotated_map(yaml_path: Path) -> tuple[OccupancyGrid, float]:
-    """Read a map whose origin may have a yaw: it is turned so that it has none. Returns that yaw, too.
+    """Read a map whose origin may have a yaw, and rotate it so that it has none; return the yaw, too.
 
     Raises
     ------
     ThumperError
-        As `load_map`, but for the yaw.
+        As `load_map`, except for the yaw.
     """
-    description, occupancy = read_occupancy(yaml_path, ("trinary",), turned=True)
-    grid = _grid(description, occupancy)
-    if description.yaw_rad == 0.0:
+    metadata, occupancy = read_occupancy(yaml_path, ("trinary",), allow_yaw=True)
+    grid = _grid(metadata, occupancy)
+    if metadata.yaw_rad == 0.0:
         return grid, 0.0
-    turned = rotate(replace(grid, origin_x_m=0.0, origin_y_m=0.0), description.yaw_rad)
-    x_m, y_m = turned.origin_x_m + grid.origin_x_m, turned.origin_y_m + grid.origin_y_m
-    return replace(turned, origin_x_m=x_m, origin_y_m=y_m), description.yaw_rad
+    rotated = rotate(replace(grid, origin_x_m=0.0, origin_y_m=0.0), metadata.yaw_rad)
+    x_m, y_m = rotated.origin_x_m + grid.origin_x_m, rotated.origin_y_m + grid.origin_y_m
+    return replace(rotated, origin_x_m=x_m, origin_y_m=y_m), metadata.yaw_rad
 
 
-def _grid(description: Description, occupancy: NDArray[np.float64]) -> OccupancyGrid:
+def _grid(metadata: MapMetadata, occupancy: NDArray[np.float64]) -> OccupancyGrid:
     cells = np.full(occupancy.shape, UNKNOWN, dtype=np.int8)
-    cells[occupancy > description.occupied_thresh] = OCCUPIED
-    cells[occupancy < description.free_thresh] = FREE
+    cells[occupancy > metadata.occupied_thresh] = OCCUPIED
+    cells[occupancy < metadata.free_thresh] = FREE
     return OccupancyGrid(
         cells=cells,
-        resolution_m=description.resolution_m,
-        origin_x_m=description.origin_x_m,
-        origin_y_m=description.origin_y_m,
+        resolution_m=metadata.resolution_m,
+        origin_x_m=metadata.origin_x_m,
+        origin_y_m=metadata.origin_y_m,
     )
 
 
 def read_occupancy(
-    yaml_path: Path, modes: tuple[str, ...], *, turned: bool = False
-) -> tuple[Description, NDArray[np.float64]]:
-    """Read a map's description, whose mode must be one of `modes`, and how dark each cell is: 0 white to 1
-    black, shape (rows, cols), row 0 the smallest y; with `negate` the other way round.
+    yaml_path: Path, modes: tuple[str, ...], *, allow_yaw: bool = False
+) -> tuple[MapMetadata, NDArray[np.float64]]:
+    """Return a map's metadata and the darkness of its cells: 0 white to 1 black, inverted by `negate`.
 
-    Only where `turned` may the origin have a yaw.
+    The darkness has shape (rows, cols), with row 0 at the smallest y. The mode must be one of `modes`. The
+    origin may have a yaw only with `allow_yaw`.
 
     Raises
     ------
@@ -130,33 +130,59 @@ def read_occupancy(
     content = _read(yaml_path)
     if content.startswith((b"P5", b"P2", b"\x89PNG")):
         raise ThumperError(
-            f"{yaml_path}: this is the map's image; give its description, the .yaml beside it",
-            exit_code=EXIT_USAGE,
+            f"{yaml_path}: this is the map's image; pass the .yaml file beside it", exit_code=EXIT_USAGE
         )
     if content.startswith(b'{"thumper_session"'):
         raise ThumperError(
-            f"{yaml_path}: this is a session, for --session; its map is the .yaml beside it",
+            f"{yaml_path}: this is a session file, for --session; its map is the .yaml file beside it",
             exit_code=EXIT_USAGE,
         )
-    description = _parse(yaml_path, content.decode("utf-8", errors="replace"), modes)
-    if description.yaw_rad != 0.0 and not turned:
+    metadata = _parse(yaml_path, content.decode("utf-8", errors="replace"), modes)
+    if metadata.yaw_rad != 0.0 and not allow_yaw:
         raise ThumperError(
-            f"{yaml_path}: origin has the yaw {description.yaw_rad:g}; "
-            f"turn it with `thumper edit {yaml_path} --out NEW.yaml`",
+            f"{yaml_path}: the origin has a yaw of {metadata.yaw_rad:g}; "
+            f"rotate the map with `thumper edit {yaml_path} --out NEW.yaml`",
             exit_code=EXIT_USAGE,
         )
-    pgm_path = yaml_path.parent / description.image
+    pgm_path = yaml_path.parent / metadata.image
     try:
-        image = decode_pgm(_read(pgm_path))
+        image = _decode_pgm(_read(pgm_path))
     except ValueError as error:
         raise ThumperError(
             f"{pgm_path}: {error}; save the map again, as an 8-bit PGM image", exit_code=EXIT_USAGE
         ) from error
     grey = image[::-1].astype(np.float64)
-    return description, grey / 255.0 if description.negate else (255.0 - grey) / 255.0
+    return metadata, grey / 255.0 if metadata.negate else (255.0 - grey) / 255.0
 
 
-def _parse(path: Path, text: str, modes: tuple[str, ...]) -> Description:
+def encode_pgm(image: ImageArray) -> bytes:
+    """Return the P5 file of an image, shape (rows, columns), first row on top."""
+    from PIL import Image  # deferred: loading it takes 0.1 s
+
+    stream = BytesIO()
+    Image.fromarray(image).save(stream, format="PPM")
+    return stream.getvalue()
+
+
+def _decode_pgm(data: bytes) -> ImageArray:
+    """Return the image, shape (rows, columns); raise ValueError if it is not an 8-bit PGM image."""
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(BytesIO(data), formats=("PPM",)) as image:
+            image.load()
+            if image.mode != "L":
+                raise ValueError(f"its pixels have Pillow's mode {image.mode}")
+            return np.array(image)
+    except UnidentifiedImageError as error:
+        raise ValueError(f"is not a PGM image (it starts with {data[:2]!r})") from error
+    except OSError as error:
+        raise ValueError(f"is cut off ({error})") from error
+    except ValueError as error:
+        raise ValueError(f"is not a valid 8-bit PGM image ({error})") from error
+
+
+def _parse(path: Path, text: str, modes: tuple[str, ...]) -> MapMetadata:
     values: dict[str, str] = {}
     for line in text.splitlines():
         key, colon, value = line.partition("#")[0].partition(":")
@@ -166,7 +192,7 @@ def _parse(path: Path, text: str, modes: tuple[str, ...]) -> Description:
     def text_of(key: str) -> str:
         if not values.get(key):
             raise ThumperError(
-                f"{path}: key '{key}' is missing; add it as map_server's format asks", exit_code=EXIT_USAGE
+                f"{path}: key '{key}' is missing; add it as in map_server's format", exit_code=EXIT_USAGE
             )
         return values[key]
 
@@ -177,42 +203,42 @@ def _parse(path: Path, text: str, modes: tuple[str, ...]) -> Description:
             result = math.nan
         if not math.isfinite(result):
             raise ThumperError(
-                f"{path}: {key} = '{value}' is not a number; mend the value", exit_code=EXIT_USAGE
+                f"{path}: {key} = '{value}' is not a number; correct the value", exit_code=EXIT_USAGE
             )
         return result
 
-    def within(key: str, low: float, high: float, *, ends: bool = False) -> float:
+    def number_between(key: str, low: float, high: float, *, inclusive: bool = False) -> float:
         result = number(key, text_of(key))
-        if not (low < result < high or (ends and result in (low, high))):
+        if not (low < result < high or (inclusive and result in (low, high))):
             raise ThumperError(
-                f"{path}: {key} = {result:g} must lie between {low:g} and {high:g}", exit_code=EXIT_USAGE
+                f"{path}: {key} = {result:g} is not between {low:g} and {high:g}", exit_code=EXIT_USAGE
             )
         return result
 
     mode = values.get("mode", "trinary")
     if mode not in modes:
         raise ThumperError(
-            f"{path}: mode = '{mode}' is not supported; save the map as '{modes[0]}'", exit_code=EXIT_USAGE
+            f"{path}: mode = '{mode}' is not supported; save the map in mode '{modes[0]}'",
+            exit_code=EXIT_USAGE,
         )
     origin = text_of("origin")
     parts = origin.strip("[]").split(",")
     if not (origin.startswith("[") and origin.endswith("]") and len(parts) == 3):
         raise ThumperError(
-            f"{path}: origin = '{origin}' is not of the form [x, y, yaw]; mend the value",
-            exit_code=EXIT_USAGE,
+            f"{path}: origin = '{origin}' does not have the form [x, y, yaw]", exit_code=EXIT_USAGE
         )
     x_m, y_m, yaw_rad = (number("origin", part) for part in parts)
-    graded = mode != "trinary"  # there the thresholds are the ends of the scale
-    free_thresh = within("free_thresh", 0.0, 1.0, ends=graded)
-    return Description(
+    graded = mode != "trinary"  # then the thresholds are the ends of the scale
+    free_thresh = number_between("free_thresh", 0.0, 1.0, inclusive=graded)
+    return MapMetadata(
         image=text_of("image"),
         mode=mode,
-        resolution_m=within("resolution", 0.0, 10.0),
+        resolution_m=number_between("resolution", 0.0, 10.0),
         origin_x_m=x_m,
         origin_y_m=y_m,
         yaw_rad=yaw_rad,
         negate=number("negate", text_of("negate")) != 0.0,
-        occupied_thresh=within("occupied_thresh", free_thresh, 1.0, ends=graded),
+        occupied_thresh=number_between("occupied_thresh", free_thresh, 1.0, inclusive=graded),
         free_thresh=free_thresh,
     )
 
@@ -227,7 +253,7 @@ def _read(path: Path) -> bytes:
 
 
 def _write(path: Path, data: bytes) -> None:
-    """Write to a neighbour, flush to the disk, then rename: a reader never sees half a file."""
+    """Write a temporary file, flush it to the disk and rename it: a reader never sees half a file."""
     partial = path.with_name(path.name + ".part")
     try:
         with partial.open("wb") as stream:
@@ -237,5 +263,5 @@ def _write(path: Path, data: bytes) -> None:
         partial.replace(path)
     except OSError as error:
         raise ThumperError(
-            f"{path}: cannot be written ({error.strerror}); check the folder", exit_code=EXIT_USAGE
+            f"{path}: cannot be written ({error.strerror}); check the directory", exit_code=EXIT_USAGE
         ) from error

@@ -1,4 +1,4 @@
-"""The occupancy grid that mappers make and planners read."""
+"""The occupancy grid: output of the mappers, input of the planners."""
 
 from dataclasses import dataclass
 
@@ -24,20 +24,20 @@ class OccupancyGrid:
     origin_y_m: float
 
     def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
-        """(row, col) of the cell that holds the point; may lie outside the grid."""
+        """Return (row, col) of the cell that contains the point; it may lie outside the grid."""
         col = int(np.floor((x_m - self.origin_x_m) / self.resolution_m))
         row = int(np.floor((y_m - self.origin_y_m) / self.resolution_m))
         return row, col
 
     def centre_of(self, row: int, col: int) -> tuple[float, float]:
-        """(x_m, y_m) of the cell's centre."""
+        """Return (x_m, y_m) of the cell's centre."""
         return (
             self.origin_x_m + (col + 0.5) * self.resolution_m,
             self.origin_y_m + (row + 0.5) * self.resolution_m,
         )
 
     def including(self, x_m: float, y_m: float, margin_m: float) -> "OccupancyGrid":
-        """Return this grid, grown by unknown cells to reach `margin_m` beyond the point on every side."""
+        """Return this grid, padded with unknown cells to `margin_m` beyond the point on every side."""
         row_lo, col_lo = self.cell_of(x_m - margin_m, y_m - margin_m)
         row_hi, col_hi = self.cell_of(x_m + margin_m, y_m + margin_m)
         rows, cols = self.cells.shape
@@ -53,6 +53,6 @@ class OccupancyGrid:
         )
 
     def contains(self, row: int, col: int) -> bool:
-        """Whether [row, col] is a cell of this grid."""
+        """Return whether [row, col] is a cell of this grid."""
         rows, cols = self.cells.shape
         return bool(0 <= row < rows and 0 <= col < cols)

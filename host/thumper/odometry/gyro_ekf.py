@@ -1,9 +1,9 @@
-"""Wheel counts and a gyroscope in one pose: an extended Kalman filter whose fourth state is the gyro's bias.
+"""Fuse wheel odometry and a gyroscope in an extended Kalman filter with the gyro's bias as a state.
 
-The gyroscope predicts each step's turn, the wheels measure the same turn. Both speak of an increment, not of
-the heading itself; so the update uses the covariance of the increment with the state (stochastic cloning:
-Roumeliotis, Burdick, "Stochastic cloning", ICRA 2002). A standing robot's wheels say that the turn is zero,
-and so the bias is learnt at every stop.
+The gyroscope predicts the rotation of each step, and the wheels measure the same rotation. Both observe an
+increment and not the heading itself, so the update uses the covariance between the increment and the state
+(Roumeliotis, Burdick, "Stochastic cloning", ICRA 2002). The wheels of a stationary robot measure a rotation
+of zero, so the filter estimates the bias at every stop.
 """
 
 import math
@@ -16,15 +16,16 @@ from thumper.common.kinematics import DriveGeometry
 from thumper.odometry.imu import ImuOptions, ImuSample
 from thumper.odometry.wheel_odometry import OdometryOptions, OdometrySample, advance, count_delta
 
-STANDING_STD_RAD = 1e-4  # of a step in which no wheel has counted
-# Page's cumulative sum test ("Continuous inspection schemes", Biometrika 41, 1954) on the wheels' turns less
-# the gyroscope's: what a step is off beyond the allowance adds up, and a sum at the limit is a slip.
+STATIONARY_STD_RAD = 1e-4  # of a step in which no wheel has counted
+# Page's cumulative sum test ("Continuous inspection schemes", Biometrika 41, 1954) on the difference between
+# the rotation of the wheels and that of the gyroscope: it sums what exceeds the allowance, and a sum at the
+# limit is a slip.
 SLIP_ALLOWANCE, SLIP_LIMIT = 0.75, 9.0  # standard deviations
-LARGEST_GAP_S = 0.1  # a gyroscope silent for longer says nothing about the step
+LARGEST_GAP_S = 0.1  # ignore a gyroscope without samples for longer than this
 
 
 class GyroEkf:
-    """As `Odometry`, with `add_imu` beside `update`; without samples it is wheels alone."""
+    """The interface of `WheelOdometry` plus `add_imu`; without samples it uses the wheels alone."""
 
     def __init__(
         self,
@@ -41,10 +42,10 @@ class GyroEkf:
         self.covariance: FloatArray = np.diag([0.0, 0.0, 0.0, self._imu.bias_rad_s**2])  # x, y, theta, bias
         self._disagreement = [0.0, 0.0]  # cumulative sums, counter-clockwise and clockwise
         self._slipping = False
-        self.slips = 0  # how often wheels and gyroscope contradicted each other for a while
+        self.slips = 0  # number of periods in which wheels and gyroscope disagreed
 
     def add_imu(self, sample: ImuSample) -> None:
-        """Keep a reading until the wheels' next one; readings out of order or not finite are left out."""
+        """Queue a sample for the next `update`. Drops samples that are out of order or not finite."""
         if not math.isfinite(sample.yaw_rate_rad_s) or not math.isfinite(sample.time_s):
             return
         if self._samples and sample.time_s <= self._samples[-1].time_s:
@@ -52,7 +53,7 @@ class GyroEkf:
         self._samples.append(sample)
 
     def update(self, time_s: float, left_count: int, right_count: int) -> OdometrySample:
-        """Take one reading of both encoders (int32, may wrap); the first one defines the origin."""
+        """Add one reading of both encoders (int32, may wrap); the first one defines the origin."""
         geometry, left_m, right_m = self._geometry, 0.0, 0.0
         if self._counts is not None:
             left_m = (
@@ -82,7 +83,7 @@ class GyroEkf:
         )
 
     def _rate(self, start_s: float, end_s: float) -> float | None:
-        """Mean rate over the step, or None when the gyroscope was silent."""
+        """Return the mean rate over the step, or None without recent samples."""
         while self._samples and self._samples[0].time_s <= start_s:
             self._samples.popleft()
         rates = [sample.yaw_rate_rad_s for sample in self._samples if sample.time_s <= end_s]
@@ -91,11 +92,11 @@ class GyroEkf:
         return sum(rates) / len(rates)
 
     def _fuse(self, arc_m: float, rate_rad_s: float, dt_s: float, wheels_rad: float, *, moves: bool) -> float:
-        """One step of the filter; returns the turn that both agree on."""
+        """Predict with the gyroscope, update with the wheels; return the fused rotation [rad]."""
         imu = self._imu
         turn_rad = (rate_rad_s - self.bias_rad_s) * dt_s
         heading_rad = self._pose.theta_rad
-        # Of the turn's error with the state before the step: the bias is common to both.
+        # Covariance of the rotation's error with the state before the step: both contain the bias.
         before = -dt_s * self.covariance[:, 3]
         noise_var = imu.noise_rad_s**2 * dt_s
         jacobian = self._step(arc_m, turn_rad, noise_var, dt_s)
@@ -105,12 +106,12 @@ class GyroEkf:
         cross[0] += -arc_m * math.sin(heading_rad + 0.5 * turn_rad) * before[2] + jacobian[0] * turn_var
         cross[1] += arc_m * math.cos(heading_rad + 0.5 * turn_rad) * before[2] + jacobian[1] * turn_var
         cross[2] += turn_var
-        # By the larger turn: noise that hides a turn must not pass for certainty.
+        # Use the larger rotation: noise that hides a rotation must not look like certainty.
         largest_rad = max(abs(wheels_rad), abs(turn_rad))
-        wheels_var = self._wheels_var(arc_m, largest_rad) if moves else STANDING_STD_RAD**2
+        wheels_var = self._wheels_var(arc_m, largest_rad) if moves else STATIONARY_STD_RAD**2
         innovation, innovation_var = wheels_rad - turn_rad, turn_var + wheels_var
         sigmas = innovation / math.sqrt(innovation_var)
-        self._watch_slip(max(-imu.slip_sigmas, min(imu.slip_sigmas, sigmas)))
+        self._update_slip(max(-imu.slip_sigmas, min(imu.slip_sigmas, sigmas)))
         if self._slipping or abs(sigmas) > imu.slip_sigmas:
             return turn_rad
         gain = cross / innovation_var
@@ -124,11 +125,11 @@ class GyroEkf:
         self.covariance -= np.outer(gain, cross)
         return float(turn_rad + turn_var / innovation_var * innovation)
 
-    def _watch_slip(self, sigmas: float) -> None:
-        """Add up what a step is off, in standard deviations; a slip lasts until both sums are used up."""
+    def _update_slip(self, sigmas: float) -> None:
+        """Add the step's disagreement [standard deviations]. A slip ends when both sums are 0 again."""
         sums = [
-            min(SLIP_LIMIT, max(0.0, before + sign * sigmas - SLIP_ALLOWANCE))
-            for before, sign in zip(self._disagreement, (1.0, -1.0), strict=True)
+            min(SLIP_LIMIT, max(0.0, previous + sign * sigmas - SLIP_ALLOWANCE))
+            for previous, sign in zip(self._disagreement, (1.0, -1.0), strict=True)
         ]
         self._disagreement = sums
         if max(sums) >= SLIP_LIMIT:
@@ -142,7 +143,7 @@ class GyroEkf:
         return options.turn_noise**2 * abs(turn_rad) + options.drift_noise**2 * abs(arc_m)
 
     def _step(self, arc_m: float, turn_rad: float, turn_var: float, dt_s: float) -> FloatArray:
-        """Roll along the arc, P' = F P F^T + G Q G^T; returns what x, y, theta owe to the turn, (3,)."""
+        """Predict along the arc, P' = F P F^T + G Q G^T; return d(x, y, theta)/d(turn), shape (3,)."""
         heading_rad = self._pose.theta_rad + 0.5 * turn_rad
         cos, sin = math.cos(heading_rad), math.sin(heading_rad)
         by_turn = np.array([-0.5 * arc_m * sin, 0.5 * arc_m * cos, 1.0])

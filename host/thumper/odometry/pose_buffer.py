@@ -1,4 +1,4 @@
-"""The last few seconds of odometry, to be asked where the robot was when a scan began."""
+"""Buffer of the last seconds of odometry, to look up the pose at the start of a scan."""
 
 import math
 from bisect import bisect_right
@@ -11,13 +11,13 @@ from thumper.odometry.wheel_odometry import OdometrySample, advance
 
 
 def interpolate(start: Pose2, end: Pose2, fraction: float) -> Pose2:
-    """Return the pose at `fraction` of the way, moving at a constant twist (screw motion in SE(2)).
+    """Return the pose at `fraction` of the motion, at a constant twist (screw motion in SE(2)).
 
-    Exact for a robot on an arc; `fraction` may lie outside 0...1.
+    Exact for a robot on an arc. `fraction` may lie outside 0...1.
     """
     delta = start.inverse() @ end
     turn_rad = delta.theta_rad
-    # The chord leaves start at half the turn from the tangent; a part of the turn scales both.
+    # The chord leaves the start at half the rotation from the tangent; the fraction scales both.
     half_rad, part_rad = 0.5 * turn_rad, 0.5 * fraction * turn_rad
     scale = math.sin(part_rad) / math.sin(half_rad) if half_rad else fraction
     bearing_rad = math.atan2(delta.y_m, delta.x_m) - half_rad + part_rad
@@ -43,16 +43,16 @@ def interpolate_poses(times_s: FloatArray, known_s: FloatArray, known: FloatArra
 
 
 class PoseBuffer:
-    """A short buffer of odometry samples; answers for any time within it, and a little beyond."""
+    """Odometry samples of the last seconds; interpolates between them and extrapolates a little."""
 
     def __init__(self, horizon_s: float = 3.0, extrapolation_s: float = 0.25) -> None:
-        """Keep `horizon_s` of samples; predict with the last twist for at most `extrapolation_s`."""
+        """Keep `horizon_s` of samples; extrapolate the last twist for at most `extrapolation_s`."""
         self._horizon_s = horizon_s
         self._extrapolation_s = extrapolation_s
         self._samples: deque[OdometrySample] = deque()
 
     def add(self, sample: OdometrySample) -> None:
-        """Append a sample; one before the newest is dropped, one before them all means a clock set back."""
+        """Append a sample. Drops one older than the newest; one older than all is a clock set back."""
         if self._samples and sample.time_s < self._samples[0].time_s:
             self._samples.clear()
         if self._samples and sample.time_s <= self._samples[-1].time_s:
@@ -62,21 +62,21 @@ class PoseBuffer:
             self._samples.popleft()
 
     def covers(self, time_s: float) -> bool:
-        """Whether `at(time_s)` is interpolated or extrapolated within the limits, not clamped."""
+        """Return whether `at(time_s)` is interpolated or extrapolated, and not clamped."""
         return bool(self._samples) and (
             self._samples[0].time_s <= time_s <= self._samples[-1].time_s + self._extrapolation_s
         )
 
     def at(self, time_s: float) -> Pose2:
-        """Return `odom_from_base` at the time, clamped to the oldest sample and to the extrapolation limit.
+        """Return `odom_from_base` at `time_s`, clamped to the oldest sample and the extrapolation limit.
 
         Raises
         ------
         ValueError
-            No sample was added yet.
+            The buffer is empty.
         """
         if not self._samples:
-            raise ValueError("the odometry history is empty")
+            raise ValueError("the pose buffer is empty")
         newest = self._samples[-1]
         if time_s >= newest.time_s:
             ahead_s = min(time_s - newest.time_s, self._extrapolation_s)

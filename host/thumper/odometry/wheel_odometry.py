@@ -1,6 +1,6 @@
 """Wheel odometry: encoder counts in, planar pose out. Pure: no I/O, no clock.
 
-SI units. `odom` is fixed at the pose of the first sample (x forward, y left); `base` rides on the robot.
+SI units. The frame `odom` is the pose of the first sample (x forward, y left); `base` moves with the robot.
 """
 
 import math
@@ -16,32 +16,32 @@ from thumper.common.kinematics import DriveGeometry
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OdometryOptions:
-    """How fast the pose becomes uncertain; variances grow in proportion to the motion."""
+    """Noise of the odometry; variances grow in proportion to the motion."""
 
     distance_noise: Annotated[float, Ge(0)] = (
-        0.02  # std of the distance after 1 m [m]; grows with the root of it
+        0.02  # std of the distance after 1 m [m]; grows with the square root of the distance
     )
-    turn_noise: Annotated[float, Ge(0)] = 0.05  # std of the heading after a turn of 1 rad [rad]
+    turn_noise: Annotated[float, Ge(0)] = 0.05  # std of the heading after a rotation of 1 rad [rad]
     drift_noise: Annotated[float, Ge(0)] = 0.02  # std of the heading after 1 m straight ahead [rad]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OdometrySample:
-    """Where the wheels say the robot is."""
+    """Pose, twist and covariance from the wheels."""
 
     time_s: float
     odom_from_base: Pose2
-    twist: Twist2  # mean speed since the sample before
+    twist: Twist2  # mean since the previous sample
     covariance: FloatArray  # of (x, y, theta) in odom, shape (3, 3) [m^2, m rad, rad^2]
 
 
 def count_delta(old: int, new: int) -> int:
-    """Signed counts between two int32 readings; exact while fewer than 2**31 passed."""
+    """Return the signed difference of two int32 readings; exact for fewer than 2**31 counts."""
     return (new - old + 0x8000_0000) % 0x1_0000_0000 - 0x8000_0000
 
 
 def advance(pose: Pose2, arc_m: float, turn_rad: float) -> Pose2:
-    """Roll along an exact arc that turns by `turn_rad` (Thrun et al., Probabilistic Robotics, 5.3)."""
+    """Move along an exact arc that turns by `turn_rad` (Thrun et al., Probabilistic Robotics, 5.3)."""
     half_rad = 0.5 * turn_rad
     chord_m = arc_m * (math.sin(half_rad) / half_rad if half_rad else 1.0)
     heading_rad = pose.theta_rad + half_rad
@@ -64,10 +64,10 @@ class WheelOdometry:
         )
 
     def update(self, time_s: float, left_count: int, right_count: int) -> OdometrySample:
-        """Take one reading of both encoders (int32, may wrap); the first one defines the origin.
+        """Add one reading of both encoders (int32, may wrap); the first one defines the origin.
 
-        A reading whose stamp is not later than the one before still moves the pose, but leaves the twist
-        alone: counts are the truth, and a speed needs a time.
+        A reading whose stamp is not later than the previous one still moves the pose, because the counts are
+        exact. It leaves the twist unchanged, because a speed needs a time.
         """
         last = self._last
         if self._counts is None:
@@ -88,12 +88,12 @@ class WheelOdometry:
             time_s=time_s,
             odom_from_base=advance(last.odom_from_base, arc_m, turn_rad),
             twist=twist,
-            covariance=self._grown(last.covariance, last.odom_from_base, arc_m, turn_rad),
+            covariance=self._propagate(last.covariance, last.odom_from_base, arc_m, turn_rad),
         )
         return self._last
 
-    def _grown(self, covariance: FloatArray, pose: Pose2, arc_m: float, turn_rad: float) -> FloatArray:
-        """First-order propagation, P' = F P F^T + G Q G^T, on the chord of the arc."""
+    def _propagate(self, covariance: FloatArray, pose: Pose2, arc_m: float, turn_rad: float) -> FloatArray:
+        """Propagate the covariance to first order, P' = F P F^T + G Q G^T, on the chord of the arc."""
         heading_rad = pose.theta_rad + 0.5 * turn_rad
         cos, sin = math.cos(heading_rad), math.sin(heading_rad)
         pose_jacobian = np.array([[1.0, 0.0, -arc_m * sin], [0.0, 1.0, arc_m * cos], [0.0, 0.0, 1.0]])

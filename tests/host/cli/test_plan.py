@@ -10,9 +10,8 @@ from typer.testing import CliRunner
 from tests.host.navigation.planners.test_astar import room_with_wall
 from thumper.cli.app import build_app
 from thumper.common.errors import ThumperError
-from thumper.maps.map_server_io import save_map
+from thumper.maps.map_server_io import encode_pgm, save_map
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.maps.pgm import encode_pgm
 
 
 @pytest.fixture

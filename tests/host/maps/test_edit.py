@@ -1,4 +1,4 @@
-"""Maps that are cropped, filled and turned: each cell stays where it is in the world."""
+"""Cropped, filled and rotated maps: each cell keeps its position in the world."""
 
 import math
 from pathlib import Path
@@ -43,30 +43,30 @@ def test_cropping_keeps_the_cells_that_the_box_touches(corners: tuple[float, flo
     np.testing.assert_array_equal(small.cells, grid.cells[10:14, 20:25])
 
 
-def test_cropping_never_grows_a_map() -> None:
+def test_cropping_never_enlarges_a_map() -> None:
     grid = corner_map()
     np.testing.assert_array_equal(crop(grid, box(-9, -9, 9, 9)).cells, grid.cells)
 
 
-def test_boxes_are_filled_and_nothing_else_is() -> None:
+def test_only_the_box_is_filled() -> None:
     grid = corner_map()
     new = fill_box(grid, box(1.2, -0.9, 1.2, -0.5), OCCUPIED)  # a line
     np.testing.assert_array_equal(np.argwhere(new.cells != grid.cells), [(row, 22) for row in range(11, 15)])
     assert (new.cells[11:15, 22] == OCCUPIED).all()
     again = fill_box(new, box(1.0, -1.0, 2.0, 0.0), UNKNOWN)
     assert (again.cells == UNKNOWN).all()
-    assert (grid.cells[10, 20], new.cells[10, 20]) == (OCCUPIED, OCCUPIED)  # what is given is not changed
+    assert (grid.cells[10, 20], new.cells[10, 20]) == (OCCUPIED, OCCUPIED)  # the inputs are unchanged
 
 
 @pytest.mark.parametrize("corners", [(6.0, 0.0, 7.0, 1.0), (0.0, -9.0, 1.0, -2.5)])
-def test_a_box_beside_the_map_is_refused(corners: tuple[float, float, float, float]) -> None:
-    with pytest.raises(ThumperError, match="lies beside the map, which reaches from"):
+def test_a_box_outside_the_map_is_refused(corners: tuple[float, float, float, float]) -> None:
+    with pytest.raises(ThumperError, match="lies outside the map, which extends from"):
         fill_box(corner_map(), box(*corners), FREE)
-    with pytest.raises(ThumperError, match="lies beside the map, which reaches from"):
+    with pytest.raises(ThumperError, match="lies outside the map, which extends from"):
         crop(corner_map(), box(*corners))
 
 
-def test_four_quarter_turns_change_nothing() -> None:
+def test_four_rotations_by_90_degrees_change_nothing() -> None:
     grid = corner_map()
     turned = rotate(grid, math.pi / 2)
     x_m, y_m = grid.centre_of(10, 20)
@@ -78,7 +78,7 @@ def test_four_quarter_turns_change_nothing() -> None:
 
 
 @pytest.mark.parametrize("yaw_rad", [0.0, 0.5, -2.2])
-def test_a_map_whose_origin_has_a_yaw_is_turned_to_where_it_says(tmp_path: Path, yaw_rad: float) -> None:
+def test_a_map_with_a_yaw_is_rotated_by_it(tmp_path: Path, yaw_rad: float) -> None:
     grid = corner_map()
     save_map(grid, tmp_path / "a.yaml")
     text = (tmp_path / "a.yaml").read_text()

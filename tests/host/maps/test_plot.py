@@ -1,4 +1,4 @@
-"""The picture of a map shows the map and, over it, the way."""
+"""The picture of a map shows free space, walls and the path."""
 
 from pathlib import Path
 
@@ -6,16 +6,17 @@ import matplotlib.image
 import numpy as np
 
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
-from thumper.maps.plot import FLOOR, WALL, WAY, plot_map
+from thumper.maps.plot import FREE_COLOUR, OCCUPIED_COLOUR, PATH_COLOUR, plot_map
 
 
-def test_floor_walls_and_way_are_to_be_seen(tmp_path: Path) -> None:
+def test_free_space_walls_and_path_are_visible(tmp_path: Path) -> None:
     cells = np.full((60, 80), FREE, np.int8)
     cells[[0, -1]] = OCCUPIED
     grid = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
-    way_m = np.column_stack((np.linspace(0.5, 3.5, 50), np.full(50, 1.5)))
-    plot_map(grid, way_m, tmp_path / "map.png", "a room")
+    path_m = np.column_stack((np.linspace(0.5, 3.5, 50), np.full(50, 1.5)))
+    plot_map(grid, path_m, tmp_path / "map.png", "a room")
     picture = np.rint(255 * matplotlib.image.imread(tmp_path / "map.png")[:, :, :3])
-    for colour, tolerance, least in ((FLOOR, 2, 10_000), (WALL, 2, 1000), (WAY, 60, 300)):
+    expected = ((FREE_COLOUR, 2, 10_000), (OCCUPIED_COLOUR, 2, 1000), (PATH_COLOUR, 60, 300))
+    for colour, tolerance, least in expected:
         rgb = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
         assert (np.abs(picture - rgb).max(axis=2) <= tolerance).sum() > least, colour

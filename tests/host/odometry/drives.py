@@ -1,4 +1,4 @@
-"""Simulated drives with wheels and a gyroscope, erring as their options say."""
+"""Simulated drives with the wheel and gyroscope noise of the options."""
 
 import math
 
@@ -15,7 +15,7 @@ STEP_S, PER_STEP = 0.02, 2
 
 
 class Drive:
-    """A true drive, and what wheels and gyroscope say of it, by the noise that the options name."""
+    """A true drive, and its noisy wheel and gyroscope readings."""
 
     def __init__(self, seed: int) -> None:
         self.rng = np.random.default_rng(seed)
@@ -24,7 +24,7 @@ class Drive:
         self._left_m = self._right_m = 0.0
 
     def step(self, v_m_s: float, w_rad_s: float, slip_rad: float = 0.0) -> list[ImuSample]:
-        """Advance 20 ms; returns the gyroscope's readings."""
+        """Advance 20 ms; return the gyroscope's samples."""
         arc_m, turn_rad = v_m_s * STEP_S, w_rad_s * STEP_S
         self.pose = advance(self.pose, arc_m, turn_rad)
         seen_m = arc_m + self.rng.normal(0.0, WHEELS.distance_noise * math.sqrt(abs(arc_m)))
@@ -50,7 +50,7 @@ class Drive:
 def driven(
     seed: int, seconds: float, *, slip_rad_s: float = 0.0, slip_s: float = 0.6
 ) -> tuple[Drive, GyroEkf, WheelOdometry]:
-    """Stand 2 s, then drive curves; at 8 s the wheels spin so that they tell a turn that is not there."""
+    """Stand still for 2 s, then drive curves. From 8 s the wheels spin and report a false rotation."""
     truth, fused, wheels = Drive(seed), GyroEkf(GEOMETRY, WHEELS, IMU), WheelOdometry(GEOMETRY, WHEELS)
     fused.update(0.0, 0, 0)
     wheels.update(0.0, 0, 0)

@@ -1,4 +1,4 @@
-"""Wheels and gyroscope together: consistent, better than either, and aware of slip. All data simulated."""
+"""Fusion of wheels and gyroscope: consistent, better than the wheels, detects slip. Simulated data."""
 
 import math
 
@@ -12,8 +12,8 @@ from thumper.odometry.imu import ImuSample
 from thumper.odometry.wheel_odometry import WheelOdometry
 
 
-def test_the_covariance_says_how_large_the_errors_are() -> None:
-    """Normalised squared errors of 40 drives: their mean is 4 for four states, within 3 standard errors."""
+def test_the_covariance_matches_the_errors() -> None:
+    """The mean normalized squared error of 40 drives is 4 for four states, within 3 standard errors."""
     nees = []
     for seed in range(40):
         truth, fused, _ = driven(seed, 12.0)
@@ -30,7 +30,7 @@ def test_the_covariance_says_how_large_the_errors_are() -> None:
     assert np.mean(nees) == pytest.approx(4.0, abs=3.0 * math.sqrt(2.0 * 4.0 / 40))
 
 
-def test_the_heading_is_better_than_the_wheels_and_the_bias_is_found() -> None:
+def test_the_heading_beats_the_wheels_and_the_bias_converges() -> None:
     errors = []
     for seed in range(12):
         truth, fused, wheels = driven(seed, 20.0)
@@ -42,7 +42,7 @@ def test_the_heading_is_better_than_the_wheels_and_the_bias_is_found() -> None:
     assert fused_rad < 0.6 * wheels_rad
 
 
-def test_spinning_wheels_are_counted_and_do_not_turn_the_pose() -> None:
+def test_spinning_wheels_count_as_slip_and_do_not_turn_the_pose() -> None:
     truth, fused, wheels = driven(3, 12.0, slip_rad_s=3.0)
     assert fused.slips == 1
     fused_pose = fused.update(truth.time_s, *truth.counts).odom_from_base
@@ -52,13 +52,13 @@ def test_spinning_wheels_are_counted_and_do_not_turn_the_pose() -> None:
 
 
 @pytest.mark.parametrize(("slip_rad_s", "slip_s"), [(1.0, 0.3), (-1.0, 0.3), (0.5, 1.0)])
-def test_slow_slips_add_up_until_they_are_seen(slip_rad_s: float, slip_s: float) -> None:
-    """A step is off by less than its noise allows for; ten of them in a row are not."""
+def test_slow_slip_is_detected_over_many_steps(slip_rad_s: float, slip_s: float) -> None:
+    """The error of one step is within its noise; that of ten steps in a row is not."""
     slips = [driven(seed, 9.5, slip_rad_s=slip_rad_s, slip_s=slip_s)[1].slips for seed in range(8)]
     assert slips == [1] * 8
 
 
-def test_without_a_gyroscope_it_is_the_wheels() -> None:
+def test_without_a_gyroscope_it_equals_the_wheel_odometry() -> None:
     fused, wheels = GyroEkf(GEOMETRY), WheelOdometry(GEOMETRY)
     for k in range(50):
         one, two = (o.update(0.02 * k, 900 * k, 1000 * k) for o in (fused, wheels))
@@ -68,7 +68,7 @@ def test_without_a_gyroscope_it_is_the_wheels() -> None:
 
 
 @pytest.mark.parametrize("rate", [math.nan, math.inf])
-def test_readings_that_are_no_numbers_or_out_of_order_are_left_out(rate: float) -> None:
+def test_invalid_or_late_samples_are_dropped(rate: float) -> None:
     fused = GyroEkf(GEOMETRY)
     fused.update(0.0, 0, 0)
     fused.add_imu(ImuSample(time_s=0.01, yaw_rate_rad_s=rate))

@@ -1,4 +1,4 @@
-"""Poses between, before and after the buffered samples."""
+"""The pose buffer interpolates, extrapolates and clamps."""
 
 import math
 
@@ -24,11 +24,11 @@ def sample(time_s: float) -> OdometrySample:
     )
 
 
-def filled() -> PoseBuffer:
-    history = PoseBuffer(horizon_s=1.0, extrapolation_s=0.2)
+def full_buffer() -> PoseBuffer:
+    buffer = PoseBuffer(horizon_s=1.0, extrapolation_s=0.2)
     for index in range(31):
-        history.add(sample(0.1 * index))
-    return history
+        buffer.add(sample(0.1 * index))
+    return buffer
 
 
 def assert_same(pose: Pose2, expected: Pose2) -> None:
@@ -37,24 +37,24 @@ def assert_same(pose: Pose2, expected: Pose2) -> None:
 
 
 @given(time_s=st.floats(2.0, 3.2))
-def test_on_a_circle_any_time_is_exact(time_s: float) -> None:
-    assert_same(filled().at(time_s), sample(time_s).odom_from_base)
+def test_interpolation_on_a_circle_is_exact(time_s: float) -> None:
+    assert_same(full_buffer().at(time_s), sample(time_s).odom_from_base)
 
 
-def test_too_old_and_too_new_are_clamped() -> None:
-    history = filled()
-    assert_same(history.at(0.5), sample(2.0).odom_from_base)
-    assert_same(history.at(9.0), sample(3.2).odom_from_base)
-    assert [history.covers(t) for t in (0.5, 2.5, 3.1, 3.3)] == [False, True, True, False]
+def test_times_outside_the_buffer_are_clamped() -> None:
+    buffer = full_buffer()
+    assert_same(buffer.at(0.5), sample(2.0).odom_from_base)
+    assert_same(buffer.at(9.0), sample(3.2).odom_from_base)
+    assert [buffer.covers(t) for t in (0.5, 2.5, 3.1, 3.3)] == [False, True, True, False]
 
 
 def test_a_late_sample_is_dropped() -> None:
-    history = filled()
-    history.add(sample(2.55))
-    assert_same(history.at(3.0), sample(3.0).odom_from_base)
+    buffer = full_buffer()
+    buffer.add(sample(2.55))
+    assert_same(buffer.at(3.0), sample(3.0).odom_from_base)
 
 
-def test_an_empty_history_says_so() -> None:
+def test_an_empty_buffer_raises() -> None:
     with pytest.raises(ValueError, match="empty"):
         PoseBuffer().at(0.0)
 
@@ -66,17 +66,15 @@ def test_an_empty_history_says_so() -> None:
     part=st.floats(0, 1),
     part_of_part=st.floats(0, 1),
 )
-def test_a_part_of_a_part_lies_on_the_same_screw(
-    x: float, y: float, theta: float, part: float, part_of_part: float
-) -> None:
-    """Motion at a constant twist, sideways slip included, has no memory of where it was cut."""
+def test_interpolations_nest(x: float, y: float, theta: float, part: float, part_of_part: float) -> None:
+    """A fraction of a fraction of a constant-twist motion is a fraction of the whole, with sideways slip."""
     start, end = Pose2(x_m=1.0, y_m=-2.0, theta_rad=0.3), Pose2(x_m=x, y_m=y, theta_rad=0.3 + theta)
     middle = interpolate(start, end, part)
     assert_same(interpolate(start, middle, part_of_part), interpolate(start, end, part * part_of_part))
     assert_same(interpolate(start, end, 1.0), end)
 
 
-def test_many_poses_at_once_are_linear_clamped_and_turn_the_short_way() -> None:
+def test_interpolate_poses_is_linear_clamped_and_unwraps_the_heading() -> None:
     known = np.array([(0.0, 0.0, 3.0), (1.0, 2.0, -3.0)])
     found = interpolate_poses(np.array([-1.0, 0.5, 2.0]), np.array([0.0, 1.0]), known)
     assert found[:, :2].tolist() == [[0.0, 0.0], [0.5, 1.0], [1.0, 2.0]]

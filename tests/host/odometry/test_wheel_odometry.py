@@ -1,4 +1,4 @@
-"""Odometry against closed forms, and its invariants."""
+"""Wheel odometry against closed forms, and its invariants."""
 
 import math
 
@@ -34,7 +34,7 @@ def test_arc_is_exact_for_any_step_count(steps: int) -> None:
     assert (pose.x_m, pose.y_m, pose.theta_rad) == pytest.approx(expected, abs=1e-12)
 
 
-def test_first_sample_is_the_origin_whatever_the_counts() -> None:
+def test_the_first_sample_is_the_origin_for_any_counts() -> None:
     sample = WheelOdometry(GEOMETRY).update(212.0, 29_221, -77)
     pose = sample.odom_from_base
     assert (pose.x_m, pose.y_m, pose.theta_rad) == (0.0, 0.0, 0.0)
@@ -68,7 +68,7 @@ def test_delta_survives_the_wrap(start: int, step: int) -> None:
     starts=st.tuples(st.integers(-(2**31), 2**31 - 1), st.integers(-(2**31), 2**31 - 1)),
     steps=st.lists(st.tuples(st.integers(-500, 500), st.integers(-500, 500)), min_size=1, max_size=30),
 )
-def test_path_does_not_depend_on_where_the_counts_start(
+def test_the_path_does_not_depend_on_the_first_counts(
     starts: tuple[int, int], steps: list[tuple[int, int]]
 ) -> None:
     near_zero, anywhere = WheelOdometry(GEOMETRY), WheelOdometry(GEOMETRY)
@@ -81,11 +81,11 @@ def test_path_does_not_depend_on_where_the_counts_start(
         sample = anywhere.update(0.1 * index, wrapped(starts[0] + left), wrapped(starts[1] + right))
     assert sample.odom_from_base == expected.odom_from_base
     eigenvalues = np.linalg.eigvalsh(sample.covariance)
-    assert (eigenvalues >= -1e-12).all()  # a covariance stays one
+    assert (eigenvalues >= -1e-12).all()  # the covariance stays positive semidefinite
 
 
-def test_covariance_of_a_straight_metre_is_the_closed_form() -> None:
-    """1 m straight: lateral std is the integral of a random walk of the heading, drift * 1 m / sqrt(3)."""
+def test_the_covariance_of_a_straight_metre_has_the_closed_form() -> None:
+    """The lateral std integrates a random walk of the heading: drift * 1 m / sqrt(3)."""
     odometry = WheelOdometry(GEOMETRY)
     odometry.update(0.0, 0, 0)
     for step in range(1, 101):
@@ -95,7 +95,7 @@ def test_covariance_of_a_straight_metre_is_the_closed_form() -> None:
     assert std == pytest.approx([0.02, 0.02 / math.sqrt(3.0), 0.02], rel=0.02)
 
 
-def test_unlike_wheels_turn_a_robot_whose_counts_are_alike() -> None:
+def test_unequal_wheels_turn_a_robot_with_equal_counts() -> None:
     geometry = DriveGeometry(wheel_radius_m=0.06, radius_ratio=0.99, track_m=0.4, counts_per_rev=1000)
     odometry = WheelOdometry(geometry)
     odometry.update(0.0, 0, 0)

@@ -290,12 +290,12 @@ def test_a_log_without_odometry_says_so_and_is_mapped_by_its_scans(tmp_path: Pat
 
 
 def test_a_log_whose_odometry_leaps_is_mapped_across_it_and_says_so(tmp_path: Path) -> None:
-    """Its program began anew at scan 30, and counted from its origin again."""
+    """Its program restarted at scan 30, with the pose back at the origin."""
     ranges_m = list(np.random.default_rng(1).uniform(2.0, 3.0, 180))
     lines = [flaser_line(ranges_m, (40.0 * (k < 30) + 0.001 * k, 0, 0), stamp=0.1 * k) for k in range(60)]
     mapped = map_records(open_log(written(tmp_path / "a.log", "".join(lines))), MappingOptions())
     assert mapped.lines == (
-        "once the odometry leapt, by up to 40.0 m: taken as no motion; did its board or program begin anew?",
+        "the odometry jumped once, by up to 40.0 m: read as no motion; did the board or its program restart?",
     )
     assert np.abs(mapped.poses[:, :2] - mapped.poses[0, :2]).max() < 0.1
 

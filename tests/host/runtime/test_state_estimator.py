@@ -193,7 +193,7 @@ def test_counts_that_leap_are_no_motion_and_are_told() -> None:
         assert situation.twist.v_m_s == 0.0
         assert situation.map_from_base.distance_m(Pose2()) < 0.01
     assert robot.driven_m == pytest.approx(0.0, abs=1e-9)
-    assert robot.notes()["LEAP"].startswith("once the odometry leapt, by up to 30.0 m:")
+    assert robot.notes()["LEAP"].startswith("the odometry jumped once, by up to 30.0 m:")
 
 
 def test_after_a_clock_was_set_back_scans_are_mapped_again() -> None:

@@ -9,9 +9,8 @@ import pytest
 
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
-from thumper.maps.map_server_io import load_map, save_map
+from thumper.maps.map_server_io import encode_pgm, load_map, save_map
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.maps.pgm import encode_pgm
 from thumper.navigation.controllers.speed_limiter import SpeedLimiter
 from thumper.navigation.costmap.costmap import CostmapOptions, build_costmap
 from thumper.navigation.costmap.filters import (
