@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
-from thumper.cli.run_report import BLUE, GREEN, ORANGE, draw_map
+from thumper.cli.run_report import BLUE, GREEN, ORANGE
 from thumper.config.robot import RobotConfig
+from thumper.maps.plot import draw_grid
 from thumper.runtime.assembly import warm_up
 from thumper_hil.demo.missions import MISSIONS
 from thumper_hil.demo.outcome import Outcome
@@ -156,7 +157,7 @@ def _draw(path: Path, outcomes: Sequence[Outcome]) -> None:
     for axes, mission in zip(figure.subplots(1, len(MISSIONS)), MISSIONS, strict=True):
         chosen = [outcome for outcome in outcomes if outcome.mission is mission]
         last = chosen[-1]
-        draw_map(axes, last.grid)
+        draw_grid(axes, last.grid)
         for outcome in chosen:
             label = "driven (ground truth, all seeds)" if outcome is last else None
             axes.plot(*outcome.truth[:, 1:3].T, color=GREEN, linewidth=0.8, alpha=0.6, label=label)

@@ -14,9 +14,10 @@ from rich.console import Console
 from rich.table import Table
 
 from thumper.board.messages import SCHEMA_HASH
-from thumper.cli.run_report import GREEN, ORANGE, draw_drive, draw_map, draw_speeds
+from thumper.cli.run_report import GREEN, ORANGE, draw_drive, draw_speeds
 from thumper.common.version import __version__
 from thumper.maps.map_server_io import save_map
+from thumper.maps.plot import draw_grid
 from thumper.runtime.drive_log import path_length_m, speed_errors
 from thumper.slam.saved_state import save_session
 from thumper_hil.bench import DEFAULT_ELF
@@ -138,7 +139,7 @@ def _markdown(rows: list[tuple[str, str, str]]) -> str:
 def _picture_of_missions(path: Path, outcomes: Sequence[Outcome]) -> None:
     figure = Figure(figsize=(7 * len(outcomes), 6.5), layout="constrained")
     for axes, outcome in zip(figure.subplots(1, len(outcomes)), outcomes, strict=True):
-        draw_map(axes, outcome.grid)
+        draw_grid(axes, outcome.grid)
         draw_drive(axes, outcome.log)
         mission, truth = outcome.mission, outcome.truth
         axes.plot(truth[:, 1], truth[:, 2], color=GREEN, linewidth=1.2, label="driven (ground truth)")

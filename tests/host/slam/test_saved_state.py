@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.host.slam.rooms import ROOM, room_scan
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray, Pose2, Twist2
-from thumper.maps.hit_counts import AGED, HitCounts
+from thumper.maps.hit_counts import MAX_OBSERVATIONS, HitCounts
 from thumper.maps.occupancy_grid import UNKNOWN
 from thumper.offline.map_log import map_log
 from thumper.slam.factory import MappingOptions, Method, PathMapper, make_mapper
@@ -62,7 +62,7 @@ def test_a_cell_of_another_day_says_the_same_with_fewer_observations(hits: int, 
     cell = (np.array([[n]], dtype=np.uint16) for n in (hits, misses))
     counts = HitCounts(hits=next(cell), misses=next(cell), first_cell=(0, 0), resolution_m=SIZE_M)
     aged = counts.limit_observations(0.25)
-    assert int(aged.hits[0, 0]) + int(aged.misses[0, 0]) == min(hits + misses, AGED)
+    assert int(aged.hits[0, 0]) + int(aged.misses[0, 0]) == min(hits + misses, MAX_OBSERVATIONS)
     assert aged.grid(0.25).cells == counts.grid(0.25).cells
 
 
