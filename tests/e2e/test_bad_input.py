@@ -1,4 +1,4 @@
-"""Wrong input gets one clear line and a non-zero exit, never a traceback."""
+"""Invalid input gives a one-line error and a non-zero exit status, never a traceback."""
 
 import subprocess
 from collections.abc import Callable
@@ -39,7 +39,7 @@ def test_board_port_is_the_lidar(thumper: Run, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "url", ["sim://robot/board?world=atlantis", "sim://robot/board?colour=red", "simm://robot/board"]
 )
-def test_simulated_port_that_does_not_exist(thumper: Run, tmp_path: Path, url: str) -> None:
+def test_invalid_simulated_port(thumper: Run, tmp_path: Path, url: str) -> None:
     done = thumper("run", "--board", url, "--goal", "1", "0", "--out", tmp_path)
     refused(done, url)
     assert done.returncode == 2
@@ -52,17 +52,17 @@ def test_unknown_key_in_the_configuration(thumper: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["", "../up", "*"])
-def test_a_name_that_no_robot_can_have(thumper: Run, tmp_path: Path, name: str) -> None:
+def test_invalid_robot_name_in_the_configuration(thumper: Run, tmp_path: Path, name: str) -> None:
     config = tmp_path / "robot.toml"
     config.write_text(f'name = "{name}"\n')
     refused(thumper("status", "--config", config), str(config), "name")
 
 
-def test_a_robot_that_no_robot_can_be_called(thumper: Run) -> None:
+def test_invalid_robot_name_option(thumper: Run) -> None:
     refused(thumper("status", "--robot", "**", "--bus", "127.0.0.1:1"), "--robot", "'**'")
 
 
-def test_configuration_for_another_robot_than_the_firmware(thumper: Run, tmp_path: Path) -> None:
+def test_configuration_that_contradicts_the_firmware(thumper: Run, tmp_path: Path) -> None:
     config = tmp_path / "robot.toml"
     config.write_text("[drive]\ncounts_per_rev = 1000\n")
     done = thumper("run", *SIM, "--goal", "1", "0", "--config", config, "--out", tmp_path)
@@ -77,7 +77,7 @@ def test_output_folder_that_cannot_be_written(thumper: Run, tmp_path: Path) -> N
 
 
 def test_goal_inside_an_obstacle(thumper: Run, tmp_path: Path) -> None:
-    """Half a metre behind the wall that the robot looks at."""
+    """The goal is 0.5 m behind the wall that the robot faces."""
     board = "sim://robot/board?world=lab&x_m=2.0&y_m=0&yaw_deg=0"
     done = thumper(
         "run", "--board", board, "--lidar", "sim://robot/lidar", "--start", "2", "0", "0",
@@ -90,14 +90,14 @@ def test_goal_far_outside_any_map(thumper: Run, tmp_path: Path) -> None:
     refused(thumper("run", *SIM, "--goal", "4000", "0", "--out", tmp_path), "goal", "4000")
 
 
-def test_log_that_is_none(thumper: Run, tmp_path: Path) -> None:
+def test_file_that_is_not_a_log(thumper: Run, tmp_path: Path) -> None:
     log = tmp_path / "shopping.log"
     log.write_text("milk\n")
     refused(thumper("map-log", log, "--out", tmp_path), str(log))
     refused(thumper("map-log", tmp_path / "none.clf", "--out", tmp_path), "none.clf")
 
 
-def test_a_log_of_one_scan_is_told_without_a_match(thumper: Run, tmp_path: Path) -> None:
+def test_log_with_one_scan(thumper: Run, tmp_path: Path) -> None:
     log = tmp_path / "one.log"
     ranges_m = " ".join(f"{2.0 + 0.005 * k:.3f}" for k in range(180))
     log.write_text(f"FLASER 180 {ranges_m} 0 0 0 0 0 0 1.0 host 1.0\n")
@@ -105,8 +105,8 @@ def test_a_log_of_one_scan_is_told_without_a_match(thumper: Run, tmp_path: Path)
     assert done.stdout.startswith("CARMEN log: 1 scan, 0.0 m driven, no scan matched with a map\n")
 
 
-def test_a_mistyped_option_of_goto_is_no_heading(thumper: Run) -> None:
-    """Negative coordinates look like options, so an option that does not exist is read as one."""
+def test_mistyped_option_of_goto(thumper: Run) -> None:
+    """goto accepts negative coordinates, so it parses an unknown option as a coordinate."""
     done = thumper("goto", "1", "-0.5", "--tolerence")
     assert done.returncode == 2
     assert "'--tolerence' is neither a number nor an option" in done.stderr

@@ -1,4 +1,4 @@
-"""`thumper goto`, `stop`, `status`, `watch` against a robot at service: each a process of its own."""
+"""`thumper goto`, `stop`, `save`, `status`, `watch` against a running robot, each in its own process."""
 
 import json
 import signal
@@ -18,7 +18,7 @@ Run = Callable[..., subprocess.CompletedProcess[str]]
 
 @pytest.fixture(scope="module")
 def bus(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The bus of a simulated robot in the lab."""
+    """Start a simulated robot in the lab; return its bus address."""
     address, out = f"127.0.0.1:{free_port()}", tmp_path_factory.mktemp("service")
     world = "sim://commands/board?world=lab&x_m=1.73&y_m=0.08&yaw_deg=180"
     command = [str(THUMPER), "run", "--board", world, "--lidar", "sim://commands/lidar", "--bus", address]
@@ -33,13 +33,13 @@ def bus(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     assert "stopped" in rest
 
 
-def test_goto_waits_until_it_is_there(thumper: Run, bus: str) -> None:
+def test_goto_waits_for_arrival(thumper: Run, bus: str) -> None:
     done = thumper("goto", "1.2", "0.05", "--bus", bus)
     assert done.returncode == 0, done.stderr
     assert "m to go" in done.stdout
     assert "reached: at the goal (1.20, 0.05)" in done.stdout
-    told = json.loads(thumper("status", "--json", "--bus", bus).stdout)
-    assert (told["robot"], told["simulated"], told["has_goal"]) == ("thumper", True, False)
+    status = json.loads(thumper("status", "--json", "--bus", bus).stdout)
+    assert (status["robot"], status["simulated"], status["has_goal"]) == ("thumper", True, False)
     assert "\nmode     mapping\n" in thumper("status", "--bus", bus).stdout
 
 
@@ -55,7 +55,7 @@ def test_ctrl_c_cancels_the_goal(thumper: Run, bus: str) -> None:
     until(lambda: '"idle"' in thumper("status", "--json", "--bus", bus).stdout)
 
 
-def test_save_waits_until_the_files_are_there(thumper: Run, bus: str) -> None:
+def test_save_waits_for_the_files(thumper: Run, bus: str) -> None:
     done = thumper("save", "--bus", bus)
     assert done.returncode == 0, done.stderr
     image, *beside = done.stdout.strip().removeprefix("map saved: ").split(", ")
@@ -97,14 +97,14 @@ def test_watch(thumper: Run, bus: str) -> None:
         (["explore", "--bus", "0.0.0.0:7447"], 2, "set a token"),
     ],
 )
-def test_what_is_wrong_is_told_in_one_line(thumper: Run, arguments: list[str], code: int, words: str) -> None:
+def test_errors_take_one_line(thumper: Run, arguments: list[str], code: int, words: str) -> None:
     done = thumper(*arguments)
     assert done.returncode == code
     assert words in done.stderr
     assert done.stderr.count("\n") == 1
 
 
-def test_another_robot_on_this_bus_does_not_answer(thumper: Run, bus: str, tmp_path: Path) -> None:
+def test_a_robot_of_another_name_does_not_answer(thumper: Run, bus: str, tmp_path: Path) -> None:
     config = tmp_path / "other.toml"
     config.write_text(f'name = "other"\n[bus]\naddress = "{bus}"\n', encoding="utf-8")
     done = thumper("stop", "--config", config)

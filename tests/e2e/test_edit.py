@@ -1,4 +1,4 @@
-"""`thumper edit`: a new map, in one line; nothing is overwritten without being told."""
+"""`thumper edit` writes a new map, reports it in one line and overwrites only with --force."""
 
 import math
 import subprocess
@@ -19,7 +19,7 @@ from thumper_hil.world.world import World
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
-def test_a_map_is_edited_into_another(thumper: Run, tmp_path: Path) -> None:
+def test_edits_a_map_into_a_new_one(thumper: Run, tmp_path: Path) -> None:
     lab, new = tmp_path / "lab.yaml", tmp_path / "sub" / "new.yaml"
     grid = World.load("lab").to_grid()
     save_map(grid, lab)
@@ -46,7 +46,7 @@ def test_a_map_is_edited_into_another(thumper: Run, tmp_path: Path) -> None:
     np.testing.assert_array_equal(turned.cells, made.cells.T[:, ::-1])
 
 
-def test_a_session_stays_that_of_its_map(thumper: Run, tmp_path: Path) -> None:
+def test_the_session_follows_the_edited_map(thumper: Run, tmp_path: Path) -> None:
     lab, new = tmp_path / "lab.yaml", tmp_path / "new.session"
     grid = World.load("lab").to_grid()
     save_map(grid, lab)
@@ -70,7 +70,7 @@ def test_a_session_stays_that_of_its_map(thumper: Run, tmp_path: Path) -> None:
     assert said.map_from_base.theta_rad == pytest.approx(0.2 + math.pi / 2)
 
 
-def test_a_map_keeps_its_whole_name(thumper: Run, tmp_path: Path) -> None:
+def test_a_dot_in_the_name_stays(thumper: Run, tmp_path: Path) -> None:
     lab, new = tmp_path / "lab.yaml", tmp_path / "new"
     save_map(World.load("lab").to_grid(), lab)
     done = thumper("edit", lab, "--trim", "--out", new / "map.v2")
@@ -79,7 +79,7 @@ def test_a_map_keeps_its_whole_name(thumper: Run, tmp_path: Path) -> None:
     load_map(new / "map.v2.yaml")
 
 
-def test_what_cannot_be_edited_is_refused(thumper: Run, tmp_path: Path) -> None:
+def test_invalid_edits(thumper: Run, tmp_path: Path) -> None:
     lab = tmp_path / "lab.yaml"
     save_map(World.load("lab").to_grid(), lab)
     for arguments, word in (

@@ -1,4 +1,4 @@
-"""A command whose packages are missing: one line that names them, before anything is done."""
+"""A command whose packages are missing names them in one line, before it does anything."""
 
 import subprocess
 import sys
@@ -25,7 +25,7 @@ main()
         ("pyarrow", "pyarrow", "campaign c.toml"),
     ],
 )
-def test_what_is_missing_is_named_with_its_cure(
+def test_missing_packages_are_named_with_the_install_command(
     module: str, package: str, command: str, tmp_path: Path
 ) -> None:
     (tmp_path / "c.toml").write_text(
@@ -42,5 +42,5 @@ def test_what_is_missing_is_named_with_its_cure(
 
 
 @pytest.mark.parametrize("extra", EXTRAS)
-def test_each_extra_is_one_of_the_project(extra: str) -> None:
+def test_the_extra_exists(extra: str) -> None:
     assert "pip install '" in str(missing_package(extra, "it"))

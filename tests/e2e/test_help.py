@@ -1,4 +1,4 @@
-"""`--help` of each command is there, useful, and pulls in none of the slow libraries."""
+"""`--help` of each command names its options and loads no slow library."""
 
 import re
 import subprocess
@@ -39,7 +39,7 @@ COMMANDS = {
 }
 
 
-def test_the_overview_names_each_command(thumper: Run) -> None:
+def test_overview_lists_the_commands(thumper: Run) -> None:
     done = thumper("--help")
     assert done.returncode == 0
     listed = done.stdout.partition("Commands")[2]
@@ -47,23 +47,23 @@ def test_the_overview_names_each_command(thumper: Run) -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_each_command_explains_its_options(thumper: Run, command: str) -> None:
+def test_each_command_lists_its_options(thumper: Run, command: str) -> None:
     done = thumper(command, "--help")
     assert done.returncode == 0
     assert all(option in done.stdout for option in COMMANDS[command])
 
 
-def test_help_shows_what_stands_in_brackets(thumper: Run) -> None:
+def test_help_keeps_text_in_brackets(thumper: Run) -> None:
     assert "X in the map [m]." in thumper("goto", "--help").stdout
 
 
-def test_negative_coordinates_are_no_options(thumper: Run) -> None:
+def test_goto_accepts_negative_coordinates(thumper: Run) -> None:
     done = thumper("goto", "-0.5", "-1", "-90", "--bus", "127.0.0.1:1")
     assert "no robot is running" in done.stderr
 
 
 def test_help_loads_no_slow_library() -> None:
-    """`benchmarks/cli.py` measures the time itself."""
+    """`benchmarks/cli.py` measures the time."""
     code = (
         "import sys; sys.argv = ['thumper', 'run', '--help']\n"
         "from thumper.cli.app import main\n"

@@ -1,4 +1,4 @@
-"""Ctrl-C ends a command: at once while it loads; no next mission, no next frontier once it drives."""
+"""Ctrl-C ends a command: at once while it loads, and before the next mission or frontier in a drive."""
 
 import os
 import signal
@@ -22,7 +22,7 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize(("arguments", "under_way", "next_drive"), COMMANDS.values(), ids=COMMANDS)
-def test_nothing_is_driven_after_an_interrupt(
+def test_no_drive_starts_after_ctrl_c(
     arguments: list[str], under_way: str, next_drive: str, tmp_path: Path
 ) -> None:
     command = [str(THUMPER), *arguments, "--out", str(tmp_path)]
@@ -40,8 +40,8 @@ def test_nothing_is_driven_after_an_interrupt(
 
 
 @pytest.mark.parametrize("command", ["run", "explore"])
-def test_while_it_waits_for_the_board_ctrl_c_says_that_nothing_moves(command: str, tmp_path: Path) -> None:
-    """On the port is nobody; that it is asked to shake hands shows that the command waits."""
+def test_ctrl_c_reports_the_motors_while_waiting_for_the_board(command: str, tmp_path: Path) -> None:
+    """Nothing answers on the port; the handshake request shows that the command waits."""
     master, slave = os.openpty()
     process = subprocess.Popen(
         [str(THUMPER), command, "--board", os.ttyname(slave), "--out", str(tmp_path)],
@@ -57,8 +57,8 @@ def test_while_it_waits_for_the_board_ctrl_c_says_that_nothing_moves(command: st
     assert (process.returncode, errors) == (130, "thumper: interrupted; the motors are off\n")
 
 
-def test_while_the_command_loads_ctrl_c_just_ends_it(tmp_path: Path) -> None:
-    """The library that the command line imports first takes as long here as the test needs."""
+def test_ctrl_c_ends_a_command_that_still_loads(tmp_path: Path) -> None:
+    """A slow stand-in for the first imported library gives the test time."""
     (tmp_path / "typer.py").write_text("import time\nprint('loading', flush=True)\ntime.sleep(60)\n")
     process = subprocess.Popen(
         [sys.executable, "-m", "thumper", "status"],

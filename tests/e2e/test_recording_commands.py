@@ -1,4 +1,4 @@
-"""The recording commands with what they cannot use: one line, the right exit code, nothing changed."""
+"""The recording commands: conversion, and invalid input with one line and the right exit status."""
 
 import subprocess
 from collections.abc import Callable
@@ -26,7 +26,7 @@ Thumper = Callable[..., "subprocess.CompletedProcess[str]"]
         (("map-log", "bad.mcap"), 2, "unknown log format"),
     ],
 )
-def test_one_line_and_the_right_code(
+def test_errors_take_one_line(
     thumper: Thumper, tmp_path: Path, arguments: tuple[str, ...], code: int, words: str
 ) -> None:
     (tmp_path / "bad.mcap").write_text("hello")
@@ -42,9 +42,7 @@ def test_one_line_and_the_right_code(
     assert (tmp_path / "bad.mcap").read_text() == "hello"
 
 
-def test_a_recording_from_the_command_line_to_tables_map_and_picture(
-    thumper: Thumper, tmp_path: Path
-) -> None:
+def test_record_replay_and_export(thumper: Thumper, tmp_path: Path) -> None:
     recorder = Recorder(tmp_path, SESSION)
     for topic, now_s, message in beats(30):
         recorder(topic, now_s, message)

@@ -1,4 +1,4 @@
-"""`--session` of the commands: mapping goes on in the map of another run, from wherever the robot stands."""
+"""`--session`: mapping continues in the map of another run, from any pose."""
 
 import json
 import subprocess
@@ -21,7 +21,7 @@ def board(x_m: float, y_m: float, yaw_deg: float) -> tuple[str, str]:
     return "--board", f"sim://robot/board?world=lab&x_m={x_m}&y_m={y_m}&yaw_deg={yaw_deg}"
 
 
-def test_a_run_goes_on_in_the_session_of_another(thumper: Run, tmp_path: Path) -> None:
+def test_a_run_continues_the_session_of_another(thumper: Run, tmp_path: Path) -> None:
     first, second = (tmp_path / name for name in ("first", "second"))
     begun = (*board(0.0, 0.0, 0.0), *LIDAR, "--start", "0", "0", "0")
     done = thumper("run", *begun, "--goal", "1.0", "0.5", "--out", first)
@@ -41,12 +41,12 @@ def test_a_run_goes_on_in_the_session_of_another(thumper: Run, tmp_path: Path) -
         new.cell_of(*old.centre_of(int(row), int(col))) for row, col in np.argwhere(old.cells == OCCUPIED)
     ]
     near = [(new.cells[r - 1 : r + 2, c - 1 : c + 2] == OCCUPIED).any() for r, c in walls]
-    assert np.mean(near) > 0.95  # it is the same map still
+    assert np.mean(near) > 0.95  # still the same map
     pose = json.loads((second / "summary.json").read_text())["pose"]
     assert load_session(second / "map.session", 0.05).map_from_base == Pose2(**pose)
 
 
-def test_what_cannot_be_gone_on_with_is_refused_and_nothing_overwritten(thumper: Run, tmp_path: Path) -> None:
+def test_invalid_sessions_overwrite_nothing(thumper: Run, tmp_path: Path) -> None:
     session = tmp_path / "map.session"
     session.write_bytes(b'{"thumper_session": 3}\n')
     commands = (("run", *board(0.0, 0.0, 0.0), *LIDAR, "--goal", "1", "0"), ("map-log", session))

@@ -1,4 +1,4 @@
-"""Ask a generator whether what it wrote is still what it would write."""
+"""Check whether a generator's output is up to date."""
 
 import subprocess
 import sys
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def check(generator: Path) -> subprocess.CompletedProcess[str]:
-    """Run `generator --check`; it exits 1 and names what is stale."""
+    """Run `generator --check`, which exits with 1 and names the stale files."""
     return subprocess.run(
         [sys.executable, str(generator), "--check"], capture_output=True, text=True, check=False
     )

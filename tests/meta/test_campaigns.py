@@ -1,4 +1,4 @@
-"""The campaigns that come with the project can be read, and so can the robots that they name."""
+"""The sample campaigns and their robots load."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ FOLDER = Path(__file__).parents[2] / "campaigns"
     [FOLDER / f"{name}.toml" for name in ("robustness", "odometry", "speed", "slam", "noise")],
     ids=lambda file: file.stem,
 )
-def test_it_draws_up_its_jobs(file: Path) -> None:
+def test_sample_campaign_has_all_its_jobs(file: Path) -> None:
     campaign = load_campaign(file)
     jobs = jobs_of(campaign, FOLDER)
     assert len(jobs) == campaign.seeds.count * len(campaign.missions) * len(campaign.parameters)

@@ -1,4 +1,4 @@
-"""The pages agree with the code: links lead somewhere, and the example configuration is the default one."""
+"""The pages agree with the code: links, the example configuration, navigation and topics."""
 
 import re
 import tomllib
@@ -16,13 +16,13 @@ PAGES = [*(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.m
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
-def test_links_lead_somewhere(page: Path) -> None:
+def test_links_exist(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text(encoding="utf-8")):
         if "://" not in target:
             assert (page.parent / target).exists(), f"{page.name} links to {target}"
 
 
-def test_the_example_configuration_is_the_default(tmp_path: Path) -> None:
+def test_example_configuration_is_the_default(tmp_path: Path) -> None:
     text = (ROOT / "docs" / "config.md").read_text(encoding="utf-8")
     block = re.search(r"```toml\n(.*?)```", text, re.DOTALL)
     assert block is not None
@@ -32,7 +32,7 @@ def test_the_example_configuration_is_the_default(tmp_path: Path) -> None:
 
 
 def named_in(navigation: list[object]) -> Iterator[str]:
-    """The pages that the site's navigation names, at any depth."""
+    """Yield the pages in the site's navigation, at any depth."""
     for entry in navigation:
         assert isinstance(entry, dict)
         for target in entry.values():
@@ -42,7 +42,7 @@ def named_in(navigation: list[object]) -> Iterator[str]:
                 yield from named_in(target)
 
 
-def test_every_page_is_in_the_navigation_or_linked_from_another() -> None:
+def test_every_page_is_reachable() -> None:
     settings = tomllib.loads((ROOT / "zensical.toml").read_text(encoding="utf-8"))
     reached = {ROOT / "docs" / name for name in named_in(settings["project"]["nav"])}
     assert all(page.exists() for page in reached)
@@ -52,7 +52,7 @@ def test_every_page_is_in_the_navigation_or_linked_from_another() -> None:
     assert set(SITE) <= reached
 
 
-def test_every_topic_stands_in_the_operators_guide() -> None:
+def test_operators_guide_lists_every_topic() -> None:
     rows = [
         line
         for line in (ROOT / "docs" / "operate.md").read_text(encoding="utf-8").splitlines()

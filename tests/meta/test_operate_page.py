@@ -1,4 +1,4 @@
-"""The operator's page names what there is on the bus: topics with their types, questions, options."""
+"""The operator's guide lists the bus: topics with types, queries, commands, options."""
 
 import re
 from dataclasses import fields
@@ -14,35 +14,35 @@ PAGE = (Path(__file__).parents[2] / "docs" / "operate.md").read_text(encoding="u
 
 
 def rows(head: str) -> list[list[str]]:
-    """Cells of the table whose head begins like this."""
+    """Return the cells of the table whose header starts with `head`."""
     block = PAGE[PAGE.index(f"| {head} |") :].split("\n\n", maxsplit=1)[0]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in block.splitlines()[2:]]
 
 
-def test_every_topic_is_told_with_its_type() -> None:
+def test_lists_every_topic_with_its_type() -> None:
     for head, direction in (("out", Direction.OUT), ("in", Direction.IN)):
-        told = {name: row[1].strip("`") for row in rows(head) for name in re.findall(r"`([^`]+)`", row[0])}
-        there = {name: topic.type_name for name, topic in TOPICS.items() if topic.direction is direction}
-        assert told == there
+        listed = {name: row[1].strip("`") for row in rows(head) for name in re.findall(r"`([^`]+)`", row[0])}
+        expected = {name: topic.type_name for name, topic in TOPICS.items() if topic.direction is direction}
+        assert listed == expected
 
 
-def test_every_latched_topic_is_told() -> None:
+def test_lists_the_latched_topics() -> None:
     sentence = re.search(r"\n(.+) are latched", PAGE)
     assert sentence is not None
     assert set(re.findall(r"`([^`]+)`", sentence[1])) == {n for n, topic in TOPICS.items() if topic.latched}
 
 
-def test_every_question_is_told() -> None:
-    told = [name for row in rows("query") for name in re.findall(r"`([^`]+)`", row[0])]
-    assert sorted(told) == sorted(QUESTIONS)
+def test_lists_every_query() -> None:
+    listed = [name for row in rows("query") for name in re.findall(r"`([^`]+)`", row[0])]
+    assert sorted(listed) == sorted(QUESTIONS)
 
 
-def test_every_command_is_told() -> None:
+def test_lists_every_command() -> None:
     (row,) = [row for row in rows("in") if row[0] == "`command`"]
     assert set(re.findall(r"`([^`]+)`", row[2])) == set(COMMANDS)
 
 
-def test_every_option_is_told_with_its_default() -> None:
+def test_lists_every_option_with_its_default() -> None:
     for head, options, column in (("`[bus]`", BusOptions(), 2), ("`[service]`", ManualDriveOptions(), 3)):
-        told = {row[0].strip("`"): row[column].strip('`"') for row in rows(head)}
-        assert told == {field.name: str(getattr(options, field.name)) for field in fields(options)}
+        listed = {row[0].strip("`"): row[column].strip('`"') for row in rows(head)}
+        assert listed == {field.name: str(getattr(options, field.name)) for field in fields(options)}

@@ -1,4 +1,4 @@
-"""The pages' tables of options name every one of them, with its default."""
+"""The pages list every option of their tables with its default."""
 
 from dataclasses import fields
 from pathlib import Path
@@ -14,7 +14,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 @pytest.mark.parametrize(
     ("page", "options"), [("recording.md", RecordingOptions), ("teleop.md", TeleopOptions)]
 )
-def test_every_option_stands_in_its_page_with_its_default(page: str, options: type) -> None:
+def test_page_lists_every_option_with_its_default(page: str, options: type) -> None:
     rows = {
         cells[1].strip("` "): cells[4].strip("` ")
         for line in (DOCS / page).read_text(encoding="utf-8").splitlines()

@@ -1,4 +1,4 @@
-"""The generated header, codec and protocol page say what messages.toml says, and a stale one is noticed."""
+"""The generated header, codec and protocol page match messages.toml; `--check` finds a stale one."""
 
 from pathlib import Path
 
@@ -13,8 +13,8 @@ def test_generated_files_are_fresh() -> None:
     assert result.returncode == 0, result.stdout + result.stderr
 
 
-def test_check_notices_a_changed_schema(tmp_path: Path) -> None:
-    """A copy of the tree whose schema moved on: `--check` fails, names the files and writes nothing."""
+def test_check_finds_a_changed_schema(tmp_path: Path) -> None:
+    """In a copy of the tree with a changed schema, `--check` fails, names the files and writes nothing."""
     names = ("firmware/core/messages.hpp", "host/thumper/board/messages.py", "docs/protocol.md")
     sources = [path.relative_to(REPO).as_posix() for path in GENERATE.parent.iterdir() if path.is_file()]
     for name in (*names, *sources):

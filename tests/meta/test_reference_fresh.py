@@ -1,4 +1,4 @@
-"""The generated reference pages say what the commands and the configuration say."""
+"""The generated reference pages match the commands and the configuration."""
 
 import re
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ def test_the_drawing_of_the_layers_is_fresh() -> None:
     assert result.returncode == 0, result.stdout + result.stderr
 
 
-def test_check_notices_a_stale_page_and_leaves_it(tmp_path: Path) -> None:
+def test_check_finds_a_stale_page_and_keeps_it(tmp_path: Path) -> None:
     (tmp_path / "scripts").mkdir()
     script = tmp_path / "scripts" / GENERATE.name
     script.write_bytes(GENERATE.read_bytes())
@@ -44,7 +44,7 @@ def test_check_notices_a_stale_page_and_leaves_it(tmp_path: Path) -> None:
 
 
 def keys_of(table: type, name: str = "") -> Iterator[tuple[str, str]]:
-    """Every key of the robot's TOML, with the table that it stands in."""
+    """Yield every key of the robot's TOML with its table."""
     hints = get_type_hints(table)
     for field in fields(table):
         if is_dataclass(hints[field.name]):
@@ -53,7 +53,7 @@ def keys_of(table: type, name: str = "") -> Iterator[tuple[str, str]]:
             yield name, field.name
 
 
-def test_every_key_stands_in_the_reference_under_its_table() -> None:
+def test_reference_lists_every_key_under_its_table() -> None:
     sections = re.split(r"^## ", (REFERENCE / "options.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
     rows = {
         (section.splitlines()[0].strip("[]").replace("At the top", ""), key)
@@ -63,7 +63,7 @@ def test_every_key_stands_in_the_reference_under_its_table() -> None:
     assert rows == set(keys_of(RobotConfig))
 
 
-def test_every_key_is_explained_in_the_reference_or_in_another_page() -> None:
+def test_every_key_is_explained() -> None:
     reference = (REFERENCE / "options.md").read_text(encoding="utf-8")
     explained = set(re.findall(r"^\| `(\w+)` \|.*\| [^|]+ \|$", reference, re.MULTILINE))
     text = "\n".join(

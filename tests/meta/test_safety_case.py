@@ -1,4 +1,4 @@
-"""The safety case names tests that exist, and each of its hazards has one."""
+"""Each hazard of the safety case names a test that exists."""
 
 import re
 from pathlib import Path

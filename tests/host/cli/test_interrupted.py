@@ -1,4 +1,4 @@
-"""Ctrl-C outside a drive says what it has left; that the motors are off only where they could be on."""
+"""Ctrl-C outside a drive reports what was unfinished, and the motors only if they could be on."""
 
 from pathlib import Path
 from typing import NoReturn
@@ -17,7 +17,7 @@ def _ctrl_c(*_: object, **__: object) -> NoReturn:
 
 
 @pytest.mark.parametrize(
-    ("where", "command", "told"),
+    ("where", "command", "message"),
     [
         ("thumper.runtime.assembly.warm_up", ["run", *ON_SIM], "interrupted"),
         ("thumper.runtime.assembly.warm_up", ["explore", *ON_SIM], "interrupted"),
@@ -25,10 +25,10 @@ def _ctrl_c(*_: object, **__: object) -> NoReturn:
         ("thumper.offline.map_log.open_log", ["map-log", "x.log"], "interrupted; the map was not finished"),
     ],
 )
-def test_ctrl_c_says_what_it_has_left(
-    where: str, command: list[str], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_ctrl_c_reports_what_was_unfinished(
+    where: str, command: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(where, _ctrl_c)
     error = CliRunner().invoke(build_app(), [*command, "--out", str(tmp_path)]).exception
     assert isinstance(error, ThumperError)
-    assert (str(error), error.exit_code) == (told, 130)
+    assert (str(error), error.exit_code) == (message, 130)

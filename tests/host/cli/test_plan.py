@@ -1,4 +1,4 @@
-"""`thumper plan` as a user calls it: answers, files, and refusals in one line."""
+"""`thumper plan` on the command line: answers, files and one-line errors."""
 
 import json
 from pathlib import Path
@@ -31,7 +31,7 @@ def call(*words: object) -> tuple[int, str]:
 
 
 @pytest.mark.parametrize("planner", ["navfn", "astar", "lattice"])
-def test_one_path_as_words_json_and_picture(room: Path, planner: str, tmp_path: Path) -> None:
+def test_path_as_text_json_and_picture(room: Path, planner: str, tmp_path: Path) -> None:
     ends = ("--start", 0, 1, "--goal", 3, 1)
     code, words = call(room, *ends, "--planner", planner)
     assert (code, " m in " in words) == (0, True)
@@ -44,7 +44,7 @@ def test_one_path_as_words_json_and_picture(room: Path, planner: str, tmp_path: 
     assert (tmp_path / "p.png").read_bytes()[:4] == b"\x89PNG"
 
 
-def test_no_way_is_told_and_leaves_with_1(room: Path) -> None:
+def test_exits_with_1_without_a_path(room: Path) -> None:
     assert call(room, "--start", 0, 1, "--goal", 3, 1, "--planner", "carrot")[0] == 1
     code, text = call(room, "--start", 0, 1, "--goal", 1.52, 1)
     assert (code, text.split(":")[0]) == (1, "no path")
@@ -81,7 +81,7 @@ def test_batch(room: Path, tmp_path: Path, rows: str, lengths: list[float]) -> N
         (("--batch", "gone.csv", "--start", 0, 1), "leave"),
     ],
 )
-def test_refusals(room: Path, words: tuple[object, ...], message: str) -> None:
+def test_invalid_options(room: Path, words: tuple[object, ...], message: str) -> None:
     code, text = call(room, *words)
     assert message in text
     assert code in (1, 2)
@@ -97,7 +97,7 @@ def test_refusals(room: Path, words: tuple[object, ...], message: str) -> None:
         ("1,2,3\n", "line 1: '' is not a number; fix column 4"),
     ],
 )
-def test_bad_batches(room: Path, tmp_path: Path, rows: str, message: str) -> None:
+def test_invalid_batch_files(room: Path, tmp_path: Path, rows: str, message: str) -> None:
     (tmp_path / "q.csv").write_text(rows)
     code, text = call(room, "--batch", tmp_path / "q.csv")
     assert code == 2
@@ -105,7 +105,7 @@ def test_bad_batches(room: Path, tmp_path: Path, rows: str, message: str) -> Non
 
 
 def mask(folder: Path, name: str, pixels: np.typing.NDArray[np.uint8], mode: str) -> Path:
-    """A mask over the room, row 0 of the pixels on top."""
+    """Write a mask of the room; row 0 of the pixels is at the top."""
     (folder / f"{name}.pgm").write_bytes(encode_pgm(pixels))
     (folder / f"{name}.yaml").write_text(
         f"image: {name}.pgm\nmode: {mode}\nresolution: 0.05\norigin: [-1.0, 0.0, 0]\nnegate: 0\n"
@@ -114,7 +114,7 @@ def mask(folder: Path, name: str, pixels: np.typing.NDArray[np.uint8], mode: str
     return folder / f"{name}.yaml"
 
 
-def test_masks_make_the_way_longer_and_the_drive_slower(room: Path, tmp_path: Path) -> None:
+def test_masks_lengthen_the_path_and_slow_the_drive(room: Path, tmp_path: Path) -> None:
     shape = room_with_wall().shape
     pixels = np.full(shape, 254, np.uint8)
     ends = ("--start", 0, 1, "--goal", 0, 2, "--json")

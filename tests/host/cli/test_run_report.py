@@ -1,4 +1,4 @@
-"""The pictures that a run leaves: nothing hides what they show, and the legend tells what is there."""
+"""The pictures of a run: legends and texts do not cover the curves, and name them correctly."""
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -10,7 +10,7 @@ from thumper.common.geometry import Pose2
 from thumper.runtime.drive_log import DriveLog
 
 
-def test_the_legends_stand_beside_the_curves() -> None:
+def test_legends_do_not_cover_the_curves() -> None:
     figure = Figure(figsize=(9, 6), layout="constrained")
     speeds = np.zeros((20, 7))
     speeds[:, 0] = np.arange(20)
@@ -26,15 +26,15 @@ def test_the_legends_stand_beside_the_curves() -> None:
                 assert not box.overlaps(text.get_window_extent()), text
 
 
-def test_the_plan_at_the_start_is_the_first_that_leads_anywhere() -> None:
-    """An exploring robot looks round first: its goal is where it stands."""
+def test_the_first_plan_is_the_first_one_with_a_length() -> None:
+    """Exploration starts with a goal at the current position, whose plan has no length."""
     log = DriveLog()
     log.add_pose(0.0, Pose2())
-    stands, leads = np.zeros((2, 2)), np.array([[0.0, 0.0], [1.0, 0.0]])
-    for plan in (stands, leads, leads + 0.1):
+    empty, path = np.zeros((2, 2)), np.array([[0.0, 0.0], [1.0, 0.0]])
+    for plan in (empty, path, path + 0.1):
         log.add_plan(plan)
     axes = Figure().subplots()
     draw_drive(axes, log)
     (dashed,) = (line for line in axes.lines if line.get_linestyle() == "--")
-    assert np.array_equal(np.asarray(dashed.get_xydata()), leads)
+    assert np.array_equal(np.asarray(dashed.get_xydata()), path)
     assert "planned at the start" in str(dashed.get_label())
