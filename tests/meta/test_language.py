@@ -67,7 +67,7 @@ TERMS = {
     r"stray(?:s|ed)": "leaves the path",
 }
 HOUSE_WORDS = re.compile(rf"\b(?:{'|'.join(f'({words})' for words in TERMS)})\b".replace(" ", r"\s+"))
-CODE_SPAN = re.compile(r"```.*?```|`[^`\n]*`", re.DOTALL)
+CODE_SPAN = re.compile(r"```.*?```|`[^`\n]*`|\{[^{}\n]*\}", re.DOTALL)
 C_TEXT = re.compile(r'//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])*\'|`[^`]*`', re.DOTALL)
 
 
