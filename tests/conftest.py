@@ -1,4 +1,4 @@
-"""How properties are tried: no deadline (a first call compiles a kernel), the same examples each CI run."""
+"""Hypothesis profile: no deadline (a first call compiles a kernel); fixed examples in CI."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""What tests of programs at work have in common: a port of their own, and patience on a busy machine."""
+"""Helpers of tests that run programs: a free network port, and waiting on a busy machine."""
 
 import random
 import socket
@@ -9,9 +9,9 @@ from typing import Any
 
 
 def free_port() -> int:
-    """A port of this machine that nobody listens at just now.
+    """Return a network port that is free now.
 
-    It lies below those that the system gives to connections: none of them takes it before its user does.
+    It lies below the ephemeral range, so that no outgoing connection takes it first.
     """
     while True:
         port = random.SystemRandom().randint(20_000, 32_000)
@@ -20,10 +20,10 @@ def free_port() -> int:
             return port
 
 
-def until(holds: Callable[[], Any], timeout_s: float = 120.0) -> Any:
-    """Wait until `holds()` is true and return it; the test fails when that never comes about."""
+def until(condition: Callable[[], Any], timeout_s: float = 120.0) -> Any:
+    """Wait until `condition()` is true and return its value; fail the test after `timeout_s`."""
     end_s = time.monotonic() + timeout_s
-    while not (value := holds()):
-        assert time.monotonic() < end_s, "it did not come about in time"
+    while not (value := condition()):
+        assert time.monotonic() < end_s, "the condition did not become true in time"
         time.sleep(0.02)
     return value

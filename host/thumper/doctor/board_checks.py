@@ -1,4 +1,4 @@
-"""Watch, ask and, with consent, move the motor board."""
+"""Checks of the motor board: link, telemetry, battery and, with consent, the encoder directions."""
 
 from collections.abc import Callable, Iterator
 
@@ -23,17 +23,18 @@ from thumper.doctor.verdicts import (
     judge_stream,
     measure_round_trips,
 )
+from thumper.odometry.wheel_odometry import count_delta
 
-SPIN_PWM, SPIN_S, REST_S = 60, 0.8, 0.5  # slow: a quarter of full power
+SPIN_PWM, SPIN_S, SETTLE_S = 60, 0.8, 0.5  # a quarter of full power
 POLL_S = 0.2
 
 
 def check_board(
     config: BoardOptions, *, seconds: float, spin: Callable[[], bool] | None, also: Iterator[Check]
 ) -> Iterator[Check]:
-    """Measure the link, then the battery; turn the wheels if `spin` is given and says yes.
+    """Check the link and the battery; turn the wheels if `spin` is given and returns True.
 
-    `also` are checks to make before the board's port is closed: a simulated robot is gone with its last port.
+    `also` are checks to run before the board's port closes: a simulated robot ends with its last port.
     """
     port: SerialPort | None = None
     try:
@@ -61,23 +62,24 @@ def _checks(
     try:
         trips_s, lost = measure_round_trips(board.round_trip_s)
         yield judge_round_trip("board", trips_s, lost, BOARD_ROUND_TRIP_WARN_S, BOARD_ROUND_TRIP_FAIL_S)
-        stream, last = _watch(board, clock_s, seconds)
+        stream, last = _record(board, clock_s, seconds)
         jitter = Limits(warn_s=BOARD_JITTER_WARN_S, fail_s=BOARD_JITTER_FAIL_S)
         yield from judge_stream("telemetry", stream, jitter)
         if last is not None:
             yield judge_battery(1e-3 * last.battery_mV)
         if spin is None:
-            yield Check(verdict="warn", what="encoder directions not checked", cure="wheels up, then --spin")
+            cure = "lift the wheels, then run with --spin"
+            yield Check(verdict="warn", what="encoder directions not checked", cure=cure)
         elif not spin():
-            yield Check(verdict="warn", what="encoder directions not checked", cure="you said no")
+            yield Check(verdict="warn", what="encoder directions not checked", cure="you answered no")
         else:
             yield from _spin(board, clock_s)
     except ThumperError as error:
         yield Check(verdict="fail", what="board", cure=str(error))
 
 
-def _watch(board: Board, clock_s: Callable[[], float], seconds: float) -> tuple[Stream, Telemetry | None]:
-    board.poll(0.0)  # what came before is not part of it
+def _record(board: Board, clock_s: Callable[[], float], seconds: float) -> tuple[Stream, Telemetry | None]:
+    board.poll(0.0)  # drop what arrived before
     damaged = board.receive_errors
     times_s, arrivals_s = [], []
     first: Telemetry | None = None
@@ -102,21 +104,21 @@ def _watch(board: Board, clock_s: Callable[[], float], seconds: float) -> tuple[
 
 
 def _spin(board: Board, clock_s: Callable[[], float]) -> Iterator[Check]:
-    """Turn each wheel alone, forward and slowly; the motors are off between and after."""
+    """Turn each side alone, forward and slowly; the motors are off between and afterwards."""
     for side in ("left", "right"):
         board.command(Command.CLEAR_FAULT)
         board.command(Command.ARM)
         try:
-            before = _drive(board, clock_s, side, 0, 0.1)
-            after = _drive(board, clock_s, side, SPIN_PWM, SPIN_S)
+            start = _drive(board, clock_s, side, 0, 0.1)
+            end = _drive(board, clock_s, side, SPIN_PWM, SPIN_S)
         finally:
             board.set_motor_pwm(0, 0)
             board.command(Command.DISARM)
-        _rest(board, clock_s)
-        left = _counted(after.left_count, before.left_count)
-        right = _counted(after.right_count, before.right_count)
+        _settle(board, clock_s)
+        left = count_delta(start.left_count, end.left_count)
+        right = count_delta(start.right_count, end.right_count)
         own, other = (left, right) if side == "left" else (right, left)
-        yield judge_spin(side, own, other, (after.lost_edges - before.lost_edges) % 2**16)
+        yield judge_spin(side, own, other, (end.lost_edges - start.lost_edges) % 2**16)
 
 
 def _drive(board: Board, clock_s: Callable[[], float], side: str, pwm: int, seconds: float) -> Telemetry:
@@ -127,15 +129,11 @@ def _drive(board: Board, clock_s: Callable[[], float], side: str, pwm: int, seco
         for sample in board.poll(POLL_S):
             last = sample.telemetry
     if last is None:
-        raise ThumperError("the board went silent while a wheel was to turn; is the cable loose?")
+        raise ThumperError("the board sent nothing while a wheel was turning; is the cable loose?")
     return last
 
 
-def _rest(board: Board, clock_s: Callable[[], float]) -> None:
-    until_s = clock_s() + REST_S
+def _settle(board: Board, clock_s: Callable[[], float]) -> None:
+    until_s = clock_s() + SETTLE_S
     while clock_s() < until_s:
         board.poll(POLL_S)
-
-
-def _counted(after: int, before: int) -> int:
-    return (after - before + 2**31) % 2**32 - 2**31

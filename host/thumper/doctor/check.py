@@ -1,4 +1,4 @@
-"""One line of the doctor's report."""
+"""One line of the report of `thumper doctor`."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -8,7 +8,7 @@ Verdict = Literal["pass", "warn", "fail"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
-    """What was looked at, how it is, and what mends it."""
+    """Verdict of a check, what was found, and how to fix it."""
 
     verdict: Verdict
     what: str
@@ -16,5 +16,5 @@ class Check:
 
 
 def worst_of(warn: bool, fail: bool) -> Verdict:
-    """The verdict of two limits."""
+    """Return the verdict for a warning and a failure limit."""
     return "fail" if fail else "warn" if warn else "pass"

@@ -1,4 +1,4 @@
-"""Is the computer set up for a robot that stays: fixed port names, and a start at boot?"""
+"""Checks of the computer's permanent setup: fixed port names and start at boot."""
 
 import getpass
 import sys
@@ -21,7 +21,7 @@ def check_set_up(
     home: Path | None = None,
     platform: str = sys.platform,
 ) -> Iterator[Check]:
-    """Look at the udev rules and the user's unit; `usb_ids` are the vendor and product ids to be ruled."""
+    """Check the udev rules for these (vendor, product) ids, and the systemd user unit."""
     if platform != "linux":
         return
     yield _rules(usb_ids, root)
@@ -30,20 +30,20 @@ def check_set_up(
 
 def _rules(usb_ids: Iterable[tuple[int, int]], root: Path) -> Check:
     source = (IN_WHEEL if IN_WHEEL.is_dir() else IN_SOURCES) / RULES
-    install = f"sudo cp {source} /etc/udev/rules.d/, then plug in again"
+    install = f"sudo cp {source} /etc/udev/rules.d/, then unplug the devices and plug them in again"
     for folder in RULES_FOLDERS:
         path = root / folder / RULES
         if path.exists():
             text = path.read_text(encoding="utf-8", errors="replace")
-            missing = [f"{vid:04x}:{pid:04x}" for vid, pid in usb_ids if not _ruled(text, vid, pid)]
+            missing = [f"{vid:04x}:{pid:04x}" for vid, pid in usb_ids if not _has_rule(text, vid, pid)]
             if missing:
                 what = f"udev rules lack {', '.join(missing)}"
                 return Check(verdict="warn", what=what, cure=install)
             return Check(verdict="pass", what=f"udev rules {path}")
-    return Check(verdict="warn", what="no udev rules: ports change their names", cure=install)
+    return Check(verdict="warn", what="no udev rules: port names may change", cure=install)
 
 
-def _ruled(text: str, vid: int, pid: int) -> bool:
+def _has_rule(text: str, vid: int, pid: int) -> bool:
     match = f'ATTRS{{idVendor}}=="{vid:04x}", ATTRS{{idProduct}}=="{pid:04x}"'
     return any(match in line for line in text.splitlines() if not line.lstrip().startswith("#"))
 
@@ -51,13 +51,13 @@ def _ruled(text: str, vid: int, pid: int) -> bool:
 def _unit(home: Path, root: Path) -> Check:
     path = home / UNIT
     if not path.exists():
-        return Check(verdict="pass", what="no start at boot is set up (thumper.service)")
+        return Check(verdict="pass", what="start at boot is not set up (thumper.service)")
     for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
         if line.startswith("ExecStart="):
             program = Path(line.removeprefix("ExecStart=").split()[0].replace("%h", str(home)))
             if not program.exists():
-                cure = "mend ExecStart, then: systemctl --user daemon-reload"
-                return Check(verdict="fail", what=f"{path} starts {program}, which is not there", cure=cure)
+                cure = "correct ExecStart, then: systemctl --user daemon-reload"
+                return Check(verdict="fail", what=f"{path} starts {program}, which does not exist", cure=cure)
     user = getpass.getuser()
     if not (root / "var/lib/systemd/linger" / user).exists():
         cure = f"to start at boot: sudo loginctl enable-linger {user}"

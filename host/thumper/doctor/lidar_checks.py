@@ -1,4 +1,4 @@
-"""Watch and ask the lidar."""
+"""Checks of the lidar: link, scan stream and share of valid beams."""
 
 from collections.abc import Iterator
 
@@ -23,18 +23,18 @@ from thumper.lidar.urg04lx import Urg04LxDriver
 
 EXPECTED_HZ = 10.0
 SCAN_TIMEOUT_S = 2.0
-SEEN_SHARE_WARN = 0.2
+RETURN_SHARE_WARN = 0.2
 
 
 def check_lidar(config: LidarOptions, *, seconds: float) -> Iterator[Check]:
-    """Measure the link and say how much the lidar sees."""
+    """Check the link, the scan stream and the share of beams with a return."""
     try:
         lidar = open_lidar(config)
     except ThumperError as error:
         yield Check(verdict="fail", what="lidar", cure=str(error))
         return
     try:
-        if isinstance(lidar, Urg04LxDriver):  # the LD19 cannot be asked anything
+        if isinstance(lidar, Urg04LxDriver):  # the LD19 takes no requests
             trips_s, lost = measure_round_trips(lidar.round_trip_s)
             yield judge_round_trip("lidar", trips_s, lost, LIDAR_ROUND_TRIP_WARN_S, LIDAR_ROUND_TRIP_FAIL_S)
         lidar.wait_for_scan(SCAN_TIMEOUT_S)
@@ -51,12 +51,12 @@ def check_lidar(config: LidarOptions, *, seconds: float) -> Iterator[Check]:
         )
         jitter = Limits(warn_s=LIDAR_JITTER_WARN_S, fail_s=LIDAR_JITTER_FAIL_S)
         yield from judge_stream("scans", stream, jitter)
-        seen = float(np.mean([np.isfinite(scan.ranges_m).mean() for scan in scans]))
+        share = float(np.mean([np.isfinite(scan.ranges_m).mean() for scan in scans]))
         yield Check(
-            verdict="warn" if seen < SEEN_SHARE_WARN else "pass",
-            what=f"lidar {config.port}: {scans[-1].ranges_m.size} beams, {100 * seen:.0f} % see something",
-            cure="is something in front of its window, or is the room larger than its range?"
-            if seen < SEEN_SHARE_WARN
+            verdict="warn" if share < RETURN_SHARE_WARN else "pass",
+            what=f"lidar {config.port}: {scans[-1].ranges_m.size} beams, {100 * share:.0f} % with a return",
+            cure="is its window covered, or is the room larger than its range?"
+            if share < RETURN_SHARE_WARN
             else "",
         )
     except ThumperError as error:

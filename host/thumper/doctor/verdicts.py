@@ -1,4 +1,4 @@
-"""From measurements to verdicts. Pure: no port, no clock."""
+"""Convert measurements to verdicts. Pure: no port, no clock."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,89 +9,92 @@ from thumper.common.geometry import FloatArray
 from thumper.doctor.check import Check, worst_of
 
 CABLE = "try another cable and USB port, keep motor wires away from it, close other programs"
-SLOW = "something holds the bytes back: a network, a hub, or a busy computer; connect it directly"
+SLOW = "a network, a hub or a busy computer delays the data; connect the device directly"
 
-QUESTIONS = 50
-ANSWER_TIMEOUT_S = 1.0  # far beyond what may pass, so that a slow link is measured and not called lost
-ENOUGH_SILENCE = 5  # questions in a row without an answer
+REQUESTS = 50
+REPLY_TIMEOUT_S = 1.0  # far above the failure limit, so that a slow link is measured and not counted as lost
+MAX_LOST_IN_A_ROW = 5
 
-BOARD_ROUND_TRIP_WARN_S, BOARD_ROUND_TRIP_FAIL_S = 0.04, 0.15  # half the board's own time-out
-LIDAR_ROUND_TRIP_WARN_S, LIDAR_ROUND_TRIP_FAIL_S = 0.1, 0.3  # a turn; where the driver gives up asking
+BOARD_ROUND_TRIP_WARN_S, BOARD_ROUND_TRIP_FAIL_S = 0.04, 0.15  # fail: half the board's own time-out
+# Warn: one revolution. Fail: the reply time-out of the driver.
+LIDAR_ROUND_TRIP_WARN_S, LIDAR_ROUND_TRIP_FAIL_S = 0.1, 0.3
 RATE_WARN_SHARE, RATE_FAIL_SHARE = 0.03, 0.1
 LOSS_FAIL_SHARE = 0.02
 BOARD_JITTER_WARN_S, BOARD_JITTER_FAIL_S = 0.02, 0.15
 LIDAR_JITTER_WARN_S, LIDAR_JITTER_FAIL_S = 0.02, 0.1
 BATTERY_ARM_V, BATTERY_WARN_V = 7.0, 7.2
-SURE_COUNTS = 20
+MIN_COUNTS = 20
 OTHER_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stream:
-    """What came over a link while it was watched."""
+    """Messages that were recorded from a link."""
 
-    times_s: FloatArray  # when the device took each message, on the host's clock, shape (n,)
-    arrivals_s: FloatArray  # when the host had it, shape (n,)
+    times_s: FloatArray  # stamp of each message, on the host's clock, shape (n,)
+    arrivals_s: FloatArray  # when each message arrived, shape (n,)
     expected_Hz: float
-    damaged: int  # frames that did not check, both ways
+    damaged: int  # frames that failed the CRC, both directions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """From which jitter [s] on a link is doubtful, and bad."""
+    """Jitter limits [s]."""
 
     warn_s: float
     fail_s: float
 
 
-def measure_round_trips(ask: Callable[[int, float], float | None]) -> tuple[list[float], int]:
-    """Ask QUESTIONS times, less if nobody answers; returns the answers' times [s] and how many did not come.
+def measure_round_trips(request: Callable[[int, float], float | None]) -> tuple[list[float], int]:
+    """Send REQUESTS requests, fewer if none is answered; return the round trips [s] and how many were lost.
 
-    `ask(number, timeout_s)` returns the time [s] from question to answer, None without one.
+    `request(number, timeout_s)` returns the time [s] from request to reply, or None without a reply.
     """
     trips_s: list[float] = []
     lost = in_a_row = 0
-    for number in range(QUESTIONS):
-        trip_s = ask(number, ANSWER_TIMEOUT_S)
+    for number in range(REQUESTS):
+        trip_s = request(number, REPLY_TIMEOUT_S)
         if trip_s is not None:
             trips_s.append(trip_s)
             in_a_row = 0
             continue
         lost, in_a_row = lost + 1, in_a_row + 1
-        if in_a_row == ENOUGH_SILENCE:
+        if in_a_row == MAX_LOST_IN_A_ROW:
             break
     return trips_s, lost
 
 
 def judge_round_trip(name: str, trips_s: list[float], lost: int, warn_s: float, fail_s: float) -> Check:
-    """Judge the times from question to answer, and the questions without one."""
+    """Judge the round trips and the lost requests."""
     if not trips_s:
-        return Check(verdict="fail", what=f"{name}: no question was answered", cure=CABLE)
-    asked = len(trips_s) + lost
-    median_ms, most_ms = 1e3 * float(np.median(trips_s)), 1e3 * max(trips_s)
-    late = worst_of(most_ms > 1e3 * warn_s, median_ms > 1e3 * fail_s)
-    gone = worst_of(lost > 0, lost / asked > LOSS_FAIL_SHARE)
-    verdict = worst_of(late != "pass" or gone != "pass", "fail" in {late, gone})
-    what = f"{name}: round trip {median_ms:.1f} ms, at most {most_ms:.1f} ms, "
-    what += f"jitter {1e3 * float(np.std(trips_s)):.1f} ms; {lost} of {asked} questions without answer"
-    return Check(verdict=verdict, what=what, cure=CABLE if gone != "pass" else SLOW if late != "pass" else "")
+        return Check(verdict="fail", what=f"{name}: no request was answered", cure=CABLE)
+    sent = len(trips_s) + lost
+    median_ms, max_ms = 1e3 * float(np.median(trips_s)), 1e3 * max(trips_s)
+    delay = worst_of(max_ms > 1e3 * warn_s, median_ms > 1e3 * fail_s)
+    loss = worst_of(lost > 0, lost / sent > LOSS_FAIL_SHARE)
+    verdict = worst_of(delay != "pass" or loss != "pass", "fail" in {delay, loss})
+    what = f"{name}: round trip {median_ms:.1f} ms, at most {max_ms:.1f} ms, "
+    what += f"jitter {1e3 * float(np.std(trips_s)):.1f} ms; {lost} of {sent} requests without reply"
+    return Check(
+        verdict=verdict, what=what, cure=CABLE if loss != "pass" else SLOW if delay != "pass" else ""
+    )
 
 
-def judge_stream(name: str, stream: Stream, jitter: Limits) -> list[Check]:
+def judge_stream(name: str, stream: Stream, limits: Limits) -> list[Check]:
     """Judge rate, loss and jitter of a stream."""
     if stream.times_s.size < 3:
-        return [Check(verdict="fail", what=f"{name}: nothing comes", cure=CABLE)]
+        return [Check(verdict="fail", what=f"{name}: no data", cure=CABLE)]
     period_s = 1.0 / stream.expected_Hz
     steps = np.maximum(np.rint(np.diff(stream.times_s) / period_s), 1.0)
     lost = int(steps.sum()) - steps.size
     rate_Hz = float(steps.sum() / (stream.times_s[-1] - stream.times_s[0]))
-    off = abs(rate_Hz / stream.expected_Hz - 1.0)
-    rate = worst_of(off > RATE_WARN_SHARE, off > RATE_FAIL_SHARE)
+    error = abs(rate_Hz / stream.expected_Hz - 1.0)
+    rate = worst_of(error > RATE_WARN_SHARE, error > RATE_FAIL_SHARE)
     share = lost / (lost + stream.times_s.size)
     loss = worst_of(lost + stream.damaged > 0, share > LOSS_FAIL_SHARE)
     lateness_s = stream.arrivals_s - stream.times_s
-    spread_s = float(np.percentile(lateness_s, 99) - lateness_s.min())
-    late = worst_of(spread_s > jitter.warn_s, spread_s > jitter.fail_s)
+    jitter_s = float(np.percentile(lateness_s, 99) - lateness_s.min())
+    late = worst_of(jitter_s > limits.warn_s, jitter_s > limits.fail_s)
     return [
         Check(
             verdict=rate,
@@ -105,7 +108,7 @@ def judge_stream(name: str, stream: Stream, jitter: Limits) -> list[Check]:
         ),
         Check(
             verdict=late,
-            what=f"{name}: jitter {1e3 * spread_s:.1f} ms (99 %)",
+            what=f"{name}: jitter {1e3 * jitter_s:.1f} ms (99 %)",
             cure=""
             if late == "pass"
             else "this computer is busy: close programs, or use one with more cores",
@@ -114,10 +117,12 @@ def judge_stream(name: str, stream: Stream, jitter: Limits) -> list[Check]:
 
 
 def judge_battery(battery_V: float) -> Check:
-    """Judge the voltage at rest."""
+    """Judge the voltage at standstill."""
     what = f"battery {battery_V:.2f} V"
     if battery_V < 1.0:
-        return Check(verdict="fail", what=what, cure="no battery is measured: connect it, check its divider")
+        return Check(
+            verdict="fail", what=what, cure="no battery voltage: connect the battery, check its divider"
+        )
     if battery_V < BATTERY_ARM_V:
         return Check(
             verdict="fail", what=what, cure="charge it: the board stops at 6.4 V, then waits for 7.0 V"
@@ -128,16 +133,16 @@ def judge_battery(battery_V: float) -> Check:
 
 
 def judge_spin(side: str, own: int, other: int, lost_edges: int) -> Check:
-    """Judge the counts of both encoders after the motor of `side` alone was driven forward."""
+    """Judge the counts of both encoders after only the motor of `side` was driven forward."""
     opposite = "right" if side == "left" else "left"
     what = f"{side} motor forward: {side} encoder {own:+d}, {opposite} encoder {other:+d} counts"
-    if lost_edges > SURE_COUNTS:
+    if lost_edges > MIN_COUNTS:
         cure = f"edges are lost: one wire of the {side} encoder is loose or noisy"
         return Check(verdict="fail", what=f"{what}, {lost_edges} edges lost", cure=cure)
-    if abs(own) < SURE_COUNTS and abs(other) < SURE_COUNTS:
+    if abs(own) < MIN_COUNTS and abs(other) < MIN_COUNTS:
         cure = (
             f"dead: if the {side} wheel turned, its encoder has no supply or a cut wire; "
-            "if it stood, its motor is not connected or blocked"
+            "if it did not turn, its motor is not connected or blocked"
         )
         return Check(verdict="fail", what=what, cure=cure)
     if abs(other) > OTHER_SHARE * abs(own):

@@ -1,4 +1,4 @@
-"""From a stick and two buttons to a speed. Pure."""
+"""Convert a joystick and two buttons to a speed. Pure functions."""
 
 import math
 from dataclasses import dataclass
@@ -10,18 +10,18 @@ from thumper.config.teleop import TeleopOptions
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JoystickState:
-    """What the hand says now: both axes -1...1, forward and left positive."""
+    """Joystick axes, -1...1 with forward and left positive, and buttons."""
 
     forward: float = 0.0
     turn: float = 0.0
-    enable: bool = False  # the button that must be held to drive
+    enable: bool = False  # the deadman button, which must be held to drive
     turbo: bool = False
 
 
 def apply_curve(value: float, dead_zone: float, expo: float) -> float:
-    """An axis behind its dead zone, stretched to -1...1 again, and flatter about the middle."""
+    """Return the axis after dead zone and expo curve, in -1...1; NaN becomes 0."""
     size = min(abs(value), 1.0)
-    if not size > dead_zone:  # also when it is no number
+    if not size > dead_zone:  # also true for NaN
         return 0.0
     size = (size - dead_zone) / (1.0 - dead_zone)
     return math.copysign((1.0 - expo) * size + expo * size**3, value)
@@ -30,20 +30,20 @@ def apply_curve(value: float, dead_zone: float, expo: float) -> float:
 def joystick_twist(
     stick: JoystickState, options: TeleopOptions, drive: DriveGeometry, max_wheel_rad_s: float
 ) -> Twist2:
-    """The speed that the stick asks for; what wheels cannot do is scaled so that a bend stays that bend."""
+    """Return the commanded speed, limited to what the wheels can do at the same curvature."""
     if not stick.enable:
         return Twist2()
     v_max = options.v_turbo_m_s if stick.turbo else options.v_max_m_s
     w_max = options.w_turbo_rad_s if stick.turbo else options.w_max_rad_s
-    asked = Twist2(
+    requested = Twist2(
         v_m_s=v_max * apply_curve(stick.forward, options.dead_zone, options.expo),
         w_rad_s=w_max * apply_curve(stick.turn, options.dead_zone, options.expo),
     )
-    return body_twist(limit_wheel_speeds(wheel_speeds(asked, drive), max_wheel_rad_s), drive)
+    return body_twist(limit_wheel_speeds(wheel_speeds(requested, drive), max_wheel_rad_s), drive)
 
 
 class SpeedScaler:
-    """One hand's stick, beat by beat: ramps while it is held, one zero when it lets go, then silence."""
+    """Ramps the speed of one joystick; sends one zero when the deadman button is released, then nothing."""
 
     def __init__(self, options: TeleopOptions, drive: DriveGeometry, max_wheel_rad_s: float) -> None:
         self._options, self._drive, self._max_wheel_rad_s = options, drive, max_wheel_rad_s
@@ -52,10 +52,10 @@ class SpeedScaler:
         self._needs_release = True
 
     def step(self, stick: JoystickState | None, period_s: float) -> Twist2 | None:
-        """Return what to send now, None for nothing. A stick that is lost (None) counts as let go.
+        """Return the twist to send now, or None for nothing. A lost joystick (None) counts as released.
 
-        After a loss, as at the start, the button must be seen up before it counts: nothing drives off by
-        itself when a pad comes back with the button held.
+        After a loss, and at the start, the button must be released once before it counts. So the robot does
+        not drive off if a gamepad reconnects with the button held.
         """
         if stick is None:
             self._needs_release = True
@@ -64,14 +64,14 @@ class SpeedScaler:
         if stick is None or not stick.enable or self._needs_release:
             was_driving, self._driving, self._twist = self._driving, False, Twist2()
             return Twist2() if was_driving else None
-        wanted = joystick_twist(stick, self._options, self._drive, self._max_wheel_rad_s)
+        target = joystick_twist(stick, self._options, self._drive, self._max_wheel_rad_s)
         self._driving = True
         self._twist = Twist2(
-            v_m_s=_nearer(self._twist.v_m_s, wanted.v_m_s, self._options.v_slew_m_s2 * period_s),
-            w_rad_s=_nearer(self._twist.w_rad_s, wanted.w_rad_s, self._options.w_slew_rad_s2 * period_s),
+            v_m_s=_ramp(self._twist.v_m_s, target.v_m_s, self._options.v_slew_m_s2 * period_s),
+            w_rad_s=_ramp(self._twist.w_rad_s, target.w_rad_s, self._options.w_slew_rad_s2 * period_s),
         )
         return self._twist
 
 
-def _nearer(now: float, wanted: float, most: float) -> float:
-    return now + max(-most, min(most, wanted - now))
+def _ramp(current: float, target: float, max_step: float) -> float:
+    return current + max(-max_step, min(max_step, target - current))

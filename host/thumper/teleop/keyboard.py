@@ -1,6 +1,7 @@
-"""KeyboardJoystick of a terminal as a stick. Pure: bytes and times come in.
+"""Read the keys of a terminal as a joystick.
 
-A terminal tells when a key is pressed and that it repeats, never that it is let go: a key holds for a moment.
+A terminal reports that a key is pressed and that it repeats, but not that it is released. So a key press is
+valid for a short time only.
 """
 
 import os
@@ -15,39 +16,39 @@ from enum import Enum
 from thumper.config.teleop import TeleopOptions
 from thumper.teleop.joystick_curve import JoystickState
 
-MOST_BYTES = 1024
+MAX_READ_BYTES = 1024
 
 
 class Terminal:
-    """What was typed since the last look."""
+    """Non-blocking reads from a terminal."""
 
     def __init__(self, handle: int) -> None:
         self._handle = handle
 
     def read(self) -> bytes:
-        """Return it; nothing when nothing was typed."""
+        """Return what was typed since the last call."""
         ready, _, _ = select.select([self._handle], [], [], 0.0)
-        return os.read(self._handle, MOST_BYTES) if ready else b""
+        return os.read(self._handle, MAX_READ_BYTES) if ready else b""
 
 
 @contextmanager
 def raw_terminal() -> Iterator[Terminal | None]:
-    """Give the terminal, key by key, as long as it lasts; None when standard input is none."""
+    """Switch the terminal to single keys and back; yield None if standard input is not a terminal."""
     if not sys.stdin.isatty():
         yield None
         return
     handle = sys.stdin.fileno()
-    before = termios.tcgetattr(handle)
+    saved = termios.tcgetattr(handle)
     try:
         tty.setcbreak(handle)
         yield Terminal(handle)
     finally:
-        termios.tcsetattr(handle, termios.TCSADRAIN, before)
+        termios.tcsetattr(handle, termios.TCSADRAIN, saved)
 
 
 ARROWS = {b"A": "i", b"B": ",", b"C": "l", b"D": "j"}
 SHIFTED_ARROWS = {b"A": "I", b"B": "<", b"C": "L", b"D": "J"}
-DIRECTIONS = {  # forward, turn: the nine keys about k, as ROS's keyboard teleop has them
+DIRECTIONS = {  # forward, turn: the nine keys around k, as in ROS's teleop_twist_keyboard
     "u": (1.0, 0.5),
     "i": (1.0, 0.0),
     "o": (1.0, -0.5),
@@ -58,11 +59,11 @@ DIRECTIONS = {  # forward, turn: the nine keys about k, as ROS's keyboard teleop
     ",": (-1.0, 0.0),
     ".": (-1.0, 0.5),
 }
-SHIFTED = {"<": ",", ">": ".", ";": ",", ":": "."}  # what Shift makes of two of them
+SHIFTED = {"<": ",", ">": ".", ";": ",", ":": "."}  # the same keys with Shift
 
 
 class Action(Enum):
-    """What a key does besides driving."""
+    """Actions of keys and buttons other than driving."""
 
     ESTOP = "e-stop"
     ARM = "arm"
@@ -82,7 +83,7 @@ ACTIONS = {
 
 
 class KeyboardJoystick:
-    """Remembers which key is held, as far as a terminal lets one know."""
+    """Tracks the held key, as far as a terminal reports it. Pure: bytes and times come in."""
 
     def __init__(self, options: TeleopOptions) -> None:
         self._options = options
@@ -90,7 +91,7 @@ class KeyboardJoystick:
         self._until_s = 0.0
 
     def feed(self, data: bytes, now_s: float) -> list[Action]:
-        """Take what the terminal gave; returns what else is to be done."""
+        """Process typed bytes; return the actions among them."""
         actions = []
         for key in _split(data):
             if key == "\x1b":
@@ -102,11 +103,11 @@ class KeyboardJoystick:
                 hold_s = self._options.key_repeat_s if repeated else self._options.key_first_s
                 self._key, self._until_s = key, max(now_s + hold_s, self._until_s if repeated else 0.0)
             else:
-                self._key = ""  # any other key lets go
+                self._key = ""  # any other key releases the held one
         return actions
 
     def stick(self, now_s: float) -> JoystickState:
-        """What the keys say now; Shift is turbo."""
+        """Return the joystick state of the held key; Shift is turbo."""
         if not self._key or now_s >= self._until_s:
             self._key = ""
             return JoystickState()
@@ -116,7 +117,7 @@ class KeyboardJoystick:
 
 
 def _split(data: bytes) -> list[str]:
-    """Characters, with the arrow keys' sequences as the letters they stand for; unknown sequences vanish."""
+    """Split bytes to keys: arrow sequences become the letters they stand for, unknown ones are dropped."""
     keys = []
     while data:
         if data[:2] in (b"\x1b[", b"\x1bO"):

@@ -1,4 +1,4 @@
-"""The loop of `thumper teleop`: hands in, commands onto the bus."""
+"""The loop of `thumper teleop`: read keyboard and gamepad, publish commands on the bus."""
 
 import time
 from collections.abc import Callable
@@ -16,20 +16,20 @@ COMMANDS = {Action.ARM: "arm", Action.DISARM: "disarm", Action.CLEAR_FAULT: "cle
 
 
 class GamepadSource(Protocol):
-    """A gamepad, real or not."""
+    """A gamepad, real or simulated."""
 
     @property
     def name(self) -> str:
-        """What it calls itself."""
+        """Name of the gamepad; empty without one."""
         ...
 
     def poll(self) -> GamepadState | None:
-        """Look at it; None while there is none."""
+        """Return its state, or None while none is connected."""
         ...
 
 
 class TeleopLoop:
-    """One person with keyboard and perhaps gamepad; `step` is called `rate_Hz` times a second."""
+    """An operator with a keyboard and an optional gamepad; call `step` `rate_Hz` times per second."""
 
     def __init__(
         self,
@@ -38,17 +38,17 @@ class TeleopLoop:
         read: Callable[[], bytes],
         pad: GamepadSource | None,
     ) -> None:
-        """`publish` takes a topic and a message; `read` gives what was typed since the last call."""
+        """`publish` sends a message to a topic; `read` returns what was typed since the last call."""
         options, limit = config.teleop, config.drive.max_wheel_rad_s
         self._publish, self._read, self._pad = publish, read, pad
         self._keys = KeyboardJoystick(options)
         self._keyboard_scaler = SpeedScaler(options, config.drive, limit)
         self._gamepad_scaler = SpeedScaler(options, config.drive, limit)
         self._messages = Messages()
-        self.twist = Twist2()  # as last sent
+        self.twist = Twist2()  # last one sent
 
     def step(self, now_s: float, period_s: float) -> bool:
-        """Look at all hands and send what they say; False when the person wants to leave."""
+        """Read keyboard and gamepad and send their commands; return False if the operator quits."""
         actions = self._keys.feed(self._read(), now_s)
         state = self._pad.poll() if self._pad else None
         if state is not None:
@@ -61,7 +61,7 @@ class TeleopLoop:
             if action in COMMANDS:
                 self._publish("command", text(COMMANDS[action]))
         sent = self._send("teleop", self._keyboard_scaler, self._keys.stick(now_s), period_s)
-        if self._pad is not None:  # last: the pad goes before the keyboard
+        if self._pad is not None:  # last, because the gamepad outranks the keyboard
             sent = (
                 self._send("gamepad", self._gamepad_scaler, state.stick if state else None, period_s) or sent
             )
@@ -70,7 +70,7 @@ class TeleopLoop:
         return Action.QUIT not in actions
 
     def release(self) -> None:
-        """Let go of everything; whoever holds a button must let go of it before it counts again."""
+        """Stop, and ignore every held button until it has been released."""
         for topic, scaler in (("teleop", self._keyboard_scaler), ("gamepad", self._gamepad_scaler)):
             scaler.step(None, 0.0)
             self._publish(topic, self._messages.twist(time.time(), Twist2()))

@@ -1,6 +1,6 @@
-"""What is no Thumper board, or one of another version, is refused in one line that names port and cure.
+"""Wrong devices and protocol versions are refused in one line that names the port and the fix.
 
-The port is a real one (a pseudo-terminal); at its far end a thread sends what a wrong device would.
+The port is a real one (a pseudo-terminal); at its other end a thread plays the wrong device.
 """
 
 import os
@@ -71,7 +71,7 @@ def test_a_silent_port() -> None:
         assert "sends nothing" in refusal(url)
 
 
-def test_a_device_that_speaks_something_else() -> None:
+def test_a_device_with_another_protocol() -> None:
     with device(lambda _: b"$GPGGA,123519,4807.038,N,01131.000,E*47\r\n") as url:
         assert "not the Thumper protocol" in refusal(url)
 

@@ -1,4 +1,4 @@
-"""The clock fit follows a device's clock through delays, wraps and drift."""
+"""The clock filter follows a device's clock through delays, wraps and drift."""
 
 import random
 
@@ -10,22 +10,22 @@ WRAP = 2**32
 
 
 def test_delays_do_not_shift_the_stamps() -> None:
-    """Messages are late by up to 30 ms; after the first quick one the stamps are right to 1 ms."""
+    """Messages are late by up to 30 ms; after the first fast one the stamps are right to 1 ms."""
     rng = random.Random(1)
-    fit = ClockFilter(tick_s=1e-6, wrap_ticks=WRAP)
+    clock = ClockFilter(tick_s=1e-6, wrap_ticks=WRAP)
     start_ticks = WRAP - 3_000_000  # wraps after 3 s
     for k in range(200):
         true_s = 50.0 + 0.1 * k
         delay_s = 0.0005 if k % 20 == 5 else rng.uniform(0.0005, 0.03)
-        stamp_s = fit.host_time_s((start_ticks + 100_000 * k) % WRAP, true_s + delay_s)
+        stamp_s = clock.host_time_s((start_ticks + 100_000 * k) % WRAP, true_s + delay_s)
         if k > 5:
             assert stamp_s == pytest.approx(true_s + 0.0005, abs=1.1e-3 * 2.0)
 
 
-def test_drift_of_the_device_clock_is_followed() -> None:
+def test_it_follows_the_drift_of_the_device_clock() -> None:
     """A ceramic resonator that is 0.05 % slow must not let the stamps fall behind."""
-    fit = ClockFilter(tick_s=1e-6, wrap_ticks=WRAP)
+    clock = ClockFilter(tick_s=1e-6, wrap_ticks=WRAP)
     for k in range(5_000):
         true_s = 0.1 * k
-        stamp_s = fit.host_time_s(round(true_s * 0.9995e6), true_s)
+        stamp_s = clock.host_time_s(round(true_s * 0.9995e6), true_s)
         assert stamp_s == pytest.approx(true_s, abs=1e-3)

@@ -1,4 +1,4 @@
-"""The emergency stop is said until the board has heard it, however bad the line."""
+"""The emergency stop is repeated until the board confirms it, however bad the line."""
 
 import pytest
 
@@ -21,7 +21,7 @@ def driving(name: str) -> tuple[Board, Bench]:
 
 @pytest.mark.parametrize("loss", [0.0, 0.02])
 def test_it_is_repeated_until_the_board_confirms_it(loss: float) -> None:
-    """At 2 % of bytes lost a frame of 7 arrives seven times in eight, telemetry of 50 bytes once in three."""
+    """With 2 % of bytes lost, 7 of 8 commands (7 bytes) and 1 of 3 telemetry frames (50 bytes) arrive."""
     board, bench = driving(f"stop{loss}")
     bench.fault("line.loss", loss)
     board.emergency_stop()
@@ -32,7 +32,7 @@ def test_it_is_repeated_until_the_board_confirms_it(loss: float) -> None:
     board.close()
 
 
-def test_without_a_confirmation_the_user_is_told_to_cut_the_power() -> None:
+def test_without_a_confirmation_the_error_says_to_cut_the_power() -> None:
     board, bench = driving("deaf")
     bench.fault("line.loss", 1.0)
     with pytest.raises(ThumperError, match="cut its power"):

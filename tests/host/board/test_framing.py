@@ -1,4 +1,4 @@
-"""Frames on the wire: known vectors, round trips, and what noise does to them."""
+"""Frames on the wire: known vectors, round trips and noise."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,7 +9,7 @@ payloads = st.binary(max_size=60)
 bytes_8 = st.integers(0, 255)
 
 
-def test_crc_is_the_published_one() -> None:
+def test_the_crc_matches_the_catalogue() -> None:
     """CRC-16/X-25 of "123456789" is 0x906E in the CRC catalogue."""
     assert crc16(b"123456789") == 0x906E
 
@@ -22,7 +22,7 @@ def test_round_trip(message_id: int, sequence: int, payload: bytes) -> None:
 
 
 @given(payload=payloads, cuts=st.lists(st.integers(0, 200), max_size=5))
-def test_any_cutting_of_the_stream_gives_the_same_frames(payload: bytes, cuts: list[int]) -> None:
+def test_frames_do_not_depend_on_the_chunks_of_the_stream(payload: bytes, cuts: list[int]) -> None:
     stream = encode_frame(1, 2, payload) * 2
     decoder, frames, start = FrameDecoder(), [], 0
     for cut in [*sorted(cuts), len(stream)]:
@@ -33,7 +33,7 @@ def test_any_cutting_of_the_stream_gives_the_same_frames(payload: bytes, cuts: l
 
 
 @given(payload=payloads, position=st.integers(0, 300), flip=st.integers(1, 255))
-def test_a_damaged_byte_is_never_believed_and_the_next_frame_arrives(
+def test_a_damaged_frame_is_dropped_and_the_next_one_arrives(
     payload: bytes, position: int, flip: int
 ) -> None:
     good = encode_frame(0x82, 7, payload)
@@ -48,7 +48,7 @@ def test_a_damaged_byte_is_never_believed_and_the_next_frame_arrives(
 
 
 @given(payload=payloads, cut=st.integers(1, 64))
-def test_a_cut_frame_is_never_believed(payload: bytes, cut: int) -> None:
+def test_a_truncated_frame_is_dropped(payload: bytes, cut: int) -> None:
     whole = encode_frame(0x82, 7, payload)[:-1]
     decoder = FrameDecoder()
     assert decoder.feed(whole[: -min(cut, len(whole))] + b"\x00") == []

@@ -1,4 +1,4 @@
-"""Poses compose and invert as rigid motions do; kinematics agree with the thesis's (4.2), (4.10), (4.11)."""
+"""Poses compose and invert as rigid motions; kinematics match the thesis's (4.2), (4.10), (4.11)."""
 
 import math
 
@@ -21,7 +21,7 @@ def assert_same(a: Pose2, b: Pose2) -> None:
 
 
 @given(a=poses)
-def test_a_pose_undoes_its_inverse(a: Pose2) -> None:
+def test_a_pose_cancels_its_inverse(a: Pose2) -> None:
     assert_same(a @ a.inverse(), Pose2())
     assert_same(a.inverse() @ a, Pose2())
 
@@ -32,7 +32,7 @@ def test_composition_is_associative(a: Pose2, b: Pose2, c: Pose2) -> None:
 
 
 @given(a=poses, b=poses)
-def test_points_go_the_way_of_the_poses(a: Pose2, b: Pose2) -> None:
+def test_points_transform_as_the_poses(a: Pose2, b: Pose2) -> None:
     in_c = np.array([[1.0, 2.0], [-3.0, 0.5]])
     np.testing.assert_allclose((a @ b).apply(in_c), a.apply(b.apply(in_c)), atol=1e-9)
 

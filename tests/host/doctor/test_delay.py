@@ -1,4 +1,4 @@
-"""The doctor's round trip over a link that holds every byte back: the true time, also beyond 100 ms."""
+"""The doctor measures the true round trip over a delayed link, also beyond 100 ms."""
 
 from collections import deque
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ STEP_S = 0.001
 
 
 class DelayedPort:
-    """A simulated port behind a wire that takes its time, in simulated seconds, each way."""
+    """A simulated port behind a wire with a delay in simulated seconds, each way."""
 
     port = "delayed"
     baudrate = 500_000
@@ -64,7 +64,7 @@ class DelayedPort:
 
 @pytest.fixture
 def delay_s(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> float:
-    """Both of the doctor's ports are delayed by this, each way [s]."""
+    """Delay of both ports, each way [s]."""
     delay_s: float = request.param
 
     def delayed(url: str, *, baud: int, name: str) -> SerialPort:
@@ -76,7 +76,7 @@ def delay_s(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> 
 
 
 def round_trip_line(checks: Iterator[Check], name: str) -> tuple[str, float, str]:
-    """Verdict, median [ms] and the whole line."""
+    """Return the verdict, the median [ms] and the whole line."""
     (found,) = [check for check in checks if check.what.startswith(f"{name}: round trip")]
     return found.verdict, float(found.what.split("round trip ")[1].split(" ms")[0]), found.what
 
@@ -86,34 +86,34 @@ def round_trip_line(checks: Iterator[Check], name: str) -> tuple[str, float, str
     [(0.0, "pass"), (0.03, "warn"), (0.06, "warn"), (0.11, "fail")],
     indirect=["delay_s"],
 )
-def test_the_boards_round_trip_is_the_true_one(delay_s: float, verdict: str) -> None:
-    """Twice the delay and the 2 to 4 ms that board and USB take; no answer is lost for being late."""
+def test_the_round_trip_of_the_board_is_measured(delay_s: float, verdict: str) -> None:
+    """Twice the delay and the 2 to 4 ms of board and USB; a late reply is not lost."""
     checks = check_board(BoardOptions(port="sim://delay/board"), seconds=1.0, spin=None, also=iter(()))
     found, median_ms, what = round_trip_line(checks, "board")
     assert found == verdict
     assert median_ms == pytest.approx(2e3 * delay_s + 3.0, abs=3.5)
-    assert "0 of 50 questions without answer" in what
+    assert "0 of 50 requests without reply" in what
 
 
 @pytest.mark.parametrize("delay_s", [0.06], indirect=True)
-def test_the_lidars_round_trip_is_the_true_one(delay_s: float) -> None:
+def test_the_round_trip_of_the_lidar_is_measured(delay_s: float) -> None:
     checks = check_lidar(LidarOptions(port="sim://delay/lidar"), seconds=1.0)
     found, median_ms, what = round_trip_line(checks, "lidar")
     assert found == "warn"
     assert median_ms == pytest.approx(2e3 * delay_s + 3.0, abs=3.5)
-    assert "0 of 50 questions without answer" in what
+    assert "0 of 50 requests without reply" in what
 
 
-def test_silence_ends_the_questions() -> None:
-    """Five in a row without an answer are enough; single ones are counted."""
-    asked = []
+def test_requests_end_if_nobody_answers() -> None:
+    """Stop after five lost requests in a row; count single ones."""
+    sent = []
 
-    def nobody(number: int, timeout_s: float) -> float | None:
-        asked.append(number)
+    def silent(number: int, timeout_s: float) -> float | None:
+        sent.append(number)
         return None
 
-    assert measure_round_trips(nobody) == ([], 5)
-    assert asked == [0, 1, 2, 3, 4]
+    assert measure_round_trips(silent) == ([], 5)
+    assert sent == [0, 1, 2, 3, 4]
     trips_s, lost = measure_round_trips(lambda number, _: None if number % 10 == 3 else 0.001 * number)
     assert (len(trips_s), lost) == (45, 5)
     assert trips_s[-1] == pytest.approx(0.049)

@@ -1,4 +1,4 @@
-"""What the doctor says of udev rules and the user's unit; and the files that come with the project."""
+"""Checks of the udev rules and the user unit, and of the files that the project ships."""
 
 import getpass
 from pathlib import Path
@@ -32,24 +32,24 @@ def unit(tmp_path: Path) -> Path:
     return path
 
 
-def test_the_rules_of_the_project_cover_every_known_port(tmp_path: Path, rules: Path) -> None:
+def test_the_shipped_rules_cover_every_known_port(tmp_path: Path, rules: Path) -> None:
     assert checks(tmp_path)[0] == Check(verdict="pass", what=f"udev rules {rules}")
 
 
-def test_without_rules_it_says_how_to_get_them(tmp_path: Path) -> None:
+def test_without_rules_the_check_says_how_to_install_them(tmp_path: Path) -> None:
     rule, unit = checks(tmp_path)
     assert rule.verdict == "warn"
     assert rule.cure.startswith(f"sudo cp {PACKAGING / RULES} ")
-    assert unit.verdict == "pass"  # to start at boot is no duty
+    assert unit.verdict == "pass"  # start at boot is optional
 
 
-def test_old_rules_are_named_with_what_they_lack(tmp_path: Path, rules: Path) -> None:
+def test_missing_rules_are_named(tmp_path: Path, rules: Path) -> None:
     lines = rules.read_text().splitlines(keepends=True)
     rules.write_text("".join(f"# {line}" if "10c4" in line else line for line in lines))
     assert checks(tmp_path)[0].what == "udev rules lack 10c4:ea60"
 
 
-def test_rules_let_in_the_group_and_no_one_else() -> None:
+def test_rules_grant_access_to_the_group_only() -> None:
     lines = [line for line in (PACKAGING / RULES).read_text().splitlines() if line.startswith("ATTRS")]
     assert len(lines) == 5
     for line in lines:
@@ -73,5 +73,5 @@ def test_a_unit_needs_lingering_to_start_at_boot(tmp_path: Path, unit: Path) -> 
     assert checks(tmp_path)[1] == Check(verdict="pass", what=f"user unit {unit}")
 
 
-def test_elsewhere_there_is_neither() -> None:
+def test_other_systems_have_neither() -> None:
     assert list(check_set_up(KNOWN_USB, platform="darwin")) == []

@@ -1,4 +1,4 @@
-"""`thumper doctor` on a simulated robot: what it measures, and what it finds broken."""
+"""`thumper doctor` on a simulated robot: its measurements and the defects it finds."""
 
 import json
 import os
@@ -15,7 +15,7 @@ from thumper_hil.chip.robot_params import RobotParams
 
 
 def diagnose(*arguments: str, answer: str = "y\n") -> tuple[int, list[dict[str, Any]]]:
-    """Run the doctor for a second a link; returns its exit code and the lines on the robot."""
+    """Run the doctor for one second per link; return its exit code and its checks."""
     done = CliRunner().invoke(build_app(), ["doctor", "--seconds", "1", "--json", *arguments], input=answer)
     report = json.loads(done.stdout)
     assert report["ok"] == (done.exit_code == 0)
@@ -24,12 +24,12 @@ def diagnose(*arguments: str, answer: str = "y\n") -> tuple[int, list[dict[str, 
 
 
 def line(checks: list[dict[str, Any]], *words: str) -> dict[str, Any]:
-    """The line that has all the words."""
+    """Return the check that contains all the words."""
     (found,) = [check for check in checks if all(word in check["what"] for word in words)]
     return found
 
 
-def test_a_sound_robot_passes() -> None:
+def test_a_healthy_robot_passes() -> None:
     code, checks = diagnose("--board", "sim://d1/board", "--lidar", "sim://d1/lidar", "--spin")
     assert code == 0
     for words in (("board", "round trip"), ("telemetry", "Hz"), ("telemetry", "lost"), ("scans", "Hz")):
@@ -45,10 +45,10 @@ def test_wheels_do_not_turn_without_consent() -> None:
     assert not any("motor forward" in check["what"] for check in checks)
 
 
-def test_an_encoder_that_counts_backwards_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Channels A and B exchanged: the wheel turns forward and the count goes down."""
-    sound = RobotParams.load()
-    swapped = replace(sound, encoder=replace(sound.encoder, counts_per_rev=-sound.encoder.counts_per_rev))
+def test_a_reversed_encoder_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Channels A and B are exchanged: the wheel turns forward and the count falls."""
+    intact = RobotParams.load()
+    swapped = replace(intact, encoder=replace(intact.encoder, counts_per_rev=-intact.encoder.counts_per_rev))
     monkeypatch.setattr(RobotParams, "load", lambda: swapped)
     code, checks = diagnose("--board", "sim://d3/board", "--spin")
     assert code == 4
@@ -77,7 +77,7 @@ def test_a_noisy_line_and_an_empty_battery_are_named(tmp_path: Path) -> None:
     assert "charge" in line(checks, "battery")["cure"]
 
 
-def test_the_configuration_names_ports_and_the_lidars_model(tmp_path: Path) -> None:
+def test_the_configuration_sets_ports_and_lidar_model(tmp_path: Path) -> None:
     config = tmp_path / "robot.toml"
     config.write_text(
         '[board]\nport = "sim://d7/board?lidar=ld19"\n[lidar]\nport = "sim://d7/lidar"\nmodel = "ld19"\n'
@@ -87,14 +87,14 @@ def test_the_configuration_names_ports_and_the_lidars_model(tmp_path: Path) -> N
     assert "100 %" in line(checks, "beams")["what"]
 
 
-def test_a_missing_port_is_a_line_of_the_report() -> None:
+def test_a_missing_port_is_a_failed_check() -> None:
     code, checks = diagnose("--board", "/dev/ttyNONE7", "--lidar", "/dev/ttyNONE8")
     assert code == 4
     assert "/dev/ttyNONE7" in line(checks, "board")["cure"]
     assert "/dev/ttyNONE8" in line(checks, "lidar")["cure"]
 
 
-def test_a_wrong_rate_is_named(tmp_path: Path) -> None:
+def test_a_wrong_baud_rate_is_named(tmp_path: Path) -> None:
     config = tmp_path / "robot.toml"
     config.write_text('[board]\nport = "sim://d9/board"\nbaud = 250000\n[lidar]\nport = "sim://d9/lidar"\n')
     code, checks = diagnose("--config", str(config))
@@ -102,7 +102,7 @@ def test_a_wrong_rate_is_named(tmp_path: Path) -> None:
     assert "at 250000 baud is not the Thumper protocol" in line(checks, "board")["cure"]
 
 
-def test_a_port_that_another_program_has_open_is_named() -> None:
+def test_a_busy_port_is_named() -> None:
     master, slave = os.openpty()
     try:
         with serial.Serial(os.ttyname(slave), exclusive=True) as port:

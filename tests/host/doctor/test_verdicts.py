@@ -1,4 +1,4 @@
-"""What the doctor makes of measurements: each defect gets its verdict and its cure."""
+"""Measurements to verdicts: each defect gets its verdict and its fix."""
 
 import numpy as np
 import pytest
@@ -18,19 +18,19 @@ def test_a_good_stream_passes() -> None:
     assert verdicts(np.arange(30) / 10.0) == ["pass", "pass", "pass"]
 
 
-def test_a_single_loss_warns_and_many_fail_without_touching_the_rate() -> None:
+def test_one_loss_warns_many_fail_and_the_rate_stays() -> None:
     times_s = np.arange(100) / 10.0
     assert verdicts(np.delete(times_s, 50)) == ["pass", "warn", "pass"]
     assert verdicts(np.delete(times_s, range(40, 50))) == ["pass", "fail", "pass"]
     assert verdicts(times_s, damaged=1) == ["pass", "warn", "pass"]
 
 
-def test_a_wrong_rate_is_told() -> None:
+def test_a_wrong_rate_is_reported() -> None:
     assert verdicts(np.arange(30) / 9.5)[0] == "warn"
     assert verdicts(np.arange(30) / 8.0)[0] == "fail"
 
 
-def test_jitter_is_the_spread_of_the_lateness_not_the_lateness() -> None:
+def test_jitter_is_the_variation_of_the_delay() -> None:
     times_s = np.arange(30) / 10.0
     assert verdicts(times_s, late_s=0.3)[2] == "pass"
     late_s = np.where(np.arange(30) % 5 == 0, 0.05, 0.0)
@@ -68,7 +68,7 @@ def test_battery(battery_V: float, verdict: str) -> None:
     ("own", "other", "lost_edges", "cure"),
     [
         (200, 0, 0, ""),
-        (200, 40, 0, ""),  # a wheel that is dragged along a little
+        (200, 40, 0, ""),  # the other wheel is dragged along a little
         (-200, 0, 0, "exchange wires A and B"),
         (0, 200, 0, "exchange the plugs"),
         (0, -200, 0, "exchange the plugs"),
@@ -76,7 +76,7 @@ def test_battery(battery_V: float, verdict: str) -> None:
         (150, 0, 90, "loose or noisy"),
     ],
 )
-def test_each_encoder_fault_has_its_cure(own: int, other: int, lost_edges: int, cure: str) -> None:
+def test_each_encoder_fault_has_its_fix(own: int, other: int, lost_edges: int, cure: str) -> None:
     check = judge_spin("left", own, other, lost_edges)
     assert check.verdict == ("fail" if cure else "pass")
     assert cure in check.cure

@@ -1,4 +1,4 @@
-"""The LD19's frames against the maker's published example, and against damage."""
+"""LD19 frames: the manufacturer's example, and damaged streams."""
 
 import pytest
 from hypothesis import given
@@ -21,7 +21,7 @@ def test_the_published_frame() -> None:
 
 
 @given(noise=st.binary(max_size=60), cuts=st.lists(st.integers(1, 30), max_size=30))
-def test_frames_are_found_wherever_the_stream_starts_and_is_cut(noise: bytes, cuts: list[int]) -> None:
+def test_frames_are_found_in_any_stream(noise: bytes, cuts: list[int]) -> None:
     decoder, frames = Ld19Decoder(), []
     stream = noise + 3 * PUBLISHED
     for cut in cuts:
@@ -38,7 +38,7 @@ def test_one_changed_byte_costs_one_frame(data: st.DataObject) -> None:
     changed[at] ^= data.draw(st.integers(1, 255))
     decoder = Ld19Decoder()
     assert len(decoder.feed(bytes(changed) + 2 * PUBLISHED)) == 2
-    assert decoder.bad_frames == (1 if at > 1 else 0), "without its header it is no frame that went bad"
+    assert decoder.bad_frames == (1 if at > 1 else 0), "a damaged header is no bad frame"
 
 
 def test_the_last_byte_before_a_header_is_kept() -> None:
@@ -56,7 +56,7 @@ def test_a_frame_with_impossible_angles_is_bad() -> None:
 
 
 @given(st.lists(st.binary(max_size=200), max_size=8))
-def test_no_bytes_crash_the_cutter_or_fill_the_memory(chunks: list[bytes]) -> None:
+def test_no_bytes_crash_the_decoder_or_fill_memory(chunks: list[bytes]) -> None:
     decoder = Ld19Decoder()
     for chunk in chunks:
         decoder.feed(chunk)

@@ -1,4 +1,4 @@
-"""What the LD19's driver says when nothing, or something else, is on the port."""
+"""Errors of the LD19 driver without a lidar, or with another device, on the port."""
 
 from typing import cast
 
@@ -12,7 +12,7 @@ from thumper.lidar.ld19 import Ld19Driver
 
 
 class OneWayPort:
-    """Sends the same bytes at every read; its clock runs while the host waits."""
+    """Returns the same bytes at every read; its clock runs while the host waits."""
 
     port = "/dev/ttyUSB7"
     baudrate = 115_200
@@ -29,7 +29,7 @@ class OneWayPort:
     @property
     def in_waiting(self) -> int:
         if self._fails:
-            raise OSError("input/output error")  # what a pulled plug says; pyserial does not wrap it
+            raise OSError("input/output error")  # as from an unplugged device; pyserial does not wrap it
         return len(self._sends)
 
     def read(self, size: int) -> bytes:
@@ -38,15 +38,15 @@ class OneWayPort:
 
 
 @pytest.mark.parametrize(
-    ("port", "says"),
+    ("port", "message"),
     [
         (OneWayPort(b""), "no data from the lidar"),
         (OneWayPort(b"MD0044072501000\n99b\n"), "not an LD19 at 115200 baud .an LD19 needs 230400"),
         (OneWayPort(b"", fails=True), "cable loose"),
     ],
 )
-def test_the_start_fails_in_one_line_that_names_the_port(port: OneWayPort, says: str) -> None:
-    with pytest.raises(ThumperError, match=says) as caught:
+def test_a_failed_start_is_one_line_that_names_the_port(port: OneWayPort, message: str) -> None:
+    with pytest.raises(ThumperError, match=message) as caught:
         Ld19Driver(SerialPort(cast("serial.Serial", port)))
     assert caught.value.exit_code == 3
     assert "/dev/ttyUSB7" in str(caught.value)

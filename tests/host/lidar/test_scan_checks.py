@@ -1,4 +1,4 @@
-"""Bad input is counted and named."""
+"""Defective scans are counted and named."""
 
 import math
 from dataclasses import replace
@@ -16,7 +16,7 @@ def scan(time_s: float, ranges_m: float = 1.0) -> Scan:
 
 
 @pytest.mark.parametrize(
-    ("after", "flaw"),
+    ("after", "defect"),
     [
         (scan(0.25), ScanDefect.BACKWARDS),
         (scan(0.301), ScanDefect.BURST),
@@ -26,14 +26,14 @@ def scan(time_s: float, ranges_m: float = 1.0) -> Scan:
         (scan(0.4, math.nan), ScanDefect.EMPTY),
     ],
 )
-def test_each_flaw_is_counted_once_and_named(after: Scan, flaw: ScanDefect) -> None:
-    monitor = ScanChecker()
+def test_each_defect_is_counted_once_and_named(after: Scan, defect: ScanDefect) -> None:
+    checker = ScanChecker()
     for k in range(4):
-        assert monitor.check(scan(0.1 * k)) == []
-    assert monitor.check(after) == [flaw]
-    assert monitor.counts == {flaw: 1}
-    longest = " (the longest 2.7 s)" if flaw is ScanDefect.GAP else ""
-    assert monitor.summary_lines() == [f"1 of 5 scans {flaw.value}{longest}"]
+        assert checker.check(scan(0.1 * k)) == []
+    assert checker.check(after) == [defect]
+    assert checker.counts == {defect: 1}
+    longest = " (the longest 2.7 s)" if defect is ScanDefect.GAP else ""
+    assert checker.summary_lines() == [f"1 of 5 scans {defect.value}{longest}"]
 
 
 @pytest.mark.parametrize(
@@ -50,20 +50,20 @@ def test_scans_without_beams_or_directions_are_named(broken: dict[str, Any]) -> 
     assert ScanChecker().check(replace(scan(0.0), **broken)) == [ScanDefect.BEAMS]
 
 
-def test_a_slower_rate_is_no_row_of_gaps() -> None:
+def test_a_slower_rate_is_not_a_series_of_gaps() -> None:
     """A recording may hold every scan of its first part and every tenth of the rest."""
-    monitor = ScanChecker()
+    checker = ScanChecker()
     for time_s in [*np.arange(0.0, 2.0, 0.1), *np.arange(2.0, 60.0, 1.2)]:
-        monitor.check(scan(float(time_s)))
-    assert monitor.counts == {ScanDefect.GAP: 6}  # until most of the last eleven steps are of the new rate
+        checker.check(scan(float(time_s)))
+    assert checker.counts == {ScanDefect.GAP: 6}  # until most of the last eleven steps are of the new rate
 
 
 def test_zeros_are_named() -> None:
     assert ScanChecker().check(scan(0.0, 0.0)) == [ScanDefect.ZEROS, ScanDefect.EMPTY]
 
 
-def test_after_a_gap_and_a_step_back_the_period_still_holds() -> None:
-    monitor = ScanChecker()
+def test_the_period_survives_a_gap_and_a_step_back() -> None:
+    checker = ScanChecker()
     for time_s in (0.0, 0.1, 0.2, 5.0, 5.1, 4.0, 4.1, 4.2):
-        monitor.check(scan(time_s))
-    assert monitor.counts == {ScanDefect.GAP: 1, ScanDefect.BACKWARDS: 1}
+        checker.check(scan(time_s))
+    assert checker.counts == {ScanDefect.GAP: 1, ScanDefect.BACKWARDS: 1}

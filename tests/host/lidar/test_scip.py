@@ -1,4 +1,4 @@
-"""The SCIP 2.0 codec against the protocol's published examples and against itself."""
+"""The SCIP 2.0 codec: the examples of the protocol document, and round trips."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ SCAN:600;e"""
 
 
 def scan_reply(values: list[int], stamp_ms: int, chars: int = 3) -> bytes:
-    """Write a reply block by block, as the protocol's text says."""
+    """Encode a reply block by block, as in the protocol document."""
     data = b"".join(encode_value(value, chars) for value in values)
     lines = [b"99", encode_value(stamp_ms, 4), *(data[i : i + 64] for i in range(0, len(data), 64))]
     return b"MD0000000001000\n" + b"".join(line + bytes([checksum(line)]) + b"\n" for line in lines)
@@ -53,26 +53,26 @@ def test_published_checksums() -> None:
     assert (table["DMAX"], table["AFRT"], table["SCAN"]) == ("5600", "384", "600")
 
 
-def test_a_mangled_line_is_counted_and_kept() -> None:
+def test_a_corrupt_line_is_counted_and_kept() -> None:
     table, bad_lines = parse_table(parse_reply(PUBLISHED_TABLE.replace(b"DMAX:5600;_", b"DMAX:5601;_\nH08")))
     assert bad_lines == 2
     assert table["DMAX"] == "5601"
     assert table["SCAN"] == "600"
 
 
-def test_a_checksum_that_counts_the_semicolon_is_taken() -> None:
+def test_a_checksum_that_includes_the_semicolon_is_accepted() -> None:
     line = b"SERI:H0000000;"
     table, bad_lines = parse_table(parse_reply(b"VV\n00P\n" + line + bytes([checksum(line)])))
     assert (table, bad_lines) == ({"SERI": "H0000000"}, 0)
 
 
-def test_request_as_the_protocol_writes_it() -> None:
+def test_the_stream_request() -> None:
     assert stream_request(44, 725) == b"MD0044072501000\n"
     assert stream_request(0, 768, cluster=3, skip=1, count=10) == b"MD0000076803110\n"
 
 
 @given(chars=st.integers(1, 4), data=st.data())
-def test_values_come_back(chars: int, data: st.DataObject) -> None:
+def test_values_round_trip(chars: int, data: st.DataObject) -> None:
     values = data.draw(st.lists(st.integers(0, 64**chars - 1), max_size=50))
     text = b"".join(encode_value(value, chars) for value in values)
     assert decode_values(text, chars).tolist() == values
@@ -85,7 +85,7 @@ def test_a_value_that_does_not_fit_is_refused(value: int, chars: int) -> None:
 
 
 @pytest.mark.parametrize("text", [b"0", b"0/", b"0p", b"\xff0"])
-def test_characters_that_cannot_be_are_refused(text: bytes) -> None:
+def test_invalid_characters_are_refused(text: bytes) -> None:
     with pytest.raises(ScipError):
         decode_values(text, 2)
 
@@ -95,8 +95,8 @@ def test_characters_that_cannot_be_are_refused(text: bytes) -> None:
     stamp_ms=st.integers(0, (1 << 24) - 1),
     cuts=st.lists(st.integers(1, 40), max_size=30),
 )
-def test_a_scan_comes_back_however_it_is_cut_up(values: list[int], stamp_ms: int, cuts: list[int]) -> None:
-    """64 is no multiple of 3: from the 22nd value on, values straddle blocks."""
+def test_a_scan_round_trips_in_any_chunks(values: list[int], stamp_ms: int, cuts: list[int]) -> None:
+    """64 is not a multiple of 3, so from the 22nd value on, values span two blocks."""
     stream = scan_reply(values, stamp_ms) + b"\n"
     splitter, raws = ReplySplitter(), []
     for cut in cuts:
@@ -110,12 +110,12 @@ def test_a_scan_comes_back_however_it_is_cut_up(values: list[int], stamp_ms: int
 
 
 @given(data=st.data())
-def test_one_changed_character_of_a_scan_is_noticed(data: st.DataObject) -> None:
-    """A sum of 6 bits sees every change of one character within the alphabet of 64."""
+def test_one_changed_character_is_detected(data: st.DataObject) -> None:
+    """A 6-bit sum detects every change of one character within the alphabet of 64."""
     good = scan_reply([100, 2000, 5599] * 20, 77)
     at = data.draw(st.integers(good.index(b"\n") + 1, len(good) - 2))
     new = data.draw(st.integers(0x30, 0x6F))
-    assume(good[at] not in {new, 0x0A})  # a lost line feed joins two lines, whose sums may by chance agree
+    assume(good[at] not in {new, 0x0A})  # a lost line feed joins two lines, whose sums may match by chance
     with pytest.raises(ScipError):
         parse_scan(parse_reply(good[:at] + bytes([new]) + good[at + 1 : -1]))
 
@@ -137,7 +137,7 @@ def test_no_bytes_crash_the_parser(chunks: list[bytes]) -> None:
     assert parse_scan(parse_reply(raws[-1])).values_mm.tolist() == [1, 2, 3]
 
 
-def test_what_never_ends_is_thrown_away() -> None:
+def test_an_endless_reply_is_dropped() -> None:
     splitter = ReplySplitter()
     assert splitter.feed(b"x" * (MAX_REPLY_BYTES + 1)) == []
     assert splitter.overruns == 1

@@ -1,4 +1,4 @@
-"""What the driver says when there is no lidar, a wrong device, or an odd one."""
+"""Start of the URG-04LX driver without a lidar, with a wrong device, and with quirky units."""
 
 from collections.abc import Callable
 from typing import cast
@@ -89,35 +89,35 @@ def refusal(answer: Answer) -> str:
     return text
 
 
-def test_silence_is_no_lidar() -> None:
+def test_no_answer() -> None:
     assert "no lidar answers" in refusal(lambda _: b"")
 
 
-def test_another_device_is_no_lidar() -> None:
+def test_another_device() -> None:
     assert "not a SCIP 2.0 lidar" in refusal(lambda _: b"\x00\x81\x07telemetry\x00\n\n")
 
 
-def test_a_lidar_that_refuses_to_light_is_named_with_its_status() -> None:
+def test_a_refused_laser_is_reported_with_its_status() -> None:
     assert "status 51" in refusal(lambda line: status(line, b"51") if line == b"BM" else plain_lidar(line))
 
 
-def test_a_plug_pulled_during_the_start_is_one_line() -> None:
-    class PulledPort(ScriptedPort):
+def test_a_device_unplugged_during_the_start_is_one_line() -> None:
+    class UnpluggedPort(ScriptedPort):
         @property
         def in_waiting(self) -> int:
             raise OSError("input/output error")  # not wrapped by pyserial
 
     with pytest.raises(ThumperError, match="cable loose") as caught:
-        Urg04LxDriver(SerialPort(cast("serial.Serial", PulledPort(plain_lidar))))
+        Urg04LxDriver(SerialPort(cast("serial.Serial", UnpluggedPort(plain_lidar))))
     assert caught.value.exit_code == 3
 
 
-def test_no_parameters_no_start() -> None:
+def test_without_parameters_the_start_fails() -> None:
     text = refusal(lambda line: table(line, "AMIN:44", "SCAN:0") if line == b"PP" else plain_lidar(line))
     assert "PP" in text
 
 
-def test_the_start_orders_the_stream_last_and_asks_for_the_identity_once() -> None:
+def test_the_start_requests_the_identity_once_and_the_stream_last() -> None:
     port, driver = start(plain_lidar)
     assert port.lines[0] == b"QT"
     assert port.lines[-1] == b"MD0044072501000"
@@ -149,7 +149,7 @@ def test_field_quirks_do_not_stop_the_start(odd: Answer) -> None:
 
 
 def test_an_old_unit_is_switched_to_scip_2() -> None:
-    """SCIP 1.1 answers a request that it does not know by an echo and E."""
+    """SCIP 1.1 answers an unknown request with an echo and E."""
     switched = False
 
     def old(line: bytes) -> bytes:
@@ -161,15 +161,15 @@ def test_an_old_unit_is_switched_to_scip_2() -> None:
     assert port.lines[-1] == b"MD0044072501000"
 
 
-def test_damaged_parameters_are_asked_for_again() -> None:
-    asked = 0
+def test_damaged_parameters_are_requested_again() -> None:
+    requests = 0
 
     def noisy(line: bytes) -> bytes:
-        nonlocal asked
+        nonlocal requests
         if line != b"PP":
             return plain_lidar(line)
-        asked += 1
-        return plain_lidar(line).replace(b"AMAX:725", b"AMAX:729") if asked == 1 else plain_lidar(line)
+        requests += 1
+        return plain_lidar(line).replace(b"AMAX:725", b"AMAX:729") if requests == 1 else plain_lidar(line)
 
     _, driver = start(noisy)
     assert driver.geometry.last_step == 725

@@ -1,4 +1,4 @@
-"""A pad that SDL itself makes up: what its sticks and buttons do, and what happens when it is pulled out."""
+"""A virtual SDL gamepad: its sticks and buttons, and what happens when it is unplugged."""
 
 import ctypes
 from collections.abc import Callable, Iterator
@@ -20,7 +20,7 @@ PERIOD_S = 0.05
 
 
 class VirtualPad:
-    """A pad of SDL's own making, plugged into the very library that pygame has loaded."""
+    """A virtual gamepad, attached to the SDL library that pygame has loaded."""
 
     def __init__(self) -> None:
         with open("/proc/self/maps", encoding="utf-8") as maps:
@@ -58,7 +58,7 @@ def test_sticks_and_buttons(gamepad: Gamepad) -> None:
     virtual.axis(2, 16384)
     virtual.button(LB, True)
     state = gamepad.poll()
-    state = gamepad.poll()  # SDL tells of the pad first, of its sticks then
+    state = gamepad.poll()  # SDL reports the gamepad first and its sticks at the next poll
     assert state is not None
     assert "Virtual" in gamepad.name
     assert state.stick.forward == pytest.approx(1.0)
@@ -73,7 +73,7 @@ def test_sticks_and_buttons(gamepad: Gamepad) -> None:
     assert state.pressed == (Action.ESTOP,)
     state = gamepad.poll()
     assert state is not None
-    assert state.pressed == ()  # held: it was told once
+    assert state.pressed == ()  # held: reported once
     virtual.unplug()
     assert gamepad.poll() is None
     VirtualPad().unplug()
@@ -83,7 +83,7 @@ Sent = list[tuple[str, Any]]
 
 
 @pytest.fixture
-def driver(gamepad: Gamepad) -> tuple[TeleopLoop, Sent, Callable[[bytes], None]]:
+def teleop(gamepad: Gamepad) -> tuple[TeleopLoop, Sent, Callable[[bytes], None]]:
     sent: Sent = []
     typed: list[bytes] = []
 
@@ -103,73 +103,75 @@ def twists(sent: Sent, topic: str) -> list[Twist2]:
     return [twist_of(message.twist) for name, message in sent if name == topic]
 
 
-def test_pulling_the_plug_sends_one_zero_and_the_way_back_is_to_let_go_first(
-    driver: tuple[TeleopLoop, Sent, Callable[[bytes], None]],
+def test_unplugging_sends_one_zero_and_the_button_must_be_released(
+    teleop: tuple[TeleopLoop, Sent, Callable[[bytes], None]],
 ) -> None:
-    drive, sent, _ = driver
+    loop, sent, _ = teleop
     virtual = VirtualPad()
     for k in range(3):
-        drive.step(0.1 * k, PERIOD_S)
-    assert sent == []  # nobody holds the button
+        loop.step(0.1 * k, PERIOD_S)
+    assert sent == []  # the deadman button is not pressed
     virtual.axis(1, -32767)
     virtual.button(LB, True)
     for k in range(20):
-        drive.step(1.0 + 0.05 * k, PERIOD_S)
+        loop.step(1.0 + 0.05 * k, PERIOD_S)
     assert twists(sent, "gamepad")[-1].v_m_s == pytest.approx(RobotConfig().teleop.v_max_m_s)
     sent.clear()
     virtual.unplug()
     for k in range(5):
-        drive.step(3.0 + 0.05 * k, PERIOD_S)
+        loop.step(3.0 + 0.05 * k, PERIOD_S)
     assert twists(sent, "gamepad") == [Twist2()]
     sent.clear()
     again = VirtualPad()
     again.axis(1, -32767)
     again.button(LB, True)
     for k in range(5):
-        drive.step(4.0 + 0.05 * k, PERIOD_S)
+        loop.step(4.0 + 0.05 * k, PERIOD_S)
     assert sent == []
     again.button(LB, False)
-    drive.step(5.0, PERIOD_S)
+    loop.step(5.0, PERIOD_S)
     again.button(LB, True)
-    drive.step(5.1, PERIOD_S)
-    drive.step(5.15, PERIOD_S)
+    loop.step(5.1, PERIOD_S)
+    loop.step(5.15, PERIOD_S)
     assert twists(sent, "gamepad")[-1].v_m_s > 0.0
     again.unplug()
 
 
-def test_the_emergency_button_goes_out_at_once_with_zeros_behind_it(
-    driver: tuple[TeleopLoop, Sent, Callable[[bytes], None]],
+def test_the_emergency_stop_is_sent_at_once_and_zeros_follow(
+    teleop: tuple[TeleopLoop, Sent, Callable[[bytes], None]],
 ) -> None:
-    drive, sent, _ = driver
+    loop, sent, _ = teleop
     virtual = VirtualPad()
-    drive.step(0.0, PERIOD_S)
+    loop.step(0.0, PERIOD_S)
     virtual.button(LB, True)
     virtual.axis(1, -32767)
-    drive.step(0.1, PERIOD_S)
-    drive.step(0.15, PERIOD_S)
+    loop.step(0.1, PERIOD_S)
+    loop.step(0.15, PERIOD_S)
     sent.clear()
     virtual.button(B, True)
-    drive.step(0.2, PERIOD_S)
+    loop.step(0.2, PERIOD_S)
     assert [topic for topic, _ in sent] == ["estop", "teleop", "gamepad"]
     assert sent[0][1].data is True
     sent.clear()
-    drive.step(0.25, PERIOD_S)  # still holding both
+    loop.step(0.25, PERIOD_S)  # both are still held
     assert sent == []
     virtual.unplug()
 
 
-def test_the_keyboard_drives_beside_it(driver: tuple[TeleopLoop, Sent, Callable[[bytes], None]]) -> None:
-    drive, sent, type_in = driver
-    drive.step(0.0, PERIOD_S)
+def test_the_keyboard_drives_beside_the_gamepad(
+    teleop: tuple[TeleopLoop, Sent, Callable[[bytes], None]],
+) -> None:
+    loop, sent, type_in = teleop
+    loop.step(0.0, PERIOD_S)
     type_in(b"i")
-    drive.step(0.1, PERIOD_S)
-    drive.step(0.5, PERIOD_S)
-    drive.step(0.8, PERIOD_S)
-    drive.step(0.9, PERIOD_S)
+    loop.step(0.1, PERIOD_S)
+    loop.step(0.5, PERIOD_S)
+    loop.step(0.8, PERIOD_S)
+    loop.step(0.9, PERIOD_S)
     speeds = [twist.v_m_s for twist in twists(sent, "teleop")]
-    assert speeds == pytest.approx([0.075, 0.15, 0.0])  # ramps up, and says zero once
+    assert speeds == pytest.approx([0.075, 0.15, 0.0])  # ramps up, then sends zero once
     type_in(b"r")
-    drive.step(1.0, PERIOD_S)
+    loop.step(1.0, PERIOD_S)
     assert (sent[-1][0], sent[-1][1].data) == ("command", "arm")
     type_in(b"q")
-    assert not drive.step(1.1, PERIOD_S)
+    assert not loop.step(1.1, PERIOD_S)

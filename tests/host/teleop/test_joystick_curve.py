@@ -1,4 +1,4 @@
-"""What a hand may make the robot do: for every stick and every robot."""
+"""Joystick to speed, for every joystick state and every robot."""
 
 import math
 
@@ -18,28 +18,26 @@ sticks = st.builds(JoystickState, forward=axes, turn=axes, enable=st.booleans(),
 
 
 @given(value=axes, other=axes, dead_zone=shares, expo=st.floats(0.0, 1.0))
-def test_an_axis_is_odd_monotonic_and_reaches_its_ends(
+def test_the_curve_is_odd_and_monotonic_and_reaches_its_ends(
     value: float, other: float, dead_zone: float, expo: float
 ) -> None:
-    answer = apply_curve(value, dead_zone, expo)
-    assert -1.0 <= answer <= 1.0
-    assert answer == -apply_curve(-value, dead_zone, expo)
+    result = apply_curve(value, dead_zone, expo)
+    assert -1.0 <= result <= 1.0
+    assert result == -apply_curve(-value, dead_zone, expo)
     if value <= other:
-        assert answer <= apply_curve(other, dead_zone, expo) + 1e-12
+        assert result <= apply_curve(other, dead_zone, expo) + 1e-12
     if abs(value) <= dead_zone:
-        assert answer == 0.0
+        assert result == 0.0
     assert apply_curve(1.0, dead_zone, expo) == pytest.approx(1.0)
 
 
-def test_an_axis_that_is_no_number_is_centred_and_one_beyond_its_end_is_at_it() -> None:
+def test_nan_is_centred_and_values_beyond_the_end_are_clamped() -> None:
     assert apply_curve(math.nan, 0.1, 0.3) == 0.0
     assert apply_curve(1.2, 0.1, 0.3) == pytest.approx(1.0)
 
 
 @given(stick=sticks, limit=st.floats(0.5, 17.0))
-def test_no_wheel_is_asked_for_more_than_it_can_and_a_bend_stays_that_bend(
-    stick: JoystickState, limit: float
-) -> None:
+def test_wheel_speeds_are_limited_at_the_same_curvature(stick: JoystickState, limit: float) -> None:
     free = joystick_twist(stick, OPTIONS, DRIVE, 1e9)
     twist = joystick_twist(stick, OPTIONS, DRIVE, limit)
     speeds = wheel_speeds(twist, DRIVE)
@@ -59,27 +57,27 @@ def test_turbo_is_never_slower(stick: JoystickState) -> None:
     assert abs(fast.v_m_s) >= abs(slow.v_m_s)
 
 
-@given(hands=st.lists(st.one_of(st.none(), sticks), max_size=40))
-def test_it_drives_only_while_held_ramps_and_says_zero_once(hands: list[JoystickState | None]) -> None:
+@given(states=st.lists(st.one_of(st.none(), sticks), max_size=40))
+def test_it_drives_only_while_enabled_ramps_and_sends_zero_once(states: list[JoystickState | None]) -> None:
     scaler, period_s = SpeedScaler(OPTIONS, DRIVE, LIMIT), 0.05
     last: Twist2 | None = None
-    let_go = False  # since the start or the last loss
-    for stick in hands:
-        said = scaler.step(stick, period_s)
-        let_go = stick is not None and (let_go or not stick.enable)
-        if stick is None or not stick.enable or not let_go:
-            assert said in (None, Twist2())
-            assert not (said is not None and last is None)  # a zero only where something was before
+    released = False  # since the start or the last loss
+    for stick in states:
+        sent = scaler.step(stick, period_s)
+        released = stick is not None and (released or not stick.enable)
+        if stick is None or not stick.enable or not released:
+            assert sent in (None, Twist2())
+            assert not (sent is not None and last is None)  # a zero only after a speed
             last = None
             continue
-        assert said is not None
+        assert sent is not None
         before = last or Twist2()
-        assert abs(said.v_m_s - before.v_m_s) <= OPTIONS.v_slew_m_s2 * period_s + 1e-12
-        assert abs(said.w_rad_s - before.w_rad_s) <= OPTIONS.w_slew_rad_s2 * period_s + 1e-12
-        last = said
+        assert abs(sent.v_m_s - before.v_m_s) <= OPTIONS.v_slew_m_s2 * period_s + 1e-12
+        assert abs(sent.w_rad_s - before.w_rad_s) <= OPTIONS.w_slew_rad_s2 * period_s + 1e-12
+        last = sent
 
 
-def test_a_pad_that_comes_back_with_the_button_held_does_not_drive() -> None:
+def test_a_reconnected_gamepad_with_the_button_held_does_not_drive() -> None:
     scaler, held = SpeedScaler(OPTIONS, DRIVE, LIMIT), JoystickState(forward=1.0, enable=True)
     assert scaler.step(held, 0.05) is None  # nor at the start
     assert scaler.step(JoystickState(), 0.05) is None
@@ -95,6 +93,6 @@ def test_full_stick_becomes_full_speed() -> None:
     scaler = SpeedScaler(OPTIONS, DRIVE, LIMIT)
     scaler.step(JoystickState(), 0.05)
     for _ in range(40):
-        said = scaler.step(JoystickState(forward=1.0, enable=True), 0.05)
-    assert said is not None
-    assert said.v_m_s == pytest.approx(OPTIONS.v_max_m_s)
+        sent = scaler.step(JoystickState(forward=1.0, enable=True), 0.05)
+    assert sent is not None
+    assert sent.v_m_s == pytest.approx(OPTIONS.v_max_m_s)

@@ -1,4 +1,4 @@
-"""A terminal never tells that a key is let go: how long each press holds."""
+"""A terminal does not report key releases; each press is valid for a limited time."""
 
 import os
 import pty
@@ -15,7 +15,7 @@ from thumper.teleop.keyboard import Action, KeyboardJoystick, Terminal
 OPTIONS = TeleopOptions()
 
 
-def test_a_press_holds_until_repeats_come_and_these_hold_shortly() -> None:
+def test_a_press_is_valid_until_it_repeats_and_a_repeat_more_shortly() -> None:
     keys = KeyboardJoystick(OPTIONS)
     keys.feed(b"i", 0.0)
     assert keys.stick(0.59).enable
@@ -63,7 +63,7 @@ def test_directions(typed: bytes, forward: float, turn: float, turbo: bool) -> N
         (b"c", Action.CLEAR_FAULT),
     ],
 )
-def test_other_keys_act_and_let_go(typed: bytes, action: Action) -> None:
+def test_other_keys_act_and_release(typed: bytes, action: Action) -> None:
     keys = KeyboardJoystick(OPTIONS)
     keys.feed(b"i", 0.0)
     assert keys.feed(typed, 0.1) == [action]
@@ -78,13 +78,13 @@ def test_k_stops() -> None:
 
 
 @given(data=st.binary(max_size=64))
-def test_any_bytes_are_taken_and_hold_for_a_moment_at_most(data: bytes) -> None:
+def test_any_bytes_are_accepted_and_expire(data: bytes) -> None:
     keys = KeyboardJoystick(OPTIONS)
     keys.feed(data, 5.0)
     assert not keys.stick(5.0 + OPTIONS.key_first_s).enable
 
 
-def test_the_terminal_gives_single_keys_without_waiting() -> None:
+def test_the_terminal_returns_single_keys_without_waiting() -> None:
     ours, theirs = pty.openpty()
     tty.setcbreak(theirs)
     terminal = Terminal(theirs)
