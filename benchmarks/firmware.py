@@ -24,7 +24,7 @@ from thumper.board.messages import (
 )
 from thumper_hil.bench import DEFAULT_ELF
 from thumper_hil.chip.chip import CPU_HZ
-from thumper_hil.chip.edge_rate import most_edges_per_s
+from thumper_hil.chip.edge_rate import max_edges_per_s
 from thumper_hil.chip.instrumented_chip import TICK_VECTOR, InstrumentedChip
 from thumper_hil.chip.robot_params import RobotParams
 
@@ -160,7 +160,7 @@ def main() -> None:
     )
     control_law("", "ramp + feed-forward + PI", "-", "-")
     for share, what in ((0.0, "telemetry only"), (0.1, "700 requests/s"), (1.0, "line full both ways")):
-        rate = most_edges_per_s(DEFAULT_ELF, line_share=share)
+        rate = max_edges_per_s(DEFAULT_ELF, line_share=share)
         row(
             f"lossless edges/s, {what}",
             str(rate),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from thumper_hil.bench import DEFAULT_ELF
 from thumper_hil.chip.chip import CPU_HZ, Chip
-from thumper_hil.chip.link_noise import drive
+from thumper_hil.chip.link_noise import send_damaged_requests
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -23,9 +23,9 @@ def main() -> None:
     chip = Chip(DEFAULT_ELF)
     chip.run(CPU_HZ // 10)
     chip.receive(chip.available)
-    result = drive(chip, frames=parser.parse_args().frames, seed=7)
+    result = send_damaged_requests(chip, frames=parser.parse_args().frames, seed=7)
     print(f"requests sent                        {result.frames}")
-    print(f"whole by the host's decoder          {result.whole}")
+    print(f"whole by the host's decoder          {result.valid}")
     print(f"answers due, given, identical        {len(result.expected)}, {len(result.answers)}, ", end="")
     print("yes" if result.answers == result.expected else "NO")
     print(f"damaged or unknown: host's count     {result.expected_errors} = ", end="")

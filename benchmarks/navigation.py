@@ -205,7 +205,7 @@ def rollouts() -> None:
 
 def cycle() -> None:
     """The whole `Navigator.update` on a 10 m x 10 m map at 0.05 m, in a mission that maps as it goes."""
-    room = KinematicWorld.of(box(0.8, 0.0, 4.8, 3.8), box(1.2, 0.1, 0.40, 0.30, 0.58))
+    room = KinematicWorld.from_boxes(box(0.8, 0.0, 4.8, 3.8), box(1.2, 0.1, 0.40, 0.30, 0.58))
     start, goal = Pose2(x_m=2.05, y_m=0.64, theta_rad=-2.56), Goal(x_m=0.38, y_m=-0.45)
     with timing(Navigator, "update") as times:
         for seed in range(6):

@@ -19,7 +19,7 @@ import numpy as np
 
 from thumper.navigation.navigator import NavigationState
 from thumper.navigation.options import NavigationOptions
-from thumper_hil.kinematic.barn import drive_through, has_arrived, made_world, recorded_world
+from thumper_hil.kinematic.barn import drive_through, random_world, recorded_world, succeeded
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -49,12 +49,12 @@ class Drive:
 
 def drive_one(options: NavigationOptions, *, made: bool, world: int, scale: float, seed: int) -> Drive:
     """Drive through one world and judge it."""
-    place = made_world(world, scale) if made else recorded_world(DATA, world, scale)
+    place = random_world(world, scale) if made else recorded_world(DATA, world, scale)
     run = drive_through(place, scale, options, seed)
     outcome = "abort" if run.state is NavigationState.FAILED else "timeout"
     if run.clearance_m < 0.0:
         outcome = "contact"
-    elif has_arrived(run, scale):
+    elif succeeded(run, scale):
         outcome = "success"
     optimal_s = 0.0 if made else _reference_m(world) * scale / OPTIMAL_M_S
     score = optimal_s / min(max(run.time_s, 2.0 * optimal_s), 8.0 * optimal_s) if optimal_s else 0.0

@@ -19,14 +19,14 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationState
 from thumper.navigation.options import NavigationOptions
 from thumper_hil.kinematic.closed_loop import drive
-from thumper_hil.kinematic.people import KinematicPedestrian, contact, with_people
+from thumper_hil.kinematic.people import KinematicPedestrian, classify_contact, with_people
 from thumper_hil.kinematic.world import KinematicWorld, box
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.figure import figure
 
-HALL = KinematicWorld.of(box(2.0, 0.0, 7.0, 4.0))
+HALL = KinematicWorld.from_boxes(box(2.0, 0.0, 7.0, 4.0))
 AREA_M = (-4.0, -4.0, 12.0, 8.0)
 START, GOAL = Pose2(x_m=0.0, y_m=0.0), Goal(x_m=4.5, y_m=0.0)
 LIMIT_S = 90.0
@@ -87,7 +87,7 @@ def judged(walkers: list[KinematicPedestrian], options: NavigationOptions, seed:
         limit_s=LIMIT_S,
     )
     if run.clearance_m < 0.0:
-        return contact(run.track, walkers, run.time_s, options.limits)
+        return classify_contact(run.track, walkers, run.time_s, options.limits)
     return "arrived" if run.state is NavigationState.REACHED else "not arrived"
 
 

@@ -69,7 +69,7 @@ def drive_chip(command: SetWheelSpeeds, params: RobotParams | None) -> tuple[flo
     def advance(until_s: float) -> None:
         chip.run(round(until_s * CPU_HZ))
 
-    return drive(chip, command, advance), chip.awake_share
+    return drive(chip, command, advance), chip.cpu_load
 
 
 def drive_bench(command: SetWheelSpeeds, *, lidar: bool) -> tuple[float, float]:
@@ -82,7 +82,7 @@ def drive_bench(command: SetWheelSpeeds, *, lidar: bool) -> tuple[float, float]:
         bench.advance(until_s)
         bench.lidar_read(1_000_000)
 
-    return drive(bench.chip, command, advance), bench.chip.awake_share
+    return drive(bench.chip, command, advance), bench.chip.cpu_load
 
 
 def main() -> None:
@@ -101,9 +101,9 @@ def main() -> None:
     stages = [(name, max(run() for _ in range(RUNS))) for name, run in runs]
     print(f"a firmware that never sleeps: {rate_Hz / 1e6:.0f} Mcycle/s, {rate_Hz / CPU_HZ:.1f} x real time\n")
     print(f"{'':42} {'x real time':>11} {'CPU load':>9} {'limit':>7} {'of limit':>9}")
-    for name, (speed, awake_share) in stages:
-        limit = rate_Hz / CPU_HZ / awake_share
-        print(f"{name:42} {speed:11.0f} {awake_share:9.1%} {limit:7.0f} {speed / limit:9.0%}")
+    for name, (speed, cpu_load) in stages:
+        limit = rate_Hz / CPU_HZ / cpu_load
+        print(f"{name:42} {speed:11.0f} {cpu_load:9.1%} {limit:7.0f} {speed / limit:9.0%}")
     avr8js = "avr8js 3.0 on a firmware that never sleeps"
     figure(f"simulator: {stages[-1][0]}", f"{stages[-1][1][0]:.0f}", "x real time", aim="> 1", peers=avr8js,
            source="avr8js 0.21 on Node 20, a machine of the same kind")  # fmt: skip

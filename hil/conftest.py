@@ -1,4 +1,4 @@
-"""`pytest hil --port /dev/ttyUSB0`: the tests that a real board can take, with its wheels off the ground."""
+"""`pytest hil --port /dev/ttyUSB0`: tests for a real board whose wheels are off the ground."""
 
 from collections.abc import Iterator
 
@@ -10,14 +10,14 @@ from thumper.common.errors import ThumperError
 
 BAUD = 500_000
 CONSENT = (
-    "\nThe wheels of the robot on {port} will turn, both ways, at up to 5 rad/s.\n"
-    "Put it on a block so that no wheel touches anything. Type yes to start: "
+    "\nThe wheels of the robot on {port} will turn in both directions, at up to 5 rad/s.\n"
+    "Put the robot on a block so that no wheel touches anything. Type yes to start: "
 )
 NEEDS_THE_SIMULATOR = (
-    "a battery that runs low",
-    "broken, exchanged or disturbed encoder wires, dead, exchanged or shorted motors, blocked wheels",
-    "noise on the line",
-    "a firmware that hangs",
+    "low battery",
+    "broken, swapped or disturbed encoder wires, dead, swapped or shorted motors, blocked wheels",
+    "noise on the serial line",
+    "hanging firmware",
     "lost edges at full speed against the true count",
 )
 
@@ -26,16 +26,16 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Add --port and --yes."""
     parser.addoption("--port", default="", help="the board's serial port; its wheels must be off the ground")
     parser.addoption("--clear-fault", action="store_true", help="clear a fault that the board has latched")
-    parser.addoption("--yes", action="store_true", help="the wheels are off the ground: do not ask")
+    parser.addoption("--yes", action="store_true", help="skip the prompt: the wheels are off the ground")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Name the marker."""
-    config.addinivalue_line("markers", "provokes(fault): the test ends in this fault, which is cleared again")
+    """Register the marker `provokes`."""
+    config.addinivalue_line("markers", "provokes(fault): the test ends in this fault, which is then cleared")
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Ask before anything moves; without a yes nothing does."""
+    """Ask for consent before anything moves."""
     port = session.config.getoption("--port")
     if not port or session.config.getoption("--yes"):
         return
@@ -48,22 +48,22 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     finally:
         capture.resume_global_capture()
     if answer.strip().lower() != "yes":
-        pytest.exit("nothing was moved; say yes, or give --yes", returncode=2)
+        pytest.exit("nothing has moved; type yes, or pass --yes", returncode=2)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
-    """Say what this run does not cover."""
+    """List what this run does not cover."""
     if config.getoption("--port"):
         terminalreporter.section("not tested on a real board")
-        terminalreporter.write_line("; ".join(NEEDS_THE_SIMULATOR) + ": `pytest tests/hil` does")
+        terminalreporter.write_line("; ".join(NEEDS_THE_SIMULATOR) + ". `pytest tests/hil` tests these.")
 
 
 @pytest.fixture(scope="session")
 def opened_board(request: pytest.FixtureRequest) -> Iterator[Board]:
-    """The board on --port."""
+    """Open the board on --port."""
     port = request.config.getoption("--port")
     if not port:
-        pytest.skip("no board: give --port, with the wheels off the ground")
+        pytest.skip("no board: pass --port, with the wheels off the ground")
     try:
         board = Board.open(port, baud=BAUD)
     except ThumperError as error:
@@ -72,8 +72,8 @@ def opened_board(request: pytest.FixtureRequest) -> Iterator[Board]:
         fault = latched_fault(board)
         if fault is not Fault.NONE and not request.config.getoption("--clear-fault"):
             pytest.exit(
-                f"the board has latched the fault {fault.name}; nothing was moved. "
-                "Look for its cause, then give --clear-fault",
+                f"the board has latched the fault {fault.name}; nothing has moved. "
+                "Find its cause, then pass --clear-fault",
                 returncode=4,
             )
         if fault is not Fault.NONE:
@@ -85,10 +85,10 @@ def opened_board(request: pytest.FixtureRequest) -> Iterator[Board]:
 
 @pytest.fixture
 def board(opened_board: Board, request: pytest.FixtureRequest) -> Iterator[Board]:
-    """The board, without a fault and disarmed. Only the fault that a test provokes is cleared after it."""
+    """Yield the board, disarmed and without a fault; afterwards clear only the fault the test provokes."""
     fault = latched_fault(opened_board)
     if fault is not Fault.NONE:
-        pytest.fail(f"an earlier test left the fault {fault.name}, which nobody provoked; look for its cause")
+        pytest.fail(f"an earlier test left the unexpected fault {fault.name}; find its cause")
     opened_board.command(Command.DISARM)
     yield opened_board
     opened_board.command(Command.DISARM)
@@ -98,8 +98,8 @@ def board(opened_board: Board, request: pytest.FixtureRequest) -> Iterator[Board
 
 
 def latched_fault(board: Board) -> Fault:
-    """The fault of the newest telemetry."""
-    board.poll(0.0)  # what came before is old
+    """Return the fault in the newest telemetry."""
+    board.poll(0.0)  # discard old telemetry
     samples = board.poll(1.0)
     if not samples:
         pytest.fail("the board sends no telemetry")

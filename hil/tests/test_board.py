@@ -1,4 +1,4 @@
-"""A board with motors and encoders: does it say who it is, count the right way, control, and stop?"""
+"""Test a board with motors and encoders: identity, count direction, speed control, stopping."""
 
 import time
 from collections.abc import Callable
@@ -16,7 +16,7 @@ SIDES = ("left", "right")
 
 
 def follow(board: Board, seconds: float, command: Callable[[], None]) -> list[Telemetry]:
-    """Command at each telemetry message for a while; returns the messages."""
+    """Send a command at each telemetry message for `seconds`; return the messages."""
     seen: list[Telemetry] = []
     board.poll(0.0)
     until_s = time.monotonic() + seconds
@@ -27,32 +27,33 @@ def follow(board: Board, seconds: float, command: Callable[[], None]) -> list[Te
     return seen
 
 
-def at(board: Board, left_rad_s: float, right_rad_s: float) -> Callable[[], None]:
+def hold_speed(board: Board, left_rad_s: float, right_rad_s: float) -> Callable[[], None]:
+    """Return a command that sets both wheel speeds."""
     speeds = WheelSpeeds(left_rad_s=left_rad_s, right_rad_s=right_rad_s)
     return lambda: board.set_wheel_speeds(speeds)
 
 
-def rest(board: Board) -> None:
-    """Stop, and wait until the wheels stand."""
+def stop(board: Board) -> None:
+    """Disarm and wait until the wheels are stationary."""
     board.command(Command.DISARM)
     until_s = time.monotonic() + 5.0
     seen: list[Telemetry] = []
     while time.monotonic() < until_s:
-        samples = board.poll(0.2)  # none, when this computer is late
+        samples = board.poll(0.2)  # empty if this computer is late
         seen += [sample.telemetry for sample in samples[-1:]]
         if samples and seen[-1].left_speed == seen[-1].right_speed == 0:
             return
     assert seen, "the board sends no telemetry"
-    pytest.fail("the wheels do not come to rest within 5 s of DISARM")
+    pytest.fail("the wheels do not stop within 5 s of DISARM")
 
 
-def test_it_says_who_it_is(board: Board) -> None:
+def test_board_reports_its_identity(board: Board) -> None:
     assert board.identity.schema_hash == SCHEMA_HASH
     assert board.identity.counts_per_rev > 0
     assert board.identity.control_rate_Hz > 0
 
 
-def test_parameters_are_kept_and_checked(board: Board) -> None:
+def test_board_stores_parameters_and_checks_their_range(board: Board) -> None:
     spec = PARAMETERS[0]
     before = board.get_parameter(spec.name)
     try:
@@ -68,16 +69,16 @@ def test_parameters_are_kept_and_checked(board: Board) -> None:
 
 def test_the_battery_is_measured(board: Board) -> None:
     telemetry = follow(board, 1.0, lambda: None)[-1]
-    assert 6400 < telemetry.battery_mV < 13000, "charge the battery, or look at its divider"
+    assert 6400 < telemetry.battery_mV < 13000, "charge the battery, or check its voltage divider"
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_each_encoder_counts_its_own_wheel_the_right_way(board: Board, side: str, sign: int) -> None:
+def test_each_encoder_counts_its_wheel_in_the_right_direction(board: Board, side: str, sign: int) -> None:
     board.command(Command.ARM)
     pwm = (sign * PWM, 0) if side == "left" else (0, sign * PWM)
     seen = follow(board, 0.8, lambda: board.set_motor_pwm(*pwm))
-    rest(board)
+    stop(board)
     turned = {name: getattr(seen[-1], f"{name}_count") - getattr(seen[0], f"{name}_count") for name in SIDES}
     other = "right" if side == "left" else "left"
     assert sign * turned[side] > 50, f"the {side} encoder: loose, or its channels or the motor are swapped"
@@ -86,10 +87,10 @@ def test_each_encoder_counts_its_own_wheel_the_right_way(board: Board, side: str
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_speed_control_settles(board: Board, sign: int) -> None:
-    """Within 10 % on average over half a second, from 1.5 s on; never more than 30 % too fast."""
+    """The mean speed over half a second is within 10 % from 1.5 s on; the overshoot stays below 30 %."""
     board.command(Command.ARM)
-    seen = follow(board, 2.2, at(board, sign * SPEED_RAD_S, sign * SPEED_RAD_S))
-    rest(board)
+    seen = follow(board, 2.2, hold_speed(board, sign * SPEED_RAD_S, sign * SPEED_RAD_S))
+    stop(board)
     for side in SIDES:
         speeds = [sign * getattr(telemetry, f"{side}_speed") / 1000.0 for telemetry in seen]
         assert sum(speeds[-5:]) / 5.0 == pytest.approx(SPEED_RAD_S, rel=0.1)
@@ -100,7 +101,7 @@ def test_speed_control_settles(board: Board, sign: int) -> None:
 @pytest.mark.provokes(Fault.LINK_LOST)
 def test_a_silent_host_stops_the_wheels(board: Board) -> None:
     board.command(Command.ARM)
-    follow(board, 1.2, at(board, SPEED_RAD_S, SPEED_RAD_S))
+    follow(board, 1.2, hold_speed(board, SPEED_RAD_S, SPEED_RAD_S))
     seen = follow(board, 1.2, lambda: None)
     assert (seen[-1].state, seen[-1].fault) == (State.FAULT, Fault.LINK_LOST)
     first = next(telemetry for telemetry in seen if telemetry.state is State.FAULT)
@@ -112,9 +113,9 @@ def test_a_silent_host_stops_the_wheels(board: Board) -> None:
 @pytest.mark.provokes(Fault.E_STOP)
 def test_an_emergency_stop_is_latched(board: Board) -> None:
     board.command(Command.ARM)
-    follow(board, 1.2, at(board, SPEED_RAD_S, SPEED_RAD_S))
+    follow(board, 1.2, hold_speed(board, SPEED_RAD_S, SPEED_RAD_S))
     board.command(Command.E_STOP)
-    seen = follow(board, 1.2, at(board, SPEED_RAD_S, SPEED_RAD_S))
+    seen = follow(board, 1.2, hold_speed(board, SPEED_RAD_S, SPEED_RAD_S))
     assert (seen[-1].state, seen[-1].fault) == (State.FAULT, Fault.E_STOP)
     assert (seen[-1].left_pwm, seen[-1].left_speed, seen[-1].right_speed) == (0, 0, 0)
     with pytest.raises(ThumperError, match="fault is latched"):

@@ -1,33 +1,27 @@
-"""The commands that the simulator adds to `thumper`. Heavy imports wait until a command runs."""
+"""The commands that the simulator adds to `thumper`. Heavy imports are deferred until a command runs."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-Seed = Annotated[int, typer.Option(help="Seed of all that is random.", min=0, max=2**32 - 1)]
+Seed = Annotated[int, typer.Option(help="Seed of the random numbers.", min=0, max=2**32 - 1)]
 
 
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder for the map, the pictures and the figures.")] = Path(
-        "out"
-    ),
+    out: Annotated[Path, typer.Option(help="Folder for the maps, pictures and figures.")] = Path("out"),
     seed: Seed = 1,
-    realtime: Annotated[bool, typer.Option(help="Run at the speed of the clock on the wall.")] = False,
+    realtime: Annotated[bool, typer.Option(help="Run in real time.")] = False,
     seeds: Annotated[
         int,
-        typer.Option(
-            help="Drive both missions with this many seeds, --seed being the first.", min=1, max=10_000
-        ),
+        typer.Option(help="Drive both missions with this many seeds, starting at --seed.", min=1, max=10_000),
     ] = 1,
-    ui: Annotated[
-        bool, typer.Option("--ui", help="Show it in the browser, at the speed of the clock on the wall.")
-    ] = False,
+    ui: Annotated[bool, typer.Option("--ui", help="Show the drive in the browser, in real time.")] = False,
 ) -> None:
-    """Drive two missions with the real firmware on a simulated robot, and show how it went.
+    """Drive two missions with the real firmware on a simulated robot and report the results.
 
-    With --seeds a table and a line of CSV a drive; it leaves with 1 unless every goal was reached to 0.10 m
-    of ground truth and nothing was touched.
+    --seeds writes a table and one CSV row per drive. Then the exit status is 0 only if the robot reached
+    every goal within 0.10 m (ground truth) without a contact, otherwise 1.
     """
     from rich.console import Console
 
@@ -38,7 +32,9 @@ def demo(
     from thumper_hil.demo.run import run_demo
 
     if seeds > 1 and (realtime or ui):
-        raise ThumperError("--seeds is a statistic: leave --realtime and --ui", exit_code=EXIT_USAGE)
+        raise ThumperError(
+            "--seeds cannot be combined with --realtime or --ui; omit one of them", exit_code=EXIT_USAGE
+        )
     prepare_output(out)
     if seeds > 1:
         from thumper_hil.demo.repeat import run_seeds
@@ -52,23 +48,23 @@ def demo(
 
 
 def sim(
-    board_pty: Annotated[Path, typer.Option(help="Path at which the simulated board shall appear.")],
-    lidar_pty: Annotated[Path, typer.Option(help="Path at which the simulated lidar shall appear.")],
+    board_pty: Annotated[Path, typer.Option(help="Path of the simulated board's serial port.")],
+    lidar_pty: Annotated[Path, typer.Option(help="Path of the simulated lidar's serial port.")],
     world: Annotated[
-        str, typer.Option(help="A built-in world (hall, lab, lab_box), a world's TOML, or a map's YAML.")
+        str, typer.Option(help="Built-in world (hall, lab, lab_box), world file (TOML) or map (YAML).")
     ] = "lab",
     seed: Seed = 1,
     start: Annotated[
         tuple[float, float, float],
-        typer.Option(help="Where the robot stands: X and Y in metres, HEADING in degrees."),
+        typer.Option(help="Start pose: X and Y in metres, HEADING in degrees."),
     ] = (0.0, 0.0, 0.0),
     reset_on_open: Annotated[
-        bool, typer.Option(help="Opening the board's port resets it through its boot loader, as DTR does.")
+        bool, typer.Option(help="Reset the board through its boot loader when its port is opened (DTR).")
     ] = False,
-    scenario: Annotated[str, typer.Option(help="A TOML file that says which fault happens when.")] = "",
-    lidar: Annotated[str, typer.Option(help="The lidar's model: urg04lx or ld19.")] = "urg04lx",
+    scenario: Annotated[str, typer.Option(help="Scenario file (TOML) that schedules faults.")] = "",
+    lidar: Annotated[str, typer.Option(help="Lidar model: urg04lx or ld19.")] = "urg04lx",
 ) -> None:
-    """Serve a simulated robot in real time on two pseudo-terminals, for programs that drive the hardware."""
+    """Serve a simulated robot on two pseudo-terminals in real time, for programs that expect hardware."""
     from thumper_hil.bench.pty import serve
 
     serve(

@@ -17,7 +17,7 @@ from thumper.board.messages import (
     Telemetry,
 )
 from thumper_hil.chip.chip import CPU_HZ, Chip
-from thumper_hil.chip.link_noise import drive
+from thumper_hil.chip.link_noise import send_damaged_requests
 from thumper_hil.chip.robot_params import RobotParams
 
 OCR2A, OCR2B = 0xB3, 0xB4
@@ -29,11 +29,11 @@ def test_damaged_frames_are_counted_and_valid_ones_answered() -> None:
     chip = Chip(ELF)
     chip.run(CPU_HZ // 10)
     chip.receive(chip.available)
-    result = drive(chip, frames=20_000, seed=1)
+    result = send_damaged_requests(chip, frames=20_000, seed=1)
     assert result.answers == result.expected
     assert result.counted_errors == result.expected_errors % 2**16
     assert result.host_errors == 0
-    assert result.whole > 4_000
+    assert result.valid > 4_000
     assert result.expected_errors > 10_000
     assert [chip.data(address) for address in (OCR2A, OCR2B)] == [0, 0]
     assert chip.overruns == 0

@@ -1,4 +1,4 @@
-"""What the simulator's tests share: small firmwares built on the spot, and a robot without noise."""
+"""Fixtures of the simulator's tests: small test firmwares, and a robot without noise."""
 
 import subprocess
 from collections.abc import Callable
@@ -39,7 +39,7 @@ def build_avr(tmp_path_factory: pytest.TempPathFactory) -> BuildAvr:
 
 @pytest.fixture
 def even_params() -> RobotParams:
-    """The robot without noise and without differences between its sides: closed forms hold."""
+    """Return a robot without noise and with equal sides, so that closed forms hold."""
     params = RobotParams.load()
     return replace(
         params,

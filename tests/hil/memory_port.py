@@ -1,4 +1,4 @@
-"""A simulated lidar behind a port in memory, for its driver; and a robot that stands."""
+"""A simulated lidar behind an in-memory port, for driver tests, and a stationary robot."""
 
 from collections.abc import Callable
 from typing import Generic, TypeVar
@@ -14,10 +14,10 @@ Lidar = TypeVar("Lidar", Ld19, Urg04Lx)
 
 
 class MemoryPort(Generic[Lidar]):
-    """A port whose blocking read advances simulated time; `spoil` may change what the host gets to read."""
+    """A port whose blocking read advances simulated time; `spoil` may alter the received bytes."""
 
     port = "memory"
-    baudrate = 230_400  # the LD19's; to the URG-04LX, which is on USB, any is right
+    baudrate = 230_400  # of the LD19; the URG-04LX uses USB and accepts any
 
     def __init__(self, lidar: Lidar) -> None:
         self.lidar: Lidar = lidar

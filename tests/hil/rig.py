@@ -1,4 +1,4 @@
-"""A chip that runs avr/bridge.c: sets the bridges, and says what its encoders counted."""
+"""A chip that runs avr/bridge.c, which sets the bridges and reports the encoder counts."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +11,13 @@ REPLY_BYTES = 5
 
 
 def run_for(chip: Chip, seconds: float) -> None:
-    """Let `seconds` pass."""
+    """Advance time by `seconds`."""
     chip.run(chip.cycle + round(seconds * CPU_HZ))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Counts:
-    """What the firmware counted, modulo 2**16, and the edges that it could not place."""
+    """The firmware's encoder counts, modulo 2**16, and its number of edges of unknown direction."""
 
     left: int
     right: int
@@ -44,5 +44,5 @@ class Rig:
         )
 
     def run_for(self, seconds: float) -> None:
-        """Let `seconds` pass."""
+        """Advance time by `seconds`."""
         run_for(self.chip, seconds)

@@ -1,4 +1,4 @@
-"""The ELF that is flashed, on the simulated robot: handshake, speed control, and each way it must stop."""
+"""Test the real firmware ELF on the simulated robot: handshake, speed control, safety stops."""
 
 from collections.abc import Callable, Iterator
 
@@ -47,8 +47,8 @@ def test_handshake(open_board: Open) -> None:
 
 
 @pytest.mark.parametrize(("left_rad_s", "right_rad_s"), [(5.0, 5.0), (8.0, 6.0), (-4.0, -4.0), (-3.0, 3.0)])
-def test_wheels_turn_as_told(open_board: Open, left_rad_s: float, right_rad_s: float) -> None:
-    """Mean over a second, once settled, within 2 %; every edge counted."""
+def test_wheels_follow_the_commanded_speeds(open_board: Open, left_rad_s: float, right_rad_s: float) -> None:
+    """The settled mean over one second is within 2 %, and every edge is counted."""
     board, bench = open_board("")
     board.command(Command.ARM)
     speeds = WheelSpeeds(left_rad_s=left_rad_s, right_rad_s=right_rad_s)
@@ -62,7 +62,7 @@ def test_wheels_turn_as_told(open_board: Open, left_rad_s: float, right_rad_s: f
 
 
 def test_a_silent_host_stops_the_robot(open_board: Open) -> None:
-    """300 ms without a command and the PWM is off; half a second after the last one no motor pushes."""
+    """The PWM is off 300 ms after the last command; half a second after it no motor has torque."""
     board, bench = open_board("")
     board.command(Command.ARM)
     drive(board, bench, WheelSpeeds(left_rad_s=8.0, right_rad_s=8.0), 2.0)
@@ -76,9 +76,9 @@ def test_a_silent_host_stops_the_robot(open_board: Open) -> None:
 
 
 def test_a_low_battery_stops_the_robot(open_board: Open) -> None:
-    """At 2 % charge there are 6.3 V: the firmware refuses to drive, and says why."""
+    """At 2 % charge the battery has 6.3 V: the firmware refuses to drive and reports why."""
     board, bench = open_board("charge=0.02")
-    bench.advance(bench.time_s + 5.0)  # it has found out, and beeped
+    bench.advance(bench.time_s + 5.0)  # time to detect the low battery and to beep
     with pytest.raises(ThumperError, match=r"refused|battery"):
         board.command(Command.ARM)
     board.poll(0.3)
@@ -89,9 +89,9 @@ def test_a_low_battery_stops_the_robot(open_board: Open) -> None:
 
 
 def test_no_edge_is_lost_at_full_speed_with_a_busy_link(open_board: Open) -> None:
-    """Full PWM on a full battery: above 14 rad/s, 5300 edges/s, while the line is kept full of requests."""
+    """Full PWM on a full battery: above 14 rad/s, 5300 edges/s, while requests keep the line full."""
     board, bench = open_board("charge=1&x_m=-1.2")
-    port = board._port.raw  # the flood goes past the client, which would wait for answers
+    port = board._port.raw  # bypass the client, which would wait for answers
     board.command(Command.ARM)
     request = encode_frame(Identify.ID, 7, Identify().pack())
     push = SetMotorPwm(left=255, right=255)
@@ -115,6 +115,6 @@ def test_no_edge_is_lost_at_full_speed_with_a_busy_link(open_board: Open) -> Non
     assert bench.chip.overruns == 0
 
 
-def test_the_wrong_baud_rate_is_no_thumper() -> None:
+def test_wrong_baud_rate_is_reported() -> None:
     with pytest.raises(ThumperError, match="no Thumper board answers"):
         Board.open(f"sim://{NAME}/board", baud=115_200)

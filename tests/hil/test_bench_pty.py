@@ -1,4 +1,4 @@
-"""The pseudo-terminals, used from another process as the hardware is: plain pyserial on a device path."""
+"""Use the pseudo-terminals from another process like hardware: plain pyserial on a device path."""
 
 import os
 import signal
@@ -16,7 +16,7 @@ import serial
 from thumper.board.framing import FrameDecoder, encode_frame
 from thumper.board.messages import Identify, Identity, Telemetry
 from thumper.common.errors import ThumperError
-from thumper_hil.bench.pty import LONGEST_STEP_S, Clock, serve
+from thumper_hil.bench.pty import LONGEST_STEP_S, PacedClock, serve
 
 SERVE = """
 import sys
@@ -24,7 +24,7 @@ from pathlib import Path
 from thumper_hil.bench.pty import serve
 serve(Path(sys.argv[1]), Path(sys.argv[2]), {})
 """
-PATIENCE_S = 30.0
+TIMEOUT_S = 30.0
 
 
 class Served:
@@ -36,17 +36,17 @@ class Served:
             [sys.executable, "-c", SERVE, str(self.board), str(self.lidar)], stdout=subprocess.PIPE, text=True
         )
         assert self.process.stdout is not None
-        assert "Ctrl-C ends it" in self.process.stdout.readline()
+        assert "Press Ctrl-C to stop" in self.process.stdout.readline()
 
     def stop(self) -> int:
         self.process.send_signal(signal.SIGINT)
-        self.process.communicate(timeout=PATIENCE_S)
+        self.process.communicate(timeout=TIMEOUT_S)
         return self.process.returncode
 
 
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[Served]:
-    """A simulated robot on ptys, in another process."""
+    """Serve a simulated robot on pseudo-terminals in another process."""
     server = Served(tmp_path)
     yield server
     if server.process.poll() is None:
@@ -54,16 +54,16 @@ def served(tmp_path: Path) -> Iterator[Served]:
 
 
 def messages(port: serial.Serial, wanted: set[int]) -> set[int]:
-    """Read until messages of all these ids have come whole."""
+    """Read until a complete message of each of these ids has arrived."""
     decoder, seen = FrameDecoder(), set[int]()
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while not wanted <= seen and time.monotonic() < deadline:
         seen |= {frame.message_id for frame in decoder.feed(port.read(max(1, port.in_waiting)))}
     return seen
 
 
-def test_a_board_and_a_lidar_as_real_ports(served: Served) -> None:
-    """Handshake and telemetry, the lidar's identity; and again after the client has come back."""
+def test_board_and_lidar_answer_on_their_ports(served: Served) -> None:
+    """Handshake, telemetry and lidar identity work, and again after the client reconnects."""
     for _ in range(2):
         with serial.Serial(str(served.board), 500_000, timeout=0.2, exclusive=True) as port:
             port.write(b"\0" + encode_frame(Identify.ID, 1, b""))
@@ -76,7 +76,7 @@ def test_a_board_and_a_lidar_as_real_ports(served: Served) -> None:
     assert not served.lidar.is_symlink()
 
 
-def test_the_wrong_rate_gives_garbage(served: Served) -> None:
+def test_wrong_baud_rate_gives_garbage(served: Served) -> None:
     with serial.Serial(str(served.board), 115_200, timeout=0.5) as port:
         decoder = FrameDecoder()
         assert decoder.feed(port.read(300)) == []
@@ -84,8 +84,8 @@ def test_the_wrong_rate_gives_garbage(served: Served) -> None:
         assert Telemetry.ID in messages(port, {Telemetry.ID})
 
 
-def test_the_terminals_are_raw_before_anybody_opens_them(served: Served) -> None:
-    """A program that sets nothing must get every byte as it is, and no echo."""
+def test_terminals_are_raw_from_the_start(served: Served) -> None:
+    """A program that configures nothing must get every byte unchanged, and no echo."""
     for path in (served.board, served.lidar):
         end = os.open(path, os.O_RDWR | os.O_NOCTTY)
         iflag, oflag, _, lflag, *_ = termios.tcgetattr(end)
@@ -96,22 +96,22 @@ def test_the_terminals_are_raw_before_anybody_opens_them(served: Served) -> None
         assert stat.S_ISCHR(path.stat().st_mode)
 
 
-def test_a_machine_that_was_slow_is_not_raced_after() -> None:
-    clock = Clock(1000.0, 0.05)
+def test_clock_does_not_catch_up_after_a_delay() -> None:
+    clock = PacedClock(1000.0, 0.05)
     assert clock.due_s(1000.002, 0.05) == pytest.approx(0.052)
     assert clock.due_s(1000.602, 0.052) == pytest.approx(0.052 + LONGEST_STEP_S)
-    assert clock.due_s(1000.604, 0.152) == pytest.approx(0.154)  # and at the wall's pace again
+    assert clock.due_s(1000.604, 0.152) == pytest.approx(0.154)  # real time again
 
 
-def test_a_file_in_the_way_stays(tmp_path: Path) -> None:
-    diary = tmp_path / "diary"
-    diary.write_text("dear diary")
-    with pytest.raises(ThumperError, match="diary"):
-        serve(tmp_path / "board", diary, {})
-    assert diary.read_text() == "dear diary"
+def test_existing_file_is_not_overwritten(tmp_path: Path) -> None:
+    existing = tmp_path / "existing"
+    existing.write_text("content")
+    with pytest.raises(ThumperError, match="existing"):
+        serve(tmp_path / "board", existing, {})
+    assert existing.read_text() == "content"
     assert not (tmp_path / "board").is_symlink()
 
 
-def test_a_folder_that_does_not_exist(tmp_path: Path) -> None:
-    with pytest.raises(ThumperError, match="cannot make the link"):
+def test_missing_folder_is_reported(tmp_path: Path) -> None:
+    with pytest.raises(ThumperError, match="cannot create the link"):
         serve(tmp_path / "nowhere" / "board", tmp_path / "lidar", {})

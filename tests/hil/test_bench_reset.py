@@ -1,4 +1,4 @@
-"""A board whose DTR line pulls its reset pin: opening its port starts it anew, through its boot loader."""
+"""A board whose DTR line pulls its reset pin: opening its port restarts it through its boot loader."""
 
 from collections.abc import Iterator
 
@@ -18,7 +18,7 @@ BAUD = 500_000
 
 @pytest.fixture
 def lidar_port() -> Iterator[Serial]:
-    """The robot's other port: while it is open, the robot stays."""
+    """Open the robot's other port, which keeps the simulation alive."""
     port = open_port(f"sim://{NAME}/lidar?reset_on_open=1", baud=BAUD, name="lidar").raw
     assert isinstance(port, Serial)
     yield port
@@ -26,7 +26,7 @@ def lidar_port() -> Iterator[Serial]:
 
 
 def first_telemetry_s(url: str) -> float:
-    """How long after opening a port a host that only listens hears telemetry [s]."""
+    """Return the time from opening the port to the first telemetry, without sending anything [s]."""
     port = open_port(url, baud=BAUD, name="board").raw
     assert isinstance(port, Serial)
     port.timeout = 0.01
@@ -39,23 +39,23 @@ def first_telemetry_s(url: str) -> float:
     return took_s
 
 
-def test_each_opening_goes_through_the_boot_loader(lidar_port: Serial) -> None:
-    """It waits more than a second for a new program before it starts the one that is there."""
+def test_opening_the_port_runs_the_boot_loader(lidar_port: Serial) -> None:
+    """The boot loader waits over a second for a new program before it starts the installed one."""
     resets = simulation(NAME).chip.resets
     for opened in (1, 2):
         assert 1.0 < first_telemetry_s(f"sim://{NAME}/board") < 3.0
         assert simulation(NAME).chip.resets == resets + opened
 
 
-def test_without_the_option_a_board_runs_on() -> None:
+def test_opening_does_not_reset_without_the_option() -> None:
     assert first_telemetry_s("sim://reset-test-plain/board") < 0.3
 
 
-def test_the_host_gets_through_and_finds_a_board_that_has_just_started(lidar_port: Serial) -> None:
-    """What it had armed is disarmed: it must not drive on by itself."""
+def test_reconnected_board_is_disarmed_after_its_reset(lidar_port: Serial) -> None:
+    """The restarted board is disarmed, so that it cannot drive on by itself."""
     board = Board.open(f"sim://{NAME}/board", baud=BAUD)
     board.command(Command.ARM)
-    board.port.close()  # as if the program had died
+    board.port.close()  # as if the program had crashed
     board = Board.open(f"sim://{NAME}/board", baud=BAUD)
     try:
         assert board.identity.reset_cause is ResetCause.EXTERNAL
@@ -64,7 +64,7 @@ def test_the_host_gets_through_and_finds_a_board_that_has_just_started(lidar_por
         board.close()
 
 
-def test_dtr_resets_when_it_is_raised_not_when_it_stays(lidar_port: Serial) -> None:
+def test_only_a_rising_dtr_resets_the_board(lidar_port: Serial) -> None:
     port = open_port(f"sim://{NAME}/board", baud=BAUD, name="board").raw
     chip = simulation(NAME).chip
     resets = chip.resets
@@ -77,6 +77,6 @@ def test_dtr_resets_when_it_is_raised_not_when_it_stays(lidar_port: Serial) -> N
     port.close()
 
 
-def test_a_wrong_value_is_told() -> None:
+def test_invalid_option_value_is_reported() -> None:
     with pytest.raises(ThumperError, match="reset_on_open=maybe: give 0 or 1"):
         open_port("sim://reset-test-wrong/board?reset_on_open=maybe", baud=BAUD, name="board")

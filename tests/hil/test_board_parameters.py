@@ -1,4 +1,4 @@
-"""Parameters through the host's client: taken, read back, refused in words."""
+"""Set and read parameters through the host's client; invalid values are refused with a message."""
 
 import math
 
@@ -8,7 +8,7 @@ from thumper.board.board import Board
 from thumper.common.errors import ThumperError
 
 
-def test_a_parameter_is_taken_and_read_back() -> None:
+def test_parameter_is_stored_and_read_back() -> None:
     board = Board.open("sim://parameters/board?world=lab", baud=500_000)
     try:
         board.set_parameter("kp", 7.25)

@@ -1,4 +1,4 @@
-"""A bridge at PWM 0: the robot coasts down on friction, or its motors are shorted; both in closed form."""
+"""A bridge at PWM 0: the robot coasts on friction, or the bridge shorts the motors; both in closed form."""
 
 import math
 from dataclasses import replace
@@ -20,8 +20,8 @@ def with_pwm_low(params: RobotParams, pwm_low: PwmLow) -> RobotParams:
     return replace(params, board=replace(params.board, pwm_low=pwm_low))
 
 
-def rolled_out(rig: Rig) -> tuple[float, float]:
-    """Time [s] and travel [rad] of a wheel from 8 rad/s to a standstill."""
+def measured_stop(rig: Rig) -> tuple[float, float]:
+    """Return time [s] and travel [rad] of a wheel from 8 rad/s to a stop."""
     start, rows = rig.chip.truth(), list[tuple[float, float, float]]()
     while rig.chip.truth().wheel_rad_s[0] != 0.0 and len(rows) < 2000:
         rig.run_for(0.001)
@@ -35,7 +35,7 @@ def rolled_out(rig: Rig) -> tuple[float, float]:
 
 
 def closed_form(params: RobotParams, damping_Nm_s_rad: float) -> tuple[float, float]:
-    """J dw/dt = -d w - Tc from 8 rad/s: time to the standstill [s] and travel [rad], for one motor."""
+    """Return time [s] and travel [rad] to a stop from 8 rad/s by J dw/dt = -d w - Tc, for one motor."""
     motor = params.motor
     inertia = motor.inertia_kg_m2 + params.body.mass_kg * RADIUS_M**2 / 6.0
     log = math.log(1.0 + damping_Nm_s_rad * FROM_RAD_S / motor.coulomb_Nm)
@@ -44,7 +44,7 @@ def closed_form(params: RobotParams, damping_Nm_s_rad: float) -> tuple[float, fl
 
 
 def fast(build_avr: BuildAvr, params: RobotParams) -> Rig:
-    """A robot that rolls straight on at more than 10 rad/s."""
+    """Return a robot that rolls straight ahead at more than 10 rad/s."""
     rig = Rig(build_avr("bridge"), params)
     rig.set(200, 200)
     rig.run_for(1.0)
@@ -52,35 +52,33 @@ def fast(build_avr: BuildAvr, params: RobotParams) -> Rig:
 
 
 @pytest.mark.parametrize("pwm_low", ["coast", "brake"])
-def test_a_stop_takes_the_time_and_the_way_of_its_closed_form(
+def test_stopping_time_and_distance_match_the_closed_form(
     build_avr: BuildAvr, even_params: RobotParams, pwm_low: PwmLow
 ) -> None:
-    """Coasting 0.50 s and 12.0 cm; shorted 0.16 s and 2.7 cm."""
+    """Coasting takes 0.50 s and 12.0 cm; shorted motors take 0.16 s and 2.7 cm."""
     rig = fast(build_avr, with_pwm_low(even_params, pwm_low))
     rig.set(0, 0)
     motor = even_params.motor
     shorted = motor.torque_Nm_A * motor.back_emf_V_s_rad / motor.resistance_Ohm
     damping = motor.viscous_Nm_s_rad + (shorted if pwm_low == "brake" else 0.0)
-    assert rolled_out(rig) == pytest.approx(closed_form(even_params, damping), rel=0.01)
+    assert measured_stop(rig) == pytest.approx(closed_form(even_params, damping), rel=0.01)
 
 
-def test_floating_pins_coast_whatever_the_bridge_does_at_zero(
-    build_avr: BuildAvr, even_params: RobotParams
-) -> None:
-    """A chip held in its reset drives no pin: no transistor conducts, nothing brakes."""
+def test_floating_pins_always_coast(build_avr: BuildAvr, even_params: RobotParams) -> None:
+    """A chip in reset drives no pin, so no transistor conducts and nothing brakes."""
     rig = fast(build_avr, with_pwm_low(even_params, "brake"))
     rig.chip.hang_at(0)
     rig.chip.reset()
     expected = closed_form(even_params, even_params.motor.viscous_Nm_s_rad)
-    assert rolled_out(rig) == pytest.approx(expected, rel=0.01)
+    assert measured_stop(rig) == pytest.approx(expected, rel=0.01)
 
 
-def test_what_the_table_does_not_know_is_refused() -> None:
+def test_unknown_pwm_low_is_refused() -> None:
     board = RobotParams.load().board
     with pytest.raises(ValueError, match="coast or brake"):
         replace(board, pwm_low="freewheel")  # type: ignore[arg-type]
 
 
-def test_the_default_is_the_boards_own() -> None:
-    """The T'REX has brake pins; its PWM alone brakes nothing."""
+def test_default_is_the_trex_behaviour() -> None:
+    """The T'REX has brake pins; its PWM alone does not brake."""
     assert RobotParams.load().board.pwm_low == "coast"

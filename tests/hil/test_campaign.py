@@ -1,4 +1,4 @@
-"""Campaigns: what a file may say, what a kill leaves, and drives on workers of which one dies."""
+"""Campaigns: file validation, stored rows after a kill, and drives on workers of which one dies."""
 
 import math
 import os
@@ -21,8 +21,8 @@ from thumper_hil.campaign import runner
 from thumper_hil.campaign.job import run_job
 from thumper_hil.campaign.result_row import MEASURES, CampaignRow
 from thumper_hil.campaign.result_table import RowStore
-from thumper_hil.campaign.spec import digest_of, jobs_of, load_campaign
-from thumper_hil.campaign.summary import markdown, mean_of, summarise, wilson
+from thumper_hil.campaign.spec import campaign_digest, expand_jobs, load_campaign
+from thumper_hil.campaign.summary import markdown, mean_interval, summarise, wilson
 from thumper_hil.world.world_file import WORLDS
 
 FILE = """
@@ -53,8 +53,8 @@ def row(key: str, **changed: object) -> CampaignRow:
     return CampaignRow(**(numbers | fixed | {"reason": 'said "so", and more'} | changed))  # type: ignore[arg-type]
 
 
-def test_every_mission_seed_and_parameter_set_is_a_job(tmp_path: Path) -> None:
-    jobs = jobs_of(load_campaign(written(tmp_path)), tmp_path)
+def test_jobs_cover_all_missions_seeds_and_parameter_sets(tmp_path: Path) -> None:
+    jobs = expand_jobs(load_campaign(written(tmp_path)), tmp_path)
     assert [job.key for job in jobs[:3]] == ["step/default/3", "step/gentle/3", "step/default/4"]
     assert len(jobs) == len({job.key for job in jobs}) == 4
     assert '"v_max_m_s":0.3' in jobs[1].robot_json
@@ -83,18 +83,18 @@ def test_every_mission_seed_and_parameter_set_is_a_job(tmp_path: Path) -> None:
         ("seeds =", "seeds", "TOML"),
     ],
 )
-def test_a_wrong_file_is_one_line_that_names_it(tmp_path: Path, old: str, new: str, says: str) -> None:
+def test_invalid_campaign_file_is_reported_in_one_line(tmp_path: Path, old: str, new: str, says: str) -> None:
     with pytest.raises(ThumperError, match=says) as caught:
-        jobs_of(load_campaign(written(tmp_path, FILE.replace(old, new))), tmp_path)
+        expand_jobs(load_campaign(written(tmp_path, FILE.replace(old, new))), tmp_path)
     assert caught.value.exit_code == 2
     assert "\n" not in str(caught.value)
 
 
-def test_a_removed_key_in_a_robots_file_is_refused_with_the_fix(tmp_path: Path) -> None:
+def test_removed_key_in_a_robot_file_is_refused_with_the_fix(tmp_path: Path) -> None:
     path = written(tmp_path)
     (tmp_path / "gentle.toml").write_text("[recording]\nwaiting_messages = 16\n")
     with pytest.raises(ThumperError) as caught:
-        jobs_of(load_campaign(path), tmp_path)
+        expand_jobs(load_campaign(path), tmp_path)
     assert str(caught.value) == (
         f"{tmp_path / 'gentle.toml'}: recording.waiting_messages was removed: "
         "it is fixed at 4096 messages; delete the key"
@@ -102,7 +102,7 @@ def test_a_removed_key_in_a_robots_file_is_refused_with_the_fix(tmp_path: Path) 
     assert caught.value.exit_code == 2
 
 
-def test_rows_outlast_a_kill_and_are_there_once(tmp_path: Path) -> None:
+def test_rows_survive_a_kill_without_duplicates(tmp_path: Path) -> None:
     with RowStore(tmp_path, "d") as store:
         store.add(row("a"))
         store.add(row("b", goal_error_m=math.nan))
@@ -117,22 +117,22 @@ def test_rows_outlast_a_kill_and_are_there_once(tmp_path: Path) -> None:
             assert [r.key for r in store.rows] == [*keys, "c"]
 
 
-def test_a_folder_of_another_campaign_is_refused(tmp_path: Path) -> None:
+def test_folder_of_another_campaign_is_refused(tmp_path: Path) -> None:
     with RowStore(tmp_path, "d"):
         pass
     with pytest.raises(ThumperError, match="another campaign"):
         RowStore(tmp_path, "e")
 
 
-def test_more_seeds_go_on_in_the_same_folder(tmp_path: Path) -> None:
-    few = jobs_of(load_campaign(written(tmp_path)), tmp_path)
-    more = jobs_of(load_campaign(written(tmp_path, FILE.replace("count = 2", "count = 9"))), tmp_path)
-    other = jobs_of(load_campaign(written(tmp_path, FILE.replace("[0.6,", "[0.5,"))), tmp_path)
-    assert digest_of(few) == digest_of(more) != digest_of(other)
+def test_more_seeds_continue_the_same_campaign(tmp_path: Path) -> None:
+    few = expand_jobs(load_campaign(written(tmp_path)), tmp_path)
+    more = expand_jobs(load_campaign(written(tmp_path, FILE.replace("count = 2", "count = 9"))), tmp_path)
+    other = expand_jobs(load_campaign(written(tmp_path, FILE.replace("[0.6,", "[0.5,"))), tmp_path)
+    assert campaign_digest(few) == campaign_digest(more) != campaign_digest(other)
 
 
-def test_what_the_files_say_tells_campaigns_apart_and_not_where_they_lie(tmp_path: Path) -> None:
-    """World, its base's map, scenario and masks: edited, each makes another campaign; moved, none does."""
+def test_digest_depends_on_file_content_not_on_paths(tmp_path: Path) -> None:
+    """Editing world, base map, scenario or masks makes a new campaign; moving the files does not."""
     text = FILE.replace('world = "lab"', 'world = "room.toml"').replace(
         '{ name = "default" }', '{ name = "default", scenario = "slip.toml" }'
     )
@@ -156,7 +156,7 @@ def test_what_the_files_say_tells_campaigns_apart_and_not_where_they_lie(tmp_pat
             (here / name).write_text(content)
         path = written(here, text)
         (here / "gentle.toml").write_text('[navigation.masks]\nkeepout = "mask.yaml"\n')
-        return digest_of(jobs_of(load_campaign(path), here))
+        return campaign_digest(expand_jobs(load_campaign(path), here))
 
     first = digest("a")
     assert digest("b") == first
@@ -167,9 +167,9 @@ def test_what_the_files_say_tells_campaigns_apart_and_not_where_they_lie(tmp_pat
     assert digest("g", mask="P2 1 1 255 0\n") != first
 
 
-def test_a_second_program_in_the_same_folder_is_refused(tmp_path: Path) -> None:
+def test_second_process_in_the_same_folder_is_refused(tmp_path: Path) -> None:
     with RowStore(tmp_path, "d") as store:
-        with pytest.raises(ThumperError, match="just now") as caught:
+        with pytest.raises(ThumperError, match="is writing to this folder") as caught:
             RowStore(tmp_path, "d")
         store.add(row("a"))
     assert caught.value.exit_code == 2
@@ -177,85 +177,86 @@ def test_a_second_program_in_the_same_folder_is_refused(tmp_path: Path) -> None:
         assert [r.key for r in store.rows] == ["a"]
 
 
-def test_rows_with_other_columns_are_refused(tmp_path: Path) -> None:
+def test_rows_with_wrong_columns_are_refused(tmp_path: Path) -> None:
     (tmp_path / "rows.csv").write_text("key,mission\na,b\n")
     with pytest.raises(ThumperError, match="not the rows"):
         RowStore(tmp_path, "d")
 
 
-def test_what_a_machine_cannot_simulate_is_no_row(tmp_path: Path) -> None:
-    """The world is edited after the jobs were drawn up, then gone: neither says anything of the robot."""
+def test_job_that_cannot_be_simulated_raises(tmp_path: Path) -> None:
+    """A world that is edited or deleted after the jobs were created is an error, not a row."""
     (tmp_path / "room.toml").write_text(f'base = "{WORLDS / "lab"}"\n')
-    jobs = jobs_of(load_campaign(written(tmp_path, FILE.replace('"lab"', '"room.toml"'))), tmp_path)
+    jobs = expand_jobs(load_campaign(written(tmp_path, FILE.replace('"lab"', '"room.toml"'))), tmp_path)
     with (tmp_path / "room.toml").open("a") as stream:
         stream.write("[[circle]]\nx_m = 0.8\ny_m = 0\nradius_m = 0.1\n")
     with pytest.raises(ThumperError, match="same files"):
         run_job(jobs[0])
     (tmp_path / "room.toml").unlink()
-    with pytest.raises(ThumperError, match="no such world"):
+    with pytest.raises(ThumperError, match="unknown world"):
         run_job(jobs[0])
 
 
-def test_intervals_hold_what_they_promise() -> None:
-    """About 95 of 100 samples' intervals hold the truth."""
+def test_intervals_have_their_nominal_coverage() -> None:
+    """About 95 of 100 intervals contain the true value."""
     rng = np.random.default_rng(1)
-    means = [mean_of(list(rng.normal(3.0, 1.0, 30))) for _ in range(100)]
+    means = [mean_interval(list(rng.normal(3.0, 1.0, 30))) for _ in range(100)]
     assert 88 <= sum(m.low < 3.0 < m.high for m in means) <= 100
     shares = [wilson(int(rng.binomial(40, 0.9)), 40) for _ in range(300)]
     assert 270 <= sum(s.low < 0.9 < s.high for s in shares) <= 300
     assert wilson(10, 10).high == pytest.approx(1.0)
     assert wilson(10, 10).low == pytest.approx(0.722, abs=0.001)
-    assert math.isnan(mean_of([math.nan]).value)
-    three = mean_of([2.0, 1.0, 6.0])  # too few for confidence: the range
+    assert math.isnan(mean_interval([math.nan]).value)
+    three = mean_interval([2.0, 1.0, 6.0])  # too few for a confidence interval: the range
     assert (three.value, three.low, three.high) == (3.0, 1.0, 6.0)
 
 
-def test_a_touch_is_no_success() -> None:
+def test_drive_with_a_contact_is_not_a_success() -> None:
     summary = summarise([row("a"), row("b", contacts=2), row("c", reached=False)], ["time_s"])[0]
     assert (summary.runs, summary.contacts) == (3, 2)
     assert summary.success.value == pytest.approx(1 / 3)
 
 
-def test_means_are_of_the_drives_that_reached_their_goal() -> None:
+def test_means_exclude_drives_that_missed_the_goal() -> None:
     rows = [row("a"), row("b", reached=False, time_s=99.0)]
     assert summarise(rows, ["time_s"])[0].means["time_s"].value == pytest.approx(0.25)
     assert "reached their goal" in markdown(summarise(rows, ["time_s"]))
 
 
-def test_no_mean_is_a_dash() -> None:
+def test_missing_mean_is_printed_as_a_dash() -> None:
     assert markdown(summarise([row("b", reached=False)], ["time_s"])).splitlines()[2].endswith("| - |")
 
 
-def test_the_example_on_the_page_can_be_driven(tmp_path: Path) -> None:
-    """Each line of it, with the files that it says are in `campaigns/`."""
+def test_documented_example_runs(tmp_path: Path) -> None:
+    """The documented example runs with the files from `campaigns/` that it names."""
     page = (ROOT / "docs" / "howto" / "campaign.md").read_text()
     (tmp_path / "example.toml").write_text(page.split("```toml\n")[1].split("```")[0])
     for name in ("rbpf.toml", "slip.toml"):
         shutil.copy(ROOT / "campaigns" / name, tmp_path)
-    jobs = jobs_of(load_campaign(tmp_path / "example.toml"), tmp_path)
+    jobs = expand_jobs(load_campaign(tmp_path / "example.toml"), tmp_path)
     result = run_job(jobs[0])
     assert result.reached, result.reason
 
 
-def test_a_tour_with_a_fault_is_driven_to_its_end(tmp_path: Path) -> None:
-    """It starts at x = 1; by way of 1.3 it comes to 0.6 on wheels of which one side slips."""
+def test_tour_with_a_fault_reaches_its_goal(tmp_path: Path) -> None:
+    """The robot drives from x = 1 via 1.3 to 0.6 while the wheels of one side slip."""
     (tmp_path / "slip.toml").write_text("faults = [{ at_s = 0.5, slip.left = 0.7 }]")
     plain = 'parameters = [{ name = "default" }, { name = "gentle", robot = "gentle.toml" }]'
-    slips = 'parameters = [{ name = "whole" }, { name = "slips", scenario = "slip.toml" }]'
+    slips = 'parameters = [{ name = "intact" }, { name = "slips", scenario = "slip.toml" }]'
     text = FILE.replace(plain, slips).replace("via = [[0.8, 0.0]]", "via = [[1.3, 0.0]]")
-    whole, slipping = (run_job(job) for job in jobs_of(load_campaign(written(tmp_path, text)), tmp_path)[:2])
-    assert whole.reached, whole.reason
+    jobs = expand_jobs(load_campaign(written(tmp_path, text)), tmp_path)
+    intact, slipping = (run_job(job) for job in jobs[:2])
+    assert intact.reached, intact.reason
     assert slipping.reached, slipping.reason
-    assert 0.8 < whole.path_length_m < 2.0
-    assert slipping.odometry_error_m > 1.5 * whole.odometry_error_m
+    assert 0.8 < intact.path_length_m < 2.0
+    assert slipping.odometry_error_m > 1.5 * intact.odometry_error_m
     (summary,) = summarise([slipping], ["path_length_m", "pose_max_m"])
     assert list(summary.means) == ["path_length_m", "pose_max_m"]
-    assert "| way [m] | SLAM pose error, worst [m] |" in markdown([summary])
+    assert "| path length [m] | SLAM pose error, worst [m] |" in markdown([summary])
 
 
 @pytest.fixture
 def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """A scheduler and two workers, each a process of its own."""
+    """Start a scheduler and two workers, each in its own process."""
     file = tmp_path / "scheduler.json"
     scheduler = subprocess.Popen(
         [BIN / "dask", "scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", file],
@@ -274,7 +275,7 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
             "--nthreads",
             "1",
             "--no-dashboard",
-            "--no-nanny",  # which would begin another, and outlive nothing but itself when it is killed
+            "--no-nanny",  # a nanny would restart a killed worker
         ]
         workers += [subprocess.Popen(command, stderr=subprocess.DEVNULL, cwd=tmp_path) for _ in range(2)]
         address = file.read_text().split('"address": "')[1].split('"')[0]
@@ -285,33 +286,33 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
             process.wait()
 
 
-def test_what_the_machine_fails_is_driven_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A job that cannot be read there, which is no ThumperError: the others are kept, it alone is left."""
+def test_failed_job_runs_again_next_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A job that fails with an unexpected error is reported; the other rows are kept."""
     monkeypatch.setattr(runner, "_local_cluster", threads)
-    good, *_, bad = jobs_of(load_campaign(written(tmp_path)), tmp_path)
+    good, *_, bad = expand_jobs(load_campaign(written(tmp_path)), tmp_path)
     with RowStore(tmp_path, "d") as store:
-        told: list[CampaignRow] = []
+        reported: list[CampaignRow] = []
         jobs = [replace(bad, robot_json="no JSON"), good]
         with pytest.raises(ThumperError, match=f"1 of 2 .*{bad.key}.*run the same command again") as caught:
-            runner.run_jobs(jobs, store, scheduler=None, workers=1, show=told.append)
+            runner.run_jobs(jobs, store, scheduler=None, workers=1, report=reported.append)
         assert "\n" not in str(caught.value)
-        assert [r.key for r in store.rows] == [r.key for r in told] == [good.key]
-        runner.run_jobs([bad, good], store, scheduler=None, workers=1, show=told.append)
+        assert [r.key for r in store.rows] == [r.key for r in reported] == [good.key]
+        runner.run_jobs([bad, good], store, scheduler=None, workers=1, report=reported.append)
         assert [r.key for r in store.rows] == [good.key, bad.key]
 
 
-def test_ctrl_c_while_the_cluster_begins_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """And does not come to its processes, which would each tell their end."""
+def test_ctrl_c_during_cluster_start_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The worker processes do not receive the signal; each would print a traceback."""
     blocked: list[int] = []
 
-    def begun(**options: object) -> LocalCluster:
+    def interrupted_start(**options: object) -> LocalCluster:
         os.kill(os.getpid(), signal.SIGINT)
         cluster = LocalCluster(**options)  # type: ignore[no-untyped-call]
         status = Path(f"/proc/{cluster.workers[0].pid}/status").read_text()
         blocked.append(int(status.partition("SigBlk:")[2].split()[0], 16))
         return cluster
 
-    monkeypatch.setattr("distributed.LocalCluster", begun)
+    monkeypatch.setattr("distributed.LocalCluster", interrupted_start)
     with pytest.raises(KeyboardInterrupt), runner._local_cluster(1):
         pytest.fail("the interrupt was lost")
     assert blocked[0] & 1 << signal.SIGINT - 1
@@ -319,14 +320,14 @@ def test_ctrl_c_while_the_cluster_begins_ends_it(monkeypatch: pytest.MonkeyPatch
 
 @contextmanager
 def threads(workers: int | None) -> Iterator[LocalCluster]:
-    """A cluster within this process: begun sooner than one of processes."""
+    """Start a cluster inside this process, which is faster than one of processes."""
     with LocalCluster(  # type: ignore[no-untyped-call]
         n_workers=workers, threads_per_worker=1, processes=False, dashboard_address=None
     ) as cluster:
         yield cluster
 
 
-def test_a_worker_that_is_killed_midway_costs_no_row(
+def test_killed_worker_loses_no_row(
     tmp_path: Path, cluster: tuple[str, list[subprocess.Popen[bytes]]]
 ) -> None:
     address, workers = cluster

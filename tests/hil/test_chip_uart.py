@@ -1,4 +1,4 @@
-"""The simulated serial line keeps a real one's time: ten bits a byte, and a receiver can overrun."""
+"""The simulated serial line has real timing: ten bits per byte, and a receiver that can overrun."""
 
 import numpy as np
 
@@ -11,8 +11,8 @@ BYTE_CYCLES = 320  # ten bits at 500 000 baud
 BURST = 64
 
 
-def test_a_byte_takes_ten_bits_to_send(build_avr: BuildAvr) -> None:
-    """simavr alone takes eleven: 352 cycles."""
+def test_sent_byte_takes_ten_bits(build_avr: BuildAvr) -> None:
+    """simavr alone takes eleven bits: 352 cycles."""
     chip = Chip(build_avr("burst"))
     run_for(chip, 0.01)
     data, cycles = chip.receive_stamped(BURST)
@@ -22,8 +22,8 @@ def test_a_byte_takes_ten_bits_to_send(build_avr: BuildAvr) -> None:
     assert spacing.max() <= BYTE_CYCLES + 16  # the polling loop's own time
 
 
-def test_a_byte_takes_ten_bits_to_arrive(build_avr: BuildAvr) -> None:
-    """500 bytes at line rate come back at line rate, none lost."""
+def test_received_byte_takes_ten_bits(build_avr: BuildAvr) -> None:
+    """500 bytes at line rate are echoed at line rate without a loss."""
     chip = Chip(build_avr("burst"))
     run_for(chip, 0.01)
     chip.receive(BURST)
@@ -39,20 +39,20 @@ def test_a_byte_takes_ten_bits_to_arrive(build_avr: BuildAvr) -> None:
     assert abs((cycles[-1] - cycles[0]) - 499 * BYTE_CYCLES) <= 200
 
 
-def test_a_receiver_that_is_not_served_overruns(build_avr: BuildAvr) -> None:
-    """The chip holds two bytes and shifts in a third; simavr alone holds 63."""
+def test_unread_receiver_overruns(build_avr: BuildAvr) -> None:
+    """The chip buffers two bytes and shifts in a third; simavr alone buffers 63."""
     chip = Chip(build_avr("deaf"))
     run_for(chip, 0.001)
     chip.send(bytes(10))
     run_for(chip, 0.005)
     count, overrun = chip.receive(2)
-    assert count == 4  # the one it took, and three
+    assert count == 4  # the byte it read, and three buffered ones
     assert overrun != 0
     assert chip.overruns == 6
 
 
-def test_a_receiver_catches_up_after_a_pause(build_avr: BuildAvr) -> None:
-    """Interrupts off for 2.2 byte times, again and again, at line rate: what waited is fetched at once."""
+def test_receiver_catches_up_after_a_pause(build_avr: BuildAvr) -> None:
+    """With interrupts off for 2.2 byte times, repeatedly at line rate, all waiting bytes are read in time."""
     chip = Chip(build_avr("pause"))
     run_for(chip, 0.001)
     chip.send(bytes(1000))
@@ -61,7 +61,7 @@ def test_a_receiver_catches_up_after_a_pause(build_avr: BuildAvr) -> None:
     assert int.from_bytes(chip.receive(2), "little") == 1000
 
 
-def test_the_wrong_baud_rate_gives_garbage_both_ways(build_avr: BuildAvr) -> None:
+def test_wrong_baud_rate_gives_garbage_both_ways(build_avr: BuildAvr) -> None:
     chip = Chip(build_avr("burst"))
     chip.set_host_baud(115_200)
     run_for(chip, 0.01)
@@ -74,8 +74,8 @@ def test_the_wrong_baud_rate_gives_garbage_both_ways(build_avr: BuildAvr) -> Non
     assert chip.receive(10) == b"x"
 
 
-def test_nothing_arrives_before_it_was_sent(build_avr: BuildAvr) -> None:
-    """A byte is there when its stop bit is over, not when the chip wrote it."""
+def test_byte_arrives_after_its_stop_bit(build_avr: BuildAvr) -> None:
+    """A byte is available after its stop bit, not when the chip writes it."""
     chip = Chip(build_avr("burst"))
     chip.run(BYTE_CYCLES)
     assert chip.available == 0
@@ -83,16 +83,16 @@ def test_nothing_arrives_before_it_was_sent(build_avr: BuildAvr) -> None:
     assert chip.available == 1
 
 
-def test_each_robot_has_its_own_noise(build_avr: BuildAvr) -> None:
-    """Half of the bytes wrong: the same ones for the same seed, others for another."""
+def test_line_noise_depends_on_the_seed(build_avr: BuildAvr) -> None:
+    """With half of the bytes wrong, the same seed gives the same errors and another seed does not."""
 
-    def heard(seed: int) -> bytes:
+    def received(seed: int) -> bytes:
         chip = FaultyChip(build_avr("burst"), seed=seed)
         chip.set_line_noise(loss=0.0, flip=0.5)
         run_for(chip, 0.01)
         return chip.receive(BURST)
 
-    first = heard(1)
+    first = received(1)
     assert len(first) == BURST
-    assert heard(1) == first
-    assert heard(2) != first
+    assert received(1) == first
+    assert received(2) != first

@@ -1,4 +1,4 @@
-"""The watchdog of the simulated chip: its interrupt first, its reset when nobody serves that."""
+"""The watchdog of the simulated chip: first its interrupt, then a reset if the interrupt is not served."""
 
 from tests.firmware.boot import chip_with_program
 from tests.hil.conftest import BuildAvr
@@ -6,8 +6,8 @@ from tests.hil.rig import run_for
 from thumper_hil.chip.chip import CPU_HZ, Chip
 
 
-def test_a_hang_with_interrupts_off_ends_in_a_reset(build_avr: BuildAvr) -> None:
-    """128 ms to the interrupt, which is served; then two times 128 ms: the first one finds interrupts off."""
+def test_watchdog_resets_a_hang_with_interrupts_off(build_avr: BuildAvr) -> None:
+    """128 ms to the interrupt, which is served; then twice 128 ms, because interrupts are off at first."""
     chip = Chip(build_avr("deadlock"))
     run_for(chip, 1.0)
     data, cycles = chip.receive_stamped(10)
@@ -19,10 +19,10 @@ def test_a_hang_with_interrupts_off_ends_in_a_reset(build_avr: BuildAvr) -> None
     assert 1.9 * 0.131 < to_reset_s < 2.1 * 0.131
 
 
-def test_the_stock_boot_loader_never_comes_out_of_a_watchdog_reset(build_avr: BuildAvr) -> None:
-    """The watchdog runs on at 16 ms, and the boot loader neither stops nor feeds it: hence no plain reset."""
+def test_stock_boot_loader_loops_after_a_watchdog_reset(build_avr: BuildAvr) -> None:
+    """The watchdog keeps running at 16 ms, and the boot loader neither stops nor feeds it."""
     chip = chip_with_program(build_avr("dog"))
     run_for(chip, 5.0)
-    assert chip.receive(100)[:2] == b"P."  # it ran once, and was never there again
+    assert chip.receive(100)[:2] == b"P."  # the program runs once and never again
     assert b"W" not in chip.receive(100)
     assert chip.resets > 150

@@ -1,4 +1,4 @@
-"""Faults on demand: each breaks what it says, at its time; and what firmware and board client make of it."""
+"""Each fault has its effect at its time, and firmware and board client detect it."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -21,7 +21,7 @@ Open = Callable[[str], tuple[Board, Bench]]
 
 @pytest.fixture
 def driving() -> Iterator[Open]:
-    """Return a function that opens a robot and has it drive at 5 rad/s for a second."""
+    """Return a function that opens a robot and drives it at 5 rad/s for one second."""
     boards = []
 
     def open_(options: str = "") -> tuple[Board, Bench]:
@@ -38,7 +38,7 @@ def driving() -> Iterator[Open]:
 
 
 def drive(board: Board, bench: Bench, seconds: float) -> Telemetry:
-    """Command the speed at each telemetry message, whatever the board says; returns the last one."""
+    """Command the speed at each telemetry message, whatever the board reports; return the last message."""
     until_s, last = bench.time_s + seconds, None
     while bench.time_s < until_s:
         board.set_wheel_speeds(STRAIGHT)
@@ -49,7 +49,7 @@ def drive(board: Board, bench: Bench, seconds: float) -> Telemetry:
 
 
 def time_to_fault_s(board: Board, bench: Bench, within_s: float) -> tuple[float, Telemetry]:
-    """Drive on until the board reports a fault; returns how long it took [s]."""
+    """Drive on until the board reports a fault; return the time it took [s] and the telemetry."""
     start_s = bench.time_s
     while bench.time_s < start_s + within_s:
         telemetry = drive(board, bench, 0.02)
@@ -59,8 +59,8 @@ def time_to_fault_s(board: Board, bench: Bench, within_s: float) -> tuple[float,
 
 
 @pytest.mark.parametrize("wire", ["cut", "grounded", "stuck"])
-def test_a_broken_encoder_wire_stops_the_count(driving: Open, wire: str) -> None:
-    """One channel alone goes to and fro over one edge: the firmware's count stands, the wheel does not."""
+def test_broken_encoder_wire_stops_the_count(driving: Open, wire: str) -> None:
+    """A single channel toggles over one edge: the count stops while the wheel turns."""
     board, bench = driving("")
     bench.fault("encoder.left.b", wire)
     before = drive(board, bench, 0.04)
@@ -71,7 +71,7 @@ def test_a_broken_encoder_wire_stops_the_count(driving: Open, wire: str) -> None
     assert after.right_count - before.right_count > 50
 
 
-def test_a_mended_wire_counts_again(driving: Open) -> None:
+def test_repaired_wire_counts_again(driving: Open) -> None:
     board, bench = driving("")
     bench.fault("encoder.right.a", "cut")
     drive(board, bench, 0.06)
@@ -81,8 +81,8 @@ def test_a_mended_wire_counts_again(driving: Open) -> None:
     assert after.right_count - before.right_count > 50
 
 
-def test_a_dead_motor_draws_nothing_and_gives_nothing(driving: Open) -> None:
-    """Only the body drags that side along; its current is 0."""
+def test_dead_motor_has_no_current_and_no_torque(driving: Open) -> None:
+    """The body drags this side along; its current is 0."""
     board, bench = driving("")
     bench.fault("motor.left", "dead")
     drive(board, bench, 0.3)
@@ -92,8 +92,8 @@ def test_a_dead_motor_draws_nothing_and_gives_nothing(driving: Open) -> None:
     assert truth.wheel_rad_s[0] < 0.6 * 5.0
 
 
-def test_exchanged_channels_count_backwards(driving: Open) -> None:
-    """The wheel rolls forward, its count goes down, and the firmware says so."""
+def test_swapped_channels_count_backwards(driving: Open) -> None:
+    """The wheel rolls forward, its count decreases, and the firmware reports it."""
     board, bench = driving("")
     bench.fault("encoder.left.channels", "swapped")
     before, turned_rad = drive(board, bench, 0.04), bench.chip.truth().wheel_rad[0]
@@ -105,7 +105,7 @@ def test_exchanged_channels_count_backwards(driving: Open) -> None:
     assert telemetry.fault is Fault.REVERSED_LEFT
 
 
-def test_exchanged_motor_wires_turn_the_wheels_back(driving: Open) -> None:
+def test_swapped_motor_leads_reverse_the_wheels(driving: Open) -> None:
     board, bench = driving("")
     bench.fault("motor.right", "swapped")
     took_s, telemetry = time_to_fault_s(board, bench, 1.0)
@@ -114,8 +114,8 @@ def test_exchanged_motor_wires_turn_the_wheels_back(driving: Open) -> None:
     assert bench.chip.truth().wheel_rad_s[1] < -1.0
 
 
-def test_a_short_is_over_current(driving: Open) -> None:
-    """The bridge delivers the mean voltage over 0.1 ohm beside what the motors take; then it is off."""
+def test_shorted_motor_causes_over_current(driving: Open) -> None:
+    """The bridge drives 0.1 ohm in parallel to the motors at the mean voltage, then it is off."""
     board, bench = driving("")
     bench.fault("motor.left", "shorted")
     bench.advance(bench.time_s + 0.005)
@@ -129,8 +129,8 @@ def test_a_short_is_over_current(driving: Open) -> None:
     assert bench.chip.truth().current_A[0] == 0.0
 
 
-def test_pulses_on_the_encoders_wires(driving: Open) -> None:
-    """A thousand a second are taken back one by one; 50 000 meet each other and real edges: told, and off."""
+def test_glitches_on_encoder_wires(driving: Open) -> None:
+    """1000 pulses per second cancel out; 50 000 overlap with each other and with edges: a fault."""
     board, bench = driving("")
     bench.fault("encoder.right.glitches", 1000.0)
     before, turned = drive(board, bench, 0.04), bench.chip.truth().encoder_count[1]
@@ -145,19 +145,19 @@ def test_pulses_on_the_encoders_wires(driving: Open) -> None:
     assert drive(board, bench, 0.5).lost_edges == lost
 
 
-def test_blocked_wheels_stand_and_draw_the_stall_current(driving: Open) -> None:
+def test_blocked_wheels_draw_the_stall_current(driving: Open) -> None:
     board, bench = driving("")
     bench.fault("wheels.right", "blocked")
     drive(board, bench, 0.15)
-    bench.advance(bench.time_s + 0.03)  # the new duty has taken effect
+    bench.advance(bench.time_s + 0.03)  # until the new duty takes effect
     truth = bench.chip.truth()
     assert truth.wheel_rad_s[1] == 0.0
     duty = bench.chip.data(0xB3) / 255.0  # OCR2A
     assert truth.current_A[1] == pytest.approx(3.0 * duty * truth.battery_V / 1.39, rel=0.15)
 
 
-def test_slipping_wheels_turn_without_moving_the_body(driving: Open) -> None:
-    """At slip 0.5 on both sides the body goes half as far as the wheels roll."""
+def test_slip_reduces_the_distance_of_the_body(driving: Open) -> None:
+    """With slip 0.5 on both sides the body moves half as far as the wheels roll."""
     board, bench = driving("")
     bench.fault("slip.left", 0.5)
     bench.fault("slip.right", 0.5)
@@ -168,36 +168,36 @@ def test_slipping_wheels_turn_without_moving_the_body(driving: Open) -> None:
     assert moved_m == pytest.approx(0.5 * 0.062 * rolled_rad, rel=0.02)
 
 
-def test_a_carried_robot_is_elsewhere_and_its_wheels_know_nothing(driving: Open) -> None:
+def test_carried_robot_moves_without_wheel_counts(driving: Open) -> None:
     board, bench = driving("")
     before = drive(board, bench, 0.02)
     bench.fault("robot.carried", [1.0, 0.5, 90.0])
     after = drive(board, bench, 0.02)
     truth = bench.chip.truth().map_from_base
     assert (truth.x_m, truth.y_m, truth.theta_rad) == pytest.approx((1.0, 0.5, math.pi / 2), abs=0.05)
-    beats = (after.time_us - before.time_us) / 1e5
-    assert after.left_count - before.left_count == pytest.approx(beats * 0.5 * 1200 / math.tau, rel=0.05)
+    tenths_s = (after.time_us - before.time_us) / 1e5
+    assert after.left_count - before.left_count == pytest.approx(tenths_s * 0.5 * 1200 / math.tau, rel=0.05)
 
 
-def test_noise_on_the_line_is_counted_and_survived(driving: Open) -> None:
-    """Three bytes in 1000 with a wrong bit, two lost: a fifth of the frames drop, none is believed."""
+def test_line_noise_is_counted_and_tolerated(driving: Open) -> None:
+    """With 3 of 1000 bytes corrupted and 2 lost, a fifth of the frames drop and none is misread."""
     board, bench = driving("")
     bench.fault("line.noise", 0.003)
     bench.fault("line.loss", 0.002)
-    believed = set()
+    setpoints = set()
     last_errors = 0
     for _ in range(40):
         telemetry = drive(board, bench, 0.1)
-        believed.add((telemetry.left_setpoint, telemetry.right_setpoint))
+        setpoints.add((telemetry.left_setpoint, telemetry.right_setpoint))
         last_errors = telemetry.rx_errors
         assert telemetry.state is State.CLOSED_LOOP or telemetry.fault is Fault.LINK_LOST
-    assert believed <= {(5000, 5000), (0, 0)}
+    assert setpoints <= {(5000, 5000), (0, 0)}
     assert last_errors > 0
     assert board.receive_errors > 0
 
 
-def test_one_command_in_fifty_lost_stops_nothing(driving: Open) -> None:
-    """Two bytes in 1000 wrong, for a minute of beats as the robot's loop makes them."""
+def test_losing_one_command_in_fifty_does_not_stop_the_robot(driving: Open) -> None:
+    """2 of 1000 bytes are corrupted for a minute at the rate of the robot's control cycle."""
     board, bench = driving("world=hall&seed=3")
     spin = WheelSpeeds(left_rad_s=1.0, right_rad_s=-1.0)
     bench.fault("line.noise", 0.002)
@@ -212,8 +212,8 @@ def test_one_command_in_fifty_lost_stops_nothing(driving: Open) -> None:
     bench.fault("line.noise", 0.0)
 
 
-def test_a_dead_line_stops_the_robot(driving: Open) -> None:
-    """Every byte lost: no command comes, and after 300 ms the motors are off."""
+def test_dead_line_stops_the_robot(driving: Open) -> None:
+    """Every byte is lost: no command arrives, and after 300 ms the motors are off."""
     board, bench = driving("")
     bench.fault("line.loss", 1.0)
     board.set_wheel_speeds(STRAIGHT)
@@ -223,8 +223,8 @@ def test_a_dead_line_stops_the_robot(driving: Open) -> None:
     assert board.poll(0.3)[-1].telemetry.fault is Fault.LINK_LOST
 
 
-def test_a_hung_host_finds_the_robot_stopped(driving: Open) -> None:
-    """The host stands still for a second in the middle of a read; the firmware does not wait for it."""
+def test_hanging_host_stops_the_robot(driving: Open) -> None:
+    """The host hangs for a second during a read; the firmware stops without waiting for it."""
     board, bench = driving("")
     bench.fault("host.hang", 1.0)
     before_s = bench.time_s
@@ -235,7 +235,7 @@ def test_a_hung_host_finds_the_robot_stopped(driving: Open) -> None:
     assert bench.chip.truth().wheel_rad_s == (0.0, 0.0)
 
 
-def test_a_reset_while_driving_leaves_the_robot_disarmed(driving: Open) -> None:
+def test_reset_while_driving_disarms_the_robot(driving: Open) -> None:
     board, bench = driving("")
     bench.fault("firmware", "reset")
     for _ in range(5):
@@ -246,19 +246,19 @@ def test_a_reset_while_driving_leaves_the_robot_disarmed(driving: Open) -> None:
 
 
 @pytest.mark.parametrize(("name", "value"), [("battery.charge", 0.02), ("battery.resistance", 1.2)])
-def test_a_battery_that_sags_while_driving(driving: Open, name: str, value: float) -> None:
-    """Empty, or old: the motors' own current over 1.2 ohm pulls it under 6.4 V. The motors go off."""
+def test_sagging_battery_stops_the_robot(driving: Open, name: str, value: float) -> None:
+    """Empty, or old: the motor current over 1.2 ohm pulls it below 6.4 V. The motors go off."""
     board, bench = driving("charge=0.3")
     bench.fault(name, value)
     took_s, telemetry = time_to_fault_s(board, bench, 8.0)
     assert telemetry.fault is Fault.LOW_BATTERY
     assert took_s < 4.0
     drive(board, bench, 1.0)
-    assert np.abs(bench.chip.truth().wheel_rad_s).max() < 0.05  # it beeps with its motors
+    assert np.abs(bench.chip.truth().wheel_rad_s).max() < 0.05  # the board beeps with its motors
 
 
 @pytest.mark.parametrize("device", ["board", "lidar"])
-def test_a_pulled_plug_is_an_error_of_the_port(driving: Open, device: str) -> None:
+def test_unplugged_device_is_a_port_error(driving: Open, device: str) -> None:
     board, bench = driving("")
     bench.fault(device, "unplugged")
     if device == "board":
@@ -268,7 +268,7 @@ def test_a_pulled_plug_is_an_error_of_the_port(driving: Open, device: str) -> No
     assert drive(board, bench, 0.1).state is State.CLOSED_LOOP
 
 
-def test_a_scenario_breaks_things_at_their_times(driving: Open, tmp_path: Path) -> None:
+def test_scenario_applies_faults_at_their_times(driving: Open, tmp_path: Path) -> None:
     scenario = tmp_path / "faults.toml"
     scenario.write_text(
         "faults = [\n"
@@ -282,7 +282,7 @@ def test_a_scenario_breaks_things_at_their_times(driving: Open, tmp_path: Path) 
     assert bench.chip.truth().current_A[0] == 0.0
 
 
-def test_a_wrong_call_names_the_choices(driving: Open) -> None:
+def test_unknown_fault_lists_the_choices(driving: Open) -> None:
     _, bench = driving("")
-    with pytest.raises(ThumperError, match=r"no fault 'engine'.*encoder\.left\.a"):
+    with pytest.raises(ThumperError, match=r"unknown fault 'engine'.*encoder\.left\.a"):
         bench.fault("engine", "off")

@@ -1,4 +1,4 @@
-"""A fault in the middle of a mission: the wheels stand in time, nothing is hit, and the user is told."""
+"""A fault during a mission: the wheels stop in time, nothing is hit, and the cause is reported."""
 
 import math
 import re
@@ -18,11 +18,11 @@ from thumper_hil.bench import Bench, simulation
 from thumper_hil.demo.missions import STRAIGHT
 
 FAULT_S = 2.5  # the robot is at full speed then
-STANDS_RAD_S = 0.3
+STATIONARY_RAD_S = 0.3
 
 
 def drive_with(fault: str, folder: Path) -> tuple[DriveResult, Bench]:
-    """Drive the straight mission with this line of a scenario, and a second on."""
+    """Drive the straight mission with this fault, and one second longer."""
     scenario = folder / "faults.toml"
     scenario.write_text(f"faults = [{{ at_s = {FAULT_S}, {fault} }}]\n")
     options = {
@@ -44,7 +44,7 @@ def drive_with(fault: str, folder: Path) -> tuple[DriveResult, Bench]:
 
 
 @pytest.mark.parametrize(
-    ("fault", "words", "stands_within_s"),
+    ("fault", "words", "stops_within_s"),
     [
         ('encoder.left.b = "cut"', "left wheels do not turn", 1.1),
         ('encoder.left.channels = "swapped"', "left encoder counts backwards; swap its two wires", 1.1),
@@ -64,22 +64,22 @@ def drive_with(fault: str, folder: Path) -> tuple[DriveResult, Bench]:
         ('board = "unplugged"', "port .* fails .*cable loose", 0.7),
     ],
 )
-def test_the_robot_stops_in_time_and_says_why(
-    tmp_path: Path, fault: str, words: str, stands_within_s: float
+def test_robot_stops_in_time_and_reports_the_cause(
+    tmp_path: Path, fault: str, words: str, stops_within_s: float
 ) -> None:
     result, bench = drive_with(fault, tmp_path)
     truth = bench.truth()
     before = truth[(truth[:, 0] > FAULT_S - 0.2) & (truth[:, 0] < FAULT_S), 4:6]
-    assert before.min() > 1.0  # it was under way
+    assert before.min() > 1.0  # it was driving
     assert not result.reached
     assert re.search(words, result.reason), result.reason
-    moving_s = truth[np.abs(truth[:, 4:6]).max(axis=1) > STANDS_RAD_S, 0]
-    assert moving_s[-1] - FAULT_S < stands_within_s
+    moving_s = truth[np.abs(truth[:, 4:6]).max(axis=1) > STATIONARY_RAD_S, 0]
+    assert moving_s[-1] - FAULT_S < stops_within_s
     assert bench.contacts == 0
 
 
-def test_pulses_on_an_encoders_wires_do_not_lead_astray(tmp_path: Path) -> None:
-    """A thousand a second, 1 to 10 us long: the decoder takes each back, and the goal is reached."""
+def test_encoder_glitches_do_not_affect_the_mission(tmp_path: Path) -> None:
+    """1000 pulses per second, 1 to 10 us long: the decoder cancels each, and the robot reaches its goal."""
     result, bench = drive_with("encoder.left.glitches = 1000", tmp_path)
     assert result.reached
     x_m, y_m = bench.truth()[-1, 1:3]
@@ -87,8 +87,8 @@ def test_pulses_on_an_encoders_wires_do_not_lead_astray(tmp_path: Path) -> None:
     assert bench.contacts == 0
 
 
-def test_slipping_wheels_do_not_lose_the_goal(tmp_path: Path) -> None:
-    """A third of the travel lost on both sides, as on gravel: odometry is wrong, the scans put it right."""
+def test_robot_reaches_the_goal_despite_slip(tmp_path: Path) -> None:
+    """A third of the travel is lost on both sides, as on gravel: scan matching corrects the odometry."""
     result, bench = drive_with("slip.left = 0.33, slip.right = 0.33", tmp_path)
     assert result.reached
     x_m, y_m = bench.truth()[-1, 1:3]

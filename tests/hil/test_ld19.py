@@ -1,4 +1,4 @@
-"""The LD19's driver against the simulated LD19, byte for byte, on simulated time."""
+"""Test the LD19 driver against the simulated LD19, byte for byte, on simulated time."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -47,7 +47,7 @@ def scans_of(port: MemoryPort[Ld19], driver: Ld19Driver, seconds: float) -> Iter
 
 
 def truth_m(scan: Scan, pose_at: Callable[[FloatArray], FloatArray], angle_error_rad: float) -> FloatArray:
-    """What a perfect lidar would have seen if the scan's own stamps and angles are right."""
+    """Return the ranges of a perfect lidar at the scan's time stamps and angles."""
     times_s = scan.time_s + np.arange(scan.ranges_m.size) * scan.time_increment_s
     poses = pose_at(times_s.astype(np.float64))
     x_m = poses[:, 0] + MOUNT.x_m * np.cos(poses[:, 2])
@@ -55,14 +55,14 @@ def truth_m(scan: Scan, pose_at: Callable[[FloatArray], FloatArray], angle_error
     return ROOM.cast(x_m, y_m, poses[:, 2] + scan.angles_rad() + angle_error_rad)
 
 
-def test_a_turn_is_clockwise_whole_and_shows_the_room() -> None:
+def test_scan_is_clockwise_complete_and_correct() -> None:
     port, driver = connect()
     scans = list(scans_of(port, driver, 2.0))
     assert 18 <= len(scans) <= 20
     scan = scans[-1]
     assert 445 <= scan.ranges_m.size <= 455
     assert scan.angle_increment_rad < 0.0
-    assert scan.angle_min_rad == pytest.approx(math.pi, abs=0.02), "a turn begins behind"
+    assert scan.angle_min_rad == pytest.approx(math.pi, abs=0.02), "a scan starts at the rear"
     assert scan.angle_increment_rad * scan.ranges_m.size == pytest.approx(-math.tau, rel=0.01)
     assert scan.time_increment_s == pytest.approx(1 / 4500, rel=0.02)
     assert (scan.range_min_m, scan.range_max_m) == (0.02, 12.0)
@@ -72,10 +72,10 @@ def test_a_turn_is_clockwise_whole_and_shows_the_room() -> None:
     assert np.median(np.abs(error_m - np.median(error_m))) / 0.6745 == pytest.approx(0.010, rel=0.2)
 
 
-def test_the_stamps_hold_while_turning() -> None:
-    """At 2 rad/s a stamp 10 ms off would shift the room by 1.1 degrees."""
+def test_time_stamps_are_right_while_turning() -> None:
+    """At 2 rad/s a time stamp error of 10 ms would shift the room by 1.1 degrees."""
     port, driver = connect(turning)
-    for scan in list(scans_of(port, driver, 35.0))[10:]:  # over a wrap of the sensor's clock
+    for scan in list(scans_of(port, driver, 35.0))[10:]:  # includes a wrap of the sensor's clock
         error_m = scan.ranges_m - truth_m(scan, turning, port.lidar._angle_error_rad) - port.lidar._bias_m
         turned_m = (
             scan.ranges_m - truth_m(scan, lambda t: turning(t + 0.01), port.lidar._angle_error_rad)
@@ -84,8 +84,8 @@ def test_the_stamps_hold_while_turning() -> None:
         assert np.median(np.abs(error_m)) < np.median(np.abs(turned_m))
 
 
-def test_taking_the_motion_out_is_right_for_a_clockwise_head() -> None:
-    """The corrected points of a turning robot lie on the walls; uncorrected or corrected backwards do not."""
+def test_deskewing_works_for_a_clockwise_lidar() -> None:
+    """Corrected points of a turning robot are on the walls; uncorrected or reversed ones are not."""
     port, driver = connect(turning)
     scan = list(scans_of(port, driver, 2.0))[-1]
     start = turning(np.array([scan.time_s]))[0]
@@ -105,7 +105,7 @@ def test_taking_the_motion_out_is_right_for_a_clockwise_head() -> None:
     assert backwards_m > none_m
 
 
-def test_lost_and_damaged_bytes_leave_holes_and_bend_nothing() -> None:
+def test_lost_bytes_leave_gaps_but_no_distortion() -> None:
     port, driver = connect()
     list(scans_of(port, driver, 0.5))
     rng = np.random.default_rng(3)
@@ -120,13 +120,13 @@ def test_lost_and_damaged_bytes_leave_holes_and_bend_nothing() -> None:
     assert driver.counters.bad_replies > 10
     for scan in scans:
         error_m = scan.ranges_m - truth_m(scan, standing, port.lidar._angle_error_rad) - port.lidar._bias_m
-        assert 360 <= scan.ranges_m.size <= 455, "what is lost at its ends shortens a turn"
+        assert 360 <= scan.ranges_m.size <= 455, "losses at its ends shorten a scan"
         assert scan.angle_increment_rad == pytest.approx(-math.tau / 450, rel=0.015)
         assert np.nanmedian(np.abs(error_m)) < 0.011
     assert any(np.isnan(scan.ranges_m).any() for scan in scans)
 
 
-def test_after_silence_no_turn_is_pieced_together() -> None:
+def test_no_scan_mixes_data_from_before_and_after_a_gap() -> None:
     port, driver = connect()
     list(scans_of(port, driver, 0.5))
     port.spoil = lambda data: b""
@@ -136,7 +136,7 @@ def test_after_silence_no_turn_is_pieced_together() -> None:
         assert 445 <= scan.ranges_m.size <= 455
 
 
-def test_a_pulled_plug_never_raises_in_motion() -> None:
+def test_unplugged_lidar_never_raises() -> None:
     port, driver = connect()
     port.unplugged = True
     assert list(scans_of(port, driver, 1.0)) == []
@@ -153,15 +153,17 @@ def test_zero_and_weak_echoes() -> None:
     assert np.isnan(list(scans_of(port, driver, 0.5))[-1].ranges_m).all()
 
 
-def test_the_frames_do_not_depend_on_how_often_one_looks() -> None:
+def test_frames_do_not_depend_on_the_step_size() -> None:
     def run(step_s: float, seed: int) -> bytes:
         lidar = Ld19(world=ROOM, pose_at=standing, base_from_laser=MOUNT, seed=seed)
         data = b""
-        for look in range(round(0.4 / step_s)):
-            lidar.advance((look + 1) * step_s)
+        for step in range(round(0.4 / step_s)):
+            lidar.advance((step + 1) * step_s)
             data += lidar.read()
         return data
 
     assert run(0.001, 3) == run(0.05, 3)
     assert run(0.05, 3) != run(0.05, 4)
-    assert len(Ld19Decoder().feed(run(0.05, 3))) == 149, "375 frames a second, the last still on the wire"
+    assert len(Ld19Decoder().feed(run(0.05, 3))) == 149, (
+        "375 frames per second, the last is still on the wire"
+    )

@@ -1,4 +1,4 @@
-"""The demo's straight run with the other lidar: 360 degrees, clockwise, chosen by the configuration."""
+"""Drive the demo's straight mission with the LD19 (360 degrees, clockwise), set in the configuration."""
 
 import math
 
@@ -13,7 +13,7 @@ from thumper_hil.demo.missions import STRAIGHT, TOLERANCE_M
 from thumper_hil.world.world import World
 
 
-def test_the_straight_run_succeeds_with_an_ld19() -> None:
+def test_straight_mission_succeeds_with_an_ld19() -> None:
     start = STRAIGHT.start
     url = (
         f"sim://ld19-run/board?world={STRAIGHT.world}&lidar=ld19&x_m={start.x_m}&y_m={start.y_m}"

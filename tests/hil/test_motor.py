@@ -1,4 +1,4 @@
-"""The simulated drive train against closed forms: time constant, gain, dead band, battery, brake, turning."""
+"""Test the simulated drive train against closed forms: dynamics, dead band, battery, brake, yaw."""
 
 import math
 from dataclasses import replace
@@ -23,7 +23,7 @@ def settled_rad_s(rig: Rig, pwm: int) -> float:
 
 
 def time_constant_s(params: RobotParams, load_kg_m2: float) -> float:
-    """Closed form of first order: R J / (R B + Kt Kf) for one motor and its share of the load."""
+    """Return the first-order time constant R J / (R B + Kt Kf) of one motor with its share of the load."""
     motor = params.motor
     electric = motor.torque_Nm_A * motor.back_emf_V_s_rad / motor.resistance_Ohm
     return (motor.inertia_kg_m2 + load_kg_m2) / (motor.viscous_Nm_s_rad + electric)
@@ -31,7 +31,7 @@ def time_constant_s(params: RobotParams, load_kg_m2: float) -> float:
 
 @pytest.mark.parametrize("on_ground", [True, False])
 def test_step_response_is_first_order(build_avr: BuildAvr, even_params: RobotParams, on_ground: bool) -> None:
-    """Between two speeds, so that friction is constant, from a stiff supply: 1 % from the closed form."""
+    """A step between two speeds (constant friction, stiff supply) is within 1 % of the closed form."""
     body = even_params.body
     if not on_ground:
         body = replace(body, mass_kg=0.0, yaw_inertia_kg_m2=0.0, scrub_Nm=0.0)
@@ -54,7 +54,7 @@ def test_step_response_is_first_order(build_avr: BuildAvr, even_params: RobotPar
     assert expected_s == pytest.approx(0.075 if on_ground else 0.027, rel=0.02)
 
 
-def test_gain_and_friction_are_the_reference_plants(build_avr: BuildAvr, even_params: RobotParams) -> None:
+def test_gain_and_friction_match_the_reference_plant(build_avr: BuildAvr, even_params: RobotParams) -> None:
     """0.0584 rad/s per PWM and a 19 PWM offset, both at 7.4 V at the terminals."""
     rig = Rig(build_avr("bridge"), even_params)
     at_7_4_V = []
@@ -69,7 +69,7 @@ def test_gain_and_friction_are_the_reference_plants(build_avr: BuildAvr, even_pa
 
 
 def test_dead_band(build_avr: BuildAvr, even_params: RobotParams) -> None:
-    """The wheels stand exactly still up to break-away and turn beyond it; both ways."""
+    """The wheels do not turn at all below break-away and turn above it, in both directions."""
     for sign in (1, -1):
         rig = Rig(build_avr("bridge"), even_params)
         rig.set(sign * 19, sign * 19)
@@ -80,8 +80,8 @@ def test_dead_band(build_avr: BuildAvr, even_params: RobotParams) -> None:
         assert sign * rig.chip.truth().wheel_rad[1] > 0.01
 
 
-def test_battery_sags_and_empties(build_avr: BuildAvr, even_params: RobotParams) -> None:
-    """Terminal voltage is the open circuit's less R I; charge goes by the current's integral."""
+def test_battery_voltage_sags_and_charge_decreases(build_avr: BuildAvr, even_params: RobotParams) -> None:
+    """Terminal voltage is the open-circuit voltage minus R I; charge follows the integral of the current."""
     battery = replace(even_params.battery, capacity_Ah=0.01)
     rig = Rig(build_avr("bridge"), replace(even_params, battery=battery))
     rest = rig.chip.truth()
@@ -98,10 +98,10 @@ def test_battery_sags_and_empties(build_avr: BuildAvr, even_params: RobotParams)
 
 
 @pytest.mark.parametrize("pwm", [50, 100, 200])
-def test_a_short_takes_from_the_battery_what_its_heat_needs(
+def test_short_circuit_power_comes_from_the_battery(
     build_avr: BuildAvr, even_params: RobotParams, pwm: int
 ) -> None:
-    """V^2 / R for the duty's share of the time: a short has no inductance that would carry a current on."""
+    """The power is V^2 / R times the duty: a short circuit has no inductance that sustains the current."""
     rig = Rig(
         build_avr("bridge"), replace(even_params, battery=replace(even_params.battery, idle_current_A=0.0))
     )
@@ -115,7 +115,7 @@ def test_a_short_takes_from_the_battery_what_its_heat_needs(
 
 
 def test_brake_pin(build_avr: BuildAvr, even_params: RobotParams) -> None:
-    """Full brake stops like a shorted motor; brake with no PWM lets the wheels coast on friction alone."""
+    """Full brake stops like a shorted motor; brake at PWM 0 lets the wheels coast on friction alone."""
     speeds = {}
     for strength in (0, 255):
         rig = Rig(build_avr("bridge"), even_params)
@@ -128,7 +128,7 @@ def test_brake_pin(build_avr: BuildAvr, even_params: RobotParams) -> None:
 
 
 def test_straight_and_turning_motion(build_avr: BuildAvr, even_params: RobotParams) -> None:
-    """Forward moves along x by r w; a turn is r (wr - wl) / effective track, right forward is ccw."""
+    """Forward motion is r w along x; rotation is r (wr - wl) / effective track, positive to the left."""
     rig = Rig(build_avr("bridge"), even_params)
     rig.set(100, 100)
     rig.run_for(1.0)
@@ -146,7 +146,7 @@ def test_straight_and_turning_motion(build_avr: BuildAvr, even_params: RobotPara
 
 
 def test_slip_grows_with_the_yaw_rate(build_avr: BuildAvr, even_params: RobotParams) -> None:
-    """At a steady turn the effective track is track (1 + growth yaw), yaw as without growth: closed form."""
+    """In a steady turn the effective track is track (1 + growth yaw), with the yaw rate without growth."""
     params = replace(even_params, body=replace(even_params.body, track_growth_s=0.1))
     for pwm in (70, 110):
         rig = Rig(build_avr("bridge"), params)
@@ -161,8 +161,8 @@ def test_slip_grows_with_the_yaw_rate(build_avr: BuildAvr, even_params: RobotPar
         assert turned_rad == pytest.approx(slow_rad / (1.0 + 0.1 * slow_rad / 0.2), rel=2e-3)
 
 
-def test_two_robots_differ_as_said(build_avr: BuildAvr, even_params: RobotParams) -> None:
-    """Over 12 seeds: turns for the same travel spread by the track's 2 %, the motors' currents too."""
+def test_robots_differ_by_their_spread_parameters(build_avr: BuildAvr, even_params: RobotParams) -> None:
+    """Over 12 seeds, the tracks vary by the configured 2 % and the motor currents vary, too."""
     motor = replace(even_params.motor, unit_spread_ratio=0.03)
     params = replace(even_params, motor=motor, body=replace(even_params.body, track_spread_ratio=0.02))
     tracks_m, currents_A = [], []
@@ -179,7 +179,7 @@ def test_two_robots_differ_as_said(build_avr: BuildAvr, even_params: RobotParams
 
 
 def test_energy_balances(build_avr: BuildAvr, even_params: RobotParams) -> None:
-    """Accelerating straight on: what the motors turn into torque is friction, drag and kinetic energy."""
+    """In straight acceleration the motors' mechanical energy equals friction, drag and kinetic energy."""
     rig = Rig(build_avr("bridge"), even_params)
     motor, body = even_params.motor, even_params.body
     rig.set(160, 160)
@@ -200,8 +200,8 @@ def test_energy_balances(build_avr: BuildAvr, even_params: RobotParams) -> None:
     assert supplied_J == pytest.approx(kinetic_J, rel=0.03)
 
 
-def test_current_is_what_the_motors_need(build_avr: BuildAvr, even_params: RobotParams) -> None:
-    """Blocked by an obstacle a side draws n V duty / R; the hull does not move."""
+def test_blocked_motors_draw_the_stall_current(build_avr: BuildAvr, even_params: RobotParams) -> None:
+    """Blocked by an obstacle, each side draws n V duty / R and the body does not move."""
     rig = Rig(build_avr("bridge"), even_params)
     rig.chip.hold(1.0, 0.0)
     rig.set(40, 40)
@@ -210,12 +210,12 @@ def test_current_is_what_the_motors_need(build_avr: BuildAvr, even_params: Robot
     expected_A = 3.0 * truth.battery_V * 40 / 255 / even_params.motor.resistance_Ohm
     assert truth.current_A[0] == pytest.approx(expected_A, rel=0.01)
     assert truth.wheel_rad_s == (0.0, 0.0)
-    rig.set(200, 200)  # strong enough to spin the wheels where they stand
+    rig.set(200, 200)  # strong enough to spin the wheels on the spot
     rig.run_for(0.5)
     truth = rig.chip.truth()
     assert truth.wheel_rad_s[0] > 3.0
     assert truth.map_from_base.x_m == 0.0
-    rig.set(-60, -60)  # away from the obstacle it is free
+    rig.set(-60, -60)  # motion away from the obstacle is free
     rig.run_for(1.0)
     assert rig.chip.truth().map_from_base.x_m < -0.05
 
@@ -228,14 +228,14 @@ def test_current_is_what_the_motors_need(build_avr: BuildAvr, even_params: Robot
 def test_every_encoder_edge_is_counted(
     build_avr: BuildAvr, commands: list[tuple[int, int]], seed: int
 ) -> None:
-    """Whatever the motors do, the firmware counts the true travel while it writes to the encoders' ports."""
+    """For any commands the firmware counts the true travel while it writes to the encoder ports."""
     rig = Rig(build_avr("bridge"), RobotParams.load(), seed)
     for left, right in commands:
         rig.set(left, right)
         rig.run_for(0.15)
     rig.set(255, 255, brake=True)
     rig.run_for(1.0)
-    counts = rig.set(255, 255, brake=True)  # at rest, and kept so
+    counts = rig.set(255, 255, brake=True)  # keeps the stationary wheels braked
     truth = rig.chip.truth()
     assert counts.lost == 0
     assert [counts.left, counts.right] == [count % 2**16 for count in truth.encoder_count]
@@ -243,8 +243,8 @@ def test_every_encoder_edge_is_counted(
         assert count == pytest.approx(travel_rad * 1200 / math.tau, abs=1.01)
 
 
-def test_pwm_takes_effect_at_the_timers_top(build_avr: BuildAvr, even_params: RobotParams) -> None:
-    """Phase-correct PWM is double-buffered: a new duty waits for the period's middle, 8.2 ms at most."""
+def test_pwm_takes_effect_at_timer_top(build_avr: BuildAvr, even_params: RobotParams) -> None:
+    """Phase-correct PWM is double-buffered: a new duty takes effect mid-period, after 8.2 ms at most."""
     delays_s = []
     for wait_s in (0.001, 0.003, 0.005, 0.007):
         rig = Rig(build_avr("bridge"), even_params)

@@ -1,4 +1,4 @@
-"""`sim://` ports: pyserial's manners, one world on one clock, determinism, contacts, and refusals."""
+"""`sim://` ports: pyserial's behaviour, one world on one clock, determinism, contacts, errors."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -13,7 +13,7 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.common.serial_port import open_port
 from thumper_hil.bench import Bench, simulation
-from thumper_hil.bench.collision import HULL_M
+from thumper_hil.bench.collision import FOOTPRINT_M
 from thumper_hil.bench.options import BenchOptions
 from thumper_hil.bench.protocol_sim import Serial
 
@@ -37,7 +37,7 @@ def open_sim() -> Iterator[OpenPort]:
 
 
 def push(bench: Bench, left: int, right: int, seconds: float) -> None:
-    """Drive open loop."""
+    """Drive with open-loop PWM."""
     for _ in range(round(seconds / 0.1)):
         bench.chip.send(encode_frame(SetMotorPwm.ID, 1, SetMotorPwm(left=left, right=right).pack()))
         bench.advance(bench.time_s + 0.1)
@@ -51,11 +51,11 @@ def armed(options: BenchOptions) -> Bench:
     return bench
 
 
-def test_a_read_takes_simulated_time_and_a_write_none(open_sim: OpenPort) -> None:
+def test_read_takes_simulated_time_and_write_none(open_sim: OpenPort) -> None:
     port = open_sim("board")
     port.timeout = 0.25
     bench = simulation("port-test")
-    assert port.read(10_000) != b""  # telemetry came, but not so much
+    assert port.read(10_000) != b""  # some telemetry, but not 10 000 bytes
     assert bench.time_s == pytest.approx(0.25, abs=1e-5)
     before_s = bench.time_s
     assert port.write(encode_frame(Identify.ID, 1, b"")) == 6
@@ -70,7 +70,7 @@ def test_a_read_takes_simulated_time_and_a_write_none(open_sim: OpenPort) -> Non
     assert port.clock_s() == bench.time_s
 
 
-def test_input_can_be_thrown_away(open_sim: OpenPort) -> None:
+def test_reset_input_buffer_discards_bytes(open_sim: OpenPort) -> None:
     port = open_sim("board")
     simulation("port-test").advance(0.5)
     assert port.in_waiting > 100
@@ -85,10 +85,10 @@ def test_both_ports_share_one_clock(open_sim: OpenPort) -> None:
     reply = lidar.read(20)
     assert reply.startswith(b"VV\n00P\nVEND:Hokuyo")
     assert board.clock_s() == lidar.clock_s() > 0.0
-    assert board.clock_s() < 0.1  # it waited no longer than it had to
+    assert board.clock_s() < 0.1  # the read did not wait longer than necessary
 
 
-def test_a_closed_port_says_so(open_sim: OpenPort) -> None:
+def test_closed_port_raises(open_sim: OpenPort) -> None:
     port = open_sim("board")
     port.close()
     for use in (lambda: port.read(1), lambda: port.write(b"x"), lambda: port.in_waiting):
@@ -100,17 +100,17 @@ def test_a_closed_port_says_so(open_sim: OpenPort) -> None:
 @pytest.mark.parametrize(
     ("rest", "words"),
     [
-        ("engine", "no simulated device"),
+        ("engine", "not a simulated device"),
         ("board?world=atlantis", "atlantis"),
-        ("board?colour=red", "no option 'colour'"),
+        ("board?colour=red", "unknown simulator option 'colour'"),
         ("board?seed=one", "whole number"),
         ("board?x_m=nan", "number"),
         ("board?charge=2", "0...1"),
         ("board?seed=1&seed=2", "twice"),
-        ("board?x_m=2.96", "obstacle"),  # the hull would reach through the wall
+        ("board?x_m=2.96", "obstacle"),  # the footprint would reach through the wall
     ],
 )
-def test_refusals_are_one_clear_line(open_sim: OpenPort, rest: str, words: str) -> None:
+def test_invalid_url_is_reported_in_one_line(open_sim: OpenPort, rest: str, words: str) -> None:
     with pytest.raises(ThumperError, match=words) as caught:
         open_sim(rest)
     assert "\n" not in str(caught.value)
@@ -118,9 +118,9 @@ def test_refusals_are_one_clear_line(open_sim: OpenPort, rest: str, words: str) 
     assert caught.value.exit_code == 2
 
 
-def test_one_device_opens_once_and_options_come_first(open_sim: OpenPort) -> None:
+def test_device_opens_once_and_options_cannot_change(open_sim: OpenPort) -> None:
     open_sim("board?seed=5")
-    with pytest.raises(ThumperError, match="open already") as caught:
+    with pytest.raises(ThumperError, match="already open") as caught:
         open_sim("board?seed=5")
     assert caught.value.exit_code == 3
     with pytest.raises(ThumperError, match="other options"):
@@ -128,7 +128,7 @@ def test_one_device_opens_once_and_options_come_first(open_sim: OpenPort) -> Non
     open_sim("lidar?seed=5")
 
 
-def test_a_robot_whose_ports_are_closed_is_replaced(open_sim: OpenPort) -> None:
+def test_closing_all_ports_ends_the_simulation(open_sim: OpenPort) -> None:
     open_sim("board").close()
     old = simulation("port-test")
     open_sim("board?seed=9")
@@ -136,7 +136,7 @@ def test_a_robot_whose_ports_are_closed_is_replaced(open_sim: OpenPort) -> None:
 
 
 def run_bytes(seed: int) -> tuple[bytes, bytes, bytes]:
-    """Everything that a short drive yields: both ports' bytes and the truth."""
+    """Return the output of a short drive: the bytes of both ports and the ground truth."""
     bench = armed(BenchOptions(seed=seed))
     bench.lidar_write(b"BM\nMD0044072501000\n")
     board, lidar = bytearray(), bytearray()
@@ -155,7 +155,7 @@ def test_same_seed_same_bytes() -> None:
     assert all(a != b for a, b in zip(first, other, strict=True))
 
 
-def test_ground_truth_is_at_100_Hz_and_adds_up() -> None:
+def test_ground_truth_is_consistent_at_100_Hz() -> None:
     bench = armed(BenchOptions(x_m=-1.0))
     push(bench, 120, 120, 1.0)
     truth = bench.truth()
@@ -166,8 +166,8 @@ def test_ground_truth_is_at_100_Hz_and_adds_up() -> None:
     assert truth[-1, 1] > -1.0 + 0.2  # along x
 
 
-def test_a_wall_holds_the_robot_and_counts_once() -> None:
-    """However long it pushes, a wall is one contact; the hull stays out; it can back off and come again."""
+def test_wall_blocks_the_robot_and_counts_one_contact() -> None:
+    """A long push is one contact, the footprint stays out of the wall, and backing off allows another."""
     bench = armed(BenchOptions(x_m=2.0, y_m=0.0))
     push(bench, 150, 150, 3.0)
     assert bench.contacts == 1
@@ -175,7 +175,7 @@ def test_a_wall_holds_the_robot_and_counts_once() -> None:
     push(bench, 150, 150, 1.0)
     assert np.hypot(*(bench.truth()[-1, 1:3] - held[1:3])) < 0.01
     for _, x_m, y_m, theta_rad, _, _ in bench.truth()[::10]:
-        assert not bench.world.touches(Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad), HULL_M)
+        assert not bench.world.touches(Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad), FOOTPRINT_M)
     push(bench, -120, -120, 1.0)
     assert bench.truth()[-1, 1] < held[1] - 0.1
     assert bench.contacts == 1
@@ -184,7 +184,7 @@ def test_a_wall_holds_the_robot_and_counts_once() -> None:
 
 
 def test_yaw_follows_the_effective_track() -> None:
-    """On the spot: by the wheels' travel over 0.3675 m, growing by 4 % a rad/s, give or take 3 %."""
+    """Rotation equals the wheel travel over 0.3675 m, growing by 4 % per rad/s, with an error of 3 %."""
     bench = armed(BenchOptions())
     push(bench, -110, 110, 1.5)
     truth = bench.chip.truth()

@@ -1,4 +1,4 @@
-"""Maps as worlds, things that come and go, and people who walk."""
+"""Test maps as worlds, timed obstacles and walking people."""
 
 import math
 import os
@@ -16,14 +16,14 @@ from thumper.common.geometry import Pose2
 from thumper.maps.map_server_io import save_map
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from thumper_hil.bench.bench import Bench
-from thumper_hil.bench.collision import HULL_M
+from thumper_hil.bench.collision import FOOTPRINT_M
 from thumper_hil.bench.options import BenchOptions
 from thumper_hil.world.occupancy import SolidGrid
 from thumper_hil.world.scene import Scene
 from thumper_hil.world.world import World
 
 DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
-FAR_HULL_M = HULL_M + 50.0
+FAR_HULL_M = FOOTPRINT_M + 50.0
 NO_SEGMENTS, NO_CIRCLES = np.zeros((0, 4)), np.zeros((0, 3))
 
 
@@ -33,7 +33,7 @@ def grid_world(solid: np.ndarray, resolution_m: float = 0.1) -> World:
 
 
 def squares(solid: np.ndarray, resolution_m: float = 0.1) -> World:
-    """The same cells as boxes: another algorithm for the same answer."""
+    """Return the same cells as boxes, which a different algorithm handles."""
     sides = []
     for row, column in np.argwhere(solid):
         x, y = -1.0 + column * resolution_m, -2.0 + row * resolution_m
@@ -46,7 +46,7 @@ def squares(solid: np.ndarray, resolution_m: float = 0.1) -> World:
 
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
-def test_rays_and_clearance_on_a_grid_are_those_of_its_squares(seed: int) -> None:
+def test_grid_rays_and_clearance_match_equivalent_boxes(seed: int) -> None:
     rng = np.random.default_rng(seed)
     solid = rng.random((24, 30)) < 0.08
     origin = rng.uniform((-2.0, -3.0), (3.0, 1.5))
@@ -57,8 +57,8 @@ def test_rays_and_clearance_on_a_grid_are_those_of_its_squares(seed: int) -> Non
     on_grid = grid_world(solid).cast(origin[0], origin[1], angles)
     assert on_grid == pytest.approx(squares(solid).cast(origin[0], origin[1], angles), abs=1e-6)
     pose = Pose2(x_m=origin[0], y_m=origin[1], theta_rad=angles[0])
-    expected = min(squares(solid).clearance_m(pose, HULL_M), 0.5)
-    assert grid_world(solid).clearance_m(pose, HULL_M) == pytest.approx(expected, abs=1e-9)
+    expected = min(squares(solid).clearance_m(pose, FOOTPRINT_M), 0.5)
+    assert grid_world(solid).clearance_m(pose, FOOTPRINT_M) == pytest.approx(expected, abs=1e-9)
 
 
 def test_rays_along_the_axes_and_from_inside_a_cell() -> None:
@@ -72,7 +72,7 @@ def test_rays_along_the_axes_and_from_inside_a_cell() -> None:
     assert world.cast(-3.0, -1.05, np.array([0.0])) == pytest.approx([3.5])
 
 
-def test_a_map_file_is_a_world_and_becomes_the_same_grid_again(tmp_path: Path) -> None:
+def test_map_file_round_trips_through_a_world(tmp_path: Path) -> None:
     cells = np.full((30, 40), FREE, np.int8)
     cells[5:8, 10:20] = OCCUPIED
     cells[20, 3] = OCCUPIED
@@ -92,8 +92,8 @@ def test_a_map_file_is_a_world_and_becomes_the_same_grid_again(tmp_path: Path) -
     assert World.load(tmp_path / "with_box.toml").cast(0.0, 0.5, 0.0) == pytest.approx([0.4])
 
 
-@pytest.mark.skipif(not DATA.exists(), reason="the recorded data are not here; set THUMPER_DATA")
-def test_the_published_maps_load() -> None:
+@pytest.mark.skipif(not DATA.exists(), reason="no recorded data; set THUMPER_DATA")
+def test_published_maps_load() -> None:
     maps = [path for path in sorted(DATA.glob("nav/**/*.yaml")) if "mode: scale" not in path.read_text()]
     assert len(maps) > 10
     for path in maps:
@@ -123,7 +123,7 @@ from_s = 0.5
 """
 
 
-def test_things_appear_and_go(tmp_path: Path) -> None:
+def test_timed_obstacles_appear_and_disappear(tmp_path: Path) -> None:
     (tmp_path / "w.toml").write_text(TIMED)
     scene = Scene(World.load(tmp_path / "w.toml"))
     ahead = []
@@ -133,8 +133,8 @@ def test_things_appear_and_go(tmp_path: Path) -> None:
     assert ahead == pytest.approx([4.0, 1.9, 4.0])
 
 
-def test_a_person_walks_to_and_fro(tmp_path: Path) -> None:
-    """Half a metre a second from 0.5 s on; after 8 s at the far end, after 16 s back."""
+def test_person_walks_back_and_forth(tmp_path: Path) -> None:
+    """At 0.5 m/s from 0.5 s on, the person is at the far end after 8 s and back after 16 s."""
     (tmp_path / "w.toml").write_text(TIMED + PERSON)
     scene = Scene(World.load(tmp_path / "w.toml"))
     places = {}
@@ -147,7 +147,7 @@ def test_a_person_walks_to_and_fro(tmp_path: Path) -> None:
     assert places[1649] == pytest.approx([1.0, -2.0, 0.2], abs=0.02)
 
 
-def test_a_person_stops_at_the_robot_and_that_is_no_contact_of_the_robots(tmp_path: Path) -> None:
+def test_person_stops_at_the_robot_without_a_robot_contact(tmp_path: Path) -> None:
     (tmp_path / "w.toml").write_text(TIMED + PERSON)
     bench = Bench(BenchOptions(world=str(tmp_path / "w.toml"), x_m=1.0))
     bench.advance(8.0)
@@ -155,7 +155,7 @@ def test_a_person_stops_at_the_robot_and_that_is_no_contact_of_the_robots(tmp_pa
     assert bench.world.circles_m[-1, 1] == pytest.approx(-0.2 - 0.1225, abs=0.02)
 
 
-def test_a_robot_that_drives_into_a_person_is_held_and_counted(tmp_path: Path) -> None:
+def test_robot_contact_with_a_person_is_counted(tmp_path: Path) -> None:
     (tmp_path / "w.toml").write_text(TIMED + PERSON.replace("from_s = 0.5", "from_s = 99.0"))
     bench = Bench(BenchOptions(world=str(tmp_path / "w.toml"), x_m=0.2, y_m=-2.0))
     bench.advance(0.1)
@@ -168,8 +168,8 @@ def test_a_robot_that_drives_into_a_person_is_held_and_counted(tmp_path: Path) -
     assert bench.truth()[-1, 1] == pytest.approx(0.8 - 0.21, abs=0.03)
 
 
-def test_the_lidar_sees_who_moves(tmp_path: Path) -> None:
-    """Straight ahead: the person crosses the beam at 1 m after 4.5 s, give or take the radius."""
+def test_lidar_sees_moving_people(tmp_path: Path) -> None:
+    """The person crosses the forward beam at 1 m after 4.5 s, within the radius."""
     (tmp_path / "w.toml").write_text(TIMED + PERSON)
     bench = Bench(BenchOptions(world=str(tmp_path / "w.toml"), x_m=-1.0))
     seen = {}
@@ -183,13 +183,13 @@ def test_the_lidar_sees_who_moves(tmp_path: Path) -> None:
     ("text", "words"),
     [
         ("[[person]]\nwaypoints_m = [[0, 0]]\n", "two or more points"),
-        ("[[person]]\nwaypoints_m = [[0, 0], [0, 0]]\n", "the same"),
+        ("[[person]]\nwaypoints_m = [[0, 0], [0, 0]]\n", "are equal"),
         ("[[person]]\nwaypoints_m = [[0, 0], [1, 0]]\nspeed_m_s = 0\n", "above 0"),
         ("[[circle]]\nx_m=0\ny_m=0\nradius_m=1\nfrom_s=2\nuntil_s=1\n", "after from_s"),
         ('map = "nowhere.yaml"\n', "nowhere.yaml"),
     ],
 )
-def test_wrong_lines_are_named(tmp_path: Path, text: str, words: str) -> None:
+def test_invalid_world_entries_are_reported(tmp_path: Path, text: str, words: str) -> None:
     path = tmp_path / "w.toml"
     path.write_text(text)
     with pytest.raises(ThumperError, match=words):

@@ -10,7 +10,7 @@ from thumper_hil.bench import soak as module
 from thumper_hil.bench.soak import soak
 
 
-def test_a_robot_outlives_its_faults() -> None:
+def test_robot_recovers_from_all_faults() -> None:
     report = soak(120.0, seed=2)
     assert report.complaints == []
     assert report.drives >= 6
@@ -19,7 +19,7 @@ def test_a_robot_outlives_its_faults() -> None:
     assert report.contacts == 0
 
 
-def test_a_drive_that_ought_to_go_on_and_does_not_is_a_complaint(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unexpected_stop_is_reported_as_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
     """A dead motor, taken for a fault that the robot drives on through; drives without one still arrive."""
     monkeypatch.setattr(module, "FAULTS", (("motor.left", "dead", "ok"),))
     monkeypatch.setattr(module, "DRIVES_ON", {"motor.left"})
@@ -29,7 +29,7 @@ def test_a_drive_that_ought_to_go_on_and_does_not_is_a_complaint(monkeypatch: py
     assert all("motor.left, is failed: the board stopped the motors" in one for one in report.complaints)
 
 
-def test_a_computer_that_stalls_is_no_complaint(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stalled_computer_is_not_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
     """The robot does nothing late that was asked while it hung, and says to ask again; so the soak does."""
     drive = module._one_drive
 

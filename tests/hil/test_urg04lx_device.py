@@ -1,4 +1,4 @@
-"""The simulated URG-04LX as a SCIP 2.0 device: what it answers, when, and with what error codes."""
+"""Test the simulated URG-04LX as a SCIP 2.0 device: replies, their timing and error codes."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def standing(times_s: FloatArray) -> FloatArray:
 
 
 class Talk:
-    """A device and the time of day."""
+    """A device and its current time."""
 
     def __init__(self, *, seed: int = 1, world: World = ROOM) -> None:
         self.device = Urg04Lx(world=world, pose_at=standing, base_from_laser=Pose2(), seed=seed)
@@ -78,7 +78,7 @@ class Talk:
         (b"DB99", "01"),
     ],
 )
-def test_refusals_echo_the_request_and_give_its_status(line: bytes, status: str) -> None:
+def test_refused_request_is_echoed_with_its_status(line: bytes, status: str) -> None:
     reply = parse_reply(Talk().ask(line).removesuffix(b"\n\n"))
     assert (reply.echo.encode(), reply.status, reply.lines) == (line, status, ())
 
@@ -90,7 +90,7 @@ def test_laser_and_clock_modes() -> None:
     assert [talk.status(line) for line in lines] == ["00", "02", "0A", "0A", "0A", "00", "00"]
 
 
-def test_the_laser_goes_out_after_the_last_scan_that_was_ordered() -> None:
+def test_laser_goes_off_after_the_last_requested_scan() -> None:
     talk = Talk()
     talk.ask(b"MD0044072501002", 0.5)
     assert talk.status(b"GD0044072501") == "10"
@@ -110,7 +110,7 @@ def test_the_clock_wraps_at_24_bits() -> None:
     assert set(np.diff(stamps_ms) % 2**24) <= {99, 100, 101}
 
 
-def test_tables_have_right_sums_and_the_real_geometry() -> None:
+def test_tables_have_valid_checksums_and_the_real_geometry() -> None:
     talk = Talk()
     for line in (b"VV", b"PP", b"II", b"PP;remark"):
         raw = talk.ask(line)
@@ -122,7 +122,7 @@ def test_tables_have_right_sums_and_the_real_geometry() -> None:
     assert (table["AMIN"], table["AMAX"], table["AFRT"], table["ARES"]) == ("44", "725", "384", "1024")
 
 
-def test_the_clock_counts_milliseconds_and_reset_clears_it() -> None:
+def test_clock_counts_milliseconds_and_reset_clears_it() -> None:
     talk = Talk()
     talk.ask(b"RS")
     assert talk.status(b"TM0") == "00"
@@ -133,7 +133,7 @@ def test_the_clock_counts_milliseconds_and_reset_clears_it() -> None:
     assert first_ms < 100
 
 
-def test_scans_come_at_ten_hertz_once_the_turn_is_over() -> None:
+def test_scans_arrive_at_10_hz_after_their_revolution() -> None:
     talk = Talk()
     assert talk.status(FULL) == "00"
     arrivals_s, stamps_ms, splitter = [], [], ReplySplitter()
@@ -148,19 +148,21 @@ def test_scans_come_at_ten_hertz_once_the_turn_is_over() -> None:
     talk.ask(b"TM0")
     now_ms = parse_time(parse_reply(talk.ask(b"TM1", 0.002).removesuffix(b"\n\n")))
     stamp_s = talk.time_s - 1e-3 * (now_ms - stamps_ms[-1])
-    assert arrivals_s[-1] - stamp_s == pytest.approx(0.075 + 0.004, abs=0.003), "3/4 turn and the wire"
+    assert arrivals_s[-1] - stamp_s == pytest.approx(0.075 + 0.004, abs=0.003), (
+        "3/4 revolution and the transfer"
+    )
 
 
-def test_no_beam_of_a_scan_is_older_than_the_order() -> None:
-    """A turn that was under way when the order came is not delivered: the first scan begins after it."""
+def test_first_scan_starts_after_its_request() -> None:
+    """A revolution that is already running is not delivered; the first scan starts after the request."""
     for seed in range(20):
         talk = Talk(seed=seed)
         talk.wait(0.01 * seed)
-        ordered_s = talk.time_s
+        requested_s = talk.time_s
         talk.device.write(FULL + b"\n", talk.time_s)
         while b"\n99b" not in talk.wait(0.001):
             pass
-        assert talk.time_s - ordered_s >= 0.075
+        assert talk.time_s - requested_s >= 0.075
 
 
 def test_count_and_skip() -> None:
@@ -168,26 +170,26 @@ def test_count_and_skip() -> None:
     raw = talk.ask(b"MD0044072500003", 2.0)
     echoes = [reply.split(b"\n")[0] for reply in ReplySplitter().feed(raw)]
     assert echoes == [b"MD0044072500003", b"MD0044072500002", b"MD0044072500001", b"MD0044072500000"]
-    assert len(talk.scans(b"MD0044072500400", 2.0)) == 4, "one turn in five"
+    assert len(talk.scans(b"MD0044072500400", 2.0)) == 4, "one revolution in five"
 
 
-def test_a_cluster_reports_the_nearest_of_its_beams() -> None:
+def test_cluster_reports_the_nearest_beam() -> None:
     wall = World(segments_m=np.array([[1.0, -1.0, 1.0, 1.0]]), circles_m=np.zeros((0, 3)))
     (single,) = Talk(world=wall).scans(b"MD0044072501001", 0.5)
-    (grouped,) = Talk(world=wall).scans(b"MD0044072510001", 0.5)  # the same turn of the same device
+    (grouped,) = Talk(world=wall).scans(b"MD0044072510001", 0.5)  # the same revolution of the same device
     assert single.stamp_ms == grouped.stamp_ms
     groups = [single.values_mm[first : first + 10] for first in range(0, 682, 10)]
     least = [min(group[group >= 20], default=min(group)) for group in groups]
     assert grouped.values_mm.tolist() == least
-    assert min(least) < 20 < max(least), "the scan has groups of both kinds"
+    assert min(least) < 20 < max(least), "the scan has clusters of both kinds"
 
 
-def test_two_characters_hold_at_most_4095() -> None:
+def test_two_character_values_are_at_most_4095() -> None:
     far = World(segments_m=np.array([[4.9, -9.0, 4.9, 9.0]]), circles_m=np.zeros((0, 3)))
     assert Talk(world=far).scans(b"MS0384038401001", 0.5, chars=2)[0].values_mm.tolist() == [4095]
 
 
-def test_steps_outside_the_field_of_view_are_not_measurable() -> None:
+def test_steps_outside_the_field_of_view_have_an_error_code() -> None:
     values_mm = Talk().scans(b"MD0000076801001", 0.5)[0].values_mm
     assert values_mm.size == 769
     assert set(values_mm[:44]) == set(values_mm[726:]) == {19}
@@ -212,7 +214,7 @@ def test_same_seed_same_bytes() -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(chunks=st.lists(st.binary(max_size=40), max_size=10))
-def test_no_bytes_put_the_device_out(chunks: list[bytes]) -> None:
+def test_arbitrary_bytes_do_not_break_the_device(chunks: list[bytes]) -> None:
     talk = Talk()
     for chunk in chunks:
         talk.ask(chunk)

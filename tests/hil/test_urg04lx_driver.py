@@ -1,4 +1,4 @@
-"""The host's driver against the simulated lidar, byte for byte, on simulated time."""
+"""Test the host's driver against the simulated lidar, byte for byte, on simulated time."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -48,7 +48,7 @@ def scans_of(port: MemoryPort[Urg04Lx], driver: Urg04LxDriver, seconds: float) -
 
 
 def expected_m(scan: Scan, pose_at: Callable[[FloatArray], FloatArray], world: World = ROOM) -> FloatArray:
-    """What a perfect lidar would have seen if the scan's own stamps are right."""
+    """Return the ranges of a perfect lidar at the scan's time stamps."""
     times_s = scan.time_s + np.arange(scan.ranges_m.size) * scan.time_increment_s
     poses = pose_at(times_s.astype(np.float64))
     x_m = poses[:, 0] + 0.12 * np.cos(poses[:, 2])
@@ -60,7 +60,7 @@ def median_error_m(scan: Scan, truth_m: FloatArray) -> float:
     return float(np.nanmedian(np.abs(scan.ranges_m - truth_m)))
 
 
-def test_scans_show_the_room_at_the_right_angles() -> None:
+def test_scan_matches_the_room() -> None:
     port, driver = connect()
     scans = list(scans_of(port, driver, 2.0))
     assert 19 <= len(scans) <= 21
@@ -75,8 +75,8 @@ def test_scans_show_the_room_at_the_right_angles() -> None:
     assert median_error_m(scan, expected_m(scan, standing, mirrored)) > 0.1
 
 
-def test_each_beam_is_cast_from_the_pose_of_its_own_time() -> None:
-    """At 3 rad/s the head's 67 ms between first and last beam smear the room by 11 degrees."""
+def test_each_beam_uses_the_pose_at_its_own_time() -> None:
+    """At 3 rad/s the 67 ms between first and last beam distort the room by 11 degrees."""
     world = World(
         segments_m=np.array(
             [[-2.0, -1.5, 2.0, -1.5], [2, -1.5, 2, 1.5], [2, 1.5, -2, 1.5], [-2, 1.5, -2, -1.5]]
@@ -95,8 +95,8 @@ def test_each_beam_is_cast_from_the_pose_of_its_own_time() -> None:
 
 @pytest.mark.parametrize("turn_s", [0.1, 0.0982])
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_stamps_are_the_true_times_of_beam_zero(turn_s: float, seed: int) -> None:
-    """True whether the lidar turns in step with the host's polling or drifts through it."""
+def test_time_stamps_are_the_times_of_beam_zero(turn_s: float, seed: int) -> None:
+    """This holds if the lidar turns in step with the host's polling, and if it drifts."""
     port, driver = connect(turn_s=turn_s, seed=seed)
     for scan in scans_of(port, driver, 60.0):
         turn = round((scan.time_s - port.lidar._phase_s - 44 / 1024 * turn_s) / turn_s)
@@ -104,7 +104,7 @@ def test_stamps_are_the_true_times_of_beam_zero(turn_s: float, seed: int) -> Non
         assert scan.time_s == pytest.approx(true_s, abs=0.004)
 
 
-def test_a_stream_left_running_is_taken_over() -> None:
+def test_running_stream_is_taken_over() -> None:
     port, _ = connect()
     port.pass_time(0.35)
     driver = Urg04LxDriver(SerialPort(cast("serial.Serial", port)))
@@ -112,7 +112,7 @@ def test_a_stream_left_running_is_taken_over() -> None:
     assert driver.identity["PROT"] == "SCIP 2.0"
 
 
-def test_a_lidar_left_in_clock_mode_is_woken() -> None:
+def test_lidar_in_clock_mode_is_recovered() -> None:
     port, driver = connect()
     driver.close()
     port.lidar.write(b"TM0\n", port.time_s)
@@ -121,21 +121,21 @@ def test_a_lidar_left_in_clock_mode_is_woken() -> None:
     assert again.identity["PROT"] == "SCIP 2.0"
 
 
-def test_damaged_bytes_cost_only_the_scans_that_they_hit() -> None:
+def test_damaged_bytes_lose_only_the_affected_scans() -> None:
     port, driver = connect()
     list(scans_of(port, driver, 0.5))
     good = driver.counters.scans
     port.spoil = lambda data: data[:700] + b"\x00" + data[701:] if data else data  # one byte wrong
     assert list(scans_of(port, driver, 0.5)) == []
     assert driver.counters.bad_replies == 5
-    port.spoil = lambda data: data[:900] if data else data  # cut off
+    port.spoil = lambda data: data[:900] if data else data  # truncated
     port.pass_time(POLL_S)
     port.spoil = lambda data: data
-    assert len(list(scans_of(port, driver, 0.5))) == 5, "the scan after the one that was cut off is whole"
+    assert len(list(scans_of(port, driver, 0.5))) == 5, "the scan after the truncated one is complete"
     assert driver.counters.scans == good + 5
 
 
-def test_a_lidar_that_falls_silent_is_ordered_again() -> None:
+def test_silent_lidar_is_restarted() -> None:
     port, driver = connect()
     list(scans_of(port, driver, 0.5))
     port.lidar.write(b"QT\n", port.time_s)  # as after a brown-out
@@ -144,7 +144,7 @@ def test_a_lidar_that_falls_silent_is_ordered_again() -> None:
     assert len(scans) > 10
 
 
-def test_an_unplugged_lidar_never_raises_in_motion() -> None:
+def test_unplugged_lidar_does_not_raise() -> None:
     port, driver = connect()
     port.unplugged = True
     assert list(scans_of(port, driver, 3.0)) == []
@@ -153,13 +153,13 @@ def test_an_unplugged_lidar_never_raises_in_motion() -> None:
     assert port.closed
 
 
-def test_zero_is_invalid_unless_asked_to_mean_nothing_seen() -> None:
+def test_zero_is_invalid_unless_configured_as_no_return() -> None:
     nothing = World(segments_m=np.array([[9.0, 9.0, 9.0, 9.5]]), circles_m=np.zeros((0, 3)))
     port, driver = connect(world=nothing)
     assert np.isnan(list(scans_of(port, driver, 0.5))[-1].ranges_m).all()
     port, driver = connect(world=nothing, options=Urg04LxOptions(zero_as_no_return=True))
     ranges_m = list(scans_of(port, driver, 0.5))[-1].ranges_m
-    assert np.isposinf(ranges_m).mean() > 0.9, "code 0 is nothing seen"
+    assert np.isposinf(ranges_m).mean() > 0.9, "code 0 means no return"
     assert np.isnan(ranges_m).any(), "the other codes stay invalid"
 
 

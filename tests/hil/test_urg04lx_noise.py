@@ -1,4 +1,4 @@
-"""The simulated lidar's noise and error codes against the log of a real URG-04LX (MINES ParisTech)."""
+"""Compare the simulated lidar's noise and error codes with a log of a real URG-04LX (MINES ParisTech)."""
 
 import gzip
 import os
@@ -19,16 +19,16 @@ Values = NDArray[np.int32]
 
 @pytest.fixture(scope="module")
 def real_mm() -> Values:
-    """Ranges and codes of the log, shape (scans, 606): the beams that its robot does not hide."""
+    """Return ranges and codes of the log, shape (scans, 606), without the beams that its robot hides."""
     if not LOG.exists():
-        pytest.skip(f"no recorded log at {LOG}; set THUMPER_DATA to the folder that holds slam/")
+        pytest.skip(f"no recorded log at {LOG}; set THUMPER_DATA to the folder that contains slam/")
     with gzip.open(LOG, "rt") as lines:
         return np.array([[int(word) for word in line.split()[24:706]] for line in lines], np.int32)[:, 53:659]
 
 
 @pytest.fixture(scope="module")
 def simulated_mm(real_mm: Values) -> Values:
-    """The same places seen by the simulated lidar: the log's ranges as truth, its codes as nothing there."""
+    """Simulate the same scans: the log's ranges are the truth, its error codes mean no target."""
     rng = np.random.default_rng(1)
     bias = device_bias(real_mm.shape[1], rng)
     true_m = np.where(real_mm >= 20, 1e-3 * real_mm, np.inf)
@@ -40,21 +40,19 @@ def share(values_mm: Values, code: int) -> float:
 
 
 @pytest.mark.parametrize(("code", "factor"), [(0, 1.12), (7, 1.6), (6, 2.0), (1, 2.0), (2, 3.0), (10, 2.5)])
-def test_codes_come_as_often_as_in_the_log(
+def test_error_code_rates_match_the_log(
     real_mm: Values, simulated_mm: Values, code: int, factor: float
 ) -> None:
     assert share(real_mm, code) / factor < share(simulated_mm, code) < share(real_mm, code) * factor
 
 
-def test_no_code_comes_that_the_log_does_not_know(real_mm: Values, simulated_mm: Values) -> None:
+def test_only_error_codes_from_the_log_occur(real_mm: Values, simulated_mm: Values) -> None:
     assert set(Counter(simulated_mm[simulated_mm < 20].tolist())) <= set(real_mm[real_mm < 20].tolist())
     assert simulated_mm.max() <= 5600
 
 
-def test_most_valid_beams_stay_valid_and_the_far_ones_are_lost_more_often(
-    real_mm: Values, simulated_mm: Values
-) -> None:
-    """The log, standing still: 1 % of beams at 1-1.5 m are lost from scan to scan, 6 % at 3-4 m."""
+def test_loss_rate_grows_with_range_as_in_the_log(real_mm: Values, simulated_mm: Values) -> None:
+    """In the stationary log, 1 % of the beams at 1-1.5 m are lost from scan to scan, and 6 % at 3-4 m."""
     lost = simulated_mm < 20
     near, far = (real_mm >= 1000) & (real_mm < 1500), (real_mm >= 3000) & (real_mm < 4000)
     assert 0.003 < lost[near].mean() < 0.03
@@ -62,7 +60,7 @@ def test_most_valid_beams_stay_valid_and_the_far_ones_are_lost_more_often(
 
 
 def roughness_mm(values_mm: Values, low_mm: int, high_mm: int) -> float:
-    """Robust sigma of beam-to-beam noise: fourth differences over five valid beams, scaled to unit gain."""
+    """Return the robust sigma of beam-to-beam noise: fourth differences of five valid beams, unit gain."""
     windows = np.lib.stride_tricks.sliding_window_view(values_mm, 5, axis=1).astype(np.float64)
     valid = (windows >= 20).all(axis=-1) & (windows[..., 2] >= low_mm) & (windows[..., 2] < high_mm)
     fourth = windows[valid] @ np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(70.0)
@@ -72,10 +70,10 @@ def roughness_mm(values_mm: Values, low_mm: int, high_mm: int) -> float:
 @pytest.mark.parametrize(
     ("low_mm", "high_mm", "log_sigma_mm"), [(500, 1000, 5), (1000, 2000, 4), (2000, 4000, 7)]
 )
-def test_noise_from_scan_to_scan_is_that_of_the_log_at_rest(
+def test_scan_to_scan_noise_matches_the_stationary_log(
     low_mm: int, high_mm: int, log_sigma_mm: float
 ) -> None:
-    """Sigmas measured in the log between scans at a standstill; the simulated wall is flat."""
+    """The sigmas were measured in the log between stationary scans; the simulated wall is flat."""
     rng = np.random.default_rng(2)
     true_m = np.tile(np.linspace(1e-3 * low_mm, 1e-3 * high_mm, 682), (300, 1))
     scans = np.array([measure_mm(scan, np.zeros(682), rng) for scan in true_m]).astype(np.float64)
@@ -84,15 +82,15 @@ def test_noise_from_scan_to_scan_is_that_of_the_log_at_rest(
     assert 0.5 * log_sigma_mm < sigma_mm < 1.5 * log_sigma_mm
 
 
-def test_neighbouring_beams_are_no_smoother_than_in_the_log(real_mm: Values) -> None:
+def test_beam_to_beam_noise_is_at_least_that_of_the_log(real_mm: Values) -> None:
     wall_mm = np.array(
         [measure_mm(np.full(606, 1.5), np.zeros(606), np.random.default_rng(k)) for k in range(50)]
     )
     assert roughness_mm(wall_mm, 1000, 2000) > roughness_mm(real_mm, 1000, 2000)
 
 
-def test_the_systematic_error_keeps_the_makers_word() -> None:
-    """30 mm up to 1 m, 3 % beyond, as three sigma over many devices; smooth over the bearing."""
+def test_systematic_error_matches_the_data_sheet() -> None:
+    """30 mm up to 1 m and 3 % beyond are three sigma over many devices; the error is smooth."""
     biases = np.array([device_bias(682, np.random.default_rng(seed)) for seed in range(300)])
     assert np.std(biases) == pytest.approx(1.0, abs=0.07)
     assert (np.abs(biases) < 3.0).mean() > 0.995

@@ -1,4 +1,4 @@
-"""The simulated world: rays, contact and the grid of the truth against closed forms and a plain reference."""
+"""Test the world's rays, contacts and ground-truth grid against closed forms and a simple reference."""
 
 import math
 from pathlib import Path
@@ -22,7 +22,7 @@ SQUARE = World(
 
 
 def reference_cast(world: World, x_m: float, y_m: float, angle_rad: float) -> float:
-    """Solve origin + t d = a + u (b - a) by Cramer's rule, and the circle's quadratic; no shortcuts."""
+    """Solve origin + t d = a + u (b - a) by Cramer's rule, and the circle's quadratic equation."""
     dx, dy = math.cos(angle_rad), math.sin(angle_rad)
     found = [math.inf]
     for x0, y0, x1, y1 in world.segments_m.tolist():
@@ -43,7 +43,7 @@ def reference_cast(world: World, x_m: float, y_m: float, angle_rad: float) -> fl
 
 @settings(max_examples=40, deadline=None)  # the first call may compile
 @given(seed=st.integers(0, 2**31))
-def test_rays_meet_what_the_reference_meets(seed: int) -> None:
+def test_rays_match_the_reference(seed: int) -> None:
     rng = np.random.default_rng(seed)
     circles = np.column_stack([rng.uniform(-3, 3, (4, 2)), rng.uniform(0.05, 0.8, 4)])
     world = World(segments_m=rng.uniform(-3, 3, (12, 4)), circles_m=circles)
@@ -52,14 +52,14 @@ def test_rays_meet_what_the_reference_meets(seed: int) -> None:
     np.testing.assert_allclose(world.cast(x_m, y_m, angles), expected, rtol=1e-7, atol=1e-9)
 
 
-def test_ranges_in_a_square_are_those_of_trigonometry() -> None:
+def test_ranges_in_a_square_match_the_closed_form() -> None:
     angles = np.linspace(-math.pi, math.pi, 721)
     expected = 1.0 / np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles)))
     np.testing.assert_allclose(SQUARE.cast(0.0, 0.0, angles), expected, rtol=1e-12)
 
 
-def test_no_ray_slips_out_through_a_corner() -> None:
-    """A ray aimed at the corner where two walls meet hits one of them, whatever the rounding."""
+def test_no_ray_escapes_through_a_corner() -> None:
+    """A ray aimed at the corner of two walls hits one of them, whatever the rounding."""
     rng = np.random.default_rng(1)
     turns = np.arange(40) * math.tau / 40
     corners = rng.uniform(1.0, 3.0, (40, 1)) * np.column_stack([np.cos(turns), np.sin(turns)])
@@ -69,34 +69,34 @@ def test_no_ray_slips_out_through_a_corner() -> None:
     assert np.isfinite(ring.cast(origins[:, 0], origins[:, 1], np.arctan2(aims[:, 1], aims[:, 0]))).all()
 
 
-def test_a_ray_along_a_wall_meets_its_nearer_end() -> None:
+def test_ray_along_a_wall_hits_its_nearer_end() -> None:
     wall = World(segments_m=np.array([[3.0, 0.0, 1.0, 0.0]]), circles_m=NO_CIRCLES)
     np.testing.assert_allclose(wall.cast(0.0, 0.0, [0.0, math.pi]), [1.0, math.inf])
     assert wall.cast(2.0, 0.0, 0.0)[0] == 0.0, "an origin on the wall"
     assert wall.cast(0.0, 0.1, 0.0)[0] == math.inf, "parallel to it"
 
 
-def test_a_circle_is_met_from_outside_inside_and_not_behind() -> None:
+def test_circle_is_hit_from_outside_and_inside_not_behind() -> None:
     post = World(segments_m=np.zeros((0, 4)), circles_m=np.array([[2.0, 0.0, 0.5]]))
     np.testing.assert_allclose(
         post.cast([0.0, 2.0, 4.0, 0.0], 0.0, [0.0, 0.0, 0.0, 1.0]), [1.5, 0.5, math.inf, math.inf]
     )
 
 
-def test_clearance_and_contact_have_closed_forms() -> None:
+def test_clearance_and_contact_match_the_closed_form() -> None:
     assert SQUARE.clearance_m(Pose2(), FOOTPRINT_M) == pytest.approx(1.0 - 0.21)
     assert SQUARE.clearance_m(Pose2(theta_rad=math.pi / 2), FOOTPRINT_M) == pytest.approx(1.0 - 0.21)
     assert SQUARE.clearance_m(Pose2(y_m=0.5), FOOTPRINT_M) == pytest.approx(0.5 - 0.1225)
     assert not SQUARE.touches(Pose2(x_m=0.789), FOOTPRINT_M)
     assert SQUARE.touches(Pose2(x_m=0.791), FOOTPRINT_M)
     diagonal_m = math.hypot(0.21, 0.1225)
-    angle_rad = math.atan2(0.1225, 0.21)  # this turn points a corner straight at the wall
+    angle_rad = math.atan2(0.1225, 0.21)  # this rotation points a corner straight at the wall
     corner_first = Pose2(theta_rad=-angle_rad)
     assert SQUARE.clearance_m(corner_first, FOOTPRINT_M) == pytest.approx(1.0 - diagonal_m)
 
 
 @pytest.mark.parametrize("radius_m", [0.01, 0.05, 3.0])
-def test_what_is_wholly_under_or_over_the_robot_touches_it(radius_m: float) -> None:
+def test_object_inside_or_around_the_footprint_is_a_contact(radius_m: float) -> None:
     post = World(segments_m=np.zeros((0, 4)), circles_m=np.array([[0.02, 0.0, radius_m]]))
     assert post.touches(Pose2(), FOOTPRINT_M)
     nail = World(segments_m=np.array([[0.0, 0.0, 0.01, 0.0]]), circles_m=NO_CIRCLES)
@@ -105,7 +105,7 @@ def test_what_is_wholly_under_or_over_the_robot_touches_it(radius_m: float) -> N
 
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**31))
-def test_clearance_is_the_distance_sampled_densely(seed: int) -> None:
+def test_clearance_matches_dense_sampling(seed: int) -> None:
     rng = np.random.default_rng(seed)
     world = World(segments_m=rng.uniform(-2, 2, (3, 4)), circles_m=np.array([[*rng.uniform(-2, 2, 2), 0.2]]))
     pose = Pose2(x_m=rng.uniform(-2, 2), y_m=rng.uniform(-2, 2), theta_rad=rng.uniform(-3, 3))
@@ -132,7 +132,7 @@ def line(start: tuple[float, float], end: tuple[float, float]) -> FloatArray:
     return np.linspace(start, end, 100)
 
 
-def test_the_lab_leaves_room_for_both_missions() -> None:
+def test_lab_has_room_for_both_missions() -> None:
     lab, lab_box = World.load("lab"), World.load("lab_box")
     for point in [(1.73, 0.08), (-0.49, 0.02), (2.05, 0.64), (0.38, -0.45)]:
         assert clearance_of_point(lab, point) >= 0.6
@@ -141,12 +141,12 @@ def test_the_lab_leaves_room_for_both_missions() -> None:
     assert min(clearance_of_point(lab, (x, y)) for x, y in line((1.73, 0.08), (-0.49, 0.02))) >= 0.5
     assert any(
         lab_box.touches(Pose2(x_m=x, y_m=y), FOOTPRINT_M) for x, y in line((2.05, 0.64), (0.38, -0.45))
-    ), "the box is in the way"
+    ), "the box blocks the straight line"
     assert np.isfinite(lab.cast(0.5, 0.0, np.linspace(-math.pi, math.pi, 5000))).all(), "the room is closed"
 
 
-def test_both_ways_round_the_box_are_wide_enough() -> None:
-    """From the box's ends, across the way, the next thing is 0.7 m off or more."""
+def test_both_sides_of_the_box_are_wide_enough() -> None:
+    """From the ends of the box, across the line, the next obstacle is at least 0.7 m away."""
     lab = World.load("lab")
     across_rad = math.radians(33.1 + 90.0)
     for side in (1.0, -1.0):
@@ -155,7 +155,7 @@ def test_both_ways_round_the_box_are_wide_enough() -> None:
 
 
 @pytest.mark.parametrize("resolution_m", [0.05, 0.03])
-def test_the_grid_is_the_truth(resolution_m: float) -> None:
+def test_grid_matches_the_world(resolution_m: float) -> None:
     world = World.load("lab_box")
     grid = world.to_grid(resolution_m)
     assert grid.cells[grid.cell_of(1.215, 0.095)] == OCCUPIED, "the middle of the box, 0.15 m from its sides"
@@ -169,7 +169,7 @@ def test_the_grid_is_the_truth(resolution_m: float) -> None:
 
 
 def _inside(box_m: FloatArray, x_m: float, y_m: float) -> bool:
-    """By the areas of the four triangles that the point makes with the sides."""
+    """Compare the areas of the four triangles between point and sides with the area of the box."""
     spokes = box_m - (x_m, y_m)
     following = np.roll(spokes, -1, axis=0)
     areas = 0.5 * np.abs(spokes[:, 0] * following[:, 1] - spokes[:, 1] * following[:, 0])
@@ -178,7 +178,7 @@ def _inside(box_m: FloatArray, x_m: float, y_m: float) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("[[box]]\nx_m=0\ny_m=0\nlength_m=1\nwidth_m=1\nheight_m=2\n", "box[0].height_m"),
         ("[[wal]]\npoints_m=[[0,0],[1,1]]\n", "wal"),
@@ -188,17 +188,17 @@ def _inside(box_m: FloatArray, x_m: float, y_m: float) -> bool:
         ("[[wall]]\npoints_m=[[0,0]]\n", "wall[0].points_m"),
         ("[[wall]]\npoints_m=[[0,0],[1,nan]]\n", "wall[0].points_m"),
         ("[[wall]]\npoints_m=[[0,0],[1,1]]\nclosed=1\n", "wall[0].closed"),
-        ("[box]\nx_m=0\n", "write each one as [[box]]"),
+        ("[box]\nx_m=0\n", "write each entry as [[box]]"),
         ("", "the world is empty"),
-        ("base='w'\n", "builds on itself"),
-        ("base='nowhere'\n", "no such world; there are: "),
+        ("base='w'\n", "includes itself"),
+        ("base='nowhere'\n", "unknown world; choose from "),
         ("[[box\n", "cannot read the world"),
     ],
 )
-def test_a_wrong_file_is_refused_by_name_and_key(tmp_path: Path, text: str, told: str) -> None:
+def test_invalid_world_file_is_reported_with_its_key(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "w.toml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ThumperError) as caught:
         World.load(path)
-    assert told in str(caught.value)
+    assert message in str(caught.value)
     assert str(tmp_path) in str(caught.value)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from thumper_hil.campaign.spec import jobs_of, load_campaign
+from thumper_hil.campaign.spec import expand_jobs, load_campaign
 
 FOLDER = Path(__file__).parents[2] / "campaigns"
 
@@ -16,6 +16,6 @@ FOLDER = Path(__file__).parents[2] / "campaigns"
 )
 def test_sample_campaign_has_all_its_jobs(file: Path) -> None:
     campaign = load_campaign(file)
-    jobs = jobs_of(campaign, FOLDER)
+    jobs = expand_jobs(campaign, FOLDER)
     assert len(jobs) == campaign.seeds.count * len(campaign.missions) * len(campaign.parameters)
     assert len({(job.robot_json, job.scenario) for job in jobs}) == len(campaign.parameters)

@@ -1,4 +1,4 @@
-"""The simulated robot as a whole. pyserial finds `protocol_sim` here for `sim://` URLs."""
+"""The complete simulated robot. pyserial finds `protocol_sim` here for `sim://` URLs."""
 
 from thumper_hil.bench.bench import DEFAULT_ELF, Bench
 from thumper_hil.bench.registry import simulation
@@ -8,7 +8,7 @@ __all__ = ["DEFAULT_ELF", "Bench", "missing_parts", "simulation"]
 
 
 def missing_parts() -> str:
-    """Say what is not built, and the cure; empty when a robot can be simulated."""
+    """Return which part is not built and how to build it; empty if everything is built."""
     for path, target in ((DEFAULT_ELF, "firmware"), (LIBRARY, "chip")):
         if not path.exists():
             return f"{path.name} is not built; run `make {target}` in the repository"

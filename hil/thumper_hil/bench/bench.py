@@ -1,4 +1,4 @@
-"""The robot's bench: chip, body, world and lidar on one simulated clock."""
+"""The simulation bench: chip, robot body, world and lidar on one simulated clock."""
 
 import math
 import time
@@ -12,72 +12,72 @@ from thumper.board.firmware_image import firmware_image
 from thumper.board.messages import Board as BoardKind
 from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray, Pose2
-from thumper_hil.bench.collision import HULL_M, ContactWatch
+from thumper_hil.bench.collision import FOOTPRINT_M, ContactDetector
 from thumper_hil.bench.options import BenchOptions
 from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.chip_faults import FaultyChip
 from thumper_hil.chip.instrumented_chip import ATMEGABOOT
 from thumper_hil.chip.robot_params import RobotParams
-from thumper_hil.faults.catalogue import FaultError, FaultValue, action_of
+from thumper_hil.faults.catalogue import FaultError, FaultValue, fault_action
 from thumper_hil.faults.scenario import load_scenario
 from thumper_hil.faults.switches import Switches
 from thumper_hil.lidars.ld19 import Ld19
 from thumper_hil.lidars.urg04lx import Urg04Lx
-from thumper_hil.world.scene import Scene
-from thumper_hil.world.start_pose import why_not_here
+from thumper_hil.world.scene import NO_SEGMENTS, Scene
+from thumper_hil.world.start_pose import invalid_start_reason
 from thumper_hil.world.world import World
 from thumper_hil.world.world_history import WorldHistory
 
-ELF_OF_BOARD = {kind: firmware_image(kind.name.lower(), "elf") for kind in BoardKind}
-DEFAULT_ELF = ELF_OF_BOARD[BoardKind.TREX]
+ELF_BY_BOARD = {kind: firmware_image(kind.name.lower(), "elf") for kind in BoardKind}
+DEFAULT_ELF = ELF_BY_BOARD[BoardKind.TREX]
 BASE_FROM_LASER = Pose2(x_m=0.12)
 TICK_S = 0.01
-"""Ground truth is recorded, and contacts are found, this often."""
+"""Period at which ground truth is recorded and contacts are checked."""
 
 TICK_CYCLES = round(TICK_S * CPU_HZ)
-LIDAR_LOOK_S = 0.001
-REMEMBERED_TRUTHS = 720_000  # two hours; a robot at service for days must not fill the memory
-REMEMBERED_POSES = 256  # a sweep of the lidar lasts 75 ms, and a busy reader looks each millisecond
+LIDAR_POLL_S = 0.001
+MAX_TRUTH_ROWS = 720_000  # two hours: limits memory when a robot runs for days
+MAX_POSES = 256  # a sweep of the lidar takes 75 ms, and a busy reader polls every millisecond
 TRUTH_COLUMNS = ("time_s", "x_m", "y_m", "theta_rad", "left_rad_s", "right_rad_s")
 
 
 def cycle_at(time_s: float) -> int:
-    """The first cycle whose time is not before `time_s`: who waits until then must not wait for ever."""
+    """Return the first cycle at or after `time_s`, so that a wait until `time_s` always ends."""
     cycle = math.ceil(time_s * CPU_HZ)
-    return cycle if cycle / CPU_HZ >= time_s else cycle + 1  # the product above was rounded down
+    return cycle if cycle / CPU_HZ >= time_s else cycle + 1  # the product above may round down
 
 
 def _bootloader() -> Path:
     if not ATMEGABOOT.exists():
         raise ThumperError(
-            f"reset_on_open: there is no boot loader at {ATMEGABOOT}; sudo apt install arduino-core-avr",
+            f"reset_on_open: no boot loader at {ATMEGABOOT}; run `sudo apt install arduino-core-avr`",
             exit_code=EXIT_CHECK_FAILED,
         )
     return ATMEGABOOT
 
 
 class Bench:
-    """A simulated robot at work. Time passes only in `advance...`; the same seed and bytes give the same run.
+    """A simulated robot. Time passes only in `advance...`; the same seed and bytes give the same run.
 
     Raises
     ------
     ThumperError
-        Firmware or chip library are not built, there is no such world, or the robot would stand in a wall.
+        Firmware or chip library are not built, the world is unknown, or the start pose is not free.
     """
 
     def __init__(self, options: BenchOptions, *, elf: Path | None = None) -> None:
         self._scene = Scene(World.load(options.world))
-        if reason := why_not_here(self.world, options.start, HULL_M):
+        if reason := invalid_start_reason(self.world, options.start, FOOTPRINT_M):
             raise ThumperError(
                 f"a robot at x_m={options.x_m:g}, y_m={options.y_m:g}, yaw_deg={options.yaw_deg:g} {reason} "
-                f"of {options.world}; start it somewhere free",
+                f"of {options.world}; choose a free start",
                 exit_code=EXIT_USAGE,
             )
         params = RobotParams.load()
         if options.charge is not None:
             params = replace(params, battery=replace(params.battery, state_of_charge=options.charge))
         self.chip = FaultyChip(
-            elf or ELF_OF_BOARD[options.board], params=params, board=options.board, seed=options.seed
+            elf or ELF_BY_BOARD[options.board], params=params, board=options.board, seed=options.seed
         )
         self._reset_on_open = options.reset_on_open
         if options.reset_on_open:
@@ -85,16 +85,16 @@ class Bench:
         self.chip.place(options.start)
         self._switches = Switches(chip=self.chip)
         self._events = deque(load_scenario(Path(options.scenario)) if options.scenario else ())
-        self._contact = ContactWatch(self.chip, self.world)
-        self._truth: deque[tuple[float, ...]] = deque(maxlen=REMEMBERED_TRUTHS)
-        self._poses: deque[tuple[float, ...]] = deque(maxlen=REMEMBERED_POSES)
+        self._contact = ContactDetector(self.chip, self.world)
+        self._truth: deque[tuple[float, ...]] = deque(maxlen=MAX_TRUTH_ROWS)
+        self._poses: deque[tuple[float, ...]] = deque(maxlen=MAX_POSES)
         self._ticks = 0
         self._pillars: list[tuple[float, float, float]] = []
-        self._remember()
-        self._seen = WorldHistory(self.world)
+        self._record_pose()
+        self._history = WorldHistory(self.world)
         lidar = Ld19 if options.lidar == "ld19" else Urg04Lx
         self._lidar: Ld19 | Urg04Lx = lidar(
-            world=self._seen, pose_at=self._pose_at, base_from_laser=BASE_FROM_LASER, seed=options.seed
+            world=self._history, pose_at=self._pose_at, base_from_laser=BASE_FROM_LASER, seed=options.seed
         )
         self._lidar_bytes = bytearray()
         self._wall_start_s = time.monotonic() if options.realtime else None
@@ -106,44 +106,44 @@ class Bench:
 
     @property
     def world(self) -> World:
-        """What surrounds the robot now."""
+        """The world in its current state."""
         return self._scene.world
 
     @property
     def contacts(self) -> int:
-        """How often the robot has newly driven its hull into something or somebody."""
+        """Number of times the robot's footprint has hit an obstacle or a person."""
         return self._contact.count
 
     @property
     def bumps(self) -> int:
-        """How often a person has walked into the robot."""
+        """Number of times a person has walked into the robot."""
         return self._scene.bumps
 
     def truth(self) -> FloatArray:
-        """Return the ground truth at 100 Hz, of two hours at most, shape (n, 6): columns `TRUTH_COLUMNS`.
+        """Return the ground truth of up to two hours at 100 Hz, shape (n, 6): columns `TRUTH_COLUMNS`.
 
-        The pose is in the world's frame, the heading in [-pi, pi]; the wheel speeds are the wheels' own,
+        The pose is in the world frame with the heading in [-pi, pi]. The wheel speeds are the true ones,
         positive forward.
         """
         return np.array(self._truth).reshape(-1, len(TRUTH_COLUMNS))
 
-    def forget_truth(self) -> None:
-        """Begin the ground truth anew: hours of it would fill the memory."""
+    def clear_truth(self) -> None:
+        """Discard the recorded ground truth, to limit memory in long runs."""
         self._truth.clear()
 
     def advance(self, until_s: float, *, board_bytes: int = 0) -> None:
-        """Let time pass until `until_s`, or until the board has sent so many bytes that are not fetched yet.
+        """Advance time to `until_s`, or until `board_bytes` bytes from the board wait to be read.
 
         Raises
         ------
         ChipError
-            The firmware has crashed.
+            The firmware crashed.
         """
         until_cycle = cycle_at(until_s)
         arrived = False
         while True:
-            self._break_what_is_due()
-            # While the host's computer hangs, time passes and nobody looks at what arrives.
+            self._apply_due_faults()
+            # While the host computer hangs, time passes and nothing reads the arriving bytes.
             awake_cycle = math.ceil(self._switches.host_hangs_until_s * CPU_HZ)
             hangs = self.chip.cycle < awake_cycle
             end_cycle = max(until_cycle, awake_cycle)
@@ -156,88 +156,87 @@ class Bench:
             )
             if self.chip.cycle >= tick_cycle:
                 self._tick()
-        self._pace()
+        self._wait_for_real_time()
 
     def fault(self, name: str, value: FaultValue) -> None:
-        """Break something now, or mend it: `bench.fault("encoder.left.b", "cut")`; docs/bench.md lists all.
+        """Set or clear a fault, e.g. `bench.fault("encoder.left.b", "cut")`; docs/bench.md lists all.
 
         Raises
         ------
         ThumperError
-            No such fault, or a value that it cannot have.
+            The fault is unknown or the value is invalid.
         """
         try:
-            action_of(name, value)(self._switches)
+            fault_action(name, value)(self._switches)
         except FaultError as error:
             raise ThumperError(str(error), exit_code=EXIT_USAGE) from error
 
     @property
     def pillars(self) -> int:
-        """How many posts were put up by `put_pillar`."""
+        """Number of pillars added by `add_pillar`."""
         return len(self._pillars)
 
-    def put_pillar(self, base_from_pillar: Pose2, radius_m: float) -> Pose2:
-        """Put up a post, from now on, as seen from the robot; returns where it stands in the world.
+    def add_pillar(self, base_from_pillar: Pose2, radius_m: float) -> Pose2:
+        """Add a pillar at a pose relative to the robot; return its pose in the world.
 
         Raises
         ------
         ThumperError
-            The robot stands there.
+            The robot is at that position.
         """
         pose = self.chip.truth().map_from_base
         at = pose @ base_from_pillar
-        post = (at.x_m, at.y_m, radius_m)
-        nothing = np.zeros((0, 4))
-        if World(segments_m=nothing, circles_m=np.array([post])).touches(pose, HULL_M):
-            raise ThumperError("the robot stands there: put the pillar beside it")
-        self._pillars.append(post)
-        self._stand()
+        pillar = (at.x_m, at.y_m, radius_m)
+        if World(segments_m=NO_SEGMENTS, circles_m=np.array([pillar])).touches(pose, FOOTPRINT_M):
+            raise ThumperError("the pillar would overlap the robot; place it next to the robot")
+        self._pillars.append(pillar)
+        self._update_pillars()
         return at
 
     def clear_pillars(self) -> None:
-        """Take down what `put_pillar` has put up."""
+        """Remove all pillars added by `add_pillar`."""
         self._pillars.clear()
-        self._stand()
+        self._update_pillars()
 
-    def _stand(self) -> None:
-        self._scene.stand(np.reshape(self._pillars, (-1, 3)))
-        self._contact.look_again(self.world)
-        self._seen.change(self.world, self.time_s)
+    def _update_pillars(self) -> None:
+        self._scene.set_posts(np.reshape(self._pillars, (-1, 3)))
+        self._contact.set_world(self.world)
+        self._history.append(self.world, self.time_s)
 
     def is_plugged(self, device: str) -> bool:
-        """Whether the USB plug of the `board` or the `lidar` is in."""
+        """Return True if the USB plug of `board` or `lidar` is connected."""
         return self._switches.board_plugged if device == "board" else self._switches.lidar_plugged
 
-    def pull_dtr(self) -> None:
-        """The host asserts DTR, as when it opens the board's port: that resets a board that is wired so."""
+    def assert_dtr(self) -> None:
+        """Assert DTR, as a host does when it opens the port; with `reset_on_open` this resets the board."""
         if self._reset_on_open:
             self.chip.reset()
 
     def board_write(self, data: bytes) -> None:
-        """Send bytes to the board, unless its plug is out."""
+        """Send bytes to the board, if it is plugged in."""
         if self._switches.board_plugged:
             self.chip.send(data)
 
     def board_read(self, limit: int) -> bytes:
-        """Fetch up to `limit` bytes that the board has sent; without a plug they are lost."""
+        """Read up to `limit` bytes from the board; they are lost while it is unplugged."""
         data = self.chip.receive(limit)
         return data if self._switches.board_plugged else b""
 
     def advance_for_lidar(self, until_s: float, lidar_bytes: int) -> None:
-        """Let time pass until `until_s`, or until so many of the lidar's bytes wait to be read."""
+        """Advance time to `until_s`, or until `lidar_bytes` bytes from the lidar wait to be read."""
         until_cycle = cycle_at(until_s)
         while self.lidar_available() < lidar_bytes and self.chip.cycle < until_cycle:
-            self.advance(min(until_s, self.time_s + LIDAR_LOOK_S))
+            self.advance(min(until_s, self.time_s + LIDAR_POLL_S))
 
     def lidar_write(self, data: bytes) -> None:
-        """Send bytes to the lidar, now, unless its plug is out."""
-        self._look()
+        """Send bytes to the lidar now, if it is plugged in."""
+        self._refresh_pose()
         if self._switches.lidar_plugged:
             self._lidar.write(data, self.time_s)
 
     def lidar_available(self) -> int:
-        """Bytes from the lidar that wait to be read."""
-        self._look()
+        """Return the number of bytes from the lidar that wait to be read."""
+        self._refresh_pose()
         self._lidar.advance(self.time_s)
         sent = self._lidar.read()
         if self._switches.lidar_plugged:
@@ -245,13 +244,13 @@ class Bench:
         return len(self._lidar_bytes)
 
     def lidar_read(self, limit: int) -> bytes:
-        """Fetch up to `limit` bytes from the lidar."""
+        """Read up to `limit` bytes from the lidar."""
         self.lidar_available()
         data = bytes(self._lidar_bytes[:limit])
         del self._lidar_bytes[:limit]
         return data
 
-    def _break_what_is_due(self) -> None:
+    def _apply_due_faults(self) -> None:
         while self._events and self._events[0].time_s <= self.time_s:
             self._events.popleft().apply(self._switches)
 
@@ -259,24 +258,24 @@ class Bench:
         self._ticks += 1
         truth = self.chip.truth()
         pose = self._contact.check(truth.map_from_base, TICK_S)
-        if self._scene.changes and self._scene.step(truth.time_s, TICK_S, pose.apply(HULL_M)):
-            self._contact.look_again(self.world)
-            self._seen.change(self.world, truth.time_s)
+        if self._scene.is_dynamic and self._scene.step(truth.time_s, TICK_S, pose.apply(FOOTPRINT_M)):
+            self._contact.set_world(self.world)
+            self._history.append(self.world, truth.time_s)
         self._poses.append((truth.time_s, pose.x_m, pose.y_m, pose.theta_rad))
         self._truth.append((*self._poses[-1], *truth.wheel_rad_s))
         self._lidar.advance(self.time_s)
 
-    def _look(self) -> None:
+    def _refresh_pose(self) -> None:
         if self.time_s > self._poses[-1][0]:
-            self._remember()
+            self._record_pose()
 
-    def _remember(self) -> None:
+    def _record_pose(self) -> None:
         truth = self.chip.truth()
         pose = truth.map_from_base
         self._poses.append((truth.time_s, pose.x_m, pose.y_m, pose.theta_rad))
 
     def _pose_at(self, times_s: FloatArray) -> FloatArray:
-        """The body's pose, shape (n, 3), at times of the last tenth of a second."""
+        """Return the body's pose, shape (n, 3), at times within the last tenth of a second."""
         known = np.array(self._poses)
         headings_rad = np.unwrap(known[:, 3])
         return np.column_stack(
@@ -287,7 +286,7 @@ class Bench:
             ]
         )
 
-    def _pace(self) -> None:
+    def _wait_for_real_time(self) -> None:
         if self._wall_start_s is not None:
             ahead_s = self.time_s - (time.monotonic() - self._wall_start_s)
             if ahead_s > 0.0:

@@ -1,4 +1,4 @@
-"""What happens when the hull meets the world: the body is held, the wheels are not."""
+"""Handle collisions of the robot with the world: the body is blocked, the wheels keep turning."""
 
 import numpy as np
 
@@ -6,29 +6,29 @@ from thumper.common.geometry import Pose2, wrap_angle
 from thumper_hil.chip.chip import Chip
 from thumper_hil.world.world import World
 
-HULL_M = np.array([[0.21, 0.1225], [-0.21, 0.1225], [-0.21, -0.1225], [0.21, -0.1225]])
-"""Outline of the robot round `base_link`, shape (4, 2): 420 x 245 mm."""
+FOOTPRINT_M = np.array([[0.21, 0.1225], [-0.21, 0.1225], [-0.21, -0.1225], [0.21, -0.1225]])
+"""Footprint of the robot around `base_link`, shape (4, 2): 420 x 245 mm."""
 
-HULL_RADIUS_M = float(np.hypot(HULL_M[:, 0], HULL_M[:, 1]).max())
+FOOTPRINT_RADIUS_M = float(np.hypot(FOOTPRINT_M[:, 0], FOOTPRINT_M[:, 1]).max())
 
 CLEAR_M, CLEAR_RAD = 0.01, 0.05
-"""The robot must back off this far before another touch is a new contact."""
+"""The robot must back off this far before another touch counts as a new contact."""
 
 
-class ContactWatch:
-    """Keeps the body out of obstacles. Call `check` every few milliseconds of simulated time."""
+class ContactDetector:
+    """Keep the body out of obstacles. Call `check` every few milliseconds of simulated time."""
 
     def __init__(self, chip: Chip, world: World) -> None:
-        self.count = 0  # touches so far; staying in touch is one
+        self.count = 0  # contacts; a continuous touch is one contact
         self._chip = chip
         self._world = world
         self._free = chip.truth().map_from_base
         self._measured_at = self._free
-        self._clearance_m = world.clearance_m(self._free, HULL_M)
+        self._clearance_m = world.clearance_m(self._free, FOOTPRINT_M)
         self._touched_at: Pose2 | None = None
 
     def check(self, pose: Pose2, elapsed_s: float) -> Pose2:
-        """Return where the body really is at the end of an interval that free motion ends at `pose`."""
+        """Return the body's pose after an interval in which free motion would lead to `pose`."""
         if pose == self._free:
             return pose
         if self._touches(pose):
@@ -45,17 +45,17 @@ class ContactWatch:
             self._chip.release()
         return pose
 
-    def look_again(self, world: World) -> None:
-        """Take the world as it is now: something has moved in it."""
+    def set_world(self, world: World) -> None:
+        """Use a changed world from now on."""
         self._world = world
         self._clearance_m = 0.0
 
     def _touches(self, pose: Pose2) -> bool:
-        """Whether the hull meets anything; measured anew only when it may have used up its clearance."""
+        """Return True on contact; measure again only after the robot may have used up its clearance."""
         turned_rad = abs(wrap_angle(pose.theta_rad - self._measured_at.theta_rad))
-        if pose.distance_m(self._measured_at) + HULL_RADIUS_M * turned_rad >= self._clearance_m:
+        if pose.distance_m(self._measured_at) + FOOTPRINT_RADIUS_M * turned_rad >= self._clearance_m:
             self._measured_at = pose
-            self._clearance_m = self._world.clearance_m(pose, HULL_M)
+            self._clearance_m = self._world.clearance_m(pose, FOOTPRINT_M)
         return self._clearance_m <= 0.0
 
 

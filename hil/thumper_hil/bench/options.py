@@ -1,4 +1,4 @@
-"""What a simulated robot can be told in its URL: `sim://NAME/board?world=lab&x_m=1.73&yaw_deg=180&seed=1`."""
+"""Options in a simulated robot's URL: `sim://NAME/board?world=lab&x_m=1.73&yaw_deg=180&seed=1`."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -15,33 +15,33 @@ LIDARS = ("urg04lx", "ld19")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchOptions:
-    """The world, where the robot stands in it, the seed of all that is random, and the pace."""
+    """World, start pose, random seed, hardware and pace of a simulated robot."""
 
     world: str = "lab"
     x_m: float = 0.0
     y_m: float = 0.0
     yaw_deg: float = 0.0
     seed: int = 1
-    charge: float | None = None  # of the battery, 0...1; the robot's own if not given
+    charge: float | None = None  # battery charge, 0...1; None: from the robot's parameters
     board: BoardKind = BoardKind.TREX
-    scenario: str = ""  # a TOML of faults; none if empty
-    lidar: str = "urg04lx"  # its model; ld19 is the other one
-    reset_on_open: bool = False  # opening the board's port resets it, through its boot loader
-    realtime: bool = False  # keep to the clock on the wall, for somebody who watches
+    scenario: str = ""  # path of a TOML of faults; empty for none
+    lidar: str = "urg04lx"  # model: urg04lx or ld19
+    reset_on_open: bool = False  # opening the board's port resets it through its boot loader
+    realtime: bool = False  # run in real time
 
     @property
     def start(self) -> Pose2:
-        """Where the robot stands."""
+        """The start pose."""
         return Pose2(x_m=self.x_m, y_m=self.y_m, theta_rad=math.radians(self.yaw_deg))
 
     @classmethod
     def parse(cls, options: Mapping[str, str]) -> Self:
-        """Read the options of a URL.
+        """Parse the options of a URL.
 
         Raises
         ------
         ThumperError
-            An option that does not exist, or a value that it cannot have.
+            An option is unknown or its value is invalid.
         """
         readers: dict[str, Callable[[str], object]] = {
             "world": str,
@@ -61,13 +61,13 @@ class BenchOptions:
             if name not in readers:
                 known = ", ".join(readers)
                 raise ThumperError(
-                    f"the simulator has no option {name!r}; it has {known}", exit_code=EXIT_USAGE
+                    f"unknown simulator option {name!r}; choose from {known}", exit_code=EXIT_USAGE
                 )
             try:
                 values["realtime" if name == "pace" else name] = readers[name](text)
             except ValueError as error:
                 raise ThumperError(
-                    f"the simulator's option {name}={text}: {error}", exit_code=EXIT_USAGE
+                    f"simulator option {name}={text}: {error}", exit_code=EXIT_USAGE
                 ) from error
         return cls(**values)  # type: ignore[arg-type]  # each reader returns its field's type
 
@@ -91,7 +91,7 @@ def _angle_deg(text: str) -> float:
 
 def _natural(text: str) -> int:
     if not text.isascii() or not text.isdigit() or int(text) >= 2**63:
-        raise ValueError("give a whole number from 0 on")
+        raise ValueError("give a whole number, 0 or more")
     return int(text)
 
 

@@ -1,4 +1,4 @@
-"""What a person at the page may do to a simulated robot and its world while it runs."""
+"""Simulator commands of the dashboard: faults and pillars while the robot runs."""
 
 import math
 from collections.abc import Mapping
@@ -11,56 +11,58 @@ from thumper_hil.faults.catalogue import FAULTS, Amount, Choice, FaultValue
 
 SMALLEST_PILLAR_M, LARGEST_PILLAR_M = 0.02, 2.0
 FARTHEST_PILLAR_M = 50.0
-ORDERS = ("fault", "pillar", "clear_pillars")
+COMMANDS = ("fault", "pillar", "clear_pillars")
 
 
-class Controls:
-    """Of one bench; an order is a JSON object with one of `ORDERS` and what belongs to it."""
+class PageControls:
+    """The commands to one bench. A command is a JSON object with one of `COMMANDS` and its arguments."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
-        self._on: dict[str, FaultValue] = {}
+        self._active: dict[str, FaultValue] = {}
 
     def describe(self) -> dict[str, Any]:
-        """Every fault with the values that it takes, those ordered that last, and how many pillars stand."""
+        """Return all faults with their possible values, the active faults, and the number of pillars."""
         return {
             "faults": {name: _values(kind) for name, kind in FAULTS.items()},
-            "on": dict(self._on),
+            "on": dict(self._active),
             "pillars": self._bench.pillars,
         }
 
     def apply(self, content: Mapping[str, Any]) -> str:
-        """Do it; returns what was done, in words. Raises ThumperError."""
+        """Execute a command; return a message that says what was done. Raise ThumperError if it fails."""
         match dict(content):
             case {"fault": str(name), "value": value, **rest} if not rest:
                 self._bench.fault(name, value)
-                self._on.pop(name, None)
-                if FAULTS[name].lasts(value):
-                    self._on[name] = value
+                self._active.pop(name, None)
+                if FAULTS[name].persists(value):
+                    self._active[name] = value
                 return f"{name} is {value}"
             case {"pillar": dict(pillar), **rest} if not rest and set(pillar) == {"x_m", "y_m", "radius_m"}:
                 x_m, y_m, radius_m = (_number(pillar[name]) for name in ("x_m", "y_m", "radius_m"))
                 if not SMALLEST_PILLAR_M <= radius_m <= LARGEST_PILLAR_M:
-                    raise ThumperError(f"a pillar's radius is {SMALLEST_PILLAR_M:g}...{LARGEST_PILLAR_M:g} m")
+                    raise ThumperError(
+                        f"the radius of a pillar must be {SMALLEST_PILLAR_M:g}...{LARGEST_PILLAR_M:g} m"
+                    )
                 if math.hypot(x_m, y_m) > FARTHEST_PILLAR_M:
-                    raise ThumperError(f"a pillar stands within {FARTHEST_PILLAR_M:g} m of the robot")
-                at = self._bench.put_pillar(Pose2(x_m=x_m, y_m=y_m), radius_m)
-                return f"a pillar stands at {at.x_m:.2f}, {at.y_m:.2f} of the world"
+                    raise ThumperError(f"a pillar must be within {FARTHEST_PILLAR_M:g} m of the robot")
+                at = self._bench.add_pillar(Pose2(x_m=x_m, y_m=y_m), radius_m)
+                return f"added a pillar at {at.x_m:.2f}, {at.y_m:.2f} in the world"
             case {"clear_pillars": True, **rest} if not rest:
                 self._bench.clear_pillars()
-                return "the pillars are gone"
-        raise ThumperError(f"the simulator takes one of {', '.join(ORDERS)}, with what belongs to it")
+                return "removed the pillars"
+        raise ThumperError(f"unknown simulator command; give one of {', '.join(COMMANDS)} with its arguments")
 
 
 def _values(kind: object) -> dict[str, Any]:
     if isinstance(kind, Choice):
-        return {"choices": list(kind.acts)}
+        return {"choices": list(kind.actions)}
     if isinstance(kind, Amount):
-        return {"most": kind.most, "unit": kind.unit}
+        return {"most": kind.maximum, "unit": kind.unit}
     return {"pose": True}  # x_m, y_m, heading_deg
 
 
 def _number(value: object) -> float:
     if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
         return float(value)
-    raise ThumperError("a pillar is x_m, y_m (from the robot) and radius_m, all of them numbers")
+    raise ThumperError("a pillar needs x_m, y_m (relative to the robot) and radius_m, all numbers")

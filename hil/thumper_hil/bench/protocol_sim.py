@@ -1,7 +1,7 @@
-"""pyserial's handler for `sim://NAME/board` and `sim://NAME/lidar`: ports into a simulated world.
+"""pyserial's handler for `sim://NAME/board` and `sim://NAME/lidar`: ports to a simulated robot.
 
-The world's time passes only while somebody waits in `read`; `clock_s` tells it. Otherwise it is as with a
-device: a read returns what has come when its timeout has passed, and a write returns at once.
+Simulated time passes only during a blocking `read`; `clock_s` returns it. Otherwise the ports behave like
+real ones: a read returns the received bytes when its timeout has passed, and a write returns at once.
 """
 
 import math
@@ -12,8 +12,8 @@ from serial.serialutil import PortNotOpenError, SerialBase, SerialException
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper_hil.bench.bench import Bench
-from thumper_hil.bench.page_controls import Controls
-from thumper_hil.bench.registry import join, leave
+from thumper_hil.bench.page_controls import PageControls
+from thumper_hil.bench.registry import close_device, open_device
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -22,23 +22,23 @@ DEVICES = ("board", "lidar")
 
 
 class Serial(SerialBase):
-    """One end of a simulated serial line. `serial.serial_for_url` makes it."""
+    """The host's end of a simulated serial line, created by `serial.serial_for_url`."""
 
     _bench: Bench | None = None
 
     def open(self) -> None:
-        """Enter the simulated world.
+        """Open the simulated device.
 
         Raises
         ------
         SerialException
-            The URL is wrong, the firmware is not built, or the device is open already: one clear line.
+            The URL is invalid, the firmware is not built, or the device is already open.
         """
         if self.is_open:
-            raise SerialException("the port is open already")
+            raise SerialException("the port is already open")
         try:
             self._name, self._device, options = _parse(self.portstr or "")
-            self._bench = join(self._name, self._device, options)
+            self._bench = open_device(self._name, self._device, options)
         except ThumperError as error:
             raise SerialException(str(error)) from error
         self.is_open = True
@@ -47,35 +47,35 @@ class Serial(SerialBase):
         self._update_dtr_state()
 
     def close(self) -> None:
-        """Leave the world, which stands still from then on unless another port moves it."""
+        """Close the device. Simulated time stops unless another port advances it."""
         if self.is_open:
             self.is_open = False
-            leave(self._name, self._device)
+            close_device(self._name, self._device)
 
     def clock_s(self) -> float:
-        """Return the simulated time [s]; also after `close`."""
+        """Return the simulated time [s], also after `close`."""
         if self._bench is None:
             raise PortNotOpenError
         return self._bench.time_s
 
     @property
-    def simulator(self) -> Controls:
-        """What can be done to the robot and its world beside driving it."""
-        return Controls(self._world())
+    def simulator(self) -> PageControls:
+        """The simulator's commands: faults and pillars."""
+        return PageControls(self._world())
 
     @property
     def in_waiting(self) -> int:
-        """Bytes that `read` would return without waiting."""
+        """Number of bytes that `read` would return at once."""
         bench = self._world()
         return bench.chip.available if self._device == "board" else bench.lidar_available()
 
     def read(self, size: int = 1, /) -> bytes:
-        """Return `size` bytes, or those that came until the timeout [simulated s]; None waits for ever."""
+        """Return `size` bytes, or those received until the timeout [simulated s]; None waits forever."""
         bench = self._world()
         until_s = math.inf if self.timeout is None else bench.time_s + max(self.timeout, 0.0)
         try:
             while self.in_waiting < size and bench.time_s < until_s:
-                # One second at most, so that a wait for ever can be interrupted from the keyboard.
+                # At most one second per step, so that Ctrl-C can interrupt an endless wait.
                 step_s = min(until_s, bench.time_s + 1.0)
                 if self._device == "board":
                     bench.advance(step_s, board_bytes=size)
@@ -86,7 +86,7 @@ class Serial(SerialBase):
         return bench.board_read(size) if self._device == "board" else bench.lidar_read(size)
 
     def write(self, data: "ReadableBuffer", /) -> int:
-        """Send; time does not pass, the bytes leave at line rate when it does."""
+        """Queue bytes; no time passes here, they are transmitted at line rate later."""
         bench = self._world()
         sent = bytes(data)
         if self._device == "board":
@@ -96,11 +96,11 @@ class Serial(SerialBase):
         return len(sent)
 
     def flush(self) -> None:
-        """Do nothing: what is written is on its way."""
+        """Do nothing: written bytes are already queued."""
         self._world()
 
     def reset_input_buffer(self) -> None:
-        """Forget the bytes that have come."""
+        """Discard the received bytes."""
         self._world()
         waiting = self.in_waiting
         if waiting and self._device == "board":
@@ -109,15 +109,15 @@ class Serial(SerialBase):
             self._world().lidar_read(waiting)
 
     def reset_output_buffer(self) -> None:
-        """Do nothing: no byte waits on the host's side."""
+        """Do nothing: no bytes wait on the host's side."""
         self._world()
 
     @property
     def out_waiting(self) -> int:
-        """Bytes that wait on the host's side: none."""
+        """Number of bytes that wait on the host's side: always 0."""
         return 0
 
-    # Of the lines beside data only DTR is wired, and only if asked: it pulls the board's reset pin.
+    # Of the modem lines only DTR is wired, and only with `reset_on_open`: it pulls the board's reset pin.
     @property
     def cts(self) -> bool:
         """Clear to send."""
@@ -148,14 +148,14 @@ class Serial(SerialBase):
 
     def _update_dtr_state(self) -> None:
         if self._bench is not None and self._device == "board" and self.dtr and not self._dtr_was:
-            self._bench.pull_dtr()
+            self._bench.assert_dtr()
         self._dtr_was = self.dtr
 
     def _world(self) -> Bench:
         if self._bench is None or not self.is_open:
             raise PortNotOpenError
         if not self._bench.is_plugged(self._device):
-            raise SerialException("the device has gone")  # what a real port says when the plug is pulled
+            raise SerialException("the device has gone")  # as a real port does when it is unplugged
         return self._bench
 
 
@@ -164,11 +164,11 @@ def _parse(url: str) -> tuple[str, str, dict[str, str]]:
     device = parts.path.strip("/")
     if not parts.netloc or device not in DEVICES:
         raise ThumperError(
-            f"{url}: no simulated device; give sim://NAME/board or sim://NAME/lidar", exit_code=EXIT_USAGE
+            f"{url}: not a simulated device; use sim://NAME/board or sim://NAME/lidar", exit_code=EXIT_USAGE
         )
     options: dict[str, str] = {}
     for name, value in parse_qsl(parts.query, keep_blank_values=True):
         if name in options:
-            raise ThumperError(f"{url}: the option {name} is given twice", exit_code=EXIT_USAGE)
+            raise ThumperError(f"{url}: option {name} is given twice; delete one", exit_code=EXIT_USAGE)
         options[name] = value
     return parts.netloc, device, options

@@ -1,4 +1,4 @@
-"""The simulated robot on two pseudo-terminals, in real time: for programs that expect the hardware."""
+"""Serve the simulated robot on two pseudo-terminals in real time, for programs that expect hardware."""
 
 import errno
 import os
@@ -14,23 +14,23 @@ from pathlib import Path
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper_hil.bench.bench import Bench
 from thumper_hil.bench.options import BenchOptions
-from thumper_hil.chip.pty_board import BAUD_OF_SPEED
+from thumper_hil.chip.pty_board import BAUD_BY_SPEED
 
 STEP_S = 0.002
-"""How often bytes are carried over: about as often as a USB adapter does it."""
+"""Period of the byte transfer, similar to that of a USB adapter."""
 
 BOOT_S = 0.05
-"""The firmware has started when the ports appear."""
+"""The firmware gets this long to start before the ports appear."""
 
 LONGEST_STEP_S = 0.1
-"""A board that lived on for longer without its host's bytes would stop its motors."""
+"""A board that runs for longer without bytes from its host would stop its motors."""
 
 CHUNK_BYTES = 4096
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Line:
-    """A pseudo-terminal, both its ends, and the device behind it."""
+    """Both ends of a pseudo-terminal, and the device behind it."""
 
     master: int
     slave: int
@@ -41,14 +41,14 @@ class _Line:
 def serve(board_pty: Path, lidar_pty: Path, options: Mapping[str, str]) -> None:
     """Serve a simulated robot until Ctrl-C; `options` are those of a `sim://` URL.
 
-    Symbolic links to the two terminals appear at the paths, and go again at the end. Clients may come and go:
-    the robot stays, and what it sends while nobody listens is lost, as on a wire. With `reset_on_open` among
-    the options the board starts anew, through its boot loader, whenever its port is opened.
+    Symbolic links to the two terminals exist at the paths while it runs. Clients can connect and disconnect;
+    the robot keeps running, and bytes without a reader are lost, as on a wire. With the option
+    `reset_on_open`, opening the board's port restarts the board through its boot loader.
 
     Raises
     ------
     ThumperError
-        A path is taken or cannot be made, an option is wrong, or the firmware crashed.
+        A path exists or cannot be created, an option is invalid, or the firmware crashed.
     """
     parsed = BenchOptions.parse(options)
     bench = Bench(parsed)
@@ -70,35 +70,35 @@ def serve(board_pty: Path, lidar_pty: Path, options: Mapping[str, str]) -> None:
                 from_device=lambda: bench.lidar_read(CHUNK_BYTES),
             ),
         )
-        print(f"board {board_pty}, lidar {lidar_pty}; Ctrl-C ends it", flush=True)
+        print(f"board {board_pty}, lidar {lidar_pty}. Press Ctrl-C to stop.", flush=True)
         try:
-            _carry(bench, lines, reset_on_open=parsed.reset_on_open)
+            _transfer(bench, lines, reset_on_open=parsed.reset_on_open)
         except KeyboardInterrupt:
             print("stopped")
 
 
-class Clock:
-    """How far the simulation has to be by the wall's clock; a machine that was slow is not raced after."""
+class PacedClock:
+    """Maps real time to simulated time. After a delay the simulation does not catch up."""
 
     def __init__(self, wall_s: float, simulated_s: float) -> None:
         self._wall_from_simulated_s = wall_s - simulated_s
 
     def due_s(self, wall_s: float, simulated_s: float) -> float:
-        """Simulated time to go on to: that of the wall, but no more than one step from `simulated_s`."""
+        """Return the simulated time to advance to: at most `LONGEST_STEP_S` after `simulated_s`."""
         late_s = wall_s - self._wall_from_simulated_s - simulated_s
         self._wall_from_simulated_s += max(late_s - LONGEST_STEP_S, 0.0)
         return wall_s - self._wall_from_simulated_s
 
 
-def _carry(bench: Bench, lines: tuple[_Line, ...], *, reset_on_open: bool) -> None:
-    """Keep the simulated clock at the wall's and carry bytes both ways, for ever."""
-    clock = Clock(time.monotonic(), bench.time_s)
+def _transfer(bench: Bench, lines: tuple[_Line, ...], *, reset_on_open: bool) -> None:
+    """Run the simulation in real time and transfer bytes in both directions, forever."""
+    clock = PacedClock(time.monotonic(), bench.time_s)
     was_open = True
     while True:
         if reset_on_open:
             is_open = not _hung_up(lines[0].master)
             if is_open and not was_open:
-                bench.pull_dtr()
+                bench.assert_dtr()
             was_open = is_open
         bench.chip.set_host_baud(_baud(lines[0].slave))
         bench.advance(clock.due_s(time.monotonic(), bench.time_s))
@@ -107,7 +107,7 @@ def _carry(bench: Bench, lines: tuple[_Line, ...], *, reset_on_open: bool) -> No
                 _write(line, data)
         readable, _, _ = select.select([line.master for line in lines], [], [], STEP_S)
         if not was_open:
-            time.sleep(STEP_S)  # a terminal that nobody has open is always "readable"
+            time.sleep(STEP_S)  # a terminal without a client is always "readable"
         for line in lines:
             if line.master in readable and (data := _read(line.master)):
                 line.to_device(data)
@@ -115,19 +115,21 @@ def _carry(bench: Bench, lines: tuple[_Line, ...], *, reset_on_open: bool) -> No
 
 @contextmanager
 def _terminal(path: Path, *, keep_open: bool = True) -> Iterator[tuple[int, int]]:
-    """Make a pseudo-terminal with a link to it at `path`; yields its master, and the end with its settings.
+    """Create a pseudo-terminal with a link at `path`; yield its master and the end that has its settings.
 
-    Kept open, it keeps its settings and never hangs up; otherwise the master sees who comes and goes.
+    With `keep_open` it keeps its settings and never hangs up. Otherwise the master sees clients open and
+    close it.
     """
     if path.is_symlink() and not path.exists():
-        path.unlink()  # left by a run that was killed: its terminal is gone
+        path.unlink()  # left over from a killed run, whose terminal no longer exists
     elif path.is_symlink() or path.exists():
         raise ThumperError(
-            f"{path} is taken; end what serves it, remove it, or give another path", exit_code=EXIT_USAGE
+            f"{path} exists; stop the program that uses it, delete it, or choose another path",
+            exit_code=EXIT_USAGE,
         )
     master, slave = os.openpty()
     try:
-        # Raw on both ends before anybody opens it: no echo, no translation, no line buffer.
+        # Raw on both ends before a client opens it: no echo, no translation, no line buffer.
         for end in (master, slave):
             tty.setraw(end, termios.TCSANOW)
         os.set_blocking(master, False)
@@ -135,7 +137,8 @@ def _terminal(path: Path, *, keep_open: bool = True) -> Iterator[tuple[int, int]
             path.symlink_to(os.ttyname(slave))
         except OSError as error:
             raise ThumperError(
-                f"{path}: cannot make the link ({error.strerror}); give another path", exit_code=EXIT_USAGE
+                f"{path}: cannot create the link ({error.strerror}); choose another path",
+                exit_code=EXIT_USAGE,
             ) from error
         if not keep_open:
             os.close(slave)
@@ -156,8 +159,8 @@ def _hung_up(master: int) -> bool:
 
 
 def _baud(slave: int) -> int:
-    """The rate that the client has set: bytes pass at any on a pseudo-terminal, on a wire they do not."""
-    return BAUD_OF_SPEED.get(termios.tcgetattr(slave)[4], 0)
+    """Return the client's baud rate, which a pseudo-terminal ignores but a wire does not."""
+    return BAUD_BY_SPEED.get(termios.tcgetattr(slave)[4], 0)
 
 
 def _read(master: int) -> bytes:
@@ -172,5 +175,5 @@ def _read(master: int) -> bytes:
 def _write(line: _Line, data: bytes) -> None:
     try:
         os.write(line.master, data)
-    except BlockingIOError:  # nobody has read for a while and the terminal is full: the old goes
+    except BlockingIOError:  # no client reads and the buffer is full: discard the old bytes
         termios.tcflush(line.slave, termios.TCIFLUSH)

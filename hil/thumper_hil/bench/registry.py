@@ -19,27 +19,27 @@ _entries: dict[str, _Entry] = {}
 
 
 def simulation(name: str) -> Bench:
-    """Return the bench of `sim://NAME/...`: its ground truth stays after the ports are closed.
+    """Return the bench of `sim://NAME/...`; its ground truth stays available after the ports are closed.
 
     Raises
     ------
     ThumperError
-        No port of that name was opened in this process.
+        No port with that name was opened in this process.
     """
     if name not in _entries:
-        raise ThumperError(f"no simulation {name!r} is open here; open sim://{name}/board first")
+        raise ThumperError(f"no simulation {name!r} in this process; open sim://{name}/board first")
     return _entries[name].bench
 
 
-def join(name: str, device: str, options: Mapping[str, str]) -> Bench:
-    """Open one device of a robot: the first open makes it, with its options; the next one joins it.
+def open_device(name: str, device: str, options: Mapping[str, str]) -> Bench:
+    """Open one device of a robot. The first open creates the robot with its options, the next ones join it.
 
-    A robot whose ports were all closed is gone: the next open makes a new one.
+    After all its devices are closed, the next open creates a new robot.
 
     Raises
     ------
     ThumperError
-        The device is open already, the options contradict the first open's, or one of them is wrong.
+        The device is already open, the options differ from those of the first open, or one is invalid.
     """
     entry = _entries.get(name)
     if entry is None or not entry.open_devices:
@@ -47,17 +47,17 @@ def join(name: str, device: str, options: Mapping[str, str]) -> Bench:
         _entries[name] = entry
     elif device in entry.open_devices:
         raise ThumperError(
-            f"the simulated {device} {name!r} is open already; close it first", exit_code=EXIT_NOT_THERE
+            f"the simulated {device} {name!r} is already open; close it first", exit_code=EXIT_NOT_THERE
         )
     elif options and options != entry.options:
         raise ThumperError(
-            f"the simulation {name!r} runs with other options; give them once, with the first of its ports",
+            f"the simulation {name!r} runs with other options; give the options only with its first port",
             exit_code=EXIT_USAGE,
         )
     entry.open_devices.add(device)
     return entry.bench
 
 
-def leave(name: str, device: str) -> None:
-    """Close one device."""
+def close_device(name: str, device: str) -> None:
+    """Close one device of a robot."""
     _entries[name].open_devices.discard(device)

@@ -200,7 +200,7 @@ def _one_drive(robot: RobotLoop, bench: Bench, rng: np.random.Generator, report:
     if broken and good is not None:
         bench.fault(broken, good)
     _way_back(robot, bench, report, broken or "no fault")
-    bench.forget_truth()
+    bench.clear_truth()
     report.memory_MB.append(_resident_MB())
 
 

@@ -1,1 +1,1 @@
-"""Many simulated missions at once: worlds x seeds x parameter sets, one row a job."""
+"""Run many simulated missions in parallel: worlds x seeds x parameter sets, one row per job."""

@@ -1,4 +1,4 @@
-"""`thumper campaign`. Heavy imports wait until it runs."""
+"""`thumper campaign`. Heavy imports are deferred until the command runs."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,20 +7,21 @@ import typer
 
 
 def campaign(
-    file: Annotated[Path, typer.Argument(help="The campaign's TOML: missions, seeds, parameter sets.")],
+    file: Annotated[Path, typer.Argument(help="Campaign file (TOML): missions, seeds, parameter sets.")],
     out: Annotated[Path, typer.Option(help="Folder for rows.csv, rows.parquet and the summary.")] = Path(
         "out/campaign"
     ),
     scheduler: Annotated[
-        str, typer.Option(help="Address of a running Dask scheduler; without it, this machine's cores.")
+        str, typer.Option(help="Address of a running Dask scheduler (default: run on this computer).")
     ] = "",
     workers: Annotated[
-        int, typer.Option(help="Processes of the local cluster; 0: one a core.", min=0, max=256)
+        int, typer.Option(help="Number of local worker processes (0: one per core).", min=0, max=256)
     ] = 0,
 ) -> None:
-    """Drive every mission with every seed and parameter set, in simulation; one row a drive.
+    """Drive every mission with every seed and parameter set in simulation; write one row per drive.
 
-    Run again after a kill it goes on where it was. It leaves with 1 if a drive failed or touched something.
+    An interrupted campaign continues where it stopped. The exit status is 1 if a drive failed or had a
+    contact.
     """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -33,34 +34,32 @@ def campaign(
     from thumper_hil.campaign.result_row import CampaignRow, succeeded
     from thumper_hil.campaign.result_table import RowStore
     from thumper_hil.campaign.runner import run_jobs
-    from thumper_hil.campaign.spec import digest_of, jobs_of, load_campaign
+    from thumper_hil.campaign.spec import campaign_digest, expand_jobs, load_campaign
     from thumper_hil.campaign.summary import markdown, summarise
 
     require_extra("campaign")
     console = Console()
     plan = load_campaign(file)
-    jobs = jobs_of(plan, file.parent)
+    jobs = expand_jobs(plan, file.parent)
     prepare_output(out)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with RowStore(out, digest_of(jobs)) as store, Progress(*columns, console=console) as progress:
-        wanted = {job.key for job in jobs}
-        task = progress.add_task(
-            "drives", total=len(jobs), completed=sum(r.key in wanted for r in store.rows)
-        )
+    with RowStore(out, campaign_digest(jobs)) as store, Progress(*columns, console=console) as progress:
+        keys = {job.key for job in jobs}
+        task = progress.add_task("drives", total=len(jobs), completed=sum(r.key in keys for r in store.rows))
 
-        def show(row: CampaignRow) -> None:
+        def report(row: CampaignRow) -> None:
             progress.advance(task)
             if not succeeded(row):
                 progress.console.print(f"{row.key}: {row.reason}, {row.contacts} contacts", highlight=False)
 
         try:
-            run_jobs(jobs, store, scheduler=scheduler or None, workers=workers or None, show=show)
+            run_jobs(jobs, store, scheduler=scheduler or None, workers=workers or None, report=report)
         except KeyboardInterrupt:
             raise ThumperError(
-                "interrupted; the rows so far are kept: run the same command again",
+                "interrupted; all finished drives are kept. To continue, run the same command again",
                 exit_code=EXIT_INTERRUPTED,
             ) from None
-        rows = sorted((row for row in store.rows if row.key in wanted), key=lambda row: row.key)
+        rows = sorted((row for row in store.rows if row.key in keys), key=lambda row: row.key)
     write_parquet(out / "rows.parquet", rows)
     summaries = summarise(rows, plan.show)
     (out / "summary.md").write_text(markdown(summaries), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""One job of a campaign: a mission through the whole robot, reduced to a row. Runs in a worker."""
+"""Run one job of a campaign in a worker: a mission with the whole robot, reduced to a row."""
 
 import itertools
 import math
@@ -17,35 +17,35 @@ from thumper.runtime.assembly import open_robot
 from thumper.runtime.drive_log import SPEED_COLUMNS, DriveLog, speed_errors
 from thumper.runtime.drive_result import DriveResult
 from thumper_hil.bench import Bench
-from thumper_hil.bench.registry import join, leave
-from thumper_hil.campaign.job_digest import content_of
+from thumper_hil.bench.registry import close_device, open_device
+from thumper_hil.campaign.job_digest import content_digest
 from thumper_hil.campaign.result_row import CampaignRow
 from thumper_hil.campaign.spec import CampaignJob
 
-HERE = "campaign"
-"""The robot's third port, beside board and lidar: it is made and looked at through it."""
+DEVICE = "campaign"
+"""Device name under which a job opens the simulated robot, in addition to board and lidar."""
 
 
 def run_job(job: CampaignJob) -> CampaignRow:
-    """Drive, and tell how it went; a drive that the robot refuses or gives up is a row as well.
+    """Drive the mission and return its row; a drive that the robot refuses or aborts is a row, too.
 
     Raises
     ------
     ThumperError
-        This machine cannot simulate it: something is not built, or a file is not there or another one than
-        where the campaign was begun. That says nothing of the robot, and is no row.
+        This computer cannot simulate the job: a part is not built, or a file is missing or differs from the
+        one at the start of the campaign. This is not a result of the robot, so there is no row.
     """
     config, mission = config_from_json(job.robot_json), job.mission
-    if content_of(mission.world, job.scenario, config) != job.content:
+    if content_digest(mission.world, job.scenario, config) != job.content:
         raise ThumperError(
-            "its world, scenario or masks are not as when the campaign began: each machine needs the same "
-            "files, and a campaign whose files were edited is another one"
+            "its world, scenario or mask files differ from those at the start of the campaign; copy the same "
+            "files to every computer, and start a new campaign after you edit one"
         )
     x_m, y_m, yaw_deg = mission.start
     options = {"world": mission.world, "x_m": x_m, "y_m": y_m, "yaw_deg": yaw_deg, "seed": job.seed}
     options |= {"lidar": config.lidar.model, "scenario": job.scenario}
     name = job.key.replace("/", "~")
-    bench = join(name, HERE, {key: str(value) for key, value in options.items()})
+    bench = open_device(name, DEVICE, {key: str(value) for key, value in options.items()})
     try:
         return _drive(
             job, with_ports(config, board=f"sim://{name}/board", lidar=f"sim://{name}/lidar"), bench
@@ -61,7 +61,7 @@ def run_job(job: CampaignJob) -> CampaignRow:
             reason=str(error),
         )
     finally:
-        leave(name, HERE)
+        close_device(name, DEVICE)
 
 
 def _drive(job: CampaignJob, config: RobotConfig, bench: Bench) -> CampaignRow:
@@ -75,11 +75,11 @@ def _drive(job: CampaignJob, config: RobotConfig, bench: Bench) -> CampaignRow:
             result = drive_with_progress(robot, goal, mission.name, Console(quiet=True)).after(result)
             if not result.reached:
                 break
-        assert result is not None  # a mission has a goal
+        assert result is not None  # every mission has a goal
         truth, contacts = bench.truth(), bench.contacts
     pose_errors_m = _pose_errors_m(robot.log, truth)
     sides = speed_errors(robot.log.speeds).values()
-    odometry = _dead_reckoned(robot.log.speeds, start, config.drive)
+    odometry = _dead_reckoning(robot.log.speeds, start, config.drive)
     return CampaignRow(
         key=job.key,
         mission=mission.name,
@@ -101,7 +101,7 @@ def _drive(job: CampaignJob, config: RobotConfig, bench: Bench) -> CampaignRow:
 
 
 def _pose_errors_m(log: DriveLog, truth: FloatArray) -> FloatArray:
-    """Distance of the estimate from the truth at each beat, shape (n,)."""
+    """Return the distance between estimate and truth at each control cycle, shape (n,)."""
     poses = log.poses
     if not len(poses):
         return np.zeros(0)
@@ -110,8 +110,8 @@ def _pose_errors_m(log: DriveLog, truth: FloatArray) -> FloatArray:
     return np.hypot(poses[:, 1] - x_m, poses[:, 2] - y_m)
 
 
-def _dead_reckoned(speeds: FloatArray, start: Pose2, drive: DriveGeometry) -> Pose2:
-    """Where the wheels alone say the robot went: a measured speed is the counts of its tick."""
+def _dead_reckoning(speeds: FloatArray, start: Pose2, drive: DriveGeometry) -> Pose2:
+    """Return the final pose from the wheel speeds alone; a measured speed is the counts of its tick."""
     pose = start
     left, right = (SPEED_COLUMNS.index(f"{side}_speed") for side in ("left", "right"))
     for before, now in itertools.pairwise(speeds):

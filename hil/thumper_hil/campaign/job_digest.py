@@ -1,7 +1,7 @@
-"""What the files say that a drive is made of, as one short text.
+"""Digest of the content of the files that define a drive.
 
-It is the same wherever the files lie and on each machine that has the same ones: a campaign that goes on, or
-is spread over machines, stays one experiment.
+It does not depend on where the files are stored. So a campaign that continues later, or on several computers,
+stays one experiment.
 """
 
 import hashlib
@@ -21,26 +21,26 @@ from thumper_hil.world.world_file import read_world_file
 DIGITS = 16
 
 
-def content_of(world: str, scenario: str, robot: RobotConfig) -> str:
-    """Digest of a world with the map it builds on, of a scenario, and of the masks of a robot.
+def content_digest(world: str, scenario: str, robot: RobotConfig) -> str:
+    """Return the digest of a world with its base map, of a scenario, and of a robot's masks.
 
     Raises
     ------
     ThumperError
-        A file is not there, or says something that cannot be: named with the file.
+        A file is missing or invalid; the message names it.
     """
     masks = robot.navigation.masks
-    said = [
+    content = [
         _world(world),
         _scenario(Path(scenario)) if scenario else None,
         [_plain(read_occupancy(Path(name), MODES)) for name in (masks.keepout, masks.speed) if name],
     ]
-    return digest(said)
+    return digest(content)
 
 
-def digest(said: object) -> str:
-    """A short digest of what JSON can hold."""
-    return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()[:DIGITS]
+def digest(content: object) -> str:
+    """Return a short digest of a JSON-serializable object."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:DIGITS]
 
 
 def _world(name_or_path: str) -> object:
@@ -52,12 +52,12 @@ def _world(name_or_path: str) -> object:
 
 
 def _scenario(path: Path) -> object:
-    load_scenario(path)  # for what it refuses
+    load_scenario(path)  # raises if it is invalid
     return tomllib.loads(path.read_text(encoding="utf-8"))
 
 
 def _plain(value: object) -> object:
-    """Dataclasses, arrays and tuples as JSON can hold them."""
+    """Convert dataclasses, arrays and tuples to JSON-serializable objects."""
     if is_dataclass(value):
         return {one.name: _plain(getattr(value, one.name)) for one in fields(value)}
     if isinstance(value, np.ndarray):

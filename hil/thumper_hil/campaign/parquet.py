@@ -1,4 +1,4 @@
-"""The rows as Parquet, for pandas, Dask and the like."""
+"""Write the rows as Parquet, for example for pandas or Dask."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -8,7 +8,7 @@ from thumper_hil.campaign.result_row import CampaignRow
 
 
 def write_parquet(path: Path, rows: Sequence[CampaignRow]) -> Path:
-    """Write all rows, columns typed as in `CampaignRow`."""
+    """Write all rows, with the column types of `CampaignRow`."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -1,4 +1,4 @@
-"""Spread a campaign's jobs over Dask workers and keep each row as it comes."""
+"""Distribute a campaign's jobs over Dask workers and store each row when it arrives."""
 
 import logging
 import signal
@@ -26,15 +26,15 @@ def run_jobs(
     *,
     scheduler: str | None,
     workers: int | None,
-    show: Callable[[CampaignRow], None],
+    report: Callable[[CampaignRow], None],
 ) -> None:
-    """Run what the store does not hold yet, on a local cluster or on the one at `scheduler`.
+    """Run the jobs that the store does not contain, on a local cluster or on the one at `scheduler`.
 
     Raises
     ------
     ThumperError
-        Nobody answers at `scheduler`, or not any more; or some drives could not be begun or ended: the
-        machine's fault and not the robot's. The rows of all others are kept.
+        The scheduler does not answer or has stopped, or some drives could not run on their worker. The rows
+        of all other drives are kept.
     """
     from distributed import CancelledError, Client, as_completed
 
@@ -48,10 +48,10 @@ def run_jobs(
             client = stack.enter_context(Client(address, timeout=CONNECT_S))  # type: ignore[no-untyped-call]
         except (OSError, ValueError) as error:
             raise ThumperError(
-                f"{scheduler}: no Dask scheduler answers; start one with `dask scheduler`",
+                f"{scheduler}: no Dask scheduler responds; start one with `dask scheduler`",
                 exit_code=EXIT_NOT_THERE,
             ) from error
-        run = uuid.uuid4().hex  # to Dask the same key is the same drive, also in somebody else's campaign
+        run = uuid.uuid4().hex  # for Dask, equal keys mean the same task, even across campaigns
         keys = {f"{job.key}-{run}": job.key for job in waiting}
         futures = client.map(run_job, waiting, key=list(keys), pure=False)
         failures: list[str] = []
@@ -60,28 +60,29 @@ def run_jobs(
                 row = future.result()
             except CancelledError as error:
                 raise ThumperError(
-                    "the Dask scheduler is gone; the rows so far are kept: run the same command again",
+                    "the Dask scheduler has stopped; all finished drives are kept. To continue, run the same "
+                    "command again",
                     exit_code=EXIT_NOT_THERE,
                 ) from error
-            except Exception as error:  # it ends this drive alone
-                failures.append(f"{keys[future.key]}: {_said(error)}")
+            except Exception as error:  # only this drive failed
+                failures.append(f"{keys[future.key]}: {_describe(error)}")
             else:
                 store.add(row)
-                show(row)
+                report(row)
             future.release()
     if failures:
         raise ThumperError(
-            f"{len(failures)} of {len(jobs)} drives could not be driven; the first, {failures[0]}. "
-            "All others are kept: mend it and run the same command again"
+            f"{len(failures)} of {len(jobs)} drives could not run. The first: {failures[0]}. "
+            "All others are kept; fix the cause and run the same command again"
         )
 
 
-def _said(error: Exception) -> str:
-    """One line. A job whose worker dies Dask gives to another, and gives up after some."""
+def _describe(error: Exception) -> str:
+    """Return the error in one line. Dask retries a job whose worker dies a few times, then fails it."""
     from distributed.scheduler import KilledWorker
 
     if isinstance(error, KilledWorker):
-        return f"{error.allowed_failures + 1} workers died of it; is there enough memory?"
+        return f"{error.allowed_failures + 1} workers died while running it; check the free memory"
     if isinstance(error, ThumperError):
         return str(error)
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
@@ -89,16 +90,16 @@ def _said(error: Exception) -> str:
 
 @contextmanager
 def _local_cluster(workers: int | None) -> "Iterator[LocalCluster]":
-    """Processes of this machine to which Ctrl-C does not come: this process has it, and ends them.
+    """Start local worker processes with SIGINT blocked; this process handles Ctrl-C and stops them.
 
-    They inherit that it is blocked from the thread that begins them, which inherits it from here. A Ctrl-C
-    meanwhile counts once they are there: Dask does not end those well that are only half begun.
+    The workers inherit the blocked signal from the thread that starts them, which inherits it from here. A
+    Ctrl-C during the start takes effect once they run, because Dask cannot stop half-started workers cleanly.
     """
     from distributed import LocalCluster
 
-    came: list[int] = []
-    heeded = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
-    resource_tracker.ensure_running()  # if multiprocessing begins it later, that lifts the block
+    interrupts: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
+    resource_tracker.ensure_running()  # multiprocessing would unblock the signal if it started this later
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         cluster = LocalCluster(  # type: ignore[no-untyped-call]
@@ -106,15 +107,15 @@ def _local_cluster(workers: int | None) -> "Iterator[LocalCluster]":
             threads_per_worker=1,
             processes=True,
             dashboard_address=None,
-            silence_logs=logging.CRITICAL,  # what went wrong is in the future; the rest is noise of Ctrl-C
+            silence_logs=logging.CRITICAL,  # errors are in the futures; the rest is noise after Ctrl-C
         )
     finally:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-        signal.signal(signal.SIGINT, heeded)
+        signal.signal(signal.SIGINT, handler)
     try:
-        if came:
+        if interrupts:
             raise KeyboardInterrupt
         yield cluster
     finally:
-        with suppress(TimeoutError):  # on a busy machine a worker that was killed takes long to be gone
+        with suppress(TimeoutError):  # on a busy computer a killed worker takes long to exit
             cluster.close()

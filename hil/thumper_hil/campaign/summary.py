@@ -1,4 +1,4 @@
-"""Rows to figures with confidence intervals, for each mission and parameter set. Pure."""
+"""Summarize rows with confidence intervals, per mission and parameter set. Pure functions."""
 
 import math
 from collections.abc import Sequence
@@ -12,13 +12,13 @@ from thumper_hil.campaign.result_row import MEASURES, CampaignRow, succeeded
 CONFIDENCE = 0.95
 Z = 1.959964  # of the normal distribution, two-sided 95 %
 
-FEW = 5
-"""Below so many drives nothing can be said about confidence: the range is told instead."""
+MIN_RUNS = 5
+"""With fewer drives the summary shows the range instead of a confidence interval."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interval:
-    """A figure and where it lies with 95 % confidence; of less than `FEW` drives, the least and the most."""
+    """A value with its 95 % confidence interval; with fewer than `MIN_RUNS` drives, its range."""
 
     value: float
     low: float
@@ -27,19 +27,19 @@ class Interval:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
-    """What the seeds of one mission with one parameter set came to."""
+    """Statistics over the seeds of one mission with one parameter set."""
 
     mission: str
     parameters: str
     runs: int
-    success: Interval  # share of the runs that reached the goal and touched nothing
+    success: Interval  # share of the runs that reached the goal without a contact
     contacts: int
     reached: int
-    means: dict[str, Interval]  # of those that reached the goal
+    means: dict[str, Interval]  # over the runs that reached the goal
 
 
 def summarise(rows: Sequence[CampaignRow], measures: Sequence[str]) -> list[Summary]:
-    """One summary for each mission and parameter set, in the order of first appearance."""
+    """Return one summary per mission and parameter set, in the order of first appearance."""
     summaries = []
     for mission, parameters in dict.fromkeys((row.mission, row.parameters) for row in rows):
         chosen = [row for row in rows if (row.mission, row.parameters) == (mission, parameters)]
@@ -52,7 +52,8 @@ def summarise(rows: Sequence[CampaignRow], measures: Sequence[str]) -> list[Summ
                 contacts=sum(row.contacts for row in chosen),
                 reached=sum(row.reached for row in chosen),
                 means={
-                    name: mean_of([getattr(row, name) for row in chosen if row.reached]) for name in measures
+                    name: mean_interval([getattr(row, name) for row in chosen if row.reached])
+                    for name in measures
                 },
             )
         )
@@ -60,20 +61,20 @@ def summarise(rows: Sequence[CampaignRow], measures: Sequence[str]) -> list[Summ
 
 
 def wilson(hits: int, runs: int) -> Interval:
-    """A share's score interval (Wilson 1927): sound for few runs, and for none or all that hit."""
+    """Return a share's score interval (Wilson 1927), which holds for few runs and for shares of 0 and 1."""
     share = hits / runs
     middle = (share + Z**2 / (2 * runs)) / (1 + Z**2 / runs)
     half = Z / (1 + Z**2 / runs) * math.sqrt(share * (1 - share) / runs + Z**2 / (4 * runs**2))
     return Interval(value=share, low=max(middle - half, 0.0), high=min(middle + half, 1.0))
 
 
-def mean_of(values: Sequence[float]) -> Interval:
-    """The mean of what is there, with a bootstrap interval (BCa, Efron 1987); NaN when nothing is."""
+def mean_interval(values: Sequence[float]) -> Interval:
+    """Return the mean of the finite values and its bootstrap interval (BCa, Efron 1987), or NaN."""
     known = np.array([value for value in values if math.isfinite(value)])
     if known.size == 0:
         return Interval(value=math.nan, low=math.nan, high=math.nan)
     mean = float(known.mean())
-    if known.size < FEW or float(np.ptp(known)) == 0.0:
+    if known.size < MIN_RUNS or float(np.ptp(known)) == 0.0:
         return Interval(value=mean, low=float(known.min()), high=float(known.max()))
     found = bootstrap(
         (known,), np.mean, confidence_level=CONFIDENCE, n_resamples=2000, method="BCa", rng=0
@@ -82,7 +83,7 @@ def mean_of(values: Sequence[float]) -> Interval:
 
 
 def markdown(summaries: Sequence[Summary]) -> str:
-    """A table with one line a summary; there is at least one."""
+    """Return a table with one line per summary; there must be at least one."""
     headings = ["mission", "parameters", "runs", "success", "contacts"]
     headings += [MEASURES[name] for name in summaries[0].means]
     lines = [f"| {' | '.join(headings)} |", "|---" * len(headings) + "|"]
@@ -95,9 +96,9 @@ def markdown(summaries: Sequence[Summary]) -> str:
         [
             *lines,
             "",
-            "In brackets 95 % confidence intervals (shares: Wilson; means: bootstrap), "
-            f"for a mean of less than {FEW} drives the least and the most. "
-            "Means are over the drives that reached their goal.",
+            "Brackets show 95 % confidence intervals (shares: Wilson; means: bootstrap), or the minimum and "
+            f"maximum for a mean over fewer than {MIN_RUNS} drives. Means are over the drives that reached "
+            "their goal.",
             "",
         ]
     )

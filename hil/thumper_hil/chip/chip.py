@@ -1,4 +1,4 @@
-"""A simulated ATmega328P that runs a firmware ELF, with motors, wheels, battery and body round it."""
+"""Run a firmware ELF on an emulated ATmega328P, with simulated motors, wheels, battery and chassis."""
 
 import ctypes
 from dataclasses import dataclass
@@ -14,18 +14,18 @@ from thumper_hil.chip.robot_params import RobotParams
 CPU_HZ = 16_000_000
 ELF_HEADER_BYTES = 20
 EM_AVR = 83
-"""The ELF format's number for AVR."""
+"""Machine number of AVR in an ELF header."""
 
 
 class ChipError(ThumperError):
-    """The simulated chip cannot start (something is not built or installed), or its firmware has crashed."""
+    """The simulated chip cannot start (a part is not built or installed), or its firmware crashed."""
 
     def __init__(self, message: str) -> None:
         super().__init__(message, exit_code=EXIT_CHECK_FAILED)
 
 
 class RunStatus(IntEnum):
-    """Why `run` came back (thumper::RunStatus)."""
+    """Why `run` returned (thumper::RunStatus)."""
 
     TIME_REACHED = 0
     BYTES_READY = 1
@@ -35,7 +35,7 @@ class RunStatus(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Truth:
-    """What really happens, at one cycle. Pairs are left, right; forward is positive."""
+    """Ground truth at one clock cycle. Pairs are (left, right); forward is positive."""
 
     time_s: float
     map_from_base: Pose2
@@ -48,8 +48,9 @@ class Truth:
 
 
 class Chip:
-    """The chip, from power-on. Without `params` it is bare: nothing is wired to its pins;
-    otherwise the robot is, as `board` says.
+    """The chip, from power-on. Without `params` nothing is wired to its pins.
+
+    With `params` the simulated robot is wired to the pins of `board`.
 
     Raises
     ------
@@ -70,8 +71,8 @@ class Chip:
         try:
             self._library = load_library()
         except OSError as error:
-            cure = "install libsimavr2 and libelf1" if LIBRARY.exists() else "run `make chip`"
-            raise ChipError(f"{LIBRARY}: cannot load the simulated chip; {cure}") from error
+            fix = "install libsimavr2 and libelf1" if LIBRARY.exists() else "run `make chip`"
+            raise ChipError(f"{LIBRARY}: cannot load the simulated chip; {fix}") from error
         numbers = params.flat() if params else []
         array = (ctypes.c_double * len(numbers))(*numbers) if numbers else None
         message = ctypes.create_string_buffer(256)
@@ -83,7 +84,7 @@ class Chip:
         self._elf = elf
 
     def close(self) -> None:
-        """Free the chip; nothing else may be called afterwards. Calling it twice is fine."""
+        """Free the chip. Call no other method afterwards; a second `close` does nothing."""
         if self._handle is not None:
             self._library.thumper_close(self._handle)
             self._handle = None
@@ -103,31 +104,31 @@ class Chip:
 
     @property
     def resets(self) -> int:
-        """How often the chip was reset since power-on."""
+        """Number of resets since power-on."""
         return int(self._library.thumper_resets(self._handle))
 
     @property
-    def awake_share(self) -> float:
-        """The processor's load since power-on: the share of the cycles that it did not sleep, 0...1."""
+    def cpu_load(self) -> float:
+        """Processor load since power-on: the share of cycles in which it did not sleep, 0...1."""
         return 1.0 - int(self._library.thumper_slept_cycles(self._handle)) / max(self.cycle, 1)
 
     @property
     def overruns(self) -> int:
-        """Bytes lost because the firmware did not fetch them in time."""
+        """Number of bytes lost because the firmware did not read them in time."""
         return int(self._library.thumper_overruns(self._handle))
 
     @property
     def available(self) -> int:
-        """Bytes from the chip that have fully arrived by now."""
+        """Number of bytes from the chip that have fully arrived."""
         return int(self._library.thumper_available(self._handle))
 
     def run(self, until_cycle: int, *, bytes_wanted: int = 0) -> bool:
-        """Run until a clock cycle, or until so many bytes wait for the host; returns whether they do.
+        """Run until a clock cycle or until `bytes_wanted` bytes wait; return True if they do.
 
         Raises
         ------
         ChipError
-            The firmware has crashed or will never wake up again.
+            The firmware crashed, or sleeps and can never wake up.
         """
         status = self._library.thumper_run(self._handle, until_cycle, bytes_wanted)
         if status == RunStatus.CRASHED:
@@ -136,7 +137,10 @@ class Chip:
                 f"{self._elf}: the firmware crashed at {self.time_s:.6f} s: no instruction at 0x{address:04x}"
             )
         if status == RunStatus.ASLEEP_FOR_EVER:
-            raise ChipError(f"{self._elf}: asleep with interrupts off for ever, at {self.time_s:.6f} s")
+            raise ChipError(
+                f"{self._elf}: the firmware sleeps with interrupts disabled and cannot wake up, "
+                f"at {self.time_s:.6f} s"
+            )
         return bool(status == RunStatus.BYTES_READY)
 
     def reset(self) -> None:
@@ -144,30 +148,30 @@ class Chip:
         self._library.thumper_reset(self._handle)
 
     def data(self, address: int) -> int:
-        """Return a byte of the data space: registers, I/O, SRAM."""
+        """Return one byte of the data space (registers, I/O, SRAM)."""
         return int(self._library.thumper_data(self._handle, address))
 
     def set_host_baud(self, baud: int) -> None:
-        """Set the host's rate: at another one than the chip's, both sides see garbage. 0 is always right."""
+        """Set the host's baud rate. If it differs from the chip's, both receive garbage; 0 always matches."""
         self._library.thumper_set_host_baud(self._handle, baud)
 
     def send(self, data: bytes) -> None:
-        """Queue bytes to the chip; they go out one after another at line rate."""
+        """Queue bytes for the chip; they are transmitted at line rate."""
         self._library.thumper_send(self._handle, data, len(data))
 
     def receive(self, limit: int) -> bytes:
-        """Fetch up to `limit` bytes that have arrived."""
+        """Read up to `limit` bytes that have arrived."""
         return self.receive_stamped(limit)[0]
 
     def receive_stamped(self, limit: int) -> tuple[bytes, list[int]]:
-        """Fetch up to `limit` bytes, and the cycle at which each one's stop bit ended."""
+        """Read up to `limit` bytes, with the cycle at which the stop bit of each ended."""
         data = ctypes.create_string_buffer(limit)
         cycles = (ctypes.c_uint64 * limit)()
         count = self._library.thumper_receive(self._handle, data, cycles, limit)
         return data.raw[:count], cycles[:count]
 
     def truth(self) -> Truth:
-        """Return the truth now; only with `params`."""
+        """Return the current ground truth; needs `params`."""
         raw = CTruth()
         self._library.thumper_truth(self._handle, ctypes.byref(raw))
         return Truth(
@@ -182,17 +186,17 @@ class Chip:
         )
 
     def place(self, map_from_base: Pose2) -> None:
-        """Put the robot somewhere else; its wheels do not notice."""
+        """Move the robot to a pose without turning its wheels."""
         self._library.thumper_place(
             self._handle, map_from_base.x_m, map_from_base.y_m, map_from_base.theta_rad
         )
 
     def hold(self, v_m_s: float, w_rad_s: float) -> None:
-        """Let an obstacle hold the body against motion in this direction, until `release`."""
+        """Block motion of the body in this direction, as an obstacle does, until `release`."""
         self._library.thumper_hold(self._handle, v_m_s, w_rad_s)
 
     def release(self) -> None:
-        """Take the obstacle away."""
+        """Remove the obstacle set by `hold`."""
         self._library.thumper_release(self._handle)
 
 
@@ -203,4 +207,4 @@ def _check_elf(elf: Path) -> None:
         raise ChipError(f"{elf}: cannot read the firmware; run `make firmware`") from error
     machine = int.from_bytes(header[18:20], "little")
     if header[:4] != b"\x7fELF" or machine != EM_AVR:
-        raise ChipError(f"{elf}: no firmware for an AVR; run `make firmware`")
+        raise ChipError(f"{elf}: not a firmware for an AVR; run `make firmware`")

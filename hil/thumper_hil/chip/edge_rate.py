@@ -1,4 +1,4 @@
-"""The highest rate of encoder edges that a firmware counts without loss, found by trying."""
+"""Find the highest rate of encoder edges that a firmware counts without loss, by bisection."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -15,9 +15,9 @@ SETTLE_CYCLES = CPU_HZ // 4
 CHUNK_BYTES = 4096
 CYCLES_PER_BYTE = 320  # at 500 000 baud
 PHASES = (0.0, 0.27, 0.5, 0.73)
-"""How far the right encoder lags behind the left one, in intervals."""
+"""Lag of the right encoder behind the left one, in intervals."""
 BYTE_PHASES = (0.0, 0.31, 0.62)
-"""And both of them behind the bytes on the line, in intervals: 160 cycles divide a byte's 320."""
+"""Lag of both encoders behind the bytes on the line, in intervals: 160 cycles divide the 320 of a byte."""
 
 
 def counts_all(
@@ -30,7 +30,7 @@ def counts_all(
     edges: int = 20_000,
     board: Board = Board.TREX,
 ) -> bool:
-    """Drive both encoders, fill `line_share` of the line with requests; true when all edges were counted."""
+    """Return True if the firmware counts all edges while requests fill `line_share` of the line."""
     chip = InstrumentedChip(elf)
     left, right = ENCODERS[board]
     with chip.edges(left) as left_source, chip.edges(right) as right_source:
@@ -51,7 +51,7 @@ def counts_all(
 
 
 def shortest_interval(is_lossless: Callable[[int], bool], *, low: int, high: int) -> int:
-    """Return the smallest interval [cycles] in (low, high] that loses nothing; `high` must not."""
+    """Return the smallest lossless interval [cycles] in (low, high]; `high` must be lossless."""
     if not is_lossless(high):
         raise ValueError(f"edges are lost even at an interval of {high} cycles")
     while high - low > 1:
@@ -60,10 +60,11 @@ def shortest_interval(is_lossless: Callable[[int], bool], *, low: int, high: int
     return high
 
 
-def most_edges_per_s(elf: Path, *, line_share: float, board: Board = Board.TREX) -> int:
-    """Return the rate of each encoder [edges/s], both running, at the worst of twelve phases.
+def max_edges_per_s(elf: Path, *, line_share: float, board: Board = Board.TREX) -> int:
+    """Return the highest lossless rate per encoder [edges/s], both running, at the worst of 12 phases.
 
-    `line_share`, 0...1: how full the line to the board is of requests; from a third on the line back is full.
+    `line_share`, 0...1, is the load of the line to the board. From one third on, the replies fill the line
+    back.
     """
 
     def is_lossless(interval_cycles: int) -> bool:

@@ -1,4 +1,4 @@
-"""Read Intel HEX, the format that programmers and boot loaders take."""
+"""Read Intel HEX, the format of programmers and boot loaders."""
 
 from pathlib import Path
 
@@ -9,12 +9,12 @@ EXTENDED_SEGMENT, EXTENDED_LINEAR = 2, 4
 
 
 def read_hex(path: Path) -> tuple[int, bytes]:
-    """Return the first address and all bytes from there on; gaps are 0xFF, as in erased flash.
+    """Return the first address and all bytes from there; gaps are 0xFF, as in erased flash.
 
     Raises
     ------
     ThumperError
-        It cannot be read, a record is damaged, it holds no data, or it lies beyond 64 KB.
+        The file cannot be read, a record is damaged, there is no data, or an address is above 64 KB.
     """
     try:
         lines = path.read_text(encoding="ascii").split()
@@ -27,16 +27,18 @@ def read_hex(path: Path) -> tuple[int, bytes]:
         except ValueError:
             record = b""
         if line[:1] != ":" or len(record) < 5 or len(record) != record[0] + 5 or sum(record) % 256 != 0:
-            raise ThumperError(f"{path}: line {number} is no Intel HEX; build it again")
+            raise ThumperError(f"{path}: line {number} is not valid Intel HEX; build the file again")
         kind, address, data = record[3], int.from_bytes(record[1:3], "big"), record[4:-1]
         if kind == DATA:
             chunks[address] = data
         elif kind == END_OF_FILE:
             break
         elif kind in (EXTENDED_SEGMENT, EXTENDED_LINEAR) and any(data):
-            raise ThumperError(f"{path}: line {number} lies beyond 64 KB; it is for another chip")
+            raise ThumperError(
+                f"{path}: line {number} is above 64 KB, so the file is for another chip; build it again"
+            )
     if not chunks:
-        raise ThumperError(f"{path}: holds no data")
+        raise ThumperError(f"{path}: contains no data; build the file again")
     start = min(chunks)
     image = bytearray(b"\xff" * (max(address + len(data) for address, data in chunks.items()) - start))
     for address, data in chunks.items():

@@ -1,4 +1,4 @@
-"""A chip on the lab bench: flash and EEPROM are open, encoder pins can be driven, cycles are counted."""
+"""A chip with lab instruments: flash and EEPROM access, an encoder signal generator, a cycle counter."""
 
 import ctypes
 from collections.abc import Iterator
@@ -13,29 +13,29 @@ from thumper_hil.chip.wiring import EncoderPins
 FLASH_BYTES = 0x8000
 EEPROM_BYTES = 1024
 RJMP_SELF = bytes((0xFF, 0xCF))
-"""`rjmp .-2`: an instruction that jumps to itself."""
+"""`rjmp .-2`, an instruction that jumps to itself."""
 
 ATMEGABOOT = Path("/usr/share/arduino/hardware/arduino/avr/bootloaders/atmega/ATmegaBOOT_168_atmega328.hex")
-"""The boot loader on the T'REX and on most Nanos, as Debian's arduino-core-avr brings it; 57600 baud."""
+"""Boot loader of the T'REX and most Nanos, from Debian's arduino-core-avr; 57600 baud."""
 
 BURSTS = 4096
 TICK_VECTOR = 11
-"""TIMER1_COMPA, the control tick (data sheet, table 11-6)."""
+"""TIMER1_COMPA, the control tick (ATmega328P data sheet, table 11-6)."""
 
 
 class InstrumentedChip(Chip):
-    """The simulated chip, with what a programmer, a signal generator and a logic analyser see of it."""
+    """The simulated chip with a programmer, a signal generator and a logic analyser attached."""
 
     def write_flash(self, address: int, data: bytes) -> None:
-        """Overwrite flash; a running program sees it at once."""
+        """Overwrite flash; a running program sees the change at once."""
         if not self._library.thumper_write_flash(self._handle, address, data, len(data)):
-            raise ChipError(f"{len(data)} bytes at 0x{address:04x} do not fit the chip's flash")
+            raise ChipError(f"{len(data)} bytes at 0x{address:04x} do not fit in flash")
 
     def read_flash(self, address: int, count: int) -> bytes:
-        """Return a stretch of the flash."""
+        """Return `count` bytes of flash."""
         data = ctypes.create_string_buffer(count)
         if not self._library.thumper_read_flash(self._handle, address, data, count):
-            raise ChipError(f"{count} bytes at 0x{address:04x} are not in the chip's flash")
+            raise ChipError(f"{count} bytes at 0x{address:04x} reach past the end of flash")
         return data.raw
 
     def eeprom(self) -> bytes:
@@ -45,22 +45,22 @@ class InstrumentedChip(Chip):
         return data.raw
 
     def write_eeprom(self, data: bytes, address: int = 0) -> None:
-        """Overwrite EEPROM, from `address` on."""
+        """Overwrite EEPROM from `address` on."""
         if not self._library.thumper_write_eeprom(self._handle, address, data, len(data)):
-            raise ChipError(f"{len(data)} bytes at {address} do not fit the chip's EEPROM")
+            raise ChipError(f"{len(data)} bytes at {address} do not fit in EEPROM")
 
     def install_bootloader(self, hex_path: Path) -> None:
-        """Erase the flash, program a boot loader, set the fuses to start there, and reset.
+        """Erase the flash, program a boot loader, set the fuses to start in it, and reset.
 
         Raises
         ------
         ChipError
-            The image cannot be read, or it does not end where the flash does: such a one is broken.
+            The image runs past the end of the flash.
         """
         start, image = read_hex(hex_path)
         if start + len(image) > FLASH_BYTES:
             raise ChipError(
-                f"{hex_path}: {len(image)} bytes from 0x{start:04x} on run past the end of the flash"
+                f"{hex_path}: {len(image)} bytes from 0x{start:04x} on reach past the end of flash"
             )
         self.write_flash(0, b"\xff" * FLASH_BYTES)
         self.write_flash(start, image)
@@ -68,7 +68,7 @@ class InstrumentedChip(Chip):
         self.reset()
 
     def add_bootloader(self, hex_path: Path) -> None:
-        """Program a boot loader behind the program that is there, set the fuses to start there, and reset.
+        """Program a boot loader behind the current program, set the fuses to start in it, and reset.
 
         Raises
         ------
@@ -81,12 +81,12 @@ class InstrumentedChip(Chip):
         self.write_flash(0, program[:start])
 
     def hang_at(self, address: int) -> None:
-        """Let whatever comes to this flash address stay there for ever: a fault that no firmware ships."""
+        """Make the program loop forever at this flash address, to simulate a hang."""
         self.write_flash(address, RJMP_SELF)
 
     @contextmanager
     def edges(self, pins: EncoderPins) -> Iterator["EdgeSource"]:
-        """Drive a pair of encoder pins for a while; only on a bare chip."""
+        """Drive a pair of encoder pins inside the block; needs a chip without `params`."""
         handle = self._library.thumper_edges_open(self._handle, pins.port.encode(), pins.a_bit, pins.b_bit)
         try:
             yield EdgeSource(self._library, handle)
@@ -95,7 +95,7 @@ class InstrumentedChip(Chip):
 
     @contextmanager
     def probe(self, tick_vector: int = TICK_VECTOR) -> Iterator["Probe"]:
-        """Watch every instruction for a while; let time pass by the probe's `run` only."""
+        """Trace every instruction inside the block; advance time only with the probe's `run`."""
         handle = self._library.thumper_probe_open(self._handle, tick_vector)
         try:
             yield Probe(self._library, handle)
@@ -104,34 +104,34 @@ class InstrumentedChip(Chip):
 
 
 class EdgeSource:
-    """A perfect encoder that turns forward."""
+    """An ideal encoder that turns forward."""
 
     def __init__(self, library: ctypes.CDLL, handle: int) -> None:
         self._library, self._handle = library, handle
 
     def start(self, *, delay_cycles: int, interval_cycles: int, count: int) -> None:
-        """Send `count` edges at an even interval, the first one after `delay_cycles`."""
+        """Send `count` edges at a constant interval, the first after `delay_cycles`."""
         self._library.thumper_edges_start(self._handle, delay_cycles, interval_cycles, count)
 
 
 class Probe:
-    """Counts the cycles of a running chip."""
+    """Count the cycles of a running chip."""
 
     def __init__(self, library: ctypes.CDLL, handle: int) -> None:
         self._library, self._handle = library, handle
 
     def run(self, until_cycle: int) -> None:
-        """Run, slowly; `ChipError` when the firmware dies."""
+        """Run instruction by instruction until a cycle; raise `ChipError` if the firmware crashes."""
         if not self._library.thumper_probe_run(self._handle, until_cycle):
-            raise ChipError("the firmware died while it was being measured")
+            raise ChipError("the firmware crashed during the measurement")
 
     def report(self) -> CProbeReport:
-        """Return the books so far."""
+        """Return the counts so far."""
         report = CProbeReport()
         self._library.thumper_probe_report(self._handle, ctypes.byref(report))
         return report
 
     def tick_bursts(self) -> list[int]:
-        """Return the main loop's cycles from waking up to falling asleep, for each with a tick in between."""
+        """Return the main loop's cycles from wake-up to sleep, for each period that contains a tick."""
         cycles = (ctypes.c_uint64 * BURSTS)()
         return list(cycles[: self._library.thumper_probe_bursts(self._handle, cycles, BURSTS)])

@@ -1,7 +1,7 @@
-"""Requests, most of them damaged on the way, through the simulated serial line; and what must come of them.
+"""Send requests, most of them damaged, over the simulated serial line and collect the answers.
 
-The host's own decoder, which shares no line with the firmware's, says which of the damaged frames are still
-whole. The board has to answer exactly those, in order, and to count exactly the others.
+The host's decoder shares no code with the firmware's. It decides which of the damaged frames are still valid.
+The board must answer exactly those, in order, and count exactly the others as errors.
 """
 
 import random
@@ -27,7 +27,7 @@ from thumper_hil.chip.chip import CPU_HZ, Chip
 
 BURST_BYTES = 24
 BURST_CYCLES = 3 * CPU_HZ // 1000
-"""Bursts fit the firmware's receive ring, which nobody empties while it packs its telemetry."""
+"""A burst fits in the firmware's receive ring, which is not drained while the firmware packs telemetry."""
 
 SETTLE_CYCLES = CPU_HZ // 3
 CLEAN_SHARE = 0.25
@@ -41,87 +41,89 @@ REQUESTS: tuple[Message, ...] = (
     SetMotorPwm(left=0, right=255),
     Identify(),
 )
-LENGTH_OF = {message.ID: len(message.pack()) for message in REQUESTS}
+PAYLOAD_LENGTHS = {message.ID: len(message.pack()) for message in REQUESTS}
 SILENT = (SetWheelSpeeds.ID, SetMotorPwm.ID)
-"""Requests that get no answer."""
+"""Requests without an answer."""
 
 
 def flip(bits: int) -> Callable[[random.Random, bytearray], None]:
-    """Damage: invert this many bits."""
+    """Return a damage function that inverts `bits` bits of a frame."""
 
     def damage(rng: random.Random, frame: bytearray) -> None:
-        for place in rng.sample(range(8 * len(frame)), bits):
-            frame[place // 8] ^= 1 << place % 8
+        for index in rng.sample(range(8 * len(frame)), bits):
+            frame[index // 8] ^= 1 << index % 8
 
     return damage
 
 
 def drop(rng: random.Random, frame: bytearray) -> None:
-    """Damage: lose a byte."""
+    """Remove one byte of a frame."""
     del frame[rng.randrange(len(frame))]
 
 
-def double(rng: random.Random, frame: bytearray) -> None:
-    """Damage: receive a byte twice."""
-    place = rng.randrange(len(frame))
-    frame.insert(place, frame[place])
+def duplicate(rng: random.Random, frame: bytearray) -> None:
+    """Repeat one byte of a frame."""
+    index = rng.randrange(len(frame))
+    frame.insert(index, frame[index])
 
 
 def truncate(rng: random.Random, frame: bytearray) -> None:
-    """Damage: lose the end."""
+    """Cut off the end of a frame."""
     del frame[rng.randrange(len(frame)) :]
 
 
 def scramble(rng: random.Random, frame: bytearray) -> None:
-    """Damage: random bytes of any length up to twice a frame's."""
+    """Replace a frame by random bytes, up to twice the length of a frame."""
     frame[:] = rng.randbytes(rng.randrange(40)) + b"\x00"
 
 
-DAMAGES = (flip(1), flip(2), flip(7), drop, double, truncate, scramble)
+DAMAGES = (flip(1), flip(2), flip(7), drop, duplicate, truncate, scramble)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseResult:
-    """What was sent, and what the board made of it."""
+    """Frames sent, answers expected, and answers received."""
 
     frames: int
-    whole: int  # frames that the host's decoder found whole
-    expected: list[tuple[int, int]]  # (request id, sequence) of each answer that is due
+    valid: int  # frames that pass the host's decoder
+    expected: list[tuple[int, int]]  # (request id, sequence) of each expected answer
     answers: list[tuple[int, int]]
     expected_errors: int
     counted_errors: int  # by the board, modulo 2**16
-    host_errors: int  # frames from the board that did not check
+    host_errors: int  # frames from the board that fail the CRC
 
 
-def drive(chip: Chip, *, frames: int, seed: int) -> NoiseResult:
-    """Send so many requests, three quarters of them damaged, and collect the answers."""
+def send_damaged_requests(chip: Chip, *, frames: int, seed: int) -> NoiseResult:
+    """Send `frames` requests, three quarters of them damaged, and collect the answers."""
     rng = random.Random(seed)
     reference, board = FrameDecoder(), FrameDecoder()
     expected: list[tuple[int, int]] = []
     answers: list[tuple[int, int]] = []
-    refused = whole = sent = 0
+    refused = valid = sent = 0
     while sent < frames:
         burst = bytearray()
         while len(burst) < BURST_BYTES and sent < frames:
             burst += _request(rng, sent)
             sent += 1
         for frame in reference.feed(bytes(burst)):
-            whole += 1
-            # `identify` may be of any length: it must work between all versions.
-            if frame.message_id != Identify.ID and LENGTH_OF.get(frame.message_id) != len(frame.payload):
+            valid += 1
+            # `identify` may have any length, so that it works between all versions.
+            if frame.message_id != Identify.ID and PAYLOAD_LENGTHS.get(frame.message_id) != len(
+                frame.payload
+            ):
                 refused += 1
             elif frame.message_id not in SILENT:
                 expected.append((frame.message_id, frame.sequence))
         chip.send(bytes(burst))
         chip.run(chip.cycle + BURST_CYCLES)
         _collect(chip, board, answers)
-    chip.send(b"\x00")  # ends what a lost delimiter left open
+    chip.send(b"\x00")  # ends a frame whose delimiter was lost
     reference.feed(b"\x00")
     chip.run(chip.cycle + SETTLE_CYCLES)
     counted = _collect(chip, board, answers)
     return NoiseResult(
         frames=frames,
-        whole=whole,
+        valid=valid,
         expected=expected,
         answers=answers,
         expected_errors=reference.errors + refused,
@@ -139,7 +141,7 @@ def _request(rng: random.Random, number: int) -> bytes:
 
 
 def _collect(chip: Chip, decoder: FrameDecoder, answers: list[tuple[int, int]]) -> int:
-    """Sort what the board sent; returns the errors that its last telemetry counted, -1 without one."""
+    """Append the board's answers; return the error count of its last telemetry, or -1 without one."""
     counted = -1
     for frame in decoder.feed(chip.receive(chip.available)):
         if frame.message_id == Ack.ID:

@@ -1,4 +1,4 @@
-"""The C face of libthumper_chip.so (chip/native/c_api.cpp), declared for ctypes."""
+"""The C API of libthumper_chip.so (chip/native/c_api.cpp), declared for ctypes."""
 
 import ctypes
 from functools import cache
@@ -72,7 +72,7 @@ class CProbeReport(ctypes.Structure):
 
 @cache
 def load_library() -> ctypes.CDLL:
-    """Load the library once and declare its functions; raises OSError when it is not built."""
+    """Load the library once and declare its functions; raise OSError if it is not built."""
     library = ctypes.CDLL(str(LIBRARY))
     chip, number = ctypes.c_void_p, ctypes.c_double
     size, cycle, byte = ctypes.c_size_t, ctypes.c_uint64, ctypes.c_uint8

@@ -1,4 +1,4 @@
-"""A bare board on a pseudo-terminal in real time, which starts anew whenever somebody opens its port."""
+"""Serve a bare board on a pseudo-terminal in real time; opening its port resets it."""
 
 import os
 import select
@@ -14,25 +14,25 @@ from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.instrumented_chip import InstrumentedChip
 
 STEP_S = 0.001
-MOST_BEHIND_S = 0.2  # a machine that was busy does not race after the clock on the wall
+MAX_LAG_S = 0.2  # beyond this lag the simulation does not catch up with real time
 CHUNK_BYTES = 4096
-BAUD_OF_SPEED = {
+BAUD_BY_SPEED = {
     getattr(termios, name): int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdigit()
 }
-"""Of the constants in a terminal's settings."""
+"""Baud rate of each speed constant in a terminal's settings."""
 
 
 @contextmanager
 def on_pty(chip: InstrumentedChip) -> Iterator[Path]:
-    """Serve the chip's serial port at the path that this yields, from a thread, until the block ends.
+    """Yield the path of a terminal that serves the chip's serial port, from a thread, inside the block.
 
-    As on a Nano, whose DTR line pulls the reset pin, the chip is reset each time the port is opened. Bytes
-    cross unharmed only at the chip's own rate: the terminal's is read from the client's settings.
+    Opening the port resets the chip, as on a Nano whose DTR line pulls the reset pin. Bytes arrive intact
+    only if the client has set the chip's baud rate.
     """
     master, slave = os.openpty()
     tty.setraw(slave, termios.TCSANOW)
     path = Path(os.ttyname(slave))
-    os.close(slave)  # nobody has the port open: the master sees a hang-up
+    os.close(slave)  # while no client has the port open, the master sees a hang-up
     os.set_blocking(master, False)
     stop = threading.Event()
     thread = threading.Thread(target=_serve, args=(chip, master, stop), daemon=True)
@@ -49,20 +49,20 @@ def _serve(chip: InstrumentedChip, master: int, stop: threading.Event) -> None:
     poll = select.poll()
     poll.register(master, select.POLLIN)
     is_open = False
-    behind_s = time.monotonic() - chip.time_s
+    offset_s = time.monotonic() - chip.time_s
     while not stop.is_set():
         events = dict(poll.poll(0)).get(master, 0)
         was_open, is_open = is_open, not events & select.POLLHUP
         if is_open and not was_open:
             chip.reset()
         if is_open:
-            chip.set_host_baud(BAUD_OF_SPEED[termios.tcgetattr(master)[5]])
+            chip.set_host_baud(BAUD_BY_SPEED[termios.tcgetattr(master)[5]])
             if events & select.POLLIN:
                 chip.send(os.read(master, CHUNK_BYTES))
-        now_s = time.monotonic() - behind_s
-        if now_s - chip.time_s > MOST_BEHIND_S:
-            behind_s += now_s - chip.time_s - MOST_BEHIND_S
-            now_s = chip.time_s + MOST_BEHIND_S
+        now_s = time.monotonic() - offset_s
+        if now_s - chip.time_s > MAX_LAG_S:
+            offset_s += now_s - chip.time_s - MAX_LAG_S
+            now_s = chip.time_s + MAX_LAG_S
         chip.run(round(now_s * CPU_HZ))
         data = chip.receive(CHUNK_BYTES)
         if is_open and data:
@@ -71,5 +71,7 @@ def _serve(chip: InstrumentedChip, master: int, stop: threading.Event) -> None:
 
 
 def _write(master: int, data: bytes) -> None:
-    with suppress(BlockingIOError):  # nobody reads and the terminal is full: lost, as on a wire
+    with suppress(
+        BlockingIOError
+    ):  # no client reads and the buffer is full: the bytes are lost, as on a wire
         os.write(master, data)

@@ -1,4 +1,4 @@
-"""The simulated robot's physical parameters, from TOML to the simulator's C++ structures."""
+"""Physical parameters of the simulated robot, read from TOML and flattened for the C++ simulator."""
 
 import tomllib
 from dataclasses import dataclass, fields
@@ -10,12 +10,12 @@ from thumper.common.errors import ThumperError
 WILD_THUMPER = Path(__file__).with_name("wild_thumper.toml")
 OPEN_CIRCUIT_POINTS = 11  # at 0, 10, ... 100 % charge
 
-# The fields have the order of chip/native/params.hpp; what they mean and where they come from is in the TOML.
+# The fields have the order of chip/native/params.hpp. The TOML file explains each value and its source.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorParams:
-    """One motor with its gearbox and wheel, at the wheel's side of the gearbox."""
+    """One motor with gearbox and wheel, referred to the wheel side of the gearbox."""
 
     motors_per_side: float
     resistance_Ohm: float
@@ -44,15 +44,15 @@ class BatteryParams:
     def __post_init__(self) -> None:
         if len(self.open_circuit_V) != OPEN_CIRCUIT_POINTS:
             raise ValueError(
-                f"open_circuit_V: {OPEN_CIRCUIT_POINTS} voltages, got {len(self.open_circuit_V)}"
+                f"open_circuit_V: give {OPEN_CIRCUIT_POINTS} voltages, not {len(self.open_circuit_V)}"
             )
         if not 0.0 <= self.state_of_charge <= 1.0:
-            raise ValueError(f"state_of_charge: 0...1, got {self.state_of_charge}")
+            raise ValueError(f"state_of_charge: must be 0...1, not {self.state_of_charge}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BodyParams:
-    """The chassis on its tyres; `track_m` is the effective track that the body turns by."""
+    """The chassis and its tyres; `track_m` is the effective track, which determines the yaw rate."""
 
     mass_kg: float
     yaw_inertia_kg_m2: float
@@ -78,7 +78,7 @@ class EncoderParams:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoardParams:
-    """What its bridges do at PWM 0, and how it scales voltage and currents for its converter."""
+    """The bridges' behaviour at PWM 0, and the scaling of voltage and currents at the ADC."""
 
     pwm_low: Literal["coast", "brake"]
     battery_V_per_count: float
@@ -87,12 +87,12 @@ class BoardParams:
 
     def __post_init__(self) -> None:
         if self.pwm_low not in ("coast", "brake"):
-            raise ValueError(f"pwm_low: coast or brake, got {self.pwm_low!r}")
+            raise ValueError(f"pwm_low: must be coast or brake, not {self.pwm_low!r}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotParams:
-    """All of the simulated robot."""
+    """All parameters of the simulated robot."""
 
     motor: MotorParams
     battery: BatteryParams
@@ -107,7 +107,7 @@ class RobotParams:
         Raises
         ------
         ThumperError
-            It cannot be read, a key is missing or unknown, or a value is no number or out of range.
+            The file cannot be read, a key is missing or unknown, or a value is invalid.
         """
         try:
             tables = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -120,7 +120,7 @@ class RobotParams:
             raise ThumperError(f"{path}: {error}") from error
 
     def flat(self) -> list[float]:
-        """Return every number, in the order of chip/native/params.hpp."""
+        """Return all numbers in the order of chip/native/params.hpp."""
         numbers: list[float] = []
         for part in fields(self):
             table = getattr(self, part.name)
@@ -137,7 +137,7 @@ def _part(part_type: Any, table: Any, name: str) -> Any:
     if missing := known - table.keys():
         raise ValueError(f"{name}.{min(missing)} is missing")
     if unknown := table.keys() - known:
-        raise ValueError(f"{name}.{min(unknown)} is no parameter; {name} has {', '.join(sorted(known))}")
+        raise ValueError(f"unknown key {name}.{min(unknown)}; choose from {', '.join(sorted(known))}")
     return part_type(**{key: _value(value, f"{name}.{key}") for key, value in table.items()})
 
 
@@ -147,5 +147,5 @@ def _value(value: Any, key: str) -> str | float | tuple[float, ...]:
     if isinstance(value, list):
         return tuple(float(number) for number in value)
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"{key}: a number, got {value!r}")
+        raise ValueError(f"{key}: must be a number, not {value!r}")
     return float(value)

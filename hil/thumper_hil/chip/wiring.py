@@ -1,4 +1,4 @@
-"""Which pins the encoders of each board are on: chip/native/wiring.hpp, for those who drive them by hand."""
+"""Encoder pins of each board, for tests that drive them directly (see chip/native/wiring.hpp)."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from thumper.board.messages import Board
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EncoderPins:
-    """A port's letter and the bits of channels A and B."""
+    """Port letter and the bits of channels A and B."""
 
     port: str
     a_bit: int
@@ -18,4 +18,4 @@ ENCODERS: dict[Board, tuple[EncoderPins, EncoderPins]] = {
     Board.TREX: (EncoderPins(port="D", a_bit=5, b_bit=6), EncoderPins(port="B", a_bit=4, b_bit=5)),
     Board.NANO: (EncoderPins(port="D", a_bit=5, b_bit=6), EncoderPins(port="B", a_bit=0, b_bit=1)),
 }
-"""Left, right."""
+"""Pins of the left and the right encoder."""

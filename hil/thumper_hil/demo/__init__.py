@@ -1,1 +1,1 @@
-"""`thumper demo`: the missions of the thesis's experiment 8.3, judged by ground truth."""
+"""`thumper demo`: the missions of the thesis's experiment 8.3, evaluated against ground truth."""

@@ -1,4 +1,4 @@
-"""How well a mission went, judged by ground truth that the robot never sees. Pure."""
+"""Evaluate a map against ground truth that the robot never sees. Pure functions."""
 
 from dataclasses import dataclass
 
@@ -15,17 +15,17 @@ TRUTH_RESOLUTION_M = 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapQuality:
-    """A map against the world that it shows."""
+    """Errors of a map against the true world."""
 
-    wall_error_mean_m: float  # distance of the occupied cells' centres from the nearest solid thing
+    wall_error_mean_m: float  # distance from the centres of occupied cells to the nearest solid object
     wall_error_p95_m: float
-    occupied_within_one_cell: float  # share of the occupied cells that are right to one cell
-    free_but_solid: float  # share of the free cells whose centre is inside something solid
+    occupied_within_one_cell: float  # share of the occupied cells with an error of at most one cell
+    free_but_solid: float  # share of the free cells whose centre is inside a solid object
     known_area_m2: float
 
 
 def compare_map(grid: OccupancyGrid, world: World) -> MapQuality:
-    """Measure `grid`, whose frame is the world's, against the world."""
+    """Compare `grid`, which is in the world's frame, with the world."""
     truth = world.to_grid(TRUTH_RESOLUTION_M)
     distance_m = distance_transform_edt(truth.cells != OCCUPIED) * TRUTH_RESOLUTION_M
     occupied = _sample(distance_m, truth, grid, grid.cells >= OCCUPIED_PERCENT)
@@ -42,7 +42,7 @@ def compare_map(grid: OccupancyGrid, world: World) -> MapQuality:
 def _sample(
     distance_m: FloatArray, truth: OccupancyGrid, grid: OccupancyGrid, chosen: np.ndarray
 ) -> FloatArray:
-    """Distances at the centres of the chosen cells; beyond the truth they are those at its border."""
+    """Return the distances at the centres of the chosen cells; outside the truth, those at its border."""
     rows, columns = np.nonzero(chosen)
     x_m = grid.origin_x_m + (columns + 0.5) * grid.resolution_m
     y_m = grid.origin_y_m + (rows + 0.5) * grid.resolution_m

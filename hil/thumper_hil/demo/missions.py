@@ -1,4 +1,4 @@
-"""What the demo drives, and what the thesis reached (Svec 2019, experiments 8.2 and 8.3)."""
+"""The demo's missions, and the results of the thesis (Svec 2019, experiments 8.2 and 8.3)."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ THESIS_SPEED_ERROR_STD_RAD_S = 0.31
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DemoMission:
-    """One drive in one world; the world's frame is the map's."""
+    """One drive in one world; the world's frame is the map frame."""
 
     name: str
     title: str
@@ -37,7 +37,7 @@ STRAIGHT = DemoMission(
 )
 BOX = DemoMission(
     name="box",
-    title="round a paper box",
+    title="around a paper box",
     world="lab_box",
     start=_facing_goal((2.05, 0.64), (0.38, -0.45)),
     goal_x_m=0.38,

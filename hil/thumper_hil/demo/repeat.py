@@ -1,4 +1,4 @@
-"""The demo's missions over many seeds: experiment 8.3 of the thesis (Svec 2019) as a statistic."""
+"""Repeat the demo's missions with many seeds: statistics of the thesis's experiment 8.3 (Svec 2019)."""
 
 import csv
 from collections.abc import Sequence
@@ -18,12 +18,12 @@ from thumper_hil.demo.missions import MISSIONS
 from thumper_hil.demo.outcome import Outcome
 from thumper_hil.demo.run import drive_mission
 
-GOAL_ERROR_LIMIT_M = 0.10  # a quarter of what the thesis asked
+GOAL_ERROR_LIMIT_M = 0.10  # a quarter of the thesis's tolerance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveRow:
-    """One mission of one seed; a line of experiment.csv."""
+    """One mission with one seed; a row of experiment.csv."""
 
     seed: int
     mission: str
@@ -36,13 +36,13 @@ class DriveRow:
 
     @property
     def passed(self) -> bool:
-        """Whether the goal was reached to `GOAL_ERROR_LIMIT_M` and nothing touched."""
+        """True if the robot reached the goal within `GOAL_ERROR_LIMIT_M` without a contact."""
         return self.reached and self.goal_error_m <= GOAL_ERROR_LIMIT_M and self.contacts == 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionStatistic:
-    """What all seeds of one mission came to."""
+    """Statistics over all seeds of one mission."""
 
     mission: str
     runs: int
@@ -55,19 +55,19 @@ class MissionStatistic:
 
 
 def run_seeds(out: Path, *, first_seed: int, seeds: int, console: Console) -> bool:
-    """Drive every mission with `seeds` seeds, write table, CSV and picture to `out`; whether all passed."""
-    with console.status("loading the compiled kernels (compiling them, the first time)"):
+    """Drive every mission with `seeds` seeds, write the results to `out`; return True if all passed."""
+    with console.status("loading the compiled kernels (compiling them on the first run)"):
         warm_up(RobotConfig())
     rows: list[DriveRow] = []
     outcomes: list[Outcome] = []
     for seed in range(first_seed, first_seed + seeds):
         for mission in MISSIONS:
             outcome = drive_mission(mission, seed=seed, realtime=False, console=Console(quiet=True))
-            rows.append(row_of(outcome, seed))
+            rows.append(to_row(outcome, seed))
             outcomes.append(outcome)
             console.print(_line(rows[-1]), highlight=False)
     _write_csv(out / "experiment.csv", rows)
-    statistics = statistics_of(rows)
+    statistics = mission_statistics(rows)
     (out / "experiment.md").write_text(_markdown(statistics), encoding="utf-8")
     _draw(out / "experiment.png", outcomes)
     _print_table(statistics, console)
@@ -75,8 +75,8 @@ def run_seeds(out: Path, *, first_seed: int, seeds: int, console: Console) -> bo
     return all(row.passed for row in rows)
 
 
-def row_of(outcome: Outcome, seed: int) -> DriveRow:
-    """Reduce an outcome to its line."""
+def to_row(outcome: Outcome, seed: int) -> DriveRow:
+    """Return the CSV row of an outcome."""
     return DriveRow(
         seed=seed,
         mission=outcome.mission.name,
@@ -89,8 +89,8 @@ def row_of(outcome: Outcome, seed: int) -> DriveRow:
     )
 
 
-def statistics_of(rows: Sequence[DriveRow]) -> list[MissionStatistic]:
-    """Sum the rows up by mission, in the order in which the missions first appear."""
+def mission_statistics(rows: Sequence[DriveRow]) -> list[MissionStatistic]:
+    """Summarize the rows by mission, in the order of first appearance."""
     statistics = []
     for name in dict.fromkeys(row.mission for row in rows):
         chosen = [row for row in rows if row.mission == name]
@@ -152,18 +152,18 @@ def _write_csv(path: Path, rows: Sequence[DriveRow]) -> None:
 
 
 def _draw(path: Path, outcomes: Sequence[Outcome]) -> None:
-    """One panel a mission: the last seed's map and first plan, the true path of every seed."""
+    """Draw one panel per mission: map and first plan of the last seed, true path of every seed."""
     figure = Figure(figsize=(7 * len(MISSIONS), 6.5), layout="constrained")
     for axes, mission in zip(figure.subplots(1, len(MISSIONS)), MISSIONS, strict=True):
         chosen = [outcome for outcome in outcomes if outcome.mission is mission]
         last = chosen[-1]
         draw_grid(axes, last.grid)
         for outcome in chosen:
-            label = "driven (ground truth, all seeds)" if outcome is last else None
+            label = "ground truth (all seeds)" if outcome is last else None
             axes.plot(*outcome.truth[:, 1:3].T, color=GREEN, linewidth=0.8, alpha=0.6, label=label)
         if last.log.plans:
-            axes.plot(*last.log.plans[0].T, "--", color=ORANGE, label="planned at the start (last seed)")
-        axes.plot(*last.log.poses[:, 1:3].T, color=BLUE, linewidth=1.2, label="own estimate (last seed)")
+            axes.plot(*last.log.plans[0].T, "--", color=ORANGE, label="first plan (last seed)")
+        axes.plot(*last.log.poses[:, 1:3].T, color=BLUE, linewidth=1.2, label="SLAM estimate (last seed)")
         axes.plot(mission.goal_x_m, mission.goal_y_m, "*", color=ORANGE, markersize=14, label="goal")
         worst_m = max(outcome.goal_error_m for outcome in chosen)
         axes.set_title(f"{mission.title}: {len(chosen)} seeds, at most {100 * worst_m:.1f} cm from the goal")

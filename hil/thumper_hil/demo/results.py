@@ -1,4 +1,4 @@
-"""Write what the demo measured: summary.json, the table, the map and the pictures."""
+"""Write the demo's results: summary.json, the table, the maps and the pictures."""
 
 import hashlib
 import json
@@ -30,12 +30,12 @@ from thumper_hil.demo.missions import (
 from thumper_hil.demo.outcome import Outcome
 
 FOOTNOTE = (
-    "Wheel speed error: set-point behind the firmware's ramp minus measured, straight run, while moving."
+    "Wheel speed error: ramped set-point of the firmware minus measured speed, straight run, while moving."
 )
 
 
 def write_results(out: Path, outcomes: Sequence[Outcome], seed: int, console: Console) -> None:
-    """Write everything to `out`, print the table, and say where things are."""
+    """Write everything to `out`, print the table and list the files."""
     summary = summarize(outcomes, seed)
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     maps = [(f"map_{outcome.mission.name}", outcome) for outcome in outcomes]
@@ -50,13 +50,13 @@ def write_results(out: Path, outcomes: Sequence[Outcome], seed: int, console: Co
     rows = table_rows(summary)
     _print_table(rows, console)
     (out / "table.md").write_text(_markdown(rows), encoding="utf-8")
-    console.print(f"simulated at {summary['sim_speed_x_real_time']:.1f} x real time", highlight=False)
+    console.print(f"simulation ran at {summary['sim_speed_x_real_time']:.1f} x real time", highlight=False)
     files = "map.pgm, map.yaml, map.session, missions.png, speed_control.png, table.md, summary.json"
     console.print(f"in {out}/: {files}", soft_wrap=True)
 
 
 def summarize(outcomes: Sequence[Outcome], seed: int) -> dict[str, Any]:
-    """Return the content of summary.json; lengths in metres, times in seconds, speeds in rad/s."""
+    """Return the content of summary.json; lengths in m, times in s, wheel speeds in rad/s."""
     straight = next(outcome for outcome in outcomes if outcome.mission is STRAIGHT)
     return {
         "missions": [
@@ -89,7 +89,7 @@ def summarize(outcomes: Sequence[Outcome], seed: int) -> dict[str, Any]:
 
 
 def table_rows(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
-    """Return (what, ours, thesis) as text."""
+    """Return rows (quantity, our value, the thesis's value) as text."""
     rows = [
         (
             f"{mission['name']}: goal error",
@@ -142,7 +142,7 @@ def _picture_of_missions(path: Path, outcomes: Sequence[Outcome]) -> None:
         draw_grid(axes, outcome.grid)
         draw_drive(axes, outcome.log)
         mission, truth = outcome.mission, outcome.truth
-        axes.plot(truth[:, 1], truth[:, 2], color=GREEN, linewidth=1.2, label="driven (ground truth)")
+        axes.plot(truth[:, 1], truth[:, 2], color=GREEN, linewidth=1.2, label="ground truth")
         axes.plot(mission.start.x_m, mission.start.y_m, "o", color=GREEN, markersize=8, label="start")
         axes.plot(mission.goal_x_m, mission.goal_y_m, "*", color=ORANGE, markersize=14, label="goal")
         error_cm = 100 * outcome.goal_error_m

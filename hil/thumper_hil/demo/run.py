@@ -1,4 +1,4 @@
-"""Drive the demo's missions through the product's own loop and collect what they yield."""
+"""Drive the demo's missions with the robot's own control loop and collect the results."""
 
 import math
 import time
@@ -26,8 +26,8 @@ from thumper_hil.world.world import World
 
 
 def run_demo(out: Path, *, seed: int, realtime: bool, console: Console, on_the_bus: bool = False) -> bool:
-    """Drive, write the results to `out`, say where they are; returns whether every mission passed."""
-    with console.status("loading the compiled kernels (compiling them, the first time)"):
+    """Drive all missions and write the results to `out`; return True if every mission passed."""
+    with console.status("loading the compiled kernels (compiling them on the first run)"):
         warm_up(RobotConfig())
     outcomes = [
         drive_mission(
@@ -53,9 +53,9 @@ def drive_mission(
     on_the_bus: bool = False,
     record_to: Path | None = None,
 ) -> Outcome:
-    """Put a new robot at the mission's start, in a world that it does not know, and let it drive.
+    """Start a new robot without a map at the mission's start and drive to its goal.
 
-    `on_the_bus` it can be watched and stopped. `record_to` is the folder for its recording, None for none.
+    With `on_the_bus`, clients can watch and stop it. `record_to` is the folder for the recording, or None.
     """
     options = {
         "world": mission.world,

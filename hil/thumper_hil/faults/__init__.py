@@ -1,1 +1,1 @@
-"""Faults on demand: one name and one value each, the same in a call and in a scenario's line."""
+"""Inject faults by name and value, from a call or from a scenario file."""

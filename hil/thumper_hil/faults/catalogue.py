@@ -1,9 +1,8 @@
-"""Every fault by its name, with the values that it takes. `apply` is what call and scenario line both do."""
+"""All faults by name, with the values that each accepts."""
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 
 from thumper.common.geometry import Pose2
 from thumper_hil.chip.chip_faults import WireFault
@@ -13,71 +12,69 @@ FaultValue = str | float | list[float]
 
 
 class FaultError(ValueError):
-    """No such fault, or a value that it cannot have; the caller adds where it was read."""
+    """Unknown fault or invalid value; the caller adds where it was read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """A fault that takes one of some words."""
+    """A fault whose value is one of several words."""
 
-    acts: Mapping[str, Callable[[Switches], None]]
+    actions: Mapping[str, Callable[[Switches], None]]
 
     def action(self, value: object) -> Callable[[Switches], None]:
-        """Return what the word does."""
-        if not isinstance(value, str) or value not in self.acts:
-            raise FaultError(f"{value!r}: give {' or '.join(self.acts)}")
-        return self.acts[value]
+        """Return the action for this word."""
+        if not isinstance(value, str) or value not in self.actions:
+            raise FaultError(f"{value!r}: must be {' or '.join(self.actions)}")
+        return self.actions[value]
 
-    def lasts(self, value: object) -> bool:
-        """Whether something is wrong from now on, until the next value."""
-        return "ok" in self.acts and value != "ok"
+    def persists(self, value: object) -> bool:
+        """Return True if this value causes a fault that lasts until the next value."""
+        return "ok" in self.actions and value != "ok"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Amount:
-    """A fault that takes a number within bounds."""
+    """A fault whose value is a number from 0 to `maximum`."""
 
-    act: Callable[[Switches, float], None]
+    apply: Callable[[Switches, float], None]
     unit: str
-    most: float
-    well: float | None = 0.0  # at which nothing is wrong; None: any amount is a change
-    passes: bool = False  # by itself
+    maximum: float
+    normal: float | None = 0.0  # the value without a fault; None: every value counts as a fault
+    is_transient: bool = False  # the fault ends by itself
 
     def action(self, value: object) -> Callable[[Switches], None]:
-        """Return what the number does."""
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= self.most:
-            raise FaultError(f"{value!r}: give a number, 0...{self.most:g} {self.unit}".rstrip())
-        return partial(self._apply, float(value))
+        """Return the action for this number."""
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= self.maximum:
+            raise FaultError(f"{value!r}: must be a number, 0...{self.maximum:g} {self.unit}".rstrip())
+        amount = float(value)
+        return lambda switches: self.apply(switches, amount)
 
-    def lasts(self, value: object) -> bool:
-        """Whether something is wrong from now on, until the next value."""
-        return not self.passes and value != self.well
-
-    def _apply(self, amount: float, switches: Switches) -> None:
-        self.act(switches, amount)
+    def persists(self, value: object) -> bool:
+        """Return True if this value causes a fault that lasts until the next value."""
+        return not self.is_transient and value != self.normal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FaultSite:
-    """The robot is carried somewhere: x [m], y [m], heading [deg]."""
+class PoseFault:
+    """A fault whose value is a pose, to which the robot is carried: x [m], y [m], heading [deg]."""
 
     def action(self, value: object) -> Callable[[Switches], None]:
-        """Return what puts it there."""
+        """Return the action that moves the robot there."""
         if not isinstance(value, list | tuple) or len(value) != 3 or not all(map(_finite, value)):
-            raise FaultError(f"{value!r}: give [x_m, y_m, heading_deg]")
+            raise FaultError(f"{value!r}: must be [x_m, y_m, heading_deg]")
         x_m, y_m, heading_deg = value
         pose = Pose2(x_m=float(x_m), y_m=float(y_m), theta_rad=math.radians(heading_deg))
-        return lambda switches: switches.carry_to(pose)
+        return lambda switches: switches.chip.place(pose)
 
-    def lasts(self, _value: object) -> bool:
-        """It was carried, and that is all."""
+    def persists(self, _value: object) -> bool:
+        """Return False: moving the robot is a single event."""
         return False
 
 
-def action_of(name: str, value: object) -> Callable[[Switches], None]:
-    """Return what the fault does to a bench; raises FaultError for a wrong name or value."""
+def fault_action(name: str, value: object) -> Callable[[Switches], None]:
+    """Return the action of a fault on a bench; raise FaultError for an unknown name or invalid value."""
     if name not in FAULTS:
-        raise FaultError(f"no fault {name!r}; there are {', '.join(FAULTS)}")
+        raise FaultError(f"unknown fault {name!r}; choose from {', '.join(FAULTS)}")
     try:
         return FAULTS[name].action(value)
     except FaultError as error:
@@ -89,15 +86,15 @@ def _finite(value: object) -> bool:
 
 
 def _wire(side: int, channel: int) -> Choice:
-    def breaking(fault: WireFault) -> Callable[[Switches], None]:
-        return lambda switches: switches.break_wire(side, channel, fault)
+    def set_fault(fault: WireFault) -> Callable[[Switches], None]:
+        return lambda switches: switches.chip.set_wire_fault(side, channel, fault)
 
-    return Choice(acts={fault.name.lower(): breaking(fault) for fault in WireFault})
+    return Choice(actions={fault.name.lower(): set_fault(fault) for fault in WireFault})
 
 
 def _motor(side: int) -> Choice:
     return Choice(
-        acts={
+        actions={
             "ok": lambda switches: switches.change_side(side, connected=1.0, reversed=False, shorted=False),
             "dead": lambda switches: switches.change_side(side, connected=0.0),
             "swapped": lambda switches: switches.change_side(side, reversed=True),
@@ -108,7 +105,7 @@ def _motor(side: int) -> Choice:
 
 def _wheels(side: int) -> Choice:
     return Choice(
-        acts={
+        actions={
             "ok": lambda switches: switches.change_side(side, blocked=False),
             "blocked": lambda switches: switches.change_side(side, blocked=True),
         }
@@ -117,7 +114,7 @@ def _wheels(side: int) -> Choice:
 
 def _channels(side: int) -> Choice:
     return Choice(
-        acts={
+        actions={
             "ok": lambda switches: switches.chip.swap_channels(side, swapped=False),
             "swapped": lambda switches: switches.chip.swap_channels(side, swapped=True),
         }
@@ -126,19 +123,19 @@ def _channels(side: int) -> Choice:
 
 def _glitches(side: int) -> Amount:
     return Amount(
-        act=lambda switches, per_s: switches.chip.set_glitches(side, per_s), unit="1/s", most=50_000.0
+        apply=lambda switches, per_s: switches.chip.set_glitches(side, per_s), unit="1/s", maximum=50_000.0
     )
 
 
 def _slip(side: int) -> Amount:
-    return Amount(act=lambda switches, share: switches.change_side(side, slip=share), unit="", most=1.0)
+    return Amount(apply=lambda switches, share: switches.change_side(side, slip=share), unit="", maximum=1.0)
 
 
 def _hang_host(switches: Switches, duration_s: float) -> None:
     switches.host_hangs_until_s = switches.chip.time_s + duration_s
 
 
-FAULTS: dict[str, Choice | Amount | FaultSite] = {
+FAULTS: dict[str, Choice | Amount | PoseFault] = {
     **{
         f"encoder.{side}.{channel}": _wire(SIDES[side], CHANNELS[channel])
         for side in SIDES
@@ -150,35 +147,42 @@ FAULTS: dict[str, Choice | Amount | FaultSite] = {
     **{f"wheels.{side}": _wheels(SIDES[side]) for side in SIDES},
     **{f"slip.{side}": _slip(SIDES[side]) for side in SIDES},
     "battery.charge": Amount(
-        act=lambda switches, share: switches.chip.set_battery(charge=share), unit="", most=1.0, well=None
+        apply=lambda switches, share: switches.chip.set_battery(charge=share),
+        unit="",
+        maximum=1.0,
+        normal=None,
     ),
     "battery.resistance": Amount(
-        act=lambda switches, ohm: switches.chip.set_battery(resistance_Ohm=ohm),
+        apply=lambda switches, ohm: switches.chip.set_battery(resistance_Ohm=ohm),
         unit="Ohm",
-        most=10.0,
-        well=None,
+        maximum=10.0,
+        normal=None,
     ),
-    "line.loss": Amount(act=lambda switches, share: switches.set_line(line_loss=share), unit="", most=1.0),
-    "line.noise": Amount(act=lambda switches, share: switches.set_line(line_flip=share), unit="", most=1.0),
-    "host.hang": Amount(act=_hang_host, unit="s", most=60.0, passes=True),
+    "line.loss": Amount(
+        apply=lambda switches, share: switches.set_line(line_loss=share), unit="", maximum=1.0
+    ),
+    "line.noise": Amount(
+        apply=lambda switches, share: switches.set_line(line_flip=share), unit="", maximum=1.0
+    ),
+    "host.hang": Amount(apply=_hang_host, unit="s", maximum=60.0, is_transient=True),
     "firmware": Choice(
-        acts={
+        actions={
             "loop": lambda switches: switches.chip.hang(interrupts_off=False),
             "hang": lambda switches: switches.chip.hang(interrupts_off=True),
             "reset": lambda switches: switches.chip.reset(),
         }
     ),
     "board": Choice(
-        acts={
+        actions={
             "ok": lambda switches: setattr(switches, "board_plugged", True),
             "unplugged": lambda switches: setattr(switches, "board_plugged", False),
         }
     ),
     "lidar": Choice(
-        acts={
+        actions={
             "ok": lambda switches: setattr(switches, "lidar_plugged", True),
             "unplugged": lambda switches: setattr(switches, "lidar_plugged", False),
         }
     ),
-    "robot.carried": FaultSite(),
+    "robot.carried": PoseFault(),
 }

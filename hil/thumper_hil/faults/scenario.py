@@ -1,4 +1,4 @@
-"""A scenario's TOML: which fault happens when.
+"""Read a scenario's TOML, which schedules faults by simulated time.
 
 faults = [
   { at_s = 3.0, encoder.left.b = "cut" },
@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
-from thumper_hil.faults.catalogue import FaultError, action_of
+from thumper_hil.faults.catalogue import FaultError, fault_action
 from thumper_hil.faults.switches import Switches
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
-    """A fault and the simulated time at which it happens."""
+    """A fault and the simulated time at which it occurs."""
 
     time_s: float
     name: str
@@ -28,29 +28,33 @@ class Event:
 
 
 def load_scenario(path: Path) -> list[Event]:
-    """Read a scenario; the events come in the order of their times.
+    """Read a scenario; return its events sorted by time.
 
     Raises
     ------
     ThumperError
-        It cannot be read, or a line of it is wrong: named with file and line.
+        The file cannot be read or an entry is invalid; the message names file and entry.
     """
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
         return parse_scenario(data)
-    except (OSError, UnicodeDecodeError, ValueError) as error:  # TOML's and ours are ValueErrors
+    except (
+        OSError,
+        UnicodeDecodeError,
+        ValueError,
+    ) as error:  # TOMLDecodeError and FaultError are ValueErrors
         reason = error.strerror if isinstance(error, OSError) else error
         raise ThumperError(f"{path}: {reason}", exit_code=EXIT_USAGE) from error
 
 
 def parse_scenario(data: dict[str, Any]) -> list[Event]:
-    """Return the events of a scenario, by time; raises FaultError."""
+    """Return the events of a scenario, sorted by time; raise FaultError if an entry is invalid."""
     for key in data:
         if key not in {"description", "faults"}:
-            raise FaultError(f"unknown key {key}; known here: description, faults")
+            raise FaultError(f"unknown key {key}; choose from description, faults")
     rows = data.get("faults", [])
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-        raise FaultError('faults: a list of lines such as { at_s = 3.0, encoder.left.b = "cut" }')
+        raise FaultError('faults: must be a list of entries such as { at_s = 3.0, encoder.left.b = "cut" }')
     events = [event for number, row in enumerate(rows) for event in _events(row, f"faults[{number}]")]
     return sorted(events, key=lambda event: event.time_s)
 
@@ -58,19 +62,19 @@ def parse_scenario(data: dict[str, Any]) -> list[Event]:
 def _events(row: dict[str, Any], where: str) -> Iterator[Event]:
     time_s = row.get("at_s")
     if isinstance(time_s, bool) or not isinstance(time_s, int | float) or not 0.0 <= time_s < math.inf:
-        raise FaultError(f"{where}.at_s = {time_s!r}: give the time in simulated seconds from power-on")
+        raise FaultError(f"{where}.at_s = {time_s!r}: must be the time in simulated seconds since power-on")
     faults = list(_leaves({key: value for key, value in row.items() if key != "at_s"}))
     if not faults:
-        raise FaultError(f"{where}: no fault; write one beside at_s")
+        raise FaultError(f"{where}: no fault given; add one next to at_s")
     for name, value in faults:
         try:
-            yield Event(time_s=float(time_s), name=name, apply=action_of(name, value))
+            yield Event(time_s=float(time_s), name=name, apply=fault_action(name, value))
         except FaultError as error:
             raise FaultError(f"{where}: {error}") from None
 
 
 def _leaves(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Undo TOML's dotted keys."""
+    """Yield the values of nested tables with their dotted keys."""
     for key, value in table.items():
         if isinstance(value, dict):
             yield from _leaves(value, f"{prefix}{key}.")

@@ -1,1 +1,1 @@
-"""Kinematic arenas: walls, posts and people, a unicycle with a lidar, and drives through them."""
+"""A kinematic simulation for navigation tests: walls, posts and people, and a unicycle with a lidar."""

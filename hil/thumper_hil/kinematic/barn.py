@@ -1,8 +1,8 @@
-"""Worlds of the BARN challenge, and others like them, at any scale; and a drive through one by its rules.
+"""Worlds of the BARN challenge, random worlds of the same kind, and a drive through one by its rules.
 
 Perille et al., "Benchmarking Metric Ground Navigation" (2020): 30 x 30 cells of one post's diameter, filled
-by a cellular automaton; start south of the field, goal north of it, success within 1 m of the goal without
-contact.
+by a cellular automaton. The robot starts south of the field and its goal is north of it; success means within
+1 m of the goal without a contact. All worlds can be scaled.
 """
 
 import math
@@ -23,21 +23,22 @@ CELL_M = 2.0 * POST_RADIUS_M
 FIELD_CELLS = 30
 FIELD_CORNER_M = (-4.5, 5.0)
 LIMIT_S = 100.0
-NARROWEST_RADIUS_M = 0.375  # of the recorded worlds: the widest disc that passes is never smaller
+NARROWEST_RADIUS_M = (
+    0.375  # the radius of the widest disc that passes is at least this in all recorded worlds
+)
 EXACT = Conditions(pose_noise_m=0.0, pose_noise_rad=0.0, slip=0.0)
 
 
 def recorded_world(folder: Path, index: int, scale: float) -> KinematicWorld:
-    """A published world, everything scaled."""
+    """Return a published world, scaled."""
     centres: FloatArray = np.loadtxt(folder / f"world_{index:03d}_cylinders.csv", delimiter=",", skiprows=1)
     return _posts(centres[:, :2], scale)
 
 
-def made_world(seed: int, scale: float) -> KinematicWorld:
-    """A world of the same kind: filled at random, smoothed, kept when its way through is no narrower than
-    theirs.
+def random_world(seed: int, scale: float) -> KinematicWorld:
+    """Return a random world of the same kind: random cells, smoothed, with a passage as wide as theirs.
 
-    The walls left, right and behind are those of the published worlds.
+    The walls to the left, to the right and behind are those of the published worlds.
     """
     rng = np.random.default_rng(seed)
     while True:
@@ -57,7 +58,7 @@ def _posts(centres_m: FloatArray, scale: float) -> KinematicWorld:
 
 
 def _walls() -> FloatArray:
-    """Post centres of the walls beside and behind the field, shape (n, 2)."""
+    """Return the post centres of the walls beside and behind the field, shape (n, 2)."""
     x_m, y_m = np.array(FIELD_CORNER_M)
     width_m = FIELD_CELLS * CELL_M
     along = np.arange(0.0, y_m + width_m, CELL_M)
@@ -67,7 +68,7 @@ def _walls() -> FloatArray:
 
 
 def _is_passable(filled: NDArray[np.bool_]) -> bool:
-    """Whether a disc of the narrowest published way can pass from the south edge to the north edge."""
+    """Return True if a disc of `NARROWEST_RADIUS_M` can pass from the south edge to the north edge."""
     fine = np.kron(np.pad(filled, ((8, 8), (0, 0))), np.ones((6, 6), np.bool_))
     fine = np.pad(fine, ((0, 0), (6, 6)), constant_values=True)
     free = distance_transform_edt(~fine) * (CELL_M / 6.0) >= NARROWEST_RADIUS_M
@@ -76,7 +77,7 @@ def _is_passable(filled: NDArray[np.bool_]) -> bool:
 
 
 def drive_through(world: KinematicWorld, scale: float, options: NavigationOptions, seed: int = 0) -> Run:
-    """One run from start to goal; nothing is known at first. Exact pose, 1 cm range noise."""
+    """Drive from start to goal without an initial map, with an exact pose and 1 cm range noise."""
     goal = Goal(x_m=-2.25 * scale, y_m=13.0 * scale)
     return drive(
         world,
@@ -87,10 +88,10 @@ def drive_through(world: KinematicWorld, scale: float, options: NavigationOption
         options=options,
         conditions=EXACT,
         limit_s=LIMIT_S,
-        is_there=lambda pose: goal.distance_m(pose) < scale,
+        stop_when=lambda pose: goal.distance_m(pose) < scale,
     )
 
 
-def has_arrived(run: Run, scale: float) -> bool:
-    """Near enough and untouched."""
+def succeeded(run: Run, scale: float) -> bool:
+    """Return True if the run ended near the goal without a contact."""
     return run.goal_error_m < scale and run.clearance_m >= 0.0

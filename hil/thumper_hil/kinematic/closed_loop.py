@@ -1,7 +1,7 @@
-"""Navigator, simulated base and simulated lidar in one loop, with the map growing as the robot sees.
+"""Run the navigator in closed loop with a simulated base, a simulated lidar and a growing map.
 
-The base is a unicycle with acceleration limits that obeys after a delay; pose and speed reach the navigator
-with errors.
+The base is a unicycle with acceleration limits and a command delay. The navigator gets pose and speed with
+errors.
 """
 
 import math
@@ -30,7 +30,7 @@ TICK_S, CYCLE_TICKS = 0.02, 5
 def trace_beams(
     seen: IntArray, hits: IntArray, start: FloatArray, ends: FloatArray, is_hit: FloatArray, cell_m: float
 ) -> None:
-    """Count how often beams crossed each cell or ended in it; positions relative to the grid's corner."""
+    """Count the beams that cross or end in each cell; positions are relative to the grid's corner."""
     rows, cols = seen.shape
     for i in range(ends.shape[0]):
         length = math.hypot(ends[i, 0] - start[0], ends[i, 1] - start[1])
@@ -49,7 +49,7 @@ def trace_beams(
 
 
 class CountingMap:
-    """Occupancy as hits over visits."""
+    """An occupancy map of hits per observation."""
 
     def __init__(self, x_m: float, y_m: float, width_m: float, height_m: float, cell_m: float = 0.05) -> None:
         shape = (round(height_m / cell_m), round(width_m / cell_m))
@@ -57,12 +57,12 @@ class CountingMap:
         self._corner, self._cell_m = np.array((x_m, y_m)), cell_m
 
     def integrate(self, laser: Pose2, ends_m: FloatArray, is_hit: FloatArray) -> None:
-        """Add one scan, end points in map."""
+        """Add one scan with its end points in the map frame."""
         start = np.array((laser.x_m, laser.y_m)) - self._corner
         trace_beams(self._seen, self._hits, start, ends_m - self._corner, is_hit, self._cell_m)
 
     def grid(self) -> OccupancyGrid:
-        """The map so far."""
+        """Return the current map."""
         percent = 100 * self._hits // np.maximum(self._seen, 1)
         return OccupancyGrid(
             cells=np.where(self._seen > 0, percent, -1).astype(np.int8),
@@ -74,7 +74,7 @@ class CountingMap:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conditions:
-    """How unkind the simulation is."""
+    """Delay, noise and acceleration limits of the simulated robot."""
 
     delay_s: float = 0.15
     range_noise_m: float = 0.01
@@ -82,14 +82,14 @@ class Conditions:
     beams: int = 240
     pose_noise_m: float = 0.005
     pose_noise_rad: float = 0.005
-    slip: float = 0.05  # standard deviation of a constant relative error of speed and turn
+    slip: float = 0.05  # standard deviation of a constant relative error of linear and angular speed
     v_accel_m_s2: float = 0.6
     w_accel_rad_s2: float = 3.0
 
 
 @dataclass(slots=True, kw_only=True)
 class Run:
-    """What happened."""
+    """The result of a drive."""
 
     state: NavigationState = NavigationState.IDLE
     reason: str = ""
@@ -112,9 +112,9 @@ def drive(
     options: NavigationOptions | None = None,
     conditions: Conditions | None = None,
     limit_s: float = 60.0,
-    is_there: Callable[[Pose2], bool] = lambda _pose: False,
+    stop_when: Callable[[Pose2], bool] = lambda _pose: False,
 ) -> Run:
-    """Drive to a goal in a world, or one that changes with time; `area` is x, y, width, height of the map."""
+    """Drive to a goal in a static world or in one given by time; `area` is x, y, width, height of the map."""
     given, rng, footprint = conditions or Conditions(), np.random.default_rng(seed), Footprint()
     world_at = world if callable(world) else lambda _time_s: world
     navigator = Navigator(options or NavigationOptions(), footprint)
@@ -146,7 +146,7 @@ def drive(
             run.outputs.append(output)
             run.track.append(pose)
             ended = output.state in (NavigationState.REACHED, NavigationState.FAILED)
-            if (ended and abs(v) < 1e-3) or is_there(pose) or run.clearance_m < 0.0:
+            if (ended and abs(v) < 1e-3) or stop_when(pose) or run.clearance_m < 0.0:
                 break
         queue.append(output.command)
         wanted = queue.popleft()

@@ -1,4 +1,4 @@
-"""Readers for the public map files used by tests and benchmarks."""
+"""Read the public map files that tests and benchmarks use."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 
 def read_pgm(path: Path) -> NDArray[np.uint8]:
-    """Pixels of an 8-bit binary PGM, shape (rows, cols), row 0 the smallest y as in `OccupancyGrid`."""
+    """Return the pixels of an 8-bit binary PGM, shape (rows, cols), row 0 at the smallest y."""
     data = path.read_bytes()
     fields: list[bytes] = []
     offset = 0
@@ -21,13 +21,13 @@ def read_pgm(path: Path) -> NDArray[np.uint8]:
 
 
 def read_trinary(path: Path) -> NDArray[np.int8]:
-    """Occupancy of a map_server PGM with the usual thresholds 0.65 and 0.196: 100, 0 or -1."""
+    """Return the occupancy of a map_server PGM with its default thresholds 0.65 and 0.196: 100, 0 or -1."""
     occupied = (255.0 - read_pgm(path)) / 255.0
     return np.where(occupied > 0.65, 100, np.where(occupied < 0.196, 0, -1)).astype(np.int8)
 
 
 def read_octile(path: Path) -> NDArray[np.bool_]:
-    """Passable cells of a MovingAI map, shape (rows, cols), top row first as its scenarios count."""
+    """Return the passable cells of a MovingAI map, shape (rows, cols), top row first as in its scenarios."""
     lines = path.read_text().splitlines()
     rows = int(lines[1].split()[1])
     return np.array([[cell in ".GS" for cell in line] for line in lines[4 : 4 + rows]])

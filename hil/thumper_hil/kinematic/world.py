@@ -1,4 +1,4 @@
-"""A flat world of walls and posts for closed-loop tests: exact rays and exact clearance of the hull."""
+"""A 2D world of walls and posts for closed-loop tests, with exact rays and exact footprint clearance."""
 
 import math
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ def cast_rays(
     angles_rad: FloatArray,
     far_m: float,
 ) -> FloatArray:
-    """Distance to the first thing each ray meets, shape as `angles_rad`; inf beyond `far_m`."""
+    """Return the distance to the first hit of each ray, shape as `angles_rad`; inf beyond `far_m`."""
     ranges_m = np.empty(angles_rad.size)
     for i in range(angles_rad.size):
         ux, uy = math.cos(angles_rad[i]), math.sin(angles_rad[i])
@@ -44,7 +44,7 @@ def cast_rays(
 
 
 def box(x_m: float, y_m: float, length_m: float, width_m: float, yaw_rad: float = 0.0) -> list[list[float]]:
-    """The four walls of a rectangle about (x, y)."""
+    """Return the four walls of a rectangle around (x, y)."""
     corners = np.array(((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))) * (length_m, width_m)
     corners = Pose2(x_m=x_m, y_m=y_m, theta_rad=yaw_rad).apply(corners)
     return [[*corners[i - 1].tolist(), *corners[i].tolist()] for i in range(4)]
@@ -58,23 +58,26 @@ class KinematicWorld:
     circles_m: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
 
     @classmethod
-    def of(cls, *boxes: list[list[float]]) -> "KinematicWorld":
+    def from_boxes(cls, *boxes: list[list[float]]) -> "KinematicWorld":
         """Return a world of boxes."""
         return cls(segments_m=np.array([wall for walls in boxes for wall in walls], dtype=np.float64))
 
-    def joined(self, *boxes: list[list[float]]) -> "KinematicWorld":
-        """Return this world with more boxes."""
-        added = KinematicWorld.of(*boxes).segments_m
+    def with_boxes(self, *boxes: list[list[float]]) -> "KinematicWorld":
+        """Return this world with additional boxes."""
+        added = KinematicWorld.from_boxes(*boxes).segments_m
         return KinematicWorld(segments_m=np.vstack((self.segments_m, added)), circles_m=self.circles_m)
 
     def cast(self, pose: Pose2, angles_rad: FloatArray, far_m: float) -> FloatArray:
-        """Ranges of a lidar at `pose`, beams at `angles_rad` in its own frame."""
+        """Return the ranges of a lidar at `pose`, with beams at `angles_rad` in its frame."""
         return cast_rays(
             self.segments_m, self.circles_m, pose.x_m, pose.y_m, pose.theta_rad + angles_rad, far_m
         )
 
     def clearance_m(self, pose: Pose2, footprint: Footprint) -> float:
-        """Distance from the hull to the nearest thing, negative inside it (walls sampled each centimetre)."""
+        """Return the distance from the footprint to the nearest obstacle, negative inside it.
+
+        Walls are sampled every centimetre.
+        """
         points, radii = [self.circles_m[:, :2]], [self.circles_m[:, 2]]
         for x0, y0, x1, y1 in self.segments_m:
             count = max(2, math.ceil(math.hypot(x1 - x0, y1 - y0) / 0.01))
@@ -83,8 +86,8 @@ class KinematicWorld:
             radii.append(np.zeros(count))
         in_base, radius_m = pose.inverse().apply(np.concatenate(points)), np.concatenate(radii)
         from_centre_m = np.hypot(*in_base.T) - radius_m
-        spread_m = footprint.circumscribed_radius_m - footprint.inscribed_radius_m
-        near = from_centre_m <= from_centre_m.min() + spread_m  # none further away can be nearer to it
+        margin_m = footprint.circumscribed_radius_m - footprint.inscribed_radius_m
+        near = from_centre_m <= from_centre_m.min() + margin_m  # no point beyond can be the nearest
         return float((_distance_outside_m(in_base[near], footprint) - radius_m[near]).min())
 
 

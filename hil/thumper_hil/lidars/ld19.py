@@ -1,8 +1,9 @@
-"""A simulated LDROBOT LD19: frames of 12 points, one way, from power-on; on simulated time.
+"""Simulate an LDROBOT LD19 on simulated time: from power-on it only sends, in frames of 12 points.
 
-Figures of the maker's data sheet: 4500 points a second, 10 turns a second, 0.02 ... 12 m, accuracy 45 mm
-(mean of 100) and standard deviation 10 mm between 0.3 and 12 m, angle error at most 2 degrees. The bounds are
-taken as three sigma. Drop-outs have no figure there and are not modelled: what is in range is seen.
+The data sheet gives 4500 points per second, 10 revolutions per second, 0.02 to 12 m, accuracy 45 mm (mean of
+100) and standard deviation 10 mm between 0.3 and 12 m, and an angle error of at most 2 degrees. The bounds
+are taken as three sigma. The data sheet has no figure for drop-outs, so there are none: every target in range
+returns an echo.
 """
 
 import math
@@ -18,17 +19,17 @@ from thumper_hil.world.world_history import WorldAt, cast_from_robot
 POINTS_PER_S = 4500.0
 POINTS_PER_FRAME = 12
 TURNS_PER_S = 10.0
-SPEED_SPREAD = 0.005  # one sigma from unit to unit; the head's speed is regulated to its nominal 10 Hz
+SPEED_STD = 0.005  # relative, from unit to unit; the motor speed is regulated to 10 Hz
 RANGE_MIN_M, RANGE_MAX_M = 0.02, 12.0
 BIAS_M, NOISE_M = 0.015, 0.010
 ANGLE_ERROR_DEG = 2.0 / 3.0
-INTENSITY = 200  # white things within 6 m
+INTENSITY = 200  # white targets within 6 m
 STAMP_WRAP_MS = 30_000
 WIRE_S_PER_BYTE = 10.0 / 230_400
 
 
 def check_byte(data: bytes) -> int:
-    """CRC-8, polynomial 0x4D, from 0."""
+    """Return the CRC-8 with polynomial 0x4D and initial value 0."""
     remainder = 0
     for byte in data:
         remainder ^= byte
@@ -40,7 +41,7 @@ def check_byte(data: bytes) -> int:
 def write_frame(
     speed_deg_s: float, angles_deg: FloatArray, ranges_mm: FloatArray, intensity: FloatArray, time_s: float
 ) -> bytes:
-    """Twelve points as the device sends them; angles clockwise, of any turn."""
+    """Return the frame of 12 points; angles are clockwise and may exceed one revolution."""
     first, last = (round(100.0 * angle) % 36_000 for angle in (angles_deg[0], angles_deg[-1]))
     frame = struct.pack("<BBHH", 0x54, 0x2C, round(speed_deg_s), first)
     for range_mm, echo in zip(ranges_mm, intensity, strict=True):
@@ -50,10 +51,10 @@ def write_frame(
 
 
 class Ld19:
-    """The device. `advance` time, `read` what has arrived; the caller owns the clock.
+    """The lidar. The caller owns the clock: call `advance`, then `read` the bytes that have arrived.
 
-    `pose_at(times_s)` is as for the URG-04LX, asked for times up to two frames back. The same seed and the
-    same poses give the same frames, however often the time is advanced.
+    `pose_at(times_s)` is as for the URG-04LX, called with times up to two frames back. The same seed and the
+    same poses give the same frames, in steps of any size.
     """
 
     def __init__(
@@ -68,7 +69,7 @@ class Ld19:
         self._pose_at = pose_at
         self._base_from_laser = base_from_laser
         rng = np.random.default_rng(seed)
-        self._turns_per_s = TURNS_PER_S * (1.0 + SPEED_SPREAD * rng.standard_normal())
+        self._turns_per_s = TURNS_PER_S * (1.0 + SPEED_STD * rng.standard_normal())
         self._first_deg = float(rng.uniform(0.0, 360.0))
         self._booted_s = -float(rng.uniform(5.0, 500.0))
         self._bias_m = BIAS_M * rng.standard_normal()
@@ -79,17 +80,17 @@ class Ld19:
         self._now_s = 0.0
 
     def write(self, data: bytes, time_s: float) -> None:
-        """Take bytes from the host: the LD19 has no wire for them."""
+        """Ignore bytes from the host: the LD19 has no receive line."""
 
     def advance(self, time_s: float) -> None:
-        """Let time pass: send the frames that end by then."""
+        """Advance time and send the frames that end by then."""
         frames = math.floor(time_s * POINTS_PER_S / POINTS_PER_FRAME) - self._points // POINTS_PER_FRAME
         if frames > 0:
             self._measure(frames)
         self._now_s = max(self._now_s, time_s)
 
     def read(self) -> bytes:
-        """Return the bytes that have reached the host by now."""
+        """Return the bytes that have reached the host."""
         parts = []
         while self._outbox and self._outbox[0][0] <= self._now_s:
             parts.append(self._outbox.popleft()[1])
@@ -101,10 +102,10 @@ class Ld19:
         angles_deg = self._first_deg + 360.0 * self._turns_per_s * times_s
         bearings_rad = self._angle_error_rad - np.deg2rad(angles_deg)
         true_m = cast_from_robot(self._world, self._pose_at, self._base_from_laser, times_s, bearings_rad)
-        seen_m = true_m + self._bias_m + NOISE_M * self._rng.standard_normal(true_m.size)
-        seen = (seen_m >= RANGE_MIN_M) & (true_m <= RANGE_MAX_M)
-        ranges_mm = np.rint(1000.0 * np.where(seen, seen_m, 0.0))
-        intensity = np.where(seen, float(INTENSITY), 0.0)
+        measured_m = true_m + self._bias_m + NOISE_M * self._rng.standard_normal(true_m.size)
+        in_range = (measured_m >= RANGE_MIN_M) & (true_m <= RANGE_MAX_M)
+        ranges_mm = np.rint(1000.0 * np.where(in_range, measured_m, 0.0))
+        intensity = np.where(in_range, float(INTENSITY), 0.0)
         for first in range(0, numbers.size, POINTS_PER_FRAME):
             part = slice(first, first + POINTS_PER_FRAME)
             end_s = float(times_s[part][-1])

@@ -1,4 +1,4 @@
-"""Requests as a URG-04LX reads them: MDsssseeeeccinn, MS, GDsssseeeecc, GS (Hokuyo C-42-03320B)."""
+"""Parse requests to a URG-04LX: MDsssseeeeccinn, MS, GDsssseeeecc, GS (Hokuyo C-42-03320B)."""
 
 import re
 from dataclasses import dataclass
@@ -7,16 +7,16 @@ from typing import Self
 LAST_MEASURABLE_STEP = 768
 MAX_REMARK_CHARS = 16
 FIXED_SETTINGS = {b"CR": 2, b"HS": 1, b"DB": 2}
-"""Motor speed, sensitivity and simulated faults, and their digits: this device has one of each."""
+"""Digits of the settings that this model cannot change: motor speed, sensitivity, simulated faults."""
 
 
 class ScipRefusedError(ValueError):
-    """A request that gets a status other than 00; the two characters are the message."""
+    """A request that the lidar answers with a status other than 00; the message is that status."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasureRequest:
-    """One order for scans, as sent: steps first..last, grouped by `cluster`, `count` scans (0: endless)."""
+    """A request for scans: steps first..last, in clusters of `cluster`, `count` scans (0: endless)."""
 
     command: bytes
     remark: bytes  # with its semicolon
@@ -28,16 +28,16 @@ class MeasureRequest:
 
     @property
     def streams(self) -> bool:
-        """Whether this is MD or MS: scans of the future, not the latest one."""
+        """True for MD and MS, which request future scans and not the latest one."""
         return self.command[:1] == b"M"
 
     @property
     def chars(self) -> int:
-        """Characters a value takes: 3 for MD and GD, 2 for MS and GS."""
+        """Number of characters per value: 3 for MD and GD, 2 for MS and GS."""
         return 3 if self.command[1:] == b"D" else 2
 
     def echo(self, remaining: int) -> bytes:
-        """The first line of a reply; in a stream it counts the scans that are left."""
+        """Return the first line of a reply; in a stream it includes the number of remaining scans."""
         text = b"%s%04d%04d%02d" % (self.command, self.first_step, self.last_step, self.cluster)
         if self.streams:
             text += b"%d%02d" % (self.skip, remaining)
@@ -45,12 +45,12 @@ class MeasureRequest:
 
     @classmethod
     def parse(cls, command: bytes, parameters: bytes, remark: bytes) -> Self:
-        """Read the parameters.
+        """Parse the parameters.
 
         Raises
         ------
-        RefusedError
-            With the status that the device answers.
+        ScipRefusedError
+            The parameters are invalid; the message is the status to answer.
         """
         widths = (4, 4, 2, 1, 2) if command[:1] == b"M" else (4, 4, 2)
         if len(parameters) < sum(widths):
@@ -86,8 +86,8 @@ def split_line(line: bytes) -> tuple[bytes, bytes, bytes]:
 
     Raises
     ------
-    RefusedError
-        0D for what is no command, 0G or 0H for a bad remark.
+    ScipRefusedError
+        0D for an unknown command, 0G or 0H for an invalid remark.
     """
     body, semicolon, remark = line.partition(b";")
     if not re.fullmatch(rb"[A-Z%]{2}[ -~]*", body):
@@ -100,7 +100,7 @@ def split_line(line: bytes) -> tuple[bytes, bytes, bytes]:
 
 
 def fixed_setting_status(command: bytes, parameters: bytes) -> bytes:
-    """The answer to CR, HS and DB: what is asked for is so already, or this model does not have it."""
+    """Return the status for CR, HS and DB: already set to this value, or not available on this model."""
     digits = FIXED_SETTINGS[command]
     if len(parameters) < digits:
         return b"0C"
@@ -110,7 +110,7 @@ def fixed_setting_status(command: bytes, parameters: bytes) -> bytes:
         return b"01"
     match command, int(parameters):
         case b"CR", 0 | 99:
-            return b"03"  # the motor runs at that speed
+            return b"03"  # the motor already runs at this speed
         case b"CR", speed:
             return b"04" if speed <= 10 else b"02"
         case b"HS", 0:
@@ -118,7 +118,7 @@ def fixed_setting_status(command: bytes, parameters: bytes) -> bytes:
         case b"HS", 1:
             return b"03"
         case b"DB", 10:
-            return b"03"  # there is nothing to end
+            return b"03"  # no simulated fault is active
         case b"DB", 1 | 2 | 3 | 4 | 5:
             return b"04"
     return b"01"

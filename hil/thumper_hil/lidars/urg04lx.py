@@ -1,8 +1,8 @@
-"""A simulated Hokuyo URG-04LX-UG01: SCIP 2.0 bytes in and out, on simulated time.
+"""Simulate a Hokuyo URG-04LX-UG01 on simulated time: SCIP 2.0 bytes in and out.
 
-The head turns at 600 rpm from power-on, whether the laser is lit or not. Step 0 of a turn looks to the rear
-right (-135 degrees), step 384 ahead; each beam leaves at its own time, from the pose that the robot has then.
-A scan can be read once step 768 is past and the bytes have crossed the wire.
+The head turns at 600 rpm from power-on, with the laser on or off. Step 0 of a revolution points to the rear
+right (-135 degrees), step 384 ahead. Each beam is measured at its own time, from the robot's pose at that
+time. A scan can be read once step 768 is complete and the bytes have been transferred.
 """
 
 import math
@@ -53,11 +53,11 @@ PARAMETERS = {
 
 
 class Urg04Lx:
-    """The device. `write` requests, `advance` time, `read` what has arrived; the caller owns the clock.
+    """The lidar. The caller owns the clock: `write` requests, `advance` time, `read` the replies.
 
     `pose_at(times_s)` takes shape (n,) and returns map_from_base as rows (x_m, y_m, theta_rad), shape (n, 3).
-    It is asked for times up to a turn before the time that the device is advanced to. The same seed and the
-    same poses give the same scans.
+    The lidar calls it with times up to one revolution in the past. The same seed and the same poses give the
+    same scans.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class Urg04Lx:
         self._line = bytearray()
         self._outbox: deque[tuple[float, bytes]] = deque()  # (readable from, bytes)
         self._wire_free_s = 0.0
-        self._lit_s = math.inf  # when the laser was switched on
+        self._laser_on_s = math.inf  # time of switching on
         self._adjusting = False
         self._request: MeasureRequest | None = None
         self._requested_s = 0.0
@@ -91,7 +91,7 @@ class Urg04Lx:
         self._turns_to_skip = 0
 
     def write(self, data: bytes, time_s: float) -> None:
-        """Take bytes from the host at `time_s`, which never goes back."""
+        """Receive bytes from the host at `time_s`, which never decreases."""
         self.advance(time_s)
         for byte in data:
             if byte not in b"\r\n":
@@ -103,7 +103,7 @@ class Urg04Lx:
                 self._answer(line)
 
     def advance(self, time_s: float) -> None:
-        """Let time pass: finish the turns that end by then."""
+        """Advance time and finish the revolutions that end by then."""
         while (done_s := self._turn_start_s(self._next_turn) + self._sweep_s()) <= time_s:
             self._now_s = done_s
             self._finish_turn(self._next_turn)
@@ -111,7 +111,7 @@ class Urg04Lx:
         self._now_s = max(self._now_s, time_s)
 
     def read(self) -> bytes:
-        """Return the bytes that have reached the host by now."""
+        """Return the bytes that have reached the host."""
         parts = []
         while self._outbox and self._outbox[0][0] <= self._now_s:
             parts.append(self._outbox.popleft()[1])
@@ -127,24 +127,23 @@ class Urg04Lx:
         return math.floor(1000.0 * (time_s - self._booted_s)) % CLOCK_WRAP_MS
 
     def _send(self, reply: bytes, delay_s: float) -> None:
-        starts_s = max(self._now_s + delay_s, self._wire_free_s)  # one wire: nothing overtakes
+        starts_s = max(self._now_s + delay_s, self._wire_free_s)  # one wire: replies keep their order
         self._wire_free_s = starts_s + WIRE_S_PER_BYTE * len(reply)
         self._outbox.append((self._wire_free_s, reply))
 
     def _answer(self, line: bytes) -> None:
         try:
-            reply = self._obey(line)
+            reply = self._execute(line)
         except ScipRefusedError as refusal:
             reply = status_reply(line, str(refusal).encode("ascii"))
         if reply is not None:
             self._send(reply, ANSWER_S)
 
-    def _obey(self, line: bytes) -> bytes | None:
+    def _execute(self, line: bytes) -> bytes | None:
         command, parameters, remark = split_line(line)
         if self._adjusting and command not in {b"TM", b"RS"}:
-            raise ScipRefusedError(
-                "0A"
-            )  # "will not accept any other commands"; with which status it does not say
+            # "will not accept any other commands": the manual does not say with which status.
+            raise ScipRefusedError("0A")
         if command in {b"MD", b"MS", b"GD", b"GS"}:
             return self._measure(line, MeasureRequest.parse(command, parameters, remark))
         if command == b"TM":
@@ -163,8 +162,8 @@ class Urg04Lx:
             case b"II":
                 return table_reply(line, self._state())
             case b"BM":
-                status = b"02" if self._is_lit() else b"00"
-                self._light()
+                status = b"02" if self._is_laser_on() else b"00"
+                self._switch_laser_on()
                 return status_reply(line, status)
             case b"QT":
                 self._stop()
@@ -179,7 +178,7 @@ class Urg04Lx:
     def _state(self) -> dict[str, str]:
         return {
             "MODL": PARAMETERS["MODL"],
-            "LASR": "ON" if self._is_lit() else "OFF",
+            "LASR": "ON" if self._is_laser_on() else "OFF",
             "SCSP": "Initial(600[rpm])",
             "MESM": "IDLE" if self._request is None else "Measuring by Sensitive Mode",
             "SBPS": "USB only",
@@ -187,15 +186,15 @@ class Urg04Lx:
             "STAT": "Sensor works well",
         }
 
-    def _is_lit(self) -> bool:
-        return self._lit_s < math.inf
+    def _is_laser_on(self) -> bool:
+        return self._laser_on_s < math.inf
 
-    def _light(self) -> None:
-        self._lit_s = min(self._lit_s, self._now_s)
+    def _switch_laser_on(self) -> None:
+        self._laser_on_s = min(self._laser_on_s, self._now_s)
 
     def _stop(self) -> None:
         self._request = None
-        self._lit_s = math.inf
+        self._laser_on_s = math.inf
 
     def _adjust_clock(self, line: bytes, parameters: bytes) -> bytes:
         match parameters:
@@ -213,18 +212,18 @@ class Urg04Lx:
 
     def _measure(self, line: bytes, request: MeasureRequest) -> bytes | None:
         if request.streams:
-            self._light()
-        elif not self._is_lit():
+            self._switch_laser_on()
+        elif not self._is_laser_on():
             raise ScipRefusedError("10")
         self._request = request
-        self._requested_s = self._now_s if request.streams else self._lit_s
+        self._requested_s = self._now_s if request.streams else self._laser_on_s
         self._remaining = request.count
         self._turns_to_skip = 0
         return status_reply(line, b"00") if request.streams else None
 
     def _finish_turn(self, turn: int) -> None:
         request, start_s = self._request, self._turn_start_s(turn)
-        if request is None or start_s < max(self._requested_s, self._lit_s):
+        if request is None or start_s < max(self._requested_s, self._laser_on_s):
             return
         if self._turns_to_skip > 0:
             self._turns_to_skip -= 1
@@ -235,14 +234,14 @@ class Urg04Lx:
             if self._remaining == 0:
                 self._request = None
                 if request.streams:
-                    self._lit_s = math.inf  # the laser goes out after the last scan that was asked for
+                    self._laser_on_s = math.inf  # the laser goes off after the last requested scan
         values = _cluster(self._scan(turn)[request.first_step : request.last_step + 1], request.cluster)
         status = b"99" if request.streams else b"00"
         echo = request.echo(self._remaining)
         self._send(scan_reply(echo, status, self._clock_ms(start_s), values, request.chars), 0.0)
 
     def _scan(self, turn: int) -> CodeArray:
-        """Measure one turn: reported values [mm or code] of steps 0 ... 768."""
+        """Measure one revolution; return the reported values [mm or error code] of steps 0...768."""
         steps = np.arange(FIRST_STEP, LAST_STEP + 1)
         times_s = self._turn_start_s(turn) + steps * self._turn_s / STEPS_PER_TURN
         bearings_rad = (steps - FRONT_STEP) * math.tau / STEPS_PER_TURN
@@ -254,10 +253,10 @@ class Urg04Lx:
 
 
 def _cluster(values: CodeArray, size: int) -> CodeArray:
-    """The smallest valid range of each group of `size` beams; its smallest code if none is valid."""
+    """Return the smallest valid range of each cluster of beams, or its smallest code if none is valid."""
     if size <= 1:
         return values
-    ranked = np.where(values >= RANGE_MIN_MM, values, values + CLOCK_WRAP_MS)  # any range before any code
+    ranked = np.where(values >= RANGE_MIN_MM, values, values + CLOCK_WRAP_MS)  # sort codes after all ranges
     least = np.minimum.reduceat(ranked, np.arange(0, values.size, size))
     return np.where(least >= CLOCK_WRAP_MS, least - CLOCK_WRAP_MS, least).astype(np.int32)
 

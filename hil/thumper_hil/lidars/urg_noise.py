@@ -1,9 +1,10 @@
-"""What a URG-04LX makes of true ranges: noise, missing echoes and error codes, as seen in a real log.
+"""Model the measurement errors of a URG-04LX: noise, missing echoes and error codes, fitted to a real log.
 
-The numbers come from two sources. The maker's accuracy, 30 mm up to 1 m and 3 % beyond, taken as three
-sigma of an error that is fixed to the device and smooth over the bearing. And the log of a real URG-04LX
-(MINES ParisTech, 756 scans; beams that its robot hides left out): scan-to-scan noise while standing still,
-the codes in stretches without return, at their ends and at jumps in depth. docs/lidar.md has the table.
+The numbers come from two sources. The data sheet gives an accuracy of 30 mm up to 1 m and 3 % beyond; it is
+taken as three sigma of an error that is constant per device and smooth over the bearing. The log of a real
+URG-04LX (MINES ParisTech, 756 scans, without the beams that its robot hides) gives the scan-to-scan noise
+while stationary, and the error codes in runs without an echo, at their ends and at jumps in depth.
+docs/lidar.md has the table.
 """
 
 import numpy as np
@@ -14,24 +15,24 @@ from thumper.common.geometry import FloatArray
 RANGE_MIN_MM, RANGE_MAX_MM = 20, 5600
 NO_RETURN, NEIGHBOUR_ERROR = 0, 7
 
-BIAS_FLOOR_MM, BIAS_SHARE = 10.0, 0.01  # one sigma of the datasheet's 30 mm and 3 %
-BIAS_WIDTH_BEAMS = 60.0  # walls of the log bend by no more than 3-7 mm over 41 beams: the error is smooth
-NOISE_MM, NOISE_MM_PER_M = 2.0, 1.3  # one sigma, beam by beam
+BIAS_FLOOR_MM, BIAS_SHARE = 10.0, 0.01  # one sigma of the data sheet's 30 mm and 3 %
+BIAS_WIDTH_BEAMS = 60.0  # walls in the log bend by at most 3-7 mm over 41 beams: the error is smooth
+NOISE_MM, NOISE_MM_PER_M = 2.0, 1.3  # one sigma per beam
 
 SINGLE_LOSS_AT_M = np.array([0.0, 0.7, 1.5, 2.2, 3.5, 4.2, 5.0, 5.6])
 SINGLE_LOSS = np.array([0.0001, 0.001, 0.002, 0.005, 0.0065, 0.011, 0.018, 0.018])
-SINGLE_LOSS_IS_NEIGHBOUR_ERROR = 0.6  # else no return
+SINGLE_LOSS_IS_NEIGHBOUR_ERROR = 0.6  # otherwise no return
 RUN_LOSS_AT_M = np.array([0.5, 1.2, 1.8, 2.5, 3.5, 4.5, 5.6])
 RUN_LOSS = np.array([0.001, 0.007, 0.014, 0.04, 0.05, 0.08, 0.08])  # share of beams
 RUN_LENGTH_BEAMS = 6.0
 
-STRETCH_NEIGHBOUR_ERROR = 0.022  # a single 7 within a stretch of no return
-STRETCH_END_NEIGHBOUR_ERROR = 0.10  # its first or last beam
-STRETCH_CODES = ((6, 0.0036, 4.6), (1, 0.0012, 3.3), (2, 0.0007, 2.4))  # code, starts a beam, mean run
+NO_RETURN_NEIGHBOUR_ERROR = 0.022  # a single 7 inside a run without return
+NO_RETURN_END_NEIGHBOUR_ERROR = 0.10  # in the first or last beam of a run
+NO_RETURN_CODES = ((6, 0.0036, 4.6), (1, 0.0012, 3.3), (2, 0.0007, 2.4))  # code, starts per beam, mean length
 
 JUMP_MM = 150.0
-JUMP_CODES = ((7, 0.05), (10, 0.02), (8, 0.012), (15, 0.008))  # code, chance at a jump in depth
-JUMP_MIXED = 0.3  # the spot falls on both surfaces: a range between them
+JUMP_CODES = ((7, 0.05), (10, 0.02), (8, 0.012), (15, 0.008))  # code, probability at a jump in depth
+JUMP_MIXED = 0.3  # the spot covers both surfaces: the range is between them
 
 CodeArray = NDArray[np.int32]
 
@@ -45,9 +46,9 @@ def device_bias(beams: int, rng: np.random.Generator) -> FloatArray:
 
 
 def measure_mm(true_m: FloatArray, bias: FloatArray, rng: np.random.Generator) -> CodeArray:
-    """Return what the device reports [mm, or a code below 20] for true ranges [m], both of shape (n,).
+    """Return the reported values [mm, or an error code below 20] for true ranges [m], both of shape (n,).
 
-    +inf is nothing there. Draws the same count of random numbers for every scan of n beams.
+    +inf means no target. Every scan of n beams draws the same number of random values.
     """
     beams = true_m.size
     true_mm = 1000.0 * np.where(np.isfinite(true_m), true_m, 1e3)
@@ -60,7 +61,7 @@ def measure_mm(true_m: FloatArray, bias: FloatArray, rng: np.random.Generator) -
         _interp(mixed_mm, RUN_LOSS_AT_M, RUN_LOSS), RUN_LENGTH_BEAMS, rng
     )
     value[lost] = NO_RETURN
-    _put_codes_in_stretches(value, lost, rng)
+    _put_codes_in_no_return(value, lost, rng)
     _put_codes_at_jumps(value, true_mm, lost, rng)
     single = rng.random(beams) < _interp(mixed_mm, SINGLE_LOSS_AT_M, SINGLE_LOSS)
     code = np.where(rng.random(beams) < SINGLE_LOSS_IS_NEIGHBOUR_ERROR, NEIGHBOUR_ERROR, NO_RETURN)
@@ -72,7 +73,7 @@ def _interp(range_mm: FloatArray, at_m: FloatArray, share: FloatArray) -> FloatA
 
 
 def _in_runs(share: FloatArray, length_beams: float, rng: np.random.Generator) -> NDArray[np.bool_]:
-    """Whether each beam lies in a random run; runs have geometric lengths and cover `share` of the beams."""
+    """Return the mask of beams in random runs of geometric length that cover `share` of the beams."""
     starts = rng.random(share.size) < share / length_beams
     lengths = rng.geometric(1.0 / length_beams, share.size)
     ends = np.where(starts, np.arange(share.size) + lengths, 0)
@@ -88,17 +89,17 @@ def _mix_at_jumps(true_mm: FloatArray, rng: np.random.Generator) -> FloatArray:
     share = np.where(
         _is_jump(true_mm) & (rng.random(true_mm.size) < JUMP_MIXED), rng.random(true_mm.size), 0.0
     )
-    both_seen = np.maximum(true_mm, following) <= RANGE_MAX_MM
-    return np.where(both_seen, true_mm + share * (following - true_mm), true_mm)
+    both_in_range = np.maximum(true_mm, following) <= RANGE_MAX_MM
+    return np.where(both_in_range, true_mm + share * (following - true_mm), true_mm)
 
 
-def _put_codes_in_stretches(value: CodeArray, lost: NDArray[np.bool_], rng: np.random.Generator) -> None:
-    for code, start, length_beams in STRETCH_CODES:
+def _put_codes_in_no_return(value: CodeArray, lost: NDArray[np.bool_], rng: np.random.Generator) -> None:
+    for code, start, length_beams in NO_RETURN_CODES:
         run = _in_runs(np.full(value.size, start * length_beams), length_beams, rng)
         value[run & lost] = code
     inside = np.convolve(lost, np.ones(3), mode="same") > 2.5
-    chance = np.where(inside, STRETCH_NEIGHBOUR_ERROR, STRETCH_END_NEIGHBOUR_ERROR)
-    value[lost & (rng.random(value.size) < chance)] = NEIGHBOUR_ERROR
+    probability = np.where(inside, NO_RETURN_NEIGHBOUR_ERROR, NO_RETURN_END_NEIGHBOUR_ERROR)
+    value[lost & (rng.random(value.size) < probability)] = NEIGHBOUR_ERROR
 
 
 def _put_codes_at_jumps(
@@ -107,6 +108,6 @@ def _put_codes_at_jumps(
     draw = rng.random(value.size)
     at_jump = _is_jump(true_mm) & ~lost
     low = 0.0
-    for code, chance in JUMP_CODES:
-        value[at_jump & (draw >= low) & (draw < low + chance)] = code
-        low += chance
+    for code, probability in JUMP_CODES:
+        value[at_jump & (draw >= low) & (draw < low + probability)] = code
+        low += probability

@@ -1,7 +1,7 @@
-"""Kernels on a grid of solid cells: rays, and the distance of a body.
+"""Kernels on a grid of solid cells: ray casting, and the clearance of a polygon.
 
 Rays step from cell to cell (Amanatides and Woo, 1987) and jump over free space. Cell [row, column] of a grid
-of shape (rows, columns) covers x from x_lo_m + column * resolution_m on, y likewise.
+of shape (rows, columns) starts at x = x_lo_m + column * resolution_m and y = y_lo_m + row * resolution_m.
 """
 
 import math
@@ -16,7 +16,7 @@ from thumper_hil.world.segment_raycast import polygon_clearance_m
 BoolArray = NDArray[np.bool_]
 StepArray = NDArray[np.int32]
 
-WORTH_A_JUMP = 6  # below it a jump costs more than the steps that it saves
+MIN_JUMP_CELLS = 6  # a shorter jump costs more than the steps it saves
 
 
 @kernel
@@ -29,11 +29,11 @@ def cast_grid(
     y_lo_m: float,
     out: FloatArray,
 ) -> None:
-    """Lower `out`, shape (n,), to the distance at which each ray enters a solid cell; 0 inside of one.
+    """Lower `out`, shape (n,), to the distance at which each ray enters a solid cell; 0 inside one.
 
     `origins_m` has shape (n, 2), `angles_rad` (n,). A ray that starts outside the grid enters at its border.
-    `distance`, shape (rows, columns), is each cell's chessboard distance from the nearest solid one: so far a
-    ray may jump without looking.
+    `distance`, shape (rows, columns), is each cell's chessboard distance to the nearest solid cell. A ray can
+    jump that far without a check.
     """
     rows, columns = distance.shape
     for i in range(angles_rad.size):
@@ -43,7 +43,7 @@ def cast_grid(
         start = _entry(x, y, dx, dy, columns, rows)
         if start == math.inf:
             continue
-        # A hair inside, so that rounding at the border does not miss the first cell.
+        # Start slightly inside, so that rounding at the border does not skip the first cell.
         inside = start + 1e-9 if start > 0.0 else 0.0
         column, row = math.floor(x + inside * dx), math.floor(y + inside * dy)
         step_x, step_y = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
@@ -57,7 +57,7 @@ def cast_grid(
             if free == 0:
                 out[i] = t * resolution_m
                 break
-            if free > WORTH_A_JUMP:
+            if free > MIN_JUMP_CELLS:
                 t += free - 1.0
                 column, row = math.floor(x + t * dx), math.floor(y + t * dy)
                 next_x = (column + (1 if step_x > 0 else 0) - x) / dx if dx != 0.0 else math.inf
@@ -75,14 +75,14 @@ def cast_grid(
 
 @kernel
 def _entry(x: float, y: float, dx: float, dy: float, width: float, height: float) -> float:
-    """Where the ray enters [0, width] x [0, height]: 0 if it starts inside, +inf if it passes by."""
+    """Return where the ray enters [0, width] x [0, height]: 0 if it starts inside, +inf if it misses."""
     enter, leave = 0.0, math.inf
-    for place, direction, size in ((x, dx, width), (y, dy, height)):
+    for start, direction, size in ((x, dx, width), (y, dy, height)):
         if direction == 0.0:
-            if place < 0.0 or place > size:
+            if start < 0.0 or start > size:
                 return math.inf
             continue
-        a, b = -place / direction, (size - place) / direction
+        a, b = -start / direction, (size - start) / direction
         enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
     return enter if enter < leave else math.inf
 
@@ -96,7 +96,7 @@ def grid_clearance_m(
     y_lo_m: float,
     farthest_m: float,
 ) -> float:
-    """Distance from a filled polygon, shape (k, 2), to the nearest solid cell, at most `farthest_m`."""
+    """Return the distance from a filled polygon, shape (k, 2), to a solid cell, at most `farthest_m`."""
     rows, columns = solid.shape
     first_column = max(math.floor((polygon_m[:, 0].min() - farthest_m - x_lo_m) / resolution_m), 0)
     last_column = min(math.floor((polygon_m[:, 0].max() + farthest_m - x_lo_m) / resolution_m), columns - 1)

@@ -1,4 +1,4 @@
-"""A map as a world: the occupied cells of a PGM + YAML map are solid, all others are free."""
+"""A map as a world: the occupied cells of a PGM and YAML map are solid, all others are free."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,13 +16,13 @@ SOLID_PERCENT = 65
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SolidGrid:
-    """`solid`, shape (rows, columns), row 0 at y_lo_m, column 0 at x_lo_m."""
+    """Solid cells, shape (rows, columns), with row 0 at y_lo_m and column 0 at x_lo_m."""
 
     solid: BoolArray
     resolution_m: float
     x_lo_m: float
     y_lo_m: float
-    distance: StepArray = field(init=False)  # of each cell from the nearest solid one, in chessboard steps
+    distance: StepArray = field(init=False)  # chessboard distance of each cell to the nearest solid cell
 
     def __post_init__(self) -> None:
         if self.solid.any():
@@ -33,7 +33,7 @@ class SolidGrid:
 
     @classmethod
     def load(cls, yaml_path: Path) -> "SolidGrid":
-        """Read a map of map_server's format; raises ThumperError with the file and what is wrong."""
+        """Read a map in map_server format; raise ThumperError that names the file and the problem."""
         grid = load_map(yaml_path)
         return cls(
             solid=np.ascontiguousarray(grid.cells >= SOLID_PERCENT),
@@ -43,11 +43,11 @@ class SolidGrid:
         )
 
     def cast(self, origins_m: FloatArray, angles_rad: FloatArray, ranges_m: FloatArray) -> None:
-        """Lower `ranges_m`, shape (n,), to where rays from `origins_m`, shape (n, 2), meet a solid cell."""
+        """Lower `ranges_m`, shape (n,), to where rays from `origins_m`, shape (n, 2), hit a solid cell."""
         cast_grid(origins_m, angles_rad, self.distance, self.resolution_m, self.x_lo_m, self.y_lo_m, ranges_m)
 
     def clearance_m(self, polygon_m: FloatArray) -> float:
-        """Distance [m] from a body, shape (k, 2), to the nearest solid cell; never above 0.5 m."""
+        """Return the distance [m] from a polygon, shape (k, 2), to the nearest solid cell, at most 0.5 m."""
         return grid_clearance_m(
             polygon_m, self.solid, self.resolution_m, self.x_lo_m, self.y_lo_m, FARTHEST_CLEARANCE_M
         )
@@ -61,7 +61,7 @@ class SolidGrid:
         touched[np.ix_(known_y, known_x)] |= self.solid[np.ix_(rows[known_y], columns[known_x])]
 
     def bounds_m(self) -> tuple[float, float, float, float]:
-        """(x_min, y_min, x_max, y_max) of the whole map."""
+        """Return (x_min, y_min, x_max, y_max) of the whole map."""
         rows, columns = self.solid.shape
         return (
             self.x_lo_m,

@@ -1,4 +1,4 @@
-"""What a world holds only for a while, and who walks in it: plain descriptions."""
+"""Descriptions of timed obstacles and pedestrians in a world."""
 
 import math
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from thumper.common.geometry import FloatArray
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timed:
-    """A box (x, y, length, width, yaw_deg) or a circle (x, y, radius), there for a time."""
+    """A box (x, y, length, width, yaw_deg) or a circle (x, y, radius) that exists for a limited time."""
 
     from_s: float = 0.0
     until_s: float = math.inf
@@ -18,7 +18,7 @@ class Timed:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pedestrian:
-    """A person as the lidar sees one: a circle that walks its waypoints, shape (n, 2), to and fro."""
+    """A person as the lidar sees one: a circle that walks back and forth along waypoints, shape (n, 2)."""
 
     waypoints_m: FloatArray
     speed_m_s: float

@@ -1,4 +1,4 @@
-"""Geometry kernels of the simulated world: rays, points and edges against segments and circles.
+"""Geometry kernels of the simulated world: rays, points and polygons against segments and circles.
 
 All lengths in metres. Segments are rows (x0, y0, x1, y1); circles are rows (x, y, radius).
 """
@@ -22,10 +22,10 @@ def cast_rays(
     circles_m: FloatArray,
     out: FloatArray,
 ) -> None:
-    """Write the distance along each ray to the first thing it meets, +inf for none, to `out`, shape (n,).
+    """Write the distance along each ray to its first hit, +inf for none, to `out`, shape (n,).
 
-    `origins_m` has shape (n, 2), `angles_rad` (n,). A ray along a wall meets the wall's nearer end; a ray
-    that starts inside a circle meets the circle's far side.
+    `origins_m` has shape (n, 2), `angles_rad` (n,). A ray along a wall hits the wall's nearer end. A ray that
+    starts inside a circle hits the far side of the circle.
     """
     for i in range(angles_rad.size):
         x, y = origins_m[i, 0], origins_m[i, 1]
@@ -34,8 +34,8 @@ def cast_rays(
         for k in range(segments_m.shape[0]):
             ax, ay = segments_m[k, 0] - x, segments_m[k, 1] - y
             bx, by = segments_m[k, 2] - x, segments_m[k, 3] - y
-            # Signed distances of the ends from the ray's line: no crossing while both are on one side. Two
-            # walls that share a corner get the same number for it, so that no ray slips between them.
+            # Signed distances of the ends from the ray's line: no crossing if both are on one side. Two walls
+            # that share a corner get the same value for it, so that no ray slips between them.
             side_a, side_b = dx * ay - dy * ax, dx * by - dy * bx
             if (side_a > 0.0 and side_b > 0.0) or (side_a < 0.0 and side_b < 0.0):
                 continue
@@ -44,7 +44,7 @@ def cast_rays(
                 share = min(max(side_a / (side_a - side_b), 0.0), 1.0)
                 t = along_a + share * (along_b - along_a)
             elif along_a * along_b <= 0.0:
-                t = 0.0  # parallel, and the origin lies on the wall
+                t = 0.0  # parallel to the wall, and the origin is on it
             else:
                 t = min(along_a, along_b)
             if 0.0 <= t < nearest:
@@ -66,7 +66,7 @@ def cast_rays(
 
 @kernel
 def point_segment_m(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
-    """Distance from a point to a segment; a segment of no length is a point."""
+    """Return the distance from a point to a segment; a segment of length 0 is a point."""
     ux, uy = bx - ax, by - ay
     length2 = ux * ux + uy * uy
     share = 0.0
@@ -79,7 +79,7 @@ def point_segment_m(px: float, py: float, ax: float, ay: float, bx: float, by: f
 def segments_cross(
     ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float
 ) -> bool:
-    """Whether ab and cd cross at a point inside both; mere contact is left to `point_segment_m`."""
+    """Return True if ab and cd cross inside both; `point_segment_m` covers touching ends."""
     abx, aby, cdx, cdy = bx - ax, by - ay, dx - cx, dy - cy
     c_side, d_side = abx * (cy - ay) - aby * (cx - ax), abx * (dy - ay) - aby * (dx - ax)
     a_side, b_side = cdx * (ay - cy) - cdy * (ax - cx), cdx * (by - cy) - cdy * (bx - cx)
@@ -88,7 +88,7 @@ def segments_cross(
 
 @kernel
 def inside_polygon(px: float, py: float, polygon_m: FloatArray) -> bool:
-    """Even-odd rule; `polygon_m` has shape (k, 2), k >= 3, not closed."""
+    """Return True if the point is inside (even-odd rule); `polygon_m` is open, shape (k, 2), k >= 3."""
     inside = False
     j = polygon_m.shape[0] - 1
     for i in range(polygon_m.shape[0]):
@@ -103,7 +103,10 @@ def inside_polygon(px: float, py: float, polygon_m: FloatArray) -> bool:
 
 @kernel
 def polygon_clearance_m(polygon_m: FloatArray, segments_m: FloatArray, circles_m: FloatArray) -> float:
-    """Smallest distance from a filled polygon, shape (k, 2), to any segment or filled circle; 0 = contact."""
+    """Return the distance from a filled polygon, shape (k, 2), to the nearest segment or filled circle.
+
+    0 means contact.
+    """
     nearest = math.inf
     j = polygon_m.shape[0] - 1
     for i in range(polygon_m.shape[0]):
@@ -122,7 +125,7 @@ def polygon_clearance_m(polygon_m: FloatArray, segments_m: FloatArray, circles_m
             centre_m = point_segment_m(circles_m[k, 0], circles_m[k, 1], ax, ay, bx, by)
             nearest = min(nearest, max(centre_m - circles_m[k, 2], 0.0))
         j = i
-    # What lies wholly inside the polygon touches no edge of it.
+    # A shape wholly inside the polygon touches none of its edges.
     for k in range(segments_m.shape[0]):
         if inside_polygon(segments_m[k, 0], segments_m[k, 1], polygon_m):
             return 0.0
@@ -141,10 +144,9 @@ def mark_touched(
     circles_m: FloatArray,
     touched: BoolArray,
 ) -> None:
-    """Set each cell of `touched`, shape (rows, columns), row 0 at `y_lo_m`, whose square meets anything."""
-    half = (
-        0.5 * resolution_m + 1e-9
-    )  # a wall on the line between two cells belongs to both, whatever the rounding
+    """Set each cell of `touched`, shape (rows, columns), row 0 at `y_lo_m`, whose square contains a shape."""
+    # The margin assigns a wall on the line between two cells to both, whatever the rounding.
+    half = 0.5 * resolution_m + 1e-9
     cell = np.empty((4, 2))
     for row in range(touched.shape[0]):
         y = y_lo_m + (row + 0.5) * resolution_m
@@ -159,7 +161,7 @@ def mark_touched(
 def mark_inside(
     x_lo_m: float, y_lo_m: float, resolution_m: float, polygon_m: FloatArray, touched: BoolArray
 ) -> None:
-    """Set each cell of `touched`, shape (rows, columns), whose centre lies in the polygon, shape (k, 2)."""
+    """Set each cell of `touched`, shape (rows, columns), whose centre is in the polygon, shape (k, 2)."""
     for row in range(touched.shape[0]):
         for column in range(touched.shape[1]):
             x, y = x_lo_m + (column + 0.5) * resolution_m, y_lo_m + (row + 0.5) * resolution_m

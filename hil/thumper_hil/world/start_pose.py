@@ -1,4 +1,4 @@
-"""Whether a robot can stand somewhere: not in a wall or in a thing, and not outside of a room or a map."""
+"""Check a start pose: not in a wall or an obstacle, and not outside the room or the map."""
 
 from collections.abc import Iterator
 
@@ -11,13 +11,13 @@ from thumper_hil.world.world import World
 ROOM_SHARE = 0.5
 
 
-def why_not_here(world: World, pose: Pose2, hull_m: FloatArray) -> str:
-    """Say why a body with this outline, shape (k, 2), cannot stand at `pose`; empty if it can.
+def invalid_start_reason(world: World, pose: Pose2, footprint_m: FloatArray) -> str:
+    """Return why a robot with this footprint, shape (k, 2), cannot start at `pose`; empty if it can.
 
-    A closed wall that takes more than half of the world's extent is a room: the world is its inside. Other
-    closed walls and boxes are solid. A world with neither room nor map has no outside.
+    A closed wall that covers more than half of the world's extent is a room, and the robot must be inside.
+    Other closed walls and boxes are solid. A world with neither room nor map has no outside.
     """
-    if world.touches(pose, hull_m):
+    if world.touches(pose, footprint_m):
         return "would stand in an obstacle"
     if any(inside_polygon(pose.x_m, pose.y_m, box) for box in world.boxes_m):
         return "would stand inside a box"
@@ -39,12 +39,12 @@ def why_not_here(world: World, pose: Pose2, hull_m: FloatArray) -> str:
 
 
 def _extent_m2(points_m: FloatArray) -> float:
-    """Area of the upright rectangle round points, shape (n, 2); 0 for none."""
+    """Return the area of the bounding box of points, shape (n, 2); 0 for none."""
     return float(np.prod(np.ptp(points_m, axis=0))) if points_m.size else 0.0
 
 
 def _closed_walls(world: World) -> Iterator[FloatArray]:
-    """Corners, shape (k, 2), of each run of segments that ends where it began and is no box."""
+    """Yield the corners, shape (k, 2), of each closed run of segments that is not a box."""
     first = 0
     for last, segment in enumerate(world.segments_m):
         if np.array_equal(segment[2:], world.segments_m[first, :2]):

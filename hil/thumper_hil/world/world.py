@@ -1,4 +1,4 @@
-"""The simulated world: upright walls, boxes and posts, as a lidar's plane cuts them. The frame is `map`."""
+"""The simulated world: walls, boxes and posts in the plane of the lidar. The frame is `map`."""
 
 import math
 from dataclasses import dataclass
@@ -16,16 +16,16 @@ from thumper_hil.world.segment_raycast import cast_rays, mark_inside, mark_touch
 from thumper_hil.world.world_file import read_world_file
 
 BORDER_M = 0.5
-"""How far `to_grid` reaches beyond the outermost wall."""
+"""Margin of `to_grid` around the outermost wall."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class World:
     """Segments, shape (n, 4): x0 y0 x1 y1 [m]; circles, shape (m, 3): x y radius [m].
 
-    A box is its four sides, and is kept as a polygon too, so that `to_grid` knows its inside. `grid` is a map
-    whose occupied cells are solid. `timed` and `walkers` are what a scene adds over time: here they are only
-    kept, `scene.Scene` brings them to life.
+    A box is stored as its four sides, and again as a polygon for `to_grid`, which fills its inside. `grid` is
+    a map whose occupied cells are solid. `timed` and `walkers` describe what changes over time: this class
+    only stores them, and `scene.Scene` simulates them.
     """
 
     segments_m: FloatArray
@@ -42,12 +42,11 @@ class World:
         Raises
         ------
         ThumperError
-            No such world, no TOML, no map, or a key or value that is wrong: named with the file.
+            The world does not exist, or its file is invalid; the message names file and key.
         """
         if Path(name_or_path).suffix == ".yaml":
-            nothing = np.zeros((0, 4)), np.zeros((0, 3))
             grid = SolidGrid.load(Path(name_or_path))
-            return cls(segments_m=nothing[0], circles_m=nothing[1], grid=grid)
+            return cls(segments_m=np.zeros((0, 4)), circles_m=np.zeros((0, 3)), grid=grid)
         shapes = read_world_file(name_or_path)
         boxes = tuple(box_corners(*row) for row in shapes.boxes)
         return cls(
@@ -60,9 +59,9 @@ class World:
         )
 
     def cast(self, x_m: ArrayLike, y_m: ArrayLike, angles_rad: ArrayLike) -> FloatArray:
-        """Distance [m] along each ray to the first thing it meets, shape (n,), +inf for none.
+        """Return the distance [m] along each ray to its first hit, shape (n,), +inf for none.
 
-        The three arguments broadcast to shape (n,): one origin for all rays, or one for each.
+        The three arguments broadcast to shape (n,): one origin for all rays, or one per ray.
         """
         x, y, angles = np.broadcast_arrays(
             np.asarray(x_m, np.float64), np.asarray(y_m, np.float64), np.atleast_1d(np.asarray(angles_rad))
@@ -78,25 +77,25 @@ class World:
     def cast_at(
         self, times_s: FloatArray, x_m: FloatArray, y_m: FloatArray, angles_rad: FloatArray
     ) -> FloatArray:
-        """As `cast`, whatever the times: this world stands still."""
+        """Do the same as `cast` and ignore the times: this world is static."""
         return self.cast(x_m, y_m, angles_rad)
 
     def clearance_m(self, pose: Pose2, polygon_m: FloatArray) -> float:
-        """Distance [m] from a body to the nearest thing, 0 if they meet.
+        """Return the distance [m] from a body to the nearest obstacle, 0 on contact.
 
-        `polygon_m`, shape (k, 2), is the body's outline in its own frame; `pose` places it in the map. A body
-        wholly inside a box is seen as clear of it: bodies come from outside and touch a side first.
+        `polygon_m`, shape (k, 2), is the outline in the body's frame; `pose` is its pose in the map. A body
+        wholly inside a box counts as clear of it, because a body from outside touches a side first.
         """
-        placed_m = pose.apply(polygon_m)
-        clearance_m = polygon_clearance_m(placed_m, self.segments_m, self.circles_m)
-        return min(clearance_m, self.grid.clearance_m(placed_m)) if self.grid is not None else clearance_m
+        outline_m = pose.apply(polygon_m)
+        clearance_m = polygon_clearance_m(outline_m, self.segments_m, self.circles_m)
+        return min(clearance_m, self.grid.clearance_m(outline_m)) if self.grid is not None else clearance_m
 
     def touches(self, pose: Pose2, polygon_m: FloatArray) -> bool:
-        """Whether the body with this outline, shape (k, 2), meets anything at `pose`."""
+        """Return True if a body with this outline, shape (k, 2), touches anything at `pose`."""
         return self.clearance_m(pose, polygon_m) <= 0.0
 
     def to_grid(self, resolution_m: float = 0.05) -> OccupancyGrid:
-        """Return the truth as a grid: a cell is occupied if anything is in its square, else free."""
+        """Return the ground truth as a grid: a cell whose square contains anything is occupied."""
         x_lo, y_lo, x_hi, y_hi = self.bounds_m()
         origin_x, origin_y = (
             math.floor((low - BORDER_M) / resolution_m) * resolution_m for low in (x_lo, y_lo)
@@ -130,11 +129,11 @@ class World:
 
 
 def box_sides(corners_m: FloatArray) -> FloatArray:
-    """The four sides, shape (4, 4), of a box with these corners, shape (4, 2)."""
+    """Return the four sides, shape (4, 4), of a box with these corners, shape (4, 2)."""
     return np.column_stack([corners_m, np.roll(corners_m, -1, axis=0)])
 
 
 def box_corners(x_m: float, y_m: float, length_m: float, width_m: float, yaw_deg: float) -> FloatArray:
-    """The corners, shape (4, 2), of a box round its centre."""
+    """Return the corners, shape (4, 2), of a box around its centre."""
     half = 0.5 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (length_m, width_m)
     return Pose2(x_m=x_m, y_m=y_m, theta_rad=math.radians(yaw_deg)).apply(half)

@@ -1,4 +1,4 @@
-"""Read a world's TOML: polylines of wall, boxes, circles, a map, people. Nothing unknown is ignored."""
+"""Read a world's TOML: walls, boxes, circles, a map, people. Unknown keys are errors."""
 
 import itertools
 import math
@@ -28,7 +28,7 @@ PERSON_SPEED_M_S = 0.8
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class WorldShapes:
-    """What a world file holds: wall segments (n, 4), circles (m, 3), boxes (x, y, length, width, yaw_deg)."""
+    """Content of a world file: wall segments (n, 4), circles (m, 3), boxes (x, y, length, width, yaw_deg)."""
 
     segments: FloatArray
     circles: FloatArray
@@ -39,30 +39,32 @@ class WorldShapes:
 
 
 class _BadWorldError(ValueError):
-    """A wrong key or value; the caller adds the file's name."""
+    """An invalid key or value; the caller adds the file name."""
 
 
 def read_world_file(name_or_path: str | Path) -> WorldShapes:
-    """Read `worlds/NAME.toml`, or the file at a path that ends in `.toml`, and the `base` it builds on.
+    """Read `worlds/NAME.toml`, or a path that ends in `.toml`, together with its `base` world.
 
     Raises
     ------
     ThumperError
-        No such world, no TOML, or a key or value that is wrong: named with the file.
+        The world does not exist, or its file is invalid; the message names file and key.
     """
     given = Path(name_or_path)
     path = given if given.suffix == ".toml" else WORLDS / f"{given}.toml"
-    return _read(path, asked_by=())
+    return _read(path, parents=())
 
 
-def _read(path: Path, asked_by: tuple[Path, ...]) -> WorldShapes:
-    if path in asked_by:
-        raise ThumperError(f"{path}: base: builds on itself; name another world", exit_code=EXIT_USAGE)
+def _read(path: Path, parents: tuple[Path, ...]) -> WorldShapes:
+    if path in parents:
+        raise ThumperError(
+            f"{path}: base: the world includes itself; name another world", exit_code=EXIT_USAGE
+        )
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         known = ", ".join(sorted(file.stem for file in WORLDS.glob("*.toml")))
-        raise ThumperError(f"{path}: no such world; there are: {known}", exit_code=EXIT_USAGE) from error
+        raise ThumperError(f"{path}: unknown world; choose from {known}", exit_code=EXIT_USAGE) from error
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise ThumperError(f"{path}: cannot read the world: {error}", exit_code=EXIT_USAGE) from error
     try:
@@ -71,7 +73,7 @@ def _read(path: Path, asked_by: tuple[Path, ...]) -> WorldShapes:
         raise ThumperError(f"{path}: {error}", exit_code=EXIT_USAGE) from error
     if "base" not in data:
         return own
-    base = _read(path.parent / f"{data['base']}.toml", (*asked_by, path))
+    base = _read(path.parent / f"{data['base']}.toml", (*parents, path))
     return WorldShapes(
         segments=np.vstack([base.segments, own.segments]),
         circles=np.vstack([base.circles, own.circles]),
@@ -86,7 +88,7 @@ def _parse(data: dict[str, Any], folder: Path) -> WorldShapes:
     _refuse_unknown(data, frozenset(TABLE_KEYS) | {"base", "description", "map"}, "")
     for key in ("base", "description", "map"):
         if not isinstance(data.get(key, ""), str):
-            raise _BadWorldError(f"{key} = {data[key]!r}: must be a text")
+            raise _BadWorldError(f"{key} = {data[key]!r}: must be a string")
     segments = [segment for where, wall in _tables(data, "wall") for segment in _wall_segments(where, wall)]
     boxes, circles, timed = [], [], []
     for where, table in _tables(data, "box"):
@@ -127,7 +129,7 @@ def _box(where: str, table: dict[str, Any]) -> tuple[float, float, float, float,
 
 
 def _timed(where: str, table: dict[str, Any], thing: Timed) -> Timed:
-    """The thing with its times."""
+    """Return the obstacle with its start and end times."""
     filled = {"from_s": 0.0, **table}
     from_s = _number(filled, "from_s", where)
     until_s = _number(table, "until_s", where) if "until_s" in table else math.inf
@@ -140,7 +142,7 @@ def _person(where: str, table: dict[str, Any]) -> Pedestrian:
     filled = {"speed_m_s": PERSON_SPEED_M_S, "radius_m": PERSON_RADIUS_M, "from_s": 0.0, **table}
     points = _points(where, table, "waypoints_m")
     if any(a == b for a, b in itertools.pairwise(points)):
-        raise _BadWorldError(f"{where}waypoints_m: two waypoints in a row are the same")
+        raise _BadWorldError(f"{where}waypoints_m: two consecutive waypoints are equal; remove one")
     return Pedestrian(
         waypoints_m=np.array(points, np.float64),
         speed_m_s=_positive(filled, "speed_m_s", where),
@@ -152,12 +154,12 @@ def _person(where: str, table: dict[str, Any]) -> Pedestrian:
 def _tables(data: dict[str, Any], kind: str) -> Iterator[tuple[str, dict[str, Any]]]:
     tables = data.get(kind, [])
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
-        raise _BadWorldError(f"{kind}: write each one as [[{kind}]]")
+        raise _BadWorldError(f"{kind}: write each entry as [[{kind}]]")
     for index, table in enumerate(tables):
         where = f"{kind}[{index}]."
         _refuse_unknown(table, TABLE_KEYS[kind], where)
         if not isinstance(table.get("name", ""), str):
-            raise _BadWorldError(f"{where}name = {table['name']!r}: must be a text")
+            raise _BadWorldError(f"{where}name = {table['name']!r}: must be a string")
         yield where, table
 
 
@@ -202,4 +204,4 @@ def _finite(value: object) -> bool:
 def _refuse_unknown(table: dict[str, Any], known: frozenset[str], where: str) -> None:
     for key in table:
         if key not in known:
-            raise _BadWorldError(f"unknown key {where}{key}; known here: {', '.join(sorted(known))}")
+            raise _BadWorldError(f"unknown key {where}{key}; choose from {', '.join(sorted(known))}")

@@ -1,4 +1,4 @@
-"""What surrounds a lidar during a turn: a world that stands still, or the last tenths of one that changes."""
+"""The world a lidar sees during one revolution: a static world, or the recent states of a changing one."""
 
 from collections import deque
 from collections.abc import Callable
@@ -9,17 +9,20 @@ import numpy as np
 from thumper.common.geometry import FloatArray, Pose2
 from thumper_hil.world.world import World
 
-REMEMBERED = 32
-"""Worlds: a turn of 0.1 s and what a reader lags behind, at one world each 10 ms."""
+MAX_WORLDS = 32
+"""One revolution of 0.1 s plus the reader's lag, at one world state per 10 ms."""
 
 
 class WorldAt(Protocol):
-    """What a lidar looks into."""
+    """A world in which a lidar can measure at given times."""
 
     def cast_at(
         self, times_s: FloatArray, x_m: FloatArray, y_m: FloatArray, angles_rad: FloatArray
     ) -> FloatArray:
-        """Distance [m] along each ray at its own time, all shape (n,), +inf for none; times never go back."""
+        """Return the distance [m] along each ray at its time, all shape (n,), +inf for none.
+
+        Times never decrease.
+        """
         ...
 
 
@@ -30,10 +33,10 @@ def cast_from_robot(
     times_s: FloatArray,
     bearings_rad: FloatArray,
 ) -> FloatArray:
-    """Distance [m] along each beam, shape (n,), from where the robot has its lidar at that beam's own time.
+    """Return the distance [m] along each beam, shape (n,), from the lidar's pose at the time of that beam.
 
-    `pose_at(times_s)` returns map_from_base as rows (x_m, y_m, theta_rad), shape (n, 3); bearings are the
-    laser's own, counter-clockwise from its front.
+    `pose_at(times_s)` returns map_from_base as rows (x_m, y_m, theta_rad), shape (n, 3). Bearings are in the
+    lidar's frame, counter-clockwise from its front.
     """
     poses, mount = pose_at(times_s), base_from_laser
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
@@ -46,14 +49,14 @@ def cast_from_robot(
 
 
 class WorldHistory:
-    """A world that changes: each ray meets the one whose time is nearest to its own."""
+    """The recent states of a changing world; each ray uses the state nearest in time."""
 
     def __init__(self, world: World, time_s: float = 0.0) -> None:
-        self._worlds = deque([world], maxlen=REMEMBERED)
-        self._times_s = deque([time_s], maxlen=REMEMBERED)
+        self._worlds = deque([world], maxlen=MAX_WORLDS)
+        self._times_s = deque([time_s], maxlen=MAX_WORLDS)
 
-    def change(self, world: World, time_s: float) -> None:
-        """The world is this from now on; `time_s` never goes back."""
+    def append(self, world: World, time_s: float) -> None:
+        """Append the world's state from `time_s` on; times never decrease."""
         self._worlds.append(world)
         self._times_s.append(time_s)
 

@@ -25,7 +25,7 @@ def test_crosses_the_field_without_contact(nav_data: Path, index: int, scale: fl
         (-6.5 * scale, -scale, 8.5 * scale, 16.0 * scale),
         conditions=Conditions(pose_noise_m=0.0, pose_noise_rad=0.0, slip=0.0),
         limit_s=100.0,
-        is_there=lambda pose: goal.distance_m(pose) < scale,
+        stop_when=lambda pose: goal.distance_m(pose) < scale,
     )
     assert run.goal_error_m < scale, run.reason
     assert run.clearance_m > 0.0

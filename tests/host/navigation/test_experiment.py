@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from thumper_hil.demo.repeat import GOAL_ERROR_LIMIT_M, DriveRow, run_seeds, statistics_of
+from thumper_hil.demo.repeat import GOAL_ERROR_LIMIT_M, DriveRow, mission_statistics, run_seeds
 
 GOOD = DriveRow(
     seed=1,
@@ -34,7 +34,7 @@ def test_a_drive_passes_only_when_it_is_near_and_has_touched_nothing() -> None:
 def test_the_sums_are_by_mission() -> None:
     far = dataclasses.replace(GOOD, seed=2, goal_error_m=0.12, contacts=2, time_s=11.0)
     box = dataclasses.replace(GOOD, mission="box")
-    straight, other = statistics_of([GOOD, box, far])
+    straight, other = mission_statistics([GOOD, box, far])
     assert (straight.mission, straight.runs, straight.passed, straight.contacts) == ("straight", 2, 1, 2)
     assert straight.error_mean_m == pytest.approx(0.08)
     assert straight.error_max_m == pytest.approx(0.12)

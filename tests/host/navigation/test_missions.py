@@ -13,9 +13,9 @@ from thumper.navigation.recovery.behaviors import RecoveryOptions
 from thumper_hil.kinematic.closed_loop import Conditions, Run, drive
 from thumper_hil.kinematic.world import KinematicWorld, box
 
-ROOM = KinematicWorld.of(box(0.8, 0.0, 4.8, 3.8))
+ROOM = KinematicWorld.from_boxes(box(0.8, 0.0, 4.8, 3.8))
 AREA = (-4.2, -5.0, 10.0, 10.0)
-BOX_ROOM = ROOM.joined(box(1.2, 0.1, 0.40, 0.30, 0.58))
+BOX_ROOM = ROOM.with_boxes(box(1.2, 0.1, 0.40, 0.30, 0.58))
 STRAIGHT = (Pose2(x_m=1.73, y_m=0.08, theta_rad=math.pi), (-0.49, 0.02))
 ROUND_BOX = (Pose2(x_m=2.05, y_m=0.64, theta_rad=-2.56), (0.38, -0.45))
 
@@ -70,7 +70,7 @@ def test_wide_tolerance_of_the_thesis() -> None:
 
 def test_goal_behind_a_closed_wall_fails_in_words() -> None:
     """A hut without a door round the goal: seen, it leaves no way."""
-    closed = ROOM.joined(box(0.0, 0.0, 0.8, 0.8))
+    closed = ROOM.with_boxes(box(0.0, 0.0, 0.8, 0.8))
     run = drive(closed, STRAIGHT[0], Goal(x_m=0.0, y_m=0.0), AREA, limit_s=120.0)
     assert run.state is NavigationState.FAILED
     assert "no way to the goal (0.00, 0.00)" in run.reason
@@ -79,14 +79,14 @@ def test_goal_behind_a_closed_wall_fails_in_words() -> None:
 
 def test_goal_that_cannot_be_entered_fails_in_words() -> None:
     """The goal is in the middle of a post."""
-    world = ROOM.joined(box(0.5, 0.0, 0.2, 0.2))
+    world = ROOM.with_boxes(box(0.5, 0.0, 0.2, 0.2))
     run = drive(world, STRAIGHT[0], Goal(x_m=0.5, y_m=0.0), AREA, limit_s=120.0)
     assert run.state is NavigationState.FAILED
     assert "obstacle" in run.reason
 
 
 def appearing(at_s: float, obstacle: list[list[float]]) -> Callable[[float], KinematicWorld]:
-    blocked = ROOM.joined(obstacle)
+    blocked = ROOM.with_boxes(obstacle)
     return lambda time_s: blocked if time_s >= at_s else ROOM
 
 
@@ -112,7 +112,7 @@ def test_goes_round_a_box_that_appears() -> None:
 def test_leaves_a_dead_end(width_m: float) -> None:
     """A short-sighted robot drives into a blind alley; the narrow one is too tight to turn in."""
     side = 0.5 * width_m + 0.05
-    alley = ROOM.joined(
+    alley = ROOM.with_boxes(
         box(0.3, side, 1.2, 0.1), box(0.3, -side, 1.2, 0.1), box(-0.35, 0.0, 0.1, width_m + 0.2)
     )
     start = Pose2(x_m=1.7, y_m=0.0, theta_rad=math.pi)

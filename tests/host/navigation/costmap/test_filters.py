@@ -150,7 +150,7 @@ def test_plans_in_the_depot_keep_out(nav_data: Path) -> None:
     assert refused < 50
 
 
-ROOM, AREA = KinematicWorld.of(box(0.8, 0.0, 4.8, 3.8)), (-4.2, -5.0, 10.0, 10.0)
+ROOM, AREA = KinematicWorld.from_boxes(box(0.8, 0.0, 4.8, 3.8)), (-4.2, -5.0, 10.0, 10.0)
 START, GOAL = Pose2(x_m=1.73, y_m=0.08, theta_rad=math.pi), Goal(x_m=-0.49, y_m=0.02)
 
 
@@ -169,7 +169,7 @@ def test_a_drive_keeps_out(tmp_path: Path) -> None:
     exact = Conditions(pose_noise_m=0.0, pose_noise_rad=0.0)
     run = drive(ROOM, START, GOAL, AREA, options=options, conditions=exact)
     assert run.state is NavigationState.REACHED, run.reason
-    zone = KinematicWorld.of(box(0.6, 0.75, 0.4, 2.5))
+    zone = KinematicWorld.from_boxes(box(0.6, 0.75, 0.4, 2.5))
     assert min(zone.clearance_m(pose, Footprint()) for pose in run.track) > 0.0
 
 

@@ -37,8 +37,8 @@ def test_a_near_post_is_no_thicker_than_it_is() -> None:
     "world",
     [
         POST,
-        KinematicWorld.of(box(0.6, 0.0, 0.4, 3.0, yaw_rad=0.5)),
-        KinematicWorld.of(box(0.0, 0.0, 2.0, 1.0)),
+        KinematicWorld.from_boxes(box(0.6, 0.0, 0.4, 3.0, yaw_rad=0.5)),
+        KinematicWorld.from_boxes(box(0.0, 0.0, 2.0, 1.0)),
     ],
 )
 def test_without_noise_nothing_moves(world: KinematicWorld) -> None:

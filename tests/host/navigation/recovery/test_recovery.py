@@ -232,7 +232,7 @@ def test_a_robot_at_its_goal_is_not_lost() -> None:
 def drive_to_hut(side_m: float, seed: int) -> Run:
     """To a goal inside a hut without a door, which the robot learns of on the way."""
     room = box(0.8, 0.0, max(4.8, side_m + 5.0), max(3.8, side_m + 4.0))
-    world = KinematicWorld.of(room, box(0.0, 0.0, side_m, side_m))
+    world = KinematicWorld.from_boxes(room, box(0.0, 0.0, side_m, side_m))
     start = Pose2(x_m=0.5 * side_m + 1.0, theta_rad=math.pi)
     return drive(world, start, Goal(x_m=0.0, y_m=0.0), AREA, seed=seed, limit_s=150.0)
 
@@ -265,8 +265,8 @@ def test_a_goal_without_room_is_told_from_a_way_that_was_not_found() -> None:
 
 def test_a_corridor_shut_behind_and_ahead_fails_with_the_whole_ladder() -> None:
     """Blocked for good: walls appear ahead, no way round."""
-    hall, wall = KinematicWorld.of(box(2.0, 0.0, 7.0, 1.4)), box(2.5, 0.0, 0.1, 1.6)
-    shut = hall.joined(wall)
+    hall, wall = KinematicWorld.from_boxes(box(2.0, 0.0, 7.0, 1.4)), box(2.5, 0.0, 0.1, 1.6)
+    shut = hall.with_boxes(wall)
     run = drive(
         lambda time_s: shut if time_s > 1.5 else hall,
         Pose2(),
@@ -287,7 +287,7 @@ def test_the_default_ladder_has_move_bases_order() -> None:
 
 def drive_near_wall(goal: Goal, seed: int) -> Run:
     """To a goal beside the west wall of the room, at x = -1.6 m."""
-    return drive(KinematicWorld.of(ROOM), START, goal, AREA, seed=seed, limit_s=100.0)
+    return drive(KinematicWorld.from_boxes(ROOM), START, goal, AREA, seed=seed, limit_s=100.0)
 
 
 @pytest.mark.parametrize("seed", [0, 1])

@@ -12,10 +12,16 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationState
 from thumper.navigation.speed_limits import SpeedLimits
 from thumper_hil.kinematic.closed_loop import drive
-from thumper_hil.kinematic.people import KinematicPedestrian, contact, push_m_s, seen_s, with_people
+from thumper_hil.kinematic.people import (
+    KinematicPedestrian,
+    approach_speed_m_s,
+    classify_contact,
+    visible_s,
+    with_people,
+)
 from thumper_hil.kinematic.world import KinematicWorld, box
 
-HALL = KinematicWorld.of(box(2.0, 0.0, 7.0, 4.0))
+HALL = KinematicWorld.from_boxes(box(2.0, 0.0, 7.0, 4.0))
 AREA = (-4.0, -4.0, 12.0, 8.0)
 START, GOAL = Pose2(x_m=0.0, y_m=0.0), Goal(x_m=4.5, y_m=0.0)
 
@@ -41,7 +47,7 @@ STAYING = [KinematicPedestrian(a_m=(2.0, 0.0), b_m=(2.0, 0.0))]
 def test_nobody_is_driven_into(walkers: list[KinematicPedestrian]) -> None:
     run = drive(seen(walkers), START, GOAL, AREA, limit_s=60.0)
     if run.clearance_m < 0.0:  # then somebody walked into it
-        assert contact(run.track, walkers, run.time_s, SpeedLimits()) != "drove into somebody"
+        assert classify_contact(run.track, walkers, run.time_s, SpeedLimits()) != "drove into somebody"
     else:
         assert run.state is NavigationState.REACHED, run.reason
         assert run.goal_error_m < 0.12
@@ -51,16 +57,16 @@ def test_nobody_is_driven_into(walkers: list[KinematicPedestrian]) -> None:
 def test_a_robot_that_drives_ahead_pushes_who_is_ahead(place_m: tuple[float, float], push: float) -> None:
     """A person behind is left, one beside is passed."""
     ahead, person = Pose2(x_m=0.04), KinematicPedestrian(a_m=place_m, b_m=place_m)
-    assert push_m_s(Pose2(), ahead, person, 1.0) == pytest.approx(push, abs=0.03)
-    assert push_m_s(ahead, ahead, person, 1.0) == 0.0
+    assert approach_speed_m_s(Pose2(), ahead, person, 1.0) == pytest.approx(push, abs=0.03)
+    assert approach_speed_m_s(ahead, ahead, person, 1.0) == 0.0
 
 
 def test_a_person_is_seen_from_when_they_come_into_view() -> None:
     """On a line across, 1 m behind the lidar and out of its view all the time, and 1 m before it."""
     track = [Pose2()] * 31
     behind, before = (KinematicPedestrian(a_m=(x_m, -1.5), b_m=(x_m, 1.5)) for x_m in (-0.88, 1.12))
-    assert seen_s(track, behind, 3.0) == pytest.approx(0.0, abs=0.1)
-    assert seen_s(track, before, 3.0) == pytest.approx(3.1)
+    assert visible_s(track, behind, 3.0) == pytest.approx(0.0, abs=0.1)
+    assert visible_s(track, before, 3.0) == pytest.approx(3.1)
 
 
 @pytest.mark.parametrize(
@@ -70,12 +76,15 @@ def test_a_person_is_seen_from_when_they_come_into_view() -> None:
 def test_whose_fault_a_contact_is(speed_m_s: float, x_m: float, what: str) -> None:
     """Driving at somebody ahead for 3 s, standing before them, backing up into one who was never in view."""
     track = [Pose2(x_m=speed_m_s * 0.1 * (cycle - 30)) for cycle in range(31)]
-    assert contact(track, [KinematicPedestrian(a_m=(x_m, 0.0), b_m=(x_m, 0.0))], 3.0, SpeedLimits()) == what
+    assert (
+        classify_contact(track, [KinematicPedestrian(a_m=(x_m, 0.0), b_m=(x_m, 0.0))], 3.0, SpeedLimits())
+        == what
+    )
 
 
 def test_a_corridor_blocked_for_good_is_told() -> None:
     """Three people stand shoulder to shoulder in a corridor."""
-    corridor = KinematicWorld.of(box(2.0, 0.0, 7.0, 1.4))
+    corridor = KinematicWorld.from_boxes(box(2.0, 0.0, 7.0, 1.4))
     people = [KinematicPedestrian(a_m=(2.5, y_m), b_m=(2.5, y_m)) for y_m in (-0.45, 0.0, 0.45)]
     run = drive(lambda time_s: with_people(corridor, people, time_s), START, GOAL, AREA, limit_s=120.0)
     assert run.state is NavigationState.FAILED
