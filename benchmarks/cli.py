@@ -1,4 +1,4 @@
-"""How long `--help` takes: it must answer before the user wonders (limit 0.5 s)."""
+"""Measure how long `--help` takes (limit 0.5 s)."""
 
 import statistics
 import subprocess

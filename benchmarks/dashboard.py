@@ -1,10 +1,10 @@
-"""How fast a page follows the robot: packets a second, latency from the bus to the drawn picture, CPU.
+"""Measure how fast the page follows the robot: packet rate, latency from bus to drawn frame, CPU.
 
-Run: python benchmarks/dashboard.py [--seconds S]
-A robot publishes pose, a scan of 682 beams, wheels, particles and status 20 times a second on the bus; the
-server is the real one, the browser a headless Chromium that draws in software, on the same machine. Latency
-runs from before the pose is published to the end of the frame that shows it. The other pages of "10 pages"
-are plain websockets that take every packet, as ten browsers would need more cores than the machine has.
+Run: python benchmarks/dashboard.py [--seconds S] A robot publishes pose, a scan of 682 beams, wheels,
+particles and status 20 times per second on the bus. The server is the real one. The browser is a headless
+Chromium with software rendering on the same computer. Latency is the time from before the pose is published
+to the end of the frame that shows it. The other pages of "10 pages" are plain websockets that receive every
+packet, because ten browsers would need more cores.
 """
 
 import argparse
@@ -27,7 +27,7 @@ from thumper.common.geometry import Pose2
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.figure import figure, need
+from benchmarks.figure import figure, require_data
 
 from tests.dashboard.conftest import CHROMIUM, FLAGS, Server, chromium_processes, open_page
 from tests.dashboard.fake_robot import FakeRobot
@@ -37,7 +37,7 @@ RATE_HZ = 20.0
 WRAP_S = 50.0
 OTHER_PAGES = 9
 
-# Each new pose that is drawn leaves how old it is: the robot's x tells when it was there.
+# Record the age of each newly drawn pose; the robot's x encodes the time of the pose.
 WATCH = """() => {
   const view = document.querySelector('.tp-map').mapView;
   const draw = view.draw.bind(view);
@@ -54,16 +54,16 @@ WATCH = """() => {
 }""".replace("WRAP", str(WRAP_S))
 
 
-class Clockwork(FakeRobot):
-    """Drives at 1 m/s, so that its place tells the time."""
+class ClockRobot(FakeRobot):
+    """Drives at 1 m/s, so that its position encodes the time."""
 
     def place(self, beat: int) -> Pose2:
-        """At x = now."""
+        """Return a pose at x = current time."""
         return Pose2(x_m=time.time() % WRAP_S, y_m=1.5)
 
 
 def cpu_s(processes: list[int]) -> float:
-    """CPU time of the processes so far [s]."""
+    """Return the CPU time that the processes have used [s]."""
     ticks = 0
     for process in processes:
         fields = Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
@@ -72,7 +72,7 @@ def cpu_s(processes: list[int]) -> float:
 
 
 def measure(page: Page, server: Server, seconds: float) -> list[str]:
-    """Watch for a while; returns a row."""
+    """Measure for `seconds`; return a row."""
     browser = [
         process
         for process in chromium_processes(os.getpid())
@@ -97,8 +97,8 @@ def measure(page: Page, server: Server, seconds: float) -> list[str]:
     ]
 
 
-class Crowd(threading.Thread):
-    """The other pages, on a thread of their own."""
+class OtherPages(threading.Thread):
+    """The other pages, on their own thread."""
 
     def __init__(self, url: str, seconds: float, done: Callable[[float], None]) -> None:
         super().__init__()
@@ -106,7 +106,7 @@ class Crowd(threading.Thread):
         self.start()
 
     def run(self) -> None:
-        """Until their time is over."""
+        """Receive packets until the time is over."""
         asyncio.run(self._all())
 
     async def _all(self) -> None:
@@ -114,7 +114,7 @@ class Crowd(threading.Thread):
 
 
 async def listen(url: str, seconds: float, done: Callable[[float], None]) -> None:
-    """Be one page that takes every packet; `done` is given its rate [Hz]."""
+    """Receive every packet as one page does; call `done` with the rate [Hz]."""
     async with connect(url, max_size=None) as socket:
         begun_s, packets = time.monotonic(), 0
         while time.monotonic() - begun_s < seconds:
@@ -125,13 +125,13 @@ async def listen(url: str, seconds: float, done: Callable[[float], None]) -> Non
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=15.0, help="how long to watch each case")
+    parser.add_argument("--seconds", type=float, default=15.0, help="duration of each measurement")
     seconds = parser.parse_args().seconds
-    need(Path(CHROMIUM))
+    require_data(Path(CHROMIUM))
     table = Table(title=f"load average {os.getloadavg()[0]:.1f}, {os.cpu_count()} cores")
     for column in ("pages", "packets/s", "poses drawn/s", "latency p50 / p99 [ms]", "server %", "browser %"):
         table.add_column(column, justify="right")
-    robot = Clockwork(address=f"127.0.0.1:{free_port()}", period_s=1.0 / RATE_HZ)
+    robot = ClockRobot(address=f"127.0.0.1:{free_port()}", period_s=1.0 / RATE_HZ)
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         server = Server(robot.address, Path(folder))
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
@@ -142,10 +142,10 @@ def main() -> None:
         one = ["1", *measure(page, server, seconds)]
         table.add_row(*one)
         rates: list[float] = []
-        crowd = Crowd(server.url.replace("http", "ws") + "/stream", seconds + 2.0, rates.append)
+        others = OtherPages(server.url.replace("http", "ws") + "/stream", seconds + 2.0, rates.append)
         ten = [str(1 + OTHER_PAGES), *measure(page, server, seconds)]
         table.add_row(*ten)
-        crowd.join()
+        others.join()
         browser.close()
         server.close()
     robot.close()

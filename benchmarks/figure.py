@@ -1,4 +1,4 @@
-"""A figure beside its aim and what others reach: printed, and kept for the table of `make bench`."""
+"""Print a figure next to its aim and the figures of others, and record it for the table of `make bench`."""
 
 import json
 import os
@@ -6,8 +6,8 @@ import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-KEEP = "THUMPER_FIGURES"
-"""Environment: the file that `make bench` gathers; without it figures are only printed."""
+FIGURES_VARIABLE = "THUMPER_FIGURES"
+"""Environment variable with the file that `make bench` collects; without it figures are only printed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,24 +23,24 @@ class Figure:
 
 
 def figure(what: str, ours: str, unit: str = "", *, aim: str = "", peers: str = "", source: str = "") -> None:
-    """Print a figure as a line, and keep it if somebody gathers."""
+    """Print a figure as a line, and record it if `FIGURES_VARIABLE` is set."""
     row = Figure(what=what, ours=ours, unit=unit, aim=aim, peers=peers, source=source)
-    beside = [f"aim {aim}"] * bool(aim) + [peers] * bool(peers)
-    print(f"{what:44} {ours:>22} {unit:14} {'; '.join(beside)}".rstrip(), flush=True)
-    if KEEP in os.environ:
-        with Path(os.environ[KEEP]).open("a", encoding="utf-8") as rows:
+    comparison = [f"aim {aim}"] * bool(aim) + [peers] * bool(peers)
+    print(f"{what:44} {ours:>22} {unit:14} {'; '.join(comparison)}".rstrip(), flush=True)
+    if FIGURES_VARIABLE in os.environ:
+        with Path(os.environ[FIGURES_VARIABLE]).open("a", encoding="utf-8") as rows:
             rows.write(json.dumps(asdict(row)) + "\n")
 
 
-def there(path: Path) -> bool:
-    """Whether the recorded data are there; if not it says so, also in the table."""
+def has_data(path: Path) -> bool:
+    """Return True if the recorded data exist; otherwise print a note and record it in the table."""
     if not path.exists():
-        figure(f"data not there: {path.name}", "-")
-        print(f"  there is no {path}; THUMPER_DATA names the folder that holds the recorded data")
+        figure(f"no data: {path.name}", "-")
+        print(f"  {path} does not exist; set THUMPER_DATA to the folder with the recorded data")
     return path.exists()
 
 
-def need(path: Path) -> None:
-    """Go on if the recorded data are there; else leave the benchmark with 0."""
-    if not there(path):
+def require_data(path: Path) -> None:
+    """Exit with status 0 if the recorded data do not exist."""
+    if not has_data(path):
         sys.exit(0)

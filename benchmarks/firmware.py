@@ -1,8 +1,8 @@
-"""Costs and limits of the firmware, measured on the built ELF in the simulated chip, beside other projects.
+"""Measure the cost and the limits of the built firmware ELF on the simulated chip, next to other projects.
 
-The peers were measured the same way: libsimavr, one instruction per step, plus four cycles of interrupt
-response, gcc 5.4 -Os -flto. rosserial: float PI, Speeds and Twist in, odometry out. bridge: joshnewans'
-ros_arduino_bridge (L298, pin-change encoders). A dash: the peer does not have it, or it was not measured.
+The other projects were measured in the same way: libsimavr, one instruction per step, plus four cycles of
+interrupt response, gcc 5.4 -Os -flto. rosserial: float PI, Speeds and Twist in, odometry out. bridge:
+joshnewans' ros_arduino_bridge (L298, pin-change encoders). A dash means not available or not measured.
 """
 
 import re
@@ -36,7 +36,7 @@ FIRMWARE = DEFAULT_ELF.parents[1]
 VECTORS = {3: "right edge", 5: "left edge", 11: "control tick", 14: "millisecond", 18: "receive", 19: "send"}
 LOAD_S = 3.0
 FLOOD = 5
-"""Requests per millisecond: with the answers, the line is full in both directions."""
+"""Requests per millisecond; together with the answers they fill the line in both directions."""
 
 
 def pack(message: Message, sequence: int = 0) -> bytes:
@@ -79,13 +79,18 @@ def load() -> None:
         report = probe.report()
     edges = [report.vector[3], report.vector[5]]
     mean = [cost.cycles / cost.entries for cost in edges]
-    most = max(cost.most for cost in edges)
+    maximum = max(cost.most for cost in edges)
     peers = "bridge 111, rosserial 123/140, Encoder 138-152, PinChangeInterrupt 284/313"
-    row("cycles per edge, mean (most)", f"{mean[1]:.0f}, {mean[0]:.0f} ({most})", "75", peers)
+    row("cycles per edge, left, right: mean (max)", f"{mean[1]:.0f}, {mean[0]:.0f} ({maximum})", "75", peers)
     tick = report.vector[TICK_VECTOR]
-    row("control tick, both wheels", f"{tick.cycles / tick.entries:.0f} ({tick.most})", "1500", "bridge 3206")
+    row(
+        "cycles per control tick, both wheels: mean (max)",
+        f"{tick.cycles / tick.entries:.0f} ({tick.most})",
+        "1500",
+        "bridge 3206",
+    )
     where = source_of(report.interrupts_off_address)
-    row("longest interrupts off [cycles]", str(report.interrupts_off), "150", "-")
+    row("longest time with interrupts off [cycles]", str(report.interrupts_off), "150", "-")
     print(f"  in {where}")
     late_us = max(report.tick_most - CPU_HZ / 10, CPU_HZ / 10 - report.tick_least) / CPU_HZ * 1e6
     row(
@@ -93,24 +98,22 @@ def load() -> None:
     )
     row("deepest stack [bytes]", str(report.deepest_stack), "-", "bridge 102, rosserial 270")
     share = report.awake / (LOAD_S * CPU_HZ)
-    row("processor awake, while requests flood the line [%]", f"{100 * share:.1f}", "-", "-")
-    print("\neach interrupt under that load, response and RETI included [cycles]:")
+    row("processor load while requests flood the line [%]", f"{100 * share:.1f}", "-", "-")
+    print("\neach interrupt under this load, including response and RETI [cycles]:")
     for number, name in VECTORS.items():
         cost = report.vector[number]
         if cost.entries:
-            print(
-                f"  {name:14} least {cost.least:5}  mean {cost.cycles / cost.entries:7.1f}  most {cost.most}"
-            )
+            print(f"  {name:14} min {cost.least:5}  mean {cost.cycles / cost.entries:7.1f}  max {cost.most}")
     print()
 
 
 def source_of(address: int) -> str:
-    """Return the function at a flash address; for a vector, its name."""
+    """Return the function at a flash address, or the name of the vector there."""
     if address < 26 * 4:
         return f"vector {address // 4}, {VECTORS.get(address // 4, '')}"
     command = ["avr-addr2line", "-f", "-C", "-e", str(DEFAULT_ELF), hex(address)]
     lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
-    return f"from {lines[0]} on ({Path(lines[1]).name})"
+    return f"{lines[0]} ({Path(lines[1]).name})"
 
 
 def telemetry() -> None:
@@ -131,7 +134,7 @@ def telemetry() -> None:
         "-",
         "rosserial odometry 24 (no battery, set-points, PWM, currents)",
     )
-    row("  cycles to pack and to send it", f"{cycles:.0f}", "-", "rosserial 3381 to pack 24 bytes")
+    row("  cycles to pack and send it", f"{cycles:.0f}", "-", "rosserial 3381 to pack 24 bytes")
 
 
 def control_law(flag: str, what: str, aim: str, peers: str) -> None:
@@ -154,11 +157,11 @@ def main() -> None:
     load()
     control_law(
         "-DMEASURE_PI",
-        "PI step, mean (most)",
+        "cycles per PI step, mean (max)",
         "300",
         "FastPID 859, float PI 880, bridge 1108, Arduino-PID 1411",
     )
-    control_law("", "ramp + feed-forward + PI", "-", "-")
+    control_law("", "cycles per ramp + feed-forward + PI step, mean (max)", "-", "-")
     for share, what in ((0.0, "telemetry only"), (0.1, "700 requests/s"), (1.0, "line full both ways")):
         rate = max_edges_per_s(DEFAULT_ELF, line_share=share)
         row(

@@ -1,8 +1,8 @@
-"""Print the error codes and losses of a real URG-04LX beside those of the simulated one.
+"""Compare the error codes and losses of a real URG-04LX with those of the simulated one.
 
-`python benchmarks/lidar_noise.py [LOG]`, by default the MINES log in $THUMPER_DATA. The simulated lidar
-looks at what the real one saw: the log's ranges are the truth, its codes mean that there is nothing. Beams
-0-52 and 659-681, which the robot of the log hides, are left out.
+Run: python benchmarks/lidar_noise.py [LOG], by default the MINES log in $THUMPER_DATA. For the simulated
+lidar the log's ranges are the truth, and the log's error codes mean no target. Beams 0-52 and 659-681 are
+left out, because the robot of the log hides them.
 """
 
 import gzip
@@ -18,7 +18,7 @@ from thumper_hil.lidars.urg_noise import device_bias, measure_mm
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.figure import figure, need
+from benchmarks.figure import figure, require_data
 
 DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2] / "shared" / "data"))
 CODES = (0, 7, 6, 1, 2, 10, 8, 15)
@@ -34,8 +34,9 @@ def read_log(path: Path) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
 
 
 def main() -> None:
+    """Print both tables."""
     log = Path(sys.argv[1]) if len(sys.argv) > 1 else DATA / "slam" / "mines-exp1.dat.gz"
-    need(log)
+    require_data(log)
     real_mm, counts = read_log(log)
     rng = np.random.default_rng(1)
     bias = device_bias(real_mm.shape[1], rng)
@@ -53,7 +54,7 @@ def main() -> None:
     quartiles = [np.percentile(values[values >= 20], [5, 50, 95]) for values in (real_mm, simulated_mm)]
     print(f"valid ranges, 5/50/95 %: real {quartiles[0]} mm, simulated {quartiles[1]} mm")
 
-    # Standing still, one scan is the truth for the next; "simulated" is one measurement of that truth.
+    # While stationary, one scan is the truth for the next; "simulated" is one measurement of that truth.
     still = np.flatnonzero((np.diff(counts, axis=0) == 0).all(axis=1))
     print("range [mm]    lost from scan to scan, real / simulated [%]   sigma, real / simulated [mm]")
     for low_mm, high_mm in pairwise(EDGES_MM):
@@ -68,7 +69,11 @@ def main() -> None:
         sigma_mm = f"{np.median(np.nanstd(walls, axis=0)):.1f}"
         if low_mm == 1000:
             figure(
-                "its noise, 1.0 to 1.5 m", sigma_mm, "mm", peers=f"real {real_sigma_mm:.1f}", source=source
+                "simulated URG-04LX: noise, 1.0 to 1.5 m",
+                sigma_mm,
+                "mm",
+                peers=f"real {real_sigma_mm:.1f}",
+                source=source,
             )
         print(
             f"{low_mm:5d}-{high_mm:4d}  {100 * (after[chosen] < 20).mean():20.1f} / {100 * lost.mean():.1f}"

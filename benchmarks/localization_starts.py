@@ -1,9 +1,9 @@
-"""What becomes of a start that a person names: right, rough, half a turn round, anywhere, or none at all.
+"""Localization from a given initial pose: accurate, rough, rotated by 180 degrees, random, or none.
 
 Run: python benchmarks/localization_starts.py [--starts N] [--moved M]
-Simulated places and a lidar of 4 m and 240 degrees; M boxes stand there that the map does not know. After the
-first scan the pose is right (0.15 m, 0.1 rad), in doubt (the robot stands, and says so), or wrongly believed;
-and again after a drive of 14 steps of 0.1 m.
+Simulated rooms and a lidar of 4 m and 240 degrees, with M boxes that are not in the map. The pose is right
+within 0.15 m and 0.1 rad, lost if the localizer reports it as lost, and wrong otherwise. It is checked after
+the first scan and again after a drive of 14 steps of 0.1 m.
 """
 
 import argparse
@@ -28,11 +28,10 @@ from thumper_hil.world.world import World
 
 RANGE_M, OPENING_RAD, BEAMS, NOISE_M = 4.0, math.radians(240), 240, 0.015
 STEPS = 14
-Judged = Counter[str]
 
 
 def box(x_m: float, y_m: float, width_m: float, height_m: float) -> FloatArray:
-    """Four walls round a middle."""
+    """Return four walls around a centre."""
     return rectangle(x_m - width_m / 2, y_m - height_m / 2, x_m + width_m / 2, y_m + height_m / 2)
 
 
@@ -40,7 +39,7 @@ DESKS = (box(-1.5, 0, 1.2, 0.6), box(1.5, 0, 1.2, 0.6), box(-2.7, 2.2, 0.6, 0.6)
 NICHES = (box(-3, 1, 0.8, 0.3), box(3.3, -1, 0.8, 0.3), box(5, 1, 0.5, 0.4))
 DOORS = np.array([[0, -3, 0, -0.5], [0, 0.5, 0, 3], [4, -3, 4, 1], [4, 2, 4, 3.0]])
 BENCHES = (box(-2, 2.5, 1, 0.8), box(2, -2.4, 0.6, 0.8), box(6, 0, 0.8, 0.8))
-PLACES = {
+ROOMS = {
     "room 5 x 4 m": ROOM,
     "hall 8 x 5 m": np.concatenate(
         (rectangle(-4, -2.5, 4, 2.5), box(3.5, 2.2, 1, 0.6), box(-1, 0.5, 0.4, 0.4))
@@ -52,31 +51,31 @@ PLACES = {
 }
 
 
-class Place:
-    """Walls as they are now, the map as it was, and a robot somewhere between."""
+class Room:
+    """The current walls, the map from before, and a robot."""
 
     def __init__(self, walls: FloatArray, moved: int, rng: np.random.Generator) -> None:
-        self.rng, self.known = rng, World(segments_m=walls, circles_m=np.zeros((0, 3))).to_grid()
+        self.rng, self.map = rng, World(segments_m=walls, circles_m=np.zeros((0, 3))).to_grid()
         ends_m = walls.reshape(-1, 2)
         self.low_m, self.high_m = ends_m.min(axis=0), ends_m.max(axis=0)
-        self.true = self.anywhere()
-        while not _is_clear(self.known, self.true, 0.25):
-            self.true = self.anywhere()
+        self.true = self.random_pose()
+        while not _is_clear(self.map, self.true, 0.25):
+            self.true = self.random_pose()
         boxes: list[FloatArray] = []
         while len(boxes) < moved:
-            spot = self.anywhere()
+            spot = self.random_pose()
             if spot.distance_m(self.true) > 0.7:
                 boxes.append(box(spot.x_m, spot.y_m, *rng.uniform(0.2, 0.9, 2)))
         self.walls = np.concatenate((walls, *boxes))
-        self.now = World(segments_m=self.walls, circles_m=np.zeros((0, 3))).to_grid() if boxes else self.known
+        self.now = World(segments_m=self.walls, circles_m=np.zeros((0, 3))).to_grid() if boxes else self.map
 
-    def anywhere(self) -> Pose2:
-        """A pose in the place's bounds."""
+    def random_pose(self) -> Pose2:
+        """Return a random pose within the bounds of the room."""
         x_m, y_m = self.rng.uniform(self.low_m, self.high_m)
         return Pose2(x_m=x_m, y_m=y_m, theta_rad=self.rng.uniform(-math.pi, math.pi))
 
     def scan(self) -> Scan:
-        """What the lidar measures."""
+        """Return a scan at the true pose."""
         angles = -OPENING_RAD / 2 + OPENING_RAD * np.arange(BEAMS) / BEAMS
         beam = np.column_stack((np.cos(self.true.theta_rad + angles), np.sin(self.true.theta_rad + angles)))
         start = self.walls[:, :2] - (self.true.x_m, self.true.y_m)
@@ -93,51 +92,51 @@ class Place:
         )  # fmt: skip
 
     def drive(self) -> Pose2:
-        """A step ahead, or on the spot where something is in the way; returns it as wheels tell it."""
+        """Drive one step ahead, or turn on the spot if the path is blocked; return the odometry step."""
         ahead = Pose2(x_m=0.1, theta_rad=0.12 * self.rng.choice((-1, 1)))
         step = ahead if _is_clear(self.now, self.true @ ahead, 0.2) else Pose2(theta_rad=0.3)
         self.true = self.true @ step
         return Pose2(x_m=1.03 * step.x_m, theta_rad=1.03 * step.theta_rad)
 
-    def off(self, way_m: float, turn_deg: float) -> Pose2:
-        """The true pose, wrong by so much."""
-        towards = self.rng.uniform(-math.pi, math.pi)
-        slip = Pose2(x_m=way_m * math.cos(towards), y_m=way_m * math.sin(towards))
-        return self.true @ slip @ Pose2(theta_rad=math.radians(turn_deg) * self.rng.choice((-1, 1)))
+    def with_error(self, error_m: float, error_deg: float) -> Pose2:
+        """Return the true pose with an error in a random direction."""
+        direction = self.rng.uniform(-math.pi, math.pi)
+        shift = Pose2(x_m=error_m * math.cos(direction), y_m=error_m * math.sin(direction))
+        return self.true @ shift @ Pose2(theta_rad=math.radians(error_deg) * self.rng.choice((-1, 1)))
 
-    def half_round(self) -> Pose2:
-        """Half a turn round the middle."""
+    def rotated(self) -> Pose2:
+        """Return the true pose, rotated by 180 degrees about the centre of the room."""
         x_m, y_m = self.low_m + self.high_m - (self.true.x_m, self.true.y_m)
         return Pose2(x_m=x_m, y_m=y_m, theta_rad=wrap_angle(self.true.theta_rad + math.pi))
 
 
-NAMED: dict[str, Callable[[Place], Pose2 | None]] = {
-    "0.1 m and 3 degrees off": lambda place: place.off(0.1, 3.0),
-    "0.5 m and 20 degrees off": lambda place: place.off(0.5, 20.0),
-    "half a turn round the middle": lambda place: place.half_round(),
-    "anywhere": lambda place: place.anywhere(),
+INITIAL_POSES: dict[str, Callable[[Room], Pose2 | None]] = {
+    "0.1 m and 3 degrees off": lambda room: room.with_error(0.1, 3.0),
+    "0.5 m and 20 degrees off": lambda room: room.with_error(0.5, 20.0),
+    "rotated by 180 degrees": lambda room: room.rotated(),
+    "random": lambda room: room.random_pose(),
     "none": lambda _: None,
 }
 
 
-def tried(
-    walls: FloatArray, moved: int, named: Callable[[Place], Pose2 | None], seed: int
+def localize(
+    walls: FloatArray, moved: int, initial: Callable[[Room], Pose2 | None], seed: int
 ) -> tuple[str, str]:
-    """What is believed after the first scan, and after the drive."""
-    place = Place(walls, moved, np.random.default_rng(seed))
-    localiser, odometry = Amcl(place.known, map_from_base=named(place), std_m=0.1, std_rad=0.05), Pose2()
-    localiser.update(odometry, place.scan(), Twist2())
-    first = _judged(localiser, place.true)
+    """Return the verdict after the first scan, and after the drive."""
+    room = Room(walls, moved, np.random.default_rng(seed))
+    localizer, odometry = Amcl(room.map, map_from_base=initial(room), std_m=0.1, std_rad=0.05), Pose2()
+    localizer.update(odometry, room.scan(), Twist2())
+    first = _verdict(localizer, room.true)
     for _ in range(STEPS):
-        odometry = odometry @ place.drive()
-        localiser.update(odometry, place.scan(), Twist2())
-    return first, _judged(localiser, place.true)
+        odometry = odometry @ room.drive()
+        localizer.update(odometry, room.scan(), Twist2())
+    return first, _verdict(localizer, room.true)
 
 
-def _judged(localiser: Amcl, true: Pose2) -> str:
-    if localiser.quality().lost:
-        return "doubt"
-    found = localiser.map_from_base
+def _verdict(localizer: Amcl, true: Pose2) -> str:
+    if localizer.quality().lost:
+        return "lost"
+    found = localizer.map_from_base
     near = found.distance_m(true) < 0.15 and abs(wrap_angle(found.theta_rad - true.theta_rad)) < 0.1
     return "right" if near else "wrong"
 
@@ -149,23 +148,23 @@ def _is_clear(grid: OccupancyGrid, pose: Pose2, margin_m: float) -> bool:
 
 
 def main() -> None:
-    """Print how many starts of each kind are right, in doubt and wrong, over all places."""
-    parser = argparse.ArgumentParser(description="starts that a person names")
-    parser.add_argument("--starts", type=int, default=25, help="in each place, of each kind")
-    parser.add_argument("--moved", type=int, default=0, help="boxes that the map does not know")
+    """Print how many initial poses of each kind end right, lost and wrong, over all rooms."""
+    parser = argparse.ArgumentParser(description="localization from a given initial pose")
+    parser.add_argument("--starts", type=int, default=25, help="number of starts per room and kind")
+    parser.add_argument("--moved", type=int, default=0, help="number of boxes that are not in the map")
     arguments = parser.parse_args()
-    for kind, named in NAMED.items():
+    for kind, initial in INITIAL_POSES.items():
         first, after = Counter[str](), Counter[str]()
-        for walls in PLACES.values():
+        for walls in ROOMS.values():
             for seed in range(arguments.starts):
-                one, other = tried(walls, arguments.moved, named, seed)
+                one, other = localize(walls, arguments.moved, initial, seed)
                 first[one] += 1
                 after[other] += 1
-        told = (
-            " / ".join(str(count[key]) for key in ("right", "doubt", "wrong")) for count in (first, after)
+        counts = (
+            " / ".join(str(count[key]) for key in ("right", "lost", "wrong")) for count in (first, after)
         )
-        what = f"start named: {kind}, {arguments.moved} things moved: right / doubt / wrong"
-        figure(what, ", after a drive ".join(told))
+        what = f"initial pose {kind}, {arguments.moved} unmapped boxes: right / lost / wrong"
+        figure(what, ", after a drive ".join(counts))
 
 
 if __name__ == "__main__":

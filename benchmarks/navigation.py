@@ -1,7 +1,7 @@
-"""Figures of navigation: `python benchmarks/navigation.py [planner] [costmap] [rollouts] [cycle] [loop]`.
+"""Measure navigation: `python benchmarks/navigation.py [planner] [costmap] [rollouts] [cycle] [loop]`.
 
-Without arguments: all of them. Recorded maps come from $THUMPER_DATA (default
-../shared/data). Times are CPU milliseconds of this thread.
+Without arguments all parts run. Recorded maps come from $THUMPER_DATA (default ../shared/data). Times are CPU
+milliseconds of this thread.
 """
 
 import os
@@ -45,9 +45,9 @@ from thumper_hil.kinematic.world import KinematicWorld, box
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.figure import figure, there
+from benchmarks.figure import figure, has_data
 
-SAME = "ROS's own C++ on the same input, a machine of the same kind"
+SAME = "ROS's C++ on the same input, a machine of the same kind"
 NAVFN_MS = {"willow-full-0.05": 13.7, "depot": 2.2}
 DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2] / "shared" / "data")) / "nav"
 NO_HITS = np.empty((0, 2))
@@ -55,19 +55,19 @@ PEER_COSTS = CostmapOptions(inflation_radius_m=0.55, decay_per_m=10.0)
 
 
 def cpu_ms(work: Callable[[], object], repeats: int) -> float:
-    """Least CPU time of some repeats."""
+    """Return the minimum CPU time over `repeats` calls [ms]."""
     times = []
     for _ in range(repeats):
-        begun = time.thread_time()
+        start = time.thread_time()
         work()
-        times.append(time.thread_time() - begun)
+        times.append(time.thread_time() - start)
     return 1e3 * min(times)
 
 
 def navfn_costmap(cells: NDArray[np.int8]) -> tuple[Costmap, float]:
-    """The costmap that the recorded navfn paths were planned on, and the time to inflate it.
+    """Return the costmap on which the navfn paths were recorded, and the time to inflate it.
 
-    There an inflated cost replaces "unknown", so that unknown ground near obstacles can be crossed.
+    In it an inflated cost replaces "unknown", so that unknown space near obstacles can be crossed.
     """
     known = np.maximum(cells, 0).astype(np.int8)
     grid = OccupancyGrid(cells=known, resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
@@ -78,10 +78,10 @@ def navfn_costmap(cells: NDArray[np.int8]) -> tuple[Costmap, float]:
 
 
 def planner() -> None:
-    """The pairs of the real navfn: time, and length against its Dijkstra path."""
-    if not there(DATA):
+    """Plan between the pairs recorded with ROS navfn: time, and length relative to its Dijkstra path."""
+    if not has_data(DATA):
         return
-    print("planner: 50 pairs a map, unknown blocked")
+    print("planner: 50 pairs per map, unknown space blocked")
     planners: dict[str, Planner] = {
         "navfn": NavfnPlanner(NavfnOptions(allow_unknown=False)),
         "navfn, unguided": NavfnPlanner(NavfnOptions(allow_unknown=False, guided=False)),
@@ -107,7 +107,7 @@ def planner() -> None:
             figure(what, f"{p50:.2f}", "ms", aim="" if title != "navfn" else f"<= {NAVFN_MS[name]}",
                    peers=f"navfn, Dijkstra to the goal {NAVFN_MS[name]}", source=SAME)  # fmt: skip
             figure(
-                "its length",
+                f"path length of {title} on {name.split('-')[0]}, mean",
                 f"{np.mean(ratios):.3f}",
                 "x navfn's",
                 aim="" if title != "navfn" else "1 +- 0.01",
@@ -119,8 +119,8 @@ def planner() -> None:
 
 
 def costmap() -> None:
-    """Inflation of one window, and the update for one scan on maps of growing size."""
-    if not there(DATA):
+    """Measure the inflation of one window, and the update for one scan on maps of growing size."""
+    if not has_data(DATA):
         return
     lethal = read_pgm(DATA / "oracle" / "inflation_in_120.pgm") == LETHAL
     cells = np.where(lethal, 100, 0).astype(np.int8)
@@ -136,7 +136,7 @@ def costmap() -> None:
     for side in (200, 400, 800, 1600, 3200):
         half_m = 0.025 * side
         cells = np.zeros((side, side), np.int8)
-        layers, updates, afresh = CostmapLayers(Footprint(), PEER_COSTS), [], []
+        layers, updates, rebuilds = CostmapLayers(Footprint(), PEER_COSTS), [], []
         for scan in range(20):
             range_m = 3.5 + 0.01 * rng.standard_normal((480, 1))
             hits_m = range_m * np.column_stack((np.cos(angles_rad), np.sin(angles_rad)))
@@ -145,19 +145,19 @@ def costmap() -> None:
             cells[rows, cols] = 100
             grid = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=-half_m, origin_y_m=-half_m)
             took_ms = cpu_ms(partial(layers.update, grid, hits_m), 1)
-            if scan > 1:  # the first ones build everything
+            if scan > 1:  # the first scans build everything
                 updates.append(took_ms)
-                afresh.append(cpu_ms(partial(build_costmap, grid, hits_m, Footprint(), PEER_COSTS), 1))
+                rebuilds.append(cpu_ms(partial(build_costmap, grid, hits_m, Footprint(), PEER_COSTS), 1))
         if side in (200, 1600):
             figure(f"costmap update for a scan, map of {side} x {side}", f"{np.median(updates):.2f}", "ms")
         print(
             f"  map of {side} x {side}: update for a scan {np.median(updates):.2f} ms, "
-            f"afresh {np.median(afresh):.2f} ms"
+            f"rebuild {np.median(rebuilds):.2f} ms"
         )
 
 
 def window_request(name: str) -> ControlRequest:
-    """A robot in one of the real 6 m windows, its path straight ahead."""
+    """Return a request in one of the recorded 6 m windows, with a path straight ahead."""
     lethal = read_pgm(DATA / "oracle" / f"costmap_{name}.pgm") == LETHAL
     cells = np.where(lethal, 100, 0).astype(np.int8)
     grid = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
@@ -180,8 +180,8 @@ def window_request(name: str) -> ControlRequest:
 
 
 def rollouts() -> None:
-    """One controller cycle: the default window, and the 2020 x 20 of the peers' table."""
-    if not there(DATA):
+    """Measure one controller cycle, with the default sampling and with 2020 x 20 as in the peers' table."""
+    if not has_data(DATA):
         return
     print("rollouts: one DWA cycle (footprint check, path, goal and front terms)")
     for name in ("open", "median", "tight"):
@@ -204,7 +204,7 @@ def rollouts() -> None:
 
 
 def cycle() -> None:
-    """The whole `Navigator.update` on a 10 m x 10 m map at 0.05 m, in a mission that maps as it goes."""
+    """Measure `Navigator.update` on a 10 m x 10 m map at 0.05 m, in a mission that maps as it drives."""
     room = KinematicWorld.from_boxes(box(0.8, 0.0, 4.8, 3.8), box(1.2, 0.1, 0.40, 0.30, 0.58))
     start, goal = Pose2(x_m=2.05, y_m=0.64, theta_rad=-2.56), Goal(x_m=0.38, y_m=-0.45)
     with timing(Navigator, "update") as times:
@@ -213,15 +213,15 @@ def cycle() -> None:
             if seed == 0:
                 times.clear()  # kernels were loaded in the first run
     p50, p99 = 1e3 * np.percentile(times, (50, 99))
-    figure("a whole update of the navigator, median / 99 %", f"{p50:.1f} / {p99:.1f}", "ms")
+    figure("update of the navigator, median / 99 %", f"{p50:.1f} / {p99:.1f}", "ms")
     print(f"cycle: {len(times)} updates, p50 {p50:.2f} ms, p99 {p99:.2f} ms, max {1e3 * max(times):.2f} ms")
 
 
 def loop() -> None:
-    """The robot's own loop, SLAM beside navigation: the demo's missions with the real firmware, simulated.
+    """Measure SLAM and navigation in the robot's loop, in the demo's missions with the real firmware.
 
-    Navigation is all that the pilot does in a beat, the copy of the map included; SLAM all that telemetry
-    and scans cost. The simulator's time is in neither.
+    Navigation is all work of the drive manager in a control cycle, including the copy of the map. SLAM is the
+    processing of telemetry and scans. Neither includes the time of the simulator.
     """
     with ExitStack() as stack:
         cycles = stack.enter_context(timing(DriveManager, "step"))
@@ -243,24 +243,24 @@ def loop() -> None:
         ours = name == "navigation"
         figure(f"the robot's loop, {name}: median / 99 %", f"{p50:.1f} / {p99:.1f}", "ms",
                aim="- / 20" if ours else "")  # fmt: skip
-        figure("its share of a core", f"{sum(times) / driven_s:.3f}", "core s a s",
+        figure(f"the robot's loop, {name}: share of a core", f"{sum(times) / driven_s:.3f}", "core s/s",
                aim="<= 0.3" if ours else "", peers="move_base with costmaps 0.07 to 0.10" if ours else "",
                source="the same BARN worlds" if ours else "")  # fmt: skip
         print(
             f"  {name}: p50 {p50:.2f} ms, p99 {p99:.2f} ms, max {1e3 * max(times):.2f} ms, "
-            f"{sum(times) / driven_s:.3f} core s a simulated s"
+            f"{sum(times) / driven_s:.3f} core s per simulated s"
         )
 
 
 @contextmanager
 def timing(owner: type, name: str) -> Iterator[list[float]]:
-    """CPU seconds of every call of a method, for as long as the context lasts."""
+    """Yield a list to which every call of a method appends its CPU time [s], inside the block."""
     original, times = getattr(owner, name), []
 
     def timed(*inputs: object, **named: object) -> object:
-        begun = time.thread_time()
+        start = time.thread_time()
         output = original(*inputs, **named)
-        times.append(time.thread_time() - begun)
+        times.append(time.thread_time() - start)
         return output
 
     setattr(owner, name, timed)
@@ -271,7 +271,7 @@ def timing(owner: type, name: str) -> Iterator[list[float]]:
 
 
 def main(arguments: list[str]) -> None:
-    """Run what was asked for."""
+    """Run the given parts, or all."""
     parts = {"planner": planner, "costmap": costmap, "rollouts": rollouts, "cycle": cycle, "loop": loop}
     for name in arguments or parts:
         parts[name]()

@@ -1,9 +1,10 @@
-"""BARN worlds by every controller: `python benchmarks/navigation_barn.py [--controllers dwa ...] [--help]`.
+"""Drive through BARN worlds: `python benchmarks/navigation_barn.py [--controllers dwa ...] [--help]`.
 
-20 recorded worlds (or, with --made, 20 made ones of the same kind) x scales x speeds x seeds, mapless, exact
-pose, 1 cm range noise. One line for all seeds, every drive that failed by its reason, and with --csv a row a
-drive. The score is the challenge's: success x OT / clip(time, 2 OT, 8 OT), OT the reference length / 2 m/s.
-Recorded worlds come from $THUMPER_DATA (default ../shared/data).
+20 recorded worlds (or, with --made, 20 random worlds of the same kind) x scales x speeds x seeds, without a
+map, with an exact pose and 1 cm range noise. The output has one line for all seeds and the reason of every
+failed drive. --csv writes one row per drive. The score is that of the challenge: success x OT /
+clip(time, 2 OT, 8 OT), where OT is the reference length / 2 m/s. Recorded worlds come from $THUMPER_DATA
+(default ../shared/data).
 """
 
 import argparse
@@ -23,7 +24,7 @@ from thumper_hil.kinematic.barn import drive_through, random_world, recorded_wor
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.figure import figure, need
+from benchmarks.figure import figure, require_data
 
 DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2] / "shared" / "data")) / "nav" / "barn"
 WORLDS = range(0, 300, 15)
@@ -48,9 +49,9 @@ class Drive:
 
 
 def drive_one(options: NavigationOptions, *, made: bool, world: int, scale: float, seed: int) -> Drive:
-    """Drive through one world and judge it."""
-    place = random_world(world, scale) if made else recorded_world(DATA, world, scale)
-    run = drive_through(place, scale, options, seed)
+    """Drive through one world and evaluate the run."""
+    world_ = random_world(world, scale) if made else recorded_world(DATA, world, scale)
+    run = drive_through(world_, scale, options, seed)
     outcome = "abort" if run.state is NavigationState.FAILED else "timeout"
     if run.clearance_m < 0.0:
         outcome = "contact"
@@ -80,7 +81,7 @@ def _reference_m(world: int) -> float:
 
 
 def line(drives: list[Drive]) -> str:
-    """The drives of a controller at one speed and scale as a row of the table."""
+    """Return the table row for the drives of a controller at one speed and scale."""
     first = drives[0]
     count = {
         kind: sum(d.outcome == kind for d in drives) for kind in ("success", "contact", "timeout", "abort")
@@ -100,32 +101,36 @@ def _seeds(drives: list[Drive]) -> str:
     return f"{seeds[0]} … {seeds[-1]}" if len(seeds) > 1 else str(seeds[0])
 
 
-def tell(drives: list[Drive]) -> None:
-    """The same in the table of all benchmarks."""
+def report(drives: list[Drive]) -> None:
+    """Record the figures for the table of all benchmarks."""
     first, count = drives[0], sum(d.outcome == "success" for d in drives)
     name = first.controller + (f" + {first.tracker}" if first.tracker else "")
     peers = {1.0: "20 of 20", 0.65: "20 of 20", 0.5: "13 of 20", 0.45: "12 of 20"}.get(first.scale, "")
     figure(
-        f"BARN x {first.scale:.2f}, {name}, {first.v_max_m_s} m/s, seed {_seeds(drives)}: gets through",
+        f"BARN x {first.scale:.2f}, {name}, {first.v_max_m_s} m/s, seed {_seeds(drives)}: successes",
         f"{count} of {len(drives)}",
         aim={1.0: "all", 0.65: "all", 0.5: "18 of 20", 0.45: "17 of 20"}.get(first.scale, ""),
         peers=peers and f"ROS 1 move_base {peers}",
         source=peers and "same worlds",
     )
-    figure("contacts", str(sum(d.outcome == "contact" for d in drives)), aim="0")
+    figure(
+        f"BARN x {first.scale:.2f}, {name}: contacts",
+        str(sum(d.outcome == "contact" for d in drives)),
+        aim="0",
+    )
 
 
 HEADINGS = (
     "controller | scale | v max [m/s] | seeds | success | contact | timeout | abort | mean time [s] "
-    "| clearance, median [m] | least [m] | score"
+    "| clearance, median [m] | minimum [m] | score"
 )
 
 
 def main() -> None:
-    """Run what was asked for."""
+    """Run all combinations of the options and print their rows."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--controllers", nargs="+", default=["dwa"])
-    parser.add_argument("--tracker", default="", help="cascade: as the default stack has it")
+    parser.add_argument("--tracker", default="", help="path tracker; 'cascade' is the default of the robot")
     parser.add_argument("--scales", nargs="+", type=float, default=[1.0, 0.65, 0.50, 0.45])
     parser.add_argument("--speeds", nargs="+", type=float, default=[0.5])
     parser.add_argument("--seeds", nargs="+", type=int, default=[0])
@@ -135,20 +140,20 @@ def main() -> None:
         nargs="?",
         const=0,
         metavar="FIRST",
-        help="20 made worlds instead of the recorded ones, drawn from this number on",
+        help="use 20 random worlds instead of the recorded ones, with seeds from this number on",
     )
-    parser.add_argument("--csv", type=Path, help="write a row a drive to this file")
+    parser.add_argument("--csv", type=Path, help="write one row per drive to this file")
     given = parser.parse_args()
     is_made = given.made is not None
     if not is_made:
-        need(DATA)
+        require_data(DATA)
     worlds = range(given.made, given.made + len(WORLDS)) if is_made else WORLDS
     usual = NavigationOptions(tracker=given.tracker)
     all_drives: list[Drive] = []
     print(f"| {HEADINGS} |\n|{'---|' * (HEADINGS.count('|') + 1)}", flush=True)
     for name, speed, scale in itertools.product(given.controllers, given.speeds, given.scales):
         options = replace(usual, controller=name, limits=replace(usual.limits, v_max_m_s=speed))
-        begun = time.process_time()
+        start = time.process_time()
         drives = [
             drive_one(options, made=is_made, world=world, scale=scale, seed=seed)
             for seed in given.seeds
@@ -156,13 +161,13 @@ def main() -> None:
         ]
         all_drives += drives
         print(line(drives), flush=True)
-        tell(drives)
+        report(drives)
         for drive in drives:
             if drive.outcome != "success":
                 which = f"world {drive.world}, seed {drive.seed}"
                 print(f"    {which}: {drive.outcome} at {drive.time_s:.0f} s, {drive.reason}")
         simulated_s = sum(drive.time_s for drive in drives)
-        print(f"    {(time.process_time() - begun) / simulated_s:.3f} core s a simulated s", flush=True)
+        print(f"    {(time.process_time() - start) / simulated_s:.3f} core s per simulated s", flush=True)
         if given.csv:
             with given.csv.open("w", newline="", encoding="utf-8") as stream:
                 writer = csv.writer(stream, lineterminator="\n")

@@ -1,8 +1,8 @@
-"""People at 1 m/s about a robot: `python benchmarks/navigation_people.py [--scenes 60] [--speeds 0.4 ...]`.
+"""Drive among people at 1 m/s: `python benchmarks/navigation_people.py [--scenes 60] [--speeds 0.4 ...]`.
 
-They cross its way, pace across it to and fro, come along it, or stand on it and leave; they see nothing and
-never give way. A contact is the robot's fault when the touched part of its hull moved toward the person, and
-the person had been in view for as long as it takes to stop; who came from behind is counted apart.
+The people cross the robot's path, pace across it, walk along it, or stand on it and leave. They never give
+way. A contact is the robot's fault if the touched part of its footprint moved toward the person, and the
+person had been in view for at least the stopping time. A contact from behind is counted separately.
 """
 
 import argparse
@@ -30,11 +30,11 @@ HALL = KinematicWorld.from_boxes(box(2.0, 0.0, 7.0, 4.0))
 AREA_M = (-4.0, -4.0, 12.0, 8.0)
 START, GOAL = Pose2(x_m=0.0, y_m=0.0), Goal(x_m=4.5, y_m=0.0)
 LIMIT_S = 90.0
-OUTCOMES = ("arrived", "not arrived", "walked into", "caught from behind", "drove into somebody")
+OUTCOMES = ("arrived", "not arrived", "walked into", "caught from behind", "drove into a person")
 
 
 def pacing(rng: np.random.Generator) -> list[KinematicPedestrian]:
-    """One to three people who walk to and fro across the hall, straight or aslant."""
+    """Return one to three people who walk back and forth across the hall, straight or diagonally."""
     walkers = []
     for _ in range(int(rng.integers(1, 4))):
         x_m, side = float(rng.uniform(1.0, 3.8)), float(rng.choice((-1.7, 1.7)))
@@ -44,12 +44,12 @@ def pacing(rng: np.random.Generator) -> list[KinematicPedestrian]:
 
 
 def crossing(rng: np.random.Generator) -> list[KinematicPedestrian]:
-    """The same people, each of whom crosses once."""
+    """Return the same people, each of whom crosses once."""
     return [replace(walker, returns=False) for walker in pacing(rng)]
 
 
 def oncoming(rng: np.random.Generator) -> list[KinematicPedestrian]:
-    """Somebody who walks along the robot's way, to behind it."""
+    """Return a person who walks along the robot's path toward it and past it."""
     y_m = float(rng.uniform(-0.6, 0.6))
     return [
         KinematicPedestrian(
@@ -59,7 +59,7 @@ def oncoming(rng: np.random.Generator) -> list[KinematicPedestrian]:
 
 
 def blocking(rng: np.random.Generator) -> list[KinematicPedestrian]:
-    """Somebody who stands on the robot's way, and leaves."""
+    """Return a person who stands on the robot's path and leaves."""
     x_m, side = float(rng.uniform(1.2, 3.5)), float(rng.choice((-1.6, 1.6)))
     y_m, leaves_s = float(rng.uniform(-0.2, 0.2)), float(rng.uniform(4.0, 15.0))
     place_m, aside_m = (x_m, y_m), (x_m, side)
@@ -75,8 +75,8 @@ KINDS: dict[str, Callable[[np.random.Generator], list[KinematicPedestrian]]] = {
 }
 
 
-def judged(walkers: list[KinematicPedestrian], options: NavigationOptions, seed: int) -> str:
-    """Drive through one scene; what came of it."""
+def outcome_of(walkers: list[KinematicPedestrian], options: NavigationOptions, seed: int) -> str:
+    """Drive through one scene; return its outcome."""
     run = drive(
         lambda time_s: with_people(HALL, walkers, time_s),
         START,
@@ -92,9 +92,9 @@ def judged(walkers: list[KinematicPedestrian], options: NavigationOptions, seed:
 
 
 def main() -> None:
-    """Run the scenes and print a row of each kind."""
+    """Run the scenes and print one row per kind."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--scenes", type=int, default=60, help="of each kind")
+    parser.add_argument("--scenes", type=int, default=60, help="number of scenes per kind")
     parser.add_argument("--speeds", nargs="+", type=float, default=[0.4], help="fastest speeds [m/s]")
     given = parser.parse_args()
     usual = NavigationOptions()
@@ -107,14 +107,14 @@ def main() -> None:
         for kind, make in KINDS.items():
             count: Counter[str] = Counter()
             for seed in range(given.scenes):
-                outcome = judged(make(np.random.default_rng(seed)), options, seed)
+                outcome = outcome_of(make(np.random.default_rng(seed)), options, seed)
                 count[outcome] += 1
                 if outcome not in ("arrived", "walked into"):
                     print(f"    {kind} {seed}: {outcome}", flush=True)
             row = " | ".join(str(count[outcome]) for outcome in OUTCOMES)
             print(f"| {kind} | {speed} | {given.scenes} | {row} |", flush=True)
-            what = f"people {kind}, {given.scenes} scenes at {speed} m/s: robot drove into somebody, arrived"
-            figure(what, f"{count['drove into somebody']}, {count['arrived']}", aim="0, -")
+            what = f"people {kind}, {given.scenes} scenes at {speed} m/s: robot drove into a person, arrived"
+            figure(what, f"{count['drove into a person']}, {count['arrived']}", aim="0, -")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Time one lidar turn of ray casting, and contact, in the lab and in a large maps."""
+"""Time the ray casting of one lidar revolution, and the contact check, in the lab and in large maps."""
 
 import math
 import sys
@@ -21,7 +21,7 @@ BEAMS, REPEATS = 682, 500
 
 
 def median_us(action: Callable[[], object]) -> float:
-    """Median time of one call [us], after one call to compile or load the kernel."""
+    """Return the median time of one call [us], after one call that compiles or loads the kernel."""
     action()
     times_s = []
     for _ in range(REPEATS):
@@ -32,14 +32,15 @@ def median_us(action: Callable[[], object]) -> float:
 
 
 def main() -> None:
+    """Print the times."""
     world = World.load("lab_box")
     angles_rad = (np.arange(BEAMS) - 340) * math.tau / 1024
     x_m, y_m = np.linspace(0.0, 0.05, BEAMS), np.linspace(0.0, 0.02, BEAMS)
     footprint_m = np.array([[0.21, 0.1225], [-0.21, 0.1225], [-0.21, -0.1225], [0.21, -0.1225]])
     shapes = f"{len(world.segments_m)} segments, {len(world.circles_m)} circles"
     print(f"lab_box: {shapes}")
-    turn_us = median_us(lambda: world.cast(x_m, y_m, angles_rad))
-    figure(f"simulated lidar: a turn of {BEAMS} beams in the lab", f"{turn_us:.0f}", "us")
+    scan_us = median_us(lambda: world.cast(x_m, y_m, angles_rad))
+    figure(f"simulated lidar: one scan of {BEAMS} beams in the lab", f"{scan_us:.0f}", "us")
     clear_us = median_us(lambda: world.clearance_m(Pose2(), footprint_m))
     figure("simulator: clearance of the footprint", f"{clear_us:.0f}", "us")
     for share in (0.0, 0.001, 0.01):
@@ -47,12 +48,14 @@ def main() -> None:
         cast_us = median_us(partial(large.cast, 0.0, 0.0, angles_rad))
         clearance_us = median_us(partial(large.clearance_m, Pose2(), footprint_m))
         figure(
-            f"the same in 1000 x 1000 cells, {share:.1%} solid", f"{cast_us:.0f}, {clearance_us:.0f}", "us"
+            f"scan, clearance in 1000 x 1000 cells, {share:.1%} solid",
+            f"{cast_us:.0f}, {clearance_us:.0f}",
+            "us",
         )
 
 
 def random_map(share: float) -> World:
-    """A map of 50 x 50 m whose cells are solid with this probability, but for the one in the middle."""
+    """Return a map of 50 x 50 m whose cells, except the centre, are solid with this probability."""
     solid = np.random.default_rng(1).random((1000, 1000)) < share
     solid[500, 500] = False
     grid = SolidGrid(solid=solid, resolution_m=0.05, x_lo_m=-25.025, y_lo_m=-25.025)

@@ -1,9 +1,9 @@
-"""What recording costs: messages a second, share of a core at full rate, lateness of a loop beside it.
+"""Measure the cost of recording: message rate, share of a core, and lateness of a loop that records.
 
 Run: python benchmarks/recording.py [--seconds S]
-The messages are those of a robot's beat (wheels, a scan of 682 beams, odometry, pose, transforms, command,
-status; map and plan each second), 10 beats a second on the robot. The loop of the last rows goes five times
-as fast, 50 Hz, and hands out a whole beat each time; lateness is how much after its due time it wakes.
+The messages are those of a robot's control cycle (wheels, a scan of 682 beams, odometry, pose, transforms,
+command, status; map and plan once per second). A robot runs 10 cycles per second. The loop of the last rows
+runs at 50 Hz and publishes a whole cycle each time. Lateness is the wake-up time after the due time.
 """
 
 import argparse
@@ -32,7 +32,7 @@ QUEUE_SIZE = 1_000_000
 
 
 def throughput(folder: Path) -> tuple[float, float, float]:
-    """Messages a second from the queue to the disk, times faster than the robot says them, bytes a second."""
+    """Return messages per second from queue to disk, the multiple of real time, and bytes per second."""
     messages = list(beats(1500))
     start_s = time.perf_counter()
     recorder = Recorder(folder, SESSION, queue_size=QUEUE_SIZE)
@@ -46,7 +46,7 @@ def throughput(folder: Path) -> tuple[float, float, float]:
 
 
 def loop(folder: Path | None, seconds: float) -> tuple[FloatArray, float]:
-    """Lateness of each beat [s] and the share of a core that was used, recording to `folder` or not."""
+    """Return the lateness of each cycle [s] and the share of a core; record to `folder` unless None."""
     made = [list(beat(k)) for k in range(20)]
     recorder = Recorder(folder, SESSION, queue_size=QUEUE_SIZE) if folder else None
     late, cpu_s, start_s = [], time.process_time(), time.perf_counter()
@@ -67,7 +67,7 @@ def loop(folder: Path | None, seconds: float) -> tuple[FloatArray, float]:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=10.0, help="how long each loop runs")
+    parser.add_argument("--seconds", type=float, default=10.0, help="duration of each loop")
     seconds = parser.parse_args().seconds
     table = Table(
         "what", "figure", title=f"recording (load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores)"
@@ -75,9 +75,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         rates = [throughput(Path(scratch) / f"t{k}") for k in range(3)]
         rate, factor, bytes_s = max(rates)
-        table.add_row("messages a second, written and synced", f"{rate:,.0f}")
-        table.add_row("times faster than the robot says them", f"{factor:,.0f}")
-        table.add_row("on the disk", f"{1e-3 * bytes_s:.0f} kB/s")
+        table.add_row("messages per second, written and synced", f"{rate:,.0f}")
+        table.add_row("multiple of real time", f"{factor:,.0f}")
+        table.add_row("size on disk", f"{1e-3 * bytes_s:.0f} kB/s")
         runs = {True: [], False: []}  # type: dict[bool, list[tuple[FloatArray, float]]]
         for k in range(3):
             for recording in (False, True):
@@ -87,8 +87,7 @@ def main() -> None:
             p50, p99 = np.percentile(1e3 * late, (50, 99))
             figures = f"late p50 {p50:.2f}, p99 {p99:.2f}, max {1e3 * late.max():.1f} ms"
             table.add_row(f"50 Hz loop {name} recording", f"{figures}; {100.0 * share:.1f} % of a core")
-            beside = f"recording: 50 Hz loop {name} it, late, 99 %"
-            figure(beside, f"{p99:.1f}", "ms")
+            figure(f"50 Hz loop {name} recording: lateness, 99 %", f"{p99:.1f}", "ms")
     figure("recording: messages written and synced", f"{rate:.0f}", "1/s",
            peers="mcap + rosbags 28 600, mcap-ros2-support 6 100, foxglove-sdk 55 600",
            source="other messages, not synced, a machine of the same kind")  # fmt: skip

@@ -1,7 +1,7 @@
-"""How fast the simulated robot runs, and where the time goes.
+"""Measure how fast the simulated robot runs, and which part takes the time.
 
-Limit: simavr's own speed. The instructions of a firmware that is awake for a known share of the cycles cannot
-take less time than a busy loop's. What is above that is simavr's timers, motors, world, lidar and Python.
+The limit is simavr's speed: a firmware that is awake for a known share of the cycles needs at least the time
+of a busy loop for that share. The rest of the time goes to simavr's timers, motors, world, lidar and Python.
 """
 
 import itertools
@@ -25,7 +25,7 @@ from benchmarks.figure import figure
 
 SIM_S = 10.0
 RUNS = 5
-"""Each figure is the best of so many runs: other programs only ever make it worse."""
+"""Each figure is the best of this many runs, because other programs can only slow it down."""
 
 COMMAND_PERIOD_S = 0.1
 CIRCLE = SetWheelSpeeds(left=6000, right=3000)
@@ -35,7 +35,7 @@ LIDAR_ON = b"BM\nMD0044072501000\n"
 
 
 def busy_rate_Hz() -> float:
-    """Cycles that simavr simulates in a second of real time when the firmware never sleeps."""
+    """Return the cycles that simavr simulates per second of real time if the firmware never sleeps."""
     source = "#include <avr/io.h>\nint main(void) { for (;;) ++GPIOR0; }\n"
     with tempfile.TemporaryDirectory() as folder:
         elf = Path(folder) / "busy.elf"
@@ -50,7 +50,7 @@ def busy_rate_Hz() -> float:
 
 
 def drive(chip: Chip, command: SetWheelSpeeds, advance: Callable[[float], None]) -> float:
-    """Arm and command the wheels for SIM_S; returns how many simulated seconds one real second gives."""
+    """Arm and command the wheels for SIM_S; return the multiple of real time."""
     advance(0.1)
     arm = CommandRequest(command=Command.ARM)
     chip.send(encode_frame(arm.ID, 1, arm.pack()))
@@ -63,7 +63,7 @@ def drive(chip: Chip, command: SetWheelSpeeds, advance: Callable[[float], None])
 
 
 def drive_chip(command: SetWheelSpeeds, params: RobotParams | None) -> tuple[float, float]:
-    """Without a bench: the chip, with or without motors and encoders. Returns speed and processor load."""
+    """Drive the chip alone, with or without motors and encoders; return speed and processor load."""
     chip = Chip(DEFAULT_ELF, params=params, seed=1)
 
     def advance(until_s: float) -> None:
@@ -73,7 +73,7 @@ def drive_chip(command: SetWheelSpeeds, params: RobotParams | None) -> tuple[flo
 
 
 def drive_bench(command: SetWheelSpeeds, *, lidar: bool) -> tuple[float, float]:
-    """The whole robot, circling in the lab."""
+    """Drive the whole robot in a circle in the lab; return speed and processor load."""
     bench = Bench(BenchOptions(world="lab"))
     if lidar:
         bench.lidar_write(LIDAR_ON)
@@ -86,13 +86,13 @@ def drive_bench(command: SetWheelSpeeds, *, lidar: bool) -> tuple[float, float]:
 
 
 def main() -> None:
-    """Print speed, processor load and the limit of each stage."""
+    """Print speed, processor load and limit of each configuration."""
     rate_Hz = busy_rate_Hz()
     params = RobotParams.load()
     drive_bench(CIRCLE, lidar=True)  # compiles or loads the kernels
     runs: tuple[tuple[str, Callable[[], tuple[float, float]]], ...] = (
         ("chip alone, armed", lambda: drive_chip(REST, None)),
-        ("chip + motors, at rest", lambda: drive_chip(REST, params)),
+        ("chip + motors, stationary", lambda: drive_chip(REST, params)),
         ("chip + motors, driving 6 and 3 rad/s", lambda: drive_chip(CIRCLE, params)),
         ("chip + motors, driving 12 rad/s", lambda: drive_chip(FAST, params)),
         ("robot in its world, driving a circle", lambda: drive_bench(CIRCLE, lidar=False)),
@@ -116,7 +116,7 @@ def main() -> None:
         "world and ground truth",
         "lidar",
     )
-    print("\nshare of the time of the whole robot:")
+    print("\nshares of the time of the whole robot:")
     for name, cost_s in zip(parts, shares, strict=True):
         print(f"  {name:40} {cost_s / costs_s[-1]:6.0%}   {1e3 * cost_s:6.2f} ms per simulated second")
 

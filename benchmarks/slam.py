@@ -1,7 +1,7 @@
-"""SLAM on recorded logs: CPU time a scan, and error against reference relations, beside other programs.
+"""SLAM on recorded logs: CPU time per scan and error against reference relations, next to other programs.
 
 Run: python benchmarks/slam.py [--data FOLDER] [--method graph|rbpf|scan_match] [--seeds N]
-The folder holds the logs; by default THUMPER_DATA or ../shared/data, each with its `slam` subfolder.
+The logs are in the folder's subfolder `slam`; the default folder is THUMPER_DATA or ../shared/data.
 """
 
 import argparse
@@ -23,10 +23,11 @@ from thumper.slam.factory import MappingOptions, Method, make_mapper
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.figure import figure, need
+from benchmarks.figure import figure, require_data
 
-# Others on the same log and relations, on a machine of the same kind: path error, CPU time a processed scan.
-# "Online" is the pose that was reported at the time; a path improved afterwards knows more than a robot does.
+# Others on the same log and relations, on a machine of the same kind: path error, CPU time per processed
+# scan. "Online" is the pose that was reported at the time. A path that was improved later uses more data than
+# that.
 INTEL_PEERS = (
     ("gmapping, 30 particles", "0.027 ± 0.020", "0.96 ± 0.92", "0.097", "75-77"),
     ("LaMa particle filter, 30, gate 0.2", "0.020 ± 0.013", "0.51 ± 0.65", "0.058", "10.5"),
@@ -47,43 +48,43 @@ MINES_PEERS = (
 class Run:
     """One pass over a log."""
 
-    poses: np.ndarray[tuple[int, int], np.dtype[np.float64]]  # as known at the end
+    poses: np.ndarray[tuple[int, int], np.dtype[np.float64]]  # final poses
     online: np.ndarray[tuple[int, int], np.dtype[np.float64]]  # as reported at the time
     cpu_ms: np.ndarray[tuple[int], np.dtype[np.float64]]
-    entered: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    inserted: np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 
 def run(log: RobotLog, method: Method, seed: int) -> Run:
-    """Map the log as on the robot, timing each scan."""
+    """Map the log as on the robot and time each scan."""
     options = MappingOptions(method=method)
     options = replace(options, filter=replace(options.filter, seed=seed))
     mapper = make_mapper(options, base_from_laser=log.base_from_laser)
     mapper.warm_up()
-    online, cpu_ms, entered = [], [], []
+    online, cpu_ms, inserted = [], [], []
     for record in log.records:
         start_s = time.process_time()
         update = mapper.update(record.odom_from_base, record.scan, record.twist)
         cpu_ms.append(1e3 * (time.process_time() - start_s))
-        entered.append(update.integrated)
+        inserted.append(update.integrated)
         pose = update.map_from_base
         online.append((pose.x_m, pose.y_m, pose.theta_rad))
     return Run(
-        poses=mapper.path(), online=np.array(online), cpu_ms=np.array(cpu_ms), entered=np.array(entered)
+        poses=mapper.path(), online=np.array(online), cpu_ms=np.array(cpu_ms), inserted=np.array(inserted)
     )
 
 
 def timing(name: str, result: Run) -> str:
-    """One line on the cost."""
-    quantiles, entered = np.percentile(result.cpu_ms, [50, 99]), result.cpu_ms[result.entered]
+    """Return one line with the CPU times."""
+    quantiles, inserted = np.percentile(result.cpu_ms, [50, 99]), result.cpu_ms[result.inserted]
     return (
-        f"{name}: {len(result.cpu_ms)} scans, all matched, {len(entered)} entered; CPU ms a scan: "
+        f"{name}: {len(result.cpu_ms)} scans, all matched, {len(inserted)} inserted; CPU ms per scan: "
         f"mean {result.cpu_ms.mean():.2f}, median {quantiles[0]:.2f}, 99 % {quantiles[1]:.2f}, "
-        f"worst {result.cpu_ms.max():.1f}; of those entered: mean {entered.mean():.2f}"
+        f"worst {result.cpu_ms.max():.1f}; inserted scans: mean {inserted.mean():.2f}"
     )
 
 
 def accuracy(name: str, errors: RelationErrors, online: RelationErrors) -> str:
-    """One line on the errors."""
+    """Return one line with the errors."""
     turn_deg = np.degrees(errors.rotation_rad.mean())
     return (
         f"{name}: path {errors.translation_m.mean():.4f} m, {turn_deg:.3f} deg, "
@@ -92,7 +93,7 @@ def accuracy(name: str, errors: RelationErrors, online: RelationErrors) -> str:
 
 
 def intel_table(errors: RelationErrors, online: RelationErrors, result: Run, method: Method) -> Table:
-    """Ours and theirs on the Intel log."""
+    """Return the table of all programs on the Intel log."""
     table = Table(title="Intel Research Lab, 7129 scans, relations by scan")
     for column in ("program", "path [m]", "path [deg]", "online [m]", "CPU [ms/scan]"):
         table.add_column(column)
@@ -110,10 +111,10 @@ def intel_table(errors: RelationErrors, online: RelationErrors, result: Run, met
     return table
 
 
-def tell(
+def report(
     method: Method, mines: Run, intel: Run, errors: RelationErrors, online: RelationErrors, peak_MB: float
 ) -> None:
-    """The rows of the table of all benchmarks."""
+    """Record the figures for the table of all benchmarks."""
     source, logs = "same log, a machine of the same kind", {"MINES": mines, "Intel": intel}
     peers = {
         "MINES": "; ".join(f"{name} {ms}" for name, ms in MINES_PEERS),
@@ -121,11 +122,11 @@ def tell(
     }
     for name, run_ in logs.items():
         cost = f"{run_.cpu_ms.mean():.2f} / {np.percentile(run_.cpu_ms, 99):.1f}"
-        figure(f"{method}, {name}: CPU a scan, mean / 99 %", cost, "ms", peers=peers[name], source=source)
+        figure(f"{method}, {name}: CPU per scan, mean / 99 %", cost, "ms", peers=peers[name], source=source)
     rows = (
         ("path error", f"{errors.translation_m.mean():.4f}", "m", "<= 0.022", 1),
         ("path error", f"{np.degrees(errors.rotation_rad.mean()):.2f}", "deg", "<= 0.6", 2),
-        ("error at the time", f"{online.translation_m.mean():.3f}", "m", "<= 0.05", 3),
+        ("online error", f"{online.translation_m.mean():.3f}", "m", "<= 0.05", 3),
     )
     for what, ours, unit, aim, column in rows:
         others = "; ".join(f"{row[0]} {row[column].split(' ')[0]}" for row in INTEL_PEERS)
@@ -137,23 +138,23 @@ def main() -> None:
     """Print both tables."""
     default = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2] / "shared" / "data"))
     parser = argparse.ArgumentParser(description="SLAM benchmark on recorded logs")
-    parser.add_argument("--data", type=Path, default=default, help="folder that holds slam/")
+    parser.add_argument("--data", type=Path, default=default, help="folder that contains slam/")
     parser.add_argument("--method", choices=("graph", "rbpf", "scan_match"), default="graph")
     parser.add_argument("--seeds", type=int, default=1, help="run the particle filter with seeds 1 to N")
     arguments = parser.parse_args()
     folder, method = arguments.data / "slam", arguments.method
     console = Console()
-    need(folder / "intel-lab.clf.gz")
+    require_data(folder / "intel-lab.clf.gz")
 
     mines = open_log(folder / "mines-exp1.dat.gz")
-    seeds = range(arguments.seeds, 0, -1)  # the tables are of seed 1
+    seeds = range(arguments.seeds, 0, -1)  # the tables show seed 1
     for seed in seeds:
         result = first = run(mines, method, seed)
         console.print(timing(f"MINES, seed {seed}", result), soft_wrap=True)
         console.print(f"MINES, seed {seed}: squareness {squareness(mines, result.poses):.3f}")
     table = Table(title="MINES, URG-04LX, 682 beams")
     table.add_column("program")
-    table.add_column("CPU [ms a processed scan]")
+    table.add_column("CPU [ms per processed scan]")
     table.add_row(f"thumper {method}", f"{result.cpu_ms.mean():.2f}")
     for row in MINES_PEERS:
         table.add_row(*row)
@@ -178,7 +179,7 @@ def main() -> None:
     console.print(intel_table(errors, online, result, method))
     peak_MB = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     console.print(f"Peak memory with both logs loaded: {peak_MB:.0f} MB")
-    tell(method, first, result, errors, online, peak_MB)
+    report(method, first, result, errors, online, peak_MB)
 
 
 if __name__ == "__main__":

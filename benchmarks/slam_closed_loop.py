@@ -1,11 +1,11 @@
-"""SLAM in the loop: a simulated robot drives tours by its own map; pose and walls against the truth.
+"""SLAM in closed loop: a simulated robot drives tours with its own map; pose and walls against the truth.
 
-Run: python benchmarks/slam_closed_loop.py [--seeds N] [--place NAME ...] [--track M] [--slip SHARE]
-The whole host drives the firmware on the simulated chip. Its wheels differ from the configured geometry, slip
-and veer; the robot sees the world only through its lidar. Its odometry errs as in experiment 1 of the thesis:
-it reckons with the distance between the wheels (0.245 m), as the thesis did, though a skid-steered base turns
-as if they were further apart. The wheel speed error is printed by the thesis's definition. With `--slip` the
-left wheels lose that share of their way on the second leg.
+Run: python benchmarks/slam_closed_loop.py [--seeds N] [--place NAME ...] [--track M] [--slip SHARE] The whole
+host software drives the firmware on the simulated chip. The wheels differ from the configured geometry, and
+they slip and drift. The odometry error is that of experiment 1 of the thesis: like the thesis it uses the
+track between the wheels (0.245 m), although a skid-steered base turns as if the track were wider. The wheel
+speed error follows the thesis's definition. With `--slip` the left wheels lose that share of their travel on
+the second leg.
 """
 
 import argparse
@@ -33,7 +33,7 @@ STEP_S = 0.01
 
 Points = list[tuple[float, float]]
 
-# Closed polylines of wall, and the goals of the tour; the robot sets out from the first of them.
+# Closed polylines of walls, and the goals of the tour; the robot starts at the first one.
 PLACES: dict[str, tuple[list[Points], Points]] = {
     "rooms": (
         [
@@ -70,18 +70,18 @@ PLACES: dict[str, tuple[list[Points], Points]] = {
 
 
 def world_toml(walls: list[Points]) -> str:
-    """The walls as a world file."""
+    """Return the walls as a world file."""
     return "".join(f"[[wall]]\nclosed = true\npoints_m = {[list(p) for p in wall]}\n" for wall in walls)
 
 
 def pose_errors(poses: FloatArray, truth: FloatArray) -> FloatArray:
-    """Distance of each believed pose from where the robot truly was then [m]; both begin with t, x, y."""
+    """Return the distance of each estimated pose from the true one [m]; both arrays start with t, x, y."""
     true_xy = [np.interp(poses[:, 0], truth[:, 0], truth[:, axis]) for axis in (1, 2)]
     return np.asarray(np.hypot(poses[:, 1] - true_xy[0], poses[:, 2] - true_xy[1]))
 
 
 def wheel_errors(truth: FloatArray) -> FloatArray:
-    """Encoders' wheel speeds less those that the motion asks for (thesis, 8.1 to 8.5), shape (n, 2)."""
+    """Return encoder wheel speeds minus those from the motion (thesis, 8.1 to 8.5), shape (n, 2)."""
     time_s = np.arange(truth[0, 0], truth[-1, 0], STEP_S)
     x_m, y_m, left, right = (np.interp(time_s, truth[:, 0], truth[:, k]) for k in (1, 2, 4, 5))
     heading = np.interp(time_s, truth[:, 0], np.unwrap(truth[:, 3]))
@@ -92,8 +92,8 @@ def wheel_errors(truth: FloatArray) -> FloatArray:
     return np.column_stack([np.convolve(error, window, "valid") for error in errors])
 
 
-def wheels_alone(truth: FloatArray, track_m: float, start: Pose2) -> FloatArray:
-    """Where the wheels' speeds alone lead; rows t, x, y."""
+def dead_reckoning(truth: FloatArray, track_m: float, start: Pose2) -> FloatArray:
+    """Return the poses from the wheel speeds alone; rows t, x, y."""
     dt_s = np.diff(truth[:, 0], prepend=truth[0, 0])
     left_m, right_m = RADIUS_M * truth[:, 4] * dt_s, RADIUS_M * truth[:, 5] * dt_s
     heading = start.theta_rad + np.cumsum((right_m - left_m) / track_m)
@@ -103,7 +103,7 @@ def wheels_alone(truth: FloatArray, track_m: float, start: Pose2) -> FloatArray:
 
 
 def run(place: str, seed: int, track_m: float, slip: float, folder: Path) -> str:
-    """Drive a tour; returns a line of figures."""
+    """Drive a tour; return a line of figures."""
     walls, tour = PLACES[place]
     path, config = folder / f"{place}.toml", folder / "robot.toml"
     path.write_text(world_toml(walls))
@@ -117,39 +117,41 @@ def run(place: str, seed: int, track_m: float, slip: float, folder: Path) -> str
             bench.fault("slip.left", slip if leg == 2 else 0.0)
             results.append(robot.goto(x_m, y_m, tolerance_m=0.15))
         error_m = pose_errors(robot.log.poses, bench.truth())
-        odometry_m = pose_errors(wheels_alone(bench.truth(), track_m, start), bench.truth())
+        odometry_m = pose_errors(dead_reckoning(bench.truth(), track_m, start), bench.truth())
         iou, offset_m = wall_figures(robot.map, World.load(path))
         wheels = wheel_errors(bench.truth())
-    way_m = float(np.hypot(*np.diff(bench.truth()[:, 1:3], axis=0).T).sum())
+    length_m = float(np.hypot(*np.diff(bench.truth()[:, 1:3], axis=0).T).sum())
     sides = ", ".join(f"{side.mean():+.2f} / {side.std():.2f}" for side in wheels.T)
     failed = "".join(f" | {result.reason}" for result in results if not result.reached)
     errors = f"{math.sqrt(float((error_m**2).mean())):.3f} / {error_m.max():.3f}"
-    alone = f"{math.sqrt(float((odometry_m**2).mean())):.2f} / {odometry_m.max():.2f}"
+    odometry = f"{math.sqrt(float((odometry_m**2).mean())):.2f} / {odometry_m.max():.2f}"
     figure(
-        f"driving {place}, seed {seed}: pose error, rms / worst", errors, "m", peers=f"wheels alone {alone}"
+        f"driving {place}, seed {seed}: pose error, rms / worst", errors, "m", peers=f"odometry {odometry}"
     )
     return (
-        f"{place} | {seed} | {len(results) - failed.count('|')} of {len(results)} | {way_m:.1f} | {errors} | "
-        f"{iou:.2f} | {offset_m:.3f} | {alone} | {sides}{failed}"
+        f"{place} | {seed} | {len(results) - failed.count('|')} of {len(results)} | {length_m:.1f} | "
+        f"{errors} | {iou:.2f} | {offset_m:.3f} | {odometry} | {sides}{failed}"
     )
 
 
 def main() -> None:
-    """Print a line for each place and seed."""
-    parser = argparse.ArgumentParser(description="SLAM in the loop")
+    """Print one line per place and seed."""
+    parser = argparse.ArgumentParser(description="SLAM in closed loop")
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--place", nargs="+", default=list(PLACES), choices=list(PLACES))
     parser.add_argument(
         "--track",
         type=float,
         default=GEOMETRIC_TRACK_M,
-        help="wheels' distance that odometry reckons with, m",
+        help="track that odometry uses, m",
     )
-    parser.add_argument("--slip", type=float, default=0.0, help="share of the left wheels' way, 0...1")
+    parser.add_argument(
+        "--slip", type=float, default=0.0, help="share of the left wheels' travel that is lost, 0...1"
+    )
     arguments = parser.parse_args()
     print(
-        "place | seed | goals reached | way, m | pose error, m, RMSE / max | IoU | offset, m | "
-        "wheels alone, m | wheel speed error, rad/s, left and right, mean / std"
+        "place | seed | goals reached | path, m | pose error, m, RMSE / max | IoU | offset, m | "
+        "odometry error, m | wheel speed error, rad/s, left and right, mean / std"
     )
     with tempfile.TemporaryDirectory() as folder:
         for place, seed in itertools.product(arguments.place, range(1, arguments.seeds + 1)):

@@ -1,8 +1,8 @@
-"""SLAM against the truth, in simulated places that no option was chosen on: pose error, map against walls.
+"""SLAM against ground truth in simulated places that were not used for tuning: pose error, wall error.
 
 Run: python benchmarks/slam_truth.py [--seeds N] [--method graph|rbpf|scan_match ...] [--place NAME ...]
-Lidars of 4 to 80 m and 180 to 360 degrees; wheels that read 3 % long and veer off, with noise; one place lets
-them spin on the spot.
+Lidars of 4 to 80 m and 180 to 360 degrees. The odometry is 3 % too long, with drift and noise. In some places
+the wheels spin on the spot.
 """
 
 import argparse
@@ -31,12 +31,12 @@ from thumper.maps.occupancy_grid import OCCUPIED, OccupancyGrid  # noqa: E402
 from thumper.slam.factory import MappingOptions, Method, make_mapper  # noqa: E402
 from thumper_hil.world.world import World  # noqa: E402
 
-NEAR_M = 0.1  # a mapped wall cell this far from a true wall is right
+NEAR_M = 0.1  # a mapped wall cell within this distance of a true wall is right
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lidar:
-    """A sensor as its data sheet has it."""
+    """A sensor by its data sheet."""
 
     range_m: float
     fov_deg: float
@@ -54,7 +54,7 @@ LIDARS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """Walls, a way through them, and where the wheels spin (number of the step, for 25 steps)."""
+    """Walls, a path through them, and the step at which the wheels spin for 25 steps (-1: never)."""
 
     world: World
     poses: list[Pose2]
@@ -63,7 +63,7 @@ class Place:
 
 
 def rooms(rng: np.random.Generator) -> tuple[World, list[Pose2]]:
-    """Six rooms off a corridor, furnished at random; in and out of each."""
+    """Return six randomly furnished rooms along a corridor, and a path in and out of each."""
     rows: list[tuple[float, float, float, float]] = [
         (0, 0, 18, 0),
         (0, 12, 18, 12),
@@ -71,7 +71,7 @@ def rooms(rng: np.random.Generator) -> tuple[World, list[Pose2]]:
         (18, 0, 18, 12),
     ]
     circles: list[tuple[float, float, float]] = []
-    way = [(1.0, 6.0)]
+    path = [(1.0, 6.0)]
     for k in range(3):
         x0, x1, door = 6.0 * k, 6.0 * (k + 1), 6.0 * k + 3.0
         for y, end in ((5.0, 0.0), (7.0, 12.0)):
@@ -83,13 +83,13 @@ def rooms(rng: np.random.Generator) -> tuple[World, list[Pose2]]:
                 if abs(cx - door) > 1.0:
                     circles.append((float(cx), float(cy), float(rng.uniform(0.1, 0.3))))
             inside = 2.5 if end == 0.0 else 9.5
-            way += [(door, 6.0), (door, inside), (door, 6.0)]
-    way += [(17.0, 6.0), (1.0, 6.0)]
-    return World(segments_m=np.array(rows), circles_m=np.array(circles)), polyline(way)
+            path += [(door, 6.0), (door, inside), (door, 6.0)]
+    path += [(17.0, 6.0), (1.0, 6.0)]
+    return World(segments_m=np.array(rows), circles_m=np.array(circles)), polyline(path)
 
 
 def symmetric(rng: np.random.Generator) -> tuple[World, list[Pose2]]:
-    """A square hall with equal pillars, looked at from a round drive: every quarter looks like the others."""
+    """Return a square hall with equal pillars and a circular path; all quarters look the same."""
     del rng
     rows = [(0, 0, 14, 0), (14, 0, 14, 14), (14, 14, 0, 14), (0, 14, 0, 0)]
     pillars = [(x, y, 0.25) for x in (3.5, 10.5) for y in (3.5, 10.5)]
@@ -98,7 +98,7 @@ def symmetric(rng: np.random.Generator) -> tuple[World, list[Pose2]]:
 
 
 def bare(rng: np.random.Generator) -> tuple[World, list[Pose2]]:
-    """40 m of corridor without a feature, there and back."""
+    """Return 40 m of corridor without a feature, and a path there and back."""
     del rng
     rows = [(0, 0, 44, 0), (0, 2, 44, 2), (0, 0, 0, 2), (44, 0, 44, 2)]
     world = World(segments_m=np.array(rows, dtype=float), circles_m=np.zeros((0, 3)))
@@ -106,7 +106,7 @@ def bare(rng: np.random.Generator) -> tuple[World, list[Pose2]]:
 
 
 def loop(length_m: float, breadth_m: float) -> Callable[[np.random.Generator], tuple[World, list[Pose2]]]:
-    """A rectangle of corridors, twice round."""
+    """Return a builder for a rectangle of corridors with a path of two rounds."""
 
     def build(rng: np.random.Generator) -> tuple[World, list[Pose2]]:
         return corridor_loop(length_m, breadth_m, rng), 2 * round_trip(length_m, breadth_m, 0.0, step_m=0.1)
@@ -128,21 +128,21 @@ PLACES: dict[str, tuple[Callable[[np.random.Generator], tuple[World, list[Pose2]
 
 
 def polyline(points: list[tuple[float, float]], step_m: float = 0.06, step_rad: float = 0.12) -> list[Pose2]:
-    """Straight along the points, turning on the spot at each, at the pace of 10 scans a second."""
+    """Return poses straight along the points with turns on the spot, at 10 scans per second."""
     poses, heading = [], math.atan2(points[1][1] - points[0][1], points[1][0] - points[0][0])
     for (x0, y0), (x1, y1) in itertools.pairwise(points):
-        aim, way = math.atan2(y1 - y0, x1 - x0), math.hypot(x1 - x0, y1 - y0)
+        aim, length = math.atan2(y1 - y0, x1 - x0), math.hypot(x1 - x0, y1 - y0)
         turn = math.remainder(aim - heading, math.tau)
         for part in np.linspace(0.0, 1.0, max(1, math.ceil(abs(turn) / step_rad)), endpoint=False):
             poses.append(Pose2(x_m=x0, y_m=y0, theta_rad=heading + part * turn))
-        for part in np.linspace(0.0, 1.0, max(1, math.ceil(way / step_m)), endpoint=False):
+        for part in np.linspace(0.0, 1.0, max(1, math.ceil(length / step_m)), endpoint=False):
             poses.append(Pose2(x_m=x0 + part * (x1 - x0), y_m=y0 + part * (y1 - y0), theta_rad=aim))
         heading = aim
     return poses
 
 
 def drive(place: Place, rng: np.random.Generator) -> Iterator[tuple[Pose2, Pose2, Scan]]:
-    """The true pose, odometry and scan of each step; spinning wheels add steps in which only they move."""
+    """Yield true pose, odometry and scan of each step; spinning wheels add steps without motion."""
     odometry, lidar = Pose2(), place.lidar
     angles = np.radians(np.linspace(-0.5 * lidar.fov_deg, 0.5 * lidar.fov_deg, lidar.beams))
     poses = list(place.poses)
@@ -150,13 +150,13 @@ def drive(place: Place, rng: np.random.Generator) -> Iterator[tuple[Pose2, Pose2
         poses[place.spins_at : place.spins_at] = 25 * [poses[place.spins_at]]
     for k, (before, pose) in enumerate(zip([poses[0], *poses[:-1]], poses, strict=True)):
         step = before.inverse() @ pose
-        way_m = math.hypot(step.x_m, step.y_m)
-        noise = rng.standard_normal(2) * math.sqrt(way_m)
+        length_m = math.hypot(step.x_m, step.y_m)
+        noise = rng.standard_normal(2) * math.sqrt(length_m)
         spun_m = 0.04 if place.spins_at >= 0 and place.spins_at <= k < place.spins_at + 25 else 0.0
         odometry = odometry @ Pose2(
             x_m=1.03 * step.x_m + 0.01 * noise[0] + spun_m,
             y_m=step.y_m,
-            theta_rad=1.05 * step.theta_rad + 0.004 * way_m + 0.01 * noise[1],
+            theta_rad=1.05 * step.theta_rad + 0.004 * length_m + 0.01 * noise[1],
         )
         ranges_m = place.world.cast(pose.x_m, pose.y_m, pose.theta_rad + angles)
         ranges_m = ranges_m + lidar.noise_m * rng.standard_normal(lidar.beams)
@@ -171,7 +171,7 @@ def drive(place: Place, rng: np.random.Generator) -> Iterator[tuple[Pose2, Pose2
 
 
 def wall_figures(grid: OccupancyGrid, world: World) -> tuple[float, float]:
-    """IoU of the wall cells, widened by `NEAR_M`, and the mean distance of mapped cells to a wall [m]."""
+    """Return the IoU of walls widened by `NEAR_M`, and the mean distance of mapped cells to walls [m]."""
     true = np.zeros(grid.cells.shape, dtype=np.bool_)
     seen = np.asarray(grid.cells == OCCUPIED)
     points = [np.linspace(a, b, max(2, math.ceil(math.dist(a, b) / 0.02))) for a, b in _sides(world)]
@@ -187,12 +187,12 @@ def wall_figures(grid: OccupancyGrid, world: World) -> tuple[float, float]:
     to_true = distance_transform_edt(~true) * grid.resolution_m
     to_seen = distance_transform_edt(~seen) * grid.resolution_m
     known = distance_transform_edt(grid.cells < 0) * grid.resolution_m > 0.0
-    looked_at = true & (known | (to_seen < NEAR_M))  # a wall that nobody has seen is not wrong
+    observed = true & (known | (to_seen < NEAR_M))  # a wall that was never observed is not an error
     right_seen, right_true = (
         int((seen & (to_true <= NEAR_M)).sum()),
-        int((looked_at & (to_seen <= NEAR_M)).sum()),
+        int((observed & (to_seen <= NEAR_M)).sum()),
     )
-    union = int(seen.sum()) + int(looked_at.sum())
+    union = int(seen.sum()) + int(observed.sum())
     return (right_seen + right_true) / max(1, union), float(to_true[seen].mean())
 
 
@@ -202,7 +202,7 @@ def _sides(world: World) -> Iterator[tuple[tuple[float, float], tuple[float, flo
 
 
 def run(name: str, method: Method, seed: int) -> tuple[str, ...]:
-    """Map a place; returns a row of figures."""
+    """Map a place; return a row of figures."""
     build, lidar, spins = PLACES[name]
     rng = np.random.default_rng(seed)
     world, poses = build(rng)
@@ -224,7 +224,7 @@ def run(name: str, method: Method, seed: int) -> tuple[str, ...]:
     iou, offset_m = wall_figures(mapper.grid(), world)
     share = f"{100.0 * lost / len(truth):.0f} %"
     wheels_m = raw_m.split(" ", maxsplit=1)[0]
-    figure(f"{method} in {name}: path error, rms / worst", final, "m", peers=f"wheels alone {wheels_m}")
+    figure(f"{method} in {name}: path error, rms / worst", final, "m", peers=f"odometry {wheels_m}")
     timing = f"{np.mean(cpu_ms):.2f} / {np.percentile(cpu_ms, 99):.1f} / {np.max(cpu_ms):.0f}"
     return name, lidar, method, str(seed), raw_m, final, now, f"{iou:.2f}", f"{offset_m:.3f}", share, timing
 
@@ -234,8 +234,8 @@ def _rmse(error_m: FloatArray) -> float:
 
 
 def main() -> None:
-    """Print a row for each place, method and seed."""
-    parser = argparse.ArgumentParser(description="SLAM against the truth")
+    """Print one row per place, method and seed."""
+    parser = argparse.ArgumentParser(description="SLAM against ground truth")
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument(
         "--method", nargs="+", default=["scan_match", "graph"], choices=("graph", "rbpf", "scan_match")
@@ -248,7 +248,7 @@ def main() -> None:
         "lidar",
         "method",
         "seed",
-        "wheels",
+        "odometry",
         "path",
         "online",
         "IoU",

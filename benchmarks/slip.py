@@ -1,8 +1,8 @@
-"""How many slips of the wheels are counted beside a gyroscope, and how often none was there.
+"""Slip detection with wheels and gyroscope: detection rate and false alarms.
 
 Run: python benchmarks/slip.py [--drives N] [--hours H]
-Simulated drives in curves at 0.4 m/s, 50 readings of the wheels a second; the wheels' noise is that of
-`OdometryOptions`, the gyroscope's that of `ImuOptions`.
+Simulated drives in curves at 0.4 m/s with 50 wheel readings per second. The noise of the wheels is that of
+`OdometryOptions`, the noise of the gyroscope that of `ImuOptions`.
 """
 
 import argparse
@@ -20,10 +20,10 @@ LENGTHS_S = (0.2, 0.5, 1.0)
 
 
 def main() -> None:
-    """Print the share of the slips that are counted, by how fast they turn and how long they last."""
-    parser = argparse.ArgumentParser(description="slips seen by wheels and gyroscope")
-    parser.add_argument("--drives", type=int, default=100, help="for each rate and length")
-    parser.add_argument("--hours", type=float, default=1.0, help="of driving without a slip")
+    """Print the share of detected slips by yaw rate and duration, and the false alarms."""
+    parser = argparse.ArgumentParser(description="slip detection with wheels and gyroscope")
+    parser.add_argument("--drives", type=int, default=100, help="number of drives per rate and duration")
+    parser.add_argument("--hours", type=float, default=1.0, help="hours of driving without slip")
     arguments = parser.parse_args()
     for slip_s in LENGTHS_S:
         shares = []
@@ -34,9 +34,9 @@ def main() -> None:
             seen = sum(fused.slips > 0 for _, fused, _ in runs)
             shares.append(f"{100.0 * seen / arguments.drives:.0f}")
         rates = ", ".join(f"{rate:g}" for rate in RATES_RAD_S)
-        figure(f"slips of {slip_s:g} s that are counted, at {rates} rad/s", " / ".join(shares), "%")
+        figure(f"detected slips of {slip_s:g} s at {rates} rad/s", " / ".join(shares), "%")
     _, fused, _ = driven(1, 3600.0 * arguments.hours)
-    figure(f"false alarms in {arguments.hours:g} h", str(fused.slips))
+    figure(f"slip detection: false alarms in {arguments.hours:g} h", str(fused.slips))
 
 
 if __name__ == "__main__":

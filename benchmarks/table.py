@@ -1,7 +1,7 @@
-"""Run every benchmark and gather their figures: `python benchmarks/table.py [NAME ...]` (`make bench`).
+"""Run the benchmarks and collect their figures: `python benchmarks/table.py [NAME ...]` (`make bench`).
 
-Each is a program of its own and prints its own text; what it tells `figure()` becomes a row of
-docs/results/benchmarks.md. With names only these are run, and their rows alone are changed.
+Each benchmark is a separate program with its own output. Each call of `figure()` becomes a row of
+docs/results/benchmarks.md. With names, only these benchmarks run and only their rows change.
 """
 
 import json
@@ -41,15 +41,15 @@ BENCHMARKS: dict[str, tuple[str, ...]] = {
     "recording": ("",),
     "dashboard": ("",),
 }
-"""In the order of the table: the options of each run."""
+"""The options of each run, in the order of the table."""
 HEAD = "| benchmark | what | ours | aim | others | load |\n" + "|---" * 6 + "|\n"
 
 
 def run(name: str, options: str) -> tuple[list[dict[str, str]], bool]:
-    """Run one; returns its figures, and whether it ended well."""
+    """Run one benchmark; return its figures, and True if it succeeded."""
     command = [sys.executable, str(HERE / f"{name}.py"), *options.split()]
     print(f"== {' '.join(Path(part).name for part in command)}", flush=True)
-    begun_s = time.monotonic()
+    start_s = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         rows = Path(folder) / "rows"
         rows.touch()
@@ -57,14 +57,14 @@ def run(name: str, options: str) -> tuple[list[dict[str, str]], bool]:
             command, env=os.environ | {"THUMPER_FIGURES": str(rows)}, check=False
         ).returncode
         figures = [json.loads(line) for line in rows.read_text(encoding="utf-8").splitlines()]
-    print(f"== {name}: {time.monotonic() - begun_s:.0f} s", flush=True)
+    print(f"== {name}: {time.monotonic() - start_s:.0f} s", flush=True)
     if code != 0:
-        figures.append({"what": name, "ours": f"failed with {code}"})
+        figures.append({"what": name, "ours": f"failed with status {code}"})
     return figures, code == 0
 
 
 def line(name: str, figure: dict[str, str]) -> str:
-    """A row of the table, in Markdown; to be called when the benchmark has just ended."""
+    """Return a row of the table in Markdown. Call it right after the benchmark, for its load."""
     ours = f"{figure['ours']} {figure.get('unit', '')}".strip()
     peers, source = figure.get("peers", ""), figure.get("source", "")
     others = f"{peers} ({source})" if source else peers
@@ -73,7 +73,7 @@ def line(name: str, figure: dict[str, str]) -> str:
 
 
 def machine() -> str:
-    """Where it was measured."""
+    """Describe this computer."""
     info = Path("/proc/cpuinfo")
     found = re.search(r"model name\s*: (.*)", info.read_text(encoding="utf-8")) if info.exists() else None
     processor = found[1].strip() if found else platform.machine()
@@ -81,10 +81,10 @@ def machine() -> str:
 
 
 def main(names: list[str]) -> int:
-    """Run, write the page, and return the exit code."""
+    """Run the benchmarks, write the page, and return the exit code."""
     unknown = sorted(set(names) - set(BENCHMARKS))
     if unknown:
-        print(f"no benchmark {unknown[0]}; there are {', '.join(BENCHMARKS)}", file=sys.stderr)
+        print(f"unknown benchmark {unknown[0]!r}; choose from {', '.join(BENCHMARKS)}", file=sys.stderr)
         return 2
     text, _, made = PAGE.read_text(encoding="utf-8").partition(MARK)
     rows = {name: re.findall(rf"(?m)^\| {name} \|.*$", made) for name in BENCHMARKS}
@@ -97,7 +97,7 @@ def main(names: list[str]) -> int:
             rows[name] += [line(name, figure) for figure in figures]
     table = "\n".join(row for name in BENCHMARKS for row in rows[name])
     PAGE.write_text(f"{text}{MARK}\n{machine()}\n\n{HEAD}{table}\n", encoding="utf-8")
-    print(f"written: {PAGE.relative_to(HERE.parent)}")
+    print(f"wrote {PAGE.relative_to(HERE.parent)}")
     return 0 if all_well else 1
 
 

@@ -18,7 +18,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from benchmarks.figure import figure, there  # noqa: E402
+from benchmarks.figure import figure, has_data  # noqa: E402
 
 from tests.tuning.plant import COUNT_RAD, Wheel, counted, steps_and_prbs  # noqa: E402
 from thumper.board.board import Board  # noqa: E402
@@ -180,7 +180,7 @@ def recorded() -> None:
     steps = [
         read_logs(path, counts_per_rev=1320.0)[0] for path in sorted(DATA.glob("geared-steps-odd/*.csv"))
     ]
-    if not there(DATA):
+    if not has_data(DATA):
         return
     motor = identify(steps, one_direction=True)
     print(f"geared motor, five steps: held-out tenths {motor.validation.fit_percent:.1f} %")

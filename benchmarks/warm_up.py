@@ -1,8 +1,9 @@
-"""What a mapper's kernels cost before the first scan: compiled on a new machine, and read from the cache.
+"""Measure what a mapper's kernels cost before the first scan: compiled, and loaded from the cache.
 
 Run: python benchmarks/warm_up.py [--method graph|rbpf|scan_match ...]
-CPU time and the largest memory of a process. `thumper map-log` compiles in processes of their own, one after
-the other, whose start is counted; a robot compiles in its own, and there the warm-up alone is.
+The figures are the CPU time and the peak memory of a process. `thumper map-log` compiles in subprocesses, one
+after the other, and their start-up time counts. A robot compiles in its own process; there only the warm-up
+counts.
 """
 
 import argparse
@@ -36,7 +37,7 @@ print(time.process_time() - start_s, resource.getrusage(resource.RUSAGE_SELF).ru
 
 
 def cost(program: str, method: str, cache: str) -> tuple[float, float]:
-    """CPU time [s] and largest memory [MB] that the program prints."""
+    """Return the CPU time [s] and the peak memory [MB] that the program prints."""
     done = subprocess.run(
         [sys.executable, "-c", program, method],
         env=os.environ | {"NUMBA_CACHE_DIR": cache},
@@ -49,8 +50,8 @@ def cost(program: str, method: str, cache: str) -> tuple[float, float]:
 
 
 def main() -> None:
-    """Measure each method with an empty cache of its own."""
-    parser = argparse.ArgumentParser(description="what the kernels cost before the first scan")
+    """Measure each method with its own empty cache."""
+    parser = argparse.ArgumentParser(description="cost of the kernels before the first scan")
     parser.add_argument("--method", nargs="+", default=METHODS, choices=METHODS)
     for method in parser.parse_args().method:
         with tempfile.TemporaryDirectory() as cache:

@@ -56,7 +56,7 @@ def keys_of(table: type, name: str = "") -> Iterator[tuple[str, str]]:
 def test_reference_lists_every_key_under_its_table() -> None:
     sections = re.split(r"^## ", (REFERENCE / "options.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
     rows = {
-        (section.splitlines()[0].strip("[]").replace("At the top", ""), key)
+        (section.splitlines()[0].strip("[]").replace("Top level", ""), key)
         for section in sections[1:]
         for key in re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE)
     }

@@ -45,7 +45,7 @@ def with_people(room: KinematicWorld, walkers: list[KinematicPedestrian], time_s
 def classify_contact(
     track: list[Pose2], walkers: list[KinematicPedestrian], time_s: float, limits: SpeedLimits
 ) -> str:
-    """Return the cause of a contact: "walked into", "caught from behind" or "drove into somebody".
+    """Return the cause of a contact: "walked into", "caught from behind" or "drove into a person".
 
     `track` holds the poses of all cycles until `time_s`. A person who touches a stationary or receding robot
     walked into it. A person who was in the lidar's view for less than the stopping time came from behind.
@@ -55,7 +55,7 @@ def classify_contact(
     if approach_speed_m_s(track[-2], track[-1], walker, time_s) < STATIONARY_M_S:
         return "walked into"
     stopping_s = limits.latency_s + limits.v_max_m_s / limits.v_accel_m_s2
-    return "caught from behind" if visible_s(track, walker, time_s) < stopping_s else "drove into somebody"
+    return "caught from behind" if visible_s(track, walker, time_s) < stopping_s else "drove into a person"
 
 
 def visible_s(track: list[Pose2], walker: KinematicPedestrian, time_s: float) -> float:

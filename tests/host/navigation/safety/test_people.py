@@ -47,7 +47,7 @@ STAYING = [KinematicPedestrian(a_m=(2.0, 0.0), b_m=(2.0, 0.0))]
 def test_nobody_is_driven_into(walkers: list[KinematicPedestrian]) -> None:
     run = drive(seen(walkers), START, GOAL, AREA, limit_s=60.0)
     if run.clearance_m < 0.0:  # then somebody walked into it
-        assert classify_contact(run.track, walkers, run.time_s, SpeedLimits()) != "drove into somebody"
+        assert classify_contact(run.track, walkers, run.time_s, SpeedLimits()) != "drove into a person"
     else:
         assert run.state is NavigationState.REACHED, run.reason
         assert run.goal_error_m < 0.12
@@ -71,7 +71,7 @@ def test_a_person_is_seen_from_when_they_come_into_view() -> None:
 
 @pytest.mark.parametrize(
     ("speed_m_s", "x_m", "what"),
-    [(0.4, 0.4, "drove into somebody"), (0.0, 0.4, "walked into"), (-0.4, -0.4, "caught from behind")],
+    [(0.4, 0.4, "drove into a person"), (0.0, 0.4, "walked into"), (-0.4, -0.4, "caught from behind")],
 )
 def test_whose_fault_a_contact_is(speed_m_s: float, x_m: float, what: str) -> None:
     """Driving at somebody ahead for 3 s, standing before them, backing up into one who was never in view."""
