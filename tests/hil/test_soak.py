@@ -4,7 +4,7 @@ from threading import Event
 
 import pytest
 
-from thumper.runtime.service.stall_guard import HUNG_S
+from thumper.runtime.service.stall_guard import STALL_S
 from thumper_hil.bench import soak_drive
 from thumper_hil.bench.soak import soak
 from thumper_hil.bench.soak_drive import SoakDriver
@@ -35,7 +35,7 @@ def test_stalled_computer_is_not_a_failure(monkeypatch: pytest.MonkeyPatch) -> N
 
     def drive_and_stall(driver: SoakDriver) -> None:
         drive(driver)
-        Event().wait(HUNG_S + 0.2)
+        Event().wait(STALL_S + 0.2)
 
     monkeypatch.setattr(SoakDriver, "drive", drive_and_stall)
     report = soak(20.0, seed=2)

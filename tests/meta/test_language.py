@@ -10,10 +10,7 @@ PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/**/*.md")
 CODE = ("host", "hil", "tuning", "firmware", "benchmarks", "scripts")
 PENDING = (
     "host/thumper",
-    "hil",
     "tuning",
-    "benchmarks",
-    "scripts",
     "docs/reference",
     "docs/tutorials/map.md",
 )
