@@ -35,8 +35,8 @@ def cast_from_robot(
 ) -> FloatArray:
     """Return the distance [m] along each beam, shape (n,), from the lidar's pose at the time of that beam.
 
-    `pose_at(times_s)` returns map_from_base as rows (x_m, y_m, theta_rad), shape (n, 3). Beam angles are in the
-    lidar's frame, counter-clockwise from its front.
+    `pose_at(times_s)` returns map_from_base as rows (x_m, y_m, theta_rad), shape (n, 3). Beam angles are in
+    the lidar's frame, counter-clockwise from its front.
     """
     poses, mount = pose_at(times_s), base_from_laser
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
