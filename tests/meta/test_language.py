@@ -7,12 +7,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/**/*.md")
-CODE = ("host", "hil", "tuning", "firmware", "benchmarks", "scripts")
+CODE = ("host", "hil", "tuning", "firmware", "benchmarks", "scripts", "tests")
 PENDING = (
     "host/thumper",
     "tuning",
     "docs/reference",
-    "docs/tutorials/map.md",
+    "docs/results",
+    "docs/tutorials",
+    "tests",
 )
 
 COUNTED = (
@@ -35,7 +37,10 @@ TERMS = {
     r"(?:of|on) its own that": "(rewrite the sentence)",
     r"(?:do|does|did) not check": "fails the CRC, is invalid",
     r"believe[sd]?": "estimates, trusts",
-    r"by hand (?:is|are|it|may|can|the)|(?<!other\s)(?:a|the) hand(?! on)": "the operator, manually",
+    r"by hand": "manually",
+    r"(?<!other\s)(?:a|the) hand(?! on)": "the operator",
+    r"(?:is|are|was|be|being) said": "is reported",
+    r"in words": "as text",
     r"mend(?:s|ed|ing)?": "fix, repair",
     r"cure[sd]?": "fix",
     r"st(?:and|ands|ood) still": "stops, is stationary",
@@ -102,7 +107,7 @@ def files() -> Iterator[Path]:
         *(f"{folder}/**/*.{suffix}" for folder in CODE for suffix in ("py", "js", "[hc]pp")),
     ):
         for path in sorted(ROOT.glob(pattern)):
-            if not {"build", "vendor"} & set(path.parts) and ".min." not in path.name:
+            if path != Path(__file__) and "build" not in path.parts and ".min." not in path.name:
                 yield path
 
 
