@@ -57,7 +57,7 @@ WATCH = """() => {
 class ClockRobot(FakeRobot):
     """Drives at 1 m/s, so that its position encodes the time."""
 
-    def place(self, beat: int) -> Pose2:
+    def pose_at(self, cycle: int) -> Pose2:
         """Return a pose at x = current time."""
         return Pose2(x_m=time.time() % WRAP_S, y_m=1.5)
 

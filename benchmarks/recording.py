@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.figure import figure
 
-from tests.host.recording.samples import SESSION, beat, beats
+from tests.host.recording.samples import RUN, cycle, cycles
 
 BEATS_PER_S = 10.0
 LOOP_HZ = 50.0
@@ -33,9 +33,9 @@ QUEUE_SIZE = 1_000_000
 
 def throughput(folder: Path) -> tuple[float, float, float]:
     """Return messages per second from queue to disk, the multiple of real time, and bytes per second."""
-    messages = list(beats(1500))
+    messages = list(cycles(1500))
     start_s = time.perf_counter()
-    recorder = Recorder(folder, SESSION, queue_size=QUEUE_SIZE)
+    recorder = Recorder(folder, RUN, queue_size=QUEUE_SIZE)
     for topic, now_s, message in messages:
         recorder(topic, now_s, message)
     recorder.close()
@@ -47,8 +47,8 @@ def throughput(folder: Path) -> tuple[float, float, float]:
 
 def loop(folder: Path | None, seconds: float) -> tuple[FloatArray, float]:
     """Return the lateness of each cycle [s] and the share of a core; record to `folder` unless None."""
-    made = [list(beat(k)) for k in range(20)]
-    recorder = Recorder(folder, SESSION, queue_size=QUEUE_SIZE) if folder else None
+    made = [list(cycle(k)) for k in range(20)]
+    recorder = Recorder(folder, RUN, queue_size=QUEUE_SIZE) if folder else None
     late, cpu_s, start_s = [], time.process_time(), time.perf_counter()
     for k in range(round(seconds * LOOP_HZ)):
         due_s = start_s + k / LOOP_HZ

@@ -28,7 +28,7 @@ def demo(
     from thumper.cli.output_folder import prepare_output
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.config.bus import BusOptions
-    from thumper.dashboard.process import beside
+    from thumper.dashboard.process import dashboard_process
     from thumper_hil.demo.run import run_demo
 
     if seeds > 1 and (realtime or ui):
@@ -42,7 +42,7 @@ def demo(
         if not run_seeds(out, first_seed=seed, seeds=seeds, console=Console()):
             raise typer.Exit(1)
         return
-    with beside(None, BusOptions().address, wanted=ui):
+    with dashboard_process(None, BusOptions().address, wanted=ui):
         if not run_demo(out, seed=seed, realtime=realtime or ui, on_the_bus=ui, console=Console()):
             raise typer.Exit(1)
 

@@ -1,4 +1,4 @@
-"""A fake robot on a real bus, the real server process, and a real browser without a window."""
+"""Fixtures: a fake robot on a real bus, the real server process and a headless browser."""
 
 import os
 import re
@@ -32,7 +32,7 @@ expect.set_options(timeout=30_000)  # a machine that is busy with other tests ta
 
 
 class Server:
-    """`thumper dashboard` as a process of its own."""
+    """`thumper dashboard` in its own process."""
 
     def __init__(self, robot_address: str, folder: Path, *more: str, port: int | None = None) -> None:
         self.port = port or free_port()
@@ -102,7 +102,7 @@ def browser(chromium: BrowserType) -> Iterator[Browser]:
 
 @pytest.fixture
 def page(browser: Browser, server: Server, robot: FakeRobot) -> Iterator[Page]:
-    """An open page, connected; whatever it asked another host for fails the test."""
+    """An open, connected page; a request to another host fails the test."""
     robot.reset()
     context = browser.new_context(viewport={"width": 1440, "height": 900})
     page = context.new_page()
@@ -120,7 +120,7 @@ def page(browser: Browser, server: Server, robot: FakeRobot) -> Iterator[Page]:
 
 
 def open_page(page: Page, server: Server) -> None:
-    """Open it and wait until the robot is seen: one just started may still be compiling its kernels."""
+    """Open the page and wait until it shows the robot, which may still be compiling its kernels."""
     page.goto(server.url)
     page.wait_for_function(
         "window.thumper?.state.connected && window.thumper.state.values.status", timeout=120_000
@@ -129,7 +129,7 @@ def open_page(page: Page, server: Server) -> None:
 
 
 def chromium_processes(root: int) -> list[int]:
-    """A process and all that it has started."""
+    """Return a process and its descendants."""
     parents: dict[int, list[int]] = {}
     for entry in Path("/proc").glob("[0-9]*"):
         try:
@@ -144,7 +144,7 @@ def chromium_processes(root: int) -> list[int]:
 
 
 def signal_all(processes: list[int], number: signal.Signals) -> None:
-    """Send a signal to each of them that still lives."""
+    """Send a signal to each process that is still alive."""
     for process in processes:
         with suppress(ProcessLookupError):
             os.kill(process, number)

@@ -1,7 +1,6 @@
-"""A robot for the page to talk to: the real bus and the real messages, but nothing that moves.
+"""A fake robot for tests of the page: real bus and real messages, no hardware and no simulator.
 
-It drives in a circle in a room of 4 x 3 m, so that every layer of the map has something to show, and notes
-what it is asked for.
+It drives in a circle in a room of 4 x 3 m, so that every layer of the map has data, and keeps every request.
 """
 
 import math
@@ -43,7 +42,7 @@ BASE_FROM_LASER = Pose2(x_m=0.12)
 
 @dataclass
 class FakeRobot:
-    """One robot on a bus at `address`; `asked` holds every request with its time, newest last."""
+    """One robot on a bus at `address`; `received` holds every request with its time, newest last."""
 
     address: str
     simulated: bool = True
@@ -54,7 +53,7 @@ class FakeRobot:
     recording: bool = False
     goal: Pose2 | None = None
     battery_V: float = 7.62
-    asked: list[tuple[float, Request]] = field(default_factory=list)
+    received: list[tuple[float, Request]] = field(default_factory=list)
     parameters: dict[str, float] = field(default_factory=dict)
     simulated_faults: dict[str, Any] = field(default_factory=dict)
     period_s: float = PERIOD_S
@@ -62,68 +61,68 @@ class FakeRobot:
 
     def __post_init__(self) -> None:
         self.reset()
-        self._inbox = RequestQueue()
+        self._requests = RequestQueue()
         self._bus = BusServer(
-            "thumper", BusOptions(address=self.address, token=self.token), self._inbox, lambda text: None
+            "thumper", BusOptions(address=self.address, token=self.token), self._requests, lambda text: None
         )
         self._messages = Messages()
-        self._end = threading.Event()
+        self._stop = threading.Event()
         self._grid = _room()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """Leave the bus."""
-        self._end.set()
+        """Disconnect from the bus."""
+        self._stop.set()
         self._thread.join()
         self._bus.close()
 
     def reset(self) -> None:
-        """Forget what was asked, be well again."""
-        self.asked.clear()
+        """Forget all requests and faults."""
+        self.received.clear()
         self.fault, self.fault_words, self.fault_cure = Fault.NONE, "", ""
         self.goal, self.recording, self.battery_V, self.lidar_scans = None, False, 7.62, 567
         self.simulated_faults = {}
         self.parameters = {spec.name: spec.default for spec in PARAMETERS}
 
-    def said(self, kind: type[Any]) -> list[Any]:
-        """The requests of one kind so far."""
-        return [request for _, request in self.asked if isinstance(request, kind)]
+    def received_of(self, kind: type[Any]) -> list[Any]:
+        """Return the requests of one type so far."""
+        return [request for _, request in self.received if isinstance(request, kind)]
 
     def last_s(self, kind: type[Any]) -> float:
-        """When the newest request of a kind came [s, monotonic]."""
-        return max((at_s for at_s, request in self.asked if isinstance(request, kind)), default=-math.inf)
+        """Return when the newest request of a type came [s, monotonic]."""
+        return max((at_s for at_s, request in self.received if isinstance(request, kind)), default=-math.inf)
 
-    def place(self, beat: int) -> Pose2:
-        """Where it is at a beat."""
-        angle = 0.025 * beat
+    def pose_at(self, cycle: int) -> Pose2:
+        """Return the pose in a cycle."""
+        angle = 0.025 * cycle
         return Pose2(
             x_m=2.0 + 0.8 * math.cos(angle), y_m=1.5 + 0.6 * math.sin(angle), theta_rad=angle + math.pi / 2
         )
 
     def event(self, text: str, level: int = INFO) -> None:
-        """Say a line."""
+        """Publish a line of the log."""
         self._send("events", self._messages.event(time.time(), level, text))
 
     def _run(self) -> None:
-        beat, due_s = 0, time.monotonic()
+        cycle, due_s = 0, time.monotonic()
         self.event("the robot is there")
-        while not self._end.wait(max(0.0, due_s - time.monotonic())):
+        while not self._stop.wait(max(0.0, due_s - time.monotonic())):
             due_s += self.period_s
-            for at_s, request in self._inbox.take():
-                self.asked.append((at_s, request))
-                self._do(request)
-            self._beat(beat)
-            beat += 1
+            for at_s, request in self._requests.take():
+                self.received.append((at_s, request))
+                self._handle(request)
+            self._publish(cycle)
+            cycle += 1
 
-    def _do(self, request: Request) -> None:
+    def _handle(self, request: Request) -> None:
         match request:
             case EmergencyStop():
                 self.fault, self.goal = Fault.E_STOP, None
                 self.fault_words, self.fault_cure = "e stop", "the emergency stop was pressed"
                 self.event("emergency stop", WARN)
             case RobotCommand(name=name):
-                self._order(name)
+                self._run_command(name)
             case Query():
                 try:
                     answer: dict[str, Any] = {"ok": True, **self._answer(request.name, request.content)}
@@ -133,7 +132,7 @@ class FakeRobot:
             case Heartbeat() | Velocity() | SimulatorCommand():
                 pass
 
-    def _order(self, name: str) -> None:
+    def _run_command(self, name: str) -> None:
         if name == "clear_fault":
             self.fault, self.fault_words, self.fault_cure = Fault.NONE, "", ""
         elif name in ("record_start", "record_stop"):
@@ -157,7 +156,7 @@ class FakeRobot:
             case "parameters/save":
                 return {}
             case "command":
-                self._order(content["command"])
+                self._run_command(content["command"])
                 return {"text": f"done: {content['command']}"}
             case "simulator/world":
                 kinds = {"lidar": {"choices": ["ok", "unplugged"]}, "slip.left": {"most": 1.0, "unit": ""}}
@@ -168,39 +167,41 @@ class FakeRobot:
             case "mission/send":
                 self.goal = Pose2(x_m=content["x_m"], y_m=content["y_m"], theta_rad=content.get("yaw_rad", 0))
                 return {"mission": 1}
-        raise ValueError(f"no such question: {name}")
+        raise ValueError(f"no such service: {name}")
 
-    def _beat(self, beat: int) -> None:
-        now_s, say = time.time(), self._messages
-        pose = self.place(beat)
-        self._send("pose", say.pose(now_s, pose))
-        self._send("scan", say.scan(_scan(now_s, pose)))
-        self._send("wheels", say.wheels(self._telemetry(now_s, beat)))
-        self._send("cmd_vel", say.twist(now_s, Twist2(v_m_s=0.2)))
-        spread = np.random.default_rng(beat).normal(0.0, 0.04, (60, 3))
-        self._send("particles", say.particles(now_s, spread + np.array([pose.x_m, pose.y_m, pose.theta_rad])))
+    def _publish(self, cycle: int) -> None:
+        now_s, messages = time.time(), self._messages
+        pose = self.pose_at(cycle)
+        self._send("pose", messages.pose(now_s, pose))
+        self._send("scan", messages.scan(_scan(now_s, pose)))
+        self._send("wheels", messages.wheels(self._telemetry(now_s, cycle)))
+        self._send("cmd_vel", messages.twist(now_s, Twist2(v_m_s=0.2)))
+        deviation = np.random.default_rng(cycle).normal(0.0, 0.04, (60, 3))
+        self._send(
+            "particles", messages.particles(now_s, deviation + np.array([pose.x_m, pose.y_m, pose.theta_rad]))
+        )
         if self.goal is not None:
-            way = np.linspace((pose.x_m, pose.y_m), (self.goal.x_m, self.goal.y_m), 20)
-            self._send("plan", say.path(now_s, way))
-            self._send("local_plan", say.path(now_s, way[:6] + 0.03))
-        if beat % 10 == 0:
-            self._send("map", say.grid(now_s, self._grid))
-        self._send("status", say.status(self._status(now_s, pose)))
+            path = np.linspace((pose.x_m, pose.y_m), (self.goal.x_m, self.goal.y_m), 20)
+            self._send("plan", messages.path(now_s, path))
+            self._send("local_plan", messages.path(now_s, path[:6] + 0.03))
+        if cycle % 10 == 0:
+            self._send("map", messages.grid(now_s, self._grid))
+        self._send("status", messages.status(self._status(now_s, pose)))
 
-    def _telemetry(self, now_s: float, beat: int) -> TelemetrySample:
-        goal_mrad_s = 3000 if beat % 80 < 50 else 0
-        left = round(goal_mrad_s * (1 - math.exp(-(beat % 80) / 4))) if goal_mrad_s else 0
+    def _telemetry(self, now_s: float, cycle: int) -> TelemetrySample:
+        goal_mrad_s = 3000 if cycle % 80 < 50 else 0
+        left = round(goal_mrad_s * (1 - math.exp(-(cycle % 80) / 4))) if goal_mrad_s else 0
         state = State.FAULT if self.fault else State.CLOSED_LOOP
         return telemetry_sample(
             now_s,
-            time_us=beat * 100_000,
-            left_count=beat * 40,
-            left_speed=left + (beat * 37) % 90 - 45,
+            time_us=cycle * 100_000,
+            left_count=cycle * 40,
+            left_speed=left + (cycle * 37) % 90 - 45,
             left_setpoint=goal_mrad_s,
             left_pwm=left // 40,
             left_integral=left // 2,
-            right_count=beat * 41,
-            right_speed=left + (beat * 53) % 90 - 45,
+            right_count=cycle * 41,
+            right_speed=left + (cycle * 53) % 90 - 45,
             right_setpoint=goal_mrad_s,
             right_pwm=left // 38,
             right_integral=left // 2,
@@ -210,7 +211,7 @@ class FakeRobot:
             state=state,
             fault=self.fault,
             warnings=int(self.battery_V < 7.0),
-            rx_frames=beat % 65536,
+            rx_frames=cycle % 65536,
             rx_errors=2,
         )
 
@@ -257,7 +258,7 @@ def _room() -> OccupancyGrid:
 
 
 def _scan(now_s: float, pose: Pose2) -> Scan:
-    """What a lidar sees of the room's four walls."""
+    """Simulate a scan of the room's four walls."""
     laser = pose @ BASE_FROM_LASER
     angles_rad = -2.0862 + 0.0061359 * np.arange(BEAMS)
     headings = laser.theta_rad + angles_rad

@@ -1,4 +1,4 @@
-"""The page that sent the robot off freezes: the robot stops. Real firmware, real bus, real browser."""
+"""A page that started a drive freezes, and the robot stops: real firmware, bus and browser."""
 
 import os
 import signal
@@ -17,12 +17,12 @@ from thumper.ros.codec import Message
 from thumper.ros.from_ros import stamp_ns_of
 
 STOP_S = 0.5
-BEAT_S = 0.1  # the last sign of life falls somewhere between two beats
+BEAT_S = 0.1  # the last sign of life falls somewhere between two heartbeats
 
 
 @pytest.fixture
 def robot_address(tmp_path: Path) -> Iterator[str]:
-    """`thumper run` at service in simulation."""
+    """`thumper run` in simulation."""
     address = f"127.0.0.1:{free_port()}"
     config = tmp_path / "robot.toml"
     config.write_text(f'[bus]\naddress = "{address}"\n', encoding="utf-8")
@@ -40,7 +40,7 @@ def robot_address(tmp_path: Path) -> Iterator[str]:
     process.wait(20.0)
 
 
-def test_a_frozen_page_stops_the_robot(robot_address: str, tmp_path: Path, chromium: BrowserType) -> None:
+def test_frozen_page_stops_the_robot(robot_address: str, tmp_path: Path, chromium: BrowserType) -> None:
     server = Server(robot_address, tmp_path)
     statuses: list[Message] = []
     last_alive: list[Message] = []  # the robot's status when the page's newest heartbeat went by

@@ -1,4 +1,4 @@
-"""Who may come in: loopback, password, HTTPS, same page."""
+"""Access control: loopback, password, HTTPS, origin."""
 
 import asyncio
 import http.client
@@ -16,33 +16,33 @@ from websockets.exceptions import InvalidHandshake, WebSocketException
 from tests.dashboard.conftest import Server
 from tests.dashboard.fake_robot import FakeRobot
 from thumper.common.errors import ThumperError
-from thumper.config.dashboard import DashboardOptions, checked
-from thumper.dashboard.certificate import make_certificate, own_names
+from thumper.config.dashboard import DashboardOptions, check_options
+from thumper.dashboard.certificate import local_names, make_certificate
 
 PASSWORD = "correct horse"
-PATIENCE_S = 60.0  # it listens before it has imported what answers
+TIMEOUT_S = 60.0  # it listens before it has imported what answers
 
 
-def test_loopback_needs_nothing() -> None:
-    listening = checked(DashboardOptions())
+def test_loopback_needs_no_password() -> None:
+    listening = check_options(DashboardOptions())
     assert (listening.url, listening.secure) == ("http://localhost:8080/", False)
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.5", "::", "robot.local"])
-def test_leaving_the_machine_needs_password_and_https(
+def test_public_address_needs_password_and_https(
     host: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     with pytest.raises(ThumperError, match="password"):
-        checked(DashboardOptions(host=host))
+        check_options(DashboardOptions(host=host))
     with pytest.raises(ThumperError, match="password"):
-        checked(DashboardOptions(host=host, password="short"))
+        check_options(DashboardOptions(host=host, password="short"))
     with pytest.raises(ThumperError, match="HTTPS"):
-        checked(DashboardOptions(host=host, password=PASSWORD))
+        check_options(DashboardOptions(host=host, password=PASSWORD))
     certificate, key = tmp_path / "a.crt", tmp_path / "a.key"
-    make_certificate(certificate, key, own_names(host))
+    make_certificate(certificate, key, local_names(host))
     options = DashboardOptions(host=host, password=PASSWORD, certificate=str(certificate), key=str(key))
-    assert checked(options).secure
+    assert check_options(options).secure
 
 
 def test_refusal_is_one_line() -> None:
@@ -53,54 +53,54 @@ def test_refusal_is_one_line() -> None:
         check=False,
     )
     assert done.returncode == 2
-    assert done.stderr.startswith("thumper: the dashboard would be open to everybody")
+    assert done.stderr.startswith("thumper: anybody who can reach")
     assert done.stderr.count("\n") == 1
 
 
-def test_a_certificate_is_made_once(tmp_path: Path) -> None:
+def test_existing_certificate_is_not_overwritten(tmp_path: Path) -> None:
     certificate, key = tmp_path / "x" / "a.crt", tmp_path / "x" / "a.key"
     make_certificate(certificate, key, ["localhost", "127.0.0.1"])
     assert stat.S_IMODE(key.stat().st_mode) == 0o600
     for other in (certificate, key):
         other.unlink()
-        with pytest.raises(ThumperError, match="there already"):
+        with pytest.raises(ThumperError, match="exists already"):
             make_certificate(certificate, key, ["localhost"])
         assert not other.exists()
         other.touch()
 
 
 def status(server: Server, path: str = "/", **headers: str) -> int:
-    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=PATIENCE_S)
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=TIMEOUT_S)
     connection.request("GET", path, headers={"Host": f"localhost:{server.port}", **headers})
     return connection.getresponse().status
 
 
 def refused(url: str, origin: str | None, context: ssl.SSLContext | None = None) -> bool:
-    async def knock() -> bool:
+    async def try_connect() -> bool:
         try:
-            patient = connect(url, origin=origin, ssl=context, open_timeout=PATIENCE_S)  # type: ignore[arg-type]
-            async with patient as socket:
+            connection = connect(url, origin=origin, ssl=context, open_timeout=TIMEOUT_S)  # type: ignore[arg-type]
+            async with connection as socket:
                 await socket.recv()
         except (InvalidHandshake, WebSocketException):
             return True
         return False
 
-    return asyncio.run(knock())
+    return asyncio.run(try_connect())
 
 
-def test_other_pages_stay_outside(server: Server) -> None:
+def test_other_origins_are_refused(server: Server) -> None:
     assert status(server) == 200
-    assert status(server, Host="evil.example") == 403  # a name that was pointed at this machine
+    assert status(server, Host="evil.example") == 403  # DNS rebinding
     assert status(server, Origin="http://evil.example") == 403
-    assert status(server, Host="[") == status(server, Origin="http://[") == 403  # no address at all
+    assert status(server, Host="[") == status(server, Origin="http://[") == 403  # malformed
     stream = f"ws://127.0.0.1:{server.port}/stream"
     assert refused(stream, "http://evil.example")
     assert not refused(stream, f"http://127.0.0.1:{server.port}")
 
 
-def test_floods_and_nonsense_do_not_pass(server: Server, robot: FakeRobot) -> None:
+def test_floods_and_invalid_messages_are_dropped(server: Server, robot: FakeRobot) -> None:
     async def flood() -> str:
-        async with connect(f"ws://127.0.0.1:{server.port}/stream", open_timeout=PATIENCE_S) as socket:
+        async with connect(f"ws://127.0.0.1:{server.port}/stream", open_timeout=TIMEOUT_S) as socket:
             for _ in range(300):
                 await socket.send('{"kind": "command", "name": "arm"}')
             await socket.send("x" * 9000)
@@ -112,7 +112,7 @@ def test_floods_and_nonsense_do_not_pass(server: Server, robot: FakeRobot) -> No
 
     robot.reset()
     assert "too long" in asyncio.run(flood())
-    assert len(robot.asked) < 100
+    assert len(robot.received) < 100
 
 
 def test_password_over_https(robot: FakeRobot, tmp_path: Path) -> None:
@@ -126,9 +126,7 @@ def test_password_over_https(robot: FakeRobot, tmp_path: Path) -> None:
     context = ssl.create_default_context(cafile=str(certificate))
 
     def request(method: str, path: str, body: str = "", **headers: str) -> http.client.HTTPResponse:
-        connection = http.client.HTTPSConnection(
-            "localhost", server.port, timeout=PATIENCE_S, context=context
-        )
+        connection = http.client.HTTPSConnection("localhost", server.port, timeout=TIMEOUT_S, context=context)
         connection.request(method, path, body, {"Accept": "text/html", **headers})
         return connection.getresponse()
 

@@ -7,7 +7,7 @@ from thumper.board.messages import Fault
 from thumper.common.geometry import Pose2
 
 
-def test_what_the_robot_sends_is_drawn(page: Page) -> None:
+def test_robot_data_is_drawn(page: Page) -> None:
     expect(page.locator("#tp-banner")).to_have_text("Simulated robot")
     expect(page.locator(".tp-battery [data-field=battery]")).to_have_text("7.62 V")
     page.wait_for_function("document.querySelector('.tp-map').mapView.data.scan.length > 1000")
@@ -25,7 +25,7 @@ def test_what_the_robot_sends_is_drawn(page: Page) -> None:
     page.wait_for_function("document.querySelector('.tp-wheels').charts.rows.length > 5")
 
 
-def test_a_fault_is_shown_with_its_cure(page: Page, robot: FakeRobot) -> None:
+def test_fault_is_shown_with_its_fix(page: Page, robot: FakeRobot) -> None:
     robot.fault_words = "stall left"
     robot.fault_cure = "the left wheels do not turn; are they blocked?"
     robot.fault, robot.battery_V = Fault.STALL_LEFT, 6.9
@@ -34,7 +34,7 @@ def test_a_fault_is_shown_with_its_cure(page: Page, robot: FakeRobot) -> None:
     expect(page.locator(".tp-battery")).to_have_css("background-color", "rgb(207, 34, 46)")
 
 
-def test_the_log_holds_what_was_said_before_its_tab_was_opened(page: Page, robot: FakeRobot) -> None:
+def test_log_has_lines_from_before_its_tab_opened(page: Page, robot: FakeRobot) -> None:
     robot.event("a wheel slips")
     robot.fault_words = robot.fault_cure = "stall left"
     robot.fault = Fault.STALL_LEFT
@@ -43,8 +43,8 @@ def test_the_log_holds_what_was_said_before_its_tab_was_opened(page: Page, robot
     expect(page.locator(".tp-logline", has_text="a wheel slips")).to_be_visible()
 
 
-def test_a_page_that_fell_behind_shows_no_line_of_the_log_twice(page: Page, robot: FakeRobot) -> None:
-    """It is given the whole picture again, as it was when it was opened."""
+def test_slow_page_shows_no_log_line_twice(page: Page, robot: FakeRobot) -> None:
+    """A page that has fallen behind receives a full packet, as a new page does."""
     robot.event("a wheel slips again")
     page.add_init_script("""window.WebSocket = class extends WebSocket {
       constructor(...how) {
@@ -64,21 +64,21 @@ def test_a_page_that_fell_behind_shows_no_line_of_the_log_twice(page: Page, robo
     expect(line).to_have_count(1)
 
 
-def test_what_is_wrong_with_a_simulated_robot_is_shown_to_every_page(page: Page, robot: FakeRobot) -> None:
-    robot.simulated_faults["slip.left"] = 0.5  # by somebody else
+def test_active_faults_are_shown_on_every_page(page: Page, robot: FakeRobot) -> None:
+    robot.simulated_faults["slip.left"] = 0.5  # by another client
     page.click(".tp-tab-sim")
-    expect(page.locator(".tp-faults-on")).to_have_text("Wrong now: slip.left 0.5")
-    page.locator(".tp-faultrow .q-select", has_text="How").click()
+    expect(page.locator(".tp-active-faults")).to_have_text("Active faults: slip.left 0.5")
+    page.locator(".tp-faultrow .q-select", has_text="Kind").click()
     page.locator(".q-menu >> text=unplugged").click()
-    page.click("text=Do it")
-    wrong = "Wrong now: slip.left 0.5, lidar unplugged"
-    expect(page.locator(".tp-faults-on")).to_have_text(wrong)
+    page.click("text=Apply fault")
+    active = "Active faults: slip.left 0.5, lidar unplugged"
+    expect(page.locator(".tp-active-faults")).to_have_text(active)
     page.reload()
     page.click(".tp-tab-sim")
-    expect(page.locator(".tp-faults-on")).to_have_text(wrong)
+    expect(page.locator(".tp-active-faults")).to_have_text(active)
 
 
-def test_the_trail_ends_where_another_map_begins(page: Page, robot: FakeRobot) -> None:
+def test_trail_is_cleared_by_a_new_map(page: Page, robot: FakeRobot) -> None:
     length = "document.querySelector('.tp-map').mapView.data.trail.length"
     page.wait_for_function(f"{length} > 8")
     before = page.evaluate(length)
@@ -86,7 +86,7 @@ def test_the_trail_ends_where_another_map_begins(page: Page, robot: FakeRobot) -
     page.wait_for_function(f"{length} < {before}")
 
 
-def test_charts_freeze_and_are_saved(page: Page) -> None:
+def test_charts_freeze_and_export_csv(page: Page) -> None:
     rows = "document.querySelector('.tp-wheels').charts.rows.length"
     page.wait_for_function(f"{rows} > 5")
     page.click("[data-chart=freeze]")
@@ -99,7 +99,7 @@ def test_charts_freeze_and_are_saved(page: Page) -> None:
     assert {len(line.split(",")) for line in lines} == {11}
 
 
-def test_a_real_robot_is_named_so(page: Page, robot: FakeRobot) -> None:
+def test_real_robot_has_its_banner(page: Page, robot: FakeRobot) -> None:
     robot.simulated = False
     try:
         expect(page.locator("#tp-banner")).to_have_text("Real robot: it can move at any time")
@@ -108,7 +108,7 @@ def test_a_real_robot_is_named_so(page: Page, robot: FakeRobot) -> None:
         robot.simulated = True
 
 
-def test_a_stop_takes_the_plan_off_the_map_and_the_green_off_arm(page: Page, robot: FakeRobot) -> None:
+def test_stop_removes_plan_and_arm_highlight(page: Page, robot: FakeRobot) -> None:
     planned = """() => {
       const { canvas, context } = document.querySelector('.tp-map').mapView;
       const { data } = context.getImageData(0, 0, canvas.width, canvas.height);
@@ -130,7 +130,7 @@ def test_a_stop_takes_the_plan_off_the_map_and_the_green_off_arm(page: Page, rob
     assert page.evaluate(f"({planned})()") == 0
 
 
-def test_a_phone_shows_all_of_it(page: Page, robot: FakeRobot) -> None:
+def test_phone_layout_shows_everything(page: Page, robot: FakeRobot) -> None:
     page.set_viewport_size({"width": 390, "height": 844})
     robot.goal = Pose2(x_m=1.0, y_m=1.0)
     expect(page.locator("[data-field=mode]")).to_have_text("driving")

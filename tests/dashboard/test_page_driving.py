@@ -1,4 +1,4 @@
-"""The page in a real browser: what is ordered by map, fields and buttons."""
+"""The page in a real browser: commands from map, fields and buttons."""
 
 import math
 
@@ -18,31 +18,31 @@ TO_SCREEN = """([x, y]) => {
 
 
 def drag(page: Page, start_m: tuple[float, float], end_m: tuple[float, float]) -> None:
-    """Press on the map at one place and let go at another."""
+    """Drag on the map from one position to another."""
     for what, place_m in (("down", start_m), ("up", end_m)):
         page.mouse.move(*page.evaluate(TO_SCREEN, list(place_m)))
         getattr(page.mouse, what)()
 
 
 def asked(robot: FakeRobot, name: str) -> list[Query]:
-    return [ask for ask in robot.said(Query) if ask.name == name]
+    return [query for query in robot.received_of(Query) if query.name == name]
 
 
-def test_a_goal_is_dragged(page: Page, robot: FakeRobot) -> None:
+def test_goal_by_dragging(page: Page, robot: FakeRobot) -> None:
     page.click("[data-tool=goal]")
     drag(page, (1.0, 1.0), (1.0, 2.0))
     ask = until(lambda: asked(robot, "mission/send"))[0]
     assert ask.content["x_m"] == pytest.approx(1.0, abs=0.02)
     assert ask.content["y_m"] == pytest.approx(1.0, abs=0.02)
     assert ask.content["yaw_rad"] == pytest.approx(math.pi / 2, abs=0.02)
-    beats = until(lambda: robot.said(Heartbeat))
-    assert {beat.source for beat in beats} == {ask.source}  # the page answers for its goal
+    heartbeats = until(lambda: robot.received_of(Heartbeat))
+    assert {beat.source for beat in heartbeats} == {ask.source}  # the page answers for its goal
     expect(page.locator("[data-field=mode]")).to_have_text("driving")
     page.click("text=Cancel goal")
     until(lambda: [ask.content for ask in asked(robot, "command")] == [{"command": "cancel"}])
 
 
-def test_a_click_gives_a_goal_without_a_heading(page: Page, robot: FakeRobot) -> None:
+def test_click_sets_a_goal_without_heading(page: Page, robot: FakeRobot) -> None:
     page.keyboard.press("g")
     drag(page, (1.0, 1.0), (1.0, 1.0))
     assert set(until(lambda: asked(robot, "mission/send"))[0].content) == {"x_m", "y_m"}
@@ -51,13 +51,13 @@ def test_a_click_gives_a_goal_without_a_heading(page: Page, robot: FakeRobot) ->
 def test_pose_estimate_and_waypoints(page: Page, robot: FakeRobot) -> None:
     page.keyboard.press("p")
     drag(page, (2.0, 1.0), (3.0, 1.0))
-    pose = until(lambda: robot.said(SetPose))[0].map_from_base
+    pose = until(lambda: robot.received_of(SetPose))[0].map_from_base
     assert (pose.x_m, pose.y_m, pose.theta_rad) == pytest.approx((2.0, 1.0, 0.0), abs=0.03)
     page.keyboard.press("w")
     for place_m in ((1.0, 0.5), (3.0, 0.5), (3.0, 1.2)):
         drag(page, place_m, place_m)
     page.click(".tp-waypointbar >> text=Drive")
-    goals = until(lambda: robot.said(GoTo))[0].goals
+    goals = until(lambda: robot.received_of(GoTo))[0].goals
     assert [(g.x_m, g.y_m) for g in goals] == [
         pytest.approx(place_m, abs=0.02) for place_m in ((1.0, 0.5), (3.0, 0.5), (3.0, 1.2))
     ]
@@ -73,12 +73,12 @@ def test_gains_are_applied_and_refused(page: Page, robot: FakeRobot) -> None:
     number.fill("14.5")
     apply.click()
     until(lambda: robot.parameters["kp"] == 14.5)
-    expect(page.locator(".tp-message")).to_have_text("The board works with kp 14.5")
-    number.fill("999")  # refused by the page: nothing is sent
-    expect(page.locator(".tp-gain", has_text="kp")).to_contain_text("give 0 … 60")
+    expect(page.locator(".tp-message")).to_have_text("The board now uses kp 14.5")
+    number.fill("999")  # refused by the page, not sent
+    expect(page.locator(".tp-gain", has_text="kp")).to_contain_text("must be 0 … 60")
     before = len(asked(robot, "parameters/set"))
     apply.click()
-    expect(page.locator(".tp-message")).to_contain_text("is refused")
+    expect(page.locator(".tp-message")).to_contain_text("must be")
     assert len(asked(robot, "parameters/set")) == before
     page.locator(".q-tab-panel button", has_text="Undo").click()
     expect(number).to_have_value("14.5")

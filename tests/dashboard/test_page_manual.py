@@ -1,4 +1,4 @@
-"""The page in a real browser: stop, stick and gamepad."""
+"""The page in a real browser: emergency stop, joystick and gamepad."""
 
 import time
 
@@ -27,7 +27,7 @@ def test_emergency_stop(page: Page, robot: FakeRobot, how: str) -> None:
     else:
         page.click("text=Disarm")  # its focus must not swallow the key
         page.keyboard.press(how)
-    until(lambda: robot.said(EmergencyStop))
+    until(lambda: robot.received_of(EmergencyStop))
     fault = page.locator(".tp-fault")
     expect(fault).to_be_visible()
     expect(fault).to_contain_text("the emergency stop was pressed")
@@ -35,31 +35,29 @@ def test_emergency_stop(page: Page, robot: FakeRobot, how: str) -> None:
     expect(fault).to_be_hidden()
 
 
-def test_the_stick_drives_while_it_is_held(page: Page, robot: FakeRobot) -> None:
+def test_joystick_drives_while_held(page: Page, robot: FakeRobot) -> None:
     box = page.locator(".tp-stick").bounding_box()
     assert box is not None
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x, y - 0.35 * box["height"])
-    until(lambda: [v for v in robot.said(Velocity) if v.twist.v_m_s > 0.3])  # the press alone is a zero
-    twist = robot.said(Velocity)[-1].twist
+    until(lambda: [v for v in robot.received_of(Velocity) if v.twist.v_m_s > 0.3])  # pressing sends zero
+    twist = robot.received_of(Velocity)[-1].twist
     assert twist.v_m_s == pytest.approx(0.4, abs=0.02)  # half of 0.8 m/s: no turbo
     assert twist.w_rad_s == pytest.approx(0.0, abs=0.05)
     page.mouse.up()
-    until(lambda: robot.said(Velocity)[-1].twist.v_m_s == 0.0)
-    count = len(robot.said(Velocity))
+    until(lambda: robot.received_of(Velocity)[-1].twist.v_m_s == 0.0)
+    count = len(robot.received_of(Velocity))
     time.sleep(0.3)
-    assert len(robot.said(Velocity)) == count  # silence once it has let go
+    assert len(robot.received_of(Velocity)) == count  # nothing more after the release
 
 
-def test_a_gamepad_drives_while_its_button_is_held_and_the_page_has_the_focus(
-    page: Page, robot: FakeRobot
-) -> None:
+def test_gamepad_needs_deadman_button_and_focus(page: Page, robot: FakeRobot) -> None:
     def drives() -> bool:
-        robot.asked.clear()
+        robot.received.clear()
         time.sleep(0.4)
-        return any(velocity.twist.v_m_s > 0.3 for velocity in robot.said(Velocity))
+        return any(velocity.twist.v_m_s > 0.3 for velocity in robot.received_of(Velocity))
 
     let_go = "!document.querySelector('.tp-drive').manualDrive.mustRelease"
     page.evaluate(PAD, [True, 1.0])
@@ -70,10 +68,10 @@ def test_a_gamepad_drives_while_its_button_is_held_and_the_page_has_the_focus(
     page.evaluate(PAD, [True, 1.0])
     assert until(drives)
     page.evaluate("document.hasFocus = () => false")  # the browser shows the pad as it was, for ever
-    until(lambda: [v for v in robot.said(Velocity) if v.twist.v_m_s == 0.0])
+    until(lambda: [v for v in robot.received_of(Velocity) if v.twist.v_m_s == 0.0])
     assert not drives()
     page.evaluate(PAD, [True, 1.0, 1])
-    until(lambda: robot.said(EmergencyStop))  # the stop needs no focus
+    until(lambda: robot.received_of(EmergencyStop))  # the stop needs no focus
     page.evaluate(PAD, [True, 1.0])
     page.evaluate("document.hasFocus = () => true")
     assert not drives()
@@ -83,7 +81,7 @@ def test_a_gamepad_drives_while_its_button_is_held_and_the_page_has_the_focus(
     assert until(drives)
 
 
-def test_the_report_does_not_keep_the_stop_to_itself(page: Page, robot: FakeRobot) -> None:
+def test_focused_report_does_not_block_the_stop_key(page: Page, robot: FakeRobot) -> None:
     page.click(".tp-tab-tune")
     page.wait_for_selector(".tp-tune iframe", state="attached")
     assert page.evaluate("""() => {
@@ -94,4 +92,4 @@ def test_the_report_does_not_keep_the_stop_to_itself(page: Page, robot: FakeRobo
     }""")
     page.wait_for_function("document.activeElement.tagName !== 'IFRAME'")
     page.keyboard.press("Space")
-    until(lambda: robot.said(EmergencyStop))
+    until(lambda: robot.received_of(EmergencyStop))

@@ -1,4 +1,4 @@
-"""What a page may ask for, without a browser: everything else is refused before anything looks at it."""
+"""Messages that a page may send; all others are refused. No browser."""
 
 import json
 import math
@@ -17,7 +17,7 @@ from thumper.dashboard.page_messages import (
     PageHeartbeat,
     PageMessageError,
     Teleop,
-    read_order,
+    parse_message,
 )
 from thumper.dashboard.pose_track import PoseTrack
 from thumper.dashboard.rate_limit import RateLimit
@@ -25,11 +25,11 @@ from thumper.dashboard.rate_limit import RateLimit
 GOAL = {"kind": "goal", "x_m": 1.0, "y_m": -2.0, "yaw_rad": None}
 
 
-def test_orders_are_read() -> None:
-    assert read_order('{"kind": "estop"}') == EStop(kind="estop")
-    assert read_order('{"kind": "heartbeat", "n": 7}') == PageHeartbeat(kind="heartbeat", n=7)
-    assert read_order(json.dumps(GOAL)) == GoalMessage(kind="goal", x_m=1.0, y_m=-2.0, yaw_rad=None)
-    teleop = read_order('{"kind": "teleop", "forward": 1, "left": -0.5, "turbo": false}')
+def test_valid_messages_are_parsed() -> None:
+    assert parse_message('{"kind": "estop"}') == EStop(kind="estop")
+    assert parse_message('{"kind": "heartbeat", "n": 7}') == PageHeartbeat(kind="heartbeat", n=7)
+    assert parse_message(json.dumps(GOAL)) == GoalMessage(kind="goal", x_m=1.0, y_m=-2.0, yaw_rad=None)
+    teleop = parse_message('{"kind": "teleop", "forward": 1, "left": -0.5, "turbo": false}')
     assert teleop == Teleop(kind="teleop", forward=1.0, left=-0.5, turbo=False)
 
 
@@ -52,30 +52,30 @@ def test_orders_are_read() -> None:
         {"kind": "obstacle", "x_m": 0.0, "y_m": 0.0, "radius_m": 50.0},
     ],
 )
-def test_everything_else_is_refused(order: dict[str, Any]) -> None:
+def test_all_other_messages_are_refused(order: dict[str, Any]) -> None:
     with pytest.raises(PageMessageError, match="refused"):
-        read_order(json.dumps(order))
+        parse_message(json.dumps(order))
 
 
 @pytest.mark.parametrize("value", ["NaN", "Infinity", "-Infinity", "1e999"])
-def test_no_order_holds_what_is_no_number(value: str) -> None:
+def test_non_finite_numbers_in_page_messages_are_refused(value: str) -> None:
     with pytest.raises(PageMessageError):
-        read_order(f'{{"kind": "goal", "x_m": {value}, "y_m": 0, "yaw_rad": 0}}')
+        parse_message(f'{{"kind": "goal", "x_m": {value}, "y_m": 0, "yaw_rad": 0}}')
 
 
 @given(st.text(max_size=300) | st.binary(max_size=300).map(lambda raw: raw.decode("latin-1")))
-def test_any_text_is_an_order_or_refused(text: str) -> None:
+def test_any_text_is_parsed_or_refused(text: str) -> None:
     problem = ""
     try:
-        read_order(text)
+        parse_message(text)
     except PageMessageError as error:
         problem = str(error)
     assert "\n" not in problem
 
 
-def test_a_long_order_is_refused_unread() -> None:
-    with pytest.raises(PageMessageError, match="longer"):
-        read_order(" " * 10_000 + '{"kind": "estop"}')
+def test_long_message_is_refused() -> None:
+    with pytest.raises(PageMessageError, match="too long"):
+        parse_message(" " * 10_000 + '{"kind": "estop"}')
 
 
 def test_rate_limit() -> None:
@@ -86,7 +86,7 @@ def test_rate_limit() -> None:
     assert [limit.allows() for _ in range(3)] == [True, True, False]
 
 
-def test_a_packet_says_where_its_arrays_lie() -> None:
+def test_packet_locates_its_arrays() -> None:
     points = np.array([[1.0, 2.0], [3.0, -4.5]])
     packet = encode_packet({"a": 1}, {"picture": b"abc", "points": points})
     length = int.from_bytes(packet[:4], "little")
@@ -100,7 +100,7 @@ def test_a_packet_says_where_its_arrays_lie() -> None:
     assert (kind, body[offset : offset + count]) == ("u1", b"abc")
 
 
-def test_a_grid_becomes_a_picture() -> None:
+def test_grid_is_encoded_as_png() -> None:
     from io import BytesIO
 
     from matplotlib.image import imread
@@ -110,7 +110,7 @@ def test_a_grid_becomes_a_picture() -> None:
     assert np.array_equal(np.round(255 * picture).astype(int), cells.astype(int) + 1)
 
 
-def test_each_ray_is_drawn_from_where_it_was_taken() -> None:
+def test_scan_points_follow_the_robots_motion() -> None:
     track = PoseTrack()
     assert track.in_map(np.zeros((3, 2)), np.zeros(3)).shape == (0, 2)
     track.add(0.0, Pose2(theta_rad=math.pi - 0.1))

@@ -1,4 +1,4 @@
-"""The page in a real browser, when its server or the robot is started anew."""
+"""The page in a real browser while its server or the robot restarts."""
 
 from functools import partial
 from pathlib import Path
@@ -11,7 +11,7 @@ from tests.live import free_port, until
 from thumper.runtime.requests import EmergencyStop
 
 
-def test_it_comes_back_when_the_server_does(page: Page, server: Server, robot: FakeRobot) -> None:
+def test_page_reconnects_to_a_restarted_server(page: Page, server: Server, robot: FakeRobot) -> None:
     server.kill()
     expect(page.locator("#tp-banner")).to_contain_text("No connection")
     server.start()
@@ -20,12 +20,12 @@ def test_it_comes_back_when_the_server_does(page: Page, server: Server, robot: F
 
     def pressed_and_said() -> bool:
         page.keyboard.press("Escape")
-        return bool(robot.said(EmergencyStop))
+        return bool(robot.received_of(EmergencyStop))
 
     until(pressed_and_said)
 
 
-def test_it_follows_a_robot_that_was_started_anew(browser: Browser, tmp_path: Path) -> None:
+def test_page_reconnects_to_a_restarted_robot(browser: Browser, tmp_path: Path) -> None:
     address = f"127.0.0.1:{free_port()}"
     server = Server(address, tmp_path)  # before there is a robot
     page = browser.new_page()
@@ -37,7 +37,7 @@ def test_it_follows_a_robot_that_was_started_anew(browser: Browser, tmp_path: Pa
             robot = FakeRobot(address=address)
             expect(banner).to_have_text("Simulated robot")
             page.click(".tp-estop")
-            until(partial(robot.said, EmergencyStop))
+            until(partial(robot.received_of, EmergencyStop))
             robot.close()
             expect(banner).to_contain_text("No data from the robot")
     finally:

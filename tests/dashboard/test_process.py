@@ -1,4 +1,4 @@
-"""`thumper run --ui` begins with a page or not at all."""
+"""`thumper run --ui` starts with its page or not at all."""
 
 import socket
 import subprocess
@@ -11,7 +11,7 @@ from tests.live import free_port
 
 
 @pytest.mark.parametrize("taken", ["page", "bus"])
-def test_without_its_ports_the_robot_is_not_even_looked_for(taken: str, tmp_path: Path) -> None:
+def test_port_in_use_is_reported_before_the_robot_is_opened(taken: str, tmp_path: Path) -> None:
     ports = {"page": free_port(), "bus": free_port()}
     config = tmp_path / "robot.toml"
     config.write_text(
@@ -30,4 +30,4 @@ def test_without_its_ports_the_robot_is_not_even_looked_for(taken: str, tmp_path
     assert done.stderr.startswith("thumper: ")
     assert done.stderr.count("\n") == 1
     assert f"127.0.0.1:{ports[taken]}" in done.stderr
-    assert {"page": "--port of `thumper dashboard`", "bus": "names another"}[taken] in done.stderr
+    assert {"page": "--port of `thumper dashboard`", "bus": "Choose another address"}[taken] in done.stderr

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.host.recording.samples import SESSION, beats
+from tests.host.recording.samples import RUN, cycles
 from thumper.recording.recorder import Recorder
 
 Thumper = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -43,8 +43,8 @@ def test_errors_take_one_line(
 
 
 def test_record_replay_and_export(thumper: Thumper, tmp_path: Path) -> None:
-    recorder = Recorder(tmp_path, SESSION)
-    for topic, now_s, message in beats(30):
+    recorder = Recorder(tmp_path, RUN)
+    for topic, now_s, message in cycles(30):
         recorder(topic, now_s, message)
     recorder.close()
     torn = tmp_path / "torn.mcap.part"

@@ -115,7 +115,7 @@ def test_recording_from_beside_and_inside(robot: Path, client: BusClient, tmp_pa
     until(lambda: not list(own.glob("*.part")))
     for folder, least_s in ((tmp_path, 4.0), (own, 2.0)):
         recording = Recording(find_recordings([folder]))
-        session = recording.session()
+        session = recording.run_metadata()
         assert session is not None
         assert session.config.name == "handy"
         assert "schema" in session.firmware

@@ -84,4 +84,6 @@ def test_imports_go_down(package: str, layers: tuple[str, ...]) -> None:
 
 def test_the_robot_does_not_import_the_simulator() -> None:
     for path in sorted(HOST.rglob("*.py")):
-        assert not {name for name in imports(path) if name.startswith(("thumper_hil", "thumper_tuning"))}, path
+        assert not {name for name in imports(path) if name.startswith(("thumper_hil", "thumper_tuning"))}, (
+            path
+        )

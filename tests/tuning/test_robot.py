@@ -106,8 +106,9 @@ def test_an_interrupted_recording_stops_the_motors_and_leaves_its_log(tmp_path: 
         rows = list(csv.DictReader(file))
     assert len(rows) == 12
     assert {"time_s", "left_pwm", "left_counts", "battery_V"} <= rows[0].keys()
-    said = [message for message in Recording((tmp_path / "log.mcap",)).said() if message.topic == "wheels"]
-    counts = [telemetry_of(message.message()).telemetry.left_count for message in said]
+    recording = Recording((tmp_path / "log.mcap",))
+    wheels = [recorded for recorded in recording.messages() if recorded.topic == "wheels"]
+    counts = [telemetry_of(recorded.decode()).telemetry.left_count for recorded in wheels]
     assert counts == [int(row["left_counts"]) for row in rows]
 
 

@@ -1,4 +1,4 @@
-"""The other end of the bus: for the page, the commands, the recorder and your own programs."""
+"""Client of a robot's bus, for the page, the commands, the recorder and your own programs."""
 
 import json
 import uuid
@@ -8,7 +8,7 @@ from typing import Any
 
 import zenoh
 
-from thumper.bus.zenoh_session import open_joiner
+from thumper.bus.zenoh_session import open_client
 from thumper.common.closable import Closable
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 from thumper.ros.codec import Message, decode, encode
@@ -18,55 +18,55 @@ QUERY_TIMEOUT_S = 3.0
 
 
 class BusClient(Closable):
-    """Joins the bus of one robot; any thread may use it, or close it.
+    """Connects to the bus of one robot. All methods may be called from any thread.
 
     Raises
     ------
     ThumperError
-        No robot runs there, or the token is not its own; later, from every method: it has been closed.
+        No robot runs at the address, or the token is wrong. Every method raises it after `close`.
     """
 
     def __init__(self, robot: str, address: str, token: str = "") -> None:
         self.robot = robot
-        self.source = uuid.uuid4().hex  # who sends; heartbeats and goals of one client belong together
+        self.source = uuid.uuid4().hex  # the sender's id: heartbeats guard the goals of the same source
         self._prefix = f"thumper/{robot}/"
         self._has_answered = False
-        self._session = open_joiner(address, token)
+        self._session = open_client(address, token)
         self._subscribers: list[zenoh.Subscriber[None]] = []
 
     def subscribe(self, topic: str, callback: Callable[[Message], None]) -> None:
-        """Have each message of a topic, decoded; of a latched one the newest at once.
+        """Call `callback` with each decoded message of a topic, and at once with a latched topic's newest.
 
-        `callback` runs in a thread of the bus. A message that is none is dropped.
+        `callback` runs in a thread of the bus. Messages that cannot be decoded are dropped.
         """
         type_name = TOPICS[topic].type_name
 
-        def take(payload: zenoh.ZBytes) -> None:
+        def receive(payload: zenoh.ZBytes) -> None:
             try:
                 message = decode(payload.to_bytes(), type_name)
             except ValueError:
                 return
             callback(message)
 
-        self._subscribe(topic, take)
+        self._subscribe(topic, receive)
         if TOPICS[topic].latched:
-            with _explained():
+            with _readable_errors():
                 replies = self._session.get(self._prefix + topic, timeout=QUERY_TIMEOUT_S)
             for reply in replies:
                 if reply.ok is not None:
-                    take(reply.ok.payload)
+                    receive(reply.ok.payload)
 
     def subscribe_raw(self, topic: str, callback: Callable[[bytes], None]) -> None:
-        """Have each message of a topic as it comes over the wire (CDR), not the newest of a latched one."""
+        """Call `callback` with the CDR of each new message; the newest of a latched topic is not fetched."""
         self._subscribe(topic, lambda payload: callback(payload.to_bytes()))
 
     def publish(self, topic: str, message: Message, *, source: str = "") -> None:
-        """Send a message; `source` names who sends when one client speaks for several."""
+        """Send a message; pass `source` if one client sends for several."""
         self.publish_raw(topic, encode(message), source=source)
 
     def publish_raw(self, topic: str, raw: bytes, *, source: str = "") -> None:
-        """Send a message that is CDR already."""
-        with _explained():
+        """Send a message that is already encoded as CDR."""
+        with _readable_errors():
             self._session.put(
                 self._prefix + topic,
                 raw,
@@ -79,14 +79,14 @@ class BusClient(Closable):
     def query(
         self, name: str, payload: Mapping[str, Any] | None = None, *, source: str = ""
     ) -> dict[str, Any]:
-        """Ask the robot something and return its answer, in which `ok` is true.
+        """Call a service of the robot and return its answer, in which `ok` is true.
 
         Raises
         ------
         ThumperError
-            The robot refuses, in its words; or it does not answer.
+            The robot refuses the request (the error carries its reason), or does not answer.
         """
-        with _explained():
+        with _readable_errors():
             replies = self._session.get(
                 f"{self._prefix}ask/{name}",
                 payload=json.dumps(payload or {}),
@@ -102,31 +102,34 @@ class BusClient(Closable):
                     raise ThumperError(str(answer.get("error")), option=str(answer.get("option", "")))
                 self._has_answered = True
                 return answer
-        if self._has_answered:
-            why = "does not answer any more; what it was doing it may still do: `thumper stop`"
-            if not self._session.info.routers_zid():  # whoever hangs keeps the connection
-                why = "has left the bus: its program has ended, so its wheels stop, or the network is gone"
-            raise ThumperError(f"robot {self.robot!r} {why}", exit_code=EXIT_NOT_THERE)
-        raise ThumperError(
-            f"no robot {self.robot!r} answers on this bus; is that its name?",
-            option="--robot",
-            exit_code=EXIT_NOT_THERE,
-        )
+        raise self._no_answer()
 
     def close(self) -> None:
-        """Leave the bus."""
+        """Disconnect from the bus."""
         self._session.close()  # type: ignore[no-untyped-call]
 
-    def _subscribe(self, topic: str, take: Callable[[zenoh.ZBytes], None]) -> None:
-        with _explained():
+    def _subscribe(self, topic: str, receive: Callable[[zenoh.ZBytes], None]) -> None:
+        with _readable_errors():
             self._subscribers.append(
-                self._session.declare_subscriber(self._prefix + topic, lambda sample: take(sample.payload))
+                self._session.declare_subscriber(self._prefix + topic, lambda sample: receive(sample.payload))
             )
+
+    def _no_answer(self) -> ThumperError:
+        if not self._has_answered:
+            return ThumperError(
+                f"no robot {self.robot!r} answers on this bus; is that its name?",
+                option="--robot",
+                exit_code=EXIT_NOT_THERE,
+            )
+        reason = "no longer answers; it may still be driving: run `thumper stop`"
+        if not self._session.info.routers_zid():  # a process that hangs keeps the connection
+            reason = "has left the bus: its program has ended, so its wheels stop, or the network is down"
+        return ThumperError(f"robot {self.robot!r} {reason}", exit_code=EXIT_NOT_THERE)
 
 
 @contextmanager
-def _explained() -> Iterator[None]:
-    """Tell a bus that fails in words: mostly, it was left on another thread."""
+def _readable_errors() -> Iterator[None]:
+    """Re-raise Zenoh's errors as ThumperError; mostly another thread has closed the session."""
     try:
         yield
     except zenoh.ZError as error:

@@ -1,4 +1,4 @@
-"""Checks what comes in, from whoever: topic, size, rate, form and range. What passes is a request. Pure."""
+"""Check what clients send (topic, size, rate, form, range) and turn it into requests. No input or output."""
 
 import json
 import math
@@ -25,12 +25,12 @@ from thumper.runtime.requests import (
     Velocity,
 )
 
-MOST_BYTES = 65_536
-MOST_WAYPOINTS = 200
-FASTEST_M_S, FASTEST_RAD_S = 5.0, 20.0
-MOST_SOURCE_CHARACTERS = 64
+MAX_MESSAGE_BYTES = 65_536
+MAX_WAYPOINTS = 200
+MAX_V_M_S, MAX_W_RAD_S = 5.0, 20.0
+MAX_SOURCE_CHARACTERS = 64
 RATES_HZ = {"heartbeat": 200.0, "teleop": 200.0, "gamepad": 200.0}
-USUAL_RATE_HZ = 20.0
+DEFAULT_RATE_HZ = 20.0
 
 QUESTIONS = (
     "parameters/schema",
@@ -51,39 +51,39 @@ QUESTIONS = (
 
 
 class RequestRefusedError(ValueError):
-    """What came in is not let through; the message says why."""
+    """A message or query is refused; the text gives the reason."""
 
 
-class Gate:
-    """Lets requests through, and no more of a kind than a robot can want."""
+class RequestDecoder:
+    """Decodes and checks messages and queries, and limits the rate of each kind."""
 
     def __init__(self) -> None:
-        self._allowance: dict[str, tuple[float, float]] = {}  # topic -> messages left, at [s]
+        self._tokens: dict[str, tuple[float, float]] = {}  # name -> messages left, at time [s]
 
-    def message(self, topic: str, raw: bytes, source: str, now_s: float) -> Request | None:
-        """Return what a message on a topic asks for; None when it asks for nothing.
+    def decode_message(self, topic: str, raw: bytes, source: str, now_s: float) -> Request | None:
+        """Return the request of a message; None if it requests nothing.
 
         Raises
         ------
-        RefusedError
-            Not a topic that takes messages, too long, too often, malformed, or out of range.
+        RequestRefusedError
+            The topic takes no messages, or the message is too long, too frequent, malformed or out of range.
         """
         try:
             known = TOPICS.get(topic)
             if known is None or known.direction is not Direction.IN:
-                raise RequestRefusedError("no such topic takes messages")
+                raise RequestRefusedError("this topic takes no messages")
             self._check(topic, len(raw), source, now_s)
             return _READERS[topic](decode(raw, known.type_name), source)
         except ValueError as error:
             raise RequestRefusedError(f"{topic}: {error}") from error
 
-    def question(
+    def decode_query(
         self, name: str, raw: bytes, source: str, now_s: float, reply: Callable[[Mapping[str, Any]], None]
     ) -> Query:
-        """Return what a query asks; its payload is a JSON object or nothing. Raises RefusedError."""
+        """Return the query; its payload is a JSON object or empty. Raises RequestRefusedError."""
         try:
             if name not in QUESTIONS:
-                raise RequestRefusedError(f"no such question; there are {', '.join(QUESTIONS)}")
+                raise RequestRefusedError(f"no such service; choose from: {', '.join(QUESTIONS)}")
             self._check(f"?{name}", len(raw), source, now_s)
             return Query(
                 name=name, content=json_object(raw.decode()) if raw else {}, reply=reply, source=source
@@ -92,97 +92,98 @@ class Gate:
             raise RequestRefusedError(f"{name}: {error}") from error
 
     def _check(self, name: str, size_bytes: int, source: str, now_s: float) -> None:
-        if size_bytes > MOST_BYTES:
-            raise RequestRefusedError(f"{size_bytes} bytes are too many")
-        if len(source) > MOST_SOURCE_CHARACTERS or not source.isprintable():
-            raise RequestRefusedError("the sender's name is too long or not printable")
+        if size_bytes > MAX_MESSAGE_BYTES:
+            raise RequestRefusedError(f"{size_bytes} bytes; the limit is {MAX_MESSAGE_BYTES}")
+        if len(source) > MAX_SOURCE_CHARACTERS or not source.isprintable():
+            raise RequestRefusedError("the name of the source is too long or not printable")
         if name == "estop":
-            return  # no flood may keep it out
-        rate_Hz = RATES_HZ.get(name, USUAL_RATE_HZ)
-        left, at_s = self._allowance.get(name, (rate_Hz, now_s))
-        left = min(rate_Hz, left + (now_s - at_s) * rate_Hz)  # a second's worth may come at once
-        passes = left >= 1.0  # what is refused costs nothing: who floods gets his share, and so do the others
-        self._allowance[name] = (left - passes, now_s)
+            return  # an emergency stop is never rate-limited
+        rate_Hz = RATES_HZ.get(name, DEFAULT_RATE_HZ)
+        left, at_s = self._tokens.get(name, (rate_Hz, now_s))
+        left = min(rate_Hz, left + (now_s - at_s) * rate_Hz)  # a burst of one second is allowed
+        passes = left >= 1.0  # refused ones cost no token: a flood does not lock out others
+        self._tokens[name] = (left - passes, now_s)
         if not passes:
-            raise RequestRefusedError(f"more than {rate_Hz:g} messages a second")
+            raise RequestRefusedError(f"more than {rate_Hz:g} messages per second")
 
 
 def json_object(text: str) -> dict[str, Any]:
-    """A JSON object whose numbers are finite; raises RefusedError."""
+    """Parse a JSON object whose numbers are finite; raises RequestRefusedError."""
 
     def refuse(constant: str) -> float:
-        raise RequestRefusedError(f"{constant} is no number")
+        raise RequestRefusedError(f"{constant} is not a finite number")
 
     def finite(digits: str) -> float:
         value = float(digits)
         return value if math.isfinite(value) else refuse(digits)  # 1e999
 
     def whole(digits: str) -> int:
-        finite(digits)  # nor may an integer be beyond what a float holds
+        finite(digits)  # an integer must not exceed the range of a float either
         return int(digits)
 
     try:
         content = json.loads(text, parse_constant=refuse, parse_float=finite, parse_int=whole)
     except (ValueError, RecursionError) as error:
-        raise RequestRefusedError(f"no JSON: {error}") from error
+        raise RequestRefusedError(f"not valid JSON: {error}") from error
     if not isinstance(content, dict):
-        raise RequestRefusedError("give a JSON object")
+        raise RequestRefusedError("expected a JSON object")
     return content
 
 
-def _goal(pose: Message) -> Goal:
-    place = pose_of(pose)
-    _check_place(place)
-    return Goal(x_m=place.x_m, y_m=place.y_m, theta_rad=place.theta_rad)
+def _goal(pose_msg: Message) -> Goal:
+    pose = pose_of(pose_msg)
+    _check_position(pose)
+    return Goal(x_m=pose.x_m, y_m=pose.y_m, theta_rad=pose.theta_rad)
 
 
-def _check_place(place: Pose2) -> None:
+def _check_position(pose: Pose2) -> None:
     try:
-        check_place("the place", place.x_m, place.y_m)
+        check_place("the position", pose.x_m, pose.y_m)
     except ThumperError as error:
         raise RequestRefusedError(str(error)) from error
 
 
 def _check_frame(frame: str) -> None:
     if frame not in ("map", ""):
-        raise RequestRefusedError(f"frame {frame!r}: give it in the frame map")
+        raise RequestRefusedError(f"frame {frame!r} is not supported; use the frame map")
 
 
-def _read_goal(of: Message, source: str) -> Request:
-    _check_frame(of.header.frame_id)
-    return GoTo(goals=(_goal(of.pose),), source=source)
+def _read_goal(msg: Message, source: str) -> Request:
+    _check_frame(msg.header.frame_id)
+    return GoTo(goals=(_goal(msg.pose),), source=source)
 
 
-def _read_waypoints(of: Message, source: str) -> Request:
-    _check_frame(of.header.frame_id)
-    if not 0 < len(of.poses) <= MOST_WAYPOINTS:
-        raise RequestRefusedError(f"{len(of.poses)} waypoints: give 1...{MOST_WAYPOINTS}")
-    return GoTo(goals=tuple(_goal(stamped.pose) for stamped in of.poses), source=source)
+def _read_waypoints(msg: Message, source: str) -> Request:
+    _check_frame(msg.header.frame_id)
+    if not 0 < len(msg.poses) <= MAX_WAYPOINTS:
+        raise RequestRefusedError(f"{len(msg.poses)} waypoints; send 1 to {MAX_WAYPOINTS}")
+    return GoTo(goals=tuple(_goal(stamped.pose) for stamped in msg.poses), source=source)
 
 
-def _read_initial_pose(of: Message, _source: str) -> Request:
-    _check_frame(of.header.frame_id)
-    place = pose_of(of.pose.pose)
-    _check_place(place)
-    return SetPose(map_from_base=place)
+def _read_initial_pose(msg: Message, _source: str) -> Request:
+    _check_frame(msg.header.frame_id)
+    pose = pose_of(msg.pose.pose)
+    _check_position(pose)
+    return SetPose(map_from_base=pose)
 
 
 def _velocity(channel: TeleopSource) -> Callable[[Message, str], Request]:
-    def read(of: Message, source: str) -> Request:
-        twist: Twist2 = twist_of(of.twist)
-        if abs(twist.v_m_s) > FASTEST_M_S or abs(twist.w_rad_s) > FASTEST_RAD_S:
+    def read(msg: Message, source: str) -> Request:
+        twist: Twist2 = twist_of(msg.twist)
+        if abs(twist.v_m_s) > MAX_V_M_S or abs(twist.w_rad_s) > MAX_W_RAD_S:
             raise RequestRefusedError(
-                f"{twist.v_m_s:g} m/s, {twist.w_rad_s:g} rad/s is no speed of this robot"
+                f"{twist.v_m_s:g} m/s, {twist.w_rad_s:g} rad/s is too fast; "
+                f"the limits are {MAX_V_M_S:g} m/s and {MAX_W_RAD_S:g} rad/s"
             )
         return Velocity(channel=channel, twist=twist, source=source)
 
     return read
 
 
-def _read_command(of: Message, _source: str) -> Request:
-    if of.data not in COMMANDS:
-        raise RequestRefusedError(f"no such command; there are {', '.join(COMMANDS)}")
-    return EmergencyStop() if of.data == "estop" else RobotCommand(name=of.data)
+def _read_command(msg: Message, _source: str) -> Request:
+    if msg.data not in COMMANDS:
+        raise RequestRefusedError(f"no such command; choose from: {', '.join(COMMANDS)}")
+    return EmergencyStop() if msg.data == "estop" else RobotCommand(name=msg.data)
 
 
 _READERS: Mapping[str, Callable[[Message, str], Request | None]] = {
@@ -191,8 +192,10 @@ _READERS: Mapping[str, Callable[[Message, str], Request | None]] = {
     "initialpose": _read_initial_pose,
     "teleop": _velocity(TeleopSource.TELEOP),
     "gamepad": _velocity(TeleopSource.GAMEPAD),
-    "heartbeat": lambda _of, source: Heartbeat(source=source),
-    "estop": lambda of, _source: EmergencyStop() if of.data else None,  # let go of: nothing; it is latched
+    "heartbeat": lambda _msg, source: Heartbeat(source=source),
+    "estop": lambda msg, _source: (
+        EmergencyStop() if msg.data else None
+    ),  # False is ignored: the E-stop is latched
     "command": _read_command,
-    "simulator/command": lambda of, _source: SimulatorCommand(content=json_object(of.data)),
+    "simulator/command": lambda msg, _source: SimulatorCommand(content=json_object(msg.data)),
 }

@@ -1,7 +1,7 @@
-"""A rosbridge v2 server beside the robot: WebSocket and JSON for those who do not speak Zenoh.
+"""A rosbridge v2 server: WebSocket and JSON for programs without Zenoh.
 
-It is a client of the bus in a process of its own, so it can delay nobody; what comes in is checked by the
-robot like everything else. The protocol is in ROSBRIDGE_PROTOCOL.md of RobotWebTools/rosbridge_suite.
+It runs as a client of the bus in its own process, so it cannot delay the robot. The robot checks its requests
+as it checks everybody's. The protocol is in ROSBRIDGE_PROTOCOL.md of RobotWebTools/rosbridge_suite.
 """
 
 import asyncio
@@ -12,6 +12,7 @@ import ssl
 import uuid
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from http import HTTPStatus
 from typing import Any
 
@@ -20,22 +21,22 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from thumper.bus.client import BusClient
-from thumper.bus.request_decoder import MOST_BYTES, json_object
-from thumper.bus.rosbridge_ops import Conversation, Question
+from thumper.bus.request_decoder import MAX_MESSAGE_BYTES, json_object
+from thumper.bus.rosbridge_ops import PendingQuery, RosbridgeClient
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.config.bus import is_loopback
 from thumper.ros.codec import Message
 from thumper.ros.to_json import to_json
 
-MOST_CLIENTS = 16
-MOST_QUEUED = 64  # of a client that is slow; the oldest go
-MOST_QUESTIONS = 20  # of a client, that wait for the robot
-CLOSE_TIMEOUT_S = 1.0  # a client that reads nothing must not hold up the end
-OWN_PAGES = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?")
+MAX_CLIENTS = 16
+MAX_QUEUED = 64  # per client; a slow client loses the oldest messages
+MAX_PENDING_QUERIES = 20  # per client, waiting for the robot's answer
+CLOSE_TIMEOUT_S = 1.0  # a client that reads nothing must not delay the shutdown
+LOCAL_ORIGIN = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?")
 
 
 class Rosbridge:
-    """Serves the bus of one robot at one port."""
+    """Serves the bus of one robot on one port."""
 
     def __init__(
         self, bus: BusClient, *, host: str, port: int, token: str, tls: ssl.SSLContext | None = None
@@ -52,26 +53,26 @@ class Rosbridge:
             )
         self._bus, self._host, self._port, self._token, self._tls = bus, host, port, token, tls
         self._topics: set[str] = set()
-        self._clients: set[Conversation] = set()
+        self._clients: set[RosbridgeClient] = set()
         self._newest: dict[str, str] = {}
 
     async def serve(self, on_ready: Callable[[int], None]) -> None:
-        """Serve until cancelled; `on_ready` is told the port.
+        """Serve until cancelled; calls `on_ready` with the port.
 
         Raises
         ------
         ThumperError
-            The port is taken.
+            The port is in use.
         """
         self._loop = asyncio.get_running_loop()
         try:
             server: Server = await serve(
-                self._talk,
+                self._serve_client,
                 self._host,
                 self._port,
                 ssl=self._tls,
                 process_request=self._admit,
-                max_size=MOST_BYTES,
+                max_size=MAX_MESSAGE_BYTES,
                 max_queue=4,
                 close_timeout=CLOSE_TIMEOUT_S,
             )
@@ -83,15 +84,15 @@ class Rosbridge:
             on_ready(next(iter(server.sockets)).getsockname()[1])
             await server.serve_forever()
 
-    def want(self, topic: str) -> str | None:
-        """Have a topic from the bus from now on; returns its newest message, if there is one already."""
+    def request_topic(self, topic: str) -> str | None:
+        """Subscribe to a topic of the bus; return its newest message if one has come already."""
         if topic not in self._topics:
             self._topics.add(topic)
-            # Subscribing may wait for a latched message: not in the loop that serves everybody.
-            self._loop.run_in_executor(None, self._bus.subscribe, topic, lambda of: self._take(topic, of))
+            # Subscribing may wait for a latched message, so not in the event loop.
+            self._loop.run_in_executor(None, self._bus.subscribe, topic, partial(self._on_message, topic))
         return self._newest.get(topic)
 
-    def _take(self, topic: str, message: Message) -> None:
+    def _on_message(self, topic: str, message: Message) -> None:
         text = json.dumps(to_json(message))
         with suppress(RuntimeError):  # the loop has ended
             self._loop.call_soon_threadsafe(self._deliver, topic, text)
@@ -99,40 +100,43 @@ class Rosbridge:
     def _deliver(self, topic: str, text: str) -> None:
         self._newest[topic] = text
         for client in self._clients:
-            client.hear(topic, text)
+            client.on_message(topic, text)
 
     def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Nobody without the token; and no foreign page in a browser of this machine."""
-        if len(self._clients) >= MOST_CLIENTS:
+        """Refuse clients without the token; without a token, refuse web pages of other origins."""
+        if len(self._clients) >= MAX_CLIENTS:
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "too many clients\n")
         if self._token:
             given = request.headers.get("Authorization", "").removeprefix("Bearer ")
             if not hmac.compare_digest(given.encode(), self._token.encode()):
-                return connection.respond(HTTPStatus.UNAUTHORIZED, "Authorization: Bearer TOKEN is needed\n")
+                return connection.respond(
+                    HTTPStatus.UNAUTHORIZED, "send the header Authorization: Bearer TOKEN\n"
+                )
             return None
         origin = request.headers.get("Origin")
-        if origin is not None and not OWN_PAGES.fullmatch(origin):
-            return connection.respond(HTTPStatus.FORBIDDEN, "pages from elsewhere need a token\n")
+        if origin is not None and not LOCAL_ORIGIN.fullmatch(origin):
+            return connection.respond(HTTPStatus.FORBIDDEN, "web pages of other origins need a token\n")
         return None
 
-    async def _talk(self, connection: ServerConnection) -> None:
+    async def _serve_client(self, connection: ServerConnection) -> None:
         queue: asyncio.Queue[str] = asyncio.Queue()
 
         def send(text: str) -> None:
-            while queue.qsize() >= MOST_QUEUED:
+            while queue.qsize() >= MAX_QUEUED:
                 queue.get_nowait()
             queue.put_nowait(text)
 
-        client = Conversation(self._bus, self.want, send, source=f"rosbridge-{uuid.uuid4().hex[:12]}")
+        source = f"rosbridge-{uuid.uuid4().hex[:12]}"
+        client = RosbridgeClient(self._bus, self.request_topic, send, source=source)
         self._clients.add(client)
-        questions: asyncio.Queue[Question] = asyncio.Queue(MOST_QUESTIONS)
+        queries: asyncio.Queue[PendingQuery] = asyncio.Queue(MAX_PENDING_QUERIES)
         workers = [
             asyncio.create_task(_write(connection, queue)),
-            asyncio.create_task(self._answer(questions, send)),
+            asyncio.create_task(self._answer(queries, send)),
         ]
         try:
             async for data in connection:
-                _do(client, data, questions, send)
+                _handle(client, data, queries, send)
         except ConnectionClosed:
             pass
         finally:
@@ -140,29 +144,32 @@ class Rosbridge:
             for worker in workers:
                 worker.cancel()
 
-    async def _answer(self, questions: "asyncio.Queue[Question]", send: Callable[[str], None]) -> None:
-        """One after another, beside what else the client sends: no stop or heartbeat waits for an answer."""
+    async def _answer(self, queries: "asyncio.Queue[PendingQuery]", send: Callable[[str], None]) -> None:
+        """Run a client's queries one after another, so that its stops and heartbeats never wait for one."""
         while True:
-            question = await questions.get()
-            send(json.dumps(await self._loop.run_in_executor(None, question)))
+            query = await queries.get()
+            send(json.dumps(await self._loop.run_in_executor(None, query)))
 
 
-def _do(
-    client: Conversation, data: str | bytes, questions: "asyncio.Queue[Question]", send: Callable[[str], None]
+def _handle(
+    client: RosbridgeClient,
+    data: str | bytes,
+    queries: "asyncio.Queue[PendingQuery]",
+    send: Callable[[str], None],
 ) -> None:
-    answer_id: Any = None
+    message_id: Any = None
     try:
         content = json_object(data if isinstance(data, str) else data.decode())
-        answer_id = content.get("id")
-        question = client.take(content)
-        if question is None:
+        message_id = content.get("id")
+        query = client.handle(content)
+        if query is None:
             return
-        if questions.full():
-            raise ThumperError("too many questions to the robot wait already: ask again")
-        questions.put_nowait(question)
+        if queries.full():
+            raise ThumperError("too many service calls are pending; try again")
+        queries.put_nowait(query)
     except (ValueError, ThumperError) as error:
         status = {"op": "status", "level": "error", "msg": str(error)}
-        send(json.dumps(status | ({"id": answer_id} if isinstance(answer_id, str) else {})))
+        send(json.dumps(status | ({"id": message_id} if isinstance(message_id, str) else {})))
 
 
 async def _write(connection: ServerConnection, queue: "asyncio.Queue[str]") -> None:

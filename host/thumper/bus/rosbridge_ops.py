@@ -1,4 +1,4 @@
-"""What one rosbridge client asks for, operation by operation. No sockets here."""
+"""Handle the operations of one rosbridge client. No sockets here."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -12,48 +12,48 @@ from thumper.ros.codec import encode
 from thumper.ros.to_json import from_json
 from thumper.ros.topics import TOPICS, Direction
 
-LONGEST_THROTTLE_MS = 60_000
-QUIET = ("unadvertise", "set_level", "fragment", "png", "auth")  # nothing to be done for these here
+MAX_THROTTLE_MS = 60_000
+IGNORED_OPS = ("unadvertise", "set_level", "fragment", "png", "auth")  # accepted, without effect here
 
-Question = Callable[[], dict[str, Any]]
-"""Asks the robot, waits for its answer or refusal, and returns what to send."""
+PendingQuery = Callable[[], dict[str, Any]]
+"""Queries the robot, waits for its answer or refusal, and returns the message to send."""
 
 
 @dataclass(slots=True)
 class _Subscription:
     period_s: float
-    told_s: float = -1e9
+    sent_s: float = -1e9
 
 
-class Conversation:
-    """One client. `want(topic)` has the topic from the bus; `send(text)` must not wait."""
+class RosbridgeClient:
+    """One client. `request_topic(topic)` subscribes to the bus; `send(text)` must not block."""
 
     def __init__(
         self,
         bus: BusClient,
-        want: Callable[[str], str | None],
+        request_topic: Callable[[str], str | None],
         send: Callable[[str], None],
         *,
         source: str,
     ) -> None:
-        self._bus, self._want, self._send, self._source = bus, want, send, source
+        self._bus, self._request_topic, self._send, self._source = bus, request_topic, send, source
         self._subscriptions: dict[str, _Subscription] = {}
 
-    def hear(self, topic: str, text: str) -> None:
-        """Pass a message on, if it is wanted now."""
+    def on_message(self, topic: str, text: str) -> None:
+        """Send a message to the client, if it has subscribed and its throttle allows it."""
         subscription = self._subscriptions.get(topic)
         now_s = time.monotonic()
-        if subscription is not None and now_s - subscription.told_s >= subscription.period_s:
-            subscription.told_s = now_s
+        if subscription is not None and now_s - subscription.sent_s >= subscription.period_s:
+            subscription.sent_s = now_s
             self._send(f'{{"op": "publish", "topic": "/{topic}", "msg": {text}}}')
 
-    def take(self, content: Mapping[str, Any]) -> Question | None:
-        """Do an operation; returns what takes longer, for another thread, with the answer to send.
+    def handle(self, content: Mapping[str, Any]) -> PendingQuery | None:
+        """Do an operation; return a query if it needs one, to be run in another thread.
 
         Raises
         ------
         ValueError
-            The operation makes no sense; the message says why.
+            The operation is invalid; the text gives the reason.
         """
         match content.get("op"):
             case "subscribe":
@@ -70,8 +70,8 @@ class Conversation:
                 self._bus.publish_raw(topic, encode(message), source=self._source)
             case "call_service":
                 return lambda: self._call(content)
-            case op if op not in QUIET:
-                raise ValueError(f"no operation {op!r} here")
+            case op if op not in IGNORED_OPS:
+                raise ValueError(f"operation {op!r} is not supported")
         return None
 
     def _subscribe(self, content: Mapping[str, Any]) -> None:
@@ -79,12 +79,12 @@ class Conversation:
         self._check_direction(topic, Direction.OUT)
         _check_type(topic, content.get("type"))
         throttle_ms = content.get("throttle_rate") or 0
-        if not isinstance(throttle_ms, int | float) or not 0 <= throttle_ms <= LONGEST_THROTTLE_MS:
-            raise ValueError(f"throttle_rate is 0...{LONGEST_THROTTLE_MS} ms")
+        if not isinstance(throttle_ms, int | float) or not 0 <= throttle_ms <= MAX_THROTTLE_MS:
+            raise ValueError(f"throttle_rate must be 0 to {MAX_THROTTLE_MS} ms")
         self._subscriptions[topic] = _Subscription(1e-3 * throttle_ms)
-        newest = self._want(topic)
+        newest = self._request_topic(topic)
         if newest is not None and TOPICS[topic].latched:
-            self.hear(topic, newest)
+            self.on_message(topic, newest)
 
     def _call(self, content: Mapping[str, Any]) -> dict[str, Any]:
         service = str(content.get("service", "")).strip("/")
@@ -94,7 +94,7 @@ class Conversation:
             answer["id"] = content["id"]
         try:
             if not isinstance(arguments, dict):
-                raise ThumperError("args is an object")
+                raise ThumperError("args must be an object")
             answer["values"] = self._answer(service, arguments)
         except (ThumperError, ValueError) as error:
             answer |= {"values": str(error), "result": False}
@@ -111,27 +111,27 @@ class Conversation:
                 return {"type": types.get(f"/{str(arguments.get('topic')).strip('/')}", "")}
             case "rosapi/services":
                 return {"services": [f"/{name}" for name in QUESTIONS]}
-        raise ThumperError(f"no service /{service}; there are {', '.join(QUESTIONS)}")
+        raise ThumperError(f"no service /{service}; choose from: {', '.join(QUESTIONS)}")
 
     @staticmethod
     def _check_direction(topic: str, direction: Direction) -> None:
         if TOPICS[topic].direction is not direction:
-            verb = "is published by the robot" if direction is Direction.IN else "only goes to the robot"
-            raise ValueError(f"/{topic} {verb}")
+            reason = "is published by the robot" if direction is Direction.IN else "is only sent to the robot"
+            raise ValueError(f"/{topic} {reason}")
 
 
 def _topic(content: Mapping[str, Any]) -> str:
     name = content.get("topic")
     if not isinstance(name, str) or name.strip("/") not in TOPICS:
-        raise ValueError(f"no topic {name!r}; there are {', '.join(TOPICS)}")
+        raise ValueError(f"no topic {name!r}; choose from: {', '.join(TOPICS)}")
     return name.strip("/")
 
 
 def _check_type(topic: str, type_name: object) -> None:
-    """Both `sensor_msgs/LaserScan` and `sensor_msgs/msg/LaserScan` will do."""
-    own = TOPICS[topic].type_name
-    if type_name not in (None, "", own, _ros_type(own)):
-        raise ValueError(f"/{topic} is {own}, not {type_name!r}")
+    """Refuse another type; accept both `sensor_msgs/LaserScan` and `sensor_msgs/msg/LaserScan`."""
+    expected = TOPICS[topic].type_name
+    if type_name not in (None, "", expected, _ros_type(expected)):
+        raise ValueError(f"/{topic} is {expected}, not {type_name!r}")
 
 
 def _ros_type(type_name: str) -> str:

@@ -1,4 +1,4 @@
-"""Put a robot on the bus for as long as it runs."""
+"""Serve a robot on the bus while it runs."""
 
 import sys
 from collections.abc import Iterator
@@ -13,23 +13,23 @@ from thumper.runtime.requests import LogMessage
 
 @contextmanager
 def on_bus_if_free(robot: RobotLoop, name: str, options: BusOptions) -> Iterator[None]:
-    """Let a drive be watched and stopped over the bus; it does not depend on it."""
+    """Serve `robot` on the bus if the address is free; otherwise print a warning and go on without."""
     with ExitStack() as stack:
         try:
             stack.enter_context(on_bus(robot, name, options))
         except ThumperError as error:
-            print(f"thumper: nobody can watch or stop this drive: {error}", file=sys.stderr)
+            print(f"thumper: no one can watch or stop this drive over the bus: {error}", file=sys.stderr)
         yield
 
 
 @contextmanager
 def on_bus(robot: RobotLoop, name: str, options: BusOptions) -> Iterator[BusServer]:
-    """Publish what `robot` makes and let others ask of it.
+    """Publish the messages of `robot` and accept requests.
 
     Raises
     ------
     ThumperError
-        The address is taken.
+        The address is in use.
     """
     server = BusServer(
         name, options, robot.request_queue, lambda text: robot.request_queue.put(LogMessage(text=text))

@@ -1,7 +1,7 @@
-"""The robot's end of the bus: an outlet for what it makes, an inbox for what is asked of it.
+"""The robot's end of the bus: it sends the robot's messages and queues the requests that come in.
 
-The loop only ever appends to a bounded queue; one thread encodes and sends. Whoever does not keep up loses
-the oldest messages, and the loop does not notice.
+The robot's loop only appends to a bounded queue; one thread encodes and sends. If that thread falls behind,
+the oldest messages are dropped and the loop never waits.
 """
 
 import json
@@ -14,19 +14,19 @@ from typing import Any
 
 import zenoh
 
-from thumper.bus.request_decoder import QUESTIONS, Gate, RequestRefusedError
-from thumper.bus.zenoh_session import open_listener
+from thumper.bus.request_decoder import QUESTIONS, RequestDecoder, RequestRefusedError
+from thumper.bus.zenoh_session import open_router
 from thumper.config.bus import BusOptions
 from thumper.ros.codec import Message, encode
 from thumper.ros.topics import TOPICS, Direction
 from thumper.runtime.service.request_queue import RequestQueue
 
-MOST_QUEUED = 256  # about two seconds of everything
+MAX_QUEUED = 256  # about two seconds of all topics
 
 
 @dataclass(slots=True, kw_only=True)
-class BusFigures:
-    """What the bus has done since the start."""
+class BusStatistics:
+    """Counts of messages since the start."""
 
     sent: int = 0
     dropped: int = 0  # the queue was full: the bus is slower than the robot
@@ -35,29 +35,29 @@ class BusFigures:
 
 
 class BusServer:
-    """Joins a robot to the bus; hand `publish` to the robot's products as an outlet.
+    """Serves one robot on the bus; add `publish` to the robot's publisher as a sink.
 
     Raises
     ------
     ThumperError
-        The address is taken.
+        The address is in use.
     """
 
     def __init__(
-        self, robot: str, options: BusOptions, inbox: RequestQueue, tell: Callable[[str], None]
+        self, robot: str, options: BusOptions, requests: RequestQueue, report: Callable[[str], None]
     ) -> None:
-        """`tell` is given a line for people; it is called from other threads and must not wait."""
-        self.figures = BusFigures()
+        """`report` logs one line; it is called from other threads and must not block."""
+        self.statistics = BusStatistics()
         self._prefix = f"thumper/{robot}/"
-        self._inbox = inbox
-        self._tell = tell
-        self._gate = Gate()
-        self._told_s = 0.0
+        self._requests = requests
+        self._report = report
+        self._decoder = RequestDecoder()
+        self._reported_s = 0.0
         self._queue: deque[Callable[[], None]] = deque()
         self._wake = threading.Condition()
         self._newest: dict[str, bytes] = {}  # of latched topics
         self._open = True
-        self._session = open_listener(options.address, options.token)
+        self._session = open_router(options.address, options.token)
         self._publishers = {
             name: self._session.declare_publisher(
                 self._prefix + name,
@@ -69,20 +69,20 @@ class BusServer:
         }
         for name, topic in TOPICS.items():
             if topic.direction is Direction.IN:
-                self._session.declare_subscriber(self._prefix + name, self._receive)
+                self._session.declare_subscriber(self._prefix + name, self._on_message)
             elif topic.latched:
-                self._session.declare_queryable(self._prefix + name, self._give_newest)
+                self._session.declare_queryable(self._prefix + name, self._reply_newest)
         for name in QUESTIONS:
-            self._session.declare_queryable(f"{self._prefix}ask/{name}", self._ask)
-        self._thread = threading.Thread(target=self._work, name="bus", daemon=True)
+            self._session.declare_queryable(f"{self._prefix}ask/{name}", self._on_query)
+        self._thread = threading.Thread(target=self._run, name="bus", daemon=True)
         self._thread.start()
 
     def publish(self, topic: str, _stamp_s: float, message: Message) -> None:
-        """Queue a product; never waits, never raises."""
+        """Queue a message of the robot. Never waits, never raises."""
         self._enqueue(lambda: self._send(topic, message))
 
     def close(self) -> None:
-        """Send what is queued and leave."""
+        """Send what is queued and close the session."""
         with self._wake:
             self._open = False
             self._wake.notify()
@@ -91,13 +91,13 @@ class BusServer:
 
     def _enqueue(self, job: Callable[[], None]) -> None:
         with self._wake:
-            if len(self._queue) >= MOST_QUEUED:
+            if len(self._queue) >= MAX_QUEUED:
                 self._queue.popleft()
-                self.figures.dropped += 1
+                self.statistics.dropped += 1
             self._queue.append(job)
             self._wake.notify()
 
-    def _work(self) -> None:
+    def _run(self) -> None:
         while True:
             with self._wake:
                 while not self._queue and self._open:
@@ -107,29 +107,29 @@ class BusServer:
                 job = self._queue.popleft()
             try:
                 job()
-            except Exception:  # a message that cannot be sent must not end the bus
-                self.figures.failed += 1
+            except Exception:  # a message that cannot be sent must not stop the thread
+                self.statistics.failed += 1
 
     def _send(self, topic: str, message: Message) -> None:
         raw = encode(message)
         if TOPICS[topic].latched:
             self._newest[topic] = raw
         self._publishers[topic].put(raw)
-        self.figures.sent += 1
+        self.statistics.sent += 1
 
-    def _receive(self, sample: zenoh.Sample) -> None:
+    def _on_message(self, sample: zenoh.Sample) -> None:
         topic = str(sample.key_expr).removeprefix(self._prefix)
         try:
-            request = self._gate.message(
+            request = self._decoder.decode_message(
                 topic, sample.payload.to_bytes(), _source(sample.attachment), time.monotonic()
             )
         except RequestRefusedError as error:
             self._refuse(error)
         else:
             if request is not None:
-                self._inbox.put(request)
+                self._requests.put(request)
 
-    def _ask(self, query: zenoh.Query) -> None:
+    def _on_query(self, query: zenoh.Query) -> None:
         name = str(query.key_expr).removeprefix(f"{self._prefix}ask/")
         raw = query.payload.to_bytes() if query.payload else b""
 
@@ -138,24 +138,24 @@ class BusServer:
             self._enqueue(lambda: _reply(query, text))
 
         try:
-            self._inbox.put(
-                self._gate.question(name, raw, _source(query.attachment), time.monotonic(), reply)
+            self._requests.put(
+                self._decoder.decode_query(name, raw, _source(query.attachment), time.monotonic(), reply)
             )
         except RequestRefusedError as error:
             self._refuse(error)
             reply({"ok": False, "error": str(error)})
 
-    def _give_newest(self, query: zenoh.Query) -> None:
+    def _reply_newest(self, query: zenoh.Query) -> None:
         raw = self._newest.get(str(query.key_expr).removeprefix(self._prefix))
         if raw is not None:
             query.reply(query.key_expr, raw)
         query.drop()  # type: ignore[no-untyped-call]
 
     def _refuse(self, error: RequestRefusedError) -> None:
-        self.figures.refused += 1
-        if time.monotonic() - self._told_s > 1.0:  # one line a second tells as much as a thousand
-            self._told_s = time.monotonic()
-            self._tell(f"refused: {error}")
+        self.statistics.refused += 1
+        if time.monotonic() - self._reported_s > 1.0:  # at most one line per second, even in a flood
+            self._reported_s = time.monotonic()
+            self._report(f"refused: {error}")
 
 
 def _reply(query: zenoh.Query, text: str) -> None:

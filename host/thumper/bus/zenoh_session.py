@@ -1,4 +1,4 @@
-"""Zenoh sessions that talk over one TCP address and never look round for others by multicast."""
+"""Zenoh sessions over one TCP address, without multicast discovery."""
 
 import json
 import os
@@ -14,24 +14,24 @@ import zenoh
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 from thumper.config.bus import split_address
 
-USER = "thumper"  # the token is what counts
+USER = "thumper"  # the same for everybody: the token is the secret
 CONNECT_TIMEOUT_S = 2.0
-MOST_BATCHES = 16
-"""Messages that may wait for one listener, the most that Zenoh takes: a beat of the robot makes about ten,
-and on a busy machine Zenoh's thread is late by more. What finds no room within a millisecond is lost."""
+MAX_QUEUED_BATCHES = 16
+"""Messages that may wait for one client; 16 is Zenoh's maximum. A control cycle makes about ten, and on a
+busy machine Zenoh's thread lags by more than a cycle. Zenoh drops what finds no room within 1 ms."""
 
 
-def open_listener(address: str, token: str) -> zenoh.Session:
-    """Listen at `address` for the robot; with a token, nobody joins without it.
+def open_router(address: str, token: str) -> zenoh.Session:
+    """Open the robot's session, which listens at `address`; clients must present the token, if there is one.
 
     Raises
     ------
     ThumperError
-        The address is taken, or is none of this machine's.
+        The address is in use, or does not belong to this machine.
     """
-    check_free(address)
+    check_address_free(address)
     settings: dict[str, Any] = {"mode": "router", "listen/endpoints": [f"tcp/{address}"]}
-    with _dictionary(token) as path:
+    with _user_file(token) as path:
         if path:
             settings["transport/auth/usrpwd/dictionary_file"] = path
         try:
@@ -40,13 +40,13 @@ def open_listener(address: str, token: str) -> zenoh.Session:
             raise ThumperError(f"the bus cannot listen at {address}: {_first_line(error)}") from error
 
 
-def open_joiner(address: str, token: str) -> zenoh.Session:
-    """Join the bus of a robot that runs.
+def open_client(address: str, token: str) -> zenoh.Session:
+    """Open a client's session on the bus of a running robot.
 
     Raises
     ------
     ThumperError
-        Nobody listens there, or the token is not the robot's.
+        Nothing listens at the address, or the token is wrong.
     """
     host, port = split_address(address)
     host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
@@ -66,8 +66,8 @@ def open_joiner(address: str, token: str) -> zenoh.Session:
         return zenoh.open(_config(settings, token))
     except zenoh.ZError as error:
         raise ThumperError(
-            f"the robot at {address} lets nobody in: it is only just starting or ending (try again), "
-            "or wants the token of its configuration ([bus] token)",
+            f"the robot at {address} refuses the connection: it is starting or stopping (try again), "
+            "or it requires the token of its configuration ([bus] token)",
             exit_code=EXIT_NOT_THERE,
         ) from error
 
@@ -76,7 +76,7 @@ def _config(settings: dict[str, Any], token: str) -> zenoh.Config:
     config = zenoh.Config()
     settings["scouting/multicast/enabled"] = False
     settings["scouting/gossip/enabled"] = False
-    settings["transport/link/tx/queue/size/data"] = MOST_BATCHES
+    settings["transport/link/tx/queue/size/data"] = MAX_QUEUED_BATCHES
     if token:
         settings["transport/auth/usrpwd/user"] = USER
         settings["transport/auth/usrpwd/password"] = token
@@ -86,8 +86,11 @@ def _config(settings: dict[str, Any], token: str) -> zenoh.Config:
 
 
 @contextmanager
-def _dictionary(token: str) -> Iterator[str]:
-    """The list of users that Zenoh reads when it opens; only its owner may read it, and not for long."""
+def _user_file(token: str) -> Iterator[str]:
+    """Yield the path of Zenoh's user file, empty without a token.
+
+    Zenoh reads it while it opens; only the owner can read it, and it is deleted afterwards.
+    """
     if not token:
         yield ""
         return
@@ -101,8 +104,8 @@ def _dictionary(token: str) -> Iterator[str]:
             Path(path).unlink()
 
 
-def check_free(address: str) -> None:
-    """Raise ThumperError when the address is taken, or none of this machine's: sooner than Zenoh would."""
+def check_address_free(address: str) -> None:
+    """Raise ThumperError if the address is in use or not of this machine; faster than Zenoh would."""
     host, port = split_address(address)
     try:
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -111,8 +114,8 @@ def check_free(address: str) -> None:
             probe.bind((host, port))
     except OSError as error:
         raise ThumperError(
-            f"the bus cannot listen at {address}: {error.strerror}; does another robot's process run? "
-            "[bus] address in the configuration, or --bus, names another"
+            f"the bus cannot listen at {address}: {error.strerror}; is another robot process running? "
+            "Choose another address with [bus] address in the configuration, or with --bus"
         ) from error
 
 

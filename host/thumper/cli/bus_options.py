@@ -22,9 +22,9 @@ def connect(config: Path | None, address: str, robot: str) -> "BusClient":
     """
     from thumper.bus.client import BusClient
     from thumper.common.errors import EXIT_USAGE, ThumperError
-    from thumper.config.bus import ROBOT_NAME, split_address
+    from thumper.config.bus import ROBOT_NAME_PATTERN, split_address
 
-    if robot and not re.fullmatch(ROBOT_NAME, robot):
+    if robot and not re.fullmatch(ROBOT_NAME_PATTERN, robot):
         raise ThumperError(
             f"--robot {robot!r} is not a robot name; use letters, digits, - and _", exit_code=EXIT_USAGE
         )
@@ -43,10 +43,10 @@ def token_of(config: Path | None) -> str:
 
 
 def _name_and_bus(config: Path | None) -> "tuple[str, BusOptions]":
-    from thumper.config.bus import USUAL_ROBOT, BusOptions
+    from thumper.config.bus import DEFAULT_ROBOT, BusOptions
 
     if config is None:  # loading the whole configuration takes 1 s, too long for `thumper stop`
-        return USUAL_ROBOT, BusOptions()
+        return DEFAULT_ROBOT, BusOptions()
     from thumper.config.robot import load_config
 
     settings = load_config(config)

@@ -29,18 +29,18 @@ def dashboard(
     """
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.config.bus import split_address
-    from thumper.config.dashboard import checked, own_certificate
+    from thumper.config.dashboard import check_options, default_certificate
     from thumper.config.robot import load_config
 
     settings = load_config(config)
     options = settings.dashboard
     options = replace(options, host=host or options.host, port=port or options.port)
     if make_certificate:
+        from thumper.dashboard.certificate import local_names
         from thumper.dashboard.certificate import make_certificate as make
-        from thumper.dashboard.certificate import own_names
 
-        certificate, key = own_certificate()
-        fingerprint = make(certificate, key, own_names(options.host))
+        certificate, key = default_certificate()
+        fingerprint = make(certificate, key, local_names(options.host))
         print(f"wrote {certificate} and {key}; the browser will show SHA-256 {fingerprint}")
         return
     address = bus or settings.bus.address
@@ -48,7 +48,7 @@ def dashboard(
         split_address(address)
     except ValueError as error:
         raise ThumperError(f"--bus {error}", exit_code=EXIT_USAGE) from error
-    listening = checked(options)  # before the slow imports, so that errors appear at once
+    listening = check_options(options)  # before the slow imports, so that errors appear at once
     from thumper.dashboard.process import run_dashboard
 
     run_dashboard(settings, listening, address)

@@ -32,7 +32,7 @@ def record(
     from thumper.common.errors import ThumperError
     from thumper.config.robot import load_config
     from thumper.recording.bus_recorder import record_from_bus
-    from thumper.recording.repair import recover_apart
+    from thumper.recording.repair import repair_in_subprocess
 
     settings = load_config(config)
     folder = out or Path(settings.recording.folder)
@@ -42,10 +42,10 @@ def record(
 
     with connect(config, bus, robot) as client:
         prepare_output(folder)
-        recover_apart(folder)
+        repair_in_subprocess(folder)
         print(f"recording to {folder}/ (Ctrl-C to stop)")
-        recorder = record_from_bus(client, folder, settings.recording, seconds=seconds, say=report)
-    if recorder.trouble:
-        raise ThumperError(f"the recording ended early: {recorder.trouble}")
+        recorder = record_from_bus(client, folder, settings.recording, seconds=seconds, report=report)
+    if recorder.failure:
+        raise ThumperError(f"the recording ended early: {recorder.failure}")
     dropped = f", {recorder.dropped} dropped: the disk is too slow" if recorder.dropped else ""
     print(f"{recorder.written} messages{dropped}: {recorder.files[-1]}")

@@ -25,7 +25,7 @@ def recorded(
     """
     from thumper.cli.output_folder import prepare_output
     from thumper.common.geometry import Pose2
-    from thumper.recording.start_stop import recording_switch
+    from thumper.recording.start_stop import recording_control
     from thumper.runtime.requests import LogMessage
 
     folder = record_to or Path(settings.recording.folder)
@@ -34,7 +34,7 @@ def recorded(
         print(f"thumper: {text}", file=sys.stderr)
         robot.request_queue.put(LogMessage(text=text))
 
-    with recording_switch(robot, settings, start or Pose2(), folder, say) as switch:
+    with recording_control(robot, settings, start or Pose2(), folder, say) as switch:
         if record or record_to:
             prepare_output(folder, "--record-to")
             print(f"{switch.start()}; at most {settings.recording.budget_MB:g} MB, the oldest go first")
@@ -42,6 +42,6 @@ def recorded(
             yield
         finally:
             recorder = switch.close()
-            if recorder is not None and recorder.files and not recorder.trouble:
+            if recorder is not None and recorder.files and not recorder.failure:
                 dropped = f", {recorder.dropped} dropped: the disk is too slow" if recorder.dropped else ""
                 print(f"recorded {recorder.written} messages{dropped}: {recorder.files[-1]}")

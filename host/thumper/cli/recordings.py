@@ -18,12 +18,14 @@ def recover(
 ) -> None:
     """Repair recordings that a crash or a full disk truncated; keep everything up to that point."""
     from thumper.common.errors import EXIT_USAGE, ThumperError
-    from thumper.recording.repair import left_behind, recover_all
+    from thumper.recording.repair import repair_all, unfinished_recordings
 
-    paths = [path for place in places for path in (left_behind(place) if place.is_dir() else [place])]
+    paths = [
+        path for place in places for path in (unfinished_recordings(place) if place.is_dir() else [place])
+    ]
     if not paths:
         print("nothing to repair")
-    if not recover_all(paths, print):
+    if not repair_all(paths, print):
         raise ThumperError("not every file could be repaired; the others are unchanged", exit_code=EXIT_USAGE)
 
 

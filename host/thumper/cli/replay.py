@@ -33,7 +33,7 @@ def replay(
     from thumper.maps.map_server_io import save_map
     from thumper.maps.plot import plot_map
     from thumper.recording.reader import Recording, find_recordings
-    from thumper.recording.replay import Replayed
+    from thumper.recording.replay import ReplayResult
     from thumper.recording.replay import replay as run
     from thumper.slam.saved_state import SavedSlamState, save_session
 
@@ -43,7 +43,7 @@ def replay(
     if bus:
         from thumper.recording.bus_recorder import replay_on_bus
 
-        result: Replayed = replay_on_bus(recording, settings, bus, speed or 1.0)
+        result: ReplayResult = replay_on_bus(recording, settings, bus, speed or 1.0)
     else:
         result = run(recording, settings, speed=speed)
     grid, path = result.mapper.grid(), result.path
@@ -55,7 +55,7 @@ def replay(
     _write_trajectory(path, out / "trajectory.csv")
     print(f"{result.time_s:.1f} s replayed, {result.scans} scans mapped")
     if result.maps_recorded:
-        print(f"{result.maps_same} of {result.maps_recorded} maps match the recorded ones cell for cell")
+        print(f"{result.maps_identical} of {result.maps_recorded} maps match the recorded ones cell for cell")
     if result.unreadable:
         print(f"note: {result.unreadable} messages could not be read")
     for note in recording.notes:

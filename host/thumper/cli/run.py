@@ -90,7 +90,7 @@ def run(
     from thumper.common.errors import EXIT_INTERRUPTED, EXIT_USAGE, ThumperError
     from thumper.common.geometry import Pose2
     from thumper.config.robot import load_config, with_ports
-    from thumper.dashboard.process import beside
+    from thumper.dashboard.process import dashboard_process
     from thumper.navigation.goal import Goal, check_place
     from thumper.runtime.assembly import open_robot
     from thumper.runtime.drive.waypoints import Itinerary, follow
@@ -120,14 +120,14 @@ def run(
         goals = (*goals[:-1], replace(goals[-1], theta_rad=math.radians(heading)))
     if not goals:
         with (
-            beside(config, settings.bus.address, wanted=ui),
+            dashboard_process(config, settings.bus.address, wanted=ui),
             open_robot(settings, start_pose, known) as robot,
             recorded(robot, settings, start_pose or Pose2(), record, record_to),
         ):
             _serve(robot, settings, speed, out, console)
         return
     with (
-        beside(config, settings.bus.address, wanted=ui),
+        dashboard_process(config, settings.bus.address, wanted=ui),
         open_robot(settings, start_pose, known) as robot,
         recorded(robot, settings, start_pose or Pose2(), record, record_to),
         on_bus_if_free(robot, settings.name, settings.bus),

@@ -14,7 +14,7 @@ def save(config: ConfigFile = None, bus: BusAddress = "", robot: RobotName = "")
 
     Exits with 1 if that fails.
     """
-    from thumper.bus.heartbeat_sender import HeartbeatSender
+    from thumper.bus.status_watchdog import StatusWatchdog
     from thumper.common.errors import ThumperError
     from thumper.runtime.service.map_saver import NOT_SAVED, SAVED
 
@@ -22,7 +22,7 @@ def save(config: ConfigFile = None, bus: BusAddress = "", robot: RobotName = "")
     with connect(config, bus, robot) as client:
         client.subscribe("events", lambda message: events.put(message.msg))
         client.query("command", {"command": "save_map"})
-        heartbeat, until_s = HeartbeatSender(client), time.monotonic() + SAVE_TIMEOUT_S
+        heartbeat, until_s = StatusWatchdog(client), time.monotonic() + SAVE_TIMEOUT_S
         while time.monotonic() < until_s:
             try:
                 text = events.get(timeout=0.2)

@@ -91,7 +91,7 @@ def watch(
     """
     import queue
 
-    from thumper.bus.heartbeat_sender import HeartbeatSender
+    from thumper.bus.status_watchdog import StatusWatchdog
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.ros.to_json import to_json
     from thumper.ros.to_text import message_text
@@ -102,14 +102,14 @@ def watch(
     received: queue.Queue[Any] = queue.Queue(MAX_QUEUED)
     with connect(config, bus, robot) as client:
         client.subscribe(topic, lambda message: _enqueue(received, message))
-        heartbeat = HeartbeatSender(client)
+        heartbeat = StatusWatchdog(client)
         printed, hint_printed = 0, False
         try:
             while not count or printed < count:
                 try:
                     message = received.get(timeout=POLL_PERIOD_S)
                 except queue.Empty:
-                    if heartbeat.has_talked and not (printed or hint_printed):
+                    if heartbeat.has_received and not (printed or hint_printed):
                         hint_printed = True
                         hint = f"robot {client.robot!r} is running; no messages on {topic} yet"
                         print(f"thumper: {hint} (Ctrl-C to stop)", file=sys.stderr)

@@ -10,7 +10,7 @@ from thumper.cli.bus_options import connect
 from thumper.cli.common_options import BusAddress, ConfigFile, RobotName
 
 if TYPE_CHECKING:
-    from thumper.bus.heartbeat_sender import HeartbeatSender
+    from thumper.bus.status_watchdog import StatusWatchdog
     from thumper.teleop.gamepad import Gamepad
     from thumper.teleop.teleop_loop import TeleopLoop
 
@@ -34,7 +34,7 @@ def teleop(
     The robot drives only while you hold a key or the gamepad's button. When you release it, or if this
     program, the gamepad or the network fails, the robot stops within 0.5 s.
     """
-    from thumper.bus.heartbeat_sender import HeartbeatSender
+    from thumper.bus.status_watchdog import StatusWatchdog
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.config.robot import load_config
     from thumper.teleop.keyboard import raw_terminal
@@ -56,7 +56,7 @@ def teleop(
         loop = TeleopLoop(settings, client.publish, terminal.read if terminal else bytes, pad)
         stack.callback(loop.release)
         try:
-            _drive(loop, pad, latest, HeartbeatSender(client), 1.0 / settings.teleop.rate_Hz)
+            _drive(loop, pad, latest, StatusWatchdog(client), 1.0 / settings.teleop.rate_Hz)
         except KeyboardInterrupt:
             pass
         finally:
@@ -67,7 +67,7 @@ def _drive(
     loop: "TeleopLoop",
     pad: "Gamepad | None",
     latest: dict[str, str],
-    heartbeat: "HeartbeatSender",
+    heartbeat: "StatusWatchdog",
     period_s: float,
 ) -> None:
     """Run the loop until the operator quits; print events and, every 0.2 s, a status line."""

@@ -1,4 +1,4 @@
-"""Where the bus listens, and who may join it: the `[bus]` table of the robot's TOML."""
+"""Options of the bus: the `[bus]` table of the robot's TOML."""
 
 import ipaddress
 from dataclasses import dataclass, replace
@@ -8,38 +8,40 @@ from annotated_types import Ge, Le
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 
-LEAST_TOKEN_CHARACTERS = 12
-USUAL_ROBOT = "thumper"  # the name of a robot without a configuration
-ROBOT_NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,39}$"  # a part of the bus's keys, where / * and $ mean something
+MIN_TOKEN_CHARACTERS = 12
+DEFAULT_ROBOT = "thumper"  # name of a robot without a configuration
+ROBOT_NAME_PATTERN = (
+    r"^[A-Za-z0-9][A-Za-z0-9_-]{0,39}$"  # part of the bus's keys, in which / * and $ are special
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BusOptions:
-    """Nothing outside this machine hears or commands the robot unless told so here."""
+    """Address and access token; by default only programs on this computer can connect."""
 
-    # HOST:PORT to listen at. Any host but a loopback one needs a token.
+    # HOST:PORT of the bus. Any host other than a loopback address requires a token.
     address: str = "127.0.0.1:7447"
-    # Shared secret that everybody who joins must know; at least 12 characters, empty for none.
+    # Clients must present this token: at least 12 characters. Empty disables the check.
     token: str = ""
-    # Port at which `thumper rosbridge` listens.
+    # Port of `thumper rosbridge`.
     rosbridge_port: Annotated[int, Ge(1), Le(65535)] = 9090
 
     def __post_init__(self) -> None:
         host, port = split_address(self.address)
-        if self.token and len(self.token) < LEAST_TOKEN_CHARACTERS:
-            raise ValueError(f"a token has at least {LEAST_TOKEN_CHARACTERS} characters")
+        if self.token and len(self.token) < MIN_TOKEN_CHARACTERS:
+            raise ValueError(f"a token has at least {MIN_TOKEN_CHARACTERS} characters")
         if any(character in self.token for character in ":\n\r") or not self.token.isprintable():
-            raise ValueError("a token has no colon, line break or control character")
+            raise ValueError("a token must not contain a colon, line break or control character")
         if not is_loopback(host) and not self.token:
-            raise ValueError(f"{host}:{port} can be reached from other machines: set a token as well")
+            raise ValueError(f"{host}:{port} can be reached from other computers: set a token, too")
 
     def at(self, address: str) -> "BusOptions":
-        """The same bus at another address.
+        """Return the same bus at another address.
 
         Raises
         ------
         ThumperError
-            It is no address, or one that needs a token.
+            The address is not valid, or requires a token.
         """
         try:
             return replace(self, address=address)
@@ -48,16 +50,16 @@ class BusOptions:
 
 
 def split_address(address: str) -> tuple[str, int]:
-    """HOST:PORT, or [IPv6]:PORT, in two; raises ValueError."""
+    """Split HOST:PORT or [IPv6]:PORT; raises ValueError."""
     host, colon, port = address.rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
     if not colon or not host or not port.isdigit() or not 0 < int(port) < 65536:
-        raise ValueError(f"{address!r} is no address; give HOST:PORT, as in 127.0.0.1:7447")
+        raise ValueError(f"{address!r} is not an address; use HOST:PORT, for example 127.0.0.1:7447")
     return host, int(port)
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine can reach it; a name other than localhost counts as reachable."""
+    """Return whether only this computer can reach the host; names other than localhost count as reachable."""
     if host == "localhost":
         return True
     try:

@@ -9,26 +9,28 @@ from annotated_types import Ge, Le
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.config.bus import is_loopback
 
-SHORTEST_PASSWORD = 8
+MIN_PASSWORD_CHARACTERS = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DashboardOptions:
-    """Where the page is served, and to whom."""
+    """Address, password and certificate of the page."""
 
-    # 127.0.0.1: this machine alone; another address of this machine, or 0.0.0.0, lets others in.
+    # Address to listen on. 127.0.0.1: this computer only; 0.0.0.0: every network of this computer.
     host: str = "127.0.0.1"
+    # Port of the page.
     port: Annotated[int, Ge(1), Le(65535)] = 8080
-    # Asked for before anything else; must be set when the page leaves this machine.
+    # Password of the page; required unless the page is on a loopback address.
     password: str = ""
-    # PEM files for HTTPS; empty: those of `--make-certificate`.
+    # PEM file of the certificate for HTTPS; empty: the one of `--make-certificate`.
     certificate: str = ""
+    # PEM file of the certificate's private key; empty: the one of `--make-certificate`.
     key: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Listening:
-    """Checked options: what the server is started with."""
+class ServerOptions:
+    """Checked options with which the server starts."""
 
     host: str
     port: int
@@ -38,38 +40,39 @@ class Listening:
 
     @property
     def secure(self) -> bool:
-        """Whether it is HTTPS."""
+        """Whether the page uses HTTPS."""
         return self.certificate is not None
 
     @property
     def url(self) -> str:
-        """What to type into the browser."""
+        """Address to open in the browser."""
         host = "localhost" if self.host in ("127.0.0.1", "::1") else self.host
         host = f"[{host}]" if ":" in host else host
         return f"{'https' if self.secure else 'http'}://{host}:{self.port}/"
 
 
-def own_certificate() -> tuple[Path, Path]:
-    """Where `--make-certificate` puts certificate and key."""
+def default_certificate() -> tuple[Path, Path]:
+    """Return where `--make-certificate` puts certificate and key."""
     folder = Path.home() / ".config" / "thumper"
     return folder / "dashboard.crt", folder / "dashboard.key"
 
 
-def checked(options: DashboardOptions) -> Listening:
-    """Return what to start with.
+def check_options(options: DashboardOptions) -> ServerOptions:
+    """Check the options and return what the server needs.
 
     Raises
     ------
     ThumperError
-        The page would leave this machine without a password or without HTTPS, or a file is missing.
+        Other computers could reach the page without a password or HTTPS, or a file is missing.
     """
     pair = certificate_pair(options)
     local = is_loopback(options.host)
     wants_https = pair is not None and (bool(options.certificate) or not local)
-    if not local and len(options.password) < SHORTEST_PASSWORD:
+    if not local and len(options.password) < MIN_PASSWORD_CHARACTERS:
         raise ThumperError(
-            f"the dashboard would be open to everybody who reaches {options.host}: "
-            f'set [dashboard] password = "..." (at least {SHORTEST_PASSWORD} characters), or leave --host',
+            f"anybody who can reach {options.host} could use the dashboard: "
+            f'set [dashboard] password = "..." (at least {MIN_PASSWORD_CHARACTERS} characters) '
+            "or omit --host",
             exit_code=EXIT_USAGE,
         )
     if not local and not wants_https:
@@ -78,7 +81,7 @@ def checked(options: DashboardOptions) -> Listening:
             "run `thumper dashboard --make-certificate` once, or set [dashboard] certificate and key",
             exit_code=EXIT_USAGE,
         )
-    return Listening(
+    return ServerOptions(
         host=options.host,
         port=options.port,
         password=options.password,
@@ -88,22 +91,22 @@ def checked(options: DashboardOptions) -> Listening:
 
 
 def certificate_pair(options: DashboardOptions) -> tuple[Path, Path] | None:
-    """Certificate and key: those that are configured, else those of `--make-certificate`, if there are any.
+    """Return certificate and key: the configured ones, else those of `--make-certificate`, else None.
 
     Raises
     ------
     ThumperError
-        What is configured is not there.
+        A configured file does not exist.
     """
     if not (options.certificate or options.key):
-        own = own_certificate()
-        return own if all(path.is_file() for path in own) else None
+        pair = default_certificate()
+        return pair if all(path.is_file() for path in pair) else None
     if not (options.certificate and options.key):
         raise ThumperError("[dashboard] certificate and key belong together: set both", exit_code=EXIT_USAGE)
     certificate, key = Path(options.certificate).expanduser(), Path(options.key).expanduser()
     for path in (certificate, key):
         if not path.is_file():
             raise ThumperError(
-                f"{path}: no such file; see [dashboard] certificate and key", exit_code=EXIT_USAGE
+                f"{path}: no such file; check [dashboard] certificate and key", exit_code=EXIT_USAGE
             )
     return certificate, key

@@ -1,4 +1,4 @@
-"""Options of the robot's process: the `[service]` table of the robot's TOML."""
+"""Options of manual driving: the `[service]` table of the robot's TOML."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -8,15 +8,15 @@ from annotated_types import Ge, Gt, Le
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ManualDriveOptions:
-    """How long each source of commands is believed, and how fast it may be driven by hand."""
+    """How long each source of commands is valid, and the speed limits of manual driving."""
 
-    # A page that drives or has sent a goal must be heard of this often [s].
+    # A client that drives or has sent a goal must send a heartbeat within this time [s].
     heartbeat_timeout_s: Annotated[float, Gt(0), Le(0.35)] = 0.3
-    # A gamepad's command holds this long [s].
+    # A gamepad command is valid for this time [s].
     gamepad_timeout_s: Annotated[float, Ge(0.1), Le(0.5)] = 0.3
-    # A command of the page's stick or of the keyboard holds this long [s].
+    # A command of the page's stick or the keyboard is valid for this time [s].
     teleop_timeout_s: Annotated[float, Ge(0.1), Le(0.5)] = 0.3
-    # Fastest speed by hand [m/s].
+    # Speed limit of manual driving [m/s].
     manual_v_max_m_s: Annotated[float, Gt(0), Le(1.0)] = 0.8
-    # Fastest turn by hand [rad/s].
+    # Turning speed limit of manual driving [rad/s].
     manual_w_max_rad_s: Annotated[float, Gt(0), Le(6.0)] = 2.5

@@ -1,4 +1,4 @@
-"""The robot's `[recording]`."""
+"""Options of recordings: the `[recording]` table of the robot's TOML."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -8,15 +8,15 @@ from annotated_types import Ge, Gt
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingOptions:
-    """Where recordings go, how much they may take, and how much of them a crash may cost."""
+    """Folder of the recordings and their size limits."""
 
-    # Folder of the recordings, from where the program is started.
+    # Folder of the recordings, relative to where the program starts.
     folder: str = "recordings"
-    # A new file is begun beyond this size [MB] ...
+    # Start a new file beyond this size [MB]; at most a quarter of the budget.
     file_MB: Annotated[float, Gt(0)] = 512.0
-    # ... and beyond this age [s].
+    # Start a new file beyond this age [s].
     file_s: Annotated[float, Gt(0)] = 3600.0
-    # All recordings of this robot in the folder together [MB]: the oldest are deleted for the newest.
+    # Total size of this robot's recordings in the folder [MB]; the oldest are deleted for the newest.
     budget_MB: Annotated[float, Gt(0)] = 8192.0
-    # Recording stops before less than this is left on the disk for everything else [MB].
+    # Stop recording if less than this is free on the disk [MB].
     spare_MB: Annotated[float, Ge(0)] = 256.0

@@ -1,4 +1,4 @@
-"""Read the robot's TOML and check every key, type and range. Nothing unknown is ignored."""
+"""Read the robot's TOML and check every key, type and range. Unknown keys are errors."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -14,7 +14,7 @@ from thumper.board.options import BoardOptions
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.kinematics import DriveGeometry
 from thumper.common.strict_toml import read_checked
-from thumper.config.bus import ROBOT_NAME, BusOptions
+from thumper.config.bus import ROBOT_NAME_PATTERN, BusOptions
 from thumper.config.dashboard import DashboardOptions
 from thumper.config.manual_drive import ManualDriveOptions
 from thumper.config.recording import RecordingOptions
@@ -30,17 +30,17 @@ from thumper.slam.localization.options import AmclOptions
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveOptions(DriveGeometry):
-    """Geometry of the drive, and the fastest wheel speed to ask for."""
+    """Geometry of the drive, and the highest wheel speed to command."""
 
     max_wheel_rad_s: Annotated[float, Gt(0), Le(17)] = 13.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotConfig:
-    """Everything that `thumper` needs to know of one robot; the defaults are the Wild Thumper's."""
+    """The whole configuration of one robot; the defaults are the Wild Thumper's."""
 
-    # Letters, digits, - and _: a part of the bus's keys and of recordings' names.
-    name: Annotated[str, StringConstraints(pattern=ROBOT_NAME)] = "thumper"
+    # Name of the robot: letters, digits, - and _. Part of the bus's keys and of recordings' file names.
+    name: Annotated[str, StringConstraints(pattern=ROBOT_NAME_PATTERN)] = "thumper"
     board: BoardOptions = field(default_factory=BoardOptions)
     lidar: LidarOptions = field(default_factory=LidarOptions)
     drive: DriveOptions = field(default_factory=DriveOptions)
@@ -69,12 +69,12 @@ _ADAPTER = TypeAdapter(RobotConfig)
 
 
 def load_config(path: Path | None) -> RobotConfig:
-    """Read `path`, or give the defaults for None.
+    """Read the file at `path`; return the defaults for None.
 
     Raises
     ------
     ThumperError
-        The file cannot be read, is no TOML, or holds a key, type or value that is wrong: named with the file.
+        The file cannot be read, is not valid TOML, or has a wrong key, type or value. The error names it.
     """
     if path is None:
         return RobotConfig()
@@ -83,11 +83,11 @@ def load_config(path: Path | None) -> RobotConfig:
         check_names(config.navigation)
     except ThumperError as error:
         raise ThumperError(f"{path}: navigation: {error}", exit_code=EXIT_USAGE) from error
-    return _with_files_beside(config, path.parent)
+    return _with_absolute_masks(config, path.parent)
 
 
-def _with_files_beside(config: RobotConfig, folder: Path) -> RobotConfig:
-    """Files that the configuration names are looked for from its own folder."""
+def _with_absolute_masks(config: RobotConfig, folder: Path) -> RobotConfig:
+    """Return the configuration with mask files relative to its own folder."""
     masks = config.navigation.masks
     keepout, speed = (str(folder / name) if name else "" for name in (masks.keepout, masks.speed))
     masks = replace(masks, keepout=keepout, speed=speed)
@@ -95,22 +95,22 @@ def _with_files_beside(config: RobotConfig, folder: Path) -> RobotConfig:
 
 
 def config_to_json(config: RobotConfig) -> str:
-    """The whole configuration, for a recording."""
+    """Return the whole configuration as JSON, for a recording."""
     return _ADAPTER.dump_json(config).decode()
 
 
 def config_from_json(text: str) -> RobotConfig:
-    """What `config_to_json` wrote; raises ValueError when it is of another version of the program."""
+    """Read what `config_to_json` wrote; raises ValueError if another version wrote it."""
     return _ADAPTER.validate_json(text, strict=True)
 
 
 def with_ports(config: RobotConfig, *, board: str, lidar: str) -> RobotConfig:
-    """The same robot on other ports; an empty one stays as configured.
+    """Return the same robot on other ports; an empty port stays as configured.
 
     Raises
     ------
     ThumperError
-        They are ports of two simulated robots.
+        The ports belong to two simulated robots.
     """
     board, lidar = board or config.board.port, lidar or config.lidar.port
     check_same_robot(board, lidar)
@@ -118,11 +118,12 @@ def with_ports(config: RobotConfig, *, board: str, lidar: str) -> RobotConfig:
 
 
 def check_same_robot(board: str, lidar: str) -> None:
-    """Refuse the ports of two simulated robots; raises ThumperError."""
+    """Raise ThumperError if the ports belong to two simulated robots."""
     urls = (urlsplit(board), urlsplit(lidar))
-    one, other = (url.netloc if url.scheme == "sim" else "" for url in urls)
-    if one and other and one != other:
+    board_robot, lidar_robot = (url.netloc if url.scheme == "sim" else "" for url in urls)
+    if board_robot and lidar_robot and board_robot != lidar_robot:
         raise ThumperError(
-            f"sim://{one} and sim://{other} are two simulated robots: give board and lidar the same name",
+            f"sim://{board_robot} and sim://{lidar_robot} are two simulated robots; "
+            "use the same name for board and lidar",
             exit_code=EXIT_USAGE,
         )

@@ -1,7 +1,7 @@
-"""What goes to the browsers: one binary packet a tick, the same bytes for every page.
+"""Binary packets for the browsers: one per tick, the same bytes for every page.
 
 A packet is the length of a JSON header (uint32, little-endian), the header, padding to four bytes, then the
-arrays. The header holds the small values; under `arrays` it says where each array lies:
+arrays. The header holds the small values, and under `arrays` the position of each array:
 `name: [offset in bytes, count, kind]`, kind `f4` (float32) or `u1` (bytes, a PNG).
 """
 
@@ -16,34 +16,34 @@ from numpy.typing import NDArray
 
 ALIGNMENT_BYTES = 4
 
-Part = NDArray[Any] | bytes
+PacketArray = NDArray[Any] | bytes
 
 
-def encode_packet(values: Mapping[str, Any], arrays: Mapping[str, Part]) -> bytes:
-    """Return the packet; arrays of any float kind go as float32, bytes as they are."""
-    places: dict[str, tuple[int, int, str]] = {}
+def encode_packet(values: Mapping[str, Any], arrays: Mapping[str, PacketArray]) -> bytes:
+    """Return the packet; float arrays are sent as float32, bytes unchanged."""
+    layout: dict[str, tuple[int, int, str]] = {}
     body = bytearray()
     for name, array in arrays.items():
         if isinstance(array, bytes):
             raw, count, kind = array, len(array), "u1"
         else:
             raw, count, kind = array.astype("<f4").tobytes(), int(array.size), "f4"
-        places[name] = (len(body), count, kind)
+        layout[name] = (len(body), count, kind)
         body += raw + bytes(-len(raw) % ALIGNMENT_BYTES)
-    header = json.dumps({**values, "arrays": places}, separators=(",", ":"), allow_nan=False).encode()
+    header = json.dumps({**values, "arrays": layout}, separators=(",", ":"), allow_nan=False).encode()
     header += b" " * (-len(header) % ALIGNMENT_BYTES)
     return struct.pack("<I", len(header)) + header + bytes(body)
 
 
 def grid_png(cells: NDArray[np.int8]) -> bytes:
-    """Return cells, shape (rows, columns), row 0 at the bottom, as an 8-bit grey PNG, row 0 at the top of it.
+    """Return cells, shape (rows, columns), as an 8-bit grey PNG.
 
-    A pixel is the cell's value + 1: 0 unknown, 1...101 occupancy, so that the page paints it in its own
-    colours.
+    Row 0 is the bottom row of the map and the top row of the PNG. A pixel is the cell's value + 1:
+    0 unknown, 1...101 occupancy. The page colours it.
     """
     rows, columns = cells.shape
     pixels = (cells.astype(np.int16) + 1).astype(np.uint8)
-    lines = np.zeros((rows, columns + 1), dtype=np.uint8)  # each line begins with its filter: none
+    lines = np.zeros((rows, columns + 1), dtype=np.uint8)  # each line starts with its filter type, 0
     lines[:, 1:] = pixels
     header = struct.pack(">IIBBBBB", columns, rows, 8, 0, 0, 0, 0)
     return (

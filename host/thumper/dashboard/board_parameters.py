@@ -1,4 +1,4 @@
-"""The board's parameters over the bus: their ranges, their values, and how to change them."""
+"""Read and change the board's parameters over the bus."""
 
 import math
 from collections.abc import Mapping
@@ -11,66 +11,66 @@ from thumper.common.errors import ThumperError
 DOCS = {spec.name: spec.doc for spec in PARAMETERS}
 
 
-class Asker(Protocol):
-    """The part of the bus that parameters need."""
+class QueryClient(Protocol):
+    """The part of the bus client that the panels need."""
 
     def query(self, name: str, content: Mapping[str, Any], *, source: str = "") -> Mapping[str, Any]:
-        """Ask the robot and return its answer; raises ThumperError when it refuses or gives none."""
+        """Call a service of the robot; raises ThumperError if it refuses or does not answer."""
         ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """One parameter as the robot describes it."""
+    """Range and default of one parameter."""
 
     name: str
     unit: str
     minimum: float
     maximum: float
     default: float
-    step: float  # the finest that the wire carries
+    step: float  # resolution on the wire
 
-    def objection(self, value: Any) -> str:
-        """Why this value cannot be set; empty when it can."""
+    def range_error(self, value: Any) -> str:
+        """Return why the value cannot be set; empty if it can."""
         number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
         if number and self.minimum <= value <= self.maximum:
             return ""
-        return f"give {self.minimum:g} … {self.maximum:g}"
+        return f"must be {self.minimum:g} … {self.maximum:g}"
 
 
 class Parameters:
-    """What the page asks of the robot about its board; each call waits for the answer."""
+    """The robot's parameter services; each call waits for the answer."""
 
-    def __init__(self, bus: Asker) -> None:
+    def __init__(self, bus: QueryClient) -> None:
         self._bus = bus
 
     def schema(self) -> list[Parameter]:
-        """Every parameter of the board."""
+        """Return the range of every parameter."""
         return [Parameter(**entry) for entry in self._bus.query("parameters/schema", {})["parameters"]]
 
     def values(self) -> dict[str, float]:
-        """What the board works with now."""
+        """Return the values in use."""
         return _numbers(self._bus.query("parameters/get", {}))
 
-    def change(self, known: Mapping[str, Parameter], wanted: Mapping[str, Any]) -> dict[str, float]:
-        """Set some of them; returns what the board made of them.
+    def set(self, schema: Mapping[str, Parameter], values: Mapping[str, Any]) -> dict[str, float]:
+        """Set parameters; return the values as the board rounded them.
 
         Raises
         ------
         ThumperError
-            A value is out of its range (nothing is sent then), or the robot or its board refuses.
+            A value is out of range (then none is sent), or the robot or its board refuses.
         """
-        for name, value in wanted.items():
-            if objection := known[name].objection(value):
-                raise ThumperError(f"{name} = {value!r} is refused: {objection} {known[name].unit}")
-        return _numbers(self._bus.query("parameters/set", dict(wanted)))
+        for name, value in values.items():
+            if error := schema[name].range_error(value):
+                raise ThumperError(f"{name} = {value!r}: {error} {schema[name].unit}")
+        return _numbers(self._bus.query("parameters/set", dict(values)))
 
     def save(self) -> None:
-        """Have the board keep them across resets."""
+        """Save the values in use on the board, so that a reset keeps them."""
         self._bus.query("parameters/save", {})
 
     def revert(self) -> dict[str, float]:
-        """Go back to what the board has saved."""
+        """Return to the values saved on the board."""
         return _numbers(self._bus.query("parameters/revert", {}))
 
 

@@ -1,4 +1,4 @@
-"""The page's end of the bus: there before the robot is, and again when the robot comes back."""
+"""The page's connection to the bus: it may start before the robot, and reconnects when the robot returns."""
 
 import math
 import threading
@@ -12,14 +12,14 @@ from thumper.common.errors import ThumperError
 from thumper.ros.codec import Message
 
 RETRY_S = 1.0
-SILENT_S = 3.0  # a robot at work says something ten times a second
+SILENT_S = 3.0  # a running robot publishes ten times per second
 
 
 class Client(Protocol):
-    """A `BusClient`."""
+    """The part of `BusClient` that the page needs."""
 
     def subscribe(self, topic: str, callback: Callable[[Message], None]) -> None:
-        """Have each message of a topic."""
+        """Call `callback` with each message of a topic."""
         ...
 
     def publish(self, topic: str, message: Message, *, source: str = "") -> None:
@@ -27,70 +27,70 @@ class Client(Protocol):
         ...
 
     def query(self, name: str, payload: Mapping[str, Any], *, source: str = "") -> Mapping[str, Any]:
-        """Ask the robot."""
+        """Call a service of the robot."""
         ...
 
     def close(self) -> None:
-        """Leave the bus."""
+        """Disconnect."""
         ...
 
 
 class BusLink:
-    """Joins the bus as soon as there is one; until then orders go nowhere and questions are refused."""
+    """Connects as soon as there is a robot; until then it drops messages and refuses queries."""
 
-    def __init__(self, join: Callable[[], Client]) -> None:
-        """`join` opens a client or raises ThumperError, and may wait."""
-        self._join = join
+    def __init__(self, connect: Callable[[], Client]) -> None:
+        """`connect` opens a client or raises ThumperError; it may block."""
+        self._connect = connect
         self._client: Client | None = None
-        self._end = threading.Event()
-        self._heard_s = -math.inf
-        self.problem = ""  # why there is no robot, in words
+        self._closed = threading.Event()
+        self._received_s = -math.inf
+        self.problem = ""  # why there is no connection
 
-    def start(self, take: Callable[[str, Message], None], topics: tuple[str, ...]) -> None:
-        """Begin to join; `take` is called with topic and message, on threads of the bus."""
-        threading.Thread(target=self._run, args=(take, topics), name="robot-link", daemon=True).start()
+    def start(self, on_message: Callable[[str, Message], None], topics: tuple[str, ...]) -> None:
+        """Start connecting; `on_message` is called with topic and message, on threads of the bus."""
+        threading.Thread(target=self._run, args=(on_message, topics), name="robot-link", daemon=True).start()
 
-    def publish(self, topic: str, of: Message, *, source: str) -> None:
-        """Send a message, if there is a robot."""
-        client = self._client  # the thread that joins may take it away at any moment
+    def publish(self, topic: str, message: Message, *, source: str) -> None:
+        """Send a message if there is a robot."""
+        client = self._client  # the connecting thread may reset it at any time
         if client is not None:
             with suppress(ThumperError):
-                client.publish(topic, of, source=source)
+                client.publish(topic, message, source=source)
 
     def query(self, name: str, content: Mapping[str, Any], *, source: str = "") -> Mapping[str, Any]:
-        """Ask the robot; raises ThumperError when it refuses or does not answer."""
+        """Call a service of the robot; raises ThumperError if it refuses or does not answer."""
         client = self._client
         if client is None:
-            raise ThumperError(self.problem or "there is no robot yet")
+            raise ThumperError(self.problem or "no robot is connected yet")
         return client.query(name, content, source=source)
 
     def close(self) -> None:
-        """Leave the bus, or stop trying to join."""
-        self._end.set()
-        self._leave()
+        """Disconnect, or stop trying to connect."""
+        self._closed.set()
+        self._disconnect()
 
-    def _run(self, take: Callable[[str, Message], None], topics: tuple[str, ...]) -> None:
-        """Join, and join anew when the robot has fallen silent: another one may have taken its place."""
+    def _run(self, on_message: Callable[[str, Message], None], topics: tuple[str, ...]) -> None:
+        """Connect, and reconnect if the robot falls silent: another process may have taken its place."""
 
-        def heard(topic: str, message: Message) -> None:
-            self._heard_s = time.monotonic()
-            take(topic, message)
+        def receive(topic: str, message: Message) -> None:
+            self._received_s = time.monotonic()
+            on_message(topic, message)
 
-        while not self._end.is_set():
-            if self._client is None or time.monotonic() - self._heard_s > SILENT_S:
-                self._leave()
+        while not self._closed.is_set():
+            if self._client is None or time.monotonic() - self._received_s > SILENT_S:
+                self._disconnect()
                 try:
-                    # Orders go out from here on: who sees the robot must be able to stop it.
-                    self._client = client = self._join()
-                    self._heard_s = time.monotonic()
+                    # Set before subscribing: whoever sees the robot must be able to stop it.
+                    self._client = client = self._connect()
+                    self._received_s = time.monotonic()
                     for topic in topics:
-                        client.subscribe(topic, partial(heard, topic))
+                        client.subscribe(topic, partial(receive, topic))
                 except ThumperError as error:
                     self.problem = str(error)
-                    self._leave()
-            self._end.wait(RETRY_S)
+                    self._disconnect()
+            self._closed.wait(RETRY_S)
 
-    def _leave(self) -> None:
+    def _disconnect(self) -> None:
         client, self._client = self._client, None
         if client is not None:
             client.close()

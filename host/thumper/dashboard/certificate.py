@@ -1,4 +1,4 @@
-"""A certificate that the machine signs for itself: HTTPS in a class room without anybody's authority."""
+"""Self-signed certificates: HTTPS in a classroom without a certificate authority."""
 
 import datetime
 import ipaddress
@@ -9,28 +9,26 @@ from pathlib import Path
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 
-VALID_DAYS = 825  # browsers refuse longer ones
-BACKDATED = datetime.timedelta(days=1)  # the clients' clocks may be behind
+VALID_DAYS = 825  # browsers refuse longer validity
+BACKDATED = datetime.timedelta(days=1)  # clocks of clients may be slow
 
 
 def make_certificate(certificate: Path, key: Path, names: list[str]) -> str:
-    """Write key and certificate for `names` (host names, addresses); return its SHA-256 fingerprint.
+    """Write key and certificate for `names` (host names, addresses); return the SHA-256 fingerprint.
 
     Raises
     ------
     ThumperError
-        One of the files is there already, or cannot be written.
+        One of the files exists already, or cannot be written.
     """
     from cryptography import x509
     from cryptography.hazmat.primitives import hashes, serialization
     from cryptography.hazmat.primitives.asymmetric import ec
     from cryptography.x509.oid import NameOID
 
-    for path in (certificate, key):  # before either is written: half a pair is of no use
+    for path in (certificate, key):  # before writing either: half a pair is useless
         if path.exists():
-            raise ThumperError(
-                f"{path} is there already; move it away to make a new one", exit_code=EXIT_USAGE
-            )
+            raise ThumperError(f"{path} exists already; move it away to make a new one", exit_code=EXIT_USAGE)
     secret = ec.generate_private_key(ec.SECP256R1())
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"Thumper on {socket.gethostname()}"[:64])])
     now = datetime.datetime.now(datetime.UTC)
@@ -55,19 +53,19 @@ def make_certificate(certificate: Path, key: Path, names: list[str]) -> str:
 
 
 def server_tls(certificate: Path, key: Path) -> ssl.SSLContext:
-    """What a server of ours shows to its clients; raises ThumperError when the files are none for that."""
+    """Return a TLS context with this certificate; raises ThumperError if the files cannot be used."""
     tls = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
     try:
         tls.load_cert_chain(certificate, key)
-    except OSError as error:  # also ssl's own
+    except OSError as error:  # ssl.SSLError is one, too
         raise ThumperError(
-            f"{certificate}, {key}: they cannot be used ({error})", exit_code=EXIT_USAGE
+            f"{certificate}, {key}: not a usable certificate and key ({error})", exit_code=EXIT_USAGE
         ) from error
     return tls
 
 
-def own_names(host: str) -> list[str]:
-    """What this machine may be called by: its host name, `host` if it is an address, loopback."""
+def local_names(host: str) -> list[str]:
+    """Return the names of this computer: host name, `host` if it is an address, and loopback."""
     names = [socket.gethostname(), "localhost", "127.0.0.1"]
     if host not in ("0.0.0.0", "::", *names):
         names.append(host)

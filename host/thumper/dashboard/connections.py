@@ -1,4 +1,4 @@
-"""The pages that are open, and the one tick that feeds them all."""
+"""Connections of the open pages, and the tick that sends to all of them."""
 
 import asyncio
 import json
@@ -12,67 +12,68 @@ from typing import Any
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from thumper.common.errors import ThumperError
-from thumper.dashboard.page_commands import PageCommands, Question
+from thumper.dashboard.page_commands import PageCommands, PendingQuery
 from thumper.dashboard.page_messages import (
-    LARGEST_ORDER_BYTES,
+    MAX_MESSAGE_BYTES,
     EStop,
     PageHeartbeat,
     PageMessageError,
-    read_order,
+    parse_message,
 )
 from thumper.dashboard.page_state import PageState
 from thumper.dashboard.rate_limit import RateLimit
 
-PERIOD_S = 0.05  # at least 20 packets a second, so that a page knows the line is alive
-SPACING_S = 0.02  # and at most 50: news goes out at once, a burst of news goes out together
-SETTLE_S = 0.003  # a beat's messages come one after the other within this time
-MOST_PAGES = 16  # their heartbeats together stay within what the robot takes
-MOST_WAITING = 20  # packets, a second: a page further behind is given the whole picture when it can take it
-ORDER_RATE_HZ = 60.0  # heartbeats are 10, the stick is 20
-ORDER_BURST = 60
-MOST_QUESTIONS = 4  # of a page at once
+MAX_PERIOD_S = 0.05  # at least 20 packets per second, so that a page knows that the connection is alive
+MIN_PERIOD_S = 0.02  # and at most 50: a change is sent at once, a burst of changes together
+BATCH_WINDOW_S = 0.003  # the messages of one control cycle arrive within this time
+MAX_PAGES = 16  # their heartbeats together stay below the robot's rate limit
+MAX_QUEUED = 20  # packets, 1 s: a page further behind receives a full packet when it can take one
+MESSAGE_RATE_HZ = 60.0  # heartbeats are 10, the stick is 20
+MESSAGE_BURST = 60
+MAX_PENDING_QUERIES = 4  # per page
 
 
 class PageConnection:
-    """One open page: what waits to be sent to it."""
+    """One open page and the queue of what is to be sent to it."""
 
     def __init__(self, socket: WebSocket) -> None:
         self.name = secrets.token_hex(4)
         self.socket = socket
-        self.waiting: deque[bytes | str] = deque()
-        self.behind = True  # a new page needs the whole picture
-        self.news = asyncio.Event()
-        self.questions: set[asyncio.Task[None]] = set()
+        self.queue: deque[bytes | str] = deque()
+        self.needs_full_packet = True  # as every new page
+        self.has_queued = asyncio.Event()
+        self.queries: set[asyncio.Task[None]] = set()
 
-    def give(self, packet: bytes) -> None:
-        """Queue a packet; never waits."""
-        if len(self.waiting) >= MOST_WAITING:
-            self.waiting.clear()
-            self.behind = True
-        if not self.behind:
-            self.waiting.append(packet)
-        self.news.set()
+    def send_packet(self, packet: bytes) -> None:
+        """Queue a packet. Never blocks."""
+        if len(self.queue) >= MAX_QUEUED:
+            self.queue.clear()
+            self.needs_full_packet = True
+        if not self.needs_full_packet:
+            self.queue.append(packet)
+        self.has_queued.set()
 
-    def say(self, kind: str, **content: Any) -> None:
-        """Queue a small text message."""
-        if len(self.waiting) < 2 * MOST_WAITING:
-            self.waiting.append(json.dumps({"kind": kind, **content}))
-            self.news.set()
+    def send_text(self, kind: str, **content: Any) -> None:
+        """Queue a JSON message."""
+        if len(self.queue) < 2 * MAX_QUEUED:
+            self.queue.append(json.dumps({"kind": kind, **content}))
+            self.has_queued.set()
 
 
 class Connections:
     """All open pages of one robot."""
 
-    def __init__(self, view: PageState, helm: PageCommands, extra: Callable[[], dict[str, Any]]) -> None:
-        self._view = view
-        self._helm = helm
+    def __init__(self, state: PageState, commands: PageCommands, extra: Callable[[], dict[str, Any]]) -> None:
+        """`extra` returns further values for each packet."""
+        self._state = state
+        self._commands = commands
         self._extra = extra
         self._pages: set[PageConnection] = set()
         self._changed = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
 
     def on_change(self) -> None:
-        """Wake the tick; on any thread."""
+        """Wake the tick. May be called from any thread."""
         if self._loop is not None:
             with suppress(RuntimeError):  # the loop has ended
                 self._loop.call_soon_threadsafe(self._changed.set)
@@ -82,23 +83,23 @@ class Connections:
         self._loop = asyncio.get_running_loop()
         while True:
             with suppress(TimeoutError):
-                await asyncio.wait_for(self._changed.wait(), PERIOD_S)
-                await asyncio.sleep(SETTLE_S)
+                await asyncio.wait_for(self._changed.wait(), MAX_PERIOD_S)
+                await asyncio.sleep(BATCH_WINDOW_S)
             self._changed.clear()
-            begun_s = time.monotonic()
-            packet = self._view.tick(self._about())
+            start_s = time.monotonic()
+            packet = self._state.tick(self._common_values())
             for page in self._pages:
-                page.give(packet)
-            await asyncio.sleep(max(0.0, SPACING_S - (time.monotonic() - begun_s)))
+                page.send_packet(packet)
+            await asyncio.sleep(max(0.0, MIN_PERIOD_S - (time.monotonic() - start_s)))
 
     async def serve(self, socket: WebSocket) -> None:
-        """Serve one page until it goes."""
-        if len(self._pages) >= MOST_PAGES:
+        """Serve one page until it disconnects."""
+        if len(self._pages) >= MAX_PAGES:
             await socket.close(code=1013, reason="too many pages")
             return
         await socket.accept()
         page = PageConnection(socket)
-        page.say("hello", me=page.name)
+        page.send_text("hello", me=page.name)
         self._pages.add(page)
         sender = asyncio.create_task(self._send(page))
         try:
@@ -107,61 +108,61 @@ class Connections:
             pass
         finally:
             self._pages.discard(page)
-            self._helm.leave(page.name)
+            self._commands.on_disconnect(page.name)
             sender.cancel()
 
-    def _about(self) -> dict[str, Any]:
-        return {"pages": len(self._pages), "operator": self._helm.newest, **self._extra()}
+    def _common_values(self) -> dict[str, Any]:
+        return {"pages": len(self._pages), "operator": self._commands.operator, **self._extra()}
 
     async def _send(self, page: PageConnection) -> None:
         with suppress(WebSocketDisconnect, RuntimeError):
             while True:
-                await page.news.wait()
-                page.news.clear()
-                while page.waiting:
-                    item = page.waiting.popleft()
+                await page.has_queued.wait()
+                page.has_queued.clear()
+                while page.queue:
+                    item = page.queue.popleft()
                     await (
                         page.socket.send_text(item) if isinstance(item, str) else page.socket.send_bytes(item)
                     )
-                if page.behind:
-                    page.behind = False
-                    await page.socket.send_bytes(self._view.whole(self._about()))
+                if page.needs_full_packet:
+                    page.needs_full_packet = False
+                    await page.socket.send_bytes(self._state.full_packet(self._common_values()))
 
     async def _receive(self, page: PageConnection) -> None:
-        limit = RateLimit(ORDER_RATE_HZ, ORDER_BURST)
+        limit = RateLimit(MESSAGE_RATE_HZ, MESSAGE_BURST)
         while True:
             text = await page.socket.receive_text()
             allowed = limit.allows()
-            if len(text) > LARGEST_ORDER_BYTES:
+            if len(text) > MAX_MESSAGE_BYTES:
                 await page.socket.close(code=1009, reason="too long")
                 return
             try:
-                order = read_order(text)
+                message = parse_message(text)
             except PageMessageError as error:
                 if allowed:
-                    page.say("refused", text=str(error))
+                    page.send_text("refused", text=str(error))
                 continue
-            if not allowed and not isinstance(order, EStop):
-                continue  # a flood; a stop is always heard
-            question = self._helm.obey(page.name, order)
-            if question is not None:
-                self._ask(page, question)
-            if isinstance(order, PageHeartbeat):
-                page.say("beat", n=order.n)
+            if not allowed and not isinstance(message, EStop):
+                continue  # rate limit; an E-stop always passes
+            query = self._commands.handle(page.name, message)
+            if query is not None:
+                self._run_query(page, query)
+            if isinstance(message, PageHeartbeat):
+                page.send_text("beat", n=message.n)
 
-    def _ask(self, page: PageConnection, question: Question) -> None:
-        """Have the robot answer on a thread; heartbeats must not wait for it."""
-        if len(page.questions) >= MOST_QUESTIONS:
-            page.say("refused", text="wait for the robot's answer to what you asked before")
+    def _run_query(self, page: PageConnection, query: PendingQuery) -> None:
+        """Query the robot in a thread, so that heartbeats do not wait for its answer."""
+        if len(page.queries) >= MAX_PENDING_QUERIES:
+            page.send_text("refused", text="too many requests are pending; wait for the robot's answers")
             return
 
-        async def ask() -> None:
+        async def run() -> None:
             try:
-                if text := await asyncio.to_thread(question):
-                    page.say("note", text=text)
+                if text := await asyncio.to_thread(query):
+                    page.send_text("note", text=text)
             except ThumperError as error:
-                page.say("refused", text=str(error))
+                page.send_text("refused", text=str(error))
 
-        task = asyncio.create_task(ask())
-        page.questions.add(task)
-        task.add_done_callback(page.questions.discard)
+        task = asyncio.create_task(run())
+        page.queries.add(task)
+        task.add_done_callback(page.queries.discard)

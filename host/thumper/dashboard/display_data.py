@@ -1,6 +1,6 @@
-"""From the bus's messages to what a page draws: small values for a packet's header, arrays for its body.
+"""Convert messages of the bus to what a page draws: values for a packet's header, arrays for its body.
 
-Each function raises ValueError when a message holds what the product's data cannot be.
+Each function raises ValueError if a message holds invalid values.
 """
 
 import math
@@ -23,17 +23,17 @@ Row = tuple[float, ...]
 
 
 def stamped_pose(message: Message) -> tuple[float, Pose2]:
-    """PoseWithCovarianceStamped as time [s] and pose."""
+    """Return time [s] and pose of a PoseWithCovarianceStamped."""
     return 1e-9 * stamp_ns_of(message), pose_of(message.pose.pose)
 
 
-def triple(pose: Pose2) -> list[float]:
-    """A pose for the header: x and y [m], heading [rad]."""
+def pose_list(pose: Pose2) -> list[float]:
+    """Return a pose for the header: x and y [m], heading [rad]."""
     return [round(pose.x_m, 4), round(pose.y_m, 4), round(pose.theta_rad, 5)]
 
 
 def scan_points(message: Message, base_from_laser: Pose2, track: PoseTrack) -> FloatArray:
-    """LaserScan's hits in the map, shape (n, 2) [m], each from where the robot was at its ray's time."""
+    """Return the hits of a LaserScan in the map, shape (n, 2) [m], corrected for the robot's motion."""
     scan = scan_of(message)
     ranges_m = scan.ranges_m
     with np.errstate(invalid="ignore"):
@@ -44,22 +44,25 @@ def scan_points(message: Message, base_from_laser: Pose2, track: PoseTrack) -> F
     return track.in_map(base_from_laser.apply(hits_in_laser), times_s)
 
 
-def grid(message: Message) -> tuple[dict[str, Any], bytes]:
-    """OccupancyGrid: where it lies, and its cells as a PNG."""
-    known = grid_of(message)
-    rows, columns = known.cells.shape
-    place = {
-        "resolution_m": known.resolution_m,
-        "origin": [known.origin_x_m, known.origin_y_m],
+def grid_data(message: Message) -> tuple[dict[str, Any], bytes]:
+    """Return position and size of an OccupancyGrid, and its cells as a PNG."""
+    grid = grid_of(message)
+    rows, columns = grid.cells.shape
+    info = {
+        "resolution_m": grid.resolution_m,
+        "origin": [grid.origin_x_m, grid.origin_y_m],
         "columns": columns,
         "rows": rows,
     }
-    return place, grid_png(known.cells)
+    return info, grid_png(grid.cells)
 
 
 def wheel_row(message: Message) -> Row:
-    """thumper_msgs/Wheels as a row of the charts: time [s], then of the left and the right side set-point and
-    speed [rad/s], PWM, its integral part [PWM], current [A]."""
+    """Return a thumper_msgs/Wheels as a row of the charts.
+
+    Time [s], then for the left and the right side: set-point and speed [rad/s], PWM, the integral part of
+    the PWM, current [A].
+    """
     sample = telemetry_of(message)
     t = sample.telemetry
     return (
@@ -70,7 +73,7 @@ def wheel_row(message: Message) -> Row:
 
 
 def board(message: Message) -> dict[str, Any]:
-    """What else thumper_msgs/Wheels tells: battery, state and fault of the board."""
+    """Return battery, state, fault and counts of a thumper_msgs/Wheels."""
     t: Telemetry = telemetry_of(message).telemetry
     return {
         "battery_V": t.battery_mV / 1000.0,
@@ -82,12 +85,13 @@ def board(message: Message) -> dict[str, Any]:
 
 
 def status(message: Message) -> dict[str, Any]:
-    """thumper_msgs/Status as it is; None where it has no number, for JSON knows no NaN."""
-    return {name: _plain(value) for name, value in asdict(status_of(message)).items() if name != "time_s"}
+    """Return a thumper_msgs/Status as a dictionary, with None for NaN, which JSON does not have."""
+    fields = asdict(status_of(message))
+    return {name: _json_number(value) for name, value in fields.items() if name != "time_s"}
 
 
 def event(message: Message) -> dict[str, Any]:
-    """rcl_interfaces/Log as a line of the log."""
+    """Return an rcl_interfaces/Log as a line of the log."""
     return {
         "time_s": message.stamp.sec + 1e-9 * message.stamp.nanosec,
         "level": LOG_LEVELS.get(int(message.level), "info"),
@@ -105,7 +109,7 @@ def _side(setpoint_mrad_s: int, speed_mrad_s: int, pwm: int, integral: int, curr
     )
 
 
-def _plain(value: Any) -> Any:
+def _json_number(value: Any) -> Any:
     if isinstance(value, float):
         return round(float(value), 4) if math.isfinite(value) else None
     return value

@@ -1,4 +1,4 @@
-"""Sliders and numbers for the board's parameters: changed here, then applied, reverted or saved together."""
+"""Panel with the board's parameters: edit them, then apply, undo, revert or save all changes."""
 
 import asyncio
 from collections.abc import Callable
@@ -12,23 +12,23 @@ from thumper.common.errors import ThumperError
 from thumper.dashboard.board_parameters import DOCS, Parameter, Parameters
 from thumper.dashboard.widgets import box, button
 
-SHOWN_DIGITS = 3
-RETRY_S = 2.0  # the robot may come later than the page
+DECIMALS = 3
+RETRY_S = 2.0  # the robot may start after the page
 
 
 class GainsPanel:
-    """One page's panel."""
+    """The panel of one page."""
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters
-        self._known: dict[str, Parameter] = {}
+        self._schema: dict[str, Parameter] = {}
         self._on_board: dict[str, float] = {}
-        self._wanted: dict[str, Any] = {}
+        self._edited: dict[str, Any] = {}
         self._numbers: dict[str, ui.number] = {}
         self._busy = False
 
     def build(self) -> None:
-        """Put the panel where NiceGUI is; it asks the robot as soon as the page is open."""
+        """Add the panel to the current NiceGUI container; it queries the robot once the page is open."""
         with box("tp-buttons"):
             self._apply = self._button("Apply", self._on_apply, "tp-go")
             self._undo = self._button("Undo", self._on_undo, "tp-plain")
@@ -36,36 +36,36 @@ class GainsPanel:
             self._button("Save on board", self._on_save, "tp-plain")
         self._message = ui.html("", tag="p", sanitize=False).classes("tp-message").props("role=status")
         self._list = box("tp-gains")
-        self._button("Read from the board", self._load, "tp-plain")
-        self._until_loaded = ui.timer(RETRY_S, self._load, immediate=True)
+        self._button("Read from board", self._load, "tp-plain")
+        self._retry_timer = ui.timer(RETRY_S, self._load, immediate=True)
 
-    def _button(self, text: str, action: Callable[[], Any], kind: str) -> ui.element:
-        with button(kind).on("click", action) as made:
+    def _button(self, text: str, action: Callable[[], Any], classes: str) -> ui.element:
+        with button(classes).on("click", action) as element:
             ui.html(text, tag="span", sanitize=False)
-        return made
+        return element
 
     async def _load(self) -> None:
-        async def ask() -> str:
+        async def load() -> str:
             schema = await asyncio.to_thread(self._parameters.schema)
             self._on_board = await asyncio.to_thread(self._parameters.values)
-            self._known = {parameter.name: parameter for parameter in schema}
-            self._wanted = dict(self._on_board)
+            self._schema = {parameter.name: parameter for parameter in schema}
+            self._edited = dict(self._on_board)
             self._rows()
-            self._until_loaded.deactivate()
+            self._retry_timer.deactivate()
             return ""
 
-        await self._do(ask)
+        await self._run(load)
 
     def _rows(self) -> None:
         self._list.clear()
         self._numbers.clear()
         with self._list:
-            for parameter in self._known.values():
+            for parameter in self._schema.values():
                 self._row(parameter)
         self._show_changes()
 
     def _row(self, parameter: Parameter) -> None:
-        name, value = parameter.name, round(self._on_board[parameter.name], SHOWN_DIGITS)
+        name, value = parameter.name, round(self._on_board[parameter.name], DECIMALS)
         with box("tp-gain"):
             title = f"{DOCS.get(name, '')} {parameter.minimum:g} … {parameter.maximum:g} {parameter.unit}"
             ui.html(escape(name), tag="label", sanitize=False).props(f'title="{title}"')
@@ -74,8 +74,8 @@ class GainsPanel:
                 ui.number(
                     value=value,
                     step=_step(parameter),
-                    validation=lambda given: parameter.objection(given) or None,
-                    on_change=lambda event: self._want(name, event.value),
+                    validation=lambda entered: parameter.range_error(entered) or None,
+                    on_change=lambda event: self._edit(name, event.value),
                 )
                 .props(f'dense outlined hide-bottom-space aria-label="{name}" data-gain={name}')
                 .classes("tp-number")
@@ -83,75 +83,75 @@ class GainsPanel:
             slider = ui.slider(
                 min=parameter.minimum, max=parameter.maximum, step=_step(parameter), value=value
             ).props(f'aria-label="{name} slider" data-slider={name}')
-            slider.on_value_change(partial(self._slide, number))
-            number.on_value_change(partial(self._follow, slider, parameter))
+            slider.on_value_change(partial(self._set_number, number))
+            number.on_value_change(partial(self._move_slider, slider, parameter))
             self._numbers[name] = number
 
     @staticmethod
-    def _slide(number: ui.number, event: Any) -> None:
+    def _set_number(number: ui.number, event: Any) -> None:
         if number.value != event.value and event.value is not None:
             number.set_value(event.value)
 
     @staticmethod
-    def _follow(slider: ui.slider, parameter: Parameter, event: Any) -> None:
-        if not parameter.objection(event.value) and slider.value != event.value:
+    def _move_slider(slider: ui.slider, parameter: Parameter, event: Any) -> None:
+        if not parameter.range_error(event.value) and slider.value != event.value:
             slider.set_value(event.value)
 
-    def _want(self, name: str, value: Any) -> None:
-        self._wanted[name] = value
+    def _edit(self, name: str, value: Any) -> None:
+        self._edited[name] = value
         self._show_changes()
 
     def _changes(self) -> dict[str, Any]:
         return {
             name: value
-            for name, value in self._wanted.items()
-            if value is None or round(value, SHOWN_DIGITS) != round(self._on_board[name], SHOWN_DIGITS)
+            for name, value in self._edited.items()
+            if value is None or round(value, DECIMALS) != round(self._on_board[name], DECIMALS)
         }
 
     def _show_changes(self) -> None:
         changes = self._changes()
         for name, number in self._numbers.items():
             number.classes(add="tp-changed") if name in changes else number.classes(remove="tp-changed")
-        for needing in (self._apply, self._undo):
-            needing.props("disabled") if not changes else needing.props(remove="disabled")
+        for element in (self._apply, self._undo):
+            element.props(remove="disabled") if changes else element.props("disabled")
 
     async def _on_apply(self) -> None:
         async def change() -> str:
-            answer = await asyncio.to_thread(self._parameters.change, self._known, self._changes())
-            self._take(answer)
-            return "The board works with " + ", ".join(f"{name} {value:g}" for name, value in answer.items())
+            answer = await asyncio.to_thread(self._parameters.set, self._schema, self._changes())
+            self._show_values(answer)
+            return "The board now uses " + ", ".join(f"{name} {value:g}" for name, value in answer.items())
 
-        await self._do(change)
+        await self._run(change)
 
     def _on_undo(self) -> None:
-        self._take(self._on_board)
-        self._say("", good=True)
+        self._show_values(self._on_board)
+        self._show_message("", good=True)
 
     async def _on_revert(self) -> None:
         async def revert() -> str:
-            self._take(await asyncio.to_thread(self._parameters.revert))
-            return "The board works with what it has saved."
+            self._show_values(await asyncio.to_thread(self._parameters.revert))
+            return "The board uses its saved parameters again."
 
-        await self._do(revert)
+        await self._run(revert)
 
     async def _on_save(self) -> None:
         async def save() -> str:
             if self._changes():
-                raise ThumperError("apply or undo your changes first: what the board works with is saved")
+                raise ThumperError("apply or undo your changes first; Save stores the values in use")
             await asyncio.to_thread(self._parameters.save)
-            return "Saved: the board keeps them over a reset."
+            return "Saved. The board keeps these values after a reset."
 
-        await self._do(save)
+        await self._run(save)
 
-    def _take(self, values: dict[str, float]) -> None:
+    def _show_values(self, values: dict[str, float]) -> None:
         self._on_board = {**self._on_board, **values}
         for name, value in values.items():
-            self._wanted[name] = value
-            self._numbers[name].set_value(round(value, SHOWN_DIGITS))
+            self._edited[name] = value
+            self._numbers[name].set_value(round(value, DECIMALS))
         self._show_changes()
 
-    async def _do(self, action: Callable[[], Any]) -> None:
-        """One question at a time; a refusal is shown where the user looks."""
+    async def _run(self, action: Callable[[], Any]) -> None:
+        """Run one action at a time and show its result, or the reason why it failed."""
         if self._busy:
             return
         self._busy = True
@@ -161,14 +161,14 @@ class GainsPanel:
             text, good = str(error), False
         finally:
             self._busy = False
-        self._say(text, good=good)
+        self._show_message(text, good=good)
 
-    def _say(self, text: str, *, good: bool) -> None:
+    def _show_message(self, text: str, *, good: bool) -> None:
         with self._message:
             self._message.set_content(escape(text))
         self._message.classes(add="good" if good else "bad", remove="bad" if good else "good")
 
 
 def _step(parameter: Parameter) -> float:
-    """A round step near what the wire carries."""
+    """Return a round step near the resolution on the wire."""
     return 0.001 if parameter.step < 0.005 else 0.01

@@ -1,7 +1,7 @@
-"""Who may come in: the same page only, and with a password when the password is set.
+"""Access control: requests from the page itself only, and with the password if one is set.
 
-It stands before everything, NiceGUI's own paths and the websockets included. Even on loopback it matters:
-without it, any web page that the user has open elsewhere could open our websocket and drive the robot.
+It covers everything, including NiceGUI's own paths and the websockets. It matters on loopback, too: without
+it, any web page open in the user's browser could connect to the websocket and drive the robot.
 """
 
 import hmac
@@ -20,8 +20,8 @@ from thumper.dashboard.rate_limit import RateLimit
 
 COOKIE = "thumper_session"
 SESSION_S = 12 * 3600.0
-LARGEST_FORM_BYTES = 2048
-# NiceGUI compiles its templates in the page, hence 'unsafe-eval'; nothing comes from or goes to another host.
+MAX_FORM_BYTES = 2048
+# NiceGUI compiles its templates in the page, hence 'unsafe-eval'. No other host is involved.
 POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; "
     "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
@@ -30,10 +30,10 @@ POLICY = (
 
 
 class AccessControl:
-    """ASGI middleware: checks host, origin and session of every request and websocket."""
+    """ASGI middleware that checks host, origin and session of every request and websocket."""
 
     def __init__(self, app: ASGIApp, *, hosts: frozenset[str], password: str, secure: bool) -> None:
-        """`hosts` are the names the page may be called by; empty: any. `secure`: HTTPS alone."""
+        """`hosts` are the accepted host names, empty for any; `secure` restricts the cookie to HTTPS."""
         self._app = app
         self._hosts = hosts
         self._password = password
@@ -42,7 +42,7 @@ class AccessControl:
         self._attempts = RateLimit(rate_Hz=0.2, burst=5)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass on what may come in."""
+        """Pass allowed requests on to the application."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -52,12 +52,10 @@ class AccessControl:
         elif scope["type"] == "http" and scope["path"] == "/login" and self._password:
             response = await self._login(Request(scope, receive))
             await response(scope, receive, _with_policy(send))
-        elif self._password and not self._knows(headers):
-            wants_page = scope["type"] == "http" and "text/html" in headers.get("accept", "")
+        elif self._password and not self._is_logged_in(headers):
+            is_page = scope["type"] == "http" and "text/html" in headers.get("accept", "")
             login: Response = RedirectResponse("/login", status_code=303)
-            await _refuse(
-                scope, receive, send, login if wants_page else PlainTextResponse("log in first", 401)
-            )
+            await _refuse(scope, receive, send, login if is_page else PlainTextResponse("log in first", 401))
         else:
             await self._app(scope, receive, _with_policy(send) if scope["type"] == "http" else send)
 
@@ -65,12 +63,12 @@ class AccessControl:
         host, origin = headers.get("host", ""), headers.get("origin")
         try:
             if self._hosts and urlsplit(f"//{host}").hostname not in self._hosts:
-                return False  # a name that somebody else has pointed at this machine
+                return False  # a foreign name that points to this computer (DNS rebinding)
             return origin is None or urlsplit(origin).netloc == host
-        except ValueError:  # no address at all
+        except ValueError:  # malformed
             return False
 
-    def _knows(self, headers: Headers) -> bool:
+    def _is_logged_in(self, headers: Headers) -> bool:
         try:
             cookie = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
         except CookieError:
@@ -81,15 +79,15 @@ class AccessControl:
         if request.method != "POST":
             return HTMLResponse(_form(""))
         body = b""
-        async for piece in request.stream():
-            body += piece
-            if len(body) > LARGEST_FORM_BYTES:
+        async for chunk in request.stream():
+            body += chunk
+            if len(body) > MAX_FORM_BYTES:
                 return PlainTextResponse("too long", status_code=413)
         if not self._attempts.allows():
-            return HTMLResponse(_form("Too many attempts: wait a little."), status_code=429)
-        given = parse_qs(body.decode("utf-8", "replace")).get("password", [""])[0]
-        if not hmac.compare_digest(given.encode(), self._password.encode()):
-            return HTMLResponse(_form("That is not the password."), status_code=401)
+            return HTMLResponse(_form("Too many attempts. Wait a few seconds."), status_code=429)
+        password = parse_qs(body.decode("utf-8", "replace")).get("password", [""])[0]
+        if not hmac.compare_digest(password.encode(), self._password.encode()):
+            return HTMLResponse(_form("Wrong password."), status_code=401)
         now_s = time.monotonic()
         self._sessions = {key: end_s for key, end_s in self._sessions.items() if end_s > now_s}
         session = secrets.token_urlsafe(32)
@@ -102,7 +100,7 @@ class AccessControl:
 
 
 def _with_policy(send: Send) -> Send:
-    async def sending(message: Message) -> None:
+    async def send_with_policy(message: Message) -> None:
         if message["type"] == "http.response.start":
             message["headers"] = [
                 *message.get("headers", []),
@@ -112,7 +110,7 @@ def _with_policy(send: Send) -> Send:
             ]
         await send(message)
 
-    return sending
+    return send_with_policy
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, response: Response) -> None:

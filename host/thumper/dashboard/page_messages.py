@@ -1,4 +1,4 @@
-"""What a page may ask for. Whatever else comes from a browser is refused before anything looks at it."""
+"""The messages that a page may send. All others are refused."""
 
 from typing import Annotated, Literal
 
@@ -6,8 +6,8 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, Val
 
 from thumper.navigation.goal import FARTHEST_M
 
-LARGEST_ORDER_BYTES = 8192
-MOST_WAYPOINTS = 50
+MAX_MESSAGE_BYTES = 8192
+MAX_WAYPOINTS = 50
 
 Metres = Annotated[FiniteFloat, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
 Heading = Annotated[FiniteFloat, Field(ge=-6.2832, le=6.2832)]
@@ -20,20 +20,20 @@ class _PageMessage(BaseModel):
 
 
 class PageHeartbeat(_PageMessage):
-    """The page is there, and somebody can see it."""
+    """The page is open and visible."""
 
     kind: Literal["heartbeat"]
     n: Annotated[int, Field(ge=0, lt=2**53)]
 
 
 class EStop(_PageMessage):
-    """Motors off, latched."""
+    """Emergency stop: motors off, latched."""
 
     kind: Literal["estop"]
 
 
 class GoalMessage(_PageMessage):
-    """Drive there; without a heading, whichever comes."""
+    """Drive to this goal; None allows any heading."""
 
     kind: Literal["goal"]
     x_m: Metres
@@ -42,7 +42,7 @@ class GoalMessage(_PageMessage):
 
 
 class InitialPose(_PageMessage):
-    """The robot stands there."""
+    """Set the robot's pose."""
 
     kind: Literal["initial_pose"]
     x_m: Metres
@@ -51,14 +51,14 @@ class InitialPose(_PageMessage):
 
 
 class Waypoints(_PageMessage):
-    """Drive to these, one after the other."""
+    """Drive to these waypoints, one after another."""
 
     kind: Literal["waypoints"]
-    places: Annotated[list[Place], Field(min_length=1, max_length=MOST_WAYPOINTS)]
+    places: Annotated[list[Place], Field(min_length=1, max_length=MAX_WAYPOINTS)]
 
 
 class Teleop(_PageMessage):
-    """Drive by hand: shares of the fastest speed."""
+    """Manual driving: shares of the maximum speed."""
 
     kind: Literal["teleop"]
     forward: Share
@@ -67,14 +67,14 @@ class Teleop(_PageMessage):
 
 
 class CommandMessage(_PageMessage):
-    """One of the robot's commands."""
+    """Run a command of the robot."""
 
     kind: Literal["command"]
     name: Literal["cancel", "clear_fault", "arm", "disarm", "record_start", "record_stop", "save_map"]
 
 
 class Obstacle(_PageMessage):
-    """A pillar in the simulated world."""
+    """Put a pillar into the simulated world."""
 
     kind: Literal["obstacle"]
     x_m: Metres
@@ -83,7 +83,7 @@ class Obstacle(_PageMessage):
 
 
 class ExperimentMessage(_PageMessage):
-    """Have the robot drive an experiment by itself."""
+    """Start an experiment."""
 
     kind: Literal["experiment"]
     name: Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[a-z_]+$")]
@@ -106,22 +106,22 @@ _ADAPTER: TypeAdapter[PageMessage] = TypeAdapter(Annotated[PageMessage, Field(di
 
 
 class PageMessageError(ValueError):
-    """Not an order; the message says why in one line."""
+    """The text is not a valid message; the error gives the reason in one line."""
 
 
-def read_order(text: str) -> PageMessage:
-    """Read one order.
+def parse_message(text: str) -> PageMessage:
+    """Parse and check one message.
 
     Raises
     ------
-    OrderError
-        It is too long, no JSON, of an unknown kind, has a field too many, or a value out of range.
+    PageMessageError
+        It is too long, not JSON, of an unknown kind, or has an unknown field or a value out of range.
     """
-    if len(text) > LARGEST_ORDER_BYTES:
-        raise PageMessageError("refused: longer than any order")
+    if len(text) > MAX_MESSAGE_BYTES:
+        raise PageMessageError("refused: the message is too long")
     try:
         return _ADAPTER.validate_json(text)
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise PageMessageError(f"refused {place or 'the order'}: {first['msg']}") from None
+        field = ".".join(str(part) for part in first["loc"])
+        raise PageMessageError(f"refused {field or 'the message'}: {first['msg']}") from None

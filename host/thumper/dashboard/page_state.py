@@ -1,7 +1,7 @@
-"""What the pages show: the newest of each topic, and what has changed since the last tick.
+"""State of the pages: the newest message of each topic, and what changed since the last tick.
 
-Messages come on the bus's threads, ticks on the server's. Only assignments are made under the lock; a message
-is turned into a packet's parts at the tick, once for all pages, and one that a newer has overtaken never is.
+Messages arrive on threads of the bus, ticks run on the server's. The lock guards assignments only. A message
+is converted at the tick, once for all pages; a message that a newer one has replaced is never converted.
 """
 
 import threading
@@ -15,44 +15,44 @@ import numpy as np
 
 from thumper.common.geometry import Pose2
 from thumper.dashboard import display_data
-from thumper.dashboard.binary_packet import Part, encode_packet
+from thumper.dashboard.binary_packet import PacketArray, encode_packet
 from thumper.dashboard.pose_track import PoseTrack
 from thumper.ros.codec import Message
 from thumper.ros.from_ros import path_of, poses_of
 
 GRIDS = ("map", "local_costmap")
-# The status last: who sees the robot has all the rest of it, too.
+# The status last: a page that shows the robot has all other topics already.
 TOPICS = ("pose", *GRIDS, "scan", "plan", "local_plan", "particles", "wheels", "events", "status")
-GRID_PERIOD_S = 0.5  # a grid goes to the pages at most this often
-KEPT_WHEEL_ROWS = 600  # a minute at 10 Hz: a page that comes late has charts at once
-KEPT_EVENTS = 50
+GRID_PERIOD_S = 0.5  # a grid is sent at most this often
+MAX_WHEEL_ROWS = 600  # one minute at 10 Hz, so that a new page has charts at once
+MAX_EVENTS = 50
 
 
 class PageState:
-    """The state of one robot as the pages see it."""
+    """The state of one robot as shown on the pages."""
 
     def __init__(self, base_from_laser: Pose2) -> None:
         self._base_from_laser = base_from_laser
-        self.on_change: Callable[[], None] = lambda: None  # called at each message, on its thread
+        self.on_change: Callable[[], None] = lambda: None  # called for each message, on its thread
         self._lock = threading.Lock()
         self._newest: dict[str, Message] = {}
-        self._wheels: deque[Message] = deque(maxlen=KEPT_WHEEL_ROWS)
-        self._events: deque[Message] = deque(maxlen=KEPT_EVENTS)
-        self._heard_s = -np.inf
-        # From here on touched by the ticks alone.
+        self._wheels: deque[Message] = deque(maxlen=MAX_WHEEL_ROWS)
+        self._events: deque[Message] = deque(maxlen=MAX_EVENTS)
+        self._received_s = -np.inf
+        # The attributes below are used only by the ticks.
         self._track = PoseTrack()
         self.map_from_base: Pose2 | None = None
         self._values: dict[str, Any] = {}
-        self._arrays: dict[str, Part] = {}
-        self._rows: deque[display_data.Row] = deque(maxlen=KEPT_WHEEL_ROWS)
-        self._lines: deque[dict[str, Any]] = deque(maxlen=KEPT_EVENTS)
+        self._arrays: dict[str, PacketArray] = {}
+        self._rows: deque[display_data.Row] = deque(maxlen=MAX_WHEEL_ROWS)
+        self._lines: deque[dict[str, Any]] = deque(maxlen=MAX_EVENTS)
         self._grid_sent_s: dict[str, float] = {}
-        self._number = 0
+        self._sequence = 0
 
-    def take(self, topic: str, message: Message) -> None:
-        """Note a message of the bus; on any thread."""
+    def on_message(self, topic: str, message: Message) -> None:
+        """Store a message of the bus. May be called from any thread."""
         with self._lock:
-            self._heard_s = time.monotonic()
+            self._received_s = time.monotonic()
             if topic == "wheels":
                 self._wheels.append(message)
             elif topic == "events":
@@ -62,30 +62,30 @@ class PageState:
         self.on_change()
 
     def value(self, name: str) -> Any:
-        """A value as the pages have it; None before it is known."""
+        """Return a value as the pages have it; None before it is known."""
         return self._values.get(name)
 
     def silent_s(self) -> float | None:
-        """How long the robot has said nothing [s]; None before its first word."""
-        silent_s = time.monotonic() - self._heard_s
+        """Return the time since the robot's last message [s]; None before the first."""
+        silent_s = time.monotonic() - self._received_s
         return round(silent_s, 2) if np.isfinite(silent_s) else None
 
     def tick(self, extra: dict[str, Any]) -> bytes:
-        """Return the packet with all that has changed since the last one, and `extra`."""
+        """Return a packet with all changes since the last one, and `extra`."""
         with self._lock:
-            ready = {name: message for name, message in self._newest.items() if self._is_due(name)}
-            for name in ready:
+            due = {name: message for name, message in self._newest.items() if self._is_due(name)}
+            for name in due:
                 del self._newest[name]
             wheels, events = list(self._wheels), list(self._events)
             self._wheels.clear()
             self._events.clear()
         values: dict[str, Any] = {}
-        arrays: dict[str, Part] = {}
+        arrays: dict[str, PacketArray] = {}
         rows: list[display_data.Row] = []
         lines: list[dict[str, Any]] = []
-        for name in TOPICS:  # the pose before the scan that is drawn from it
-            if name in ready:
-                self._try(self._show, name, ready[name], values, arrays)
+        for name in TOPICS:  # the pose before the scan, which uses it
+            if name in due:
+                self._try(self._convert, name, due[name], values, arrays)
         for message in wheels:
             self._try(lambda new: rows.append(display_data.wheel_row(new)), message)
         for message in events:
@@ -96,22 +96,24 @@ class PageState:
         self._arrays |= arrays
         self._rows.extend(rows)
         self._lines.extend(lines)
-        self._number += 1
+        self._sequence += 1
         return self._packet(values, arrays, rows, lines, extra)
 
-    def whole(self, extra: dict[str, Any]) -> bytes:
-        """Return the packet with all there is, for a page that has just opened or fallen behind."""
+    def full_packet(self, extra: dict[str, Any]) -> bytes:
+        """Return a packet with everything, for a new page or one that has fallen behind."""
         everything = {"whole": True, **extra}
         return self._packet(self._values, self._arrays, list(self._rows), list(self._lines), everything)
 
-    def _show(self, name: str, message: Message, values: dict[str, Any], arrays: dict[str, Part]) -> None:
+    def _convert(
+        self, name: str, message: Message, values: dict[str, Any], arrays: dict[str, PacketArray]
+    ) -> None:
         if name == "pose":
             time_s, pose = display_data.stamped_pose(message)
             self._track.add(time_s, pose)
             self.map_from_base = pose
-            values["pose"] = display_data.triple(pose)
+            values["pose"] = display_data.pose_list(pose)
         elif name in GRIDS:
-            values[name], arrays[name] = display_data.grid(message)
+            values[name], arrays[name] = display_data.grid_data(message)
             self._grid_sent_s[name] = time.monotonic()
         elif name in ("plan", "local_plan"):
             arrays[name] = path_of(message)[:, :2]
@@ -122,23 +124,23 @@ class PageState:
         elif name == "status":
             values[name] = display_data.status(message)
 
-    def _try(self, show: Callable[..., None], *what: Any) -> None:
-        """A message from elsewhere that makes no sense must not stop the pages."""
+    def _try(self, convert: Callable[..., None], *arguments: Any) -> None:
+        """Convert a message and skip it if it is invalid: it must not stop the pages."""
         with suppress(ValueError, OverflowError):
-            show(*what)
+            convert(*arguments)
 
     def _packet(
         self,
         values: dict[str, Any],
-        arrays: dict[str, Part],
+        arrays: dict[str, PacketArray],
         rows: list[display_data.Row],
         lines: list[dict[str, Any]],
         extra: dict[str, Any],
     ) -> bytes:
-        # Rows stay in the header: their times, seconds of a clock, would be too coarse as float32.
-        more = {name: part for name, part in (("wheels", rows), ("events", lines)) if part}
-        head = {"t": time.time(), "n": self._number, "silent_s": self.silent_s()}
-        return encode_packet({**head, **values, **more, **extra}, arrays)
+        # Rows stay in the header: float32 is too coarse for their time stamps.
+        tables = {name: table for name, table in (("wheels", rows), ("events", lines)) if table}
+        head = {"t": time.time(), "n": self._sequence, "silent_s": self.silent_s()}
+        return encode_packet({**head, **values, **tables, **extra}, arrays)
 
     def _is_due(self, name: str) -> bool:
         if name not in GRIDS:

@@ -1,4 +1,4 @@
-"""The server's process: bus on one side, browsers on the other."""
+"""The web server between the bus and the browsers."""
 
 import asyncio
 import socket
@@ -17,7 +17,7 @@ from starlette.middleware import Middleware
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.config.bus import is_loopback
-from thumper.config.dashboard import Listening
+from thumper.config.dashboard import ServerOptions
 from thumper.dashboard.bus_link import BusLink
 from thumper.dashboard.certificate import server_tls
 from thumper.dashboard.connections import Connections
@@ -29,18 +29,18 @@ from thumper.dashboard.widgets import STATIC
 
 EXPERIMENT_PERIOD_S = 0.5
 REPORT_POLICY = "sandbox; default-src 'none'; img-src data:; style-src 'unsafe-inline'"
-LARGEST_SOCKET_MESSAGE_BYTES = 64 * 1024
+MAX_SOCKET_MESSAGE_BYTES = 64 * 1024
 
 
 class ExperimentWatch:
-    """How far the robot's experiment is: asked for once for all pages."""
+    """Polls the state of the robot's experiment, once for all pages."""
 
     def __init__(self, robot: BusLink) -> None:
         self._robot = robot
-        self.state: dict[str, Any] | None = None  # None: the robot cannot tell
+        self.state: dict[str, Any] | None = None  # None: the robot does not answer
 
     async def run(self) -> None:
-        """Ask until cancelled."""
+        """Poll until cancelled."""
         while True:
             try:
                 answer = await asyncio.to_thread(self._robot.query, "experiment/state", {})
@@ -51,13 +51,13 @@ class ExperimentWatch:
 
 
 class RecordingClock:
-    """How long the recording runs; the robot tells only that it runs."""
+    """Measures how long the recording has been running; the robot reports only that it is."""
 
     def __init__(self) -> None:
         self._since_s: float | None = None
 
     def elapsed_s(self, recording: bool) -> int | None:
-        """Seconds since the recording was first seen to run; None when there is none."""
+        """Return the seconds since the recording was first seen to run; None if there is none."""
         if not recording:
             self._since_s = None
             return None
@@ -67,37 +67,35 @@ class RecordingClock:
 
 
 def build_app(
-    robot: BusLink, listening: Listening, page: PageOptions, limits: TeleopLimits, base_from_laser: Pose2
+    robot: BusLink, options: ServerOptions, page: PageOptions, limits: TeleopLimits, base_from_laser: Pose2
 ) -> FastAPI:
-    """Wire the page to the bus."""
+    """Build the web application: connect the pages to the bus."""
     recording = RecordingClock()
     experiment = ExperimentWatch(robot)
 
     def extra() -> dict[str, Any]:
-        status = view.value("status") or {}
+        status = state.value("status") or {}
         return {
             "experiment": experiment.state,
             "recording_s": recording.elapsed_s(bool(status.get("recording"))),
             "limits": {"v_m_s": limits.v_m_s, "w_rad_s": limits.w_rad_s, "slow": limits.slow},
         }
 
-    view = PageState(base_from_laser)
-    hub = Connections(view, PageCommands(robot, limits, lambda: view.map_from_base), extra)
-    view.on_change = hub.on_change
-    robot.start(view.take, TOPICS)
-    hosts = frozenset({"localhost", "127.0.0.1", "::1"}) if is_loopback(listening.host) else frozenset()
+    state = PageState(base_from_laser)
+    connections = Connections(state, PageCommands(robot, limits, lambda: state.map_from_base), extra)
+    state.on_change = connections.on_change
+    robot.start(state.on_message, TOPICS)
+    hosts = frozenset({"localhost", "127.0.0.1", "::1"}) if is_loopback(options.host) else frozenset()
     app = FastAPI(
         docs_url=None,
         redoc_url=None,
         openapi_url=None,
-        middleware=[
-            Middleware(AccessControl, hosts=hosts, password=listening.password, secure=listening.secure)
-        ],
+        middleware=[Middleware(AccessControl, hosts=hosts, password=options.password, secure=options.secure)],
     )
 
     @app.websocket("/stream")
     async def stream(socket: WebSocket) -> None:
-        await hub.serve(socket)
+        await connections.serve(socket)
 
     @app.get("/report")
     def report() -> HTMLResponse:
@@ -105,7 +103,7 @@ def build_app(
             html = str(robot.query("experiment/report", {})["html"])
         except ThumperError as error:
             return HTMLResponse(escape(str(error)), status_code=404)
-        # From the robot's files: shown, and kept from doing anything.
+        # The report comes from the robot's files: sandbox it.
         return HTMLResponse(html, headers={"Content-Security-Policy": REPORT_POLICY})
 
     @ui.page("/", title=f"Thumper · {page.robot}", favicon=STATIC / "icon.svg")
@@ -114,17 +112,17 @@ def build_app(
 
     ticks: list[asyncio.Task[None]] = []
 
-    async def begin() -> None:
-        ticks.append(asyncio.create_task(hub.run()))
+    async def start() -> None:
+        ticks.append(asyncio.create_task(connections.run()))
         ticks.append(asyncio.create_task(experiment.run()))
 
-    def end() -> None:
+    def stop() -> None:
         for task in ticks:
             task.cancel()
         robot.close()
 
-    nicegui_app.on_startup(begin)
-    nicegui_app.on_shutdown(end)
+    nicegui_app.on_startup(start)
+    nicegui_app.on_shutdown(stop)
     ui.run_with(
         app,
         title="Thumper",
@@ -136,7 +134,7 @@ def build_app(
     return app
 
 
-def serve(app: FastAPI, listening: Listening, listener: socket.socket) -> None:
+def serve(app: FastAPI, options: ServerOptions, listener: socket.socket) -> None:
     """Serve until Ctrl-C.
 
     Raises
@@ -146,21 +144,21 @@ def serve(app: FastAPI, listening: Listening, listener: socket.socket) -> None:
     """
     import uvicorn
 
-    if listening.certificate and listening.key:
-        server_tls(listening.certificate, listening.key)  # says in one line what is wrong with them
+    if options.certificate and options.key:
+        server_tls(options.certificate, options.key)  # reports in one line what is wrong with them
     with listener:
         config = uvicorn.Config(
             app,
             log_level="warning",
-            ws_max_size=LARGEST_SOCKET_MESSAGE_BYTES,
-            ws_per_message_deflate=False,  # scans hardly shrink, and packing them costs time
-            ssl_certfile=_path(listening.certificate),
-            ssl_keyfile=_path(listening.key),
+            ws_max_size=MAX_SOCKET_MESSAGE_BYTES,
+            ws_per_message_deflate=False,  # scans hardly compress, and compressing costs time
+            ssl_certfile=_text(options.certificate),
+            ssl_keyfile=_text(options.key),
             timeout_graceful_shutdown=1,
         )
         with suppress(KeyboardInterrupt):
             uvicorn.Server(config).run(sockets=[listener])
 
 
-def _path(path: Path | None) -> str | None:
+def _text(path: Path | None) -> str | None:
     return None if path is None else str(path)

@@ -1,4 +1,4 @@
-"""Our own parts of the page, as NiceGUI elements."""
+"""NiceGUI elements of the page."""
 
 from pathlib import Path
 from typing import Any
@@ -9,8 +9,8 @@ from nicegui.element import Element
 STATIC = Path(__file__).parent / "static"
 
 
-class Part(Element, component="widget.js", esm={"thumper-dashboard": str(STATIC)}):
-    """A place where `static/index.js` puts one of its parts."""
+class Widget(Element, component="widget.js", esm={"thumper-dashboard": str(STATIC)}):
+    """An element that `static/index.js` fills with the widget `name`."""
 
     def __init__(self, name: str, options: dict[str, Any] | None = None) -> None:
         super().__init__()
@@ -19,20 +19,20 @@ class Part(Element, component="widget.js", esm={"thumper-dashboard": str(STATIC)
 
 
 def box(classes: str) -> ui.element:
-    """A place for others."""
+    """Add a container."""
     return ui.element("div").classes(classes)
 
 
 def inline(content: str) -> ui.html:
-    """HTML of our own, as if it stood in its parent."""
+    """Add trusted HTML without a box of its own (CSS `display: contents`)."""
     return ui.html(content, sanitize=False).classes("tp-inline")
 
 
 def button(classes: str, data: dict[str, str] | None = None, title: str = "") -> ui.element:
-    """A plain button; `data` are attributes that `static/` looks for."""
-    made = ui.element("button").classes(classes)
-    made._props["type"] = "button"
-    made._props.update(data or {})
+    """Add a plain button; `data` are the attributes that `static/` reacts to."""
+    element = ui.element("button").classes(classes)
+    element._props["type"] = "button"
+    element._props.update(data or {})
     if title:
-        made._props.update({"title": title, "aria-label": title})
-    return made
+        element._props.update({"title": title, "aria-label": title})
+    return element

@@ -49,7 +49,7 @@ def read_mcap(path: Path) -> RobotLog:
     """
     recording = Recording((path,))
     found = _Found()
-    for said in recording.said():
+    for said in recording.messages():
         if said.type_name not in (SCAN, ODOMETRY, TRANSFORMS):
             continue
         try:
@@ -92,7 +92,7 @@ def read_mcap(path: Path) -> RobotLog:
 
 
 def _take(found: _Found, said: RecordedMessage) -> None:
-    message = said.message()
+    message = said.decode()
     if said.type_name == SCAN:
         stamp = from_ros.stamp_ns_of(message), said.log_ns
         found.scans.setdefault(said.topic, []).append(

@@ -1,4 +1,4 @@
-"""Recording a robot that runs elsewhere, and saying a recording again, both over the bus."""
+"""Record a robot over the bus, and replay a recording on a bus."""
 
 import json
 import threading
@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from thumper.bus.client import BusClient
-from thumper.bus.heartbeat_sender import HeartbeatSender
 from thumper.bus.server import BusServer
+from thumper.bus.status_watchdog import StatusWatchdog
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 from thumper.common.stamps import NS_PER_S
 from thumper.config.bus import BusOptions
@@ -17,15 +17,15 @@ from thumper.config.recording import RecordingOptions
 from thumper.config.robot import RobotConfig
 from thumper.recording.reader import RecordedMessage, Recording
 from thumper.recording.recorder import Recorder
-from thumper.recording.replay import Replayed, replay
-from thumper.recording.run_metadata import RunMetadata, session_of
+from thumper.recording.replay import ReplayResult, replay
+from thumper.recording.run_metadata import RunMetadata, run_metadata_of
 from thumper.ros.codec import Message, encode
 from thumper.ros.topics import TOPICS, Direction
 from thumper.runtime.service.request_queue import RequestQueue
 
 SESSION_TIMEOUT_S = 3.0
-LOOK_PERIOD_S = 0.2
-STAMP = slice(4, 12)  # of CDR: after its own header, where a message begins with its stamp
+CHECK_PERIOD_S = 0.2
+STAMP = slice(4, 12)  # position of the stamp in CDR: after the 4-byte header
 
 
 def record_from_bus(
@@ -34,29 +34,29 @@ def record_from_bus(
     options: RecordingOptions,
     *,
     seconds: float | None,
-    say: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> Recorder:
-    """Record all that the robot says until Ctrl-C, for `seconds`, or until trouble; returns the recorder.
+    """Record all topics until Ctrl-C, for `seconds`, or until recording fails; return the recorder.
 
     Raises
     ------
     ThumperError
-        The robot does not say which run this is: nobody is there, or another version; or it falls silent.
+        No robot answers, it is of another version, or it stops publishing.
     """
-    recorder = Recorder(folder, _ask_session(client), options, say=say)
+    recorder = Recorder(folder, _query_metadata(client), options, report=report)
     try:
         for name, topic in TOPICS.items():
             if topic.direction is Direction.IN:
                 continue
-            if topic.latched:  # only so is the newest of it given
+            if topic.latched:  # subscribe_raw would not fetch the newest message
                 client.subscribe(name, _add_message(recorder, name, topic.type_name))
             else:
                 client.subscribe_raw(name, _add_raw(recorder, name, topic.type_name))
         until_s = time.monotonic() + seconds if seconds is not None else None
-        pulse = HeartbeatSender(client)
+        watchdog = StatusWatchdog(client)
         while recorder.active and (until_s is None or time.monotonic() < until_s):
-            pulse.check()
-            time.sleep(LOOK_PERIOD_S)
+            watchdog.check()
+            time.sleep(CHECK_PERIOD_S)
     except KeyboardInterrupt:
         pass
     finally:
@@ -64,48 +64,50 @@ def record_from_bus(
     return recorder
 
 
-def replay_on_bus(recording: Recording, config: RobotConfig | None, address: str, speed: float) -> Replayed:
-    """Replay at `speed` times the clock, and say every message on a bus at `address`.
+def replay_on_bus(
+    recording: Recording, config: RobotConfig | None, address: str, speed: float
+) -> ReplayResult:
+    """Replay at `speed` times real time, and publish every message on a bus at `address`.
 
     Raises
     ------
     ThumperError
-        As `replay`; or the address is taken, or none.
+        As `replay`, or the address is in use or not valid.
     """
-    session = recording.session()
-    name = session.config.name if session else "replay"
+    run = recording.run_metadata()
+    name = run.config.name if run else "replay"
     server = BusServer(name, BusOptions().at(address), RequestQueue(), lambda _: None)
 
-    def say(said: RecordedMessage, message: Message) -> None:
-        if TOPICS[said.topic].direction is Direction.OUT:
-            server.publish(said.topic, 0.0, message)
+    def publish(recorded: RecordedMessage, message: Message) -> None:
+        if TOPICS[recorded.topic].direction is Direction.OUT:
+            server.publish(recorded.topic, 0.0, message)
 
     try:
-        return replay(recording, config, on_said=say, speed=speed)
+        return replay(recording, config, on_message=publish, speed=speed)
     finally:
         server.close()
 
 
-def _ask_session(client: BusClient) -> RunMetadata:
-    """What the robot says of its run on the topic `session`."""
-    heard: list[str] = []
-    came = threading.Event()
+def _query_metadata(client: BusClient) -> RunMetadata:
+    """Return the metadata of the run, which the robot publishes on the topic `session`."""
+    received: list[str] = []
+    has_received = threading.Event()
 
-    def take(message: Message) -> None:
-        heard.append(message.data)
-        came.set()
+    def receive(message: Message) -> None:
+        received.append(message.data)
+        has_received.set()
 
-    client.subscribe("session", take)
-    if not came.wait(SESSION_TIMEOUT_S):
+    client.subscribe("session", receive)
+    if not has_received.wait(SESSION_TIMEOUT_S):
         raise ThumperError(
-            "the robot does not say which run this is: does it run, under this name?",
+            "the robot does not publish its run metadata; is it running, under this name?",
             exit_code=EXIT_NOT_THERE,
         )
     try:
-        session = session_of(json.loads(heard[-1]), "the running robot")
+        run = run_metadata_of(json.loads(received[-1]), "the running robot")
     except ValueError as error:
-        raise ThumperError(f"the robot's session cannot be read: {error}") from error
-    return replace(session, from_start=False)
+        raise ThumperError(f"cannot read the robot's run metadata: {error}") from error
+    return replace(run, from_start=False)
 
 
 def _add_message(recorder: Recorder, name: str, type_name: str) -> Callable[[Message], None]:
@@ -121,7 +123,7 @@ def _add_raw(recorder: Recorder, name: str, type_name: str) -> Callable[[bytes],
 
 
 def _stamp_ns(type_name: str, cdr: bytes) -> int:
-    """The stamp that the message begins with; 0, which means as the one before, where it does not."""
+    """Return the stamp at the start of the message; 0 (same as the previous one) if its type has none."""
     if type_name in ("tf2_msgs/msg/TFMessage", "std_msgs/msg/String"):
         return 0
     stamp = cdr[STAMP]

@@ -1,4 +1,4 @@
-"""A recording as tables for spreadsheets, as a map file, as a picture."""
+"""Export a recording as CSV tables, and read its last map."""
 
 import csv
 from collections.abc import Iterator
@@ -17,97 +17,98 @@ from thumper.ros import from_ros
 from thumper.ros.codec import Message
 from thumper.ros.topics import TOPICS
 
-LARGEST_ARRAY = 2048  # numbers that a row may hold: a scan, not a map
+MAX_ARRAY_COLUMNS = 2048  # enough for a scan, not for a map
 Row = dict[str, Any]
 
 
 def export_csv(recording: Recording, folder: Path) -> list[Path]:
-    """Write one table a topic; returns the files. Columns are named as the message's fields.
+    """Write one CSV table per topic; return the files. Columns are named after the message's fields.
 
-    A message is a row; of a path, a cloud of particles or a set of transforms each element is one, with its
-    index. Quaternions become `yaw`; stamps and `log_time_s` are seconds since 1970, or since the start of a
-    simulation. Of a map the row says where it lies; its cells are left out: they are no table.
+    A message is one row; each element of a path, of particles and of transforms is one row with its index.
+    Quaternions become `yaw`. Stamps and `log_time_s` are seconds since 1970, or since the start of a
+    simulation. Maps are exported without their cells.
 
     Raises
     ------
     ThumperError
-        The folder cannot be written.
+        The folder is not writable.
     """
     writers: dict[str, tuple[Any, list[str], Path]] = {}
     try:
         with ExitStack() as stack:
-            for said in recording.said():
+            for recorded in recording.messages():
                 try:
-                    rows = list(_rows(said.message()))
+                    rows = list(_rows(recorded.decode()))
                 except (ValueError, KeyError):
                     continue
                 for row in rows:
-                    if said.topic not in writers:
-                        path = folder / f"{said.topic.replace('/', '_')}.csv"
+                    if recorded.topic not in writers:
+                        path = folder / f"{recorded.topic.replace('/', '_')}.csv"
                         columns = ["log_time_s", *row]
                         writer = csv.writer(
                             stack.enter_context(path.open("w", newline="", encoding="utf-8")),
                             lineterminator="\n",
                         )
                         writer.writerow(columns)
-                        writers[said.topic] = (writer, columns, path)
-                    writer, columns, _ = writers[said.topic]
-                    row["log_time_s"] = seconds(said.log_ns)
+                        writers[recorded.topic] = (writer, columns, path)
+                    writer, columns, _ = writers[recorded.topic]
+                    row["log_time_s"] = seconds(recorded.log_ns)
                     writer.writerow([row.get(column, "") for column in columns])
     except OSError as error:
         raise ThumperError(
-            f"{folder}: cannot be written ({error.strerror}); choose another", exit_code=EXIT_USAGE
+            f"{folder}: cannot write ({error.strerror}); choose another folder", exit_code=EXIT_USAGE
         ) from error
     return sorted(path for _, _, path in writers.values())
 
 
 def last_map(recording: Recording) -> tuple[OccupancyGrid, FloatArray]:
-    """The newest map that was published, and the path driven: x, y in it [m], shape (n, 2).
+    """Return the newest map, and the driven path in it: x, y [m], shape (n, 2).
 
-    What other programs say under our topics' names in other types, or as we cannot take it, is left out.
+    Messages of other types on these topics, and messages that cannot be decoded, are skipped.
 
     Raises
     ------
     ThumperError
-        There is no map in the recording.
+        The recording has no map.
     """
     grid: OccupancyGrid | None = None
     poses: list[tuple[float, float]] = []
-    for said in recording.said():
-        if said.topic not in ("map", "pose") or said.type_name != TOPICS[said.topic].type_name:
+    for recorded in recording.messages():
+        if recorded.topic not in ("map", "pose") or recorded.type_name != TOPICS[recorded.topic].type_name:
             continue
         with suppress(ValueError):
-            if said.topic == "map":
-                grid = from_ros.grid_of(said.message())
+            if recorded.topic == "map":
+                grid = from_ros.grid_of(recorded.decode())
             else:
-                pose = from_ros.pose_of(said.message().pose.pose)
+                pose = from_ros.pose_of(recorded.decode().pose.pose)
                 poses.append((pose.x_m, pose.y_m))
     if grid is None:
         raise ThumperError(
-            f"{recording.name}: no map in it; `thumper replay` makes one from the scans", exit_code=EXIT_USAGE
+            f"{recording.name}: it has no map; `thumper replay` makes one from the scans",
+            exit_code=EXIT_USAGE,
         )
     return grid, np.array(poses, dtype=np.float64).reshape(-1, 2)
 
 
 def seconds(ns: int) -> str:
-    """A stamp as a decimal number, to the nanosecond."""
+    """Format a stamp [ns] as decimal seconds, exact to the nanosecond."""
     return f"{ns // 1_000_000_000}.{ns % 1_000_000_000:09d}"
 
 
 def _rows(message: Message) -> Iterator[Row]:
-    """The message flattened; its list of messages, if it has one, becomes rows."""
+    """Yield the flattened message as one row, or as one row per element of its list."""
     shared: Row = {}
-    many: list[Any] | None = None
+    elements: list[Any] | None = None
     for field in _fields(message):
         value = getattr(message, field.name)
         if isinstance(value, list):
-            many = value
+            elements = value
         else:
             _flatten(field.name, value, shared)
-    if many is None:
+    if elements is None:
         yield shared
         return
-    for index, element in enumerate(many):
+    for index, element in enumerate(elements):
         row: Row = {**shared, "index": index}
         _flatten("", element, row)
         yield row
@@ -123,7 +124,7 @@ def _flatten(name: str, value: Any, into: Row) -> None:
         for field in _fields(value):
             _flatten(f"{name}.{field.name}" if name else field.name, getattr(value, field.name), into)
     elif isinstance(value, np.ndarray):
-        if value.size <= LARGEST_ARRAY:
+        if value.size <= MAX_ARRAY_COLUMNS:
             into.update({f"{name}.{index}": number for index, number in enumerate(value.tolist())})
     else:
         into[name] = value
@@ -134,5 +135,5 @@ def _yaw_rad(q: Any) -> float:
 
 
 def _fields(message: Message) -> list[Field[Any]]:
-    """What the message holds; its type's name is kept as one more field."""
+    """Return the fields of the message, without the one that holds its type's name."""
     return [field for field in fields(message) if field.name != "__msgtype__"]

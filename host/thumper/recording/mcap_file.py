@@ -1,7 +1,7 @@
-"""One MCAP file in the making, of ROS 2 messages (profile `ros2`, schemas `ros2msg`, CDR).
+"""Write one MCAP file of ROS 2 messages (profile `ros2`, schemas `ros2msg`, encoding CDR).
 
-While it is open its name ends in `.part` and it is locked; a file of that name that nobody holds is what a
-crash left behind. Format: https://mcap.dev/spec
+While the file is open, its name ends in `.part` and it is locked. A `.part` file without a lock is left
+from a crash. Format: https://mcap.dev/spec
 """
 
 import fcntl
@@ -16,18 +16,18 @@ from thumper.ros.codec import definition
 
 PART = ".part"
 LIBRARY = f"thumper {__version__}"
-CHUNK_BYTES = 256 * 1024  # the memory that one flush may have to write at once
+CHUNK_BYTES = 256 * 1024  # the most that one flush writes at once
 
 
 class McapFile:
-    """Grows by `add`; `flush` makes what was added safe; `close` gives the file its name."""
+    """Writer: `add` appends, `flush` makes it safe on the disk, `close` gives the file its final name."""
 
     def __init__(self, path: Path, metadata: dict[str, dict[str, str]]) -> None:
-        """Begin `path` with the metadata. Raises OSError, also when the file exists."""
+        """Create `path` with the metadata. Raises OSError, also if the file exists."""
         self.path = path
         self._part = path.with_name(path.name + PART)
         self._stream: IO[bytes] = self._part.open("xb")
-        fcntl.flock(self._stream, fcntl.LOCK_EX)  # who looks whether it is held has it for an instant
+        fcntl.flock(self._stream, fcntl.LOCK_EX)  # blocks briefly while another process tests the lock
         self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
@@ -39,11 +39,11 @@ class McapFile:
 
     @property
     def bytes_written(self) -> int:
-        """The size of the file as it is on the disk."""
+        """Size of the file on the disk."""
         return self._stream.tell()
 
     def add(self, topic: str, type_name: str, log_ns: int, cdr: bytes) -> None:
-        """Append one message; it is written with the next flush, or when a chunk is full."""
+        """Append one message; it is written at the next flush, or once a chunk is full."""
         channel = self._channels.get(topic)
         if channel is None:
             channel = self._channels[topic] = self._register(topic, type_name)
@@ -53,7 +53,7 @@ class McapFile:
         )
 
     def flush(self) -> None:
-        """Have everything so far on the disk itself."""
+        """Write everything to the disk."""
         self._writer.flush()
         os.fsync(self._stream.fileno())
 
@@ -67,10 +67,10 @@ class McapFile:
         self._stream.close()
 
     def abandon(self) -> None:
-        """Leave the file as it is on the disk: the disk takes no more. Never raises."""
+        """Close the file as it is, because the disk is full or broken. Never raises."""
         try:
             self._stream.close()
-        except OSError:  # what was buffered cannot be written; the file is closed all the same
+        except OSError:  # the buffer cannot be written; the file is closed nevertheless
             return
 
     def _register(self, topic: str, type_name: str) -> int:
@@ -83,7 +83,7 @@ class McapFile:
 
 
 def sync_folder(folder: Path) -> None:
-    """Have the folder's names on the disk, after a file was renamed."""
+    """Write a folder's entries to the disk, after a file was renamed."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)

@@ -1,4 +1,4 @@
-"""Recordings as messages again, in the order they were said; own ones and those of other ROS 2 programs."""
+"""Read recordings, of Thumper and of other ROS 2 programs, message by message in recorded order."""
 
 import os
 from collections.abc import Iterator
@@ -11,60 +11,63 @@ from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.recording.disk_budget import MAGIC
 from thumper.recording.mcap_file import PART
 from thumper.recording.repair import records_until_error
-from thumper.recording.run_metadata import METADATA_NAME, RunMetadata, session_of
+from thumper.recording.run_metadata import METADATA_NAME, RunMetadata, run_metadata_of
 from thumper.ros import codec
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedMessage:
-    """One message as it lies in the file."""
+    """One message as stored in the file."""
 
-    topic: str  # without the slash before it
+    topic: str  # without the leading slash
     type_name: str
     log_ns: int
     cdr: bytes
 
-    def message(self) -> codec.Message:
-        """Decode it; raises ValueError or KeyError when it is of no type known here."""
+    def decode(self) -> codec.Message:
+        """Decode the message; raises ValueError or KeyError if it is invalid or of an unknown type."""
         return codec.decode(self.cdr, self.type_name)
 
 
 class Recording:
-    """One recording: a file, or the files of one run in their order."""
+    """One recording: a file, or the files of one run in order."""
 
     def __init__(self, paths: tuple[Path, ...]) -> None:
-        """Look into the files. Raises ThumperError when one cannot be read, is no MCAP or another run's."""
+        """Check the files. Raises ThumperError if one cannot be read, is not MCAP or of another run."""
         if not paths:
             raise ThumperError(
-                "no recording: give .mcap files, or a folder that holds them", exit_code=EXIT_USAGE
+                "no recording given; pass .mcap files, or a folder with some", exit_code=EXIT_USAGE
             )
         self.paths = paths
-        self.notes: list[str] = []  # what could not be read, a line each; filled while reading
+        self.notes: list[str] = []  # one line per unreadable part; filled while reading
         for path in paths:
             _check(path)
         self.metadata = _metadata(paths[0])
         for path in paths[1:]:
             if _metadata(path).get("run") != self.metadata.get("run"):
                 raise ThumperError(
-                    f"{path} is of another run than {paths[0]}: give the files of one run",
+                    f"{path} is of another run than {paths[0]}; pass the files of one run",
                     exit_code=EXIT_USAGE,
                 )
 
     @property
     def name(self) -> str:
-        """What messages call it."""
+        """Name of the recording in error texts."""
         return str(self.paths[0])
 
-    def session(self) -> RunMetadata | None:
-        """What the run was; None when another program recorded it. Raises ThumperError, as `session_of`."""
-        return session_of(self.metadata, self.name) if self.metadata else None
+    def run_metadata(self) -> RunMetadata | None:
+        """Return the metadata of the run; None if another program recorded it.
 
-    def said(self) -> Iterator[RecordedMessage]:
-        """All CDR messages, file by file; a torn file to where it is torn, with a note."""
+        Raises ThumperError, as `run_metadata_of`.
+        """
+        return run_metadata_of(self.metadata, self.name) if self.metadata else None
+
+    def messages(self) -> Iterator[RecordedMessage]:
+        """Yield all CDR messages, file by file; a truncated file up to its damage, with a note."""
         for path in self.paths:
-            yield from self._said_in(path)
+            yield from self._messages_in(path)
 
-    def _said_in(self, path: Path) -> Iterator[RecordedMessage]:
+    def _messages_in(self, path: Path) -> Iterator[RecordedMessage]:
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
         with path.open("rb") as stream:
@@ -88,29 +91,29 @@ class Recording:
                     )
 
 
-def find_recordings(places: list[Path]) -> tuple[Path, ...]:
-    """The files themselves, and of folders the recordings in them, by name.
+def find_recordings(paths: list[Path]) -> tuple[Path, ...]:
+    """Return the given files, and the recordings in the given folders, by name.
 
     Raises
     ------
     ThumperError
-        There is none but in a folder one that was never closed.
+        The only recording in a folder was never closed.
     """
     found: list[Path] = []
-    for place in places:
-        found += sorted(place.glob("*.mcap")) if place.is_dir() else [place]
-    open_still = [part for place in places for part in sorted(place.glob(f"*.mcap{PART}"))]
-    if open_still and not found:
+    for path in paths:
+        found += sorted(path.glob("*.mcap")) if path.is_dir() else [path]
+    unfinished = [part for path in paths for part in sorted(path.glob(f"*.mcap{PART}"))]
+    if unfinished and not found:
         raise ThumperError(
-            f"{open_still[0]} is not closed: it is being recorded, or a crash has torn it; then "
-            f"`thumper recover {open_still[0].parent}` makes it whole",
+            f"{unfinished[0]} is unfinished: it is still being recorded, or a crash left it incomplete; then "
+            f"`thumper recover {unfinished[0].parent}` repairs it",
             exit_code=EXIT_USAGE,
         )
     return tuple(found)
 
 
 def is_mcap(path: Path) -> bool:
-    """Whether the file begins like one. Raises OSError."""
+    """Return whether the file starts like MCAP. Raises OSError."""
     with path.open("rb") as stream:
         return stream.read(len(MAGIC)) == MAGIC
 
@@ -120,14 +123,14 @@ def _check(path: Path) -> None:
         good = is_mcap(path)
     except OSError as error:
         raise ThumperError(
-            f"{path}: cannot be read ({error.strerror}); check the path", exit_code=EXIT_USAGE
+            f"{path}: cannot read it ({error.strerror}); check the path", exit_code=EXIT_USAGE
         ) from error
     if not good:
-        raise ThumperError(f"{path}: no MCAP file; is it the right one?", exit_code=EXIT_USAGE)
+        raise ThumperError(f"{path}: not an MCAP file; is it the right one?", exit_code=EXIT_USAGE)
 
 
 def _metadata(path: Path) -> dict[str, str]:
-    """Our own metadata; it stands before the first message."""
+    """Return Thumper's metadata, which precedes the first message; empty if there is none."""
     with path.open("rb") as stream:
         for record in records_until_error(stream, os.fstat(stream.fileno()).st_size):
             if isinstance(record, Metadata) and record.name == METADATA_NAME:

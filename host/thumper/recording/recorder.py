@@ -1,4 +1,4 @@
-"""Records what it is given, in a thread of its own; the caller is never delayed and never sees an error."""
+"""Record messages in a separate thread; the caller never waits and never sees an error."""
 
 import queue
 import shutil
@@ -24,67 +24,67 @@ _Item = tuple[str, str, int, Message | bytes]  # topic, type, log time [ns], the
 
 
 class Recorder:
-    """A queue, a thread that empties it into files, and a word when it had to give up."""
+    """Queues messages; its thread writes them to files, and reports once if it has to stop."""
 
     def __init__(
         self,
         folder: Path,
-        session: RunMetadata,
+        run: RunMetadata,
         options: RecordingOptions | None = None,
         *,
-        say: Callable[[str], None] = lambda _: None,
+        report: Callable[[str], None] = lambda _: None,
         flush_period_s: float = FLUSH_PERIOD_S,
         queue_size: int = QUEUE_SIZE,
     ) -> None:
-        """Begin; the thread makes folder and file. `say` is told by it why recording stopped by itself."""
-        self._folder, self._session = folder, session
-        self._options = options or session.config.recording
-        self._say = say
+        """Start the thread, which creates the files and calls `report` if recording stops on its own."""
+        self._folder, self._run_metadata = folder, run
+        self._options = options or run.config.recording
+        self._report = report
         self._flush_period_s = flush_period_s
-        # A quarter at most: else the file that is being written would push out the one just ended.
-        self._largest_bytes = min(self._options.file_MB, 0.25 * self._options.budget_MB) * MB
+        # At most a quarter of the budget: else the open file would evict the one just finished.
+        self._max_file_bytes = min(self._options.file_MB, 0.25 * self._options.budget_MB) * MB
         self._queue: queue.Queue[_Item | None] = queue.Queue(queue_size)
         self._newest_ns = 0
-        self._run_ns = time.time_ns()  # what the files of this recording have in common
+        self._run_id = time.time_ns()  # common to the files of this recording
         self._part = 0
-        self._begun_s = 0.0
+        self._file_start_s = 0.0
         self._latched: dict[str, tuple[str, bytes]] = {}  # type and CDR of the newest
         self.dropped = 0
         self.written = 0
-        self.trouble = ""
-        self._last_word = False
+        self.failure = ""
+        self._finish_requested = False
         self.files: list[Path] = []
         self._file: McapFile | None = None
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
 
     def __call__(self, topic: str, stamp_s: float, message: Message) -> None:
-        """Take one message, `stamp_s` on the host's clock; it must not be changed afterwards."""
-        self._put((topic, message.__msgtype__, stamp_ns(stamp_s, self._session.epoch_ns), message))
+        """Queue one message, `stamp_s` on the host's clock. The caller must not change it afterwards."""
+        self._put((topic, message.__msgtype__, stamp_ns(stamp_s, self._run_metadata.epoch_ns), message))
 
     def add_cdr(self, topic: str, type_name: str, log_ns: int, cdr: bytes) -> None:
-        """Take one message that is bytes already; `log_ns` is since 1970."""
+        """Queue one message that is already encoded; `log_ns` counts from 1970."""
         self._put((topic, type_name, log_ns, cdr))
 
     @property
     def active(self) -> bool:
-        """Whether what comes is recorded; not after the end, nor after trouble."""
-        return self._thread.is_alive() and not self.trouble
+        """Whether messages are recorded: not after the end, nor after a failure."""
+        return self._thread.is_alive() and not self.failure
 
     def finish(self) -> None:
-        """End the recording with what waits; returns at once."""
+        """End the recording after the queued messages; returns at once."""
         try:
             self._queue.put_nowait(None)
-        except queue.Full:  # the disk hangs: the thread ends once it has caught up
-            self._last_word = True
+        except queue.Full:  # the disk hangs: the thread ends once the queue is empty
+            self._finish_requested = True
 
     def close(self) -> None:
-        """End the recording and wait for the file, though not for a disk that hangs. Never raises."""
+        """End the recording and wait for the file, at most 10 s if the disk hangs. Never raises."""
         self.finish()
         self._thread.join(CLOSE_TIMEOUT_S)
 
     def _put(self, item: _Item) -> None:
-        if self.trouble:
+        if self.failure:
             return
         try:
             self._queue.put_nowait(item)
@@ -94,18 +94,18 @@ class Recorder:
     def _run(self) -> None:
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
-            file = self._begin()
+            file = self._open_file()
             self._write_until_finished(file)
-        except Exception as error:  # in here an error must not pass unheard, nor reach anybody else
-            self.trouble = str(error) or type(error).__name__
+        except Exception as error:  # report any error, but never pass it on to the robot
+            self.failure = str(error) or type(error).__name__
             if self._file is not None:
                 self._file.abandon()
-            self._say(f"recording stopped: {self.trouble}; the robot goes on without")
+            self._report(f"recording stopped: {self.failure}; the robot continues without it")
 
     def _write_until_finished(self, file: McapFile) -> None:
         period_s = self._flush_period_s
         due_s = time.monotonic() + period_s
-        while not (self._last_word and self._queue.empty()):
+        while not (self._finish_requested and self._queue.empty()):
             try:
                 item = self._queue.get(timeout=max(0.0, due_s - time.monotonic()))
                 if item is None:
@@ -121,7 +121,7 @@ class Recorder:
 
     def _write(self, file: McapFile, item: _Item) -> None:
         topic, type_name, log_ns, message = item
-        self._newest_ns = max(self._newest_ns, log_ns)  # a file is read in the order of its times
+        self._newest_ns = max(self._newest_ns, log_ns)  # readers expect increasing times
         cdr = message if isinstance(message, bytes) else encode(message)
         if topic in TOPICS and TOPICS[topic].latched:
             self._latched[topic] = (type_name, cdr)
@@ -129,31 +129,31 @@ class Recorder:
         self.written += 1
 
     def _within_limits(self, file: McapFile) -> McapFile:
-        """The file to go on with: this one, or the next."""
+        """Return the file to continue with: this one, or a new one if a limit is reached."""
         options = self._options
         if shutil.disk_usage(self._folder).free < options.spare_MB * MB:
-            raise OSError(f"less than {options.spare_MB:.0f} MB are free on the disk; delete something")
-        old = time.monotonic() - self._begun_s > options.file_s
-        if file.bytes_written <= self._largest_bytes and not old:
+            raise OSError(f"less than {options.spare_MB:.0f} MB are free on the disk; delete files")
+        is_old = time.monotonic() - self._file_start_s > options.file_s
+        if file.bytes_written <= self._max_file_bytes and not is_old:
             return file
         file.close()
-        file = self._begin()
-        for topic, (type_name, cdr) in self._latched.items():  # each file is understood by itself
+        file = self._open_file()
+        for topic, (type_name, cdr) in self._latched.items():  # each file is self-contained
             file.add(topic, type_name, self._newest_ns, cdr)
         return file
 
-    def _begin(self) -> McapFile:
-        self._begun_s = time.monotonic()
-        path = new_name(self._folder, self._session.config.name, self._part)
+    def _open_file(self) -> McapFile:
+        self._file_start_s = time.monotonic()
+        path = new_name(self._folder, self._run_metadata.config.name, self._part)
         self._part += 1
-        place = {"run": str(self._run_ns), "part": str(self._part - 1)}
-        metadata = {METADATA_NAME: self._session.as_metadata() | place}
+        position = {"run": str(self._run_id), "part": str(self._part - 1)}
+        metadata = {METADATA_NAME: self._run_metadata.as_metadata() | position}
         self.files.append(path)
         make_room(
             self._folder,
-            self._session.config.name,
+            self._run_metadata.config.name,
             budget_bytes=self._options.budget_MB * MB,
-            reserve_bytes=self._largest_bytes,
+            reserve_bytes=self._max_file_bytes,
         )
         self._file = McapFile(path, metadata)
         return self._file

@@ -1,4 +1,4 @@
-"""Recordings that a crash left behind, made whole: read to the first error, written anew with an index."""
+"""Repair recordings that a crash left incomplete: copy them up to the first error and write an index."""
 
 import fcntl
 import os
@@ -33,39 +33,40 @@ REPAIRED = ".repaired"  # while the repaired file is being written
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Repair:
-    """What came of one file."""
+class RepairResult:
+    """Result of one repair."""
 
-    path: Path  # the whole file
+    path: Path  # of the repaired file
     messages: int
-    note: str  # what was lost, or nothing
+    note: str  # what was lost; empty: nothing
 
 
-def left_behind(folder: Path) -> list[Path]:
-    """The unfinished recordings in the folder that no living program holds, oldest first."""
-    return [path for path in sorted(folder.glob(f"*.mcap{PART}")) if not _is_held(path)]
+def unfinished_recordings(folder: Path) -> list[Path]:
+    """Return the unfinished recordings in the folder that no running program holds, oldest first."""
+    return [path for path in sorted(folder.glob(f"*.mcap{PART}")) if not _is_locked(path)]
 
 
-def recover(path: Path) -> Repair | None:
-    """Make the file whole; None when it is already. The original goes only once the new file is on the disk.
+def repair(path: Path) -> RepairResult | None:
+    """Repair the file; return None if it is complete already.
 
-    `X.mcap.part` becomes `X.mcap`. A damaged `X.mcap` is repaired in its place and kept as `X.mcap.damaged`.
+    `X.mcap.part` becomes `X.mcap`. A damaged `X.mcap` is replaced by the repaired file and kept as
+    `X.mcap.damaged`. The original is deleted only once the new file is on the disk.
 
     Raises
     ------
     ThumperError
-        It cannot be read or written, is no MCAP file at all, or is being written by a running program.
+        It cannot be read or written, is not an MCAP file, or a running program is writing it.
     """
     unfinished = path.name.endswith(PART)
-    target = _free(path.with_name(path.name.removesuffix(PART))) if unfinished else path
+    target = _unused_name(path.with_name(path.name.removesuffix(PART))) if unfinished else path
     try:
-        if not unfinished and is_whole(path):
+        if not unfinished and is_complete(path):
             return None
         repaired = target.with_name(target.name + REPAIRED)
         with path.open("rb") as source:
-            if not _take(source):  # and hold it: two that repair the same file would write into one
+            if not _lock(source):  # held until closed, so that two programs never repair the same file
                 raise ThumperError(
-                    f"{path}: is being recorded or repaired just now; stop that program first",
+                    f"{path}: another program is recording or repairing it; stop that program first",
                     exit_code=EXIT_USAGE,
                 )
             profile = _profile(path)
@@ -74,62 +75,62 @@ def recover(path: Path) -> Repair | None:
                 sink.flush()
                 os.fsync(sink.fileno())
             if not unfinished:
-                path.rename(_free(path.with_name(path.name + DAMAGED)))
+                path.rename(_unused_name(path.with_name(path.name + DAMAGED)))
             repaired.rename(target)
             sync_folder(target.parent)
             if unfinished:
                 path.unlink()
     except OSError as error:
         raise ThumperError(
-            f"{path}: cannot be repaired ({error}); the file is kept", exit_code=EXIT_USAGE
+            f"{path}: cannot repair it ({error}); the file is kept", exit_code=EXIT_USAGE
         ) from error
-    return Repair(path=target, messages=messages, note=note)
+    return RepairResult(path=target, messages=messages, note=note)
 
 
-def recover_all(paths: Iterable[Path], say: Callable[[str], None]) -> bool:
-    """Repair one after another; `say` is told of each. Returns whether all are whole now. Never raises."""
-    good = True
+def repair_all(paths: Iterable[Path], report: Callable[[str], None]) -> bool:
+    """Repair the files and `report` each; return whether all are complete now. Never raises."""
+    all_complete = True
     for path in paths:
         try:
-            if path.stat().st_size == 0 and path.name.endswith(PART):  # the crash came before the first byte
+            if path.stat().st_size == 0 and path.name.endswith(PART):  # the crash preceded the first byte
                 path.unlink()
-            elif repair := recover(path):
-                lost = f" ({repair.note})" if repair.note else ""
-                say(f"{repair.path}: repaired, {repair.messages} messages{lost}")
+            elif result := repair(path):
+                lost = f" ({result.note})" if result.note else ""
+                report(f"{result.path}: repaired, {result.messages} messages{lost}")
             else:
-                say(f"{path}: whole already")
+                report(f"{path}: complete already")
         except ThumperError as error:
-            say(str(error))
-            good = False
+            report(str(error))
+            all_complete = False
         except OSError as error:
-            say(f"{path}: cannot be read ({error.strerror}); check the path")
-            good = False
-    return good
+            report(f"{path}: cannot read it ({error.strerror}); check the path")
+            all_complete = False
+    return all_complete
 
 
-def recover_apart(folder: Path) -> None:
-    """Repair what crashes left in the folder, in a process of its own: a robot's loop must not wait."""
-    if folder.is_dir() and (paths := left_behind(folder)):
+def repair_in_subprocess(folder: Path) -> None:
+    """Start a process that repairs incomplete recordings in the folder, so that the robot need not wait."""
+    if folder.is_dir() and (paths := unfinished_recordings(folder)):
         command = [sys.executable, "-m", "thumper", "recover", *map(str, paths)]
-        subprocess.Popen(["nice", *command], start_new_session=True)  # Ctrl-C is not meant for it
+        subprocess.Popen(["nice", *command], start_new_session=True)  # Ctrl-C must not end it
 
 
-def is_whole(path: Path) -> bool:
-    """Whether the file ends as a finished one does: readers that look for the index will find it."""
+def is_complete(path: Path) -> bool:
+    """Return whether the file is complete, so that readers find its index."""
     try:
         with path.open("rb") as stream:
             return SeekingReader(stream).get_summary() is not None
     except OSError:
         raise
-    except Exception:  # whatever a broken file makes the reader stumble over
+    except Exception:  # a damaged file can raise anything in the reader
         return False
 
 
 def records_until_error(stream: IO[bytes], size: int) -> Iterator[McapRecord | str]:
-    """Yield records as far as they can be read, chunks unpacked; a text says what could not be.
+    """Yield records up to the first error, chunks unpacked; a text describes what could not be read.
 
-    A torn record may promise any length: none may be longer than the file. A chunk whose checksum is wrong
-    is left out, for the next record begins where it says.
+    A damaged record may claim any length, so none may exceed the size of the file. A chunk with a wrong
+    checksum is skipped: its length is still valid, so the next record follows it.
     """
     reader = StreamReader(stream, emit_chunks=True, record_size_limit=size)
     records = iter(reader.records)
@@ -138,9 +139,9 @@ def records_until_error(stream: IO[bytes], size: int) -> Iterator[McapRecord | s
             record = next(records)
         except StopIteration:
             return
-        except Exception as error:  # cut off, or no MCAP from here on
+        except Exception as error:  # truncated, or not MCAP from here on
             where = f"byte {stream.tell()} of {size}"
-            yield f"ends early: nothing can be read beyond {where} ({type(error).__name__})"
+            yield f"ends early: unreadable from {where} ({type(error).__name__})"
             return
         if not isinstance(record, Chunk):
             yield record
@@ -148,18 +149,20 @@ def records_until_error(stream: IO[bytes], size: int) -> Iterator[McapRecord | s
         try:
             yield from breakup_chunk(record, validate_crc=True)
         except Exception as error:
-            yield f"a chunk is damaged and left out ({type(error).__name__})"
+            yield f"a chunk is damaged and skipped ({type(error).__name__})"
 
 
 def _profile(path: Path) -> str:
-    """The profile that the file's first record names."""
+    """Return the profile in the file's first record."""
     with path.open("rb") as stream:
         try:
             header = next(iter(StreamReader(stream, record_size_limit=path.stat().st_size).records))
         except OSError:
             raise
-        except Exception as error:  # whatever such bytes lead the reader to
-            raise ThumperError(f"{path}: no MCAP file; is it the right one?", exit_code=EXIT_USAGE) from error
+        except Exception as error:  # invalid bytes can raise anything in the reader
+            raise ThumperError(
+                f"{path}: not an MCAP file; is it the right one?", exit_code=EXIT_USAGE
+            ) from error
     return header.profile if isinstance(header, Header) else ""
 
 
@@ -174,7 +177,7 @@ def _copy(source: IO[bytes], sink: IO[bytes], profile: str) -> tuple[int, str]:
         if isinstance(record, str):
             notes.append(record)
         elif isinstance(record, (DataEnd, Footer)):
-            break  # what follows is the index, which is made anew
+            break  # the index follows; the writer makes a new one
         elif isinstance(record, Schema) and record.id not in schemas:
             schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
         elif isinstance(record, Channel) and record.id not in channels and record.schema_id in schemas:
@@ -200,13 +203,13 @@ def _copy(source: IO[bytes], sink: IO[bytes], profile: str) -> tuple[int, str]:
     return messages, "; ".join(notes)
 
 
-def _is_held(path: Path) -> bool:
+def _is_locked(path: Path) -> bool:
     with path.open("rb") as stream:
-        return not _take(stream)
+        return not _lock(stream)
 
 
-def _take(stream: IO[bytes]) -> bool:
-    """Hold the file for as long as the stream is open; False when another program does."""
+def _lock(stream: IO[bytes]) -> bool:
+    """Lock the file while the stream is open; return False if another program has locked it."""
     try:
         fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -214,8 +217,8 @@ def _take(stream: IO[bytes]) -> bool:
     return True
 
 
-def _free(path: Path) -> Path:
-    """This name, or it with a number: nothing is ever overwritten."""
+def _unused_name(path: Path) -> Path:
+    """Return the path, with a number if it exists: no file is ever overwritten."""
     number, free = 1, path
     while free.exists():
         free = path.with_name(f"{path.stem}-{number}{path.suffix}")

@@ -1,4 +1,4 @@
-"""What a recording says of its run: enough to do the same computation again, and to know who did it."""
+"""Metadata of a recorded run: enough to repeat its computation, and to identify the robot."""
 
 import json
 import platform
@@ -14,22 +14,22 @@ from thumper.config.dashboard import DashboardOptions
 from thumper.config.robot import RobotConfig, config_from_json, config_to_json
 
 METADATA_NAME = "thumper"
-PACKAGES = ("numpy", "numba", "rosbags", "mcap")  # which decide what a replay computes and reads
+PACKAGES = ("numpy", "numba", "rosbags", "mcap")  # packages that determine the result of a replay
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunMetadata:
-    """One run of the program on one robot."""
+    """Metadata of one run on one robot."""
 
     config: RobotConfig
-    epoch_ns: int  # what zero of the host's clock is in the stamps
-    map_from_base: Pose2 = field(default_factory=Pose2)  # where the robot stood at the start
+    epoch_ns: int  # stamp at zero of the host's clock
+    map_from_base: Pose2 = field(default_factory=Pose2)  # start pose
     simulated: bool = False
     firmware: str = ""
-    from_start: bool = True  # whether it begins before the first scan was mapped
+    from_start: bool = True  # whether the recording starts before the first scan was mapped
 
     def as_metadata(self) -> dict[str, str]:
-        """Strings by name, as MCAP keeps them. Secrets of bus and page are left out."""
+        """Return the metadata as strings by name, for MCAP, without the secrets of bus and page."""
         pose = self.map_from_base
         config = replace(self.config, bus=BusOptions(), dashboard=DashboardOptions())
         return {
@@ -47,13 +47,13 @@ class RunMetadata:
         }
 
 
-def session_of(metadata: dict[str, str], name: str) -> RunMetadata:
-    """Read what `as_metadata` wrote; `name` is the file's, for the message.
+def run_metadata_of(metadata: dict[str, str], name: str) -> RunMetadata:
+    """Read what `as_metadata` wrote; errors name the file as `name`.
 
     Raises
     ------
     ThumperError
-        It is of another version of the program, or no recording of this robot at all.
+        Another version, or another program, made the recording.
     """
     try:
         x_m, y_m, theta_rad = (float(value) for value in json.loads(metadata["start"]))
@@ -66,16 +66,16 @@ def session_of(metadata: dict[str, str], name: str) -> RunMetadata:
             from_start=bool(json.loads(metadata["from_start"])),
         )
     except (KeyError, ValueError, TypeError) as error:
-        made_by = metadata.get("version", "another program")
+        version_of_file = metadata.get("version", "another program")
         raise ThumperError(
-            f"{name}: its configuration cannot be read ({error}): it was recorded by {made_by}, this is "
-            f"{__version__}; give the robot's TOML with --config",
+            f"{name}: cannot read its configuration ({error}): {version_of_file} recorded it, this is "
+            f"{__version__}; pass the robot's TOML with --config",
             exit_code=EXIT_USAGE,
         ) from error
 
 
-def firmware_words(identity: Identity) -> str:
-    """Version, board and schema hash of the firmware that answered."""
+def firmware_text(identity: Identity) -> str:
+    """Return version, board and schema hash of the firmware as text."""
     number = f"{identity.version_major}.{identity.version_minor}.{identity.version_patch}"
     return f"{number} {identity.board.name} schema {identity.schema_hash:08x}"
 

@@ -1,4 +1,4 @@
-"""The wheels alone as a recording: what an experiment on the motors leaves."""
+"""Write a recording of the wheels alone, for experiments on the motors."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -11,7 +11,7 @@ from thumper.ros.to_ros import Messages
 
 
 def write_wheels(path: Path, samples: Iterable[TelemetrySample], epoch_ns: int) -> None:
-    """Write the samples as topics `wheels` and `battery`, in place of what was at `path`. Raises OSError."""
+    """Write the samples as topics `wheels` and `battery`; replaces `path`. Raises OSError."""
     for old in (path, path.with_name(path.name + PART)):
         old.unlink(missing_ok=True)
     file, messages = McapFile(path, {}), Messages(epoch_ns=epoch_ns)

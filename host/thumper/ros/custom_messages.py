@@ -1,6 +1,6 @@
-"""The messages that ROS 2 has no standard for, in its own notation; units end the names as elsewhere."""
+"""Definitions of message types that ROS 2 does not have; names end in their unit."""
 
-# The board's telemetry exactly as it was on the wire, so that a recording holds all the board said.
+# The board's telemetry exactly as on the wire, so that a recording holds all of it.
 WHEELS = """
 std_msgs/Header header
 uint32 time_us

@@ -1,6 +1,6 @@
-"""ROS 2 messages back to the product's data; whoever sent them, what comes out is checked for its shape.
+"""Convert ROS 2 messages, of any origin, to the package's data types.
 
-Each function raises ValueError when the message holds what the data cannot be.
+Each function raises ValueError if the message holds values that the type cannot.
 """
 
 import math
@@ -20,115 +20,119 @@ from thumper.ros.status import Status
 UNIT_TOLERANCE = 0.01  # of a quaternion's length
 
 
-def stamp_ns_of(of: Message) -> int:
-    """A message's header stamp [ns]."""
-    stamp = of.header.stamp
+def stamp_ns_of(msg: Message) -> int:
+    """Return a message's header stamp [ns]."""
+    stamp = msg.header.stamp
     return int(stamp.sec) * NS_PER_S + int(stamp.nanosec)
 
 
-def scan_of(of: Message, epoch_ns: int = 0) -> Scan:
-    """LaserScan to Scan."""
-    if not of.ranges.size or not of.angle_increment or not math.isfinite(of.angle_min + of.angle_increment):
-        raise ValueError("a scan without beams or without their directions")
+def scan_of(msg: Message, epoch_ns: int = 0) -> Scan:
+    """Convert a LaserScan."""
+    if (
+        not msg.ranges.size
+        or not msg.angle_increment
+        or not math.isfinite(msg.angle_min + msg.angle_increment)
+    ):
+        raise ValueError("the scan has no beams, or no valid beam angles")
     return Scan(
-        time_s=host_time_s(stamp_ns_of(of), epoch_ns),
-        ranges_m=of.ranges.astype(np.float64),
-        angle_min_rad=of.angle_min,
-        angle_increment_rad=of.angle_increment,
-        time_increment_s=of.time_increment,
-        range_min_m=of.range_min,
-        range_max_m=of.range_max,
+        time_s=host_time_s(stamp_ns_of(msg), epoch_ns),
+        ranges_m=msg.ranges.astype(np.float64),
+        angle_min_rad=msg.angle_min,
+        angle_increment_rad=msg.angle_increment,
+        time_increment_s=msg.time_increment,
+        range_min_m=msg.range_min,
+        range_max_m=msg.range_max,
     )
 
 
-def telemetry_of(of: Message, epoch_ns: int = 0) -> TelemetrySample:
-    """thumper_msgs/Wheels to the telemetry that it was."""
+def telemetry_of(msg: Message, epoch_ns: int = 0) -> TelemetrySample:
+    """Convert thumper_msgs/Wheels back to the board's telemetry."""
     telemetry = Telemetry(
-        time_us=of.time_us,
-        left_count=of.left_count,
-        left_speed=of.left_speed_mrad_s,
-        left_setpoint=of.left_setpoint_mrad_s,
-        left_pwm=of.left_pwm,
-        left_integral=of.left_integral,
-        right_count=of.right_count,
-        right_speed=of.right_speed_mrad_s,
-        right_setpoint=of.right_setpoint_mrad_s,
-        right_pwm=of.right_pwm,
-        right_integral=of.right_integral,
-        lost_edges=of.lost_edges,
-        battery_mV=of.battery_mv,
-        left_current_mA=of.left_current_ma,
-        right_current_mA=of.right_current_ma,
-        state=State(of.state),
-        fault=Fault(of.fault),
-        warnings=of.warnings,
-        rx_frames=of.rx_frames,
-        rx_errors=of.rx_errors,
+        time_us=msg.time_us,
+        left_count=msg.left_count,
+        left_speed=msg.left_speed_mrad_s,
+        left_setpoint=msg.left_setpoint_mrad_s,
+        left_pwm=msg.left_pwm,
+        left_integral=msg.left_integral,
+        right_count=msg.right_count,
+        right_speed=msg.right_speed_mrad_s,
+        right_setpoint=msg.right_setpoint_mrad_s,
+        right_pwm=msg.right_pwm,
+        right_integral=msg.right_integral,
+        lost_edges=msg.lost_edges,
+        battery_mV=msg.battery_mv,
+        left_current_mA=msg.left_current_ma,
+        right_current_mA=msg.right_current_ma,
+        state=State(msg.state),
+        fault=Fault(msg.fault),
+        warnings=msg.warnings,
+        rx_frames=msg.rx_frames,
+        rx_errors=msg.rx_errors,
     )
-    return TelemetrySample(time_s=host_time_s(stamp_ns_of(of), epoch_ns), telemetry=telemetry)
+    return TelemetrySample(time_s=host_time_s(stamp_ns_of(msg), epoch_ns), telemetry=telemetry)
 
 
-def pose_of(of: Message) -> Pose2:
-    """geometry_msgs/Pose to the plane; one that is not finite or leaves the plane is refused."""
-    return _planar(of.position, of.orientation)
+def pose_of(msg: Message) -> Pose2:
+    """Convert a geometry_msgs/Pose to x, y and yaw; refuse values that are not finite or not a rotation."""
+    return _planar(msg.position, msg.orientation)
 
 
-def transform_of(of: Message) -> Pose2:
-    """geometry_msgs/Transform to the plane; refused as `pose_of` does."""
-    return _planar(of.translation, of.rotation)
+def transform_of(msg: Message) -> Pose2:
+    """Convert a geometry_msgs/Transform to x, y and yaw; refuse what `pose_of` refuses."""
+    return _planar(msg.translation, msg.rotation)
 
 
-def _planar(at: Message, q: Message) -> Pose2:
-    if not all(map(math.isfinite, (at.x, at.y, at.z, q.x, q.y, q.z, q.w))):
-        raise ValueError("a pose that is not finite")
-    length = math.hypot(q.x, q.y, q.z, q.w)  # whose squares may be beyond any float
+def _planar(position: Message, q: Message) -> Pose2:
+    if not all(map(math.isfinite, (position.x, position.y, position.z, q.x, q.y, q.z, q.w))):
+        raise ValueError("the pose is not finite")
+    length = math.hypot(q.x, q.y, q.z, q.w)  # unlike the sum of squares it does not overflow
     if abs(length - 1.0) > UNIT_TOLERANCE:
-        raise ValueError(f"an orientation of length {length:g}, not 1")
+        raise ValueError(f"the orientation has length {length:g} instead of 1")
     yaw_rad = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
-    return Pose2(x_m=at.x, y_m=at.y, theta_rad=yaw_rad)
+    return Pose2(x_m=position.x, y_m=position.y, theta_rad=yaw_rad)
 
 
-def twist_of(of: Message) -> Twist2:
-    """geometry_msgs/Twist to what a robot on wheels can do; one that is not finite is refused."""
-    if not (math.isfinite(of.linear.x) and math.isfinite(of.angular.z)):
-        raise ValueError("a speed that is not finite")
-    return Twist2(v_m_s=of.linear.x, w_rad_s=of.angular.z)
+def twist_of(msg: Message) -> Twist2:
+    """Convert a geometry_msgs/Twist to forward and turning speed; refuse values that are not finite."""
+    if not (math.isfinite(msg.linear.x) and math.isfinite(msg.angular.z)):
+        raise ValueError("the speed is not finite")
+    return Twist2(v_m_s=msg.linear.x, w_rad_s=msg.angular.z)
 
 
-def path_of(of: Message) -> FloatArray:
-    """Path to x, y, theta; shape (n, 3)."""
-    poses = [pose_of(stamped.pose) for stamped in of.poses]
+def path_of(msg: Message) -> FloatArray:
+    """Convert a Path to x, y, theta; shape (n, 3)."""
+    poses = [pose_of(stamped.pose) for stamped in msg.poses]
     return np.array([(p.x_m, p.y_m, p.theta_rad) for p in poses], dtype=np.float64).reshape(-1, 3)
 
 
-def poses_of(of: Message) -> FloatArray:
-    """PoseArray to x, y, theta; shape (n, 3)."""
-    poses = [pose_of(pose) for pose in of.poses]
+def poses_of(msg: Message) -> FloatArray:
+    """Convert a PoseArray to x, y, theta; shape (n, 3)."""
+    poses = [pose_of(pose) for pose in msg.poses]
     return np.array([(p.x_m, p.y_m, p.theta_rad) for p in poses], dtype=np.float64).reshape(-1, 3)
 
 
-def grid_of(of: Message) -> OccupancyGrid:
-    """OccupancyGrid message to grid; one that lies askew is refused."""
-    info = of.info
+def grid_of(msg: Message) -> OccupancyGrid:
+    """Convert an OccupancyGrid message; refuse one that is rotated against its frame."""
+    info = msg.info
     origin = pose_of(info.origin)
     if origin.theta_rad != 0.0:
-        raise ValueError("a grid that is turned against its frame")
-    if of.data.size != info.width * info.height or not info.resolution > 0.0:
-        raise ValueError(f"{of.data.size} cells for {info.width} x {info.height}")
+        raise ValueError("the grid is rotated against its frame")
+    if msg.data.size != info.width * info.height or not info.resolution > 0.0:
+        raise ValueError(f"{msg.data.size} cells for {info.width} x {info.height}")
     return OccupancyGrid(
-        cells=of.data.astype(np.int8).reshape(info.height, info.width),
-        resolution_m=_short(info.resolution),
+        cells=msg.data.astype(np.int8).reshape(info.height, info.width),
+        resolution_m=_shortest_decimal(info.resolution),
         origin_x_m=origin.x_m,
         origin_y_m=origin.y_m,
     )
 
 
-def status_of(of: Message, epoch_ns: int = 0) -> Status:
-    """thumper_msgs/Status to Status."""
-    content = {field.name: getattr(of, field.name) for field in fields(Status) if field.name != "time_s"}
-    return Status(time_s=host_time_s(stamp_ns_of(of), epoch_ns), **content)
+def status_of(msg: Message, epoch_ns: int = 0) -> Status:
+    """Convert thumper_msgs/Status."""
+    content = {field.name: getattr(msg, field.name) for field in fields(Status) if field.name != "time_s"}
+    return Status(time_s=host_time_s(stamp_ns_of(msg), epoch_ns), **content)
 
 
-def _short(resolution: float) -> float:
-    """The decimal number that a float32 was: 0.05 comes over as 0.0500000007."""
+def _shortest_decimal(resolution: float) -> float:
+    """Return the shortest decimal of a float32: 0.05 arrives as 0.0500000007."""
     return float(str(np.float32(resolution)))

@@ -1,32 +1,32 @@
-"""What the robot says of itself, for people: the content of the topic `status`."""
+"""The robot's status summary: content of the topic `status`."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Status:
-    """One look at the whole robot; the fields are those of thumper_msgs/msg/Status."""
+    """State of the whole robot; the fields are those of thumper_msgs/msg/Status."""
 
     time_s: float
     robot: str = ""
-    mode: str = "idle"  # what it is doing
-    reason: str = ""  # why, in words
+    mode: str = "idle"  # of the drive manager: idle, driving, manual, ...
+    reason: str = ""  # why, as text
     simulated: bool = False
     recording: bool = False
     has_goal: bool = False
     goal_x_m: float = 0.0
     goal_y_m: float = 0.0
-    goal_yaw_rad: float = 0.0  # NaN: no heading was asked for
+    goal_yaw_rad: float = 0.0  # NaN: any heading
     distance_to_goal_m: float = 0.0
     board_state: str = ""  # DISARMED, CLOSED_LOOP, MANUAL or FAULT
     fault: int = 0  # latched fault of the board; 0 none
     fault_words: str = ""
     fault_cure: str = ""
-    loop_late_s: float = 0.0  # how much later than due the beat before this one began
-    loop_busy_s: float = 0.0  # how long its work took
+    loop_late_s: float = 0.0  # how late the previous cycle started
+    loop_busy_s: float = 0.0  # how long the previous cycle took
     telemetry_age_s: float = 0.0
     scan_age_s: float = 0.0
-    link_frames: int = 0  # heard by the board since its reset; wraps at 65536
+    link_frames: int = 0  # good frames that the board received since its reset; wraps at 65536
     link_errors: int = 0
     lost_edges: int = 0
     lidar_scans: int = 0

@@ -1,4 +1,4 @@
-"""ROS 2 messages as JSON and back, in the way that rosbridge writes them."""
+"""Convert ROS 2 messages to JSON and back, in rosbridge's notation."""
 
 import math
 from typing import Any
@@ -12,34 +12,36 @@ _BASE, _NAME, _ARRAY = Nodetype.BASE, Nodetype.NAME, Nodetype.ARRAY
 INTEGERS = {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)} | {"byte", "char"}
 
 
-def to_json(of: Any) -> Any:
-    """A message as dictionaries, lists and numbers; what is no number becomes null."""
-    type_name = getattr(of, "__msgtype__", None)
+def to_json(msg: Any) -> Any:
+    """Return a message as dictionaries, lists and numbers; NaN and infinity become null."""
+    type_name = getattr(msg, "__msgtype__", None)
     if type_name is not None:
         fields = typestore().fielddefs[type_name][1]  # without the type's constants
-        return {name: to_json(getattr(of, name)) for name, _ in fields}
-    if isinstance(of, np.ndarray):
-        return [to_json(value) for value in of.tolist()] if of.dtype.kind == "f" else of.tolist()
-    if isinstance(of, list | tuple):
-        return [to_json(value) for value in of]
-    if isinstance(of, float) and not math.isfinite(of):
+        return {name: to_json(getattr(msg, name)) for name, _ in fields}
+    if isinstance(msg, np.ndarray):
+        return [to_json(value) for value in msg.tolist()] if msg.dtype.kind == "f" else msg.tolist()
+    if isinstance(msg, list | tuple):
+        return [to_json(value) for value in msg]
+    if isinstance(msg, float) and not math.isfinite(msg):
         return None
-    return of
+    return msg
 
 
 def from_json(type_name: str, content: Any) -> Message:
-    """The message that the JSON describes; what is left out is zero or empty.
+    """Build the message that the JSON describes; missing fields are zero or empty.
 
     Raises
     ------
     ValueError
-        A field that the type does not have, or a value that it cannot hold; the message names it.
+        A field is unknown, or its type cannot hold the value. The error names the field.
     """
     if not isinstance(content, dict):
-        raise ValueError(f"{type_name}: give an object")
+        raise ValueError(f"{type_name}: expected an object")
     fields = dict(typestore().fielddefs[type_name][1])
     if unknown := sorted(set(content) - set(fields)):
-        raise ValueError(f"{type_name} has no {', '.join(map(repr, unknown))}; it has {', '.join(fields)}")
+        raise ValueError(
+            f"{type_name} has no field {', '.join(map(repr, unknown))}; its fields: {', '.join(fields)}"
+        )
     values = {}
     for name, (kind, of) in fields.items():
         try:
@@ -50,7 +52,7 @@ def from_json(type_name: str, content: Any) -> Message:
 
 
 def _value(kind: Nodetype, of: Any, content: Any) -> Any:
-    """`content` None is what was left out, and also a float that is no number."""
+    """Convert one field; None stands for a missing field, and for a float that is NaN or infinite."""
     if kind is _NAME:
         return from_json(of, {} if content is None else content)
     if kind is _BASE:
@@ -58,7 +60,7 @@ def _value(kind: Nodetype, of: Any, content: Any) -> Any:
     (item_kind, item_of), length = of
     content = [] if content is None else content
     if not isinstance(content, list):
-        raise ValueError("give a list")
+        raise ValueError("expected a list")
     if kind is _ARRAY:
         content = content or [None] * length
         if len(content) != length:
@@ -72,18 +74,18 @@ def _value(kind: Nodetype, of: Any, content: Any) -> Any:
 def _scalar(type_name: str, content: Any) -> Any:
     if type_name == "string":
         if not isinstance(content, str | None):
-            raise ValueError(f"{content!r} is no text")
+            raise ValueError(f"{content!r} is not a string")
         return content or ""
     if type_name == "bool":
         if not isinstance(content, bool | None):
             raise ValueError(f"{content!r} is neither true nor false")
         return bool(content)
     if isinstance(content, bool) or not isinstance(content, int | float | None):
-        raise ValueError(f"{content!r} is no number")
+        raise ValueError(f"{content!r} is not a number")
     if type_name in INTEGERS:
         value, limits = 0 if content is None else content, np.iinfo(_dtype(type_name))
         if not limits.min <= value <= limits.max or value != int(value):
-            raise ValueError(f"{value!r} is no {type_name}")
+            raise ValueError(f"{value!r} does not fit in {type_name}")
         return int(value)
     return 0.0 if content is None else float(content)
 

@@ -1,4 +1,4 @@
-"""The product's data as ROS 2 messages. `thumper.ros.from_ros` is the way back."""
+"""Convert the package's data to ROS 2 messages; `thumper.ros.from_ros` is the inverse."""
 
 import math
 from dataclasses import asdict, dataclass
@@ -18,7 +18,7 @@ from thumper.ros.status import Status
 MAP, ODOM, BASE, LASER = "map", "odom", "base_link", "laser"
 INFO, WARN, ERROR = 20, 30, 40  # levels of rcl_interfaces/Log
 
-# As ROS's costmap publisher does: 0 free, 1...98 decaying, 99 inscribed, 100 obstacle, -1 unknown.
+# As in ROS's costmap publisher: 0 free, 1...98 inflated, 99 inscribed, 100 obstacle, -1 unknown.
 _PERCENT_OF_COST = np.array(
     [0, *(1 + 97 * (cost - 1) // 251 for cost in range(1, 253)), 99, 100, -1], dtype=np.int8
 )
@@ -26,23 +26,23 @@ _PERCENT_OF_COST = np.array(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Messages:
-    """Makes messages of one session; all times are in seconds on the host's clock."""
+    """Builds the messages of one run; all times are seconds of the host's clock."""
 
-    epoch_ns: int = 0  # what its zero is in ROS's time
+    epoch_ns: int = 0  # ROS time at zero of the host's clock
 
     def time(self, time_s: float) -> Message:
-        """builtin_interfaces/Time."""
+        """Build a builtin_interfaces/Time."""
         sec, nanosec = divmod(stamp_ns(time_s, self.epoch_ns), NS_PER_S)
         return message("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
 
     def header(self, time_s: float, frame: str = "") -> Message:
-        """std_msgs/Header."""
+        """Build a std_msgs/Header."""
         return message("std_msgs/msg/Header", stamp=self.time(time_s), frame_id=frame)
 
     def scan(self, scan: Scan) -> Message:
-        """LaserScan, stamped at beam 0."""
+        """Build a LaserScan, stamped at beam 0."""
         last_rad = scan.angle_min_rad + scan.angle_increment_rad * (scan.ranges_m.size - 1)
-        turn_s = abs(math.tau / scan.angle_increment_rad) * scan.time_increment_s
+        revolution_s = abs(math.tau / scan.angle_increment_rad) * scan.time_increment_s
         return message(
             "sensor_msgs/msg/LaserScan",
             header=self.header(scan.time_s, LASER),
@@ -50,7 +50,7 @@ class Messages:
             angle_max=last_rad,
             angle_increment=scan.angle_increment_rad,
             time_increment=scan.time_increment_s,
-            scan_time=turn_s,
+            scan_time=revolution_s,
             range_min=scan.range_min_m,
             range_max=scan.range_max_m,
             ranges=scan.ranges_m.astype(np.float32),
@@ -58,7 +58,7 @@ class Messages:
         )
 
     def odometry(self, sample: OdometrySample) -> Message:
-        """Odometry, odom to base_link; of the covariance what a robot in the plane has."""
+        """Build an Odometry (odom to base_link); only the planar covariance terms are set."""
         return message(
             "nav_msgs/msg/Odometry",
             header=self.header(sample.time_s, ODOM),
@@ -72,7 +72,7 @@ class Messages:
         )
 
     def pose(self, time_s: float, map_from_base: Pose2, covariance: FloatArray | None = None) -> Message:
-        """PoseWithCovarianceStamped in the map; `covariance` of (x, y, theta), shape (3, 3)."""
+        """Build a PoseWithCovarianceStamped in the map; `covariance` of (x, y, theta), shape (3, 3)."""
         return message(
             "geometry_msgs/msg/PoseWithCovarianceStamped",
             header=self.header(time_s, MAP),
@@ -80,7 +80,7 @@ class Messages:
         )
 
     def goal(self, time_s: float, map_from_goal: Pose2) -> Message:
-        """PoseStamped in the map."""
+        """Build a PoseStamped in the map."""
         return message(
             "geometry_msgs/msg/PoseStamped",
             header=self.header(time_s, MAP),
@@ -88,7 +88,7 @@ class Messages:
         )
 
     def transforms(self, time_s: float, map_from_odom: Pose2, odom_from_base: Pose2) -> Message:
-        """TFMessage with the two moving transforms."""
+        """Build a TFMessage with the transforms map to odom and odom to base_link."""
         return message(
             "tf2_msgs/msg/TFMessage",
             transforms=[
@@ -98,22 +98,25 @@ class Messages:
         )
 
     def fixed_transforms(self, time_s: float, base_from_laser: Pose2) -> Message:
-        """TFMessage with where the lidar sits."""
+        """Build a TFMessage with the mounting pose of the lidar."""
         return message(
             "tf2_msgs/msg/TFMessage", transforms=[self._transform(time_s, BASE, LASER, base_from_laser)]
         )
 
     def grid(self, time_s: float, grid: OccupancyGrid) -> Message:
-        """OccupancyGrid in the map."""
+        """Build an OccupancyGrid in the map."""
         return self._cells(time_s, grid.cells, grid.resolution_m, grid.origin_x_m, grid.origin_y_m)
 
     def costmap(self, time_s: float, costmap: Costmap) -> Message:
-        """OccupancyGrid in the map, costs as percent."""
+        """Build an OccupancyGrid in the map with the costs as percent."""
         cells = _PERCENT_OF_COST[costmap.costs]
         return self._cells(time_s, cells, costmap.resolution_m, costmap.origin_x_m, costmap.origin_y_m)
 
     def path(self, time_s: float, path: FloatArray) -> Message:
-        """Path in the map: x, y and perhaps theta, shape (n, 2) or (n, 3); without theta it looks ahead."""
+        """Build a Path in the map from x, y and optionally theta, shape (n, 2) or (n, 3).
+
+        Without theta each heading points to the next point.
+        """
         headings = path[:, 2] if path.shape[1] > 2 else _headings(path)
         stamp = self.header(time_s, MAP)
         poses = [
@@ -123,7 +126,7 @@ class Messages:
         return message("nav_msgs/msg/Path", header=stamp, poses=poses)
 
     def particles(self, time_s: float, poses: FloatArray) -> Message:
-        """PoseArray in the map: x, y, theta, shape (n, 3)."""
+        """Build a PoseArray in the map from x, y, theta, shape (n, 3)."""
         return message(
             "geometry_msgs/msg/PoseArray",
             header=self.header(time_s, MAP),
@@ -131,13 +134,13 @@ class Messages:
         )
 
     def twist(self, time_s: float, twist: Twist2) -> Message:
-        """TwistStamped in base_link."""
+        """Build a TwistStamped in base_link."""
         return message(
             "geometry_msgs/msg/TwistStamped", header=self.header(time_s, BASE), twist=_twist(twist)
         )
 
     def wheels(self, sample: TelemetrySample) -> Message:
-        """thumper_msgs/Wheels: the telemetry as it was on the wire."""
+        """Build a thumper_msgs/Wheels: the telemetry as on the wire."""
         t = sample.telemetry
         return message(
             "thumper_msgs/msg/Wheels",
@@ -165,7 +168,7 @@ class Messages:
         )
 
     def battery(self, sample: TelemetrySample) -> Message:
-        """BatteryState: the voltage and both motors' current; what nobody measures is NaN."""
+        """Build a BatteryState: voltage and the motors' total current; fields without a sensor are NaN."""
         t = sample.telemetry
         nothing = np.empty(0, dtype=np.float32)
         return message(
@@ -173,7 +176,7 @@ class Messages:
             header=self.header(sample.time_s, BASE),
             voltage=1e-3 * t.battery_mV,
             temperature=math.nan,
-            current=-1e-3 * (abs(t.left_current_mA) + abs(t.right_current_mA)),  # negative: it discharges
+            current=-1e-3 * (abs(t.left_current_mA) + abs(t.right_current_mA)),  # negative while discharging
             charge=math.nan,
             capacity=math.nan,
             design_capacity=math.nan,
@@ -189,12 +192,12 @@ class Messages:
         )
 
     def status(self, status: Status) -> Message:
-        """thumper_msgs/Status."""
+        """Build a thumper_msgs/Status."""
         fields = asdict(status)
         return message("thumper_msgs/msg/Status", header=self.header(fields.pop("time_s")), **fields)
 
     def event(self, time_s: float, level: int, text: str, name: str = "thumper") -> Message:
-        """rcl_interfaces/Log: one line for people; `level` is INFO, WARN or ERROR."""
+        """Build an rcl_interfaces/Log with one line of text; `level` is INFO, WARN or ERROR."""
         return message(
             "rcl_interfaces/msg/Log",
             stamp=self.time(time_s),
@@ -208,14 +211,14 @@ class Messages:
 
     def _transform(self, time_s: float, parent: str, child: str, parent_from_child: Pose2) -> Message:
         pose = _pose(parent_from_child.x_m, parent_from_child.y_m, parent_from_child.theta_rad)
-        at = pose.position
+        position = pose.position
         return message(
             "geometry_msgs/msg/TransformStamped",
             header=self.header(time_s, parent),
             child_frame_id=child,
             transform=message(
                 "geometry_msgs/msg/Transform",
-                translation=message("geometry_msgs/msg/Vector3", x=at.x, y=at.y, z=at.z),
+                translation=message("geometry_msgs/msg/Vector3", x=position.x, y=position.y, z=position.z),
                 rotation=pose.orientation,
             ),
         )
@@ -240,12 +243,12 @@ class Messages:
 
 
 def text(content: str) -> Message:
-    """std_msgs/String, as commands are."""
+    """Build a std_msgs/String, the type of commands."""
     return message("std_msgs/msg/String", data=content)
 
 
 def flag(value: bool) -> Message:
-    """std_msgs/Bool, as the emergency stop is."""
+    """Build a std_msgs/Bool, the type of the emergency stop."""
     return message("std_msgs/msg/Bool", data=value)
 
 
@@ -270,7 +273,7 @@ def _twist(twist: Twist2) -> Message:
 
 
 def _pose_with_covariance(pose: Pose2, covariance: FloatArray) -> Message:
-    """The rows and columns of x, y and yaw, of ROS's six (x, y, z, roll, pitch, yaw)."""
+    """Embed the 3x3 covariance of x, y, yaw in ROS's 6x6 one (x, y, z, roll, pitch, yaw)."""
     full = np.zeros((6, 6))
     full[np.ix_((0, 1, 5), (0, 1, 5))] = covariance
     return message(
@@ -281,7 +284,7 @@ def _pose_with_covariance(pose: Pose2, covariance: FloatArray) -> Message:
 
 
 def _headings(path: FloatArray) -> FloatArray:
-    """Direction to the next point; the last one keeps the direction before it."""
+    """Return the direction to the next point; the last point repeats the one before it."""
     if len(path) < 2:
         return np.zeros(len(path))
     steps = np.diff(path[:, :2], axis=0)

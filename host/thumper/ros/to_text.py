@@ -1,4 +1,4 @@
-"""A message in one line for people: what it says, rounded and with units."""
+"""Format a message as one line of text, rounded and with units."""
 
 import math
 import time
@@ -13,32 +13,32 @@ from thumper.ros import from_ros
 from thumper.ros.codec import Message
 from thumper.ros.to_json import to_json
 
-A_DATE_S = 1e8  # a stamp beyond is the date, one before it a simulation's time
+EARLIEST_DATE_S = 1e8  # later stamps are date and time, earlier ones simulated time
 
 
-def message_text(of: Message) -> str:
-    """Return its time and what it says; of what is said nowhere else here, each field with its name."""
-    say = _WORDS.get(of.__msgtype__, _fields)
+def message_text(msg: Message) -> str:
+    """Return the message's time and content; a type without a formatter is listed field by field."""
+    formatter = _FORMATTERS.get(msg.__msgtype__, _fields)
     try:
-        text = say(of)
-    except ValueError:  # not as the robot would fill it in
-        text = _fields(of)
-    return f"{_when(of)}{text}"
+        text = formatter(msg)
+    except ValueError:  # not filled in as the robot does
+        text = _fields(msg)
+    return f"{_when(msg)}{text}"
 
 
-def _when(of: Message) -> str:
-    stamped = of.transforms[0].header if getattr(of, "transforms", None) else getattr(of, "header", of)
+def _when(msg: Message) -> str:
+    stamped = msg.transforms[0].header if getattr(msg, "transforms", None) else getattr(msg, "header", msg)
     stamp = getattr(stamped, "stamp", None)
     if stamp is None:
         return ""
     time_s = stamp.sec + 1e-9 * stamp.nanosec
-    if time_s < A_DATE_S:
+    if time_s < EARLIEST_DATE_S:
         return f"{time_s:.2f} s: "
     return f"{time.strftime('%H:%M:%S', time.localtime(time_s))}.{stamp.nanosec // 10_000_000:02d}: "
 
 
-def _fields(of: Message) -> str:
-    return ", ".join(_pairs("", to_json(of)))
+def _fields(msg: Message) -> str:
+    return ", ".join(_pairs("", to_json(msg)))
 
 
 def _pairs(prefix: str, value: Any) -> list[str]:
@@ -49,23 +49,23 @@ def _pairs(prefix: str, value: Any) -> list[str]:
     return [f"{prefix}: {value}"]
 
 
-def _place(pose: Pose2) -> str:
+def _pose_text(pose: Pose2) -> str:
     return f"x {pose.x_m:.3f} m, y {pose.y_m:.3f} m, heading {math.degrees(pose.theta_rad):.1f} deg"
 
 
-def _pose(of: Message) -> str:
-    """PoseStamped."""
-    return _place(from_ros.pose_of(of.pose))
+def _pose(msg: Message) -> str:
+    """Format a PoseStamped."""
+    return _pose_text(from_ros.pose_of(msg.pose))
 
 
-def _pose_with_covariance(of: Message) -> str:
-    sigma_x_m, sigma_y_m, sigma_rad = np.sqrt(np.asarray(of.pose.covariance)[[0, 7, 35]])
-    known = f"; sigma {sigma_x_m:.3f} m, {sigma_y_m:.3f} m, {math.degrees(sigma_rad):.2f} deg"
-    return _place(from_ros.pose_of(of.pose.pose)) + (known if sigma_x_m > 0.0 else "")
+def _pose_with_covariance(msg: Message) -> str:
+    sigma_x_m, sigma_y_m, sigma_rad = np.sqrt(np.asarray(msg.pose.covariance)[[0, 7, 35]])
+    deviation = f"; sigma {sigma_x_m:.3f} m, {sigma_y_m:.3f} m, {math.degrees(sigma_rad):.2f} deg"
+    return _pose_text(from_ros.pose_of(msg.pose.pose)) + (deviation if sigma_x_m > 0.0 else "")
 
 
-def _odometry(of: Message) -> str:
-    return f"{_pose_with_covariance(of)}; {_speeds(of.twist.twist)}"
+def _odometry(msg: Message) -> str:
+    return f"{_pose_with_covariance(msg)}; {_speeds(msg.twist.twist)}"
 
 
 def _speeds(twist: Message) -> str:
@@ -73,28 +73,28 @@ def _speeds(twist: Message) -> str:
     return f"{speeds.v_m_s:.3f} m/s, {speeds.w_rad_s:.3f} rad/s"
 
 
-def _transforms(of: Message) -> str:
-    each = (
-        f"{one.header.frame_id} -> {one.child_frame_id} {_place(from_ros.transform_of(one.transform))}"
-        for one in of.transforms
+def _transforms(msg: Message) -> str:
+    return "; ".join(
+        f"{stamped.header.frame_id} -> {stamped.child_frame_id} "
+        f"{_pose_text(from_ros.transform_of(stamped.transform))}"
+        for stamped in msg.transforms
     )
-    return "; ".join(each)
 
 
-def _scan(of: Message) -> str:
-    scan = from_ros.scan_of(of)
+def _scan(msg: Message) -> str:
+    scan = from_ros.scan_of(msg)
     in_range = (scan.ranges_m >= scan.range_min_m) & (scan.ranges_m <= scan.range_max_m)
-    seen = np.flatnonzero(in_range)
-    text = f"{seen.size} of {scan.ranges_m.size} beams see something"
-    if not seen.size:
+    hits = np.flatnonzero(in_range)
+    text = f"{hits.size} of {scan.ranges_m.size} beams hit"
+    if not hits.size:
         return text
-    nearest = seen[np.argmin(scan.ranges_m[seen])]
+    nearest = hits[np.argmin(scan.ranges_m[hits])]
     bearing_rad = scan.angle_min_rad + nearest * scan.angle_increment_rad
-    return f"{text}, the nearest at {scan.ranges_m[nearest]:.3f} m, {math.degrees(bearing_rad):.0f} deg"
+    return f"{text}, nearest at {scan.ranges_m[nearest]:.3f} m, {math.degrees(bearing_rad):.0f} deg"
 
 
-def _grid(of: Message) -> str:
-    grid = from_ros.grid_of(of)
+def _grid(msg: Message) -> str:
+    grid = from_ros.grid_of(msg)
     rows, columns = grid.cells.shape
     return (
         f"{columns} x {rows} cells of {grid.resolution_m:g} m from x {grid.origin_x_m:.2f} m, "
@@ -102,28 +102,28 @@ def _grid(of: Message) -> str:
     )
 
 
-def _path(of: Message) -> str:
-    path = from_ros.path_of(of)
+def _path(msg: Message) -> str:
+    path = from_ros.path_of(msg)
     if not len(path):
         return "no points"
     length_m = float(np.hypot(*np.diff(path[:, :2], axis=0).T).sum())
     return f"{len(path)} points, {length_m:.2f} m to x {path[-1, 0]:.2f} m, y {path[-1, 1]:.2f} m"
 
 
-def _particles(of: Message) -> str:
-    poses = from_ros.poses_of(of)
+def _particles(msg: Message) -> str:
+    poses = from_ros.poses_of(msg)
     if not len(poses):
         return "none"
     mean: FloatArray = poses.mean(axis=0)
-    spread: FloatArray = poses.std(axis=0)
+    std: FloatArray = poses.std(axis=0)
     return (
-        f"{len(poses)} round x {mean[0]:.2f} m, y {mean[1]:.2f} m, with a spread of {spread[0]:.3f} m, "
-        f"{spread[1]:.3f} m"
+        f"{len(poses)} around x {mean[0]:.2f} m, y {mean[1]:.2f} m; "
+        f"standard deviation {std[0]:.3f} m, {std[1]:.3f} m"
     )
 
 
-def _wheels(of: Message) -> str:
-    t = from_ros.telemetry_of(of).telemetry
+def _wheels(msg: Message) -> str:
+    t = from_ros.telemetry_of(msg).telemetry
     fault = f", fault {t.fault.name.lower()}" if t.fault else ""
     return (
         f"{_side(t, 'left')}; {_side(t, 'right')}; {1e-3 * t.battery_mV:.2f} V; {t.state.name.lower()}{fault}"
@@ -131,42 +131,42 @@ def _wheels(of: Message) -> str:
 
 
 def _side(t: Telemetry, side: str) -> str:
-    def of(name: str) -> int:
+    def field(name: str) -> int:
         return int(getattr(t, f"{side}_{name}"))
 
     return (
-        f"{side} {1e-3 * of('speed'):.2f} of {1e-3 * of('setpoint'):.2f} rad/s, PWM {of('pwm')}, "
-        f"{1e-3 * of('current_mA'):.2f} A"
+        f"{side} {1e-3 * field('speed'):.2f} of {1e-3 * field('setpoint'):.2f} rad/s, PWM {field('pwm')}, "
+        f"{1e-3 * field('current_mA'):.2f} A"
     )
 
 
-def _battery(of: Message) -> str:
-    return f"{of.voltage:.2f} V, {abs(of.current):.2f} A drawn by the motors"
+def _battery(msg: Message) -> str:
+    return f"{msg.voltage:.2f} V, {abs(msg.current):.2f} A drawn by the motors"
 
 
-def _status(of: Message) -> str:
-    why = f" ({of.reason})" if of.reason else ""
-    goal = f", {of.distance_to_goal_m:.2f} m to go" if of.has_goal else ""
-    fault = f", {of.fault_words}: {of.fault_cure}" if of.fault else ""
+def _status(msg: Message) -> str:
+    reason = f" ({msg.reason})" if msg.reason else ""
+    goal = f", {msg.distance_to_goal_m:.2f} m to go" if msg.has_goal else ""
+    fault = f", {msg.fault_words}: {msg.fault_cure}" if msg.fault else ""
     return (
-        f"{of.mode}{why}{goal}; board {of.board_state.lower()}{fault}; "
-        f"loop {1e3 * of.loop_late_s:.1f} ms late, busy for {1e3 * of.loop_busy_s:.1f} ms"
+        f"{msg.mode}{reason}{goal}; board {msg.board_state.lower()}{fault}; "
+        f"loop {1e3 * msg.loop_late_s:.1f} ms late, busy for {1e3 * msg.loop_busy_s:.1f} ms"
     )
 
 
-_WORDS: Mapping[str, Callable[[Message], str]] = {
+_FORMATTERS: Mapping[str, Callable[[Message], str]] = {
     "geometry_msgs/msg/PoseArray": _particles,
     "geometry_msgs/msg/PoseStamped": _pose,
     "geometry_msgs/msg/PoseWithCovarianceStamped": _pose_with_covariance,
-    "geometry_msgs/msg/TwistStamped": lambda of: _speeds(of.twist),
+    "geometry_msgs/msg/TwistStamped": lambda msg: _speeds(msg.twist),
     "nav_msgs/msg/OccupancyGrid": _grid,
     "nav_msgs/msg/Odometry": _odometry,
     "nav_msgs/msg/Path": _path,
-    "rcl_interfaces/msg/Log": lambda of: f"{of.name}: {of.msg}",
+    "rcl_interfaces/msg/Log": lambda msg: f"{msg.name}: {msg.msg}",
     "sensor_msgs/msg/BatteryState": _battery,
     "sensor_msgs/msg/LaserScan": _scan,
-    "std_msgs/msg/Bool": lambda of: str(of.data).lower(),
-    "std_msgs/msg/String": lambda of: str(of.data),
+    "std_msgs/msg/Bool": lambda msg: str(msg.data).lower(),
+    "std_msgs/msg/String": lambda msg: str(msg.data),
     "tf2_msgs/msg/TFMessage": _transforms,
     "thumper_msgs/msg/Status": _status,
     "thumper_msgs/msg/Wheels": _wheels,

@@ -1,4 +1,4 @@
-"""What goes over the border: the name of each topic, its ROS 2 type, and which way it goes."""
+"""Table of the topics: name, ROS 2 type and direction."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ class Direction(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Topic:
-    """One stream of messages."""
+    """A named stream of messages of one type."""
 
     type_name: str
     direction: Direction
-    latched: bool = False  # who comes late still gets the newest message
+    latched: bool = False  # late subscribers receive the newest message
 
 
 def _out(type_name: str, *, latched: bool = False) -> Topic:
@@ -47,12 +47,12 @@ TOPICS: Mapping[str, Topic] = MappingProxyType(
         "battery": _out("sensor_msgs/msg/BatteryState"),
         "status": _out("thumper_msgs/msg/Status", latched=True),
         "events": _out("rcl_interfaces/msg/Log"),
-        "session": _out("std_msgs/msg/String", latched=True),  # JSON: what a recording must know of the run
+        "session": _out("std_msgs/msg/String", latched=True),  # JSON: metadata of the run, for recordings
         "goal": _in("geometry_msgs/msg/PoseStamped"),
         "waypoints": _in("nav_msgs/msg/Path"),
         "initialpose": _in("geometry_msgs/msg/PoseWithCovarianceStamped"),
         "teleop": _in("geometry_msgs/msg/TwistStamped"),
-        "gamepad": _in("geometry_msgs/msg/TwistStamped"),  # goes before `teleop`
+        "gamepad": _in("geometry_msgs/msg/TwistStamped"),  # has priority over `teleop`
         "heartbeat": _in("std_msgs/msg/Header"),
         "estop": _in("std_msgs/msg/Bool"),
         "command": _in("std_msgs/msg/String"),

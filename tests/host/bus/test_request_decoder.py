@@ -1,4 +1,4 @@
-"""Whatever comes in is a request or is refused with a reason; nothing in between."""
+"""Each incoming message becomes a request or is refused with a reason."""
 
 import math
 from contextlib import suppress
@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from thumper.bus.request_decoder import MOST_BYTES, Gate, RequestRefusedError, json_object
+from thumper.bus.request_decoder import MAX_MESSAGE_BYTES, RequestDecoder, RequestRefusedError, json_object
 from thumper.common.geometry import Pose2, Twist2
 from thumper.navigation.goal import Goal
 from thumper.ros.codec import encode
@@ -32,28 +32,30 @@ M = Messages()
 HERE = Pose2(x_m=1.0, y_m=-2.0, theta_rad=0.5)
 
 
-def request(topic: str, message: Any, source: str = "me", gate: Gate | None = None) -> Request | None:
-    return (gate or Gate()).message(topic, encode(message), source, 0.0)
+def request(
+    topic: str, message: Any, source: str = "me", decoder: RequestDecoder | None = None
+) -> Request | None:
+    return (decoder or RequestDecoder()).decode_message(topic, encode(message), source, 0.0)
 
 
-def turned_by(x: float) -> Any:
+def goal_with_orientation_x(x: float) -> Any:
     goal = M.goal(0.0, HERE)
     goal.pose.orientation.x = x
     return goal
 
 
 def test_a_goal() -> None:
-    asked = request("goal", M.goal(0.0, HERE))
-    assert isinstance(asked, GoTo)
-    assert asked.source == "me"
-    goal = asked.goals[0]
+    decoded = request("goal", M.goal(0.0, HERE))
+    assert isinstance(decoded, GoTo)
+    assert decoded.source == "me"
+    goal = decoded.goals[0]
     assert (goal.x_m, goal.y_m, goal.theta_rad) == pytest.approx((1.0, -2.0, 0.5))
 
 
 def test_waypoints() -> None:
-    asked = request("waypoints", M.path(0.0, np.array([[0.0, 0.0], [1.0, 0.0]])))
-    assert isinstance(asked, GoTo)
-    assert [str(goal) for goal in asked.goals] == ["(0.00, 0.00)", "(1.00, 0.00)"]
+    decoded = request("waypoints", M.path(0.0, np.array([[0.0, 0.0], [1.0, 0.0]])))
+    assert isinstance(decoded, GoTo)
+    assert [str(goal) for goal in decoded.goals] == ["(0.00, 0.00)", "(1.00, 0.00)"]
 
 
 @pytest.mark.parametrize(
@@ -78,110 +80,111 @@ def test_waypoints() -> None:
         ("simulator/command", text('{"speed": 2}'), SimulatorCommand(content={"speed": 2})),
     ],
 )
-def test_what_passes(topic: str, message: Any, expected: Request | None) -> None:
+def test_valid_messages_become_requests(topic: str, message: Any, expected: Request | None) -> None:
     assert request(topic, message) == expected
 
 
 @pytest.mark.parametrize(
-    ("topic", "message", "why"),
+    ("topic", "message", "reason"),
     [
-        ("scan", text("hello"), "no such topic takes"),
-        ("nonsense", text("hello"), "no such topic takes"),
+        ("scan", text("hello"), "this topic takes no messages"),
+        ("nonsense", text("hello"), "this topic takes no messages"),
         ("command", text("rm -rf /"), "no such command"),
         ("command", text("../../save_map"), "no such command"),
         ("goal", M.goal(0.0, Pose2(x_m=math.nan)), "not finite"),
         ("goal", M.goal(0.0, Pose2(x_m=1e9)), "farther"),
-        ("goal", turned_by(1e200), "an orientation of length"),
-        ("goal", text("not a pose"), "no geometry_msgs"),
+        ("goal", goal_with_orientation_x(1e200), "the orientation has length"),
+        ("goal", text("not a pose"), "not a valid geometry_msgs"),
         ("waypoints", M.path(0.0, np.zeros((0, 2))), "0 waypoints"),
         ("waypoints", M.path(0.0, np.zeros((201, 2))), "201 waypoints"),
         ("teleop", M.twist(0.0, Twist2(v_m_s=math.inf)), "not finite"),
-        ("gamepad", M.twist(0.0, Twist2(v_m_s=6.0)), "no speed"),
+        ("gamepad", M.twist(0.0, Twist2(v_m_s=6.0)), "too fast"),
         ("simulator/command", text("[1]"), "JSON object"),
-        ("simulator/command", text('{"speed": NaN}'), "no number"),
-        ("simulator/command", text("[" * 10_000), "no JSON"),
-        ("command", text("x" * (MOST_BYTES + 1)), "too many"),
+        ("simulator/command", text('{"speed": NaN}'), "not a finite number"),
+        ("simulator/command", text("[" * 10_000), "not valid JSON"),
+        ("command", text("x" * (MAX_MESSAGE_BYTES + 1)), "the limit is 65536"),
     ],
 )
-def test_what_is_refused(topic: str, message: Any, why: str) -> None:
-    gate = Gate()
-    with pytest.raises(RequestRefusedError, match=why):
-        request(topic, message, gate=gate)
+def test_invalid_messages_are_refused(topic: str, message: Any, reason: str) -> None:
+    decoder = RequestDecoder()
+    with pytest.raises(RequestRefusedError, match=reason):
+        request(topic, message, decoder=decoder)
 
 
 def test_a_goal_in_another_frame_is_refused() -> None:
     message = M.goal(0.0, HERE)
     message.header.frame_id = "odom"
-    with pytest.raises(RequestRefusedError, match="in the frame map"):
+    with pytest.raises(RequestRefusedError, match="use the frame map"):
         request("goal", message)
 
 
 @pytest.mark.parametrize("source", ["x" * 65, "a\nb", "\x1b[2J"])
-def test_a_sender_whose_name_is_no_name_is_refused(source: str) -> None:
-    with pytest.raises(RequestRefusedError, match="sender's name"):
+def test_invalid_source_is_refused(source: str) -> None:
+    with pytest.raises(RequestRefusedError, match="name of the source"):
         request("heartbeat", M.header(0.0), source)
 
 
-def test_too_often_is_refused_and_waiting_helps() -> None:
-    gate, raw = Gate(), encode(text("arm"))
+def test_rate_limit_per_topic_except_estop() -> None:
+    decoder, raw = RequestDecoder(), encode(text("arm"))
     for _ in range(20):
-        gate.message("command", raw, "", 0.0)
-    with pytest.raises(RequestRefusedError, match="20 messages a second"):
-        gate.message("command", raw, "", 0.0)
-    assert gate.message("command", raw, "", 0.1) == RobotCommand(name="arm")
+        decoder.decode_message("command", raw, "", 0.0)
+    with pytest.raises(RequestRefusedError, match="20 messages per second"):
+        decoder.decode_message("command", raw, "", 0.0)
+    assert decoder.decode_message("command", raw, "", 0.1) == RobotCommand(name="arm")
     for _ in range(1000):
-        assert gate.message("estop", encode(flag(False)), "", 0.0) is None
-    assert gate.message("estop", encode(flag(True)), "", 0.0) == EmergencyStop()  # no flood keeps it out
-    assert gate.message("heartbeat", encode(M.header(0.0)), "", 0.0)  # each topic for itself
+        assert decoder.decode_message("estop", encode(flag(False)), "", 0.0) is None
+    # An emergency stop is never limited.
+    assert decoder.decode_message("estop", encode(flag(True)), "", 0.0) == EmergencyStop()
+    assert decoder.decode_message("heartbeat", encode(M.header(0.0)), "", 0.0)  # the limit is per topic
 
 
-def test_a_flood_lets_its_share_through() -> None:
-    """Asked a hundred times a second, for ten: the twenty at once, and then twenty a second."""
-    gate, raw, passed = Gate(), encode(text("arm")), 0
+def test_flood_still_gets_its_rate() -> None:
+    """100 messages per second for 10 s: a burst of 20 passes, then 20 per second."""
+    decoder, raw, passed = RequestDecoder(), encode(text("arm")), 0
     for count in range(1000):
         with suppress(RequestRefusedError):
-            gate.message("command", raw, "", count / 100)
+            decoder.decode_message("command", raw, "", count / 100)
             passed += 1
     assert passed == pytest.approx(220, abs=1)
 
 
 @given(raw=st.binary(max_size=300), topic=st.sampled_from(sorted(TOPICS)))
-def test_any_bytes_are_a_request_or_a_refusal(raw: bytes, topic: str) -> None:
+def test_any_bytes_give_a_request_or_a_refusal(raw: bytes, topic: str) -> None:
     try:
-        asked = Gate().message(topic, raw, "", 0.0)
+        decoded = RequestDecoder().decode_message(topic, raw, "", 0.0)
     except RequestRefusedError:
         return
-    if isinstance(asked, GoTo):
-        assert all(isinstance(goal, Goal) and math.isfinite(goal.x_m + goal.y_m) for goal in asked.goals)
-    elif isinstance(asked, Velocity):
-        assert abs(asked.twist.v_m_s) <= 5.0
+    if isinstance(decoded, GoTo):
+        assert all(isinstance(goal, Goal) and math.isfinite(goal.x_m + goal.y_m) for goal in decoded.goals)
+    elif isinstance(decoded, Velocity):
+        assert abs(decoded.twist.v_m_s) <= 5.0
 
 
-def test_a_question_with_its_content() -> None:
-    asked = Gate().question("parameters/set", b'{"kp": 1.5}', "me", 0.0, lambda _: None)
-    assert isinstance(asked, Query)
-    assert (asked.name, asked.content, asked.source) == ("parameters/set", {"kp": 1.5}, "me")
+def test_query_with_content() -> None:
+    decoded = RequestDecoder().decode_query("parameters/set", b'{"kp": 1.5}', "me", 0.0, lambda _: None)
+    assert isinstance(decoded, Query)
+    assert (decoded.name, decoded.content, decoded.source) == ("parameters/set", {"kp": 1.5}, "me")
 
 
 @pytest.mark.parametrize(
-    ("name", "raw", "why"),
+    ("name", "raw", "reason"),
     [
-        ("shutdown", b"", "no such question"),
-        ("parameters/set", b"kp=1", "no JSON"),
+        ("shutdown", b"", "no such service"),
+        ("parameters/set", b"kp=1", "not valid JSON"),
         ("parameters/set", b"\xff\xfe", "parameters/set"),
         ("parameters/set", b"[]", "JSON object"),
     ],
 )
-def test_a_question_that_is_none(name: str, raw: bytes, why: str) -> None:
-    with pytest.raises(RequestRefusedError, match=why):
-        Gate().question(name, raw, "", 0.0, lambda _: None)
+def test_invalid_queries_are_refused(name: str, raw: bytes, reason: str) -> None:
+    with pytest.raises(RequestRefusedError, match=reason):
+        RequestDecoder().decode_query(name, raw, "", 0.0, lambda _: None)
 
 
-def test_numbers_that_are_none_are_refused() -> None:
+def test_non_finite_numbers_are_refused() -> None:
     assert json_object('{"a": [1, {"b": null}]}') == {"a": [1, {"b": None}]}
     with pytest.raises(RequestRefusedError, match="Infinity"):
         json_object('{"a": Infinity}')
     with pytest.raises(RequestRefusedError, match="1e999"):
         json_object('{"a": 1e999}')
-    with pytest.raises(RequestRefusedError, match="is no number"):
+    with pytest.raises(RequestRefusedError, match="is not a finite number"):
         json_object('{"a": 1%s}' % ("0" * 400))

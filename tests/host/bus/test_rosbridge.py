@@ -1,4 +1,4 @@
-"""The rosbridge server with a real client, roslibpy, and a real Zenoh bus behind it."""
+"""The rosbridge server between a real client, roslibpy, and a real Zenoh bus."""
 
 import asyncio
 import json
@@ -28,7 +28,7 @@ from thumper.runtime.requests import EmergencyStop, Query, Request, TeleopSource
 
 
 class Bridge:
-    """A robot's end of the bus, and a rosbridge in a thread of its own."""
+    """The robot's end of the bus, and a rosbridge server in its own thread."""
 
     def __init__(self, token: str = "", tls: ssl.SSLContext | None = None) -> None:
         self.robot = Robot(token)
@@ -39,11 +39,11 @@ class Bridge:
         def serve() -> None:
             self._loop = asyncio.new_event_loop()
 
-            def note(port: int) -> None:
+            def on_ready(port: int) -> None:
                 self.port = port
                 ready.set()
 
-            self._task = self._loop.create_task(self.rosbridge.serve(note))
+            self._task = self._loop.create_task(self.rosbridge.serve(on_ready))
             with suppress(asyncio.CancelledError):
                 self._loop.run_until_complete(self._task)
 
@@ -55,14 +55,14 @@ class Bridge:
     def url(self) -> str:
         return f"ws://127.0.0.1:{self.port}"
 
-    def end(self) -> None:
+    def stop(self) -> None:
         self._loop.call_soon_threadsafe(self._task.cancel)
         self._thread.join(20.0)
         self._loop.close()
 
     def close(self) -> None:
         if not self._loop.is_closed():
-            self.end()
+            self.stop()
         self.bus.close()
         self.robot.server.close()
 
@@ -82,52 +82,52 @@ def ros(bridge: Bridge) -> Iterator[roslibpy.Ros]:
     ros.close()
 
 
-def heard_from(topic: roslibpy.Topic, publish: Callable[[], None]) -> Any:
-    heard: list[Any] = []
-    topic.subscribe(heard.append)
+def receive_from(topic: roslibpy.Topic, publish: Callable[[], None]) -> Any:
+    received: list[Any] = []
+    topic.subscribe(received.append)
 
-    def sent_and_heard() -> bool:
+    def is_received() -> bool:
         publish()
-        return bool(heard)
+        return bool(received)
 
-    until(sent_and_heard)
-    return heard[0]
+    until(is_received)
+    return received[0]
 
 
-def test_a_scan_reaches_roslibpy(bridge: Bridge, ros: roslibpy.Ros) -> None:
+def test_roslibpy_receives_a_scan(bridge: Bridge, ros: roslibpy.Ros) -> None:
     ranges_m = np.array([1.0, np.nan, np.inf])
     scan = Scan(time_s=1.5, ranges_m=ranges_m, angle_min_rad=-1.0, angle_increment_rad=1.0)
-    heard = heard_from(
+    received = receive_from(
         roslibpy.Topic(ros, "/scan", "sensor_msgs/LaserScan"),
         lambda: bridge.robot.server.publish("scan", 1.5, M.scan(scan)),
     )
-    assert heard["ranges"] == [1.0, None, None]
-    assert heard["header"] == {"stamp": {"sec": 1, "nanosec": 500_000_000}, "frame_id": "laser"}
+    assert received["ranges"] == [1.0, None, None]
+    assert received["header"] == {"stamp": {"sec": 1, "nanosec": 500_000_000}, "frame_id": "laser"}
 
 
-def test_who_comes_late_still_gets_the_map(bridge: Bridge, ros: roslibpy.Ros) -> None:
+def test_late_roslibpy_client_receives_the_map(bridge: Bridge, ros: roslibpy.Ros) -> None:
     bridge.robot.server.publish("map", 0.0, M.grid(0.0, GRID))
-    until(lambda: bridge.robot.server.figures.sent == 1)
-    for _ in range(2):  # the second one comes when the bridge has it already
-        heard = heard_from(roslibpy.Topic(ros, "/map", "nav_msgs/OccupancyGrid"), lambda: None)
-        assert heard["data"] == list(range(12))
+    until(lambda: bridge.robot.server.statistics.sent == 1)
+    for _ in range(2):  # for the second client the bridge has the map already
+        received = receive_from(roslibpy.Topic(ros, "/map", "nav_msgs/OccupancyGrid"), lambda: None)
+        assert received["data"] == list(range(12))
 
 
 def test_roslibpy_drives(bridge: Bridge, ros: roslibpy.Ros) -> None:
     topic = roslibpy.Topic(ros, "/teleop", "geometry_msgs/TwistStamped")
     topic.publish(roslibpy.Message({"twist": {"linear": {"x": 0.25}}}))
-    (asked,) = bridge.robot.asked()
-    assert isinstance(asked, Velocity)
-    assert (asked.channel, asked.twist) == (TeleopSource.TELEOP, Twist2(v_m_s=0.25))
-    assert asked.source.startswith("rosbridge-")
+    (velocity,) = bridge.robot.received()
+    assert isinstance(velocity, Velocity)
+    assert (velocity.channel, velocity.twist) == (TeleopSource.TELEOP, Twist2(v_m_s=0.25))
+    assert velocity.source.startswith("rosbridge-")
 
 
-def test_a_service_is_a_question_to_the_robot(bridge: Bridge, ros: roslibpy.Ros) -> None:
+def test_roslibpy_calls_a_service(bridge: Bridge, ros: roslibpy.Ros) -> None:
     def answer(reply: dict[str, Any]) -> threading.Thread:
         def serve() -> None:
-            (ask,) = bridge.robot.asked()
-            assert isinstance(ask, Query)
-            ask.reply({**reply, "asked": [ask.name, dict(ask.content)]})
+            (query,) = bridge.robot.received()
+            assert isinstance(query, Query)
+            query.reply({**reply, "asked": [query.name, dict(query.content)]})
 
         thread = threading.Thread(target=serve)
         thread.start()
@@ -144,57 +144,66 @@ def test_a_service_is_a_question_to_the_robot(bridge: Bridge, ros: roslibpy.Ros)
     thread.join()
 
 
-def test_a_stop_does_not_wait_for_the_answer_to_a_question(bridge: Bridge) -> None:
-    asked: list[Request] = []
+def test_estop_does_not_wait_for_a_service_call(bridge: Bridge) -> None:
+    requests: list[Request] = []
 
-    def both_came() -> bool:
-        asked.extend(bridge.robot.asked_now())
-        return {Query, EmergencyStop} <= set(map(type, asked))
+    def both_arrived() -> bool:
+        requests.extend(bridge.robot.pending_requests())
+        return {Query, EmergencyStop} <= set(map(type, requests))
 
     with connect(bridge.url) as socket:
         socket.send('{"op": "call_service", "service": "/command", "args": {"command": "cancel"}}')
         socket.send('{"op": "publish", "topic": "/estop", "msg": {"data": true}}')
-        until(both_came)
-        for request in asked:
+        until(both_arrived)
+        for request in requests:
             if isinstance(request, Query):
                 request.reply({"ok": True, "text": "it stops"})
         assert json.loads(socket.recv(20))["values"]["text"] == "it stops"
 
 
-def test_it_says_what_there_is(ros: roslibpy.Ros) -> None:
+def test_rosapi_lists_topics_and_types(ros: roslibpy.Ros) -> None:
     assert "/scan" in ros.get_topics()
     assert ros.get_topic_type("/map") == "nav_msgs/OccupancyGrid"
 
 
 @pytest.mark.parametrize(
-    ("sent", "why"),
+    ("sent", "reason"),
     [
-        ("nonsense", "no JSON"),
+        ("nonsense", "not valid JSON"),
         ("[]", "JSON object"),
-        ('{"op": "exec", "cmd": "ls"}', "no operation 'exec'"),
+        ('{"op": "exec", "cmd": "ls"}', "operation 'exec' is not supported"),
         ('{"op": "subscribe", "topic": "/etc/passwd"}', "no topic"),
-        ('{"op": "subscribe", "topic": "/goal"}', "only goes to the robot"),
+        ('{"op": "subscribe", "topic": "/goal"}', "is only sent to the robot"),
         ('{"op": "subscribe", "topic": "/scan", "type": "nav_msgs/Path"}', "sensor_msgs/msg/LaserScan"),
         ('{"op": "subscribe", "topic": "/scan", "throttle_rate": -1}', "throttle_rate"),
         ('{"op": "publish", "topic": "/scan", "msg": {}}', "is published by the robot"),
         ('{"op": "publish", "topic": "/teleop", "msg": {"twist": 1}}', "twist"),
-        ('{"op": "publish", "topic": "/teleop", "msg": {"speed": 1}}', "no 'speed'"),
-        ('{"op": "publish", "topic": "/teleop", "msg": {"twist": {"linear": {"x": "1"}}}}', "no number"),
+        ('{"op": "publish", "topic": "/teleop", "msg": {"speed": 1}}', "no field 'speed'"),
+        (
+            '{"op": "publish", "topic": "/teleop", "msg": {"twist": {"linear": {"x": "1"}}}}',
+            "is not a number",
+        ),
         ('{"op": "publish", "topic": "/estop", "msg": {"data": 1}}', "neither true nor false"),
-        ('{"op": "publish", "topic": "/goal", "msg": {"header": {"stamp": {"sec": 0.5}}}}', "no int32"),
-        ('{"op": "publish", "topic": "/goal", "msg": {"header": {"stamp": {"sec": 1e300}}}}', "no int32"),
-        ('{"op": "publish", "topic": "/command", "msg": {"data": 1}}', "no text"),
+        (
+            '{"op": "publish", "topic": "/goal", "msg": {"header": {"stamp": {"sec": 0.5}}}}',
+            "not fit in int32",
+        ),
+        (
+            '{"op": "publish", "topic": "/goal", "msg": {"header": {"stamp": {"sec": 1e300}}}}',
+            "not fit in int32",
+        ),
+        ('{"op": "publish", "topic": "/command", "msg": {"data": 1}}', "is not a string"),
     ],
 )
-def test_what_makes_no_sense_is_answered_with_why(bridge: Bridge, sent: str, why: str) -> None:
+def test_invalid_operations_are_answered_with_the_reason(bridge: Bridge, sent: str, reason: str) -> None:
     with connect(bridge.url) as socket:
         socket.send(sent)
         answer = json.loads(socket.recv(20))
     assert (answer["op"], answer["level"]) == ("status", "error")
-    assert why in answer["msg"]
+    assert reason in answer["msg"]
 
 
-def test_too_much_at_once_ends_the_connection_alone(bridge: Bridge) -> None:
+def test_oversized_message_closes_only_its_connection(bridge: Bridge) -> None:
     with connect(bridge.url) as socket, connect(bridge.url) as other:
         socket.send("x" * 100_000)
         with pytest.raises(ConnectionClosed):
@@ -205,7 +214,7 @@ def test_too_much_at_once_ends_the_connection_alone(bridge: Bridge) -> None:
     assert "/command" in answer["values"]["services"]
 
 
-def test_throttled_topics_come_less_often(bridge: Bridge) -> None:
+def test_throttle_rate_limits_a_topic(bridge: Bridge) -> None:
     with connect(bridge.url) as socket:
         socket.send('{"op": "subscribe", "topic": "/cmd_vel", "throttle_rate": 60000}')
         for _ in range(50):
@@ -216,13 +225,15 @@ def test_throttled_topics_come_less_often(bridge: Bridge) -> None:
             socket.recv(0.3)
 
 
-def test_what_the_bus_says_after_the_end_goes_nowhere(bridge: Bridge) -> None:
-    bridge.end()
-    bridge.rosbridge._take("cmd_vel", M.twist(0.0, Twist2()))  # on the bus's thread, which goes on
+def test_messages_after_shutdown_are_ignored(bridge: Bridge) -> None:
+    bridge.stop()
+    bridge.rosbridge._on_message(
+        "cmd_vel", M.twist(0.0, Twist2())
+    )  # from the bus's thread, which is still running
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "https://127.0.0.1.evil.example", "null"])
-def test_a_foreign_page_is_not_let_in(bridge: Bridge, origin: str) -> None:
+def test_web_pages_of_other_origins_are_refused(bridge: Bridge, origin: str) -> None:
     with (
         pytest.raises(InvalidStatus, match="403"),
         connect(bridge.url, additional_headers={"Origin": origin}),
@@ -232,7 +243,7 @@ def test_a_foreign_page_is_not_let_in(bridge: Bridge, origin: str) -> None:
         socket.ping()
 
 
-def test_with_a_token_nobody_is_let_in_without_it() -> None:
+def test_rosbridge_requires_the_token() -> None:
     bridge = Bridge(TOKEN)
     try:
         for headers in ({}, {"Authorization": "Bearer wrong horse !"}):
@@ -246,7 +257,7 @@ def test_with_a_token_nobody_is_let_in_without_it() -> None:
         bridge.close()
 
 
-def test_beyond_this_machine_only_with_a_token_and_a_certificate() -> None:
+def test_public_address_requires_token_and_certificate() -> None:
     robot = Robot()
     try:
         with BusClient("r1", robot.address) as bus:
@@ -258,7 +269,7 @@ def test_beyond_this_machine_only_with_a_token_and_a_certificate() -> None:
         robot.server.close()
 
 
-def test_with_a_certificate_the_token_does_not_cross_the_network_in_clear(tmp_path: Path) -> None:
+def test_with_a_certificate_only_tls_connects(tmp_path: Path) -> None:
     certificate, key = tmp_path / "a.crt", tmp_path / "a.key"
     make_certificate(certificate, key, ["127.0.0.1"])
     headers = {"Authorization": f"Bearer {TOKEN}"}
@@ -275,8 +286,8 @@ def test_with_a_certificate_the_token_does_not_cross_the_network_in_clear(tmp_pa
         bridge.close()
 
 
-def test_files_that_are_no_certificate_are_told(tmp_path: Path) -> None:
+def test_invalid_certificate_is_refused(tmp_path: Path) -> None:
     for path in (tmp_path / "a.crt", tmp_path / "a.key"):
         path.write_text("nothing")
-    with pytest.raises(ThumperError, match="they cannot be used"):
+    with pytest.raises(ThumperError, match="not a usable certificate"):
         server_tls(tmp_path / "a.crt", tmp_path / "a.key")

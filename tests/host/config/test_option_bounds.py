@@ -1,4 +1,4 @@
-"""Numbers and ports that no command can do anything sensible with are refused before one is opened."""
+"""Numbers out of range and mismatched ports are refused before any port is opened."""
 
 import pytest
 from typer.testing import CliRunner
@@ -22,7 +22,7 @@ HUGE = "9" * 23
         ("plan none.yaml --start 0 0 --goal 1 0", "--tolerance", "1e9"),
     ],
 )
-def test_a_number_out_of_bounds_names_its_option(command: str, option: str, value: str) -> None:
+def test_number_out_of_bounds_names_its_option(command: str, option: str, value: str) -> None:
     result = CliRunner().invoke(build_app(), [*command.split(), option, value])
     assert result.exit_code == 2
     assert option in result.output
@@ -40,7 +40,7 @@ def test_a_number_out_of_bounds_names_its_option(command: str, option: str, valu
         "goto 1e300 0 --bus 127.0.0.1:1",
     ],
 )
-def test_a_place_beyond_any_map_is_refused_before_anything_is_opened(command: str) -> None:
+def test_position_beyond_any_map_is_refused(command: str) -> None:
     error = CliRunner().invoke(build_app(), command.split()).exception
     assert isinstance(error, ThumperError)
     assert "1e+300" in str(error)

@@ -1,4 +1,4 @@
-"""The robot's TOML: what is right is taken, what is wrong is named with file, key and cure."""
+"""The robot's TOML: valid keys are read; errors name file, key and fix."""
 
 from pathlib import Path
 
@@ -14,22 +14,22 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def test_no_file_means_the_defaults() -> None:
+def test_no_file_gives_the_defaults() -> None:
     assert load_config(None) == RobotConfig()
 
 
-def test_an_empty_file_means_the_defaults(tmp_path: Path) -> None:
+def test_empty_file_gives_the_defaults(tmp_path: Path) -> None:
     assert load_config(written(tmp_path, "")) == RobotConfig()
 
 
-def test_keys_are_taken(tmp_path: Path) -> None:
+def test_keys_are_read(tmp_path: Path) -> None:
     config = load_config(written(tmp_path, '[board]\nport = "/dev/ttyACM7"\n[lidar]\nyaw_deg = 90\n'))
     assert config.board.port == "/dev/ttyACM7"
     assert config.lidar.base_from_laser.theta_rad == pytest.approx(1.5707963)
     assert config.mapping == RobotConfig().mapping
 
 
-def test_a_configuration_survives_a_recording(tmp_path: Path) -> None:
+def test_configuration_survives_a_recording(tmp_path: Path) -> None:
     text = (
         'name = "mole"\n[lidar]\nmodel = "ld19"\n[mapping]\nmethod = "rbpf"\n[navigation]\nplanner="navfn"\n'
     )
@@ -37,7 +37,7 @@ def test_a_configuration_survives_a_recording(tmp_path: Path) -> None:
     assert config_from_json(config_to_json(config)) == config != RobotConfig()
 
 
-def test_masks_are_looked_for_beside_the_file(tmp_path: Path) -> None:
+def test_masks_are_relative_to_the_file(tmp_path: Path) -> None:
     config = load_config(written(tmp_path, '[navigation.masks]\nkeepout = "kitchen.yaml"\n'))
     assert config.navigation.masks.keepout == str(tmp_path / "kitchen.yaml")
     assert config.navigation.masks.speed == ""
@@ -61,7 +61,7 @@ def test_masks_are_looked_for_beside_the_file(tmp_path: Path) -> None:
         ("[board\n", ["not valid TOML", "line 1"]),
     ],
 )
-def test_what_is_wrong_is_named(tmp_path: Path, text: str, named: list[str]) -> None:
+def test_errors_name_file_and_key(tmp_path: Path, text: str, named: list[str]) -> None:
     path = written(tmp_path, text)
     with pytest.raises(ThumperError) as caught:
         load_config(path)
@@ -91,6 +91,6 @@ def test_a_removed_table_is_refused_with_the_fix(tmp_path: Path, monkeypatch: py
     )
 
 
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
+def test_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ThumperError, match=r"none\.toml.*No such file"):
         load_config(tmp_path / "none.toml")

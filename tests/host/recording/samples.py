@@ -1,4 +1,4 @@
-"""A run's messages, made up: the same every time."""
+"""Synthetic messages of a run, the same every time."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -17,7 +17,7 @@ from thumper.ros.status import Status
 from thumper.ros.to_ros import Messages
 
 EPOCH_NS = 1_750_000_000_123_456_789
-SESSION = RunMetadata(config=RobotConfig(name="mole"), epoch_ns=EPOCH_NS, map_from_base=Pose2(x_m=1.0))
+RUN = RunMetadata(config=RobotConfig(name="mole"), epoch_ns=EPOCH_NS, map_from_base=Pose2(x_m=1.0))
 MESSAGES = Messages(epoch_ns=EPOCH_NS)
 
 
@@ -53,8 +53,8 @@ def scan(time_s: float, seed: int = 0) -> Scan:
     )
 
 
-def beat(k: int) -> Iterator[tuple[str, float, Any]]:
-    """What the robot says in its k-th tenth of a second."""
+def cycle(k: int) -> Iterator[tuple[str, float, Any]]:
+    """Yield the messages of the k-th control cycle."""
     now_s = 5.0 + 0.1 * k
     pose = Pose2(x_m=0.01 * k)
     odometry = OdometrySample(time_s=now_s, odom_from_base=pose, twist=Twist2(), covariance=np.eye(3))
@@ -73,6 +73,6 @@ def beat(k: int) -> Iterator[tuple[str, float, Any]]:
         yield "plan", now_s, MESSAGES.path(now_s, np.array([[0.0, 0.0], [1.0, 0.5]]))
 
 
-def beats(count: int) -> Iterator[tuple[str, float, Any]]:
+def cycles(count: int) -> Iterator[tuple[str, float, Any]]:
     for k in range(count):
-        yield from beat(k)
+        yield from cycle(k)

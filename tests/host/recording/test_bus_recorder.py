@@ -1,4 +1,4 @@
-"""A recording said again on a bus: whoever listens cannot tell it from a robot."""
+"""A replayed recording looks like a robot on the bus."""
 
 import threading
 from pathlib import Path
@@ -6,22 +6,22 @@ from typing import Any
 
 import pytest
 
-from tests.host.recording.samples import SESSION, beats
+from tests.host.recording.samples import RUN, cycles
 from tests.live import free_port, until
 from thumper.bus.client import BusClient
 from thumper.common.errors import ThumperError
 from thumper.recording.bus_recorder import replay_on_bus
 from thumper.recording.reader import Recording
 from thumper.recording.recorder import Recorder
-from thumper.recording.replay import Replayed
+from thumper.recording.replay import ReplayResult
 
 
-def test_a_replay_is_heard_on_the_bus(tmp_path: Path) -> None:
-    recorder = Recorder(tmp_path, SESSION)
-    for topic, now_s, message in beats(60):
+def test_replay_publishes_on_the_bus(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path, RUN)
+    for topic, now_s, message in cycles(60):
         recorder(topic, now_s, message)
     recorder.close()
-    with pytest.raises(ThumperError, match="no address"):
+    with pytest.raises(ThumperError, match="is not an address"):
         replay_on_bus(Recording((recorder.files[0],)), None, "127.0.0.1:99999", speed=2.0)
     address, done = f"127.0.0.1:{free_port()}", []
 
@@ -30,27 +30,27 @@ def test_a_replay_is_heard_on_the_bus(tmp_path: Path) -> None:
 
     thread = threading.Thread(target=run)
     thread.start()
-    client = joined(address)
-    heard: list[Any] = []
-    client.subscribe("wheels", heard.append)
+    client = connect(address)
+    received: list[Any] = []
+    client.subscribe("wheels", received.append)
     maps: list[Any] = []
     client.subscribe("map", maps.append)
     thread.join(30.0)
     client.close()
-    out: Replayed = done[0]
+    out: ReplayResult = done[0]
     assert out.scans > 40
-    assert len(heard) > 10
-    counts = [message.left_count for message in heard]
+    assert len(received) > 10
+    counts = [message.left_count for message in received]
     assert counts == sorted(counts)
     assert (maps[-1].info.width, maps[-1].info.height) == (30, 40)
 
 
-def joined(address: str) -> BusClient:
-    def join() -> BusClient | None:
+def connect(address: str) -> BusClient:
+    def try_connect() -> BusClient | None:
         try:
-            return BusClient(SESSION.config.name, address)
+            return BusClient(RUN.config.name, address)
         except ThumperError:
             return None
 
-    client: BusClient = until(join)
+    client: BusClient = until(try_connect)
     return client

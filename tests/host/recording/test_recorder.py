@@ -1,4 +1,4 @@
-"""What is recorded can be read by others' programs; what cannot be recorded harms nobody."""
+"""Other programs can read recordings, and a recording that fails does not affect the robot."""
 
 import subprocess
 import sys
@@ -13,20 +13,20 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from tests.host.recording.samples import EPOCH_NS, SESSION, beats
+from tests.host.recording.samples import EPOCH_NS, RUN, cycles
 from thumper.config.bus import BusOptions
 from thumper.config.dashboard import DashboardOptions
 from thumper.config.recording import RecordingOptions
 from thumper.config.robot import RobotConfig
 from thumper.recording.recorder import Recorder
-from thumper.recording.repair import is_whole
-from thumper.recording.run_metadata import RunMetadata, session_of
+from thumper.recording.repair import is_complete
+from thumper.recording.run_metadata import RunMetadata, run_metadata_of
 from thumper.ros.topics import TOPICS
 
 
 def record(folder: Path, count: int = 30, options: RecordingOptions | None = None) -> Recorder:
-    recorder = Recorder(folder, SESSION, options)
-    for topic, now_s, message in beats(count):
+    recorder = Recorder(folder, RUN, options)
+    for topic, now_s, message in cycles(count):
         recorder(topic, now_s, message)
     recorder.close()
     return recorder
@@ -35,32 +35,32 @@ def record(folder: Path, count: int = 30, options: RecordingOptions | None = Non
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     recorder = record(tmp_path_factory.mktemp("recording"))
-    assert not recorder.trouble
+    assert not recorder.failure
     assert recorder.dropped == 0
     return recorder.files[0]
 
 
-EXPECTED = Counter(f"/{topic}" for topic, _, _ in beats(30))
+EXPECTED = Counter(f"/{topic}" for topic, _, _ in cycles(30))
 
 
-def test_the_file_has_its_name_and_its_index(recording: Path) -> None:
+def test_file_has_final_name_and_index(recording: Path) -> None:
     assert recording.name.startswith("mole_20")
-    assert is_whole(recording)
+    assert is_complete(recording)
     assert not list(recording.parent.glob("*.part"))
 
 
-def test_mcap_reads_it_in_the_order_it_was_said(recording: Path) -> None:
+def test_mcap_reads_messages_in_recorded_order(recording: Path) -> None:
     with recording.open("rb") as stream:
         reader = mcap.reader.make_reader(stream, validate_crcs=True)
         assert reader.get_header().profile == "ros2"
         messages = [(channel.topic, message) for _, channel, message in reader.iter_messages()]
-    assert [topic for topic, _ in messages] == [f"/{topic}" for topic, _, _ in beats(30)]
+    assert [topic for topic, _ in messages] == [f"/{topic}" for topic, _, _ in cycles(30)]
     times = [message.log_time for _, message in messages]
     assert times == sorted(times)
     assert times[0] == EPOCH_NS + 5_000_000_000
 
 
-def test_the_ros2_decoder_of_mcap_understands_every_message(recording: Path) -> None:
+def test_mcap_ros2_decodes_every_message(recording: Path) -> None:
     seen: Counter[str] = Counter()
     with recording.open("rb") as stream:
         reader = mcap.reader.make_reader(stream, decoder_factories=[DecoderFactory()])
@@ -75,7 +75,7 @@ def test_the_ros2_decoder_of_mcap_understands_every_message(recording: Path) -> 
     assert seen == EXPECTED
 
 
-def test_rosbags_opens_it_by_the_definitions_inside(recording: Path) -> None:
+def test_rosbags_reads_it_with_the_embedded_definitions(recording: Path) -> None:
     with AnyReader([recording], default_typestore=get_typestore(Stores.EMPTY)) as reader:
         assert {c.topic: c.msgcount for c in reader.connections} == EXPECTED
         for connection, _, raw in reader.messages():
@@ -84,84 +84,82 @@ def test_rosbags_opens_it_by_the_definitions_inside(recording: Path) -> None:
                 assert message.mode == "navigating"  # type: ignore[attr-defined]
 
 
-def test_it_tells_the_whole_configuration_and_who_made_it(recording: Path) -> None:
+def test_metadata_has_configuration_and_version(recording: Path) -> None:
     with recording.open("rb") as stream:
         (record_of,) = list(mcap.reader.make_reader(stream).iter_metadata())
-    assert session_of(record_of.metadata, "it") == SESSION
+    assert run_metadata_of(record_of.metadata, "it") == RUN
     assert {"version", "firmware", "packages", "python"} <= record_of.metadata.keys()
 
 
-def test_no_secret_is_recorded() -> None:
+def test_secrets_are_not_recorded() -> None:
     bus, page = BusOptions(token="correct horse battery"), DashboardOptions(password="open sesame 1234")
     text = str(RunMetadata(config=RobotConfig(bus=bus, dashboard=page), epoch_ns=0).as_metadata())
     assert "correct horse" not in text
     assert "sesame" not in text
 
 
-def test_rotation_keeps_to_the_budget_and_to_its_own_files(tmp_path: Path) -> None:
+def test_rotation_keeps_the_budget_and_other_files(tmp_path: Path) -> None:
     strangers = [tmp_path / "mole_20200101-000000_000.mcap", tmp_path / "mine.mcap", tmp_path / "notes.txt"]
     for path in strangers:
         path.write_bytes(b"precious" * 100_000)
     options = RecordingOptions(file_MB=0.05, budget_MB=0.3)
-    recorder = Recorder(tmp_path, SESSION, options, flush_period_s=0.01)
-    for topic, now_s, message in beats(600):
+    recorder = Recorder(tmp_path, RUN, options, flush_period_s=0.01)
+    for topic, now_s, message in cycles(600):
         recorder(topic, now_s, message)
         if topic == "status":
             time.sleep(0.002)
     recorder.close()
-    assert not recorder.trouble
+    assert not recorder.failure
     left = sorted(set(tmp_path.glob("*.mcap")) - set(strangers))
     assert len(recorder.files) > 8
-    assert left == recorder.files[-len(left) :]  # the oldest went
+    assert left == recorder.files[-len(left) :]  # the oldest were deleted
     assert 2 <= len(left) < len(recorder.files)
     assert sum(path.stat().st_size for path in left) <= 0.3e6 * 1.1
     assert all(path.exists() for path in strangers)
-    with left[-1].open("rb") as stream:  # the map was said before this file began, and is in it all the same
+    with left[-1].open("rb") as stream:  # the latched map of an earlier file is repeated here
         topics = {channel.topic for _, channel, _ in mcap.reader.make_reader(stream).iter_messages()}
     assert {
         f"/{name}" for name, topic in TOPICS.items() if topic.latched and name in ("map", "status")
     } <= topics
 
 
-def test_a_hanging_disk_costs_messages_and_nothing_else(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_hanging_disk_only_drops_messages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     hang = threading.Event()
     monkeypatch.setattr("thumper.recording.mcap_file.os.fsync", lambda _: hang.wait(20.0))
     hang.set()
-    recorder = Recorder(tmp_path, SESSION, flush_period_s=0.01, queue_size=16)
+    recorder = Recorder(tmp_path, RUN, flush_period_s=0.01, queue_size=16)
     hang.clear()
     time.sleep(0.1)
     offered = 0
-    for topic, now_s, message in beats(30):
+    for topic, now_s, message in cycles(30):
         recorder(topic, now_s, message)
         offered += 1
     assert recorder.dropped == offered - 16
     hang.set()
     recorder.close()
     assert recorder.written == 16
-    assert is_whole(recorder.files[0])
+    assert is_complete(recorder.files[0])
 
 
 FULL_DISK = """
 import resource, sys, time
 from pathlib import Path
-from tests.host.recording.samples import SESSION, beats
+from tests.host.recording.samples import RUN, cycles
 from thumper.recording.recorder import Recorder
 
-said = []
-recorder = Recorder(Path(sys.argv[1]), SESSION, say=said.append, flush_period_s=0.02)
+reports = []
+recorder = Recorder(Path(sys.argv[1]), RUN, report=reports.append, flush_period_s=0.02)
 resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
-for topic, now_s, message in beats(200):
+for topic, now_s, message in cycles(200):
     recorder(topic, now_s, message)
     time.sleep(0.0005)
 recorder.close()
 assert not recorder.active
-print(len(said), said[0])
+print(len(reports), reports[0])
 """
 
 
-def test_a_full_disk_ends_the_recording_in_one_line(tmp_path: Path) -> None:
+def test_full_disk_ends_the_recording_with_one_line(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", FULL_DISK, str(tmp_path)],
         capture_output=True,
@@ -175,13 +173,13 @@ def test_a_full_disk_ends_the_recording_in_one_line(tmp_path: Path) -> None:
     assert len(list(tmp_path.glob("*.part"))) == 1
 
 
-def test_too_little_space_to_spare_ends_the_recording(tmp_path: Path) -> None:
-    said: list[str] = []
+def test_low_disk_space_ends_the_recording(tmp_path: Path) -> None:
+    reports: list[str] = []
     options = RecordingOptions(spare_MB=1e12)
-    recorder = Recorder(tmp_path, SESSION, options, say=said.append, flush_period_s=0.01)
+    recorder = Recorder(tmp_path, RUN, options, report=reports.append, flush_period_s=0.01)
     deadline_s = time.monotonic() + 5.0
     while recorder.active and time.monotonic() < deadline_s:
         time.sleep(0.01)
     assert not recorder.active
-    assert len(said) == 1
-    assert "free" in said[0]
+    assert len(reports) == 1
+    assert "free" in reports[0]

@@ -1,4 +1,4 @@
-"""A recorded run gives the same map again, bit by bit, and tables that others' programs can read."""
+"""A replay gives the same map bit for bit; exports are readable by other programs."""
 
 import csv
 import math
@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.host.recording.samples import EPOCH_NS, MESSAGES, SESSION, beats
+from tests.host.recording.samples import EPOCH_NS, MESSAGES, RUN, cycles
 from thumper.board.options import BoardOptions
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray, Pose2
@@ -21,7 +21,7 @@ from thumper.recording.mcap_file import McapFile
 from thumper.recording.reader import Recording, find_recordings
 from thumper.recording.recorder import Recorder
 from thumper.recording.replay import replay
-from thumper.recording.start_stop import recording_switch
+from thumper.recording.start_stop import recording_control
 from thumper.ros.codec import encode
 from thumper.runtime.assembly import open_robot
 from thumper.slam.factory import MappingOptions
@@ -36,26 +36,26 @@ Live = tuple[Path, RobotConfig, OccupancyGrid, FloatArray]
 
 @pytest.fixture(scope="module")
 def live(tmp_path_factory: pytest.TempPathFactory) -> Live:
-    """A simulated mission: its recording, its configuration, its map and the poses of its log."""
+    """A simulated mission: recording, configuration, map and logged poses."""
     folder = tmp_path_factory.mktemp("live")
     board = f"sim://recorded/board?world=lab&x_m={START.x_m}&y_m={START.y_m}&yaw_deg=180"
     config = RobotConfig(
         name="recorded", board=BoardOptions(port=board), lidar=LidarOptions(port="sim://recorded/lidar")
     )
-    said: list[str] = []
+    reports: list[str] = []
     with (
         open_robot(config, START) as robot,
-        recording_switch(robot, config, START, folder, said.append) as switch,
+        recording_control(robot, config, START, folder, reports.append) as control,
     ):
-        switch.start()
+        control.start()
         assert robot.drive_to(GOAL, lambda _: None).reached
-        recorder = switch.close()
+        recorder = control.close()
         assert recorder is not None
-        assert (recorder.trouble, recorder.dropped, said) == ("", 0, [])
+        assert (recorder.failure, recorder.dropped, reports) == ("", 0, [])
         return recorder.files[0], config, robot.mapper.grid(), robot.log.poses
 
 
-def test_the_map_is_the_live_one_bit_by_bit(live: Live) -> None:
+def test_map_equals_the_live_map_bit_for_bit(live: Live) -> None:
     path, config, grid, _ = live
     out = replay(Recording((path,)))
     again = out.mapper.grid()
@@ -66,15 +66,15 @@ def test_the_map_is_the_live_one_bit_by_bit(live: Live) -> None:
         grid.resolution_m,
     )
     assert out.maps_recorded > 5
-    assert out.maps_same == out.maps_recorded
+    assert out.maps_identical == out.maps_recorded
     assert out.unreadable == 0
-    session = Recording((path,)).session()
+    session = Recording((path,)).run_metadata()
     assert session is not None
     assert session.config == config
     assert session.simulated
 
 
-def test_the_poses_are_the_live_ones_bit_by_bit(live: Live) -> None:
+def test_poses_equal_the_live_poses_bit_for_bit(live: Live) -> None:
     path, _, _, poses = live
     again = {row[0]: tuple(row[1:]) for row in replay(Recording((path,))).path.tolist()}
     assert len(poses) > 50
@@ -82,14 +82,14 @@ def test_the_poses_are_the_live_ones_bit_by_bit(live: Live) -> None:
         assert again[round(time_s * 1e9) / 1e9] == (x_m, y_m, theta_rad)
 
 
-def test_other_options_make_another_map(live: Live) -> None:
+def test_other_options_give_another_map(live: Live) -> None:
     other = RobotConfig(mapping=MappingOptions(resolution_m=0.1))
     out = replay(Recording((live[0],)), other)
     assert out.maps_recorded == 0  # nothing to compare with
     assert out.mapper.grid().resolution_m == 0.1
 
 
-def test_a_torn_recording_is_replayed_as_far_as_it_goes(live: Live, tmp_path: Path) -> None:
+def test_truncated_recording_is_replayed_to_its_end(live: Live, tmp_path: Path) -> None:
     torn = tmp_path / "torn.mcap"
     content = live[0].read_bytes()
     torn.write_bytes(content[: len(content) // 2])
@@ -99,7 +99,7 @@ def test_a_torn_recording_is_replayed_as_far_as_it_goes(live: Live, tmp_path: Pa
     assert "ends early" in recording.notes[0]
 
 
-def test_map_log_reads_it_like_any_other_log(live: Live) -> None:
+def test_map_log_reads_a_recording(live: Live) -> None:
     log = open_log(live[0])
     assert log.format_name == "MCAP"
     assert log.base_from_laser.x_m == pytest.approx(0.12)
@@ -111,8 +111,8 @@ def test_map_log_reads_it_like_any_other_log(live: Live) -> None:
 
 @pytest.fixture(scope="module")
 def made_up(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    recorder = Recorder(tmp_path_factory.mktemp("made_up"), SESSION)
-    for topic, now_s, message in beats(30):
+    recorder = Recorder(tmp_path_factory.mktemp("made_up"), RUN)
+    for topic, now_s, message in cycles(30):
         recorder(topic, now_s, message)
     recorder("plan", 9.0, MESSAGES.path(9.0, np.empty((0, 2))))
     recorder.close()
@@ -124,7 +124,7 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-def test_tables(made_up: Path, tmp_path: Path) -> None:
+def test_csv_export(made_up: Path, tmp_path: Path) -> None:
     files = export_csv(Recording((made_up,)), tmp_path)
     assert {path.name for path in files} >= {"wheels.csv", "scan.csv", "pose.csv", "plan.csv", "tf.csv"}
     wheels = rows(tmp_path / "wheels.csv")
@@ -143,14 +143,14 @@ def test_tables(made_up: Path, tmp_path: Path) -> None:
     assert {row["child_frame_id"] for row in rows(tmp_path / "tf.csv")} == {"odom", "base_link"}
 
 
-def test_the_last_map_and_the_path(made_up: Path) -> None:
+def test_last_map_and_path(made_up: Path) -> None:
     grid, path_m = last_map(Recording((made_up,)))
     assert grid.cells.shape == (40, 30)
     assert (grid.resolution_m, grid.origin_x_m) == (0.05, -1.0)
     assert path_m[-1].tolist() == pytest.approx([0.29, 0.0])
 
 
-def test_of_another_programs_recording_the_map_is_taken_and_poses_of_another_type_are_not(
+def test_last_map_ignores_poses_of_another_type(
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "other.mcap"
@@ -165,33 +165,33 @@ def test_of_another_programs_recording_the_map_is_taken_and_poses_of_another_typ
     assert path_m.shape == (0, 2)
 
 
-def test_several_files_are_one_run(made_up: Path, tmp_path: Path) -> None:
+def test_several_files_form_one_recording(made_up: Path, tmp_path: Path) -> None:
     (tmp_path / "a_001.mcap").write_bytes(made_up.read_bytes())
     (tmp_path / "a_000.mcap").write_bytes(made_up.read_bytes())
     paths = find_recordings([tmp_path])
     assert [path.name for path in paths] == ["a_000.mcap", "a_001.mcap"]
-    assert sum(1 for _ in Recording(paths).said()) == 2 * sum(1 for _ in Recording((made_up,)).said())
-    assert next(Recording(paths).said()).log_ns == EPOCH_NS + 5_000_000_000
+    assert sum(1 for _ in Recording(paths).messages()) == 2 * sum(1 for _ in Recording((made_up,)).messages())
+    assert next(Recording(paths).messages()).log_ns == EPOCH_NS + 5_000_000_000
 
 
-def test_two_runs_are_not_taken_for_one(made_up: Path, live: Live) -> None:
+def test_files_of_two_runs_are_refused(made_up: Path, live: Live) -> None:
     with pytest.raises(ThumperError, match="another run"):
         Recording((made_up, live[0]))
 
 
-def test_what_is_no_recording_is_told(tmp_path: Path) -> None:
+def test_other_files_are_refused_as_recordings(tmp_path: Path) -> None:
     text = tmp_path / "a.mcap"
     text.write_text("hello")
-    for path, why in ((text, "no MCAP"), (tmp_path / "none.mcap", "cannot be read")):
-        with pytest.raises(ThumperError, match=why):
+    for path, reason in ((text, "not an MCAP"), (tmp_path / "none.mcap", "cannot read")):
+        with pytest.raises(ThumperError, match=reason):
             Recording((path,))
     with pytest.raises(ThumperError, match="no recording"):
         Recording(find_recordings([]))
 
 
-def test_a_folder_whose_only_recording_is_not_closed_names_the_cure(tmp_path: Path) -> None:
+def test_unfinished_recording_is_refused_with_the_fix(tmp_path: Path) -> None:
     (tmp_path / "a.mcap.part").touch()
-    with pytest.raises(ThumperError, match=r"a\.mcap\.part is not closed.*`thumper recover ") as caught:
+    with pytest.raises(ThumperError, match=r"a\.mcap\.part is unfinished.*`thumper recover ") as caught:
         find_recordings([tmp_path])
     assert caught.value.exit_code == 2
     (tmp_path / "b.mcap").touch()

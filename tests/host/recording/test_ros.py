@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from mcap_ros2.writer import Writer
 
-from tests.host.recording.samples import SESSION, beats
+from tests.host.recording.samples import RUN, cycles
 from thumper.common.errors import ThumperError
 from thumper.offline.open_log import open_log
 from thumper.recording.recorder import Recorder
@@ -39,8 +39,8 @@ for topic, message, stamp in bag.read_messages(["/wheels"]):
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recording as a ROS 1 bag."""
     folder = tmp_path_factory.mktemp("bag")
-    recorder = Recorder(folder, SESSION)
-    for topic, now_s, message in beats(20):
+    recorder = Recorder(folder, RUN)
+    for topic, now_s, message in cycles(20):
         recorder(topic, now_s, message)
     recorder.close()
     convert = Path(sys.executable).with_name("rosbags-convert")
@@ -72,7 +72,7 @@ def test_ros_itself_reads_the_values(bag: Path) -> None:
     lines = subprocess.run(
         command, capture_output=True, text=True, check=True, timeout=60
     ).stdout.splitlines()
-    sent = [message for topic, _, message in beats(20) if topic == "scan"]
+    sent = [message for topic, _, message in cycles(20) if topic == "scan"]
     assert len(lines) == len(sent) + 1
     for line, message in zip(lines, sent, strict=False):
         stamp, range_m, beams = line.split()

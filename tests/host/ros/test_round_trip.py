@@ -1,4 +1,4 @@
-"""What goes out as a ROS 2 message comes back as the data it was."""
+"""Data converted to a ROS 2 message and back is unchanged."""
 
 import math
 import sys
@@ -34,14 +34,14 @@ def sent(message: Any) -> Any:
 
 
 @given(time_s=st.floats(0.0, 1e7), epoch_ns=st.integers(0, 2_000_000_000_000_000_000))
-def test_a_rounded_time_survives_any_epoch(time_s: float, epoch_ns: int) -> None:
+def test_rounded_time_survives_any_epoch(time_s: float, epoch_ns: int) -> None:
     rounded = rounded_s(time_s)
     assert abs(rounded - time_s) < 2e-9
     assert host_time_s(stamp_ns(rounded, epoch_ns), epoch_ns) == rounded
     assert rounded_s(rounded) == rounded
 
 
-def test_epoch_puts_now_at_the_wall_clock() -> None:
+def test_epoch_maps_now_to_the_date() -> None:
     assert stamp_ns(123.0, epoch_ns_at(123.0)) > 1_600_000_000_000_000_000
 
 
@@ -71,7 +71,7 @@ def test_scan(values: list[float], time_s: float, clockwise: bool) -> None:
 
 
 @given(time_s=st.floats(0.0, 1e6), range_m=st.floats(0.02, 5.6))
-def test_a_scan_as_recorded_comes_back_bit_by_bit(time_s: float, range_m: float) -> None:
+def test_recorded_scan_is_restored_bit_for_bit(time_s: float, range_m: float) -> None:
     scan = Scan(
         time_s=time_s,
         ranges_m=np.array([range_m, math.nan, math.inf]),
@@ -86,7 +86,7 @@ def test_a_scan_as_recorded_comes_back_bit_by_bit(time_s: float, range_m: float)
     assert scan.ranges_m[0] == pytest.approx(range_m, rel=1e-7)
 
 
-def test_scan_tells_ros_its_last_angle_and_its_turn() -> None:
+def test_scan_has_last_angle_and_revolution_time() -> None:
     scan = Scan(
         time_s=1.0,
         ranges_m=np.ones(682),
@@ -128,7 +128,7 @@ def telemetry_of_extremes() -> TelemetrySample:
     )
 
 
-def test_telemetry_is_kept_to_the_last_bit() -> None:
+def test_telemetry_is_restored_exactly() -> None:
     sample = telemetry_of_extremes()
     assert from_ros.telemetry_of(sent(MESSAGES.wheels(sample)), EPOCH_NS) == sample
 
@@ -158,7 +158,7 @@ def test_poses(x_m: float, y_m: float, theta_rad: float) -> None:
     assert not full[2:5].any()
 
 
-def test_odometry_and_transforms_name_their_frames() -> None:
+def test_odometry_and_transforms_have_frames() -> None:
     pose = Pose2(x_m=1.0, y_m=2.0, theta_rad=0.5)
     sample = OdometrySample(
         time_s=4.0, odom_from_base=pose, twist=Twist2(v_m_s=0.3, w_rad_s=-0.2), covariance=np.eye(3)
@@ -181,7 +181,7 @@ def test_grid() -> None:
     assert (back.resolution_m, back.origin_x_m, back.origin_y_m) == (0.05, -1.35, 2.2)
 
 
-def test_a_grid_that_contradicts_itself_is_refused() -> None:
+def test_inconsistent_grid_is_refused() -> None:
     message = MESSAGES.grid(
         0.0, OccupancyGrid(cells=np.zeros((2, 3), np.int8), resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
     )
@@ -190,7 +190,7 @@ def test_a_grid_that_contradicts_itself_is_refused() -> None:
         from_ros.grid_of(message)
 
 
-def test_costs_become_percent() -> None:
+def test_costs_are_converted_to_percent() -> None:
     cells = np.full((60, 60), 0, dtype=np.int8)
     cells[30, 30], cells[0, 0] = 100, -1
     grid = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
@@ -203,7 +203,7 @@ def test_costs_become_percent() -> None:
     assert out.max() == 100
 
 
-def test_path_looks_ahead_where_it_has_no_headings() -> None:
+def test_path_without_headings_points_ahead() -> None:
     path = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0]])
     back = from_ros.path_of(sent(MESSAGES.path(1.0, path)))
     expected = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.5 * math.pi], [1.0, 2.0, 0.5 * math.pi]])
@@ -215,7 +215,7 @@ def test_path_looks_ahead_where_it_has_no_headings() -> None:
         assert from_ros.path_of(sent(MESSAGES.path(1.0, empty))).shape == (0, 3)
 
 
-def test_status_and_words() -> None:
+def test_status_and_text() -> None:
     status = Status(
         time_s=2.5, robot="mole", mode="navigating", has_goal=True, fault=3, fault_words="pressed"
     )
@@ -231,14 +231,14 @@ def test_status_and_words() -> None:
     ),
     name=st.sampled_from(sorted(TOPICS)),
 )
-def test_garbage_is_refused_with_a_value_error(raw: bytes, name: str) -> None:
+def test_garbage_raises_value_error(raw: bytes, name: str) -> None:
     try:
         decode(raw, TOPICS[name].type_name)
     except ValueError:
         return
 
 
-def test_a_giant_length_asks_for_no_memory() -> None:
+def test_giant_length_allocates_no_memory() -> None:
     raw = bytearray(encode(MESSAGES.path(1.0, np.empty((0, 2)))))
     raw[-4:] = (2**32 - 1).to_bytes(4, sys.byteorder)
     with pytest.raises(ValueError, match="Path"):
@@ -248,13 +248,13 @@ def test_a_giant_length_asks_for_no_memory() -> None:
 @pytest.mark.parametrize(
     ("x", "w", "why"), [(math.nan, 1.0, "finite"), (0.0, 0.0, "length 0"), (0.0, 2.0, "length 2")]
 )
-def test_a_pose_that_is_none_is_refused(x: float, w: float, why: str) -> None:
+def test_invalid_pose_is_refused(x: float, w: float, why: str) -> None:
     pose = MESSAGES.goal(0.0, Pose2()).pose
     pose.position.x, pose.orientation.w = x, w
     with pytest.raises(ValueError, match=why):
         from_ros.pose_of(pose)
 
 
-def test_a_speed_that_is_none_is_refused() -> None:
+def test_non_finite_speed_is_refused() -> None:
     with pytest.raises(ValueError, match="finite"):
         from_ros.twist_of(MESSAGES.twist(0.0, Twist2(v_m_s=math.inf)).twist)

@@ -1,4 +1,4 @@
-"""What `thumper watch` shows: values with units, a line a message."""
+"""Output of `thumper watch`: one line per message, values with units."""
 
 import math
 from typing import Any
@@ -62,7 +62,7 @@ SAID: list[tuple[Any, str]] = [
         SIMULATED.transforms(1.0, Pose2(), HERE),
         f"1.00 s: map -> odom x 0.000 m, y 0.000 m, heading 0.0 deg; odom -> base_link {PLACE}",
     ),
-    (SIMULATED.scan(SCAN), "3.50 s: 2 of 5 beams see something, the nearest at 0.750 m, 0 deg"),
+    (SIMULATED.scan(SCAN), "3.50 s: 2 of 5 beams hit, nearest at 0.750 m, 0 deg"),
     (SIMULATED.grid(2.0, GRID), "2.00 s: 3 x 2 cells of 0.05 m from x -1.00 m, y 0.50 m; 67% known"),
     (
         SIMULATED.path(2.0, np.array([[0.0, 0.0], [3.0, 4.0]])),
@@ -71,7 +71,7 @@ SAID: list[tuple[Any, str]] = [
     (SIMULATED.path(2.0, np.empty((0, 2))), "2.00 s: no points"),
     (
         SIMULATED.particles(2.0, np.array([[1.0, 0.0, 0.0], [3.0, 0.0, 0.0]])),
-        "2.00 s: 2 round x 2.00 m, y 0.00 m, with a spread of 1.000 m, 0.000 m",
+        "2.00 s: 2 around x 2.00 m, y 0.00 m; standard deviation 1.000 m, 0.000 m",
     ),
     (
         SIMULATED.status(STATUS),
@@ -86,18 +86,18 @@ SAID: list[tuple[Any, str]] = [
 @pytest.mark.parametrize(
     ("said", "line"), SAID, ids=[said.__msgtype__.rpartition("/")[2] for said, _ in SAID]
 )
-def test_a_line_says_what_and_in_which_unit(said: Any, line: str) -> None:
+def test_line_has_values_and_units(said: Any, line: str) -> None:
     assert message_text(said) == line
     assert from_json(said.__msgtype__, to_json(said)).__msgtype__ == said.__msgtype__  # no field too many
 
 
-def test_a_real_robot_is_stamped_with_the_time_of_day() -> None:
+def test_real_time_stamps_show_the_time_of_day() -> None:
     clock, _, words = message_text(DATED.battery(telemetry(2.0, 7))).partition(": ")
     assert words.startswith("7.60 V")
     assert [part.isdigit() for part in clock.replace(".", ":").split(":")] == 4 * [True]
 
 
-def test_what_cannot_be_or_is_nobodys_is_shown_as_it_is() -> None:
+def test_invalid_and_unknown_messages_are_listed_by_field() -> None:
     assert message_text(message("builtin_interfaces/msg/Duration", sec=3, nanosec=5)) == "sec: 3, nanosec: 5"
     askew = SIMULATED.pose(1.0, HERE)
     askew.pose.pose.orientation.w = 5.0

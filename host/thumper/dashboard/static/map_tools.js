@@ -35,7 +35,7 @@ export class MapTools {
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
     document.addEventListener("keydown", (event) => this.onKey(event));
     document.addEventListener("click", (event) => { // buttons outside the map can select a tool, too
-      const name = event.target.closest?.("[data-choose]")?.dataset.choose;
+      const name = event.target.closest?.("[data-select-tool]")?.dataset.selectTool;
       if (name) this.selectTool(name);
     });
   }
