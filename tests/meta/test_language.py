@@ -1,7 +1,6 @@
 """The texts use the field's terms (CONTRIBUTING.md): no house words in pages, comments, messages or help."""
 
 import re
-import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -70,34 +69,27 @@ TERMS = {
 }
 HOUSE_WORDS = re.compile(rf"\b(?:{'|'.join(f'({words})' for words in TERMS)})\b".replace(" ", r"\s+"))
 CODE_SPAN = re.compile(r"```.*?```|`[^`\n]*`|\{[^{}\n]*\}", re.DOTALL)
-C_TEXT = re.compile(r'//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])*\'|`[^`]*`', re.DOTALL)
-
-
-def texts(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield each comment, string or page with its first line."""
-    if path.suffix == ".py":
-        kinds = {tokenize.COMMENT, tokenize.STRING, getattr(tokenize, "FSTRING_MIDDLE", tokenize.STRING)}
-        with tokenize.open(path) as stream:
-            for token in tokenize.generate_tokens(stream.readline):
-                if token.type in kinds and " " in token.string:
-                    yield token.start[0], token.string
-    elif path.suffix == ".md":
-        yield 1, path.read_text(encoding="utf-8")
-    else:
-        source = path.read_text(encoding="utf-8")
-        for found in C_TEXT.finditer(source):
-            if " " in found[0]:
-                yield source.count("\n", 0, found.start()) + 1, found[0]
+STRING = r""""(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'"""
+TEXTS = {
+    ".md": re.compile(r".+", re.DOTALL),
+    ".py": re.compile(rf'"""(?:\\.|[^\\])*?"""|{STRING}|#[^\n]*', re.DOTALL),
+    ".js": re.compile(rf"/\*.*?\*/|//[^\n]*|{STRING}|`[^`]*`", re.DOTALL),
+    ".cpp": re.compile(rf"/\*.*?\*/|//[^\n]*|{STRING}", re.DOTALL),
+}
+TEXTS[".hpp"] = TEXTS[".cpp"]
 
 
 def house_words(path: Path) -> Iterator[str]:
     """Yield `file:line: 'phrase'; use TERM` for each house word."""
-    for line, text in texts(path):
-        plain = CODE_SPAN.sub(lambda span: re.sub(r"[^\n]", "`", span[0]), text.lower())
+    source = path.read_text(encoding="utf-8")
+    for text in TEXTS[path.suffix].finditer(source):
+        if " " not in text[0]:
+            continue  # a name, not prose
+        plain = CODE_SPAN.sub(lambda span: "`" * len(span[0]), text[0].lower())
         for found in HOUSE_WORDS.finditer(plain):
             phrase, term = " ".join(found[0].split()), [*TERMS.values()][(found.lastindex or 1) - 1]
-            at = line + text.count("\n", 0, found.start())
-            yield f"{path.relative_to(ROOT)}:{at}: {phrase!r}; use: {term}"
+            line = source.count("\n", 0, text.start() + found.start()) + 1
+            yield f"{path.relative_to(ROOT)}:{line}: {phrase!r}; use: {term}"
 
 
 def files() -> Iterator[Path]:
