@@ -21,8 +21,8 @@ METHODS = ("scan_match", "graph", "rbpf")
 
 APART = """
 import resource, sys
-from thumper.offline.subprocesses import compile_apart
-compile_apart(sys.argv[1])
+from thumper.offline.subprocesses import compile_in_subprocess
+compile_in_subprocess(sys.argv[1])
 used = resource.getrusage(resource.RUSAGE_CHILDREN)
 print(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
 """
