@@ -71,7 +71,7 @@ def pose_of(row: FloatArray) -> Pose2:
 
 def build_map(log: RobotLog, poses: FloatArray, scans: range) -> OccupancyGrid:
     """Return the map of these scans."""
-    cells = HitGrid(OPTIONS.resolution_m, OPTIONS.reach_m, OPTIONS.occupied_fraction)
+    hit_grid = HitGrid(OPTIONS.resolution_m, OPTIONS.reach_m, OPTIONS.occupied_fraction)
     last = Pose2(x_m=math.inf)
     for scan in scans:
         pose, record = pose_of(poses[scan]), log.records[scan]
@@ -79,9 +79,9 @@ def build_map(log: RobotLog, poses: FloatArray, scans: range) -> OccupancyGrid:
         if pose.distance_m(last) < OPTIONS.integrate_distance_m and turn_rad < OPTIONS.integrate_angle_rad:
             continue
         points = scan_points(record.scan, record.twist, log.base_from_laser, OPTIONS.usable_range_m)
-        cells.integrate(pose, points)
+        hit_grid.insert(pose, points)
         last = pose
-    return cells.grid(percent=False)
+    return hit_grid.grid(percent=False)
 
 
 def localize(log: MappedLog, grid: OccupancyGrid, first: int, *, foreign: bool) -> tuple[list[str], str]:

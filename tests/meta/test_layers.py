@@ -31,7 +31,7 @@ NAVIGATION = (
     "warm_up",
 )
 SLAM = (
-    "mapper",
+    "mapper pose_arrays",
     "scan_matching saved_state",
     "grid",
     "localization particle_filter pose_graph",

@@ -22,7 +22,7 @@ from thumper.offline.open_log import open_log
 from thumper.offline.robot_log import RobotLog
 from thumper.offline.subprocesses import compile_in_subprocess, plot_in_subprocess
 from thumper.slam.factory import MappingOptions, PathMapper, make_mapper
-from thumper.slam.localization.pose_trust import WAY_M
+from thumper.slam.localization.pose_trust import MIN_DISTANCE_M
 from thumper.slam.mapper import MapperUpdate
 from thumper.slam.mode_switch import SlamModeSwitch
 from thumper.slam.saved_state import SavedSlamState, save_session
@@ -207,7 +207,7 @@ def map_log(
     if not any(update.integrated for update in mapped.updates):
         if session is not None:
             doubt = "does it belong to the session? --start may help"
-            still = f"the place is recognised, but the robot moves less than {WAY_M:g} m: nothing is entered"
+            still = f"the place is recognised, but the robot moves less than {MIN_DISTANCE_M:g} m: nothing is entered"
             raise ThumperError(f"{path}: {'; '.join((*mapped.lines, doubt if mapped.lost else still))}")
         raise ThumperError(
             f"{path}: no scan has enough usable beams: there is nothing to map", exit_code=EXIT_USAGE

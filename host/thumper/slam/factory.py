@@ -4,10 +4,12 @@ from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 from thumper.common.geometry import FloatArray, Pose2
-from thumper.slam.grid.grid_mapper import GridMapper, GridMapperOptions
+from thumper.slam.grid.grid_mapper import GridMapper
+from thumper.slam.grid.options import GridMapperOptions
 from thumper.slam.mapper import Mapper
 from thumper.slam.particle_filter.rbpf_mapper import RbpfMapper, RbpfOptions
-from thumper.slam.pose_graph.graph_mapper import GraphMapper, LoopOptions
+from thumper.slam.pose_graph.graph_mapper import GraphMapper
+from thumper.slam.pose_graph.loop_closure import LoopOptions
 
 Method = Literal["scan_match", "graph", "rbpf"]
 

@@ -8,8 +8,9 @@ from thumper.lidar.scan import Scan
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from thumper.slam.factory import PathMapper
-from thumper.slam.grid.grid_mapper import GridMapper, GridMapperOptions
+from thumper.slam.grid.grid_mapper import GridMapper
 from thumper.slam.grid.growing_grid import HitGrid
+from thumper.slam.grid.options import GridMapperOptions
 from thumper.slam.localization.amcl import Amcl
 from thumper.slam.localization.options import AmclOptions
 from thumper.slam.mapper import HasParticles, MapperUpdate, PoseQuality

@@ -1,4 +1,4 @@
-"""A loop of corridors with doorways, and a drive round it on bad wheels."""
+"""A loop of corridors with doorways, and a drive around it with bad odometry."""
 
 import itertools
 import math
@@ -14,7 +14,7 @@ WIDTH_M = 2.4
 
 
 def corridor_loop(length_m: float, breadth_m: float, rng: np.random.Generator) -> World:
-    """Walls of a rectangular corridor; doorways of random depth and distance tell places apart."""
+    """Return a rectangular corridor; doorways of random depth and distance make its places distinct."""
     rows: list[tuple[float, float, float, float]] = []
 
     def wall(x0: float, y0: float, x1: float, y1: float, nx: float, ny: float) -> None:
@@ -43,14 +43,14 @@ def corridor_loop(length_m: float, breadth_m: float, rng: np.random.Generator) -
 
 
 def round_trip(length_m: float, breadth_m: float, beyond_m: float, step_m: float = 0.2) -> list[Pose2]:
-    """Down the middle of the corridors, once round and `beyond_m` further."""
+    """Return poses along the middle of the corridors, once around and `beyond_m` further."""
     c, r = 0.5 * WIDTH_M, 0.6
     corners = [(c, c), (length_m - c, c), (length_m - c, breadth_m - c), (c, breadth_m - c), (c, c)]
     poses: list[Pose2] = []
     for k, ((x0, y0), (x1, y1)) in enumerate(itertools.pairwise(corners)):
         heading = k * math.pi / 2.0
-        way = math.hypot(x1 - x0, y1 - y0)
-        for along in np.arange(r, way - r, step_m):
+        length = math.hypot(x1 - x0, y1 - y0)
+        for along in np.arange(r, length - r, step_m):
             poses.append(
                 Pose2(
                     x_m=x0 + along * math.cos(heading), y_m=y0 + along * math.sin(heading), theta_rad=heading
@@ -63,16 +63,16 @@ def round_trip(length_m: float, breadth_m: float, beyond_m: float, step_m: float
 def drive(
     world: World, poses: list[Pose2], rng: np.random.Generator, bias_rad_per_m: float = 0.004
 ) -> Iterator[tuple[Pose2, Scan]]:
-    """Odometry that runs 1 % long and veers off, with noise, and a half-turn lidar of 20 m."""
+    """Yield odometry that reads 1 % long and veers off, with noise, and scans over 180 degrees up to 20 m."""
     odometry, angles = Pose2(), np.linspace(-0.5 * math.pi, 0.5 * math.pi, 121)
     for before, pose in zip([poses[0], *poses[:-1]], poses, strict=True):
         step = before.inverse() @ pose
-        way_m = math.hypot(step.x_m, step.y_m)
-        noise = rng.standard_normal(2) * math.sqrt(way_m)
+        distance_m = math.hypot(step.x_m, step.y_m)
+        noise = rng.standard_normal(2) * math.sqrt(distance_m)
         odometry = odometry @ Pose2(
             x_m=1.01 * step.x_m + 0.01 * noise[0],
             y_m=step.y_m,
-            theta_rad=1.03 * step.theta_rad + bias_rad_per_m * way_m + 0.01 * noise[1],
+            theta_rad=1.03 * step.theta_rad + bias_rad_per_m * distance_m + 0.01 * noise[1],
         )
         ranges_m = world.cast(pose.x_m, pose.y_m, pose.theta_rad + angles)
         ranges_m = ranges_m + 0.01 * rng.standard_normal(ranges_m.size)
@@ -89,6 +89,6 @@ def drive(
 
 
 def errors_m(path: FloatArray, poses: list[Pose2]) -> FloatArray:
-    """Distance of each pose from the truth, shape (n,)."""
+    """Return the distance of each pose from the truth, shape (n,)."""
     truth = np.array([(pose.x_m, pose.y_m) for pose in poses])
     return np.asarray(np.hypot(*(path[:, :2] - truth).T))

@@ -1,4 +1,4 @@
-"""Synthetic rooms with a closed-form lidar, for the mapping tests."""
+"""Synthetic rooms with a closed-form lidar, for the SLAM tests."""
 
 import math
 
@@ -9,18 +9,18 @@ from thumper.lidar.scan import Scan
 
 
 def rectangle(x0: float, y0: float, x1: float, y1: float) -> FloatArray:
-    """Four walls, rows x0 y0 x1 y1."""
+    """Return four walls, rows x0 y0 x1 y1."""
     return np.array([[x0, y0, x1, y0], [x1, y0, x1, y1], [x1, y1, x0, y1], [x0, y1, x0, y0]])
 
 
-# A room that no rotation or shift maps to itself: 5 x 4 m, a cupboard and a pillar.
+# An asymmetric room: 5 x 4 m, a cupboard and a pillar.
 ROOM = np.concatenate(
     (rectangle(-2.0, -1.5, 3.0, 2.5), rectangle(1.8, 1.6, 3.0, 2.5), rectangle(-1.2, -0.9, -0.9, -0.6))
 )
 
 
 def cast(walls: FloatArray, x_m: float, y_m: float, angle_rad: float) -> float:
-    """Distance to the first wall along a ray; inf when there is none."""
+    """Return the distance to the first wall along a ray; inf if there is none."""
     direction = np.array([math.cos(angle_rad), math.sin(angle_rad)])
     start, edge = walls[:, :2] - (x_m, y_m), walls[:, 2:] - walls[:, :2]
     cross = direction[0] * edge[:, 1] - direction[1] * edge[:, 0]
@@ -41,7 +41,7 @@ def room_scan(
     noise_m: float = 0.0,
     rng: np.random.Generator | None = None,
 ) -> Scan:
-    """What a lidar at the pose measures, with Gaussian noise of the range."""
+    """Return the scan of a lidar at the pose, with Gaussian range noise."""
     angles_rad = first_rad + step_rad * np.arange(beams)
     ranges_m = np.array(
         [

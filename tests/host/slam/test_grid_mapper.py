@@ -1,4 +1,4 @@
-"""The mapper end to end on synthetic rooms."""
+"""`GridMapper` end to end in synthetic rooms."""
 
 import math
 
@@ -9,14 +9,15 @@ from tests.host.slam.rooms import room_scan
 from thumper.common.geometry import Pose2, Twist2, wrap_angle
 from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from thumper.slam.grid.grid_mapper import GridMapper, GridMapperOptions
+from thumper.slam.grid.grid_mapper import GridMapper
+from thumper.slam.grid.options import GridMapperOptions
 from thumper.slam.mapper import Mapper
 
 STILL = Twist2()
 
 
 def tour(steps: int = 40) -> list[Pose2]:
-    """A way round the middle of the room."""
+    """Return a closed path around the middle of the room."""
     angles = np.linspace(0.0, math.tau, steps)
     return [
         Pose2(
@@ -29,7 +30,7 @@ def tour(steps: int = 40) -> list[Pose2]:
 
 
 def driven(mapper: Mapper, mount: Pose2, clockwise: bool = False, slip: float = 0.0) -> list[Pose2]:
-    """Drive the tour with odometry that turns too far by the share `slip`; return the mapper's poses."""
+    """Drive the tour with odometry that reads too large by the share `slip`; return the mapper's poses."""
     path, odometry, found = tour(), Pose2(), []
     rng = np.random.default_rng(1)
     for before, pose in zip([path[0], *path[:-1]], path, strict=True):
@@ -44,7 +45,7 @@ def driven(mapper: Mapper, mount: Pose2, clockwise: bool = False, slip: float = 
 
 
 def driven_any(mapper: Mapper, slip: float) -> list[Pose2]:
-    """The tour with the lidar in the middle, for any mapper."""
+    """Drive the tour with the lidar at the robot's centre, with any mapper."""
     return driven(mapper, Pose2(), slip=slip)
 
 
@@ -53,7 +54,7 @@ def worst_m(found: list[Pose2]) -> float:
 
 
 def share_equal(one: OccupancyGrid, other: OccupancyGrid) -> float:
-    """Share of the occupied cells of one grid with an occupied cell of the other within one cell."""
+    """Return the share of one grid's occupied cells with one of the other grid within one cell."""
     hits = 0
     cells = np.argwhere(one.cells == OCCUPIED)
     for row, col in cells:
@@ -62,15 +63,15 @@ def share_equal(one: OccupancyGrid, other: OccupancyGrid) -> float:
     return hits / len(cells)
 
 
-def test_the_tour_is_followed_although_odometry_slips_by_a_fifth() -> None:
+def test_tour_is_followed_with_twenty_percent_slip() -> None:
     mapper = GridMapper(map_from_base=tour()[0])
     found = driven(mapper, Pose2(), slip=0.2)
     assert worst_m(found) < 0.03
-    # The correction holds what odometry got wrong: the whole turn's fifth, 72 degrees.
+    # The correction is what odometry got wrong: a fifth of the full turn, 72 degrees.
     assert mapper.map_from_odom.theta_rad + 0.2 * math.tau == pytest.approx(tour()[0].theta_rad, abs=0.03)
 
 
-def test_walls_are_where_they_are_and_the_room_is_free() -> None:
+def test_map_has_walls_and_free_space_in_the_right_places() -> None:
     mapper = GridMapper(map_from_base=tour()[0])
     driven(mapper, Pose2())
     grid = mapper.grid()
@@ -94,7 +95,7 @@ def test_walls_are_where_they_are_and_the_room_is_free() -> None:
         (Pose2(x_m=0.1, y_m=-0.05, theta_rad=0.7), True),
     ],
 )
-def test_any_mount_and_direction_gives_the_same_map(mount: Pose2, clockwise: bool) -> None:
+def test_any_lidar_mount_and_direction_gives_the_same_map(mount: Pose2, clockwise: bool) -> None:
     plain = GridMapper(map_from_base=tour()[0])
     driven(plain, Pose2())
     other = GridMapper(base_from_laser=mount, map_from_base=tour()[0])
@@ -104,7 +105,7 @@ def test_any_mount_and_direction_gives_the_same_map(mount: Pose2, clockwise: boo
     assert share_equal(plain.grid(), other.grid()) > 0.95
 
 
-def test_standing_still_neither_drifts_nor_changes_the_map() -> None:
+def test_stationary_robot_neither_drifts_nor_changes_the_map() -> None:
     mapper, rng = GridMapper(), np.random.default_rng(2)
     mapper.update(Pose2(), room_scan(Pose2(), noise_m=0.02, rng=rng), STILL)
     before = mapper.grid()
@@ -119,8 +120,8 @@ def test_standing_still_neither_drifts_nor_changes_the_map() -> None:
     assert np.hypot(*(ends[1] - ends[0])) < 0.004  # noise, but no trend
 
 
-def test_a_pushed_robot_is_followed() -> None:
-    """The wheels say nothing; the scan does. Beyond Gauss-Newton's reach the window search takes over."""
+def test_pushed_robot_is_followed() -> None:
+    """Odometry reports no motion. Beyond Gauss-Newton's basin the window search finds the pose."""
     mapper = GridMapper()
     mapper.update(Pose2(), room_scan(Pose2()), STILL)
     pushed = Pose2(x_m=0.35, y_m=-0.3, theta_rad=0.3)
@@ -130,7 +131,7 @@ def test_a_pushed_robot_is_followed() -> None:
     assert update.match_score > 0.8
 
 
-def full_turn(range_m: float) -> Scan:
+def full_circle(range_m: float) -> Scan:
     return Scan(
         time_s=0.0,
         ranges_m=np.concatenate((np.full(36, 1.0), np.full(36, range_m))),
@@ -144,16 +145,16 @@ def full_turn(range_m: float) -> Scan:
     [
         (math.nan, UNKNOWN, 2.0),  # invalid: no-return is not free space
         (0.0, UNKNOWN, 2.0),
-        (math.inf, FREE, 2.0),  # seen to be empty ...
-        (math.inf, UNKNOWN, 4.5),  # ... up to the usable range, and never marked
-        (5.0, FREE, 2.0),  # too far to be marked, near enough to clear
+        (math.inf, FREE, 2.0),  # free ...
+        (math.inf, UNKNOWN, 4.5),  # ... up to the usable range
+        (5.0, FREE, 2.0),  # beyond the usable range: clears, marks nothing
         (5.0, UNKNOWN, 5.0),
         (3.0, OCCUPIED, 3.0),
     ],
 )
-def test_what_a_beam_says_about_a_cell(range_m: float, cell: int, where_m: float) -> None:
+def test_effect_of_a_beam_on_a_cell(range_m: float, cell: int, where_m: float) -> None:
     mapper = GridMapper(GridMapperOptions(usable_range_m=4.0))
-    mapper.update(Pose2(), full_turn(range_m), STILL)
+    mapper.update(Pose2(), full_circle(range_m), STILL)
     grid = mapper.grid()
     bearing_rad = math.radians(250.0)  # a beam in the second half of the scan
     row, col = grid.cell_of(where_m * math.cos(bearing_rad), where_m * math.sin(bearing_rad))
@@ -161,9 +162,7 @@ def test_what_a_beam_says_about_a_cell(range_m: float, cell: int, where_m: float
 
 
 @pytest.mark.parametrize(("range_m", "angle_min_rad"), [(math.nan, 0.0), (1.0, math.nan), (1.0, math.inf)])
-def test_a_scan_without_ranges_or_directions_moves_by_odometry_alone(
-    range_m: float, angle_min_rad: float
-) -> None:
+def test_invalid_scan_moves_the_pose_by_odometry_alone(range_m: float, angle_min_rad: float) -> None:
     mapper = GridMapper()
     mapper.update(Pose2(), room_scan(Pose2()), STILL)
     before = mapper.grid()
@@ -179,7 +178,7 @@ def test_a_scan_without_ranges_or_directions_moves_by_odometry_alone(
     np.testing.assert_array_equal(mapper.grid().cells, before.cells)
 
 
-def test_a_moved_obstacle_is_cleared() -> None:
+def test_obstacle_that_moved_away_is_cleared() -> None:
     room = room_scan(Pose2())
     blocked = room.ranges_m.copy()
     blocked[80:100] = 0.8

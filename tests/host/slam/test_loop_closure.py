@@ -1,4 +1,4 @@
-"""Loops longer than a scan matcher can absorb."""
+"""Loops too long for a scan matcher alone."""
 
 import numpy as np
 import pytest
@@ -10,14 +10,16 @@ from thumper.maps.occupancy_grid import FREE
 from thumper.slam.grid.branch_and_bound import BranchAndBoundSearch, SearchField
 from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.mapper import Mapper
-from thumper.slam.pose_graph.graph_mapper import SCANS_AT_ONCE, GraphMapper, LoopOptions
+from thumper.slam.pose_graph.graph_mapper import GraphMapper
+from thumper.slam.pose_graph.loop_closure import LoopOptions
+from thumper.slam.pose_graph.map_rebuild import SCANS_PER_PART
 from thumper.slam.pose_graph.optimizer import Edge, Solver, factor, residual, substitute
 
 LENGTH_M, BREADTH_M = 32.0, 20.0
 
 
 def mapped(mapper: Mapper, seed: int) -> list[Pose2]:
-    """Drive round the corridors; returns the true poses."""
+    """Drive around the corridors and return the true poses."""
     rng = np.random.default_rng(seed)
     world, poses = corridor_loop(LENGTH_M, BREADTH_M, rng), round_trip(LENGTH_M, BREADTH_M, 12.0)
     for odometry, scan in drive(world, poses, rng):
@@ -26,13 +28,13 @@ def mapped(mapper: Mapper, seed: int) -> list[Pose2]:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_corridor_of_ninety_metres_closes(seed: int) -> None:
+def test_corridor_loop_of_ninety_metres_closes(seed: int) -> None:
     start = round_trip(LENGTH_M, BREADTH_M, 0.0)[0]
     mapper = GraphMapper(loops=LoopOptions(active_m=30.0), map_from_base=start)
     poses = mapped(mapper, seed)
     found = mapper.path()
     revisited = round(12.0 / 0.2)
-    # Where the loop closes: the same place, seen at the beginning and at the end.
+    # Where the loop closes: the same place, visited at the start and at the end.
     for first, last in ((revisited - 5, -5), (revisited - 15, -15)):
         apart = np.hypot(*(found[last, :2] - found[first, :2]))
         true = poses[last].distance_m(poses[first])
@@ -42,7 +44,7 @@ def test_a_corridor_of_ninety_metres_closes(seed: int) -> None:
 
 
 def square(drift: float) -> tuple[np.ndarray[tuple[int, int], np.dtype[np.float64]], list[Edge]]:
-    """Four sides of 10 m whose corners turn too far, and the true edge that closes them."""
+    """Return four sides of 10 m whose corners turn too far, and the true edge that closes them."""
     step = Pose2(x_m=10.0, theta_rad=np.pi / 2 + drift)
     poses, edges = [Pose2()], []
     for k in range(4):
@@ -52,9 +54,9 @@ def square(drift: float) -> tuple[np.ndarray[tuple[int, int], np.dtype[np.float6
     return np.array([(p.x_m, p.y_m, p.theta_rad) for p in poses]), edges
 
 
-def optimise(poses: FloatArray, edges: list[Edge]) -> FloatArray:
+def optimize(poses: FloatArray, edges: list[Edge]) -> FloatArray:
     solver = Solver(poses, edges)
-    while not solver.step():
+    while not solver.run_part():
         pass
     return solver.poses
 
@@ -72,43 +74,43 @@ def _edge(first: int, second: int, relative: Pose2, *, loop: bool) -> Edge:
     )
 
 
-def test_a_bent_square_becomes_square() -> None:
+def test_optimizer_makes_a_bent_square_square() -> None:
     poses, edges = square(0.02)
     assert residual(poses, edges[-1])[0] > 0.3
-    found = optimise(poses, edges)
+    found = optimize(poses, edges)
     assert residual(found, edges[-1])[0] < 0.02
     np.testing.assert_allclose(found[0], 0.0, atol=1e-6)
     np.testing.assert_allclose(found[2, :2], (10.0, 10.0), atol=0.2)
 
 
-def test_consistent_poses_stay() -> None:
+def test_optimizer_keeps_consistent_poses() -> None:
     poses, edges = square(0.0)
-    np.testing.assert_allclose(optimise(poses, edges)[:, :2], poses[:, :2], atol=1e-6)
+    np.testing.assert_allclose(optimize(poses, edges)[:, :2], poses[:, :2], atol=1e-6)
 
 
-def test_closing_a_loop_is_spread_over_many_scans_and_grid_and_path_agree_in_the_end(
+def test_loop_closure_is_spread_over_scans(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A robot drives meanwhile: no update may draw the whole map again."""
+    """The robot keeps driving, so no update may rebuild the whole map. In the end grid and path agree."""
     start = round_trip(LENGTH_M, BREADTH_M, 0.0)[0]
     mapper = GraphMapper(loops=LoopOptions(active_m=30.0), map_from_base=start)
-    entered: list[int] = []
-    integrate = HitGrid.integrate
+    inserted: list[int] = []
+    insert = HitGrid.insert
 
-    def counted(cells: HitGrid, map_from_base: Pose2, points: ScanPoints) -> None:
-        entered[-1] += 1
-        integrate(cells, map_from_base, points)
+    def counted(grid: HitGrid, map_from_base: Pose2, points: ScanPoints) -> None:
+        inserted[-1] += 1
+        insert(grid, map_from_base, points)
 
-    monkeypatch.setattr(HitGrid, "integrate", counted)
+    monkeypatch.setattr(HitGrid, "insert", counted)
     rng = np.random.default_rng(1)
     world, poses = corridor_loop(LENGTH_M, BREADTH_M, rng), round_trip(LENGTH_M, BREADTH_M, 12.0)
     for odometry, scan in drive(world, poses, rng):
-        entered.append(0)
+        inserted.append(0)
         mapper.update(odometry, scan, Twist2())
     assert mapper.loops_closed >= 1
-    # Each scan is 0.2 to 0.3 m on: up to three parts of the map that is drawn again, and of the one searched.
-    assert 1 + SCANS_AT_ONCE < max(entered) <= 1 + 6 * SCANS_AT_ONCE
-    entered.append(0)
+    # A scan every 0.2 to 0.3 m: up to three parts of the rebuilt map, and of the map that is searched.
+    assert 1 + SCANS_PER_PART < max(inserted) <= 1 + 6 * SCANS_PER_PART
+    inserted.append(0)
     path = mapper.path()
     grid = mapper.grid()
     cells = [grid.cells[grid.cell_of(x, y)] for x, y, _ in path]
@@ -116,23 +118,23 @@ def test_closing_a_loop_is_spread_over_many_scans_and_grid_and_path_agree_in_the
     assert errors_m(path, poses).max() < 1.5
 
 
-def test_the_pose_given_follows_the_map_through_a_closed_loop() -> None:
-    """Only the scan at which the loop closes says that the pose jumped; none is told in the map before it."""
+def test_pose_follows_the_map_through_a_loop_closure() -> None:
+    """Only the scan that closes the loop reports a jump, and no pose refers to the map before it."""
     start = round_trip(LENGTH_M, BREADTH_M, 0.0)[0]
     mapper = GraphMapper(loops=LoopOptions(active_m=30.0), map_from_base=start)
     rng = np.random.default_rng(1)
     world, poses = corridor_loop(LENGTH_M, BREADTH_M, rng), round_trip(LENGTH_M, BREADTH_M, 12.0)
     drives = list(drive(world, poses, rng))
     jumps = 0
-    for odometry, scan in drives + 100 * drives[-1:]:  # it stands at the end, and the map is drawn again
+    for odometry, scan in drives + 100 * drives[-1:]:  # stationary at the end while the map is rebuilt
         update = mapper.update(odometry, scan, Twist2())
         assert update.map_from_base.distance_m(mapper.map_from_odom @ odometry) < 1e-9
         jumps += update.jumped
     assert jumps == mapper.loops_closed == 1
 
 
-def test_a_search_in_parts_finds_what_a_search_at_once_finds() -> None:
-    """An L of walls seen from within, looked for 1.5 m and 0.2 rad beside its place."""
+def test_search_in_parts_equals_search_at_once() -> None:
+    """An L-shaped wall, searched for 1.5 m and 0.2 rad from its true pose."""
     along = np.arange(0.0, 6.0, 0.05)
     walls_m = np.concatenate(
         (np.column_stack((along, 0.0 * along)), np.column_stack((0.0 * along, 0.5 * along)))
@@ -142,23 +144,23 @@ def test_a_search_in_parts_finds_what_a_search_at_once_finds() -> None:
     true = Pose2(x_m=2.0, y_m=1.0, theta_rad=0.2)
     points_m, centre = true.inverse().apply(walls_m), Pose2(x_m=3.0, y_m=2.0)
     whole, parts = (BranchAndBoundSearch(field, points_m, centre, 2.0, 0.4) for _ in range(2))
-    assert whole.work(None)
+    assert whole.run(None)
     steps = 1
-    while not parts.work(200_000):
+    while not parts.run(200_000):
         steps += 1
     assert steps > 5
-    assert parts.found() == whole.found()
-    assert whole.found().pose.distance_m(true) < 0.15
-    assert whole.found().score > 0.85
+    assert parts.result() == whole.result()
+    assert whole.result().pose.distance_m(true) < 0.15
+    assert whole.result().score > 0.85
 
 
 def lattice_m() -> FloatArray:
-    """Centres of the cells of a map of 8 x 6 m whose corner is at (-1, -1), shape (rows, columns, 2)."""
+    """Return the cell centres of a map of 8 x 6 m with its corner at (-1, -1), shape (rows, columns, 2)."""
     x_m, y_m = np.meshgrid(np.arange(160) * 0.05 - 0.975, np.arange(120) * 0.05 - 0.975)
     return np.stack((x_m, y_m), axis=-1)
 
 
-def test_a_band_factored_in_parts_solves_the_system() -> None:
+def test_factorization_in_parts_solves_the_system() -> None:
     rng, n, width = np.random.default_rng(1), 40, 7
     lower = np.tril(np.triu(rng.standard_normal((n, n)), -width)) + 5.0 * np.eye(n)
     matrix, right = lower @ lower.T, rng.standard_normal(n)
@@ -172,8 +174,8 @@ def test_a_band_factored_in_parts_solves_the_system() -> None:
     np.testing.assert_allclose(found, np.linalg.solve(matrix, right), rtol=1e-9)
 
 
-def test_old_places_join_the_map_that_is_matched_as_they_come_near() -> None:
-    """Drawn only when the map is trimmed, they came so late that the robot had driven on beside them."""
+def test_old_submaps_join_the_active_map_as_they_come_near() -> None:
+    """If they joined only when the map is trimmed, the robot would drive past them on a second map."""
     start, active_m = round_trip(LENGTH_M, BREADTH_M, 0.0)[0], 30.0
     mapper = GraphMapper(loops=LoopOptions(active_m=active_m), map_from_base=start)
     rng = np.random.default_rng(1)
@@ -184,7 +186,7 @@ def test_old_places_join_the_map_that_is_matched_as_they_come_near() -> None:
         mapper.update(odometry, scan, Twist2())
         if mapper.loops_closed and closed_at == len(poses):
             closed_at = number
-        if number > closed_at + 50:  # the map is drawn again by then
-            missing.append(len(mapper.places.within(active_m).keys() - mapper._active))
+        if number > closed_at + 50:  # the map is rebuilt by then
+            missing.append(len(mapper.submaps.within(active_m).keys() - mapper._active))
     assert len(missing) > 100
     assert np.mean(missing) < 4.0

@@ -1,4 +1,4 @@
-"""Recorded drives, end to end. Thresholds are two-sided: too good is a fault of the measure."""
+"""Recorded drives end to end. Thresholds are two-sided: a result too good means a faulty metric."""
 
 import csv
 import os
@@ -32,21 +32,21 @@ def odometry_of(log: RobotLog) -> FloatArray:
     )
 
 
-def test_mines_room_comes_out_square() -> None:
-    """75 s of a URG-04LX at up to 1.3 m/s, round two loops."""
+def test_mines_map_is_square() -> None:
+    """75 s of a URG-04LX at up to 1.3 m/s, around two loops."""
     log = open_log(MINES)
     mapped = map_records(log, default_options(log))
     scores = np.array([update.match_score for update in mapped.updates[1:]])
     assert 0.92 < scores.mean() < 0.985
     assert scores.min() > 0.45
     assert 0.71 < squareness(log, mapped.poses) < 0.80
-    assert squareness(log, odometry_of(log)) < 0.66  # so the measure tells them apart
+    assert squareness(log, odometry_of(log)) < 0.66  # so the metric separates them
     assert 40.0 < np.hypot(*np.diff(mapped.poses[:, :2], axis=0).T).sum() < 50.0
     assert 3500 < np.count_nonzero(mapped.grid.cells == OCCUPIED) < 6500  # a blurred map has more
 
 
-def test_intel_relations_hold_on_the_first_part() -> None:
-    """Raw odometry that loses whole turns, no use of later scans; the reference's own noise is about 1 cm."""
+def test_intel_relations_hold_in_the_first_part() -> None:
+    """Raw odometry loses whole turns. The reference's own noise is about 1 cm."""
     log = open_log(INTEL)
     part = replace(log, records=log.records[:2500])
     relations = load_relations(RELATIONS)
@@ -59,7 +59,7 @@ def test_intel_relations_hold_on_the_first_part() -> None:
     assert relation_errors(odometry_of(part), relations).translation_m.mean() > 0.2
 
 
-def test_map_log_leaves_four_files_that_agree(tmp_path: Path) -> None:
+def test_map_log_writes_files_that_agree(tmp_path: Path) -> None:
     seen: list[tuple[int, int]] = []
     summary = map_log(MINES, tmp_path / "out", lambda done, total: seen.append((done, total)))
     assert (summary.format_name, summary.scans) == ("MINES", 756)

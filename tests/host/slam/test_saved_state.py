@@ -1,4 +1,4 @@
-"""Maps that are saved to go on with another day."""
+"""Maps that are saved, to resume mapping later."""
 
 import json
 import math
@@ -38,7 +38,7 @@ def saved(path: Path, mapper: PathMapper) -> Path:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_what_is_saved_is_the_map_of_each_method(tmp_path: Path, method: Method) -> None:
+def test_session_holds_the_map_of_each_method(tmp_path: Path, method: Method) -> None:
     mapper = mapped(method)
     session = load_session(saved(tmp_path / "room.session", mapper), SIZE_M)
     assert session.map_from_base == Pose2(x_m=0.4, theta_rad=0.1)
@@ -50,7 +50,7 @@ def test_what_is_saved_is_the_map_of_each_method(tmp_path: Path, method: Method)
     assert session.counts.hits.max() == 3  # scans
 
 
-def test_a_robot_that_was_lost_says_no_pose(tmp_path: Path) -> None:
+def test_session_of_a_lost_robot_has_no_pose(tmp_path: Path) -> None:
     path = save_session(
         SavedSlamState(counts=mapped().counts(), map_from_base=None), tmp_path / "room.session"
     )
@@ -58,7 +58,7 @@ def test_a_robot_that_was_lost_says_no_pose(tmp_path: Path) -> None:
 
 
 @given(hits=st.integers(0, 60_000), misses=st.integers(0, 60_000))
-def test_a_cell_of_another_day_says_the_same_with_fewer_observations(hits: int, misses: int) -> None:
+def test_limited_observations_keep_the_state_of_a_cell(hits: int, misses: int) -> None:
     cell = (np.array([[n]], dtype=np.uint16) for n in (hits, misses))
     counts = HitCounts(hits=next(cell), misses=next(cell), first_cell=(0, 0), resolution_m=SIZE_M)
     aged = counts.limit_observations(0.25)
@@ -66,7 +66,7 @@ def test_a_cell_of_another_day_says_the_same_with_fewer_observations(hits: int, 
     assert aged.grid(0.25).cells == counts.grid(0.25).cells
 
 
-def test_a_map_that_ends_at_its_walls_keeps_the_distances_behind_them() -> None:
+def test_tightly_cropped_map_has_distances_behind_its_walls() -> None:
     mapper = mapped()
     assert isinstance(mapper, GridMapper)
     counts = mapper.counts()
@@ -75,11 +75,11 @@ def test_a_map_that_ends_at_its_walls_keeps_the_distances_behind_them() -> None:
     box = np.s_[low[0] : high[0], low[1] : high[1]]
     first = (counts.first_cell[0] + int(low[0]), counts.first_cell[1] + int(low[1]))
     tight = HitCounts(hits=counts.hits[box], misses=counts.misses[box], first_cell=first, resolution_m=SIZE_M)
-    cells = HitGrid.from_counts(tight, SIZE_M, 0.5, 0.25)
-    np.testing.assert_allclose(cells.distance_m, cells.field_from_scratch())
-    inner, (x_m, y_m) = cells.distance_m, cells.corner_m
+    grid = HitGrid.from_counts(tight, SIZE_M, 0.5, 0.25)
+    np.testing.assert_allclose(grid.distance_m, grid.distance_from_scratch())
+    inner, (x_m, y_m) = grid.distance_m, grid.corner_m
     row, col = round(y_m / SIZE_M) - counts.first_cell[0], round(x_m / SIZE_M) - counts.first_cell[1]
-    whole = mapper.cells.distance_m[row : row + inner.shape[0], col : col + inner.shape[1]]
+    whole = mapper.hit_grid.distance_m[row : row + inner.shape[0], col : col + inner.shape[1]]
     np.testing.assert_allclose(inner, whole, atol=1e-6)
 
 
@@ -97,7 +97,7 @@ def test_a_map_that_ends_at_its_walls_keeps_the_distances_behind_them() -> None:
         (lambda data: json.dumps({"thumper_session": 2}).encode() + b"\n", "not a mapping session"),
     ],
 )
-def test_a_damaged_session_is_refused(tmp_path: Path, harm: object, word: str) -> None:
+def test_damaged_session_is_refused(tmp_path: Path, harm: object, word: str) -> None:
     path = saved(tmp_path / "room.session", mapped())
     assert callable(harm)
     path.write_bytes(harm(path.read_bytes()))
@@ -105,12 +105,12 @@ def test_a_damaged_session_is_refused(tmp_path: Path, harm: object, word: str) -
         load_session(path, SIZE_M)
 
 
-def test_another_resolution_is_refused(tmp_path: Path) -> None:
+def test_other_resolution_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ThumperError, match=r"resolution_m = 0\.05"):
         load_session(saved(tmp_path / "a", mapped()), 0.1)
 
 
-def test_a_log_of_a_robot_that_stands_in_the_session_is_refused_with_the_reason(tmp_path: Path) -> None:
+def test_log_of_a_stationary_robot_is_refused(tmp_path: Path) -> None:
     session = load_session(saved(tmp_path / "room.session", mapped()), SIZE_M)
     scan = room_scan(Pose2(x_m=0.1), beams=180, first_rad=-math.pi / 2, step_rad=math.pi / 180)
     ranges = " ".join(f"{range_m:.3f}" for range_m in scan.ranges_m)
@@ -123,8 +123,8 @@ def test_a_log_of_a_robot_that_stands_in_the_session_is_refused_with_the_reason(
         map_log(log, tmp_path / "out", session=session)
 
 
-def test_a_log_that_is_mostly_of_another_place_leaves_the_session_as_it_was(tmp_path: Path) -> None:
-    """Forty scans of a smaller room, then a way of 1.5 m in the one that is known."""
+def test_log_of_another_place_does_not_change_the_session(tmp_path: Path) -> None:
+    """Forty scans of a smaller room, then a path of 1.5 m in the known one."""
     path = saved(tmp_path / "map.session", mapped())
     before = path.read_bytes()
     lines = []

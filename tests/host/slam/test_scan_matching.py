@@ -1,4 +1,4 @@
-"""The matcher and the field it walks on."""
+"""The scan matcher and the distance field."""
 
 import math
 
@@ -11,54 +11,51 @@ from tests.host.slam.rooms import room_scan
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.deskew import HIT, INVALID, MISS, ScanPoints, scan_points
 from thumper.slam.grid.growing_grid import HitGrid
-from thumper.slam.scan_matching.correlative import correlative_search
-from thumper.slam.scan_matching.gauss_newton import MatchOptions, interpolate, match, normal_equations
+from thumper.slam.scan_matching.correlative import SearchWindow, correlative_search
+from thumper.slam.scan_matching.gauss_newton import (
+    MatchOptions,
+    MatchWeights,
+    NormalEquations,
+    PosePrior,
+    interpolate,
+    match,
+    normal_equations,
+)
 
 TRUTH = Pose2(x_m=0.4, y_m=0.3, theta_rad=0.25)
 NO_PRIOR = np.zeros((3, 3))
-OPTIONS = MatchOptions()
+WEIGHTS = MatchWeights(MatchOptions().beam_std_m)
 CLEARED_AFTER = 437  # scans
 
 
-def room_cells() -> HitGrid:
-    """The room, mapped from known poses."""
-    cells = HitGrid(resolution_m=0.05, reach_m=0.5, occupied_fraction=0.25)
+def room_grid() -> HitGrid:
+    """Return the room, mapped from known poses."""
+    grid = HitGrid(resolution_m=0.05, max_distance_m=0.5, occupied_fraction=0.25)
     for x_m, y_m in ((0.0, 0.0), (1.0, 0.8), (-1.0, 1.0), (2.0, -0.8)):
         pose = Pose2(x_m=x_m, y_m=y_m)
-        cells.integrate(pose, scan_points(room_scan(pose), Twist2(), Pose2(), 10.0))
-    return cells
+        grid.insert(pose, scan_points(room_scan(pose), Twist2(), Pose2(), 10.0))
+    return grid
 
 
-CELLS = room_cells()
+GRID = room_grid()
 HITS_M = scan_points(room_scan(TRUTH), Twist2(), Pose2(), 10.0).hits_m()
 
 
-def in_array(pose: Pose2) -> FloatArray:
-    x_m, y_m = CELLS.corner_m
+def to_corner(pose: Pose2) -> FloatArray:
+    x_m, y_m = GRID.corner_m
     return np.array([pose.x_m - x_m, pose.y_m - y_m, pose.theta_rad])
 
 
 def error(found: FloatArray) -> tuple[float, float]:
-    off = found - in_array(TRUTH)
+    off = found - to_corner(TRUTH)
     return math.hypot(off[0], off[1]), abs(off[2])
 
 
 @given(dx=st.floats(-0.2, 0.2), dy=st.floats(-0.2, 0.2), turn=st.floats(-0.15, 0.15))
 @settings(max_examples=60, deadline=None)
-def test_gauss_newton_recovers_a_slip_without_help_from_odometry(dx: float, dy: float, turn: float) -> None:
-    start = in_array(Pose2(x_m=TRUTH.x_m + dx, y_m=TRUTH.y_m + dy, theta_rad=TRUTH.theta_rad + turn))
-    found = match(
-        HITS_M,
-        start,
-        start,
-        NO_PRIOR,
-        CELLS.distance_m,
-        CELLS.resolution_m,
-        CELLS.reach_m,
-        OPTIONS.beam_std_m,
-        OPTIONS.outlier_m,
-        OPTIONS.iterations,
-    )
+def test_gauss_newton_recovers_slip_without_a_prior(dx: float, dy: float, turn: float) -> None:
+    start = to_corner(Pose2(x_m=TRUTH.x_m + dx, y_m=TRUTH.y_m + dy, theta_rad=TRUTH.theta_rad + turn))
+    found = match(HITS_M, start, PosePrior(start, NO_PRIOR), GRID.field, WEIGHTS)
     off_m, off_rad = error(found)
     assert off_m < 0.02  # less than half a cell
     assert off_rad < 0.01
@@ -66,35 +63,28 @@ def test_gauss_newton_recovers_a_slip_without_help_from_odometry(dx: float, dy: 
 
 @given(dx=st.floats(-0.45, 0.45), dy=st.floats(-0.45, 0.45), turn=st.floats(-0.35, 0.35))
 @settings(max_examples=15, deadline=None)
-def test_the_search_brings_a_large_slip_into_the_basin(dx: float, dy: float, turn: float) -> None:
-    start = in_array(Pose2(x_m=TRUTH.x_m + dx, y_m=TRUTH.y_m + dy, theta_rad=TRUTH.theta_rad + turn))
-    found = correlative_search(
-        HITS_M, start, 0.5, 0.4, 0.1, 0.04, CELLS.distance_m, CELLS.resolution_m, CELLS.reach_m, 0.2
-    )
+def test_window_search_brings_large_slip_into_the_basin(dx: float, dy: float, turn: float) -> None:
+    start = to_corner(Pose2(x_m=TRUTH.x_m + dx, y_m=TRUTH.y_m + dy, theta_rad=TRUTH.theta_rad + turn))
+    found = correlative_search(HITS_M, start, SearchWindow(0.5, 0.4, 0.1, 0.04), GRID.field, 0.2)
     off_m, off_rad = error(found)
     assert off_m < 0.15
     assert off_rad < 0.1
 
 
-def test_the_prior_decides_along_a_featureless_corridor() -> None:
-    """Two parallel walls fix y and heading; x must stay where odometry puts it, not wander."""
+def test_prior_decides_along_a_bare_corridor() -> None:
+    """Two parallel walls constrain y and heading; x must stay where odometry puts it."""
     corridor = np.array([[-20.0, -0.83, 20.0, -0.83], [-20.0, 0.83, 20.0, 0.83]])
-    cells = HitGrid(resolution_m=0.05, reach_m=0.5, occupied_fraction=0.25)
+    grid = HitGrid(resolution_m=0.05, max_distance_m=0.5, occupied_fraction=0.25)
     points = scan_points(room_scan(Pose2(), walls=corridor), Twist2(), Pose2(), 4.0)
-    cells.integrate(Pose2(), points)
-    x_m, y_m = cells.corner_m
+    grid.insert(Pose2(), points)
+    x_m, y_m = grid.corner_m
     predicted = np.array([0.3 - x_m, 0.1 - y_m, 0.05])
     found = match(
         points.hits_m()[np.abs(points.hits_m()[:, 0]) < 3.0],
         predicted,
-        predicted,
-        np.eye(3) / 0.05**2,
-        cells.distance_m,
-        cells.resolution_m,
-        cells.reach_m,
-        OPTIONS.beam_std_m,
-        OPTIONS.outlier_m,
-        OPTIONS.iterations,
+        PosePrior(predicted, np.eye(3) / 0.05**2),
+        grid.field,
+        WEIGHTS,
     )
     assert found[0] == pytest.approx(predicted[0], abs=0.06)
     assert found[1] + y_m == pytest.approx(0.0, abs=0.02)
@@ -103,28 +93,17 @@ def test_the_prior_decides_along_a_featureless_corridor() -> None:
 
 @given(x=st.floats(-1.5, 2.5), y=st.floats(-1.0, 2.0), theta=st.floats(-3, 3))
 @settings(deadline=None)
-def test_the_gradient_is_the_slope_of_the_cost(x: float, y: float, theta: float) -> None:
-    """Against central differences; the step stays inside a cell of the bilinear surface almost surely."""
-    pose = in_array(Pose2(x_m=x, y_m=y, theta_rad=theta))
-    prior, information = pose + np.array([0.02, -0.03, 0.01]), np.diag([40.0, 50.0, 60.0])
+def test_gradient_is_the_slope_of_the_cost(x: float, y: float, theta: float) -> None:
+    """Against one-sided differences, which differ only across the edge of a cell."""
+    pose = to_corner(Pose2(x_m=x, y_m=y, theta_rad=theta))
+    prior = PosePrior(pose + np.array([0.02, -0.03, 0.01]), np.diag([40.0, 50.0, 60.0]))
+    weights = MatchWeights(0.05, 0.15)
     points_m = HITS_M[::60]
 
     def cost(at: FloatArray) -> tuple[float, FloatArray]:
-        hessian, gradient = np.zeros((3, 3)), np.zeros(3)
-        value = normal_equations(
-            points_m,
-            at,
-            prior,
-            information,
-            CELLS.distance_m,
-            0.05,
-            CELLS.reach_m,
-            0.05,
-            0.15,
-            hessian,
-            gradient,
-        )
-        return value, gradient
+        system = NormalEquations(np.zeros((3, 3)), np.zeros(3))
+        value = normal_equations(points_m, at, prior, GRID.field, weights, system)
+        return value, system.gradient
 
     _, gradient = cost(pose)
     step = 1e-7
@@ -134,12 +113,12 @@ def test_the_gradient_is_the_slope_of_the_cost(x: float, y: float, theta: float)
         behind[k] -= step
         forward = (cost(ahead)[0] - cost(pose)[0]) / step
         backward = (cost(pose)[0] - cost(behind)[0]) / step
-        low, high = min(forward, backward), max(forward, backward)  # they differ only across a cell's edge
+        low, high = min(forward, backward), max(forward, backward)
         slack = 1e-3 * (1.0 + abs(low) + abs(high))
         assert low - slack <= gradient[k] <= high + slack
 
 
-def test_interpolation_meets_the_cells_at_their_centres() -> None:
+def test_interpolation_is_exact_at_cell_centres() -> None:
     field = np.array([[0.0, 1.0], [2.0, 5.0]], dtype=np.float32)
     assert interpolate(field, 0.5, 0.5, 9.0)[0] == 0.0
     assert interpolate(field, 1.0, 1.0, 9.0)[0] == pytest.approx(2.0)
@@ -153,33 +132,33 @@ def test_interpolation_meets_the_cells_at_their_centres() -> None:
     )
 )
 @settings(max_examples=25, deadline=None)
-def test_the_kept_field_equals_the_field_from_scratch(poses: list[tuple[float, float, float]]) -> None:
-    """Wrong poses on purpose: cells turn occupied and free again by the hundred, and the array grows."""
-    cells = HitGrid(resolution_m=0.1, reach_m=0.5, occupied_fraction=0.4)
+def test_updated_distances_equal_distances_from_scratch(poses: list[tuple[float, float, float]]) -> None:
+    """Wrong poses make hundreds of cells occupied and free again, and the array grows."""
+    grid = HitGrid(resolution_m=0.1, max_distance_m=0.5, occupied_fraction=0.4)
     for x_m, y_m, theta_rad in poses:
         points = scan_points(room_scan(Pose2(), beams=90, step_rad=math.tau / 90), Twist2(), Pose2(), 10.0)
-        cells.integrate(Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad), points)
-    np.testing.assert_array_equal(cells.distance_m, cells.field_from_scratch())
+        grid.insert(Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad), points)
+    np.testing.assert_array_equal(grid.distance_m, grid.distance_from_scratch())
 
 
-def test_what_stood_for_days_is_cleared_in_bounded_time() -> None:
-    cells = HitGrid(resolution_m=0.1, reach_m=0.5, occupied_fraction=0.25)
+def test_old_obstacle_is_cleared_in_bounded_time() -> None:
+    grid = HitGrid(resolution_m=0.1, max_distance_m=0.5, occupied_fraction=0.25)
     beam = {"origins_m": np.zeros((1, 2)), "ends_m": np.array([[1.05, 0.05]])}
     for _ in range(3000):
-        cells.integrate(Pose2(), ScanPoints(**beam, kinds=np.array([HIT], dtype=np.uint8)))
-    row, col = cells.grid(percent=False).cell_of(1.05, 0.05)
-    assert cells.occupied()[row, col]
-    assert cells.distance_m[row, col] == 0.0
+        grid.insert(Pose2(), ScanPoints(**beam, kinds=np.array([HIT], dtype=np.uint8)))
+    row, col = grid.grid(percent=False).cell_of(1.05, 0.05)
+    assert grid.occupied()[row, col]
+    assert grid.distance_m[row, col] == 0.0
     beam["ends_m"] = np.array([[2.05, 0.1]])
     scans = 0
-    while cells.occupied().any() and scans < 3000:
-        cells.integrate(Pose2(), ScanPoints(**beam, kinds=np.array([MISS], dtype=np.uint8)))
+    while grid.occupied().any() and scans < 3000:
+        grid.insert(Pose2(), ScanPoints(**beam, kinds=np.array([MISS], dtype=np.uint8)))
         scans += 1
     assert 3 < scans <= CLEARED_AFTER
-    np.testing.assert_array_equal(cells.distance_m, cells.field_from_scratch())
+    np.testing.assert_array_equal(grid.distance_m, grid.distance_from_scratch())
 
 
-def test_beams_are_sorted_into_hits_passes_and_silence() -> None:
+def test_beams_are_classified() -> None:
     scan = room_scan(Pose2(), beams=6, first_rad=0.0, step_rad=math.tau / 6)
     ranges_m = np.array([1.0, np.nan, np.inf, 7.0, 0.001, 50.0])
     scan = type(scan)(
@@ -191,8 +170,8 @@ def test_beams_are_sorted_into_hits_passes_and_silence() -> None:
     assert np.hypot(*(points.ends_m[3] - points.origins_m[3])) == pytest.approx(5.0)
 
 
-def test_deskew_sees_a_wall_straight_from_a_turning_robot() -> None:
-    """Each beam is cast from where the robot is at its own time; without de-skew the wall would bend."""
+def test_deskew_keeps_a_wall_straight_for_a_turning_robot() -> None:
+    """Each beam is cast from the robot's pose at that time; without de-skewing the wall would bend."""
     wall = np.array([[2.0, -9.0, 2.0, 9.0]])
     twist, increment_s = Twist2(v_m_s=1.0, w_rad_s=2.0), 1e-3
     mount = Pose2(x_m=0.1, y_m=-0.05, theta_rad=0.1)

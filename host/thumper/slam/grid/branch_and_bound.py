@@ -1,12 +1,14 @@
-"""Correlative search of a large window by branch and bound, for loops, relocalisation and kidnapped robots.
+"""Branch-and-bound scan matching in a large window, for loop closure and global localization.
 
-Two levels of Hess, Kohler, Rapp, Andor, "Real-time loop closure in 2D LIDAR SLAM", ICRA 2016: a map whose
-cells hold the best of a block bounds every pose of that block from above; blocks are opened best first until
-no bound beats what was found. A robot cannot wait for all of that: it is done in parts of bounded size.
+Two levels of Hess, Kohler, Rapp, Andor, "Real-time loop closure in 2D LIDAR SLAM", ICRA 2016 (eq. BBS,
+algorithm 3). A map whose cells hold the maximum over a block bounds the score of every pose in that block
+from above. Blocks are opened best first, until no bound exceeds the best score found. A robot cannot wait
+for the whole search, so it runs in parts of bounded size.
 """
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +20,8 @@ from thumper.slam.scan_matching.distance_field import ByteArray, FieldArray
 
 BLOCK = 8  # cells along a block of poses
 STEP_RAD = math.radians(1.5)  # 0.13 m at 5 m: well inside the matcher's basin
-APART_M, APART_RAD = 1.0, 0.35  # a rival this far away is another place, not a neighbour of the best
+# A pose this far from the best is another hypothesis, not a neighbour of it.
+SEPARATION_M, SEPARATION_RAD = 1.0, 0.35
 
 CellIndices = NDArray[np.int32]
 TotalArray = NDArray[np.int32]
@@ -26,41 +29,52 @@ TotalArray = NDArray[np.int32]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchResult:
-    """The best pose of a window and how far it stands out."""
+    """The best pose of a window, and the score of the second best."""
 
     pose: Pose2
     score: float  # mean likelihood of the beams there, 0...1
-    rival: float  # the best score of any place clearly apart, or its upper bound
+    runner_up: float  # the best score of any separate pose, or an upper bound of it
+
+
+class PoseBlocks(NamedTuple):
+    """The poses of a window, in blocks of BLOCK x BLOCK cells for each heading."""
+
+    cells: CellIndices  # (column, row) of each point, robot in the window's corner, (headings, n, 2)
+    corner: FloatArray  # of the window, in cells, shape (2,)
+    angles_rad: FloatArray  # shape (headings,)
+    bounds: TotalArray  # upper bound of the scores in each block, shape (headings, blocks, blocks)
+
+
+class BestPoses(NamedTuple):
+    """The best separate poses so far, best first, in cells and radians."""
+
+    poses: FloatArray  # shape (k, 3)
+    totals: FloatArray  # sums of likelihoods, -1 for none, shape (k,)
+    separation: float  # cells
+    separation_rad: float
+    min_ratio: float  # poses below this share of the best total are not searched for
 
 
 class SearchField:
-    """A map made ready for many wide searches."""
+    """A map prepared for many branch-and-bound searches."""
 
     def __init__(
         self, distance_m: FieldArray, resolution_m: float, corner_m: tuple[float, float], std_m: float
     ) -> None:
-        """`distance_m` as in `HitGrid`; `std_m` is the width of a beam's likelihood."""
+        """`distance_m` is that of a `HitGrid`; `std_m` is the width of a beam's likelihood."""
         self.resolution_m, self.corner_m = resolution_m, corner_m
-        far_m = float(distance_m.max(initial=np.float32(resolution_m)))
-        self.fine = _likelihood(distance_m, far_m, std_m)
+        max_distance_m = float(distance_m.max(initial=np.float32(resolution_m)))
+        self.fine = _likelihood(distance_m, max_distance_m, std_m)
         self.coarse = block_maximum(self.fine)
 
     @classmethod
-    def of(cls, cells: HitGrid, std_m: float) -> "SearchField":
-        """The field of a map in the making."""
-        return cls(cells.distance_m, cells.resolution_m, cells.corner_m, std_m)
-
-    def search_all(
-        self, points_m: FloatArray, centre: Pose2, window_m: float, window_rad: float, most: int, ratio: float
-    ) -> FloatArray:
-        """The best pose and those clearly apart that explain `ratio` as much, shape (1...most, 3)."""
-        search = BranchAndBoundSearch(self, points_m, centre, window_m, window_rad, most, ratio)
-        search.work(None)
-        return search.alike()
+    def from_grid(cls, grid: HitGrid, std_m: float) -> "SearchField":
+        """Return the field of a map under construction."""
+        return cls(grid.distance_m, grid.resolution_m, grid.corner_m, std_m)
 
 
 class BranchAndBoundSearch:
-    """A search under way: the best poses within +- window of `centre`."""
+    """A search in progress for the best poses in a window."""
 
     def __init__(
         self,
@@ -69,98 +83,117 @@ class BranchAndBoundSearch:
         centre: Pose2,
         window_m: float,
         window_rad: float,
-        most: int = 2,
-        ratio: float = 0.7,
+        *,
+        max_poses: int = 2,
+        min_ratio: float = 0.7,
     ) -> None:
-        """Begin for points in the base frame, shape (n, 2).
+        """Start for points in the base frame, shape (n, 2), in a window of +- `window_m`, +- `window_rad`.
 
-        `most` poses clearly apart are kept; those that explain less than `ratio` of the best are not looked
-        for.
+        Up to `max_poses` separate poses are kept. Poses that explain less than `min_ratio` of the best are
+        not searched for.
         """
-        self._field, self._most, self._ratio = field, most, ratio
+        self._field = field
         n_theta = math.ceil(window_rad / STEP_RAD)
         if 2 * n_theta * STEP_RAD >= math.tau:
             n_theta = math.floor(math.pi / STEP_RAD)
-        self._angles_rad: FloatArray = centre.theta_rad + STEP_RAD * np.arange(-n_theta, n_theta + 1.0)
+        angles_rad: FloatArray = centre.theta_rad + STEP_RAD * np.arange(-n_theta, n_theta + 1.0)
         window = math.ceil(window_m / field.resolution_m)
         cells = (np.array([centre.x_m, centre.y_m]) - field.corner_m) / field.resolution_m
-        self._corner = cells - window  # of the window, in cells
-        cos, sin = np.cos(self._angles_rad)[:, np.newaxis], np.sin(self._angles_rad)[:, np.newaxis]
+        corner = cells - window
+        cos, sin = np.cos(angles_rad)[:, np.newaxis], np.sin(angles_rad)[:, np.newaxis]
         x, y = points_m.T / field.resolution_m
-        turned = np.stack((cos * x - sin * y, sin * x + cos * y), axis=-1) + self._corner
-        self._cells: CellIndices = np.floor(turned).astype(np.int32)  # with the robot in the corner
-        blocks = (2 * window) // BLOCK + 1
-        self._bounds: TotalArray = np.zeros((len(self._angles_rad), blocks, blocks), dtype=np.int32)
-        self._bounded = 0  # turns
-        self._order: NDArray[np.int64] | None = None
-        self._opened = 0  # blocks
-        self._poses, self._totals = np.empty((most, 3)), np.full(most, -1.0)
-        self._poses[:] = (*cells, centre.theta_rad)
+        rotated = np.stack((cos * x - sin * y, sin * x + cos * y), axis=-1) + corner
+        side = (2 * window) // BLOCK + 1
+        self._blocks = PoseBlocks(
+            cells=np.floor(rotated).astype(np.int32),
+            corner=corner,
+            angles_rad=angles_rad,
+            bounds=np.zeros((len(angles_rad), side, side), dtype=np.int32),
+        )
+        self._headings_bounded = 0
+        self._order: NDArray[np.int64] | None = None  # blocks worth opening, best bound first
+        self._blocks_opened = 0
+        self._best = BestPoses(
+            poses=np.tile(np.array([*cells, centre.theta_rad]), (max_poses, 1)),
+            totals=np.full(max_poses, -1.0),
+            separation=SEPARATION_M / field.resolution_m,
+            separation_rad=SEPARATION_RAD,
+            min_ratio=min_ratio,
+        )
 
-    def work(self, most: int | None) -> bool:
-        """Do all that is left, or not many more than `most` look-ups of a cell; whether it is done."""
-        n, (turns, blocks, _) = self._cells.shape[1], self._bounds.shape
-        if self._bounded < turns:
-            at_once = turns if most is None else max(1, most // (n * blocks * blocks))
-            last = min(turns, self._bounded + at_once)
-            _bound(self._cells, self._bounded, last, self._field.coarse, self._bounds)
-            self._bounded = last
-            if most is not None:
+    def run(self, max_lookups: int | None) -> bool:
+        """Continue the search and return whether it is finished.
+
+        It stops after about `max_lookups` look-ups of a cell; None runs it to the end.
+        """
+        if self._headings_bounded < len(self._blocks.angles_rad):
+            self._bound_headings(max_lookups)
+            if max_lookups is not None:
                 return False
         if self._order is None:
-            # With the most promising block opened most of the others need not even be sorted.
-            self._open(np.array([np.argmax(self._bounds)]), 0, 1)
-            worth = np.flatnonzero(self._bounds >= self._ratio * self._totals[0])
-            self._order = worth[np.argsort(-self._bounds.ravel()[worth], kind="stable")]
-        at_once = len(self._order) if most is None else max(1, most // (n * BLOCK * BLOCK))
-        last = min(len(self._order), self._opened + at_once)
-        self._opened = self._open(self._order, self._opened, last)
-        return self._opened == len(self._order)
+            self._order = self._order_blocks()
+        n = self._blocks.cells.shape[1]
+        count = len(self._order) if max_lookups is None else max(1, max_lookups // (n * BLOCK * BLOCK))
+        last = min(len(self._order), self._blocks_opened + count)
+        self._blocks_opened = self._open(self._order, self._blocks_opened, last)
+        return self._blocks_opened == len(self._order)
+
+    def _bound_headings(self, max_lookups: int | None) -> None:
+        """Compute the bounds of the next headings."""
+        n, (headings, side, _) = self._blocks.cells.shape[1], self._blocks.bounds.shape
+        count = headings if max_lookups is None else max(1, max_lookups // (n * side * side))
+        last = min(headings, self._headings_bounded + count)
+        _bound(self._blocks, self._headings_bounded, last, self._field.coarse)
+        self._headings_bounded = last
+
+    def _order_blocks(self) -> NDArray[np.int64]:
+        """Open the most promising block first: then most of the others need not even be sorted."""
+        bounds = self._blocks.bounds
+        self._open(np.array([np.argmax(bounds)]), 0, 1)
+        worth = np.flatnonzero(bounds >= self._best.min_ratio * self._best.totals[0])
+        return worth[np.argsort(-bounds.ravel()[worth], kind="stable")]
 
     def _open(self, order: NDArray[np.int64], first: int, last: int) -> int:
-        return open_blocks(
-            order, first, last, self._ratio, self._cells, self._corner, self._angles_rad, self._bounds,
-            self._field.fine, APART_M / self._field.resolution_m, APART_RAD, self._poses, self._totals,
-        )  # fmt: skip
+        return open_blocks(order, first, last, self._blocks, self._field.fine, self._best)
 
-    def found(self) -> SearchResult:
-        """The best pose, and the score of the second."""
-        poses, scores = self._result()
+    def result(self) -> SearchResult:
+        """Return the best pose and the score of the second."""
+        poses, scores = self._poses_and_scores()
         x_m, y_m, theta_rad = (float(value) for value in poses[0])
         return SearchResult(
             pose=Pose2(x_m=x_m, y_m=y_m, theta_rad=wrap_angle(theta_rad)),
             score=float(scores[0]),
-            rival=float(scores[1]),
+            runner_up=float(scores[1]),
         )
 
-    def alike(self) -> FloatArray:
-        """All poses that explain `ratio` as much as the best, shape (1...most, 3)."""
-        poses, scores = self._result()
-        return poses[: max(1, int(np.count_nonzero(scores >= self._ratio * scores[0])))]
+    def similar_poses(self) -> FloatArray:
+        """Return all poses that explain `min_ratio` as much as the best, shape (1...max_poses, 3)."""
+        poses, scores = self._poses_and_scores()
+        return poses[: max(1, int(np.count_nonzero(scores >= self._best.min_ratio * scores[0])))]
 
-    def _result(self) -> tuple[FloatArray, FloatArray]:
-        """Poses in the map, shape (most, 3), and their scores, the best first."""
-        poses = self._poses.copy()
+    def _poses_and_scores(self) -> tuple[FloatArray, FloatArray]:
+        """Return poses in the map, shape (max_poses, 3), and their scores, the best first."""
+        poses = self._best.poses.copy()
         poses[:, :2] = poses[:, :2] * self._field.resolution_m + np.array(self._field.corner_m)
-        return poses, np.maximum(self._totals, 0.0) / (255.0 * self._cells.shape[1])
+        return poses, np.maximum(self._best.totals, 0.0) / (255.0 * self._blocks.cells.shape[1])
 
 
 @kernel
-def _likelihood(distance_m: FieldArray, far_m: float, std_m: float) -> ByteArray:
-    """Likelihood of a beam that ends in each cell, 0...255; 0 from `far_m` on."""
+def _likelihood(distance_m: FieldArray, max_distance_m: float, std_m: float) -> ByteArray:
+    """Return the likelihood of a beam that ends in each cell, 0...255; 0 from `max_distance_m` on."""
     likelihood = np.zeros(distance_m.shape, dtype=np.uint8)
     for row in range(distance_m.shape[0]):
         for col in range(distance_m.shape[1]):
-            if distance_m[row, col] < far_m:
+            if distance_m[row, col] < max_distance_m:
                 likelihood[row, col] = int(255.0 * math.exp(-0.5 * (distance_m[row, col] / std_m) ** 2))
     return likelihood
 
 
 def block_maximum(fine: ByteArray) -> ByteArray:
-    """Best of the BLOCK x BLOCK cells from each cell on, itself the lowest corner.
+    """Return the maximum over the BLOCK x BLOCK cells that start at each cell (Hess 2016, M_precomp).
 
-    Blocks may begin below and left of the map: cell (r, c) of the map has indices r + BLOCK, c + BLOCK. Every
-    BLOCKth row and column lie side by side, as blocks are looked up: indices row, column are at
+    Blocks may start below and left of the map: cell (r, c) of the map has indices r + BLOCK, c + BLOCK. Every
+    BLOCKth row and column are stored side by side, as blocks are looked up: indices (row, column) are at
     [row % BLOCK, column % BLOCK, row // BLOCK, column // BLOCK].
     """
     rows, cols = (math.ceil((side + BLOCK) / BLOCK) for side in fine.shape)
@@ -175,48 +208,33 @@ def block_maximum(fine: ByteArray) -> ByteArray:
 
 
 @kernel
-def _bound(
-    cells: CellIndices,
-    first: int,
-    last: int,
-    coarse: ByteArray,
-    bounds: TotalArray,
-) -> None:
-    """Fill the bounds of some turns; `cells`, shape (turns, n, 2), is (column, row) of each point."""
-    blocks, rows, cols = bounds.shape[1], coarse.shape[2], coarse.shape[3]
+def _bound(blocks: PoseBlocks, first: int, last: int, coarse: ByteArray) -> None:
+    """Fill the upper bounds of headings `first` to `last`."""
+    cells, bounds = blocks.cells, blocks.bounds
+    side, rows, cols = bounds.shape[1], coarse.shape[2], coarse.shape[3]
     for k in range(first, last):
         for i in range(cells.shape[1]):
             row, col = cells[k, i, 1] + BLOCK, cells[k, i, 0] + BLOCK
             top, left = row // BLOCK, col // BLOCK
             best = coarse[row % BLOCK, col % BLOCK]
-            for by in range(max(0, -top), min(blocks, rows - top)):
-                for bx in range(max(0, -left), min(blocks, cols - left)):
+            for by in range(max(0, -top), min(side, rows - top)):
+                for bx in range(max(0, -left), min(side, cols - left)):
                     bounds[k, by, bx] += best[top + by, left + bx]
 
 
 @kernel
 def open_blocks(
-    order: NDArray[np.int64],
-    first: int,
-    last: int,
-    ratio: float,
-    cells: CellIndices,
-    corner: FloatArray,
-    angles_rad: FloatArray,
-    bounds: TotalArray,
-    fine: ByteArray,
-    apart: float,
-    apart_rad: float,
-    poses: FloatArray,
-    totals: FloatArray,
+    order: NDArray[np.int64], first: int, last: int, blocks: PoseBlocks, fine: ByteArray, best: BestPoses
 ) -> int:
-    """Look at every pose of some blocks, in cells and radians; return how many are done, all if enough."""
-    blocks, (rows, cols) = bounds.shape[1], fine.shape
+    """Score every pose of blocks `order[first:last]`; return how many are done, all if no more can win."""
+    cells, bounds, totals = blocks.cells, blocks.bounds, best.totals
+    side, (rows, cols) = bounds.shape[1], fine.shape
     total = np.empty((BLOCK, BLOCK), dtype=np.int32)
+    pose = np.empty(3)
     for at in range(first, last):
         index = order[at]
-        k, by, bx = index // (blocks * blocks), (index // blocks) % blocks, index % blocks
-        if bounds[k, by, bx] <= totals[-1] or bounds[k, by, bx] < ratio * totals[0]:
+        k, by, bx = index // (side * side), (index // side) % side, index % side
+        if bounds[k, by, bx] <= totals[-1] or bounds[k, by, bx] < best.min_ratio * totals[0]:
             return order.size
         total[:] = 0
         for i in range(cells.shape[1]):
@@ -224,59 +242,43 @@ def open_blocks(
             for dy in range(max(0, -row), min(BLOCK, rows - row)):
                 for dx in range(max(0, -col), min(BLOCK, cols - col)):
                     total[dy, dx] += fine[row + dy, col + dx]
-        best = int(np.argmax(total))
-        dy, dx = best // BLOCK, best % BLOCK
-        _enter(
-            poses,
-            totals,
-            corner[0] + bx * BLOCK + dx,
-            corner[1] + by * BLOCK + dy,
-            angles_rad[k],
-            float(total[dy, dx]),
-            apart,
-            apart_rad,
-        )
+        highest = int(np.argmax(total))
+        dy, dx = highest // BLOCK, highest % BLOCK
+        pose[0] = blocks.corner[0] + bx * BLOCK + dx
+        pose[1] = blocks.corner[1] + by * BLOCK + dy
+        pose[2] = blocks.angles_rad[k]
+        _insert_pose(pose, float(total[dy, dx]), best)
     return last
 
 
 @kernel
-def _enter(
-    poses: FloatArray,
-    totals: FloatArray,
-    x: float,
-    y: float,
-    theta: float,
-    total: float,
-    apart: float,
-    apart_rad: float,
-) -> None:
-    """Put a pose into the ordered list; neighbours of a better one stay out, worse neighbours go."""
-    most = totals.shape[0]
-    kept, keep_poses, keep_totals = 0, poses.copy(), totals.copy()
+def _insert_pose(pose: FloatArray, total: float, best: BestPoses) -> None:
+    """Insert a pose into the sorted list, unless a better neighbour is in it; remove worse neighbours."""
+    capacity = best.totals.shape[0]
+    kept, keep_poses, keep_totals = 0, best.poses.copy(), best.totals.copy()
     placed = False
-    for j in range(most):
-        if totals[j] < 0.0:
+    for j in range(capacity):
+        if best.totals[j] < 0.0:
             break
-        if not placed and total > totals[j]:
-            if kept < most:
-                keep_poses[kept, 0], keep_poses[kept, 1], keep_poses[kept, 2] = x, y, theta
-                keep_totals[kept] = total
-                kept += 1
+        if not placed and total > best.totals[j]:
+            keep_poses[kept], keep_totals[kept] = pose, total
+            kept += 1
             placed = True
-        off = math.hypot(x - poses[j, 0], y - poses[j, 1])
-        turn = abs((theta - poses[j, 2] + math.pi) % (2.0 * math.pi) - math.pi)
-        if off <= apart and turn <= apart_rad:
+        if _are_neighbours(pose, best.poses[j], best):
             if not placed:
                 return
-            continue
-        if kept < most:
-            keep_poses[kept] = poses[j]
-            keep_totals[kept] = totals[j]
+        elif kept < capacity:
+            keep_poses[kept], keep_totals[kept] = best.poses[j], best.totals[j]
             kept += 1
-    if not placed and kept < most:
-        keep_poses[kept, 0], keep_poses[kept, 1], keep_poses[kept, 2] = x, y, theta
-        keep_totals[kept] = total
+    if not placed and kept < capacity:
+        keep_poses[kept], keep_totals[kept] = pose, total
         kept += 1
-    for j in range(kept, most):
-        keep_totals[j] = -1.0
-    poses[:], totals[:] = keep_poses, keep_totals
+    keep_totals[kept:] = -1.0
+    best.poses[:], best.totals[:] = keep_poses, keep_totals
+
+
+@kernel
+def _are_neighbours(pose: FloatArray, other: FloatArray, best: BestPoses) -> bool:
+    distance = math.hypot(pose[0] - other[0], pose[1] - other[1])
+    turn_rad = abs((pose[2] - other[2] + math.pi) % (2.0 * math.pi) - math.pi)
+    return distance <= best.separation and turn_rad <= best.separation_rad

@@ -1,6 +1,7 @@
-"""The cells that a scan's beams cross, each of them once."""
+"""The cells that the beams of a scan cross, each of them once."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,22 +14,23 @@ LayerArray = NDArray[np.uint8]
 CrossedArray = NDArray[np.int32]
 
 
-@kernel
-def trace(
-    origins: FloatArray,
-    ends: FloatArray,
-    kinds: KindArray,
-    start: int,
-    every: int,
-    mark: int,
-    layer: LayerArray,
-) -> CrossedArray:
-    """(row, column) of the cells crossed, shape (cells, 2), without those that hold a beam's end.
+class Beams(NamedTuple):
+    """A scan in cells: integer parts are (column, row)."""
 
-    `origins` and `ends`, shape (n, 2), are in cells: integer parts are (column, row). Of the beams one in
-    `every` is followed, from `start` on. Cells that bear `mark` in the layer are left out, the others get it.
-    Traversal: Amanatides and Woo, "A fast voxel traversal algorithm", Eurographics 1987.
+    origins: FloatArray  # shape (n, 2)
+    ends: FloatArray  # shape (n, 2)
+    kinds: KindArray  # HIT, MISS or INVALID, shape (n,)
+
+
+@kernel
+def cast_rays(beams: Beams, start: int, every: int, mark: int, layer: LayerArray) -> CrossedArray:
+    """Return (row, column) of the cells crossed, shape (cells, 2), without the cells of the beams' ends.
+
+    Only one beam in `every` is cast, from number `start` on. Cells that carry `mark` in the layer are
+    skipped; all others get it. Traversal: Amanatides and Woo, "A fast voxel traversal algorithm for ray
+    tracing", Eurographics 1987.
     """
+    origins, ends, kinds = beams.origins, beams.ends, beams.kinds
     room = 0
     for i in range(start, kinds.size, every):
         room += int(abs(ends[i, 0] - origins[i, 0]) + abs(ends[i, 1] - origins[i, 1])) + 3
@@ -40,7 +42,7 @@ def trace(
         end_row, end_col = math.floor(ends[i, 1]), math.floor(ends[i, 0])
         dx, dy = ends[i, 0] - origins[i, 0], ends[i, 1] - origins[i, 1]
         step_col, step_row = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
-        # Fraction of the beam at which it crosses into the next column or row, and between two crossings.
+        # Fraction of the beam at which it enters the next column or row, and between two such crossings.
         next_x = ((col + (dx > 0.0)) - origins[i, 0]) / dx if dx != 0.0 else math.inf
         next_y = ((row + (dy > 0.0)) - origins[i, 1]) / dy if dy != 0.0 else math.inf
         every_x = abs(1.0 / dx) if dx != 0.0 else math.inf

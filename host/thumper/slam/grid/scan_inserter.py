@@ -1,20 +1,19 @@
-"""Entering a scan into the counts: the cell at a beam's end is hit, the cells it crosses are missed."""
+"""Insert a scan into the counts: a beam hits the cell at its end and misses the cells it crosses."""
 
 import math
 
 import numpy as np
 
-from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
-from thumper.lidar.deskew import HIT, KindArray
+from thumper.lidar.deskew import HIT
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, CellArray
-from thumper.slam.grid.ray_casting import LayerArray, trace
+from thumper.slam.grid.ray_casting import Beams, LayerArray, cast_rays
 from thumper.slam.scan_matching.distance_field import (
     CountArray,
-    FieldArray,
+    HitCells,
+    add_obstacle,
     is_occupied,
-    mark,
-    unmark,
+    remove_obstacle,
 )
 
 TOUCHED = 1
@@ -22,71 +21,47 @@ COUNT_MAX = 250  # both counts are halved beyond this: the fraction stays, and o
 
 
 @kernel
-def count(
-    row: int,
-    col: int,
-    hit: bool,
-    hits: CountArray,
-    misses: CountArray,
-    distance_m: FieldArray,
-    resolution_m: float,
-    reach: int,
-    occupied_fraction: float,
-) -> None:
-    """Add one observation to a cell and carry a change of its state into the distance field."""
-    before = is_occupied(hits[row, col], misses[row, col], occupied_fraction)
-    if hits[row, col] >= COUNT_MAX or misses[row, col] >= COUNT_MAX:
-        hits[row, col] //= 2
-        misses[row, col] //= 2
+def add_observation(hits: int, misses: int, hit: bool) -> tuple[int, int]:
+    """Return the counts of a cell after one more observation."""
+    if hits >= COUNT_MAX or misses >= COUNT_MAX:
+        hits, misses = hits // 2, misses // 2
     if hit:
-        hits[row, col] += 1
-    else:
-        misses[row, col] += 1
-    after = is_occupied(hits[row, col], misses[row, col], occupied_fraction)
-    if after and not before:
-        mark(row, col, distance_m, resolution_m, reach)
-    elif before and not after:
-        unmark(row, col, hits, misses, distance_m, resolution_m, reach, occupied_fraction)
+        return hits + 1, misses
+    return hits, misses + 1
 
 
 @kernel
-def integrate(
-    origins: FloatArray,
-    ends: FloatArray,
-    kinds: KindArray,
-    layer: LayerArray,
-    hits: CountArray,
-    misses: CountArray,
-    distance_m: FieldArray,
-    resolution_m: float,
-    reach: int,
-    occupied_fraction: float,
-) -> None:
-    """Enter one scan. `origins` and `ends`, shape (n, 2), are in cells: integer parts are (column, row).
+def observe_cell(row: int, col: int, hit: bool, cells: HitCells) -> None:
+    """Add one observation to a cell, and update the distances if its state changes."""
+    hits, misses, fraction = cells.hits, cells.misses, cells.occupied_fraction
+    before = is_occupied(hits[row, col], misses[row, col], fraction)
+    new_hits, new_misses = add_observation(int(hits[row, col]), int(misses[row, col]), hit)
+    hits[row, col], misses[row, col] = new_hits, new_misses
+    after = is_occupied(hits[row, col], misses[row, col], fraction)
+    if after and not before:
+        add_obstacle(row, col, cells.distance_m, cells.resolution_m, cells.max_distance_cells)
+    elif before and not after:
+        remove_obstacle(row, col, cells)
 
-    Each cell counts once a scan, and a hit outweighs any number of beams that pass through the same cell:
-    otherwise beams that graze a wall wear it away. `layer` tells them apart, a byte a cell, empty before and
-    after. Everything must lie inside the arrays; an empty `distance_m` stays empty.
+
+@kernel
+def insert_scan(beams: Beams, layer: LayerArray, cells: HitCells) -> None:
+    """Insert one scan. Every beam must lie inside the arrays.
+
+    Each cell counts once per scan, and a hit outweighs any number of beams that cross the same cell.
+    Otherwise beams that graze a wall would wear it away. `layer`, one byte per cell, is scratch memory: zero
+    before and after.
     """
+    ends, kinds = beams.ends, beams.kinds
     for i in range(kinds.size):
         if kinds[i] == HIT:
             row, col = math.floor(ends[i, 1]), math.floor(ends[i, 0])
             if not layer[row, col]:
                 layer[row, col] = TOUCHED
-                count(row, col, True, hits, misses, distance_m, resolution_m, reach, occupied_fraction)
-    crossed = trace(origins, ends, kinds, 0, 1, TOUCHED, layer)
+                observe_cell(row, col, True, cells)
+    crossed = cast_rays(beams, 0, 1, TOUCHED, layer)
     for i in range(crossed.shape[0]):
-        count(
-            crossed[i, 0],
-            crossed[i, 1],
-            False,
-            hits,
-            misses,
-            distance_m,
-            resolution_m,
-            reach,
-            occupied_fraction,
-        )
+        observe_cell(crossed[i, 0], crossed[i, 1], False, cells)
         layer[crossed[i, 0], crossed[i, 1]] = 0
     for i in range(kinds.size):
         if kinds[i] == HIT:
@@ -94,8 +69,8 @@ def integrate(
 
 
 @kernel
-def states(hits: CountArray, misses: CountArray, occupied_fraction: float) -> CellArray:
-    """Each cell free, occupied or unknown, shape (rows, columns)."""
+def occupancy(hits: CountArray, misses: CountArray, occupied_fraction: float) -> CellArray:
+    """Return each cell as free, occupied or unknown, shape (rows, columns)."""
     found = np.empty(hits.shape, dtype=np.int8)
     for row in range(hits.shape[0]):
         for col in range(hits.shape[1]):

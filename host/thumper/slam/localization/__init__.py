@@ -1,1 +1,1 @@
-"""AMCL: the pose in a known map."""
+"""Localization in a known map."""

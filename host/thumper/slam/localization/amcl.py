@@ -1,12 +1,13 @@
-"""Localisation in a known map: an adaptive particle filter, and a search of the whole map to recover.
+"""Adaptive Monte Carlo localization in a known map, with a search of the whole map to recover.
 
-Thrun, Burgard, Fox, "Probabilistic Robotics", 6.4 (likelihood field) and 8.3 (adaptive Monte-Carlo); number
-of particles: Fox, "Adapting the sample size in particle filters through KLD-sampling", IJRR 22(12), 2003.
+Thrun, Burgard, Fox, "Probabilistic Robotics", 6.4 (likelihood field), 8.3 (Monte Carlo localization) and
+table 8.4 (KLD sampling).
 """
 
 import math
 from array import array
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,24 +16,76 @@ from thumper.lidar.deskew import HIT, scan_points
 from thumper.lidar.scan import Scan
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.slam.grid.grid_mapper import MIN_HITS
-from thumper.slam.localization.alternative_poses import TRUST, AlternativePoses, is_near
-from thumper.slam.localization.kld_sampling import resampled
+from thumper.slam.localization.alternative_poses import PRIOR_RATIO, AlternativePoses, are_close
 from thumper.slam.localization.likelihood_field import LikelihoodField
 from thumper.slam.localization.options import AmclOptions
+from thumper.slam.localization.particle_set import ParticleSet, draw_around
 from thumper.slam.localization.pose_trust import PoseTrust
-from thumper.slam.localization.scan_likelihood import PoseHypothesis, ScanLikelihood
+from thumper.slam.localization.scan_likelihood import BEAM_GAIN, PoseHypothesis, ScanLikelihood
 from thumper.slam.mapper import MapperUpdate, PoseQuality
+from thumper.slam.scan_matching.gauss_newton import MIN_HITS
 
-RETRY_SCANS = 10  # a lost robot stands: it looks again as often as this
-FIRST_GAIN = 0.5  # as `beam_gain`, for the look that a search is made with: nothing was weighed twice yet
-NEAR_M, NEAR_RAD = 1.0, 0.5  # a place found so near the one that a person names is meant by it
-LOOKS, FITTING = 20, 0.7  # of the right map so many weighed scans explain more; of a wrong one about 0.6
-RIVAL, MOST_BETTER = 1.0, 50.0  # of the logarithm of a chance: what makes a rival; what is enough
+MAX_BEAMS = 60  # hits are thinned to about this many
+MAX_DISTANCE_M = 0.5  # cut-off of the likelihood field
+LOST_AFTER = 3  # consecutive weighed scans below `lost_below` before the whole map is searched
+RETRY_SCANS = 10  # a lost robot is stationary: it searches again at this interval
+SEARCH_GAIN = 0.5  # as `BEAM_GAIN`, for the first scan of a search: nothing was weighed twice yet
+NEAR_GIVEN_M, NEAR_GIVEN_RAD = 1.0, 0.5  # a match this close to a given pose is what the user meant
+# The right map explains more than this share of that many weighed scans; a wrong map about 0.6.
+DOUBT_SCANS, DOUBT_BELOW = 20, 0.7
+MIN_LOG_RATIO, MAX_LOG_RATIO = 1.0, 50.0  # of a pose that contradicts the given one; limit of its odds
+
+
+@dataclass(slots=True)
+class PoseEstimate:
+    """The estimate at the newest weighed scan."""
+
+    pose: Pose2
+    odom_from_base: Pose2 | None = None  # odometry there; None if no scan was weighed since a restart
+    explained: float = 0.0  # mean likelihood of the beams, 0...1
+
+
+@dataclass(slots=True)
+class Schedule:
+    """When the next scan is weighed, and whether the whole map is searched for it."""
+
+    search: bool  # search the whole map at the next opportunity
+    wait_scans: int = 0  # before the next search
+    unexplained: int = 0  # consecutive weighed scans below `lost_below`
+    skipped: int = 0  # scans since the newest weighed one
+
+    def next_scan(self, trust: PoseTrust) -> None:
+        """Count a scan. A stationary robot at a place without trust searches again."""
+        self.wait_scans = max(0, self.wait_scans - 1)
+        self.skipped += 1
+        if self.skipped >= RETRY_SCANS and trust.unconfirmed:
+            self.search = True
+
+    def retry_due(self) -> bool:
+        """Return whether a stationary robot weighs a scan again because the last one did not fit."""
+        return self.unexplained > 0 and self.skipped >= RETRY_SCANS
+
+
+@dataclass(slots=True)
+class GivenPose:
+    """The pose given by the user."""
+
+    unverified: Pose2 | None = None  # not yet compared with the rest of the map
+    last: Pose2 | None = None
+
+    def set(self, pose: Pose2) -> None:
+        """Take a new pose. If the user gives the same pose twice, it is not verified again."""
+        given_twice = self.last is not None and are_close(pose, self.last, NEAR_GIVEN_M, NEAR_GIVEN_RAD)
+        self.unverified, self.last = None if given_twice else pose, pose
+
+    def pop_unverified(self) -> Pose2 | None:
+        """Return the pose to verify, once."""
+        pose, self.unverified = self.unverified, None
+        return pose
 
 
 class Amcl:
-    """Localisation behind the `Mapper` protocol: the map stays as it is."""
+    """Localization behind the `Mapper` protocol; the map stays as it is."""
 
     def __init__(
         self,
@@ -46,48 +99,44 @@ class Amcl:
         odom_from_base: Pose2 | None = None,
         verify: bool = True,
     ) -> None:
-        """Start round `map_from_base`, or anywhere in the map (global relocalisation) without it.
+        """Start around `map_from_base`, or anywhere in the map (global localization) with None.
 
-        `odom_from_base` is the odometry at that pose, if the robot has driven before. A pose given `verify`
-        is compared with the rest of the map at the first scan.
+        `odom_from_base` is the odometry at that pose, if the robot has already driven. With `verify`, the
+        first scan compares the pose with the rest of the map.
         """
         self._options = options or AmclOptions()
         self._base_from_laser = base_from_laser or Pose2()
-        self._field = LikelihoodField(grid, 0.5)
+        self._map = LikelihoodField(grid, MAX_DISTANCE_M)
         self._rng = np.random.default_rng(self._options.seed)
-        self._odometry: Pose2 | None = None  # at the newest scan that was weighed
+        self._estimate = PoseEstimate(pose=Pose2())
+        self._schedule = Schedule(search=map_from_base is None)
+        self._given = GivenPose()
+        self._trust = PoseTrust(trusted=False)
+        self._alternatives = AlternativePoses()
+        self._explained: deque[float] = deque(maxlen=DOUBT_SCANS)  # of the newest weighed scans
         self._map_from_odom = Pose2()
-        self._path = array("d")  # x, y, theta in turn: a robot at service is on for days
-        self._pose, self._explained, self._doubts, self._share = Pose2(), 0.0, 0, 1.0
-        self._searching, self._wait = map_from_base is None, 0
-        self._looks: deque[float] = deque(maxlen=LOOKS)  # what the newest weighed scans explained
-        self._unweighed = 0  # scans since the newest one that was weighed
-        self._evidence = PoseTrust(vouched=False)
+        self._path = array("d")  # x, y, theta of each scan in turn, compact: a robot runs for days
         self.relocalizations = 0
-        self._poses = np.zeros((0, 3))
-        self._told: Pose2 | None = None  # by hand, and not yet compared with the rest of the map
-        self._named: Pose2 | None = None  # the last one that was told
-        self._rivals = AlternativePoses([], 0.0)
+        self._particles = ParticleSet(np.zeros((0, 3)), np.zeros(0))
         if map_from_base is None:
-            self._poses = self._field.anywhere(self._options.most_particles, self._rng)
+            random_poses = self._map.random_poses(self._options.most_particles, self._rng)
+            self._particles = ParticleSet.uniform(random_poses)
         else:
             self.set_pose(map_from_base, std_m, std_rad, odom_from_base)
-            self._told = map_from_base if verify else None
-        self._weights = np.full(len(self._poses), 1.0 / len(self._poses))
+            if not verify:
+                self._given.unverified = None
 
     @property
     def map_from_odom(self) -> Pose2:
-        """The correction that the newest scan led to."""
+        """The correction at the newest scan."""
         return self._map_from_odom
 
     @property
     def map_from_base(self) -> Pose2:
-        """Where the robot was at the newest scan."""
-        return (
-            Pose2(x_m=self._path[-3], y_m=self._path[-2], theta_rad=self._path[-1])
-            if (self._path)
-            else self._pose
-        )
+        """The robot's pose at the newest scan."""
+        if not self._path:
+            return self._estimate.pose
+        return Pose2(x_m=self._path[-3], y_m=self._path[-2], theta_rad=self._path[-1])
 
     def set_pose(
         self,
@@ -96,79 +145,76 @@ class Amcl:
         std_rad: float = 0.2,
         odom_from_base: Pose2 | None = None,
     ) -> None:
-        """Say by hand where the robot is, and how roughly; `odom_from_base` is the odometry there.
+        """Restart around a pose given by the user; `odom_from_base` is the odometry there.
 
-        Who names the same place again is believed, whatever the rest of the map looks like.
+        If the user gives the same pose again, it is trusted, whatever the rest of the map looks like.
         """
-        n = self._options.most_particles
-        spread = self._rng.standard_normal((n, 3)) * (std_m, std_m, std_rad)
-        self._poses = spread + np.array([map_from_base.x_m, map_from_base.y_m, map_from_base.theta_rad])
-        self._weights = np.full(n, 1.0 / n)
-        insisted = self._named is not None and is_near(map_from_base, self._named, NEAR_M, NEAR_RAD)
-        self._told, self._named = None if insisted else map_from_base, map_from_base
-        self._pose, self._odometry, self._rivals = map_from_base, None, AlternativePoses([], 0.0)
-        self._searching, self._doubts, self._explained, self._share = False, 0, 0.0, 1.0
-        self._evidence = PoseTrust(vouched=True)
+        self._particles = ParticleSet.gaussian(
+            map_from_base, std_m, std_rad, self._options.most_particles, self._rng
+        )
+        self._given.set(map_from_base)
+        self._estimate, self._alternatives = PoseEstimate(pose=map_from_base), AlternativePoses()
+        self._schedule.search, self._schedule.unexplained = False, 0
+        self._trust = PoseTrust(trusted=True)
         if odom_from_base is not None:
             self._map_from_odom = map_from_base @ odom_from_base.inverse()
 
     def relocalize(self) -> None:
-        """Forget the pose: the next scan is looked for in the whole map."""
-        self._searching, self._odometry, self._wait, self._told = True, None, 0, None
+        """Discard the pose: the next scan is searched for in the whole map."""
+        self._schedule.search, self._schedule.wait_scans = True, 0
+        self._estimate.odom_from_base, self._given.unverified = None, None
 
     def quality(self) -> PoseQuality:
-        """How sure the newest pose is."""
-        apart = self._poses - np.array([self._pose.x_m, self._pose.y_m, self._pose.theta_rad])
-        apart[:, 2] = np.remainder(apart[:, 2] + math.pi, math.tau) - math.pi
-        covariance = (apart * self._weights[:, np.newaxis]).T @ apart
-        return PoseQuality(covariance=np.asarray(covariance), explained=self._explained, lost=self._lost())
+        """Return the covariance of the newest pose and whether it is lost."""
+        covariance = self._particles.covariance_about(self._estimate.pose)
+        return PoseQuality(covariance=covariance, explained=self._estimate.explained, lost=self._lost())
 
     @property
     def confirmed(self) -> bool:
-        """Whether the place is given by hand, or was confirmed on the way since a search found it."""
-        return self._evidence.proven
+        """Whether the pose was given, or was confirmed while driving since a search found it."""
+        return self._trust.confirmed
 
     @property
     def particles(self) -> int:
-        """How many are followed just now."""
-        return len(self._poses)
+        """Current number of particles."""
+        return len(self._particles.poses)
 
     @property
     def particle_poses(self) -> FloatArray:
-        """x, y, theta of each, shape (n, 3)."""
-        return self._poses
+        """x, y, theta of each particle, shape (n, 3)."""
+        return self._particles.poses
 
     @property
     def map_doubt(self) -> str:
-        """Why this might be the wrong map, or an old one; empty while it fits."""
-        share = sum(self._looks) / LOOKS
-        if len(self._looks) < LOOKS or share >= FITTING:
+        """Why the map may be the wrong one, or out of date; empty while it fits."""
+        share = sum(self._explained) / DOUBT_SCANS
+        if len(self._explained) < DOUBT_SCANS or share >= DOUBT_BELOW:
             return ""
         return (
             f"the map explains only {100.0 * share:.0f} % of the scans: is it the right one, and up to date?"
         )
 
     def _lost(self) -> str:
-        if self._odometry is None and not self._searching:
-            return "no scan has been laid on the map yet"
-        if self._searching or self._explained < self._options.lost_below:
-            return f"only {100.0 * self._explained:.0f} % of the scan fit the map"
-        return self._evidence.doubt
+        if self._estimate.odom_from_base is None and not self._schedule.search:
+            return "no scan has been matched to the map yet"
+        if self._schedule.search or self._estimate.explained < self._options.lost_below:
+            return f"the map explains only {100.0 * self._estimate.explained:.0f} % of the scan"
+        return self._trust.doubt
 
     def grid(self) -> OccupancyGrid:
-        """The map as it was given."""
-        return self._field.grid
+        """Return the map."""
+        return self._map.grid
 
     def counts(self) -> HitCounts:
-        """What the map says."""
-        return HitCounts.from_grid(self._field.grid)
+        """Return hit counts equivalent to the map."""
+        return HitCounts.from_grid(self._map.grid)
 
     def path(self) -> FloatArray:
-        """x, y, theta at each scan, as given at the time, shape (scans, 3)."""
+        """Return x, y, theta at each scan, as estimated at the time, shape (scans, 3)."""
         return np.array(self._path).reshape(-1, 3)
 
     def warm_up(self) -> None:
-        """Compile the kernels (or load them from the cache)."""
+        """Compile the kernels, or load them from the cache."""
         scratch = Amcl(self.grid(), self._options)
         scan = Scan(
             time_s=0.0, ranges_m=np.ones(64), angle_min_rad=-math.pi, angle_increment_rad=math.tau / 64
@@ -176,139 +222,130 @@ class Amcl:
         scratch.update(Pose2(), scan, Twist2())
 
     def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
-        """Take the odometry pose at `scan.time_s` (beam 0) and the speed during the turn, for de-skewing.
+        """Process one scan; see `Mapper.update`.
 
-        A robot that stands still keeps its particles: weighing the same view again and again would make it
-        sure of whatever it believes. One in doubt looks again: nobody drives it until it knows.
+        A stationary robot keeps its particles: weighing the same view repeatedly would make it sure of any
+        pose. A robot in doubt weighs it again, because nothing drives it until its pose is known.
         """
-        options = self._options
-        points = scan_points(scan, twist, self._base_from_laser, options.usable_range_m)
-        hits_m, origins_m = points.hits_m(), points.origins_m[points.kinds == HIT]
-        thinned = slice(None, None, max(1, len(hits_m) // options.beams))
-        hits_m, origins_m = np.ascontiguousarray(hits_m[thinned]), np.ascontiguousarray(origins_m[thinned])
-        laid = ScanLikelihood(origins_m, hits_m, self._field, options)
-        moved = Pose2() if self._odometry is None else self._odometry.inverse() @ odom_from_base
-        fresh = self._odometry is None
-        jumped = fresh or self._searching
-        score = math.nan
-        pose = expected = self._pose @ moved
-        self._wait = max(0, self._wait - 1)
-        self._unweighed += 1
-        if self._unweighed >= RETRY_SCANS and self._evidence.weak:
-            self._searching = True
-        in_doubt = self._doubts > 0 and self._unweighed >= RETRY_SCANS
-        due = self._wait == 0 if self._searching else fresh or in_doubt or self._has_moved(moved)
-        if len(hits_m) >= MIN_HITS and due:
-            told, self._told = self._told, None
-            if self._searching:
-                self._rivals = AlternativePoses([], 0.0)
-                self._look_everywhere(laid)
-                self._wait = RETRY_SCANS
-            elif told is not None:
-                self._compare(laid, told)
-            else:
-                self._diffuse(moved)
-            place = self._weigh(laid)
-            if told is not None and not is_near(place.pose, told, NEAR_M, NEAR_RAD):
-                self._evidence = PoseTrust(vouched=False)  # that is not where the person said it was
-            other = self._rivals.look(laid, moved, place)
-            if other is not None:
-                place, jumped, self._evidence = other, True, PoseTrust(vouched=False)
-                self._poses, self._weights = self._around([place], np.ones(1), options.most_particles)
-                self._weights /= self._weights.sum()
-                self._share = 1.0
-            pose, score = place.pose, place.explained
-            self._pose, self._odometry, self._explained = pose, odom_from_base, score
-            self._unweighed = 0
-            self._looks.append(score)
-            self._doubts = self._doubts + 1 if score < options.lost_below else 0
-            fit = laid.fit(pose)
-            off_m = 0.0 if jumped else pose.distance_m(expected)
-            self._evidence.add(fit, self._share, math.hypot(moved.x_m, moved.y_m), off_m)
-            if self._doubts >= options.lost_after or self._evidence.refuted:
-                self._searching = True
-        self._map_from_odom = pose @ odom_from_base.inverse()
-        self._path.extend((pose.x_m, pose.y_m, pose.theta_rad))
-        return MapperUpdate(map_from_base=pose, match_score=score, integrated=False, jumped=jumped)
+        likelihood = self._observe(scan, twist)
+        moved = self._motion_since_update(odom_from_base)
+        expected = self._estimate.pose @ moved
+        jumped = self._estimate.odom_from_base is None or self._schedule.search
+        self._schedule.next_scan(self._trust)
+        if likelihood.beams < MIN_HITS or not self._is_due(moved):
+            return self._record(odom_from_base, expected, math.nan, jumped)
+        given = self._given.pop_unverified()
+        self._predict(likelihood, moved, given)
+        mean, share = self._weigh(likelihood)
+        self._particles.resample(self._options, self._rng)
+        hypothesis = likelihood.refine(mean)
+        if given is not None and not are_close(hypothesis.pose, given, NEAR_GIVEN_M, NEAR_GIVEN_RAD):
+            self._trust = PoseTrust(trusted=False)  # the robot is not where the user put it
+        if (alternative := self._alternatives.update(likelihood, moved, hypothesis)) is not None:
+            self._adopt(alternative)
+            hypothesis, share, jumped = alternative, 1.0, True
+        self._accept(hypothesis, odom_from_base)
+        push_m = 0.0 if jumped else hypothesis.pose.distance_m(expected)
+        distance_m = math.hypot(moved.x_m, moved.y_m)
+        self._trust.update(likelihood.fit(hypothesis.pose), share, distance_m, push_m)
+        self._schedule.search |= self._schedule.unexplained >= LOST_AFTER or self._trust.rejected
+        return self._record(odom_from_base, hypothesis.pose, hypothesis.explained, jumped)
 
-    def _has_moved(self, moved: Pose2) -> bool:
+    def _observe(self, scan: Scan, twist: Twist2) -> ScanLikelihood:
+        """Return the de-skewed scan, thinned to about `MAX_BEAMS` hits."""
+        points = scan_points(scan, twist, self._base_from_laser, self._options.usable_range_m)
+        hits_m, origins_m = points.hits_m(), points.origins_m[points.kinds == HIT]
+        thinned = slice(None, None, max(1, len(hits_m) // MAX_BEAMS))
+        hits_m, origins_m = np.ascontiguousarray(hits_m[thinned]), np.ascontiguousarray(origins_m[thinned])
+        return ScanLikelihood(origins_m, hits_m, self._map, self._options)
+
+    def _motion_since_update(self, odom_from_base: Pose2) -> Pose2:
+        before = self._estimate.odom_from_base
+        return Pose2() if before is None else before.inverse() @ odom_from_base
+
+    def _is_due(self, moved: Pose2) -> bool:
+        """Return whether this scan is weighed."""
+        if self._schedule.search:
+            return self._schedule.wait_scans == 0
         return (
-            math.hypot(moved.x_m, moved.y_m) >= self._options.update_distance_m
+            self._estimate.odom_from_base is None
+            or self._schedule.retry_due()
+            or math.hypot(moved.x_m, moved.y_m) >= self._options.update_distance_m
             or abs(moved.theta_rad) >= self._options.update_angle_rad
         )
 
-    def _diffuse(self, moved: Pose2) -> None:
-        """Move every particle by odometry and its noise."""
-        options, n = self._options, len(self._poses)
-        way_m, turn_rad = math.hypot(moved.x_m, moved.y_m), abs(moved.theta_rad)
-        noise = self._rng.standard_normal((n, 3)) * (
-            options.noise_per_m * way_m + 0.005,
-            options.noise_per_m * way_m + 0.005,
-            options.noise_per_m * way_m + options.noise_per_rad * turn_rad + 0.002,
-        )
-        x_m, y_m = moved.x_m + noise[:, 0], moved.y_m + noise[:, 1]
-        cos, sin = np.cos(self._poses[:, 2]), np.sin(self._poses[:, 2])
-        self._poses[:, 0] += cos * x_m - sin * y_m
-        self._poses[:, 1] += sin * x_m + cos * y_m
-        self._poses[:, 2] += moved.theta_rad + noise[:, 2]
+    def _predict(self, likelihood: ScanLikelihood, moved: Pose2, given: Pose2 | None) -> None:
+        """Move the particles, or draw new ones from a global search or around a given pose."""
+        if self._schedule.search:
+            self._alternatives = AlternativePoses()
+            self._search_globally(likelihood)
+            self._schedule.wait_scans = RETRY_SCANS
+        elif given is not None:
+            self._verify(likelihood, given)
+        else:
+            self._particles.move(moved, self._options, self._rng)
 
-    def _look_everywhere(self, scan: ScanLikelihood) -> None:
-        """Particles round the best places of the whole map, and some anywhere."""
-        n, found = self._options.most_particles, scan.everywhere()
-        logs = np.array([place.log for place in found])
-        chances = np.exp(FIRST_GAIN * (logs - logs.max()))
-        around, weights = self._around(found, chances, n // 2)
-        self._poses = np.vstack((around, self._field.anywhere(n - n // 2, self._rng)))
-        weights = np.concatenate((weights, np.full(n - n // 2, chances.min())))
-        self._weights = weights / weights.sum()
-        self._searching, self._doubts, self._evidence = False, 0, PoseTrust(vouched=False)
+    def _search_globally(self, likelihood: ScanLikelihood) -> None:
+        """Draw half of the particles around the best poses of the whole map, and half anywhere."""
+        n, found = self._options.most_particles, likelihood.global_hypotheses()
+        logs = np.array([hypothesis.log for hypothesis in found])
+        odds = np.exp(SEARCH_GAIN * (logs - logs.max()))
+        around, weights = draw_around(found, odds, n // 2, self._rng)
+        poses = np.vstack((around, self._map.random_poses(n - n // 2, self._rng)))
+        weights = np.concatenate((weights, np.full(n - n // 2, odds.min())))
+        self._particles = ParticleSet.weighted(poses, weights)
+        self._schedule.search, self._schedule.unexplained = False, 0
+        self._trust = PoseTrust(trusted=False)
         self.relocalizations += 1
 
-    def _compare(self, scan: ScanLikelihood, told: Pose2) -> None:
-        """Particles round the place that a person has named, and round those that explain the scan better.
+    def _verify(self, likelihood: ScanLikelihood, given: Pose2) -> None:
+        """Draw particles around the given pose, and around poses elsewhere that explain the scan better.
 
-        Half a turn round in a plain room it fits nearly as well: a wrong name would be believed and followed.
+        In a plain room a pose rotated by 180 degrees fits nearly as well. Without this check a wrong given
+        pose would be trusted and tracked.
         """
-        logs, _ = scan.scored(self._poses, 1.0)
-        own, found = scan.refined(self._poses[int(np.argmax(logs))]), scan.everywhere()
-        near = [place for place in found if is_near(place.pose, told, NEAR_M, NEAR_RAD)]
-        named = max([own, *near], key=lambda place: place.log)
-        places, chances, quiet = [named], [TRUST], []
-        for rival in found:
-            if rival in near:
+        logs, _ = likelihood.likelihoods(self._particles.poses, 1.0)
+        own = likelihood.refine(self._particles.poses[int(np.argmax(logs))])
+        found = likelihood.global_hypotheses()
+        near = [each for each in found if are_close(each.pose, given, NEAR_GIVEN_M, NEAR_GIVEN_RAD)]
+        meant = max([own, *near], key=lambda hypothesis: hypothesis.log)
+        hypotheses, odds, background = [meant], [PRIOR_RATIO], []
+        for other in found:
+            if other in near:
                 continue
-            better = FIRST_GAIN * scan.better(rival, named)
-            if better > RIVAL:
-                places.append(rival)
-                chances.append(math.exp(min(better, MOST_BETTER)))
+            ratio = SEARCH_GAIN * likelihood.log_ratio(other, meant)
+            if ratio > MIN_LOG_RATIO:
+                hypotheses.append(other)
+                odds.append(math.exp(min(ratio, MAX_LOG_RATIO)))
             else:
-                quiet.append((rival, better))
-        self._rivals = AlternativePoses(quiet, self._options.beam_gain)
-        self._poses, weights = self._around(places, np.array(chances), self._options.most_particles)
-        self._weights = weights / weights.sum()
+                background.append((other, ratio))
+        self._alternatives = AlternativePoses(background)
+        self._particles = self._drawn_around(hypotheses, np.array(odds))
 
-    def _around(
-        self, places: list[PoseHypothesis], chances: FloatArray, count: int
-    ) -> tuple[FloatArray, FloatArray]:
-        """As many particles round each place, shape (count, 3), and their weights by its chance."""
-        rows = np.array([(place.pose.x_m, place.pose.y_m, place.pose.theta_rad) for place in places])
-        which = np.arange(count) % len(places)
-        return rows[which] + self._rng.standard_normal((count, 3)) * (0.1, 0.1, 0.05), chances[which]
+    def _drawn_around(self, hypotheses: list[PoseHypothesis], odds: FloatArray) -> ParticleSet:
+        poses, weights = draw_around(hypotheses, odds, self._options.most_particles, self._rng)
+        return ParticleSet.weighted(poses, weights)
 
-    def _weigh(self, scan: ScanLikelihood) -> PoseHypothesis:
-        """Weigh, resample to the number that KLD asks for; return the refined pose and what it explains."""
-        logs, _ = scan.scored(self._poses, self._options.beam_gain)
-        weights = self._weights * np.exp(logs - logs.max())
-        self._weights = weights / weights.sum()
-        best = self._poses[int(np.argmax(self._weights))]
-        near = np.hypot(*(self._poses[:, :2] - best[:2]).T) < 0.5
-        near &= np.abs(np.remainder(self._poses[:, 2] - best[2] + math.pi, math.tau) - math.pi) < 0.5
-        self._share = float(self._weights[near].sum())
-        share = self._weights[near] / self._share
-        mean = np.append(share @ self._poses[near, :2], best[2])
-        turn = np.remainder(self._poses[near, 2] - best[2] + math.pi, math.tau) - math.pi
-        mean[2] += float(share @ turn)
-        if 1.0 / float(np.sum(self._weights**2)) < 0.5 * len(self._weights):
-            self._poses = resampled(self._poses, self._weights, self._options, self._rng)
-            self._weights = np.full(len(self._poses), 1.0 / len(self._poses))
-        return scan.refined(mean)
+    def _weigh(self, likelihood: ScanLikelihood) -> tuple[FloatArray, float]:
+        """Weigh the particles; return the best cluster's mean, shape (3,), and share of the weight."""
+        logs, _ = likelihood.likelihoods(self._particles.poses, BEAM_GAIN)
+        self._particles.weigh(logs)
+        return self._particles.best_cluster()
+
+    def _adopt(self, alternative: PoseHypothesis) -> None:
+        """Restart around an alternative pose, which must then be confirmed like a searched one."""
+        self._particles = self._drawn_around([alternative], np.ones(1))
+        self._trust = PoseTrust(trusted=False)
+
+    def _accept(self, hypothesis: PoseHypothesis, odom_from_base: Pose2) -> None:
+        """Store the estimate, and count whether the map explains the scan there."""
+        self._estimate = PoseEstimate(hypothesis.pose, odom_from_base, hypothesis.explained)
+        self._explained.append(hypothesis.explained)
+        poor = hypothesis.explained < self._options.lost_below
+        self._schedule.unexplained = self._schedule.unexplained + 1 if poor else 0
+        self._schedule.skipped = 0
+
+    def _record(self, odom_from_base: Pose2, pose: Pose2, score: float, jumped: bool) -> MapperUpdate:
+        self._map_from_odom = pose @ odom_from_base.inverse()
+        self._path.extend((pose.x_m, pose.y_m, pose.theta_rad))
+        return MapperUpdate(map_from_base=pose, match_score=score, integrated=False, jumped=jumped)

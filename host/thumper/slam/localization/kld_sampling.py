@@ -1,4 +1,7 @@
-"""How many particles are enough (Fox 2003): more where those that were drawn fill more cells of poses."""
+"""KLD sampling: draw more particles the more cells of poses they fill.
+
+Fox, "Adapting the sample size in particle filters through KLD-sampling", IJRR 22(12), 2003, table 1.
+"""
 
 import math
 
@@ -7,27 +10,31 @@ import numpy as np
 from thumper.common.geometry import FloatArray
 from thumper.slam.localization.options import AmclOptions
 
+MAX_KL_DISTANCE = 0.05  # epsilon: allowed distance to the true distribution ...
+QUANTILE = 2.33  # z: ... with a probability of 99 %
+CELL_M, CELL_RAD = 0.25, 0.2  # particles in one such cell count as one hypothesis
 
-def resampled(
+
+def kld_resample(
     poses: FloatArray, weights: FloatArray, options: AmclOptions, rng: np.random.Generator
 ) -> FloatArray:
-    """Draw poses by weight until the cells that they fill have enough of them (table 1); shape (drawn, 3)."""
+    """Draw poses by weight until there are enough for the cells that they fill; shape (drawn, 3)."""
     drawn = poses[rng.choice(len(poses), size=options.most_particles, p=weights)]
-    cells = np.floor(drawn / (options.kld_cell_m, options.kld_cell_m, options.kld_cell_rad)).astype(np.int64)
-    seen: set[tuple[int, int, int]] = set()
+    cells = np.floor(drawn / (CELL_M, CELL_M, CELL_RAD)).astype(np.int64)
+    filled: set[tuple[int, int, int]] = set()
     count = len(drawn)
     for i, (a, b, c) in enumerate(cells.tolist(), start=1):
-        seen.add((a, b, c))
-        if i >= options.least_particles and i >= _enough(len(seen), options):
+        filled.add((a, b, c))
+        if i >= options.least_particles and i >= required_particles(len(filled)):
             count = i
             break
     return drawn[:count].copy()
 
 
-def _enough(filled: int, options: AmclOptions) -> float:
-    """Particles that bound the KL distance when `filled` cells are in use."""
-    if filled < 2:
+def required_particles(filled_cells: int) -> float:
+    """Return the number of particles that bounds the KL distance (Wilson-Hilferty approximation)."""
+    if filled_cells < 2:
         return 0.0
-    k = 2.0 / (9.0 * (filled - 1))
-    root = 1.0 - k + math.sqrt(k) * options.kld_quantile
-    return (filled - 1) / (2.0 * options.kld_error) * root**3
+    k = 2.0 / (9.0 * (filled_cells - 1))
+    root = 1.0 - k + math.sqrt(k) * QUANTILE
+    return (filled_cells - 1) / (2.0 * MAX_KL_DISTANCE) * root**3

@@ -1,37 +1,22 @@
-"""The robot's `[localization]`."""
+"""The `[localization]` table."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Interval
-
-from thumper.slam.scan_matching.gauss_newton import MatchOptions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AmclOptions:
     """Options of `Amcl`."""
 
-    least_particles: Annotated[int, Gt(0)] = 100
-    most_particles: Annotated[int, Gt(0)] = 3000
-    kld_error: Annotated[float, Gt(0)] = 0.05  # distance to the true distribution that is allowed ...
-    kld_quantile: Annotated[float, Gt(0)] = 2.33  # ... with this certainty: 2.33 is 99 %
-    kld_cell_m: Annotated[float, Gt(0)] = 0.25  # particles of one such cell ...
-    kld_cell_rad: Annotated[float, Gt(0)] = 0.2  # ... and heading count as one hypothesis
-    beams: Annotated[int, Gt(0)] = 60  # hits are thinned to about this many
+    least_particles: Annotated[int, Gt(0)] = 100  # lower limit of KLD sampling
+    most_particles: Annotated[int, Gt(0)] = 3000  # upper limit of KLD sampling
     beam_std_m: Annotated[float, Gt(0)] = 0.1  # width of the likelihood field
-    random_share: Annotated[float, Interval(gt=0, lt=1)] = (
-        0.1  # share of beams that people and chairs reflect
-    )
-    beam_gain: Annotated[float, Gt(0)] = 0.15  # share of a beam's evidence: neighbouring beams repeat it
-    usable_range_m: Annotated[float, Gt(0)] = 30.0
-    noise_per_m: Annotated[float, Ge(0)] = 0.1  # std of the way and, in rad, of the heading after 1 m
-    noise_per_rad: Annotated[float, Ge(0)] = 0.15  # std of the heading after 1 rad
-    update_distance_m: Annotated[float, Gt(0)] = 0.1  # weigh a scan after this much way ...
-    update_angle_rad: Annotated[float, Gt(0)] = 0.1  # ... or this much turn
-    lost_below: Annotated[float, Interval(ge=0, le=1)] = (
-        0.45  # share of beams explained; below it, it is lost
-    )
-    lost_after: Annotated[int, Gt(0)] = 3  # weighed scans in a row before the whole map is searched
-    seed: Annotated[int, Ge(0)] = 1
-    matching: MatchOptions = field(default_factory=MatchOptions)
+    usable_range_m: Annotated[float, Gt(0)] = 30.0  # beams count up to this range
+    noise_per_m: Annotated[float, Ge(0)] = 0.1  # odometry error after 1 m: position [m] and heading [rad]
+    noise_per_rad: Annotated[float, Ge(0)] = 0.15  # error of the heading after a turn of 1 rad
+    update_distance_m: Annotated[float, Gt(0)] = 0.1  # weigh a scan after this distance
+    update_angle_rad: Annotated[float, Gt(0)] = 0.1  # weigh a scan after this turn, too
+    lost_below: Annotated[float, Interval(ge=0, le=1)] = 0.45  # share of beams explained; lost below it
+    seed: Annotated[int, Ge(0)] = 1  # the same log and seed give the same poses

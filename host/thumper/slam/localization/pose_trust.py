@@ -1,78 +1,85 @@
-"""What the scans weighed at one place say for it: whether to believe it, drive by it, map from it."""
+"""Whether the scans weighed at one place support it: to trust it, to drive by it, to map from it."""
 
 from collections import deque
 
 WINDOW = 20  # weighed scans that count
-CLEAR = 0.8  # support at a first look with which nobody needs to wait for a second ...
-HOLDS, LOOKS, WAY_M = 0.6, 10, 1.0  # ... and after so many over so much way: the place is proven
-REFUTED = 0.45  # mean fit at which the place is given up; of one that is not proven, support
-LEAP_M = 0.5  # off where odometry leads: the looks before were at another place
-LEAST_WAY_M = 0.1  # a look counts for so much way at least: each moves the pose by some centimetres
-SURE_SHARE = 0.8  # of the weight, that one place must have
+CLEAR_SUPPORT = 0.8  # support that one scan needs for the place to be trusted at once
+CONFIRMED_SUPPORT = 0.6  # support that confirms the place after ...
+MIN_SCANS, MIN_DISTANCE_M = 10, 1.0  # ... this many scans over this distance
+REJECTED_BELOW = 0.45  # support of an unconfirmed place, or mean fit of a confirmed one, that rejects it
+JUMP_M = 0.5  # off odometry's prediction: the scans before were at another place
+MIN_STEP_M = 0.1  # a scan counts as at least this distance: each match moves the pose by some centimetres
+MIN_SHARE = 0.8  # share of the particles' weight that one place must have
 
 
 class PoseTrust:
-    """Support is the mean fit of the scans, less the way that they push the pose off odometry, in m a metre.
+    """Trust in one place, from its support.
 
-    The fit of a scan at a wrong place is 0.6 easily, and 0.8 in a corridor. But there each scan pulls the
-    pose elsewhere: by 0.6 m a metre of way, at the right place by 0.1, with the worst odometry 0.25.
+    Support is the mean fit of the scans minus their push off odometry, in metres per metre driven. At a wrong
+    place the fit of a scan is easily 0.6, and 0.8 in a corridor. But there each scan pulls the pose somewhere
+    else: by 0.6 m per metre. At the right place it is 0.1, and 0.25 with the worst odometry.
     """
 
-    def __init__(self, *, vouched: bool) -> None:
-        """Begin at a place that a person or a mapper has vouched for, or that a search has found."""
-        self.proven = vouched
+    def __init__(self, *, trusted: bool) -> None:
+        """Start at a place given by the user or the mapper (`trusted`), or at one that a search has found."""
+        self.confirmed = trusted
         self._share = 1.0
-        self._begin()
-
-    def _begin(self) -> None:
         self._fits: deque[float] = deque(maxlen=WINDOW)
-        self._steps: deque[tuple[float, float]] = deque(maxlen=WINDOW - 1)  # way, and off it [m]
-        self._way_m, self._clear = 0.0, False
+        self._steps: deque[tuple[float, float]] = deque(maxlen=WINDOW - 1)  # distance, and push [m]
+        self._distance_m, self._was_clear = 0.0, False
 
-    def add(self, fit: float, share: float, way_m: float, off_m: float) -> None:
-        """Take a weighed scan, the share of the weight that is here, and the step since the one before."""
-        if off_m > LEAP_M and not self.proven:
-            self._begin()
+    def update(self, fit: float, share: float, distance_m: float, push_m: float) -> None:
+        """Add a weighed scan: its fit, the place's share of the weight, and the step since the last scan."""
+        if push_m > JUMP_M and not self.confirmed:
+            self._restart()
         if self._fits:
-            self._way_m += way_m
-            self._steps.append((max(way_m, LEAST_WAY_M), off_m))
+            self._distance_m += distance_m
+            self._steps.append((max(distance_m, MIN_STEP_M), push_m))
         self._fits.append(fit)
         self._share = share
-        self._clear = self._clear or self._support() >= self._needed()
-        enough = len(self._fits) >= LOOKS and self._way_m >= WAY_M
-        self.proven = self.proven or (enough and self._support() >= HOLDS and share >= SURE_SHARE)
+        self._was_clear = self._was_clear or self._support() >= self._needed_support()
+        enough = len(self._fits) >= MIN_SCANS and self._distance_m >= MIN_DISTANCE_M
+        supported = enough and self._support() >= CONFIRMED_SUPPORT and share >= MIN_SHARE
+        self.confirmed = self.confirmed or supported
+
+    def _restart(self) -> None:
+        """Discard the scans so far."""
+        self._fits.clear()
+        self._steps.clear()
+        self._distance_m, self._was_clear = 0.0, False
 
     @property
-    def refuted(self) -> bool:
+    def rejected(self) -> bool:
         """Whether this is the wrong place, or the map has changed beyond recognition."""
-        if self.proven:
-            return len(self._fits) >= WINDOW and self._mean() < REFUTED
-        return len(self._fits) >= LOOKS and self._support() < REFUTED
+        if self.confirmed:
+            return len(self._fits) >= WINDOW and self._mean_fit() < REJECTED_BELOW
+        return len(self._fits) >= MIN_SCANS and self._support() < REJECTED_BELOW
 
     @property
-    def weak(self) -> str:
-        """Why the place should not be believed yet."""
-        needed = self._needed()
-        if not self._fits or self.proven or self._support() >= needed:
+    def unconfirmed(self) -> str:
+        """Why the place is not trusted yet; empty if it is."""
+        needed = self._needed_support()
+        if not self._fits or self.confirmed or self._support() >= needed:
             return ""
-        return f"the scans speak for the best place by {self._support():.2f}; {needed:.2f} would be clear"
+        return f"the scans support the best place by {self._support():.2f}; it needs {needed:.2f}"
 
     @property
     def doubt(self) -> str:
-        """Why nobody should drive by this place; empty while one may."""
-        if self._share < SURE_SHARE:
-            return f"several places look like this one: {100.0 * self._share:.0f} % speak for the best"
-        return self.weak
+        """Why the robot must not drive by this place; empty while it may."""
+        if self._share < MIN_SHARE:
+            return f"several places look alike: {100.0 * self._share:.0f} % of the weight is at the best one"
+        return self.unconfirmed
 
-    def _needed(self) -> float:
-        """Support that is believed: one look must show more than ten; what was clear once need only hold."""
-        looks = LOOKS if self._clear else min(LOOKS, len(self._fits))
-        return CLEAR + (HOLDS - CLEAR) * (looks - 1) / (LOOKS - 1)
+    def _needed_support(self) -> float:
+        """Return the support for trust: one scan must show more than ten; a clear place need only hold."""
+        scans = MIN_SCANS if self._was_clear else min(MIN_SCANS, len(self._fits))
+        return CLEAR_SUPPORT + (CONFIRMED_SUPPORT - CLEAR_SUPPORT) * (scans - 1) / (MIN_SCANS - 1)
 
-    def _mean(self) -> float:
+    def _mean_fit(self) -> float:
         return sum(self._fits) / len(self._fits)
 
     def _support(self) -> float:
         if not self._steps:
-            return self._mean()
-        return self._mean() - sum(off_m for _, off_m in self._steps) / sum(way_m for way_m, _ in self._steps)
+            return self._mean_fit()
+        push_m = sum(push for _, push in self._steps)
+        return self._mean_fit() - push_m / sum(distance for distance, _ in self._steps)

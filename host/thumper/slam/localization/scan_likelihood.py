@@ -1,102 +1,97 @@
-"""One scan laid on a known map: refined at a place, looked for everywhere, compared between two places."""
+"""The likelihood of one scan in a known map: at a pose, anywhere, and of two poses compared."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2, wrap_angle
-from thumper.slam.localization.amcl_kernels import MaskArray, beam_scores, beam_verdicts
+from thumper.slam.localization.amcl_kernels import BeamEvidence, BeamModel, beam_evidence, scan_likelihoods
 from thumper.slam.localization.likelihood_field import LikelihoodField
 from thumper.slam.localization.options import AmclOptions
-from thumper.slam.scan_matching.gauss_newton import match
+from thumper.slam.scan_matching.gauss_newton import MatchWeights, PosePrior, match
 
-HYPOTHESES = 4  # places that look alike, followed at the same time after a search
-ALIKE = 0.9  # a place that explains this share of what the best one does might be the right one
-WALL_MARGIN_M = 0.3  # before its end a beam may pass what is not a wall of this map to the centimetre
+MAX_HYPOTHESES = 4  # similar poses tracked at the same time after a search
+SIMILAR_RATIO = 0.9  # a pose that explains this share of what the best one does may be the right one
+RANDOM_SHARE = 0.1  # share of beams that people and moved objects reflect
+BEAM_GAIN = 0.15  # share of a beam's evidence that counts: neighbouring beams repeat it
+MATCH_WEIGHTS = MatchWeights(beam_std_m=0.05)
+MATCH_INFORMATION = np.diag([100.0, 100.0, 400.0])  # pulls a match towards its start
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseHypothesis:
-    """Where the scan was laid on the map."""
+    """A matched pose."""
 
     pose: Pose2
     explained: float  # mean likelihood of the beams, 0...1
-    log: float  # of the likelihood of all
+    log: float  # log likelihood of all beams
 
 
 class ScanLikelihood:
-    """A scan's beams, origins and hits of shape (n, 2) in the robot's frame, and the map to lay them on."""
+    """A scan's beams, origins and hits of shape (n, 2) in the base frame, in a known map."""
 
     def __init__(
         self, origins_m: FloatArray, hits_m: FloatArray, field: LikelihoodField, options: AmclOptions
     ) -> None:
-        self._origins_m, self._hits_m, self._field, self._options = origins_m, hits_m, field, options
+        self._origins_m, self._hits_m, self._map, self._options = origins_m, hits_m, field, options
 
-    def scored(self, poses: FloatArray, gain: float) -> tuple[FloatArray, FloatArray]:
-        """Log likelihood times `gain`, and mean likelihood, of each pose; both of shape (poses,)."""
-        options, walls = self._options, self._field
-        logs, scores = np.empty(len(poses)), np.empty(len(poses))
-        beam_scores(
-            self._hits_m, walls.to_corner(poses), walls.distance_m, walls.grid.resolution_m, walls.reach_m,
-            options.beam_std_m, options.random_share, gain, logs, scores,
-        )  # fmt: skip
-        return logs, scores
+    @property
+    def beams(self) -> int:
+        """Number of hits."""
+        return len(self._hits_m)
 
-    def refined(self, near: FloatArray) -> PoseHypothesis:
-        """The place that Gauss-Newton finds from a pose, shape (3,)."""
-        walls, matching = self._field, self._options.matching
-        start = walls.to_corner(near)
-        found = match(
-            self._hits_m, start, start, np.diag([100.0, 100.0, 400.0]),
-            walls.distance_m, walls.grid.resolution_m, walls.reach_m,
-            matching.beam_std_m, matching.outlier_m, matching.iterations,
-        )  # fmt: skip
-        pose = walls.from_corner(found)
-        (log,), (explained,) = self.scored(pose[np.newaxis], 1.0)
+    def likelihoods(self, poses: FloatArray, gain: float) -> tuple[FloatArray, FloatArray]:
+        """Return log likelihood times `gain`, and mean likelihood, of each pose; both of shape (poses,)."""
+        model = BeamModel(self._options.beam_std_m, RANDOM_SHARE, gain)
+        return scan_likelihoods(self._hits_m, self._map.to_corner(poses), self._map.field, model)
+
+    def refine(self, near: FloatArray) -> PoseHypothesis:
+        """Return the hypothesis that Gauss-Newton finds from a pose, shape (3,)."""
+        start = self._map.to_corner(near)
+        prior = PosePrior(start, MATCH_INFORMATION)
+        pose = self._map.from_corner(match(self._hits_m, start, prior, self._map.field, MATCH_WEIGHTS))
+        (log,), (explained,) = self.likelihoods(pose[np.newaxis], 1.0)
         x_m, y_m, theta_rad = (float(part) for part in pose)
-        placed = Pose2(x_m=x_m, y_m=y_m, theta_rad=wrap_angle(theta_rad))
-        return PoseHypothesis(pose=placed, explained=float(explained), log=float(log))
+        matched = Pose2(x_m=x_m, y_m=y_m, theta_rad=wrap_angle(theta_rad))
+        return PoseHypothesis(pose=matched, explained=float(explained), log=float(log))
 
-    def near(self, pose: Pose2) -> PoseHypothesis:
-        """The place that Gauss-Newton finds from a pose."""
-        return self.refined(np.array([pose.x_m, pose.y_m, pose.theta_rad]))
+    def refine_pose(self, pose: Pose2) -> PoseHypothesis:
+        """Return the hypothesis that Gauss-Newton finds from a pose."""
+        return self.refine(np.array([pose.x_m, pose.y_m, pose.theta_rad]))
 
     def fit(self, pose: Pose2) -> float:
-        """Share of the beams that speak for the pose less the share against it: -1...1.
+        """Return the share of beams that support the pose minus the share against it, -1...1.
 
-        A beam that ends on a wall speaks for it, one through a wall against it, and one that ends where the
-        map knows nothing does neither; but at least half of the beams are asked.
+        A beam that ends on a wall supports the pose. One that passes through a wall counts against it. One
+        that ends in unknown space does neither, but at least half of the beams are counted.
         """
-        likelihoods, through, silent = self._verdicts(pose)
-        beams = len(likelihoods)
-        asked = max(1.0, 0.5 * beams, beams - float(silent.sum()))
-        return float(likelihoods.sum() - through.sum()) / asked
+        evidence = self._evidence(pose)
+        beams = len(evidence.likelihoods)
+        counted = max(1.0, 0.5 * beams, beams - float(evidence.unknown.sum()))
+        return float(evidence.likelihoods.sum() - evidence.through_wall.sum()) / counted
 
-    def everywhere(self) -> list[PoseHypothesis]:
-        """The best place of the whole map, and those apart from it that explain nearly as much."""
-        return [self.refined(pose) for pose in self._field.alike(self._hits_m, HYPOTHESES, ALIKE)]
+    def global_hypotheses(self) -> list[PoseHypothesis]:
+        """Return the best pose of the whole map, and separate ones that explain nearly as much."""
+        poses = self._map.similar_poses(self._hits_m, MAX_HYPOTHESES, SIMILAR_RATIO)
+        return [self.refine(pose) for pose in poses]
 
-    def better(self, one: PoseHypothesis, other: PoseHypothesis) -> float:
-        """How much better one place explains the beams than another, as a logarithm.
+    def log_ratio(self, first: PoseHypothesis, second: PoseHypothesis) -> float:
+        """Return how much better the first pose explains the beams, as a log likelihood ratio.
 
-        Where things have been moved, one may be ahead by chance: what speaks for it counts in full only where
-        no beam speaks for the other.
+        Where objects have moved, one pose may be ahead by chance. So the evidence counts in full only if no
+        beam supports the other pose.
         """
-        share = self._options.random_share
-        first, second = (
-            np.log((1.0 - share) * np.where(through, 0.0, likelihoods) + share)
-            for likelihoods, through, _ in (self._verdicts(one.pose), self._verdicts(other.pose))
+        log_first, log_second = self._beam_logs(first.pose), self._beam_logs(second.pose)
+        ahead = float((log_first - log_second).sum())
+        return ahead * abs(ahead) / max(1e-9, float(np.abs(log_first - log_second).sum()))
+
+    def _beam_logs(self, pose: Pose2) -> FloatArray:
+        evidence = self._evidence(pose)
+        likelihoods = np.where(evidence.through_wall, 0.0, evidence.likelihoods)
+        return np.asarray(np.log((1.0 - RANDOM_SHARE) * likelihoods + RANDOM_SHARE))
+
+    def _evidence(self, pose: Pose2) -> BeamEvidence:
+        start = self._map.to_corner(np.array([pose.x_m, pose.y_m, pose.theta_rad]))
+        return beam_evidence(
+            self._origins_m, self._hits_m, start, self._map.field, self._map.known, self._options.beam_std_m
         )
-        ahead = float((first - second).sum())
-        return ahead * abs(ahead) / max(1e-9, float(np.abs(first - second).sum()))
-
-    def _verdicts(self, pose: Pose2) -> tuple[FloatArray, MaskArray, MaskArray]:
-        """How well each beam ends on a wall, whether it goes through one, whether the map is silent on it."""
-        walls, beams = self._field, len(self._hits_m)
-        start = walls.to_corner(np.array([pose.x_m, pose.y_m, pose.theta_rad]))
-        likelihoods, through, silent = np.empty(beams), np.empty(beams, np.bool_), np.empty(beams, np.bool_)
-        beam_verdicts(
-            self._origins_m, self._hits_m, start, walls.distance_m, walls.known, walls.grid.resolution_m,
-            self._options.beam_std_m, WALL_MARGIN_M, likelihoods, through, silent,
-        )  # fmt: skip
-        return likelihoods, through, silent

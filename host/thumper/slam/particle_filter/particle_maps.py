@@ -2,144 +2,137 @@
 
 import numpy as np
 
-from thumper.common.geometry import FloatArray, Pose2
+from thumper.common.geometry import FloatArray
 from thumper.lidar.deskew import ScanPoints
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.slam.particle_filter.patch_inserter import distance_stencil, integrate_all, quantised_distances
+from thumper.slam.grid.ray_casting import Beams
+from thumper.slam.particle_filter.patch_inserter import (
+    InsertionRule,
+    PatchTables,
+    PoseGroups,
+    RayThinning,
+    distance_stencil,
+    insert_into_all,
+    quantized_distances,
+)
 from thumper.slam.particle_filter.patches import (
     FAR,
     SIDE,
     IndexArray,
+    copy_tables,
     empty_pool,
     grow,
     render,
-    render_states,
-    share,
+    render_occupancy,
 )
+from thumper.slam.scan_matching.distance_field import DistanceField
 
 FIRST_PATCHES = 256
-SPARE = 256  # patches more than are needed, so that the pool does not grow at each scan
-APART = 0.25  # cells by which free space may be misplaced; hits never are
+SPARE_PATCHES = 256  # added beyond what is needed, so that the pool does not grow at each scan
+CLEARED_BEAMS = 90  # free space is cleared along about this many beams of a scan, other ones each time
+MAX_OFFSET_CELLS = 0.25  # by which free space may be misplaced; hits never are
 
 
 class ParticleMaps:
-    """Counts and distances of `particles` maps, on one lattice fixed to the map frame."""
+    """Counts and distances of `particles` maps, on one grid fixed to the map frame."""
 
     def __init__(
-        self,
-        particles: int,
-        resolution_m: float,
-        reach_m: float,
-        occupied_fraction: float,
-        cleared_beams: int,
+        self, particles: int, resolution_m: float, max_distance_m: float, occupied_fraction: float
     ) -> None:
-        """Start without cells.
-
-        Free space is cleared along about `cleared_beams` beams a scan, other ones in each scan.
-        """
-        self._cleared_beams = cleared_beams
+        """Start without cells. Distances are cut off at `max_distance_m`, at most 31 cells."""
         self.resolution_m = resolution_m
-        self.reach = max(1, min(SIDE - 1, round(reach_m / resolution_m)))
-        self.levels_per_cell = 254.0 / self.reach
+        self.max_distance_cells = max(1, min(SIDE - 1, round(max_distance_m / resolution_m)))
+        self.levels_per_cell = 254.0 / self.max_distance_cells
         self.pool = empty_pool(FIRST_PATCHES)
         self.tables: IndexArray = np.zeros((particles, 0, 0), dtype=np.int32)
-        self._occupied_fraction = occupied_fraction
-        self._levels, self._stencil = quantised_distances(self.reach), distance_stencil(self.reach)
+        self._rule = InsertionRule(
+            stencil=distance_stencil(self.max_distance_cells),
+            levels=quantized_distances(self.max_distance_cells),
+            max_distance_cells=self.max_distance_cells,
+            occupied_fraction=occupied_fraction,
+        )
         self._first_row = self._first_col = 0
-        self._layer = np.zeros((0, 0), dtype=np.uint8)  # scratch, a byte a cell of the tables
-        self._turn = 0
-        self._shown: tuple[int, OccupancyGrid] | None = None  # particle and map as last asked for
+        self._layer = np.zeros((0, 0), dtype=np.uint8)  # scratch, one byte per cell of the tables
+        self._scans = 0
+        self._rendered: tuple[int, OccupancyGrid] | None = None  # particle and map that were last returned
 
     @property
     def corner_m(self) -> FloatArray:
         """(x, y) of the corner of the tables in the map, shape (2,)."""
         return SIDE * self.resolution_m * np.array([self._first_col, self._first_row], dtype=np.float64)
 
-    def in_cells(self, poses: FloatArray) -> FloatArray:
-        """Poses, shape (n, 3), with x and y in cells from the corner."""
+    def to_cells(self, poses: FloatArray) -> FloatArray:
+        """Return poses, shape (n, 3), with x and y in cells from the corner."""
         found = poses.copy()
         found[:, :2] = (found[:, :2] - self.corner_m) / self.resolution_m
         return found
 
-    def in_metres(self, poses: FloatArray) -> FloatArray:
-        """The inverse of `in_cells`."""
+    def to_metres(self, poses: FloatArray) -> FloatArray:
+        """Invert `to_cells`."""
         found = poses.copy()
         found[:, :2] = found[:, :2] * self.resolution_m + self.corner_m
         return found
 
-    def integrate(self, poses: FloatArray, points: ScanPoints) -> None:
-        """Enter a scan at each particle's pose, shape (particles, 3) [m, m, rad]."""
+    def insert(self, poses: FloatArray, points: ScanPoints) -> None:
+        """Insert a scan at each particle's pose, shape (particles, 3) [m, m, rad]."""
         length_m = float(np.hypot(points.ends_m[:, 0], points.ends_m[:, 1]).max())
-        length_m += (2 * self.reach + 2) * self.resolution_m
-        self._cover(poses[:, :2].min(axis=0) - length_m, poses[:, :2].max(axis=0) + length_m)
-        self._shown = None
-        placed = self.in_cells(poses)
-        order, middles = grouped(placed, length_m / self.resolution_m)
-        self._turn += 1
-        clear_every = max(1, round(np.count_nonzero(points.kinds) / self._cleared_beams))
+        length_m += (2 * self.max_distance_cells + 2) * self.resolution_m
+        self._ensure_covers(poses[:, :2].min(axis=0) - length_m, poses[:, :2].max(axis=0) + length_m)
+        self._rendered = None
+        groups = group_poses(self.to_cells(poses), length_m / self.resolution_m)
+        beams = Beams(points.origins_m / self.resolution_m, points.ends_m / self.resolution_m, points.kinds)
+        self._scans += 1
+        every = max(1, round(np.count_nonzero(points.kinds) / CLEARED_BEAMS))
+        thinning = RayThinning(start=self._scans % every, every=every)
         done, particles = 0, poses.shape[0]
         while done < particles:
-            done, need = integrate_all(
-                done,
-                order,
-                placed,
-                middles,
-                points.origins_m / self.resolution_m,
-                points.ends_m / self.resolution_m,
-                points.kinds,
-                self._turn % clear_every,
-                clear_every,
-                self._layer,
-                self.tables,
-                self.pool,
-                self._stencil,
-                self._levels,
-                self.reach,
-                self._occupied_fraction,
-            )
+            maps = PatchTables(self.tables, self.pool, self._layer)
+            done, required = insert_into_all(done, groups, beams, thinning, maps, self._rule)
             if done < particles:
-                grow(self.pool, need - int(self.pool.size[0]) + SPARE)
+                grow(self.pool, required - int(self.pool.free_count[0]) + SPARE_PATCHES)
 
-    def inherit(self, parents: IndexArray) -> None:
-        """Give particle k the map of `parents[k]`; a parent must keep its own."""
-        self._shown = None
-        share(self.tables, parents, self.pool)
+    def copy_maps(self, parents: IndexArray) -> None:
+        """Copy the map of `parents[k]` to particle k; a parent must keep its own."""
+        self._rendered = None
+        copy_tables(self.tables, parents, self.pool)
 
-    def distance_m(self, particle: int) -> np.ndarray[tuple[int, int], np.dtype[np.float32]]:
-        """One particle's distance field as a plain array, for the wide search."""
-        near = render(self.tables[particle], self.pool.near, FAR)
-        return near * np.float32(self.reach * self.resolution_m / 254.0)
+    def distance_field(self, particle: int) -> DistanceField:
+        """Return one particle's distance field as a plain array, for the window search."""
+        distance = render(self.tables[particle], self.pool.distance, FAR)
+        distance_m = distance * np.float32(self.max_distance_cells * self.resolution_m / 254.0)
+        max_distance_m = float(np.float32(self.max_distance_cells * self.resolution_m))
+        return DistanceField(distance_m, self.resolution_m, max_distance_m)
 
     def grid(self, particle: int) -> OccupancyGrid:
-        """One particle's map: free, occupied or unknown, no larger than the patches it knows.
+        """Return one particle's map as free, occupied or unknown, no larger than its patches.
 
-        The same object until a scan is entered: the loop asks ten times a second.
+        The same object until a scan is inserted: the runtime asks for it ten times per second.
         """
-        if self._shown is None or self._shown[0] != particle:
-            known, row, col = self._known(particle)
+        if self._rendered is None or self._rendered[0] != particle:
+            table, row, col = self._used_table(particle)
             x_m, y_m = self.corner_m + SIDE * self.resolution_m * np.array([col, row])
             grid = OccupancyGrid(
-                cells=render_states(known, self.pool),
+                cells=render_occupancy(table, self.pool),
                 resolution_m=self.resolution_m,
                 origin_x_m=float(x_m),
                 origin_y_m=float(y_m),
             )
-            self._shown = particle, grid
-        return self._shown[1]
+            self._rendered = particle, grid
+        return self._rendered[1]
 
     def counts(self, particle: int) -> HitCounts:
-        """One particle's hits and misses, no more than the patches it knows."""
-        known, row, col = self._known(particle)
+        """Return a copy of one particle's hits and misses, no larger than its patches."""
+        table, row, col = self._used_table(particle)
         return HitCounts(
-            hits=render(known, self.pool.hits, 0).astype(np.uint16),
-            misses=render(known, self.pool.misses, 0).astype(np.uint16),
+            hits=render(table, self.pool.hits, 0).astype(np.uint16),
+            misses=render(table, self.pool.misses, 0).astype(np.uint16),
             first_cell=(SIDE * (self._first_row + row), SIDE * (self._first_col + col)),
             resolution_m=self.resolution_m,
         )
 
-    def _known(self, particle: int) -> tuple[IndexArray, int, int]:
-        """The part of its table that holds patches, and that part's first row and column."""
+    def _used_table(self, particle: int) -> tuple[IndexArray, int, int]:
+        """Return the part of its table that holds patches, and that part's first row and column."""
         table = self.tables[particle]
         rows, cols = np.flatnonzero(table.any(axis=1)), np.flatnonzero(table.any(axis=0))
         if not rows.size:
@@ -147,8 +140,8 @@ class ParticleMaps:
         row, col = int(rows[0]), int(cols[0])
         return np.ascontiguousarray(table[row : rows[-1] + 1, col : cols[-1] + 1]), row, col
 
-    def _cover(self, low_m: FloatArray, high_m: FloatArray) -> None:
-        """Grow the tables to hold the box."""
+    def _ensure_covers(self, low_m: FloatArray, high_m: FloatArray) -> None:
+        """Grow the tables until they hold the box."""
         patch_m = SIDE * self.resolution_m
         left, top = (int(v) for v in np.floor(low_m / patch_m))
         right, bottom = (int(v) + 1 for v in np.floor(high_m / patch_m))
@@ -166,18 +159,14 @@ class ParticleMaps:
         self._layer = np.zeros((SIDE * (bottom - top), SIDE * (right - left)), dtype=np.uint8)
 
 
-def grouped(poses: FloatArray, length: float) -> tuple[IndexArray, FloatArray]:
-    """Groups of poses, shape (n, 3) in cells and radians, that see nearly the same up to `length` cells away.
+def group_poses(poses: FloatArray, length: float) -> PoseGroups:
+    """Group poses, shape (n, 3) in cells and radians, that see nearly the same up to `length` cells away.
 
-    Returns the order that puts each group together, shape (n,), and the middle of each pose's group, (n, 3):
-    `APART` cells from the pose at most along x and y, and across at the end of the longest beam.
+    A pose is at most `MAX_OFFSET_CELLS` from its group's centre along x and y, and across at the end of the
+    longest beam.
     """
-    steps = 2.0 * APART * np.array([1.0, 1.0, 1.0 / length])
+    steps = 2.0 * MAX_OFFSET_CELLS * np.array([1.0, 1.0, 1.0 / length])
     groups = np.rint((poses - poses[0]) / steps)
     key = groups @ np.array([1.0, 2.0**17, 2.0**34])  # exact: no group is 2^16 steps away
-    return np.argsort(key, kind="stable").astype(np.int32), poses[0] + groups * steps
-
-
-def pose_row(pose: Pose2) -> FloatArray:
-    """x, y, theta as an array, shape (3,)."""
-    return np.array([pose.x_m, pose.y_m, pose.theta_rad])
+    order = np.argsort(key, kind="stable").astype(np.int32)
+    return PoseGroups(order=order, poses=poses, centres=poses[0] + groups * steps)

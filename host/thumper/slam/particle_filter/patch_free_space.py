@@ -1,7 +1,7 @@
-"""Free space in patched maps: the cells that beams crossed, entered eight at a time.
+"""Free space in patched maps: cells crossed by beams, inserted eight at a time.
 
-What the beams crossed is painted once for all particles that see the same; entering it is then arithmetic on
-whole words (SWAR: Warren, "Hacker's Delight", chapter 2).
+The crossed cells are rasterized once for all particles that see the same. Inserting them is then arithmetic
+on whole words (SWAR: Warren, "Hacker's Delight", chapter 2).
 """
 
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from thumper.slam.grid.scan_inserter import COUNT_MAX
 from thumper.slam.particle_filter.patches import SIDE, SIDE_BITS, IndexArray
 from thumper.slam.scan_matching.distance_field import ByteArray
 
-PASSED, ENDED = 1, 2  # bits of a cell of the layer: a beam went through it, a beam ended in it
+CROSSED, ENDED = 1, 2  # bits of a cell of the layer: a beam crossed it, a beam ended in it
 
 WIDTH = SIDE // 8  # of a patch, in words
 
@@ -24,25 +24,25 @@ WordArray = NDArray[np.uint64]
 ONE = np.uint64(0x0101010101010101)  # in each of the eight bytes
 LOW = np.uint64(0x7F7F7F7F7F7F7F7F)
 TO_CARRY = np.uint64(0x0101010101010101 * (0xFF - COUNT_MAX))  # a byte's low bits carry from COUNT_MAX + 1 on
-TOP = np.uint64(7)  # a byte's highest bit, by how far it is shifted down
+TOP = np.uint64(7)  # shift that brings a byte's highest bit down
 
 
 class FreeSpaceMask(NamedTuple):
-    """The patches that beams crossed."""
+    """The patches crossed by beams."""
 
-    places: IndexArray  # row and column in the tables, shape (n, 2)
-    words: WordArray  # PASSED or 0 for each cell, eight a word, shape (n, SIDE * SIDE / 8)
+    patches: IndexArray  # row and column in the tables, shape (n, 2)
+    words: WordArray  # CROSSED or 0 for each cell, eight per word, shape (n, SIDE * SIDE / 8)
 
 
 @kernel
-def painted(crossed: CrossedArray, layer: ByteArray) -> FreeSpaceMask:
-    """The patches of the cells crossed, shape (cells, 2), which bear PASSED in the layer.
+def free_space_mask(crossed: CrossedArray, layer: ByteArray) -> FreeSpaceMask:
+    """Return the patches of the crossed cells, shape (cells, 2), which carry CROSSED in the layer.
 
-    `layer`, shape (rows * SIDE, columns * SIDE), has one byte a cell of the tables, and bears nothing else.
+    `layer`, shape (rows * SIDE, columns * SIDE), has one byte per cell of the tables and no other marks.
     """
     rows, cols = layer.shape[0] >> SIDE_BITS, layer.shape[1] >> SIDE_BITS
     listed = np.zeros((rows, cols), dtype=np.bool_)
-    places, n = np.empty((min(crossed.shape[0], rows * cols), 2), dtype=np.int32), 0
+    patches, n = np.empty((min(crossed.shape[0], rows * cols), 2), dtype=np.int32), 0
     last_row = last_col = -1
     for i in range(crossed.shape[0]):
         row, col = crossed[i, 0] >> SIDE_BITS, crossed[i, 1] >> SIDE_BITS
@@ -51,60 +51,63 @@ def painted(crossed: CrossedArray, layer: ByteArray) -> FreeSpaceMask:
         last_row, last_col = row, col
         if not listed[row, col]:
             listed[row, col] = True
-            places[n, 0], places[n, 1] = row, col
+            patches[n, 0], patches[n, 1] = row, col
             n += 1
     words, layer_words = np.empty((n, SIDE * WIDTH), dtype=np.uint64), layer.view(np.uint64)
     for i in range(n):
         for r in range(SIDE):
             for w in range(WIDTH):
-                words[i, r * WIDTH + w] = layer_words[places[i, 0] * SIDE + r, places[i, 1] * WIDTH + w]
-    return FreeSpaceMask(places[:n], words)
+                words[i, r * WIDTH + w] = layer_words[patches[i, 0] * SIDE + r, patches[i, 1] * WIDTH + w]
+    return FreeSpaceMask(patches[:n], words)
 
 
 @kernel
-def wipe(places: IndexArray, layer: ByteArray) -> None:
-    """Empty the layer in these patches."""
+def clear(patches: IndexArray, layer: ByteArray) -> None:
+    """Zero the layer in these patches."""
     words = layer.view(np.uint64)
-    for i in range(places.shape[0]):
-        for r in range(places[i, 0] * SIDE, places[i, 0] * SIDE + SIDE):
-            for w in range(places[i, 1] * WIDTH, places[i, 1] * WIDTH + WIDTH):
+    for i in range(patches.shape[0]):
+        for r in range(patches[i, 0] * SIDE, patches[i, 0] * SIDE + SIDE):
+            for w in range(patches[i, 1] * WIDTH, patches[i, 1] * WIDTH + WIDTH):
                 words[r, w] = 0
 
 
 @kernel
-def hit_and_passed(passed: np.uint64, hits: np.uint64) -> np.uint64:
-    """Of eight cells, a one in the byte of those that were passed and have ever been hit."""
-    return passed & ((((hits & LOW) + LOW) | hits) >> TOP) & ONE
+def hit_and_crossed(crossed: np.uint64, hits: np.uint64) -> np.uint64:
+    """Return, for eight cells, a one in the byte of those that were crossed and have ever been hit."""
+    return crossed & ((((hits & LOW) + LOW) | hits) >> TOP) & ONE
 
 
 @kernel
-def count_misses(passed: WordArray, hits: WordArray, misses: WordArray) -> bool:
-    """Add one to the misses of the cells that were passed and never hit, up to `COUNT_MAX`.
+def count_misses(crossed: WordArray, hits: WordArray, misses: WordArray) -> bool:
+    """Add one to the misses of the cells that were crossed and never hit, up to `COUNT_MAX`.
 
-    All three are of one patch, shape (SIDE * SIDE / 8,). Return whether a cell was passed that had been hit:
-    such a cell may change its state, and is left to the caller. There are no branches: the compiler makes
-    vectors of it.
+    All arrays are of one patch, shape (SIDE * SIDE / 8,). Returns whether a crossed cell had been hit before:
+    such a cell may change its state, and is left to the caller. There are no branches, so the compiler
+    vectorizes the loop.
     """
     left = np.uint64(0)
-    for i in range(passed.size):
-        rest = hit_and_passed(passed[i], hits[i])
+    for i in range(crossed.size):
+        rest = hit_and_crossed(crossed[i], hits[i])
         left |= rest
-        count = misses[i] + (passed[i] ^ rest)
+        count = misses[i] + (crossed[i] ^ rest)
         misses[i] = count - (((((count & LOW) + TO_CARRY) & count) >> TOP) & ONE)
     return bool(left)
 
 
 @kernel
-def all_round(places: IndexArray, cells: IndexArray, rows: int, cols: int) -> IndexArray:
-    """Patches, shape (n, 2), of the places and of the cells, (row, column) each, and the eight round each."""
+def neighbours(patches: IndexArray, cells: IndexArray, rows: int, cols: int) -> IndexArray:
+    """Return the given patches, the patches of `cells`, and the eight around each, shape (n, 2).
+
+    `patches` and `cells` are (row, column) each; the tables have `rows` rows and `cols` columns.
+    """
     listed = np.zeros((rows, cols), dtype=np.bool_)
     found, n = np.empty((rows * cols, 2), dtype=np.int32), 0
     last_row = last_col = -1
-    for i in range(places.shape[0] + cells.shape[0]):
-        if i < places.shape[0]:
-            row, col = int(places[i, 0]), int(places[i, 1])
+    for i in range(patches.shape[0] + cells.shape[0]):
+        if i < patches.shape[0]:
+            row, col = int(patches[i, 0]), int(patches[i, 1])
         else:
-            cell = cells[i - places.shape[0]]
+            cell = cells[i - patches.shape[0]]
             row, col = cell[0] >> SIDE_BITS, cell[1] >> SIDE_BITS
         if row == last_row and col == last_col:
             continue

@@ -1,9 +1,8 @@
 """Maps of many particles as square patches, shared until one of their owners writes (copy on write).
 
-A particle's map is a table of patch numbers. Copying a particle copies its table and counts one more
-reference to each patch; a patch with more than one reference is duplicated the moment it is written.
-Patch 0 is unknown
-space: it is never written and belongs to everybody.
+A particle's map is a table of patch numbers. Copying a particle copies its table and adds one reference to
+each patch. A patch with more than one reference is duplicated when it is written. Patch 0 is unknown space:
+it is never written and belongs to all particles.
 """
 
 from typing import NamedTuple
@@ -18,7 +17,7 @@ from thumper.slam.scan_matching.distance_field import ByteArray
 SIDE_BITS = 5
 SIDE = 1 << SIDE_BITS  # cells along a patch; a power of two, so that indices split by shift and mask
 MASK = SIDE - 1
-FAR = 255  # quantised distance: nothing occupied within the reach
+FAR = 255  # quantized distance: no occupied cell within the largest distance
 
 IndexArray = NDArray[np.int32]
 
@@ -28,55 +27,55 @@ class Pool(NamedTuple):
 
     hits: ByteArray  # shape (patches, SIDE, SIDE)
     misses: ByteArray
-    near: ByteArray  # distance to the nearest occupied cell, 0...254 up to the reach, or FAR
+    distance: ByteArray  # to the nearest occupied cell, 0...254 up to the largest distance, or FAR
     references: IndexArray  # shape (patches,)
-    struck: ByteArray  # whether any of the hits is not 0, shape (patches,)
-    unused: IndexArray  # a stack of free patch numbers; its first `size[0]` entries count
-    size: IndexArray  # shape (1,)
+    has_hits: ByteArray  # whether any of the hits is not 0, shape (patches,)
+    free: IndexArray  # a stack of free patch numbers, of which the first `free_count[0]` are valid
+    free_count: IndexArray  # shape (1,)
 
 
 def empty_pool(patches: int) -> Pool:
-    """Give a pool with `patches` free patches, and patch 0."""
+    """Return a pool with `patches` free patches, and patch 0."""
     shape = (patches + 1, SIDE, SIDE)
     return Pool(
         hits=np.zeros(shape, dtype=np.uint8),
         misses=np.zeros(shape, dtype=np.uint8),
-        near=np.full(shape, FAR, dtype=np.uint8),
+        distance=np.full(shape, FAR, dtype=np.uint8),
         references=np.zeros(patches + 1, dtype=np.int32),
-        struck=np.zeros(patches + 1, dtype=np.uint8),
-        unused=np.arange(patches, -1, -1, dtype=np.int32),  # the last entry, 0, is beyond the stack's top
-        size=np.array([patches], dtype=np.int32),
+        has_hits=np.zeros(patches + 1, dtype=np.uint8),
+        free=np.arange(patches, -1, -1, dtype=np.int32),  # the last entry, 0, is beyond the stack's top
+        free_count=np.array([patches], dtype=np.int32),
     )
 
 
 def grow(pool: Pool, extra: int) -> None:
     """Add `extra` free patches, in place: a copy would take twice the memory for a moment.
 
-    Nobody may hold a view of the pool's arrays meanwhile.
+    No view of the pool's arrays may exist at that time.
     """
-    before, free = pool.references.size, int(pool.size[0])
-    for patches in (pool.hits, pool.misses, pool.near):
+    before, free = pool.references.size, int(pool.free_count[0])
+    for patches in (pool.hits, pool.misses, pool.distance):
         patches.resize((before + extra, SIDE, SIDE), refcheck=False)
-    pool.near[before:] = FAR
+    pool.distance[before:] = FAR
     pool.references.resize(before + extra, refcheck=False)
-    pool.struck.resize(before + extra, refcheck=False)
-    pool.unused.resize(before + extra, refcheck=False)
-    pool.unused[free : free + extra] = np.arange(before + extra - 1, before - 1, -1)
-    pool.size[0] += extra
+    pool.has_hits.resize(before + extra, refcheck=False)
+    pool.free.resize(before + extra, refcheck=False)
+    pool.free[free : free + extra] = np.arange(before + extra - 1, before - 1, -1)
+    pool.free_count[0] += extra
 
 
 @kernel
 def writable(table: IndexArray, patch_row: int, patch_col: int, pool: Pool) -> int:
-    """Return the number of the patch at the place, which from now on is this table's alone."""
+    """Return the number of the patch at this position, which from now on belongs to this table alone."""
     old = table[patch_row, patch_col]
     if old != 0 and pool.references[old] == 1:
         return int(old)
-    pool.size[0] -= 1
-    new = pool.unused[pool.size[0]]
+    pool.free_count[0] -= 1
+    new = pool.free[pool.free_count[0]]
     pool.hits[new] = pool.hits[old]
     pool.misses[new] = pool.misses[old]
-    pool.near[new] = pool.near[old]
-    pool.references[new], pool.struck[new] = 1, pool.struck[old]
+    pool.distance[new] = pool.distance[old]
+    pool.references[new], pool.has_hits[new] = 1, pool.has_hits[old]
     if old != 0:
         pool.references[old] -= 1
     table[patch_row, patch_col] = new
@@ -84,8 +83,8 @@ def writable(table: IndexArray, patch_row: int, patch_col: int, pool: Pool) -> i
 
 
 @kernel
-def share(tables: IndexArray, parents: IndexArray, pool: Pool) -> None:
-    """Give particle k the map of particle `parents[k]`. `parents[k] == k` for every parent that survives."""
+def copy_tables(tables: IndexArray, parents: IndexArray, pool: Pool) -> None:
+    """Copy the map of particle `parents[k]` to particle k. `parents[k] == k` for every surviving parent."""
     rows, cols = tables.shape[1], tables.shape[2]
     for k in range(parents.size):
         parent = parents[k]
@@ -101,14 +100,14 @@ def share(tables: IndexArray, parents: IndexArray, pool: Pool) -> None:
                 if old != 0:
                     pool.references[old] -= 1
                     if pool.references[old] == 0:
-                        pool.unused[pool.size[0]] = old
-                        pool.size[0] += 1
+                        pool.free[pool.free_count[0]] = old
+                        pool.free_count[0] += 1
                 tables[k, r, c] = new
 
 
 @kernel
 def render(table: IndexArray, source: ByteArray, unknown: int) -> ByteArray:
-    """One particle's cells as a plain array, shape (rows * SIDE, columns * SIDE)."""
+    """Return one particle's cells as a plain array, shape (rows * SIDE, columns * SIDE)."""
     rows, cols = table.shape
     out = np.full((rows * SIDE, cols * SIDE), unknown, dtype=np.uint8)
     for r in range(rows):
@@ -119,8 +118,8 @@ def render(table: IndexArray, source: ByteArray, unknown: int) -> ByteArray:
 
 
 @kernel
-def render_states(table: IndexArray, pool: Pool) -> CellArray:
-    """One particle's cells as free, occupied or unknown; a cell at distance 0 is the occupied one."""
+def render_occupancy(table: IndexArray, pool: Pool) -> CellArray:
+    """Return one particle's cells as free, occupied or unknown. A cell at distance 0 is occupied."""
     rows, cols = table.shape
     out = np.full((rows * SIDE, cols * SIDE), UNKNOWN, dtype=np.int8)
     for r in range(rows):
@@ -131,6 +130,6 @@ def render_states(table: IndexArray, pool: Pool) -> CellArray:
             for i in range(SIDE):
                 for j in range(SIDE):
                     if pool.hits[patch, i, j] > 0 or pool.misses[patch, i, j] > 0:
-                        state = OCCUPIED if pool.near[patch, i, j] == 0 else FREE
+                        state = OCCUPIED if pool.distance[patch, i, j] == 0 else FREE
                         out[r * SIDE + i, c * SIDE + j] = state
     return out

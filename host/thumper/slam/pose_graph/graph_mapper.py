@@ -1,45 +1,30 @@
-"""Mapping with loops: the single-hypothesis mapper on the map nearby, and a pose graph that bends the rest.
+"""Mapping with loop closure: a scan matcher on the active map, and a pose graph of submaps behind it.
 
-The front end matches against the *active* map alone: the places that the graph connects to the robot by a
-short way. Where the robot comes back after a long loop,
-the old map stays out of the match until a search has found
-where the new one lies on it; so drift shows as drift, and no scan is torn between two positions.
+The front end matches against the *active* map alone: the submaps that the graph connects to the robot over a
+short distance. When the robot returns after a long loop, the old map stays out of the match until a search
+has located the new one on it. So drift stays visible as drift, and no scan is torn between two positions.
 """
 
-from dataclasses import dataclass, replace
-from typing import Annotated
+from dataclasses import replace
 
 import numpy as np
-from annotated_types import Gt, Interval
 
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.deskew import scan_points
 from thumper.lidar.scan import Scan
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.slam.grid.grid_mapper import GridMapper, GridMapperOptions
+from thumper.slam.grid.grid_mapper import GridMapper
 from thumper.slam.grid.growing_grid import HitGrid
+from thumper.slam.grid.options import GridMapperOptions
 from thumper.slam.mapper import MapperUpdate, PoseQuality
-from thumper.slam.pose_graph.loop_closure import LoopSearch
+from thumper.slam.pose_graph.loop_closure import LoopOptions, LoopSearch
 from thumper.slam.pose_graph.map_rebuild import MapRebuild
 from thumper.slam.pose_graph.optimizer import Edge, Solver
 from thumper.slam.pose_graph.submaps import SubmapGraph
 
-SCANS_AT_ONCE = 6  # entered in one part of the work while a map is drawn again: a few ms
-PART_EVERY_M, MOST_PARTS = 0.1, 4  # of way since the last scan: after more of it there was more time
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoopOptions:
-    """Options of loop closing; those of `GridMapperOptions` hold for the front end."""
-
-    place_m: Annotated[float, Gt(0)] = 2.0  # way within one place: its scans move as one
-    active_m: Annotated[float, Gt(0)] = 60.0  # way in the graph up to which places are in the active map
-    drift_per_m: Annotated[float, Gt(0)] = 0.03  # how much the search window grows a metre of loop
-    drift_rad_per_m: Annotated[float, Gt(0)] = 0.003  # and its angle
-    largest_window_m: Annotated[float, Gt(0)] = 12.0  # half side of the window at most
-    accept_score: Annotated[float, Interval(gt=0, le=1)] = 0.6  # beams that a closure must explain
-    rival_ratio: Annotated[float, Interval(gt=0, le=1)] = 0.9  # refused if another place explains this share
+# Parts of work per scan: one per this distance since the last scan, which took time, too.
+PART_EVERY_M, MAX_PARTS = 0.1, 4
 
 
 class GraphMapper:
@@ -53,149 +38,162 @@ class GraphMapper:
         base_from_laser: Pose2 | None = None,
         map_from_base: Pose2 | None = None,
     ) -> None:
-        """Start with an empty map; `map_from_base` is where the first scan is taken."""
+        """Start with an empty map; `map_from_base` is the pose of the first scan."""
         self._options = options or GridMapperOptions()
         self._loops = loops or LoopOptions()
         self._base_from_laser = base_from_laser or Pose2()
-        self._front = GridMapper(
+        self._front_end = GridMapper(
             self._options, base_from_laser=self._base_from_laser, map_from_base=map_from_base
         )
-        self.places = SubmapGraph(self._loops.place_m)
-        self._search = LoopSearch(
-            self._options, self.places, self._loops.drift_per_m, self._loops.drift_rad_per_m,
-            self._loops.largest_window_m, self._loops.accept_score, self._loops.rival_ratio,
-        )  # fmt: skip
-        self._active: set[int] = set()
-        self._trimmed_at_m = 0.0
+        self.submaps = SubmapGraph()
+        self._search = LoopSearch(self._options, self._loops, self.submaps)
         self._solver: Solver | None = None
-        self._drawn: MapRebuild | None = None  # the next active map
-        self._joining: MapRebuild | None = (
-            None  # old places that have come near, into the active map as it is
-        )
-        self._world: MapRebuild | None = None  # the whole map, where it is more than the active one
-        self._next_world: MapRebuild | None = None
-        self._graph_from_front = (
-            Pose2()
-        )  # until the next active map is drawn, the front end works in the old one
+        self._active: set[int] = set()  # submaps in the active map
+        self._trimmed_at_m = 0.0  # distance driven when the active map was last rebuilt
+        # Maps under construction: old submaps to add to the active map, the next active map, and the whole
+        # map, once it is larger than the active one, with its successor.
+        self._additions: MapRebuild | None = None
+        self._next_active: MapRebuild | None = None
+        self._whole_map: MapRebuild | None = None
+        self._next_whole_map: MapRebuild | None = None
+        # Until the next active map is complete, the front end works in the old one.
+        self._graph_from_front_end = Pose2()
         self.loops_closed = 0
 
     @property
     def map_from_odom(self) -> Pose2:
-        """The correction that the last match, and the loops closed since, found."""
-        return self._graph_from_front @ self._front.map_from_odom
+        """The correction found by the newest match and the loops closed since."""
+        return self._graph_from_front_end @ self._front_end.map_from_odom
 
     def quality(self) -> PoseQuality:
-        """How sure the newest pose is."""
-        return self._front.quality()
+        """Return the covariance of the newest pose and whether it is lost."""
+        return self._front_end.quality()
 
     def resume_at(self, map_from_base: Pose2, map_from_odom: Pose2, covariance: FloatArray) -> None:
-        """Go on with the same map from a pose that somebody else found at a newer scan."""
-        front_from_graph = self._graph_from_front.inverse()
-        self._front.resume_at(front_from_graph @ map_from_base, front_from_graph @ map_from_odom, covariance)
+        """Continue in the same map from a pose that another estimator found at a newer scan."""
+        front_end_from_graph = self._graph_from_front_end.inverse()
+        self._front_end.resume_at(
+            front_end_from_graph @ map_from_base, front_end_from_graph @ map_from_odom, covariance
+        )
 
     def path(self) -> FloatArray:
-        """x, y, theta at each scan so far, as all loops closed since say, shape (scans, 3).
+        """Return x, y, theta at each scan, corrected by all loops, shape (scans, 3).
 
-        It first ends all work that `update` has spread over the next scans.
+        First completes all work that `update` has spread over the next scans.
         """
-        while self._solver or self._joining or self._drawn or self._next_world or self._search.busy:
-            self._work()
-        return self.places.path()
+        while (
+            self._solver or self._additions or self._next_active or self._next_whole_map or self._search.busy
+        ):
+            self._run_part()
+        return self.submaps.path()
 
     def grid(self) -> OccupancyGrid:
-        """The whole map: free, occupied or unknown; after a loop it follows some scans later."""
-        if self._world is None:
-            return self._front.grid()
-        return self._world.cells.grid(percent=False)
+        """Return the whole map as free, occupied or unknown. After a loop it follows some scans later."""
+        if self._whole_map is None:
+            return self._front_end.grid()
+        return self._whole_map.hit_grid.grid(percent=False)
 
     def counts(self) -> HitCounts:
-        """Hits and misses of the whole map (a copy), as `grid` shows it."""
-        return (self._front if self._world is None else self._world).cells.counts()
+        """Return a copy of the hits and misses of the map that `grid` returns."""
+        return (self._front_end if self._whole_map is None else self._whole_map).hit_grid.counts()
 
     def warm_up(self) -> None:
-        """Compile the kernels (or load them from the cache) on a map that is thrown away."""
-        self._front.warm_up()
+        """Compile the kernels, or load them from the cache, on a scratch map."""
+        self._front_end.warm_up()
         self._search.warm_up()
         edge = Edge(
             first=0, second=1, first_from_second=Pose2(), std_m=1.0, std_rad=1.0, loop=False, length_m=0.0
         )
-        Solver(np.zeros((2, 3)), [edge]).step()
+        Solver(np.zeros((2, 3)), [edge]).run_part()
 
     def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
-        """Take the odometry pose at `scan.time_s` (beam 0) and the speed during the turn, for de-skewing."""
-        update = self._front.update(odom_from_base, scan, twist)
-        pose = self._graph_from_front @ update.map_from_base
-        closed = self.loops_closed
+        """Process one scan; see `Mapper.update`."""
+        loops_before, driven_before_m = self.loops_closed, self.submaps.driven_m
+        update = self._front_end.update(odom_from_base, scan, twist)
+        if self._add_node(update, scan, twist):
+            self._on_submap_finished()
+        parts = round((self.submaps.driven_m - driven_before_m) / PART_EVERY_M)
+        for _ in range(max(1, min(MAX_PARTS, parts))):
+            self._run_part()
+        # By now a loop may be closed, or the front end may work in another map.
+        pose = self._graph_from_front_end @ self._front_end.map_from_base
+        return replace(update, map_from_base=pose, jumped=self.loops_closed > loops_before)
+
+    def _add_node(self, update: MapperUpdate, scan: Scan, twist: Twist2) -> bool:
+        """Add the scan to the graph; return whether a submap was finished in an up-to-date map."""
         points = None
         if update.integrated:
             points = scan_points(scan, twist, self._base_from_laser, self._options.usable_range_m)
-        driven_m = self.places.driven_m
-        new_place = self.places.add(pose, points)
+        started = self.submaps.add(self._graph_from_front_end @ update.map_from_base, points)
         if update.integrated:
-            self._active.add(self.places.newest)
-        if self._drawn is not None and self._drawn.chosen is not None:
-            self._drawn.chosen.add(self.places.newest)
-        if new_place and self._solver is None and self._graph_from_front == Pose2():
-            self._place_finished()
-        parts = round((self.places.driven_m - driven_m) / PART_EVERY_M)
-        for _ in range(max(1, min(MOST_PARTS, parts))):
-            self._work()
-        # By now the loop may be closed, or the front end work in another map.
-        pose = self._graph_from_front @ self._front.map_from_base
-        return replace(update, map_from_base=pose, jumped=self.loops_closed > closed)
+            self._active.add(self.submaps.newest)
+        if self._next_active is not None and self._next_active.chosen is not None:
+            self._next_active.chosen.add(self.submaps.newest)
+        return started and self._solver is None and self._graph_from_front_end == Pose2()
 
-    def _place_finished(self) -> None:
-        near = self.places.within(self._loops.active_m)
-        self.places.tie(near)
+    def _on_submap_finished(self) -> None:
+        """Connect the submap just finished, start a loop search, and keep the active map up to date."""
+        near = self.submaps.within(self._loops.active_m)
+        self.submaps.connect_to_nearest(near)
         if not self._search.busy:
-            self._search.begin(near)
-            far_m = self.places.driven_m - self._trimmed_at_m
-            if self._drawn is None and far_m >= 0.5 * self._loops.active_m:
-                # Now and then drop from the active map what has become far along the graph.
-                self._trimmed_at_m = self.places.driven_m
+            self._search.start(near)
+            far_m = self.submaps.driven_m - self._trimmed_at_m
+            if self._next_active is None and far_m >= 0.5 * self._loops.active_m:
+                # Now and then drop what is now far along the graph from the active map.
+                self._trimmed_at_m = self.submaps.driven_m
                 if not self._active <= near.keys():
-                    self._draw_active()
-        if self._joining is None and not near.keys() <= self._active:
-            # Where the map of the last round ends, the robot would begin a second one beside it.
-            self._joining = MapRebuild(cells=self._front.cells, chosen=near.keys() - self._active)
+                    self._rebuild_active()
+        if self._additions is None and not near.keys() <= self._active:
+            # Where the map of the last round ends, the robot would start a second one beside it.
+            self._additions = MapRebuild(hit_grid=self._front_end.hit_grid, chosen=near.keys() - self._active)
 
-    def _work(self) -> None:
-        """Do a part of what closing a loop takes: of the solver, of a map, of the search."""
+    def _run_part(self) -> None:
+        """Run one part of the solver or of a map under construction, and one of the loop search."""
         if self._solver is not None:
-            if self._solver.step():
-                before = self.places.pose(self.places.newest)
-                self.places.adopt(self._solver.poses)
-                bend = self.places.pose(self.places.newest) @ before.inverse()
-                self._graph_from_front = bend @ self._graph_from_front
-                self._solver = None
-                self.loops_closed += 1
-                self._joining = None
-                self._draw_active()
-                self._next_world = MapRebuild(cells=self._empty(distances=False))
-        elif self._joining is not None:
-            if self._joining.draw(self.places, SCANS_AT_ONCE):
-                self._active |= self._joining.chosen or set()
-                self._joining = None
-        elif self._drawn is not None:
-            if self._drawn.draw(self.places, SCANS_AT_ONCE):
-                self._front.replace_map(self._drawn.cells, self._graph_from_front @ self._front.map_from_base)
-                self._graph_from_front = Pose2()
-                self._active = self._drawn.chosen or set()
-                self._drawn = None
-                if self._world is None and self._next_world is None:
-                    self._next_world = MapRebuild(cells=self._empty(distances=False))
-        elif self._next_world is not None:
-            if self._next_world.draw(self.places, SCANS_AT_ONCE):
-                self._world, self._next_world = self._next_world, None
-        elif self._world is not None:
-            self._world.draw(self.places, SCANS_AT_ONCE)
-        if self._search.work():
-            self._solver = Solver(self.places.poses, self.places.edges)
+            if self._solver.run_part():
+                self._apply_solution(self._solver)
+        elif self._additions is not None:
+            if self._additions.insert_part(self.submaps):
+                self._active |= self._additions.chosen or set()
+                self._additions = None
+        elif self._next_active is not None:
+            if self._next_active.insert_part(self.submaps):
+                self._switch_active(self._next_active)
+        elif self._next_whole_map is not None:
+            if self._next_whole_map.insert_part(self.submaps):
+                self._whole_map, self._next_whole_map = self._next_whole_map, None
+        elif self._whole_map is not None:
+            self._whole_map.insert_part(self.submaps)
+        if self._search.run_part():
+            self._solver = Solver(self.submaps.poses, self.submaps.edges)
 
-    def _draw_active(self) -> None:
-        self._trimmed_at_m = self.places.driven_m
-        self._drawn = MapRebuild(cells=self._empty(), chosen=set(self.places.within(self._loops.active_m)))
+    def _apply_solution(self, solver: Solver) -> None:
+        """Correct the submaps, and rebuild the maps from them."""
+        before = self.submaps.pose(self.submaps.newest)
+        self.submaps.apply_correction(solver.poses)
+        correction = self.submaps.pose(self.submaps.newest) @ before.inverse()
+        self._graph_from_front_end = correction @ self._graph_from_front_end
+        self._solver = None
+        self.loops_closed += 1
+        self._additions = None
+        self._rebuild_active()
+        self._next_whole_map = MapRebuild(hit_grid=self._empty_grid(distances=False))
 
-    def _empty(self, *, distances: bool = True) -> HitGrid:
+    def _switch_active(self, rebuilt: MapRebuild) -> None:
+        """Let the front end continue in the rebuilt active map."""
+        pose = self._graph_from_front_end @ self._front_end.map_from_base
+        self._front_end.replace_map(rebuilt.hit_grid, pose)
+        self._graph_from_front_end = Pose2()
+        self._active = rebuilt.chosen or set()
+        self._next_active = None
+        if self._whole_map is None and self._next_whole_map is None:
+            self._next_whole_map = MapRebuild(hit_grid=self._empty_grid(distances=False))
+
+    def _rebuild_active(self) -> None:
+        self._trimmed_at_m = self.submaps.driven_m
+        chosen = set(self.submaps.within(self._loops.active_m))
+        self._next_active = MapRebuild(hit_grid=self._empty_grid(), chosen=chosen)
+
+    def _empty_grid(self, *, distances: bool = True) -> HitGrid:
         options = self._options
         return HitGrid(options.resolution_m, options.reach_m, options.occupied_fraction, distances=distances)

@@ -1,4 +1,8 @@
-"""A pose graph: relative poses between places, made consistent by least squares, a part at a time."""
+"""Pose-graph optimization: relative poses between submaps, made consistent by least squares, in parts.
+
+Equation numbers are those of Grisetti, Kuemmerle, Stachniss, Burgard, "A tutorial on graph-based SLAM", IEEE
+ITS Magazine 2(4), 2010.
+"""
 
 import math
 from collections import deque
@@ -10,33 +14,33 @@ from numpy.typing import NDArray
 from thumper.common.geometry import FloatArray, Pose2, wrap_angle
 from thumper.common.numba_kernel import kernel
 
-MOST_STEPS = 12
-PRODUCTS_AT_ONCE = 2_000_000  # in one part of a factorisation: some ms
-FIXED = 1e9  # information that nails the first node down: the map's origin must not float
+MAX_ITERATIONS = 12
+PRODUCTS_PER_PART = 2_000_000  # of the factorization: a few ms
+FIXED_INFORMATION = 1e9  # of the first node: the map's origin must not move
+LOOP_KERNEL_STD = 3.0  # Cauchy kernel: a loop edge this far off has half its weight
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edge:
-    """`second` seen from `first`, and how well that is known."""
+    """The pose of node `second` in the frame of node `first`, with its standard deviations."""
 
     first: int
     second: int
     first_from_second: Pose2
     std_m: float
     std_rad: float
-    loop: bool  # weighed down when it disagrees with the rest; the chain of the drive is not
-    length_m: float  # way between the two, for distances within the graph
+    loop: bool  # loop edges have a robust kernel, odometry edges do not
+    length_m: float  # distance between the two, for path lengths in the graph
 
 
 class Solver:
-    """Bends poses until the edges agree, a part of a step a call: a robot cannot wait for all of them.
+    """Gauss-Newton with Cauchy weights on the loop edges.
 
-    Gauss-Newton with Cauchy weights on the loops (Grisetti, Kuemmerle, Stachniss, Burgard, "A tutorial on
-    graph-based SLAM", IEEE ITS Magazine 2(4), 2010).
+    Each call runs a part of an iteration: a robot cannot wait for the whole solution.
     """
 
     def __init__(self, poses: FloatArray, edges: list[Edge]) -> None:
-        """Begin with poses, shape (n, 3); node 0 will stay. Edges beyond these nodes are left out."""
+        """Start from poses, shape (n, 3). Node 0 stays fixed; edges beyond these nodes are ignored."""
         edges = [edge for edge in edges if max(edge.first, edge.second) < len(poses)]
         self.poses = poses.copy()
         self._first = np.array([edge.first for edge in edges])
@@ -48,35 +52,37 @@ class Solver:
         self._width = 3 * int(np.abs(self._rank[self._first] - self._rank[self._second]).max(initial=0)) + 2
         self._band: FloatArray = np.zeros((0, 0))
         self._right: FloatArray = np.zeros(0)
-        self._factored = 0  # rows
-        self._left = MOST_STEPS
+        self._rows_factored = 0
+        self._iterations_left = MAX_ITERATIONS
 
-    def step(self) -> bool:
-        """Do a part of a step; whether it ended the last one."""
+    def run_part(self) -> bool:
+        """Run a part of an iteration and return whether the solution is final."""
         if not self._band.size:
-            self._linearise()
-        last = min(len(self._band), self._factored + max(1, PRODUCTS_AT_ONCE // self._width**2))
-        factor(self._band, self._factored, last)
-        self._factored = last
+            self._linearize()
+        count = max(1, PRODUCTS_PER_PART // self._width**2)
+        last = min(len(self._band), self._rows_factored + count)
+        factor(self._band, self._rows_factored, last)
+        self._rows_factored = last
         if last < len(self._band):
             return False
         substitute(self._band, self._right)
         step = self._right.reshape(-1, 3)[self._rank]
-        self._band, self._factored = np.zeros((0, 0)), 0
+        self._band, self._rows_factored = np.zeros((0, 0)), 0
         self.poses += step
         self.poses[:, 2] = np.remainder(self.poses[:, 2] + math.pi, math.tau) - math.pi
-        self._left -= 1
-        return self._left == 0 or float(np.abs(step).max()) < 1e-5
+        self._iterations_left -= 1
+        return self._iterations_left == 0 or float(np.abs(step).max()) < 1e-5
 
-    def _linearise(self) -> None:
-        """Fill the lower band of the normal equations, their rows in the order of the ranks."""
+    def _linearize(self) -> None:
+        """Fill the lower band of H and the vector b (algorithm 1), rows in the order of the ranks."""
         n, width, information = self.poses.shape[0], self._width, self._information
         first, second = self._rank[self._first], self._rank[self._second]
-        error, a, b = _linearised(self.poses[self._first], self.poses[self._second], self._measured)
+        error, a, b = _error_and_jacobians(self.poses[self._first], self.poses[self._second], self._measured)
         squared = np.sum(information * error * error, axis=1)
-        weight = np.where(self._loop, 1.0 / (1.0 + squared / 9.0), 1.0)[:, np.newaxis] * information
+        robust = np.where(self._loop, 1.0 / (1.0 + squared / LOOP_KERNEL_STD**2), 1.0)
+        weight = robust[:, np.newaxis] * information
         fixed = 3 * self._rank[0] + np.arange(3)
-        rows, cols, values, right = [fixed], [fixed], [np.full(3, FIXED)], np.zeros((n, 3))
+        rows, cols, values, right = [fixed], [fixed], [np.full(3, FIXED_INFORMATION)], np.zeros((n, 3))
         for i, left in ((first, a), (second, b)):
             weighted = left * weight[:, :, np.newaxis]
             np.add.at(right, i, -np.einsum("mki,mk->mi", weighted, error))
@@ -95,9 +101,9 @@ class Solver:
 
 
 def residual(poses: FloatArray, edge: Edge) -> tuple[float, float]:
-    """How far [m, rad] the poses are from what the edge says."""
-    one, two = (Pose2(x_m=p[0], y_m=p[1], theta_rad=p[2]) for p in poses[[edge.first, edge.second]])
-    error = edge.first_from_second.inverse() @ (one.inverse() @ two)
+    """Return by how much [m, rad] the relative pose differs from the edge."""
+    first, second = (Pose2(x_m=p[0], y_m=p[1], theta_rad=p[2]) for p in poses[[edge.first, edge.second]])
+    error = edge.first_from_second.inverse() @ (first.inverse() @ second)
     return math.hypot(error.x_m, error.y_m), abs(wrap_angle(error.theta_rad))
 
 
@@ -105,18 +111,21 @@ def _row(pose: Pose2) -> tuple[float, float, float]:
     return pose.x_m, pose.y_m, pose.theta_rad
 
 
-def _linearised(
-    one: FloatArray, two: FloatArray, measured: FloatArray
+def _error_and_jacobians(
+    first: FloatArray, second: FloatArray, measured: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Errors, shape (m, 3), in the first node's frame, and their Jacobians by either node, (m, 3, 3)."""
-    cos, sin = np.cos(one[:, 2]), np.sin(one[:, 2])
-    dx, dy = two[:, 0] - one[:, 0], two[:, 1] - one[:, 1]
+    """Return errors in the first node's frame, shape (m, 3), and their Jacobians A and B, (m, 3, 3).
+
+    Eqs. 30, 32 and 33.
+    """
+    cos, sin = np.cos(first[:, 2]), np.sin(first[:, 2])
+    dx, dy = second[:, 0] - first[:, 0], second[:, 1] - first[:, 1]
     along, across = cos * dx + sin * dy, -sin * dx + cos * dy
-    turn = two[:, 2] - one[:, 2] - measured[:, 2]
+    turn = second[:, 2] - first[:, 2] - measured[:, 2]
     error = np.column_stack(
         (along - measured[:, 0], across - measured[:, 1], np.remainder(turn + np.pi, math.tau) - np.pi)
     )
-    a, b = np.zeros((len(one), 3, 3)), np.zeros((len(one), 3, 3))
+    a, b = np.zeros((len(first), 3, 3)), np.zeros((len(first), 3, 3))
     a[:, 0, 0], a[:, 0, 1], a[:, 0, 2] = -cos, -sin, across
     a[:, 1, 0], a[:, 1, 1], a[:, 1, 2] = sin, -cos, -along
     b[:, 0, 0], b[:, 0, 1], b[:, 1, 0], b[:, 1, 1] = cos, sin, -sin, cos
@@ -125,9 +134,9 @@ def _linearised(
 
 
 def _ranks(n: int, edges: list[Edge]) -> NDArray[np.int64]:
-    """Number of each node in an order in which neighbours are near one another, shape (n,).
+    """Return a numbering of the nodes that keeps neighbours close together, shape (n,).
 
-    Breadth first from one end, nodes of few neighbours first (Cuthill and McKee, "Reducing the bandwidth of
+    Breadth first from one end, nodes with few neighbours first (Cuthill and McKee, "Reducing the bandwidth of
     sparse symmetric matrices", ACM 1969).
     """
     neighbours: list[set[int]] = [set() for _ in range(n)]
@@ -146,13 +155,13 @@ def _ranks(n: int, edges: list[Edge]) -> NDArray[np.int64]:
         return found
 
     rank = np.zeros(n, dtype=np.int64)
-    rank[order(order(0)[-1])] = np.arange(n)  # all are tied to the chain of the drive
+    rank[order(order(0)[-1])] = np.arange(n)  # odometry edges connect all nodes
     return rank
 
 
 @kernel
 def factor(band: FloatArray, first: int, last: int) -> None:
-    """Cholesky's factor of some rows of a symmetric matrix, in place; those before them have been done.
+    """Compute rows `first` to `last` of a symmetric matrix's Cholesky factor, in place and in order.
 
     `band`, shape (n, width + 1), holds element (i, j) of the lower triangle at [i, j - i + width].
     """
@@ -167,7 +176,7 @@ def factor(band: FloatArray, first: int, last: int) -> None:
 
 @kernel
 def substitute(band: FloatArray, right: FloatArray) -> None:
-    """Solve with the factor, in place; `right` has shape (n,)."""
+    """Solve the system with the Cholesky factor, in place; `right` has shape (n,)."""
     n, width = band.shape[0], band.shape[1] - 1
     for i in range(n):
         for k in range(max(0, i - width), i):

@@ -1,13 +1,15 @@
-"""Distance to the nearest occupied cell, kept exact while cells turn occupied and free again.
+"""Distance to the nearest occupied cell, updated exactly as cells become occupied and free.
 
-A precomputed field makes the score of a beam one table look-up, and updating it only where a cell changes
-makes it cheap (the idea of Lau, Sprunk, Burgard, "Improved updating of Euclidean distance maps and Voronoi
-diagrams", IROS 2010; here with a bounded reach, so a plain window replaces their wave front).
+The score of a beam is then one table look-up, and an update costs only where a cell has changed. The idea is
+that of Lau, Sprunk, Burgard, "Improved updating of Euclidean distance maps and Voronoi diagrams", IROS 2010.
+Here the distance is bounded, so a plain window replaces their wave front.
 
-`distance_m`, float32, shape (rows, columns), is between cell centres and cut off at the reach.
+`distance_m`, float32, shape (rows, columns), is measured between cell centres and cut off at the largest
+distance.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,52 +21,68 @@ ByteArray = NDArray[np.uint8]
 CountArray = NDArray[np.uint8]
 
 
+class DistanceField(NamedTuple):
+    """A distance field to match against. Numba passes a named tuple of arrays as it is."""
+
+    distance_m: FieldArray  # shape (rows, columns)
+    resolution_m: float
+    max_distance_m: float  # cut-off: cells at this distance have nothing near them
+
+
+class HitCells(NamedTuple):
+    """Counts and distances of one grid, arrays of shape (rows, columns). `distance_m` may be empty."""
+
+    hits: CountArray
+    misses: CountArray
+    distance_m: FieldArray
+    resolution_m: float
+    max_distance_cells: int
+    occupied_fraction: float  # share of hits that makes a cell occupied
+
+
 @kernel
 def is_occupied(hits: int, misses: int, occupied_fraction: float) -> bool:
-    """Whether enough of the beams that reached the cell ended in it."""
+    """Return whether enough of the beams that reached the cell ended in it."""
     return hits > 0 and hits >= occupied_fraction * (hits + misses)
 
 
 @kernel
-def between_m(rows: int, cols: int, resolution_m: float) -> np.float32:
-    """Distance of two cells so many rows and columns apart."""
+def cell_distance_m(rows: int, cols: int, resolution_m: float) -> np.float32:
+    """Return the distance between two cells that many rows and columns apart [m]."""
     return np.float32(resolution_m * math.sqrt(rows * rows + cols * cols))
 
 
 @kernel
-def mark(row: int, col: int, distance_m: FieldArray, resolution_m: float, reach: int) -> None:
-    """The cell has turned occupied: shorten the distances within `reach` cells of it."""
-    for r in range(max(0, row - reach), min(distance_m.shape[0], row + reach + 1)):
-        for c in range(max(0, col - reach), min(distance_m.shape[1], col + reach + 1)):
-            candidate_m = between_m(r - row, c - col, resolution_m)
+def add_obstacle(
+    row: int, col: int, distance_m: FieldArray, resolution_m: float, max_distance_cells: int
+) -> None:
+    """Shorten the distances around a cell that became occupied."""
+    for r in range(max(0, row - max_distance_cells), min(distance_m.shape[0], row + max_distance_cells + 1)):
+        for c in range(
+            max(0, col - max_distance_cells), min(distance_m.shape[1], col + max_distance_cells + 1)
+        ):
+            candidate_m = cell_distance_m(r - row, c - col, resolution_m)
             distance_m[r, c] = min(distance_m[r, c], candidate_m)
 
 
 @kernel
-def unmark(
-    row: int,
-    col: int,
-    hits: CountArray,
-    misses: CountArray,
-    distance_m: FieldArray,
-    resolution_m: float,
-    reach: int,
-    occupied_fraction: float,
-) -> None:
-    """The cell has turned free: forget the distances that may be to it and find the next nearest cells.
+def remove_obstacle(row: int, col: int, cells: HitCells) -> None:
+    """Recompute the distances around a cell that became free.
 
-    `hits` and `misses` must already say that the cell is free.
+    The cell's counts must already be those of a free cell.
     """
+    distance_m, resolution_m, reach = cells.distance_m, cells.resolution_m, cells.max_distance_cells
     rows, cols = distance_m.shape
-    reach_m = np.float32(reach * resolution_m)
+    max_distance_m = np.float32(reach * resolution_m)
     top, bottom, left, right = rows, -1, cols, -1
     for r in range(max(0, row - reach), min(rows, row + reach + 1)):
         for c in range(max(0, col - reach), min(cols, col + reach + 1)):
-            if distance_m[r, c] < reach_m and distance_m[r, c] == between_m(r - row, c - col, resolution_m):
-                distance_m[r, c] = reach_m
+            own_m = cell_distance_m(r - row, c - col, resolution_m)
+            if distance_m[r, c] < max_distance_m and distance_m[r, c] == own_m:
+                distance_m[r, c] = max_distance_m
                 top, bottom = min(top, r), max(bottom, r)
                 left, right = min(left, c), max(right, c)
     for r in range(max(0, top - reach), min(rows, bottom + reach + 1)):
         for c in range(max(0, left - reach), min(cols, right + reach + 1)):
-            if is_occupied(hits[r, c], misses[r, c], occupied_fraction):
-                mark(r, c, distance_m, resolution_m, reach)
+            if is_occupied(cells.hits[r, c], cells.misses[r, c], cells.occupied_fraction):
+                add_obstacle(r, c, distance_m, resolution_m, reach)

@@ -1,4 +1,4 @@
-"""Solving three unknowns, without LAPACK: loading it for this would cost 20 MB and half a second."""
+"""Linear algebra in three unknowns without LAPACK, whose import costs 20 MB and half a second."""
 
 import math
 
@@ -10,7 +10,7 @@ from thumper.common.numba_kernel import kernel
 
 @kernel
 def cholesky3(matrix: FloatArray) -> FloatArray:
-    """Lower factor of a symmetric positive matrix, shape (3, 3); zero pivots are lifted to a tiny one."""
+    """Return the lower factor of a symmetric positive matrix, shape (3, 3); pivots are at least 1e-6."""
     lower = np.zeros((3, 3))
     for i in range(3):
         for j in range(i + 1):
@@ -41,7 +41,7 @@ def solve3(matrix: FloatArray, right: FloatArray) -> FloatArray:
 
 @kernel
 def inverse3(matrix: FloatArray) -> FloatArray:
-    """Invert a symmetric positive matrix, shape (3, 3)."""
+    """Return the inverse of a symmetric positive matrix, shape (3, 3)."""
     out, unit = np.empty((3, 3)), np.zeros(3)
     for k in range(3):
         unit[:] = 0.0
@@ -51,7 +51,7 @@ def inverse3(matrix: FloatArray) -> FloatArray:
 
 
 @kernel
-def spread3(information: FloatArray, normal: FloatArray) -> FloatArray:
+def sample3(information: FloatArray, normal: FloatArray) -> FloatArray:
     """Turn standard normal numbers, shape (3,), into a draw from N(0, information^-1): L^T x = normal."""
     lower = cholesky3(information)
     x = normal.copy()

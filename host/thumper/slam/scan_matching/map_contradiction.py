@@ -1,34 +1,35 @@
-"""Whether a scan that the map does not explain contradicts it, or only shows what it does not hold yet."""
+"""Whether a scan that the map does not explain contradicts it, or only shows an area not mapped yet."""
 
 import math
 
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
-from thumper.slam.scan_matching.distance_field import CountArray, FieldArray
+from thumper.slam.scan_matching.distance_field import CountArray, DistanceField
 
-MARGIN = 6  # cells: nearer to a wall than this a beam's end or its way says nothing against the map
+MARGIN_CELLS = 6  # closer to a wall than this, neither a beam's end nor its path contradicts the map
 
 
 @kernel
 def contradicting_share(
-    origins: FloatArray, ends: FloatArray, misses: CountArray, distance_m: FieldArray, resolution_m: float
+    origins: FloatArray, ends: FloatArray, misses: CountArray, field: DistanceField
 ) -> float:
-    """Share of the hits that end where the map is free, or whose beam goes through a wall before.
+    """Return the share of hits that end in free space, or whose beam first passes through a wall.
 
-    `origins` and `ends`, shape (n, 2), are in cells. Through the door into another room it is near zero; for
-    a robot that was carried away it is not.
+    `origins` and `ends`, shape (n, 2), are in cells. The share is near zero for a look through the door into
+    a new room, and large for a kidnapped robot.
     """
+    distance_m = field.distance_m
     rows, cols = misses.shape
     against = 0
     for i in range(ends.shape[0]):
         row, col = math.floor(ends[i, 1]), math.floor(ends[i, 0])
         inside = 0 <= row < rows and 0 <= col < cols
-        if inside and misses[row, col] > 0 and distance_m[row, col] > MARGIN * resolution_m:
+        if inside and misses[row, col] > 0 and distance_m[row, col] > MARGIN_CELLS * field.resolution_m:
             against += 1
             continue
         dx, dy = ends[i, 0] - origins[i, 0], ends[i, 1] - origins[i, 1]
         length = math.hypot(dx, dy)
-        for k in range(int(length) - MARGIN):
+        for k in range(int(length) - MARGIN_CELLS):
             row, col = (
                 math.floor(origins[i, 1] + dy * k / length),
                 math.floor(origins[i, 0] + dx * k / length),
