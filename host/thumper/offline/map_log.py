@@ -207,7 +207,8 @@ def map_log(
     if not any(update.integrated for update in mapped.updates):
         if session is not None:
             doubt = "does it belong to the session? --start may help"
-            still = f"the place is recognised, but the robot moves less than {MIN_DISTANCE_M:g} m: nothing is entered"
+            least = f"{MIN_DISTANCE_M:g} m"
+            still = f"the place is recognised, but the robot moves less than {least}: nothing is entered"
             raise ThumperError(f"{path}: {'; '.join((*mapped.lines, doubt if mapped.lost else still))}")
         raise ThumperError(
             f"{path}: no scan has enough usable beams: there is nothing to map", exit_code=EXIT_USAGE
