@@ -1,6 +1,5 @@
 """Access control: loopback, password, HTTPS, origin."""
 
-import asyncio
 import http.client
 import ssl
 import stat
@@ -10,8 +9,8 @@ from pathlib import Path
 from urllib.parse import urlencode
 
 import pytest
-from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidHandshake, WebSocketException
+from websockets.sync.client import connect
 
 from tests.dashboard.conftest import Server
 from tests.dashboard.fake_robot import FakeRobot
@@ -76,16 +75,13 @@ def status(server: Server, path: str = "/", **headers: str) -> int:
 
 
 def refused(url: str, origin: str | None, context: ssl.SSLContext | None = None) -> bool:
-    async def try_connect() -> bool:
-        try:
-            connection = connect(url, origin=origin, ssl=context, open_timeout=TIMEOUT_S)  # type: ignore[arg-type]
-            async with connection as socket:
-                await socket.recv()
-        except (InvalidHandshake, WebSocketException):
-            return True
-        return False
-
-    return asyncio.run(try_connect())
+    try:
+        connection = connect(url, origin=origin, ssl=context, open_timeout=TIMEOUT_S)  # type: ignore[arg-type]
+        with connection as socket:
+            socket.recv(timeout=TIMEOUT_S)
+    except (InvalidHandshake, WebSocketException):
+        return True
+    return False
 
 
 def test_other_origins_are_refused(server: Server) -> None:
@@ -99,19 +95,13 @@ def test_other_origins_are_refused(server: Server) -> None:
 
 
 def test_floods_and_invalid_messages_are_dropped(server: Server, robot: FakeRobot) -> None:
-    async def flood() -> str:
-        async with connect(f"ws://127.0.0.1:{server.port}/stream", open_timeout=TIMEOUT_S) as socket:
-            for _ in range(300):
-                await socket.send('{"kind": "command", "name": "arm"}')
-            await socket.send("x" * 9000)
-            try:
-                while True:
-                    await socket.recv()
-            except WebSocketException as error:
-                return str(error)
-
     robot.reset()
-    assert "too long" in asyncio.run(flood())
+    with connect(f"ws://127.0.0.1:{server.port}/stream", open_timeout=TIMEOUT_S) as socket:
+        for _ in range(300):
+            socket.send('{"kind": "command", "name": "arm"}')
+        socket.send("x" * 9000)
+        with pytest.raises(WebSocketException, match="too long"):
+            list(socket)  # reads until the server closes
     assert len(robot.received) < 100
 
 
