@@ -7,9 +7,9 @@
         robot.goto(0.5, -0.5)
         print(robot.pose, robot.battery_V)
 
-Everything happens within the calls: between them the robot stands, its motors off, however long the script
-thinks. What waited in the ports meanwhile is taken in by the next call or question. On the way out, whatever
-the reason, the motors are stopped first.
+Everything happens inside the calls. Between them the robot is stationary with its motors off, however long
+the script takes; the next call reads what has waited in the ports. On exit, whatever the reason, the motors
+stop first.
 """
 
 import itertools
@@ -39,7 +39,7 @@ from thumper.slam.saved_state import SavedSlamState, load_session, save_session
 
 SIMULATION = "sim://"
 MAX_DURATION_S = 600.0
-DISARM_CYCLES = 3  # telemetry from before the motors were switched off may still be on its way
+DISARM_CYCLES = 3  # telemetry from before the disarming may still arrive
 _simulation_numbers = itertools.count(1)
 
 
@@ -55,13 +55,12 @@ class Robot:
         start: Pose2 | None = None,
         session: str | Path | None = None,
     ) -> None:
-        """Name the ports; they are opened by `with`.
+        """Choose the ports; `with` opens them.
 
-        `board` is a port or "sim://", which simulates a new robot and its lidar; what follows "sim://?" sets
-        the simulation up ("sim://?world=hall&seed=3"). Without ports those of the `config` file are taken.
-        The map's frame is laid by `start`, where the robot stands; by default its origin. With the file of a
-        `session` the robot goes on in that map, once it has found out where in it it stands: near `start`, by
-        default anywhere.
+        `board` is a port or "sim://", which simulates a new robot and its lidar; options follow after "?"
+        ("sim://?world=hall&seed=3"). The default ports are those of the `config` file. `start` is the robot's
+        pose at the start and defines the map frame; by default it is the origin. With a `session` file, the
+        robot resumes mapping in that map, once it has localized near `start`, by default anywhere.
 
         Raises
         ------
@@ -70,7 +69,7 @@ class Robot:
         """
         if not (isinstance(board, str) and isinstance(lidar, str)):
             raise ThumperError(
-                'Robot: board and lidar are names of ports, such as "/dev/ttyUSB0"', exit_code=EXIT_USAGE
+                'Robot: board and lidar are port names, such as "/dev/ttyUSB0"', exit_code=EXIT_USAGE
             )
         if not (start is None or isinstance(start, Pose2)):
             raise ThumperError(
@@ -82,29 +81,29 @@ class Robot:
         self._session = _path("session", session) if session else None
         self._start = start if start or session else Pose2()
         self._stack = ExitStack()
-        self._opened: RobotLoop | None = None
+        self._robot_loop: RobotLoop | None = None
 
     def __enter__(self) -> Self:
-        """Open the ports and look round; raises ThumperError when board or lidar do not answer."""
+        """Open the ports and map the first scans; raise ThumperError if board or lidar do not answer."""
         with ExitStack() as stack:
             size_m = self._config.mapping.resolution_m
             known = load_session(self._session, size_m) if self._session else None
-            self._opened = stack.enter_context(open_robot(self._config, self._start, known))
-            self._runtime.inputs.wait_for_map(self._step)
+            self._robot_loop = stack.enter_context(open_robot(self._config, self._start, known))
+            self._loop.wait_for_map()
             self._stack = stack.pop_all()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._opened = None
+        self._robot_loop = None
         self._stack.close()
 
     def drive(self, *, v_m_s: float = 0.0, w_rad_s: float = 0.0, duration_s: float = 1.0) -> None:
-        """Drive at this speed (forward, counter-clockwise) for so long, then stop. It heeds no wall.
+        """Drive at this speed (forward, counter-clockwise) for `duration_s`, then stop. Ignores obstacles.
 
         Raises
         ------
         ThumperError
-            A number that cannot be, or the board has stopped the motors; the message says why.
+            An invalid number, or the board has stopped the motors; the message says why.
         """
         v_m_s, w_rad_s = _number("drive", v_m_s), _number("drive", w_rad_s)
         duration_s = _duration_s("drive", duration_s)
@@ -116,46 +115,46 @@ class Robot:
                 exit_code=EXIT_USAGE,
             )
         if not (math.isfinite(v_m_s) and math.isfinite(w_rad_s)):
-            raise ThumperError("drive: give finite speeds", exit_code=EXIT_USAGE)
+            raise ThumperError("drive: pass finite speeds", exit_code=EXIT_USAGE)
         self._catch_up()
-        drive_manager = self._runtime.drive_manager
-        drive_manager.arm(self._runtime.inputs.telemetry)
+        drive_manager = self._loop.drive_manager
+        drive_manager.arm(self._loop.inputs.telemetry)
         try:
             drive_manager.cruise(Twist2(v_m_s=v_m_s, w_rad_s=w_rad_s))
             self._run_for(duration_s, while_armed=True)
         finally:
-            self._runtime.stop()
+            self._loop.stop()
             self._await_motors_off()
 
     def goto(
         self, x_m: float, y_m: float, heading_rad: float | None = None, *, tolerance_m: float = 0.1
     ) -> DriveResult:
-        """Plan a way to a place in the map and drive there, round what stands in it; tells how it went.
+        """Plan a path to a place in the map, drive there around obstacles and return the result.
 
-        The result's time and way are those of this drive. `tolerance_m` is 0.02...1.
+        Time and path length are those of this drive. `tolerance_m` is 0.02...1.
 
         Raises
         ------
         ThumperError
-            Before anything moves: a goal in a wall or out of reach, a latched fault, a number that cannot be.
+            Before anything moves: a goal in a wall or out of reach, a latched fault, an invalid number.
         """
         numbers = {"x_m": x_m, "y_m": y_m, "tolerance_m": tolerance_m}
         if heading_rad is not None:
             numbers["yaw_rad"] = heading_rad
         numbers = {name: _number("goto", value) for name, value in numbers.items()}
-        result = self._runtime.drive_to(parse_goal(numbers), lambda _progress: None)
+        result = self._loop.drive_to(parse_goal(numbers), lambda _progress: None)
         self._await_motors_off()
         if result.interrupted:
             raise KeyboardInterrupt
         return result
 
     def wait(self, duration_s: float = 1.0) -> None:
-        """Stand and go on looking and mapping for a while.
+        """Stay stationary and continue mapping for a while.
 
         Raises
         ------
         ThumperError
-            A duration that cannot be, or the board is silent.
+            An invalid duration, or the board is silent.
         """
         duration_s = _duration_s("wait", duration_s)
         self._catch_up()
@@ -163,35 +162,35 @@ class Robot:
 
     @property
     def pose(self) -> Pose2:
-        """Where the robot is in the map."""
+        """The robot's pose in the map."""
         self._catch_up()
-        return self._robot_state.map_from_base
+        return self._state.map_from_base
 
     @property
     def map(self) -> OccupancyGrid:
         """The map so far."""
         self._catch_up()
-        return self._runtime.mapper.grid()
+        return self._loop.mapper.grid()
 
     @property
     def scan(self) -> Scan:
-        """The lidar's newest turn."""
+        """The newest scan."""
         self._catch_up()
-        scan = self._runtime.inputs.newest_scan
-        assert scan is not None  # the robot has looked round
+        scan = self._loop.inputs.newest_scan
+        assert scan is not None  # the first scans came with __enter__
         return scan
 
     @property
     def telemetry(self) -> Telemetry:
-        """What the board says, in its own units."""
+        """The newest telemetry of the board, in its own units."""
         self._catch_up()
-        telemetry = self._runtime.inputs.telemetry
+        telemetry = self._loop.inputs.telemetry
         assert telemetry is not None
         return telemetry
 
     @property
     def wheel_speeds(self) -> WheelSpeeds:
-        """What the wheels do."""
+        """The measured wheel speeds."""
         telemetry = self.telemetry
         return WheelSpeeds(
             left_rad_s=telemetry.left_speed / 1000.0, right_rad_s=telemetry.right_speed / 1000.0
@@ -199,88 +198,85 @@ class Robot:
 
     @property
     def battery_V(self) -> float:
-        """The battery's voltage."""
+        """The battery voltage [V]."""
         return self.telemetry.battery_mV / 1000.0
 
     @property
     def log(self) -> DriveLog:
-        """Wheel speeds since the beginning, poses and plans of all `goto`, as arrays."""
-        return self._runtime.log
+        """Wheel speeds since the start, poses and plans of all `goto` calls, as arrays."""
+        return self._loop.log
 
     def save_map(self, path: str | Path) -> Path:
-        """Write the map as map_server's PATH.yaml and PATH.pgm, and PATH.session; returns the first.
+        """Write PATH.yaml and PATH.pgm in map_server's format and PATH.session; return the first.
 
-        `path` may end in .yaml; any other ending is a part of the name.
+        `path` may end in .yaml; any other suffix becomes part of the name.
 
         Raises
         ------
         ThumperError
-            It is no path, or cannot be written.
+            It is not a path, or cannot be written.
         """
         yaml_path = map_yaml_path(_path("save_map", path))
         save_map(self.map, yaml_path)
-        state = SavedSlamState.from_mapper(self._runtime.mapper, self.pose)
+        state = SavedSlamState.from_mapper(self._loop.mapper, self.pose)
         save_session(state, yaml_path.with_suffix(".session"))
         return yaml_path
 
     @property
-    def _runtime(self) -> RobotLoop:
-        if self._opened is None:
-            raise ThumperError(
-                "the robot is not open: use it in `with Robot(...) as robot:`", exit_code=EXIT_USAGE
-            )
-        return self._opened
+    def _loop(self) -> RobotLoop:
+        if self._robot_loop is None:
+            raise ThumperError("the robot is not open; use `with Robot(...) as robot:`", exit_code=EXIT_USAGE)
+        return self._robot_loop
 
     @property
-    def _robot_state(self) -> RobotState:
-        state = self._runtime.inputs.estimator.state()
+    def _state(self) -> RobotState:
+        state = self._loop.inputs.estimator.state()
         assert state is not None
         return state
 
     def _catch_up(self) -> None:
-        self._runtime.inputs.catch_up(self._step)
+        self._loop.catch_up()
 
     def _await_motors_off(self) -> None:
-        """Let `telemetry` be of the robot at rest; should the board be silent, the next call says so."""
+        """Wait until telemetry shows the motors off; if the board is silent, the next call reports it."""
         with suppress(ThumperError):
             for _ in range(DISARM_CYCLES):
-                telemetry = self._runtime.inputs.telemetry
+                telemetry = self._loop.inputs.telemetry
                 if telemetry is None or telemetry.state in (State.DISARMED, State.FAULT) or not self._step():
                     return
 
     def _run_for(self, duration_s: float, *, while_armed: bool) -> None:
         until_s = math.inf
-        while self._robot_state.time_s < until_s:
+        while self._state.time_s < until_s:
             if not self._step():
-                raise ThumperError("the board went silent; is the cable loose?", exit_code=EXIT_NOT_THERE)
-            if while_armed and self._runtime.drive_manager.mode is DriveMode.IDLE:
-                raise ThumperError(f"the drive ended early: {self._runtime.drive_manager.reason}")
-            until_s = min(until_s, self._robot_state.time_s + duration_s)  # from the first order on
+                raise ThumperError("the board went silent; check its cable", exit_code=EXIT_NOT_THERE)
+            if while_armed and self._loop.drive_manager.mode is DriveMode.IDLE:
+                raise ThumperError(f"the drive ended early: {self._loop.drive_manager.reason}")
+            until_s = min(until_s, self._state.time_s + duration_s)  # from the first command on
 
     def _step(self) -> bool:
-        alive, _ = self._runtime.step()
-        return alive
+        return self._loop.step().alive
 
 
 def _number(what: str, value: float) -> float:
     try:
         return float(value)
     except (TypeError, ValueError, OverflowError) as error:
-        raise ThumperError(f"{what}: {value!r} is no number", exit_code=EXIT_USAGE) from error
+        raise ThumperError(f"{what}: {value!r} is not a number", exit_code=EXIT_USAGE) from error
 
 
 def _duration_s(what: str, value: float) -> float:
     duration_s = _number(what, value)
-    if not 0.0 < duration_s <= MAX_DURATION_S:  # nor is nan
+    if not 0.0 < duration_s <= MAX_DURATION_S:  # also refuses nan
         raise ThumperError(
-            f"{what}: give a duration of more than 0 and up to {MAX_DURATION_S:g} s", exit_code=EXIT_USAGE
+            f"{what}: choose a duration of more than 0 and up to {MAX_DURATION_S:g} s", exit_code=EXIT_USAGE
         )
     return duration_s
 
 
 def _path(what: str, value: str | Path) -> Path:
     if not isinstance(value, str | Path) or "\0" in str(value):
-        raise ThumperError(f"{what}: {value!r} is no path of a file", exit_code=EXIT_USAGE)
+        raise ThumperError(f"{what}: {value!r} is not a file path", exit_code=EXIT_USAGE)
     return Path(value)
 
 
@@ -289,11 +285,9 @@ def _on_ports(config: RobotConfig, board: str, lidar: str) -> RobotConfig:
         return with_ports(config, board=board, lidar=lidar)
     rest = board.removeprefix(SIMULATION)
     if rest and not rest.startswith("?"):
-        return with_ports(config, board=board, lidar=lidar)  # a simulation with a name, as commands take it
+        return with_ports(config, board=board, lidar=lidar)  # a named simulation, as for the commands
     if lidar:
-        raise ThumperError(
-            f"Robot: {SIMULATION} brings its own lidar; leave out {lidar}", exit_code=EXIT_USAGE
-        )
+        raise ThumperError(f"Robot: {SIMULATION} has its own lidar; leave out {lidar}", exit_code=EXIT_USAGE)
     options = parse_qsl(rest.removeprefix("?"), keep_blank_values=True)
     if "lidar" not in dict(options):
         options.append(("lidar", config.lidar.model))

@@ -109,7 +109,7 @@ class FakeRobot:
         self.event("the robot is there")
         while not self._stop.wait(max(0.0, due_s - time.monotonic())):
             due_s += self.period_s
-            for at_s, request in self._requests.take():
+            for at_s, request in self._requests.take_all():
                 self.received.append((at_s, request))
                 self._handle(request)
             self._publish(cycle)

@@ -25,7 +25,7 @@ def bus(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     command += ["--start", "1.73", "0.08", "180", "--speed", "1", "--out", str(out)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None
-    assert "at service" in process.stdout.readline()
+    assert "is running on" in process.stdout.readline()
     yield address
     process.send_signal(signal.SIGINT)
     rest, errors = process.communicate(timeout=20)

@@ -77,7 +77,7 @@ def stop_by_another_hand(_robot: RobotLoop, bench: Bench) -> None:
 MISHAPS = [
     (interrupt, "interrupted"),
     (break_the_mapper, "internal error: IndexError: no such cell"),
-    (silence_the_lidar, "lidar sends no more scans"),
+    (silence_the_lidar, "lidar stopped sending scans"),
     (restart_the_board, "the board has restarted"),
     (stop_by_another_hand, "emergency stop"),
 ]

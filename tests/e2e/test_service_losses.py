@@ -10,6 +10,7 @@ import pytest
 
 from tests.e2e.service import FAR, NEAR, Service
 from thumper.board.messages import State
+from thumper.runtime.drive.tasks import serve_requests
 from thumper.runtime.requests import GoTo
 
 
@@ -99,7 +100,7 @@ def test_a_ctrl_c_that_a_kernel_swallows_ends_it_all_the_same(service: Service) 
 
     service.put(GoTo(goals=(FAR,)))
     sys.setprofile(interrupt)
-    service.robot.serve(speed=20.0)
+    service.robot.run(serve_requests(speed=20.0))
     assert came
     assert service.mode == "idle"
     service.beats(1)

@@ -17,12 +17,12 @@ def test_a_standing_robot_localises_in_its_map_and_maps_on(service: Service) -> 
     service.until(lambda: service.robot.inputs.has_map)
     assert command(service, "localise") == {
         "ok": True,
-        "text": "the map stays as it is; the robot localises in it",
+        "text": "the map stays fixed; the robot localizes in it",
     }
     assert service.ask("mapping/state") == {"ok": True, "mode": "localising", "lost": "", "map_doubt": ""}
     frozen = mapper.grid()
     service.put(GoTo(goals=(NEAR,)))
-    assert "must stand" in str(command(service, "map_on")["error"])
+    assert "must be stationary" in str(command(service, "map_on")["error"])
     service.until(lambda: service.mode == "idle")
     assert service.ask("mission/state")["state"] == "reached"
     assert mapper.grid() is frozen

@@ -23,7 +23,7 @@ def test_parameters(service: Service) -> None:
     assert service.ask("parameters/get")["values"]["ki"] == values["ki"]  # none, or all
     assert service.ask("parameters/revert")["values"]["kp"] == pytest.approx(kp)
     service.put(GoTo(goals=(FAR,)))
-    assert "must stand" in service.ask("parameters/save")["error"]
+    assert "must be stationary" in service.ask("parameters/save")["error"]
 
 
 def test_the_status_tells_a_heading_of_zero_from_none(service: Service) -> None:

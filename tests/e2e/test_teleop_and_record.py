@@ -52,7 +52,7 @@ def robot(config: Path) -> Iterator[Path]:
     ]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
-        assert "at service" in process.stdout.readline()
+        assert "is running on" in process.stdout.readline()
         yield config
         process.send_signal(signal.SIGINT)
         process.wait(START_TIMEOUT_S)

@@ -55,7 +55,7 @@ def drive_with(fault: str, folder: Path) -> tuple[DriveResult, Bench]:
         ('motor.right = "shorted"', "a motor draws too much current", 1.0),
         ('wheels.right = "blocked"', "right wheels do not turn", 0.8),
         ("battery.charge = 0.01", "the battery is empty; charge it", 4.0),
-        ("line.loss = 1.0", "the board went silent; it stops its motors by itself", 0.7),
+        ("line.loss = 1.0", "the board went silent; its firmware stops the motors", 0.7),
         ("host.hang = 1.0", "the board went silent|no command for 300 ms", 0.7),
         ('firmware = "hang"', "the board went silent|restarted", 1.0),
         ('firmware = "loop"', "restarted", 1.0),

@@ -89,7 +89,7 @@ def test_a_page_that_goes_stops_what_it_began(robot: RobotLoop) -> None:
     robot.request_queue.put(Heartbeat(source="page"))
     ask(robot, "experiment/start", {"name": "tune", "lane_m": 1.2}, source="page")
     robot.serve_step()
-    assert ask(robot, "experiment/state", {})["problem"] == "the page that began it is gone"
+    assert ask(robot, "experiment/state", {})["problem"] == "the page that started it is gone"
     assert state_after(robot) is State.DISARMED
 
 
@@ -111,7 +111,7 @@ def test_what_makes_no_sense_is_refused(robot: RobotLoop, content: dict[str, Any
 def test_one_at_a_time_and_nothing_beside(robot: RobotLoop) -> None:
     order = {"name": "identify", "lane_m": 1.2}
     assert ask(robot, "experiment/start", order)["ok"]
-    assert "under way" in ask(robot, "experiment/start", order)["error"]
+    assert "is running" in ask(robot, "experiment/start", order)["error"]
     ask(robot, "command", {"command": "cancel"})
     assert robot.request_handler.experiments.requested == ""  # taken back before it began
     assert robot.inputs.telemetry is not None

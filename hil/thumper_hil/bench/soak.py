@@ -48,8 +48,8 @@ def soak(duration_s: float, seed: int = 1) -> SoakReport:
     with open_robot(config, START) as robot, on_bus(robot, config.name, bus):
         bench = simulation(f"soak{seed}")
         driver = SoakDriver(robot, bench, rng, report)
-        robot.request_handler.accepts_goals, robot.inputs.keep_log = True, False
-        robot.inputs.wait_for_map(lambda: robot.step()[0])
+        robot.inputs.keep_log = False
+        robot.wait_for_map()
         with sleeps_advance(bench), ThreadPoolExecutor(1) as clients, suppress(KeyboardInterrupt):
             while bench.time_s < duration_s:
                 goal_m = GOALS_M[rng.integers(len(GOALS_M))]

@@ -4,9 +4,7 @@ import itertools
 import math
 
 import numpy as np
-from rich.console import Console
 
-from thumper.cli.drive_progress import drive_with_progress
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray, Pose2, wrap_angle
 from thumper.common.kinematics import DriveGeometry, WheelSpeeds, body_twist
@@ -14,6 +12,7 @@ from thumper.config.robot import RobotConfig, config_from_json, with_ports
 from thumper.navigation.goal import Goal
 from thumper.odometry.wheel_odometry import advance
 from thumper.runtime.assembly import open_robot
+from thumper.runtime.drive.tasks import drive_to_goal
 from thumper.runtime.drive_log import SPEED_COLUMNS, DriveLog, speed_errors
 from thumper.runtime.drive_result import DriveResult
 from thumper_hil.bench import Bench
@@ -72,7 +71,7 @@ def _drive(job: CampaignJob, config: RobotConfig, bench: Bench) -> CampaignRow:
     with open_robot(config, start) as robot:
         result: DriveResult | None = None
         for goal in goals:
-            result = drive_with_progress(robot, goal, mission.name, Console(quiet=True)).after(result)
+            result = robot.run(drive_to_goal(goal, mission.name)).after(result)
             if not result.reached:
                 break
         assert result is not None  # every mission has a goal

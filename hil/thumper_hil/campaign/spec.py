@@ -15,7 +15,7 @@ from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2
 from thumper.common.strict_toml import read_checked
 from thumper.config.robot import config_to_json, load_config
-from thumper.runtime.loop import MAX_GOAL_DISTANCE_M
+from thumper.runtime.drive.goal_limits import MAX_GOAL_DISTANCE_M
 from thumper_hil.bench.collision import FOOTPRINT_M
 from thumper_hil.bench.options import FULL_TURN_DEG
 from thumper_hil.campaign.job_digest import content_digest, digest

@@ -10,12 +10,13 @@ from rich.console import Console
 
 from thumper.board.options import BoardOptions
 from thumper.bus.serve_robot import on_bus
-from thumper.cli.drive_progress import drive_with_progress, raise_if_interrupted
+from thumper.cli.drive_progress import ProgressDisplay, raise_if_interrupted
 from thumper.cli.record_option import recorded
 from thumper.config.robot import RobotConfig
 from thumper.lidar.options import LidarOptions
 from thumper.navigation.goal import Goal
 from thumper.runtime.assembly import open_robot, warm_up
+from thumper.runtime.drive.tasks import drive_to_goal
 from thumper.slam.saved_state import SavedSlamState
 from thumper_hil.bench import simulation
 from thumper_hil.demo.map_error import compare_map
@@ -79,7 +80,7 @@ def drive_mission(
         if on_the_bus:
             stack.enter_context(on_bus(robot, config.name, config.bus))
         bench = simulation(mission.name)
-        result = drive_with_progress(robot, goal, mission.title, console)
+        result = robot.run(drive_to_goal(goal, mission.title), ProgressDisplay(console))
         raise_if_interrupted(result)
         wall_time_s = time.perf_counter() - started_s
         grid, session = robot.mapper.grid(), SavedSlamState.from_mapper(robot.mapper, result.map_from_base)

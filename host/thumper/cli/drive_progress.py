@@ -1,55 +1,68 @@
-"""Drive to a goal with a progress bar in the terminal; Ctrl-C stops the motors first."""
+"""Shows a drive on the terminal: a progress bar, or one line per second if the output is not a terminal."""
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
-from thumper.navigation.goal import Goal
+from thumper.runtime.drive.tasks import Leg
 from thumper.runtime.drive_result import DriveProgress, DriveResult
 from thumper.runtime.loop import RobotLoop
 
 PLAIN_PERIOD_S = 1.0
 
 
-def drive_with_progress(
-    robot: RobotLoop, goal: Goal, name: str, console: Console, *, clear_fault: bool = False
-) -> DriveResult:
-    """Drive to the goal; show the remaining distance as a bar, or one line per second without a terminal."""
-    with Progress(
-        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[state]}"), console=console
-    ) as progress:
-        task = progress.add_task(name, total=None, state="looking round")
-        farthest_m, next_line_s = 0.0, 0.0
+class ProgressDisplay:
+    """Shows the legs of a task, one after another."""
 
-        def show(cycle: DriveProgress) -> None:
-            nonlocal farthest_m, next_line_s
-            farthest_m = max(farthest_m, cycle.distance_to_goal_m)
-            state = f"{cycle.distance_to_goal_m:5.2f} m to go, {cycle.time_s:5.1f} s"
-            if not (console.is_terminal or console.quiet) and cycle.time_s >= next_line_s:
-                print(f"{name}: {state}", flush=True)
-                next_line_s = cycle.time_s + PLAIN_PERIOD_S
-            progress.update(
-                task,
-                total=farthest_m,
-                completed=farthest_m - cycle.distance_to_goal_m,
-                state=state,
-            )
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._name = ""
+        self._farthest_m = 0.0
+        self._next_line_s = 0.0
+        self._bar = self._make_bar()
+        self._task = self._bar.add_task("")
 
-        result = robot.drive_to(goal, show, clear_fault=clear_fault)
-        if result.reached:
-            progress.update(task, total=1.0, completed=1.0, state=f"reached after {result.time_s:.1f} s")
-        else:
-            progress.update(task, state=f"not reached after {result.time_s:.1f} s")
-    return result
+    def started(self, leg: Leg) -> None:
+        """Start a new bar."""
+        self._name, self._farthest_m, self._next_line_s = leg.name, 0.0, 0.0
+        self._bar = self._make_bar()
+        self._task = self._bar.add_task(leg.name, total=None, state="scanning the surroundings")
+        self._bar.start()
+
+    def progress(self, progress: DriveProgress) -> None:
+        """Show the remaining distance."""
+        distance_m = progress.distance_to_goal_m
+        self._farthest_m = max(self._farthest_m, distance_m)
+        state = f"{distance_m:5.2f} m to go, {progress.time_s:5.1f} s"
+        is_plain = not (self._console.is_terminal or self._console.quiet)
+        if is_plain and progress.time_s >= self._next_line_s:
+            print(f"{self._name}: {state}", flush=True)
+            self._next_line_s = progress.time_s + PLAIN_PERIOD_S
+        self._bar.update(
+            self._task, total=self._farthest_m, completed=self._farthest_m - distance_m, state=state
+        )
+
+    def ended(self, result: DriveResult | None) -> None:
+        """Show the outcome and close the bar."""
+        if result is not None and result.reached:
+            state = f"reached after {result.time_s:.1f} s"
+            self._bar.update(self._task, total=1.0, completed=1.0, state=state)
+        elif result is not None:
+            self._bar.update(self._task, state=f"not reached after {result.time_s:.1f} s")
+        self._bar.stop()
+
+    def _make_bar(self) -> Progress:
+        columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[state]}")
+        return Progress(*columns, console=self._console)
 
 
-def print_notes(robot: RobotLoop, console: Console) -> None:
+def print_warnings(robot: RobotLoop, console: Console) -> None:
     """Print what was wrong with scans and wheels during the drive: one line per kind, with its count."""
-    for line in robot.inputs.estimator.notes().values():
+    for line in robot.inputs.estimator.warnings().values():
         console.print(f"note: {line}", markup=False, soft_wrap=True)
 
 
 def raise_if_interrupted(result: DriveResult) -> None:
-    """Raise `ThumperError` after Ctrl-C, which ends the whole command; the robot has stopped already."""
+    """Raise ThumperError with the exit code of an interrupted command, for one that would drive on."""
     if result.interrupted:
         raise ThumperError(result.reason, exit_code=EXIT_INTERRUPTED)

@@ -27,8 +27,8 @@ from thumper.cli.interrupted import report_interrupt
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from thumper.config.robot import RobotConfig
-    from thumper.runtime.loop import RobotLoop
+    from thumper.cli.robot_run import RunOptions
+    from thumper.runtime.drive.waypoints import Waypoints
 
 
 @report_interrupt()
@@ -81,65 +81,64 @@ def run(
     """
     from rich.console import Console
 
-    from thumper.bus.serve_robot import on_bus_if_free
-    from thumper.cli.drive_progress import drive_with_progress, print_notes
-    from thumper.cli.output_folder import prepare_output
-    from thumper.cli.record_option import recorded
-    from thumper.cli.run_report import write_run
-    from thumper.cli.start_map import known_place
-    from thumper.common.errors import EXIT_INTERRUPTED, EXIT_USAGE, ThumperError
-    from thumper.common.geometry import Pose2
-    from thumper.config.robot import load_config, with_ports
-    from thumper.dashboard.process import dashboard_process
-    from thumper.navigation.goal import Goal, check_place
-    from thumper.runtime.assembly import open_robot
-    from thumper.runtime.drive.waypoints import Itinerary, follow
+    from thumper.cli.robot_run import RunOptions
+    from thumper.common.errors import EXIT_USAGE, ThumperError
 
-    places = [*map(_place, waypoint or []), *([goal] if goal else [])]
+    places = [*map(_parse_place, waypoint or []), *([goal] if goal else [])]
     if not all(map(math.isfinite, (*chain(*places), *(start or ()), tolerance, heading or 0.0))):
         raise ThumperError(
             "--goal, --heading, --waypoint and --start take finite numbers", exit_code=EXIT_USAGE
         )
-    for place in places:
-        check_place("the goal", *place)
-    if start is not None:
-        check_place("--start", *start[:2])
     if heading is not None and goal is None:
         raise ThumperError("--heading belongs to --goal X Y", exit_code=EXIT_USAGE)
     if patrol > 1 and not places:
         raise ThumperError("--patrol belongs to --waypoint X,Y or --goal X Y", exit_code=EXIT_USAGE)
-    settings = with_ports(load_config(config), board=board, lidar=lidar)
-    if bus:
-        settings = replace(settings, bus=settings.bus.at(bus))
-    prepare_output(out)
-    console = Console()
-    start_pose = Pose2(x_m=start[0], y_m=start[1], theta_rad=math.radians(start[2])) if start else None
-    known = known_place(settings, saved_map, session)
-    goals = tuple(Goal(x_m=x_m, y_m=y_m, tolerance_m=tolerance) for x_m, y_m in places)
-    if heading is not None:
-        goals = (*goals[:-1], replace(goals[-1], theta_rad=math.radians(heading)))
-    if not goals:
-        with (
-            dashboard_process(config, settings.bus.address, wanted=ui),
-            open_robot(settings, start_pose, known) as robot,
-            recorded(robot, settings, start_pose or Pose2(), record, record_to),
-        ):
-            _serve(robot, settings, speed, out, console)
-        return
-    with (
-        dashboard_process(config, settings.bus.address, wanted=ui),
-        open_robot(settings, start_pose, known) as robot,
-        recorded(robot, settings, start_pose or Pose2(), record, record_to),
-        on_bus_if_free(robot, settings.name, settings.bus),
-    ):
-        result = follow(
-            Itinerary(goals=goals, rounds=patrol),
-            lambda name, leg: drive_with_progress(robot, leg, name, console, clear_fault=clear_fault),
-        )
-        files = write_run(out, robot.mapper, robot.log, result)
-        print_notes(robot, console)
-    left = f"{result.path_length_m:.2f} m in {result.time_s:.1f} s; {', '.join(files)} are in {out}/"
-    console.print(left, soft_wrap=True)
+    waypoints = _waypoints(places, heading, tolerance, patrol)
+    options = RunOptions(
+        config=config,
+        board=board,
+        lidar=lidar,
+        bus=bus,
+        start=start,
+        saved_map=saved_map,
+        session=session,
+        out=out,
+        record=record,
+        record_to=record_to,
+        ui=ui,
+    )
+    if waypoints is None:
+        _serve(options, speed, Console())
+    else:
+        _drive(options, waypoints, Console(), clear_fault=clear_fault)
+
+
+def _serve(options: "RunOptions", speed: float, console: "Console") -> None:
+    """Serve the requests of clients until Ctrl-C."""
+    from thumper.cli.drive_progress import print_warnings
+    from thumper.cli.robot_run import opened_robot
+    from thumper.runtime.drive.tasks import serve_requests
+
+    settings = options.load_settings()
+    with opened_robot(options, settings, serving=True) as robot:
+        console.print(f"{settings.name} is running on {settings.bus.address}. Press Ctrl-C to stop.")
+        robot.run(serve_requests(speed=speed))
+        print_warnings(robot, console)
+    console.print("stopped")
+
+
+def _drive(options: "RunOptions", waypoints: "Waypoints", console: "Console", *, clear_fault: bool) -> None:
+    """Drive to all waypoints and report the result; raise ThumperError if one is not reached."""
+    from thumper.cli.robot_run import opened_robot, run_and_report
+    from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
+    from thumper.runtime.drive.tasks import follow_waypoints
+
+    with opened_robot(options, options.load_settings()) as robot:
+        task = follow_waypoints(waypoints, clear_fault=clear_fault)
+        run = run_and_report(robot, task, options.out, console)
+    result = run.result
+    summary = f"{result.path_length_m:.2f} m in {result.time_s:.1f} s"
+    console.print(f"{summary}; {', '.join(run.files)} are in {options.out}/", soft_wrap=True)
     if not result.reached:
         raise ThumperError(
             f"goal not reached: {result.reason}", exit_code=EXIT_INTERRUPTED if result.interrupted else 1
@@ -147,30 +146,24 @@ def run(
     console.print(f"reached: {result.reason}")
 
 
-def _serve(robot: "RobotLoop", settings: "RobotConfig", speed: float, out: Path, console: "Console") -> None:
-    from thumper.bus.serve_robot import on_bus
-    from thumper.cli.drive_progress import print_notes
-    from thumper.runtime.requests import LogMessage
-    from thumper.runtime.service.map_saver import MapSaver
-    from thumper.slam.saved_state import SavedSlamState
+def _waypoints(
+    places: list[tuple[float, float]], heading_deg: float | None, tolerance_m: float, rounds: int
+) -> "Waypoints | None":
+    """Return the places as waypoints, the heading at the last one; None without places."""
+    from thumper.navigation.goal import Goal, check_place
+    from thumper.runtime.drive.waypoints import Waypoints
 
-    def tell(text: str, good: bool) -> None:
-        robot.request_queue.put(LogMessage(text=text, good=good))
-
-    def session() -> SavedSlamState:
-        situation = robot.inputs.estimator.state()
-        pose = situation.map_from_base if situation and not situation.lost else None
-        return SavedSlamState(counts=robot.mapper.counts(), map_from_base=pose)
-
-    robot.request_handler.handlers["save_map"] = MapSaver(robot.mapper.grid, session, out / "map.yaml", tell)
-    with on_bus(robot, settings.name, settings.bus):
-        console.print(f"{settings.name} is at service on {settings.bus.address}; Ctrl-C ends it")
-        robot.serve(speed=speed)
-        print_notes(robot, console)
-    console.print("stopped")
+    for place in places:
+        check_place("the goal", *place)
+    if not places:
+        return None
+    goals = [Goal(x_m=x_m, y_m=y_m, tolerance_m=tolerance_m) for x_m, y_m in places]
+    if heading_deg is not None:
+        goals[-1] = replace(goals[-1], theta_rad=math.radians(heading_deg))
+    return Waypoints(goals=tuple(goals), rounds=rounds)
 
 
-def _place(text: str) -> tuple[float, float]:
+def _parse_place(text: str) -> tuple[float, float]:
     from thumper.common.errors import EXIT_USAGE, ThumperError
 
     try:

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from thumper.slam.saved_state import SavedSlamState
 
 
-def known_place(
+def load_start_map(
     settings: "RobotConfig", saved_map: Path | None, session: Path | None
 ) -> "OccupancyGrid | SavedSlamState | None":
     """Load the given map or session; print where a session was saved and which mapper continues it.
@@ -26,7 +26,8 @@ def known_place(
 
     if saved_map is not None and session is not None:
         raise ThumperError(
-            "--map keeps a map as it is, --session goes on with one: give one", exit_code=EXIT_USAGE
+            "--map keeps a map unchanged, --session resumes mapping: pass only one",
+            exit_code=EXIT_USAGE,
         )
     if saved_map is not None:
         return load_map(saved_map)
@@ -37,5 +38,7 @@ def known_place(
         place = f"{pose.x_m:.2f} m, {pose.y_m:.2f} m, {math.degrees(pose.theta_rad):.0f} degrees"
         print(f"{session}: saved with the robot at {place}")
     if settings.mapping.method != "scan_match":
-        print(f"note: it is gone on with by scan_match; {settings.mapping.method} begins with an empty map")
+        print(
+            f"note: scan_match resumes this session; {settings.mapping.method} would start with an empty map"
+        )
     return known

@@ -1,7 +1,8 @@
-"""Open the ports that a configuration names and wire the robot's parts to them."""
+"""Opens the ports that a configuration names and wires the robot's parts to them."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 
 from thumper.board.board import Board
 from thumper.board.messages import Identity
@@ -11,12 +12,22 @@ from thumper.common.kinematics import DriveGeometry
 from thumper.common.signals import record_interrupts
 from thumper.common.stamps import epoch_ns_at
 from thumper.config.robot import RobotConfig
+from thumper.lidar.driver import LidarDriver
 from thumper.lidar.open_lidar import open_lidar
 from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.navigator import Navigator
 from thumper.navigation.warm_up import warm_up as warm_up_navigation
 from thumper.ros.to_ros import Messages
-from thumper.runtime.loop import RobotLoop
+from thumper.runtime.drive.drive_manager import DriveManager
+from thumper.runtime.drive.goal_limits import GoalLimits
+from thumper.runtime.loop import RobotLoop, RobotParts
 from thumper.runtime.publisher import Publisher
+from thumper.runtime.requests import LogMessage
+from thumper.runtime.sensor_inputs import SensorInputs
+from thumper.runtime.service.map_saver import MapSaver
+from thumper.runtime.service.request_handler import RequestHandler
+from thumper.runtime.service.request_queue import RequestQueue
+from thumper.runtime.service.simulator_control import HasSimulator
 from thumper.runtime.state_estimator import StateEstimator
 from thumper.slam.factory import make_mapper
 from thumper.slam.mode_switch import SlamModeSwitch
@@ -25,90 +36,140 @@ from thumper.slam.saved_state import SavedSlamState
 
 @contextmanager
 def open_robot(
-    config: RobotConfig, map_from_base: Pose2 | None, known: OccupancyGrid | SavedSlamState | None = None
+    config: RobotConfig,
+    map_from_base: Pose2 | None,
+    known: OccupancyGrid | SavedSlamState | None = None,
+    *,
+    map_path: Path | None = None,
 ) -> Iterator[RobotLoop]:
-    """Give a robot that answers, standing at `map_from_base`; on the way out stop it and close the ports.
+    """Open a robot that starts at `map_from_base`; on exit stop it and close the ports.
 
-    In a `known` map it localises and does not map, in a session it goes on mapping once it knows where it is;
-    None for the pose then means anywhere in it.
+    In a `known` map it localizes and does not map; in a saved session it resumes mapping once it has
+    localized. None for the pose then means anywhere in it. With `map_path`, a .yaml, the command `save_map`
+    writes the map there.
 
     Raises
     ------
     ThumperError
-        A port, the board or the lidar does not answer; the message names it and the cure.
+        A port, the board or the lidar does not answer; the message names it and the fix.
     """
-    warm_up(config)  # compiling takes seconds, and must not happen while wheels turn
-    with _motors_off_told(), ExitStack() as stack:
+    warm_up(config)  # compiling takes seconds, which must not pass while wheels turn
+    with _report_motors_off(), ExitStack() as stack:
         stack.enter_context(record_interrupts())
         board = Board.open(config.board.port, baud=config.board.baud)
         stack.callback(board.close)
         _check_geometry(config.drive, board.identity)
         lidar = open_lidar(config.lidar)
         stack.callback(lidar.close)
-        base_from_laser = config.lidar.base_from_laser
         mapper = robot_mapper(config, map_from_base or Pose2())
         if isinstance(known, SavedSlamState):
             mapper.resume_from(known.counts, map_from_base)
         elif known is not None:
             mapper.localize_in(known, map_from_base)
-        robot = RobotLoop(
-            board=board,
-            lidar=lidar,
-            publisher=_publisher(config, board),
-            service=config.service,
-            open_board=lambda: Board.open(config.board.port, baud=config.board.baud),
-            open_lidar=lambda: open_lidar(config.lidar),
-            simulator=getattr(board.port.raw, "simulator", None),
-            estimator=StateEstimator(
-                drive=config.drive, base_from_laser=base_from_laser, mapper=mapper, imu=config.imu
-            ),
-            navigation=config.navigation,
-            footprint=config.footprint,
-            view=config.lidar.view,
-            drive=config.drive,
-            max_wheel_rad_s=config.drive.max_wheel_rad_s,
-        )
+        robot = _wire(config, board, lidar, mapper)
+        if map_path is not None:
+            robot.request_handler.handlers["save_map"] = _map_saver(robot, map_path)
         try:
             yield robot
         finally:
-            robot.inputs.board.close()  # those at the end, should the first have been lost
+            robot.inputs.board.close()  # the present ones: the first may have been replaced
             robot.inputs.lidar.close()
 
 
+def _wire(config: RobotConfig, board: Board, lidar: LidarDriver, mapper: SlamModeSwitch) -> RobotLoop:
+    """Build the parts of the robot and the loop that runs them."""
+    estimator = StateEstimator(
+        drive=config.drive, base_from_laser=config.lidar.base_from_laser, mapper=mapper, imu=config.imu
+    )
+    inputs = SensorInputs(
+        board=board, lidar=lidar, estimator=estimator, open_lidar=lambda: open_lidar(config.lidar)
+    )
+    navigator = Navigator(
+        config.navigation,
+        config.footprint,
+        config.drive,
+        view=config.lidar.view,
+        on_transition=inputs.log_transition,
+    )
+    drive_manager = DriveManager(
+        board=board,
+        navigator=navigator,
+        drive=config.drive,
+        max_wheel_rad_s=config.drive.max_wheel_rad_s,
+        options=config.service,
+    )
+    goal_limits = GoalLimits(
+        estimator=estimator, footprint=config.footprint, costmap=config.navigation.costmap
+    )
+    publisher, queue = _publisher(config, inputs), RequestQueue()
+    handler = RequestHandler(
+        request_queue=queue,
+        drive_manager=drive_manager,
+        inputs=inputs,
+        publisher=publisher,
+        check_goal=goal_limits.check,
+        simulator=board.port.raw.simulator if isinstance(board.port.raw, HasSimulator) else None,
+    )
+    return RobotLoop(
+        RobotParts(
+            inputs=inputs,
+            drive_manager=drive_manager,
+            goal_limits=goal_limits,
+            request_queue=queue,
+            request_handler=handler,
+            publisher=publisher,
+            open_board=lambda: Board.open(config.board.port, baud=config.board.baud),
+        )
+    )
+
+
+def robot_mapper(config: RobotConfig, map_from_base: Pose2) -> SlamModeSwitch:
+    """Return the configured mapper, which can also switch to localization."""
+    base_from_laser = config.lidar.base_from_laser
+    mapper = make_mapper(config.mapping, base_from_laser=base_from_laser, map_from_base=map_from_base)
+    return SlamModeSwitch(mapper, config.mapping, config.localization, base_from_laser=base_from_laser)
+
+
+def _publisher(config: RobotConfig, inputs: SensorInputs) -> Publisher:
+    port = inputs.board.port
+    # A simulation starts at zero; the stamps of a real robot are dates.
+    epoch_ns = 0 if port.has_simulated_clock else epoch_ns_at(inputs.board.now_s())
+    return Publisher(
+        robot=config.name,
+        base_from_laser=config.lidar.base_from_laser,
+        messages=Messages(epoch_ns=epoch_ns),
+        now_s=inputs.now_s,
+        simulated=port.is_simulated,
+    )
+
+
+def _map_saver(robot: RobotLoop, path: Path) -> MapSaver:
+    def session() -> SavedSlamState:
+        state = robot.inputs.estimator.state()
+        pose = state.map_from_base if state and not state.lost else None
+        return SavedSlamState(counts=robot.mapper.counts(), map_from_base=pose)
+
+    def report(text: str, ok: bool) -> None:
+        robot.request_queue.put(LogMessage(text=text, good=ok))
+
+    return MapSaver(robot.mapper.grid, session, path, report)
+
+
 @contextmanager
-def _motors_off_told() -> Iterator[None]:
-    """Let a Ctrl-C that ends the robot say what it has left."""
+def _report_motors_off() -> Iterator[None]:
+    """Add to a Ctrl-C that ends the robot that its motors are off."""
     try:
         yield
     except KeyboardInterrupt:
         raise KeyboardInterrupt("the motors are off") from None
 
 
-def robot_mapper(config: RobotConfig, map_from_base: Pose2) -> SlamModeSwitch:
-    """The mapper that the configuration names, which can be told to localise instead."""
-    base_from_laser = config.lidar.base_from_laser
-    mapper = make_mapper(config.mapping, base_from_laser=base_from_laser, map_from_base=map_from_base)
-    return SlamModeSwitch(mapper, config.mapping, config.localization, base_from_laser=base_from_laser)
-
-
-def _publisher(config: RobotConfig, board: Board) -> Publisher:
-    simulated = board.port.is_simulated
-    # A simulation begins at zero; a real robot's stamps are the date.
-    epoch_ns = 0 if board.port.has_simulated_clock else epoch_ns_at(board.now_s())
-    return Publisher(
-        robot=config.name,
-        base_from_laser=config.lidar.base_from_laser,
-        messages=Messages(epoch_ns=epoch_ns),
-        simulated=simulated,
-    )
-
-
 def _check_geometry(drive: DriveGeometry, identity: Identity) -> None:
-    """The board turns counts into speeds by its own geometry: with another one here speeds would be wrong."""
+    """Refuse a board with another geometry: it converts counts to speeds, which would be wrong."""
     wheel_radius_mm = round(1000.0 * drive.wheel_radius_m)
     if (identity.counts_per_rev, identity.wheel_radius_mm) != (drive.counts_per_rev, wheel_radius_mm):
         raise ThumperError(
-            f"the firmware was built for {identity.counts_per_rev} counts a turn and wheels of "
+            f"the firmware was built for {identity.counts_per_rev} counts per revolution and wheels of "
             f"{identity.wheel_radius_mm} mm, the configuration says {drive.counts_per_rev} and "
             f"{wheel_radius_mm} mm: correct [drive], or build and flash the firmware for this robot",
             exit_code=EXIT_USAGE,

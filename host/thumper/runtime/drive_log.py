@@ -1,4 +1,4 @@
-"""What a run leaves behind for plots and tables: one row a control tick, kept in memory."""
+"""Log of a run for plots and tables: one row per control tick, in memory."""
 
 from dataclasses import dataclass, field
 
@@ -21,37 +21,37 @@ SPEED_COLUMNS = (
 
 @dataclass(slots=True)
 class DriveLog:
-    """Growing record of one mission; `poses` and `speeds` give it as arrays."""
+    """Growing log of all drives; `poses` and `speeds` return it as arrays."""
 
     _poses: list[tuple[float, float, float, float]] = field(default_factory=list)
     _speeds: list[tuple[float, ...]] = field(default_factory=list)
-    transitions: list[Transition] = field(default_factory=list)  # navigation's changes of state
+    transitions: list[Transition] = field(default_factory=list)  # of the navigator's state
     plans: list[FloatArray] = field(default_factory=list)  # each new global plan, shape (n, 2) [m] in `map`
 
     def add_pose(self, time_s: float, map_from_base: Pose2) -> None:
-        """Note where the robot believes to be."""
+        """Add the estimated pose."""
         self._poses.append((time_s, map_from_base.x_m, map_from_base.y_m, map_from_base.theta_rad))
 
     def add_speeds(self, sample: TelemetrySample) -> None:
-        """Note what the wheel controllers did in this tick."""
+        """Add set-points, speeds and PWM of one control tick."""
         t = sample.telemetry
         left = (t.left_setpoint / 1000, t.left_speed / 1000, float(t.left_pwm))
         right = (t.right_setpoint / 1000, t.right_speed / 1000, float(t.right_pwm))
         self._speeds.append((sample.time_s, *left, *right))
 
     def add_plan(self, plan_m: FloatArray) -> None:
-        """Note a global plan unless it is the one that is already known."""
+        """Add a global plan unless it equals the last one."""
         if plan_m.size and not (self.plans and np.array_equal(self.plans[-1], plan_m)):
             self.plans.append(plan_m.copy())
 
     @property
     def poses(self) -> FloatArray:
-        """Columns time [s], x [m], y [m], heading [rad] in `map`; shape (n, 4)."""
+        """The poses: time [s], x [m], y [m], heading [rad] in `map`; shape (n, 4)."""
         return np.array(self._poses, dtype=np.float64).reshape(-1, 4)
 
     @property
     def speeds(self) -> FloatArray:
-        """Columns as `SPEED_COLUMNS`, speeds in rad/s and PWM in counts of 255; shape (n, 7)."""
+        """The speeds: columns as `SPEED_COLUMNS`, in rad/s and PWM of 255; shape (n, 7)."""
         return np.array(self._speeds, dtype=np.float64).reshape(-1, len(SPEED_COLUMNS))
 
 
@@ -66,7 +66,7 @@ class SpeedError:
 def speed_errors(speeds: FloatArray) -> dict[str, SpeedError]:
     """Return each side's error from an array with `SPEED_COLUMNS`, over the rows in which the robot moves.
 
-    The set-point is what the wheel's controller was given: the commanded speed behind the firmware's ramp.
+    The set-point is the input of the wheel's controller: the commanded speed after the firmware's ramp.
     """
     columns = [
         SPEED_COLUMNS.index(f"{side}_{what}") for side in ("left", "right") for what in ("setpoint", "speed")
@@ -84,5 +84,5 @@ def speed_errors(speeds: FloatArray) -> dict[str, SpeedError]:
 
 
 def path_length_m(poses: FloatArray) -> float:
-    """Length of the driven path [m] from an array with columns time, x, y, heading."""
+    """Return the path length [m] from an array with columns time, x, y, heading."""
     return float(np.hypot(np.diff(poses[:, 1]), np.diff(poses[:, 2])).sum())

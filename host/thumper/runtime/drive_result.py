@@ -1,4 +1,4 @@
-"""What a drive tells while it lasts, and how it ended."""
+"""Progress and result of a drive to a goal."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -11,14 +11,15 @@ class DriveResult:
     """How a drive to a goal ended."""
 
     reached: bool
-    interrupted: bool  # by the user, with Ctrl-C or over the bus
+    interrupted: bool  # by the user: Ctrl-C, or a request over the bus
     reason: str
     time_s: float
-    path_length_m: float  # driven, by the wheels
-    map_from_base: Pose2  # where the robot believes it stopped
+    path_length_m: float  # from the wheels
+    map_from_base: Pose2  # estimated pose at the end
+    navigation_failed: bool = False  # the navigator gave up the goal; no part of the robot failed
 
     def after(self, earlier: "Self | None") -> "Self":
-        """This ending, with the time and the way of an earlier drive added."""
+        """Return this result with the time and path length of an earlier drive added."""
         if earlier is None:
             return self
         return replace(
@@ -30,7 +31,7 @@ class DriveResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveProgress:
-    """What a display needs once a beat."""
+    """What a progress display needs, once per cycle."""
 
     time_s: float
     distance_to_goal_m: float

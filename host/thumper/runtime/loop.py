@@ -1,30 +1,26 @@
-"""The one loop of the robot: board and lidar in, estimator and navigation, wheel speeds out.
+"""The control loop of the robot: board and lidar in, state estimation and navigation, wheel speeds out.
 
-It is single-threaded on purpose: the same bytes give the same run, and a stall of the computer is caught
-by the board's own 300 ms time-out. The board's telemetry is the heartbeat; the lidar is drained after it.
-Requests wait in a queue until the next cycle handles them. Published messages go to sinks, which must not
-block.
+The loop is single-threaded: the same bytes give the same run, and if the computer stalls, the board's own
+300 ms time-out stops the motors. Telemetry paces the loop; the lidar is read without waiting. Requests wait
+in a queue until the next cycle handles them. Messages go to sinks, which must not block.
 """
 
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 from thumper.board.board import Board, TelemetrySample
-from thumper.board.messages import State
-from thumper.common.errors import ThumperError
-from thumper.common.kinematics import DriveGeometry
+from thumper.common.errors import EXIT_NOT_THERE, ThumperError
+from thumper.common.geometry import Pose2
 from thumper.common.signals import raise_lost_interrupt
-from thumper.config.manual_drive import ManualDriveOptions
-from thumper.lidar.driver import LidarDriver
-from thumper.lidar.field_of_view import FieldOfView
-from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
-from thumper.navigation.navigator import NavigationOutput, Navigator
-from thumper.navigation.options import NavigationOptions
-from thumper.navigation.planners.goal_validation import validate_goal
+from thumper.navigation.navigator import NavigationOutput
 from thumper.ros.to_ros import ERROR
-from thumper.runtime.drive.drive_manager import GOAL_MARGIN_M, DriveManager, DriveMode, DriveOutcome
+from thumper.runtime.drive.drive_manager import DriveManager, DriveMode, DriveOutcome
+from thumper.runtime.drive.goal_limits import GoalLimits
+from thumper.runtime.drive.tasks import Leg, Task, carry_out, drive_to_goal
 from thumper.runtime.drive_log import DriveLog
 from thumper.runtime.drive_result import DriveProgress, DriveResult
 from thumper.runtime.publisher import LoopTiming, Publisher
@@ -34,284 +30,375 @@ from thumper.runtime.safe_stop import stop_and_disarm
 from thumper.runtime.sensor_inputs import SensorInputs
 from thumper.runtime.service.request_handler import RequestHandler
 from thumper.runtime.service.request_queue import RequestQueue
-from thumper.runtime.service.simulator_control import Simulator
-from thumper.runtime.state_estimator import RobotState, StateEstimator
+from thumper.runtime.state_estimator import RobotState
 from thumper.slam.mapper import Mapper
 
+FIRST_SCANS_TIMEOUT_S = 5.0
+CATCH_UP_CYCLES = 10  # a lidar that was not read must be restarted; a dead one ends the drive later
 RECONNECT_PERIOD_S = 0.5
 MAX_SILENT_CYCLES = 3  # of half a second each
-SILENT = "the board went silent; it stops its motors by itself"
-MAX_GOAL_DISTANCE_M = 50.0  # the map of a whole drive must fit into memory and planning time
+NO_TELEMETRY = "the board went silent before the start; check its cable"
+SILENT = "the board went silent; its firmware stops the motors"
+RESTARTED = "the board has restarted; check its supply and cable"
+UNCONFIRMED = "the board did not confirm the stop; it stops by itself after 300 ms without commands"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotParts:
+    """The parts that the loop runs; `assembly.open_robot` wires them."""
+
+    inputs: SensorInputs
+    drive_manager: DriveManager
+    goal_limits: GoalLimits
+    request_queue: RequestQueue
+    request_handler: RequestHandler
+    publisher: Publisher
+    open_board: Callable[[], Board]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepResult:
+    """What a control cycle brought."""
+
+    alive: bool  # the board sent telemetry
+    output: NavigationOutput | None  # None if the navigator did not run
+
+
+class Display(Protocol):
+    """Shows the progress of a task."""
+
+    def started(self, leg: Leg) -> None:
+        """A leg starts."""
+        ...
+
+    def progress(self, progress: DriveProgress) -> None:
+        """The navigator has run; called once per cycle."""
+        ...
+
+    def ended(self, result: DriveResult | None) -> None:
+        """The leg has ended; None if it was refused before anything moved."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoDisplay:
+    """Calls `on_progress`, if there is one, and shows nothing."""
+
+    on_progress: Callable[[DriveProgress], None] = lambda _progress: None
+
+    def started(self, leg: Leg) -> None:
+        """Do nothing."""
+
+    def progress(self, progress: DriveProgress) -> None:
+        """Pass on the progress."""
+        self.on_progress(progress)
+
+    def ended(self, result: DriveResult | None) -> None:
+        """Do nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Start:
+    """Where and when a leg started."""
+
+    time_s: float
+    driven_m: float
+    map_from_base: Pose2
 
 
 class RobotLoop:
-    """The robot's parts, wired. Whatever ends a drive, the motors are stopped on the way out."""
+    """Runs tasks and control cycles. Whatever ends a drive, the motors are stopped on the way out."""
 
-    def __init__(
-        self,
-        *,
-        board: Board,
-        lidar: LidarDriver,
-        estimator: StateEstimator,
-        navigation: NavigationOptions,
-        footprint: Footprint,
-        drive: DriveGeometry,
-        max_wheel_rad_s: float,
-        publisher: Publisher,
-        view: FieldOfView | None = None,
-        service: ManualDriveOptions | None = None,
-        open_board: Callable[[], Board],
-        open_lidar: Callable[[], LidarDriver] | None = None,
-        simulator: Simulator | None = None,
-    ) -> None:
-        self.inputs = SensorInputs(board=board, lidar=lidar, estimator=estimator, open_lidar=open_lidar)
-        self.publisher = publisher
-        self.request_queue = RequestQueue()
-        self._navigation = navigation
-        self._footprint = footprint
-        self.drive_manager = DriveManager(
-            board=board,
-            navigator=Navigator(
-                navigation, footprint, drive, view=view, on_transition=self.inputs.log_transition
-            ),
-            drive=drive,
-            max_wheel_rad_s=max_wheel_rad_s,
-            options=service or ManualDriveOptions(),
-        )
-        self.request_handler = RequestHandler(
-            request_queue=self.request_queue,
-            drive_manager=self.drive_manager,
-            inputs=self.inputs,
-            publisher=publisher,
-            check_goal=self._check_goal,
-            simulator=simulator,
-        )
-        self._open_board = open_board
-        self._rate = RealTimeRate(self._now_s, paced=board.port.has_simulated_clock)
+    def __init__(self, parts: RobotParts) -> None:
+        self.inputs = parts.inputs
+        self.publisher = parts.publisher
+        self.drive_manager = parts.drive_manager
+        self.request_queue = parts.request_queue
+        self.request_handler = parts.request_handler
+        self._goal_limits = parts.goal_limits
+        self._open_board = parts.open_board
+        self._rate = RealTimeRate(self.inputs.now_s, simulated=parts.inputs.board.port.has_simulated_clock)
         self._silent_cycles = 0
         self._timing = LoopTiming()
 
     @property
     def mapper(self) -> Mapper:
-        """The map so far, and where it says the robot is."""
+        """The mapper, with the map and the robot's pose in it."""
         return self.inputs.estimator.mapper
 
     @property
     def log(self) -> DriveLog:
-        """What the drives so far leave for plots and tables."""
+        """The log of all drives so far, for plots and tables."""
         return self.inputs.log
 
-    def wait_for_map(self) -> RobotState:
-        """Stand until the first scans are mapped; from now on no goals come but from the caller.
+    def run(self, task: Task, display: Display | None = None) -> DriveResult:
+        """Carry out a task, leg by leg, and return its result. Ctrl-C ends the leg, not the process.
 
         Raises
         ------
         ThumperError
-            The board is silent, or the lidar is.
+            A leg was refused before anything moved, and the task does not handle it.
         """
-        self.request_handler.accepts_goals = False
-        return self.inputs.wait_for_map(lambda: self.step()[0])
+        return carry_out(task, lambda leg: self._drive(leg, display or NoDisplay()))
 
     def drive_to(
         self, goal: Goal, on_progress: Callable[[DriveProgress], None], *, clear_fault: bool = False
     ) -> DriveResult:
-        """Look round, arm, drive until the goal is reached or cannot be, stop and disarm.
+        """Drive to one goal, stop and disarm.
 
-        A link that was lost earlier is no fault any more; any other latched fault is cleared only on request.
+        A latched fault is cleared only on request, except a lost link, which is none any more.
 
         Raises
         ------
         ThumperError
-            Before anything moves: no telemetry, no scan, a latched fault, or a goal that makes no sense.
+            Before anything moves: no telemetry, no scan, a latched fault, or an impossible goal.
         """
-        start = self.wait_for_map()
-        driven_m = self.inputs.estimator.driven_m
-        self._check_goal(goal)
-        self.drive_manager.start(goal, self.inputs.telemetry, clear_fault=clear_fault)
-        interrupted = False
-        try:
-            ending = self._drive(goal, start.time_s, on_progress)
-        except KeyboardInterrupt:
-            interrupted, ending = True, DriveOutcome(reached=False, reason="interrupted")
-        finally:
-            stopped = self.stop()
-        reason = ending.reason
-        if not stopped:
-            reason += "; the board did not confirm the stop, it stops by itself after 300 ms without commands"
-        end = self.inputs.estimator.state() or start
-        return DriveResult(
-            reached=ending.reached,
-            interrupted=interrupted or ending.by_user,
-            reason=reason,
-            time_s=end.time_s - start.time_s,
-            path_length_m=self.inputs.estimator.driven_m - driven_m,
-            map_from_base=end.map_from_base,
-        )
+        return self.run(drive_to_goal(goal, clear_fault=clear_fault), NoDisplay(on_progress=on_progress))
 
-    def serve(self, *, speed: float = 1.0) -> None:
-        """Sense, map and do what is asked for until Ctrl-C; then stop and disarm.
+    @raise_lost_interrupt()
+    def step(self) -> StepResult:
+        """Run one control cycle: sense, handle requests, decide and act, publish."""
+        alive = self.inputs.read(self.drive_manager.resend_command)
+        started_s, late_s = time.perf_counter(), self._late_s()
+        self.request_handler.process_pending()
+        output = self._decide_and_act() if alive else None
+        self._publish(output)
+        if alive:
+            self.request_handler.board_jobs.run_for(self.inputs.now_s)
+        self._timing = LoopTiming(late_s=late_s, busy_s=time.perf_counter() - started_s)
+        return StepResult(alive=alive, output=output)
 
-        A simulated robot is kept at `speed` times the clock on the wall.
-
-        When the board is lost its motors go off by its own time-out; it is looked for until it answers.
-        """
-        self.request_handler.accepts_goals, self.inputs.keep_log = True, False
-        self._rate.set_speed(speed)
-        self.request_handler.simulation.set_speed = self._rate.set_speed
-        try:
-            while True:
-                self.serve_step()
-                self._rate.wait()
-        except KeyboardInterrupt:
-            pass
-        finally:
-            self.stop()
-
-    def _experiment(self) -> None:
-        """Lend the board out; at each of its beats the rest of the loop goes on, but for deciding."""
-        experiments, heartbeats = self.request_handler.experiments, self.drive_manager.heartbeats
-
-        @raise_lost_interrupt()
-        def beat(samples: list[TelemetrySample]) -> None:
-            self.inputs.add_telemetry(samples)
-            self.inputs.read_scans()
-            self.request_handler.process_pending()
-            armed = self.inputs.telemetry is not None and self.inputs.telemetry.state is not State.DISARMED
-            if heartbeats.is_lost(experiments.source, time.monotonic()) and armed:
-                experiments.stop("the page that began it is gone")
-            self.publisher.publish(self.inputs, self.drive_manager, None, self._timing)
-            if samples:
-                self.request_handler.board_jobs.run_for(self._now_s)
-            self._rate.wait()
-
-        self.publisher.publish_event(f"{experiments.requested} begins")
-        ending = experiments.run(self.inputs.board, beat)
-        self.stop()
-        self.publisher.publish_event(ending)
+    @raise_lost_interrupt()
+    def step_lent(self, samples: list[TelemetrySample]) -> None:
+        """Run one control cycle while an experiment drives the board: all but decide and act."""
+        self.inputs.add_telemetry(samples)
+        self.inputs.read_scans()
+        self.request_handler.process_pending()
+        self._publish()
+        if samples:
+            self.request_handler.board_jobs.run_for(self.inputs.now_s)
+        self._rate.wait()
 
     def serve_step(self) -> None:
-        """One beat at service: whatever goes wrong in it, the robot stops and the next beat follows."""
+        """Run one control cycle of `serve_requests`: after any failure the robot stops and serves on."""
+        self._guarded_step(None, lambda _step: None)
+
+    def catch_up(self) -> None:
+        """After a pause of the caller, run cycles until the ports are drained and a new scan is in.
+
+        Old telemetry and scans show neither the board's present state nor the present pose.
+
+        Raises
+        ------
+        ThumperError
+            The board is silent.
+        """
+        if not self.inputs.is_outdated:
+            return
+        for _ in range(CATCH_UP_CYCLES):
+            self._step_or_raise()
+            if self.inputs.is_current:
+                return
+
+    def wait_for_map(self) -> RobotState:
+        """Run cycles without moving until the first scans are mapped: a plan needs a map.
+
+        Raises
+        ------
+        ThumperError
+            The board or the lidar is silent.
+        """
+        estimator = self.inputs.estimator
+        self.catch_up()
+        waited_s = 0.0
+        while not self.inputs.has_map:
+            if waited_s > FIRST_SCANS_TIMEOUT_S:
+                raise ThumperError(
+                    "the lidar sends no scans that match the board's clock; is it powered, and on the same "
+                    "robot? `thumper doctor --lidar PORT` shows more"
+                )
+            before = estimator.state()
+            self._step_or_raise()
+            now = estimator.state()
+            if before and now:
+                waited_s += now.time_s - before.time_s
+        state = estimator.state()
+        assert state is not None  # a scan is mapped only once odometry covers it
+        return state
+
+    def stop(self) -> bool:
+        """Stop and disarm; return whether the board confirmed it.
+
+        Every exit path ends here: it never raises, and depends on nothing but the board until that has
+        stopped.
+        """
+        result = stop_and_disarm(self.inputs.board)
+        with suppress(Exception):  # an error here must not hide how the drive ended
+            self.inputs.add_telemetry(result.samples)
+            self.inputs.scans = []
+            self._publish()  # a recording contains the stop as well
+        self.drive_manager.on_stopped()
+        return result.confirmed
+
+    def _drive(self, leg: Leg, display: Display) -> DriveResult:
+        """Drive one leg, or serve requests until Ctrl-C."""
+        serving = leg.goal is None
+        handler = self.request_handler
+        handler.accepts_goals, self.inputs.keep_log = serving, not serving
+        self._rate.set_speed(leg.speed)
+        handler.simulation.set_speed = self._rate.set_speed if serving else None
+        result: DriveResult | None = None
+        display.started(leg)
         try:
-            self._silent_cycles = 0 if self.step()[0] else self._silent_cycles + 1
-            if self._silent_cycles:
-                self.drive_manager.abort(SILENT)
-            self.request_handler.advance_mission()
+            start = self._start(leg)
+            outcome = self._run_until_outcome(leg.goal, start, display)
+            result = self._result(start, outcome)
+        finally:
+            display.ended(result)
+        return result
+
+    def _start(self, leg: Leg) -> _Start:
+        """Arm and start to drive; raise ThumperError, before anything moves, if that is impossible."""
+        estimator = self.inputs.estimator
+        if leg.goal is None:
+            return _Start(time_s=self.inputs.now_s(), driven_m=estimator.driven_m, map_from_base=Pose2())
+        state = self.wait_for_map()
+        start = _Start(time_s=state.time_s, driven_m=estimator.driven_m, map_from_base=state.map_from_base)
+        self._goal_limits.check(leg.goal)
+        self.drive_manager.start(leg.goal, self.inputs.telemetry, clear_fault=leg.clear_fault)
+        return start
+
+    def _run_until_outcome(self, goal: Goal | None, start: _Start, display: Display) -> DriveOutcome:
+        """Run control cycles until the leg has ended or Ctrl-C; on every way out, stop and disarm."""
+
+        def show(step: StepResult) -> None:
+            self._log_and_show(step, goal, start, display)
+
+        outcome: DriveOutcome | None = None
+        try:
+            while outcome is None:
+                outcome = self._guarded_step(goal, show)
+                self._rate.wait()
+        except KeyboardInterrupt:
+            outcome = DriveOutcome(reached=False, reason="interrupted", by_user=True)
+        finally:
+            confirmed = self.stop()
+        return outcome if confirmed else replace(outcome, reason=f"{outcome.reason}; {UNCONFIRMED}")
+
+    def _guarded_step(self, goal: Goal | None, show: Callable[[StepResult], None]) -> DriveOutcome | None:
+        """Run one control cycle and return how the drive ended, once it has.
+
+        A failure ends a drive to a `goal` of the loop's own. Without one, the robot stops, reconnects if
+        need be, and serves on.
+        """
+        try:
+            step = self.step()
+            if goal is None:
+                self._serve(step)
+                return None
             if self.inputs.board.restarted:
-                self._reconnect("the board has restarted; look at its supply and cable")
-            elif self._silent_cycles > MAX_SILENT_CYCLES:
-                self._reconnect(SILENT)
-            elif self.request_handler.experiments.requested and not self.request_handler.board_jobs:
-                self._experiment()
-            elif self.drive_manager.mode is DriveMode.IDLE and self.inputs.reopen_lidar():
-                self.publisher.publish_event("the lidar answers again", name="lidar")
+                return DriveOutcome(reached=False, reason=RESTARTED)
+            if not step.alive:
+                return DriveOutcome(reached=False, reason=SILENT)
+            show(step)
+            return self.drive_manager.outcome
         except ThumperError as error:
-            self._reconnect(str(error))
-        except Exception as error:  # in motion nothing may pass the stop that follows
-            self.drive_manager.abort(f"internal error: {type(error).__name__}: {error}")
+            reason, board_failed = str(error), True
+        except Exception as error:  # in motion nothing may prevent the stop that follows
+            reason, board_failed = f"internal error: {type(error).__name__}: {error}", False
+        if goal is not None:
+            return DriveOutcome(reached=False, reason=reason)
+        if board_failed:
+            self._reconnect(reason)
+        else:
+            self.drive_manager.abort(reason)
             self.stop()
             self.request_handler.advance_mission()
+        return None
 
-    def _reconnect(self, why: str) -> None:
-        """The board is out of reach and stops its motors by itself: try until it answers, then go on.
+    def _serve(self, step: StepResult) -> None:
+        """Between two cycles of a robot that serves requests: next leg, lost parts, experiments."""
+        handler = self.request_handler
+        self._silent_cycles = 0 if step.alive else self._silent_cycles + 1
+        if self._silent_cycles:
+            self.drive_manager.abort(SILENT)
+        handler.advance_mission()
+        if self.inputs.board.restarted:
+            self._reconnect(RESTARTED)
+        elif self._silent_cycles > MAX_SILENT_CYCLES:
+            self._reconnect(SILENT)
+        elif handler.experiments.requested and not handler.board_jobs:
+            handler.experiments.run(self)
+        elif self.drive_manager.mode is DriveMode.IDLE and self.inputs.reopen_lidar():
+            self.publisher.publish_event("the lidar answers again", name="lidar")
 
-        What was asked for is not taken up again.
+    def _reconnect(self, reason: str) -> None:
+        """Try until the board answers; meanwhile its own time-out keeps the motors off.
+
+        The loop does not resume what it did before.
         """
-        self.drive_manager.abort(why)
+        self.drive_manager.abort(reason)
         self.request_handler.advance_mission()
-        self.publisher.publish_event(why, ERROR, name="board")
+        self.publisher.publish_event(reason, ERROR, name="board")
         must_latch = False
         while True:
             self.inputs.samples, self.inputs.scans = [], self.inputs.lidar.poll()
-            self.publisher.publish(self.inputs, self.drive_manager, None, self._timing)
-            must_latch |= self.request_handler.refuse(why)
+            self._publish()
+            must_latch |= self.request_handler.refuse(reason)
             self.inputs.board.close()
             try:
                 board = self._open_board()
+                break
             except ThumperError:
                 time.sleep(RECONNECT_PERIOD_S)
-                continue
-            self.inputs.replace_board(board)
-            self.drive_manager.board = board
-            self.publisher.publish_event("the board answers again; the motors are off", name="board")
-            self.drive_manager.reason = ""
-            if must_latch:
-                self.request_queue.put(EmergencyStop())
-            return
+        self.inputs.replace_board(board)
+        self.drive_manager.board = board
+        self.publisher.publish_event("the board answers again; the motors are off", name="board")
+        self.drive_manager.reason = ""
+        if must_latch:
+            self.request_queue.put(EmergencyStop())
 
-    def _now_s(self) -> float:
-        return self.inputs.board.now_s()  # the board may be another one than at the start
+    def _step_or_raise(self) -> None:
+        if not self.step().alive:
+            raise ThumperError(NO_TELEMETRY, exit_code=EXIT_NOT_THERE)
 
-    def _drive(
-        self, goal: Goal, start_s: float, on_progress: Callable[[DriveProgress], None]
-    ) -> DriveOutcome:
-        """Beat until the end."""
-        try:
-            while True:
-                alive, output = self.step()
-                if self.inputs.board.restarted:
-                    return DriveOutcome(
-                        reached=False,
-                        reason="the board has restarted on the way; look at its supply and cable",
-                    )
-                if not alive:
-                    return DriveOutcome(reached=False, reason=SILENT)
-                state = self.inputs.estimator.state()
-                if output is not None and state is not None:
-                    self.log.add_pose(state.time_s, state.map_from_base)
-                    self.log.add_plan(output.plan)
-                    on_progress(
-                        DriveProgress(
-                            time_s=state.time_s - start_s,
-                            distance_to_goal_m=goal.distance_m(state.map_from_base),
-                            reason=output.reason,
-                        )
-                    )
-                if self.drive_manager.outcome is not None:
-                    return self.drive_manager.outcome
-        except ThumperError as error:
-            return DriveOutcome(reached=False, reason=str(error))
-        except Exception as error:  # in motion nothing may pass the stop that follows
-            return DriveOutcome(reached=False, reason=f"internal error: {type(error).__name__}: {error}")
+    def _decide_and_act(self) -> NavigationOutput | None:
+        state, telemetry = self.inputs.estimator.state(), self.inputs.telemetry
+        if state is None or telemetry is None:
+            return None
+        return self.drive_manager.step(telemetry, state, self.mapper.grid)
 
-    @raise_lost_interrupt()
-    def step(self) -> tuple[bool, NavigationOutput | None]:
-        """One beat: sense, heed, decide, act, tell. Returns whether the board was heard, and the decision."""
-        alive = self.inputs.read(self.drive_manager.resend_command)
-        begun_s = time.perf_counter()
-        state = self.inputs.estimator.state()
-        late_s = self.inputs.board.now_s() - state.time_s if state else 0.0
-        self.request_handler.process_pending()
-        output = None
-        if alive and state is not None and self.inputs.telemetry is not None:
-            output = self.drive_manager.step(self.inputs.telemetry, state, self.mapper.grid)
+    def _publish(self, output: NavigationOutput | None = None) -> None:
         self.publisher.publish(self.inputs, self.drive_manager, output, self._timing)
-        if alive:
-            self.request_handler.board_jobs.run_for(self._now_s)
-        self._timing = LoopTiming(late_s=late_s, busy_s=time.perf_counter() - begun_s)
-        return alive, output
 
-    def _check_goal(self, goal: Goal) -> None:
+    def _log_and_show(self, step: StepResult, goal: Goal | None, start: _Start, display: Display) -> None:
         state = self.inputs.estimator.state()
-        assert state is not None  # nobody asks before the robot has looked
-        if goal.distance_m(state.map_from_base) > MAX_GOAL_DISTANCE_M:
-            raise ThumperError(
-                f"goal {goal} is outside any map that could be made on the way: "
-                f"choose one within {MAX_GOAL_DISTANCE_M:.0f} m of the robot"
+        if step.output is None or state is None or goal is None:
+            return
+        self.log.add_pose(state.time_s, state.map_from_base)
+        self.log.add_plan(step.output.plan)
+        display.progress(
+            DriveProgress(
+                time_s=state.time_s - start.time_s,
+                distance_to_goal_m=goal.distance_m(state.map_from_base),
+                reason=step.output.reason,
             )
-        grid = self.mapper.grid().including(goal.x_m, goal.y_m, GOAL_MARGIN_M)
-        validate_goal(goal, grid, self._footprint, self._navigation.costmap)
+        )
 
-    def stop(self) -> bool:
-        """Stop and disarm; returns whether the board confirmed it.
+    def _result(self, start: _Start, outcome: DriveOutcome) -> DriveResult:
+        estimator = self.inputs.estimator
+        state = estimator.state()
+        return DriveResult(
+            reached=outcome.reached,
+            interrupted=outcome.by_user,
+            reason=outcome.reason,
+            time_s=state.time_s - start.time_s if state else 0.0,
+            path_length_m=estimator.driven_m - start.driven_m,
+            map_from_base=state.map_from_base if state else start.map_from_base,
+            navigation_failed=outcome.navigation_failed,
+        )
 
-        It runs on every way out: it never raises, and minds nothing but the board before that has stopped.
-        """
-        samples, confirmed = stop_and_disarm(self.inputs.board)
-        with suppress(Exception):  # a fault here must not hide how the drive ended
-            self.inputs.add_telemetry(samples)
-            self.inputs.scans = []
-            self.publisher.publish(
-                self.inputs, self.drive_manager, None, self._timing
-            )  # a recording holds the stop too
-        self.drive_manager.on_stopped()
-        return confirmed
+    def _late_s(self) -> float:
+        """How much later than its telemetry a cycle starts."""
+        state = self.inputs.estimator.state()
+        return self.inputs.now_s() - state.time_s if state else 0.0

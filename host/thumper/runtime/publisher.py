@@ -1,4 +1,4 @@
-"""Everything the robot makes, once a beat, as ROS 2 messages, to whoever wants it: bus, recorder, page."""
+"""Publishes the state of the robot as ROS 2 messages, once per control cycle, to bus and recorder."""
 
 import math
 from collections.abc import Callable
@@ -12,6 +12,7 @@ from thumper.board.messages import Fault
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.navigator import NavigationOutput
+from thumper.navigation.state import Transition
 from thumper.ros.codec import Message
 from thumper.ros.status import Status
 from thumper.ros.to_ros import ERROR, INFO, WARN, Messages
@@ -22,7 +23,7 @@ from thumper.runtime.state_estimator import RobotState
 from thumper.slam.mapper import HasParticles
 
 Sink = Callable[[str, float, Message], None]
-"""Takes a topic's name, the robot's time [s] and the message. It must neither wait nor raise."""
+"""Receives topic, time on the robot's clock [s] and message. Must neither block nor raise."""
 
 MAP_PERIOD_S = 1.0
 COSTMAP_PERIOD_S = 0.5
@@ -32,41 +33,49 @@ PARTICLES_PERIOD_S, MAX_PARTICLES = 0.5, 200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopTiming:
-    """How the loop kept up in the beat before this one, which is not over yet."""
+    """Timing of the previous control cycle [s]."""
 
-    late_s: float = 0.0  # how much later than due it began
-    busy_s: float = 0.0  # how long its work took
+    late_s: float = 0.0  # from its telemetry to its start
+    busy_s: float = 0.0  # computing time
 
 
 class Publisher:
-    """Hands each product to every sink; without sinks it makes none."""
+    """Passes every message to every sink; without sinks it makes none but events and texts."""
 
     def __init__(
-        self, *, robot: str, base_from_laser: Pose2, messages: Messages, simulated: bool = False
+        self,
+        *,
+        robot: str,
+        base_from_laser: Pose2,
+        messages: Messages,
+        now_s: Callable[[], float],
+        simulated: bool = False,
     ) -> None:
+        """`now_s` is the robot's clock [s], which stamps events and texts."""
         self.messages = messages
         self.recording = False
         self._robot = robot
         self._base_from_laser = base_from_laser
+        self._now_s = now_s
         self._simulated = simulated
         self._sinks: list[Sink] = []
-        self._latched: dict[str, tuple[float, Message]] = {}
+        self._latched: dict[str, Message] = {}
         self._map_s = self._costmap_s = self._particles_s = -np.inf
         self._scans_in_map = 0
         self._plan_m: FloatArray = np.empty((0, 2))
-        self._transition: object = None
+        self._transition: Transition | None = None
         self._fault = Fault.NONE
-        self._noted: set[str] = set()  # kinds of notes
-        self._time_s = 0.0
+        self._warned: set[str] = set()  # kinds of warnings
 
     def add_sink(self, sink: Sink) -> None:
-        """Let somebody have everything from now on, and at once the newest of what is latched."""
+        """Send all messages to `sink` from now on, and at once the newest message of each latched topic."""
         self._sinks.append(sink)
-        for topic, (stamp_s, message) in self._latched.items():
-            self._hand(sink, topic, stamp_s, message)
+        now_s = self._now_s()  # the time of delivery: the message may be hours old
+        for topic, message in self._latched.items():
+            self._deliver(sink, topic, now_s, message)
 
     def remove_sink(self, sink: Sink) -> None:
-        """Leave somebody alone."""
+        """Send nothing more to `sink`."""
         if sink in self._sinks:
             self._sinks.remove(sink)
 
@@ -77,49 +86,50 @@ class Publisher:
         output: NavigationOutput | None,
         timing: LoopTiming,
     ) -> None:
-        """Hand out what a beat has brought; called once the wheels have their order."""
+        """Publish the results of a control cycle, after the wheels have their command."""
         state = inputs.estimator.state()
         if not self._sinks or state is None:
             return
-        self._time_s = time_s = state.time_s
+        time_s = state.time_s
         if "tf_static" not in self._latched:
-            self._send("tf_static", self.messages.fixed_transforms(time_s, self._base_from_laser))
+            self._send("tf_static", time_s, self.messages.fixed_transforms(time_s, self._base_from_laser))
         for sample in inputs.samples:
-            self._put("wheels", sample.time_s, self.messages.wheels(sample))
+            self._send("wheels", sample.time_s, self.messages.wheels(sample))
         for scan in inputs.scans:
-            self._put("scan", scan.time_s, self.messages.scan(scan))
+            self._send("scan", scan.time_s, self.messages.scan(scan))
         if inputs.samples:
-            self._send("battery", self.messages.battery(inputs.samples[-1]))
+            self._send("battery", time_s, self.messages.battery(inputs.samples[-1]))
         self._publish_pose(inputs, state)
-        self._send("cmd_vel", self.messages.twist(time_s, drive_manager.command))
+        self._send("cmd_vel", time_s, self.messages.twist(time_s, drive_manager.command))
         if output is not None:
             self._publish_plans(drive_manager, output, state)
-        self._publish_map(inputs)
+        self._publish_map(inputs, time_s)
         self._publish_events(inputs, drive_manager)
-        self._send("status", self.messages.status(self._status(inputs, drive_manager, state, timing)))
+        status = self._status(inputs, drive_manager, state, timing)
+        self._send("status", time_s, self.messages.status(status))
 
     def publish_event(self, text: str, level: int = INFO, *, name: str = "robot") -> None:
-        """Tell people one line."""
-        self._send("events", self.messages.event(self._time_s, level, text, name))
+        """Publish one line for people, stamped now."""
+        now_s = self._now_s()
+        self._send("events", now_s, self.messages.event(now_s, level, text, name))
 
     def publish_text(self, topic: str, message: Message) -> None:
-        """Hand out a message that somebody else has made."""
-        self._send(topic, message)
+        """Publish a message without a stamp of its own; sinks receive it as of now."""
+        self._send(topic, self._now_s(), message)
 
     def _publish_pose(self, inputs: SensorInputs, state: RobotState) -> None:
         time_s, estimator = state.time_s, inputs.estimator
-        odometry = estimator.odometry
+        odometry, mapper = estimator.odometry, estimator.mapper
         assert odometry is not None  # there is a state
-        self._send("odom", self.messages.odometry(odometry))
-        self._send("pose", self.messages.pose(time_s, state.map_from_base))
-        map_from_odom = estimator.mapper.map_from_odom
-        self._send("tf", self.messages.transforms(time_s, map_from_odom, odometry.odom_from_base))
-        mapper = estimator.mapper
+        self._send("odom", time_s, self.messages.odometry(odometry))
+        self._send("pose", time_s, self.messages.pose(time_s, state.map_from_base))
+        transforms = self.messages.transforms(time_s, mapper.map_from_odom, odometry.odom_from_base)
+        self._send("tf", time_s, transforms)
         poses = mapper.particle_poses if isinstance(mapper, HasParticles) else None
         if poses is not None and len(poses) and time_s >= self._particles_s + PARTICLES_PERIOD_S:
             self._particles_s = time_s
-            some = poses[:: -(-len(poses) // MAX_PARTICLES)]
-            self._send("particles", self.messages.particles(time_s, some))
+            step = -(-len(poses) // MAX_PARTICLES)
+            self._send("particles", time_s, self.messages.particles(time_s, poses[::step]))
 
     def _publish_plans(
         self, drive_manager: DriveManager, output: NavigationOutput, state: RobotState
@@ -127,35 +137,35 @@ class Publisher:
         time_s = state.time_s
         if not np.array_equal(output.plan, self._plan_m):
             self._plan_m = output.plan
-            self._send("plan", self.messages.path(time_s, output.plan))
-        self._send("local_plan", self.messages.path(time_s, output.local_plan))
+            self._send("plan", time_s, self.messages.path(time_s, output.plan))
+        self._send("local_plan", time_s, self.messages.path(time_s, output.local_plan))
         costmap = drive_manager.navigator.costmap
         if costmap is not None and time_s >= self._costmap_s + COSTMAP_PERIOD_S:
             self._costmap_s = time_s
-            near = _cropped(costmap, state.map_from_base)
-            self._send("local_costmap", self.messages.costmap(time_s, near))
+            cropped = _cropped(costmap, state.map_from_base)
+            self._send("local_costmap", time_s, self.messages.costmap(time_s, cropped))
 
-    def _publish_map(self, inputs: SensorInputs) -> None:
+    def _publish_map(self, inputs: SensorInputs, time_s: float) -> None:
         scans = inputs.estimator.scans_mapped
-        if scans != self._scans_in_map and self._time_s >= self._map_s + MAP_PERIOD_S:
-            self._map_s, self._scans_in_map = self._time_s, scans
-            self._send("map", self.messages.grid(self._time_s, inputs.estimator.mapper.grid()))
+        if scans != self._scans_in_map and time_s >= self._map_s + MAP_PERIOD_S:
+            self._map_s, self._scans_in_map = time_s, scans
+            self._send("map", time_s, self.messages.grid(time_s, inputs.estimator.mapper.grid()))
 
     def _publish_events(self, inputs: SensorInputs, drive_manager: DriveManager) -> None:
         transitions = drive_manager.navigator.transitions
         if transitions and transitions[-1] is not self._transition:
             self._transition = newest = transitions[-1]
-            why = f": {newest.reason}" if newest.reason else ""
-            self.publish_event(f"{newest.before or 'start'} -> {newest.after}{why}", name="navigation")
-        for kind, line in inputs.estimator.notes().items():
-            if kind not in self._noted:  # the first of its kind; how many there were is told at the end
-                self._noted.add(kind)
+            reason = f": {newest.reason}" if newest.reason else ""
+            self.publish_event(f"{newest.before or 'start'} -> {newest.after}{reason}", name="navigation")
+        for kind, line in inputs.estimator.warnings().items():
+            if kind not in self._warned:  # the first of its kind; the command prints the counts at the end
+                self._warned.add(kind)
                 self.publish_event(line, WARN, name="localisation")
         fault = Fault.NONE if inputs.telemetry is None else inputs.telemetry.fault
         if fault is not self._fault:
             self._fault = fault
-            told = f"fault {int(fault)}, {_words(fault)}: {FAULT_HINTS[fault]}" if fault else "fault cleared"
-            self.publish_event(told, ERROR if fault else INFO, name="board")
+            text = f"fault {int(fault)}, {_words(fault)}: {FAULT_HINTS[fault]}" if fault else "fault cleared"
+            self.publish_event(text, ERROR if fault else INFO, name="board")
 
     def _status(
         self, inputs: SensorInputs, drive_manager: DriveManager, state: RobotState, timing: LoopTiming
@@ -190,18 +200,15 @@ class Publisher:
             lidar_restarts=lidar.restarts,
         )
 
-    def _send(self, topic: str, message: Message) -> None:
-        self._put(topic, self._time_s, message)
-
-    def _put(self, topic: str, stamp_s: float, message: Message) -> None:
+    def _send(self, topic: str, time_s: float, message: Message) -> None:
         if TOPICS[topic].latched:
-            self._latched[topic] = (stamp_s, message)
+            self._latched[topic] = message
         for sink in tuple(self._sinks):
-            self._hand(sink, topic, stamp_s, message)
+            self._deliver(sink, topic, time_s, message)
 
-    def _hand(self, sink: Sink, topic: str, stamp_s: float, message: Message) -> None:
-        with suppress(Exception):  # the robot drives on, whatever a listener does
-            sink(topic, stamp_s, message)
+    def _deliver(self, sink: Sink, topic: str, time_s: float, message: Message) -> None:
+        with suppress(Exception):  # no sink may stop the robot
+            sink(topic, time_s, message)
 
 
 def _words(fault: Fault) -> str:
@@ -209,14 +216,14 @@ def _words(fault: Fault) -> str:
 
 
 def _cropped(costmap: Costmap, map_from_base: Pose2) -> Costmap:
-    """The part round the robot."""
+    """Return the part around the robot."""
     size_m = costmap.resolution_m
     rows, columns = costmap.costs.shape
     row = int((map_from_base.y_m - costmap.origin_y_m) / size_m)
     column = int((map_from_base.x_m - costmap.origin_x_m) / size_m)
-    reach = round(COSTMAP_RADIUS_M / size_m)
-    top, left = min(max(row - reach, 0), rows), min(max(column - reach, 0), columns)
-    part = np.s_[top : max(row + reach, top), left : max(column + reach, left)]
+    radius = round(COSTMAP_RADIUS_M / size_m)
+    top, left = min(max(row - radius, 0), rows), min(max(column - radius, 0), columns)
+    part = np.s_[top : max(row + radius, top), left : max(column + radius, left)]
     return replace(
         costmap,
         costs=costmap.costs[part],

@@ -1,4 +1,4 @@
-"""What may be asked of a running robot, after it was checked. Plain data, from whatever border it came."""
+"""Requests to a running robot, already checked. Plain data, whatever transport they came by."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -12,7 +12,7 @@ from thumper.navigation.goal import Goal, check_place
 
 
 def parse_goal(content: Mapping[str, Any]) -> Goal:
-    """x_m, y_m, and perhaps yaw_rad and tolerance_m; nothing else, and all of them numbers."""
+    """Return the goal in `content`: x_m, y_m, optional yaw_rad and tolerance_m; raise ThumperError if wrong."""
     known = {"x_m", "y_m", "yaw_rad", "tolerance_m"}
     numbers = {
         name: float(value)
@@ -20,10 +20,10 @@ def parse_goal(content: Mapping[str, Any]) -> Goal:
         if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
     }
     if set(numbers) != set(content) or not {"x_m", "y_m"} <= set(numbers) <= known:
-        raise ThumperError("a goal is x_m, y_m and perhaps yaw_rad and tolerance_m, all of them numbers")
+        raise ThumperError("a goal has x_m, y_m and optionally yaw_rad and tolerance_m, all of them finite numbers")
     tolerance_m = numbers.get("tolerance_m", 0.1)
     if not 0.02 <= tolerance_m <= 1.0:
-        raise ThumperError("a goal's tolerance is 0.02...1 m")
+        raise ThumperError("choose a goal tolerance of 0.02...1 m")
     check_place("the goal", numbers["x_m"], numbers["y_m"])
     return Goal(
         x_m=numbers["x_m"],
@@ -33,7 +33,7 @@ def parse_goal(content: Mapping[str, Any]) -> Goal:
     )
 
 
-# Words that the topic `command` takes; nothing else is ever carried out.
+# The topic `command` accepts these words and no others.
 COMMANDS = (
     *("cancel", "clear_fault", "arm", "disarm", "estop"),
     *("record_start", "record_stop", "save_map", "localise", "map_on", "relocalise"),
@@ -41,7 +41,7 @@ COMMANDS = (
 
 
 class TeleopSource(IntEnum):
-    """Who drives by hand; the greater one goes first."""
+    """Source of manual commands; the greater one has priority."""
 
     TELEOP = 1
     GAMEPAD = 2
@@ -49,15 +49,15 @@ class TeleopSource(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GoTo:
-    """Drive to these places, one after another."""
+    """Drive to these goals, one after another."""
 
     goals: tuple[Goal, ...]
-    source: str = ""  # who asks: a heartbeat under the same name must not fail
+    source: str = ""  # the client: if it sends heartbeats under this name, they must not stop
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Velocity:
-    """Drive like this, by hand, for a moment."""
+    """A manual command; it expires soon."""
 
     channel: TeleopSource
     twist: Twist2
@@ -66,14 +66,14 @@ class Velocity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Heartbeat:
-    """The page is alive."""
+    """The client is alive."""
 
     source: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EmergencyStop:
-    """Motors off, latched."""
+    """Switch the motors off and latch the fault."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,29 +85,29 @@ class RobotCommand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetPose:
-    """The robot stands here."""
+    """Set the robot's pose in the map."""
 
     map_from_base: Pose2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatorCommand:
-    """Change the simulated world; refused on a real robot."""
+    """Change the simulation; a real robot refuses it."""
 
     content: Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogMessage:
-    """A line for people, from another thread."""
+    """A line for people, from another thread of this process."""
 
     text: str
-    good: bool = False  # a mere word that something is done
+    good: bool = False  # success; else a warning
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Query:
-    """A question that wants an answer: `reply` is called once, from the robot's loop, and must not block."""
+    """A request with an answer. The loop calls `reply` once; it must not block."""
 
     name: str
     content: Mapping[str, Any]

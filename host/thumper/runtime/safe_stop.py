@@ -1,6 +1,7 @@
-"""To a stand and off, on every way out."""
+"""Stops the wheels and disarms the board; every exit path uses it."""
 
 from contextlib import suppress
+from dataclasses import dataclass
 
 from thumper.board.board import Board, TelemetrySample
 from thumper.board.messages import Command
@@ -8,13 +9,21 @@ from thumper.common.errors import ThumperError
 from thumper.common.kinematics import WheelSpeeds
 from thumper.runtime.sensor_inputs import LATE_CYCLE_S, LATE_CYCLES
 
-STOP_CYCLES = 30  # the firmware's ramp needs two seconds from the fastest speed it takes
+STOP_CYCLES = 30  # the firmware's ramp needs 2 s from the maximum speed
 
 
-def stop_and_disarm(board: Board) -> tuple[list[TelemetrySample], bool]:
-    """Zero speed until the wheels stand, then disarm; returns what the board said, and whether it confirmed.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopResult:
+    """What the board sent while it stopped, and whether it confirmed that the motors are off."""
 
-    It never raises. Ctrl-C cuts the ramp short, never the disarming.
+    samples: list[TelemetrySample]
+    confirmed: bool
+
+
+def stop_and_disarm(board: Board) -> StopResult:
+    """Command zero speed until the wheels stop, then disarm. Never raises.
+
+    Ctrl-C cuts the ramp short, but never the disarming.
     """
     samples: list[TelemetrySample] = []
     confirmed, silent_cycles = False, 0
@@ -22,12 +31,12 @@ def stop_and_disarm(board: Board) -> tuple[list[TelemetrySample], bool]:
         with suppress(KeyboardInterrupt):
             for _ in range(STOP_CYCLES):
                 board.set_wheel_speeds(WheelSpeeds())
-                heard = board.poll(LATE_CYCLE_S)  # a lost frame must not become a lost link
-                samples += heard
-                silent_cycles = 0 if heard else silent_cycles + 1
+                received = board.poll(LATE_CYCLE_S)  # a lost frame must not become a lost link
+                samples += received
+                silent_cycles = 0 if received else silent_cycles + 1
                 if silent_cycles > LATE_CYCLES:
                     break
-                if heard and heard[-1].telemetry.left_speed == heard[-1].telemetry.right_speed == 0:
+                if received and received[-1].telemetry.left_speed == received[-1].telemetry.right_speed == 0:
                     break
         while not confirmed:
             with suppress(KeyboardInterrupt):
@@ -35,4 +44,4 @@ def stop_and_disarm(board: Board) -> tuple[list[TelemetrySample], bool]:
                 confirmed = True
     except ThumperError:
         pass
-    return samples, confirmed
+    return StopResult(samples=samples, confirmed=confirmed)

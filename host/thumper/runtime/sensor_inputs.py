@@ -1,4 +1,4 @@
-"""What the robot takes in: one beat of the board's telemetry, the scans beside it, and what they mean."""
+"""Reads board and lidar once per control cycle and passes everything on to the state estimator."""
 
 import math
 from collections.abc import Callable
@@ -6,27 +6,24 @@ from dataclasses import fields, replace
 
 from thumper.board.board import Board, TelemetrySample
 from thumper.board.messages import Telemetry
-from thumper.common.errors import EXIT_NOT_THERE, ThumperError
+from thumper.common.errors import ThumperError
 from thumper.lidar.driver import LidarDriver
 from thumper.lidar.scan import Scan
 from thumper.navigation.state import Transition
 from thumper.runtime.drive_log import DriveLog
-from thumper.runtime.state_estimator import RobotState, StateEstimator
+from thumper.runtime.state_estimator import StateEstimator
 
 TELEMETRY_TIMEOUT_S = 0.5
-LATE_CYCLE_S = 0.15  # telemetry frames were lost on the way: the board must not miss commands for it
+LATE_CYCLE_S = 0.15  # telemetry was lost in transit: the board must not miss commands because of it
 LATE_CYCLES = 2
-CATCH_UP_CYCLES = 10  # a lidar that nobody read is ordered anew; a dead one is the drive_manager's affair
-BLIND_S = 0.35  # without a new scan for this long (three turns) the robot must not move on
-LIDAR_GONE_ERRORS = 5  # of its port one after another, without a scan between: the port itself has gone
+BLIND_S = 0.35  # without a new scan for this long (three revolutions), the robot must stop
+LIDAR_GONE_ERRORS = 5  # port errors in succession, without a scan between them: the port has gone
 LIDAR_RETRY_S = 5.0
-MIN_SCANS = 3
-FIRST_SCANS_TIMEOUT_S = 5.0
-NO_TELEMETRY = "the board went silent before the start; is the cable loose?"
+MIN_SCANS = 3  # mapped before the first drive
 
 
 class SensorInputs:
-    """Both ports behind one call a beat; `samples` and `scans` hold what the newest beat brought."""
+    """Board and lidar behind one call per cycle; `samples` and `scans` hold the data of the newest cycle."""
 
     def __init__(
         self,
@@ -44,22 +41,26 @@ class SensorInputs:
         self.scans: list[Scan] = []
         self.newest_scan: Scan | None = None
         self.log = DriveLog()
-        self.keep_log = True  # a robot that is on for days must not fill its memory
-        self._heard_s = math.inf  # when telemetry was taken in last; before the first nothing is out of date
-        self._offset_counts = (0, 0)  # to the board's counts, which begin anew when it restarts
+        self.keep_log = True  # off for a robot that runs for days, whose memory would fill up
+        self._telemetry_read_s = math.inf  # before the first telemetry nothing is outdated
+        self._count_offsets = (0, 0)  # added to the board's counts, which restart at zero with the board
         self._is_new_board = False
         self._open_lidar = open_lidar
-        self._port_errors = 0  # of the lidar when its newest scan came
-        self._open_again_s = 0.0
+        self._port_errors = 0  # the lidar's count at its newest scan
+        self._next_open_s = 0.0
+
+    def now_s(self) -> float:
+        """Return the robot's clock [s]: that of the present board, which changes with each reconnection."""
+        return self.board.now_s()
 
     def read(self, resend_command: Callable[[], None] | None = None) -> bool:
-        """Take in one beat of both ports; False when the board is silent.
+        """Read one control cycle from board and lidar; return False if the board sent nothing.
 
-        While a beat is late, `resend_command` is given again, so that lost frames are not a lost link.
+        While telemetry is late, call `resend_command`, so that lost frames do not become a lost link.
         """
-        silence_s = TELEMETRY_TIMEOUT_S - LATE_CYCLES * LATE_CYCLE_S
+        last_wait_s = TELEMETRY_TIMEOUT_S - LATE_CYCLES * LATE_CYCLE_S
         samples = self.board.poll(LATE_CYCLE_S)
-        for wait_s in (*(LATE_CYCLES - 1) * (LATE_CYCLE_S,), silence_s):
+        for wait_s in (*(LATE_CYCLES - 1) * (LATE_CYCLE_S,), last_wait_s):
             if samples:
                 break
             if resend_command is not None:
@@ -70,7 +71,7 @@ class SensorInputs:
         return bool(samples)
 
     def read_scans(self) -> None:
-        """Take in what the lidar has sent, without waiting."""
+        """Read what the lidar has sent, without waiting."""
         self.scans = self.lidar.poll()
         if self.scans:
             self._port_errors = self.lidar.counters.port_errors
@@ -79,10 +80,10 @@ class SensorInputs:
             self.estimator.add_scan(scan)
 
     def add_telemetry(self, samples: list[TelemetrySample]) -> None:
-        """Believe telemetry."""
-        self.samples = [self._with_offset(sample) for sample in samples]
+        """Add telemetry that was read from the board."""
+        self.samples = [self._with_count_offsets(sample) for sample in samples]
         if samples:
-            self._heard_s = self.board.now_s()
+            self._telemetry_read_s = self.board.now_s()
         for sample in self.samples:
             self.telemetry = sample.telemetry
             self.estimator.add_telemetry(sample)
@@ -90,20 +91,20 @@ class SensorInputs:
                 self.log.add_speeds(sample)
 
     def replace_board(self, board: Board) -> None:
-        """Go on with a board that was reached anew; should it have restarted, its counts are carried on."""
+        """Continue with a reconnected board; if it has restarted, its counts continue from the old ones."""
         self.board, self._is_new_board = board, True
 
     def reopen_lidar(self) -> bool:
-        """Open the lidar anew once its port has gone; returns whether it answers again.
+        """Open the lidar again if its port has gone; return whether it answers again.
 
-        It may wait for seconds: only for a robot that stands.
+        May block for seconds: call it only while the robot is stationary.
         """
         gone = self.lidar.counters.port_errors - self._port_errors >= LIDAR_GONE_ERRORS
         now_s = self.board.now_s()
-        if not gone or self._open_lidar is None or now_s < self._open_again_s:
+        if not gone or self._open_lidar is None or now_s < self._next_open_s:
             return False
-        self._open_again_s = now_s + LIDAR_RETRY_S
-        self.lidar.close()  # else its name stays taken
+        self._next_open_s = now_s + LIDAR_RETRY_S
+        self.lidar.close()  # or its device name stays in use
         try:
             lidar = self._open_lidar()
         except ThumperError:
@@ -116,78 +117,45 @@ class SensorInputs:
         return True
 
     def log_transition(self, transition: Transition) -> None:
-        """Keep a change of navigation's state for the log."""
+        """Add a transition of the navigator's state to the log."""
         if self.keep_log:
             self.log.transitions.append(transition)
 
-    def _with_offset(self, sample: TelemetrySample) -> TelemetrySample:
+    @property
+    def is_outdated(self) -> bool:
+        """Whether more than a cycle has passed since the last telemetry, because the caller paused."""
+        return self.board.now_s() - self._telemetry_read_s > LATE_CYCLE_S
+
+    @property
+    def is_current(self) -> bool:
+        """Whether the ports are drained and the newest scan is recent, if there was one before."""
+        state = self.estimator.state()
+        if state is None or (self.has_map and state.scan_age_s > BLIND_S):
+            return False
+        return len(self.samples) <= LATE_CYCLES  # arrives as it is sent: nothing has waited in the port
+
+    @property
+    def has_map(self) -> bool:
+        """Whether enough scans have been mapped to plan a path."""
+        return self.estimator.scans_mapped >= MIN_SCANS
+
+    def _with_count_offsets(self, sample: TelemetrySample) -> TelemetrySample:
         telemetry, last = sample.telemetry, self.telemetry
         if self._is_new_board and last is not None and telemetry.time_us < last.time_us:
-            self._offset_counts = (
+            self._count_offsets = (
                 last.left_count - telemetry.left_count,
                 last.right_count - telemetry.right_count,
             )
         self._is_new_board = False
-        if self._offset_counts == (0, 0):
+        if self._count_offsets == (0, 0):
             return sample
-        left, right = self._offset_counts
-        moved = replace(
+        left, right = self._count_offsets
+        shifted = replace(
             telemetry,
             left_count=_int32(telemetry.left_count + left),
             right_count=_int32(telemetry.right_count + right),
         )
-        return replace(sample, telemetry=moved)
-
-    def catch_up(self, step: Callable[[], bool]) -> None:
-        """After a pause let `beat` pass until what has waited in the ports is taken in and a scan is new.
-
-        What was heard long ago tells neither the board's state nor the place now.
-
-        Raises
-        ------
-        ThumperError
-            The board is silent.
-        """
-        if self.board.now_s() - self._heard_s <= LATE_CYCLE_S:
-            return
-        for _ in range(CATCH_UP_CYCLES):
-            if not step():
-                raise ThumperError(NO_TELEMETRY, exit_code=EXIT_NOT_THERE)
-            state = self.estimator.state()
-            sees = state is not None and (state.scan_age_s <= BLIND_S or not self.has_map)
-            if sees and len(self.samples) <= LATE_CYCLES:  # as they are sent: nothing has waited
-                return
-
-    @property
-    def has_map(self) -> bool:
-        """Whether enough was seen to plan with."""
-        return self.estimator.scans_mapped >= MIN_SCANS
-
-    def wait_for_map(self, step: Callable[[], bool]) -> RobotState:
-        """Stand still and let `beat` pass until the first scans are mapped: a plan needs a map.
-
-        Raises
-        ------
-        ThumperError
-            The board is silent, or the lidar is.
-        """
-        self.catch_up(step)
-        waited_s = 0.0
-        while not self.has_map:
-            if waited_s > FIRST_SCANS_TIMEOUT_S:
-                raise ThumperError(
-                    "the lidar sends no scans in the board's time; is it powered, and the same robot's? "
-                    "`thumper doctor --lidar PORT` tells more"
-                )
-            before = self.estimator.state()
-            if not step():
-                raise ThumperError(NO_TELEMETRY, exit_code=EXIT_NOT_THERE)
-            now = self.estimator.state()
-            if before and now:
-                waited_s += now.time_s - before.time_s
-        state = self.estimator.state()
-        assert state is not None  # a scan is only mapped once odometry covers it
-        return state
+        return replace(sample, telemetry=shifted)
 
 
 def _int32(value: int) -> int:

@@ -1,6 +1,6 @@
-"""From wheel counts and scans to where the robot is and what stands round it. Pure: no I/O, no clock.
+"""Odometry and SLAM: wheel counts and scans in, robot state out. Pure: no I/O, no clock.
 
-What comes in is first rounded to what a recording keeps of it, so that a replay gives the same bits.
+Inputs are first rounded to the precision of a recording, so that a replay is identical bit for bit.
 """
 
 from collections import deque
@@ -23,25 +23,25 @@ from thumper.odometry.slip_detector import GOOD_MATCH, SlipDetector
 from thumper.odometry.wheel_odometry import OdometrySample, WheelOdometry
 from thumper.slam.mapper import Mapper, ReportsDoubt
 
-MAX_SCAN_WAIT_S = 1.0  # of a scan for its odometry
-MAX_WAITING_SCANS = 100  # whatever their stamps say
+MAX_SCAN_WAIT_S = 1.0  # a scan waits this long for its odometry
+MAX_WAITING_SCANS = 100  # limits memory if time stamps are wrong
 UNUSABLE = {ScanDefect.STAMP, ScanDefect.BEAMS}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotState:
-    """What navigation decides on: newest pose and speed, and the newest scan's obstacles."""
+    """Input of the navigator: newest pose and speed, and the hits of the newest scan."""
 
     time_s: float
     map_from_base: Pose2
     twist: Twist2
     hits_in_map_m: FloatArray  # shape (n, 2)
     scan_age_s: float  # +inf before the first scan
-    lost: str = ""  # why nobody should drive by this pose; empty while one may
+    lost: str = ""  # why the pose cannot be trusted; empty if it can
 
 
 class StateEstimator:
-    """Odometry and mapping behind two inputs and one output."""
+    """Combines odometry and mapper: telemetry and scans in, `RobotState` out."""
 
     def __init__(
         self,
@@ -56,68 +56,72 @@ class StateEstimator:
         self._odometry: WheelOdometry | GyroEkf = WheelOdometry(drive)
         if imu is not None and imu.enabled:
             self._odometry = GyroEkf(drive, imu=imu)
-        self._bridge = JumpFilter()
-        self._slip = SlipDetector()
-        self._history = PoseBuffer()
+        self._jump_filter = JumpFilter()
+        self._slip_detector = SlipDetector()
+        self._pose_buffer = PoseBuffer()
         self._newest: OdometrySample | None = None
         self._waiting: deque[Scan] = deque()
         self._hits_in_map_m = np.empty((0, 2))
         self._scan_time_s = -np.inf
-        self.monitor = ScanChecker()
+        self.scan_checker = ScanChecker()
         self.scans_mapped = 0
-        self.driven_m = 0.0  # by the wheels: in the map the pose also moves where the robot does not
-        self.map_doubt = ""  # why the map localised in might be the wrong one, as was last said
+        self.driven_m = 0.0  # by odometry: the pose in the map also jumps while the robot is stationary
+        self.map_doubt = ""  # the last reason why the loaded map might be the wrong one
 
     def add_telemetry(self, sample: TelemetrySample) -> None:
         """Advance the odometry."""
         telemetry = sample.telemetry
         time_s = rounded_s(sample.time_s)
-        newest = self._odometry.update(time_s, telemetry.left_count, telemetry.right_count)
-        leaps = self._bridge.jumps
-        bridged = replace(newest, odom_from_base=self._bridge.filter(time_s, newest.odom_from_base))
+        raw = self._odometry.update(time_s, telemetry.left_count, telemetry.right_count)
+        jumps = self._jump_filter.jumps
+        filtered = replace(raw, odom_from_base=self._jump_filter.filter(time_s, raw.odom_from_base))
         if self._newest is not None:
-            self.driven_m += self._newest.odom_from_base.distance_m(bridged.odom_from_base)
-        self._newest = bridged if self._bridge.jumps == leaps else replace(bridged, twist=Twist2())
-        self._history.add(self._newest)
-        self._map_what_is_covered()
+            self.driven_m += self._newest.odom_from_base.distance_m(filtered.odom_from_base)
+        has_jumped = self._jump_filter.jumps != jumps
+        self._newest = replace(filtered, twist=Twist2()) if has_jumped else filtered
+        self._pose_buffer.add(self._newest)
+        self._map_covered_scans()
 
     def add_imu(self, sample: ImuSample) -> None:
-        """Take a reading of the gyroscope, before the telemetry that it precedes; ignored unless enabled."""
+        """Add a gyroscope sample, before the telemetry that follows it; ignored unless enabled."""
         if isinstance(self._odometry, GyroEkf):
             self._odometry.add_imu(sample)
 
-    def notes(self) -> dict[str, str]:
-        """What was wrong with the input so far: one line with its count for each kind, by the kind's name."""
-        notes = self.monitor.summary_by_kind()
-        for kind, lines in (("LEAP", self._bridge.summary_lines()), ("SLIP", self._slip.summary_lines())):
+    def warnings(self) -> dict[str, str]:
+        """Return the input defects so far: one line with its count per kind, keyed by the kind's name."""
+        warnings = self.scan_checker.summary_by_kind()
+        for kind, lines in (
+            ("LEAP", self._jump_filter.summary_lines()),
+            ("SLIP", self._slip_detector.summary_lines()),
+        ):
             if lines:
-                notes[kind] = lines[0]
+                warnings[kind] = lines[0]
         if isinstance(self._odometry, GyroEkf) and self._odometry.slips:
-            notes["TURN_SLIP"] = (
+            warnings["TURN_SLIP"] = (
                 f"{self._odometry.slips} times wheels and gyroscope disagreed: the wheels slip"
             )
         if self.map_doubt:
-            notes["MAP"] = self.map_doubt
-        return notes
+            warnings["MAP"] = self.map_doubt
+        return warnings
 
     def add_scan(self, scan: Scan) -> None:
-        """Queue a scan; it is mapped as soon as odometry covers its whole turn."""
-        if UNUSABLE.intersection(self.monitor.check(scan)):
+        """Queue a scan; it is mapped as soon as odometry covers its whole revolution."""
+        if UNUSABLE.intersection(self.scan_checker.check(scan)):
             return
         scan = scan.as_recorded()
         self._waiting.append(scan)
-        # By time, not by count alone; a scan stamped far ahead must not hold up those that follow it.
+        # Limit by time as well as by count: a scan stamped far ahead must not delay those after it.
         while (
             abs(scan.time_s - self._waiting[0].time_s) > MAX_SCAN_WAIT_S
             or len(self._waiting) > MAX_WAITING_SCANS
         ):
             self._waiting.popleft()
-            self.monitor.count(ScanDefect.WAITED)
-        self._map_what_is_covered()
+            self.scan_checker.count(ScanDefect.WAITED)
+        self._map_covered_scans()
 
     @property
     def odometry(self) -> OdometrySample | None:
-        """Where the wheels alone say the robot is; None before the first telemetry."""
+        """The newest odometry; None before the first telemetry."""
         return self._newest
 
     def state(self) -> RobotState | None:
@@ -134,29 +138,32 @@ class StateEstimator:
             lost=self.mapper.quality().lost if self.scans_mapped else "",
         )
 
-    def _map_what_is_covered(self) -> None:
+    def _map_covered_scans(self) -> None:
         while self._waiting and self._newest is not None:
             scan = self._waiting[0]
-            turn_s = scan.time_increment_s * (scan.ranges_m.size - 1)
-            if scan.time_s + turn_s > self._newest.time_s:
+            revolution_s = scan.time_increment_s * (scan.ranges_m.size - 1)
+            if scan.time_s + revolution_s > self._newest.time_s:
                 return
             self._waiting.popleft()
-            if not self._history.covers(scan.time_s):
-                self.monitor.count(ScanDefect.NO_ODOMETRY)
-                continue  # older than the odometry: taken before the board was heard
-            odom_from_base = self._history.at(scan.time_s)
-            turned = odom_from_base.inverse() @ self._history.at(scan.time_s + turn_s)
-            twist = Twist2()
-            if turn_s > 0.0:
-                twist = Twist2(v_m_s=turned.x_m / turn_s, w_rad_s=turned.theta_rad / turn_s)
-            update = self.mapper.update(odom_from_base, scan, twist)
-            if update.jumped or update.match_score < GOOD_MATCH:
-                self._slip.reset()
-            elif update.match_score >= GOOD_MATCH:
-                self._slip.update(odom_from_base, update.map_from_base)
-            if isinstance(self.mapper, ReportsDoubt):
-                self.map_doubt = self.mapper.map_doubt or self.map_doubt
-            self.scans_mapped += 1
-            self._scan_time_s = scan.time_s + turn_s
-            points = scan_points(scan, twist, self._base_from_laser, scan.range_max_m)
-            self._hits_in_map_m = (self.mapper.map_from_odom @ odom_from_base).apply(points.hits_m())
+            if self._pose_buffer.covers(scan.time_s):
+                self._map(scan, revolution_s)
+            else:  # taken before the first telemetry
+                self.scan_checker.count(ScanDefect.NO_ODOMETRY)
+
+    def _map(self, scan: Scan, revolution_s: float) -> None:
+        odom_from_base = self._pose_buffer.at(scan.time_s)
+        motion = odom_from_base.inverse() @ self._pose_buffer.at(scan.time_s + revolution_s)
+        twist = Twist2()
+        if revolution_s > 0.0:
+            twist = Twist2(v_m_s=motion.x_m / revolution_s, w_rad_s=motion.theta_rad / revolution_s)
+        update = self.mapper.update(odom_from_base, scan, twist)
+        if update.jumped or update.match_score < GOOD_MATCH:
+            self._slip_detector.reset()
+        elif update.match_score >= GOOD_MATCH:
+            self._slip_detector.update(odom_from_base, update.map_from_base)
+        if isinstance(self.mapper, ReportsDoubt):
+            self.map_doubt = self.mapper.map_doubt or self.map_doubt
+        self.scans_mapped += 1
+        self._scan_time_s = scan.time_s + revolution_s
+        points = scan_points(scan, twist, self._base_from_laser, scan.range_max_m)
+        self._hits_in_map_m = (self.mapper.map_from_odom @ odom_from_base).apply(points.hits_m())

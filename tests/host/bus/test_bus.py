@@ -43,7 +43,7 @@ class Robot:
         self.server = BusServer("r1", options, self.requests, self.reported.append)
 
     def pending_requests(self) -> list[Request]:
-        return [request for _, request in self.requests.take()]
+        return [request for _, request in self.requests.take_all()]
 
     def received(self) -> list[Request]:
         requests: list[Request] = []

@@ -12,30 +12,36 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
 from thumper.navigation.options import NavigationOptions
-from thumper.runtime.drive.waypoints import Itinerary, follow
+from thumper.runtime.drive.tasks import Leg, carry_out, follow_waypoints
+from thumper.runtime.drive.waypoints import Waypoints
 from thumper.runtime.drive_result import DriveResult
 
 A, B = Goal(x_m=1.0, y_m=0.0), Goal(x_m=0.0, y_m=1.0)
 
 
-def driver(fails: Callable[[str, Goal], bool], seen: list[str]) -> Callable[[str, Goal], DriveResult]:
-    def drive(name: str, goal: Goal) -> DriveResult:
-        seen.append(name)
+def driver(fails: Callable[[Goal], bool], seen: list[str]) -> Callable[[Leg], DriveResult]:
+    def drive(leg: Leg) -> DriveResult:
+        assert leg.goal is not None
+        seen.append(leg.name)
         return DriveResult(
-            reached=not fails(name, goal),
+            reached=not fails(leg.goal),
             interrupted=False,
-            reason="the door is shut" if fails(name, goal) else "at the goal",
+            reason="the door is shut" if fails(leg.goal) else "at the goal",
             time_s=5.0,
             path_length_m=1.5,
-            map_from_base=Pose2(x_m=goal.x_m, y_m=goal.y_m),
+            map_from_base=Pose2(x_m=leg.goal.x_m, y_m=leg.goal.y_m),
         )
 
     return drive
 
 
+def follow(waypoints: Waypoints, drive: Callable[[Leg], DriveResult]) -> DriveResult:
+    return carry_out(follow_waypoints(waypoints), drive)
+
+
 def test_a_patrol_drives_every_waypoint_in_every_round_and_adds_up() -> None:
     seen: list[str] = []
-    result = follow(Itinerary(goals=(A, B), rounds=2), driver(lambda _name, _goal: False, seen))
+    result = follow(Waypoints(goals=(A, B), rounds=2), driver(lambda _goal: False, seen))
     assert seen == [f"waypoint {n} of 2, round {lap} of 2" for lap in (1, 2) for n in (1, 2)]
     assert result.reached
     assert (result.time_s, result.path_length_m) == (20.0, 6.0)
@@ -44,7 +50,7 @@ def test_a_patrol_drives_every_waypoint_in_every_round_and_adds_up() -> None:
 
 def test_it_stops_at_the_first_failure_and_says_which() -> None:
     seen: list[str] = []
-    result = follow(Itinerary(goals=(A, B, A)), driver(lambda _name, goal: goal is B, seen))
+    result = follow(Waypoints(goals=(A, B, A)), driver(lambda goal: goal is B, seen))
     assert len(seen) == 2
     assert not result.reached
     assert result.reason == "waypoint 2 of 3 (0.00, 1.00): the door is shut"
@@ -52,17 +58,17 @@ def test_it_stops_at_the_first_failure_and_says_which() -> None:
 
 
 def test_a_refused_first_leg_is_an_error_and_a_later_one_ends_the_drive() -> None:
-    def refusing(bad: Goal) -> Callable[[str, Goal], DriveResult]:
-        def drive(name: str, goal: Goal) -> DriveResult:
-            if goal is bad:
+    def refusing(bad: Goal) -> Callable[[Leg], DriveResult]:
+        def drive(leg: Leg) -> DriveResult:
+            if leg.goal is bad:
                 raise ThumperError("too near an obstacle")
-            return driver(lambda _name, _goal: False, [])(name, goal)
+            return driver(lambda _goal: False, [])(leg)
 
         return drive
 
     with pytest.raises(ThumperError, match="too near"):
-        follow(Itinerary(goals=(A, B)), refusing(A))
-    result = follow(Itinerary(goals=(A, B)), refusing(B))
+        follow(Waypoints(goals=(A, B)), refusing(A))
+    result = follow(Waypoints(goals=(A, B)), refusing(B))
     assert not result.reached
     assert result.reason == "waypoint 2 of 2 (0.00, 1.00): too near an obstacle"
 

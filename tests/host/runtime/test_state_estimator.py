@@ -75,9 +75,9 @@ def test_a_scan_waits_until_odometry_covers_its_turn() -> None:
     assert robot.scans_mapped == 0
     robot.add_telemetry(telemetry(0.2, 0, 0))
     assert robot.scans_mapped == 1
-    situation = robot.state()
-    assert situation is not None
-    assert situation.scan_age_s == pytest.approx(0.2 - 0.149, abs=1e-7)
+    state = robot.state()
+    assert state is not None
+    assert state.scan_age_s == pytest.approx(0.2 - 0.149, abs=1e-7)
 
 
 def test_a_scan_from_before_the_board_was_heard_is_not_mapped() -> None:
@@ -96,10 +96,10 @@ def test_hits_lie_on_the_walls_though_the_robot_turned_during_the_scan() -> None
         robot.add_telemetry(telemetry(0.1 * k, -k * turn_counts, k * turn_counts))
     poses = [Pose2(theta_rad=w_rad_s * (0.1 + 0.1 * i / 100)) for i in range(100)]
     robot.add_scan(scan(0.1, poses))
-    situation = robot.state()
-    assert situation is not None
+    state = robot.state()
+    assert state is not None
     room_from_map = poses[0]  # the first scan lays the map's origin where it was taken
-    assert wall_distance_m(room_from_map.apply(situation.hits_in_map_m)).max() < 0.01
+    assert wall_distance_m(room_from_map.apply(state.hits_in_map_m)).max() < 0.01
 
 
 def test_a_scan_from_the_future_does_not_hold_up_the_others() -> None:
@@ -152,10 +152,10 @@ def test_a_scan_that_makes_no_sense_is_counted_and_harmless(broken: dict[str, An
         robot.add_scan(replace(good, **broken) if k == 4 else good)
     robot.add_telemetry(telemetry(0.9, 0, 0))
     assert robot.monitor.counts == {flaw: 1}
-    assert list(robot.notes().values()) == [f"1 of 8 scans {flaw.value}"]
-    situation = robot.state()
-    assert situation is not None
-    assert situation.map_from_base.distance_m(Pose2()) < 0.01
+    assert list(robot.warnings().values()) == [f"1 of 8 scans {flaw.value}"]
+    state = robot.state()
+    assert state is not None
+    assert state.map_from_base.distance_m(Pose2()) < 0.01
 
 
 def test_a_pose_given_by_hand_is_no_slip() -> None:
@@ -172,13 +172,13 @@ def test_a_pose_given_by_hand_is_no_slip() -> None:
             mapper.localize()
             for _ in range(2):  # for the map, which is not whole yet, speaks against it
                 mapper.set_pose(Pose2(x_m=2.4 - here.x_m, y_m=0.4 - here.y_m, theta_rad=math.pi))
-    situation = robot.state()
-    assert situation is not None
-    assert abs(situation.map_from_base.theta_rad) > 3.0
-    assert situation.lost == ""
+    state = robot.state()
+    assert state is not None
+    assert abs(state.map_from_base.theta_rad) > 3.0
+    assert state.lost == ""
     assert robot.scans_mapped == 29
     before_the_board_was_heard = f"1 of 30 scans {ScanDefect.NO_ODOMETRY}"
-    assert robot.notes() == {"NO_ODOMETRY": before_the_board_was_heard}
+    assert robot.warnings() == {"NO_ODOMETRY": before_the_board_was_heard}
 
 
 def test_counts_that_leap_are_no_motion_and_are_told() -> None:
@@ -188,12 +188,12 @@ def test_counts_that_leap_are_no_motion_and_are_told() -> None:
         count = leap if k >= 10 else 0
         robot.add_telemetry(telemetry(0.1 * k, count, count))
         robot.add_scan(scan(0.1 * k, [Pose2()] * 100))
-        situation = robot.state()
-        assert situation is not None
-        assert situation.twist.v_m_s == 0.0
-        assert situation.map_from_base.distance_m(Pose2()) < 0.01
+        state = robot.state()
+        assert state is not None
+        assert state.twist.v_m_s == 0.0
+        assert state.map_from_base.distance_m(Pose2()) < 0.01
     assert robot.driven_m == pytest.approx(0.0, abs=1e-9)
-    assert robot.notes()["LEAP"].startswith("the odometry jumped once, by up to 30.0 m:")
+    assert robot.warnings()["LEAP"].startswith("the odometry jumped once, by up to 30.0 m:")
 
 
 def test_after_a_clock_was_set_back_scans_are_mapped_again() -> None:
@@ -202,15 +202,15 @@ def test_after_a_clock_was_set_back_scans_are_mapped_again() -> None:
         time_s = 0.1 * k + (100.0 if k < 30 else 0.0)
         robot.add_telemetry(telemetry(time_s, 0, 0))
         if k == 30:
-            situation = robot.state()
-            assert situation is not None
-            assert situation.scan_age_s == math.inf  # what was seen before is no newest scan
+            state = robot.state()
+            assert state is not None
+            assert state.scan_age_s == math.inf  # what was seen before is no newest scan
         robot.add_scan(scan(time_s, [Pose2()] * 100))
     assert robot.scans_mapped >= 56
     assert robot.monitor.counts[ScanDefect.BACKWARDS] == 1
-    situation = robot.state()
-    assert situation is not None
-    assert 0.0 <= situation.scan_age_s < 0.5
+    state = robot.state()
+    assert state is not None
+    assert 0.0 <= state.scan_age_s < 0.5
 
 
 def test_a_map_that_does_not_fit_is_told() -> None:
@@ -223,4 +223,4 @@ def test_a_map_that_does_not_fit_is_told() -> None:
         robot.add_telemetry(telemetry(0.1 * k, -step * k, step * k))
         turn_rad = 2.0 * step * k * M_PER_COUNT / DRIVE.track_m
         robot.add_scan(scan(0.1 * k, [Pose2(theta_rad=turn_rad)] * 100))
-    assert any("is it the right one" in line for line in robot.notes().values())
+    assert any("is it the right one" in line for line in robot.warnings().values())

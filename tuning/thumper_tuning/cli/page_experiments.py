@@ -32,21 +32,25 @@ def tune_wheels(bench: ExperimentContext) -> Path | None:
     kept = False
     try:
         motors = _identified(bench)
-        result = bench.think(lambda: _designed(motors, 1.0 / board.identity.control_rate_Hz))
+        result = bench.run_in_thread(lambda: _designed(motors, 1.0 / board.identity.control_rate_Hz))
         for name, value in result.gains.items():
-            bench.say(f"{name} {getattr(old, name):.3f} -> {value:.3f}")
-        bench.say(f"Ms {result.loop.sensitivity:.2f}, phase margin {result.loop.phase_margin_deg:.0f} deg")
+            bench.report_line(f"{name} {getattr(old, name):.3f} -> {value:.3f}")
+        bench.report_line(
+            f"Ms {result.loop.sensitivity:.2f}, phase margin {result.loop.phase_margin_deg:.0f} deg"
+        )
         options = _verification(bench)
-        before = verify(board, old, options, bench.folder / "verify_before.csv", bench.show)
-        after = verify(board, result.gains, options, bench.folder / "verify_after.csv", bench.show)
+        before = verify(board, old, options, bench.folder / "verify_before.csv", bench.report_progress)
+        after = verify(board, result.gains, options, bench.folder / "verify_after.csv", bench.report_progress)
         for was, now in zip(before.tracking, after.tracking, strict=True):
-            bench.say(
+            bench.report_line(
                 f"ramp {now.acceleration_rad_s2:g} rad/s^2: error std {was.std_rad_s:.3f} -> "
                 f"{now.std_rad_s:.3f} rad/s"
             )
-        report = bench.think(lambda: _report(bench, motors, result, before, after))
+        report = bench.run_in_thread(lambda: _report(bench, motors, result, before, after))
         kept = True
-        bench.say("the board works with the new gains; save them, or revert to the saved ones, under Gains")
+        bench.report_line(
+            "the board works with the new gains; save them, or revert to the saved ones, under Gains"
+        )
         return Path(report)
     finally:
         if not kept:
@@ -55,21 +59,21 @@ def tune_wheels(bench: ExperimentContext) -> Path | None:
 
 def _identified(bench: ExperimentContext) -> list[Identified]:
     options = ExcitationOptions(lane_m=bench.lane_m)
-    log = record(bench.board, options, bench.folder / "identification.csv", bench.show)
-    bench.show(0, 0, "fitting")
+    log = record(bench.board, options, bench.folder / "identification.csv", bench.report_progress)
+    bench.report_progress(0, 0, "fitting")
     counts_per_rev = bench.board.identity.counts_per_rev
-    motors: list[Identified] = bench.think(
+    motors: list[Identified] = bench.run_in_thread(
         lambda: [identify(logs, one_direction=False) for logs in runs_of([log], counts_per_rev)]
     )
     for motor in motors:
         model, std = motor.model, motor.uncertainty
-        bench.say(
+        bench.report_line(
             f"{motor.name}: gain {model.gain:.5f} +- {std.gain:.5f} rad/s per PWM, time constant "
             f"{model.time_constant_s:.4f} +- {std.time_constant_s:.4f} s, static friction "
             f"{model.friction:.1f} +- {std.friction:.1f} PWM; predicts {motor.validation.fit_percent:.1f} %"
         )
         for warning in motor.warnings:
-            bench.say(f"note: {warning}")
+            bench.report_line(f"note: {warning}")
     return motors
 
 

@@ -1,6 +1,7 @@
-"""Decides what the wheels do, one step a beat: a planned drive, a hand on the stick, a stop, or nothing.
+"""Decides once per cycle what the wheels do: follow a goal, obey manual commands, stop, or nothing.
 
-Nobody drives but through here. Faults, an emergency stop and a lost page end a drive; a hand overrides it.
+All motion passes through here. Faults, emergency stops and lost clients end a drive; manual commands
+override it.
 """
 
 import time
@@ -20,15 +21,15 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
 from thumper.runtime.drive.heartbeats import HeartbeatMonitor
 from thumper.runtime.drive.manual_pwm import FeedForward, manual_pwm
-from thumper.runtime.drive.twist_mux import TwistMux
+from thumper.runtime.drive.twist_mux import ManualCommand, TwistMux
 from thumper.runtime.requests import Velocity
 from thumper.runtime.safe_stop import STOP_CYCLES
 from thumper.runtime.sensor_inputs import BLIND_S
 from thumper.runtime.state_estimator import RobotState
 
-SCAN_TIMEOUT_S = 1.0  # after BLIND_S without a scan the robot waits, after this long the lidar is lost
+SCAN_TIMEOUT_S = 1.0  # after BLIND_S without a scan the robot waits; after this long the lidar is lost
 GOAL_MARGIN_M = 1.0
-DISARMED_CYCLES = 3  # telemetry from before ARM may still be on its way
+DISARMED_CYCLES = 3  # telemetry from before ARM may still arrive
 
 
 class DriveMode(Enum):
@@ -37,8 +38,8 @@ class DriveMode(Enum):
     IDLE = "idle"  # motors off
     HOLDING = "holding"  # armed, held at speed zero
     DRIVING = "driving"  # to a goal
-    MANUAL = "manual"  # by hand
-    STOPPING = "stopping"  # to a stand, then motors off
+    MANUAL = "manual"  # by manual commands
+    STOPPING = "stopping"  # slows down, then motors off
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,11 +48,12 @@ class DriveOutcome:
 
     reached: bool
     reason: str
-    by_user: bool = False  # stopped, or overridden, by somebody's wish
+    by_user: bool = False  # stopped or overridden on request
+    navigation_failed: bool = False  # the navigator gave up the goal
 
 
 class DriveManager:
-    """The hand on the board. `start`, `arm` and `disarm` raise ThumperError when the board refuses."""
+    """The only commander of the board. `start`, `arm` and `disarm` raise ThumperError if it refuses."""
 
     def __init__(
         self,
@@ -73,8 +75,8 @@ class DriveManager:
         self.reason = ""
         self.goal: Goal | None = None
         self.source = ""  # who sent the goal
-        self.outcome: DriveOutcome | None = None  # of the newest drive, once it is over
-        self.command = Twist2()  # as last asked of the wheels
+        self.outcome: DriveOutcome | None = None  # of the last drive, once it has ended
+        self.command = Twist2()  # as last sent to the wheels
         self._cruise = Twist2()
         self._speeds = WheelSpeeds()
         self._pwm = (0, 0)
@@ -87,7 +89,7 @@ class DriveManager:
     def start(
         self, goal: Goal, telemetry: Telemetry | None, *, source: str = "", clear_fault: bool = False
     ) -> None:
-        """Arm and set out; a goal under way gives way to the new one."""
+        """Arm and start to drive; a new goal replaces the current one."""
         if self.mode not in (DriveMode.DRIVING, DriveMode.HOLDING):
             self._arm(telemetry, clear_fault=clear_fault)
         self.navigator.set_goal(goal)
@@ -96,39 +98,38 @@ class DriveManager:
         self.mode, self.reason = DriveMode.DRIVING, ""
 
     def arm(self, telemetry: Telemetry | None) -> None:
-        """Switch the motors on, held at speed zero."""
+        """Switch the motors on and hold speed zero."""
         if self.mode is not DriveMode.DRIVING:
             self._arm(telemetry)
             self._speeds, self.mode, self.reason = WheelSpeeds(), DriveMode.HOLDING, "armed"
         self._manually_armed = True
 
     def cruise(self, twist: Twist2) -> None:
-        """Hold this speed instead of zero until the robot is stopped. It must be armed, and heeds no wall."""
+        """Hold this speed instead of zero until the robot stops; arm it first. Does not avoid obstacles."""
         self._cruise = twist
 
     def disarm(self, reason: str) -> None:
-        """Switch the motors off, now."""
-        self._finish_drive(reason, by_user=True)
+        """Switch the motors off immediately."""
+        self._cancel_drive(reason, by_user=True)
         self._go_idle(reason)
         self.board.command(Command.DISARM)
 
     def emergency_stop(self) -> None:
-        """Switch the motors off and have the board latch it; raises ThumperError when it does not confirm."""
-        self._finish_drive("emergency stop", by_user=True)
-        self._go_idle(
-            "emergency stop"
-        )  # should the board not hear it, it hears nothing else either, and stops
+        """Switch the motors off and latch the fault; raise ThumperError if the board does not confirm."""
+        self._cancel_drive("emergency stop", by_user=True)
+        # If this command is lost, go silent all the same: the board then stops by its own time-out.
+        self._go_idle("emergency stop")
         self.board.emergency_stop()
 
     def clear_fault(self) -> None:
-        """Unlatch; the motors stay off."""
+        """Clear the latched fault; the motors stay off."""
         self.board.command(Command.CLEAR_FAULT)
         if self.mode is DriveMode.IDLE:
             self.reason = "fault cleared"
 
     def stop(self, reason: str) -> None:
-        """Give up the drive, if there is one; slow down to a stand, then motors off."""
-        self._finish_drive(reason, by_user=True)
+        """Cancel the drive, if there is one; slow down to a stop, then switch the motors off."""
+        self._cancel_drive(reason, by_user=True)
         self.mux.clear()
         self._cruise = Twist2()
         if self.mode is not DriveMode.IDLE:
@@ -137,47 +138,47 @@ class DriveManager:
             self._speeds, self._stop_cycles = WheelSpeeds(), 0
             self.mode, self.reason = DriveMode.STOPPING, reason
 
-    def take(self, at_s: float, velocity: Velocity) -> None:
-        """Take a hand's command; it acts at the next step."""
+    def add_manual_command(self, at_s: float, velocity: Velocity) -> None:
+        """Add a manual command; it takes effect in the next step."""
         if self.mode is DriveMode.IDLE and velocity.twist != Twist2():
-            self.reason = "the motors are off: arm the robot to drive it by hand"
+            self.reason = "the motors are off; arm the robot to drive it manually"
             return
-        self.mux.take(at_s, velocity)
+        self.mux.add(at_s, velocity)
 
     def resend_command(self) -> None:
-        """Give the last order once more: a beat is late."""
+        """Send the last command again, because a cycle is late."""
         if self.mode is DriveMode.MANUAL:
             self.board.set_motor_pwm(*self._pwm)
         elif self.mode is not DriveMode.IDLE:
             self.board.set_wheel_speeds(self._speeds)
 
     def abort(self, reason: str) -> None:
-        """The board is out of reach, and its motors are off by its own time-out."""
-        self._finish_drive(reason)
+        """End the drive: the board is unreachable, and its own time-out switches the motors off."""
+        self._cancel_drive(reason)
         self._go_idle(reason)
 
     def on_stopped(self) -> None:
-        """Somebody else has stopped the robot and switched the motors off."""
-        self._finish_drive("stopped")
+        """Note that the caller has stopped the robot and switched the motors off."""
+        self._cancel_drive("stopped")
         self._go_idle(self.reason)
 
     def step(
         self, telemetry: Telemetry, state: RobotState, grid: Callable[[], OccupancyGrid]
     ) -> NavigationOutput | None:
-        """Decide and act; returns what navigation decided, when it did."""
+        """Decide and command the wheels; return the navigator's output if it ran."""
         self.command = Twist2()
         if stop_reason := self._stop_reason(telemetry):
-            self._finish_drive(stop_reason)
+            self._cancel_drive(stop_reason)
             self._go_idle(stop_reason)
             return None
         now_s = time.monotonic()
-        hand = self.mux.active(now_s)
-        if hand is not None and self.mode is not DriveMode.IDLE:
-            self._drive_manually(hand[0].name.lower(), hand[1], telemetry)
+        manual = self.mux.active(now_s)
+        if manual is not None and self.mode is not DriveMode.IDLE:
+            self._drive_manually(manual, telemetry)
         elif self.mode is DriveMode.MANUAL:
-            self.board.command(Command.ARM)  # back to held wheels
+            self.board.command(Command.ARM)  # back to speed control
             self._manually_armed = True
-            self._hold("let go")
+            self._hold("manual command released")
         elif self.mode is DriveMode.DRIVING:
             if self.heartbeats.is_lost(self.source, now_s):
                 self.disarm("the page that sent the goal is gone; send it again")
@@ -202,27 +203,26 @@ class DriveManager:
         self._cycles_armed = self._disarmed_cycles = 0
 
     def _stop_reason(self, telemetry: Telemetry) -> str:
-        """Why nothing may move, or nothing."""
+        """Return why the robot must not move; empty if it may."""
         if self.mode is DriveMode.IDLE:
             return ""
         self._cycles_armed += 1
         if telemetry.state is State.FAULT and self._cycles_armed > 1:  # the first may be older than ARM
             return f"the board stopped the motors: {FAULT_HINTS[telemetry.fault]}"
         self._disarmed_cycles = self._disarmed_cycles + 1 if telemetry.state is State.DISARMED else 0
-        return "somebody has disarmed the board" if self._disarmed_cycles > DISARMED_CYCLES else ""
+        return "another program disarmed the board" if self._disarmed_cycles > DISARMED_CYCLES else ""
 
-    def _drive_manually(self, who: str, twist: Twist2, telemetry: Telemetry) -> None:
-        reason = f"driven by {who}"
-        self._finish_drive(f"overridden: {reason}", by_user=True)
-        if (
-            self._feed_forward is None or self.mode is not DriveMode.MANUAL
-        ):  # they may have been set since the last time
+    def _drive_manually(self, manual: ManualCommand, telemetry: Telemetry) -> None:
+        reason = f"driven by {manual.source.name.lower()}"
+        self._cancel_drive(f"overridden: {reason}", by_user=True)
+        # Read the gains at each start of manual driving: they may have changed since the last one.
+        if self._feed_forward is None or self.mode is not DriveMode.MANUAL:
             self._feed_forward = FeedForward(
                 ks_pwm=self.board.get_parameter("ks"), kv_pwm_s=self.board.get_parameter("kv")
             )
-        self.mode, self.reason, self.command = DriveMode.MANUAL, reason, twist
+        self.mode, self.reason, self.command = DriveMode.MANUAL, reason, manual.twist
         self._pwm = manual_pwm(
-            twist,
+            manual.twist,
             self._drive,
             self._options,
             self._max_wheel_rad_s,
@@ -234,7 +234,9 @@ class DriveManager:
     def _navigate(self, state: RobotState, grid: Callable[[], OccupancyGrid]) -> NavigationOutput | None:
         assert self.goal is not None  # DRIVING has one
         if state.scan_age_s > SCAN_TIMEOUT_S:
-            self.end_drive("the lidar sends no more scans; is its cable loose?")
+            self._end_drive(
+                DriveOutcome(reached=False, reason="the lidar stopped sending scans; check its cable")
+            )
             return None
         if state.scan_age_s > BLIND_S:
             self._speeds = WheelSpeeds()
@@ -251,14 +253,16 @@ class DriveManager:
         self.command, self.reason = output.command, output.reason
         self._speeds = limit_wheel_speeds(wheel_speeds(output.command, self._drive), self._max_wheel_rad_s)
         self.board.set_wheel_speeds(self._speeds)
-        if output.state in (NavigationState.REACHED, NavigationState.FAILED):
-            self.end_drive(output.reason, reached=output.state is NavigationState.REACHED)
+        if output.state is NavigationState.REACHED:
+            self._end_drive(DriveOutcome(reached=True, reason=output.reason))
+        elif output.state is NavigationState.FAILED:
+            self._end_drive(DriveOutcome(reached=False, reason=output.reason, navigation_failed=True))
         return output
 
-    def end_drive(self, reason: str, *, reached: bool = False) -> None:
-        """End the drive as planned: to a stand, and off unless somebody has armed the robot by hand."""
-        self._finish_drive(reason, reached=reached)
-        self._speeds, self._stop_cycles, self.reason = WheelSpeeds(), 0, reason
+    def _end_drive(self, outcome: DriveOutcome) -> None:
+        """End the drive regularly: slow down, then motors off unless the user armed the robot."""
+        self.outcome, self.goal = outcome, None
+        self._speeds, self._stop_cycles, self.reason = WheelSpeeds(), 0, outcome.reason
         self.mode = DriveMode.HOLDING if self._manually_armed else DriveMode.STOPPING
 
     def _brake(self, telemetry: Telemetry) -> None:
@@ -274,9 +278,9 @@ class DriveManager:
         self._speeds = limit_wheel_speeds(wheel_speeds(self._cruise, self._drive), self._max_wheel_rad_s)
         self.board.set_wheel_speeds(self._speeds)
 
-    def _finish_drive(self, reason: str, *, reached: bool = False, by_user: bool = False) -> None:
+    def _cancel_drive(self, reason: str, *, by_user: bool = False) -> None:
         if self.goal is not None:
-            self.outcome = DriveOutcome(reached=reached, reason=reason, by_user=by_user)
+            self.outcome = DriveOutcome(reached=False, reason=reason, by_user=by_user)
             self.goal = None
 
     def _go_idle(self, reason: str) -> None:

@@ -1,25 +1,25 @@
-"""Whether somebody who watches over the robot is still there. Pure."""
+"""Detects clients that stop sending heartbeats. Pure."""
 
 MAX_SOURCES = 64
 
 
 class HeartbeatMonitor:
-    """The newest heartbeat of each source. A source that never had one is not watched over by anybody."""
+    """Keeps the time of each source's last heartbeat. A source that never sent one is not monitored."""
 
     def __init__(self, timeout_s: float) -> None:
         self._timeout_s = timeout_s
-        self._newest_s: dict[str, float] = {}
-        self._watched = ""  # the source that was asked for last: it must not be forgotten
+        self._last_s: dict[str, float] = {}
+        self._monitored = ""  # the source of the last `is_lost` call: it must not be forgotten
 
     def record(self, source: str, at_s: float) -> None:
-        """Note a heartbeat; of too many sources the one that was silent longest is forgotten."""
-        self._newest_s[source] = at_s
-        if len(self._newest_s) > MAX_SOURCES:
-            others = self._newest_s.keys() - {self._watched}
-            del self._newest_s[min(others, key=self._newest_s.__getitem__)]
+        """Record a heartbeat; with too many sources, forget the one that has been silent longest."""
+        self._last_s[source] = at_s
+        if len(self._last_s) > MAX_SOURCES:
+            others = self._last_s.keys() - {self._monitored}
+            del self._last_s[min(others, key=self._last_s.__getitem__)]
 
     def is_lost(self, source: str, now_s: float) -> bool:
-        """Whether a source that had heartbeats has none any more."""
-        self._watched = source
-        newest_s = self._newest_s.get(source)
-        return newest_s is not None and now_s - newest_s > self._timeout_s
+        """Return whether a source that sent heartbeats has stopped sending them."""
+        self._monitored = source
+        last_s = self._last_s.get(source)
+        return last_s is not None and now_s - last_s > self._timeout_s

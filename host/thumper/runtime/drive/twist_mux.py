@@ -1,12 +1,22 @@
-"""Who drives by hand: the gamepad goes before the page, and each is believed only for a moment. Pure."""
+"""Chooses between manual commands: the gamepad has priority, and each command expires soon. Pure."""
+
+from dataclasses import dataclass
 
 from thumper.common.geometry import Twist2
 from thumper.config.manual_drive import ManualDriveOptions
 from thumper.runtime.requests import TeleopSource, Velocity
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ManualCommand:
+    """A manual command and where it comes from."""
+
+    source: TeleopSource
+    twist: Twist2
+
+
 class TwistMux:
-    """Keeps the newest command of each channel."""
+    """Keeps the newest command of each source."""
 
     def __init__(self, options: ManualDriveOptions) -> None:
         self._timeout_s = {
@@ -15,8 +25,8 @@ class TwistMux:
         }
         self._newest: dict[TeleopSource, tuple[float, Twist2]] = {}
 
-    def take(self, at_s: float, command: Velocity) -> None:
-        """Take a command that came at `at_s`. Zero lets go: it must not hold up a planned drive."""
+    def add(self, at_s: float, command: Velocity) -> None:
+        """Add a command received at `at_s`. Zero releases the source, so that it does not block a drive."""
         if command.twist == Twist2():
             self._newest.pop(command.channel, None)
         else:
@@ -26,11 +36,11 @@ class TwistMux:
         """Forget all commands."""
         self._newest.clear()
 
-    def active(self, now_s: float) -> tuple[TeleopSource, Twist2] | None:
-        """Return who drives, and how; None when everybody has let go or fallen silent."""
-        for channel in sorted(self._newest, reverse=True):
-            came_s, twist = self._newest[channel]
-            if now_s - came_s <= self._timeout_s[channel]:
-                return channel, twist
-            del self._newest[channel]
+    def active(self, now_s: float) -> ManualCommand | None:
+        """Return the valid command of the highest priority; None if all have been released or expired."""
+        for source in sorted(self._newest, reverse=True):
+            received_s, twist = self._newest[source]
+            if now_s - received_s <= self._timeout_s[source]:
+                return ManualCommand(source=source, twist=twist)
+            del self._newest[source]
         return None

@@ -1,66 +1,53 @@
-"""The goals that were asked for, what has become of each, and which comes next. Pure."""
+"""Waypoints, and the missions that clients send: goals, their state, and which comes next. Pure."""
 
 from collections import OrderedDict
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from thumper.common.errors import ThumperError
 from thumper.navigation.goal import Goal
-from thumper.runtime.drive_result import DriveResult
+
+MAX_MISSIONS = 32  # remembered, for clients that ask for the state of an old one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Itinerary:
-    """Goals in their order, driven `rounds` times."""
+class Waypoint:
+    """One goal of several and its name for people."""
+
+    name: str
+    goal: Goal
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Waypoints:
+    """Goals in the order of driving, `rounds` times."""
 
     goals: tuple[Goal, ...]
     rounds: int = 1
 
     def __post_init__(self) -> None:
         if not self.goals or self.rounds < 1:
-            raise ValueError(f"an itinerary needs a goal and a round, got {self}")
+            raise ValueError(f"waypoints need at least one goal and one round, got {self}")
 
-    def legs(self) -> list[tuple[str, Goal]]:
-        """What each drive is called, and its goal."""
-        several = len(self.goals) > 1
+    @property
+    def has_one_leg(self) -> bool:
+        """Whether there is a single goal and a single round."""
+        return len(self.goals) * self.rounds == 1
+
+    def legs(self) -> list[Waypoint]:
+        """Return all waypoints in the order of driving."""
         return [
-            (
-                (f"waypoint {n} of {len(self.goals)}" if several else "driving")
-                + (f", round {lap} of {self.rounds}" if self.rounds > 1 else ""),
-                goal,
-            )
+            Waypoint(name=self._name(number, lap), goal=goal)
             for lap in range(1, self.rounds + 1)
-            for n, goal in enumerate(self.goals, start=1)
+            for number, goal in enumerate(self.goals, start=1)
         ]
 
-
-def follow(itinerary: Itinerary, drive: Callable[[str, Goal], DriveResult]) -> DriveResult:
-    """Drive the legs by `drive(name, goal)` until one is not reached; add up their times and ways.
-
-    The reason says which leg failed. A leg that is refused before anything moves ends the drive like one
-    that fails, but for the first: its ThumperError is the caller's.
-    """
-    result: DriveResult | None = None
-    for name, goal in itinerary.legs():
-        try:
-            result = drive(name, goal).after(result)
-        except ThumperError as error:
-            if result is None:
-                raise
-            return replace(result, reached=False, reason=f"{name} {goal}: {error}")
-        if not result.reached:
-            several = len(itinerary.legs()) > 1
-            return replace(result, reason=f"{name} {goal}: {result.reason}") if several else result
-    assert result is not None  # an itinerary holds at least one leg
-    return result
-
-
-MAX_MISSIONS = 32
+    def _name(self, number: int, lap: int) -> str:
+        name = f"waypoint {number} of {len(self.goals)}" if len(self.goals) > 1 else "driving"
+        return f"{name}, round {lap} of {self.rounds}" if self.rounds > 1 else name
 
 
 class MissionState(Enum):
-    """How far a mission is."""
+    """Progress of a mission."""
 
     DRIVING = "driving"
     REACHED = "reached"
@@ -69,57 +56,63 @@ class MissionState(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WaypointMission:
-    """One request to drive somewhere, or round several places."""
+    """One request of a client to drive to a goal, or to several in turn."""
 
     number: int
-    goals: tuple[Goal, ...]
+    waypoints: Waypoints
     source: str
     leg: int = 0
     state: MissionState = MissionState.DRIVING
     reason: str = ""
 
+    @property
+    def legs(self) -> list[Waypoint]:
+        """The waypoints in the order of driving."""
+        return self.waypoints.legs()
+
 
 class Missions:
-    """One at a time; a new one takes the place of the one under way."""
+    """At most one is active; a new one replaces it."""
 
     def __init__(self) -> None:
-        self._known: OrderedDict[int, WaypointMission] = OrderedDict()
+        self._missions: OrderedDict[int, WaypointMission] = OrderedDict()
         self._last = 0
 
     @property
     def newest(self) -> WaypointMission | None:
-        """The mission that was begun last."""
-        return self._known.get(self._last)
+        """The mission that was started last."""
+        return self._missions.get(self._last)
 
     def find(self, number: int) -> WaypointMission | None:
-        """A mission by its number; old ones are forgotten."""
-        return self._known.get(number)
+        """Return a mission by its number; None if it is unknown or forgotten."""
+        return self._missions.get(number)
 
-    def begin(self, goals: tuple[Goal, ...], source: str) -> WaypointMission:
-        """Set out on a new one."""
-        self.end("another goal took its place")
+    def start(self, waypoints: Waypoints, source: str) -> WaypointMission:
+        """Start a new mission; it ends the active one."""
+        self.end("replaced by another goal")
         self._last += 1
-        return self._keep(WaypointMission(number=self._last, goals=goals, source=source))
+        return self._store(WaypointMission(number=self._last, waypoints=waypoints, source=source))
 
     def next_goal(self) -> Goal | None:
-        """A leg was reached: return the goal of the next one, or None when that was the last."""
+        """Advance by a leg and return its goal; None if the last one has been reached."""
         mission = self.newest
-        if mission is None or mission.leg + 1 >= len(mission.goals):
+        if mission is None or mission.leg + 1 >= len(mission.legs):
             return None
-        return self._keep(replace(mission, leg=mission.leg + 1)).goals[mission.leg + 1]
+        mission = self._store(replace(mission, leg=mission.leg + 1))
+        return mission.legs[mission.leg].goal
 
     def end(self, reason: str, *, reached: bool = False) -> WaypointMission | None:
-        """The mission under way is over; returns it, or None when there was none."""
+        """End the active mission and return it; None if there is none."""
         mission = self.newest
         if mission is None or mission.state is not MissionState.DRIVING:
             return None
-        if len(mission.goals) > 1 and not reached:
-            reason = f"waypoint {mission.leg + 1} of {len(mission.goals)}: {reason}"
+        if not mission.waypoints.has_one_leg and not reached:
+            reason = f"{mission.legs[mission.leg].name}: {reason}"
         state = MissionState.REACHED if reached else MissionState.FAILED
-        return self._keep(replace(mission, state=state, reason=reason))
+        return self._store(replace(mission, state=state, reason=reason))
 
-    def _keep(self, mission: WaypointMission) -> WaypointMission:
-        self._known[mission.number] = mission
-        while len(self._known) > MAX_MISSIONS:
-            self._known.popitem(last=False)
+    def _store(self, mission: WaypointMission) -> WaypointMission:
+        self._missions[mission.number] = mission
+        while len(self._missions) > MAX_MISSIONS:
+            self._missions.popitem(last=False)
         return mission

@@ -1,4 +1,4 @@
-"""The board's parameters for those who ask over the bus: names, ranges, values, and keeping them."""
+"""Answers queries about the board's parameters: names, ranges, values; sets, saves and reverts them."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -12,7 +12,7 @@ PARAMETER_NAMES = tuple(spec.name for spec in PARAMETERS)
 
 
 def schema() -> dict[str, Any]:
-    """Every parameter: unit, range, default and the finest step the wire carries."""
+    """Return every parameter with unit, range, default and the resolution of the wire format."""
     return {
         "parameters": [
             {
@@ -29,7 +29,7 @@ def schema() -> dict[str, Any]:
 
 
 def values(board: Board, names: Iterable[str] = PARAMETER_NAMES) -> BoardJob:
-    """What the board uses now."""
+    """Read the values that the board uses now."""
     known = {}
     for name in names:
         known[name] = board.get_parameter(name)
@@ -38,24 +38,24 @@ def values(board: Board, names: Iterable[str] = PARAMETER_NAMES) -> BoardJob:
 
 
 def change(board: Board, content: Mapping[str, Any]) -> BoardJob:
-    """Set parameters by name; nothing is set unless every name and value is right.
+    """Set parameters by name, all of them or, if any name or value is wrong, none.
 
     Raises
     ------
     ThumperError
-        No such parameter, a value that is no number or out of its range, or the board refuses.
+        Unknown parameter, a value that is not a number or out of range, or the board refuses.
     """
     specs = {spec.name: spec for spec in PARAMETERS}
     if not content:
-        raise ThumperError("nothing to set: give names and values")
+        raise ThumperError("no parameters given; pass names and values")
     for name, value in content.items():
         spec = specs.get(name)
         if spec is None:
-            raise ThumperError(f"the board has no parameter {name!r}; it has {', '.join(specs)}")
+            raise ThumperError(f"unknown parameter {name!r}; choose from: {', '.join(specs)}")
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if not number or not spec.minimum <= value <= spec.maximum:
             raise ThumperError(
-                f"{name} = {value!r} is refused: give {spec.minimum:g}...{spec.maximum:g} {spec.unit}"
+                f"{name} = {value!r} is refused; choose {spec.minimum:g}...{spec.maximum:g} {spec.unit}"
             )
     for name, value in content.items():
         board.set_parameter(name, float(value))
@@ -64,13 +64,13 @@ def change(board: Board, content: Mapping[str, Any]) -> BoardJob:
 
 
 def revert(board: Board) -> BoardJob:
-    """Go back to what was saved."""
+    """Load the saved values."""
     board.command(Command.LOAD)
     yield
     return (yield from values(board))
 
 
 def save(board: Board) -> dict[str, Any]:
-    """Keep what is set across resets."""
+    """Store the current values, so that they survive a reset."""
     board.command(Command.SAVE)
     return {}

@@ -1,17 +1,24 @@
-"""Experiments that take the board over for a while, at the robot's own process: progress out, a stop in.
+"""Experiments that drive the board for a while inside the robot's process.
 
-Packages bring them by the entry point `thumper.experiments`: a function that takes a `ExperimentContext`.
+Packages provide them by the entry point `thumper.experiments`: a function that takes an
+`ExperimentContext`.
 """
 
+import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, Protocol, TypeVar, cast
 
 from thumper.board.board import Board, TelemetrySample
+from thumper.board.messages import Command, State
 from thumper.common.errors import ThumperError
+from thumper.common.kinematics import WheelSpeeds
+from thumper.runtime.drive.heartbeats import HeartbeatMonitor
+from thumper.runtime.publisher import Publisher
+from thumper.runtime.sensor_inputs import SensorInputs
 
 FOLDER = Path("out") / "experiments"
 MIN_LANE_M, MAX_LANE_M = 0.6, 10.0
@@ -23,45 +30,114 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimentContext:
-    """What an experiment works with. All but `think` is for the thread that it was called in."""
+    """What an experiment works with. Use all but `run_in_thread` only in the thread that called it."""
 
     board: Board
     folder: Path  # for logs and the report
-    lane_m: float  # free floor ahead of the robot, and as much behind it
-    show: Callable[[int, int, str], None]  # done, total, what
-    say: Callable[[str], None]  # a line of the result
-    think: Callable[[Callable[[], Any]], Any]  # work it out elsewhere while the robot's loop goes on
+    lane_m: float  # free floor ahead of the robot, and the same behind it
+    report_progress: Callable[[int, int, str], None]  # done, total, what
+    report_line: Callable[[str], None]  # a line of the result
+    run_in_thread: Callable[[Callable[[], Any]], Any]  # compute while the robot's loop continues
 
 
 Experiment = Callable[[ExperimentContext], Path | None]
-"""Drives, and returns its report, an HTML page; raises ThumperError. Motors are off on every way out."""
+"""Drives and returns its report, an HTML page; raises ThumperError. It leaves the motors off."""
 
 
-class WatchedBoard:
-    """A board whose `poll` also runs the robot's loop: it handles stop requests and publishes."""
+class BoardLender(Protocol):
+    """The robot's loop, as far as it lends its board to an experiment."""
 
-    def __init__(self, board: Board, on_cycle: Callable[[list[TelemetrySample]], None]) -> None:
+    @property
+    def inputs(self) -> SensorInputs:
+        """Board, lidar and state estimator."""
+        ...
+
+    @property
+    def publisher(self) -> Publisher:
+        """For events."""
+        ...
+
+    def step_lent(self, samples: list[TelemetrySample]) -> None:
+        """Run one control cycle with telemetry that the experiment has read."""
+        ...
+
+    def stop(self) -> bool:
+        """Stop and disarm."""
+        ...
+
+
+class LentBoard(Board):
+    """A board whose `poll` also runs `on_poll`: the robot's loop continues while an experiment drives."""
+
+    def __init__(self, board: Board, on_poll: Callable[[list[TelemetrySample]], None]) -> None:
+        # No second handshake: the lent board answers through the one that is already open.
         self._board = board
-        self._on_cycle = on_cycle
+        self._on_poll = on_poll
+        self.identity = board.identity
+        self.restarted = board.restarted
 
     def poll(self, timeout_s: float) -> list[TelemetrySample]:
-        """As the board's; raises ThumperError when somebody wants the experiment to stop."""
+        """Poll the board and run the loop; raise ThumperError if the experiment has to stop."""
         samples = self._board.poll(timeout_s)
-        self._on_cycle(samples)
+        self.restarted = self._board.restarted
+        self._on_poll(samples)
         return samples
 
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._board, name)
+    @property
+    def receive_errors(self) -> int:
+        """As of the board."""
+        return self._board.receive_errors
+
+    @property
+    def port(self) -> Any:
+        """The board's port."""
+        return self._board.port
+
+    def now_s(self) -> float:
+        """Return the board's clock [s]."""
+        return self._board.now_s()
+
+    def set_wheel_speeds(self, speeds: WheelSpeeds) -> None:
+        """Send speeds to the board."""
+        self._board.set_wheel_speeds(speeds)
+
+    def set_motor_pwm(self, left: int, right: int) -> None:
+        """Send PWM to the board."""
+        self._board.set_motor_pwm(left, right)
+
+    def command(self, command: Command) -> None:
+        """Send a command to the board."""
+        self._board.command(command)
+
+    def emergency_stop(self) -> None:
+        """Stop the motors and latch it."""
+        self._board.emergency_stop()
+
+    def set_parameter(self, name: str, value: float) -> None:
+        """Set a parameter of the board."""
+        self._board.set_parameter(name, value)
+
+    def get_parameter(self, name: str) -> float:
+        """Return a parameter of the board."""
+        return self._board.get_parameter(name)
+
+    def round_trip_s(self, question: int, timeout_s: float) -> float | None:
+        """Return how long the board takes to answer."""
+        return self._board.round_trip_s(question, timeout_s)
+
+    def close(self) -> None:
+        """Do nothing: the loop still needs the board."""
 
 
 class Experiments:
-    """At most one is asked for or runs; what the newest has said is kept."""
+    """At most one is requested or runs; the output of the newest is kept."""
 
-    def __init__(self) -> None:
+    def __init__(self, heartbeats: HeartbeatMonitor) -> None:
         self.running = ""
-        self.source = ""  # who asked for it
-        self.requested = ""  # asked for, not begun
-        self.stop_reason = ""
+        self.source = ""  # who requested it
+        self.requested = ""  # but not started yet
+        self._heartbeats = heartbeats
+        self._stop_reason = ""
         self._lane_m = 0.0
         self._progress: tuple[int, int, str] = (0, 0, "")
         self._lines: list[str] = []
@@ -69,28 +145,29 @@ class Experiments:
         self._report: Path | None = None
 
     def request(self, content: Mapping[str, Any], source: str) -> str:
-        """Note what to run at the next beat; raises ThumperError for what cannot be run."""
+        """Request an experiment for the next cycle; raise ThumperError if it cannot run."""
         name, lane_m = content.get("name"), content.get("lane_m")
         names = [point.name for point in entry_points(group="thumper.experiments")]
         if self.running or self.requested:
-            raise ThumperError(f"{self.running or self.requested} is under way: cancel it first")
+            raise ThumperError(f"{self.running or self.requested} is running: cancel it first")
         if name not in names:
-            raise ThumperError(f"no experiment {name!r}; there are {', '.join(sorted(names))}")
-        number = isinstance(lane_m, int | float) and not isinstance(lane_m, bool)
-        if not number or not MIN_LANE_M <= cast("float", lane_m) <= MAX_LANE_M:
-            raise ThumperError(f"the lane is {MIN_LANE_M:g}...{MAX_LANE_M:g} m")
-        self.requested, self.source, self._lane_m = name, source, float(cast("float", lane_m))
+            raise ThumperError(f"unknown experiment {name!r}; choose from: {', '.join(sorted(names))}")
+        if not isinstance(lane_m, int | float) or isinstance(lane_m, bool):
+            lane_m = -1.0
+        if not MIN_LANE_M <= lane_m <= MAX_LANE_M:
+            raise ThumperError(f"choose a lane of {MIN_LANE_M:g}...{MAX_LANE_M:g} m")
+        self.requested, self.source, self._lane_m = name, source, float(lane_m)
         return f"{name} begins"
 
-    def stop(self, why: str) -> bool:
-        """Have it end at the next beat; returns whether there was one."""
+    def stop(self, reason: str) -> bool:
+        """Stop it in the next cycle; return whether one was running."""
         self.requested = ""
         if self.running:
-            self.stop_reason = why
+            self._stop_reason = reason
         return bool(self.running)
 
     def state(self) -> dict[str, Any]:
-        """What a page shows of it."""
+        """Return what a browser page shows of it."""
         done, total, what = self._progress
         return {
             "running": self.running or self.requested,
@@ -102,28 +179,39 @@ class Experiments:
         }
 
     def report(self) -> dict[str, Any]:
-        """The newest one's page."""
+        """Return the newest report, an HTML page."""
         if self._report is None:
-            raise ThumperError("no experiment has left a report yet")
+            raise ThumperError("there is no report yet; run an experiment first")
         return {"html": self._report.read_text(encoding="utf-8")}
 
-    def run(self, board: Board, on_cycle: Callable[[list[TelemetrySample]], None]) -> str:
-        """Run what was asked for; returns how it ended, in words. Nothing of it raises but Ctrl-C."""
+    def run(self, loop: BoardLender) -> None:
+        """Run the requested experiment on the board of `loop`, then stop. Only Ctrl-C is raised."""
+        loop.publisher.publish_event(f"{self.requested} begins")
+
+        def on_poll(samples: list[TelemetrySample]) -> None:
+            loop.step_lent(samples)
+            telemetry = loop.inputs.telemetry
+            armed = telemetry is not None and telemetry.state is not State.DISARMED
+            if armed and self._heartbeats.is_lost(self.source, time.monotonic()):
+                self.stop("the page that started it is gone")
+            if self._stop_reason:
+                raise ThumperError(self._stop_reason)
+
+        ending = self._run_on(LentBoard(loop.inputs.board, on_poll))
+        loop.stop()
+        loop.publisher.publish_event(ending)
+
+    def _run_on(self, board: Board) -> str:
+        """Run the experiment; return how it ended."""
         name, self.requested = self.requested, ""
-        self.running, self.stop_reason, self._problem, self._report = name, "", "", None
+        self.running, self._stop_reason, self._problem, self._report = name, "", "", None
         self._lines.clear()
-        self._progress = (0, 0, "beginning")
-
-        def beat(samples: list[TelemetrySample]) -> None:
-            on_cycle(samples)
-            if self.stop_reason:
-                raise ThumperError(self.stop_reason)
-
-        watched = cast("Board", WatchedBoard(board, beat))
+        self._progress = (0, 0, "starting")
         try:
-            bench = self._workbench(watched)
-            experiment: Experiment = bench.think(lambda: _load(name))  # seconds, the first time
-            self._report = experiment(bench)
+            context = self._context(board)
+            # Loading takes seconds, the first time.
+            experiment: Experiment = context.run_in_thread(lambda: _load(name))
+            self._report = experiment(context)
         except ThumperError as error:
             self._problem = str(error)
         except Exception as error:  # an experiment must not end the robot's process
@@ -132,13 +220,17 @@ class Experiments:
             self.running = ""
         return f"{name}: {self._problem or 'done'}"
 
-    def _workbench(self, board: Board) -> ExperimentContext:
+    def _context(self, board: Board) -> ExperimentContext:
         FOLDER.mkdir(parents=True, exist_ok=True)
 
-        def show(done: int, total: int, what: str) -> None:
+        def report_progress(done: int, total: int, what: str) -> None:
             self._progress = (done, total, what)
 
-        def think(work: Callable[[], T]) -> T:
+        def report_line(line: str) -> None:
+            if len(self._lines) < MAX_LINES:
+                self._lines.append(line)
+
+        def run_in_thread(work: Callable[[], T]) -> T:
             pool = ThreadPoolExecutor(1)
             try:
                 result = pool.submit(work)
@@ -146,15 +238,15 @@ class Experiments:
                     board.poll(POLL_TIMEOUT_S)
                 return result.result()
             finally:
-                pool.shutdown(wait=False)  # who stops the experiment must not wait for what it works out
+                pool.shutdown(wait=False)  # who stops the experiment must not wait for its computation
 
         return ExperimentContext(
             board=board,
             folder=FOLDER,
             lane_m=self._lane_m,
-            show=show,
-            say=lambda line: self._lines.append(line) if len(self._lines) < MAX_LINES else None,
-            think=think,
+            report_progress=report_progress,
+            report_line=report_line,
+            run_in_thread=run_in_thread,
         )
 
 

@@ -1,4 +1,4 @@
-"""The command `save_map`: the files are written in a thread, for a slow disk must not make the loop wait."""
+"""The command `save_map`. A thread writes the files, so that a slow disk does not delay the loop."""
 
 import threading
 from collections.abc import Callable
@@ -9,38 +9,38 @@ from thumper.maps.map_server_io import save_map
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.slam.saved_state import SavedSlamState, save_session
 
-SAVED, NOT_SAVED = "map saved: ", "the map was not saved: "  # how what is told begins
+SAVED, NOT_SAVED = "map saved: ", "the map was not saved: "  # prefixes of the two reports
 
 
 class MapSaver:
-    """Call it to have the map of this moment, and the session to go on with, written to one place."""
+    """Call it to write the current map, and the session to resume from, to one folder."""
 
     def __init__(
         self,
         grid: Callable[[], OccupancyGrid],
         session: Callable[[], SavedSlamState],
         path: Path,
-        say: Callable[[str, bool], None],
+        report: Callable[[str, bool], None],
     ) -> None:
-        """`path` is the map's .yaml; `say` is told by the thread what came of it, and whether it is good."""
-        self._grid, self._session, self._path, self._say = grid, session, path, say
+        """`path` is the map's .yaml. The thread calls `report(text, ok)` with the outcome."""
+        self._grid, self._session, self._path, self._report = grid, session, path, report
         self._thread: threading.Thread | None = None
 
     def __call__(self) -> str:
-        """Begin; returns at once what is done, in words. Raises ThumperError while one is being written."""
+        """Start to write and return a description at once; raise ThumperError if a write is running."""
         if self._thread is not None and self._thread.is_alive():
-            raise ThumperError("the map is being saved already")
-        # No daemon: a process that ends lets the file be whole first.
+            raise ThumperError("the map is being saved already; wait until it is written")
+        # Not a daemon: the process must not end with half a file.
         self._thread = threading.Thread(
             target=self._save, args=(self._grid(), self._session()), name="map-saver"
         )
         self._thread.start()
-        return f"the map is being saved to {self._path}"
+        return f"saving the map to {self._path}"
 
     def _save(self, grid: OccupancyGrid, session: SavedSlamState) -> None:
         try:
             image = save_map(grid, self._path)
             counts = save_session(session, self._path.with_suffix(".session"))
-            self._say(f"{SAVED}{image}, {self._path.name}, {counts.name}", True)
+            self._report(f"{SAVED}{image}, {self._path.name}, {counts.name}", True)
         except (ThumperError, OSError) as error:
-            self._say(f"{NOT_SAVED}{error}", False)
+            self._report(f"{NOT_SAVED}{error}", False)

@@ -1,4 +1,4 @@
-"""Takes what others ask of the robot, has it done by those who can, and answers. Runs in the robot's loop."""
+"""Handles the requests of clients and answers their queries, in the robot's loop."""
 
 import time
 from collections.abc import Callable, Generator, Mapping
@@ -9,7 +9,7 @@ from thumper.common.errors import ThumperError
 from thumper.navigation.goal import Goal
 from thumper.ros.to_ros import ERROR, INFO, WARN
 from thumper.runtime.drive.drive_manager import DriveManager, DriveMode
-from thumper.runtime.drive.waypoints import Missions
+from thumper.runtime.drive.waypoints import Missions, Waypoints
 from thumper.runtime.publisher import Publisher
 from thumper.runtime.requests import (
     COMMANDS,
@@ -35,11 +35,11 @@ from thumper.runtime.service.stall_guard import STALE_REQUEST, StallGuard, start
 from thumper.slam.mapper import Relocalizable
 
 Handler = Callable[[], str]
-"""Carries out a command and returns what it did, in words; raises ThumperError with the cure."""
+"""Carries out a command and returns a description; raises ThumperError with the fix."""
 
 
 class RequestHandler:
-    """One per robot."""
+    """Dispatches requests to the parts of the robot that carry them out."""
 
     def __init__(
         self,
@@ -52,10 +52,10 @@ class RequestHandler:
         simulator: Simulator | None,
     ) -> None:
         self.missions = Missions()
-        self.handlers: dict[str, Handler] = {}  # of commands that others carry out
+        self.handlers: dict[str, Handler] = {}  # commands of other packages
         self.accepts_goals = True
         self.simulation = SimulatorControl(simulator)
-        self.experiments = Experiments()
+        self.experiments = Experiments(drive_manager.heartbeats)
         self.board_jobs = BoardJobQueue()
         self._request_queue = request_queue
         self._stall_guard = StallGuard()
@@ -65,40 +65,40 @@ class RequestHandler:
         self._check_goal = check_goal
 
     def process_pending(self) -> None:
-        """Take and do everything that waits. Never raises: what cannot be done is told to who asked."""
-        late = self._stall_guard.is_stale(time.monotonic())
-        for came_s, request in self._request_queue.take():
+        """Handle all queued requests. Never raises: a failed request is answered with its error."""
+        stale = self._stall_guard.is_stale(time.monotonic())
+        for received_s, request in self._request_queue.take_all():
             try:
-                if late and starts_motion(request):
+                if stale and starts_motion(request):
                     if isinstance(request, Query):
                         request.reply({"ok": False, "error": STALE_REQUEST})
                     raise ThumperError(STALE_REQUEST)
-                self._handle(came_s, request)
+                self._handle(received_s, request)
             except ThumperError as error:
                 self._publisher.publish_event(str(error), WARN)
             except Exception as error:  # a request must not end the robot's loop
                 self._publisher.publish_event(f"internal error: {type(error).__name__}: {error}", ERROR)
 
-    def refuse(self, why: str) -> bool:
-        """Do nothing of what waits, and say so: a request must not be carried out long after it was made.
+    def refuse(self, reason: str) -> bool:
+        """Refuse all queued requests: none must be carried out long after it was sent.
 
-        Returns whether an emergency stop was among it, which must not be lost.
+        Return whether an emergency stop was among them, which must not be lost.
         """
-        self._stall_guard.is_stale(time.monotonic())  # it does not hang: it refuses
-        self.board_jobs.refuse(why)
-        requests = [request for _, request in self._request_queue.take()]
+        self._stall_guard.is_stale(time.monotonic())  # refusing is not stalling
+        self.board_jobs.refuse(reason)
+        requests = [request for _, request in self._request_queue.take_all()]
         for request in requests:
             if isinstance(request, Query):
-                request.reply({"ok": False, "error": why})
+                request.reply({"ok": False, "error": reason})
         return any(isinstance(request, EmergencyStop) for request in requests)
 
     def advance_mission(self) -> None:
-        """Go on with the next leg of a mission, or note how it ended."""
-        ending = self._drive_manager.outcome
-        if ending is None or not self.accepts_goals:
+        """Once a drive has ended, start the next leg of the mission, or end the mission."""
+        outcome = self._drive_manager.outcome
+        if outcome is None or not self.accepts_goals:
             return
         self._drive_manager.outcome = None
-        goal = self.missions.next_goal() if ending.reached else None
+        goal = self.missions.next_goal() if outcome.reached else None
         mission = self.missions.newest
         if goal is not None and mission is not None:
             try:
@@ -108,7 +108,7 @@ class RequestHandler:
             except ThumperError as error:
                 self._finish(str(error), reached=False)
                 return
-        self._finish(ending.reason, reached=ending.reached)
+        self._finish(outcome.reason, reached=outcome.reached)
 
     def _finish(self, reason: str, *, reached: bool) -> None:
         mission = self.missions.end(reason, reached=reached)
@@ -116,12 +116,12 @@ class RequestHandler:
             text = f"mission {mission.number} {mission.state.value}: {mission.reason}"
             self._publisher.publish_event(text, INFO if reached else WARN)
 
-    def _handle(self, came_s: float, request: Request) -> None:
+    def _handle(self, received_s: float, request: Request) -> None:
         match request:
             case Velocity():
-                self._drive_manager.take(came_s, request)
+                self._drive_manager.add_manual_command(received_s, request)
             case Heartbeat():
-                self._drive_manager.heartbeats.record(request.source, came_s)
+                self._drive_manager.heartbeats.record(request.source, received_s)
             case EmergencyStop():
                 self.experiments.stop("emergency stop")
                 self._drive_manager.emergency_stop()
@@ -176,7 +176,7 @@ class RequestHandler:
             case "mission/state":
                 return self._mission_state(ask.content)
             case "mapping/state":
-                return slam_mode.state(self._inputs.estimator)
+                return slam_mode.describe(self._inputs.estimator)
             case "command":
                 return {"text": self._run_command(ask.content.get("command"))}
             case "simulator/world":
@@ -197,45 +197,43 @@ class RequestHandler:
         return answer
 
     def _start_mission(self, goals: tuple[Goal, ...], source: str) -> int:
-        """Set out, or say why not; returns the mission's number."""
+        """Start a mission and return its number; raise ThumperError if that is impossible."""
         if not self.accepts_goals:
-            raise ThumperError("this run has goals of its own; `thumper run` without one takes others")
+            raise ThumperError("this run has its own goals; `thumper run` without a goal accepts others")
         self._require_no_experiment()
         if not self._inputs.has_map:
-            raise ThumperError("no goal is taken yet: nothing was seen to plan with; is the lidar on?")
+            raise ThumperError("no goals are accepted yet: there is no map to plan with; is the lidar on?")
         self._check_goal(goals[0])
         self._drive_manager.start(goals[0], self._inputs.telemetry, source=source)
-        return self.missions.begin(goals, source).number
+        return self.missions.start(Waypoints(goals=goals), source).number
 
     def _mission_state(self, content: Mapping[str, Any]) -> dict[str, Any]:
         number = content.get("mission")
         mission = self.missions.find(number) if isinstance(number, int) else self.missions.newest
         if mission is None:
-            raise ThumperError("no such mission")
-        state, goal = self._inputs.estimator.state(), mission.goals[mission.leg]
+            raise ThumperError("unknown mission; only the last ones are remembered")
+        state, goal = self._inputs.estimator.state(), mission.legs[mission.leg].goal
         return {
             "mission": mission.number,
             "state": mission.state.value,
             "reason": mission.reason or self._drive_manager.reason,
             "leg": mission.leg,
-            "legs": len(mission.goals),
+            "legs": len(mission.legs),
             "distance_m": goal.distance_m(state.map_from_base) if state else None,
         }
 
     def _run_command(self, name: object) -> str:
-        """Carry out one of the known commands; returns what was done."""
+        """Carry out one of `COMMANDS` and return a description."""
         drive_manager = self._drive_manager
         if not isinstance(name, str) or name not in COMMANDS:
-            raise ThumperError(f"no command {name!r}; there are {', '.join(COMMANDS)}")
+            raise ThumperError(f"unknown command {name!r}; choose from: {', '.join(COMMANDS)}")
         match name:
             case "cancel" | "disarm" if self.experiments.stop("stopped on request"):
                 return "the experiment stops"
             case "cancel":
                 was = drive_manager.mode
                 drive_manager.stop("cancelled")
-                return (
-                    "the robot stood still already" if was is DriveMode.IDLE else "cancelled; the robot stops"
-                )
+                return "the robot was not moving" if was is DriveMode.IDLE else "cancelled; the robot stops"
             case "estop":
                 drive_manager.emergency_stop()
                 return "emergency stop: the motors are off until the fault is cleared"
@@ -245,7 +243,7 @@ class RequestHandler:
             case "arm":
                 self._require_no_experiment()
                 drive_manager.arm(self._inputs.telemetry)
-                return "armed: the wheels are held"
+                return "armed; the wheels hold still"
             case "disarm":
                 drive_manager.disarm("disarmed")
                 return "the motors are off"
@@ -253,40 +251,38 @@ class RequestHandler:
                 return self._change_mode(name)
         handler = self.handlers.get(name)
         if handler is None:
-            raise ThumperError(f"this robot's process cannot {name.replace('_', ' ')}")
+            raise ThumperError(f"this run does not support {name.replace('_', ' ')}")
         text = handler()
         self._publisher.publish_event(text)
         return text
 
     def _change_mode(self, name: str) -> str:
         self._require_no_experiment()
-        self._require_stationary(f"{name.replace('_', ' ')}")
+        self._require_stationary(name.replace("_", " "))
         text = slam_mode.change(self._inputs.estimator.mapper, name)
         self._publisher.publish_event(text)
         return text
 
     def _set_pose(self, request: SetPose) -> None:
         self._require_no_experiment()
-        self._require_stationary("be told where it is")
+        self._require_stationary("set its pose")
         mapper = self._inputs.estimator.mapper
         if not isinstance(mapper, Relocalizable):
-            raise ThumperError(
-                "this mapping method cannot be told where the robot is; give it to `thumper run --start`"
-            )
+            raise ThumperError("this mapping method cannot change the pose; pass it to `thumper run --start`")
         mapper.set_pose(request.map_from_base)
-        self._publisher.publish_event("the robot was told where it is")
+        self._publisher.publish_event("pose set")
 
     def _request_experiment(self, content: Mapping[str, Any], source: str) -> str:
         if not self.accepts_goals:
-            raise ThumperError("this run has goals of its own; `thumper run` without one takes experiments")
+            raise ThumperError("this run has its own goals; `thumper run` without a goal accepts experiments")
         if self._drive_manager.mode is not DriveMode.IDLE:
-            raise ThumperError("an experiment begins with the motors off: stop and disarm the robot first")
+            raise ThumperError("an experiment starts with the motors off: stop and disarm the robot first")
         return self.experiments.request(content, source)
 
     def _require_no_experiment(self) -> None:
         if self.experiments.running:
-            raise ThumperError(f"{self.experiments.running} is under way: cancel it first")
+            raise ThumperError(f"{self.experiments.running} is running: cancel it first")
 
-    def _require_stationary(self, what: str) -> None:
+    def _require_stationary(self, action: str) -> None:
         if self._drive_manager.mode in (DriveMode.DRIVING, DriveMode.MANUAL, DriveMode.STOPPING):
-            raise ThumperError(f"the robot must stand to {what}: stop it first")
+            raise ThumperError(f"the robot must be stationary to {action}: stop it first")

@@ -1,4 +1,4 @@
-"""Where requests wait for the robot's loop; any thread may put them in, and none ever waits."""
+"""Queue of requests for the robot's loop. Any thread may add requests; adding never blocks."""
 
 import threading
 import time
@@ -6,29 +6,29 @@ from collections import deque
 
 from thumper.runtime.requests import EmergencyStop, Request
 
-MAX_PENDING = 256  # a beat takes them all; more than this is a flood, and its oldest part is dropped
+MAX_PENDING = 256  # each cycle empties the queue; a flood beyond this drops the oldest requests
 
 
 class RequestQueue:
-    """Bounded; an emergency stop cannot be crowded out."""
+    """Bounded queue. A flood of requests cannot displace an emergency stop."""
 
     def __init__(self) -> None:
-        self._waiting: deque[tuple[float, Request]] = deque(maxlen=MAX_PENDING)
-        self._stop = threading.Event()
+        self._pending: deque[tuple[float, Request]] = deque(maxlen=MAX_PENDING)
+        self._emergency_stop = threading.Event()
 
     def put(self, request: Request) -> None:
-        """Leave a request, from any thread."""
+        """Add a request, from any thread."""
         if isinstance(request, EmergencyStop):
-            self._stop.set()
+            self._emergency_stop.set()
         else:
-            self._waiting.append((time.monotonic(), request))
+            self._pending.append((time.monotonic(), request))
 
-    def take(self) -> list[tuple[float, Request]]:
-        """Return what came since, oldest first, with the times it came [s, monotonic]; stops go first."""
+    def take_all(self) -> list[tuple[float, Request]]:
+        """Remove and return all requests with arrival times [s, monotonic]: stops first, then oldest."""
         taken: list[tuple[float, Request]] = []
-        if self._stop.is_set():
-            self._stop.clear()
+        if self._emergency_stop.is_set():
+            self._emergency_stop.clear()
             taken.append((time.monotonic(), EmergencyStop()))
-        for _ in range(len(self._waiting)):
-            taken.append(self._waiting.popleft())
+        for _ in range(len(self._pending)):
+            taken.append(self._pending.popleft())
         return taken

@@ -1,42 +1,53 @@
-"""What can be done to a simulated robot alone: its world, its faults, the speed of its clock."""
+"""Controls a simulated robot: its world, its faults, its real-time factor."""
 
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from thumper.common.errors import ThumperError
 
-MIN_SPEED, MAX_SPEED = 0.1, 20.0  # times real time
+MIN_SPEED, MAX_SPEED = 0.1, 20.0  # real-time factor
+NO_SIMULATOR = "this robot is real, or its simulator runs in another process: nothing to simulate"
 
 
 class Simulator(Protocol):
-    """What a simulated robot's port offers beside its bytes."""
+    """What the port of a simulated robot offers besides its bytes."""
 
     def describe(self) -> dict[str, Any]:
-        """The world and what can be done to it, as JSON takes it."""
+        """Return the world and the possible changes to it, ready for JSON."""
         ...
 
     def apply(self, content: Mapping[str, Any]) -> str:
-        """Do it; returns what was done, in words. Raises ThumperError."""
+        """Apply a change and return a description of it. Raises ThumperError."""
+        ...
+
+
+@runtime_checkable
+class HasSimulator(Protocol):
+    """A port whose other end is a simulator in this process."""
+
+    @property
+    def simulator(self) -> Simulator:
+        """The simulator behind the port."""
         ...
 
 
 class SimulatorControl:
-    """The simulator of this robot, if it has one here. Every method raises ThumperError with why not."""
+    """The simulator of this robot, if it runs in this process; else every method raises ThumperError."""
 
     def __init__(self, simulator: Simulator | None) -> None:
-        self.set_speed: Callable[[float], None] | None = None  # of its clock
+        self.set_speed: Callable[[float], None] | None = None
         self._simulator = simulator
 
     def describe(self) -> dict[str, Any]:
-        """The world and what can be done to it, as JSON takes it."""
+        """Return the world and the possible changes to it, ready for JSON."""
         if self._simulator is None:
-            raise ThumperError("this robot is real, or its simulator is elsewhere: its world cannot be told")
+            raise ThumperError(NO_SIMULATOR)
         return self._simulator.describe()
 
     def apply(self, content: Mapping[str, Any]) -> str:
-        """Do what `content` says; returns what was done, in words."""
+        """Apply the change in `content` and return a description of it."""
         if self._simulator is None:
-            raise ThumperError("this robot is real, or its simulator runs elsewhere: nothing to simulate")
+            raise ThumperError(NO_SIMULATOR)
         if set(content) == {"speed"}:
             return self._change_speed(content["speed"])
         return self._simulator.apply(content)
@@ -47,8 +58,8 @@ class SimulatorControl:
             or isinstance(speed, bool)
             or not MIN_SPEED <= speed <= MAX_SPEED
         ):
-            raise ThumperError(f"the speed is {MIN_SPEED:g}...{MAX_SPEED:g} times real time")
+            raise ThumperError(f"choose a speed of {MIN_SPEED:g}...{MAX_SPEED:g} times real time")
         if self.set_speed is None:
-            raise ThumperError("this run is not kept at any speed; `thumper run` without a goal is")
+            raise ThumperError("only `thumper run` without a goal has a speed to set")
         self.set_speed(float(speed))
         return f"{speed:g} times real time"

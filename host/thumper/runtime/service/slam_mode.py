@@ -1,4 +1,4 @@
-"""What a robot does with its map, and the commands `localise`, `map_on`, `relocalise` that change it."""
+"""Switches between mapping and localization: the commands `localise`, `map_on` and `relocalise`."""
 
 from thumper.common.errors import ThumperError
 from thumper.runtime.state_estimator import StateEstimator
@@ -9,30 +9,30 @@ MODES = ("localise", "map_on", "relocalise")
 
 
 def change(mapper: Mapper, mode: str) -> str:
-    """Carry out one of `MODES`; returns what was done.
+    """Switch to one of `MODES` and return a description of it.
 
     Raises
     ------
     ThumperError
-        Nothing is mapped yet, the pose is lost, or this robot's mapper cannot change.
+        Nothing is mapped yet, the pose is lost, or this mapper cannot switch.
     """
     if not isinstance(mapper, SlamModeSwitch):
-        raise ThumperError("this robot's mapper cannot change between mapping and localising")
+        raise ThumperError("this robot's mapper cannot switch between mapping and localization")
     match mode:
         case "localise":
             mapper.localize()
-            return "the map stays as it is; the robot localises in it"
+            return "the map stays fixed; the robot localizes in it"
         case "map_on":
             mapper.resume_mapping()
-            return "the robot goes on mapping"
+            return "the robot resumes mapping"
         case "relocalise":
             mapper.relocalize()
-            return "the robot looks for itself in the whole map"
-    raise ThumperError(f"no mode {mode!r}; there are {', '.join(MODES)}")
+            return "the robot searches the whole map for its pose"
+    raise ThumperError(f"unknown mode {mode!r}; choose from: {', '.join(MODES)}")
 
 
-def state(estimator: StateEstimator) -> dict[str, str]:
-    """What it does now, and why the pose or the map may not be trusted; empty while they may."""
+def describe(estimator: StateEstimator) -> dict[str, str]:
+    """Return the mode, and why pose and map must not be trusted (empty if they can)."""
     mapper, state = estimator.mapper, estimator.state()
     return {
         "mode": mapper.mode if isinstance(mapper, SlamModeSwitch) else "mapping",

@@ -1,24 +1,24 @@
-"""A process that hung or was stopped finds what was asked of it meanwhile, all at once. Pure.
+"""Rejects requests that queued while the process hung or was stopped. Pure.
 
-Who asked has long stopped waiting for it: a goal of a minute ago must not set the robot going now.
+The sender has long stopped waiting: a goal from a minute ago must not start a drive now.
 """
 
 from thumper.runtime.requests import GoTo, Query, Request, RobotCommand
 
-STALL_S = 2.0  # without a beat for so long, nobody waits for an answer any more
-STALE_PERIOD_S = 1.0  # what was on its way then has come after this long
-STALE_REQUEST = "the robot's process hung, and does not do late what was asked of it meanwhile: ask again"
+STALL_S = 2.0  # after this long without a cycle, no sender waits for an answer any more
+STALE_PERIOD_S = 1.0  # requests that were in transit during the stall arrive within this time
+STALE_REQUEST = "rejected: the robot's process hung since this request was sent; send it again"
 
 
 class StallGuard:
-    """Call `is_stale` once a beat."""
+    """Call `is_stale` once per cycle."""
 
     def __init__(self) -> None:
         self._last_s: float | None = None
         self._stale_until_s = 0.0
 
     def is_stale(self, now_s: float) -> bool:
-        """Whether what comes in now may have waited while the process hung."""
+        """Return whether requests received now may have waited while the process hung."""
         if self._last_s is not None and now_s - self._last_s > STALL_S:
             self._stale_until_s = now_s + STALE_PERIOD_S
         self._last_s = now_s
@@ -26,7 +26,10 @@ class StallGuard:
 
 
 def starts_motion(request: Request) -> bool:
-    """Whether the request makes a robot move that stood; a hand does not, for it must be armed first."""
+    """Return whether the request can set a stationary robot in motion.
+
+    A manual command cannot: the robot must be armed first.
+    """
     match request:
         case GoTo() | RobotCommand(name="arm"):
             return True

@@ -1,14 +1,14 @@
 """Goals, legs and endings."""
 
 from thumper.navigation.goal import Goal
-from thumper.runtime.drive.waypoints import MAX_MISSIONS, Missions, MissionState
+from thumper.runtime.drive.waypoints import MAX_MISSIONS, Missions, MissionState, Waypoints
 
 A, B = Goal(x_m=1.0, y_m=0.0), Goal(x_m=2.0, y_m=0.0)
 
 
 def test_legs_follow_one_another_and_the_last_ends_it() -> None:
     missions = Missions()
-    number = missions.begin((A, B), "page").number
+    number = missions.start(Waypoints(goals=(A, B)), "page").number
     assert missions.next_goal() == B
     assert missions.next_goal() is None
     missions.end("there", reached=True)
@@ -19,7 +19,7 @@ def test_legs_follow_one_another_and_the_last_ends_it() -> None:
 
 def test_a_failed_leg_is_named() -> None:
     missions = Missions()
-    missions.begin((A, B), "")
+    missions.start(Waypoints(goals=(A, B)), "")
     missions.next_goal()
     mission = missions.end("no way")
     assert mission is not None
@@ -28,8 +28,8 @@ def test_a_failed_leg_is_named() -> None:
 
 def test_a_new_goal_ends_the_old_one() -> None:
     missions = Missions()
-    old = missions.begin((A,), "").number
-    missions.begin((B,), "")
+    old = missions.start(Waypoints(goals=(A,)), "").number
+    missions.start(Waypoints(goals=(B,)), "")
     mission = missions.find(old)
     assert mission is not None
     assert mission.state is MissionState.FAILED
@@ -39,15 +39,15 @@ def test_a_new_goal_ends_the_old_one() -> None:
 def test_an_ending_without_a_mission_is_none() -> None:
     missions = Missions()
     assert missions.end("stopped") is None
-    missions.begin((A,), "")
+    missions.start(Waypoints(goals=(A,)), "")
     missions.end("there", reached=True)
     assert missions.end("stopped") is None
 
 
 def test_a_robot_that_is_on_for_days_forgets() -> None:
     missions = Missions()
-    first = missions.begin((A,), "").number
+    first = missions.start(Waypoints(goals=(A,)), "").number
     for _ in range(MAX_MISSIONS):
-        missions.begin((B,), "")
+        missions.start(Waypoints(goals=(B,)), "")
     assert missions.find(first) is None
     assert missions.newest is not None

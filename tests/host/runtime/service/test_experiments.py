@@ -1,35 +1,71 @@
-"""Experiments as the robot's loop sees them; what they drive is tested with the tuning."""
+"""Experiments as the robot's loop runs them; the tuning package tests what they drive."""
 
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from thumper.board.board import Board, TelemetrySample
-from thumper.runtime.service.experiments import Experiments
+from thumper.board.board import TelemetrySample
+from thumper.board.options import BoardOptions
+from thumper.common.geometry import Pose2
+from thumper.config.robot import RobotConfig
+from thumper.lidar.options import LidarOptions
+from thumper.runtime.assembly import open_robot
+from thumper.runtime.loop import RobotLoop
+from thumper.runtime.service.experiments import LentBoard
 
 
-def test_who_stops_one_does_not_wait_for_what_it_works_out(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.fixture
+def robot() -> Iterator[RobotLoop]:
+    config = RobotConfig(
+        board=BoardOptions(port="sim://thinking/board"), lidar=LidarOptions(port="sim://thinking/lidar")
+    )
+    with open_robot(config, Pose2()) as robot:
+        yield robot
+
+
+def test_a_stop_does_not_wait_for_the_computation(
+    robot: RobotLoop, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    may_end, worked_out = threading.Event(), threading.Event()
+    may_end, computed = threading.Event(), threading.Event()
+    events: list[str] = []
 
-    def work(_name: str) -> None:
+    def compute(_name: str) -> None:
         may_end.wait(20.0)
-        worked_out.set()
+        computed.set()
 
-    monkeypatch.setattr("thumper.runtime.service.experiments._load", work)
-    board = Board.open("sim://thinking/board", baud=500_000)
-    experiments = Experiments()
-    experiments.request({"name": "tune", "lane_m": 1.2}, "me")
+    def listen(topic: str, _time_s: float, message: object) -> None:
+        if topic == "events":
+            events.append(getattr(message, "msg", ""))
 
-    def on_cycle(_samples: list[TelemetrySample]) -> None:
+    def step_and_cancel(samples: list[TelemetrySample]) -> None:
+        step_lent(samples)
         experiments.stop("cancelled")
 
-    ending = experiments.run(board, on_cycle)
+    step_lent = robot.step_lent
+    monkeypatch.setattr("thumper.runtime.service.experiments._load", compute)
+    monkeypatch.setattr(robot, "step_lent", step_and_cancel)
+    robot.publisher.add_sink(listen)
+    experiments = robot.request_handler.experiments
+    experiments.request({"name": "tune", "lane_m": 1.2}, "me")
+    robot.step()
+    experiments.run(robot)
     try:
-        assert (ending, worked_out.is_set()) == ("tune: cancelled", False)
+        assert (events[-1], computed.is_set()) == ("tune: cancelled", False)
     finally:
         may_end.set()
-        board.close()
+
+
+def test_a_lent_board_is_the_board_and_runs_the_loop_at_each_poll(robot: RobotLoop) -> None:
+    seen: list[TelemetrySample] = []
+    board = robot.inputs.board
+    lent = LentBoard(board, seen.extend)
+    samples = lent.poll(0.5)
+    assert samples
+    assert seen == samples
+    assert (lent.identity, lent.port, lent.restarted) == (board.identity, board.port, False)
+    assert lent.get_parameter("ks") == board.get_parameter("ks")
+    lent.close()
+    assert board.poll(0.5)  # still open: the loop needs it

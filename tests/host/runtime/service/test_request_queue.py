@@ -9,8 +9,11 @@ def test_requests_come_out_in_their_order() -> None:
     queue = RequestQueue()
     queue.put(RobotCommand(name="arm"))
     queue.put(RobotCommand(name="disarm"))
-    assert [request for _, request in queue.take()] == [RobotCommand(name="arm"), RobotCommand(name="disarm")]
-    assert queue.take() == []
+    assert [request for _, request in queue.take_all()] == [
+        RobotCommand(name="arm"),
+        RobotCommand(name="disarm"),
+    ]
+    assert queue.take_all() == []
 
 
 def test_a_flood_loses_its_oldest_part_and_never_the_stop() -> None:
@@ -18,7 +21,7 @@ def test_a_flood_loses_its_oldest_part_and_never_the_stop() -> None:
     queue.put(EmergencyStop())
     for n in range(MAX_PENDING + 10):
         queue.put(Heartbeat(source=str(n)))
-    taken = [request for _, request in queue.take()]
+    taken = [request for _, request in queue.take_all()]
     assert taken[0] == EmergencyStop()
     assert taken[1] == Heartbeat(source="10")
     assert len(taken) == MAX_PENDING + 1

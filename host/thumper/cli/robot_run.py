@@ -1,0 +1,100 @@
+"""What `run` and `explore` share: their common options, opening the robot, and the files of a run."""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from rich.console import Console
+
+from thumper.bus.serve_robot import on_bus, on_bus_if_free
+from thumper.cli.drive_progress import ProgressDisplay, print_warnings
+from thumper.cli.output_folder import prepare_output
+from thumper.cli.record_option import recorded
+from thumper.cli.run_report import write_run
+from thumper.cli.start_map import load_start_map
+from thumper.common.geometry import Pose2
+from thumper.config.robot import RobotConfig, load_config, with_ports
+from thumper.dashboard.process import dashboard_process
+from thumper.navigation.goal import check_place
+from thumper.runtime.assembly import open_robot
+from thumper.runtime.drive.tasks import Task
+from thumper.runtime.drive_result import DriveResult
+from thumper.runtime.loop import RobotLoop
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOptions:
+    """The options that `run` and `explore` have in common."""
+
+    config: Path | None
+    board: str
+    lidar: str
+    bus: str
+    start: tuple[float, float, float] | None  # x [m], y [m], heading [degrees]
+    session: Path | None
+    out: Path
+    record: bool
+    record_to: Path | None
+    saved_map: Path | None = None
+    ui: bool = False
+
+    @property
+    def start_pose(self) -> Pose2 | None:
+        """Where the robot starts; None if no --start is given."""
+        if self.start is None:
+            return None
+        x_m, y_m, heading_deg = self.start
+        return Pose2(x_m=x_m, y_m=y_m, theta_rad=math.radians(heading_deg))
+
+    def load_settings(self) -> RobotConfig:
+        """Load the configuration, apply the options to it and prepare the output folder.
+
+        Raises
+        ------
+        ThumperError
+            The start pose, the configuration, the bus address or the folder is unusable.
+        """
+        if self.start is not None:
+            check_place("--start", *self.start[:2])
+        settings = with_ports(load_config(self.config), board=self.board, lidar=self.lidar)
+        if self.bus:
+            settings = replace(settings, bus=settings.bus.at(self.bus))
+        prepare_output(self.out)
+        return settings
+
+
+@contextmanager
+def opened_robot(options: RunOptions, settings: RobotConfig, *, serving: bool = False) -> Iterator[RobotLoop]:
+    """Open the robot, with recording, bus and browser page as the options say.
+
+    A robot that is `serving` needs the bus, and saves its map on request; for a drive both are optional.
+    """
+    known = load_start_map(settings, options.saved_map, options.session)
+    map_path = options.out / "map.yaml" if serving else None
+    start = options.start_pose
+    join_bus = on_bus if serving else on_bus_if_free
+    with (
+        dashboard_process(options.config, settings.bus.address, wanted=options.ui),
+        open_robot(settings, start, known, map_path=map_path) as robot,
+        recorded(robot, settings, start, options.record, options.record_to),
+        join_bus(robot, settings.name, settings.bus),
+    ):
+        yield robot
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FinishedRun:
+    """The result of a task, and the files that it left behind."""
+
+    result: DriveResult
+    files: list[str]
+
+
+def run_and_report(robot: RobotLoop, task: Task, out: Path, console: Console) -> FinishedRun:
+    """Run a task with a progress display; write map, pictures and summary to `out`."""
+    result = robot.run(task, ProgressDisplay(console))
+    files = write_run(out, robot.mapper, robot.log, result)
+    print_warnings(robot, console)
+    return FinishedRun(result=result, files=files)

@@ -1,0 +1,34 @@
+"""Refuses goals that the robot cannot reach in any map: too far away, or where it does not fit."""
+
+from dataclasses import dataclass
+
+from thumper.common.errors import ThumperError
+from thumper.navigation.costmap.costmap import CostmapOptions
+from thumper.navigation.footprint import Footprint
+from thumper.navigation.goal import Goal
+from thumper.navigation.planners.goal_validation import validate_goal
+from thumper.runtime.drive.drive_manager import GOAL_MARGIN_M
+from thumper.runtime.state_estimator import StateEstimator
+
+MAX_GOAL_DISTANCE_M = 50.0  # the map of a whole drive must fit into memory and planning time
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GoalLimits:
+    """Checks goals against the robot's position, map and footprint."""
+
+    estimator: StateEstimator
+    footprint: Footprint
+    costmap: CostmapOptions
+
+    def check(self, goal: Goal) -> None:
+        """Raise ThumperError with the reason if the goal cannot be driven to."""
+        state = self.estimator.state()
+        assert state is not None  # no goal is accepted before there is a map
+        if goal.distance_m(state.map_from_base) > MAX_GOAL_DISTANCE_M:
+            raise ThumperError(
+                f"goal {goal} is outside any map that could be made on the way: "
+                f"choose one within {MAX_GOAL_DISTANCE_M:.0f} m of the robot"
+            )
+        grid = self.estimator.mapper.grid().including(goal.x_m, goal.y_m, GOAL_MARGIN_M)
+        validate_goal(goal, grid, self.footprint, self.costmap)

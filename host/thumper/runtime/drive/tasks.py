@@ -1,0 +1,139 @@
+"""Tasks of the robot's loop: one goal, waypoints, exploration, or the requests of clients.
+
+A task answers one question, "what next?". It yields a leg, the loop drives it, and the task receives the
+result. If the loop refuses a leg before anything moves, `yield` raises ThumperError. The task returns the
+result of the whole.
+"""
+
+import math
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from thumper.common.errors import ThumperError
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.goal import Goal
+from thumper.runtime.drive.waypoints import Waypoints
+from thumper.runtime.drive_result import DriveResult
+
+if TYPE_CHECKING:
+    from thumper.navigation.planners.frontier_exploration import Explorer
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leg:
+    """One drive to a goal; without a goal: serve the requests of clients until Ctrl-C."""
+
+    goal: Goal | None
+    name: str = "driving"
+    clear_fault: bool = False  # clear a fault that the board has latched
+    speed: float = math.inf  # limit of a simulated robot's real-time factor
+
+
+Task = Generator[Leg, DriveResult, DriveResult]
+
+
+def carry_out(task: Task, drive: Callable[[Leg], DriveResult]) -> DriveResult:
+    """Drive the legs of a task, one after another, and return its result."""
+    try:
+        leg = next(task)
+        while True:
+            try:
+                result = drive(leg)
+            except ThumperError as refusal:
+                leg = task.throw(refusal)
+            else:
+                leg = task.send(result)
+    except StopIteration as end:
+        total: DriveResult = end.value
+    return total
+
+
+def drive_to_goal(goal: Goal, name: str = "driving", *, clear_fault: bool = False) -> Task:
+    """Drive to one goal."""
+    return (yield Leg(goal=goal, name=name, clear_fault=clear_fault))
+
+
+def follow_waypoints(waypoints: Waypoints, *, clear_fault: bool = False) -> Task:
+    """Drive to all waypoints in turn, until one is not reached; add up times and path lengths.
+
+    The reason names the failed waypoint. Only the first may raise the ThumperError of a refusal; a later
+    one that is refused ends the task like one that fails.
+    """
+    total: DriveResult | None = None
+    for leg in waypoints.legs():
+        try:
+            result = yield Leg(goal=leg.goal, name=leg.name, clear_fault=clear_fault)
+        except ThumperError as refusal:
+            if total is None:
+                raise
+            return replace(total, reached=False, reason=f"{leg.name} {leg.goal}: {refusal}")
+        total = result.after(total)
+        if not total.reached:
+            if waypoints.has_one_leg:
+                return total
+            return replace(total, reason=f"{leg.name} {leg.goal}: {total.reason}")
+    assert total is not None  # there is at least one waypoint
+    return total
+
+
+def explore(
+    explorer: "Explorer",
+    grid: Callable[[], OccupancyGrid],
+    home: Goal,
+    *,
+    limit_s: float,
+    report: Callable[[str], None],
+) -> Task:
+    """Drive from frontier to frontier until none is left or `limit_s` is over, then home.
+
+    `report` receives a line for each frontier that is given up, and one at the end. The result's time and
+    path length are those of all drives.
+    """
+    result, ending = yield from _drive_to_frontiers(explorer, grid, home, limit_s, report)
+    report(ending)
+    if result.interrupted:
+        return result
+    try:
+        last = yield Leg(goal=home, name="home")
+    except ThumperError as refusal:  # keep the map that there is
+        return replace(result, reached=False, reason=str(refusal))
+    return last.after(result)
+
+
+def _drive_to_frontiers(
+    explorer: "Explorer",
+    grid: Callable[[], OccupancyGrid],
+    home: Goal,
+    limit_s: float,
+    report: Callable[[str], None],
+) -> Generator[Leg, DriveResult, tuple[DriveResult, str]]:
+    """Return the last result and why the exploration ended."""
+    # The first drive ends where it starts: it makes the robot scan its surroundings for a first map.
+    result = yield Leg(goal=home, name="look")
+    tried, reached = 0, 0
+    while (spent_s := result.time_s) < limit_s and not result.interrupted:
+        goal = explorer.next_goal(grid(), result.map_from_base)
+        if goal is None and tried == 0:
+            return result, "nothing to explore here: no frontier is reachable"
+        if goal is None:
+            return result, f"explored after {spent_s:.0f} s: reached {reached} of {tried} frontiers"
+        tried += 1
+        try:
+            drive = yield Leg(goal=goal, name=f"frontier {tried}")
+        except ThumperError as refusal:  # a frontier is next to free space: the robot itself cannot drive
+            ending = f"ended after {spent_s:.0f} s: {refusal}"
+            return replace(result, reached=False, reason=str(refusal)), ending
+        result = drive.after(result)
+        reached += drive.reached
+        if not drive.reached and not drive.interrupted:
+            if not drive.navigation_failed:  # not the fault of the goal
+                return result, f"ended after {result.time_s:.0f} s: {result.reason}"
+            report(f"gave up frontier {tried} at {goal}: {result.reason}")
+    why = "interrupted" if result.interrupted else "time is up"
+    return result, f"{why} after {spent_s:.0f} s: reached {reached} of {tried} frontiers"
+
+
+def serve_requests(*, speed: float = 1.0) -> Task:
+    """Map, and do what clients request, until Ctrl-C; a simulated robot runs at `speed` times real time."""
+    return (yield Leg(goal=None, name="serving", speed=speed))

@@ -1,0 +1,87 @@
+"""Messages carry the time at which they are sent, whoever listens and since when."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from thumper.board.options import BoardOptions
+from thumper.common.geometry import Pose2
+from thumper.config.robot import RobotConfig
+from thumper.lidar.options import LidarOptions
+from thumper.ros.codec import Message
+from thumper.ros.to_ros import text
+from thumper.runtime.assembly import open_robot
+from thumper.runtime.loop import RobotLoop
+
+PAUSE_S = 5.0
+
+
+class Listener:
+    """Keeps the topic, the time and the message of all that is published."""
+
+    def __init__(self) -> None:
+        self.received: list[tuple[str, float, Message]] = []
+
+    def __call__(self, topic: str, time_s: float, message: Message) -> None:
+        self.received.append((topic, time_s, message))
+
+    def times_s(self, topic: str) -> list[float]:
+        return [time_s for name, time_s, _ in self.received if name == topic]
+
+
+@pytest.fixture
+def robot() -> Iterator[RobotLoop]:
+    config = RobotConfig(
+        board=BoardOptions(port="sim://stamps/board"), lidar=LidarOptions(port="sim://stamps/lidar")
+    )
+    with open_robot(config, Pose2()) as robot:
+        yield robot
+
+
+def let_time_pass(robot: RobotLoop) -> float:
+    """Run control cycles for a while; return the robot's time."""
+    until_s = robot.inputs.now_s() + PAUSE_S
+    while robot.inputs.now_s() < until_s:
+        robot.step()
+    return robot.inputs.now_s()
+
+
+def test_a_text_before_the_first_cycle_is_stamped_with_the_time_at_which_it_is_sent(robot: RobotLoop) -> None:
+    """It was stamped 0: a recording that starts with it seems to start when the computer did."""
+    robot.inputs.board.poll(1.0)
+    now_s = robot.inputs.now_s()
+    assert now_s > 0.0
+    listener = Listener()
+    robot.publisher.add_sink(listener)
+    robot.publisher.publish_text("session", text("{}"))
+    assert listener.times_s("session") == [now_s]
+
+
+def test_a_late_sink_receives_latched_messages_as_of_now(robot: RobotLoop) -> None:
+    """They were delivered with the time of their making: a recording seemed to start hours too early."""
+    early, late = Listener(), Listener()
+    robot.publisher.add_sink(early)
+    robot.publisher.publish_text("session", text("{}"))
+    now_s = let_time_pass(robot)
+    robot.publisher.add_sink(late)
+    robot.step()
+    first_s = min(time_s for _, time_s, _ in late.received)
+    assert {topic for topic, _, _ in late.received} >= {"session", "tf_static"}
+    assert first_s == pytest.approx(now_s, abs=0.2)
+    (tf_static,) = (message for topic, _, message in late.received if topic == "tf_static")
+    stamp = tf_static.transforms[0].header.stamp
+    assert stamp.sec + 1e-9 * stamp.nanosec < now_s - PAUSE_S + 1.0  # its own stamp stays
+
+
+def test_an_event_is_stamped_when_it_happens(robot: RobotLoop) -> None:
+    listener = Listener()
+    robot.publisher.add_sink(listener)
+    robot.step()
+    now_s = let_time_pass(robot)
+    robot.inputs.board.poll(1.0)  # time passes without a cycle
+    later_s = robot.inputs.now_s()
+    robot.publisher.publish_event("something happened")
+    (event_s,) = listener.times_s("events")[-1:]
+    assert event_s == later_s > now_s
+    _, _, message = listener.received[-1]
+    assert message.stamp.sec + 1e-9 * message.stamp.nanosec == pytest.approx(later_s, abs=1e-6)
