@@ -63,7 +63,7 @@ def test_a_lidar_that_was_unplugged_is_opened_again_once_the_robot_stands(servic
     assert lidar.counters.restarts > 0
     service.beats(10)
     (gap,) = [text for text in service.events if "after a gap" in text]  # told once, and while it serves
-    assert "scans came after a gap" in gap
+    assert "scans arrived after a gap" in gap
     service.beats(10)
     service.put(GoTo(goals=(NEAR,)))
     service.until(lambda: service.mode == "idle")

@@ -12,7 +12,7 @@ from thumper.navigation.goal import Goal, check_place
 
 
 def parse_goal(content: Mapping[str, Any]) -> Goal:
-    """Return the goal in `content`: x_m, y_m, optional yaw_rad and tolerance_m; raise ThumperError if wrong."""
+    """Return the goal in `content`: x_m, y_m and optionally yaw_rad and tolerance_m, all of them numbers."""
     known = {"x_m", "y_m", "yaw_rad", "tolerance_m"}
     numbers = {
         name: float(value)
@@ -20,7 +20,7 @@ def parse_goal(content: Mapping[str, Any]) -> Goal:
         if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
     }
     if set(numbers) != set(content) or not {"x_m", "y_m"} <= set(numbers) <= known:
-        raise ThumperError("a goal has x_m, y_m and optionally yaw_rad and tolerance_m, all of them finite numbers")
+        raise ThumperError("a goal has x_m, y_m and optionally yaw_rad and tolerance_m, all finite numbers")
     tolerance_m = numbers.get("tolerance_m", 0.1)
     if not 0.02 <= tolerance_m <= 1.0:
         raise ThumperError("choose a goal tolerance of 0.02...1 m")

@@ -108,7 +108,7 @@ def test_a_scan_from_the_future_does_not_hold_up_the_others() -> None:
         robot.add_telemetry(telemetry(0.1 * k, 0, 0))
         robot.add_scan(scan(100.0 if k == 10 else 0.1 * k - 0.1, [Pose2()] * 100))
     robot.add_telemetry(telemetry(3.0, 0, 0))
-    assert robot.monitor.counts == {
+    assert robot.scan_checker.counts == {
         ScanDefect.NO_ODOMETRY: 1,  # the first one, from before the board was heard
         ScanDefect.GAP: 1,
         ScanDefect.BACKWARDS: 1,
@@ -123,7 +123,7 @@ def test_a_silent_board_costs_scans_that_are_counted() -> None:
     for k in range(40):
         robot.add_scan(scan(0.1 * k, [Pose2()] * 100))
     robot.add_telemetry(telemetry(4.1, 0, 0))
-    counts = robot.monitor.counts
+    counts = robot.scan_checker.counts
     assert counts.keys() == {ScanDefect.WAITED, ScanDefect.NO_ODOMETRY} or counts.keys() == {
         ScanDefect.WAITED
     }
@@ -151,7 +151,7 @@ def test_a_scan_that_makes_no_sense_is_counted_and_harmless(broken: dict[str, An
         good = scan(0.1 * k, [Pose2()] * 100)
         robot.add_scan(replace(good, **broken) if k == 4 else good)
     robot.add_telemetry(telemetry(0.9, 0, 0))
-    assert robot.monitor.counts == {flaw: 1}
+    assert robot.scan_checker.counts == {flaw: 1}
     assert list(robot.warnings().values()) == [f"1 of 8 scans {flaw.value}"]
     state = robot.state()
     assert state is not None
@@ -207,7 +207,7 @@ def test_after_a_clock_was_set_back_scans_are_mapped_again() -> None:
             assert state.scan_age_s == math.inf  # what was seen before is no newest scan
         robot.add_scan(scan(time_s, [Pose2()] * 100))
     assert robot.scans_mapped >= 56
-    assert robot.monitor.counts[ScanDefect.BACKWARDS] == 1
+    assert robot.scan_checker.counts[ScanDefect.BACKWARDS] == 1
     state = robot.state()
     assert state is not None
     assert 0.0 <= state.scan_age_s < 0.5
