@@ -12,6 +12,7 @@ from thumper.board.firmware_image import firmware_image
 from thumper.board.messages import Board as BoardKind
 from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.odometry.pose_buffer import interpolate_poses
 from thumper_hil.bench.collision import FOOTPRINT_M, ContactDetector
 from thumper_hil.bench.options import BenchOptions
 from thumper_hil.chip.chip import CPU_HZ
@@ -277,14 +278,7 @@ class Bench:
     def _pose_at(self, times_s: FloatArray) -> FloatArray:
         """Return the body's pose, shape (n, 3), at times within the last tenth of a second."""
         known = np.array(self._poses)
-        headings_rad = np.unwrap(known[:, 3])
-        return np.column_stack(
-            [
-                np.interp(times_s, known[:, 0], known[:, 1]),
-                np.interp(times_s, known[:, 0], known[:, 2]),
-                np.interp(times_s, known[:, 0], headings_rad),
-            ]
-        )
+        return interpolate_poses(times_s, known[:, 0], known[:, 1:])
 
     def _wait_for_real_time(self) -> None:
         if self._wall_start_s is not None:

@@ -5,7 +5,7 @@ real ones: a read returns the received bytes when its timeout has passed, and a 
 """
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qsl, urlsplit
 
 from serial.serialutil import PortNotOpenError, SerialBase, SerialException
@@ -24,7 +24,12 @@ DEVICES = ("board", "lidar")
 class Serial(SerialBase):
     """The host's end of a simulated serial line, created by `serial.serial_for_url`."""
 
-    _bench: Bench | None = None
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        """Set up a closed port; takes the arguments of `serial.Serial`."""
+        self._bench: Bench | None = None
+        self._name = self._device = ""
+        self._dtr_was = False
+        super().__init__(*args, **kwargs)
 
     def open(self) -> None:
         """Open the simulated device.

@@ -6,6 +6,7 @@ by a cellular automaton. The robot starts south of the field and its goal is nor
 """
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -86,9 +87,8 @@ def drive_through(world: KinematicWorld, scale: float, options: NavigationOption
         (-6.5 * scale, -scale, 8.5 * scale, 16.0 * scale),
         seed=seed,
         options=options,
-        conditions=EXACT,
+        conditions=replace(EXACT, stop_when=lambda pose: goal.distance_m(pose) < scale),
         limit_s=LIMIT_S,
-        stop_when=lambda pose: goal.distance_m(pose) < scale,
     )
 
 

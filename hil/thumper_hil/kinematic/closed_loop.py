@@ -74,7 +74,7 @@ class CountingMap:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conditions:
-    """Delay, noise and acceleration limits of the simulated robot."""
+    """Delay, noise and acceleration limits of the simulated robot, and when a run ends early."""
 
     delay_s: float = 0.15
     range_noise_m: float = 0.01
@@ -85,6 +85,7 @@ class Conditions:
     slip: float = 0.05  # standard deviation of a constant relative error of linear and angular speed
     v_accel_m_s2: float = 0.6
     w_accel_rad_s2: float = 3.0
+    stop_when: Callable[[Pose2], bool] = lambda _pose: False
 
 
 @dataclass(slots=True, kw_only=True)
@@ -112,52 +113,77 @@ def drive(
     options: NavigationOptions | None = None,
     conditions: Conditions | None = None,
     limit_s: float = 60.0,
-    stop_when: Callable[[Pose2], bool] = lambda _pose: False,
 ) -> Run:
     """Drive to a goal in a static world or in one given by time; `area` is x, y, width, height of the map."""
     given, rng, footprint = conditions or Conditions(), np.random.default_rng(seed), Footprint()
     world_at = world if callable(world) else lambda _time_s: world
     navigator = Navigator(options or NavigationOptions(), footprint)
     navigator.set_goal(goal)
-    mapped = CountingMap(*area)
-    angles_rad = np.linspace(-math.radians(120.0), math.radians(120.0), given.beams)
-    pose, v, w = start, 0.0, 0.0
-    v_gain, w_gain = 1.0 + given.slip * rng.standard_normal(2)
-    queue = deque([Twist2()] * round(given.delay_s / TICK_S))
+    grid_map = CountingMap(*area)
+    base = _Unicycle(start, given, rng)
     run, output = Run(), NavigationOutput()
     for tick in range(round(limit_s / TICK_S)):
         run.time_s = tick * TICK_S
         now = world_at(run.time_s)
-        run.clearance_m = min(run.clearance_m, now.clearance_m(pose, footprint))
+        run.clearance_m = min(run.clearance_m, now.clearance_m(base.pose, footprint))
         if tick % CYCLE_TICKS == 0:
-            noise = rng.standard_normal(3) * (given.pose_noise_m, given.pose_noise_m, given.pose_noise_rad)
-            map_from_base = pose @ Pose2(x_m=noise[0], y_m=noise[1], theta_rad=noise[2])
-            ranges_m = now.cast(pose @ BASE_FROM_LASER, angles_rad, given.range_max_m)
-            ranges_m = ranges_m + given.range_noise_m * rng.standard_normal(ranges_m.size)
-            laser = map_from_base @ BASE_FROM_LASER
-            is_hit = np.isfinite(ranges_m)
-            reach_m = np.where(is_hit, ranges_m, given.range_max_m)
-            ends_m = laser.apply(
-                np.column_stack((reach_m * np.cos(angles_rad), reach_m * np.sin(angles_rad)))
+            map_from_base, hits_m = _observe(now, base.pose, grid_map, given, rng)
+            output = navigator.update(
+                run.time_s, map_from_base, base.measured_twist(), grid_map.grid(), hits_m
             )
-            mapped.integrate(laser, ends_m, is_hit.astype(np.float64))
-            twist = Twist2(v_m_s=v + 0.01 * rng.standard_normal(), w_rad_s=w + 0.02 * rng.standard_normal())
-            output = navigator.update(run.time_s, map_from_base, twist, mapped.grid(), ends_m[is_hit])
             run.outputs.append(output)
-            run.track.append(pose)
+            run.track.append(base.pose)
             ended = output.state in (NavigationState.REACHED, NavigationState.FAILED)
-            if (ended and abs(v) < 1e-3) or stop_when(pose) or run.clearance_m < 0.0:
+            if (ended and abs(base.v_m_s) < 1e-3) or given.stop_when(base.pose) or run.clearance_m < 0.0:
                 break
-        queue.append(output.command)
-        wanted = queue.popleft()
-        v += float(
-            np.clip(wanted.v_m_s * v_gain - v, -given.v_accel_m_s2 * TICK_S, given.v_accel_m_s2 * TICK_S)
-        )
-        turn = given.w_accel_rad_s2 * TICK_S
-        w += float(np.clip(wanted.w_rad_s * w_gain - w, -turn, turn))
-        pose = pose @ Pose2(x_m=v * TICK_S, theta_rad=w * TICK_S)
-        run.length_m += abs(v) * TICK_S
+        base.step(output.command)
+        run.length_m += abs(base.v_m_s) * TICK_S
     run.state, run.reason = output.state, output.reason
-    run.goal_error_m = goal.distance_m(pose)
+    run.goal_error_m = goal.distance_m(base.pose)
     run.transitions = navigator.transitions
     return run
+
+
+class _Unicycle:
+    """A base that follows delayed commands with acceleration limits and constant speed errors."""
+
+    def __init__(self, start: Pose2, conditions: Conditions, rng: np.random.Generator) -> None:
+        self.pose = start
+        self.v_m_s, self._w_rad_s = 0.0, 0.0
+        self._conditions, self._rng = conditions, rng
+        self._v_gain, self._w_gain = 1.0 + conditions.slip * rng.standard_normal(2)
+        self._queue = deque([Twist2()] * round(conditions.delay_s / TICK_S))
+
+    def measured_twist(self) -> Twist2:
+        """Return the twist with measurement noise."""
+        return Twist2(
+            v_m_s=self.v_m_s + 0.01 * self._rng.standard_normal(),
+            w_rad_s=self._w_rad_s + 0.02 * self._rng.standard_normal(),
+        )
+
+    def step(self, command: Twist2) -> None:
+        """Queue a command and move for one tick by the oldest one."""
+        self._queue.append(command)
+        delayed = self._queue.popleft()
+        v_step = self._conditions.v_accel_m_s2 * TICK_S
+        w_step = self._conditions.w_accel_rad_s2 * TICK_S
+        self.v_m_s += float(np.clip(delayed.v_m_s * self._v_gain - self.v_m_s, -v_step, v_step))
+        self._w_rad_s += float(np.clip(delayed.w_rad_s * self._w_gain - self._w_rad_s, -w_step, w_step))
+        self.pose = self.pose @ Pose2(x_m=self.v_m_s * TICK_S, theta_rad=self._w_rad_s * TICK_S)
+
+
+def _observe(
+    world: KinematicWorld, pose: Pose2, grid_map: CountingMap, given: Conditions, rng: np.random.Generator
+) -> tuple[Pose2, FloatArray]:
+    """Take a scan, add it to the map, and return the noisy pose and the hits in map, shape (n, 2)."""
+    noise = rng.standard_normal(3) * (given.pose_noise_m, given.pose_noise_m, given.pose_noise_rad)
+    map_from_base = pose @ Pose2(x_m=noise[0], y_m=noise[1], theta_rad=noise[2])
+    angles_rad = np.linspace(-math.radians(120.0), math.radians(120.0), given.beams)
+    ranges_m = world.cast(pose @ BASE_FROM_LASER, angles_rad, given.range_max_m)
+    ranges_m = ranges_m + given.range_noise_m * rng.standard_normal(ranges_m.size)
+    laser = map_from_base @ BASE_FROM_LASER
+    is_hit = np.isfinite(ranges_m)
+    reach_m = np.where(is_hit, ranges_m, given.range_max_m)
+    ends_m = laser.apply(np.column_stack((reach_m * np.cos(angles_rad), reach_m * np.sin(angles_rad))))
+    grid_map.integrate(laser, ends_m, is_hit.astype(np.float64))
+    return map_from_base, ends_m[is_hit]

@@ -8,12 +8,12 @@ returns an echo.
 
 import math
 import struct
-from collections import deque
 from collections.abc import Callable
 
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
+from thumper_hil.lidars.outbox import Outbox
 from thumper_hil.world.world_history import WorldAt, cast_from_robot
 
 POINTS_PER_S = 4500.0
@@ -76,7 +76,7 @@ class Ld19:
         self._angle_error_rad = math.radians(ANGLE_ERROR_DEG * rng.standard_normal())
         self._rng = rng
         self._points = 0
-        self._outbox: deque[tuple[float, bytes]] = deque()  # (readable from, bytes)
+        self._outbox = Outbox()
         self._now_s = 0.0
 
     def write(self, data: bytes, time_s: float) -> None:
@@ -91,10 +91,7 @@ class Ld19:
 
     def read(self) -> bytes:
         """Return the bytes that have reached the host."""
-        parts = []
-        while self._outbox and self._outbox[0][0] <= self._now_s:
-            parts.append(self._outbox.popleft()[1])
-        return b"".join(parts)
+        return self._outbox.arrived(self._now_s)
 
     def _measure(self, frames: int) -> None:
         numbers = self._points + 1 + np.arange(frames * POINTS_PER_FRAME)
@@ -116,5 +113,5 @@ class Ld19:
                 intensity[part],
                 end_s - self._booted_s,
             )
-            self._outbox.append((end_s + WIRE_S_PER_BYTE * len(frame), frame))
+            self._outbox.send(frame, end_s + WIRE_S_PER_BYTE * len(frame))
         self._points += numbers.size

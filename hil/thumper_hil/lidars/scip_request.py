@@ -6,8 +6,27 @@ from typing import Self
 
 LAST_MEASURABLE_STEP = 768
 MAX_REMARK_CHARS = 16
-FIXED_SETTINGS = {b"CR": 2, b"HS": 1, b"DB": 2}
-"""Digits of the settings that this model cannot change: motor speed, sensitivity, simulated faults."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FixedSetting:
+    """A setting that this model cannot change: its digits and the status for each value."""
+
+    digits: int
+    status: dict[int, bytes]
+    other: bytes  # the status for all other values
+
+
+FIXED_SETTINGS = {
+    # Motor speed: 0 and 99 are the fixed speed, 1...10 are not available.
+    b"CR": FixedSetting(
+        digits=2, status={0: b"03", 99: b"03"} | dict.fromkeys(range(1, 11), b"04"), other=b"02"
+    ),
+    # Sensitivity: 1 is already set.
+    b"HS": FixedSetting(digits=1, status={0: b"02", 1: b"03"}, other=b"01"),
+    # Simulated faults: 10 ends one, but none is active; 1...5 are not available.
+    b"DB": FixedSetting(digits=2, status={10: b"03"} | dict.fromkeys(range(1, 6), b"04"), other=b"01"),
+}
 
 
 class ScipRefusedError(ValueError):
@@ -101,24 +120,11 @@ def split_line(line: bytes) -> tuple[bytes, bytes, bytes]:
 
 def fixed_setting_status(command: bytes, parameters: bytes) -> bytes:
     """Return the status for CR, HS and DB: already set to this value, or not available on this model."""
-    digits = FIXED_SETTINGS[command]
-    if len(parameters) < digits:
+    setting = FIXED_SETTINGS[command]
+    if len(parameters) < setting.digits:
         return b"0C"
-    if len(parameters) > digits:
+    if len(parameters) > setting.digits:
         return b"0E"
     if not parameters.isdigit():
         return b"01"
-    match command, int(parameters):
-        case b"CR", 0 | 99:
-            return b"03"  # the motor already runs at this speed
-        case b"CR", speed:
-            return b"04" if speed <= 10 else b"02"
-        case b"HS", 0:
-            return b"02"
-        case b"HS", 1:
-            return b"03"
-        case b"DB", 10:
-            return b"03"  # no simulated fault is active
-        case b"DB", 1 | 2 | 3 | 4 | 5:
-            return b"04"
-    return b"01"
+    return setting.status.get(int(parameters), setting.other)

@@ -6,12 +6,12 @@ time. A scan can be read once step 768 is complete and the bytes have been trans
 """
 
 import math
-from collections import deque
 from collections.abc import Callable
 
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
+from thumper_hil.lidars.outbox import Outbox
 from thumper_hil.lidars.scip_reply import scan_reply, status_reply, table_reply, time_reply
 from thumper_hil.lidars.scip_request import (
     FIXED_SETTINGS,
@@ -81,7 +81,7 @@ class Urg04Lx:
         self._now_s = 0.0
         self._next_turn = 0
         self._line = bytearray()
-        self._outbox: deque[tuple[float, bytes]] = deque()  # (readable from, bytes)
+        self._outbox = Outbox()
         self._wire_free_s = 0.0
         self._laser_on_s = math.inf  # time of switching on
         self._adjusting = False
@@ -112,10 +112,7 @@ class Urg04Lx:
 
     def read(self) -> bytes:
         """Return the bytes that have reached the host."""
-        parts = []
-        while self._outbox and self._outbox[0][0] <= self._now_s:
-            parts.append(self._outbox.popleft()[1])
-        return b"".join(parts)
+        return self._outbox.arrived(self._now_s)
 
     def _turn_start_s(self, turn: int) -> float:
         return self._phase_s + turn * self._turn_s
@@ -129,7 +126,7 @@ class Urg04Lx:
     def _send(self, reply: bytes, delay_s: float) -> None:
         starts_s = max(self._now_s + delay_s, self._wire_free_s)  # one wire: replies keep their order
         self._wire_free_s = starts_s + WIRE_S_PER_BYTE * len(reply)
-        self._outbox.append((self._wire_free_s, reply))
+        self._outbox.send(reply, self._wire_free_s)
 
     def _answer(self, line: bytes) -> None:
         try:
@@ -154,26 +151,27 @@ class Urg04Lx:
             return status_reply(line, fixed_setting_status(command, parameters))
         if parameters:
             raise ScipRefusedError("0E")
+        return self._execute_plain(line, command)
+
+    def _execute_plain(self, line: bytes, command: bytes) -> bytes:
+        """Execute a command without parameters."""
+        tables = {b"VV": IDENTITY, b"PP": PARAMETERS, b"II": self._state()}
+        if command in tables:
+            return table_reply(line, tables[command])
+        status = b"00"
         match command:
-            case b"VV":
-                return table_reply(line, IDENTITY)
-            case b"PP":
-                return table_reply(line, PARAMETERS)
-            case b"II":
-                return table_reply(line, self._state())
             case b"BM":
                 status = b"02" if self._is_laser_on() else b"00"
                 self._switch_laser_on()
-                return status_reply(line, status)
             case b"QT":
                 self._stop()
-                return status_reply(line, b"00")
             case b"RS":
                 self._stop()
                 self._adjusting = False
                 self._booted_s = self._now_s
-                return status_reply(line, b"00")
-        raise ScipRefusedError("0E")
+            case _:
+                raise ScipRefusedError("0E")
+        return status_reply(line, status)
 
     def _state(self) -> dict[str, str]:
         return {

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
-from thumper_hil.world.segment_raycast import polygon_clearance_m
+from thumper_hil.world.segment_raycast import BoolArray, GridGeometry, polygon_clearance_m
 
-BoolArray = NDArray[np.bool_]
 StepArray = NDArray[np.int32]
 
 MIN_JUMP_CELLS = 6  # a shorter jump costs more than the steps it saves
@@ -24,9 +23,7 @@ def cast_grid(
     origins_m: FloatArray,
     angles_rad: FloatArray,
     distance: StepArray,
-    resolution_m: float,
-    x_lo_m: float,
-    y_lo_m: float,
+    geometry: GridGeometry,
     out: FloatArray,
 ) -> None:
     """Lower `out`, shape (n,), to the distance at which each ray enters a solid cell; 0 inside one.
@@ -36,6 +33,7 @@ def cast_grid(
     jump that far without a check.
     """
     rows, columns = distance.shape
+    resolution_m, x_lo_m, y_lo_m = geometry
     for i in range(angles_rad.size):
         dx, dy = math.cos(angles_rad[i]), math.sin(angles_rad[i])
         x = (origins_m[i, 0] - x_lo_m) / resolution_m
@@ -91,13 +89,12 @@ def _entry(x: float, y: float, dx: float, dy: float, width: float, height: float
 def grid_clearance_m(
     polygon_m: FloatArray,
     solid: BoolArray,
-    resolution_m: float,
-    x_lo_m: float,
-    y_lo_m: float,
+    geometry: GridGeometry,
     farthest_m: float,
 ) -> float:
     """Return the distance from a filled polygon, shape (k, 2), to a solid cell, at most `farthest_m`."""
     rows, columns = solid.shape
+    resolution_m, x_lo_m, y_lo_m = geometry
     first_column = max(math.floor((polygon_m[:, 0].min() - farthest_m - x_lo_m) / resolution_m), 0)
     last_column = min(math.floor((polygon_m[:, 0].max() + farthest_m - x_lo_m) / resolution_m), columns - 1)
     first_row = max(math.floor((polygon_m[:, 1].min() - farthest_m - y_lo_m) / resolution_m), 0)

@@ -8,9 +8,10 @@ from scipy.ndimage import distance_transform_cdt
 
 from thumper.common.geometry import FloatArray
 from thumper.maps.map_server_io import load_map
-from thumper_hil.world.grid_raycast import BoolArray, StepArray, cast_grid, grid_clearance_m
+from thumper_hil.world.grid_raycast import StepArray, cast_grid, grid_clearance_m
+from thumper_hil.world.segment_raycast import BoolArray, GridGeometry
 
-FARTHEST_CLEARANCE_M = 0.5
+MAX_CLEARANCE_M = 0.5
 SOLID_PERCENT = 65
 
 
@@ -44,13 +45,14 @@ class SolidGrid:
 
     def cast(self, origins_m: FloatArray, angles_rad: FloatArray, ranges_m: FloatArray) -> None:
         """Lower `ranges_m`, shape (n,), to where rays from `origins_m`, shape (n, 2), hit a solid cell."""
-        cast_grid(origins_m, angles_rad, self.distance, self.resolution_m, self.x_lo_m, self.y_lo_m, ranges_m)
+        cast_grid(origins_m, angles_rad, self.distance, self._geometry(), ranges_m)
 
     def clearance_m(self, polygon_m: FloatArray) -> float:
         """Return the distance [m] from a polygon, shape (k, 2), to the nearest solid cell, at most 0.5 m."""
-        return grid_clearance_m(
-            polygon_m, self.solid, self.resolution_m, self.x_lo_m, self.y_lo_m, FARTHEST_CLEARANCE_M
-        )
+        return grid_clearance_m(polygon_m, self.solid, self._geometry(), MAX_CLEARANCE_M)
+
+    def _geometry(self) -> GridGeometry:
+        return GridGeometry(self.resolution_m, self.x_lo_m, self.y_lo_m)
 
     def mark(self, x_m: FloatArray, y_m: FloatArray, touched: BoolArray) -> None:
         """Set the cells of `touched`, shape (len(y_m), len(x_m)), whose centres lie in a solid cell."""

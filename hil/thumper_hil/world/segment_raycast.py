@@ -4,6 +4,7 @@ All lengths in metres. Segments are rows (x0, y0, x1, y1); circles are rows (x, 
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,23 @@ from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
 
 BoolArray = NDArray[np.bool_]
+
+
+class Segment(NamedTuple):
+    """A segment from a to b."""
+
+    ax: float
+    ay: float
+    bx: float
+    by: float
+
+
+class GridGeometry(NamedTuple):
+    """Cell size and lower corner of a grid."""
+
+    resolution_m: float
+    x_lo_m: float
+    y_lo_m: float
 
 
 @kernel
@@ -65,8 +83,9 @@ def cast_rays(
 
 
 @kernel
-def point_segment_m(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
+def point_segment_m(px: float, py: float, segment: Segment) -> float:
     """Return the distance from a point to a segment; a segment of length 0 is a point."""
+    ax, ay, bx, by = segment
     ux, uy = bx - ax, by - ay
     length2 = ux * ux + uy * uy
     share = 0.0
@@ -76,10 +95,10 @@ def point_segment_m(px: float, py: float, ax: float, ay: float, bx: float, by: f
 
 
 @kernel
-def segments_cross(
-    ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float
-) -> bool:
+def segments_cross(ab: Segment, cd: Segment) -> bool:
     """Return True if ab and cd cross inside both; `point_segment_m` covers touching ends."""
+    ax, ay, bx, by = ab
+    cx, cy, dx, dy = cd
     abx, aby, cdx, cdy = bx - ax, by - ay, dx - cx, dy - cy
     c_side, d_side = abx * (cy - ay) - aby * (cx - ax), abx * (dy - ay) - aby * (dx - ax)
     a_side, b_side = cdx * (ay - cy) - cdy * (ax - cx), cdx * (by - cy) - cdy * (bx - cx)
@@ -110,19 +129,19 @@ def polygon_clearance_m(polygon_m: FloatArray, segments_m: FloatArray, circles_m
     nearest = math.inf
     j = polygon_m.shape[0] - 1
     for i in range(polygon_m.shape[0]):
-        ax, ay, bx, by = polygon_m[j, 0], polygon_m[j, 1], polygon_m[i, 0], polygon_m[i, 1]
+        edge = Segment(polygon_m[j, 0], polygon_m[j, 1], polygon_m[i, 0], polygon_m[i, 1])
         for k in range(segments_m.shape[0]):
-            cx, cy, dx, dy = segments_m[k, 0], segments_m[k, 1], segments_m[k, 2], segments_m[k, 3]
-            if segments_cross(ax, ay, bx, by, cx, cy, dx, dy):
+            wall = Segment(segments_m[k, 0], segments_m[k, 1], segments_m[k, 2], segments_m[k, 3])
+            if segments_cross(edge, wall):
                 return 0.0
             nearest = min(
                 nearest,
-                point_segment_m(ax, ay, cx, cy, dx, dy),
-                point_segment_m(cx, cy, ax, ay, bx, by),
-                point_segment_m(dx, dy, ax, ay, bx, by),
+                point_segment_m(edge.ax, edge.ay, wall),
+                point_segment_m(wall.ax, wall.ay, edge),
+                point_segment_m(wall.bx, wall.by, edge),
             )
         for k in range(circles_m.shape[0]):
-            centre_m = point_segment_m(circles_m[k, 0], circles_m[k, 1], ax, ay, bx, by)
+            centre_m = point_segment_m(circles_m[k, 0], circles_m[k, 1], edge)
             nearest = min(nearest, max(centre_m - circles_m[k, 2], 0.0))
         j = i
     # A shape wholly inside the polygon touches none of its edges.
@@ -137,14 +156,10 @@ def polygon_clearance_m(polygon_m: FloatArray, segments_m: FloatArray, circles_m
 
 @kernel
 def mark_touched(
-    x_lo_m: float,
-    y_lo_m: float,
-    resolution_m: float,
-    segments_m: FloatArray,
-    circles_m: FloatArray,
-    touched: BoolArray,
+    geometry: GridGeometry, segments_m: FloatArray, circles_m: FloatArray, touched: BoolArray
 ) -> None:
     """Set each cell of `touched`, shape (rows, columns), row 0 at `y_lo_m`, whose square contains a shape."""
+    resolution_m, x_lo_m, y_lo_m = geometry
     # The margin assigns a wall on the line between two cells to both, whatever the rounding.
     half = 0.5 * resolution_m + 1e-9
     cell = np.empty((4, 2))
@@ -158,10 +173,9 @@ def mark_touched(
 
 
 @kernel
-def mark_inside(
-    x_lo_m: float, y_lo_m: float, resolution_m: float, polygon_m: FloatArray, touched: BoolArray
-) -> None:
+def mark_inside(geometry: GridGeometry, polygon_m: FloatArray, touched: BoolArray) -> None:
     """Set each cell of `touched`, shape (rows, columns), whose centre is in the polygon, shape (k, 2)."""
+    resolution_m, x_lo_m, y_lo_m = geometry
     for row in range(touched.shape[0]):
         for column in range(touched.shape[1]):
             x, y = x_lo_m + (column + 0.5) * resolution_m, y_lo_m + (row + 0.5) * resolution_m

@@ -12,7 +12,13 @@ from thumper.common.geometry import FloatArray, Pose2
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from thumper_hil.world.occupancy import SolidGrid
 from thumper_hil.world.pedestrian import Pedestrian, Timed
-from thumper_hil.world.segment_raycast import cast_rays, mark_inside, mark_touched, polygon_clearance_m
+from thumper_hil.world.segment_raycast import (
+    GridGeometry,
+    cast_rays,
+    mark_inside,
+    mark_touched,
+    polygon_clearance_m,
+)
 from thumper_hil.world.world_file import read_world_file
 
 BORDER_M = 0.5
@@ -103,9 +109,10 @@ class World:
         columns = math.ceil((x_hi + BORDER_M - origin_x) / resolution_m)
         rows = math.ceil((y_hi + BORDER_M - origin_y) / resolution_m)
         touched = np.zeros((rows, columns), np.bool_)
-        mark_touched(origin_x, origin_y, resolution_m, self.segments_m, self.circles_m, touched)
+        geometry = GridGeometry(resolution_m, origin_x, origin_y)
+        mark_touched(geometry, self.segments_m, self.circles_m, touched)
         for box_m in self.boxes_m:
-            mark_inside(origin_x, origin_y, resolution_m, box_m, touched)
+            mark_inside(geometry, box_m, touched)
         if self.grid is not None:
             x_m = np.asarray(origin_x + (np.arange(columns) + 0.5) * resolution_m, np.float64)
             y_m = np.asarray(origin_y + (np.arange(rows) + 0.5) * resolution_m, np.float64)
