@@ -1,11 +1,13 @@
-"""Imports in the host package go one way: a package uses only what stands in a lower row."""
+"""Imports go one way: each package imports only from packages in a lower row."""
 
 import ast
 from pathlib import Path
 
 import pytest
 
-HOST = Path(__file__).parents[2] / "host" / "thumper"
+ROOT = Path(__file__).parents[2]
+HOST = ROOT / "host" / "thumper"
+FOLDERS = {"thumper": HOST, "thumper_hil": ROOT / "hil" / "thumper_hil"}
 
 LAYERS = (
     "common",
@@ -49,6 +51,14 @@ RUNTIME = (
     "assembly",
 )
 
+HIL = (
+    "chip world kinematic",
+    "lidars faults",
+    "bench",
+    "demo campaign",
+    "cli",
+)
+
 INSIDE = {"navigation": NAVIGATION, "slam": SLAM, "runtime": RUNTIME}
 
 
@@ -65,12 +75,17 @@ def imports(path: Path) -> set[str]:
 
 @pytest.mark.parametrize(
     ("package", "layers"),
-    [("thumper", LAYERS), *((f"thumper.{name}", rows) for name, rows in INSIDE.items())],
+    [
+        ("thumper", LAYERS),
+        *((f"thumper.{name}", rows) for name, rows in INSIDE.items()),
+        ("thumper_hil", HIL),
+    ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
 def test_imports_go_down(package: str, layers: tuple[str, ...]) -> None:
     floor = {name: number for number, row in enumerate(layers) for name in row.split()}
-    folder = HOST.joinpath(*package.split(".")[1:])
+    root, *inner = package.split(".")
+    folder = FOLDERS[root].joinpath(*inner)
     for path in sorted(folder.rglob("*.py")):
         own = path.relative_to(folder).parts[0].removesuffix(".py")
         if own == "__init__" and "__init__" not in floor:
@@ -79,7 +94,7 @@ def test_imports_go_down(package: str, layers: tuple[str, ...]) -> None:
             if name.startswith(f"{package}."):
                 other = name.removeprefix(f"{package}.").split(".")[0]
                 other = other if other in floor else "__init__"
-                assert other == own or floor[other] < floor[own], f"{path.relative_to(HOST)} imports {name}"
+                assert other == own or floor[other] < floor[own], f"{path.relative_to(ROOT)} imports {name}"
 
 
 def test_the_robot_does_not_import_the_simulator() -> None:
