@@ -88,6 +88,13 @@ REMOVED_KEYS: Mapping[str, str] = MappingProxyType(
         "localization.beam_gain": "is fixed at 0.15; delete the key",
         "localization.lost_after": "is fixed at 3; delete the key",
         "localization.matching": "is fixed at the defaults of [mapping.matching]; delete the table",
+        "service.heartbeat_timeout_s": "is fixed at 0.3 s; delete the key",
+        "service.gamepad_timeout_s": "is fixed at 0.3 s; delete the key",
+        "service.teleop_timeout_s": "is fixed at 0.3 s; delete the key",
+        "teleop.v_slew_m_s2": "is fixed at 1.5 m/s^2; delete the key",
+        "teleop.w_slew_rad_s2": "is fixed at 8 rad/s^2; delete the key",
+        "teleop.key_first_s": "is fixed at 0.6 s; delete the key",
+        "teleop.key_repeat_s": "is fixed at 0.2 s; delete the key",
     }
 )
 

@@ -22,13 +22,5 @@ class TeleopOptions:
     dead_zone: Annotated[float, Ge(0), Lt(1)] = 0.1
     # Expo: share of the cubic term in the stick curve. 0 is linear; more is finer around the centre.
     expo: Annotated[float, Ge(0), Le(1)] = 0.3
-    # Acceleration limit while the enable button is held [m/s^2]; releasing it stops at once.
-    v_slew_m_s2: Annotated[float, Gt(0)] = 1.5
-    # Angular acceleration limit [rad/s^2].
-    w_slew_rad_s2: Annotated[float, Gt(0)] = 8.0
     # Commands per second; each is valid for 0.3 s.
     rate_Hz: Annotated[float, Ge(10), Le(100)] = 20.0
-    # How long the first press of a key is valid [s]: longer than the terminal's delay before it repeats.
-    key_first_s: Annotated[float, Gt(0), Le(1)] = 0.6
-    # How long each repeat of a key is valid [s]: longer than the time between two repeats.
-    key_repeat_s: Annotated[float, Gt(0), Le(1)] = 0.2

@@ -5,6 +5,7 @@ from collections import deque
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.odometry.pose_buffer import interpolate_poses
 
 MAX_POSES = 30  # three seconds at 10 Hz; a scan is 0.1 s old
 
@@ -29,10 +30,8 @@ class PoseTrack:
         if not self._poses:
             return np.empty((0, 2))
         pose_times_s = np.array([time_s for time_s, _ in self._poses])
-        x_m = np.interp(times_s, pose_times_s, [pose.x_m for _, pose in self._poses])
-        y_m = np.interp(times_s, pose_times_s, [pose.y_m for _, pose in self._poses])
-        headings_rad = np.unwrap([pose.theta_rad for _, pose in self._poses])
-        theta_rad = np.interp(times_s, pose_times_s, headings_rad)
+        poses = np.array([(pose.x_m, pose.y_m, pose.theta_rad) for _, pose in self._poses])
+        x_m, y_m, theta_rad = interpolate_poses(times_s, pose_times_s, poses).T
         cos, sin = np.cos(theta_rad), np.sin(theta_rad)
         return np.column_stack(
             (

@@ -7,6 +7,10 @@ from thumper.common.geometry import Twist2
 from thumper.common.kinematics import DriveGeometry, body_twist, limit_wheel_speeds, wheel_speeds
 from thumper.config.teleop import TeleopOptions
 
+# Fastest change of the command while the deadman button is held; a release stops at once.
+V_SLEW_M_S2 = 1.5
+W_SLEW_RAD_S2 = 8.0
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JoystickState:
@@ -67,8 +71,8 @@ class SpeedScaler:
         target = joystick_twist(stick, self._options, self._drive, self._max_wheel_rad_s)
         self._driving = True
         self._twist = Twist2(
-            v_m_s=_ramp(self._twist.v_m_s, target.v_m_s, self._options.v_slew_m_s2 * period_s),
-            w_rad_s=_ramp(self._twist.w_rad_s, target.w_rad_s, self._options.w_slew_rad_s2 * period_s),
+            v_m_s=_ramp(self._twist.v_m_s, target.v_m_s, V_SLEW_M_S2 * period_s),
+            w_rad_s=_ramp(self._twist.w_rad_s, target.w_rad_s, W_SLEW_RAD_S2 * period_s),
         )
         return self._twist
 

@@ -13,10 +13,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import Enum
 
-from thumper.config.teleop import TeleopOptions
 from thumper.teleop.joystick_curve import JoystickState
 
 MAX_READ_BYTES = 1024
+FIRST_PRESS_S = 0.6  # a first press is valid for longer than the terminal waits before it repeats the key
+REPEAT_S = 0.2  # a repeat is valid for longer than the time between two repeats
 
 
 class Terminal:
@@ -85,8 +86,7 @@ ACTIONS = {
 class KeyboardJoystick:
     """Tracks the held key, as far as a terminal reports it. Pure: bytes and times come in."""
 
-    def __init__(self, options: TeleopOptions) -> None:
-        self._options = options
+    def __init__(self) -> None:
         self._key = ""
         self._until_s = 0.0
 
@@ -100,7 +100,7 @@ class KeyboardJoystick:
                 actions.append(ACTIONS[key])
             if SHIFTED.get(key, key.lower()) in DIRECTIONS:
                 repeated = key == self._key and now_s < self._until_s
-                hold_s = self._options.key_repeat_s if repeated else self._options.key_first_s
+                hold_s = REPEAT_S if repeated else FIRST_PRESS_S
                 self._key, self._until_s = key, max(now_s + hold_s, self._until_s if repeated else 0.0)
             else:
                 self._key = ""  # any other key releases the held one

@@ -41,7 +41,7 @@ class TeleopLoop:
         """`publish` sends a message to a topic; `read` returns what was typed since the last call."""
         options, limit = config.teleop, config.drive.max_wheel_rad_s
         self._publish, self._read, self._pad = publish, read, pad
-        self._keys = KeyboardJoystick(options)
+        self._keys = KeyboardJoystick()
         self._keyboard_scaler = SpeedScaler(options, config.drive, limit)
         self._gamepad_scaler = SpeedScaler(options, config.drive, limit)
         self._messages = Messages()

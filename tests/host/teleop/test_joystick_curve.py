@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 from thumper.common.geometry import Twist2
 from thumper.common.kinematics import DriveGeometry, wheel_speeds
 from thumper.config.teleop import TeleopOptions
-from thumper.teleop.joystick_curve import JoystickState, SpeedScaler, apply_curve, joystick_twist
+from thumper.teleop.joystick_curve import (
+    V_SLEW_M_S2,
+    W_SLEW_RAD_S2,
+    JoystickState,
+    SpeedScaler,
+    apply_curve,
+    joystick_twist,
+)
 
 OPTIONS, DRIVE, LIMIT = TeleopOptions(), DriveGeometry(), 13.0
 axes = st.floats(-1.0, 1.0)
@@ -72,8 +79,8 @@ def test_it_drives_only_while_enabled_ramps_and_sends_zero_once(states: list[Joy
             continue
         assert sent is not None
         before = last or Twist2()
-        assert abs(sent.v_m_s - before.v_m_s) <= OPTIONS.v_slew_m_s2 * period_s + 1e-12
-        assert abs(sent.w_rad_s - before.w_rad_s) <= OPTIONS.w_slew_rad_s2 * period_s + 1e-12
+        assert abs(sent.v_m_s - before.v_m_s) <= V_SLEW_M_S2 * period_s + 1e-12
+        assert abs(sent.w_rad_s - before.w_rad_s) <= W_SLEW_RAD_S2 * period_s + 1e-12
         last = sent
 
 

@@ -8,15 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from thumper.config.teleop import TeleopOptions
 from thumper.teleop.joystick_curve import JoystickState
-from thumper.teleop.keyboard import Action, KeyboardJoystick, Terminal
-
-OPTIONS = TeleopOptions()
+from thumper.teleop.keyboard import FIRST_PRESS_S, Action, KeyboardJoystick, Terminal
 
 
 def test_a_press_is_valid_until_it_repeats_and_a_repeat_more_shortly() -> None:
-    keys = KeyboardJoystick(OPTIONS)
+    keys = KeyboardJoystick()
     keys.feed(b"i", 0.0)
     assert keys.stick(0.59).enable
     assert not keys.stick(0.6).enable
@@ -47,7 +44,7 @@ def test_a_press_is_valid_until_it_repeats_and_a_repeat_more_shortly() -> None:
     ],
 )
 def test_directions(typed: bytes, forward: float, turn: float, turbo: bool) -> None:
-    keys = KeyboardJoystick(OPTIONS)
+    keys = KeyboardJoystick()
     assert keys.feed(typed, 0.0) == []
     assert keys.stick(0.1) == JoystickState(forward=forward, turn=turn, enable=True, turbo=turbo)
 
@@ -64,14 +61,14 @@ def test_directions(typed: bytes, forward: float, turn: float, turbo: bool) -> N
     ],
 )
 def test_other_keys_act_and_release(typed: bytes, action: Action) -> None:
-    keys = KeyboardJoystick(OPTIONS)
+    keys = KeyboardJoystick()
     keys.feed(b"i", 0.0)
     assert keys.feed(typed, 0.1) == [action]
     assert not keys.stick(0.1).enable
 
 
 def test_k_stops() -> None:
-    keys = KeyboardJoystick(OPTIONS)
+    keys = KeyboardJoystick()
     keys.feed(b"i", 0.0)
     keys.feed(b"k", 0.1)
     assert not keys.stick(0.1).enable
@@ -79,9 +76,9 @@ def test_k_stops() -> None:
 
 @given(data=st.binary(max_size=64))
 def test_any_bytes_are_accepted_and_expire(data: bytes) -> None:
-    keys = KeyboardJoystick(OPTIONS)
+    keys = KeyboardJoystick()
     keys.feed(data, 5.0)
-    assert not keys.stick(5.0 + OPTIONS.key_first_s).enable
+    assert not keys.stick(5.0 + FIRST_PRESS_S).enable
 
 
 def test_the_terminal_returns_single_keys_without_waiting() -> None:

@@ -69,8 +69,8 @@ class DriveManager:
         self._drive = drive
         self._max_wheel_rad_s = max_wheel_rad_s
         self._options = options
-        self.mux = TwistMux(options)
-        self.heartbeats = HeartbeatMonitor(options.heartbeat_timeout_s)
+        self.mux = TwistMux()
+        self.heartbeats = HeartbeatMonitor()
         self.mode = DriveMode.IDLE
         self.reason = ""
         self.goal: Goal | None = None

@@ -1,12 +1,13 @@
 """Detects clients that stop sending heartbeats. Pure."""
 
 MAX_SOURCES = 64
+TIMEOUT_S = 0.3  # three heartbeats of the page; the safety chain allows 0.5 s in all
 
 
 class HeartbeatMonitor:
     """Keeps the time of each source's last heartbeat. A source that never sent one is not monitored."""
 
-    def __init__(self, timeout_s: float) -> None:
+    def __init__(self, timeout_s: float = TIMEOUT_S) -> None:
         self._timeout_s = timeout_s
         self._last_s: dict[str, float] = {}
         self._monitored = ""  # the source of the last `is_lost` call: it must not be forgotten

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 
 from thumper.common.geometry import Twist2
-from thumper.config.manual_drive import ManualDriveOptions
 from thumper.runtime.requests import TeleopSource, Velocity
+
+COMMAND_TIMEOUT_S = 0.3  # six commands at the usual 20 Hz; the safety chain allows 0.5 s in all
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,10 +19,12 @@ class ManualCommand:
 class TwistMux:
     """Keeps the newest command of each source."""
 
-    def __init__(self, options: ManualDriveOptions) -> None:
+    def __init__(
+        self, *, gamepad_timeout_s: float = COMMAND_TIMEOUT_S, teleop_timeout_s: float = COMMAND_TIMEOUT_S
+    ) -> None:
         self._timeout_s = {
-            TeleopSource.GAMEPAD: options.gamepad_timeout_s,
-            TeleopSource.TELEOP: options.teleop_timeout_s,
+            TeleopSource.GAMEPAD: gamepad_timeout_s,
+            TeleopSource.TELEOP: teleop_timeout_s,
         }
         self._newest: dict[TeleopSource, tuple[float, Twist2]] = {}
 

@@ -1,7 +1,6 @@
 """Who drives by hand, and for how long."""
 
 from thumper.common.geometry import Twist2
-from thumper.config.manual_drive import ManualDriveOptions
 from thumper.runtime.drive.twist_mux import ManualCommand, TwistMux
 from thumper.runtime.requests import TeleopSource, Velocity
 
@@ -9,7 +8,7 @@ SLOW, FAST = Twist2(v_m_s=0.1), Twist2(v_m_s=0.5)
 
 
 def mux_with(*commands: tuple[float, TeleopSource, Twist2]) -> TwistMux:
-    mux = TwistMux(ManualDriveOptions(gamepad_timeout_s=0.3, teleop_timeout_s=0.4))
+    mux = TwistMux(gamepad_timeout_s=0.3, teleop_timeout_s=0.4)
     for at_s, channel, twist in commands:
         mux.add(at_s, Velocity(channel=channel, twist=twist))
     return mux
