@@ -1,10 +1,11 @@
 """Measure how fast the page follows the robot: packet rate, latency from bus to drawn frame, CPU.
 
-Run: python benchmarks/dashboard.py [--seconds S] A robot publishes pose, a scan of 682 beams, wheels,
-particles and status 20 times per second on the bus. The server is the real one. The browser is a headless
-Chromium with software rendering on the same computer. Latency is the time from before the pose is published
-to the end of the frame that shows it. The other pages of "10 pages" are plain websockets that receive every
-packet, because ten browsers would need more cores.
+Run: python benchmarks/dashboard.py [--seconds S]
+
+A robot publishes pose, a scan of 682 beams, wheels, particles and status 20 times per second on the bus. The
+server is the real one. The browser is a headless Chromium with software rendering on the same computer.
+Latency is the time from before the pose is published to the end of the frame that shows it. The other pages
+of "10 pages" are plain websockets that receive every packet, because ten browsers would need more cores.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Print a figure next to its aim and the figures of others, and record it for the table of `make bench`."""
+"""Print a figure next to its aim and the figures of others, and record it for `make bench`."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Measure the cost and the limits of the built firmware ELF on the simulated chip, next to other projects.
+"""Measure cost and limits of the built firmware ELF on the simulated chip, next to other projects.
 
 The other projects were measured in the same way: libsimavr, one instruction per step, plus four cycles of
 interrupt response, gcc 5.4 -Os -flto. rosserial: float PI, Speeds and Twist in, odometry out. bridge:

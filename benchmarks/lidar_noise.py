@@ -1,8 +1,10 @@
 """Compare the error codes and losses of a real URG-04LX with those of the simulated one.
 
-Run: python benchmarks/lidar_noise.py [LOG], by default the MINES log in $THUMPER_DATA. For the simulated
-lidar the log's ranges are the truth, and the log's error codes mean no target. Beams 0-52 and 659-681 are
-left out, because the robot of the log hides them.
+Run: python benchmarks/lidar_noise.py [LOG]
+
+The default log is the MINES log in $THUMPER_DATA. For the simulated lidar the log's ranges are the truth, and
+the log's error codes mean no target. Beams 0-52 and 659-681 are left out, because the robot of the log hides
+them.
 """
 
 import gzip

@@ -1,11 +1,12 @@
 """Global localization in a map of one half of a log, with scans of the other half.
 
-Run: python benchmarks/localization_logs.py [LOG ...] [--starts N] Without logs: Intel and MINES of
-$THUMPER_DATA (default ../shared/data). The true poses are those of `graph` on the whole log, and the map is
-built at them. There are N starts in each half: *inside* if the robot's cell is free in the map, *outside* if
-not. As many starts use the map of the next log, where every pose is wrong. Each runs for 100 scans. A pose is
-right within 0.5 m and 0.3 rad, lost if the localizer reports it as lost, and wrong otherwise. A confirmed
-pose is good enough to resume mapping from it.
+Run: python benchmarks/localization_logs.py [LOG ...] [--starts N]
+
+Without logs: Intel and MINES of $THUMPER_DATA (default ../shared/data). The true poses are those of `graph`
+on the whole log, and the map is built at them. There are N starts in each half: *inside* if the robot's cell
+is free in the map, *outside* if not. As many starts use the map of the next log, where every pose is wrong.
+Each runs for 100 scans. A pose is right within 0.5 m and 0.3 rad, lost if the localizer reports it as lost,
+and wrong otherwise. A confirmed pose is good enough to resume mapping from it.
 """
 
 import argparse

@@ -1,6 +1,7 @@
 """Localization from a given initial pose: accurate, rough, rotated by 180 degrees, random, or none.
 
 Run: python benchmarks/localization_starts.py [--starts N] [--moved M]
+
 Simulated rooms and a lidar of 4 m and 240 degrees, with M boxes that are not in the map. The pose is right
 within 0.15 m and 0.1 rad, lost if the localizer reports it as lost, and wrong otherwise. It is checked after
 the first scan and again after a drive of 14 steps of 0.1 m.

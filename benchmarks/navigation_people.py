@@ -1,4 +1,6 @@
-"""Drive among people at 1 m/s: `python benchmarks/navigation_people.py [--scenes 60] [--speeds 0.4 ...]`.
+"""Drive among people who walk at 1 m/s.
+
+Run: python benchmarks/navigation_people.py [--scenes 60] [--speeds 0.4 ...]
 
 The people cross the robot's path, pace across it, walk along it, or stand on it and leave. They never give
 way. A contact is the robot's fault if the touched part of its footprint moved toward the person, and the

@@ -1,6 +1,7 @@
 """Measure the cost of recording: message rate, share of a core, and lateness of a loop that records.
 
 Run: python benchmarks/recording.py [--seconds S]
+
 The messages are those of a robot's control cycle (wheels, a scan of 682 beams, odometry, pose, transforms,
 command, status; map and plan once per second). A robot runs 10 cycles per second. The loop of the last rows
 runs at 50 Hz and publishes a whole cycle each time. Lateness is the wake-up time after the due time.

@@ -1,6 +1,7 @@
-"""SLAM on recorded logs: CPU time per scan and error against reference relations, next to other programs.
+"""SLAM on recorded logs: CPU time per scan and error of relative poses, next to other programs.
 
 Run: python benchmarks/slam.py [--data FOLDER] [--method graph|rbpf|scan_match] [--seeds N]
+
 The logs are in the folder's subfolder `slam`; the default folder is THUMPER_DATA or ../shared/data.
 """
 

@@ -1,11 +1,12 @@
-"""SLAM in closed loop: a simulated robot drives tours with its own map; pose and walls against the truth.
+"""SLAM in closed loop: a simulated robot drives tours with its own map; pose and wall errors.
 
-Run: python benchmarks/slam_closed_loop.py [--seeds N] [--place NAME ...] [--track M] [--slip SHARE] The whole
-host software drives the firmware on the simulated chip. The wheels differ from the configured geometry, and
-they slip and drift. The odometry error is that of experiment 1 of the thesis: like the thesis it uses the
-track between the wheels (0.245 m), although a skid-steered base turns as if the track were wider. The wheel
-speed error follows the thesis's definition. With `--slip` the left wheels lose that share of their travel on
-the second leg.
+Run: python benchmarks/slam_closed_loop.py [--seeds N] [--place NAME ...] [--track M] [--slip SHARE]
+
+The whole host software drives the firmware on the simulated chip. The wheels differ from the configured
+geometry, and they slip and drift. The odometry error is that of experiment 1 of the thesis: like the thesis
+it uses the track between the wheels (0.245 m), although a skid-steered base turns as if the track were wider.
+The wheel speed error follows the thesis's definition. With `--slip` the left wheels lose that share of their
+travel on the second leg.
 """
 
 import argparse

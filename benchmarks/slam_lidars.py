@@ -1,11 +1,12 @@
-"""Map synthetic logs of many lidars: 4, 30 and 80 m, 180 to 360 degrees, each mapper with its defaults.
+"""Map synthetic logs of many lidars: 4, 30 and 80 m, 180 to 360 degrees, each mapper at its defaults.
 
-Run: python benchmarks/slam_lidars.py [--seeds N] [--method graph|rbpf|scan_match ...] [--range M ...] Each
-drive is written as a CARMEN log, read back and mapped as `thumper map-log` does, in a place that fits the
-lidar. The odometry error is that of experiment 1 of the thesis: it uses a track of 0.245 m while the robot
-turns as with 0.3675 m, so that every rotation is measured 50 % too large. The odometry also has noise and a
-drift. Errors are those of relative poses (Kuemmerle et al. 2009): of scans 1 and 10 m apart along the path,
-and of scans where the robot returned to a place.
+Run: python benchmarks/slam_lidars.py [--seeds N] [--method graph|rbpf|scan_match ...] [--range M ...]
+
+Each drive is written as a CARMEN log, read back and mapped as `thumper map-log` does, in a place that fits
+the lidar. The odometry error is that of experiment 1 of the thesis: it uses a track of 0.245 m while the
+robot turns as with 0.3675 m, so that every rotation is measured 50 % too large. The odometry also has noise
+and a drift. Errors are those of relative poses (Kuemmerle et al. 2009): of scans 1 and 10 m apart along the
+path, and of scans where the robot returned to a place.
 """
 
 import argparse

@@ -1,6 +1,7 @@
 """SLAM against ground truth in simulated places that were not used for tuning: pose error, wall error.
 
 Run: python benchmarks/slam_truth.py [--seeds N] [--method graph|rbpf|scan_match ...] [--place NAME ...]
+
 Lidars of 4 to 80 m and 180 to 360 degrees. The odometry is 3 % too long, with drift and noise. In some places
 the wheels spin on the spot.
 """
@@ -19,17 +20,16 @@ from rich.console import Console
 from rich.table import Table
 from scipy.ndimage import distance_transform_edt
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.figure import figure  # noqa: E402
+from benchmarks.figure import figure
 
-from tests.host.slam.corridors import corridor_loop, round_trip  # noqa: E402
-from thumper.common.geometry import FloatArray, Pose2, Twist2  # noqa: E402
-from thumper.lidar.scan import Scan  # noqa: E402
-from thumper.maps.occupancy_grid import OCCUPIED, OccupancyGrid  # noqa: E402
-from thumper.slam.factory import MappingOptions, Method, make_mapper  # noqa: E402
-from thumper_hil.world.world import World  # noqa: E402
+from tests.host.slam.corridors import corridor_loop, round_trip
+from thumper.common.geometry import FloatArray, Pose2, Twist2
+from thumper.lidar.scan import Scan
+from thumper.maps.occupancy_grid import OCCUPIED, OccupancyGrid
+from thumper.slam.factory import MappingOptions, Method, make_mapper
+from thumper_hil.world.world import World
 
 NEAR_M = 0.1  # a mapped wall cell within this distance of a true wall is right
 

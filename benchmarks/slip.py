@@ -1,6 +1,7 @@
 """Slip detection with wheels and gyroscope: detection rate and false alarms.
 
 Run: python benchmarks/slip.py [--drives N] [--hours H]
+
 Simulated drives in curves at 0.4 m/s with 50 wheel readings per second. The noise of the wheels is that of
 `OdometryOptions`, the noise of the gyroscope that of `ImuOptions`.
 """

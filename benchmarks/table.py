@@ -1,4 +1,6 @@
-"""Run the benchmarks and collect their figures: `python benchmarks/table.py [NAME ...]` (`make bench`).
+"""Run the benchmarks and collect their figures (`make bench`).
+
+Run: python benchmarks/table.py [NAME ...]
 
 Each benchmark is a separate program with its own output. Each call of `figure()` becomes a row of
 docs/results/benchmarks.md. With names, only these benchmarks run and only their rows change.

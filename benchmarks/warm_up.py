@@ -1,6 +1,7 @@
 """Measure what a mapper's kernels cost before the first scan: compiled, and loaded from the cache.
 
 Run: python benchmarks/warm_up.py [--method graph|rbpf|scan_match ...]
+
 The figures are the CPU time and the peak memory of a process. `thumper map-log` compiles in subprocesses, one
 after the other, and their start-up time counts. A robot compiles in its own process; there only the warm-up
 counts.

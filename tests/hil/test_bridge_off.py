@@ -1,4 +1,4 @@
-"""A bridge at PWM 0: the robot coasts on friction, or the bridge shorts the motors; both in closed form."""
+"""A bridge at PWM 0: the robot coasts, or the bridge shorts its motors; both in closed form."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The watchdog of the simulated chip: first its interrupt, then a reset if the interrupt is not served."""
+"""The watchdog of the simulated chip: first its interrupt, then a reset if it is not served."""
 
 from tests.firmware.boot import chip_with_program
 from tests.hil.conftest import BuildAvr

@@ -23,7 +23,7 @@ from thumper_hil.world.scene import Scene
 from thumper_hil.world.world import World
 
 DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
-FAR_HULL_M = FOOTPRINT_M + 50.0
+FAR_FOOTPRINT_M = FOOTPRINT_M + 50.0
 NO_SEGMENTS, NO_CIRCLES = np.zeros((0, 4)), np.zeros((0, 3))
 
 
@@ -128,7 +128,7 @@ def test_timed_obstacles_appear_and_disappear(tmp_path: Path) -> None:
     scene = Scene(World.load(tmp_path / "w.toml"))
     ahead = []
     for time_s in (0.5, 1.5, 2.5):
-        scene.step(time_s, 1.0, FAR_HULL_M)
+        scene.step(time_s, 1.0, FAR_FOOTPRINT_M)
         ahead.append(float(scene.world.cast(0.0, 0.0, 0.0)[0]))
     assert ahead == pytest.approx([4.0, 1.9, 4.0])
 
@@ -139,7 +139,7 @@ def test_person_walks_back_and_forth(tmp_path: Path) -> None:
     scene = Scene(World.load(tmp_path / "w.toml"))
     places = {}
     for tick in range(1, 1651):
-        scene.step(tick * 0.01, 0.01, FAR_HULL_M)
+        scene.step(tick * 0.01, 0.01, FAR_FOOTPRINT_M)
         places[tick] = scene.world.circles_m[-1]
     assert places[49] == pytest.approx([1.0, -2.0, 0.2])
     assert places[249] == pytest.approx([1.0, -1.0, 0.2], abs=0.02)

@@ -32,7 +32,7 @@ def simulation(name: str) -> Bench:
 
 
 def open_device(name: str, device: str, options: Mapping[str, str]) -> Bench:
-    """Open one device of a robot. The first open creates the robot with its options, the next ones join it.
+    """Open one device of a robot; the first open creates the robot with its options.
 
     After all its devices are closed, the next open creates a new robot.
 

@@ -25,7 +25,7 @@ class ChipError(ThumperError):
 
 
 class RunStatus(IntEnum):
-    """Why `run` returned (thumper::RunStatus)."""
+    """The reason why `run` returned (thumper::RunStatus)."""
 
     TIME_REACHED = 0
     BYTES_READY = 1

@@ -28,10 +28,10 @@ TICK_S, CYCLE_TICKS = 0.02, 5
 
 @kernel
 def trace_beams(
-    seen: IntArray, hits: IntArray, start: FloatArray, ends: FloatArray, is_hit: FloatArray, cell_m: float
+    observed: IntArray, hits: IntArray, start: FloatArray, ends: FloatArray, is_hit: FloatArray, cell_m: float
 ) -> None:
     """Count the beams that cross or end in each cell; positions are relative to the grid's corner."""
-    rows, cols = seen.shape
+    rows, cols = observed.shape
     for i in range(ends.shape[0]):
         length = math.hypot(ends[i, 0] - start[0], ends[i, 1] - start[1])
         count = max(1, math.ceil(2.0 * length / cell_m))
@@ -42,7 +42,7 @@ def trace_beams(
             col, row = math.floor(x / cell_m), math.floor(y / cell_m)
             if 0 <= row < rows and 0 <= col < cols and row * cols + col != last:
                 last = row * cols + col
-                seen[row, col] += 1
+                observed[row, col] += 1
         col, row = math.floor(ends[i, 0] / cell_m), math.floor(ends[i, 1] / cell_m)
         if is_hit[i] > 0.0 and 0 <= row < rows and 0 <= col < cols:
             hits[row, col] += 1
@@ -53,19 +53,19 @@ class CountingMap:
 
     def __init__(self, x_m: float, y_m: float, width_m: float, height_m: float, cell_m: float = 0.05) -> None:
         shape = (round(height_m / cell_m), round(width_m / cell_m))
-        self._seen, self._hits = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
+        self._observed, self._hits = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
         self._corner, self._cell_m = np.array((x_m, y_m)), cell_m
 
     def integrate(self, laser: Pose2, ends_m: FloatArray, is_hit: FloatArray) -> None:
         """Add one scan with its end points in the map frame."""
         start = np.array((laser.x_m, laser.y_m)) - self._corner
-        trace_beams(self._seen, self._hits, start, ends_m - self._corner, is_hit, self._cell_m)
+        trace_beams(self._observed, self._hits, start, ends_m - self._corner, is_hit, self._cell_m)
 
     def grid(self) -> OccupancyGrid:
         """Return the current map."""
-        percent = 100 * self._hits // np.maximum(self._seen, 1)
+        percent = 100 * self._hits // np.maximum(self._observed, 1)
         return OccupancyGrid(
-            cells=np.where(self._seen > 0, percent, -1).astype(np.int8),
+            cells=np.where(self._observed > 0, percent, -1).astype(np.int8),
             resolution_m=self._cell_m,
             origin_x_m=float(self._corner[0]),
             origin_y_m=float(self._corner[1]),

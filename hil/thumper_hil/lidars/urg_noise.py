@@ -1,4 +1,4 @@
-"""Model the measurement errors of a URG-04LX: noise, missing echoes and error codes, fitted to a real log.
+"""Model the measurement errors of a URG-04LX (noise, missing echoes, error codes), fitted to a real log.
 
 The numbers come from two sources. The data sheet gives an accuracy of 30 mm up to 1 m and 3 % beyond; it is
 taken as three sigma of an error that is constant per device and smooth over the bearing. The log of a real

@@ -7,7 +7,7 @@ from thumper.common.geometry import FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Timed:
+class TimedObstacle:
     """A box (x, y, length, width, yaw_deg) or a circle (x, y, radius) that exists for a limited time."""
 
     from_s: float = 0.0

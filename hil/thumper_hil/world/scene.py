@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from thumper.common.geometry import FloatArray
-from thumper_hil.world.pedestrian import Pedestrian, Timed
+from thumper_hil.world.pedestrian import Pedestrian, TimedObstacle
 from thumper_hil.world.segment_raycast import polygon_clearance_m
 from thumper_hil.world.world import World, box_corners, box_sides
 
@@ -13,15 +13,16 @@ NO_SEGMENTS = np.zeros((0, 4))
 
 
 class Scene:
-    """A world with its timed obstacles and people. Call `step` as time passes; `world` is the current state.
+    """A world with its timed obstacles and people; `world` is its current state.
 
-    People stop before they would walk into the robot's footprint. `bumps` counts these stops.
+    Call `step` as time passes. People stop before they would walk into the robot's footprint. `bumps` counts
+    these stops.
     """
 
     def __init__(self, world: World) -> None:
         self._fixed = world
         self._people = [_Person(walker) for walker in world.walkers]
-        self._present: tuple[Timed, ...] = ()
+        self._present: tuple[TimedObstacle, ...] = ()
         self._posts_m = np.zeros((0, 3))
         self.bumps = 0
         self.world = world
@@ -54,8 +55,8 @@ class Scene:
 
     def _compose(self) -> World:
         """Return the fixed world with the timed obstacles, posts and people that are there now."""
-        boxes = tuple(box_corners(*thing.box) for thing in self._present if thing.box)
-        circles = [thing.circle for thing in self._present if thing.circle]
+        boxes = tuple(box_corners(*obstacle.box) for obstacle in self._present if obstacle.box)
+        circles = [obstacle.circle for obstacle in self._present if obstacle.circle]
         circles += [(*person.position_m, person.walker.radius_m) for person in self._people]
         return replace(
             self._fixed,
@@ -101,5 +102,5 @@ class _Person:
         return float(x_m), float(y_m)
 
 
-def _present(timed: tuple[Timed, ...], time_s: float) -> tuple[Timed, ...]:
-    return tuple(thing for thing in timed if thing.from_s <= time_s < thing.until_s)
+def _present(timed: tuple[TimedObstacle, ...], time_s: float) -> tuple[TimedObstacle, ...]:
+    return tuple(obstacle for obstacle in timed if obstacle.from_s <= time_s < obstacle.until_s)

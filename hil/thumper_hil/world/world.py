@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from thumper_hil.world.occupancy import SolidGrid
-from thumper_hil.world.pedestrian import Pedestrian, Timed
+from thumper_hil.world.pedestrian import Pedestrian, TimedObstacle
 from thumper_hil.world.segment_raycast import (
     GridGeometry,
     cast_rays,
@@ -38,7 +38,7 @@ class World:
     circles_m: FloatArray
     boxes_m: tuple[FloatArray, ...] = ()  # corners, shape (4, 2) each
     grid: SolidGrid | None = None
-    timed: tuple[Timed, ...] = ()
+    timed: tuple[TimedObstacle, ...] = ()
     walkers: tuple[Pedestrian, ...] = ()
 
     @classmethod

@@ -12,7 +12,7 @@ import numpy as np
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray
-from thumper_hil.world.pedestrian import Pedestrian, Timed
+from thumper_hil.world.pedestrian import Pedestrian, TimedObstacle
 
 WORLDS = Path(__file__).resolve().parent.parent / "worlds"
 
@@ -33,7 +33,7 @@ class WorldShapes:
     segments: FloatArray
     circles: FloatArray
     boxes: tuple[tuple[float, float, float, float, float], ...]
-    timed: tuple[Timed, ...] = ()
+    timed: tuple[TimedObstacle, ...] = ()
     walkers: tuple[Pedestrian, ...] = ()
     map_path: Path | None = None
 
@@ -94,7 +94,7 @@ def _parse(data: dict[str, Any], folder: Path) -> WorldShapes:
     for where, table in _tables(data, "box"):
         box = _box(where, table)
         if TIME_KEYS & table.keys():
-            timed.append(_timed(where, table, Timed(box=box)))
+            timed.append(_timed(where, table, TimedObstacle(box=box)))
         else:
             boxes.append(box)
     for where, table in _tables(data, "circle"):
@@ -102,7 +102,7 @@ def _parse(data: dict[str, Any], folder: Path) -> WorldShapes:
             _number(table, "x_m", where), _number(table, "y_m", where), _positive(table, "radius_m", where)
         )  # fmt: skip
         if TIME_KEYS & table.keys():
-            timed.append(_timed(where, table, Timed(circle=circle)))
+            timed.append(_timed(where, table, TimedObstacle(circle=circle)))
         else:
             circles.append(circle)
     walkers = tuple(_person(where, table) for where, table in _tables(data, "person"))
@@ -128,14 +128,14 @@ def _box(where: str, table: dict[str, Any]) -> tuple[float, float, float, float,
     )
 
 
-def _timed(where: str, table: dict[str, Any], thing: Timed) -> Timed:
+def _timed(where: str, table: dict[str, Any], obstacle: TimedObstacle) -> TimedObstacle:
     """Return the obstacle with its start and end times."""
     filled = {"from_s": 0.0, **table}
     from_s = _number(filled, "from_s", where)
     until_s = _number(table, "until_s", where) if "until_s" in table else math.inf
     if from_s >= until_s:
         raise _BadWorldError(f"{where}until_s = {until_s}: must be after from_s")
-    return replace(thing, from_s=from_s, until_s=until_s)
+    return replace(obstacle, from_s=from_s, until_s=until_s)
 
 
 def _person(where: str, table: dict[str, Any]) -> Pedestrian:

@@ -1,4 +1,4 @@
-"""The world a lidar sees during one revolution: a static world, or the recent states of a changing one."""
+"""The world a lidar sees during one revolution: static, or the recent states of a changing one."""
 
 from collections import deque
 from collections.abc import Callable
