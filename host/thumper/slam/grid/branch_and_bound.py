@@ -1,7 +1,7 @@
 """Branch-and-bound scan matching in a large window, for loop closure and global localization.
 
 Two levels of Hess, Kohler, Rapp, Andor, "Real-time loop closure in 2D LIDAR SLAM", ICRA 2016 (eq. BBS,
-algorithm 3). A map whose cells hold the maximum over a block bounds the score of every pose in that block
+algorithm 2). A map whose cells hold the maximum over a block bounds the score of every pose in that block
 from above. Blocks are opened best first, until no bound exceeds the best score found. A robot cannot wait
 for the whole search, so it runs in parts of bounded size.
 """

@@ -120,7 +120,8 @@ class GridMapper:
         if usable and self._inserted_at is not None:
             degenerate = degenerate_direction(predicted.theta_rad, hits_m)
             match = self._match(hits_m, predicted, moved, degenerate)
-            consistent, new_area = self._compare_to_map(points, match)
+            new_area = self._shows_new_area(points, match)
+            consistent = new_area or self._is_explained(match)
             information = self._matcher().information(hits_m, match.pose)
             self._covariance.update(information, degenerate, match.score, new_area=new_area)
         inserted = usable and consistent and self._has_moved(match.pose)
@@ -145,13 +146,15 @@ class GridMapper:
         )
         return self._matcher().match(hits_m, prediction)
 
-    def _compare_to_map(self, points: ScanPoints, match: Match) -> tuple[bool, bool]:
-        """Return whether the scan is consistent with the map, and whether it shows a new area."""
-        explained = match.score >= self._options.confidence.lost_below
-        if explained:
-            return True, False
-        new_area = self._matcher().contradicting_share(points, match.pose) < NEW_AREA_BELOW
-        return new_area, new_area
+    def _is_explained(self, match: Match) -> bool:
+        """Return whether the map explains the scan at the matched pose."""
+        return match.score >= self._options.confidence.lost_below
+
+    def _shows_new_area(self, points: ScanPoints, match: Match) -> bool:
+        """Return whether the map neither explains the scan nor is contradicted by it."""
+        if self._is_explained(match):
+            return False
+        return self._matcher().contradicting_share(points, match.pose) < NEW_AREA_BELOW
 
     def _has_moved(self, pose: Pose2) -> bool:
         """Return whether the robot has moved far enough since the last inserted scan."""

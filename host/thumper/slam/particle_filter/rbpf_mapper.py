@@ -123,7 +123,7 @@ class RbpfMapper:
 
     @property
     def effective_particles(self) -> float:
-        """Effective sample size N_eff, 1 to the number of particles (eq. 20)."""
+        """Effective sample size N_eff, 1 to the number of particles (section III-B)."""
         weights = self._weights()
         return float(1.0 / np.sum(weights * weights))
 
