@@ -16,7 +16,7 @@ def test_page_reconnects_to_a_restarted_server(page: Page, server: Server, robot
     expect(page.locator("#tp-banner")).to_contain_text("No connection")
     server.start()
     page.wait_for_function("document.querySelector('#tp-banner')?.textContent === 'Simulated robot'")
-    # The page may load itself anew in this moment: whoever wants a stop presses until it is said.
+    # The page may be reloading at this moment: press stop until the page reports it.
 
     def pressed_and_said() -> bool:
         page.keyboard.press("Escape")

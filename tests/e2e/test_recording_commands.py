@@ -15,11 +15,11 @@ Thumper = Callable[..., "subprocess.CompletedProcess[str]"]
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        (("replay", "none.mcap"), 2, "none.mcap: cannot be read"),
-        (("replay", "bad.mcap"), 2, "bad.mcap: no MCAP file"),
+        (("replay", "none.mcap"), 2, "none.mcap: cannot read it"),
+        (("replay", "bad.mcap"), 2, "bad.mcap: not an MCAP file"),
         (("replay", "empty"), 2, "no recording"),
         (("export", "bad.mcap"), 2, "nothing to export"),
-        (("export", "bad.mcap", "--csv", "x"), 2, "no MCAP file"),
+        (("export", "bad.mcap", "--csv", "x"), 2, "not an MCAP file"),
         (("recover", "bad.mcap"), 2, "not every file could be repaired"),
         (("record", "--bus", "127.0.0.1:9"), 3, "no robot is running"),
         (("teleop", "--bus", "127.0.0.1:9"), 3, "no robot is running"),

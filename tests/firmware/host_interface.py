@@ -8,7 +8,7 @@ from thumper.board import messages as m
 
 
 def crc(data: bytes) -> int:
-    """Return the CRC-16/X-25, computed bit by bit."""
+    """Return the CRC-16/X-25, computed one bit at a time."""
     value = 0xFFFF
     for byte in data:
         value ^= byte

@@ -7,14 +7,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/**/*.md")
 CODE = ("host", "hil", "tuning", "firmware", "benchmarks", "scripts", "tests")
-PENDING = (
-    "host/thumper",
-    "tuning",
-    "docs/reference",
-    "docs/results",
-    "docs/tutorials",
-    "tests",
-)
+PENDING = ("host/thumper/navigation", "host/thumper/offline", "tuning", "docs/reference", "tests")
 
 COUNTED = (
     "times|counts|messages|points|scans|rows|lines|steps|turns|bytes|frames|packets|commands|pulses|beams|samples|cycles|"
@@ -29,7 +22,7 @@ TERMS = {
     r"lea(?:ves?|ving) with": "exits with",
     r"at (?:others' )?service": "running",
     r"anew": "again",
-    rf"(?:\d+|{COUNTED}) an? (?:{UNIT})": "per",
+    rf"(?:\d+|{COUNTED}) an? (?:{UNIT})(?! has| is)": "per",
     r"the clock on the wall": "real time",
     r"bit by bit": "bit for bit",
     r"gives? up where": "aborts, stops",
@@ -39,7 +32,6 @@ TERMS = {
     r"by hand": "manually",
     r"(?<!other\s)(?:a|the) hand(?! on)": "the operator",
     r"(?:is|are|was|be|being) said": "is reported",
-    r"in words": "as text",
     r"mend(?:s|ed|ing)?": "fix, repair",
     r"cure[sd]?": "fix",
     r"st(?:and|ands|ood) still": "stops, is stationary",
@@ -60,7 +52,7 @@ TERMS = {
     r"laid scan": "scan likelihood",
     r"(?:compiled?|plot(?:ted)?|done) apart": "in a subprocess",
     r"(?:a|the|each|every|one|per|next|last|this|first|two|of) beats?": "cycle",
-    r"(?:an|the last|the newest|wheel|drive|speed|each|every|its) orders?(?! of| in)": "command",
+    r"(?:an|the last|the newest|wheel|drive|speed|each|every) orders?(?! of| in)": "command",
     r"borders? of the known": "frontier",
     r"go(?:es|ne|ing)? on (?:with|mapping|where)": "continue",
     r"near enough, in": "tolerance",

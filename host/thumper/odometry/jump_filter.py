@@ -12,7 +12,7 @@ RECENT_STEPS = 11
 
 
 class JumpFilter:
-    """Passes odometry through. Across a jump it assumes that the robot stood still."""
+    """Passes odometry through. Across a jump it assumes that the robot was stationary."""
 
     def __init__(self) -> None:
         self._last: tuple[float, Pose2] | None = None  # time and pose of the input

@@ -34,8 +34,8 @@ def interpolate_poses(times_s: FloatArray, known_s: FloatArray, known: FloatArra
     """Return the pose at each of `times_s`, shape (n, 3), linear in x, y and unwrapped heading.
 
     `known` holds x, y, theta [m, m, rad] at the rising times `known_s`, shapes (k, 3) and (k,). Before the
-    first and after the last of them the robot is taken to stand still. For samples as close as 0.1 s; over
-    longer arcs use `interpolate`.
+    first and after the last of them the robot is assumed to be stationary. For samples as close as 0.1 s;
+    over longer arcs use `interpolate`.
     """
     headings_rad = np.unwrap(known[:, 2])
     columns = [np.interp(times_s, known_s, column) for column in (known[:, 0], known[:, 1], headings_rad)]

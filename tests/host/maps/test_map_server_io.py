@@ -60,7 +60,7 @@ def test_percentages_become_three_classes(tmp_path: Path) -> None:
 
 
 def test_a_negated_text_image_loads(tmp_path: Path) -> None:
-    (tmp_path / "m.pgm").write_bytes(b"P2\n# made by hand\n2 2\n15\n15 0\n7 15\n")
+    (tmp_path / "m.pgm").write_bytes(b"P2\n# handmade\n2 2\n15\n15 0\n7 15\n")
     (tmp_path / "m.yaml").write_text(
         "# a comment\nimage: 'm.pgm'\nmode: trinary\nresolution: 0.1 # metres\norigin: [1, 2, 0]\n"
         "negate: 1\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"

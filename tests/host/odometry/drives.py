@@ -50,7 +50,7 @@ class Drive:
 def driven(
     seed: int, seconds: float, *, slip_rad_s: float = 0.0, slip_s: float = 0.6
 ) -> tuple[Drive, GyroEkf, WheelOdometry]:
-    """Stand still for 2 s, then drive curves. From 8 s the wheels spin and report a false rotation."""
+    """Stay stationary for 2 s, then drive curves. From 8 s the wheels spin and report a false rotation."""
     truth, fused, wheels = Drive(seed), GyroEkf(GEOMETRY, WHEELS, IMU), WheelOdometry(GEOMETRY, WHEELS)
     fused.update(0.0, 0, 0)
     wheels.update(0.0, 0, 0)
