@@ -23,17 +23,19 @@ from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.controllers.controller import ControlRequest
 from thumper.navigation.controllers.dwa import DwaController, DwaOptions
 from thumper.navigation.controllers.mppi import MppiController, MppiOptions
+from thumper.navigation.controllers.rotate_in_place import RotateInPlaceOptions
 from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_costmap
 from thumper.navigation.costmap.inflation import LETHAL, UNKNOWN, squared_distances
 from thumper.navigation.costmap.layers import CostmapLayers
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import Navigator
-from thumper.navigation.planners.astar import AStarOptions, AStarPlanner
+from thumper.navigation.planners.astar import AStarPlanner
 from thumper.navigation.planners.lattice import LatticeOptions, LatticePlanner
-from thumper.navigation.planners.navfn import NavfnOptions, NavfnPlanner
+from thumper.navigation.planners.navfn import NavfnPlanner
 from thumper.navigation.planners.planner import Planner
 from thumper.navigation.planners.polyline import arc_lengths
+from thumper.navigation.planners.traversal_cost import TraversalCostOptions
 from thumper.navigation.speed_limits import SpeedLimits
 from thumper.runtime.drive.drive_manager import DriveManager
 from thumper.runtime.state_estimator import StateEstimator
@@ -82,11 +84,12 @@ def planner() -> None:
     if not has_data(DATA):
         return
     print("planner: 50 pairs per map, unknown space blocked")
+    known = TraversalCostOptions(allow_unknown=False)
     planners: dict[str, Planner] = {
-        "navfn": NavfnPlanner(NavfnOptions(allow_unknown=False)),
-        "navfn, unguided": NavfnPlanner(NavfnOptions(allow_unknown=False, guided=False)),
-        "astar": AStarPlanner(AStarOptions(allow_unknown=False)),
-        "lattice": LatticePlanner(LatticeOptions(allow_unknown=False), Footprint()),
+        "navfn": NavfnPlanner(known),
+        "navfn, unguided": NavfnPlanner(known, guided=False),
+        "astar": AStarPlanner(known),
+        "lattice": LatticePlanner(LatticeOptions(), known, Footprint()),
     }
     for name in ("willow-full-0.05", "depot"):
         costmap, inflate_ms = navfn_costmap(read_trinary(DATA / "ros_maps" / f"{name}.pgm"))
@@ -189,13 +192,15 @@ def rollouts() -> None:
         line = f"  {name}:"
         for v_samples, w_samples, horizon_s in ((7, 21, 1.7), (20, 101, 2.0)):
             options = DwaOptions(v_samples=v_samples, w_samples=w_samples, horizon_s=horizon_s)
-            controller = DwaController(options, SpeedLimits(), Footprint())
-            controller.command(request)
-            work_ms = cpu_ms(partial(controller.command, request), 20)
+            controller = DwaController(options, RotateInPlaceOptions(), SpeedLimits(), Footprint())
+            controller.compute_command(request)
+            work_ms = cpu_ms(partial(controller.compute_command, request), 20)
             line += f"  {v_samples * w_samples} x {round(horizon_s / 0.1)}: {1e3 * work_ms:.0f} us"
-        mppi = MppiController(MppiOptions(futures=2000, steps=56), SpeedLimits(), Footprint())
-        mppi.command(request)
-        mppi_ms = cpu_ms(partial(mppi.command, request), 10)
+        mppi = MppiController(
+            MppiOptions(futures=2000, steps=56), RotateInPlaceOptions(), SpeedLimits(), Footprint()
+        )
+        mppi.compute_command(request)
+        mppi_ms = cpu_ms(partial(mppi.compute_command, request), 10)
         print(f"{line}  MPPI 2000 x 56: {1e3 * mppi_ms:.0f} us")
         figure(f"DWA cycle, 2020 x 20 steps, {name} window", f"{work_ms:.2f}", "ms", aim="<= 5",
                peers="ROS 1 critics 11.8 to 15.1", source=SAME)  # fmt: skip

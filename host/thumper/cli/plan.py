@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from thumper.navigation.options import NavigationOptions
 
 KEEP_OUT_SHADE = 40  # occupancy in percent with which to draw a keep-out zone
-GRID_PLANNERS = ("navfn", "astar", "lattice")
 
 
 def plan(
@@ -100,10 +99,8 @@ def _options(
     if planner:
         options = dataclasses.replace(options, planner=planner)
     if unknown is not None:
-        changed = {
-            name: dataclasses.replace(getattr(options, name), allow_unknown=unknown) for name in GRID_PLANNERS
-        }
-        options = dataclasses.replace(options, **changed)
+        traversal = dataclasses.replace(options.traversal, allow_unknown=unknown)
+        options = dataclasses.replace(options, traversal=traversal)
     files = {name: str(path) for name, path in masks.items() if path}
     return dataclasses.replace(options, masks=dataclasses.replace(options.masks, **files))
 
@@ -133,9 +130,9 @@ def _draw(
 
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.maps.plot import plot_map
-    from thumper.navigation.costmap.filters import is_closed
+    from thumper.navigation.costmap.filters import keepout_cells
 
-    closed = is_closed(keepout, grid) & (grid.cells < KEEP_OUT_SHADE)
+    closed = keepout_cells(keepout, grid) & (grid.cells < KEEP_OUT_SHADE)
     grid = dataclasses.replace(grid, cells=np.where(closed, KEEP_OUT_SHADE, grid.cells).astype(np.int8))
     try:
         plot_map(grid, np.empty((0, 2)) if answer.path_m is None else answer.path_m, png, title)

@@ -17,7 +17,7 @@ from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.controllers.speed_limiter import SpeedLimiter
 from thumper.navigation.costmap.costmap import build_costmap
 from thumper.navigation.costmap.filters import load_masks
-from thumper.navigation.costmap.footprint_collision import category_at
+from thumper.navigation.costmap.footprint_collision import ground_cost_at
 from thumper.navigation.goal import Goal, check_place
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.planners.polyline import arc_lengths
@@ -112,13 +112,13 @@ class QueryPlanner:
             path_m=path_m,
             reason=result.reason,
             time_ms=time_ms,
-            travel_s=None if path_m is None else self._limiter.travel_s(path_m),
+            travel_s=None if path_m is None else self._limiter.travel_time_s(path_m),
             start_category=self._category(*query.start_m),
             goal_category=self._category(*query.goal_m),
         )
 
     def _category(self, x_m: float, y_m: float) -> str:
-        category = category_at(self._costmap, self._footprint, x_m, y_m)
+        category = ground_cost_at(self._costmap, self._footprint, x_m, y_m)
         return "off the map" if category is None else category.value
 
 

@@ -1,5 +1,5 @@
-"""Pose, grid and scan in, twist out.
+"""From pose, map and scan to a twist: costmap, planner, controller, collision monitor, recoveries.
 
-The runtime needs `navigator.Navigator`, `options.NavigationOptions`, `footprint.Footprint`, `goal.Goal`,
-`planners.goal_validation.validate_goal` and `warm_up.warm_up`. Nothing is imported here, so `--help` does not load numba.
+The runtime needs `navigator.Navigator`, `options.NavigationOptions`, `footprint.Footprint`, `goal.Goal` and
+`warm_up.warm_up`. Nothing is imported here, so that `--help` does not load numba.
 """

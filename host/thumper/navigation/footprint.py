@@ -1,4 +1,4 @@
-"""The robot's outline on the floor, in base_link. Pure."""
+"""The robot's footprint: its outline on the floor, in base_link. Pure."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ WILD_THUMPER_M = ((-0.21, -0.1225), (0.21, -0.1225), (0.21, 0.1225), (-0.21, 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Footprint:
-    """Convex polygon round the origin of base_link, vertices (x_m, y_m) counter-clockwise.
+    """A convex polygon round the origin of base_link, vertices (x_m, y_m) counter-clockwise.
 
     Default: the Wild Thumper, 0.42 m long and 0.245 m wide, centred.
     """
@@ -28,7 +28,7 @@ class Footprint:
         turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
         if not (np.isfinite(polygon).all() and (turns > 0.0).all() and self.inscribed_radius_m > 0.0):
             raise ValueError(
-                f"footprint must be convex, counter-clockwise and hold base_link, got {self.vertices_m}"
+                f"footprint must be convex, counter-clockwise and contain base_link, got {self.vertices_m}"
             )
 
     @classmethod
@@ -38,11 +38,11 @@ class Footprint:
         return cls(vertices_m=((-x_m, -y_m), (x_m, -y_m), (x_m, y_m), (-x_m, y_m)))
 
     def polygon_m(self) -> FloatArray:
-        """Vertices, shape (k, 2) [m]."""
+        """Return the vertices, shape (k, 2) [m]."""
         return np.array(self.vertices_m, dtype=np.float64)
 
     def half_planes(self) -> FloatArray:
-        """Edges as (nx, ny, offset), shape (k, 3): a point is `offset - n . p` metres inside each edge."""
+        """Return the edges (nx, ny, offset), shape (k, 3): a point is `offset - n . p` metres inside each."""
         polygon = self.polygon_m()
         edges = np.roll(polygon, -1, axis=0) - polygon
         normals = np.stack((edges[:, 1], -edges[:, 0]), axis=1) / np.hypot(edges[:, 0], edges[:, 1])[:, None]
@@ -62,11 +62,11 @@ class Footprint:
 
     @property
     def circumscribed_radius_m(self) -> float:
-        """Radius of the smallest disc round base_link that holds the outline [m]."""
+        """Radius of the smallest disc round base_link that contains the outline [m]."""
         return max(math.hypot(x_m, y_m) for x_m, y_m in self.vertices_m)
 
     def outline_m(self, spacing_m: float) -> FloatArray:
-        """Points along the outline, at most `spacing_m` apart, all vertices included, shape (n, 2) [m]."""
+        """Return points along the outline, at most `spacing_m` apart, with all vertices, shape (n, 2) [m]."""
         polygon = self.polygon_m()
         pieces = []
         for start, end in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):

@@ -1,4 +1,4 @@
-"""Where the robot shall go, and whether that is sensible."""
+"""The pose that the robot is to reach, and the check of places that a user gives."""
 
 import math
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ FARTHEST_M = 1000.0
 
 
 def check_place(what: str, x_m: float, y_m: float) -> None:
-    """Refuse a place in `map` that no robot drives to; `what` names it.
+    """Reject a place in `map` that is too far away; `what` names it.
 
     Raises
     ------
     ThumperError
-        It is farther than 1000 m from the map's origin, or no number.
+        The place is farther than 1000 m from the map's origin, or not a number.
     """
     if not math.hypot(x_m, y_m) <= FARTHEST_M:
         raise ThumperError(
@@ -26,11 +26,11 @@ def check_place(what: str, x_m: float, y_m: float) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Goal:
-    """A place in `map`, with a heading when it matters."""
+    """A position in `map`, with an optional heading."""
 
     x_m: float
     y_m: float
-    theta_rad: float | None = None  # None: any heading will do
+    theta_rad: float | None = None  # None: any heading
     tolerance_m: float = 0.10
     heading_tolerance_rad: float = 0.15
 
@@ -42,11 +42,11 @@ class Goal:
             raise ValueError(f"goal tolerances must be positive, got {self}")
 
     def distance_m(self, map_from_base: Pose2) -> float:
-        """Straight distance from the robot [m]."""
+        """Return the straight distance from the robot [m]."""
         return math.hypot(self.x_m - map_from_base.x_m, self.y_m - map_from_base.y_m)
 
     def heading_error_rad(self, map_from_base: Pose2) -> float:
-        """Turn still to be made, counter-clockwise positive; 0 when the goal has no heading."""
+        """Return the angle left to turn, counter-clockwise positive; 0 if the goal has no heading."""
         return 0.0 if self.theta_rad is None else wrap_angle(self.theta_rad - map_from_base.theta_rad)
 
     def __str__(self) -> str:

@@ -1,4 +1,4 @@
-"""All options of navigation, as the `[navigation]` table of the robot's TOML holds them."""
+"""All options of navigation: the `[navigation]` table of the robot's TOML."""
 
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
@@ -8,15 +8,15 @@ from annotated_types import Ge, Gt
 from thumper.navigation.controllers.dwa import DwaOptions
 from thumper.navigation.controllers.mppi import MppiOptions
 from thumper.navigation.controllers.pure_pursuit import PurePursuitOptions
+from thumper.navigation.controllers.rotate_in_place import RotateInPlaceOptions
 from thumper.navigation.controllers.tight_passage import TightPassageOptions
 from thumper.navigation.controllers.trajectory_tracker import TrajectoryTrackerOptions
 from thumper.navigation.costmap.costmap import CostmapOptions
 from thumper.navigation.costmap.filters import CostmapFilterOptions
 from thumper.navigation.costmap.obstacle_memory import ObstacleMemoryOptions
-from thumper.navigation.planners.astar import AStarOptions
 from thumper.navigation.planners.lattice import LatticeOptions
-from thumper.navigation.planners.navfn import NavfnOptions
 from thumper.navigation.planners.replanning import ReplanningOptions
+from thumper.navigation.planners.traversal_cost import TraversalCostOptions
 from thumper.navigation.recovery.behaviors import RecoveryOptions
 from thumper.navigation.recovery.progress_checker import ProgressOptions
 from thumper.navigation.safety.collision_monitor import CollisionMonitorOptions
@@ -26,35 +26,34 @@ from thumper.navigation.speed_limits import SpeedLimits
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NavigationOptions:
-    """Which planner and controller, and the options of every part."""
+    """Which planner and controller drive, and the options of every part."""
 
-    # Global planner by name; see `thumper.navigation.registry`.
+    # Global planner: astar, navfn, lattice or carrot.
     planner: str = "astar"
-    # Local controller by name.
+    # Controller: dwa, trajectory_rollout, pure_pursuit, cascade or mppi.
     controller: str = "dwa"
-    # Who follows a path with room on both sides: "cascade", the trajectory tracker, or "" for the controller.
+    # Follows the path where it has room on both sides: "cascade", the trajectory tracker; "" for none.
     tracker: Literal["cascade", ""] = "cascade"
-    # Time without any safe motion or path before a recovery begins, and of standing before the robot is taken
-    # to be as near to its goal as it gets [s].
+    # Time without a safe motion or a path after which a recovery begins [s]. A robot stationary for this long
+    # within the goal's tolerance has arrived.
     patience_s: Annotated[float, Gt(0)] = 2.0
-    # Space kept round the footprint in all planned motion [m]: the map is as coarse as its cells and noisy.
+    # Margin round the footprint in all planned motion [m]: the map has coarse cells and noise.
     padding_m: Annotated[float, Ge(0)] = 0.01
-    # Slowest speed of the approach to the goal [m/s]; a base sticks below some speed.
+    # Lowest speed of the approach to the goal [m/s]; below some speed a base sticks.
     approach_m_s: Annotated[float, Gt(0)] = 0.06
     limits: SpeedLimits = field(default_factory=SpeedLimits)
     costmap: CostmapOptions = field(default_factory=CostmapOptions)
     masks: CostmapFilterOptions = field(default_factory=CostmapFilterOptions)
-    astar: AStarOptions = field(default_factory=AStarOptions)
-    navfn: NavfnOptions = field(default_factory=NavfnOptions)
+    memory: ObstacleMemoryOptions = field(default_factory=ObstacleMemoryOptions)
+    traversal: TraversalCostOptions = field(default_factory=TraversalCostOptions)
     lattice: LatticeOptions = field(default_factory=LatticeOptions)
+    route: ReplanningOptions = field(default_factory=ReplanningOptions)
+    rotate_in_place: RotateInPlaceOptions = field(default_factory=RotateInPlaceOptions)
     dwa: DwaOptions = field(default_factory=DwaOptions)
-    trajectory_rollout: DwaOptions = field(default_factory=DwaOptions)
     pure_pursuit: PurePursuitOptions = field(default_factory=PurePursuitOptions)
     cascade: TrajectoryTrackerOptions = field(default_factory=TrajectoryTrackerOptions)
     mppi: MppiOptions = field(default_factory=MppiOptions)
-    memory: ObstacleMemoryOptions = field(default_factory=ObstacleMemoryOptions)
     manoeuvre: TightPassageOptions = field(default_factory=TightPassageOptions)
-    route: ReplanningOptions = field(default_factory=ReplanningOptions)
     monitor: CollisionMonitorOptions = field(default_factory=CollisionMonitorOptions)
     traffic: DynamicObstacleOptions = field(default_factory=DynamicObstacleOptions)
     progress: ProgressOptions = field(default_factory=ProgressOptions)

@@ -17,26 +17,24 @@ from thumper.navigation.planners.navfn import NavfnPlanner
 from thumper.navigation.planners.planner import Planner
 
 PLANNERS: Mapping[str, Callable[[NavigationOptions, Footprint], Planner]] = {
-    "carrot": lambda _options, footprint: CarrotPlanner(footprint),
-    "navfn": lambda options, _footprint: NavfnPlanner(options.navfn),
-    "astar": lambda options, _footprint: AStarPlanner(options.astar),
-    "lattice": lambda options, footprint: LatticePlanner(options.lattice, footprint),
+    "carrot": lambda _, footprint: CarrotPlanner(footprint),
+    "navfn": lambda options, _: NavfnPlanner(options.traversal),
+    "astar": lambda options, _: AStarPlanner(options.traversal),
+    "lattice": lambda options, footprint: LatticePlanner(options.lattice, options.traversal, footprint),
 }
 CONTROLLERS: Mapping[str, Callable[[NavigationOptions, Footprint], Controller]] = {
-    "dwa": lambda options, footprint: DwaController(options.dwa, options.limits, footprint),
-    "trajectory_rollout": lambda options, footprint: TrajectoryRolloutController(
-        options.trajectory_rollout, options.limits, footprint
+    "dwa": lambda o, footprint: DwaController(o.dwa, o.rotate_in_place, o.limits, footprint),
+    "trajectory_rollout": lambda o, footprint: TrajectoryRolloutController(
+        o.dwa, o.rotate_in_place, o.limits, footprint
     ),
-    "pure_pursuit": lambda options, footprint: PurePursuitController(
-        options.pure_pursuit, options.limits, footprint
-    ),
-    "cascade": lambda options, footprint: TrajectoryTracker(options.cascade, options.limits, footprint),
-    "mppi": lambda options, footprint: MppiController(options.mppi, options.limits, footprint),
+    "pure_pursuit": lambda o, footprint: PurePursuitController(o.pure_pursuit, o.limits, footprint),
+    "cascade": lambda o, footprint: TrajectoryTracker(o.cascade, o.rotate_in_place, o.limits, footprint),
+    "mppi": lambda o, footprint: MppiController(o.mppi, o.rotate_in_place, o.limits, footprint),
 }
 
 
 def check_names(options: NavigationOptions) -> None:
-    """Raise ThumperError, with exit code 2, for a planner or controller that there is none of."""
+    """Raise ThumperError, with exit code 2, for an unknown planner or controller."""
     for kind, name, known in (
         ("planner", options.planner, PLANNERS),
         ("controller", options.controller, CONTROLLERS),
@@ -48,16 +46,16 @@ def check_names(options: NavigationOptions) -> None:
 
 
 def make_planner(options: NavigationOptions, footprint: Footprint) -> Planner:
-    """Return the planner that the options name. Raises as `check_names`."""
+    """Return the configured planner. Raises as `check_names`."""
     check_names(options)
     return PLANNERS[options.planner](options, footprint)
 
 
 def make_controller(options: NavigationOptions, footprint: Footprint) -> Controller:
-    """Return the controller that the options name, with the tracker before it. Raises as `check_names`."""
+    """Return the configured controller, with the tracker in front of it. Raises as `check_names`."""
     check_names(options)
-    chosen = CONTROLLERS[options.controller](options, footprint)
+    controller = CONTROLLERS[options.controller](options, footprint)
     if options.tracker in ("", options.controller):
-        return chosen
-    tracker = TrajectoryTracker(options.cascade, options.limits, footprint)
-    return SwitchingController(tracker, chosen, options.cascade, footprint)
+        return controller
+    tracker = TrajectoryTracker(options.cascade, options.rotate_in_place, options.limits, footprint)
+    return SwitchingController(tracker, controller, options.cascade, footprint)

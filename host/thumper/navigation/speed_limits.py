@@ -1,4 +1,4 @@
-"""How fast the base may move, and how late it obeys. Shared by controller, monitor and recovery."""
+"""Limits of speed, acceleration and latency. Shared by controllers, collision monitor and recoveries."""
 
 import math
 from dataclasses import dataclass
@@ -13,24 +13,24 @@ from thumper.common.kinematics import DriveGeometry
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpeedLimits:
-    """Limits of the commanded twist."""
+    """Limits of the commanded twist, and how the base responds to it."""
 
-    # Fastest forward speed [m/s]. The drive's wheels at 17 rad/s make 1 m/s.
+    # Highest forward speed [m/s]. 17 rad/s of the wheels are 1 m/s.
     v_max_m_s: Annotated[float, Interval(gt=0, le=1.0)] = 0.4
-    # Fastest turn [rad/s].
+    # Highest turn rate [rad/s].
     w_max_rad_s: Annotated[float, Interval(gt=0, le=6.0)] = 1.2
     # Forward acceleration and braking [m/s^2].
     v_accel_m_s2: Annotated[float, Interval(gt=0, le=10.0)] = 0.4
     # Turn acceleration and braking [rad/s^2].
     w_accel_rad_s2: Annotated[float, Interval(gt=0, le=50.0)] = 1.5
-    # Rate at which the board changes the speed of each wheel [rad/s^2]: its parameter `acceleration`.
+    # Acceleration of each wheel [rad/s^2]: the board's parameter `acceleration`.
     wheel_accel_rad_s2: Annotated[float, Gt(0)] = 8.0
-    # Time from a command until the base moves accordingly [s].
+    # Time from a command until the base responds [s].
     latency_s: Annotated[float, Interval(ge=0, le=2.0)] = 0.2
 
 
 def stoppable_speed(distance: float, accel: float, latency_s: float) -> float:
-    """Fastest speed from which braking after `latency_s` ends within `distance` (SI; metres or radians).
+    """Return the highest speed from which braking after `latency_s` ends within `distance` (m or rad).
 
     Solves distance = v latency + v^2 / (2 accel).
     """
@@ -45,13 +45,13 @@ def step_toward(value: float, target: float, change: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WheelRamp:
-    """Rate of the wheels' rims, and how far from the middle they run."""
+    """Acceleration of the wheels' rims, and their distance from the middle of the robot."""
 
     rim_m_s2: float
     half_track_m: float
 
     @classmethod
-    def of(cls, limits: SpeedLimits, drive: DriveGeometry | None = None) -> "WheelRamp":
+    def from_drive(cls, limits: SpeedLimits, drive: DriveGeometry | None = None) -> "WheelRamp":
         """Return the ramp of a drive; by default the Wild Thumper's."""
         drive = drive or DriveGeometry()
         return cls(
@@ -59,11 +59,11 @@ class WheelRamp:
         )
 
     def braking_s(self, twist: Twist2) -> float:
-        """Time until both sides stand [s]."""
+        """Return the time until both sides have stopped [s]."""
         return (abs(twist.v_m_s) + self.half_track_m * abs(twist.w_rad_s)) / self.rim_m_s2
 
     def braked(self, twist: Twist2, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """v [m/s] and w [rad/s], shape (n,) each, at times since the zero command [s]."""
+        """Return v [m/s] and w [rad/s], shape (n,) each, at times since the zero command [s]."""
         turn_m_s = self.half_track_m * twist.w_rad_s
         left_m_s, right_m_s = (
             np.sign(rim) * np.maximum(0.0, abs(rim) - self.rim_m_s2 * times_s)
@@ -73,5 +73,5 @@ class WheelRamp:
 
 
 def is_still(twist: Twist2) -> bool:
-    """Whether the base has as good as stopped."""
+    """Return whether the base has practically stopped."""
     return abs(twist.v_m_s) < 0.03 and abs(twist.w_rad_s) < 0.10

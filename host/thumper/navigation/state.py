@@ -1,4 +1,4 @@
-"""What one cycle of navigation decides."""
+"""State and output of the navigator, and the log of its transitions."""
 
 import logging
 from collections import deque
@@ -10,45 +10,9 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray, Twist2
 
-MOST = 1000  # a robot that drives for days must not fill its memory with words
+MAX_TRANSITIONS = 1000  # a robot that drives for days must not fill its memory
 
 log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Transition:
-    """One change of state; a recovery that follows another is one too."""
-
-    time_s: float
-    before: str  # a `NavigationState`'s value; empty at the very first
-    after: str
-    reason: str  # in words; names the recovery and why it began
-
-
-class TransitionLog:
-    """Keeps the newest changes, tells them to a listener and the logger `thumper.navigation.transitions`."""
-
-    def __init__(self, listener: Callable[[Transition], None] | None = None) -> None:
-        self._listener = listener
-        self.entries: deque[Transition] = deque(maxlen=MOST)
-        self._state, self._told = "", ""
-
-    def note(self, time_s: float, state: str, reason: str, told: str) -> None:
-        """Take the state of a cycle; an entry is made when the state, or what it is `told` to do, has
-        changed.
-        """
-        if (state, told) == (self._state, self._told):
-            return
-        entry = Transition(time_s=time_s, before=self._state, after=state, reason=reason)
-        self._state, self._told = state, told
-        self.entries.append(entry)
-        log.info("%.1f s: %s -> %s: %s", entry.time_s, entry.before or "start", entry.after, entry.reason)
-        if self._listener is not None:
-            try:
-                self._listener(entry)
-            except Exception:
-                # Whoever listens must not be able to stop the robot's control.
-                log.exception("the listener to transitions has failed")
 
 
 class NavigationState(Enum):
@@ -62,12 +26,54 @@ class NavigationState(Enum):
     FAILED = "failed"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stop:
+    """Why the robot must stop."""
+
+    reason: str
+    final: bool = False  # the drive has failed
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NavigationOutput:
-    """What one cycle decided."""
+    """The result of one cycle."""
 
     command: Twist2 = field(default_factory=Twist2)
     state: NavigationState = NavigationState.IDLE
-    reason: str = ""  # in words: why it stands, recovers or failed; empty when all is well
+    reason: str = ""  # why the robot is stopped, recovers or failed; empty in normal operation
     plan: FloatArray = field(default_factory=lambda: np.empty((0, 2)))  # (n, 2) [m] in map, from the robot on
     local_plan: FloatArray = field(default_factory=lambda: np.empty((0, 3)))  # (m, 3) x, y, theta in map
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Transition:
+    """One change of state; a recovery that follows another is one, too."""
+
+    time_s: float
+    before: str  # a `NavigationState`'s value; empty at the first transition
+    after: str
+    reason: str  # names the recovery and its cause
+
+
+class TransitionLog:
+    """Keeps the newest transitions; reports them to a listener and to `thumper.navigation.transitions`."""
+
+    def __init__(self, listener: Callable[[Transition], None] | None = None) -> None:
+        self._listener = listener
+        self._state, self._recovery = "", ""
+        self.entries: deque[Transition] = deque(maxlen=MAX_TRANSITIONS)
+
+    def record(self, time_s: float, state: str, reason: str, recovery: str) -> None:
+        """Add an entry if the state, or the recovery that is running, has changed."""
+        if (state, recovery) == (self._state, self._recovery):
+            return
+        entry = Transition(time_s=time_s, before=self._state, after=state, reason=reason)
+        self._state, self._recovery = state, recovery
+        self.entries.append(entry)
+        log.info("%.1f s: %s -> %s: %s", entry.time_s, entry.before or "start", entry.after, entry.reason)
+        if self._listener is not None:
+            try:
+                self._listener(entry)
+            except Exception:
+                # A listener must not be able to stop the control of the robot.
+                log.exception("the listener to transitions has failed")

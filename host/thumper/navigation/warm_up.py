@@ -11,7 +11,7 @@ from thumper.navigation.options import NavigationOptions
 
 
 def warm_up(options: NavigationOptions | None = None, footprint: Footprint | None = None) -> None:
-    """Drive a few cycles in a small empty map, so that no cycle on the robot waits for the compiler."""
+    """Run some cycles in a small empty map, so that no cycle on the robot waits for the compiler."""
     cells = np.zeros((80, 80), np.int8)
     grid = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=-2.0, origin_y_m=-2.0)
     navigator = Navigator(options or NavigationOptions(), footprint or Footprint())

@@ -98,9 +98,7 @@ def _wire(config: RobotConfig, board: Board, lidar: LidarDriver, mapper: SlamMod
         max_wheel_rad_s=config.drive.max_wheel_rad_s,
         options=config.service,
     )
-    goal_limits = GoalLimits(
-        estimator=estimator, footprint=config.footprint, costmap=config.navigation.costmap
-    )
+    goal_limits = GoalLimits(estimator=estimator, navigator=navigator)
     publisher, queue = _publisher(config, inputs), RequestQueue()
     handler = RequestHandler(
         request_queue=queue,

@@ -1,4 +1,4 @@
-"""The reference explains every navigation option: its effect, and its unit where the name has one."""
+"""The reference explains every navigation option: its effect, and its unit if the name has one."""
 
 import re
 from dataclasses import fields, is_dataclass

@@ -1,4 +1,4 @@
-"""`thumper demo --seeds`: its sums, its verdict, and what it writes."""
+"""`thumper demo --seeds`: its statistics, its result, and its files."""
 
 import csv
 import dataclasses
@@ -21,7 +21,7 @@ GOOD = DriveRow(
 )
 
 
-def test_a_drive_passes_only_when_it_is_near_and_has_touched_nothing() -> None:
+def test_drive_passes_only_near_the_goal_and_without_contact() -> None:
     assert GOOD.passed
     for fault in (
         {"reached": False},
@@ -31,7 +31,7 @@ def test_a_drive_passes_only_when_it_is_near_and_has_touched_nothing() -> None:
         assert not dataclasses.replace(GOOD, **fault).passed
 
 
-def test_the_sums_are_by_mission() -> None:
+def test_statistics_are_per_mission() -> None:
     far = dataclasses.replace(GOOD, seed=2, goal_error_m=0.12, contacts=2, time_s=11.0)
     box = dataclasses.replace(GOOD, mission="box")
     straight, other = mission_statistics([GOOD, box, far])
@@ -42,7 +42,7 @@ def test_the_sums_are_by_mission() -> None:
     assert (other.mission, other.runs, other.passed) == ("box", 1, 1)
 
 
-def test_a_seed_of_both_missions_passes_and_is_written_down(tmp_path: Path) -> None:
+def test_both_missions_pass_and_are_written(tmp_path: Path) -> None:
     assert run_seeds(tmp_path, first_seed=21, seeds=1, console=Console(quiet=True))
     with (tmp_path / "experiment.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))

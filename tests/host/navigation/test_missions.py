@@ -43,7 +43,7 @@ def test_round_the_box(seed: int) -> None:
     assert run.time_s < 20.0
 
 
-def test_turns_round_first_and_takes_the_asked_heading() -> None:
+def test_rotates_first_and_ends_at_the_goal_heading() -> None:
     start = Pose2(x_m=2.05, y_m=0.64, theta_rad=0.0)
     goal = Goal(x_m=0.38, y_m=-0.45, theta_rad=1.0)
     run = drive(BOX_ROOM, start, goal, AREA)
@@ -53,13 +53,13 @@ def test_turns_round_first_and_takes_the_asked_heading() -> None:
 
 
 @pytest.mark.parametrize("goal", [(1.2, 0.3, 0.5 * math.pi), (-0.5, 0.4, None)], ids=["turned", "missed"])
-def test_smallest_tolerance_does_not_drive_off_again(goal: tuple[float, float, float | None]) -> None:
-    """The turn to the heading carries the robot out of the tolerance; a goal just missed lies behind it."""
+def test_smallest_tolerance_needs_no_second_approach(goal: tuple[float, float, float | None]) -> None:
+    """The rotation moves the robot out of the tolerance; a goal just missed is behind it."""
     x_m, y_m, theta_rad = goal
     wanted = Goal(x_m=x_m, y_m=y_m, theta_rad=theta_rad, tolerance_m=0.02)
     run = drive(ROOM, Pose2(), wanted, AREA)
     assert_arrived(run, 0.04)
-    assert run.length_m < math.hypot(x_m, y_m) + 0.15  # driving off again and back would be 0.4 m or more
+    assert run.length_m < math.hypot(x_m, y_m) + 0.15  # a second approach would add 0.4 m or more
 
 
 def test_wide_tolerance_of_the_thesis() -> None:
@@ -68,16 +68,16 @@ def test_wide_tolerance_of_the_thesis() -> None:
     assert_arrived(run, 0.4)
 
 
-def test_goal_behind_a_closed_wall_fails_in_words() -> None:
-    """A hut without a door round the goal: seen, it leaves no way."""
+def test_enclosed_goal_fails_with_a_reason() -> None:
+    """A hut without a door round the goal: once seen, it leaves no path."""
     closed = ROOM.with_boxes(box(0.0, 0.0, 0.8, 0.8))
     run = drive(closed, STRAIGHT[0], Goal(x_m=0.0, y_m=0.0), AREA, limit_s=120.0)
     assert run.state is NavigationState.FAILED
-    assert "no way to the goal (0.00, 0.00)" in run.reason
+    assert "no path to the goal (0.00, 0.00)" in run.reason
     assert run.clearance_m > 0.0
 
 
-def test_goal_that_cannot_be_entered_fails_in_words() -> None:
+def test_goal_inside_an_obstacle_fails_with_a_reason() -> None:
     """The goal is in the middle of a post."""
     world = ROOM.with_boxes(box(0.5, 0.0, 0.2, 0.2))
     run = drive(world, STRAIGHT[0], Goal(x_m=0.5, y_m=0.0), AREA, limit_s=120.0)
@@ -92,17 +92,17 @@ def appearing(at_s: float, obstacle: list[list[float]]) -> Callable[[float], Kin
 
 @pytest.mark.parametrize("x_m", [0.55, 0.75])
 def test_stops_for_a_wall_that_appears(x_m: float) -> None:
-    """At full speed, a wall from side to side appears ahead: no contact, and in the end a reason."""
+    """A wall from side to side appears ahead at full speed: no contact, and finally a reason."""
     options = NavigationOptions(recovery=RecoveryOptions(behaviours=()))
     wall = box(x_m - 0.05, 0.0, 0.1, 3.8)
     start, (goal_x_m, goal_y_m) = STRAIGHT
     run = drive(appearing(1.5, wall), start, Goal(x_m=goal_x_m, y_m=goal_y_m), AREA, options=options)
     assert run.clearance_m > 0.0
     assert run.state is NavigationState.FAILED
-    assert "no way" in run.reason
+    assert "no path" in run.reason
 
 
-def test_goes_round_a_box_that_appears() -> None:
+def test_drives_round_a_box_that_appears() -> None:
     start, (x_m, y_m) = STRAIGHT
     run = drive(appearing(1.5, box(0.5, 0.05, 0.3, 0.3)), start, Goal(x_m=x_m, y_m=y_m), AREA)
     assert_arrived(run)
@@ -110,7 +110,7 @@ def test_goes_round_a_box_that_appears() -> None:
 
 @pytest.mark.parametrize("width_m", [0.42, 0.8])
 def test_leaves_a_dead_end(width_m: float) -> None:
-    """A short-sighted robot drives into a blind alley; the narrow one is too tight to turn in."""
+    """A robot with a short range drives into a dead end; the narrow one leaves no room to turn."""
     side = 0.5 * width_m + 0.05
     alley = ROOM.with_boxes(
         box(0.3, side, 1.2, 0.1), box(0.3, -side, 1.2, 0.1), box(-0.35, 0.0, 0.1, width_m + 0.2)

@@ -1,4 +1,4 @@
-"""The navigator's states, its checks at start-up, and its promise never to raise in motion."""
+"""The navigator's states, its checks at start-up, and that it never raises in motion."""
 
 import math
 
@@ -13,8 +13,10 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
 from thumper.navigation.options import NavigationOptions
+from thumper.navigation.planners.astar import AStarPlanner
 from thumper.navigation.planners.goal_validation import validate_goal
-from thumper.navigation.recovery.progress_checker import ProgressChecker, ProgressOptions
+from thumper.navigation.planners.traversal_cost import TraversalCostOptions
+from thumper.navigation.recovery.progress_checker import Progress, ProgressChecker, ProgressOptions
 
 NO_HITS = np.empty((0, 2))
 
@@ -59,7 +61,7 @@ def test_reached_stays_reached_until_the_next_goal() -> None:
     ("pose", "word"),
     [(Pose2(x_m=math.nan), "not a number"), (Pose2(x_m=99.0), "outside the map")],
 )
-def test_a_senseless_pose_stops_the_robot(pose: Pose2, word: str) -> None:
+def test_invalid_pose_stops_the_robot(pose: Pose2, word: str) -> None:
     navigator = make()
     navigator.set_goal(Goal(x_m=1.0, y_m=0.0))
     for cycle in range(400):
@@ -69,7 +71,7 @@ def test_a_senseless_pose_stops_the_robot(pose: Pose2, word: str) -> None:
     assert word in output.reason
 
 
-def test_an_internal_error_is_a_stop_with_a_reason() -> None:
+def test_internal_error_stops_with_a_reason() -> None:
     navigator = make()
     navigator.set_goal(Goal(x_m=1.0, y_m=0.0))
     assert step(navigator).command.v_m_s > 0.0
@@ -79,54 +81,72 @@ def test_an_internal_error_is_a_stop_with_a_reason() -> None:
     assert "internal error" in output.reason
 
 
-def test_unknown_names_are_refused_at_start() -> None:
+def test_unknown_names_are_rejected_at_start() -> None:
     with pytest.raises(ThumperError, match="no planner 'warp': choose one of astar"):
         Navigator(NavigationOptions(planner="warp"), Footprint())
     with pytest.raises(ThumperError, match="no controller 'warp': choose one of cascade, dwa"):
         Navigator(NavigationOptions(controller="warp"), Footprint())
 
 
-def test_senseless_goals_are_refused_in_one_line() -> None:
+def test_invalid_goals_are_rejected_with_one_line() -> None:
     grid = free_grid()
     grid.cells[50:60, 70:80] = 100
-    validate_goal(Goal(x_m=-1.0, y_m=0.0), grid, Footprint())
+    planner = AStarPlanner(TraversalCostOptions())
+    validate_goal(Goal(x_m=-1.0, y_m=0.0), grid, Footprint(), planner)
     with pytest.raises(ThumperError, match=r"goal \(9\.00, 0\.00\) is outside the map \(x -2\.50 to 2\.50 m"):
-        validate_goal(Goal(x_m=9.0, y_m=0.0), grid, Footprint())
+        validate_goal(Goal(x_m=9.0, y_m=0.0), grid, Footprint(), planner)
     with pytest.raises(ThumperError, match="too near an obstacle") as caught:
-        validate_goal(Goal(x_m=1.25, y_m=0.25), grid, Footprint())
+        validate_goal(Goal(x_m=1.25, y_m=0.25), grid, Footprint(), planner)
     assert "\n" not in str(caught.value)
     grid.cells[:] = -1
-    validate_goal(Goal(x_m=1.25, y_m=0.25), grid, Footprint())
+    validate_goal(Goal(x_m=1.25, y_m=0.25), grid, Footprint(), planner)
     with pytest.raises(ValueError, match="finite"):
         Goal(x_m=math.nan, y_m=0.0)
 
 
-def test_arrival_latches_and_lets_go() -> None:
-    arrival = GoalChecker(Goal(x_m=0.0, y_m=0.0, tolerance_m=0.1))
+@pytest.mark.parametrize("planner", ["astar", "navfn", "lattice"])
+@pytest.mark.parametrize("allow_unknown", [True, False])
+def test_goals_in_unknown_space_are_valid_only_if_the_planner_allows_it(
+    planner: str, allow_unknown: bool
+) -> None:
+    grid = free_grid()
+    grid.cells[:, 60:] = -1
+    options = NavigationOptions(planner=planner, traversal=TraversalCostOptions(allow_unknown=allow_unknown))
+    navigator = Navigator(options, Footprint())
+    navigator.validate_goal(Goal(x_m=0.0, y_m=0.0), grid)
+    if allow_unknown:
+        navigator.validate_goal(Goal(x_m=1.5, y_m=0.0), grid)
+    else:
+        with pytest.raises(ThumperError, match=r"goal \(1\.50, 0\.00\) is in unknown space"):
+            navigator.validate_goal(Goal(x_m=1.5, y_m=0.0), grid)
+
+
+def test_goal_checker_latches_and_releases() -> None:
+    checker = GoalChecker(Goal(x_m=0.0, y_m=0.0, tolerance_m=0.1))
     seen = []
     for x_m in (0.3, 0.09, 0.08, 0.105, 0.09, 0.04, 0.09, 0.11):
-        arrival.update(Pose2(x_m=x_m))
-        seen.append(arrival.at_place)
-    # 0.105 is outside; 0.09 after 0.08 is not yet past by 2 cm; 0.04 is near enough; 0.11 lets go.
+        checker.update(Pose2(x_m=x_m))
+        seen.append(checker.position_reached)
+    # 0.105 is outside; 0.09 after 0.08 is not yet past by 2 cm; 0.04 is near enough; 0.11 releases.
     assert seen == [False, False, False, False, False, True, True, False]
 
 
-def test_a_small_tolerance_is_for_the_place_not_for_the_turn_after_it() -> None:
-    arrival = GoalChecker(Goal(x_m=0.0, y_m=0.0, theta_rad=1.0, tolerance_m=0.02))
+def test_small_tolerance_applies_to_the_stop_not_to_the_rotation_after_it() -> None:
+    checker = GoalChecker(Goal(x_m=0.0, y_m=0.0, theta_rad=1.0, tolerance_m=0.02))
     seen = []
     for x_m in (0.05, 0.012, 0.018, 0.03, 0.049, 0.051):
-        arrival.update(Pose2(x_m=x_m))
-        seen.append(arrival.at_place)
-    # 0.018 is inside, and past by more than a quarter of the tolerance; what a turn moves does not let go.
+        checker.update(Pose2(x_m=x_m))
+        seen.append(checker.position_reached)
+    # 0.018 is inside, and past by more than a quarter of the tolerance; a rotation does not release it.
     assert seen == [False, False, True, True, True, False]
 
 
-def test_progress_wants_movement_and_then_nearness() -> None:
+def test_progress_requires_movement_and_then_nearness() -> None:
     checker = ProgressChecker(ProgressOptions(still_s=2.0, idle_s=5.0))
-    assert checker.update(0.0, Pose2(), 3.0) == ("", True)
-    assert checker.update(2.1, Pose2(x_m=0.05), 3.0)[0] == "no movement for 2 s"
-    checker.renew()
-    complaint = ""
-    for cycle in range(60):  # dances on the spot, never nearer
-        complaint, _ = checker.update(3.0 + 0.1 * cycle, Pose2(theta_rad=0.6 * (cycle % 10)), 3.0)
-    assert complaint == "no nearer to the goal for 5 s"
+    assert checker.update(0.0, Pose2(), 3.0) == Progress(nearer=True, problem=None)
+    assert checker.update(2.1, Pose2(x_m=0.05), 3.0).problem == "no movement for 2 s"
+    checker.restart_timers()
+    problem = None
+    for cycle in range(60):  # oscillates in place, never nearer
+        problem = checker.update(3.0 + 0.1 * cycle, Pose2(theta_rad=0.6 * (cycle % 10)), 3.0).problem
+    assert problem == "no nearer to the goal for 5 s"

@@ -12,13 +12,13 @@ from thumper.navigation.safety.collision_monitor import CollisionMonitor, Collis
 from thumper.navigation.speed_limits import SpeedLimits, WheelRamp
 
 LIMITS, DRIVE = SpeedLimits(), DriveGeometry()
-RAMP = WheelRamp.of(LIMITS)
+RAMP = WheelRamp.from_drive(LIMITS)
 BEND = Twist2(v_m_s=0.4, w_rad_s=1.2)
 PERIOD_S = 0.1
 
 
-def test_the_inner_wheel_stands_first_and_the_robot_swings_round_it() -> None:
-    """w holds until the inner side stands, then fades: 1.2 t1 + 1.2^2 / (2 * rate) = 0.97 rad."""
+def test_inner_wheel_stops_first_and_the_robot_swings_round_it() -> None:
+    """w holds until the inner side has stopped, then fades: 1.2 t1 + 1.2^2 / (2 rate) = 0.97 rad."""
     step_s = 1e-3
     times_s = np.arange(0.0, RAMP.braking_s(BEND), step_s) + 0.5 * step_s
     _, w_rad_s = RAMP.braked(BEND, times_s)
@@ -32,7 +32,7 @@ def test_the_inner_wheel_stands_first_and_the_robot_swings_round_it() -> None:
 
 
 @pytest.mark.parametrize("twist", [BEND, Twist2(v_m_s=-0.2, w_rad_s=0.5), Twist2(w_rad_s=1.0)])
-def test_a_mirrored_twist_brakes_mirrored(twist: Twist2) -> None:
+def test_braking_is_symmetric(twist: Twist2) -> None:
     times_s = np.linspace(0.0, 1.5, 50)
     v_m_s, w_rad_s = RAMP.braked(twist, times_s)
     v_other, w_other = RAMP.braked(Twist2(v_m_s=twist.v_m_s, w_rad_s=-twist.w_rad_s), times_s)
@@ -41,8 +41,8 @@ def test_a_mirrored_twist_brakes_mirrored(twist: Twist2) -> None:
     assert (v_m_s[-1], w_rad_s[-1]) == (0.0, 0.0)
 
 
-def test_the_monitor_sees_what_only_the_swing_hits() -> None:
-    """Points just within the hull of the real stopping motion: all seen, and not by fading v and w alone."""
+def test_monitor_includes_the_swing_while_braking() -> None:
+    """It detects all points inside the real stopping motion; fading v and w alone misses some."""
     limits = SpeedLimits(latency_s=0.0)
     seeing = CollisionMonitor(CollisionMonitorOptions(), limits, Footprint(), RAMP)
     stiff = CollisionMonitor(
@@ -56,14 +56,14 @@ def test_the_monitor_sees_what_only_the_swing_hits() -> None:
     for pose in real_stop():
         for point_m in pose.apply(outline_m):
             if np.all(np.abs(point_m) < (0.24, 0.15)):
-                continue  # under the robot as it begins
-            assert seeing.objection(BEND, BEND, point_m[None, :], np.zeros(1), PERIOD_S)
-            missed += not stiff.objection(BEND, BEND, point_m[None, :], np.zeros(1), PERIOD_S)
+                continue  # under the robot at the start
+            assert seeing.stop_reason(BEND, BEND, point_m[None, :], np.zeros(1), PERIOD_S)
+            missed += not stiff.stop_reason(BEND, BEND, point_m[None, :], np.zeros(1), PERIOD_S)
     assert missed > 10
 
 
 def real_stop() -> list[Pose2]:
-    """Every 0.1 s of one period of the bend and the wheels' ramps after it."""
+    """Return a pose every 0.1 s of one period of the bend and of the wheels' ramps after it."""
     pose, step_s, poses = Pose2(), 1e-3, []
     for tick in range(math.ceil((PERIOD_S + RAMP.braking_s(BEND)) / step_s)):
         v, w = RAMP.braked(BEND, np.array([max(0.0, (tick + 0.5) * step_s - PERIOD_S)]))

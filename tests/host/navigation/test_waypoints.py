@@ -1,4 +1,4 @@
-"""Several goals in one drive; and what the navigator makes of a goal that is dropped or replaced."""
+"""Several goals in one drive, and goals that are replaced or cancelled."""
 
 from collections.abc import Callable
 
@@ -39,7 +39,7 @@ def follow(waypoints: Waypoints, drive: Callable[[Leg], DriveResult]) -> DriveRe
     return carry_out(follow_waypoints(waypoints), drive)
 
 
-def test_a_patrol_drives_every_waypoint_in_every_round_and_adds_up() -> None:
+def test_patrol_drives_every_waypoint_in_every_round() -> None:
     seen: list[str] = []
     result = follow(Waypoints(goals=(A, B), rounds=2), driver(lambda _goal: False, seen))
     assert seen == [f"waypoint {n} of 2, round {lap} of 2" for lap in (1, 2) for n in (1, 2)]
@@ -48,7 +48,7 @@ def test_a_patrol_drives_every_waypoint_in_every_round_and_adds_up() -> None:
     assert result.map_from_base == Pose2(y_m=1.0)
 
 
-def test_it_stops_at_the_first_failure_and_says_which() -> None:
+def test_first_failure_ends_the_drive_and_is_named() -> None:
     seen: list[str] = []
     result = follow(Waypoints(goals=(A, B, A)), driver(lambda goal: goal is B, seen))
     assert len(seen) == 2
@@ -57,8 +57,8 @@ def test_it_stops_at_the_first_failure_and_says_which() -> None:
     assert result.time_s == 10.0
 
 
-def test_a_refused_first_leg_is_an_error_and_a_later_one_ends_the_drive() -> None:
-    def refusing(bad: Goal) -> Callable[[Leg], DriveResult]:
+def test_rejected_first_waypoint_raises_and_a_later_one_ends_the_drive() -> None:
+    def rejecting(bad: Goal) -> Callable[[Leg], DriveResult]:
         def drive(leg: Leg) -> DriveResult:
             if leg.goal is bad:
                 raise ThumperError("too near an obstacle")
@@ -67,8 +67,8 @@ def test_a_refused_first_leg_is_an_error_and_a_later_one_ends_the_drive() -> Non
         return drive
 
     with pytest.raises(ThumperError, match="too near"):
-        follow(Waypoints(goals=(A, B)), refusing(A))
-    result = follow(Waypoints(goals=(A, B)), refusing(B))
+        follow(Waypoints(goals=(A, B)), rejecting(A))
+    result = follow(Waypoints(goals=(A, B)), rejecting(B))
     assert not result.reached
     assert result.reason == "waypoint 2 of 2 (0.00, 1.00): too near an obstacle"
 
@@ -80,7 +80,7 @@ def step(navigator: Navigator, time_s: float) -> NavigationOutput:
     return navigator.update(time_s, Pose2(), Twist2(), grid, np.empty((0, 2)))
 
 
-def test_a_new_goal_under_way_replaces_the_old_one_at_once() -> None:
+def test_new_goal_replaces_the_old_one_at_once() -> None:
     navigator = Navigator(NavigationOptions(), Footprint())
     navigator.set_goal(A)
     assert step(navigator, 0.0).plan[-1] == pytest.approx((1.0, 0.0))
@@ -88,7 +88,7 @@ def test_a_new_goal_under_way_replaces_the_old_one_at_once() -> None:
     assert step(navigator, 0.1).plan[-1] == pytest.approx((1.0, 0.5))
 
 
-def test_a_cancelled_goal_is_a_stop_with_its_reason_and_a_new_goal_goes_on() -> None:
+def test_cancelled_goal_stops_and_a_new_goal_drives_on() -> None:
     navigator = Navigator(NavigationOptions(), Footprint())
     navigator.set_goal(A)
     assert step(navigator, 0.0).command.v_m_s > 0.0

@@ -1,4 +1,4 @@
-"""What every local controller offers: pose, speed, path and costmap in, the next twist or a reason out."""
+"""The interface of the controllers: pose, speed, path and costmap in, the next twist or a reason out."""
 
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -11,23 +11,23 @@ from thumper.navigation.costmap.costmap import Costmap
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ControlRequest:
-    """All that a controller may look at."""
+    """The inputs of a controller in one cycle."""
 
     map_from_base: Pose2
     twist: Twist2  # measured
-    last_command: Twist2  # what the wheels were told last
+    last_command: Twist2
     path_m: FloatArray  # shape (n, 2), in map, from near the robot to the goal
     costmap: Costmap
-    v_limit_m_s: float  # fastest forward speed allowed now (goal near, ...)
+    v_limit_m_s: float  # highest forward speed allowed now (near the goal, in a slow zone)
     period_s: float  # time until the next command
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ControlResult:
-    """The next twist, or None and what rejected all others."""
+    """The next twist, or None and why every twist was rejected."""
 
     command: Twist2 | None
-    rotating: bool = False  # turning on the spot toward the path
+    rotating: bool = False  # rotating in place toward the path
     trajectory: FloatArray = field(default_factory=lambda: np.empty((0, 3)))  # (m, 3) x, y, theta in map
     reason: str = ""
 
@@ -35,12 +35,12 @@ class ControlResult:
 class Controller(Protocol):
     """Follows a path without touching anything."""
 
-    def command(self, request: ControlRequest) -> ControlResult:
-        """Return the next twist."""
+    def compute_command(self, request: ControlRequest) -> ControlResult:
+        """Return the next twist along the path."""
         ...
 
-    def turn(self, request: ControlRequest, angle_rad: float) -> ControlResult:
-        """Return the next twist of a turn on the spot by `angle_rad`, counter-clockwise positive."""
+    def rotate(self, request: ControlRequest, angle_rad: float) -> ControlResult:
+        """Return the next twist of a rotation in place by `angle_rad`, counter-clockwise positive."""
         ...
 
     def reset(self) -> None:

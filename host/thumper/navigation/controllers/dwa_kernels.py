@@ -1,35 +1,63 @@
-"""Simulate many commands on the costmap and measure each. The controller's inner loop: kernels only."""
+"""Simulate many commands on the costmap and score each. The inner loop of the DWA controller: kernels."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
-from thumper.navigation.costmap.footprint_collision import Ground, lethal_count
+from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal_count
 
-OPEN, HITS, LEAVES_MAP = 0, 1, 2
+FREE, HITS_OBSTACLE, LEAVES_MAP = 0, 1, 2
 CLEARANCE, PATH, GOAL, FRONT, CUT = 0, 1, 2, 3, 4
-SLIDE_POINTS = 2  # extra outline points that may touch on the way out of a contact
+SLIDE_POINTS = 2  # extra outline points that may touch while the robot leaves a contact
+FRONT_M = 0.25  # a point this far ahead of the robot keeps it pointing along the path
+
+
+class MotionStart(NamedTuple):
+    """Pose and twist from which a motion is simulated."""
+
+    x: float
+    y: float
+    theta: float
+    v: float
+    w: float
+
+
+class Dynamics(NamedTuple):
+    """How the base obeys a command."""
+
+    v_accel: float  # [m/s^2]
+    w_accel: float  # [rad/s^2]
+    latency_s: float
+    step_s: float  # of the simulation
+
+
+class RolloutTask(NamedTuple):
+    """What all commands of one cycle have in common."""
+
+    start: MotionStart
+    dynamics: Dynamics
+    steps: int
+    period_s: float
+    path_m: FloatArray  # shape (n, 2), the part of the path that counts
 
 
 @kernel
-def simulate(
-    pose: FloatArray, twist: FloatArray, command: FloatArray, motion: FloatArray, poses: FloatArray
-) -> None:
-    """Fill `poses`, shape (steps, 3), with where a command leads from `pose` (x, y, theta) moving at `twist`
-    (v, w).
+def simulate(start: MotionStart, command: FloatArray, dynamics: Dynamics, poses: FloatArray) -> None:
+    """Fill `poses`, shape (steps, 3), with the motion that a command (v, w) causes.
 
-    `motion` is (v_accel, w_accel, latency_s, step_s): the twist holds during the latency, then moves to the
-    command at the accelerations. Each step is an arc driven at its mean heading.
+    The twist holds during the latency, then changes to the command at the accelerations. Each step is an arc
+    driven at its mean heading.
     """
-    x, y, theta = pose[0], pose[1], pose[2]
-    v, w = twist[0], twist[1]
-    step_s = motion[3]
+    x, y, theta = start.x, start.y, start.theta
+    v, w = start.v, start.w
+    step_s = dynamics.step_s
     for i in range(poses.shape[0]):
-        if (i + 0.5) * step_s > motion[2]:
-            dv, dw = motion[0] * step_s, motion[1] * step_s
+        if (i + 0.5) * step_s > dynamics.latency_s:
+            dv, dw = dynamics.v_accel * step_s, dynamics.w_accel * step_s
             v = min(max(command[0], v - dv), v + dv)
             w = min(max(command[1], w - dw), w + dw)
         x += v * step_s * math.cos(theta + 0.5 * w * step_s)
@@ -39,29 +67,30 @@ def simulate(
 
 
 @kernel
-def first_contact(poses: FloatArray, ground: Ground, unknown_blocks: bool, touching: int) -> tuple[int, int]:
-    """(status, step) of the first pose, shape (n, 3), whose outline meets an obstacle; (OPEN, n) if none
-    does.
+def first_contact(
+    poses: FloatArray, grid: CollisionGrid, unknown_blocks: bool, touching: int
+) -> tuple[int, int]:
+    """Return (status, step) of the first pose, shape (n, 3), that meets an obstacle, or (FREE, n).
 
-    `touching` is the number of outline points on obstacles in the pose the robot is in. A robot that touches
-    already (a noisy cell, a graze) may slide along and move out, but must not end further in than it began.
+    `touching` is the number of outline points on obstacles at the robot's pose. A robot that touches already
+    (a noisy cell, a graze) may slide along and move out, but must not end deeper than it began.
     """
     allowed = touching + SLIDE_POINTS if touching > 0 else 0
     count = touching
     for i in range(poses.shape[0]):
-        count = lethal_count(ground, unknown_blocks, poses[i, 0], poses[i, 1], poses[i, 2])
+        count = lethal_count(grid, unknown_blocks, poses[i, 0], poses[i, 1], poses[i, 2])
         if count < 0:
             return LEAVES_MAP, i
         if count > allowed:
-            return HITS, i
+            return HITS_OBSTACLE, i
     if count > touching:
-        return HITS, poses.shape[0] - 1
-    return OPEN, poses.shape[0]
+        return HITS_OBSTACLE, poses.shape[0] - 1
+    return FREE, poses.shape[0]
 
 
 @kernel
 def distance_to_path(path_m: FloatArray, x: float, y: float) -> float:
-    """Distance of a point to the nearest vertex of a path, shape (n, 2) [m]."""
+    """Return the distance from a point to the nearest vertex of a path, shape (n, 2) [m]."""
     best = np.inf
     for i in range(path_m.shape[0]):
         best = min(best, (path_m[i, 0] - x) ** 2 + (path_m[i, 1] - y) ** 2)
@@ -69,53 +98,47 @@ def distance_to_path(path_m: FloatArray, x: float, y: float) -> float:
 
 
 @kernel
-def measure(
-    commands: FloatArray,
-    pose: FloatArray,
-    twist: FloatArray,
-    motion: FloatArray,
-    steps: int,
-    ground: Ground,
-    path_m: FloatArray,
-    front_m: float,
-    period_s: float,
+def score_commands(
+    task: RolloutTask, commands: FloatArray, grid: CollisionGrid
 ) -> tuple[NDArray[np.int64], FloatArray]:
-    """Roll out commands (v, w), shape (n, 2), over `steps` steps.
+    """Simulate commands (v, w), shape (n, 2), and compute the terms of their scores.
 
-    A command is open when the robot can still stop before the contact: it drives on for the latency, one
-    period and a step of reserve, and braking at constant deceleration takes half the way that driving on
-    would. Its roll-out is cut off before the contact.
+    A command is admissible if the robot can still stop before the contact: it drives on for the latency, one
+    period and one reserve step, and braking at constant deceleration takes half the distance that driving on
+    would. Its rollout ends before the contact.
 
     Returns
     -------
     status : ndarray, shape (n,)
-        OPEN, HITS (the outline meets an obstacle too soon) or LEAVES_MAP.
+        FREE, HITS_OBSTACLE (the outline meets an obstacle too soon) or LEAVES_MAP.
     terms : ndarray, shape (n, 5)
-        Metres: least distance of the centre from an obstacle (CLEARANCE), mean distance from the path
-        (PATH), distance of the last pose from the path's end (GOAL), distance of a point `front_m` ahead of
-        it from the path (FRONT); and the part of the steps that a contact cuts off, 0 to 1 (CUT).
+        In metres: least distance of the centre from an obstacle (CLEARANCE), mean distance from the path
+        (PATH), distance of the last pose from the path's end (GOAL), distance of a point `FRONT_M` ahead of
+        it from the path (FRONT). Then the fraction of the steps that a contact cuts off (CUT).
     """
+    start, dynamics, steps, path_m = task.start, task.dynamics, task.steps, task.path_m
     count = commands.shape[0]
     status = np.zeros(count, np.int64)
     terms = np.zeros((count, 5))
     poses = np.empty((steps, 3))
-    touching = max(0, lethal_count(ground, False, pose[0], pose[1], pose[2]))
-    origin_x, origin_y, resolution_m = ground.origin[0], ground.origin[1], ground.resolution
+    touching = max(0, lethal_count(grid, False, start.x, start.y, start.theta))
+    origin_x, origin_y, resolution_m = grid.origin[0], grid.origin[1], grid.resolution
     end_x, end_y = path_m[-1, 0], path_m[-1, 1]
     for n in range(count):
-        simulate(pose, twist, commands[n], motion, poses)
-        status[n], free = first_contact(poses, ground, False, touching)
-        if status[n] != OPEN:
-            braking_s = max(abs(commands[n, 0]) / motion[0], abs(commands[n, 1]) / motion[1])
-            if free * motion[3] < motion[2] + period_s + 0.5 * braking_s + motion[3]:
+        simulate(start, commands[n], dynamics, poses)
+        status[n], free = first_contact(poses, grid, False, touching)
+        if status[n] != FREE:
+            braking_s = max(abs(commands[n, 0]) / dynamics.v_accel, abs(commands[n, 1]) / dynamics.w_accel)
+            needed_s = dynamics.latency_s + task.period_s + 0.5 * braking_s + dynamics.step_s
+            if free * dynamics.step_s < needed_s:
                 continue
-            status[n] = OPEN
+            status[n] = FREE
         least = np.int32(2147483647)
         off_path = 0.0
         for i in range(free):
             col = math.floor((poses[i, 0] - origin_x) / resolution_m)
             row = math.floor((poses[i, 1] - origin_y) / resolution_m)
-            least = min(least, ground.squared_cells[row, col])
+            least = min(least, grid.squared_cells[row, col])
             if i % 2 == 0:
                 off_path += distance_to_path(path_m, poses[i, 0], poses[i, 1])
         x, y, theta = poses[free - 1]
@@ -123,7 +146,7 @@ def measure(
         terms[n, PATH] = off_path / ((free + 1) // 2)
         terms[n, GOAL] = math.hypot(x - end_x, y - end_y)
         terms[n, FRONT] = distance_to_path(
-            path_m, x + front_m * math.cos(theta), y + front_m * math.sin(theta)
+            path_m, x + FRONT_M * math.cos(theta), y + FRONT_M * math.sin(theta)
         )
         terms[n, CUT] = 1.0 - free / steps
     return status, terms

@@ -1,164 +1,138 @@
-"""Model predictive path integral control: the mean of many noisy futures, weighted by how cheap they are.
+"""Model predictive path integral control: the mean of noisy command sequences, weighted by cost.
 
 Williams et al., "Aggressive Driving with Model Predictive Path Integral Control" (2016).
 """
 
-import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt
 
-from thumper.common.geometry import FloatArray, Twist2, wrap_angle
+from thumper.common.geometry import FloatArray, Twist2
 from thumper.navigation.controllers.controller import ControlRequest, ControlResult
-from thumper.navigation.controllers.mppi_kernels import score_futures, weighted_mean
-from thumper.navigation.controllers.rotate_in_place import RotateInPlace
-from thumper.navigation.controllers.stopping_check import AdmissibilityCheck
-from thumper.navigation.costmap.footprint_collision import Ground
+from thumper.navigation.controllers.mppi_kernels import (
+    MppiTask,
+    MppiWeights,
+    NoiseArray,
+    score_sequences,
+    weighted_mean,
+)
+from thumper.navigation.controllers.rotate_in_place import RotateInPlaceOptions, RotationShim, angle_to_path
+from thumper.navigation.controllers.stopping_check import AdmissibilityCheck, dynamics_of, motion_start
+from thumper.navigation.costmap.footprint_collision import CollisionGrid
 from thumper.navigation.footprint import Footprint
-from thumper.navigation.planners.polyline import arc_lengths, nearest_index
+from thumper.navigation.planners.polyline import ahead
 from thumper.navigation.speed_limits import SpeedLimits, step_toward
 
-SLOWER = (1.0, 0.5, 0.0)  # parts of the command tried until it leaves room to stop
-POOL = 8  # sets of noise drawn once and used in turn: drawing costs more than driving
+SPEED_FRACTIONS = (1.0, 0.5, 0.0)  # tried until the command leaves room to stop
+NOISE_SETS = 8  # drawn once and used in turn: drawing takes longer than scoring
+STEP_S = 0.05
+LOOKAHEAD_M = 1.2  # length of the path that is scored
+CONTACT_WEIGHT, FRONT_WEIGHT = 3.0, 0.5  # see `MppiWeights`
+SEED = 0  # the same noise, and so the same drive, in every run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MppiOptions:
-    """How many futures, how noisy, and what makes one good."""
+    """How many command sequences, how noisy, and how they are scored."""
 
-    # Futures in each cycle.
+    # Command sequences per cycle.
     futures: Annotated[int, Ge(10)] = 1000
-    # Steps of a future.
+    # Steps of a sequence, 0.05 s each.
     steps: Annotated[int, Ge(10)] = 56
-    # Length of a step [s].
-    step_s: Annotated[float, Gt(0)] = 0.05
-    # Spread of the forward speed [m/s]; more explores more and wobbles more.
+    # Standard deviation of the forward speed [m/s]; more explores more and wobbles more.
     v_std_m_s: Annotated[float, Gt(0)] = 0.15
-    # Spread of the turn rate [rad/s].
+    # Standard deviation of the turn rate [rad/s].
     w_std_rad_s: Annotated[float, Gt(0)] = 0.5
-    # Cost difference at which a future's vote falls to 1/e; less follows the best future alone.
+    # Cost difference at which a sequence's weight falls to 1/e; less follows the best sequence alone.
     temperature: Annotated[float, Gt(0)] = 0.02
-    # Part of the path that counts [m].
-    lookahead_m: Annotated[float, Gt(0)] = 1.2
     # Weight of the mean distance from the path [1/m].
     path_weight: Annotated[float, Ge(0)] = 1.0
-    # Weight of the distance left to the end of that part [1/m].
+    # Weight of the distance left to the end of the scored path [1/m].
     goal_weight: Annotated[float, Ge(0)] = 1.0
-    # Weight of nearness to obstacles (1 at the inscribed radius, decaying).
+    # Weight of the nearness to obstacles (1 at the inscribed radius, decaying).
     obstacle_weight: Annotated[float, Ge(0)] = 0.6
-    # Weight of a contact, more the sooner it comes.
-    contact_weight: Annotated[float, Ge(0)] = 3.0
-    # Weight of the distance from the path of a point ahead of the last pose [1/m].
-    front_weight: Annotated[float, Ge(0)] = 0.5
-    # Path direction off the robot's heading beyond which it turns on the spot first [rad] ...
-    turn_start_rad: Annotated[float, Gt(0)] = 1.0
-    # ... and below which it drives on [rad].
-    turn_end_rad: Annotated[float, Gt(0)] = 0.25
-    # Seed of the noise: the same seed gives the same drive.
-    seed: Annotated[int, Ge(0)] = 0
 
 
 class MppiController:
-    """`Controller` by sampled futures."""
+    """`Controller` by sampled command sequences."""
 
-    def __init__(self, options: MppiOptions, limits: SpeedLimits, footprint: Footprint) -> None:
+    def __init__(
+        self, options: MppiOptions, rotation: RotateInPlaceOptions, limits: SpeedLimits, footprint: Footprint
+    ) -> None:
         self._options = options
         self._limits = limits
         self._footprint = footprint
-        self._turn = RotateInPlace(limits, footprint)
+        self._rotation = RotationShim(rotation, limits, footprint)
         self._check = AdmissibilityCheck(limits, footprint)
-        shape = (POOL, options.futures, options.steps, 2)
-        spread = np.array((options.v_std_m_s, options.w_std_rad_s), np.float32)
-        drawn = np.random.default_rng(options.seed).standard_normal(shape, np.float32) * spread
-        drawn[:, 0] = 0.0  # the mean itself is one of the futures
-        self._noise = drawn
-        self.reset()
+        self._noise = _drawn_noise(options)
+        self._mean: FloatArray = np.zeros((options.steps, 2))
+        self._cycle = 0
 
     def reset(self) -> None:
-        """Forget the last plan."""
+        """Forget the last command sequence."""
         self._mean = np.zeros((self._options.steps, 2))
-        self._turning = False
         self._cycle = 0
-        self._turn.reset()
+        self._rotation.reset()
 
-    def turn(self, request: ControlRequest, angle_rad: float) -> ControlResult:
-        """Return the next twist of a turn on the spot."""
-        return self._turn.command(request, angle_rad)
+    def rotate(self, request: ControlRequest, angle_rad: float) -> ControlResult:
+        """Return the next twist of a rotation in place."""
+        return self._rotation.rotate(request, angle_rad)
 
-    def command(self, request: ControlRequest) -> ControlResult:
-        """Turn toward the path, or the first step of the mean future; None when it leaves no room to stop."""
-        ahead_m = self._path_ahead(request)
-        turn_rad = self._turn_to_path(request, ahead_m)
-        limit_rad = self._options.turn_end_rad if self._turning else self._options.turn_start_rad
-        self._turning = abs(turn_rad) > limit_rad
-        if self._turning:
-            result = self._turn.command(request, turn_rad)
-            if result.command is not None:
-                return result
-        else:
-            self._turn.reset()
-        self._improve(request, ahead_m)
-        delay = min(len(self._mean) - 1, round(self._limits.latency_s / self._options.step_s))
+    def compute_command(self, request: ControlRequest) -> ControlResult:
+        """Rotate toward the path, or drive the mean sequence; None if it leaves no room to stop."""
+        path_m = ahead(request.path_m, request.map_from_base, LOOKAHEAD_M)
+        rotation = self._rotation.toward(request, angle_to_path(path_m, request.map_from_base))
+        if rotation is not None:
+            return rotation
+        self._improve(request, path_m)
+        what = f"the mean of {self._options.futures} command sequences"
+        return self._check.first_admissible(request, self._candidates(request), what)
+
+    def _candidates(self, request: ControlRequest) -> Iterator[Twist2]:
+        """Yield the mean sequence's first command after the latency, then slower ones."""
         limits, last, period_s = self._limits, request.last_command, request.period_s
+        delay = min(len(self._mean) - 1, round(limits.latency_s / STEP_S))
         v_m_s, w_rad_s = float(self._mean[delay, 0]), float(self._mean[delay, 1])
-        refused = ""
-        for part in SLOWER:
-            command = Twist2(
-                v_m_s=step_toward(last.v_m_s, part * v_m_s, limits.v_accel_m_s2 * period_s),
-                w_rad_s=step_toward(last.w_rad_s, part * w_rad_s, limits.w_accel_rad_s2 * period_s),
+        for fraction in SPEED_FRACTIONS:
+            yield Twist2(
+                v_m_s=step_toward(last.v_m_s, fraction * v_m_s, limits.v_accel_m_s2 * period_s),
+                w_rad_s=step_toward(last.w_rad_s, fraction * w_rad_s, limits.w_accel_rad_s2 * period_s),
             )
-            refused, trajectory = self._check.refusal(request, command)
-            if not refused:
-                return ControlResult(command=command, trajectory=trajectory)
-        return ControlResult(command=None, reason=f"the mean of {self._options.futures} futures {refused}")
 
-    def _improve(self, request: ControlRequest, ahead_m: FloatArray) -> None:
-        options, limits, costmap, base = self._options, self._limits, request.costmap, request.map_from_base
-        shift = max(1, round(request.period_s / options.step_s))
+    def _improve(self, request: ControlRequest, path_m: FloatArray) -> None:
+        """Shift the mean sequence by one period and average new sequences round it."""
+        options, limits = self._options, self._limits
+        shift = max(1, round(request.period_s / STEP_S))
         self._mean = np.vstack((self._mean[shift:], np.repeat(self._mean[-1:], shift, axis=0)))
-        driven = self._noise[self._cycle % POOL].copy()
+        commands = self._noise[self._cycle % NOISE_SETS].copy()
         self._cycle += 1
-        totals = score_futures(
-            driven,
-            self._mean,
-            np.array((base.x_m, base.y_m, base.theta_rad, request.twist.v_m_s, request.twist.w_rad_s)),
-            np.array(
-                (
-                    request.v_limit_m_s,
-                    limits.w_max_rad_s,
-                    limits.v_accel_m_s2,
-                    limits.w_accel_rad_s2,
-                    limits.latency_s,
-                    options.step_s,
-                )
-            ),
-            Ground.of(costmap, self._footprint),
-            ahead_m,
-            np.array(
-                (
-                    options.path_weight,
-                    options.goal_weight,
-                    options.obstacle_weight,
-                    options.contact_weight,
-                    options.front_weight,
-                )
-            ),
-            self._footprint.inscribed_radius_m,
+        task = MppiTask(
+            start=motion_start(request),
+            dynamics=dynamics_of(limits, STEP_S),
+            v_max=request.v_limit_m_s,
+            w_max=limits.w_max_rad_s,
+            path_m=path_m,
+            inscribed_m=self._footprint.inscribed_radius_m,
         )
-        self._mean = weighted_mean(driven, totals, options.temperature)
+        weights = MppiWeights(
+            path=options.path_weight,
+            goal=options.goal_weight,
+            obstacle=options.obstacle_weight,
+            contact=CONTACT_WEIGHT,
+            front=FRONT_WEIGHT,
+        )
+        grid = CollisionGrid.from_costmap(request.costmap, self._footprint)
+        totals = score_sequences(task, weights, commands, self._mean, grid)
+        self._mean = weighted_mean(commands, totals, options.temperature)
 
-    def _path_ahead(self, request: ControlRequest) -> FloatArray:
-        base = request.map_from_base
-        rest_m = request.path_m[nearest_index(request.path_m, base.x_m, base.y_m) :]
-        count = int(np.searchsorted(arc_lengths(rest_m), self._options.lookahead_m)) + 1
-        return np.ascontiguousarray(rest_m[:count])
 
-    def _turn_to_path(self, request: ControlRequest, ahead_m: FloatArray) -> float:
-        base = request.map_from_base
-        index = min(int(np.searchsorted(arc_lengths(ahead_m), 0.25)), len(ahead_m) - 1)
-        dx_m, dy_m = ahead_m[index] - (base.x_m, base.y_m)
-        if math.hypot(dx_m, dy_m) < 0.05:
-            return 0.0
-        return wrap_angle(math.atan2(dy_m, dx_m) - base.theta_rad)
+def _drawn_noise(options: MppiOptions) -> NoiseArray:
+    """Return the noise of all cycles, shape (NOISE_SETS, futures, steps, 2)."""
+    shape = (NOISE_SETS, options.futures, options.steps, 2)
+    std = np.array((options.v_std_m_s, options.w_std_rad_s), np.float32)
+    drawn: NoiseArray = np.random.default_rng(SEED).standard_normal(shape, np.float32) * std
+    drawn[:, 0] = 0.0  # the mean itself is one of the sequences
+    return drawn

@@ -1,60 +1,70 @@
-"""Many noisy futures, their costs, and the mean that the cheap ones vote for. Kernels."""
+"""Simulate many noisy command sequences, score them, and average them by their costs. Kernels."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
-from thumper.navigation.controllers.dwa_kernels import distance_to_path
-from thumper.navigation.costmap.footprint_collision import Ground, lethal_count
+from thumper.navigation.controllers.dwa_kernels import FRONT_M, Dynamics, MotionStart, distance_to_path
+from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal_count
 
 NoiseArray = NDArray[np.float32]
 CHECK_EVERY = 2  # steps between two footprint checks: at most a cell apart
 PATH_EVERY = 7  # steps between two distances from the path
+OBSTACLE_DECAY_M = 0.08
+NEGLIGIBLE_WEIGHT = 1e-4
+
+
+class MppiTask(NamedTuple):
+    """What all sequences of one cycle have in common."""
+
+    start: MotionStart
+    dynamics: Dynamics
+    v_max: float
+    w_max: float
+    path_m: FloatArray  # shape (n, 2), the part of the path that counts
+    inscribed_m: float  # inscribed radius of the footprint
+
+
+class MppiWeights(NamedTuple):
+    """Weights of the cost terms."""
+
+    path: float  # mean distance from the path [1/m]
+    goal: float  # distance left to the path's end [1/m]
+    obstacle: float  # nearness to obstacles
+    contact: float  # a contact, more if it is soon
+    front: float  # distance of the front point from the path [1/m]
 
 
 @kernel
-def score_futures(
-    noise: NoiseArray,
-    mean: FloatArray,
-    state: FloatArray,
-    limits: FloatArray,
-    ground: Ground,
-    path_m: FloatArray,
-    weights: FloatArray,
-    inscribed_m: float,
+def score_sequences(
+    task: MppiTask, weights: MppiWeights, noise: NoiseArray, mean: FloatArray, grid: CollisionGrid
 ) -> FloatArray:
-    """Cost of each future, shape (k,); `noise`, shape (k, steps, 2), becomes the speeds that were driven.
+    """Return the cost of each command sequence, shape (k,).
 
-    Parameters
-    ----------
-    mean : ndarray, shape (steps, 2)
-        Speeds (v, w) that the noise is added to.
-    state : ndarray, shape (5,)
-        x, y, theta, v, w at the beginning.
-    limits : ndarray, shape (6,)
-        v_max, w_max, v_accel, w_accel, latency_s, step_s.
-    weights : ndarray, shape (5,)
-        Path, goal, obstacle, contact and heading weight.
+    `mean`, shape (steps, 2), are the speeds (v, w) to which `noise`, shape (k, steps, 2), is added. On
+    return `noise` holds the commanded speeds.
     """
     count, steps = noise.shape[0], noise.shape[1]
     totals = np.zeros(count)
-    step_s = limits[5]
-    dv, dw = limits[2] * step_s, limits[3] * step_s
-    blind = int(limits[4] / step_s)
-    touching = max(0, lethal_count(ground, False, state[0], state[1], state[2]))
-    origin_x, origin_y, resolution_m = ground.origin[0], ground.origin[1], ground.resolution
-    rows, cols = ground.costs.shape
+    start, path_m = task.start, task.path_m
+    step_s = task.dynamics.step_s
+    dv, dw = task.dynamics.v_accel * step_s, task.dynamics.w_accel * step_s
+    latency_steps = int(task.dynamics.latency_s / step_s)
+    touching = max(0, lethal_count(grid, False, start.x, start.y, start.theta))
+    origin_x, origin_y, resolution_m = grid.origin[0], grid.origin[1], grid.resolution
+    rows, cols = grid.costs.shape
     end_x, end_y = path_m[-1, 0], path_m[-1, 1]
     for n in range(count):
-        x, y, theta, v, w = state[0], state[1], state[2], state[3], state[4]
+        x, y, theta, v, w = start.x, start.y, start.theta, start.v, start.w
         total = 0.0
         for i in range(steps):
-            wanted_v = min(max(mean[i, 0] + noise[n, i, 0], 0.0), limits[0])
-            wanted_w = min(max(mean[i, 1] + noise[n, i, 1], -limits[1]), limits[1])
-            if i >= blind:
+            wanted_v = min(max(mean[i, 0] + noise[n, i, 0], 0.0), task.v_max)
+            wanted_w = min(max(mean[i, 1] + noise[n, i, 1], -task.w_max), task.w_max)
+            if i >= latency_steps:
                 v = min(max(wanted_v, v - dv), v + dv)
                 w = min(max(wanted_w, w - dw), w + dw)
             noise[n, i, 0], noise[n, i, 1] = wanted_v, wanted_w
@@ -65,37 +75,37 @@ def score_futures(
                 col = math.floor((x - origin_x) / resolution_m)
                 row = math.floor((y - origin_y) / resolution_m)
                 if row < 0 or col < 0 or row >= rows or col >= cols:
-                    total += weights[3] * (steps - i) / steps
+                    total += weights.contact * (steps - i) / steps
                     break
-                squared = ground.squared_cells[row, col]
-                if squared <= ground.safe_squared:
-                    meets = lethal_count(ground, False, x, y, theta)
-                    if meets < 0 or meets > touching:
-                        total += weights[3] * (1.0 + (steps - i) / steps)
+                squared = grid.squared_cells[row, col]
+                if squared <= grid.safe_squared:
+                    hits = lethal_count(grid, False, x, y, theta)
+                    if hits < 0 or hits > touching:
+                        total += weights.contact * (1.0 + (steps - i) / steps)
                         break
-                    near_m = max(0.0, math.sqrt(squared) * resolution_m - inscribed_m)
-                    total += weights[2] * math.exp(-near_m / 0.08) * CHECK_EVERY / steps
+                    near_m = max(0.0, math.sqrt(squared) * resolution_m - task.inscribed_m)
+                    total += weights.obstacle * math.exp(-near_m / OBSTACLE_DECAY_M) * CHECK_EVERY / steps
             if i % PATH_EVERY == PATH_EVERY - 1:
-                total += weights[0] * distance_to_path(path_m, x, y) * PATH_EVERY / steps
-        total += weights[1] * math.hypot(x - end_x, y - end_y)
-        front_x, front_y = x + 0.25 * math.cos(theta), y + 0.25 * math.sin(theta)
-        total += weights[4] * distance_to_path(path_m, front_x, front_y)
+                total += weights.path * distance_to_path(path_m, x, y) * PATH_EVERY / steps
+        total += weights.goal * math.hypot(x - end_x, y - end_y)
+        front_x, front_y = x + FRONT_M * math.cos(theta), y + FRONT_M * math.sin(theta)
+        total += weights.front * distance_to_path(path_m, front_x, front_y)
         totals[n] = total
     return totals
 
 
 @kernel
-def weighted_mean(driven: NoiseArray, totals: FloatArray, temperature: float) -> FloatArray:
-    """Mean of the futures' speeds, shape (steps, 2), each weighted by exp(-cost / temperature)."""
+def weighted_mean(commands: NoiseArray, totals: FloatArray, temperature: float) -> FloatArray:
+    """Return the mean of command sequences, shape (steps, 2), each weighted by exp(-cost / temperature)."""
     least = totals.min()
-    mean = np.zeros((driven.shape[1], 2))
-    mass = 0.0
+    mean = np.zeros((commands.shape[1], 2))
+    weight_sum = 0.0
     for n in range(totals.size):
         weight = math.exp(-(totals[n] - least) / temperature)
-        if weight < 1e-4:
+        if weight < NEGLIGIBLE_WEIGHT:
             continue
-        mass += weight
-        for i in range(driven.shape[1]):
-            mean[i, 0] += weight * driven[n, i, 0]
-            mean[i, 1] += weight * driven[n, i, 1]
-    return mean / mass
+        weight_sum += weight
+        for i in range(commands.shape[1]):
+            mean[i, 0] += weight * commands[n, i, 0]
+            mean[i, 1] += weight * commands[n, i, 1]
+    return mean / weight_sum

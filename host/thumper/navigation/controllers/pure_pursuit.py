@@ -1,9 +1,10 @@
-"""Regulated pure pursuit: an arc to a point ahead on the path, slower in bends and beside obstacles.
+"""Regulated pure pursuit: an arc to a point ahead on the path, slower in bends and near obstacles.
 
 Macenski et al., "Regulated Pure Pursuit for Robot Path Tracking" (2023).
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -12,106 +13,97 @@ from annotated_types import Gt, Interval
 
 from thumper.common.geometry import FloatArray, Twist2, wrap_angle
 from thumper.navigation.controllers.controller import ControlRequest, ControlResult
-from thumper.navigation.controllers.rotate_in_place import RotateInPlace
+from thumper.navigation.controllers.rotate_in_place import SHORTEST_PATH_M, RotateInPlaceOptions, RotationShim
 from thumper.navigation.controllers.stopping_check import AdmissibilityCheck
 from thumper.navigation.footprint import Footprint
-from thumper.navigation.planners.polyline import arc_lengths, nearest_index
+from thumper.navigation.planners.polyline import ahead
 from thumper.navigation.speed_limits import SpeedLimits, step_toward
 
-SLOWER = (1.0, 0.7, 0.45, 0.25)  # parts of the speed tried until the arc is open
+SPEED_FRACTIONS = (1.0, 0.7, 0.45, 0.25)  # tried until the arc is free
+# The angle is that of the lookahead point, further ahead than the other controllers look, and so smaller.
+ROTATION = RotateInPlaceOptions(turn_start_rad=0.8, turn_end_rad=0.2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PurePursuitOptions:
-    """How far ahead it aims and what slows it down."""
+    """The lookahead distance, and what slows the robot down."""
 
-    # Distance aimed ahead: this time at the present speed [s] ...
+    # Lookahead distance as driving time at the present speed [s] ...
     lookahead_s: Annotated[float, Gt(0)] = 1.2
     # ... but at least [m] ...
     lookahead_min_m: Annotated[float, Gt(0)] = 0.25
     # ... and at most [m]; more is smoother and cuts corners.
     lookahead_max_m: Annotated[float, Gt(0)] = 0.6
-    # Bends tighter than this radius are driven slower in proportion [m].
+    # Bends of a smaller radius are driven proportionally slower [m].
     slow_radius_m: Annotated[float, Gt(0)] = 0.6
-    # Nearer to an obstacle than this beyond the inscribed radius it drives slower in proportion [m].
+    # Clearance beyond the inscribed radius below which the robot drives proportionally slower [m].
     slow_clearance_m: Annotated[float, Gt(0)] = 0.25
-    # Least part of full speed that bends and obstacles leave.
+    # Least fraction of the speed that bends and obstacles leave.
     least_part: Annotated[float, Interval(gt=0, le=1)] = 0.25
-    # Direction of the aim off the heading beyond which it turns on the spot first [rad] ...
-    turn_start_rad: Annotated[float, Gt(0)] = 0.8
-    # ... and below which it drives on [rad].
-    turn_end_rad: Annotated[float, Gt(0)] = 0.2
 
 
 class PurePursuitController:
-    """`Controller` by geometry; the arc is driven only while the outline stays free."""
+    """`Controller` by geometry; drives the arc only while the outline is free."""
 
     def __init__(self, options: PurePursuitOptions, limits: SpeedLimits, footprint: Footprint) -> None:
         self._options = options
         self._limits = limits
         self._footprint = footprint
-        self._turn = RotateInPlace(limits, footprint)
+        self._rotation = RotationShim(ROTATION, limits, footprint)
         self._check = AdmissibilityCheck(limits, footprint)
-        self._turning = False
 
     def reset(self) -> None:
-        """Forget that a turn was under way."""
-        self._turning = False
-        self._turn.reset()
+        """Forget that a rotation was under way."""
+        self._rotation.reset()
 
-    def turn(self, request: ControlRequest, angle_rad: float) -> ControlResult:
-        """Return the next twist of a turn on the spot."""
-        return self._turn.command(request, angle_rad)
+    def rotate(self, request: ControlRequest, angle_rad: float) -> ControlResult:
+        """Return the next twist of a rotation in place."""
+        return self._rotation.rotate(request, angle_rad)
 
-    def command(self, request: ControlRequest) -> ControlResult:
-        """Turn toward the path, or follow an arc to it; None when the arc is not free even slowly."""
-        aim_m = self._aim(request)
-        angle_rad = math.atan2(aim_m[1], aim_m[0])
-        limit_rad = self._options.turn_end_rad if self._turning else self._options.turn_start_rad
-        self._turning = abs(angle_rad) > limit_rad and math.hypot(*aim_m) > 0.05
-        if self._turning:
-            result = self._turn.command(request, wrap_angle(angle_rad))
-            if result.command is not None:
-                return result
-        else:
-            self._turn.reset()
-        bend = 2.0 * float(aim_m[1]) / max(1e-6, float(aim_m @ aim_m))  # curvature of the arc [1/m]
-        wanted_m_s = self._speed(request, bend)
+    def compute_command(self, request: ControlRequest) -> ControlResult:
+        """Rotate toward the path, or drive an arc to it; None if the arc is not free even at low speed."""
+        target_m = self._lookahead_point(request)
+        angle_rad = wrap_angle(math.atan2(target_m[1], target_m[0]))
+        enabled = math.hypot(*target_m) > SHORTEST_PATH_M
+        rotation = self._rotation.toward(request, angle_rad, enabled=enabled)
+        if rotation is not None:
+            return rotation
+        curvature = 2.0 * float(target_m[1]) / max(1e-6, float(target_m @ target_m))  # of the arc [1/m]
+        candidates = self._candidates(request, curvature)
+        return self._check.first_admissible(request, candidates, "the arc to the path")
+
+    def _candidates(self, request: ControlRequest, curvature: float) -> Iterator[Twist2]:
+        """Yield commands along the arc, from the regulated speed down."""
         limits, period_s, last = self._limits, request.period_s, request.last_command
-        refused = ""
-        for part in SLOWER:
-            v_m_s = step_toward(last.v_m_s, part * wanted_m_s, limits.v_accel_m_s2 * period_s)
-            w_rad_s = min(max(v_m_s * bend, -limits.w_max_rad_s), limits.w_max_rad_s)
+        wanted_m_s = self._regulated_speed(request, curvature)
+        for fraction in SPEED_FRACTIONS:
+            v_m_s = step_toward(last.v_m_s, fraction * wanted_m_s, limits.v_accel_m_s2 * period_s)
+            w_rad_s = min(max(v_m_s * curvature, -limits.w_max_rad_s), limits.w_max_rad_s)
             w_rad_s = step_toward(last.w_rad_s, w_rad_s, limits.w_accel_rad_s2 * period_s)
-            command = Twist2(v_m_s=v_m_s, w_rad_s=w_rad_s)
-            refused, trajectory = self._check.refusal(request, command)
-            if not refused:
-                return ControlResult(command=command, trajectory=trajectory)
-        return ControlResult(command=None, reason=f"the arc to the path {refused}")
+            yield Twist2(v_m_s=v_m_s, w_rad_s=w_rad_s)
 
-    def _aim(self, request: ControlRequest) -> FloatArray:
-        """The point to drive at, in base_link, shape (2,) [m]."""
+    def _lookahead_point(self, request: ControlRequest) -> FloatArray:
+        """Return the lookahead point in base_link, shape (2,) [m]."""
         options, base = self._options, request.map_from_base
-        rest_m = request.path_m[nearest_index(request.path_m, base.x_m, base.y_m) :]
-        reach_m = abs(request.twist.v_m_s) * options.lookahead_s
-        reach_m = min(max(reach_m, options.lookahead_min_m), options.lookahead_max_m)
-        index = min(int(np.searchsorted(arc_lengths(rest_m), reach_m)), len(rest_m) - 1)
-        point_m: FloatArray = base.inverse().apply(rest_m[index : index + 1])[0]
+        distance_m = abs(request.twist.v_m_s) * options.lookahead_s
+        distance_m = min(max(distance_m, options.lookahead_min_m), options.lookahead_max_m)
+        point_m: FloatArray = base.inverse().apply(ahead(request.path_m, base, distance_m)[-1:])[0]
         return point_m
 
-    def _speed(self, request: ControlRequest, bend: float) -> float:
+    def _regulated_speed(self, request: ControlRequest, curvature: float) -> float:
         options = self._options
-        part = min(1.0, 1.0 / max(1e-6, abs(bend) * options.slow_radius_m))
-        part = min(part, max(0.0, _clearance_m(request, self._footprint)) / options.slow_clearance_m)
-        return request.v_limit_m_s * min(1.0, max(options.least_part, part))
+        fraction = min(1.0, 1.0 / max(1e-6, abs(curvature) * options.slow_radius_m))
+        clearance_m = max(0.0, _clearance_m(request, self._footprint))
+        fraction = min(fraction, clearance_m / options.slow_clearance_m)
+        return request.v_limit_m_s * min(1.0, max(options.least_part, fraction))
 
 
 def _clearance_m(request: ControlRequest, footprint: Footprint) -> float:
-    """Distance of the nearest obstacle cell from the inscribed circle [m]; large when far."""
+    """Return the distance from the inscribed circle to the nearest obstacle cell [m], capped."""
     costmap, base = request.costmap, request.map_from_base
     rows, cols = costmap.cells_of(np.array(((base.x_m, base.y_m),)))
     row, col = int(rows[0]), int(cols[0])
     if not (0 <= row < costmap.costs.shape[0] and 0 <= col < costmap.costs.shape[1]):
         return 0.0
-    far_m = math.sqrt(float(costmap.squared_cells[row, col])) * costmap.resolution_m
-    return far_m - footprint.inscribed_radius_m
+    distance_m = math.sqrt(float(costmap.squared_cells[row, col])) * costmap.resolution_m
+    return distance_m - footprint.inscribed_radius_m

@@ -1,18 +1,18 @@
-"""How fast the robot may drive here: its own limit, the speed mask's, and what still stops at the goal."""
+"""The speed limit at a place: the robot's own, the speed mask's, and the braking distance to the goal."""
 
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.navigation.costmap.filters import speed_parts
+from thumper.navigation.costmap.filters import speed_fractions
 from thumper.navigation.speed_limits import SpeedLimits, stoppable_speed
 
 PERIOD_S = 0.1
-BRAKE_PART = 0.8
+BRAKE_FRACTION = 0.8  # of the deceleration is planned; the rest corrects errors
 
 
 class SpeedLimiter:
-    """The fastest forward speed from place and way left."""
+    """Returns the highest forward speed by place and remaining distance."""
 
     def __init__(self, limits: SpeedLimits, *, approach_m_s: float, mask: OccupancyGrid | None) -> None:
         self._limits = limits
@@ -20,34 +20,33 @@ class SpeedLimiter:
         self._mask = mask
 
     def limit_m_s(self, map_from_base: Pose2, path_m: FloatArray | None, remaining_m: float) -> float:
-        """Return the limit [m/s], never below the approach's; `path_m` has shape (n, 2), or is None."""
+        """Return the limit [m/s], never below the approach speed; `path_m` has shape (n, 2), or is None."""
         fastest_m_s = self._limits.v_max_m_s
         if self._mask is not None:
             place_m = np.array((map_from_base.x_m, map_from_base.y_m))
             fastest_m_s = self._zone_limit_m_s(self._mask, place_m, path_m)
-        # A command holds for a period, and a brake that is already at its limit could not mend an error.
-        late_s = self._limits.latency_s + PERIOD_S
-        stoppable_m_s = stoppable_speed(remaining_m, BRAKE_PART * self._limits.v_accel_m_s2, late_s)
+        delay_s = self._limits.latency_s + PERIOD_S  # a command holds for one period
+        stoppable_m_s = stoppable_speed(remaining_m, BRAKE_FRACTION * self._limits.v_accel_m_s2, delay_s)
         return max(self._approach_m_s, min(fastest_m_s, stoppable_m_s))
 
-    def travel_s(self, path_m: FloatArray) -> float:
-        """Time that a path, shape (n, 2) [m], takes at the fastest speeds allowed along it [s]."""
+    def travel_time_s(self, path_m: FloatArray) -> float:
+        """Return the time that a path, shape (n, 2) [m], takes at the highest speeds allowed along it."""
         steps_m = np.hypot(*np.diff(path_m, axis=0).T)
-        parts = np.ones(len(steps_m)) if self._mask is None else speed_parts(self._mask, path_m[1:])
-        speeds_m_s = np.maximum(self._approach_m_s, self._limits.v_max_m_s * parts)
+        fractions = np.ones(len(steps_m)) if self._mask is None else speed_fractions(self._mask, path_m[1:])
+        speeds_m_s = np.maximum(self._approach_m_s, self._limits.v_max_m_s * fractions)
         return float((steps_m / speeds_m_s).sum())
 
     def _zone_limit_m_s(self, mask: OccupancyGrid, place_m: FloatArray, path_m: FloatArray | None) -> float:
-        """The robot slows down before a slower zone, so that it enters at the zone's speed.
+        """Return the limit that lets the robot enter every slow zone ahead at the zone's speed.
 
-        Solves way = v latency + (v^2 - zone^2) / (2 accel) for every point of the path.
+        Solves distance = v latency + (v^2 - zone^2) / (2 accel) for every point of the path.
         """
         limits = self._limits
-        here_m_s = limits.v_max_m_s * float(speed_parts(mask, place_m[None, :])[0])
+        here_m_s = limits.v_max_m_s * float(speed_fractions(mask, place_m[None, :])[0])
         if path_m is None:
             return here_m_s
-        way_m = np.cumsum(np.hypot(*np.diff(np.vstack((place_m, path_m)), axis=0).T))
-        zones_m_s = limits.v_max_m_s * speed_parts(mask, path_m)
+        distances_m = np.cumsum(np.hypot(*np.diff(np.vstack((place_m, path_m)), axis=0).T))
+        zones_m_s = limits.v_max_m_s * speed_fractions(mask, path_m)
         delay = limits.v_accel_m_s2 * limits.latency_s
-        ahead_m_s = np.sqrt(delay * delay + zones_m_s**2 + 2.0 * limits.v_accel_m_s2 * way_m) - delay
+        ahead_m_s = np.sqrt(delay * delay + zones_m_s**2 + 2.0 * limits.v_accel_m_s2 * distances_m) - delay
         return min(here_m_s, float(np.maximum(ahead_m_s, zones_m_s).min()))

@@ -1,7 +1,7 @@
-"""Threads a tight place: plans poses for the whole outline and drives them one after the other, slowly.
+"""Drive through a tight passage: plan poses for the whole footprint and follow them slowly.
 
-Where a corridor is hardly wider than the robot, a controller that scores twists of the next second sees only
-that every one of them is bad: the way out may begin with a step back.
+In a corridor hardly wider than the robot, a controller that scores the twists of the next second sees only
+that all of them are bad: the way out may begin with a step back.
 """
 
 import math
@@ -13,38 +13,54 @@ from annotated_types import Ge, Gt
 
 from thumper.common.geometry import FloatArray, Twist2, wrap_angle
 from thumper.navigation.controllers.controller import ControlRequest, ControlResult
-from thumper.navigation.controllers.dwa_kernels import simulate
-from thumper.navigation.controllers.rotate_in_place import SLOWEST_TURN_RAD_S, is_open
+from thumper.navigation.controllers.rotate_in_place import SLOWEST_TURN_RAD_S, poses_are_free
+from thumper.navigation.controllers.stopping_check import braking_distance_s, simulated_poses
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.lattice import LatticePlanner
+from thumper.navigation.planners.polyline import arc_lengths
 from thumper.navigation.speed_limits import SpeedLimits, step_toward, stoppable_speed
 
 SIDE_GAIN, HEADING_GAIN = 20.0, 9.0  # [1/m^2], [1/m]: critically damped over about a quarter of a metre
 AT_POSE_M, AT_POSE_RAD = 0.01, 0.06
 FASTEST_TURN_RAD_S = 0.8
-ROOM_M = 0.03  # beyond the outline's circle: enough for any controller
+ROOM_M = 0.03  # beyond the circumscribed circle: enough for any controller
 SAME_PLACE_M = 1e-6
 SLOWEST_M_S = 0.05
 STEP_S = 0.05
+MAX_OFFSET_M = 0.08  # a robot further from its poses gives them up
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TightPassageOptions:
-    """When and how the robot threads its way."""
+    """How the robot drives through tight passages."""
 
-    # Time that the controller stands still although there is a path, before a manoeuvre is planned [s].
-    after_s: Annotated[float, Gt(0)] = 0.8
-    # Speed in a manoeuvre [m/s].
+    # Speed along the poses [m/s].
     v_m_s: Annotated[float, Gt(0)] = 0.12
-    # Way driven pose by pose before the controller is tried again [m]; 0 never threads.
+    # Distance driven pose by pose before the controller is tried again [m]; 0 turns this off.
     length_m: Annotated[float, Ge(0)] = 0.8
-    # Distance from the planned poses at which the manoeuvre is given up [m].
-    stray_m: Annotated[float, Gt(0)] = 0.08
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Segment:
+    """The move from one pose of the sequence to the next."""
+
+    start: FloatArray  # x, y, theta
+    step_m: FloatArray  # shape (2,)
+    turn_rad: float
+    length_m: float
+
+    @classmethod
+    def between(cls, start: FloatArray, end: FloatArray) -> "Segment":
+        """Return the move between two poses."""
+        step_m = end[:2] - start[:2]
+        return cls(
+            start=start, step_m=step_m, turn_rad=float(end[2] - start[2]), length_m=math.hypot(*step_m)
+        )
 
 
 class PoseSequenceFollower:
-    """One manoeuvre at a time: `begin`, then `step` until it returns None."""
+    """Follows one sequence at a time: `start`, then `compute_command` until it returns None."""
 
     def __init__(
         self, options: TightPassageOptions, limits: SpeedLimits, footprint: Footprint, lattice: LatticePlanner
@@ -53,93 +69,87 @@ class PoseSequenceFollower:
         self._limits = limits
         self._footprint = footprint
         self._lattice = lattice
-        self.active = self.is_whole = False
+        self._poses: FloatArray = np.empty((0, 3))
+        self._index = 0
+        self._passage_only = self._was_tight = False
+        self.active = False
+        self.reaches_goal = False  # the poses lead to the goal, not only toward it
 
-    def begin(self, request: ControlRequest, goal: Goal, *, through: bool) -> bool:
-        """Plan; False when no poses lead to the goal, or there is nothing to drive.
+    def start(self, request: ControlRequest, goal: Goal, *, passage_only: bool) -> bool:
+        """Plan; return False if no poses lead to the goal or the robot is already there.
 
-        A way that only leads `through` a tight place is over when that is behind.
+        With `passage_only` the sequence ends as soon as the tight passage is behind the robot.
         """
         if self._options.length_m == 0.0:
             return False
         poses = self._lattice.poses(request.costmap, request.map_from_base, goal)
         if len(poses) < 2:
             return False
-        way_m = np.concatenate((np.zeros(1), np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))))
-        self._poses = poses[: max(2, int(np.searchsorted(way_m, self._options.length_m)) + 1)]
-        self.is_whole = len(self._poses) == len(poses)  # it leads to the goal, not only toward it
+        count = int(np.searchsorted(arc_lengths(poses), self._options.length_m)) + 1
+        self._poses = poses[: max(2, count)]
+        self.reaches_goal = len(self._poses) == len(poses)
         self._index = 0
-        self._through, self._was_tight = through, False
+        self._passage_only, self._was_tight = passage_only, False
         self.active = True
         return True
 
-    def drop(self) -> None:
-        """Give it up."""
+    def stop(self) -> None:
+        """Drop the sequence."""
         self.active = False
 
-    def step(self, request: ControlRequest) -> ControlResult | None:
-        """Return the next twist; None when the tight place or the last pose is behind, or it has strayed."""
+    def compute_command(self, request: ControlRequest) -> ControlResult | None:
+        """Return the next twist.
+
+        None once the passage or the last pose has been passed, or the robot has left the poses.
+        """
         tight = not self._has_room(request)
-        is_behind = self._through and self._was_tight and not tight
+        passed = self._passage_only and self._was_tight and not tight
         self._was_tight |= tight
-        wanted = None if is_behind else self._wanted(request)
+        wanted = None if passed else self._wanted(request)
         if wanted is None:
             self.active = False
             return None
         limits, period_s, last = self._limits, request.period_s, request.last_command
-        v_m_s = step_toward(last.v_m_s, wanted.v_m_s, limits.v_accel_m_s2 * period_s)
-        w_rad_s = step_toward(last.w_rad_s, wanted.w_rad_s, limits.w_accel_rad_s2 * period_s)
-        ahead = self._stopping_poses(request, v_m_s, w_rad_s)
+        command = Twist2(
+            v_m_s=step_toward(last.v_m_s, wanted.v_m_s, limits.v_accel_m_s2 * period_s),
+            w_rad_s=step_toward(last.w_rad_s, wanted.w_rad_s, limits.w_accel_rad_s2 * period_s),
+        )
+        driven_s = limits.latency_s + period_s + braking_distance_s(command, limits)
+        poses = simulated_poses(request, command, limits, step_s=STEP_S, count=math.ceil(driven_s / STEP_S))
         start = request.map_from_base
-        if not is_open(request.costmap, self._footprint, ahead, start, unknown_blocks=False):
-            return ControlResult(command=None, reason="the way through the tight place is not free")
-        return ControlResult(command=Twist2(v_m_s=v_m_s, w_rad_s=w_rad_s), trajectory=self._poses)
+        if not poses_are_free(request.costmap, self._footprint, poses, start, unknown_blocks=False):
+            return ControlResult(command=None, reason="the path through the tight passage is not free")
+        return ControlResult(command=command, trajectory=self._poses)
 
     def _has_room(self, request: ControlRequest) -> bool:
-        """Whether the robot could turn on the spot here, with some room to spare."""
+        """Return whether the robot could rotate in place here, with some room to spare."""
         base, costmap = request.map_from_base, request.costmap
         rows, cols = costmap.cells_of(np.array(((base.x_m, base.y_m),)))
         room_m = math.sqrt(float(costmap.squared_cells[rows[0], cols[0]])) * costmap.resolution_m
         return room_m >= self._footprint.circumscribed_radius_m + ROOM_M
 
-    def _stopping_poses(self, request: ControlRequest, v_m_s: float, w_rad_s: float) -> FloatArray:
-        """Where the command leads until the robot could stand, shape (n, 3)."""
-        limits = self._limits
-        braking_s = 0.5 * max(abs(v_m_s) / limits.v_accel_m_s2, abs(w_rad_s) / limits.w_accel_rad_s2)
-        poses = np.empty((math.ceil((limits.latency_s + request.period_s + braking_s) / STEP_S), 3))
-        base = request.map_from_base
-        simulate(
-            np.array((base.x_m, base.y_m, base.theta_rad)),
-            np.array((request.twist.v_m_s, request.twist.w_rad_s)),
-            np.array((v_m_s, w_rad_s)),
-            np.array((limits.v_accel_m_s2, limits.w_accel_rad_s2, limits.latency_s, STEP_S)),
-            poses,
-        )
-        return poses
-
     def _wanted(self, request: ControlRequest) -> Twist2 | None:
+        """Return the twist toward the next pose that is not yet reached; None if there is none."""
         base = request.map_from_base
         while self._index < len(self._poses) - 1:
-            here, there = self._poses[self._index], self._poses[self._index + 1]
-            step_m, turn_rad = there[:2] - here[:2], float(there[2] - here[2])
-            length_m = math.hypot(*step_m)
-            if length_m < SAME_PLACE_M:
-                wanted = self._turn(base.theta_rad, float(there[2]), turn_rad)
+            segment = Segment.between(self._poses[self._index], self._poses[self._index + 1])
+            if segment.length_m < SAME_PLACE_M:
+                target_rad = float(self._poses[self._index + 1, 2])
+                wanted = self._turn(base.theta_rad, target_rad, segment.turn_rad)
             else:
-                offset_m = np.array((base.x_m, base.y_m)) - here[:2]
-                along_m = float(offset_m @ step_m) / length_m
-                if (
-                    math.dist((base.x_m, base.y_m), here[:2] + step_m * along_m / length_m)
-                    > self._options.stray_m
-                ):
+                offset_m = np.array((base.x_m, base.y_m)) - segment.start[:2]
+                along_m = float(offset_m @ segment.step_m) / segment.length_m
+                nearest_m = segment.start[:2] + segment.step_m * along_m / segment.length_m
+                if math.dist((base.x_m, base.y_m), nearest_m) > MAX_OFFSET_M:
                     return None
-                wanted = self._drive(base.theta_rad, offset_m, along_m, here, step_m, turn_rad)
+                wanted = self._drive(base.theta_rad, offset_m, along_m, segment)
             if wanted is not None:
                 return wanted
             self._index += 1
         return None
 
     def _turn(self, theta_rad: float, target_rad: float, turn_rad: float) -> Twist2 | None:
+        """Return the twist of a rotation in place; None at its end."""
         left_rad = wrap_angle(target_rad - theta_rad) * math.copysign(1.0, turn_rad)
         if left_rad < AT_POSE_RAD:
             return None
@@ -149,7 +159,7 @@ class PoseSequenceFollower:
         return Twist2(w_rad_s=math.copysign(max(SLOWEST_TURN_RAD_S, speed), turn_rad))
 
     def _same_turn_rad(self, turn_rad: float) -> float:
-        """Turn after the next pose that goes on in the same direction without a stop [rad]."""
+        """Return the rotation after the next pose that continues in the same direction [rad]."""
         total_rad = 0.0
         for here, there in zip(self._poses[self._index + 1 :], self._poses[self._index + 2 :], strict=False):
             further_rad = float(there[2] - here[2])
@@ -159,39 +169,33 @@ class PoseSequenceFollower:
         return total_rad
 
     def _drive(
-        self,
-        theta_rad: float,
-        offset_m: FloatArray,
-        along_m: float,
-        here: FloatArray,
-        step_m: FloatArray,
-        turn_rad: float,
+        self, theta_rad: float, offset_m: FloatArray, along_m: float, segment: Segment
     ) -> Twist2 | None:
-        length_m = math.hypot(*step_m)
-        left_m = length_m - along_m
+        """Return the twist along a segment; None at its end. `offset_m` is the robot's, from its start."""
+        left_m = segment.length_m - along_m
         if left_m < AT_POSE_M:
             return None
-        part = min(1.0, max(0.0, along_m / length_m))
-        heading_rad = float(here[2]) + part * turn_rad
-        off_m = offset_m - part * step_m
-        side_m = -math.sin(heading_rad) * off_m[0] + math.cos(heading_rad) * off_m[1]
+        fraction = min(1.0, max(0.0, along_m / segment.length_m))
+        heading_rad = float(segment.start[2]) + fraction * segment.turn_rad
+        error_m = offset_m - fraction * segment.step_m
+        side_m = -math.sin(heading_rad) * error_m[0] + math.cos(heading_rad) * error_m[1]
         error_rad = wrap_angle(theta_rad - heading_rad)
-        ahead = step_m @ np.array((math.cos(heading_rad), math.sin(heading_rad))) > 0.0
-        room_m = left_m + self._same_way_m(ahead)
+        forward = segment.step_m @ np.array((math.cos(heading_rad), math.sin(heading_rad))) > 0.0
+        room_m = left_m + self._same_direction_m(forward)
         speed = stoppable_speed(room_m, self._limits.v_accel_m_s2, self._limits.latency_s)
-        v_m_s = math.copysign(min(self._options.v_m_s, max(SLOWEST_M_S, speed)), 1.0 if ahead else -1.0)
-        bend = abs(v_m_s) * turn_rad / length_m
-        w_rad_s = bend - HEADING_GAIN * abs(v_m_s) * error_rad - SIDE_GAIN * v_m_s * side_m
+        v_m_s = math.copysign(min(self._options.v_m_s, max(SLOWEST_M_S, speed)), 1.0 if forward else -1.0)
+        feed_forward = abs(v_m_s) * segment.turn_rad / segment.length_m
+        w_rad_s = feed_forward - HEADING_GAIN * abs(v_m_s) * error_rad - SIDE_GAIN * v_m_s * side_m
         limit = self._limits.w_max_rad_s
         return Twist2(v_m_s=v_m_s, w_rad_s=min(max(w_rad_s, -limit), limit))
 
-    def _same_way_m(self, ahead: bool) -> float:
-        """Way after the next pose that goes on in the same direction without a stop [m]."""
+    def _same_direction_m(self, forward: bool) -> float:
+        """Return the distance after the next pose that continues in the same direction [m]."""
         total_m = 0.0
         for here, there in zip(self._poses[self._index + 1 :], self._poses[self._index + 2 :], strict=False):
             step_m = there[:2] - here[:2]
             along_m = float(step_m @ np.array((math.cos(here[2]), math.sin(here[2]))))
-            if abs(along_m) < 1e-6 or (along_m > 0.0) != ahead:
+            if abs(along_m) < 1e-6 or (along_m > 0.0) != forward:
                 break
             total_m += math.hypot(*step_m)
         return total_m

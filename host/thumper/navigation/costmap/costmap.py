@@ -1,4 +1,4 @@
-"""The grid of costs that planner and controller read: the map plus what the newest scan sees. Pure."""
+"""The costmap that planners and controllers read: the map plus the newest scan, inflated. Pure."""
 
 import math
 from dataclasses import dataclass
@@ -10,43 +10,42 @@ from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.navigation.costmap.filters import is_closed
+from thumper.navigation.costmap.filters import keepout_cells
 from thumper.navigation.costmap.inflation import (
     INSCRIBED,
     UNKNOWN,
     ByteArray,
     IntArray,
     cost_table,
-    reach_cells,
     squared_distances,
+    whole_cells,
 )
 from thumper.navigation.footprint import Footprint
+
+SCAN_OVERRIDE_M = 0.08  # in the window, the scan's hits replace map cells this near to them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CostmapOptions:
-    """How obstacles become costs."""
+    """How obstacles turn into costs."""
 
-    # Distance from an obstacle at which its cost ends [m]; more keeps the path further away where there is
-    # room.
+    # Distance from an obstacle at which its cost ends [m]; more keeps paths further away where there is room.
     inflation_radius_m: Annotated[float, Gt(0)] = 0.55
-    # Decay of the cost with distance [1/m]; less spreads the cost further out.
+    # Decay of the cost with distance [1/m]; less spreads the cost further.
     decay_per_m: Annotated[float, Gt(0)] = 6.0
-    # Occupancy from which a map cell is an obstacle [percent].
+    # Occupancy at and above which a map cell is an obstacle [percent].
     lethal_percent: Annotated[int, Interval(ge=1, le=100)] = 60
-    # Side of the rolling window round the robot that controllers read [m].
+    # Side of the rolling window round the robot that the controllers read [m].
     window_m: Annotated[float, Gt(0)] = 4.0
-    # Side of its cells [m]; finer lets the robot through tighter gaps, and costs time.
+    # Cell size of this window [m]; finer cells let the robot through narrower gaps and cost time.
     window_resolution_m: Annotated[float, Gt(0)] = 0.025
-    # Map cells this near to a point that the lidar has just seen are left to the point [m].
-    trust_m: Annotated[float, Gt(0)] = 0.08
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Costmap:
-    """Costs, shape (rows, cols), uint8, laid out as the `OccupancyGrid` they came from.
+    """Costs, shape (rows, cols), uint8, in the layout of their `OccupancyGrid`.
 
-    254 obstacle, 253 nearer than the inscribed radius, 252 ... 1 decaying, 0 free, 255 unknown.
+    254 obstacle, 253 within the inscribed radius, 252 ... 1 decaying, 0 free, 255 unknown.
     `squared_cells` is the squared distance to the nearest obstacle [cells^2], capped (see
     `squared_distances`).
     """
@@ -63,13 +62,13 @@ class Costmap:
         return np.array((self.origin_x_m, self.origin_y_m))
 
     def cells_of(self, points_m: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """(rows, cols) of points, shape (n, 2); may lie outside."""
+        """Return (rows, cols) of points, shape (n, 2) [m]; they may be outside the costmap."""
         cells = np.floor((points_m - self.origin_m) / self.resolution_m).astype(np.int64)
         return cells[:, 1], cells[:, 0]
 
 
-def mark(lethal: NDArray[np.bool_], points_m: FloatArray, grid: OccupancyGrid) -> None:
-    """Set the cells under points, shape (n, 2), in place; points off the grid or not finite are dropped."""
+def mark_points(lethal: NDArray[np.bool_], points_m: FloatArray, grid: OccupancyGrid) -> None:
+    """Set the cells under points, shape (n, 2), in place; ignore points off the grid or not finite."""
     points_m = points_m[np.isfinite(points_m).all(axis=1)]
     cells = np.floor((points_m - (grid.origin_x_m, grid.origin_y_m)) / grid.resolution_m).astype(np.int64)
     inside = (cells >= 0).all(axis=1) & (cells[:, 0] < lethal.shape[1]) & (cells[:, 1] < lethal.shape[0])
@@ -84,31 +83,30 @@ def build_costmap(
     options: CostmapOptions,
     keepout: OccupancyGrid | None = None,
 ) -> Costmap:
-    """Layer keep-out mask and hits, shape (n, 2) [m], on the map and inflate the sum.
+    """Combine map, keep-out mask and hits, shape (n, 2) [m], and inflate them.
 
-    The hits are marked afresh in every call, so that an obstacle acts in the cycle it is seen in and
-    leaves no ghost of its own: forgetting is the map's business. Unknown cells stay unknown (255) unless
-    they are within the inscribed radius of an obstacle. `CostmapLayers` gives the same, cycle after cycle,
-    for less work.
+    Each call marks only the hits that it is given, so an obstacle acts in the cycle that sees it and leaves
+    nothing behind: clearing is the map's job. Unknown cells stay unknown (255) unless they are within the
+    inscribed radius of an obstacle. `CostmapLayers` computes the same incrementally.
     """
-    lethal = (grid.cells >= options.lethal_percent) | is_closed(keepout, grid)
-    mark(lethal, hits_in_map_m, grid)
+    lethal = (grid.cells >= options.lethal_percent) | keepout_cells(keepout, grid)
+    mark_points(lethal, hits_in_map_m, grid)
     return _inflated(lethal, grid, footprint, options)
 
 
-def inflation_reach(footprint: Footprint, options: CostmapOptions, resolution_m: float) -> int:
-    """Cells up to which distances are exact.
+def inflation_radius_cells(footprint: Footprint, options: CostmapOptions, resolution_m: float) -> int:
+    """Return the radius up to which distances are exact [cells].
 
-    They also serve the footprint check, which needs the circumscribed radius and two half diagonals.
+    The footprint check needs them too, up to the circumscribed radius and two half diagonals.
     """
     least_m = footprint.circumscribed_radius_m + 2.5 * resolution_m
-    return reach_cells(max(options.inflation_radius_m, least_m), resolution_m)
+    return whole_cells(max(options.inflation_radius_m, least_m), resolution_m)
 
 
 def inflation_table(footprint: Footprint, options: CostmapOptions, resolution_m: float) -> ByteArray:
-    """Cost of each squared distance; see `cost_table`."""
+    """Return the cost of each squared distance; see `cost_table`."""
     return cost_table(
-        reach=inflation_reach(footprint, options, resolution_m),
+        radius_cells=inflation_radius_cells(footprint, options, resolution_m),
         resolution_m=resolution_m,
         inscribed_m=footprint.inscribed_radius_m,
         radius_m=options.inflation_radius_m,
@@ -119,7 +117,7 @@ def inflation_table(footprint: Footprint, options: CostmapOptions, resolution_m:
 def _inflated(
     lethal: NDArray[np.bool_], grid: OccupancyGrid, footprint: Footprint, options: CostmapOptions
 ) -> Costmap:
-    squared = squared_distances(lethal, inflation_reach(footprint, options, grid.resolution_m))
+    squared = squared_distances(lethal, inflation_radius_cells(footprint, options, grid.resolution_m))
     costs = inflation_table(footprint, options, grid.resolution_m)[squared]
     costs[(grid.cells < 0) & (costs < INSCRIBED)] = UNKNOWN
     return Costmap(
@@ -139,11 +137,10 @@ def build_window(
     options: CostmapOptions,
     keepout: OccupancyGrid | None = None,
 ) -> Costmap:
-    """The rolling window round the robot, finer than the map: where the scan has hit, its points count, not
-    cells.
+    """Return the rolling window round the robot, in cells finer than the map's.
 
-    A cell of the map that merely holds a hit is an obstacle as wide as a cell; beside a gap hardly wider than
-    the robot that closes it. So map cells within `trust_m` of a hit are left to the hits.
+    A map cell that holds one hit is an obstacle as wide as the cell, which closes a gap hardly wider than the
+    robot. So the exact hits replace all map cells within `SCAN_OVERRIDE_M` of them.
     """
     fine = max(1, round(grid.resolution_m / options.window_resolution_m))
     row, col = grid.cell_of(map_from_base.x_m, map_from_base.y_m)
@@ -158,8 +155,8 @@ def build_window(
         origin_y_m=grid.origin_y_m + top * grid.resolution_m,
     )
     hits = np.zeros(window.cells.shape, np.bool_)
-    mark(hits, hits_in_map_m, window)
-    trust = reach_cells(options.trust_m, window.resolution_m)
-    untold = squared_distances(hits, trust) > trust * trust
-    lethal = hits | ((window.cells >= options.lethal_percent) & untold) | is_closed(keepout, window)
+    mark_points(hits, hits_in_map_m, window)
+    override = whole_cells(SCAN_OVERRIDE_M, window.resolution_m)
+    unscanned = squared_distances(hits, override) > override * override
+    lethal = hits | ((window.cells >= options.lethal_percent) & unscanned) | keepout_cells(keepout, window)
     return _inflated(lethal, window, footprint, options)

@@ -12,42 +12,41 @@ from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.costmap.inflation import INSCRIBED, LETHAL, UNKNOWN, ByteArray, IntArray
 from thumper.navigation.footprint import Footprint
 
+OFF_MAP = -1
+
 
 class GroundCost(Enum):
-    """What a place means for a robot whose centre is in it."""
+    """The cost class of a place (costmap_2d), for a robot whose centre is there."""
 
-    FREE = "free"  # the outline touches nothing, whichever way the robot looks
-    POSSIBLY_CIRCUMSCRIBED = "possibly circumscribed"  # whether it does depends on the heading
-    INSCRIBED = "inscribed"  # it certainly touches
+    FREE = "free"  # the outline touches nothing, at any heading
+    POSSIBLY_CIRCUMSCRIBED = "possibly circumscribed"  # the heading decides
+    INSCRIBED = "inscribed"  # the outline certainly touches an obstacle
     LETHAL = "lethal"  # an obstacle
-    UNKNOWN = "unknown"  # never seen
+    UNKNOWN = "unknown"  # never observed
 
 
-OF_COST = {UNKNOWN: GroundCost.UNKNOWN, INSCRIBED: GroundCost.INSCRIBED, LETHAL: GroundCost.LETHAL}
+CLASS_OF_COST = {UNKNOWN: GroundCost.UNKNOWN, INSCRIBED: GroundCost.INSCRIBED, LETHAL: GroundCost.LETHAL}
 
 
-def category_at(costmap: Costmap, footprint: Footprint, x_m: float, y_m: float) -> GroundCost | None:
-    """The category of a place; None off the map.
+def ground_cost_at(costmap: Costmap, footprint: Footprint, x_m: float, y_m: float) -> GroundCost | None:
+    """Return the cost class of a place; None off the map.
 
-    The border of "possibly circumscribed" is the distance from which `lethal_count` walks the outline.
+    "Possibly circumscribed" ends at the distance beyond which `lethal_count` skips the outline.
     """
     (row,), (col,) = costmap.cells_of(np.array(((x_m, y_m),)))
     if not (0 <= row < costmap.costs.shape[0] and 0 <= col < costmap.costs.shape[1]):
         return None
     cost, squared = int(costmap.costs[row, col]), costmap.squared_cells[row, col]
-    if cost in OF_COST:
-        return OF_COST[cost]
+    if cost in CLASS_OF_COST:
+        return CLASS_OF_COST[cost]
     safe = safe_squared_cells(footprint.circumscribed_radius_m, costmap.resolution_m)
     return GroundCost.POSSIBLY_CIRCUMSCRIBED if squared <= safe else GroundCost.FREE
 
 
-OFF_MAP = -1
+class CollisionGrid(NamedTuple):
+    """A costmap and a footprint outline, as the collision kernels take them.
 
-
-class Ground(NamedTuple):
-    """A costmap and the outline that is laid on it, as kernels take them.
-
-    The outline, shape (n, 2), is in the unit of `resolution`; it is walked only where the centre cell is
+    The outline, shape (n, 2), is in the unit of `resolution`. It is checked only where the centre cell is
     within `safe_squared` [cells^2] of an obstacle.
     """
 
@@ -59,8 +58,8 @@ class Ground(NamedTuple):
     safe_squared: float
 
     @classmethod
-    def of(cls, costmap: Costmap, footprint: Footprint) -> "Ground":
-        """Lay a footprint on a costmap; lengths in metres."""
+    def from_costmap(cls, costmap: Costmap, footprint: Footprint) -> "CollisionGrid":
+        """Combine a costmap and a footprint; lengths in metres."""
         return cls(
             costs=costmap.costs,
             squared_cells=costmap.squared_cells,
@@ -72,20 +71,20 @@ class Ground(NamedTuple):
 
 
 @kernel
-def lethal_count(ground: Ground, unknown_blocks: bool, x: float, y: float, theta_rad: float) -> int:
-    """Number of outline points on obstacle cells (254, and 255 if `unknown_blocks`); -1 off the map.
+def lethal_count(grid: CollisionGrid, unknown_blocks: bool, x: float, y: float, theta_rad: float) -> int:
+    """Count the outline points on obstacle cells (254, and 255 if `unknown_blocks`); -1 off the map.
 
-    Only the outline is tested: whatever is inside it had to cross it, as long as a step is shorter than a
-    cell.
+    Checking the outline is enough: an obstacle can only get inside by crossing it, as long as a step is
+    shorter than a cell.
     """
-    costs, squared_cells, outline = ground.costs, ground.squared_cells, ground.outline
-    origin_x, origin_y, resolution = ground.origin[0], ground.origin[1], ground.resolution
+    costs, squared_cells, outline = grid.costs, grid.squared_cells, grid.outline
+    origin_x, origin_y, resolution = grid.origin[0], grid.origin[1], grid.resolution
     rows, cols = costs.shape
     col = math.floor((x - origin_x) / resolution)
     row = math.floor((y - origin_y) / resolution)
     if row < 0 or col < 0 or row >= rows or col >= cols:
         return OFF_MAP
-    if not unknown_blocks and squared_cells[row, col] > ground.safe_squared:
+    if not unknown_blocks and squared_cells[row, col] > grid.safe_squared:
         return 0
     cos, sin = math.cos(theta_rad), math.sin(theta_rad)
     count = 0
@@ -103,8 +102,8 @@ def lethal_count(ground: Ground, unknown_blocks: bool, x: float, y: float, theta
 
 
 def safe_squared_cells(circumscribed_m: float, resolution_m: float) -> float:
-    """Squared centre distance [cells^2] beyond which no outline point can lie on an obstacle cell.
+    """Return the squared distance [cells^2] beyond which no outline point is on an obstacle cell.
 
-    Both the centre and the outline point lie up to half a diagonal from the centres of their cells.
+    The robot's centre and the outline point are each up to half a diagonal from the centres of their cells.
     """
     return (circumscribed_m / resolution_m + math.sqrt(2.0)) ** 2

@@ -1,8 +1,8 @@
-"""The global costmap kept from cycle to cycle: only where a layer has changed is anything computed again.
+"""The global costmap, kept between cycles and updated only where a layer has changed.
 
-Layers: the map, the keep-out mask, the hits of scan and memory; inflation over their sum. The new map is
-compared with the last one row by row (a memory comparison, the only work that grows with the map); distances
-and costs are renewed in the box round the changes, grown by the inflation's reach.
+Layers: map, keep-out mask, hits of scan and memory; inflation over their union. Each update compares the map
+with the previous one row by row (a memory comparison, the only work that grows with the map). It recomputes
+distances and costs in the box round the changes, grown by the inflation radius.
 """
 
 import numpy as np
@@ -11,21 +11,27 @@ from numpy.typing import NDArray
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
 from thumper.maps.occupancy_grid import CellArray, OccupancyGrid
-from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, inflation_reach, inflation_table
-from thumper.navigation.costmap.filters import is_closed
+from thumper.navigation.costmap.costmap import (
+    Costmap,
+    CostmapOptions,
+    inflation_radius_cells,
+    inflation_table,
+)
+from thumper.navigation.costmap.filters import keepout_cells
 from thumper.navigation.costmap.inflation import INSCRIBED, UNKNOWN, ByteArray, squared_distances
 from thumper.navigation.footprint import Footprint
 
-MAP, CLOSED, HIT = 1, 2, 4  # bits of a cell's layers; any of them makes it an obstacle
+MAP, KEEPOUT, HIT = 1, 2, 4  # bits of a cell's layers; any of them makes it an obstacle
 NO_BOX = np.array((np.iinfo(np.int64).max, np.iinfo(np.int64).max, -1, -1))
 
 
 @kernel
-def take_map(
+def update_map_layer(
     cells: CellArray, known: CellArray, layers: ByteArray, lethal_percent: int, box: NDArray[np.int64]
 ) -> None:
-    """Bring `known` and the MAP bit of `layers`, shape (rows, cols), up to `cells`; grow `box` (row_min,
-    col_min, row_max, col_max) round the cells that turned obstacle, free or unknown.
+    """Update `known` and the MAP bit of `layers`, shape (rows, cols), to `cells`.
+
+    Grows `box` (row_min, col_min, row_max, col_max) round the cells that became obstacle, free or unknown.
     """
     rows, cols = cells.shape
     for row in range(rows):
@@ -48,23 +54,23 @@ def take_map(
 
 
 @kernel
-def take_hits(
+def update_hit_layer(
     hits: NDArray[np.int64], marked: NDArray[np.int64], layers: ByteArray, box: NDArray[np.int64]
 ) -> None:
-    """Move the HIT bit from the cells `marked` to the cells `hits`, flat indices; grow `box` likewise."""
+    """Move the HIT bit from the cells `marked` to the cells `hits`, flat indices; grow `box` alike."""
     flat, cols = layers.ravel(), layers.shape[1]
-    seen = np.uint8(128)  # set on a cell that stays: it is no change
+    stays = np.uint8(128)  # a cell that was and is a hit: no change
     for cell in hits:
-        flat[cell] |= seen
+        flat[cell] |= stays
     for cell in marked:
-        if flat[cell] & seen == 0:
+        if flat[cell] & stays == 0:
             flat[cell] &= ~np.uint8(HIT)
             if flat[cell] == 0:
                 row, col = cell // cols, cell % cols
                 box[0], box[1] = min(box[0], row), min(box[1], col)
                 box[2], box[3] = max(box[2], row), max(box[3], col)
     for cell in hits:
-        before = flat[cell] & ~seen
+        before = flat[cell] & ~stays
         flat[cell] = before | np.uint8(HIT)
         if before == 0:
             row, col = cell // cols, cell % cols
@@ -73,7 +79,7 @@ def take_hits(
 
 
 class CostmapLayers:
-    """The costmap of a growing map; `update` gives the same arrays each time, renewed in place."""
+    """The costmap of a growing map; `update` returns the same arrays each time, updated in place."""
 
     def __init__(
         self, footprint: Footprint, options: CostmapOptions, keepout: OccupancyGrid | None = None
@@ -82,11 +88,17 @@ class CostmapLayers:
         self._options = options
         self._keepout = keepout
         self._geometry: tuple[object, ...] = ()
-        self._marked: NDArray[np.int64]
-        self._costmap: Costmap
+        self._known: CellArray = np.empty((0, 0), np.int8)
+        self._layers: ByteArray = np.empty((0, 0), np.uint8)
+        self._marked: NDArray[np.int64] = np.empty(0, np.int64)
+        self._radius = 0
+        self._table: ByteArray = np.empty(0, np.uint8)
+        self._costmap = _uninitialised(
+            OccupancyGrid(cells=self._known, resolution_m=1.0, origin_x_m=0.0, origin_y_m=0.0)
+        )
 
     def update(self, grid: OccupancyGrid, hits_in_map_m: FloatArray) -> Costmap:
-        """Return the costs of `build_costmap`; the arrays stay valid until the next call.
+        """Return the costs that `build_costmap` would; the arrays are valid until the next call.
 
         `hits_in_map_m` has shape (n, 2) [m].
         """
@@ -94,31 +106,24 @@ class CostmapLayers:
         box = NO_BOX.copy()
         rows, cols = grid.cells.shape
         if geometry != self._geometry:
-            self._begin(grid)
+            self._allocate(grid)
             self._geometry = geometry
             box[:] = 0, 0, rows - 1, cols - 1
-        take_map(grid.cells, self._known, self._layers, self._options.lethal_percent, box)
+        update_map_layer(grid.cells, self._known, self._layers, self._options.lethal_percent, box)
         hits = self._cells_under(hits_in_map_m, grid)
-        take_hits(hits, self._marked, self._layers, box)
+        update_hit_layer(hits, self._marked, self._layers, box)
         self._marked = hits
         if box[2] >= 0:
-            self._renew(box)
+            self._recompute(box)
         return self._costmap
 
-    def _begin(self, grid: OccupancyGrid) -> None:
-        shape = grid.cells.shape
-        self._known: CellArray = np.zeros(shape, np.int8)
-        self._layers: ByteArray = np.where(is_closed(self._keepout, grid), CLOSED, 0).astype(np.uint8)
+    def _allocate(self, grid: OccupancyGrid) -> None:
+        self._known = np.zeros(grid.cells.shape, np.int8)
+        self._layers = np.where(keepout_cells(self._keepout, grid), KEEPOUT, 0).astype(np.uint8)
         self._marked = np.empty(0, np.int64)
-        self._reach = inflation_reach(self._footprint, self._options, grid.resolution_m)
+        self._radius = inflation_radius_cells(self._footprint, self._options, grid.resolution_m)
         self._table = inflation_table(self._footprint, self._options, grid.resolution_m)
-        self._costmap = Costmap(
-            costs=np.empty(shape, np.uint8),
-            squared_cells=np.empty(shape, np.int32),
-            resolution_m=grid.resolution_m,
-            origin_x_m=grid.origin_x_m,
-            origin_y_m=grid.origin_y_m,
-        )
+        self._costmap = _uninitialised(grid)
 
     def _cells_under(self, points_m: FloatArray, grid: OccupancyGrid) -> NDArray[np.int64]:
         points_m = points_m[np.isfinite(points_m).all(axis=1)]
@@ -127,17 +132,28 @@ class CostmapLayers:
         inside = (cells >= 0).all(axis=1) & (cells[:, 0] < cols) & (cells[:, 1] < rows)
         return np.unique(cells[inside, 1] * cols + cells[inside, 0])
 
-    def _renew(self, box: NDArray[np.int64]) -> None:
-        """Distances and costs within the inflation's reach of the changed box."""
-        (rows, cols), reach = self._layers.shape, self._reach
-        top, left = max(0, int(box[0]) - reach), max(0, int(box[1]) - reach)
-        bottom, right = min(rows, int(box[2]) + reach + 1), min(cols, int(box[3]) + reach + 1)
-        # Obstacles up to another reach away count in there.
-        outer_top, outer_left = max(0, top - reach), max(0, left - reach)
-        outer = self._layers[outer_top : bottom + reach, outer_left : right + reach] != 0
-        squared = squared_distances(outer, reach)
+    def _recompute(self, box: NDArray[np.int64]) -> None:
+        """Compute distances and costs within the inflation radius of the changed box."""
+        (rows, cols), radius = self._layers.shape, self._radius
+        top, left = max(0, int(box[0]) - radius), max(0, int(box[1]) - radius)
+        bottom, right = min(rows, int(box[2]) + radius + 1), min(cols, int(box[3]) + radius + 1)
+        # Obstacles up to another radius away affect the cells in there.
+        outer_top, outer_left = max(0, top - radius), max(0, left - radius)
+        outer = self._layers[outer_top : bottom + radius, outer_left : right + radius] != 0
+        squared = squared_distances(outer, radius)
         inner = squared[top - outer_top : bottom - outer_top, left - outer_left : right - outer_left]
         self._costmap.squared_cells[top:bottom, left:right] = inner
         costs: ByteArray = self._table[inner]
         costs[(self._known[top:bottom, left:right] < 0) & (costs < INSCRIBED)] = UNKNOWN
         self._costmap.costs[top:bottom, left:right] = costs
+
+
+def _uninitialised(grid: OccupancyGrid) -> Costmap:
+    """Return a costmap in the layout of a grid; its costs and distances are not set."""
+    return Costmap(
+        costs=np.empty(grid.cells.shape, np.uint8),
+        squared_cells=np.empty(grid.cells.shape, np.int32),
+        resolution_m=grid.resolution_m,
+        origin_x_m=grid.origin_x_m,
+        origin_y_m=grid.origin_y_m,
+    )

@@ -1,10 +1,9 @@
-"""A* on a grid: 8 neighbours, no corner cutting, any cost per cell. A kernel with its own binary heap.
+"""A* on a grid: 8 neighbours, no corner cutting, any cost per cell. Kernels.
 
 Hart, Nilsson & Raphael, "A Formal Basis for the Heuristic Determination of Minimum Cost Paths" (1968).
 """
 
 import math
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,79 +11,36 @@ from numpy.typing import NDArray
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
 from thumper.navigation.costmap.inflation import IntArray
+from thumper.navigation.planners.binary_heap import doubled, heap_pop, heap_push
 
 CostArray = NDArray[np.float32]
 
 NO_GOAL = -1
 
-Number = TypeVar("Number", np.float64, np.int32)
-
 
 @kernel
-def _push(keys: FloatArray, items: IntArray, size: int, key: float, item: int) -> None:
-    slot = size
-    while slot > 0:
-        parent = (slot - 1) >> 1
-        if keys[parent] <= key:
-            break
-        keys[slot] = keys[parent]
-        items[slot] = items[parent]
-        slot = parent
-    keys[slot] = key
-    items[slot] = item
-
-
-@kernel
-def _drop_root(keys: FloatArray, items: IntArray, size: int) -> None:
-    """Remove the smallest of `size` entries; `size - 1` remain."""
-    last = size - 1
-    key, item = keys[last], items[last]
-    slot = 0
-    while True:
-        child = 2 * slot + 1
-        if child >= last:
-            break
-        if child + 1 < last and keys[child + 1] < keys[child]:
-            child += 1
-        if keys[child] >= key:
-            break
-        keys[slot] = keys[child]
-        items[slot] = items[child]
-        slot = child
-    keys[slot] = key
-    items[slot] = item
-
-
-@kernel
-def _grown(array: NDArray[Number]) -> NDArray[Number]:
-    larger = np.empty(2 * array.size, array.dtype)
-    larger[: array.size] = array
-    return larger
-
-
-@kernel
-def search(cell_costs: CostArray, start: int, goal: int) -> tuple[FloatArray, IntArray]:
-    """Cheapest way from `start` to `goal`; with `goal` -1, to every cell.
+def astar(cell_costs: CostArray, start: int, goal: int) -> tuple[FloatArray, IntArray]:
+    """Find the cheapest path from `start` to `goal`, or to every cell if `goal` is -1.
 
     Parameters
     ----------
     cell_costs : ndarray, shape (rows, cols), float32
-        Price of a cell's width, >= 1; inf is an obstacle. The border cells must all be inf. A step costs its
-        length [cells] times the mean price of its two cells.
+        Cost of crossing a cell, >= 1; inf is an obstacle. The border cells must all be inf. A step costs its
+        length [cells] times the mean cost of its two cells.
     start, goal : int
         Flat indices.
 
     Returns
     -------
-    cost : ndarray, shape (rows * cols,)
-        Cost from the start [cells]; inf where the search never came. Final at the goal, and everywhere
-        without one.
+    path_cost : ndarray, shape (rows * cols,)
+        Cost from the start [cells]; inf where the search did not arrive. Final at the goal, and everywhere
+        without a goal.
     parent : ndarray, shape (rows * cols,)
-        Flat index of the cell before; -1 at the start and where the search never came.
+        Flat index of the previous cell; -1 at the start and where the search did not arrive.
     """
     rows, cols = cell_costs.shape
-    prices = cell_costs.ravel()
-    cost = np.full(rows * cols, np.inf)
+    costs = cell_costs.ravel()
+    path_cost = np.full(rows * cols, np.inf)
     parent = np.full(rows * cols, -1, np.int32)
     closed = np.zeros(rows * cols, np.bool_)
     keys, items = np.empty(4096, np.float64), np.empty(4096, np.int32)
@@ -94,12 +50,11 @@ def search(cell_costs: CostArray, start: int, goal: int) -> tuple[FloatArray, In
     goal_row, goal_col = goal // cols, goal % cols
     diagonal_extra = math.sqrt(2.0) - 1.0
 
-    cost[start] = 0.0
-    _push(keys, items, 0, 0.0, start)
+    path_cost[start] = 0.0
+    heap_push(keys, items, 0, 0.0, start)
     size = 1
     while size > 0:
-        cell = items[0]
-        _drop_root(keys, items, size)
+        cell = heap_pop(keys, items, size)
         size -= 1
         if closed[cell]:
             continue
@@ -109,32 +64,32 @@ def search(cell_costs: CostArray, start: int, goal: int) -> tuple[FloatArray, In
         row, col = cell // cols, cell % cols
         for k in range(8):
             neighbour = cell + steps[k]
-            if closed[neighbour] or not prices[neighbour] < np.inf:
+            if closed[neighbour] or not costs[neighbour] < np.inf:
                 continue
             length = 1.0
             if k >= 4:
-                if not (prices[cell + d_cols[k]] < np.inf and prices[cell + cols * d_rows[k]] < np.inf):
+                if not (costs[cell + d_cols[k]] < np.inf and costs[cell + cols * d_rows[k]] < np.inf):
                     continue
                 length = math.sqrt(2.0)
-            candidate = cost[cell] + 0.5 * length * (prices[cell] + prices[neighbour])
-            if candidate >= cost[neighbour]:
+            candidate = path_cost[cell] + 0.5 * length * (costs[cell] + costs[neighbour])
+            if candidate >= path_cost[neighbour]:
                 continue
-            cost[neighbour] = candidate
+            path_cost[neighbour] = candidate
             parent[neighbour] = cell
-            to_go = 0.0
+            heuristic = 0.0
             if goal >= 0:
                 dx, dy = abs(col + d_cols[k] - goal_col), abs(row + d_rows[k] - goal_row)
-                to_go = max(dx, dy) + diagonal_extra * min(dx, dy)
+                heuristic = max(dx, dy) + diagonal_extra * min(dx, dy)
             if size == keys.size:
-                keys, items = _grown(keys), _grown(items)
-            _push(keys, items, size, candidate + to_go, neighbour)
+                keys, items = doubled(keys), doubled(items)
+            heap_push(keys, items, size, candidate + heuristic, neighbour)
             size += 1
-    return cost, parent
+    return path_cost, parent
 
 
 @kernel
-def trace(parent: IntArray, goal: int) -> IntArray:
-    """Cells from the start to `goal`, flat indices, shape (n,)."""
+def trace_path(parent: IntArray, goal: int) -> IntArray:
+    """Return the cells from the start to `goal`, flat indices, shape (n,)."""
     count = 1
     cell = goal
     while parent[cell] >= 0:

@@ -1,5 +1,6 @@
-"""The carrot planner: straight at the goal, as far as the robot can go. For docking and for following
-things.
+"""The carrot planner: a straight line toward the goal, as far as the robot can drive.
+
+For docking and for following.
 """
 
 import math
@@ -8,21 +9,23 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2, wrap_angle
 from thumper.navigation.costmap.costmap import Costmap
-from thumper.navigation.costmap.footprint_collision import Ground, lethal_count
+from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal_count
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
+from thumper.navigation.planners.astar_search import CostArray
 from thumper.navigation.planners.planner import PlanResult
 from thumper.navigation.planners.polyline import arc_lengths, resample
+from thumper.navigation.planners.traversal_cost import TraversalCostOptions, traversal_cost
 
 
 class CarrotPlanner:
-    """`Planner` that draws a line; the robot's outline, turned along the line, is tried at every point."""
+    """`Planner` that draws a line; checks the footprint, heading along the line, at every point."""
 
     def __init__(self, footprint: Footprint) -> None:
         self._footprint = footprint
 
     def plan(self, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> PlanResult:
-        """Return the line up to the goal, or up to the last place before an obstacle; says so then."""
+        """Return the line to the goal, or to the last free point before an obstacle with a message."""
         start_m, goal_m = np.array((map_from_base.x_m, map_from_base.y_m)), np.array((goal.x_m, goal.y_m))
         line_m = resample(np.vstack((start_m, goal_m)), costmap.resolution_m)
         (_, goal_row), (_, goal_col) = costmap.cells_of(np.vstack((start_m, goal_m)))
@@ -32,31 +35,37 @@ class CarrotPlanner:
         free = self._free_points(costmap, line_m, map_from_base)
         if free < 2:
             return PlanResult(
-                reason=f"no straight way to the goal {goal}: an obstacle is right before the robot"
+                reason=f"no straight path to the goal {goal}: an obstacle is directly ahead of the robot"
             )
         if free == len(line_m):
             return PlanResult(path_m=line_m)
         x_m, y_m = line_m[free - 1]
-        told = f"the straight way to the goal {goal} is blocked: going as far as ({x_m:.2f}, {y_m:.2f})"
         if math.dist((x_m, y_m), (goal.x_m, goal.y_m)) > goal.tolerance_m:
-            return PlanResult(reason=f"no straight way to the goal {goal}: blocked at ({x_m:.2f}, {y_m:.2f})")
-        return PlanResult(path_m=line_m[:free], reason=told)
+            return PlanResult(
+                reason=f"no straight path to the goal {goal}: blocked at ({x_m:.2f}, {y_m:.2f})"
+            )
+        message = f"the straight path to the goal {goal} is blocked: going as far as ({x_m:.2f}, {y_m:.2f})"
+        return PlanResult(path_m=line_m[:free], reason=message)
+
+    def cell_costs(self, costmap: Costmap) -> CostArray:
+        """Return the default traversal cost of each cell: the line may cross unknown space."""
+        return traversal_cost(costmap, TraversalCostOptions())
 
     def path_cost_m(self, costmap: Costmap, path_m: FloatArray) -> float:
-        """Length of the path [m]; inf when an obstacle is on it."""
-        heading = Pose2(x_m=float(path_m[0, 0]), y_m=float(path_m[0, 1]))
-        blocked = self._free_points(costmap, path_m, heading) < len(path_m)
+        """Return the length of the path [m]; inf if an obstacle is on it."""
+        start = Pose2(x_m=float(path_m[0, 0]), y_m=float(path_m[0, 1]))
+        blocked = self._free_points(costmap, path_m, start) < len(path_m)
         return math.inf if blocked else float(arc_lengths(path_m)[-1])
 
     def _free_points(self, costmap: Costmap, line_m: FloatArray, start: Pose2) -> int:
-        """How many points of a line the outline can stand on, one after the other from the start."""
-        ground = Ground.of(costmap, self._footprint)
-        touching = max(0, lethal_count(ground, False, start.x_m, start.y_m, start.theta_rad))
-        away = int(np.searchsorted(arc_lengths(line_m), self._footprint.circumscribed_radius_m))
+        """Count the points of a line that the footprint passes in sequence from the start."""
+        grid = CollisionGrid.from_costmap(costmap, self._footprint)
+        touching = max(0, lethal_count(grid, False, start.x_m, start.y_m, start.theta_rad))
+        leaving = int(np.searchsorted(arc_lengths(line_m), self._footprint.circumscribed_radius_m))
         dx_m, dy_m = line_m[-1] - line_m[0]
         theta_rad = wrap_angle(math.atan2(dy_m, dx_m))
         for index, (x_m, y_m) in enumerate(line_m):
-            meets = lethal_count(ground, False, float(x_m), float(y_m), theta_rad)
-            if meets < 0 or meets > (touching if index <= away else 0):
+            hits = lethal_count(grid, False, float(x_m), float(y_m), theta_rad)
+            if hits < 0 or hits > (touching if index <= leaving else 0):
                 return index
         return len(line_m)

@@ -1,105 +1,142 @@
-"""A wave of travel cost over a grid, for navfn and as what the lattice search still has to go. A kernel in
-cells.
+"""Dijkstra with an interpolated potential, for navfn and the lattice heuristic. Kernels in cells.
 
-The wave solves |grad potential| = price: each cell takes its value from its cheaper neighbour across and its
-cheaper one along, so the potential has no octile kinks (Sethian, "A fast marching level set method", 1996).
-Instead of a heap two buckets hold the front: a cell that gets cheaper later is simply expanded again (label
-correcting), so the result does not depend on the order.
+The potential solves |grad potential| = cost: each cell takes its value from its cheaper horizontal and its
+cheaper vertical neighbour, so it has no octile kinks (Sethian, "A fast marching level set method", 1996).
+Two buckets replace the heap. A cell whose value falls later is expanded again (label correcting), so the
+result does not depend on the order.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from thumper.common.numba_kernel import kernel
+from thumper.navigation.costmap.inflation import ByteArray, IntArray
 from thumper.navigation.planners.astar_search import CostArray
 
-BUCKET = np.float32(
-    16.0
-)  # width of a bucket [free cells]: wide ones re-expand a little, narrow ones rescan a lot
+# Width of a bucket [free cells]. Wide buckets expand cells more often, narrow ones scan the front more often.
+BUCKET = np.float32(16.0)
 NEITHER, NOW, LATER = 0, 1, 2
 HALF, TWO, INFINITE = np.float32(0.5), np.float32(2.0), np.float32(np.inf)
-LATERAL = np.float32(math.sqrt(0.5))  # a front that arrives diagonally gains at least this part of a price
+LATERAL = np.float32(math.sqrt(0.5))  # a diagonal front gains at least this fraction of a cell's cost
+
+
+class Wavefront(NamedTuple):
+    """The state of one expansion; arrays are flat, shape (rows * cols,)."""
+
+    cell_costs: CostArray
+    potential: CostArray
+    queued: ByteArray  # NEITHER, NOW or LATER
+    cols: int
+    guided: bool
+    target_row: int
+    target_col: int
 
 
 @kernel
-def dijkstra(prices: CostArray, source: int, target: int, guided: bool, margin: float) -> CostArray:
-    """Potential of every cell that the wave met, shape (rows * cols,), float32; inf elsewhere.
+def eikonal_value(wave: Wavefront, cell: int) -> np.float32:
+    """Return the potential of a cell from its neighbours (upwind solution of the eikonal equation)."""
+    potential, here = wave.potential, wave.cell_costs[cell]
+    right, left = potential[cell + 1], potential[cell - 1]
+    up, down = potential[cell + wave.cols], potential[cell - wave.cols]
+    across, along = min(left, right), min(up, down)
+    low, high = min(across, along), max(across, along)
+    gap = high - low
+    if gap >= here:
+        value: np.float32 = low + here
+    else:
+        value = HALF * (low + high + math.sqrt(TWO * here * here - gap * gap))
+    return value
+
+
+@kernel
+def expansion_key(wave: Wavefront, cell: int, value: np.float32) -> np.float32:
+    """Return the key that decides in which bucket a cell is expanded (A*'s when guided)."""
+    key = value
+    if wave.guided:
+        row = cell // wave.cols
+        dy, dx = np.float32(row - wave.target_row), np.float32(cell - row * wave.cols - wave.target_col)
+        key += math.sqrt(dx * dx + dy * dy)
+    return key
+
+
+@kernel
+def expand_bucket(
+    wave: Wavefront, now: IntArray, n_now: int, later: IntArray, limit: np.float32
+) -> tuple[IntArray, IntArray, int]:
+    """Expand all cells of the bucket `now` and those they add; put cells beyond `limit` in `later`.
+
+    Returns both arrays, which may have been replaced by larger ones, and the number of cells in `later`.
+    """
+    n_later = 0
+    i = 0
+    while i < n_now:
+        cell = int(now[i])
+        i += 1
+        wave.queued[cell] = NEITHER
+        value = eikonal_value(wave, cell)
+        if value >= wave.potential[cell]:
+            continue
+        if expansion_key(wave, cell, value) >= limit:
+            # The next bucket expands the cell again, when its neighbours are settled.
+            if n_later == later.size:
+                later = np.concatenate((later, np.empty(later.size, np.int32)))
+            later[n_later] = cell
+            n_later += 1
+            wave.queued[cell] = LATER
+            continue
+        wave.potential[cell] = value
+        if n_now + 4 > now.size:
+            now = np.concatenate((now, np.empty(now.size, np.int32)))
+        for step in (1, -1, wave.cols, -wave.cols):
+            neighbour = cell + step
+            if wave.queued[neighbour] == NOW or not wave.cell_costs[neighbour] < INFINITE:
+                continue
+            if wave.potential[neighbour] > value + LATERAL * wave.cell_costs[neighbour]:
+                now[n_now] = neighbour
+                wave.queued[neighbour] = NOW
+                n_now += 1
+    return now, later, n_later
+
+
+@kernel
+def dijkstra(cell_costs: CostArray, source: int, target: int, guided: bool, margin: float) -> CostArray:
+    """Return the potential of every cell that the search reached, shape (rows * cols,), float32; else inf.
 
     Parameters
     ----------
-    prices : ndarray, shape (rows, cols), float32
-        Price of a cell's width, >= 1; inf is an obstacle. The border cells must all be inf.
+    cell_costs : ndarray, shape (rows, cols), float32
+        Cost of crossing a cell, >= 1; inf is an obstacle. The border cells must all be inf.
     source, target : int
-        Flat indices; the wave ends `margin` beyond the target's potential, or floods all with target -1.
+        Flat indices. The search ends `margin` beyond the target's potential; with target -1 it covers all.
     guided : bool
-        Expand cells nearer to the target first (A*'s order); the potential along the cheapest way is the
-        same.
+        Expand cells near the target first (A*'s order). The potential along the cheapest path is the same.
     """
-    rows, cols = prices.shape
-    price = prices.ravel()
+    rows, cols = cell_costs.shape
     potential = np.full(rows * cols, INFINITE, np.float32)
-    queue = np.zeros(rows * cols, np.uint8)
-    now, later = np.empty(16384, np.int32), np.empty(16384, np.int32)
+    queued = np.zeros(rows * cols, np.uint8)
     target_row, target_col = target // cols, target % cols
+    is_guided = guided and target >= 0
+    wave = Wavefront(cell_costs.ravel(), potential, queued, cols, is_guided, target_row, target_col)
+    now, later = np.empty(16384, np.int32), np.empty(16384, np.int32)
     potential[source] = 0.0
-    n_now, n_later = 0, 0
+    n_now = 0
     for step in (1, -1, cols, -cols):
-        if price[source + step] < INFINITE:
+        if wave.cell_costs[source + step] < INFINITE:
             now[n_now] = source + step
-            queue[source + step] = NOW
+            queued[source + step] = NOW
             n_now += 1
-    guided = guided and target >= 0
     limit = BUCKET
-    if guided:
+    if is_guided:
         limit += np.float32(math.hypot(source // cols - target_row, source % cols - target_col))
     end = INFINITE
     while n_now > 0:
-        i = 0
-        while i < n_now:
-            cell = int(now[i])
-            i += 1
-            queue[cell] = NEITHER
-            here = price[cell]
-            right, left = potential[cell + 1], potential[cell - 1]
-            up, down = potential[cell + cols], potential[cell - cols]
-            across, along = min(left, right), min(up, down)
-            low, high = min(across, along), max(across, along)
-            gap = high - low
-            value = (
-                low + here if gap >= here else HALF * (low + high + math.sqrt(TWO * here * here - gap * gap))
-            )
-            if value >= potential[cell]:
-                continue
-            rank = value
-            if guided:
-                row = cell // cols
-                dy, dx = np.float32(row - target_row), np.float32(cell - row * cols - target_col)
-                rank += math.sqrt(dx * dx + dy * dy)
-            if rank >= limit:
-                # Not its turn yet: the cell comes back with the next bucket, when its neighbours are settled.
-                if n_later == later.size:
-                    later = np.concatenate((later, np.empty(later.size, np.int32)))
-                later[n_later] = cell
-                n_later += 1
-                queue[cell] = LATER
-                continue
-            potential[cell] = value
-            if n_now + 4 > now.size:
-                now = np.concatenate((now, np.empty(now.size, np.int32)))
-            for step in (1, -1, cols, -cols):
-                neighbour = cell + step
-                if queue[neighbour] == NOW or not price[neighbour] < INFINITE:
-                    continue
-                if potential[neighbour] > value + LATERAL * price[neighbour]:
-                    now[n_now] = neighbour
-                    queue[neighbour] = NOW
-                    n_now += 1
+        now, later, n_later = expand_bucket(wave, now, n_now, later, limit)
         if target >= 0 and potential[target] < INFINITE:
             end = potential[target] + np.float32(margin)
         if limit >= end:
             break
-        now, later = later, now
-        n_now, n_later = n_later, 0
+        now, later, n_now = later, now, n_later
         limit += BUCKET
     return potential

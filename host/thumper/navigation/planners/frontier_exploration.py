@@ -1,4 +1,4 @@
-"""Frontiers: where known free ground that the robot can reach borders on ground never seen.
+"""Frontiers: where reachable free space borders on unknown space.
 
 Yamauchi, "A Frontier-Based Approach for Autonomous Exploration" (1997).
 """
@@ -19,86 +19,95 @@ from thumper.navigation.costmap.inflation import LETHAL
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.dijkstra import dijkstra
-from thumper.navigation.planners.start_and_goal_cells import nearest_open
-from thumper.navigation.planners.traversal_cost import price_cells
+from thumper.navigation.planners.start_and_goal_cells import nearest_passable
+from thumper.navigation.planners.traversal_cost import TraversalCostOptions, traversal_cost
 
 EVERYWHERE = -1
 NEIGHBOURS = np.ones((3, 3), np.bool_)
-ROOM_M = 0.05  # beyond the outline's circle: there the robot turns with ease
-SIGHT_M = 1.0  # from here, at most, a frontier is looked at
-FACING_RAD = 1.0  # off its direction and the lidar still sees it
+TURNING_ROOM_M = 0.05  # beyond the circumscribed circle: there the robot rotates easily
+VIEW_DISTANCE_M = 1.0  # a frontier is observed from at most this far
+FACING_RAD = 1.0  # this far off the frontier's direction the lidar still sees it
 IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExplorationOptions:
-    """What is worth a drive."""
+    """Which frontiers to visit."""
 
-    # Frontiers shorter than this are left [m]; less maps every nook.
+    # Frontiers shorter than this are skipped [m]; less maps every recess.
     least_frontier_m: Annotated[float, Gt(0)] = 0.40
-    # How much nearer a frontier counts for each metre of its length [m/m].
+    # Preference for long frontiers: metres of path that one metre of frontier is worth [m/m].
     gain: Annotated[float, Ge(0)] = 1.0
-    # How near to a frontier's middle is near enough [m].
+    # Goal tolerance at a frontier [m].
     tolerance_m: Annotated[float, Gt(0)] = 0.30
-    # Frontiers this near to one that was tried in vain, or visited, are left [m].
+    # Frontiers this near to a visited or unreachable one are skipped [m].
     done_radius_m: Annotated[float, Gt(0)] = 0.40
-    # Price of the dearest inflated cell, in free cells.
+    # Extra cost of the most expensive inflated cell, in free cells.
     obstacle_weight: Annotated[float, Ge(0)] = 6.0
-    # How far the search may begin from a robot that stands too near an obstacle [m].
+    # How far from the robot the search may start if the robot is too close to an obstacle [m].
     escape_radius_m: Annotated[float, Gt(0)] = 0.30
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frontier:
-    """One border to the unknown."""
+    """One border to unknown space."""
 
     x_m: float  # of its reachable cell nearest to its middle
     y_m: float
-    view_m: tuple[float, float]  # where to look at it from: there the robot can turn, if anywhere near
+    viewpoint_m: tuple[float, float]  # from where to observe it: a place to turn, if there is one near
     length_m: float
-    way_m: float  # cost of the way there, in metres of free ground
+    path_cost_m: float  # cost of the path to the viewpoint, in metres of free space
 
 
 def find_frontiers(
     grid: OccupancyGrid, map_from_base: Pose2, footprint: Footprint, options: ExplorationOptions
 ) -> list[Frontier]:
-    """All frontiers that the robot can reach over known ground, best first."""
+    """Return all frontiers that the robot can reach through known space, best first."""
     costmap = build_costmap(grid, np.empty((0, 2)), footprint, CostmapOptions())
-    prices = price_cells(costmap, options.obstacle_weight, None)
+    cell_costs = traversal_cost(
+        costmap, TraversalCostOptions(obstacle_weight=options.obstacle_weight, allow_unknown=False)
+    )
     row, col = grid.cell_of(map_from_base.x_m, map_from_base.y_m)
-    start = nearest_open(prices, row, col, options.escape_radius_m / grid.resolution_m)
+    start = nearest_passable(cell_costs, row, col, options.escape_radius_m / grid.resolution_m)
     if start is None:
         return []
-    rows, cols = prices.shape
-    way = dijkstra(prices, start[0] * cols + start[1], EVERYWHERE, False, 0.0).reshape(rows, cols)
-    edges = np.isfinite(way) & binary_dilation(grid.cells < 0, NEIGHBOURS)
-    parts, count = label(edges, NEIGHBOURS)
-    circle_cells = (footprint.circumscribed_radius_m + ROOM_M) / grid.resolution_m
-    roomy = np.argwhere(np.isfinite(way) & (costmap.squared_cells >= circle_cells**2))
+    rows, cols = cell_costs.shape
+    path_costs = dijkstra(cell_costs, start[0] * cols + start[1], EVERYWHERE, False, 0.0).reshape(rows, cols)
+    reached = np.isfinite(path_costs)
+    edges = reached & binary_dilation(grid.cells < 0, NEIGHBOURS)
+    labels, count = label(edges, NEIGHBOURS)
+    circle_cells = (footprint.circumscribed_radius_m + TURNING_ROOM_M) / grid.resolution_m
+    roomy = np.argwhere(reached & (costmap.squared_cells >= circle_cells**2))
     found = []
-    for part in range(1, count + 1):
-        cells = np.argwhere(parts == part)
+    for number in range(1, count + 1):
+        cells = np.argwhere(labels == number)
         length_m = len(cells) * grid.resolution_m
         if length_m < options.least_frontier_m:
             continue
         middle = cells[np.argmin(((cells - cells.mean(axis=0)) ** 2).sum(axis=1))]
-        view = _view(costmap, roomy, middle)
+        view = _viewpoint(costmap, roomy, middle)
         x_m, y_m = grid.centre_of(int(middle[0]), int(middle[1]))
-        cost_m = float(way[view[0], view[1]]) * grid.resolution_m
-        view_m = grid.centre_of(int(view[0]), int(view[1]))
-        found.append(Frontier(x_m=x_m, y_m=y_m, view_m=view_m, length_m=length_m, way_m=cost_m))
-    return sorted(found, key=lambda frontier: frontier.way_m - options.gain * frontier.length_m)
+        found.append(
+            Frontier(
+                x_m=x_m,
+                y_m=y_m,
+                viewpoint_m=grid.centre_of(int(view[0]), int(view[1])),
+                length_m=length_m,
+                path_cost_m=float(path_costs[view[0], view[1]]) * grid.resolution_m,
+            )
+        )
+    return sorted(found, key=lambda frontier: frontier.path_cost_m - options.gain * frontier.length_m)
 
 
-def _view(costmap: Costmap, roomy: IntArray, middle: IntArray) -> IntArray:
-    """The roomy cell, shape (2,), nearest to a frontier's middle that sees it; without one, the middle.
+def _viewpoint(costmap: Costmap, roomy: IntArray, middle: IntArray) -> IntArray:
+    """Return the roomy cell, shape (2,), nearest to a frontier's middle that sees it, else the middle.
 
-    A frontier mostly ends in nooks. To drive into them takes long and to come out longer, and the lidar looks
+    Most frontiers end in recesses. Driving into them takes long, and driving out takes longer; the lidar sees
     into them from outside.
     """
-    away = np.hypot(*(roomy - middle).T)
-    near = away <= SIGHT_M / costmap.resolution_m
-    for cell in roomy[near][np.argsort(away[near])]:
+    distances = np.hypot(*(roomy - middle).T)
+    near = distances <= VIEW_DISTANCE_M / costmap.resolution_m
+    for cell in roomy[near][np.argsort(distances[near])]:
         between = np.linspace(cell, middle, 2 * int(np.abs(cell - middle).max()) + 1)
         rows, cols = np.rint(between).astype(np.int64).T
         if not (costmap.costs[rows, cols] == LETHAL).any():
@@ -107,26 +116,26 @@ def _view(costmap: Costmap, roomy: IntArray, middle: IntArray) -> IntArray:
 
 
 class Explorer:
-    """Chooses where to look next, and never the same place in vain twice."""
+    """Chooses the next frontier, and never the same one twice."""
 
     def __init__(self, options: ExplorationOptions, footprint: Footprint) -> None:
         self._options = options
         self._footprint = footprint
-        self._done_m: list[tuple[float, float]] = []
+        self._visited_m: list[tuple[float, float]] = []
 
     def next_goal(self, grid: OccupancyGrid, map_from_base: Pose2) -> Goal | None:
-        """The best frontier not yet tried, or None when the place is explored."""
+        """Return a goal at the best frontier not yet tried, or None when the place is explored."""
         for frontier in find_frontiers(grid, map_from_base, self._footprint, self._options):
-            spots = np.array(self._done_m).reshape(-1, 2)
-            away_m = np.hypot(*(spots - (frontier.x_m, frontier.y_m)).T)
-            if (away_m > self._options.done_radius_m).all():
-                self._done_m.append((frontier.x_m, frontier.y_m))
+            visited = np.array(self._visited_m).reshape(-1, 2)
+            distances_m = np.hypot(*(visited - (frontier.x_m, frontier.y_m)).T)
+            if (distances_m > self._options.done_radius_m).all():
+                self._visited_m.append((frontier.x_m, frontier.y_m))
                 return self._goal(frontier)
         return None
 
     def _goal(self, frontier: Frontier) -> Goal:
-        """The place to look from, and, when that is away from the frontier, toward it."""
-        (x_m, y_m), tolerance_m = frontier.view_m, self._options.tolerance_m
+        """Return the viewpoint, facing the frontier if it is away from it."""
+        (x_m, y_m), tolerance_m = frontier.viewpoint_m, self._options.tolerance_m
         dx_m, dy_m = frontier.x_m - x_m, frontier.y_m - y_m
         if math.hypot(dx_m, dy_m) < tolerance_m:
             return Goal(x_m=x_m, y_m=y_m, tolerance_m=tolerance_m)

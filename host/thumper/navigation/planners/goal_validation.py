@@ -1,4 +1,4 @@
-"""Refuse a senseless goal before the robot moves."""
+"""Reject a goal that the robot cannot reach before it moves."""
 
 import itertools
 import math
@@ -8,22 +8,22 @@ import numpy as np
 from thumper.common.errors import ThumperError
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_costmap
-from thumper.navigation.costmap.inflation import LETHAL
+from thumper.navigation.costmap.inflation import LETHAL, UNKNOWN
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
-from thumper.navigation.planners.astar import AStarOptions, cell_prices
-from thumper.navigation.planners.start_and_goal_cells import nearest_open
+from thumper.navigation.planners.planner import Planner
+from thumper.navigation.planners.start_and_goal_cells import nearest_passable
 
 HEADINGS = 16
 
 
-def has_room(costmap: Costmap, footprint: Footprint, goal: Goal) -> bool:
-    """Whether no obstacle is in the outline at some place within the tolerance, under some heading."""
+def footprint_fits(costmap: Costmap, footprint: Footprint, goal: Goal) -> bool:
+    """Return whether the footprint is free of obstacles at some pose within the tolerance of the goal."""
     rows, cols = np.nonzero(costmap.costs == LETHAL)
     obstacles_m = costmap.origin_m + (np.column_stack((cols, rows)) + 0.5) * costmap.resolution_m
     obstacles_m -= (goal.x_m, goal.y_m)
-    reach_m = footprint.circumscribed_radius_m + goal.tolerance_m
-    obstacles_m = obstacles_m[np.hypot(*obstacles_m.T) < reach_m]
+    radius_m = footprint.circumscribed_radius_m + goal.tolerance_m
+    obstacles_m = obstacles_m[np.hypot(*obstacles_m.T) < radius_m]
     planes = footprint.half_planes()
     tolerance_cells = math.floor(goal.tolerance_m / costmap.resolution_m)
     steps = range(-tolerance_cells, tolerance_cells + 1)
@@ -40,33 +40,39 @@ def has_room(costmap: Costmap, footprint: Footprint, goal: Goal) -> bool:
 
 
 def validate_goal(
-    goal: Goal, grid: OccupancyGrid, footprint: Footprint, options: CostmapOptions | None = None
+    goal: Goal,
+    grid: OccupancyGrid,
+    footprint: Footprint,
+    planner: Planner,
+    options: CostmapOptions | None = None,
 ) -> None:
-    """Check a goal against the map known so far; unknown ground is fine.
+    """Check that the planner could end a path at a goal, by the map known so far.
 
     Raises
     ------
     ThumperError
-        The goal is outside the map, or so near an obstacle that no place within its tolerance can hold the
-        robot.
+        The goal is outside the map, or the planner may enter no cell within its tolerance: they are too near
+        an obstacle, or unknown and unknown space is not allowed.
     """
     row, col = grid.cell_of(goal.x_m, goal.y_m)
     rows, cols = grid.cells.shape
     if not grid.contains(row, col):
-        x_end_m, y_end_m = (
-            grid.origin_x_m + cols * grid.resolution_m,
-            grid.origin_y_m + rows * grid.resolution_m,
-        )
+        x_end_m = grid.origin_x_m + cols * grid.resolution_m
+        y_end_m = grid.origin_y_m + rows * grid.resolution_m
         raise ThumperError(
             f"goal {goal} is outside the map (x {grid.origin_x_m:.2f} to {x_end_m:.2f} m, "
             f"y {grid.origin_y_m:.2f} to {y_end_m:.2f} m): choose a goal inside it or a larger map"
         )
     costmap = build_costmap(grid, np.empty((0, 2)), footprint, options or CostmapOptions())
-    if (
-        nearest_open(cell_prices(costmap, AStarOptions()), row, col, goal.tolerance_m / grid.resolution_m)
-        is None
-    ):
+    radius_cells = goal.tolerance_m / grid.resolution_m
+    if nearest_passable(planner.cell_costs(costmap), row, col, radius_cells) is not None:
+        return
+    if costmap.costs[row, col] == UNKNOWN:
         raise ThumperError(
-            f"goal {goal} is inside or too near an obstacle: choose a goal at least "
-            f"{footprint.inscribed_radius_m:.2f} m from obstacles"
+            f"goal {goal} is in unknown space, which the planner must not enter: choose a goal in known "
+            "space or set [navigation.traversal] allow_unknown = true"
         )
+    raise ThumperError(
+        f"goal {goal} is inside or too near an obstacle: choose a goal at least "
+        f"{footprint.inscribed_radius_m:.2f} m from obstacles"
+    )

@@ -1,4 +1,4 @@
-"""The smooth way down a potential. Kernels in cells."""
+"""The smooth path down a potential. Kernels in cells."""
 
 import math
 
@@ -8,16 +8,17 @@ from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
 from thumper.navigation.planners.astar_search import CostArray
 
-LEAST_SLOPE = (
-    0.2  # of the mean of four unit vectors: below, the slopes contradict each other (a saddle, a slit)
-)
-FALL_EVERY = 4  # points within which the potential must have fallen
+# Least length of the mean of four unit vectors. Below it the gradients contradict each other (a saddle, a
+# slit).
+LEAST_GRADIENT = 0.2
+DESCENT_CHECK_POINTS = 4  # the potential must fall within this many points
 
 
 @kernel
-def slope(potential: CostArray, cols: int, cell: int) -> tuple[float, float]:
-    """Downhill direction (x, y) at a cell's centre, of length 1 or 0, from whichever neighbours have a
-    value.
+def downhill(potential: CostArray, cols: int, cell: int) -> tuple[float, float]:
+    """Return the downhill direction (x, y) at a cell's centre, of length 1 or 0.
+
+    Uses those neighbours that have a potential.
     """
     here = potential[cell]
     if not here < np.inf:
@@ -38,8 +39,22 @@ def slope(potential: CostArray, cols: int, cell: int) -> tuple[float, float]:
 
 
 @kernel
+def interpolated_downhill(potential: CostArray, cols: int, x: float, y: float) -> tuple[float, float]:
+    """Return the sum of the downhill directions at the four centres round a point, weighted by nearness."""
+    left, below = math.floor(x - 0.5), math.floor(y - 0.5)
+    fx, fy = x - 0.5 - left, y - 0.5 - below
+    dx = dy = 0.0
+    for k in range(4):
+        ux, uy = downhill(potential, cols, (below + (k >> 1)) * cols + left + (k & 1))
+        weight = (fx if k & 1 else 1.0 - fx) * (fy if k >> 1 else 1.0 - fy)
+        dx += weight * ux
+        dy += weight * uy
+    return dx, dy
+
+
+@kernel
 def lowest_neighbour(potential: CostArray, cols: int, cell: int) -> int:
-    """The lowest of the eight neighbours that no corner hides; the cell itself when none is lower."""
+    """Return the lowest of the eight neighbours not cut off by a corner; the cell itself if none is lower."""
     best = cell
     for d_row in range(-1, 2):
         for d_col in range(-1, 2):
@@ -53,11 +68,11 @@ def lowest_neighbour(potential: CostArray, cols: int, cell: int) -> int:
 
 @kernel
 def gradient_path(potential: CostArray, cols: int, start_x: float, start_y: float, step: float) -> FloatArray:
-    """Points, shape (n, 2) [cells], downhill from a start to the source's cell, about `step` apart.
+    """Return points, shape (n, 2) [cells], downhill from a start to the source's cell, about `step` apart.
 
-    Follows the interpolated slope; wherever that leads off the potential or does not fall, the way goes to
-    the lowest neighbour's centre instead, so that it always ends at the source. Empty when the start has no
-    potential. Its length is limited by the number of cells alone, not by the map's width.
+    Follows the interpolated gradient. Where that leaves the potential or does not descend, the path goes to
+    the centre of the lowest neighbour instead, so that it always ends at the source. Empty if the start has
+    no potential. Only the number of cells limits its length, not the map's width.
     """
     points = np.empty((1024, 2))
     x, y = start_x, start_y
@@ -74,22 +89,14 @@ def gradient_path(potential: CostArray, cols: int, start_x: float, start_y: floa
         if potential[cell] == 0.0:
             return points[:count].copy()
         falls = True
-        if count % FALL_EVERY == 0:
+        if count % DESCENT_CHECK_POINTS == 0:
             falls = potential[cell] < before
             before = min(before, potential[cell])
         low = lowest_neighbour(potential, cols, cell)
         if falls and potential[low] > 0.0:
-            # Slope at the four centres round the point, weighted by nearness.
-            left, below = math.floor(x - 0.5), math.floor(y - 0.5)
-            fx, fy = x - 0.5 - left, y - 0.5 - below
-            dx = dy = 0.0
-            for k in range(4):
-                ux, uy = slope(potential, cols, (below + (k >> 1)) * cols + left + (k & 1))
-                weight = (fx if k & 1 else 1.0 - fx) * (fy if k >> 1 else 1.0 - fy)
-                dx += weight * ux
-                dy += weight * uy
+            dx, dy = interpolated_downhill(potential, cols, x, y)
             size = math.hypot(dx, dy)
-            if size > LEAST_SLOPE:
+            if size > LEAST_GRADIENT:
                 nx, ny = x + step * dx / size, y + step * dy / size
                 if potential[math.floor(ny) * cols + math.floor(nx)] < np.inf:
                     x, y = nx, ny

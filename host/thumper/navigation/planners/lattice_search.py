@@ -1,126 +1,196 @@
-"""A* over place and heading with the robot's whole outline: ways that can be driven, turns included. A
-kernel.
+"""Hybrid A* over position and heading, checking the whole footprint. A kernel.
 
-After Dolgov et al., "Practical Search Techniques in Path Planning for Autonomous Driving" (2008): places are
-continuous, one node is kept for each bin of place and heading; here a robot that may also turn on the spot.
+Dolgov et al., "Practical Search Techniques in Path Planning for Autonomous Driving" (2008): positions are
+continuous, and one node is kept per bin of position and heading. Here the robot can also rotate in place.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
-from thumper.navigation.costmap.footprint_collision import Ground, lethal_count
-from thumper.navigation.planners.astar_search import CostArray, _drop_root, _grown, _push
+from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal_count
+from thumper.navigation.costmap.inflation import IntArray
+from thumper.navigation.planners.astar_search import CostArray
+from thumper.navigation.planners.binary_heap import doubled, heap_pop, heap_push
 
 HEADINGS = 24
 TURN_RAD = math.tau / HEADINGS
-BIN_CELLS = 2  # side of a place bin [cells]
+BIN_CELLS = 2  # side of a position bin [cells]
 STEP_CELLS = 3.0  # length of a move; longer than a bin's diagonal, so that each move leaves its bin
+MOVES = 8
+MAX_CELL_COST = 20.0
+FIRST_NODES = 4096
+
+
+class LatticeProblem(NamedTuple):
+    """What is searched; all lengths in cells."""
+
+    cell_costs: CostArray  # shape (rows, cols)
+    potential: CostArray  # shape (rows * cols,), from the goal, as `dijkstra` returns it
+    grid: CollisionGrid  # origin 0, resolution 1
+    start: FloatArray  # x, y, theta
+    goal: FloatArray  # x, y
+    goal_radius: float  # a pose this near to the goal ends the search
+
+
+class LatticeWeights(NamedTuple):
+    """What moves cost and where the search stops; all lengths in cells."""
+
+    turn: float  # cost of a turn, per radian
+    reverse: float  # factor on the cost of driving backward
+    heuristic: float  # >= 1; more finds a path sooner, which costs at most this factor more
+    escape_radius: float  # this near to the start the footprint may touch what it touches there
+    max_nodes: int
+
+
+class Nodes(NamedTuple):
+    """The search tree, one entry per node."""
+
+    x: FloatArray
+    y: FloatArray
+    cost: FloatArray
+    heading: IntArray  # in steps of TURN_RAD from the start's
+    parent: IntArray
+    closed: NDArray[np.bool_]
 
 
 @kernel
-def search_poses(
-    prices: CostArray,
-    potential: CostArray,
-    ground: Ground,
-    start: FloatArray,
-    goal: FloatArray,
-    near: float,
-    turn_price: float,
-    back_price: float,
-    greed: float,
-    escape: float,
-    most: int,
-) -> FloatArray:
-    """Poses (x, y, theta), shape (n, 3), from the start to within `near` of the goal; empty when there is
-    none.
+def with_root(start: FloatArray) -> Nodes:
+    """Return the tree that holds the start, node 0."""
+    nodes = Nodes(
+        np.empty(FIRST_NODES),
+        np.empty(FIRST_NODES),
+        np.empty(FIRST_NODES),
+        np.empty(FIRST_NODES, np.int32),
+        np.empty(FIRST_NODES, np.int32),
+        np.zeros(FIRST_NODES, np.bool_),
+    )
+    nodes.x[0], nodes.y[0], nodes.cost[0], nodes.heading[0], nodes.parent[0] = start[0], start[1], 0.0, 0, -1
+    return nodes
 
-    All lengths are in cells; `prices`, `potential` (from the goal) as in `wavefront.flood`. A turn costs
-    `turn_price` for each radian, a cell backward `back_price` times its price. `greed` >= 1 weighs what is
-    left to go: more finds a way sooner, which costs at most this much more. Gives up after `most` nodes. The
-    outline must be free everywhere but within `escape` of the start, where it may touch what
-    it touches.
+
+@kernel
+def larger(nodes: Nodes) -> Nodes:
+    """Return the nodes in arrays of twice the length."""
+    return Nodes(
+        doubled(nodes.x),
+        doubled(nodes.y),
+        doubled(nodes.cost),
+        doubled(nodes.heading),
+        doubled(nodes.parent),
+        np.concatenate((nodes.closed, np.zeros(nodes.closed.size, np.bool_))),
+    )
+
+
+@kernel
+def motion_of(move: int) -> tuple[int, float]:
+    """Return the change of heading [TURN_RAD] and the length of a move.
+
+    0 ... 4: arcs ahead by -2 ... 2 headings; 5: straight back; 6, 7: rotations in place.
     """
-    rows, cols = prices.shape
-    bins_x = cols // BIN_CELLS + 1
-    nodes = np.full((rows // BIN_CELLS + 1) * bins_x * HEADINGS, -1, np.int32)
-    x, y, way = np.empty(4096), np.empty(4096), np.empty(4096)
-    turn, parent = np.empty(4096, np.int32), np.empty(4096, np.int32)
-    closed: NDArray[np.bool_] = np.zeros(4096, np.bool_)
-    keys, items = np.empty(4096), np.empty(4096, np.int32)
-    touching = max(0, lethal_count(ground, False, start[0], start[1], start[2]))
-    x[0], y[0], way[0], turn[0], parent[0] = start[0], start[1], 0.0, 0, -1
-    _push(keys, items, 0, 0.0, 0)
-    size, count, found = 1, 1, -1
-    while size > 0 and count < most:
-        node = items[0]
-        _drop_root(keys, items, size)
-        size -= 1
-        if closed[node]:
-            continue
-        closed[node] = True
-        if math.hypot(x[node] - goal[0], y[node] - goal[1]) <= near:
-            found = node
-            break
-        theta = start[2] + turn[node] * TURN_RAD
-        for move in range(8):
-            # 0 ... 4: arcs ahead by -2 ... 2 headings; 5: straight back; 6, 7: turns on the spot
-            change = move - 2 if move < 5 else (0 if move == 5 else 2 * move - 13)
-            length = STEP_CELLS if move < 5 else (-STEP_CELLS if move == 5 else 0.0)
-            mean = theta + 0.5 * change * TURN_RAD
-            nx, ny = x[node] + length * math.cos(mean), y[node] + length * math.sin(mean)
-            col, row = math.floor(nx), math.floor(ny)
-            if col < 1 or row < 1 or col >= cols - 1 or row >= rows - 1:
-                continue
-            left = potential[row * cols + col]
-            if not left < np.inf:
-                continue
-            after = (turn[node] + change) % HEADINGS
-            slot = ((row // BIN_CELLS) * bins_x + col // BIN_CELLS) * HEADINGS + after
-            other = nodes[slot]
-            if other >= 0 and closed[other]:
-                continue
-            price = min(prices[row, col], 20.0)
-            cost = way[node] + abs(change) * TURN_RAD * turn_price
-            cost += abs(length) * price * (back_price if move == 5 else 1.0)
-            if other >= 0 and way[other] <= cost:
-                continue
-            allowed = touching if math.hypot(nx - start[0], ny - start[1]) < escape else 0
-            quarter = theta + 0.25 * change * TURN_RAD
-            mx = x[node] + 0.5 * length * math.cos(quarter)
-            my = y[node] + 0.5 * length * math.sin(quarter)
-            meets = lethal_count(ground, False, nx, ny, theta + change * TURN_RAD)
-            if meets < 0 or meets > allowed:
-                continue
-            meets = lethal_count(ground, False, mx, my, mean)
-            if meets < 0 or meets > allowed:
-                continue
-            if count == x.size:
-                x, y, way = _grown(x), _grown(y), _grown(way)
-                turn, parent = _grown(turn), _grown(parent)
-                closed = np.concatenate((closed, np.zeros(closed.size, np.bool_)))
-            if size == keys.size:
-                keys, items = _grown(keys), _grown(items)
-            if other >= 0:
-                closed[other] = True  # beaten before its turn
-            x[count], y[count], way[count], turn[count], parent[count] = nx, ny, cost, after, node
-            nodes[slot] = count
-            _push(keys, items, size, cost + greed * left, count)
-            size += 1
-            count += 1
-    if found < 0:
-        return np.empty((0, 3))
-    length_nodes = 0
-    node = found
+    change = move - 2 if move < 5 else (0 if move == 5 else 2 * move - 13)
+    length = STEP_CELLS if move < 5 else (-STEP_CELLS if move == 5 else 0.0)
+    return change, length
+
+
+@kernel
+def is_free(grid: CollisionGrid, x: float, y: float, theta: float, allowed: int) -> bool:
+    """Return whether at most `allowed` outline points are on obstacles."""
+    hits = lethal_count(grid, False, x, y, theta)
+    return 0 <= hits <= allowed
+
+
+@kernel
+def trace_poses(nodes: Nodes, last: int, start_theta: float) -> FloatArray:
+    """Return the poses (x, y, theta) from the root to a node, shape (n, 3)."""
+    count = 0
+    node = last
     while node >= 0:
-        length_nodes += 1
-        node = parent[node]
-    poses = np.empty((length_nodes, 3))
-    node = found
-    for i in range(length_nodes - 1, -1, -1):
-        poses[i, 0], poses[i, 1], poses[i, 2] = x[node], y[node], start[2] + turn[node] * TURN_RAD
-        node = parent[node]
+        count += 1
+        node = nodes.parent[node]
+    poses = np.empty((count, 3))
+    node = last
+    for i in range(count - 1, -1, -1):
+        poses[i, 0], poses[i, 1] = nodes.x[node], nodes.y[node]
+        poses[i, 2] = start_theta + nodes.heading[node] * TURN_RAD
+        node = nodes.parent[node]
     return poses
+
+
+@kernel
+def move_is_free(
+    problem: LatticeProblem, x: float, y: float, theta: float, motion: tuple[int, float], allowed: int
+) -> bool:
+    """Return whether the footprint is free at the end and in the middle of a move from (x, y, theta)."""
+    change, length = motion
+    mean = theta + 0.5 * change * TURN_RAD
+    nx, ny = x + length * math.cos(mean), y + length * math.sin(mean)
+    if not is_free(problem.grid, nx, ny, theta + change * TURN_RAD, allowed):
+        return False
+    quarter = theta + 0.25 * change * TURN_RAD
+    mx, my = x + 0.5 * length * math.cos(quarter), y + 0.5 * length * math.sin(quarter)
+    return is_free(problem.grid, mx, my, mean, allowed)
+
+
+@kernel
+def hybrid_astar(problem: LatticeProblem, weights: LatticeWeights) -> FloatArray:
+    """Return poses (x, y, theta), shape (n, 3), from the start to near the goal; empty if there are none.
+
+    Gives up after `max_nodes` nodes. The footprint must be free everywhere but near the start.
+    """
+    cell_costs, start = problem.cell_costs, problem.start
+    rows, cols = cell_costs.shape
+    bins_x = cols // BIN_CELLS + 1
+    node_at = np.full((rows // BIN_CELLS + 1) * bins_x * HEADINGS, -1, np.int32)
+    nodes = with_root(start)
+    keys, items = np.empty(FIRST_NODES), np.empty(FIRST_NODES, np.int32)
+    touching = max(0, lethal_count(problem.grid, False, start[0], start[1], start[2]))
+    heap_push(keys, items, 0, 0.0, 0)
+    size, count = 1, 1
+    while size > 0 and count < weights.max_nodes:
+        node = heap_pop(keys, items, size)
+        size -= 1
+        if nodes.closed[node]:
+            continue
+        nodes.closed[node] = True
+        x, y = nodes.x[node], nodes.y[node]
+        if math.hypot(x - problem.goal[0], y - problem.goal[1]) <= problem.goal_radius:
+            return trace_poses(nodes, node, start[2])
+        theta = start[2] + nodes.heading[node] * TURN_RAD
+        for move in range(MOVES):
+            change, length = motion_of(move)
+            mean = theta + 0.5 * change * TURN_RAD
+            nx, ny = x + length * math.cos(mean), y + length * math.sin(mean)
+            col, row = math.floor(nx), math.floor(ny)
+            if not (1 <= col < cols - 1 and 1 <= row < rows - 1):
+                continue
+            remaining = problem.potential[row * cols + col]
+            if not remaining < np.inf:
+                continue
+            heading = (nodes.heading[node] + change) % HEADINGS
+            slot = ((row // BIN_CELLS) * bins_x + col // BIN_CELLS) * HEADINGS + heading
+            other = node_at[slot]
+            cell_cost = min(cell_costs[row, col], MAX_CELL_COST)
+            drive_cost = abs(length) * cell_cost * (weights.reverse if length < 0.0 else 1.0)
+            cost = nodes.cost[node] + abs(change) * TURN_RAD * weights.turn + drive_cost
+            if other >= 0 and (nodes.closed[other] or nodes.cost[other] <= cost):
+                continue
+            allowed = touching if math.hypot(nx - start[0], ny - start[1]) < weights.escape_radius else 0
+            if not move_is_free(problem, x, y, theta, (change, length), allowed):
+                continue
+            if count == nodes.x.size:
+                nodes = larger(nodes)
+            if size == keys.size:
+                keys, items = doubled(keys), doubled(items)
+            if other >= 0:
+                nodes.closed[other] = True  # a cheaper node replaces it
+            nodes.x[count], nodes.y[count], nodes.cost[count] = nx, ny, cost
+            nodes.heading[count], nodes.parent[count] = heading, node
+            node_at[slot] = count
+            heap_push(keys, items, size, cost + weights.heuristic * remaining, count)
+            size, count = size + 1, count + 1
+    return np.empty((0, 3))

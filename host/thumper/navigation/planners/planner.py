@@ -1,4 +1,4 @@
-"""What every global planner offers: a costmap, a start and a goal in, a path or a reason out."""
+"""The interface of the global planners: costmap, start and goal in, a path or a reason out."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -6,24 +6,29 @@ from typing import Protocol
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.goal import Goal
+from thumper.navigation.planners.astar_search import CostArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlanResult:
-    """A path, or None and why not. `reason` beside a path says where it ends if not at the goal."""
+    """A path, or None and the reason. A `reason` with a path says where the path ends if not at the goal."""
 
     path_m: FloatArray | None = None  # shape (n >= 2, 2), in map, from the robot to the goal
     reason: str = ""
-    closed: bool = False  # the search saw all that can be reached, and the goal is not of it
+    unreachable: bool = False  # the search covered all reachable space and did not find the goal
 
 
 class Planner(Protocol):
-    """Finds a way through the costmap."""
+    """Finds a path through the costmap."""
 
     def plan(self, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> PlanResult:
-        """Return the cheapest path, or why there is none."""
+        """Return the cheapest path, or the reason why there is none."""
+        ...
+
+    def cell_costs(self, costmap: Costmap) -> CostArray:
+        """Return the cost of each cell, shape (rows, cols); inf where this planner does not drive."""
         ...
 
     def path_cost_m(self, costmap: Costmap, path_m: FloatArray) -> float:
-        """Cost of a path, shape (n, 2), on this costmap [m of free way]; inf when an obstacle is on it."""
+        """Return the cost of a path, shape (n, 2) [m of free space]; inf if it crosses an obstacle."""
         ...

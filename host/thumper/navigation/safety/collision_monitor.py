@@ -1,7 +1,7 @@
-"""The last word before the wheels: would this command touch what the scan sees right now?
+"""The collision monitor: the last check before the wheels. Would this command touch anything?
 
-Works on the points of scan and memory, not on the map, so that no mapping or planning error can drive the
-robot into something.
+It checks the points of scan and memory, not the map, so that no error of mapping or planning can cause a
+collision.
 """
 
 import math
@@ -10,33 +10,33 @@ from itertools import product
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt, Interval
+from annotated_types import Ge, Interval
 
 from thumper.common.geometry import FloatArray, Twist2
 from thumper.common.numba_kernel import kernel
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.speed_limits import SpeedLimits, WheelRamp
 
-# A point already inside the margin may come nearer by this much in a motion (scan noise between two steps),
-# but only through a part of the least margin and then no more: each cycle begins afresh, and the least slack
-# of many cycles would add up to a contact.
+STEP_S = 0.05  # of the simulated motion
+# A point inside the margin may come nearer by this much in one motion (scan noise between two steps), but
+# only through a fraction of the least margin. Each cycle starts again, so any slack without that limit would
+# add up to a contact.
 DEEPER_M = 0.003
-CREEP_PART = 0.5
+CREEP_FRACTION = 0.5
 ROUNDING_M = 1e-9
-NOISE_M_S, NOISE_RAD_S = 0.03, 0.06  # a slower twist may as well be none
+NOISE_M_S, NOISE_RAD_S = 0.03, 0.06  # a slower measured twist may be noise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CollisionMonitorOptions:
-    """How the collision monitor judges."""
+    """How the collision monitor stops and slows the robot."""
 
-    # Space kept round the footprint [m].
+    # Margin kept round the footprint [m].
     margin_m: Annotated[float, Ge(0)] = 0.02
-    # Step of its simulation [s].
-    step_s: Annotated[float, Gt(0)] = 0.05
-    # A contact nearer in time than this, at the present command, slows the robot in proportion [s]; 0 never.
+    # Slow zone: a contact sooner than this at the present command slows the robot proportionally [s]; 0 turns
+    # it off.
     slow_s: Annotated[float, Ge(0)] = 1.0
-    # Least part of the speed that the slow zone leaves.
+    # Least fraction of the speed that the slow zone leaves.
     slow_part: Annotated[float, Interval(gt=0, le=1)] = 0.4
 
 
@@ -44,11 +44,11 @@ class CollisionMonitorOptions:
 def deepening_point(
     points_m: FloatArray, margins_m: FloatArray, creep_m: float, half_planes: FloatArray, poses: FloatArray
 ) -> int:
-    """Index of the first point, shape (n, 2), that a motion brings inside the footprint grown by the point's
-    margin, shape (n,); else -1.
+    """Return the index of the first point, shape (n, 2), that a motion brings inside the footprint, or -1.
 
-    `poses`, shape (m, 3), are base poses in the frame of the points; the base begins at the origin. A point
-    inside already at the beginning counts only when it gets deeper inside, up to `creep_m` by a little.
+    The footprint is grown by the point's margin, shape (n,). `poses`, shape (m, 3), are base poses in the
+    frame of the points; the base starts at the origin. A point that is inside at the start counts only if it
+    gets deeper, with a small slack up to the depth `creep_m`.
     """
     for i in range(points_m.shape[0]):
         px, py = points_m[i]
@@ -73,9 +73,7 @@ def deepening_point(
 
 @kernel
 def steps_to_contact(points_m: FloatArray, half_planes: FloatArray, poses: FloatArray) -> int:
-    """Number of poses, shape (m, 3), driven before a point, shape (n, 2), is inside the footprint; m if
-    never.
-    """
+    """Count the poses, shape (m, 3), before a point, shape (n, 2), is inside the footprint; m if never."""
     for j in range(poses.shape[0]):
         cos, sin = math.cos(poses[j, 2]), math.sin(poses[j, 2])
         for i in range(points_m.shape[0]):
@@ -90,7 +88,7 @@ def steps_to_contact(points_m: FloatArray, half_planes: FloatArray, poses: Float
 
 
 class CollisionMonitor:
-    """Lets a command through or says what it would touch."""
+    """Passes a command, slows it down, or reports what it would touch."""
 
     def __init__(
         self,
@@ -101,33 +99,45 @@ class CollisionMonitor:
     ) -> None:
         self._options = options
         self._limits = limits
-        self._ramp = ramp or WheelRamp.of(limits)
+        self._ramp = ramp or WheelRamp.from_drive(limits)
         self._half_planes = footprint.half_planes()
         self._radius_m = footprint.circumscribed_radius_m
 
-    def objection(
+    def stop_reason(
         self,
         command: Twist2,
         twist: Twist2,
         hits_in_base_m: FloatArray,
-        spread_m: FloatArray,
+        position_error_m: FloatArray,
         period_s: float,
-    ) -> str:
-        """Return what the command would touch, or an empty string.
+    ) -> str | None:
+        """Return what the command would touch, or None.
 
-        The motion judged is: the measured twist during the latency, the command for one period, then the
-        zero command: v and w fade as the wheels' ramps or as the limits say, whichever takes longer; and once
-        more with a turn that ends at once: a base that straightens out sooner than thought leaves the bend;
-        and, when the twist is hardly more than its noise, from a stand: noise that points away from an
-        obstacle must not excuse a command toward it. `hits_in_base_m` has shape (n, 2), `spread_m` (n,): each
-        is kept away from by so much more than the margin, since it may be off.
+        Parameters
+        ----------
+        command, twist : Twist2
+            The next command, and the measured twist.
+        hits_in_base_m : ndarray, shape (n, 2)
+            Obstacle points [m].
+        position_error_m : ndarray, shape (n,)
+            Added to the margin of each point.
+        period_s : float
+            Time that the command is active.
+
+        Notes
+        -----
+        The motion is: the measured twist during the latency, the command for one period, then the zero
+        command. v and w fade as the wheels' ramps or as the limits say, whichever takes longer. It is checked
+        again with a turn that ends at once: a base that straightens sooner than predicted leaves the bend. If
+        the measured twist is within its noise, it is also checked from standstill: noise that points away
+        from an obstacle must not excuse a command toward it.
         """
-        margins_m = self._options.margin_m + spread_m
-        creep_m = CREEP_PART * self._options.margin_m
-        stands = abs(twist.v_m_s) < NOISE_M_S and abs(twist.w_rad_s) < NOISE_RAD_S
-        ends = (True, False) if command.w_rad_s else (True,)
-        for begin, turns_on in product((twist, Twist2()) if stands else (twist,), ends):
-            poses = self._stopping_poses(command, begin, period_s, turns_on=turns_on)
+        margins_m = self._options.margin_m + position_error_m
+        creep_m = CREEP_FRACTION * self._options.margin_m
+        is_noise = abs(twist.v_m_s) < NOISE_M_S and abs(twist.w_rad_s) < NOISE_RAD_S
+        keeps_turning = (True, False) if command.w_rad_s else (True,)
+        for start, turns_on in product((twist, Twist2()) if is_noise else (twist,), keeps_turning):
+            poses = self._stopping_poses(command, start, period_s, turns_on=turns_on)
             reach_m = self._radius_m + margins_m.max(initial=0.0) + float(np.hypot(*poses[:, :2].T).max())
             near = np.hypot(hits_in_base_m[:, 0], hits_in_base_m[:, 1]) <= reach_m
             points_m = np.ascontiguousarray(hits_in_base_m[near])
@@ -136,54 +146,57 @@ class CollisionMonitor:
                 x_m, y_m = points_m[index]
                 place = f"{x_m:.2f} m ahead, {y_m:+.2f} m to the left of the robot's centre"
                 return f"stopped before an obstacle {place}"
-        return ""
+        return None
 
-    def slowed(self, command: Twist2, hits_in_base_m: FloatArray) -> Twist2:
-        """Return the command, slowed in proportion when it would touch something within `slow_s`.
+    def slow_down(self, command: Twist2, hits_in_base_m: FloatArray) -> Twist2:
+        """Return the command, slowed proportionally if it would touch something within `slow_s`.
 
-        Both speeds shrink alike, so that the robot stays on its arc.
+        Both speeds shrink alike, so the robot stays on its arc.
         """
-        slow_s, step_s = self._options.slow_s, self._options.step_s
+        slow_s = self._options.slow_s
         reach_m = self._radius_m + abs(command.v_m_s) * slow_s
         near = np.hypot(hits_in_base_m[:, 0], hits_in_base_m[:, 1]) <= reach_m
         points_m = np.ascontiguousarray(hits_in_base_m[near])
         if slow_s == 0.0 or points_m.shape[0] == 0 or command.v_m_s == 0.0:
             return command
-        times_s = np.arange(step_s, slow_s, step_s)
+        times_s = np.arange(STEP_S, slow_s, STEP_S)
         headings_rad = command.w_rad_s * times_s
-        middles_rad = headings_rad - 0.5 * command.w_rad_s * step_s
-        x_m, y_m = (np.cumsum(command.v_m_s * step_s * f(middles_rad)) for f in (np.cos, np.sin))
+        means_rad = headings_rad - 0.5 * command.w_rad_s * STEP_S
+        x_m, y_m = (np.cumsum(command.v_m_s * STEP_S * f(means_rad)) for f in (np.cos, np.sin))
         free = steps_to_contact(points_m, self._half_planes, np.column_stack((x_m, y_m, headings_rad)))
         if free == times_s.size:
             return command
-        part = max(self._options.slow_part, free * step_s / slow_s)
-        return Twist2(v_m_s=part * command.v_m_s, w_rad_s=part * command.w_rad_s)
+        fraction = max(self._options.slow_part, free * STEP_S / slow_s)
+        return Twist2(v_m_s=fraction * command.v_m_s, w_rad_s=fraction * command.w_rad_s)
 
     def _stopping_poses(
         self, command: Twist2, twist: Twist2, period_s: float, *, turns_on: bool
     ) -> FloatArray:
-        limits, step_s = self._limits, self._options.step_s
+        """Return the poses until the robot has stopped, shape (n, 3)."""
+        limits = self._limits
         driven_s = limits.latency_s + period_s
         braking_s = max(
             abs(command.v_m_s) / limits.v_accel_m_s2,
             abs(command.w_rad_s) / limits.w_accel_rad_s2,
             self._ramp.braking_s(command),
         )
-        times_s = np.arange(0.0, driven_s + braking_s, step_s) + 0.5 * step_s
+        times_s = np.arange(0.0, driven_s + braking_s, STEP_S) + 0.5 * STEP_S
         fading_s = np.maximum(0.0, times_s - driven_s)
         v_ramp, w_ramp = self._ramp.braked(command, fading_s)
-        obeys = times_s > limits.latency_s
-        v = np.where(obeys, _slower(command.v_m_s, limits.v_accel_m_s2, fading_s, v_ramp), twist.v_m_s)
-        w = np.where(obeys, _slower(command.w_rad_s, limits.w_accel_rad_s2, fading_s, w_ramp), twist.w_rad_s)
+        responds = times_s > limits.latency_s
+        v = np.where(responds, _faded(command.v_m_s, limits.v_accel_m_s2, fading_s, v_ramp), twist.v_m_s)
+        w = np.where(
+            responds, _faded(command.w_rad_s, limits.w_accel_rad_s2, fading_s, w_ramp), twist.w_rad_s
+        )
         if not turns_on:
             w = np.where(fading_s > 0.0, 0.0, w)
-        headings_rad = np.cumsum(w) * step_s
-        middles_rad = headings_rad - 0.5 * w * step_s
-        x_m, y_m = np.cumsum(v * np.cos(middles_rad)) * step_s, np.cumsum(v * np.sin(middles_rad)) * step_s
+        headings_rad = np.cumsum(w) * STEP_S
+        means_rad = headings_rad - 0.5 * w * STEP_S
+        x_m, y_m = np.cumsum(v * np.cos(means_rad)) * STEP_S, np.cumsum(v * np.sin(means_rad)) * STEP_S
         return np.column_stack((x_m, y_m, headings_rad))
 
 
-def _slower(speed: float, accel: float, times_s: FloatArray, ramp: FloatArray) -> FloatArray:
-    """What is left of a speed when it fades at `accel` or as `ramp`, shape (n,), whichever is more."""
+def _faded(speed: float, accel: float, times_s: FloatArray, ramp: FloatArray) -> FloatArray:
+    """Return the rest of a speed that fades at `accel` or as `ramp`, shape (n,), whichever is more."""
     fading = np.maximum(0.0, abs(speed) - accel * times_s)
     return math.copysign(1.0, speed) * np.maximum(fading, math.copysign(1.0, speed) * ramp)

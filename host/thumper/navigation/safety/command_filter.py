@@ -1,4 +1,4 @@
-"""What a wanted motion passes on its way to the wheels: who moves there, smooth speeds, what it may touch."""
+"""The command filter: dynamic obstacles, velocity smoother, collision monitor, escape."""
 
 from dataclasses import dataclass
 
@@ -16,71 +16,74 @@ from thumper.navigation.speed_limits import SpeedLimits, WheelRamp
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilteredCommand:
-    """What became of a wanted motion."""
+    """The command that may be driven, and what the filter changed."""
 
-    command: Twist2 | None  # None: it is refused
-    reason: str = ""  # why it is refused, or why it is not the wanted one
-    gives_way: bool = False  # it stands for somebody who passes
-    frees_itself: bool = False  # another motion, for the wanted one is refused
+    command: Twist2 | None  # None: rejected
+    reason: str = ""  # why it was rejected or changed
+    yielding: bool = False  # zero, to let a dynamic obstacle pass
+    escaping: bool = False  # another motion, because the wanted one was rejected
 
 
 class CommandFilter:
-    """Has the last word on each command. `footprint` is the robot's own, `padded` that of planning."""
+    """Checks each command. `footprint` is the robot's own, `padded` the one of planning."""
 
     def __init__(
         self,
+        *,
         limits: SpeedLimits,
         monitor: CollisionMonitorOptions,
-        traffic: DynamicObstacleOptions,
+        dynamic_obstacles: DynamicObstacleOptions,
         footprint: Footprint,
         padded: Footprint,
         drive: DriveGeometry | None,
         view: FieldOfView,
     ) -> None:
-        ramp = WheelRamp.of(limits, drive)
+        ramp = WheelRamp.from_drive(limits, drive)
         self._limits = limits
         self._monitor = CollisionMonitor(monitor, limits, footprint, ramp)
         self._escape = Escape(self._monitor, limits, footprint)
-        self._traffic = DynamicObstacles(traffic, limits, padded, view)
+        self._dynamic_obstacles = DynamicObstacles(dynamic_obstacles, limits, padded, view)
 
-    def see(self, time_s: float, map_from_base: Pose2, hits_in_map_m: FloatArray) -> None:
-        """Take a scan's hits, shape (n, 2) [m], in the order of their beams: what moves is found in them."""
-        self._traffic.update(time_s, map_from_base, hits_in_map_m)
+    def update(self, time_s: float, map_from_base: Pose2, hits_in_map_m: FloatArray) -> None:
+        """Detect dynamic obstacles in a scan's hits, shape (n, 2) [m], in beam order."""
+        self._dynamic_obstacles.update(time_s, map_from_base, hits_in_map_m)
 
-    def judge(
+    def filter(
         self,
         wanted: ControlResult,
         request: ControlRequest,
         hits_in_base_m: FloatArray,
-        spread_m: FloatArray,
+        position_error_m: FloatArray,
         *,
-        may_free: bool,
+        allow_escape: bool,
     ) -> FilteredCommand:
-        """Return the motion that may be driven; hits as the monitor takes them.
+        """Return the command that may be driven; hits as the collision monitor takes them.
 
-        `may_free` allows another motion than the wanted one where that is refused.
+        With `allow_escape` another motion may replace a rejected one.
         """
         command, reason = wanted.command, wanted.reason
         if command is not None:
-            if why := self._traffic.objection(command, request.twist, request.map_from_base):
-                return FilteredCommand(command=Twist2(), reason=why, gives_way=True)
+            if stop := self._dynamic_obstacles.stop_reason(command, request.twist, request.map_from_base):
+                return FilteredCommand(command=Twist2(), reason=stop, yielding=True)
             command = smooth_velocity(command, request.last_command, self._limits, request.period_s)
-            command = self._monitor.slowed(command, hits_in_base_m)
-            reason = self._monitor.objection(
-                command, request.twist, hits_in_base_m, spread_m, request.period_s
+            command = self._monitor.slow_down(command, hits_in_base_m)
+            stop = self._monitor.stop_reason(
+                command, request.twist, hits_in_base_m, position_error_m, request.period_s
             )
-            if not reason:
+            if stop is None:
                 return FilteredCommand(command=command)
-        freeing = self._freeing(request, hits_in_base_m, spread_m) if may_free else None
-        if freeing is not None:
-            return FilteredCommand(command=freeing, reason=f"freeing itself: {reason}", frees_itself=True)
+            reason = stop
+        escape = self._escape_command(request, hits_in_base_m, position_error_m) if allow_escape else None
+        if escape is not None:
+            return FilteredCommand(command=escape, reason=f"escaping: {reason}", escaping=True)
         return FilteredCommand(command=None, reason=reason)
 
-    def _freeing(
-        self, request: ControlRequest, hits_in_base_m: FloatArray, spread_m: FloatArray
+    def _escape_command(
+        self, request: ControlRequest, hits_in_base_m: FloatArray, position_error_m: FloatArray
     ) -> Twist2 | None:
-        """The way out of a refusal, if there is one: not before somebody who moves."""
-        command = self._escape.command(request, hits_in_base_m, spread_m)
-        if command is None or self._traffic.objection(command, request.twist, request.map_from_base):
+        """Return a motion that gains room, if there is one; never toward a dynamic obstacle."""
+        command = self._escape.compute_command(request, hits_in_base_m, position_error_m)
+        if command is None:
             return None
-        return command
+        stop = self._dynamic_obstacles.stop_reason(command, request.twist, request.map_from_base)
+        return command if stop is None else None

@@ -1,15 +1,13 @@
-"""The velocity smoother: whatever asks, the wheels are never told to change speed faster than the limits
-allow.
-"""
+"""The velocity smoother: no command changes the speed faster than the acceleration limits allow."""
 
 from thumper.common.geometry import Twist2
 from thumper.navigation.speed_limits import SpeedLimits, step_toward
 
-DEADBAND_M_S, DEADBAND_RAD_S = 0.002, 0.005  # below, the base would only hum
+DEADBAND_M_S, DEADBAND_RAD_S = 0.002, 0.005  # below this the motors would only hum
 
 
 def smooth_velocity(wanted: Twist2, last: Twist2, limits: SpeedLimits, period_s: float) -> Twist2:
-    """The twist nearest to the wanted one that can follow `last` after one period."""
+    """Return the twist nearest to the wanted one that can follow `last` after one period."""
     v_m_s = step_toward(last.v_m_s, wanted.v_m_s, limits.v_accel_m_s2 * period_s)
     w_rad_s = step_toward(last.w_rad_s, wanted.w_rad_s, limits.w_accel_rad_s2 * period_s)
     v_m_s = min(max(v_m_s, -limits.v_max_m_s), limits.v_max_m_s)

@@ -3,10 +3,8 @@
 from dataclasses import dataclass
 
 from thumper.common.errors import ThumperError
-from thumper.navigation.costmap.costmap import CostmapOptions
-from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
-from thumper.navigation.planners.goal_validation import validate_goal
+from thumper.navigation.navigator import Navigator
 from thumper.runtime.drive.drive_manager import GOAL_MARGIN_M
 from thumper.runtime.state_estimator import StateEstimator
 
@@ -15,11 +13,10 @@ MAX_GOAL_DISTANCE_M = 50.0  # the map of a whole drive must fit into memory and 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GoalLimits:
-    """Checks goals against the robot's position, map and footprint."""
+    """Checks goals against the robot's position, its map and its planner."""
 
     estimator: StateEstimator
-    footprint: Footprint
-    costmap: CostmapOptions
+    navigator: Navigator
 
     def check(self, goal: Goal) -> None:
         """Raise ThumperError with the reason if the goal cannot be driven to."""
@@ -31,4 +28,4 @@ class GoalLimits:
                 f"choose one within {MAX_GOAL_DISTANCE_M:.0f} m of the robot"
             )
         grid = self.estimator.mapper.grid().including(goal.x_m, goal.y_m, GOAL_MARGIN_M)
-        validate_goal(goal, grid, self.footprint, self.costmap)
+        self.navigator.validate_goal(goal, grid)

@@ -1,4 +1,4 @@
-"""Keep-out and speed masks: the three modes of their files, and what planner and robot make of them."""
+"""Keep-out and speed masks: the three modes of their files, and their effect on planner and robot."""
 
 import math
 from dataclasses import replace
@@ -15,17 +15,18 @@ from thumper.navigation.controllers.speed_limiter import SpeedLimiter
 from thumper.navigation.costmap.costmap import CostmapOptions, build_costmap
 from thumper.navigation.costmap.filters import (
     CostmapFilterOptions,
-    is_closed,
+    keepout_cells,
     load_mask,
     load_masks,
-    speed_parts,
+    speed_fractions,
 )
 from thumper.navigation.costmap.inflation import LETHAL
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationState
 from thumper.navigation.options import NavigationOptions
-from thumper.navigation.planners.astar import AStarOptions, AStarPlanner
+from thumper.navigation.planners.astar import AStarPlanner
+from thumper.navigation.planners.traversal_cost import TraversalCostOptions
 from thumper.navigation.speed_limits import SpeedLimits
 from thumper_hil.kinematic.closed_loop import Conditions, drive
 from thumper_hil.kinematic.maps import read_pgm
@@ -35,7 +36,7 @@ NO_HITS = np.empty((0, 2))
 
 
 def written(folder: Path, mode: str, pixels: list[list[int]]) -> Path:
-    """A mask whose first row of pixels is the largest y."""
+    """Write a mask whose first row of pixels is the largest y."""
     (folder / "mask.pgm").write_bytes(encode_pgm(np.array(pixels, np.uint8)))
     ends = (
         "occupied_thresh: 0.65\nfree_thresh: 0.25"
@@ -53,25 +54,25 @@ def written(folder: Path, mode: str, pixels: list[list[int]]) -> Path:
     [
         ("trinary", [100, -1, 0, 0]),  # darknesses 1.0, 0.502, 0.196 and 0.004
         ("scale", [100, 50, 20, 0]),
-        ("raw", [0, -1, -1, -1]),  # the pixels themselves; above 100 they say nothing
+        ("raw", [0, -1, -1, -1]),  # the pixels themselves; above 100 they are unknown
     ],
 )
-def test_the_three_modes_of_a_mask(tmp_path: Path, mode: str, cells: list[int]) -> None:
+def test_mask_modes(tmp_path: Path, mode: str, cells: list[int]) -> None:
     assert load_mask(written(tmp_path, mode, [[0, 127, 205, 254]])).cells.tolist() == [cells]
 
 
-def test_raw_values_are_the_percentage(tmp_path: Path) -> None:
+def test_raw_values_are_percentages(tmp_path: Path) -> None:
     assert load_mask(written(tmp_path, "raw", [[0, 30, 100, 101]])).cells.tolist() == [[0, 30, 100, -1]]
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [(("mode: scale", "mode: grey"), "grey"), (("origin: [-1.0, 2.0, 0]", "origin: 3"), "origin")],
 )
-def test_a_broken_mask_is_named(tmp_path: Path, change: tuple[str, str], told: str) -> None:
+def test_invalid_mask_is_named(tmp_path: Path, change: tuple[str, str], message: str) -> None:
     path = written(tmp_path, "scale", [[0]])
     path.write_text(path.read_text().replace(*change))
-    with pytest.raises(ThumperError, match=told) as caught:
+    with pytest.raises(ThumperError, match=message) as caught:
         load_masks(CostmapFilterOptions(speed=str(path)))
     assert str(path) in str(caught.value)
     assert caught.value.exit_code == 2
@@ -79,8 +80,8 @@ def test_a_broken_mask_is_named(tmp_path: Path, change: tuple[str, str], told: s
         load_masks(CostmapFilterOptions(keepout=str(tmp_path / "none.yaml")))
 
 
-def test_the_depots_masks_have_the_values_that_their_pixels_mean(nav_data: Path) -> None:
-    """Against an own reading of the rule: darkness (255 - pixel) / 255, row 0 of the image on top."""
+def test_depot_masks_have_the_values_of_their_pixels(nav_data: Path) -> None:
+    """Against the rule written again: darkness (255 - pixel) / 255, row 0 of the image on top."""
     maps = nav_data / "ros_maps"
     dark = (255.0 - read_pgm(maps / "depot_speed.pgm")) / 255.0
     assert (load_mask(maps / "depot_speed.yaml").cells == np.rint(100.0 * dark)).all()
@@ -89,31 +90,31 @@ def test_the_depots_masks_have_the_values_that_their_pixels_mean(nav_data: Path)
     assert ((load_mask(maps / "depot_keepout.yaml").cells == 100) == black).all()
 
 
-def test_a_mask_of_another_size_and_resolution_lies_where_it_belongs(tmp_path: Path) -> None:
+def test_mask_of_another_size_and_resolution_is_aligned(tmp_path: Path) -> None:
     mask = load_mask(written(tmp_path, "trinary", [[254, 0], [254, 254]]))  # closed: x -0.5 to 0, y 2.5 to 3
     grid = OccupancyGrid(cells=np.zeros((30, 40), np.int8), resolution_m=0.1, origin_x_m=-2.0, origin_y_m=1.0)
-    rows, cols = np.nonzero(is_closed(mask, grid))
+    rows, cols = np.nonzero(keepout_cells(mask, grid))
     assert (rows.min(), rows.max(), cols.min(), cols.max()) == (15, 19, 15, 19)
     assert len(rows) == 25
     costmap = build_costmap(grid, NO_HITS, Footprint(), CostmapOptions(), mask)
-    assert ((costmap.costs == LETHAL) == is_closed(mask, grid)).all()
-    assert not is_closed(None, grid).any()
+    assert ((costmap.costs == LETHAL) == keepout_cells(mask, grid)).all()
+    assert not keepout_cells(None, grid).any()
 
 
-def test_speed_parts_of_places(tmp_path: Path) -> None:
+def test_speed_fractions_of_places(tmp_path: Path) -> None:
     mask = load_mask(written(tmp_path, "scale", [[254, 127], [205, 0]]))
     places_m = np.array(((-0.75, 2.75), (-0.25, 2.75), (-0.75, 2.25), (-0.25, 2.25), (9.0, 9.0)))
-    assert speed_parts(mask, places_m) == pytest.approx([1.0, 0.5, 0.8, 0.0, 1.0])
+    assert speed_fractions(mask, places_m) == pytest.approx([1.0, 0.5, 0.8, 0.0, 1.0])
 
 
-def test_the_limit_falls_before_the_zone_and_holds_in_it(tmp_path: Path) -> None:
+def test_speed_limit_falls_before_the_zone(tmp_path: Path) -> None:
     """The zone of 50 % begins at x = -0.5; from 0.4 m/s braking to 0.2 m/s takes 0.08 + 0.15 m."""
     mask = load_mask(written(tmp_path, "scale", [[254, 127], [254, 127]]))
     limits = SpeedLimits(v_max_m_s=0.4, v_accel_m_s2=0.4, latency_s=0.2)
-    rule = SpeedLimiter(limits, approach_m_s=0.06, mask=mask)
+    limiter = SpeedLimiter(limits, approach_m_s=0.06, mask=mask)
     x_m = np.arange(-0.99, -0.01, 0.005)
     path_m = np.column_stack((x_m, np.full(x_m.size, 2.5)))
-    found = [rule.limit_m_s(Pose2(x_m=float(x), y_m=2.5), path_m[i:], math.inf) for i, x in enumerate(x_m)]
+    found = [limiter.limit_m_s(Pose2(x_m=float(x), y_m=2.5), path_m[i:], math.inf) for i, x in enumerate(x_m)]
     exact = np.minimum(0.4, np.sqrt(0.08**2 + 0.2**2 + 0.8 * np.maximum(0.0, -0.5 - x_m)) - 0.08)
     exact = np.where(x_m > -0.5, 0.2, np.maximum(exact, 0.2))
     assert found == pytest.approx(exact, abs=0.006)
@@ -124,14 +125,14 @@ def test_the_limit_falls_before_the_zone_and_holds_in_it(tmp_path: Path) -> None
     ) == pytest.approx(0.06)
 
 
-def test_plans_in_the_depot_keep_out(nav_data: Path) -> None:
-    """Between recorded pairs: no path enters the mask, and where no way is left the planner says so."""
+def test_depot_plans_avoid_the_keepout_zones(nav_data: Path) -> None:
+    """No path between the recorded pairs enters the mask; the planner reports pairs without a path."""
     maps, options = nav_data / "ros_maps", CostmapOptions()
     grid, keepout = load_map(maps / "depot.yaml"), load_mask(maps / "depot_keepout.yaml")
-    planner = AStarPlanner(AStarOptions(allow_unknown=False))
+    planner = AStarPlanner(TraversalCostOptions(allow_unknown=False))
     masked = build_costmap(grid, NO_HITS, Footprint(), options, keepout)
     free = build_costmap(grid, NO_HITS, Footprint(), options)
-    longer = refused = 0
+    longer = rejected = 0
     for start_col, start_row, goal_col, goal_row, *_ in np.loadtxt(
         nav_data / "bench" / "depot_pairs.csv", delimiter=",", skiprows=1
     ):
@@ -139,15 +140,15 @@ def test_plans_in_the_depot_keep_out(nav_data: Path) -> None:
         goal = Goal(x_m=0.05 * (goal_col + 0.5), y_m=0.05 * (goal_row + 0.5))
         path_m = planner.plan(masked, start, goal).path_m
         if path_m is None:
-            refused += 1
+            rejected += 1
             continue
-        rows, cols = masked.cells_of(path_m[1:])  # a robot that stands in the zone may leave it
-        assert not is_closed(keepout, grid)[rows, cols].any()
+        rows, cols = masked.cells_of(path_m[1:])  # a robot inside the zone may leave it
+        assert not keepout_cells(keepout, grid)[rows, cols].any()
         whole_m = planner.plan(free, start, goal).path_m
         assert whole_m is not None
         longer += planner.path_cost_m(masked, path_m) > planner.path_cost_m(free, whole_m) + 0.2
     assert longer > 0
-    assert refused < 50
+    assert rejected < 50
 
 
 ROOM, AREA = KinematicWorld.from_boxes(box(0.8, 0.0, 4.8, 3.8)), (-4.2, -5.0, 10.0, 10.0)
@@ -155,7 +156,7 @@ START, GOAL = Pose2(x_m=1.73, y_m=0.08, theta_rad=math.pi), Goal(x_m=-0.49, y_m=
 
 
 def saved(folder: Path, closed: tuple[slice, slice]) -> str:
-    """A mask over the room with one part of it set, cells of 5 cm from (-2, -2)."""
+    """Save a mask of the room with some cells set; 5 cm cells from (-2, -2)."""
     cells = np.zeros((80, 120), np.int8)
     cells[closed] = 100
     path = folder / "zone.yaml"
@@ -163,8 +164,8 @@ def saved(folder: Path, closed: tuple[slice, slice]) -> str:
     return str(path)
 
 
-def test_a_drive_keeps_out(tmp_path: Path) -> None:
-    """A zone from x = 0.4 to 0.8, y = -0.5 to 2 lies across the way: the whole hull stays out of it."""
+def test_drive_avoids_a_keepout_zone(tmp_path: Path) -> None:
+    """A zone from x = 0.4 to 0.8, y = -0.5 to 2 crosses the path: the footprint stays out of it."""
     options = NavigationOptions(masks=CostmapFilterOptions(keepout=saved(tmp_path, np.s_[30:80, 48:56])))
     exact = Conditions(pose_noise_m=0.0, pose_noise_rad=0.0)
     run = drive(ROOM, START, GOAL, AREA, options=options, conditions=exact)
@@ -173,7 +174,7 @@ def test_a_drive_keeps_out(tmp_path: Path) -> None:
     assert min(zone.clearance_m(pose, Footprint()) for pose in run.track) > 0.0
 
 
-def test_a_drive_is_slow_in_a_slow_zone(tmp_path: Path) -> None:
+def test_drive_is_slow_in_a_slow_zone(tmp_path: Path) -> None:
     """Half speed between x = 0.2 and 1.0; full speed is reached outside of it."""
     path = Path(saved(tmp_path, np.s_[:, 44:60]))
     path.write_text(path.read_text().replace("0.65", "1.0").replace("0.196", "0.0") + "mode: scale\n")

@@ -1,4 +1,4 @@
-"""Footprint geometry and the outline check against a brute-force reading of the same cells."""
+"""Footprint geometry, and the outline check against brute force on the same cells."""
 
 import math
 from pathlib import Path
@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from thumper.common.geometry import FloatArray, Pose2
-from thumper.navigation.costmap.footprint_collision import Ground, lethal_count, safe_squared_cells
+from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal_count, safe_squared_cells
 from thumper.navigation.costmap.inflation import LETHAL, squared_distances
 from thumper.navigation.footprint import Footprint
 from thumper_hil.kinematic.maps import read_pgm
@@ -24,7 +24,7 @@ def test_radii_of_the_default_rectangle() -> None:
     assert Footprint.rectangle(length_m=0.42, width_m=0.245) == footprint
 
 
-def test_growing_moves_every_edge() -> None:
+def test_grown_moves_every_edge() -> None:
     assert Footprint().grown(0.03).polygon_m() == pytest.approx(
         Footprint.rectangle(length_m=0.48, width_m=0.305).polygon_m()
     )
@@ -36,10 +36,10 @@ def test_growing_moves_every_edge() -> None:
         ((0.0, 0.0), (1.0, 0.0)),
         ((-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)),  # clockwise
         ((1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (1.0, 1.0)),  # base_link outside
-        ((-1.0, -1.0), (1.0, -1.0), (0.0, 0.5), (1.0, 1.0), (-1.0, 1.0)),  # dented
+        ((-1.0, -1.0), (1.0, -1.0), (0.0, 0.5), (1.0, 1.0), (-1.0, 1.0)),  # not convex
     ],
 )
-def test_senseless_polygons_are_refused(vertices: tuple[tuple[float, float], ...]) -> None:
+def test_invalid_polygons_are_rejected(vertices: tuple[tuple[float, float], ...]) -> None:
     with pytest.raises(ValueError, match="footprint"):
         Footprint(vertices_m=vertices)
 
@@ -55,7 +55,7 @@ def test_outline_is_dense_and_on_the_edges() -> None:
 
 def count_at(costs: np.typing.NDArray[np.uint8], pose: Pose2, outline_m: FloatArray, safe: float) -> int:
     squared = squared_distances(costs == LETHAL, 8)
-    ground = Ground(
+    grid = CollisionGrid(
         costs=costs,
         squared_cells=squared,
         origin=np.zeros(2),
@@ -63,7 +63,7 @@ def count_at(costs: np.typing.NDArray[np.uint8], pose: Pose2, outline_m: FloatAr
         outline=outline_m,
         safe_squared=safe,
     )
-    return lethal_count(ground, False, pose.x_m, pose.y_m, pose.theta_rad)
+    return lethal_count(grid, False, pose.x_m, pose.y_m, pose.theta_rad)
 
 
 @settings(max_examples=60, deadline=None)
@@ -76,7 +76,7 @@ def count_at(costs: np.typing.NDArray[np.uint8], pose: Pose2, outline_m: FloatAr
 def test_check_equals_brute_force_on_a_fine_outline(
     seed: int, x_m: float, y_m: float, theta_rad: float
 ) -> None:
-    """Every cell that a millimetre-fine outline crosses by more than a sliver is found, and no other."""
+    """It finds every cell that a millimetre-fine outline crosses by more than a sliver, and no other."""
     costs = np.where(np.random.default_rng(seed).random((40, 40)) < 0.04, LETHAL, 0).astype(np.uint8)
     pose = Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
     footprint = Footprint()
@@ -95,7 +95,7 @@ def test_check_equals_brute_force_on_a_fine_outline(
 @given(
     seed=st.integers(0, 10_000), x_m=st.floats(0.4, 1.6), y_m=st.floats(0.4, 1.6), theta_rad=st.floats(-3, 3)
 )
-def test_the_short_cut_by_centre_distance_changes_nothing(
+def test_skipping_by_centre_distance_changes_nothing(
     seed: int, x_m: float, y_m: float, theta_rad: float
 ) -> None:
     costs = np.where(np.random.default_rng(seed).random((40, 40)) < 0.01, LETHAL, 0).astype(np.uint8)
@@ -105,7 +105,7 @@ def test_the_short_cut_by_centre_distance_changes_nothing(
     assert count_at(costs, pose, outline_m, safe) == count_at(costs, pose, outline_m, math.inf)
 
 
-def test_off_the_map_is_told() -> None:
+def test_off_the_map() -> None:
     costs = np.zeros((40, 40), np.uint8)
     outline_m = Footprint().outline_m(0.025)
     assert count_at(costs, Pose2(x_m=0.1, y_m=1.0), outline_m, math.inf) == -1
@@ -113,7 +113,7 @@ def test_off_the_map_is_told() -> None:
 
 
 def ros_line(start: tuple[int, int], end: tuple[int, int]) -> list[tuple[int, int]]:
-    """The integer line walk of ROS's LineIterator, (col, row) of each cell."""
+    """Return the cells (col, row) that ROS's LineIterator visits."""
     ahead, aside = (0, 1) if abs(end[0] - start[0]) >= abs(end[1] - start[1]) else (1, 0)
     steps, rise = abs(end[ahead] - start[ahead]), abs(end[aside] - start[aside])
     cell, rest, cells = list(start), steps // 2, [start]
@@ -128,47 +128,45 @@ def ros_line(start: tuple[int, int], end: tuple[int, int]) -> list[tuple[int, in
 
 
 def lengths_in_cells(pose: Pose2) -> dict[tuple[int, int], float]:
-    """How much of the true outline lies in each (col, row) that it crosses [m], to half a millimetre."""
+    """Return the length of the true outline in each (col, row) [m], to half a millimetre."""
     fine = np.floor(pose.apply(Footprint().outline_m(0.0005)) / CELL_M).astype(int)
     cells, counts = np.unique(fine, axis=0, return_counts=True)
     return {(int(col), int(row)): 0.0005 * n for (col, row), n in zip(cells, counts, strict=True)}
 
 
-@pytest.mark.parametrize(("name", "parted"), [("open", 11), ("median", 37), ("tight", 44)])
-def test_parts_from_ros_footprint_cost_only_where_ros_walks_beside_the_outline(
-    nav_data: Path, name: str, parted: int
-) -> None:
-    """ROS walks integer lines between the corners' cells, ours samples the true outline each half cell.
+@pytest.mark.parametrize(("name", "count"), [("open", 11), ("median", 37), ("tight", 44)])
+def test_differs_from_ros_only_where_ros_leaves_the_outline(nav_data: Path, name: str, count: int) -> None:
+    """ROS checks integer lines between the corners' cells; Thumper samples the true outline each half cell.
 
-    Every pose of 2000 on which they differ is explained: a cell that the outline crosses and ROS's line does
-    not, one that ROS's line takes and the outline does not cross, or a corner clipped over less than a
-    sample's spacing.
+    The test explains every one of 2000 poses on which they differ: a cell that the outline crosses and ROS's
+    line does not, one that ROS's line takes and the outline does not cross, or a corner clipped by less than
+    a sample's spacing.
     """
     costs = read_pgm(nav_data / "oracle" / f"costmap_{name}.pgm")
     rows = np.loadtxt(nav_data / "oracle" / f"footprint_{name}.csv", delimiter=",", skiprows=1)
     outline_m, polygon_m = Footprint().outline_m(0.5 * CELL_M), Footprint().polygon_m()
     differ = 0
-    for x_m, y_m, theta_rad, told in rows:
+    for x_m, y_m, theta_rad, ros_cost in rows:
         pose = Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
         ours = count_at(costs, pose, outline_m, math.inf)
         corners = np.floor(pose.apply(polygon_m) / CELL_M).astype(int)
         is_off = bool((corners < 0).any() or (corners >= costs.shape[0]).any())
-        if ours < 0 or told == -3.0:  # ROS stops at the first bad edge, be it off the map or blocked
+        if ours < 0 or ros_cost == -3.0:  # ROS stops at the first bad edge, be it off the map or blocked
             assert is_off
             assert ours == -1
             continue
-        if told == -2.0:  # unknown ground on the outline: ROS says no more
+        if ros_cost == -2.0:  # unknown space on the outline: ROS reports no more
             continue
         vertices = [(int(col), int(row)) for col, row in corners]
         walked = {cell for i in range(4) for cell in ros_line(vertices[i], vertices[i - 1])}
         ros_hits = {(col, row) for col, row in walked if costs[row, col] == LETHAL}
-        assert bool(ros_hits) == (told == -1.0)  # so it is known which cells ROS looked at
+        assert bool(ros_hits) == (ros_cost == -1.0)  # so these are the cells that ROS checked
         if (ours > 0) == bool(ros_hits):
             continue
         differ += 1
         crossed = {cell: m for cell, m in lengths_in_cells(pose).items() if costs[cell[1], cell[0]] == LETHAL}
         if ours > 0:
-            assert crossed  # ROS drives through an obstacle there
+            assert crossed  # ROS misses an obstacle there
         else:
             assert all(length_m < 0.5 * CELL_M for length_m in crossed.values())
-    assert differ == parted
+    assert differ == count

@@ -1,4 +1,4 @@
-"""The five categories of costmap_2d against their definition."""
+"""The five cost classes of costmap_2d against their definition."""
 
 import math
 
@@ -7,9 +7,9 @@ import numpy as np
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.costmap import CostmapOptions, build_costmap
 from thumper.navigation.costmap.footprint_collision import (
-    Ground,
+    CollisionGrid,
     GroundCost,
-    category_at,
+    ground_cost_at,
     lethal_count,
     safe_squared_cells,
 )
@@ -18,23 +18,23 @@ from thumper.navigation.footprint import Footprint
 CELL_M = 0.05
 
 
-def test_each_category_by_its_distance() -> None:
-    """One obstacle in the middle, unknown ground on the right; centre distances of whole cells."""
+def test_cost_class_by_distance() -> None:
+    """One obstacle in the middle, unknown space on the right; centre distances of whole cells."""
     cells = np.zeros((41, 41), np.int8)
     cells[20, 20], cells[:, 34:] = 100, -1
     grid = OccupancyGrid(cells=cells, resolution_m=CELL_M, origin_x_m=0.0, origin_y_m=0.0)
     costmap, footprint = build_costmap(grid, np.empty((0, 2)), Footprint(), CostmapOptions()), Footprint()
-    along = [category_at(costmap, footprint, 1.025 + CELL_M * cell, 1.025) for cell in range(21)]
-    # Inscribed up to 0.1225 m, 2 cells; circumscribed 0.243 m and the cells' diagonals, 6 cells.
+    along = [ground_cost_at(costmap, footprint, 1.025 + CELL_M * cell, 1.025) for cell in range(21)]
+    # Inscribed up to 0.1225 m, 2 cells; circumscribed up to 0.243 m plus the diagonals, 6 cells.
     assert along[:3] == [GroundCost.LETHAL, GroundCost.INSCRIBED, GroundCost.INSCRIBED]
     assert along[3:7] == [GroundCost.POSSIBLY_CIRCUMSCRIBED] * 4
     assert along[7:14] == [GroundCost.FREE] * 7
     assert along[14:] == [GroundCost.UNKNOWN] * 7
-    assert category_at(costmap, footprint, -0.1, 1.0) is None
+    assert ground_cost_at(costmap, footprint, -0.1, 1.0) is None
 
 
-def test_free_means_that_no_heading_touches() -> None:
-    """Outline at 24 headings in random worlds."""
+def test_free_means_free_at_every_heading() -> None:
+    """The outline at 24 headings in random worlds."""
     rng, footprint = np.random.default_rng(0), Footprint()
     outline_m = footprint.outline_m(0.25 * CELL_M)
     for _ in range(20):
@@ -42,10 +42,11 @@ def test_free_means_that_no_heading_touches() -> None:
         grid = OccupancyGrid(cells=cells, resolution_m=CELL_M, origin_x_m=0.0, origin_y_m=0.0)
         costmap = build_costmap(grid, np.empty((0, 2)), footprint, CostmapOptions())
         safe = safe_squared_cells(footprint.circumscribed_radius_m, CELL_M)
-        everywhere = Ground.of(costmap, footprint)._replace(outline=outline_m, safe_squared=math.inf)
+        everywhere = CollisionGrid.from_costmap(costmap, footprint)
+        everywhere = everywhere._replace(outline=outline_m, safe_squared=math.inf)
         for row, col in rng.integers(6, 34, (20, 2)):
             x_m, y_m = grid.centre_of(int(row), int(col))
             touching = [lethal_count(everywhere, False, x_m, y_m, turn * math.tau / 24) for turn in range(24)]
-            if category_at(costmap, footprint, x_m, y_m) is GroundCost.FREE:
+            if ground_cost_at(costmap, footprint, x_m, y_m) is GroundCost.FREE:
                 assert max(touching) == 0
                 assert costmap.squared_cells[row, col] > safe

@@ -1,4 +1,4 @@
-"""The costmap kept from cycle to cycle equals the one made afresh, whatever changes."""
+"""The incremental costmap equals a full rebuild, whatever changes."""
 
 from collections import Counter
 from pathlib import Path
@@ -23,15 +23,15 @@ def grid_of(cells: np.typing.NDArray[np.int8], x_m: float = 8.0) -> OccupancyGri
     return OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=x_m, origin_y_m=4.0)
 
 
-def assert_same(ours: Costmap, afresh: Costmap) -> None:
-    assert np.array_equal(ours.costs, afresh.costs)
-    assert np.array_equal(ours.squared_cells, afresh.squared_cells)
+def assert_same(ours: Costmap, rebuilt: Costmap) -> None:
+    assert np.array_equal(ours.costs, rebuilt.costs)
+    assert np.array_equal(ours.squared_cells, rebuilt.squared_cells)
 
 
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10_000), masked=st.booleans())
-def test_updates_equal_a_costmap_made_afresh(seed: int, masked: bool) -> None:
-    """Cells turn obstacle, free and unknown, hits come, stay and go, the map grows and moves."""
+def test_updates_equal_a_full_rebuild(seed: int, masked: bool) -> None:
+    """Cells change, hits appear, stay and disappear, the map grows and moves."""
     rng, footprint, options = np.random.default_rng(seed), Footprint(), CostmapOptions()
     cells = rng.choice(VALUES, (50, 70))
     keepout = grid_of(np.where(rng.random((40, 90)) < 0.02, 100, 0).astype(np.int8), 7.5) if masked else None
@@ -50,8 +50,8 @@ def test_updates_equal_a_costmap_made_afresh(seed: int, masked: bool) -> None:
         assert_same(kept.update(grid, hits_m), build_costmap(grid, hits_m, footprint, options, keepout))
 
 
-def test_inflation_of_ros_is_kept_through_updates(nav_data: Path) -> None:
-    """The oracle's map, reached in eight steps: parts from ROS in the 5 cells where that is not exact."""
+def test_updates_keep_ros_inflation(nav_data: Path) -> None:
+    """The oracle's map, built in eight steps: differs from ROS in the 5 cells where ROS is not exact."""
     lethal = read_pgm(nav_data / "oracle" / "inflation_in_120.pgm") == LETHAL
     theirs = read_pgm(nav_data / "oracle" / "inflation_ros_120.pgm")
     kept = CostmapLayers(Footprint(), CostmapOptions(inflation_radius_m=0.55, decay_per_m=10.0))
@@ -64,8 +64,8 @@ def test_inflation_of_ros_is_kept_through_updates(nav_data: Path) -> None:
     assert (costs != theirs).sum() == 5
 
 
-def test_work_grows_with_the_change_not_with_the_map(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Cells whose distance is computed again for one new obstacle: the same on a small and a large map."""
+def test_cost_of_an_update_depends_on_the_change_not_the_map(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One new obstacle recomputes as many distances on a small map as on a large one."""
     cells_worked: list[int] = []
 
     def counted(lethal: np.typing.NDArray[np.bool_], reach: int) -> np.typing.NDArray[np.int32]:
@@ -78,7 +78,7 @@ def test_work_grows_with_the_change_not_with_the_map(monkeypatch: pytest.MonkeyP
         cells_worked.clear()
         kept, cells = CostmapLayers(Footprint(), CostmapOptions()), np.zeros((side, side), np.int8)
         kept.update(grid_of(cells), np.empty((0, 2)))
-        kept.update(grid_of(cells.copy()), np.empty((0, 2)))  # nothing has changed: nothing to do
+        kept.update(grid_of(cells.copy()), np.empty((0, 2)))  # no change: no work
         cells = cells.copy()
         cells[50, 50] = 100
         kept.update(grid_of(cells), np.empty((0, 2)))

@@ -1,11 +1,11 @@
-"""Averaged beams: less noise on what many beams meet, and nothing lost that only one of them meets."""
+"""Scan averaging: less noise on what many beams hit, and nothing lost that one beam hits."""
 
 import numpy as np
 import pytest
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.field_of_view import FieldOfView
-from thumper.navigation.costmap.scan_averaging import averaged, averaged_hits
+from thumper.navigation.costmap.scan_averaging import average_ranges, averaged_hits
 from thumper_hil.kinematic.world import KinematicWorld, box
 
 ANGLES_RAD = np.radians(np.arange(-120.0, 121.0))
@@ -14,21 +14,21 @@ NOISE_M = 0.01
 
 
 def seen(world: KinematicWorld) -> tuple[FloatArray, FloatArray]:
-    """Bearings and exact ranges of what the lidar meets."""
+    """Return bearings and exact ranges of the lidar's hits."""
     ranges_m = world.cast(Pose2(), ANGLES_RAD, 4.0)
     hit = np.isfinite(ranges_m)
     return ANGLES_RAD[hit], ranges_m[hit]
 
 
-def test_a_near_post_is_no_thicker_than_it_is() -> None:
-    """The nearest of its noisy points: 17 mm before the post as measured, 8 mm when averaged."""
+def test_near_post_keeps_its_thickness() -> None:
+    """Its nearest noisy point is 17 mm in front of it as measured, and 8 mm when averaged."""
     bearings_rad, exact_m = seen(POST)
     rng = np.random.default_rng(1)
     raw_m, mean_m = [], []
     for _ in range(100):
         noisy_m = exact_m + NOISE_M * rng.standard_normal(exact_m.size)
         raw_m.append((exact_m - noisy_m).max())
-        mean_m.append((exact_m - averaged(bearings_rad, noisy_m)).max())
+        mean_m.append((exact_m - average_ranges(bearings_rad, noisy_m)).max())
     assert np.mean(raw_m) == pytest.approx(0.017, abs=0.002)
     assert np.mean(mean_m) == pytest.approx(0.008, abs=0.002)
 
@@ -41,23 +41,23 @@ def test_a_near_post_is_no_thicker_than_it_is() -> None:
         KinematicWorld.from_boxes(box(0.0, 0.0, 2.0, 1.0)),
     ],
 )
-def test_without_noise_nothing_moves(world: KinematicWorld) -> None:
-    """Posts, slanting walls and corners stay within 2 mm of where they are."""
+def test_exact_ranges_do_not_change(world: KinematicWorld) -> None:
+    """Posts, slanted walls and corners stay within 2 mm."""
     bearings_rad, exact_m = seen(world)
     assert exact_m.size > 10
-    assert averaged(bearings_rad, exact_m) == pytest.approx(exact_m, abs=0.002)
+    assert average_ranges(bearings_rad, exact_m) == pytest.approx(exact_m, abs=0.002)
 
 
-def test_what_one_beam_meets_stays() -> None:
-    """A wire 5 cm before a wall, and a post with nothing behind it."""
+def test_single_hit_stays() -> None:
+    """A wire 5 cm in front of a wall, and a post with nothing behind it."""
     ranges_m = np.full(21, 0.5)
     ranges_m[10] = 0.45
-    assert averaged(np.radians(np.arange(21.0)), ranges_m)[10] == 0.45
-    alone = averaged(np.radians((0.0, 20.0, 40.0)), np.array((1.0, 0.3, 1.0)))
+    assert average_ranges(np.radians(np.arange(21.0)), ranges_m)[10] == 0.45
+    alone = average_ranges(np.radians((0.0, 20.0, 40.0)), np.array((1.0, 0.3, 1.0)))
     assert alone == pytest.approx((1.0, 0.3, 1.0))
 
 
-def test_points_move_along_their_beams_only() -> None:
+def test_hits_move_only_along_their_beams() -> None:
     view, pose = FieldOfView(), Pose2(x_m=1.0, y_m=-2.0, theta_rad=0.7)
     bearings_rad, ranges_m = seen(POST)
     laser = pose @ view.base_from_laser
@@ -65,5 +65,5 @@ def test_points_move_along_their_beams_only() -> None:
     points_m = laser.apply(np.column_stack((noisy_m * np.cos(bearings_rad), noisy_m * np.sin(bearings_rad))))
     after_rad, after_m = view.bearings_and_ranges(pose, averaged_hits(pose, points_m, view))
     assert after_rad == pytest.approx(bearings_rad)
-    assert after_m == pytest.approx(averaged(bearings_rad, noisy_m))
+    assert after_m == pytest.approx(average_ranges(bearings_rad, noisy_m))
     assert averaged_hits(pose, np.empty((0, 2)), view).shape == (0, 2)

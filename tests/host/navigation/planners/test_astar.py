@@ -1,4 +1,4 @@
-"""A* against Dijkstra, against published optimal lengths, and the path it makes of them."""
+"""A* against Dijkstra and published optimal lengths, and the paths of its planner."""
 
 import math
 from pathlib import Path
@@ -16,21 +16,22 @@ from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_costmap
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
-from thumper.navigation.planners.astar import AStarOptions, AStarPlanner, is_blocked
-from thumper.navigation.planners.astar_search import NO_GOAL, search, trace
+from thumper.navigation.planners.astar import AStarPlanner, is_blocked
+from thumper.navigation.planners.astar_search import NO_GOAL, astar, trace_path
 from thumper.navigation.planners.polyline import arc_lengths
+from thumper.navigation.planners.traversal_cost import TraversalCostOptions
 from thumper_hil.kinematic.maps import read_octile
 
 NO_HITS = np.empty((0, 2))
 
 
-def walled(prices: NDArray[np.float32]) -> NDArray[np.float32]:
-    return np.pad(prices, 1, constant_values=np.inf).astype(np.float32)
+def walled(cell_costs: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.pad(cell_costs, 1, constant_values=np.inf).astype(np.float32)
 
 
-def reference_costs(prices: NDArray[np.float32], start: int) -> FloatArray:
-    """Dijkstra of scipy on the same graph, written independently of the kernel."""
-    rows, cols = prices.shape
+def reference_costs(cell_costs: NDArray[np.float32], start: int) -> FloatArray:
+    """Return the costs by scipy's Dijkstra on the same graph, written independently of the kernel."""
+    rows, cols = cell_costs.shape
     edges: list[tuple[int, int, float]] = []
     for row in range(rows):
         for col in range(cols):
@@ -38,9 +39,11 @@ def reference_costs(prices: NDArray[np.float32], start: int) -> FloatArray:
                 r, c = row + d_row, col + d_col
                 if not (0 <= r < rows and 0 <= c < cols):
                     continue
-                if not np.isfinite([prices[row, col], prices[r, c], prices[row, c], prices[r, col]]).all():
+                if not np.isfinite(
+                    [cell_costs[row, col], cell_costs[r, c], cell_costs[row, c], cell_costs[r, col]]
+                ).all():
                     continue
-                cost = math.hypot(d_row, d_col) * 0.5 * float(prices[row, col] + prices[r, c])
+                cost = math.hypot(d_row, d_col) * 0.5 * float(cell_costs[row, col] + cell_costs[r, c])
                 edges.append((row * cols + col, r * cols + c, cost))
     if not edges:
         return np.where(np.arange(rows * cols) == start, 0.0, np.inf)
@@ -57,38 +60,38 @@ def reference_costs(prices: NDArray[np.float32], start: int) -> FloatArray:
     density=st.floats(0, 0.45),
     weight=st.sampled_from([0.0, 5.0]),
 )
-def test_cost_is_the_least_there_is(seed: int, rows: int, cols: int, density: float, weight: float) -> None:
+def test_path_cost_is_optimal(seed: int, rows: int, cols: int, density: float, weight: float) -> None:
     rng = np.random.default_rng(seed)
-    prices = (1.0 + weight * rng.random((rows, cols))).astype(np.float32)
-    prices[rng.random((rows, cols)) < density] = np.inf
-    prices[0, 0] = 1.0
-    prices = walled(prices)
-    start, goal = prices.shape[1] + 1, rows * prices.shape[1] + cols
-    expected = reference_costs(prices, start)
-    flooded, _ = search(prices, start, NO_GOAL)
+    cell_costs = (1.0 + weight * rng.random((rows, cols))).astype(np.float32)
+    cell_costs[rng.random((rows, cols)) < density] = np.inf
+    cell_costs[0, 0] = 1.0
+    cell_costs = walled(cell_costs)
+    start, goal = cell_costs.shape[1] + 1, rows * cell_costs.shape[1] + cols
+    expected = reference_costs(cell_costs, start)
+    flooded, _ = astar(cell_costs, start, NO_GOAL)
     np.testing.assert_allclose(flooded, expected)
-    cost, parent = search(prices, start, goal)
+    cost, parent = astar(cell_costs, start, goal)
     assert cost[goal] == pytest.approx(expected[goal])
     if np.isfinite(cost[goal]):
-        cells = trace(parent, goal)
+        cells = trace_path(parent, goal)
         assert (cells[0], cells[-1]) == (start, goal)
-        assert np.isfinite(prices.ravel()[cells]).all()
-        steps = np.abs(np.diff(np.column_stack(np.divmod(cells, prices.shape[1])), axis=0))
+        assert np.isfinite(cell_costs.ravel()[cells]).all()
+        steps = np.abs(np.diff(np.column_stack(np.divmod(cells, cell_costs.shape[1])), axis=0))
         assert steps.max(initial=1) == 1
 
 
 @pytest.mark.parametrize("name", ["Berlin_1_512", "16room_000"])
 def test_published_optimal_lengths(nav_data: Path, name: str) -> None:
-    prices = walled(
+    cell_costs = walled(
         np.where(read_octile(nav_data / "movingai" / f"{name}.map"), 1.0, np.inf).astype(np.float32)
     )
     lines = (nav_data / "movingai" / f"{name}.map.scen").read_text().splitlines()[1:]
-    cols = prices.shape[1]
+    cols = cell_costs.shape[1]
     for line in lines[-1 :: -max(1, len(lines) // 40)]:
         *_, x0, y0, x1, y1, length = line.split()
         goal = (int(y1) + 1) * cols + int(x1) + 1
-        cost, _ = search(prices, (int(y0) + 1) * cols + int(x0) + 1, goal)
-        assert cost[goal] == pytest.approx(float(length), abs=1e-3)  # the file rounds
+        cost, _ = astar(cell_costs, (int(y0) + 1) * cols + int(x0) + 1, goal)
+        assert cost[goal] == pytest.approx(float(length), abs=1e-3)  # the file is rounded
 
 
 def costmap_of(cells: NDArray[np.int8]) -> Costmap:
@@ -97,7 +100,7 @@ def costmap_of(cells: NDArray[np.int8]) -> Costmap:
 
 
 def room_with_wall() -> NDArray[np.int8]:
-    """5 m x 5 m, a wall across x = 2.5 m with a doorway of 0.8 m at y = 3.6 ... 4.4 m."""
+    """Return 5 m x 5 m with a wall at x = 2.5 m and a doorway of 0.8 m at y = 3.6 ... 4.4 m."""
     cells = np.zeros((100, 100), np.int8)
     cells[:, 50] = 100
     cells[72:88, 50] = 0
@@ -107,9 +110,9 @@ def room_with_wall() -> NDArray[np.int8]:
 START = Pose2(x_m=1.0, y_m=1.0)
 
 
-def test_path_goes_through_the_middle_of_the_door_and_ends_at_the_goal() -> None:
+def test_path_leads_through_the_middle_of_the_door_to_the_goal() -> None:
     costmap = costmap_of(room_with_wall())
-    result = AStarPlanner(AStarOptions()).plan(costmap, START, Goal(x_m=4.03, y_m=1.01))
+    result = AStarPlanner(TraversalCostOptions()).plan(costmap, START, Goal(x_m=4.03, y_m=1.01))
     assert result.path_m is not None
     path_m = result.path_m
     assert path_m[0] == pytest.approx((1.0, 1.0))
@@ -122,17 +125,17 @@ def test_path_goes_through_the_middle_of_the_door_and_ends_at_the_goal() -> None
     assert result.reason == ""
 
 
-def test_open_ground_gives_a_straight_line() -> None:
+def test_path_in_free_space_is_straight() -> None:
     costmap = costmap_of(np.zeros((100, 100), np.int8))
-    result = AStarPlanner(AStarOptions()).plan(costmap, START, Goal(x_m=4.0, y_m=2.2))
+    result = AStarPlanner(TraversalCostOptions()).plan(costmap, START, Goal(x_m=4.0, y_m=2.2))
     assert result.path_m is not None
     assert arc_lengths(result.path_m)[-1] == pytest.approx(math.hypot(3.0, 1.2), rel=1e-3)
 
 
-def test_walled_in_goal_is_told_apart_from_a_goal_in_an_obstacle() -> None:
+def test_reasons_without_a_path() -> None:
     cells = room_with_wall()
     cells[72:88, 50] = 100
-    planner = AStarPlanner(AStarOptions())
+    planner = AStarPlanner(TraversalCostOptions())
     result = planner.plan(costmap_of(cells), START, Goal(x_m=4.0, y_m=1.0))
     assert result.path_m is None
     assert "shut off by obstacles" in result.reason
@@ -145,14 +148,14 @@ def test_walled_in_goal_is_told_apart_from_a_goal_in_an_obstacle() -> None:
 
 def test_goal_in_an_obstacle_is_replaced_within_the_tolerance() -> None:
     goal = Goal(x_m=2.52, y_m=1.0, tolerance_m=0.3)
-    result = AStarPlanner(AStarOptions()).plan(costmap_of(room_with_wall()), START, goal)
+    result = AStarPlanner(TraversalCostOptions()).plan(costmap_of(room_with_wall()), START, goal)
     assert result.path_m is not None
     assert math.dist(result.path_m[-1], (2.52, 1.0)) <= 0.3
     assert "instead" in result.reason
 
 
-def test_a_start_too_near_a_wall_finds_a_way_out_and_one_inside_does_not() -> None:
-    planner, goal = AStarPlanner(AStarOptions()), Goal(x_m=1.0, y_m=1.0)
+def test_start_near_a_wall_has_a_path_and_one_inside_has_none() -> None:
+    planner, goal = AStarPlanner(TraversalCostOptions()), Goal(x_m=1.0, y_m=1.0)
     near = planner.plan(costmap_of(room_with_wall()), Pose2(x_m=2.45, y_m=1.0), goal)
     assert near.path_m is not None
     assert near.path_m[0] == pytest.approx((2.45, 1.0))
@@ -163,16 +166,21 @@ def test_a_start_too_near_a_wall_finds_a_way_out_and_one_inside_does_not() -> No
     assert "inside an obstacle" in inside.reason
 
 
-def test_unknown_ground_is_crossed_only_when_allowed_and_costs_more() -> None:
+def test_unknown_space_costs_more_and_can_be_forbidden() -> None:
     cells = np.zeros((100, 100), np.int8)
-    cells[:80, 40:60] = -1  # seen ground leads round the top
+    cells[:80, 40:60] = -1  # known space leads round the top
     goal = Goal(x_m=4.0, y_m=1.0)
     lengths = {}
     for weight in (0.0, 20.0):
-        result = AStarPlanner(AStarOptions(unknown_weight=weight)).plan(costmap_of(cells), START, goal)
+        result = AStarPlanner(TraversalCostOptions(unknown_weight=weight)).plan(
+            costmap_of(cells), START, goal
+        )
         assert result.path_m is not None
         lengths[weight] = arc_lengths(result.path_m)[-1]
     assert lengths[0.0] == pytest.approx(3.0, rel=1e-3)
     assert lengths[20.0] > 5.0
     cells[:, 40:60] = -1
-    assert AStarPlanner(AStarOptions(allow_unknown=False)).plan(costmap_of(cells), START, goal).path_m is None
+    assert (
+        AStarPlanner(TraversalCostOptions(allow_unknown=False)).plan(costmap_of(cells), START, goal).path_m
+        is None
+    )

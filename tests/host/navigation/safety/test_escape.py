@@ -1,4 +1,4 @@
-"""The way out of a refusal: past a post, away from it, not into the unknown behind; none where none is."""
+"""Escape: past a post, away from it, not into unknown space behind; None if boxed in."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ MONITOR = CollisionMonitor(CollisionMonitorOptions(), LIMITS, FOOTPRINT)
 
 
 def request(hits_m: FloatArray, *, known: bool = True) -> ControlRequest:
-    """A robot that stands in the middle of a room, its path leading ahead and to the left."""
+    """Return a request in the middle of a room, with a path ahead and to the left."""
     cells = np.full((80, 80), 0 if known else -1, np.int8)
     grid = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=-2.0, origin_y_m=-2.0)
     return ControlRequest(
@@ -33,40 +33,40 @@ def request(hits_m: FloatArray, *, known: bool = True) -> ControlRequest:
 
 
 def command(hits_m: FloatArray, *, known: bool = True) -> Twist2 | None:
-    return Escape(MONITOR, LIMITS, FOOTPRINT).command(
+    return Escape(MONITOR, LIMITS, FOOTPRINT).compute_command(
         request(hits_m, known=known), hits_m, np.zeros(len(hits_m))
     )
 
 
-def test_beside_a_post_it_turns_away_from_it_whatever_side_the_path_is_on() -> None:
+def test_turns_away_from_a_post_even_if_the_path_leads_toward_it() -> None:
     post_m = np.array(((0.08, SIDE_M + 0.008),))
-    refused = Twist2(v_m_s=0.04, w_rad_s=0.15)  # along the path, which leads to the left
-    assert MONITOR.objection(refused, Twist2(), post_m, np.zeros(1), 0.1)
-    freeing = command(post_m, known=False)
-    assert freeing is not None
-    assert freeing.v_m_s >= 0.0
-    assert freeing.w_rad_s < 0.0
+    rejected = Twist2(v_m_s=0.04, w_rad_s=0.15)  # along the path, which leads to the left
+    assert MONITOR.stop_reason(rejected, Twist2(), post_m, np.zeros(1), 0.1)
+    escape = command(post_m, known=False)
+    assert escape is not None
+    assert escape.v_m_s >= 0.0
+    assert escape.w_rad_s < 0.0
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_post_at_the_tail_is_left_without_swinging_the_tail_at_it(side: float) -> None:
-    freeing = command(np.array(((-0.2, side * (SIDE_M + 0.008)),)))
-    assert freeing is not None
-    assert freeing.v_m_s > 0.0
-    assert freeing.w_rad_s * side >= 0.0
+def test_leaves_a_post_at_the_rear_without_swinging_toward_it(side: float) -> None:
+    escape = command(np.array(((-0.2, side * (SIDE_M + 0.008)),)))
+    assert escape is not None
+    assert escape.v_m_s > 0.0
+    assert escape.w_rad_s * side >= 0.0
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_before_a_wall_it_backs_off_where_the_ground_behind_is_known(known: bool) -> None:
+def test_backs_away_from_a_wall_only_over_known_space(known: bool) -> None:
     wall_m = np.column_stack((np.full(41, FRONT_M + 0.01), np.linspace(-0.3, 0.3, 41)))
-    freeing = command(wall_m, known=known)
+    escape = command(wall_m, known=known)
     if known:
-        assert freeing is not None
-        assert freeing.v_m_s < 0.0
+        assert escape is not None
+        assert escape.v_m_s < 0.0
     else:
-        assert freeing is None
+        assert escape is None
 
 
-def test_boxed_in_there_is_no_way_out() -> None:
+def test_boxed_in_robot_has_no_escape() -> None:
     outline_m = FOOTPRINT.grown(0.004).outline_m(0.01)
     assert command(outline_m) is None
