@@ -11,7 +11,7 @@ Seed = Annotated[int, typer.Option(help="Seed of the random numbers.", min=0, ma
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for the maps, pictures and figures.")] = Path("out"),
     seed: Seed = 1,
-    realtime: Annotated[bool, typer.Option(help="Run in real time.")] = False,
+    realtime: Annotated[bool, typer.Option("--realtime", help="Run in real time.")] = False,
     seeds: Annotated[
         int,
         typer.Option(help="Drive both missions with this many seeds, starting at --seed.", min=1, max=10_000),
@@ -56,10 +56,13 @@ def sim(
     seed: Seed = 1,
     start: Annotated[
         tuple[float, float, float],
-        typer.Option(help="Start pose: X and Y in metres, HEADING in degrees."),
+        typer.Option(metavar="X Y DEGREES", help="Start pose: X and Y in metres, heading in degrees."),
     ] = (0.0, 0.0, 0.0),
     reset_on_open: Annotated[
-        bool, typer.Option(help="Reset the board through its boot loader when its port is opened (DTR).")
+        bool,
+        typer.Option(
+            "--reset-on-open", help="Reset the board through its boot loader when its port is opened (DTR)."
+        ),
     ] = False,
     scenario: Annotated[str, typer.Option(help="Scenario file (TOML) that schedules faults.")] = "",
     lidar: Annotated[str, typer.Option(help="Lidar model: urg04lx or ld19.")] = "urg04lx",

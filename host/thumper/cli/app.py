@@ -28,6 +28,29 @@ from thumper.common.errors import ThumperError
 from thumper.common.optional_packages import extra_providing, missing_package
 from thumper.common.version import __version__
 
+COMMANDS = (  # in the order of `thumper --help`
+    run,
+    explore,
+    goto,
+    stop,
+    teleop,
+    mode,
+    save,
+    status,
+    watch,
+    dashboard,
+    record,
+    rosbridge,
+    replay,
+    export,
+    recover,
+    map_log,
+    plan,
+    edit,
+    doctor,
+    flash,
+)
+
 
 def _show_version(wanted: bool) -> None:
     if wanted:
@@ -53,37 +76,16 @@ def build_app() -> typer.Typer:
     ) -> None:
         pass
 
+    for command in COMMANDS:
+        # so that goto accepts negative coordinates
+        settings = {"ignore_unknown_options": True} if command is goto else None
+        app.command(command.__name__.replace("_", "-"), context_settings=settings)(command)
     for plugin in sorted(entry_points(group="thumper.commands"), key=lambda point: point.name):
         loaded = plugin.load()  # a command, or a group of commands
         if isinstance(loaded, typer.Typer):
             app.add_typer(loaded, name=plugin.name)
         else:
             app.command(plugin.name)(loaded)
-    for command in (
-        run,
-        goto,
-        stop,
-        mode,
-        save,
-        status,
-        watch,
-        rosbridge,
-        explore,
-        plan,
-        edit,
-        map_log,
-        flash,
-        doctor,
-        dashboard,
-        record,
-        teleop,
-        replay,
-        recover,
-        export,
-    ):
-        # so that goto accepts negative coordinates
-        settings = {"ignore_unknown_options": True} if command is goto else None
-        app.command(command.__name__.replace("_", "-"), context_settings=settings)(command)
     return app
 
 
