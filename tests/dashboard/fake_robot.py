@@ -160,7 +160,7 @@ class FakeRobot:
                 return {"text": f"done: {content['command']}"}
             case "simulator/world":
                 kinds = {"lidar": {"choices": ["ok", "unplugged"]}, "slip.left": {"most": 1.0, "unit": ""}}
-                return {"faults": kinds, "on": self.simulated_faults}
+                return {"faults": kinds, "on": self.simulated_faults, "pillars": 0}
             case "simulator/command":
                 self.simulated_faults[content["fault"]] = content["value"]
                 return {"text": f"{content['fault']} is {content['value']}"}

@@ -5,12 +5,14 @@ Simulated time passes beat by beat, and with it the clock on the wall, by which 
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from typing import Any
 
 from thumper.board.messages import Telemetry
 from thumper.common.geometry import Pose2
 from thumper.navigation.goal import Goal
 from thumper.ros.codec import Message
+from thumper.ros.services import SERVICES
 from thumper.runtime.loop import RobotLoop
 from thumper.runtime.requests import Query, Request
 from thumper_hil.bench import Bench
@@ -58,6 +60,9 @@ class Service:
         answers: list[Mapping[str, Any]] = []
         self.put(Query(name=name, content=content or {}, reply=answers.append))
         (answer,) = answers
+        if answer["ok"]:  # every reply has exactly the fields of its type
+            reply = SERVICES[name].read_reply(answer)
+            assert set(answer) - {"ok"} == {field.name for field in fields(reply)}
         return dict(answer)
 
     @property

@@ -1,12 +1,12 @@
-"""The operator's guide lists the bus: topics with types, queries, commands, options."""
+"""The operator's guide lists the bus: topics with types, services, commands, options."""
 
 import re
 from dataclasses import fields
 from pathlib import Path
 
-from thumper.bus.request_decoder import QUESTIONS
 from thumper.config.bus import BusOptions
 from thumper.config.manual_drive import ManualDriveOptions
+from thumper.ros.services import SERVICES
 from thumper.ros.topics import TOPICS, Direction
 from thumper.runtime.requests import COMMANDS
 
@@ -32,9 +32,10 @@ def test_lists_the_latched_topics() -> None:
     assert set(re.findall(r"`([^`]+)`", sentence[1])) == {n for n, topic in TOPICS.items() if topic.latched}
 
 
-def test_lists_every_query() -> None:
-    listed = [name for row in rows("query") for name in re.findall(r"`([^`]+)`", row[0])]
-    assert sorted(listed) == sorted(QUESTIONS)
+def test_lists_every_service_as_the_table_in_the_code() -> None:
+    assert rows("service") == [
+        [f"`{service.name}`", service.request_doc, service.reply_doc] for service in SERVICES.values()
+    ]
 
 
 def test_lists_every_command() -> None:

@@ -26,6 +26,8 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.config.bus import BusOptions
 from thumper.config.robot import RobotConfig, with_ports
+from thumper.ros import services
+from thumper.ros.services import SendMission
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.loop import RobotLoop
 from thumper.runtime.service.stall_guard import STALE_PERIOD_S, STALE_REQUEST
@@ -82,7 +84,7 @@ def _send_goal(
 
     def send() -> None:
         with BusClient(*bus) as client:
-            client.query("mission/send", {"x_m": goal_m[0], "y_m": goal_m[1]})
+            services.MISSION_SEND.call(client, SendMission(x_m=goal_m[0], y_m=goal_m[1]))
 
     while True:
         client = clients.submit(send)

@@ -10,6 +10,7 @@ from thumper.common.geometry import Pose2, Twist2
 from thumper.navigation.goal import Goal, check_place
 from thumper.ros.codec import Message, decode
 from thumper.ros.from_ros import pose_of, twist_of
+from thumper.ros.services import SERVICES
 from thumper.ros.topics import TOPICS, Direction
 from thumper.runtime.requests import (
     COMMANDS,
@@ -31,23 +32,6 @@ MAX_V_M_S, MAX_W_RAD_S = 5.0, 20.0
 MAX_SOURCE_CHARACTERS = 64
 RATES_HZ = {"heartbeat": 200.0, "teleop": 200.0, "gamepad": 200.0}
 DEFAULT_RATE_HZ = 20.0
-
-QUESTIONS = (
-    "parameters/schema",
-    "parameters/get",
-    "parameters/set",
-    "parameters/save",
-    "parameters/revert",
-    "mission/send",
-    "mission/state",
-    "mapping/state",
-    "command",
-    "simulator/world",
-    "simulator/command",
-    "experiment/start",
-    "experiment/state",
-    "experiment/report",
-)
 
 
 class RequestRefusedError(ValueError):
@@ -82,12 +66,13 @@ class RequestDecoder:
     ) -> Query:
         """Return the query; its payload is a JSON object or empty. Raises RequestRefusedError."""
         try:
-            if name not in QUESTIONS:
-                raise RequestRefusedError(f"no such service; choose from: {', '.join(QUESTIONS)}")
+            service = SERVICES.get(name)
+            if service is None:
+                raise RequestRefusedError(f"no such service; choose from: {', '.join(SERVICES)}")
             self._check(f"?{name}", len(raw), source, now_s)
-            return Query(
-                name=name, content=json_object(raw.decode()) if raw else {}, reply=reply, source=source
-            )
+            content = json_object(raw.decode()) if raw else {}
+            service.check(content)
+            return Query(name=name, content=content, reply=reply, source=source)
         except ValueError as error:
             raise RequestRefusedError(f"{name}: {error}") from error
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from thumper.bus.client import BusClient
-from thumper.bus.request_decoder import QUESTIONS
 from thumper.common.errors import ThumperError
 from thumper.ros.codec import encode
+from thumper.ros.services import SERVICES
 from thumper.ros.to_json import from_json
 from thumper.ros.topics import TOPICS, Direction
 
@@ -101,7 +101,7 @@ class RosbridgeClient:
         return answer
 
     def _answer(self, service: str, arguments: Mapping[str, Any]) -> dict[str, Any]:
-        if service in QUESTIONS:
+        if service in SERVICES:
             return self._bus.query(service, arguments, source=self._source)
         types = {f"/{name}": _ros_type(topic.type_name) for name, topic in TOPICS.items()}
         match service:
@@ -110,8 +110,8 @@ class RosbridgeClient:
             case "rosapi/topic_type":
                 return {"type": types.get(f"/{str(arguments.get('topic')).strip('/')}", "")}
             case "rosapi/services":
-                return {"services": [f"/{name}" for name in QUESTIONS]}
-        raise ThumperError(f"no service /{service}; choose from: {', '.join(QUESTIONS)}")
+                return {"services": [f"/{name}" for name in SERVICES]}
+        raise ThumperError(f"no service /{service}; choose from: {', '.join(SERVICES)}")
 
     @staticmethod
     def _check_direction(topic: str, direction: Direction) -> None:

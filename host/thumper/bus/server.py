@@ -14,10 +14,11 @@ from typing import Any
 
 import zenoh
 
-from thumper.bus.request_decoder import QUESTIONS, RequestDecoder, RequestRefusedError
+from thumper.bus.request_decoder import RequestDecoder, RequestRefusedError
 from thumper.bus.zenoh_session import open_router
 from thumper.config.bus import BusOptions
 from thumper.ros.codec import Message, encode
+from thumper.ros.services import SERVICES
 from thumper.ros.topics import TOPICS, Direction
 from thumper.runtime.service.request_queue import RequestQueue
 
@@ -72,7 +73,7 @@ class BusServer:
                 self._session.declare_subscriber(self._prefix + name, self._on_message)
             elif topic.latched:
                 self._session.declare_queryable(self._prefix + name, self._reply_newest)
-        for name in QUESTIONS:
+        for name in SERVICES:
             self._session.declare_queryable(f"{self._prefix}ask/{name}", self._on_query)
         self._thread = threading.Thread(target=self._run, name="bus", daemon=True)
         self._thread.start()

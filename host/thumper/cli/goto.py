@@ -8,6 +8,8 @@ import typer
 
 from thumper.cli.bus_options import connect
 from thumper.cli.common_options import BusAddress, ClearFault, ConfigFile, GoalTolerance, RobotName
+from thumper.ros import services
+from thumper.ros.services import FindMission, MissionState, RunCommand, SendMission
 
 if TYPE_CHECKING:
     from thumper.bus.client import BusClient
@@ -50,37 +52,36 @@ def goto(
     if not all(map(math.isfinite, numbers)):
         raise ThumperError("the goal and --tolerance must be finite numbers", exit_code=EXIT_USAGE)
     check_place("the goal", x, y)
-    goal = {"x_m": x, "y_m": y, "tolerance_m": tolerance}
-    if yaw is not None:
-        goal["yaw_rad"] = math.radians(yaw)
+    yaw_rad = None if yaw is None else math.radians(yaw)
+    goal = SendMission(x_m=x, y_m=y, yaw_rad=yaw_rad, tolerance_m=tolerance)
     with connect(config, bus, robot) as client:
         if clear_fault:
-            client.query("command", {"command": "clear_fault"})
-        mission = client.query("mission/send", goal)["mission"]
+            services.COMMAND.call(client, RunCommand(command="clear_fault"))
+        mission = services.MISSION_SEND.call(client, goal).mission
         if not wait:
             print(f"mission {mission} started")
             return
         try:
             state = _wait(client, mission)
         except KeyboardInterrupt:
-            client.query("command", {"command": "cancel"})
+            services.COMMAND.call(client, RunCommand(command="cancel"))
             raise ThumperError(
                 "interrupted: the goal is cancelled, the robot stops", exit_code=EXIT_INTERRUPTED
             ) from None
-    if state["state"] != "reached":
-        raise ThumperError(f"goal not reached: {state['reason']}")
-    print(f"reached: {state['reason']}")
+    if state.state != "reached":
+        raise ThumperError(f"goal not reached: {state.reason}")
+    print(f"reached: {state.reason}")
 
 
-def _wait(client: "BusClient", mission: int) -> dict[str, object]:
+def _wait(client: "BusClient", mission: int) -> MissionState:
     """Print the remaining distance until the mission ends; return its final state."""
     begun_s = next_line_s = time.monotonic()
-    while (state := client.query("mission/state", {"mission": mission}))["state"] == "driving":
+    while (state := services.MISSION_STATE.call(client, FindMission(mission=mission))).state == "driving":
         now_s = time.monotonic()
         if now_s >= next_line_s:
             next_line_s += LINE_PERIOD_S
-            reason = f": {state['reason']}" if state["reason"] else ""
-            print(f"{state['distance_m']:5.2f} m to go, {now_s - begun_s:5.1f} s{reason}", flush=True)
+            reason = f": {state.reason}" if state.reason else ""
+            print(f"{state.distance_m:5.2f} m to go, {now_s - begun_s:5.1f} s{reason}", flush=True)
         time.sleep(POLL_PERIOD_S)
     return state
 
@@ -105,4 +106,5 @@ def stop(
     with connect(config, bus, robot) as client:
         if emergency:  # published first: the topic overtakes all queries
             client.publish("estop", message("std_msgs/msg/Bool", data=True))
-        print(client.query("command", {"command": "estop" if emergency else "cancel"})["text"])
+        command = RunCommand(command="estop" if emergency else "cancel")
+        print(services.COMMAND.call(client, command).text)

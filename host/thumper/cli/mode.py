@@ -7,6 +7,8 @@ import typer
 
 from thumper.cli.bus_options import connect
 from thumper.cli.common_options import BusAddress, ConfigFile, RobotName
+from thumper.ros import services
+from thumper.ros.services import RunCommand
 
 
 class SlamMode(StrEnum):
@@ -37,4 +39,4 @@ def mode(
     Example: `thumper mode localise`
     """
     with connect(config, bus, robot) as client:
-        print(client.query("command", {"command": COMMAND_OF[what]})["text"])
+        print(services.COMMAND.call(client, RunCommand(command=COMMAND_OF[what])).text)

@@ -16,12 +16,14 @@ def save(config: ConfigFile = None, bus: BusAddress = "", robot: RobotName = "")
     """
     from thumper.bus.status_watchdog import StatusWatchdog
     from thumper.common.errors import ThumperError
+    from thumper.ros import services
+    from thumper.ros.services import RunCommand
     from thumper.runtime.service.map_saver import NOT_SAVED, SAVED
 
     events: queue.Queue[str] = queue.Queue()
     with connect(config, bus, robot) as client:
         client.subscribe("events", lambda message: events.put(message.msg))
-        client.query("command", {"command": "save_map"})
+        services.COMMAND.call(client, RunCommand(command="save_map"))
         heartbeat, until_s = StatusWatchdog(client), time.monotonic() + SAVE_TIMEOUT_S
         while time.monotonic() < until_s:
             try:

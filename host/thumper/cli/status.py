@@ -5,6 +5,7 @@ import sys
 import threading
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -25,6 +26,7 @@ def status(
 ) -> None:
     """Show what a running robot does: mode, goal, board, lidar, control loop, recording."""
     from thumper.common.errors import EXIT_NOT_THERE, ThumperError
+    from thumper.ros import services
     from thumper.ros.to_json import to_json
 
     received = threading.Event()
@@ -44,8 +46,7 @@ def status(
             )
         mapping: dict[str, Any] = {}
         with suppress(ThumperError):  # a robot that waits for its board answers no queries
-            mapping = client.query("mapping/state")
-            del mapping["ok"]
+            mapping = asdict(services.MAPPING_STATE.call(client))
     message = messages[-1]
     if as_json:
         print(json.dumps({**to_json(message), "mapping": mapping}))

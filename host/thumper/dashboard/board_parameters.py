@@ -3,20 +3,14 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from thumper.board.messages import PARAMETERS
 from thumper.common.errors import ThumperError
+from thumper.ros import services
+from thumper.ros.services import QueryClient
 
 DOCS = {spec.name: spec.doc for spec in PARAMETERS}
-
-
-class QueryClient(Protocol):
-    """The part of the bus client that the panels need."""
-
-    def query(self, name: str, content: Mapping[str, Any], *, source: str = "") -> Mapping[str, Any]:
-        """Call a service of the robot; raises ThumperError if it refuses or does not answer."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,11 +40,11 @@ class Parameters:
 
     def schema(self) -> list[Parameter]:
         """Return the range of every parameter."""
-        return [Parameter(**entry) for entry in self._bus.query("parameters/schema", {})["parameters"]]
+        return [Parameter(**entry) for entry in services.PARAMETERS_SCHEMA.call(self._bus).parameters]
 
     def values(self) -> dict[str, float]:
         """Return the values in use."""
-        return _numbers(self._bus.query("parameters/get", {}))
+        return _numbers(services.PARAMETERS_GET.call(self._bus))
 
     def set(self, schema: Mapping[str, Parameter], values: Mapping[str, Any]) -> dict[str, float]:
         """Set parameters; return the values as the board rounded them.
@@ -63,16 +57,16 @@ class Parameters:
         for name, value in values.items():
             if error := schema[name].range_error(value):
                 raise ThumperError(f"{name} = {value!r}: {error} {schema[name].unit}")
-        return _numbers(self._bus.query("parameters/set", dict(values)))
+        return _numbers(services.PARAMETERS_SET.call(self._bus, values))
 
     def save(self) -> None:
         """Save the values in use on the board, so that a reset keeps them."""
-        self._bus.query("parameters/save", {})
+        services.PARAMETERS_SAVE.call(self._bus)
 
     def revert(self) -> dict[str, float]:
         """Return to the values saved on the board."""
-        return _numbers(self._bus.query("parameters/revert", {}))
+        return _numbers(services.PARAMETERS_REVERT.call(self._bus))
 
 
-def _numbers(answer: Mapping[str, Any]) -> dict[str, float]:
-    return {str(name): float(value) for name, value in answer["values"].items()}
+def _numbers(reply: services.ParameterValues) -> dict[str, float]:
+    return {str(name): float(value) for name, value in reply.values.items()}

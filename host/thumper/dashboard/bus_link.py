@@ -57,12 +57,12 @@ class BusLink:
             with suppress(ThumperError):
                 client.publish(topic, message, source=source)
 
-    def query(self, name: str, content: Mapping[str, Any], *, source: str = "") -> Mapping[str, Any]:
+    def query(self, name: str, payload: Mapping[str, Any], *, source: str = "") -> Mapping[str, Any]:
         """Call a service of the robot; raises ThumperError if it refuses or does not answer."""
         client = self._client
         if client is None:
             raise ThumperError(self.problem or "no robot is connected yet")
-        return client.query(name, content, source=source)
+        return client.query(name, payload, source=source)
 
     def close(self) -> None:
         """Disconnect, or stop trying to connect."""

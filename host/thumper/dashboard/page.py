@@ -8,10 +8,11 @@ from typing import Any
 
 from nicegui import ui
 
-from thumper.dashboard.board_parameters import Parameters, QueryClient
+from thumper.dashboard.board_parameters import Parameters
 from thumper.dashboard.gains_panel import GainsPanel
 from thumper.dashboard.simulator_panel import SimulatorPanel
 from thumper.dashboard.widgets import STATIC, Widget, box, button, inline
+from thumper.ros.services import QueryClient
 
 READOUTS = (
     ("telemetry_age", "Telemetry age", "age of the newest telemetry"),

@@ -5,9 +5,9 @@ under its name. If they end, for whatever reason, the robot stops. Pages that on
 """
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -25,22 +25,22 @@ from thumper.dashboard.page_messages import (
     Teleop,
     Waypoints,
 )
+from thumper.ros import services
 from thumper.ros.codec import Message
+from thumper.ros.services import QueryClient, RunCommand, SendMission, Service, StartExperiment, Text
 from thumper.ros.to_ros import Messages, flag
+
+RequestT = TypeVar("RequestT")
 
 PendingQuery = Callable[[], str]
 """Queries the robot, waits for its answer and returns its text; raises ThumperError."""
 
 
-class RobotBus(Protocol):
+class RobotBus(QueryClient, Protocol):
     """The part of the bus client that the commands need."""
 
     def publish(self, topic: str, message: Message, *, source: str) -> None:
         """Send a message to the robot. Never blocks."""
-        ...
-
-    def query(self, name: str, content: Mapping[str, Any], *, source: str) -> Mapping[str, Any]:
-        """Call a service of the robot; raises ThumperError if it refuses or does not answer."""
         ...
 
 
@@ -95,16 +95,18 @@ class PageCommands:
                 self._robot.publish("waypoints", path, source=page)
             case Waypoints():
                 x_m, y_m = message.places[0]
-                return self._goal(page, {"x_m": x_m, "y_m": y_m})
+                return self._mission(page, SendMission(x_m=x_m, y_m=y_m))
             case GoalMessage():
-                return self._goal(page, message.model_dump(exclude={"kind"}, exclude_none=True))
+                goal = SendMission(x_m=message.x_m, y_m=message.y_m, yaw_rad=message.yaw_rad)
+                return self._mission(page, goal)
             case CommandMessage():
-                return lambda: self._answer("command", {"command": message.name}, page)
+                return self._text_query(services.COMMAND, RunCommand(command=message.name), page)
             case ExperimentMessage():
-                content = message.model_dump(exclude={"kind"})
-                return lambda: self._answer("experiment/start", content, page)
+                request = StartExperiment(name=message.name, lane_m=message.lane_m)
+                return self._text_query(services.EXPERIMENT_START, request, page)
             case Obstacle():
-                return lambda: self._answer("simulator/command", {"pillar": self._pillar(message)}, page)
+                pillar = {"pillar": self._pillar(message)}
+                return self._text_query(services.SIMULATOR_COMMAND, pillar, page)
         return None
 
     def _pillar(self, message: Obstacle) -> dict[str, float]:
@@ -115,15 +117,15 @@ class PageCommands:
         pillar = map_from_base.inverse() @ Pose2(x_m=message.x_m, y_m=message.y_m)
         return {"x_m": pillar.x_m, "y_m": pillar.y_m, "radius_m": message.radius_m}
 
-    def _goal(self, page: str, goal: Mapping[str, float]) -> PendingQuery:
+    def _mission(self, page: str, goal: SendMission) -> PendingQuery:
         def send() -> str:
-            self._robot.query("mission/send", goal, source=page)
+            services.MISSION_SEND.call(self._robot, goal, source=page)
             return ""
 
         return send
 
-    def _answer(self, name: str, content: Mapping[str, Any], page: str) -> str:
-        return str(self._robot.query(name, content, source=page).get("text", ""))
+    def _text_query(self, service: Service[RequestT, Text], request: RequestT, page: str) -> PendingQuery:
+        return lambda: service.call(self._robot, request, source=page).text
 
     def _send_heartbeat(self, page: str, now_s: float) -> None:
         self._robot.publish("heartbeat", self._messages.header(now_s), source=page)

@@ -4,6 +4,7 @@ import asyncio
 import socket
 import time
 from contextlib import suppress
+from dataclasses import asdict
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from thumper.dashboard.page import PageOptions, build_page
 from thumper.dashboard.page_commands import PageCommands, TeleopLimits
 from thumper.dashboard.page_state import TOPICS, PageState
 from thumper.dashboard.widgets import STATIC
+from thumper.ros import services
 
 EXPERIMENT_PERIOD_S = 0.5
 REPORT_POLICY = "sandbox; default-src 'none'; img-src data:; style-src 'unsafe-inline'"
@@ -43,8 +45,8 @@ class ExperimentWatch:
         """Poll until cancelled."""
         while True:
             try:
-                answer = await asyncio.to_thread(self._robot.query, "experiment/state", {})
-                self.state = {name: value for name, value in answer.items() if name != "ok"}
+                reply = await asyncio.to_thread(services.EXPERIMENT_STATE.call, self._robot)
+                self.state = asdict(reply)
             except ThumperError:
                 self.state = None
             await asyncio.sleep(EXPERIMENT_PERIOD_S)
@@ -100,7 +102,7 @@ def build_app(
     @app.get("/report")
     def report() -> HTMLResponse:
         try:
-            html = str(robot.query("experiment/report", {})["html"])
+            html = services.EXPERIMENT_REPORT.call(robot).html
         except ThumperError as error:
             return HTMLResponse(escape(str(error)), status_code=404)
         # The report comes from the robot's files: sandbox it.

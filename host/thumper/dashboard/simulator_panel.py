@@ -9,8 +9,9 @@ from typing import Any
 from nicegui import ui
 
 from thumper.common.errors import ThumperError
-from thumper.dashboard.board_parameters import QueryClient
 from thumper.dashboard.widgets import box, button, inline
+from thumper.ros import services
+from thumper.ros.services import QueryClient
 
 SPEEDS = (0.25, 0.5, 1.0, 2.0, 5.0)
 POLL_PERIOD_S = 2.0  # the robot may start after the page, and other pages may apply faults
@@ -60,12 +61,12 @@ class SimulatorPanel:
 
     async def _poll(self) -> None:
         try:
-            world = await asyncio.to_thread(self._robot.query, "simulator/world", {})
+            world = await asyncio.to_thread(services.SIMULATOR_WORLD.call, self._robot)
         except ThumperError:
             return  # no robot yet, or a real one: the tab is hidden
-        self._active.set_content(escape(_faults_text(world["on"])))
+        self._active.set_content(escape(_faults_text(world.on)))
         if not self._faults:
-            self._faults = world["faults"]
+            self._faults = world.faults
             self._name.set_options(list(self._faults), value=next(iter(self._faults), None))
 
     def _on_fault_selected(self) -> None:
@@ -92,11 +93,11 @@ class SimulatorPanel:
 
     async def _send(self, content: dict[str, Any]) -> None:
         try:
-            answer = await asyncio.to_thread(self._robot.query, "simulator/command", content)
+            reply = await asyncio.to_thread(services.SIMULATOR_COMMAND.call, self._robot, content)
         except ThumperError as error:
             self._show_message(str(error), good=False)
         else:
-            self._show_message(str(answer.get("text", "")), good=True)
+            self._show_message(reply.text, good=True)
         await self._poll()
 
     def _show_message(self, text: str, *, good: bool) -> None:

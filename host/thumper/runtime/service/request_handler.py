@@ -7,6 +7,8 @@ from typing import Any
 from thumper.board.board import Board
 from thumper.common.errors import ThumperError
 from thumper.navigation.goal import Goal
+from thumper.ros import services
+from thumper.ros.services import Service
 from thumper.ros.to_ros import ERROR, INFO, WARN
 from thumper.runtime.drive.drive_manager import DriveManager, DriveMode
 from thumper.runtime.drive.waypoints import Missions, Waypoints
@@ -38,6 +40,10 @@ Handler = Callable[[], str]
 """Carries out a command and returns a description; raises ThumperError with the fix."""
 
 
+Answer = Callable[[Query], dict[str, Any] | BoardJob]
+"""Answers a query: returns the JSON object, or the job that finds it; raises ThumperError."""
+
+
 class RequestHandler:
     """Dispatches requests to the parts of the robot that carry them out."""
 
@@ -63,6 +69,7 @@ class RequestHandler:
         self._inputs = inputs
         self._publisher = publisher
         self._check_goal = check_goal
+        self._services = self._answers()
 
     def process_pending(self) -> None:
         """Handle all queued requests. Never raises: a failed request is answered with its error."""
@@ -140,7 +147,10 @@ class RequestHandler:
 
     def _answer(self, ask: Query) -> None:
         try:
-            reply = self._reply_to(ask)
+            answer_service = self._services.get(ask.name)
+            if answer_service is None:
+                raise ThumperError(f"no such service: {ask.name}")
+            reply = answer_service(ask)
             if isinstance(reply, Generator):
                 self.board_jobs.add(ask, reply)
                 return
@@ -151,45 +161,46 @@ class RequestHandler:
             answer = {"ok": False, "error": f"internal error: {type(error).__name__}: {error}"}
         ask.reply(answer)
 
-    def _reply_to(self, ask: Query) -> dict[str, Any] | BoardJob:
-        """The answer, or how to come by it."""
-        board = self._drive_manager.board
-        match ask.name:
-            case "parameters/schema":
-                return board_parameters.schema()
-            case "parameters/get":
-                return board_parameters.values(board)
-            case "parameters/set":
-                self._require_no_experiment()
-                return self._change(board, ask.content)
-            case "parameters/save":
-                self._require_no_experiment()
-                self._require_stationary("save the parameters")
-                answer = board_parameters.save(board)
-                self._publisher.publish_event("parameters saved on the board")
-                return answer
-            case "parameters/revert":
-                self._require_no_experiment()
-                return board_parameters.revert(board)
-            case "mission/send":
-                return {"mission": self._start_mission((parse_goal(ask.content),), ask.source)}
-            case "mission/state":
-                return self._mission_state(ask.content)
-            case "mapping/state":
-                return slam_mode.describe(self._inputs.estimator)
-            case "command":
-                return {"text": self._run_command(ask.content.get("command"))}
-            case "simulator/world":
-                return self.simulation.describe()
-            case "simulator/command":
-                return {"text": self.simulation.apply(ask.content)}
-            case "experiment/start":
-                return {"text": self._request_experiment(ask.content, ask.source)}
-            case "experiment/state":
-                return self.experiments.state()
-            case "experiment/report":
-                return self.experiments.report()
-        raise ThumperError(f"no such question: {ask.name}")
+    def _answers(self) -> dict[str, Answer]:
+        """Return the function that answers each service."""
+        answers: dict[Service[Any, Any], Answer] = {
+            services.PARAMETERS_SCHEMA: lambda _: board_parameters.schema(),
+            services.PARAMETERS_GET: lambda _: board_parameters.values(self._drive_manager.board),
+            services.PARAMETERS_SET: self._set_parameters,
+            services.PARAMETERS_SAVE: self._save_parameters,
+            services.PARAMETERS_REVERT: self._revert_parameters,
+            services.MISSION_SEND: self._send_mission,
+            services.MISSION_STATE: lambda query: self._mission_state(query.content),
+            services.MAPPING_STATE: lambda _: slam_mode.describe(self._inputs.estimator),
+            services.COMMAND: lambda query: {"text": self._run_command(query.content.get("command"))},
+            services.SIMULATOR_WORLD: lambda _: self.simulation.describe(),
+            services.SIMULATOR_COMMAND: lambda query: {"text": self.simulation.apply(query.content)},
+            services.EXPERIMENT_START: self._start_experiment,
+            services.EXPERIMENT_STATE: lambda _: self.experiments.state(),
+            services.EXPERIMENT_REPORT: lambda _: self.experiments.report(),
+        }
+        return {service.name: answer for service, answer in answers.items()}
+
+    def _set_parameters(self, query: Query) -> BoardJob:
+        self._require_no_experiment()
+        return self._change(self._drive_manager.board, query.content)
+
+    def _save_parameters(self, _query: Query) -> dict[str, Any]:
+        self._require_no_experiment()
+        self._require_stationary("save the parameters")
+        answer = board_parameters.save(self._drive_manager.board)
+        self._publisher.publish_event("parameters saved on the board")
+        return answer
+
+    def _revert_parameters(self, _query: Query) -> BoardJob:
+        self._require_no_experiment()
+        return board_parameters.revert(self._drive_manager.board)
+
+    def _send_mission(self, query: Query) -> dict[str, Any]:
+        return {"mission": self._start_mission((parse_goal(query.content),), query.source)}
+
+    def _start_experiment(self, query: Query) -> dict[str, Any]:
+        return {"text": self._request_experiment(query.content, query.source)}
 
     def _change(self, board: Board, content: Mapping[str, Any]) -> BoardJob:
         answer = yield from board_parameters.change(board, content)

@@ -3,6 +3,7 @@
 The sender has long stopped waiting: a goal from a minute ago must not start a drive now.
 """
 
+from thumper.ros import services
 from thumper.runtime.requests import GoTo, Query, Request, RobotCommand
 
 STALL_S = 2.0  # after this long without a cycle, no sender waits for an answer any more
@@ -33,8 +34,8 @@ def starts_motion(request: Request) -> bool:
     match request:
         case GoTo() | RobotCommand(name="arm"):
             return True
-        case Query(name="mission/send" | "experiment/start"):
+        case Query(name=services.MISSION_SEND.name | services.EXPERIMENT_START.name):
             return True
-        case Query(name="command"):
+        case Query(name=services.COMMAND.name):
             return request.content.get("command") == "arm"
     return False
