@@ -1,12 +1,12 @@
 """CARMEN text logs (.log, .clf): FLASER, ROBOTLASER, RAWLASER and RLASER lines, with ODOM and PARAM lines.
 
 Format: the header that CARMEN's logger writes, and http://carmen.sourceforge.net/doc/binary__loggerplayback.html.
-Logs differ: every reading is checked against the rest of its log rather than trusted.
+Logs differ in how they use it, so this reader checks every value against the rest of the log.
 """
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -32,8 +32,8 @@ from thumper.offline.robot_log import (
     refuse_fov,
 )
 
-NO_RETURN_M = 80.0  # SICK scanners report 81.83 or 81.91 for "nothing came back", whatever the reason
-# How to read each laser's lines; the first kind that a log has is mapped.
+NO_RETURN_M = 80.0  # SICK scanners report 81.83 or 81.91 for "no return"
+# Parsers of the laser lines. The first kind that a log contains is mapped.
 LINES: dict[str, Callable[[list[str]], LaserLine]] = {
     "FLASER": flaser,
     "ROBOTLASER1": robotlaser,
@@ -41,86 +41,105 @@ LINES: dict[str, Callable[[list[str]], LaserLine]] = {
     "RAWLASER1": rawlaser,
     "RLASER": flaser,
 }
-OLD_LINES = ("FLASER", "RLASER")  # which do not tell their field of view
-FARTHEST_MOUNT_M = 2.0
-MOST_RADIANS = math.tau + 0.01
-HALF_TURN_BEAMS = (180, 181, 361, 401)  # a SICK's, beyond doubt; 360 may be a half turn or a whole one
+OLD_LINES = ("FLASER", "RLASER")  # which do not contain their field of view
+MAX_MOUNT_OFFSET_M = 2.0
+MAX_FOV_RAD = math.tau + 0.01
+SICK_BEAMS = (180, 181, 361, 401)  # certainly 180 degrees; 360 beams may cover 180 or 360 degrees
 
 
 OdomLine = tuple[int, float, Pose2]  # number of the line, stamp [s], pose
 
 
-def is_carmen(lines: Iterable[str]) -> bool:
-    """Whether a line starts with a keyword that this reader understands."""
-    return any(line.split(maxsplit=1)[0] in LINES for line in lines if line.strip())
+@dataclass(slots=True, kw_only=True)
+class _Lines:
+    """The parsed lines of a log, by kind."""
+
+    lasers: dict[str, list[LaserLine]] = field(default_factory=lambda: {keyword: [] for keyword in LINES})
+    odometry: list[OdomLine] = field(default_factory=list)
+    params: dict[str, str] = field(default_factory=dict)
+    broken: list[str] = field(default_factory=list)
 
 
-def read_carmen(name: str, lines: Iterable[str], fov_rad: float | None = None) -> RobotLog:
-    """Parse the lines; `name` is the file's, for messages. One laser is used: the front one if there is one.
+def recognizes(line: str, *, is_first: bool) -> bool:
+    """Return whether the line starts with the keyword of a laser line; it may come late in a log."""
+    del is_first
+    return line.split(maxsplit=1)[0] in LINES
 
-    `fov_rad` is the laser's field of view, for old laser lines, which do not tell it.
 
-    Broken lines are left out and counted in the log's notes.
+def read(name: str, lines: Iterable[str], fov_rad: float | None = None) -> RobotLog:
+    """Parse the lines; `name` is the file, for messages. Uses one laser: the front one if there is one.
+
+    `fov_rad` is the laser's field of view, for old laser lines, which do not contain it. Broken lines are
+    dropped and noted.
 
     Raises
     ------
     ThumperError
-        No laser line can be read, too many are broken, or `fov_rad` is given though they tell it themselves.
+        No laser line is valid, too many are broken, or `fov_rad` is given but the lines contain it.
     """
-    lasers: dict[str, list[LaserLine]] = {keyword: [] for keyword in LINES}
-    odometry: list[OdomLine] = []
-    params: dict[str, str] = {}
-    broken: list[str] = []
-    for number, line in enumerate(lines, start=1):
-        fields = line.split()
-        keyword = fields[0] if fields else ""
-        try:
-            if keyword == "PARAM" and len(fields) >= 3:
-                params[fields[1]] = fields[2]
-            elif keyword == "ODOM":
-                odometry.append((number, *odom(fields)))
-            elif keyword in LINES:
-                lasers[keyword].append(replace(LINES[keyword](fields), number=number))
-        except (ValueError, IndexError) as error:
-            broken.append(f"line {number}: broken {keyword} ({error})")
-    used = next((keyword for keyword in LINES if lasers[keyword]), "")
-    scans = lasers.get(used, [])
-    if not scans or len(broken) > max(1, MAX_BROKEN_SHARE * len(scans)):
-        if broken:
-            raise ThumperError(
-                f"{name}: {broken[0]}; the file may be cut off: copy it again", exit_code=EXIT_USAGE
-            )
-        raise ThumperError(
-            f"{name}: no FLASER, ROBOTLASER1 or RAWLASER1 line in it; is it the right file?",
-            exit_code=EXIT_USAGE,
-        )
-    notes = [*broken_note(broken)]
+    parsed = _parse(lines)
+    keyword = next((keyword for keyword in LINES if parsed.lasers[keyword]), "")
+    scans = parsed.lasers.get(keyword, [])
+    _check_scans(name, scans, parsed.broken)
+    notes = [*broken_note(parsed.broken)]
     for other in LINES:
-        if other != used and lasers[other]:
-            notes.append(f"{len(lasers[other])} {other} lines not used: {used} is mapped")
-    if used in OLD_LINES:
-        scans = _with_angles(scans, fov_rad or _named_fov_rad(params, scans[0].ranges_m.size), notes)
+        if other != keyword and parsed.lasers[other]:
+            notes.append(f"{len(parsed.lasers[other])} {other} lines not used: {keyword} is mapped")
+    if keyword in OLD_LINES:
+        fov_rad = fov_rad or _fov_parameter_rad(parsed.params, scans[0].ranges_m.size)
+        scans = _with_angles(scans, fov_rad, notes)
     else:
-        refuse_fov(name, fov_rad, f"a {used} line")
-    limit_m = _range_limit_m(scans, params)
+        refuse_fov(name, fov_rad, f"a {keyword} line")
+    limit_m = _range_limit_m(scans, parsed.params)
     poses = [scan.odom_from_base for scan in scans]
-    if not _moves(poses) and odometry:
-        poses = _from_odom_lines(scans, odometry)
-        notes.append("the laser lines hold no odometry; the ODOM lines are used")
+    if not _moves(poses) and parsed.odometry:
+        poses = _from_odom_lines(scans, parsed.odometry)
+        notes.append("the laser lines contain no odometry; the ODOM lines are used")
     has_odometry = _moves(poses)
     if not has_odometry and len(scans) > 1:
         notes.append(NO_ODOMETRY)
     return RobotLog(
         format_name="CARMEN",
-        base_from_laser=_mount(scans, used, params, notes),
+        base_from_laser=_mount(scans, keyword, parsed.params, notes),
         records=tuple(_record(scan, pose, limit_m) for scan, pose in zip(scans, poses, strict=True)),
         notes=tuple(notes),
         has_odometry=has_odometry,
     )
 
 
+def _parse(lines: Iterable[str]) -> _Lines:
+    parsed = _Lines()
+    for number, line in enumerate(lines, start=1):
+        fields = line.split()
+        keyword = fields[0] if fields else ""
+        try:
+            if keyword == "PARAM" and len(fields) >= 3:
+                parsed.params[fields[1]] = fields[2]
+            elif keyword == "ODOM":
+                parsed.odometry.append((number, *odom(fields)))
+            elif keyword in LINES:
+                parsed.lasers[keyword].append(replace(LINES[keyword](fields), number=number))
+        except (ValueError, IndexError) as error:
+            parsed.broken.append(f"line {number}: broken {keyword} ({error})")
+    return parsed
+
+
+def _check_scans(name: str, scans: list[LaserLine], broken: list[str]) -> None:
+    """Raise ThumperError without scans, or with too many broken lines."""
+    if scans and len(broken) <= max(1, MAX_BROKEN_SHARE * len(scans)):
+        return
+    if broken:
+        raise ThumperError(
+            f"{name}: {broken[0]}; the file may be cut off: copy it again", exit_code=EXIT_USAGE
+        )
+    raise ThumperError(
+        f"{name}: no FLASER, ROBOTLASER1 or RAWLASER1 line in it; is it the right file?",
+        exit_code=EXIT_USAGE,
+    )
+
+
 def _record(line: LaserLine, odom_from_base: Pose2, limit_m: float) -> LogRecord:
-    # "No return" is neither a hit nor proof of free space: glass and black walls look like that too.
+    # "No return" is neither a hit nor proof of free space: glass and black walls give it, too.
     limit_m = min(limit_m, line.range_max_m)
     ranges_m = line.ranges_m
     ranges_m[~(ranges_m > 0.0) | (ranges_m >= limit_m)] = np.nan  # in place: a log holds thousands
@@ -134,22 +153,23 @@ def _record(line: LaserLine, odom_from_base: Pose2, limit_m: float) -> LogRecord
     return LogRecord(time_s=line.time_s, odom_from_base=odom_from_base, twist=Twist2(), scan=scan)
 
 
-def _named_fov_rad(params: dict[str, str], n: int) -> float | None:
-    """The field of view of `n` beams that the log's own parameters name; none if they do not."""
+def _fov_parameter_rad(params: dict[str, str], n: int) -> float | None:
+    """Return the field of view of `n` beams from the log's PARAM lines, or None."""
     for key in ("robot_frontlaser_fov", "laser_front_laser_fov", "laser_laser1_fov"):
-        named = _number(params, key)
-        # Degrees by CARMEN's rule, but some logs hold radians; no laser sees less than 6.3 degrees.
-        named_rad = named if named <= MOST_RADIANS else math.radians(named)
-        if 0.0 < named_rad <= MOST_RADIANS:
-            return named_rad
+        fov = _parameter(params, key)
+        # In degrees by CARMEN's rule, but some logs use radians. No laser sees less than 6.3 degrees.
+        fov_rad = fov if fov <= MAX_FOV_RAD else math.radians(fov)
+        if 0.0 < fov_rad <= MAX_FOV_RAD:
+            return fov_rad
     for key in ("laser_front_laser_resolution", "laser_laser1_resolution"):
-        named_rad = math.radians(_number(params, key)) * (n - n % 2)
-        if 0.0 < named_rad <= MOST_RADIANS:
-            return named_rad
+        fov_rad = math.radians(_parameter(params, key)) * (n - n % 2)
+        if 0.0 < fov_rad <= MAX_FOV_RAD:
+            return fov_rad
     return None
 
 
-def _number(params: dict[str, str], key: str) -> float:
+def _parameter(params: dict[str, str], key: str) -> float:
+    """Return the parameter's value, or NaN."""
     try:
         return float(params.get(key, "nan"))
     except ValueError:
@@ -157,28 +177,30 @@ def _number(params: dict[str, str], key: str) -> float:
 
 
 def _with_angles(scans: list[LaserLine], fov_rad: float | None, notes: list[str]) -> list[LaserLine]:
-    """Old lines with the field of view that is known; where only their number of beams speaks, a note."""
+    """Return old lines with this field of view. Without one, keep the default and note if it is a guess."""
     if fov_rad is None:
         n = scans[0].ranges_m.size
-        if n not in FIELD_OF_VIEW_RAD and n not in HALF_TURN_BEAMS:
-            notes.append(f"{n} beams without a field of view: taken as half a turn; else give --fov DEGREES")
+        if n not in FIELD_OF_VIEW_RAD and n not in SICK_BEAMS:
+            notes.append(
+                f"{n} beams without a field of view: 180 degrees assumed; to change it, pass --fov DEGREES"
+            )
         return scans
-    found = []
+    corrected = []
     for scan in scans:
         angle_min_rad, increment_rad = beam_angles(scan.ranges_m.size, fov_rad)
-        found.append(replace(scan, angle_min_rad=angle_min_rad, angle_increment_rad=increment_rad))
-    return found
+        corrected.append(replace(scan, angle_min_rad=angle_min_rad, angle_increment_rad=increment_rad))
+    return corrected
 
 
 def _range_limit_m(scans: list[LaserLine], params: dict[str, str]) -> float:
-    """The reading that means "nothing came back": named by the log, or a spike at the largest reading."""
+    """Return the reading that means "no return": from a PARAM line, or a spike at the largest reading."""
     readings_m = np.concatenate([scan.ranges_m for scan in scans[:: max(1, len(scans) // 500)]])
     readings_m = readings_m[np.isfinite(readings_m) & (readings_m < NO_RETURN_M)]
     limit_m = NO_RETURN_M
     for key in ("robot_frontlaser_max", "robot_front_laser_max", "laser_front_laser_max"):
-        named_m = _number(params, key)
-        if named_m > 1.0:
-            limit_m = min(limit_m, named_m)
+        maximum_m = _parameter(params, key)
+        if maximum_m > 1.0:
+            limit_m = min(limit_m, maximum_m)
     if readings_m.size:
         top_m = float(readings_m.max())
         at_top = np.count_nonzero(readings_m >= 0.998 * top_m)
@@ -188,25 +210,26 @@ def _range_limit_m(scans: list[LaserLine], params: dict[str, str]) -> float:
     return limit_m
 
 
-def _mount(scans: list[LaserLine], used: str, params: dict[str, str], notes: list[str]) -> Pose2:
-    """Where the laser sits: from the two poses of each line, if they are steady and near each other."""
-    offset_m = _number(params, "robot_rearlaser_offset" if used == "RLASER" else "robot_frontlaser_offset")
-    named = Pose2(
-        x_m=offset_m if math.isfinite(offset_m) else 0.0, theta_rad=math.pi if used == "RLASER" else 0.0
+def _mount(scans: list[LaserLine], keyword: str, params: dict[str, str], notes: list[str]) -> Pose2:
+    """Return `base_from_laser`: from the two poses of each line if they agree, else from PARAM lines."""
+    is_rear = keyword == "RLASER"
+    offset_m = _parameter(params, "robot_rearlaser_offset" if is_rear else "robot_frontlaser_offset")
+    by_parameter = Pose2(
+        x_m=offset_m if math.isfinite(offset_m) else 0.0, theta_rad=math.pi if is_rear else 0.0
     )
+    if keyword == "RAWLASER1":
+        return by_parameter  # these lines contain no poses
     offsets = [scan.odom_from_base.inverse() @ scan.odom_from_laser for scan in scans]
-    if used == "RAWLASER1":
-        return named  # these lines hold no poses
     table = np.array([(o.x_m, o.y_m, math.cos(o.theta_rad), math.sin(o.theta_rad)) for o in offsets])
-    middle = np.median(table, axis=0)
-    spread = float(np.quantile(np.abs(table - middle).max(axis=1), 0.9))
-    if spread < 0.02 and math.hypot(middle[0], middle[1]) < FARTHEST_MOUNT_M:
-        return Pose2(x_m=float(middle[0]), y_m=float(middle[1]), theta_rad=math.atan2(middle[3], middle[2]))
-    # Logs that a localiser has written over hold the laser's corrected pose instead.
+    median = np.median(table, axis=0)
+    deviation = float(np.quantile(np.abs(table - median).max(axis=1), 0.9))
+    if deviation < 0.02 and math.hypot(median[0], median[1]) < MAX_MOUNT_OFFSET_M:
+        return Pose2(x_m=float(median[0]), y_m=float(median[1]), theta_rad=math.atan2(median[3], median[2]))
+    # Logs that a localizer has rewritten contain the laser's corrected pose instead.
     notes.append(
-        "the laser's pose is not fixed to the robot's; its mounting is taken from PARAM lines or as 0"
+        "the laser's pose is not fixed to the robot's; its mounting is taken from PARAM lines or set to 0"
     )
-    return named
+    return by_parameter
 
 
 def _moves(poses: list[Pose2]) -> bool:
@@ -214,7 +237,7 @@ def _moves(poses: list[Pose2]) -> bool:
 
 
 def _from_odom_lines(scans: list[LaserLine], odometry: list[OdomLine]) -> list[Pose2]:
-    """The odometry of each laser line: between the ODOM lines before and after it, if stamps tell where."""
+    """Return the odometry at each laser line, interpolated between ODOM lines if the stamps allow it."""
     numbers = np.array([number for number, _, _ in odometry])
     poses = []
     for scan, after in zip(scans, np.searchsorted(numbers, [scan.number for scan in scans]), strict=True):

@@ -1,4 +1,4 @@
-"""The lines of a CARMEN log that hold poses and ranges, one at a time."""
+"""Parse single lines of a CARMEN log: laser lines and ODOM lines."""
 
 import math
 from dataclasses import dataclass
@@ -8,11 +8,12 @@ import numpy as np
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.offline.robot_log import check_pose
 
-# Old laser lines do not tell their field of view: half a turn by convention, which these counts contradict.
+# Old laser lines do not contain their field of view. It is 180 degrees by convention, except
+# for these numbers of beams.
 FIELD_OF_VIEW_RAD = {
     541: math.radians(270.0),
     1081: math.radians(270.0),
-    682: 681 * math.tau / 1024,  # Hokuyo URG: 1024 steps a turn
+    682: 681 * math.tau / 1024,  # Hokuyo URG: 1024 steps per revolution
     683: 682 * math.tau / 1024,
     726: 725 * math.tau / 1024,
     769: 768 * math.tau / 1024,
@@ -21,7 +22,7 @@ FIELD_OF_VIEW_RAD = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LaserLine:
-    """One scan as written."""
+    """One scan as logged."""
 
     time_s: float
     odom_from_base: Pose2
@@ -51,8 +52,8 @@ def flaser(fields: list[str]) -> LaserLine:
 
 
 def beam_angles(n: int, fov_rad: float) -> tuple[float, float]:
-    """Angle of the first beam and between two, for old lines: symmetric about straight ahead."""
-    # An odd number of beams includes both ends of the field of view, an even one only the first.
+    """Return the angle of the first beam and the step, for old lines: symmetric about straight ahead."""
+    # An odd number of beams includes both ends of the field of view, an even number only the first.
     return -0.5 * fov_rad, fov_rad / (n - 1 if n % 2 or n in FIELD_OF_VIEW_RAD else n)
 
 
@@ -88,7 +89,7 @@ def odom(fields: list[str]) -> tuple[float, Pose2]:
 def _with_header(
     fields: list[str], n: int, time_s: float, odom_from_base: Pose2, odom_from_laser: Pose2
 ) -> LaserLine:
-    """The beams and what the newer laser lines tell of them."""
+    """Build a line from the beams and the header that newer laser lines have."""
     start_rad, fov_rad, step_rad = (float(field) for field in fields[2:5])
     if step_rad == 0.0:
         step_rad = fov_rad / (n - 1)

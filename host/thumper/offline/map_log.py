@@ -1,4 +1,4 @@
-"""From a recorded log to a map: what `thumper map-log` does."""
+"""Build a map from a recorded log, as `thumper map-log` does."""
 
 import csv
 import math
@@ -28,15 +28,15 @@ from thumper.slam.mode_switch import SlamModeSwitch
 from thumper.slam.saved_state import SavedSlamState, save_session
 
 PROGRESS_EVERY = 20  # scans
-MAX_LOST_SHARE = 0.5  # share of the scans of a log that goes on in a session
-# A guess from the motion before says little: a robot may start, stop and turn between two scans.
-COASTING_STD_M, COASTING_STD_RAD = 0.1, 0.1
-LEAP_M, LEAP_RAD = 0.25, 0.4
+MAX_LOST_SHARE = 0.5  # of the scans of a log that continues a session
+# A prediction from the previous motion is poor: a robot may start, stop and turn between two scans.
+PREDICTION_STD_M, PREDICTION_STD_RAD = 0.1, 0.1
+MAX_CHANGE_M, MAX_CHANGE_RAD = 0.25, 0.4  # of the motion between two scans
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapLogSummary:
-    """What came out, for a few lines on the screen."""
+    """Result of a mapped log, for a few lines on the screen."""
 
     format_name: str
     scans: int
@@ -45,27 +45,27 @@ class MapLogSummary:
     mean_score: float  # mean match score, 0...1; NaN when no scan was matched
     cpu_ms: FloatArray  # CPU time of each scan [ms], shape (scans,)
     wall_s: float  # from opening the log to the last file written
-    peak_MB: float | None  # largest memory of this process; None where the system does not tell
+    peak_MB: float | None  # peak memory of this process; None if the system does not report it
     files: tuple[Path, ...]
-    notes: tuple[str, ...]  # what was left out or guessed, a line each
+    notes: tuple[str, ...]  # what was dropped or assumed, one line each
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MappedLog:
-    """The mapper's work on one log, before anything is written. Poses are x, y, theta [m, m, rad]."""
+    """The mapper's result for one log, before anything is written. Poses are x, y, theta [m, m, rad]."""
 
-    poses: FloatArray  # of the robot at each scan, as known at the end, shape (n, 3)
-    online: FloatArray  # as reported at the time, shape (n, 3)
+    poses: FloatArray  # of the robot at each scan, after the last scan, shape (n, 3)
+    online: FloatArray  # the same as reported after each scan, shape (n, 3)
     updates: tuple[MapperUpdate, ...]
     grid: OccupancyGrid
     counts: HitCounts
-    cpu_ms: FloatArray  # of each scan, shape (n,); without compiling the kernels and reading the file
-    lost: int = 0  # scans at which nobody should trust the pose
-    lines: tuple[str, ...] = ()  # what was odd about the scans, a line each
+    cpu_ms: FloatArray  # of each scan, shape (n,); without kernel compilation and file reading
+    lost: int = 0  # number of scans with a lost pose
+    lines: tuple[str, ...] = ()  # defects of the log, one line each
 
 
 class ConstantVelocityOdometry:
-    """In the place of odometry: the robot goes on as it moved between the two scans before."""
+    """Replaces missing odometry: predicts the same motion as between the previous two scans."""
 
     def __init__(self) -> None:
         self._odom_from_base = Pose2()
@@ -73,22 +73,23 @@ class ConstantVelocityOdometry:
         self._step = Pose2()
 
     def predict(self) -> Pose2:
-        """`odom_from_base` of the next scan."""
+        """Return `odom_from_base` of the next scan."""
         self._odom_from_base = self._odom_from_base @ self._step
         return self._odom_from_base
 
-    def moved(self, map_from_base: Pose2) -> None:
-        """Where that scan was found to have been taken."""
+    def correct(self, map_from_base: Pose2) -> None:
+        """Update the motion with the matched pose of that scan."""
         if self._map_from_base is not None:
             step = self._map_from_base.inverse() @ map_from_base
-            # A closed loop bends the map, and the pose with it: that is no motion.
-            if step.distance_m(self._step) < LEAP_M and abs(step.theta_rad - self._step.theta_rad) < LEAP_RAD:
+            # A loop closure moves the map and the pose with it, which is no motion of the robot.
+            change_m, change_rad = step.distance_m(self._step), abs(step.theta_rad - self._step.theta_rad)
+            if change_m < MAX_CHANGE_M and change_rad < MAX_CHANGE_RAD:
                 self._step = step
         self._map_from_base = map_from_base
 
 
 def default_options(log: RobotLog) -> MappingOptions:
-    """Nobody waits for a log, and it may hold a loop of any size: the mapper that closes loops."""
+    """Return the options for the mapper with loop closure: a log may contain a loop of any size."""
     del log
     return MappingOptions(method="graph")
 
@@ -100,31 +101,33 @@ def map_records(
     session: SavedSlamState | None = None,
     start: Pose2 | None = None,
 ) -> MappedLog:
-    """Run the mapper over a log that was read; `progress(done, total)` is called now and then.
+    """Run the mapper over a log; calls `progress(done, total)` now and then.
 
-    With a session it goes on in that map, from the pose `start` or from wherever the place is recognised.
+    With a session it continues that map, from the pose `start` or after a global localization.
     """
     if not log.has_odometry:
-        trust = replace(options.matching, odometry_std_m=COASTING_STD_M, odometry_std_rad=COASTING_STD_RAD)
-        options = replace(options, matching=trust)
+        matching = replace(
+            options.matching, odometry_std_m=PREDICTION_STD_M, odometry_std_rad=PREDICTION_STD_RAD
+        )
+        options = replace(options, matching=matching)
     mapper = _mapper(log, options, session, start)
     mapper.warm_up()
     total = len(log.records)
     updates: list[MapperUpdate] = []
-    monitor, slip, bridge = ScanChecker(), SlipDetector(), JumpFilter()
-    lost: list[tuple[int, str]] = []  # number of the scan, and why nobody should trust its pose
-    coasting = None if log.has_odometry else ConstantVelocityOdometry()
+    checker, slip, jumps = ScanChecker(), SlipDetector(), JumpFilter()
+    lost: list[tuple[int, str]] = []  # number of the scan, and why its pose is lost
+    prediction = None if log.has_odometry else ConstantVelocityOdometry()
     cpu_ms = np.empty(total)
     for done, record in enumerate(log.records, start=1):
         start_s = time.process_time()
-        monitor.check(record.scan)
+        checker.check(record.scan)
         odom_from_base = (
-            coasting.predict() if coasting else bridge.filter(record.time_s, record.odom_from_base)
+            prediction.predict() if prediction else jumps.filter(record.time_s, record.odom_from_base)
         )
         update = mapper.update(odom_from_base, record.scan, record.twist)
         updates.append(update)
-        if coasting:
-            coasting.moved(update.map_from_base)
+        if prediction:
+            prediction.correct(update.map_from_base)
         elif update.jumped or update.match_score < GOOD_MATCH:
             slip.reset()
         elif update.match_score >= GOOD_MATCH:
@@ -137,7 +140,7 @@ def map_records(
     online = np.array(
         [(u.map_from_base.x_m, u.map_from_base.y_m, u.map_from_base.theta_rad) for u in updates]
     )
-    poses = mapper.path() if session is None else online  # that mapper revises nothing
+    poses = mapper.path() if session is None else online  # the mapper of a session corrects no old pose
     return MappedLog(
         poses=poses,
         online=online,
@@ -147,8 +150,8 @@ def map_records(
         cpu_ms=cpu_ms,
         lost=len(lost),
         lines=(
-            *monitor.summary_lines(),
-            *bridge.summary_lines(),
+            *checker.summary_lines(),
+            *jumps.summary_lines(),
             *slip.summary_lines(),
             *_lost_lines(lost, total),
         ),
@@ -167,7 +170,7 @@ def _mapper(
 
 
 def _lost_lines(lost: list[tuple[int, str]], total: int) -> list[str]:
-    """Nothing, or one line."""
+    """Return one line if the pose was lost, else none."""
     if not lost:
         return []
     first, why = lost[0]
@@ -187,38 +190,66 @@ def map_log(
 ) -> MapLogSummary:
     """Write `map.pgm`, `map.yaml`, `map.session`, `map.png` and `trajectory.csv` of a log into `out_dir`.
 
-    The trajectory is the final path; with `online` it is the poses reported at the time, and the final path
-    goes to `trajectory_final.csv`. `session` and `start` as in `map_records`.
+    The trajectory is the final path. With `online` it holds the poses as reported after each scan, and the
+    final path goes to `trajectory_final.csv`. `session` and `start` are those of `map_records`.
 
     Raises
     ------
     ThumperError
-        The log cannot be read, its place in the session is not recognised, or the folder cannot be written.
+        The log cannot be read, global localization in the session fails, or the directory is not writable.
     """
     start_s = time.monotonic()
     log = open_log(path, fov_rad)
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ThumperError(f"{out_dir}: cannot be made ({error.strerror}); give another folder") from error
+        raise ThumperError(
+            f"{out_dir}: cannot create the directory ({error.strerror}); choose another one"
+        ) from error
     options = options or default_options(log)
     compile_in_subprocess(options.method)
     mapped = map_records(log, options, progress, session, start)
+    _check_mapped(path, mapped, in_session=session is not None)
+    files = _write_map(path.name, out_dir, log, mapped, online=online)
+    scores = [u.match_score for u in mapped.updates if not math.isnan(u.match_score)]
+    return MapLogSummary(
+        format_name=log.format_name,
+        scans=len(log.records),
+        integrated=sum(u.integrated for u in mapped.updates),
+        path_m=_path_length_m(mapped),
+        mean_score=float(np.mean(scores)) if scores else math.nan,
+        cpu_ms=mapped.cpu_ms,
+        wall_s=time.monotonic() - start_s,
+        peak_MB=_peak_MB(),
+        files=files,
+        notes=(*log.notes, *mapped.lines),
+    )
+
+
+def _check_mapped(path: Path, mapped: MappedLog, *, in_session: bool) -> None:
+    """Raise ThumperError if nothing was mapped, or if the log does not fit the session's map."""
     if not any(update.integrated for update in mapped.updates):
-        if session is not None:
-            doubt = "does it belong to the session? --start may help"
-            least = f"{MIN_DISTANCE_M:g} m"
-            still = f"the place is recognised, but the robot moves less than {least}: nothing is entered"
-            raise ThumperError(f"{path}: {'; '.join((*mapped.lines, doubt if mapped.lost else still))}")
+        if in_session:
+            lost = "does the log belong to the session? --start may help"
+            still = (
+                f"the log is localized, but the robot moves less than {MIN_DISTANCE_M:g} m: no scan is added"
+            )
+            raise ThumperError(f"{path}: {'; '.join((*mapped.lines, lost if mapped.lost else still))}")
         raise ThumperError(
             f"{path}: no scan has enough usable beams: there is nothing to map", exit_code=EXIT_USAGE
         )
-    if session is not None and mapped.lost > MAX_LOST_SHARE * len(log.records):
-        # Who searches for long enough finds a place in any map; entering it would spoil the map.
+    if in_session and mapped.lost > MAX_LOST_SHARE * len(mapped.poses):
+        # A search that runs for long enough finds a pose in any map. Adding such scans would ruin the map.
         raise ThumperError(
-            f"{path}: its place in the session's map was lost at {mapped.lost} of {len(log.records)} scans, "
-            "and nothing is written; does it belong to that map? --start may help"
+            f"{path}: the pose in the session's map was lost at {mapped.lost} of {len(mapped.poses)} scans, "
+            "so nothing is written; does the log belong to that map? --start may help"
         )
+
+
+def _write_map(
+    name: str, out_dir: Path, log: RobotLog, mapped: MappedLog, *, online: bool
+) -> tuple[Path, ...]:
+    """Write all files of a mapped log and return their paths."""
     yaml_path, png_path, csv_path = out_dir / "map.yaml", out_dir / "map.png", out_dir / "trajectory.csv"
     pgm_path = save_map(mapped.grid, yaml_path)
     session_path = out_dir / "map.session"
@@ -230,24 +261,12 @@ def map_log(
     if online:
         files.append(out_dir / "trajectory_final.csv")
         _write_path(files[-1], log, mapped.poses)
-    plot_in_subprocess(yaml_path, files[-1], png_path, path.name)
-    scores = [u.match_score for u in mapped.updates if not math.isnan(u.match_score)]
-    return MapLogSummary(
-        format_name=log.format_name,
-        scans=len(log.records),
-        integrated=sum(u.integrated for u in mapped.updates),
-        path_m=_way_m(mapped),
-        mean_score=float(np.mean(scores)) if scores else math.nan,
-        cpu_ms=mapped.cpu_ms,
-        wall_s=time.monotonic() - start_s,
-        peak_MB=_peak_MB(),
-        files=tuple(files),
-        notes=(*log.notes, *mapped.lines),
-    )
+    plot_in_subprocess(yaml_path, files[-1], png_path, name)
+    return tuple(files)
 
 
-def _way_m(mapped: MappedLog) -> float:
-    """Length of the path without what a search or a closed loop moved the pose by at the time."""
+def _path_length_m(mapped: MappedLog) -> float:
+    """Return the length of the path; online, without the steps of localization and loop closure."""
     steps_m = np.hypot(*np.diff(mapped.poses[:, :2], axis=0).T)
     if mapped.poses is mapped.online:
         steps_m = steps_m[[not update.jumped for update in mapped.updates[1:]]]
@@ -264,7 +283,7 @@ def _peak_MB() -> float | None:
 
 
 def _write_path(csv_path: Path, log: RobotLog, poses: FloatArray) -> None:
-    """One line a scan, stamps as in the log."""
+    """Write one line per scan, with the stamps of the log."""
     try:
         with csv_path.open("w", newline="") as stream:
             writer = csv.writer(stream, lineterminator="\n")
@@ -273,5 +292,6 @@ def _write_path(csv_path: Path, log: RobotLog, poses: FloatArray) -> None:
                 writer.writerow((f"{record.time_s:.6f}", f"{x_m:.6f}", f"{y_m:.6f}", f"{theta_rad:.6f}"))
     except OSError as error:
         raise ThumperError(
-            f"{csv_path}: cannot be written ({error.strerror}); give another folder", exit_code=EXIT_USAGE
+            f"{csv_path}: cannot be written ({error.strerror}); choose another directory",
+            exit_code=EXIT_USAGE,
         ) from error

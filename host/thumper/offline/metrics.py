@@ -1,4 +1,4 @@
-"""How good a mapped path is: against reference relations, or by the squareness of what it drew."""
+"""Quality of a mapped path: errors against reference relations, or squareness of the walls."""
 
 import gzip
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from thumper.offline.robot_log import RobotLog
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RelationErrors:
-    """One error a relation, shape (n,)."""
+    """One error per relation, shape (n,)."""
 
     translation_m: FloatArray
     rotation_rad: FloatArray
@@ -26,7 +26,7 @@ def load_relations(path: Path) -> FloatArray:
     Raises
     ------
     ThumperError
-        The file cannot be read or is not such a table.
+        The file cannot be read or is not a table of relations.
     """
     try:
         with gzip.open(path, "rt") if path.suffix == ".gz" else path.open() as stream:
@@ -34,19 +34,19 @@ def load_relations(path: Path) -> FloatArray:
     except (OSError, ValueError) as error:
         raise ThumperError(f"{path}: not a table of relations ({error}); check the file") from error
     if relations.shape[1] != 5:
-        raise ThumperError(f"{path}: {relations.shape[1]} columns; relations have i j dx dy dtheta")
+        raise ThumperError(f"{path}: {relations.shape[1]} columns; expected i j dx dy dtheta")
     return np.asarray(relations)
 
 
 def relation_errors(poses: FloatArray, relations: FloatArray) -> RelationErrors:
-    """Errors of the relative poses that the path implies (Kuemmerle et al., Autonomous Robots 27(4), 2009).
+    """Return the errors of the path's relative poses (Kuemmerle et al., Autonomous Robots 27(4), 2009).
 
     Parameters
     ----------
     poses : ndarray, shape (scans, 3)
         x, y, theta [m, m, rad] at each scan, in any frame.
     relations : ndarray, shape (n, 5)
-        i, j and the true pose of scan j seen from scan i.
+        i, j and the true pose of scan j relative to scan i.
     """
     first, second = relations[:, 0].astype(int), relations[:, 1].astype(int)
     found = _relative(poses[first], poses[second])
@@ -58,12 +58,13 @@ def relation_errors(poses: FloatArray, relations: FloatArray) -> RelationErrors:
 
 
 def squareness(log: RobotLog, poses: FloatArray, usable_range_m: float = 4.0) -> float:
-    """Resultant length of four times the direction of every wall seen, 0...1: how parallel walls are drawn.
+    """Return the resultant length of four times the direction of all walls, 0...1: 1 if all are parallel.
 
-    In a building with square corners a wall's direction, modulo 90 degrees, is the same from everywhere, so a
-    bent path spreads it. Furniture and noise keep the best value below 1: compare runs of the same log only.
+    In a building with square corners, the direction of a wall modulo 90 degrees is the same everywhere, so a
+    bent path lowers the value. Furniture and noise keep it below 1, so compare only runs of the same log.
     """
-    span, total, weight = 4, 0.0 + 0.0j, 0.0  # beams each way; walls of 0.1 to 0.6 m that are straight
+    # A wall is 2 * span beams that hit a straight line of 0.1 to 0.6 m.
+    span, total, weight = 4, 0.0 + 0.0j, 0.0
     for record, pose in zip(log.records[::5], poses[::5], strict=True):
         points = scan_points(record.scan, record.twist, log.base_from_laser, usable_range_m)
         hit = points.kinds == HIT
@@ -84,7 +85,7 @@ def squareness(log: RobotLog, poses: FloatArray, usable_range_m: float = 4.0) ->
 
 
 def _relative(from_pose: FloatArray, to_pose: FloatArray) -> FloatArray:
-    """inverse(from) * to, row by row; shape (n, 3), headings not wrapped."""
+    """Return inverse(from) * to, row by row; shape (n, 3), headings not wrapped."""
     cos, sin = np.cos(from_pose[:, 2]), np.sin(from_pose[:, 2])
     dx, dy = to_pose[:, 0] - from_pose[:, 0], to_pose[:, 1] - from_pose[:, 1]
     return np.column_stack((cos * dx + sin * dy, -sin * dx + cos * dy, to_pose[:, 2] - from_pose[:, 2]))

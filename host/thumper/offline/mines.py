@@ -1,11 +1,11 @@
-"""Text logs of the Mines ParisTech robot (.dat): a Hokuyo URG-04LX and wheel encoders, one scan a line.
+"""Text logs of the Mines ParisTech robot (.dat): a Hokuyo URG-04LX and wheel encoders, one scan per line.
 
 Format and vehicle: B. Steux, O. El Hamzaoui, "CoreSLAM: a SLAM algorithm in less than 200 lines of C code",
 ICARCV 2010, and the data published with it.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -14,39 +14,40 @@ from thumper.common.geometry import Pose2
 from thumper.common.kinematics import DriveGeometry
 from thumper.lidar.scan import Scan
 from thumper.odometry.wheel_odometry import WheelOdometry, advance
-from thumper.offline.robot_log import MAX_BROKEN_SHARE, LogRecord, RobotLog, broken_note
+from thumper.offline.robot_log import MAX_BROKEN_SHARE, LogRecord, RobotLog, broken_note, refuse_fov
 
 GEOMETRY = DriveGeometry(wheel_radius_m=0.077, track_m=0.33, counts_per_rev=2000)
 BASE_FROM_LASER = Pose2(x_m=0.145)
 
 FIRST_RANGE, BEAMS = 24, 682
 BEAM_STEP_RAD = math.tau / 1024
-TURN_S = 0.0986  # one revolution of the mirror
+REVOLUTION_S = 0.0986
 ERROR_CODES_BELOW_MM = 20  # 0: no reading; 1...19: the sensor's error codes
 
 
-def is_mines(lines: Sequence[str]) -> bool:
-    """Whether the first line has this format's shape: many integers and nothing else but one voltage."""
-    if not lines:
-        return False
-    fields = lines[0].split()
-    return len(fields) >= FIRST_RANGE + BEAMS // 2 and all(
-        field.replace(".", "", 1).lstrip("-").isdigit() for field in fields
+def recognizes(line: str, *, is_first: bool) -> bool:
+    """Return whether the first line has the shape of this format: many integers and one voltage."""
+    fields = line.split()
+    return (
+        is_first
+        and len(fields) >= FIRST_RANGE + BEAMS // 2
+        and all(field.replace(".", "", 1).lstrip("-").isdigit() for field in fields)
     )
 
 
-def read_mines(name: str, lines: Iterable[str]) -> RobotLog:
-    """Parse the lines; `name` is the file's, for messages. Broken lines are left out and noted.
+def read(name: str, lines: Iterable[str], fov_rad: float | None = None) -> RobotLog:
+    """Parse the lines; `name` is the file, for messages. Drops and notes broken lines.
 
     Raises
     ------
     ThumperError
-        Too many lines are cut off or have fields that are no numbers.
+        Too many lines are truncated or have fields that are not numbers, or a field of view is given.
     """
+    refuse_fov(name, fov_rad, "a MINES log")
     odometry = WheelOdometry(GEOMETRY)
     records: list[LogRecord] = []
     broken: list[str] = []
-    for number, line in enumerate(lines, start=1):
+    for number, line in enumerate((line for line in lines if not line.isspace()), start=1):
         try:
             records.append(_record(line.split(), odometry))
         except ValueError as error:
@@ -74,10 +75,12 @@ def _record(fields: list[str], odometry: WheelOdometry) -> LogRecord:
         ranges_m=np.where(ranges_mm < ERROR_CODES_BELOW_MM, np.nan, 1e-3 * ranges_mm),
         angle_min_rad=-0.5 * (BEAMS - 1) * BEAM_STEP_RAD,
         angle_increment_rad=BEAM_STEP_RAD,
-        time_increment_s=TURN_S / 1024,
+        time_increment_s=REVOLUTION_S / 1024,
         range_max_m=5.6,
     )
-    # A line is written when the mirror has come round: the first beam left one turn earlier.
+    # The robot writes a line at the end of a revolution, so the first beam is one revolution older.
     twist = sample.twist
-    odom_from_base = advance(sample.odom_from_base, -TURN_S * twist.v_m_s, -TURN_S * twist.w_rad_s)
+    odom_from_base = advance(
+        sample.odom_from_base, -REVOLUTION_S * twist.v_m_s, -REVOLUTION_S * twist.w_rad_s
+    )
     return LogRecord(time_s=time_s, odom_from_base=odom_from_base, twist=twist, scan=scan)

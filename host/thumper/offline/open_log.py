@@ -1,4 +1,4 @@
-"""Opening a robot log without being told its format."""
+"""Open a robot log; its content decides the format."""
 
 import gzip
 import zlib
@@ -9,115 +9,110 @@ from tempfile import TemporaryDirectory
 from typing import TextIO
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
-from thumper.offline.carmen import is_carmen, read_carmen
-from thumper.offline.mines import is_mines, read_mines
-from thumper.offline.robot_log import RobotLog, refuse_fov
+from thumper.offline import carmen, mines
+from thumper.offline.robot_log import RobotLog, TextLogFormat, refuse_fov
 
+TEXT_FORMATS: tuple[TextLogFormat, ...] = (carmen, mines)
+FORMATS = "pass a CARMEN (.log, .clf), MINES (.dat) or MCAP log"
 GZIP_MAGIC = b"\x1f\x8b"
-FORMATS = "give a CARMEN (.log, .clf), MINES (.dat) or MCAP log"
-CUT = "the compressed file is cut off or damaged, and used up to there ({})"
+GZIP_ERRORS = (EOFError, zlib.error, gzip.BadGzipFile)
+TRUNCATED = "the compressed file is cut off or damaged; it is used up to there ({})"
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 
 
 def open_log(path: Path, fov_rad: float | None = None) -> RobotLog:
     """Read a CARMEN, MINES or MCAP log, plain or gzip-compressed: the content decides.
 
-    `fov_rad` is the laser's field of view where a CARMEN log does not tell it. A compressed file that is cut
-    off is read up to there, with a note.
+    `fov_rad` is the laser's field of view, for a CARMEN log that does not contain it. A truncated compressed
+    file is read up to its end, with a note.
 
     Raises
     ------
     ThumperError
-        The file cannot be read, is in none of these formats, or tells its field of view itself.
+        The file cannot be read, has none of these formats, or contains its field of view itself.
     """
-    cut: list[str] = []
     try:
         with path.open("rb") as plain:
             start = plain.read(len(MCAP_MAGIC))
-        if start == MCAP_MAGIC:
-            from thumper.offline.mcap_log import read_mcap  # loads the ROS 2 types
-
+        if start == MCAP_MAGIC or (start.startswith(GZIP_MAGIC) and _is_packed_mcap(path)):
             refuse_fov(str(path), fov_rad, "an MCAP log")
-            return read_mcap(path)
-        if start.startswith(GZIP_MAGIC) and _starts_as_mcap(path):
-            refuse_fov(str(path), fov_rad, "an MCAP log")
-            return _unpacked_mcap(path)
-        with _text(path, start) as stream:
-            kind = _kind(_until_cut(stream, cut), path)
-        with _text(path, start) as stream:
-            lines = _until_cut(stream, cut)
-            if kind == "CARMEN":
-                log = read_carmen(str(path), lines, fov_rad)
-            elif kind == "MINES":
-                refuse_fov(str(path), fov_rad, "a MINES log")
-                log = read_mines(str(path), (line for line in lines if not line.isspace()))
-            elif cut:
-                raise ThumperError(f"{path}: {cut[0]}; copy it again", exit_code=EXIT_USAGE)
-            else:
-                raise ThumperError(f"{path}: unknown log format; {FORMATS}", exit_code=EXIT_USAGE)
+            return _read_mcap(path, packed=start != MCAP_MAGIC)
+        return _read_text(path, fov_rad, packed=start.startswith(GZIP_MAGIC))
     except FileNotFoundError as error:
         raise ThumperError(f"{path}: no such file; check the path", exit_code=EXIT_USAGE) from error
     except IsADirectoryError as error:
-        raise ThumperError(f"{path}: is a folder; give one log in it", exit_code=EXIT_USAGE) from error
+        raise ThumperError(f"{path}: is a directory; pass a log file", exit_code=EXIT_USAGE) from error
     except OSError as error:
         raise ThumperError(
             f"{path}: cannot be read ({error}); check the file and its permissions", exit_code=EXIT_USAGE
         ) from error
-    return replace(log, notes=(*log.notes, *cut))
 
 
-def _starts_as_mcap(path: Path) -> bool:
+def _is_packed_mcap(path: Path) -> bool:
     try:
         with gzip.open(path) as packed:
             return packed.read(len(MCAP_MAGIC)) == MCAP_MAGIC
-    except (EOFError, zlib.error, gzip.BadGzipFile):
-        return False  # which the reader of text will name
+    except GZIP_ERRORS:
+        return False  # the reader of text reports it
 
 
-def _unpacked_mcap(path: Path) -> RobotLog:
-    """Read a compressed recording by way of a file: its reader seeks."""
-    from thumper.offline.mcap_log import read_mcap
+def _read_mcap(path: Path, *, packed: bool) -> RobotLog:
+    """Read a recording; unpack a compressed one to a file first, because the reader seeks."""
+    from thumper.offline.mcap_log import read_mcap  # deferred: loads the ROS 2 types
 
-    cut: tuple[str, ...] = ()
+    if not packed:
+        return read_mcap(path)
+    truncated: tuple[str, ...] = ()
     with TemporaryDirectory() as folder:
         unpacked = Path(folder) / path.name
-        with gzip.open(path) as packed, unpacked.open("wb") as stream:
+        with gzip.open(path) as source, unpacked.open("wb") as stream:
             try:
-                stream.writelines(iter(packed.read1, b""))
-            except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-                cut = (CUT.format(error),)
+                stream.writelines(iter(source.read1, b""))
+            except GZIP_ERRORS as error:
+                truncated = (TRUNCATED.format(error),)
         try:
             log = read_mcap(unpacked)
         except ThumperError as error:
             raise ThumperError(str(error).replace(str(unpacked), str(path)), exit_code=EXIT_USAGE) from error
-    return replace(log, notes=(*log.notes, *cut))
+    return replace(log, notes=(*log.notes, *truncated))
 
 
-def _text(path: Path, start: bytes) -> TextIO:
-    """The file line by line: a text held whole, and again as lines, would be the largest thing in memory.
+def _read_text(path: Path, fov_rad: float | None, *, packed: bool) -> RobotLog:
+    truncated: list[str] = []
+    with _open_text(path, packed) as stream:
+        text_format = _detect(_until_truncated(stream, truncated), path)
+    if text_format is None:
+        problem = f"{truncated[0]}; copy it again" if truncated else f"unknown log format; {FORMATS}"
+        raise ThumperError(f"{path}: {problem}", exit_code=EXIT_USAGE)
+    with _open_text(path, packed) as stream:
+        log = text_format.read(str(path), _until_truncated(stream, truncated), fov_rad)
+    return replace(log, notes=(*log.notes, *truncated))
 
-    Only comments hold letters beyond ASCII, in whatever code their author used.
+
+def _open_text(path: Path, packed: bool) -> TextIO:
+    """Open the file to read it line by line, because the whole text would take the most memory of all.
+
+    Only comments contain characters beyond ASCII, in any encoding.
     """
-    if start.startswith(GZIP_MAGIC):
+    if packed:
         return gzip.open(path, "rt", encoding="utf-8-sig", errors="replace")
     return path.open(encoding="utf-8-sig", errors="replace")
 
 
-def _until_cut(lines: Iterable[str], cut: list[str]) -> Iterator[str]:
-    """The lines up to where a compressed file breaks off, which is noted in `cut`."""
+def _until_truncated(lines: Iterable[str], truncated: list[str]) -> Iterator[str]:
+    """Yield the lines of a compressed file up to its damage, which is noted in `truncated`."""
     try:
         yield from lines
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        cut[:] = [CUT.format(error)]
+    except GZIP_ERRORS as error:
+        truncated[:] = [TRUNCATED.format(error)]
 
 
-def _kind(lines: Iterable[str], path: Path) -> str:
-    """The format by the first line that tells it; CARMEN's may come after thousands of other lines."""
+def _detect(lines: Iterable[str], path: Path) -> TextLogFormat | None:
+    """Return the format of the first line that identifies one; thousands of lines may precede it."""
     for number, line in enumerate(line for line in lines if not line.isspace()):
         if "\0" in line:
             raise ThumperError(f"{path}: not a text log; {FORMATS}", exit_code=EXIT_USAGE)
-        if is_carmen((line,)):
-            return "CARMEN"
-        if number == 0 and is_mines((line,)):
-            return "MINES"
-    return ""
+        for text_format in TEXT_FORMATS:
+            if text_format.recognizes(line, is_first=number == 0):
+                return text_format
+    return None

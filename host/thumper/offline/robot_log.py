@@ -1,23 +1,25 @@
-"""What a recorded log gives a mapper, whatever its format."""
+"""The content of a recorded log, in the form that all log readers return."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Protocol
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2, Twist2
 from thumper.lidar.scan import Scan
 
-MAX_BROKEN_SHARE = 0.1  # share of broken lines beyond which a file is not worth trusting
-FARTHEST_M = 1e8  # twice round the earth; of what is beyond, too few digits are left for the rest of the log
-NO_ODOMETRY = "no odometry that moves: the scans alone tell the way; --method scan_match is the surest then"
+MAX_BROKEN_SHARE = 0.1  # refuse a file with a larger share of broken lines
+MAX_POSITION_M = 1e8  # twice around the earth; larger values leave too few digits for the rest of the log
+NO_ODOMETRY = "no odometry that moves: only the scans give the motion; --method scan_match is the safest then"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogRecord:
-    """One scan with the odometry that belongs to it, in the order of the log."""
+    """One scan with its odometry, in the order of the log."""
 
     time_s: float  # as logged: may start anywhere, come in bursts and even step back
     odom_from_base: Pose2
-    twist: Twist2  # zero where the log cannot tell the speed during the turn
+    twist: Twist2  # zero if the log does not contain the speed during the revolution
     scan: Scan
 
 
@@ -28,26 +30,46 @@ class RobotLog:
     format_name: str
     base_from_laser: Pose2
     records: tuple[LogRecord, ...]
-    notes: tuple[str, ...] = ()  # what the reader left out or guessed, a line each
+    notes: tuple[str, ...] = ()  # what the reader dropped or assumed, one line each
     has_odometry: bool = True  # else all `odom_from_base` are the same
 
 
+class TextLogFormat(Protocol):
+    """A text format. The modules `carmen` and `mines` are the implementations."""
+
+    def recognizes(self, line: str, *, is_first: bool) -> bool:
+        """Return whether the line identifies this format; `is_first` is the first line with text."""
+        ...
+
+    def read(self, name: str, lines: Iterable[str], fov_rad: float | None) -> RobotLog:
+        """Parse the lines; `name` is the file, for messages. Drops and notes broken lines.
+
+        `fov_rad` is the field of view, for a log that does not contain it.
+
+        Raises
+        ------
+        ThumperError
+            Too many lines are broken, no scan is left, or the log contains its field of view itself.
+        """
+        ...
+
+
 def check_pose(odom_from_base: Pose2) -> Pose2:
-    """Give the pose back; raises ValueError for one that is no place at all, however the log came by it."""
+    """Return the pose; raise ValueError if it is too far away to be real, or NaN."""
     farthest_m = max(abs(odom_from_base.x_m), abs(odom_from_base.y_m))
-    if not farthest_m < FARTHEST_M:
+    if not farthest_m < MAX_POSITION_M:
         raise ValueError(f"a pose {farthest_m:.0e} m away")
     return odom_from_base
 
 
 def broken_note(broken: list[str]) -> tuple[str, ...]:
-    """One line on the lines that were left out, or none."""
-    return (f"{len(broken)} broken lines left out, the first: {broken[0]}",) if broken else ()
+    """Return one line about the dropped lines, or none."""
+    return (f"{len(broken)} broken lines dropped, the first: {broken[0]}",) if broken else ()
 
 
 def refuse_fov(name: str, fov_rad: float | None, what: str) -> None:
-    """Raise ThumperError for a field of view that was given for a log which tells its own."""
+    """Raise ThumperError if a field of view was given for a log that contains its own."""
     if fov_rad is not None:
         raise ThumperError(
-            f"{name}: {what} tells its field of view itself; leave out --fov", exit_code=EXIT_USAGE
+            f"{name}: {what} contains its field of view; leave out --fov", exit_code=EXIT_USAGE
         )

@@ -1,4 +1,4 @@
-"""Work that needs much memory for a moment, in processes of its own: the memory goes when they end."""
+"""Run memory-hungry work in subprocesses, which free their memory when they exit."""
 
 import hashlib
 import subprocess
@@ -13,8 +13,8 @@ from thumper.offline import compile_kernels
 from thumper.slam.factory import Method
 from thumper.slam.scan_matching.correlative import correlative_search
 
-KERNEL_PACKAGES = ("common", "lidar", "maps", "slam")  # a mapper's kernels are defined in these
-MAX_ROUNDS = 12  # of compiling, in case the cache cannot be written; five to seven do it
+KERNEL_PACKAGES = ("common", "lidar", "maps", "slam")  # the packages that define a mapper's kernels
+MAX_ROUNDS = 12  # of compilation, in case the cache is not writable; five to seven are enough
 
 PLOT = (
     "import sys; from pathlib import Path; import numpy as np; "
@@ -38,25 +38,25 @@ def plot_in_subprocess(yaml_path: Path, path_csv: Path, png_path: Path, title: s
         [sys.executable, "-c", PLOT, *arguments], check=False, capture_output=True, text=True
     )
     if done.returncode != 0:
-        reason = done.stderr.strip().splitlines()[-1:] or ["no reason given"]
-        raise ThumperError(f"{png_path}: cannot be drawn ({reason[0]}); the map itself is written")
+        reason = done.stderr.strip().splitlines()[-1:] or ["no error message"]
+        raise ThumperError(f"{png_path}: cannot draw the map ({reason[0]}); the map itself is saved")
 
 
 def compile_in_subprocess(method: Method) -> None:
-    """Fill the cache on disk, unless it was filled for the method from the sources as they are now.
+    """Fill the disk cache with the method's kernels, unless it is up to date with the sources.
 
-    A failure is left to the warm-up.
+    Ignores failures: the warm-up compiles what is missing.
     """
-    cache = getattr(correlative_search, "_cache", None)  # numba offers no other way to ask for its folder
+    cache = getattr(correlative_search, "_cache", None)  # numba has no public way to get its directory
     if cache is None:
-        return  # the compiler is off
+        return  # the compiler is disabled
     done = Path(cache.cache_path) / f"{method}-{_sources()}.compiled"
     if done.exists():
         return
     command = [sys.executable, "-m", compile_kernels.__name__, method]
     for _ in range(MAX_ROUNDS):
         code = subprocess.run(command, check=False, capture_output=True).returncode
-        if code != compile_kernels.GO_ON:
+        if code != compile_kernels.INCOMPLETE:
             break
     if code == 0:
         with suppress(OSError):
@@ -66,8 +66,8 @@ def compile_in_subprocess(method: Method) -> None:
 
 
 def _sources() -> str:
-    """A name for the compiler and all sources that kernels are in, as they are now."""
+    """Return a hash of the compiler's version and of all sources that contain kernels."""
     package = Path(__file__).parents[1]
-    found = sorted(path for name in KERNEL_PACKAGES for path in (package / name).rglob("*.py"))
-    states = [(path.name, path.stat().st_mtime_ns, path.stat().st_size) for path in found]
+    sources = sorted(path for name in KERNEL_PACKAGES for path in (package / name).rglob("*.py"))
+    states = [(path.name, path.stat().st_mtime_ns, path.stat().st_size) for path in sources]
     return hashlib.sha256(repr((numba.__version__, states)).encode()).hexdigest()[:16]

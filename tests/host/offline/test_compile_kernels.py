@@ -45,7 +45,7 @@ def test_kernels_are_compiled_once_per_version_of_the_sources(compiler: FakeComp
 
 
 def test_compiling_continues_in_a_new_process(compiler: FakeCompiler) -> None:
-    compiler.codes = [compile_kernels.GO_ON, compile_kernels.GO_ON, 0]
+    compiler.codes = [compile_kernels.INCOMPLETE, compile_kernels.INCOMPLETE, 0]
     compile_in_subprocess("scan_match")
     compile_in_subprocess("scan_match")
     assert compiler.starts == 3

@@ -181,7 +181,7 @@ def test_a_foreign_recording_is_a_log_like_any_other(tmp_path: Path, odometry: b
 def test_a_reading_of_no_place_is_left_out_and_noted(tmp_path: Path, odometry: bool) -> None:
     foreign(tmp_path / "theirs.mcap", odometry=odometry, astray_at=10)
     log = open_log(tmp_path / "theirs.mcap")
-    assert log.notes == ("1 broken messages left out",)
+    assert log.notes == ("1 broken messages dropped",)
     assert [record.odom_from_base.x_m for record in log.records[:20]] == pytest.approx(
         [0.1 * k + 0.05 for k in range(20)]
     )
@@ -200,7 +200,7 @@ def test_scans_without_odometry_are_kept_and_counted(tmp_path: Path) -> None:
     log = open_log(tmp_path / "theirs.mcap")
     assert len(log.records) == 40
     assert log.notes == (
-        "13 of 40 scans without odometry for their time: that before and after is used",
+        "13 of 40 scans without odometry for their time: the nearest one is used",
     )  # the others are within 0.25 s
     foreign(tmp_path / "theirs.mcap", odometry=True, driven=range(0))
     log = open_log(tmp_path / "theirs.mcap")

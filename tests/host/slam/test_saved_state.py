@@ -119,7 +119,7 @@ def test_log_of_a_stationary_robot_is_refused(tmp_path: Path) -> None:
         "".join(f"FLASER 180 {ranges} 0 0 0 0 0 0 {k}.0 nohost {k}.0\n" for k in range(1, 5)),
         encoding="utf-8",
     )
-    with pytest.raises(ThumperError, match="place is recognised, but the robot moves less than 1 m"):
+    with pytest.raises(ThumperError, match="the log is localized, but the robot moves less than 1 m"):
         map_log(log, tmp_path / "out", session=session)
 
 
@@ -135,7 +135,7 @@ def test_log_of_another_place_does_not_change_the_session(tmp_path: Path) -> Non
         ranges = " ".join(f"{range_m:.3f}" for range_m in scan.ranges_m)
         lines.append(f"FLASER 180 {ranges} {x_m} 0 0 {x_m} 0 0 {k + 1}.0 nohost {k + 1}.0\n")
     (tmp_path / "elsewhere.clf").write_text("".join(lines), encoding="utf-8")
-    with pytest.raises(ThumperError, match=r"lost at \d+ of 56 scans, and nothing is written"):
+    with pytest.raises(ThumperError, match=r"lost at \d+ of 56 scans, so nothing is written"):
         map_log(tmp_path / "elsewhere.clf", tmp_path, session=load_session(path, SIZE_M))
     assert path.read_bytes() == before
     assert not (tmp_path / "map.yaml").exists()
