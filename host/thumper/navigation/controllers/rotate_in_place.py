@@ -65,7 +65,7 @@ def straight_poses(start: Pose2, distance_m: float) -> FloatArray:
 def angle_to_path(path_ahead_m: FloatArray, map_from_base: Pose2) -> float:
     """Return the angle from the heading to a path, shape (n, 2) [m], that starts beside the robot.
 
-    0 if too little of the path is left to tell.
+    0 if too little of the path is left.
     """
     point_m = path_ahead_m[index_at(path_ahead_m, FRONT_M)]
     dx_m, dy_m = point_m - (map_from_base.x_m, map_from_base.y_m)

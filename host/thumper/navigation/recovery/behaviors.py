@@ -2,8 +2,8 @@
 
 Conservative reset, rotate, aggressive reset, rotate, then back up, wait, and give up
 (http://wiki.ros.org/move_base). In a place too tight to rotate, move_base's rotation does nothing. Here the
-robot backs up instead, and waits if it cannot do that either. After each behaviour the controller has its
-full patience again.
+robot backs up instead, and waits if it cannot do that either. After each behaviour the controller gets
+the full `patience_s` again.
 """
 
 import math

@@ -92,7 +92,7 @@ class RecoveryPolicy:
         return f"no path for the whole footprint was found, {left_m:.2f} m from the goal {self._goal}"
 
     def is_stationary(self, time_s: float) -> bool:
-        """Return whether the robot has not moved for longer than its patience."""
+        """Return whether the robot has not moved for longer than `patience_s`."""
         return self._progress.stationary_s(time_s) > self._patience_s
 
     def on_rejected(self, time_s: float, request: ControlRequest) -> bool:

@@ -14,7 +14,7 @@ NOISE_M = 0.01
 
 
 def seen(world: KinematicWorld) -> tuple[FloatArray, FloatArray]:
-    """Return bearings and exact ranges of the lidar's hits."""
+    """Return beam angles and exact ranges of the lidar's hits."""
     ranges_m = world.cast(Pose2(), ANGLES_RAD, 4.0)
     hit = np.isfinite(ranges_m)
     return ANGLES_RAD[hit], ranges_m[hit]
