@@ -16,7 +16,7 @@ def test_parameter_is_stored_and_read_back() -> None:
         for wrong in (61.0, -1.0, 1e12, math.inf, math.nan):
             with pytest.raises(ThumperError, match=r"kp.*out of range"):
                 board.set_parameter("kp", wrong)
-        with pytest.raises(ThumperError, match=r"no parameter 'k_p'"):
+        with pytest.raises(ThumperError, match=r"unknown board parameter 'k_p'"):
             board.set_parameter("k_p", 1.0)
         assert board.get_parameter("kp") == pytest.approx(7.25, abs=0.01)
     finally:

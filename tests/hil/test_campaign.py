@@ -264,7 +264,7 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
     )
     workers: list[subprocess.Popen[bytes]] = []
     try:
-        while not file.exists():
+        while not file.exists() or '"address"' not in file.read_text():
             assert scheduler.poll() is None
             time.sleep(0.1)
         command: list[str | Path] = [

@@ -262,7 +262,7 @@ def test_unplugged_device_is_a_port_error(driving: Open, device: str) -> None:
     board, bench = driving("")
     bench.fault(device, "unplugged")
     if device == "board":
-        with pytest.raises(ThumperError, match=r"port .* fails .*cable"):
+        with pytest.raises(ThumperError, match=r"port .* failed .*cable"):
             board.poll(0.1)
     bench.fault(device, "ok")
     assert drive(board, bench, 0.1).state is State.CLOSED_LOOP

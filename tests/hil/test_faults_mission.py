@@ -48,7 +48,7 @@ def drive_with(fault: str, folder: Path) -> tuple[DriveResult, Bench]:
     [
         ('encoder.left.b = "cut"', "left wheels do not turn", 1.1),
         ('encoder.left.channels = "swapped"', "left encoder counts backwards; swap its two wires", 1.1),
-        ("encoder.left.glitches = 50_000", "encoder's signal is disturbed", 0.8),
+        ("encoder.left.glitches = 50_000", "an encoder signal is disturbed", 0.8),
         ('encoder.right.a = "stuck"', "right wheels do not turn", 1.1),
         ('motor.left = "dead"', "left wheels do not turn", 2.0),
         ('motor.left = "swapped"', "left encoder counts backwards; .* or the motor's", 1.0),
@@ -59,9 +59,9 @@ def drive_with(fault: str, folder: Path) -> tuple[DriveResult, Bench]:
         ("host.hang = 1.0", "the board went silent|no command for 300 ms", 0.7),
         ('firmware = "hang"', "the board went silent|restarted", 1.0),
         ('firmware = "loop"', "restarted", 1.0),
-        ('firmware = "reset"', "restarted on the way; look at its supply and cable", 0.5),
-        ('lidar = "unplugged"', "lidar .*cable loose", 1.6),
-        ('board = "unplugged"', "port .* fails .*cable loose", 0.7),
+        ('firmware = "reset"', "the board has restarted; check its supply and cable", 0.5),
+        ('lidar = "unplugged"', "lidar .*check its cable", 1.6),
+        ('board = "unplugged"', "port .* failed .*cable loose", 0.7),
     ],
 )
 def test_robot_stops_in_time_and_reports_the_cause(
