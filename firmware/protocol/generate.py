@@ -24,6 +24,8 @@ OUTPUTS = {
     "messages.py.jinja": REPO / "host/thumper/board/messages.py",
     "protocol.md.jinja": REPO / "docs/protocol.md",
 }
+# Names of enums in Python that differ from the schema's, which the hash covers: `Board` is the driver there.
+PYTHON_ENUMS = {"Board": "BoardModel"}
 # wire type: (bytes, struct character, C++ type, lowest, highest)
 TYPES = {
     "u8": (1, "B", "uint8_t", 0, 2**8 - 1),
@@ -112,6 +114,11 @@ def camel(name: str) -> str:
     return "".join(part.capitalize() for part in name.lower().split("_"))
 
 
+def python_enum(name: str) -> str:
+    """Return the name of an enum in the Python codec."""
+    return PYTHON_ENUMS.get(name, name)
+
+
 def payload_size(message: Schema) -> int:
     """Return the payload size of a message in bytes."""
     return sum(TYPES[field["type"]][0] for field in message["fields"])
@@ -131,7 +138,7 @@ def render(schema: Schema) -> dict[Path, str]:
         keep_trailing_newline=True,
         undefined=jinja2.StrictUndefined,
     )
-    environment.filters.update(camel=camel, size=payload_size, wrap=wrap)
+    environment.filters.update(camel=camel, python_enum=python_enum, size=payload_size, wrap=wrap)
     context = {
         "schema": schema,
         "types": TYPES,

@@ -3,17 +3,17 @@
 import pytest
 
 from tests.firmware.boot import ELF
-from thumper.board.messages import Board
+from thumper.board.messages import BoardModel
 from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.edge_rate import BYTE_PHASES, PHASES, counts_all
 
-ELFS = {Board.TREX: ELF, Board.NANO: ELF.parent / "nano" / ELF.name}
+ELFS = {BoardModel.TREX: ELF, BoardModel.NANO: ELF.parent / "nano" / ELF.name}
 EDGES_PER_S = 100_000
 
 
-@pytest.mark.parametrize("board", list(Board), ids=lambda board: board.name.lower())
+@pytest.mark.parametrize("board", list(BoardModel), ids=lambda board: board.name.lower())
 @pytest.mark.parametrize("line_share", [0.0, 0.1, 1.0])
-def test_no_edge_is_lost_in_any_phase(board: Board, line_share: float) -> None:
+def test_no_edge_is_lost_in_any_phase(board: BoardModel, line_share: float) -> None:
     """The phases of the encoders to each other and to the bytes on the line. Without noise, every run
     repeats."""
     assert all(

@@ -7,7 +7,7 @@ import pytest
 from platformio.project.config import ProjectConfig
 
 from thumper.board.flashing import UPLOAD_BAUD
-from thumper.board.messages import Board
+from thumper.board.messages import BoardModel
 
 FIRMWARE = Path(__file__).resolve().parents[2] / "firmware"
 INI = FIRMWARE / "platformio.ini"
@@ -27,13 +27,13 @@ def test_platformio_ini_is_valid() -> None:
 
 
 def test_each_board_has_exactly_its_two_environments() -> None:
-    names = {kind.name.lower() for kind in Board}
+    names = {kind.name.lower() for kind in BoardModel}
     assert set(ProjectConfig(str(INI)).envs()) == names | {f"{name}_new" for name in names}
 
 
 @pytest.mark.parametrize("bootloader", UPLOAD_BAUD)
-@pytest.mark.parametrize("kind", Board, ids=lambda kind: kind.name.lower())
-def test_an_environment_uploads_at_its_boot_loaders_speed(kind: Board, bootloader: str) -> None:
+@pytest.mark.parametrize("kind", BoardModel, ids=lambda kind: kind.name.lower())
+def test_an_environment_uploads_at_its_boot_loaders_speed(kind: BoardModel, bootloader: str) -> None:
     config = ProjectConfig(str(INI))
     section = f"env:{kind.name.lower()}" + ("" if bootloader == "old" else "_new")
     assert config.get(section, "platform") == "atmelavr"
@@ -44,8 +44,8 @@ def test_an_environment_uploads_at_its_boot_loaders_speed(kind: Board, bootloade
     assert config.get(section, "build_unflags") == ["-std=gnu++11 -fpermissive"]
 
 
-@pytest.mark.parametrize("kind", Board, ids=lambda kind: kind.name.lower())
-def test_make_compiles_with_the_environments_flags(kind: Board, tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", BoardModel, ids=lambda kind: kind.name.lower())
+def test_make_compiles_with_the_environments_flags(kind: BoardModel, tmp_path: Path) -> None:
     board = kind.name.lower()
     config = ProjectConfig(str(INI))
     words = planned_compile(board, tmp_path)
@@ -53,7 +53,7 @@ def test_make_compiles_with_the_environments_flags(kind: Board, tmp_path: Path) 
         flags = config.get(section, "build_flags")
         start = words.index(flags[0])
         assert words[start : start + len(flags)] == flags
-    assert ("-DTHUMPER_BOARD_NANO" in words) == (kind is Board.NANO)
+    assert ("-DTHUMPER_BOARD_NANO" in words) == (kind is BoardModel.NANO)
 
 
 def test_make_refuses_an_unknown_board() -> None:

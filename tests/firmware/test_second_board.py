@@ -5,8 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from thumper.board.board import Board, TelemetrySample
-from thumper.board.messages import Board as BoardKind
-from thumper.board.messages import Command, Fault, State
+from thumper.board.messages import BoardModel, Command, Fault, State
 from thumper.common.errors import ThumperError
 from thumper.common.kinematics import WheelSpeeds
 from thumper_hil.bench import Bench, simulation
@@ -17,7 +16,7 @@ OCR2A, OCR2B = 0xB3, 0xB4
 class Robot:
     """A simulated robot with one board, and its simulated time."""
 
-    def __init__(self, kind: BoardKind, options: str = "") -> None:
+    def __init__(self, kind: BoardModel, options: str = "") -> None:
         name = f"board-{kind.name.lower()}"
         self.board = Board.open(f"sim://{name}/board?board={kind.name.lower()}{options}", baud=500_000)
         self.bench: Bench = simulation(name)
@@ -32,22 +31,22 @@ class Robot:
         return samples
 
 
-@pytest.fixture(params=list(BoardKind), ids=lambda kind: kind.name.lower())
-def kind(request: pytest.FixtureRequest) -> BoardKind:
+@pytest.fixture(params=list(BoardModel), ids=lambda kind: kind.name.lower())
+def kind(request: pytest.FixtureRequest) -> BoardModel:
     """Each board in turn."""
-    board: BoardKind = request.param
+    board: BoardModel = request.param
     return board
 
 
 @pytest.fixture
-def robot(kind: BoardKind) -> Iterator[Robot]:
+def robot(kind: BoardModel) -> Iterator[Robot]:
     """Yield a robot with that board and a charged battery."""
     robot = Robot(kind)
     yield robot
     robot.board.close()
 
 
-def test_identity_reports_the_board(robot: Robot, kind: BoardKind) -> None:
+def test_identity_reports_the_board(robot: Robot, kind: BoardModel) -> None:
     assert robot.board.identity.board is kind
     assert robot.board.poll(0.5)[-1].telemetry.state is State.DISARMED
 
@@ -78,7 +77,7 @@ def test_a_silent_host_stops_the_robot(robot: Robot) -> None:
     assert (last.state, last.fault) == (State.FAULT, Fault.LINK_LOST)
 
 
-def test_a_low_battery_prevents_motion(kind: BoardKind) -> None:
+def test_a_low_battery_prevents_motion(kind: BoardModel) -> None:
     robot = Robot(kind, "&charge=0.02")
     robot.bench.advance(robot.bench.time_s + 5.0)  # it has detected the battery and beeped
     with pytest.raises(ThumperError, match=r"refused|battery"):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from thumper.board.firmware_image import firmware_image
-from thumper.board.messages import Board as BoardKind
+from thumper.board.messages import BoardModel
 from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.odometry.pose_buffer import interpolate_poses
@@ -29,8 +29,8 @@ from thumper_hil.world.start_pose import invalid_start_reason
 from thumper_hil.world.world import World
 from thumper_hil.world.world_history import WorldHistory
 
-ELF_BY_BOARD = {kind: firmware_image(kind.name.lower(), "elf") for kind in BoardKind}
-DEFAULT_ELF = ELF_BY_BOARD[BoardKind.TREX]
+ELF_BY_BOARD = {kind: firmware_image(kind.name.lower(), "elf") for kind in BoardModel}
+DEFAULT_ELF = ELF_BY_BOARD[BoardModel.TREX]
 BASE_FROM_LASER = Pose2(x_m=0.12)
 TICK_S = 0.01
 """Period at which ground truth is recorded and contacts are checked."""

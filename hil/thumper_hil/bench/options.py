@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Self
 
-from thumper.board.messages import Board as BoardKind
+from thumper.board.messages import BoardModel
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2
 
@@ -23,7 +23,7 @@ class BenchOptions:
     yaw_deg: float = 0.0
     seed: int = 1
     charge: float | None = None  # battery charge, 0...1; None: from the robot's parameters
-    board: BoardKind = BoardKind.TREX
+    board: BoardModel = BoardModel.TREX
     scenario: str = ""  # path of a TOML of faults; empty for none
     lidar: str = "urg04lx"  # model: urg04lx or ld19
     reset_on_open: bool = False  # opening the board's port resets it through its boot loader
@@ -102,11 +102,11 @@ def _share(text: str) -> float:
     return value
 
 
-def _board(text: str) -> BoardKind:
+def _board(text: str) -> BoardModel:
     try:
-        return BoardKind[text.upper()]
+        return BoardModel[text.upper()]
     except KeyError:
-        raise ValueError(f"give {' or '.join(kind.name.lower() for kind in BoardKind)}") from None
+        raise ValueError(f"give {' or '.join(kind.name.lower() for kind in BoardModel)}") from None
 
 
 def _lidar(text: str) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
 
-from thumper.board.messages import Board as BoardKind
+from thumper.board.messages import BoardModel
 from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
 from thumper.common.geometry import Pose2
 from thumper_hil.chip.native_library import LIBRARY, CTruth, load_library
@@ -63,7 +63,7 @@ class Chip:
         elf: Path,
         *,
         params: RobotParams | None = None,
-        board: BoardKind = BoardKind.TREX,
+        board: BoardModel = BoardModel.TREX,
         seed: int = 0,
     ) -> None:
         self._handle: int | None = None

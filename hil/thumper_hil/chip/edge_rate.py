@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from thumper.board.framing import FrameDecoder, encode_frame
-from thumper.board.messages import Board, Identify, Telemetry
+from thumper.board.messages import BoardModel, Identify, Telemetry
 from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.instrumented_chip import InstrumentedChip
 from thumper_hil.chip.wiring import ENCODERS
@@ -28,7 +28,7 @@ def counts_all(
     phase: float = 0.0,
     byte_phase: float = 0.0,
     edges: int = 20_000,
-    board: Board = Board.TREX,
+    board: BoardModel = BoardModel.TREX,
 ) -> bool:
     """Return True if the firmware counts all edges while requests fill `line_share` of the line."""
     chip = InstrumentedChip(elf)
@@ -60,7 +60,7 @@ def shortest_interval(is_lossless: Callable[[int], bool], *, low: int, high: int
     return high
 
 
-def max_edges_per_s(elf: Path, *, line_share: float, board: Board = Board.TREX) -> int:
+def max_edges_per_s(elf: Path, *, line_share: float, board: BoardModel = BoardModel.TREX) -> int:
     """Return the highest lossless rate per encoder [edges/s], both running, at the worst of 12 phases.
 
     `line_share`, 0...1, is the load of the line to the board. From one third on, the replies fill the line

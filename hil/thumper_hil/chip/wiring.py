@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from thumper.board.messages import Board
+from thumper.board.messages import BoardModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -14,8 +14,8 @@ class EncoderPins:
     b_bit: int
 
 
-ENCODERS: dict[Board, tuple[EncoderPins, EncoderPins]] = {
-    Board.TREX: (EncoderPins(port="D", a_bit=5, b_bit=6), EncoderPins(port="B", a_bit=4, b_bit=5)),
-    Board.NANO: (EncoderPins(port="D", a_bit=5, b_bit=6), EncoderPins(port="B", a_bit=0, b_bit=1)),
+ENCODERS: dict[BoardModel, tuple[EncoderPins, EncoderPins]] = {
+    BoardModel.TREX: (EncoderPins(port="D", a_bit=5, b_bit=6), EncoderPins(port="B", a_bit=4, b_bit=5)),
+    BoardModel.NANO: (EncoderPins(port="D", a_bit=5, b_bit=6), EncoderPins(port="B", a_bit=0, b_bit=1)),
 }
 """Pins of the left and the right encoder."""

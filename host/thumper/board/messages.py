@@ -67,7 +67,7 @@ class AckStatus(IntEnum):
     BAD_PARAMETERS = 9  # The saved parameters are invalid; the live parameters stay.
 
 
-class Board(IntEnum):
+class BoardModel(IntEnum):
     """Board that the firmware was built for."""
 
     TREX = 1  # DAGU T'REX DG010 (ATmega328P, 16 MHz).
@@ -249,7 +249,7 @@ class Identity:
     version_major: int  # Firmware version, major.
     version_minor: int  # Firmware version, minor.
     version_patch: int  # Firmware version, patch.
-    board: Board  # Board that the firmware was built for.
+    board: BoardModel  # Board that the firmware was built for.
     control_rate_Hz: int  # [Hz] Control rate.
     reset_cause: ResetCause  # Why the board last started.
     counts_per_rev: int  # [count] Encoder counts per wheel revolution.
@@ -296,7 +296,7 @@ class Identity:
             version_major=version_major,
             version_minor=version_minor,
             version_patch=version_patch,
-            board=Board(board),
+            board=BoardModel(board),
             control_rate_Hz=control_rate_Hz,
             reset_cause=ResetCause(reset_cause),
             counts_per_rev=counts_per_rev,
