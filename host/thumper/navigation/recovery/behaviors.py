@@ -27,7 +27,7 @@ MAX_RECOVERY_S = 10.0
 CONSERVATIVE_RESET_M, AGGRESSIVE_RESET_M = 0.5, 0.3
 
 Behaviour = Literal["conservative_reset", "aggressive_reset", "rotate", "back_up", "wait"]
-LADDER: tuple[Behaviour, ...] = (
+DEFAULT_BEHAVIOURS: tuple[Behaviour, ...] = (
     "conservative_reset",
     "rotate",
     "aggressive_reset",
@@ -51,7 +51,7 @@ class RecoveryOptions:
     # Behaviours in the order in which they run before the goal is aborted: conservative_reset,
     # aggressive_reset, rotate, back_up, wait. The order restarts when the robot has come nearer to the goal;
     # empty aborts at once.
-    behaviours: tuple[Behaviour, ...] = LADDER
+    behaviours: tuple[Behaviour, ...] = DEFAULT_BEHAVIOURS
     # Distance of the first back-up [m]; each further one is longer by as much.
     back_up_m: Annotated[float, Gt(0)] = 0.20
     # Highest backward speed [m/s].

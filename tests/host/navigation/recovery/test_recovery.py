@@ -16,7 +16,7 @@ from thumper.navigation.options import NavigationOptions
 from thumper.navigation.planners.astar import AStarPlanner
 from thumper.navigation.planners.goal_validation import footprint_fits
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions
-from thumper.navigation.recovery.behaviors import LADDER, Behaviour, RecoveryOptions
+from thumper.navigation.recovery.behaviors import DEFAULT_BEHAVIOURS, Behaviour, RecoveryOptions
 from thumper.navigation.recovery.reachability import Reachability
 from thumper.navigation.state import Transition
 from thumper_hil.kinematic.closed_loop import Run, drive
@@ -283,8 +283,8 @@ def test_blocked_corridor_fails_after_all_recoveries() -> None:
 
 
 def test_default_recoveries_are_in_move_bases_order() -> None:
-    assert LADDER[:4] == ("conservative_reset", "rotate", "aggressive_reset", "rotate")
-    assert RecoveryOptions().behaviours == LADDER
+    assert DEFAULT_BEHAVIOURS[:4] == ("conservative_reset", "rotate", "aggressive_reset", "rotate")
+    assert RecoveryOptions().behaviours == DEFAULT_BEHAVIOURS
 
 
 def drive_near_wall(goal: Goal, seed: int) -> Run:
