@@ -1,9 +1,13 @@
 """Client of a robot's bus, for the page, the commands, the recorder and your own programs."""
 
 import json
+import math
+import threading
+import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import partial
 from typing import Any
 
 import zenoh
@@ -15,6 +19,8 @@ from thumper.ros.codec import Message, decode, encode
 from thumper.ros.topics import TOPICS
 
 QUERY_TIMEOUT_S = 3.0
+RECONNECT_PERIOD_S = 1.0
+SILENCE_S = 3.0  # a running robot publishes ten times per second
 
 
 class BusClient(Closable):
@@ -125,6 +131,70 @@ class BusClient(Closable):
         if not self._session.info.routers_zid():  # a process that hangs keeps the connection
             reason = "has left the bus: its program has ended, so its wheels stop, or the network is down"
         return ThumperError(f"robot {self.robot!r} {reason}", exit_code=EXIT_NOT_THERE)
+
+
+class ReconnectingClient:
+    """Connects as soon as there is a robot, and again when it returns after a restart.
+
+    Until there is a robot it drops messages and refuses queries.
+    """
+
+    def __init__(self, connect: Callable[[], BusClient]) -> None:
+        """`connect` opens a client or raises ThumperError; it may block."""
+        self._connect = connect
+        self._client: BusClient | None = None
+        self._closed = threading.Event()
+        self._received_s = -math.inf
+        self.problem = ""  # why there is no connection
+
+    def start(self, on_message: Callable[[str, Message], None], topics: tuple[str, ...]) -> None:
+        """Start connecting; `on_message` is called with topic and message, on threads of the bus."""
+        threading.Thread(target=self._run, args=(on_message, topics), name="robot-link", daemon=True).start()
+
+    def publish(self, topic: str, message: Message, *, source: str) -> None:
+        """Send a message if there is a robot."""
+        client = self._client  # the connecting thread may reset it at any time
+        if client is not None:
+            with suppress(ThumperError):
+                client.publish(topic, message, source=source)
+
+    def query(self, name: str, payload: Mapping[str, Any], *, source: str = "") -> Mapping[str, Any]:
+        """Call a service of the robot; raises ThumperError if it refuses or does not answer."""
+        client = self._client
+        if client is None:
+            raise ThumperError(self.problem or "no robot is connected yet")
+        return client.query(name, payload, source=source)
+
+    def close(self) -> None:
+        """Disconnect, or stop trying to connect."""
+        self._closed.set()
+        self._disconnect()
+
+    def _run(self, on_message: Callable[[str, Message], None], topics: tuple[str, ...]) -> None:
+        """Connect, and reconnect if the robot falls silent: another process may have taken its place."""
+
+        def receive(topic: str, message: Message) -> None:
+            self._received_s = time.monotonic()
+            on_message(topic, message)
+
+        while not self._closed.is_set():
+            if self._client is None or time.monotonic() - self._received_s > SILENCE_S:
+                self._disconnect()
+                try:
+                    # Set before subscribing: whoever sees the robot must be able to stop it.
+                    self._client = client = self._connect()
+                    self._received_s = time.monotonic()
+                    for topic in topics:
+                        client.subscribe(topic, partial(receive, topic))
+                except ThumperError as error:
+                    self.problem = str(error)
+                    self._disconnect()
+            self._closed.wait(RECONNECT_PERIOD_S)
+
+    def _disconnect(self) -> None:
+        client, self._client = self._client, None
+        if client is not None:
+            client.close()
 
 
 @contextmanager

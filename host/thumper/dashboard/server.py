@@ -15,11 +15,11 @@ from nicegui import app as nicegui_app
 from nicegui import ui
 from starlette.middleware import Middleware
 
+from thumper.bus.client import ReconnectingClient
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.config.bus import is_loopback
 from thumper.config.dashboard import ServerOptions
-from thumper.dashboard.bus_link import BusLink
 from thumper.dashboard.certificate import server_tls
 from thumper.dashboard.connections import Connections
 from thumper.dashboard.login import AccessControl
@@ -37,7 +37,7 @@ MAX_SOCKET_MESSAGE_BYTES = 64 * 1024
 class ExperimentWatch:
     """Polls the state of the robot's experiment, once for all pages."""
 
-    def __init__(self, robot: BusLink) -> None:
+    def __init__(self, robot: ReconnectingClient) -> None:
         self._robot = robot
         self.state: dict[str, Any] | None = None  # None: the robot does not answer
 
@@ -69,7 +69,11 @@ class RecordingClock:
 
 
 def build_app(
-    robot: BusLink, options: ServerOptions, page: PageOptions, limits: TeleopLimits, base_from_laser: Pose2
+    robot: ReconnectingClient,
+    options: ServerOptions,
+    page: PageOptions,
+    limits: TeleopLimits,
+    base_from_laser: Pose2,
 ) -> FastAPI:
     """Build the web application: connect the pages to the bus."""
     recording = RecordingClock()

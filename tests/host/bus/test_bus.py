@@ -12,7 +12,7 @@ import pytest
 
 from tests.live import free_port, until
 from thumper.bus import status_watchdog
-from thumper.bus.client import BusClient
+from thumper.bus.client import BusClient, ReconnectingClient
 from thumper.bus.server import MAX_QUEUED, BusServer
 from thumper.cli.status import watch
 from thumper.common.errors import ThumperError
@@ -288,3 +288,28 @@ def test_closed_client_raises(robot: Robot) -> None:
     for use in uses:
         with pytest.raises(ThumperError, match="closed"):
             use()
+
+
+def test_reconnecting_client_follows_a_restarted_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("thumper.bus.client.RECONNECT_PERIOD_S", 0.05)
+    monkeypatch.setattr("thumper.bus.client.SILENCE_S", 0.5)
+    address = f"127.0.0.1:{free_port()}"
+    received: list[str] = []
+    client = ReconnectingClient(lambda: BusClient("r1", address))
+    with pytest.raises(ThumperError, match="no robot"):
+        client.query("mission/state", {})
+    client.publish("estop", flag(True), source="me")  # dropped
+    client.start(lambda topic, _: received.append(topic), ("status",))
+    try:
+        for _ in range(2):
+            server = BusServer("r1", BusOptions(address=address), RequestQueue(), print)
+            received.clear()
+
+            def is_received(server: BusServer = server) -> bool:
+                server.publish("status", 0.0, M.status(Status(time_s=0.0)))
+                return bool(received)
+
+            until(is_received)
+            server.close()
+    finally:
+        client.close()
