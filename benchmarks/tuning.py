@@ -1,10 +1,11 @@
-"""Identification and design beside other methods on the same logs; tracking through the real firmware.
+"""Compare identification and design with other methods on the same logs; track with the real firmware.
 
-python benchmarks/tuning.py [simulated] [recorded] [rules] [tracking]; without a word: all. The recordings are
-looked for in $THUMPER_DATA or ../shared/data. The regression is WPILib SysId's form (acceleration on speed,
-drive and sign), without its trimming; SysId itself is not run. ERA is python-control's.
+python benchmarks/tuning.py [simulated] [recorded] [rules] [tracking] runs the named parts, or all. It reads
+the recordings from $THUMPER_DATA or ../shared/data. The regression has the form of WPILib SysId (acceleration
+on speed, drive and sign) without its trimming; SysId itself is not run. ERA is that of python-control.
 """
 
+import itertools
 import os
 import sys
 from collections.abc import Callable
@@ -25,7 +26,7 @@ from thumper.board.board import Board  # noqa: E402
 from thumper.common.geometry import FloatArray  # noqa: E402
 from thumper_hil.bench import simulation  # noqa: E402
 from thumper_hil.chip.robot_params import RobotParams  # noqa: E402
-from thumper_tuning.design.gains import Design, DesignOptions, design, nominal  # noqa: E402
+from thumper_tuning.design.gains import Design, DesignOptions, design, nominal_model  # noqa: E402
 from thumper_tuning.design.tuning_rules import RULES  # noqa: E402
 from thumper_tuning.drive.excitation import ExcitationOptions  # noqa: E402
 from thumper_tuning.drive.record import record  # noqa: E402
@@ -33,8 +34,8 @@ from thumper_tuning.drive.verify import Verification, VerifyOptions, verify  # n
 from thumper_tuning.identify.cross_validation import fit_percent  # noqa: E402
 from thumper_tuning.identify.model import MotorModel, Uncertainty  # noqa: E402
 from thumper_tuning.identify.motor import identify  # noqa: E402
-from thumper_tuning.identify.richer_models import compare_variants  # noqa: E402
-from thumper_tuning.identify.segments import Segment, cut  # noqa: E402
+from thumper_tuning.identify.richer_models import fit_richer_models  # noqa: E402
+from thumper_tuning.identify.segments import Segment, split_segments  # noqa: E402
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog  # noqa: E402
 from thumper_tuning.logs.read import read_logs  # noqa: E402
 
@@ -51,21 +52,21 @@ Method = Callable[[MotorLog], Found]
 
 
 def _rows(log: MotorLog) -> tuple[FloatArray, FloatArray]:
-    """Speeds over each row's interval and the drives at the rows, as the other methods take them."""
+    """Return the mean speed of each interval and the drive at each row, as the other methods use them."""
     assert log.position_rad is not None
     return np.diff(log.position_rad) / np.diff(log.time_s), log.drive
 
 
 def ours(log: MotorLog) -> Found:
-    """The product's fit."""
+    """Run Thumper's output-error fit."""
     model = identify([log]).model
     return model.gain, model.time_constant_s, model.friction
 
 
 def regression(log: MotorLog) -> Found:
-    """Acceleration (central difference) on speed, drive and sign of the speed, over all moving samples."""
+    """Regress the acceleration (central difference) on speed, drive and sign of the speed, in motion."""
     y, u = _rows(log)
-    u = u[1:]  # at the end of each window: the time of its speed, as SysId takes it
+    u = u[1:]  # at the end of each window: SysId uses that time for its speed
     acceleration = (y[2:] - y[:-2]) / (log.time_s[3:] - log.time_s[1:-2])
     y, u = y[1:-1], u[1 : len(y) - 1]
     moving = np.abs(y) > 0.3
@@ -74,13 +75,13 @@ def regression(log: MotorLog) -> Found:
     return float(-beta / alpha), float(-1.0 / alpha), float(-gamma / beta)
 
 
-def arx(taps: int) -> Method:
-    """Least-squares ARX with `taps` numerator taps and the sign of the motion."""
+def arx(order: int) -> Method:
+    """Return a least-squares ARX fit with `order` numerator coefficients and the sign of the motion."""
 
     def fit(log: MotorLog) -> Found:
         y, u = _rows(log)
         rows = np.flatnonzero((np.abs(y[1:]) > 0.3) & (np.abs(y[:-1]) > 0.3)) + 1
-        X = np.column_stack([y[rows - 1], *(u[rows - k] for k in range(taps)), np.sign(y[rows])])
+        X = np.column_stack([y[rows - 1], *(u[rows - k] for k in range(order)), np.sign(y[rows])])
         theta = np.linalg.lstsq(X, y[rows], rcond=None)[0]
         a, gain = theta[0], theta[1:-1].sum() / (1.0 - theta[0])
         return float(gain), float(-log.period_s / np.log(a)), float(-theta[-1] / theta[1:-1].sum())
@@ -89,8 +90,7 @@ def arx(taps: int) -> Method:
 
 
 def instantaneous(log: MotorLog) -> Found:
-    """scipy's curve fitting of the same motor as is usually written: speeds taken for momentary ones,
-    no friction."""
+    """Fit with scipy as tutorials do: speeds as instantaneous values, no friction."""
     from scipy.optimize import least_squares
 
     speed, drive = _rows(log)
@@ -106,10 +106,10 @@ def instantaneous(log: MotorLog) -> Found:
 
 
 def era(order: int) -> Method:
-    """python-control's impulse response (markov) and eigensystem realization, on the switching alone.
+    """Return python-control's eigensystem realization of the impulse response (markov), of the switching.
 
-    The mean of each side is taken off both drive and speed: with it goes the friction, which a linear model
-    does not hold.
+    The mean of each direction is subtracted from drive and speed. This removes the friction, which a linear
+    model does not have.
     """
     import control
 
@@ -135,14 +135,14 @@ METHODS: dict[str, Method] = {
     "least squares ARX(1,2) + sign": arx(2),
     "least squares ARX(1,1) + sign": arx(1),
     "regression of the acceleration": regression,
-    "output error, momentary, no friction": instantaneous,
+    "output error, instantaneous, no friction": instantaneous,
     "ERA of order 2": era(2),
     "ERA of order 1": era(1),
 }
 
 
 def simulated() -> None:
-    """Worst of 20 seeds at 10 Hz, errors against the truth."""
+    """Print the worst of 20 seeds at 10 Hz, as errors against the simulated wheel."""
     print("simulated 10 Hz logs, 60 s, worst of 20 seeds: gain [%], time constant [%], friction [PWM]")
     for tau_s in (0.03, 0.075, 0.2, 0.3):
         wheel = Wheel(tau_s=tau_s)
@@ -170,13 +170,20 @@ def _log(wheel: Wheel, seed: int) -> MotorLog:
     time_s = np.arange(600, dtype=float) * 0.1
     pwm = steps_and_prbs(600, seed)
     position = counted(wheel.drive(time_s, pwm, seed)) * COUNT_RAD
-    begins = np.arange(600) == 0
-    return MotorLog(name="wheel", drive_unit=DriveUnit.PWM, time_s=time_s, drive=pwm, begins=begins,
-                    position_rad=position, quantum_rad=COUNT_RAD)  # fmt: skip
+    starts_segment = np.arange(600) == 0
+    return MotorLog(
+        name="wheel",
+        drive_unit=DriveUnit.PWM,
+        time_s=time_s,
+        drive=pwm,
+        starts_segment=starts_segment,
+        position_rad=position,
+        quantum_rad=COUNT_RAD,
+    )
 
 
 def recorded() -> None:
-    """Motors that others have recorded."""
+    """Print the fit of motors that others recorded."""
     steps = [
         read_logs(path, counts_per_rev=1320.0)[0] for path in sorted(DATA.glob("geared-steps-odd/*.csv"))
     ]
@@ -187,8 +194,8 @@ def recorded() -> None:
     held_out, measured = [], []
     for k, log in enumerate(steps):
         model = identify(steps[:k] + steps[k + 1 :], one_direction=True)
-        for s in cut(log):
-            held_out.append(s.speed_rad_s - _predict(s, model.model, model.fit.momentary))
+        for s in split_segments(log):
+            held_out.append(s.speed_rad_s - _predict(s, model.model, model.fit.instantaneous))
             measured.append(s.speed_rad_s)
     percent = fit_percent(np.concatenate(measured), np.concatenate(held_out))
     print(f"geared motor, each whole step predicted from the four others: {percent:.1f} %")
@@ -196,8 +203,8 @@ def recorded() -> None:
     figure("each whole step predicted from the others", f"{percent:.1f}", "%")
     for side in read_logs(next(DATA.glob("drivetrain-sysid/*.json"))):
         motor = identify([side])
-        stretches, first, parts = list(motor.stretches), 0, []
-        for s in stretches:
+        segments, first, parts = list(motor.segments), 0, []
+        for s in segments:
             last = first + len(s.speed_rad_s)
             parts.append(f"{fit_percent(s.speed_rad_s, motor.fit.residual_rad_s[first:last]):.1f}")
             first = last
@@ -205,65 +212,65 @@ def recorded() -> None:
                f"{motor.validation.fit_percent:.1f}", "%")  # fmt: skip
         print(f"drive train {side.name}: ramps and steps {' '.join(parts)} %, held out "
               f"{motor.validation.fit_percent:.1f} %")  # fmt: skip
-        for richer in compare_variants(stretches, motor.fit):
+        for richer in fit_richer_models(segments, motor.fit):
             print(f"  {richer.kind}: held out {richer.fit_percent:.1f} %")
 
 
-def _predict(s: Segment, model: MotorModel, momentary: bool) -> FloatArray:
+def _predict(s: Segment, model: MotorModel, instantaneous: bool) -> FloatArray:
     from thumper_tuning.identify.prediction import predict
 
-    return predict(s, model, momentary=momentary)
+    return predict(s, model, instantaneous=instantaneous)
 
 
 def rules() -> None:
-    """Every rule on the nominal wheel at 10 Hz, PI alone."""
+    """Print every rule on the nominal wheel at 10 Hz, PI alone."""
     model = MotorModel(gain=0.0584, time_constant_s=0.075, friction_forward=19.3, friction_backward=19.3)
     print("rules, 10 Hz, tau 75 ms: kp, ki, Ms, worst Ms, settling [s], overshoot [%], ITAE of a step [s^2]")
     for rule in RULES:
         result = design(model, EXACT, DesignOptions(rule=rule))
-        print(f"  {rule:16} {result.gains.kp:5.1f} {result.gains.ki:5.1f} {result.loop.sensitivity:5.2f} "
-              f"{result.worst.sensitivity:5.2f} {result.step.settle_s:4.1f} "
-              f"{result.step.overshoot_percent:4.0f} "
-              f"{result.step.itae:.3f}")  # fmt: skip
+        gains, step = result.gains, result.step_info
+        print(
+            f"  {rule:16} {gains.kp:5.1f} {gains.ki:5.1f} {result.margins.max_sensitivity:5.2f} "
+            f"{result.worst_case.max_sensitivity:5.2f} {step.settling_time_s:4.1f} "
+            f"{step.overshoot_percent:4.0f} {step.itae:.3f}"
+        )
 
 
 def tracking() -> None:
-    """The trapezoid through the real firmware on the simulated chip: gains of the nominal robot, 27
-    robots."""
+    """Drive the trapezoid with the real firmware in simulation, with one set of gains on 27 robots."""
     whole = RobotParams.load()
     usual = whole.battery.state_of_charge
     gains: Design | None = None
     worst: dict[float, tuple[float, float]] = {}
-    for charge in (usual, EMPTY, 1.0):
-        for inertia in (1.0, 0.36, 2.0):
-            for friction in (1.0, 0.5, 2.0):
-                params = _varied(whole, inertia, friction)
-                name = f"v{charge:.3f}_{inertia}_{friction}"
-                url = f"sim://{name}/board?world=hall&x_m=-4&charge={max(charge, usual)}"
-                with patch.object(RobotParams, "load", return_value=params):
-                    board = Board.open(url, baud=500_000)
-                try:
-                    board.poll(3.0)  # the board arms only once it has seen more than 7.0 V
-                    simulation(name).fault("battery.charge", charge)
-                    if gains is None:
-                        with TemporaryDirectory() as folder:
-                            log = record(board, ExcitationOptions(), Path(folder) / "run.csv", _silent)
-                            logs = read_logs(log)
-                        gains = design(*nominal([identify([one]) for one in logs]), DesignOptions())
-                    result = verify(board, gains.gains, VerifyOptions(hold_s=8.0), Path("/dev/null"), _silent)
-                finally:
-                    board.close()
-                _show(
-                    f"{_open_circuit_V(whole, charge):.1f} V inertia x{inertia} friction x{friction}", result
-                )
-                for t in result.tracking:
-                    std, mean = worst.get(t.acceleration_rad_s2, (0.0, 0.0))
-                    worst[t.acceleration_rad_s2] = (max(std, t.std_rad_s), max(mean, abs(t.mean_rad_s)))
+    conditions = itertools.product((usual, EMPTY, 1.0), (1.0, 0.36, 2.0), (1.0, 0.5, 2.0))
+    for charge, inertia, friction in conditions:
+        name = f"v{charge:.3f}_{inertia}_{friction}"
+        url = f"sim://{name}/board?world=hall&x_m=-4&charge={max(charge, usual)}"
+        with patch.object(RobotParams, "load", return_value=_varied(whole, inertia, friction)):
+            board = Board.open(url, baud=500_000)
+        try:
+            board.poll(3.0)  # the board arms only after it has seen more than 7.0 V
+            simulation(name).fault("battery.charge", charge)
+            if gains is None:
+                gains = _designed_on(board)
+            result = verify(board, gains.gains, VerifyOptions(hold_s=8.0), Path("/dev/null"), _silent)
+        finally:
+            board.close()
+        _show(f"{_open_circuit_V(whole, charge):.1f} V inertia x{inertia} friction x{friction}", result)
+        for t in result.tracking:
+            std, mean = worst.get(t.acceleration_rad_s2, (0.0, 0.0))
+            worst[t.acceleration_rad_s2] = (max(std, t.std_rad_s), max(mean, abs(t.mean_rad_s)))
     for ramp, (std, mean) in worst.items():
         print(f"  worst of 27 at {ramp:g} rad/s^2: std {std:.3f}, |mean| {mean:.3f} rad/s")
         figure(f"wheel speed error on 27 robots at {ramp:g} rad/s^2, worst: mean / std",
                f"{mean:.3f} / {std:.3f}", "rad/s", aim="0.04 / 0.30",
                peers="-0.04 / 0.31", source="thesis, experiment 8.2")  # fmt: skip
+
+
+def _designed_on(board: Board) -> Design:
+    with TemporaryDirectory() as folder:
+        logs = read_logs(record(board, ExcitationOptions(), Path(folder) / "run.csv", _silent))
+    return design(*nominal_model([identify([log]) for log in logs]), DesignOptions())
 
 
 def _open_circuit_V(whole: RobotParams, charge: float) -> float:
@@ -292,12 +299,12 @@ def _show(name: str, result: Verification) -> None:
     print(f"  {name}: mean, std at {'; '.join(texts)}", flush=True)
 
 
-def _silent(done: int, total: int, what: str) -> None:
+def _silent(done: int, total: int, activity: str) -> None:
     pass
 
 
 def main(arguments: list[str]) -> None:
-    """Run what was asked for."""
+    """Run the named parts, or all."""
     parts = {"simulated": simulated, "recorded": recorded, "rules": rules, "tracking": tracking}
     for name in arguments or parts:
         parts[name]()

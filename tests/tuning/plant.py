@@ -1,7 +1,8 @@
-"""A wheel to identify, simulated apart from the product: fixed small steps, not its closed forms."""
+"""A simulated wheel to identify, independent of the product: small fixed steps, no closed forms."""
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +14,7 @@ COUNT_RAD = math.tau / 1200.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wheel:
-    """The middle wheel of a Wild Thumper on the ground at 7.4 V; torque ripple of 2 % of the speed."""
+    """The middle wheel of a Wild Thumper on the ground at 7.4 V, with torque ripple of 2 % of the speed."""
 
     gain: float = 0.0584  # [rad/s per PWM]
     tau_s: float = 0.075
@@ -23,26 +24,25 @@ class Wheel:
     ripple: float = 2.7  # [PWM], standard deviation, correlated over 20 ms
 
     def drive(self, time_s: FloatArray, pwm: FloatArray, seed: int) -> FloatArray:
-        """Angles [rad] at the times of the rows, from rest; `pwm[k]` acts from row k to the next."""
+        """Return the angles [rad] at the rows, from rest; `pwm[k]` acts from row k to the next."""
         step_s = 0.0005
         fine_s = np.arange(time_s[0], time_s[-1], step_s)
         at = np.clip(np.searchsorted(time_s, fine_s - self.delay_s, side="right") - 1, -1, len(pwm) - 1)
-        felt = np.where(at >= 0, pwm[at], 0.0)
+        delayed = np.where(at >= 0, pwm[at], 0.0)
         noise = np.random.default_rng(seed).standard_normal(len(fine_s))
-        angle = _turn(
-            felt, noise, step_s, self.gain, self.tau_s, self.friction, self.static_ratio, self.ripple
-        )
+        parameters = _Parameters(self.gain, self.tau_s, self.friction, self.static_ratio, self.ripple)
+        angle = _integrate(delayed, noise, step_s, parameters)
         at_rows: FloatArray = np.interp(time_s, np.append(fine_s, fine_s[-1] + step_s), angle)
         return at_rows
 
 
 def counted(angle_rad: FloatArray, counts_per_rev: float = 1200.0) -> FloatArray:
-    """What an encoder makes of angles."""
+    """Return the counts of an encoder."""
     return np.floor(angle_rad * counts_per_rev / math.tau)
 
 
 def steps_and_prbs(rows: int, seed: int) -> FloatArray:
-    """Stairs both ways, then two-level noise to each side of the dead band, shape (rows,)."""
+    """Return stairs in both directions, then two-level noise on each side of the dead band, shape (rows,)."""
     rng = np.random.default_rng(seed)
     stairs = np.repeat((60, 120, 200, 0, -60, -120, -200, 0, 100, 0, -150, 0), 12)
     rest: list[int] = []
@@ -52,17 +52,17 @@ def steps_and_prbs(rows: int, seed: int) -> FloatArray:
     return np.concatenate((stairs, rest)).astype(float)[:rows]
 
 
+class _Parameters(NamedTuple):
+    gain: float
+    tau_s: float
+    friction: float
+    static_ratio: float
+    ripple: float
+
+
 @kernel
-def _turn(
-    pwm: FloatArray,
-    noise: FloatArray,
-    h: float,
-    gain: float,
-    tau: float,
-    friction: float,
-    static_ratio: float,
-    ripple: float,
-) -> FloatArray:
+def _integrate(pwm: FloatArray, noise: FloatArray, h: float, wheel: _Parameters) -> FloatArray:
+    gain, tau, friction, static_ratio, ripple = wheel
     angle = np.zeros(len(pwm) + 1)
     omega, disturbance = 0.0, 0.0
     for i in range(len(pwm)):

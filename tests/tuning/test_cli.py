@@ -1,4 +1,4 @@
-"""The commands as a user meets them: help without slow libraries, refusals in one line."""
+"""The commands from outside: help without slow libraries, errors in one line."""
 
 import json
 import subprocess
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.tuning.plant import Wheel, counted, steps_and_prbs
-from thumper_tuning.cli import report
+from thumper_tuning.cli.tune import report
 
 THUMPER = Path(sys.executable).with_name("thumper")
 
@@ -28,13 +28,13 @@ def test_help_loads_no_slow_library(command: str) -> None:
     assert "--help" in done.stdout
 
 
-def test_fit_names_the_columns_in_its_help() -> None:
+def test_the_help_of_fit_names_the_columns() -> None:
     done = subprocess.run([THUMPER, "tune", "fit", "--help"], capture_output=True, text=True, check=True)
     for name in ("time_s", "pwm", "voltage_V", "counts", "speed_rad_s", "--counts-per-rev", "--json"):
         assert name in done.stdout
 
 
-def test_a_log_that_says_nothing_is_one_line_on_stderr(tmp_path: Path) -> None:
+def test_an_unusable_log_gives_one_line_on_stderr(tmp_path: Path) -> None:
     path = tmp_path / "still.csv"
     path.write_text("time_s,pwm,counts\n" + "".join(f"{0.1 * k},0,0\n" for k in range(300)))
     done = subprocess.run(
@@ -46,7 +46,7 @@ def test_a_log_that_says_nothing_is_one_line_on_stderr(tmp_path: Path) -> None:
     assert "record" in done.stderr
 
 
-def test_a_report_is_for_the_rate_and_battery_that_are_given(tmp_path: Path) -> None:
+def test_a_report_uses_the_given_rate_and_battery(tmp_path: Path) -> None:
     time_s, pwm = 0.1 * np.arange(400.0), steps_and_prbs(400, seed=1)
     counts = counted(Wheel().drive(time_s, pwm, seed=1))
     log = tmp_path / "log.csv"
@@ -55,5 +55,5 @@ def test_a_report_is_for_the_rate_and_battery_that_are_given(tmp_path: Path) -> 
     report([log], out=tmp_path, rate=50, battery=3.7)
     gains = json.loads((tmp_path / "gains.json").read_text())
     assert gains["period_s"] == 0.02
-    assert gains["gains"]["ks"] == pytest.approx(Wheel().friction * 3.7 / 7.4, rel=0.1), "ks holds at 7.4 V"
+    assert gains["gains"]["ks"] == pytest.approx(Wheel().friction * 3.7 / 7.4, rel=0.1), "ks refers to 7.4 V"
     assert (tmp_path / "report.html").exists()

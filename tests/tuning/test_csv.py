@@ -1,4 +1,4 @@
-"""Anybody's log: names, units, separators, wraps; and what is refused, with what to do about it."""
+"""Logs of any origin: names, units, separators, counter wraps; and rejected logs with their messages."""
 
 import json
 import math
@@ -12,7 +12,7 @@ from tests.tuning.plant import COUNT_RAD, Wheel, counted, steps_and_prbs
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray
 from thumper_tuning.cli.fit import fit_files
-from thumper_tuning.logs.columns import Quantity, understand
+from thumper_tuning.logs.columns import Quantity, parse_header
 from thumper_tuning.logs.encoder_counts import unwrap
 
 ROWS = 500
@@ -28,7 +28,7 @@ Fit = Callable[..., dict[str, object]]
 
 @pytest.fixture
 def fit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Fit:
-    """Write columns as a file, fit it, and return the JSON that it prints."""
+    """Write columns to a file, fit it, and return the printed JSON."""
 
     def run(header: str, *columns: FloatArray, separator: str = ",", before: str = "") -> dict[str, object]:
         path = tmp_path / "log.csv"
@@ -75,11 +75,11 @@ def test_the_documented_columns(fit: Fit) -> None:
         ("time_s,pwm,counts", (TIME_S, PWM, np.where(TIME_S > 25.0, COUNTS - COUNTS[250], COUNTS))),
     ],
 )
-def test_what_others_write(fit: Fit, header: str, columns: tuple[FloatArray, ...]) -> None:
+def test_other_names_units_and_counters(fit: Fit, header: str, columns: tuple[FloatArray, ...]) -> None:
     assert_good(fit(header, *columns))
 
 
-def test_volts(fit: Fit) -> None:
+def test_drive_in_volts(fit: Fit) -> None:
     assert_good(fit("time_s,voltage_V,counts", TIME_S, PWM * 7.4 / 255.0, COUNTS), "V", 7.4 / 255.0)
 
 
@@ -99,7 +99,7 @@ def test_missing_cells_and_rows(fit: Fit) -> None:
     assert "gaps" in str(result["warnings"])
 
 
-def test_an_encoder_the_other_way_round_is_named(fit: Fit) -> None:
+def test_a_reversed_encoder_gives_a_warning(fit: Fit) -> None:
     result = fit(NAMES, TIME_S, PWM, -COUNTS)
     assert_good(result)
     assert "other way round" in str(result["warnings"])
@@ -117,7 +117,7 @@ def test_two_wheels_in_one_file(fit: Fit) -> None:
 
 
 @pytest.mark.parametrize(
-    ("header", "columns", "says"),
+    ("header", "columns", "message"),
     [
         (NAMES, (TIME_S, 0.0 * PWM, 0.0 * COUNTS), "no excitation"),
         (NAMES, (TIME_S, PWM, 0.0 * COUNTS), "does not move"),
@@ -129,7 +129,7 @@ def test_two_wheels_in_one_file(fit: Fit) -> None:
         ),
         ("time_s,pwm,speed_rad_s", (TIME_S, PWM, SPEED.clip(-7.0, 7.0)), "speed is saturated"),
         ("time_s,pwm,speed_rad_s", (TIME_S, PWM, SPEED.clip(-5.5, 5.5)), "speed is saturated"),
-        ("time_s,pwm,speed_rad_s", (TIME_S, PWM, 4.0 * np.tanh(SPEED / 3.0)), "it is cut off or limited"),
+        ("time_s,pwm,speed_rad_s", (TIME_S, PWM, 4.0 * np.tanh(SPEED / 3.0)), "it is clipped or limited"),
         (NAMES, (TIME_S[:25], PWM[:25], COUNTS[:25]), "too few"),
         (NAMES, (1e3 * TIME_S, PWM, COUNTS), "time_ms"),
         (NAMES, (TIME_S, PWM / 255.0, COUNTS), "duty"),
@@ -141,13 +141,13 @@ def test_two_wheels_in_one_file(fit: Fit) -> None:
         ("a,b,c", (TIME_S, PWM, COUNTS), "no line names the columns"),
     ],
 )
-def test_what_cannot_be_answered_is_refused_in_one_line(
-    fit: Fit, header: str, columns: tuple[FloatArray, ...], says: str
+def test_an_unusable_log_is_rejected_in_one_line(
+    fit: Fit, header: str, columns: tuple[FloatArray, ...], message: str
 ) -> None:
-    with pytest.raises(ThumperError, match=says) as refused:
+    with pytest.raises(ThumperError, match=message) as rejected:
         fit(header, *columns)
-    assert refused.value.exit_code == 4
-    assert "\n" not in str(refused.value)
+    assert rejected.value.exit_code == 4
+    assert "\n" not in str(rejected.value)
 
 
 @pytest.mark.parametrize(
@@ -162,14 +162,14 @@ def test_what_cannot_be_answered_is_refused_in_one_line(
     ],
 )
 def test_headers(header: str, quantity: Quantity, scale: float) -> None:
-    column = understand(header, 0)
+    column = parse_header(header, 0)
     assert column is not None
     assert column.quantity is quantity
     assert column.scale == pytest.approx(scale)
 
 
-def test_a_set_point_is_no_measurement() -> None:
-    assert understand("left_setpoint_rad_s", 0) is None
+def test_a_set_point_is_not_a_measurement() -> None:
+    assert parse_header("left_setpoint_rad_s", 0) is None
 
 
 @pytest.mark.parametrize("bits", [16, 32])

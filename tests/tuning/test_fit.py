@@ -1,4 +1,4 @@
-"""The fit against known plants: what the identification promises, and what may be wrong with a log."""
+"""The fit against known plants: the specified accuracy, and logs with defects."""
 
 from dataclasses import replace
 
@@ -8,8 +8,8 @@ import pytest
 from tests.tuning.plant import COUNT_RAD, Wheel, counted, steps_and_prbs
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.fit import fit_motor
-from thumper_tuning.identify.motor import Identified, identify
-from thumper_tuning.identify.segments import cut
+from thumper_tuning.identify.motor import IdentifiedMotor, identify
+from thumper_tuning.identify.segments import split_segments
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
 
 ROWS = 600
@@ -19,20 +19,20 @@ def make_log(wheel: Wheel, seed: int, *, rows: int = ROWS, time_s: FloatArray | 
     pwm = steps_and_prbs(rows, seed)
     if time_s is None:
         time_s = np.arange(rows, dtype=float) * 0.1
-    begins = np.arange(rows) == 0
+    starts_segment = np.arange(rows) == 0
     counts = counted(wheel.drive(time_s, pwm, seed))
     return MotorLog(
         name="wheel",
         drive_unit=DriveUnit.PWM,
         time_s=time_s,
         drive=pwm,
-        begins=begins,
+        starts_segment=starts_segment,
         position_rad=counts * COUNT_RAD,
         quantum_rad=COUNT_RAD,
     )
 
 
-def assert_found(motor: Identified, wheel: Wheel) -> None:
+def assert_found(motor: IdentifiedMotor, wheel: Wheel) -> None:
     model = motor.model
     assert model.gain == pytest.approx(wheel.gain, rel=0.02)
     assert model.time_constant_s == pytest.approx(wheel.tau_s, rel=0.05)
@@ -42,22 +42,22 @@ def assert_found(motor: Identified, wheel: Wheel) -> None:
 
 @pytest.mark.parametrize("tau_s", [0.03, 0.075, 0.2, 0.3])
 @pytest.mark.parametrize("seed", range(3))
-def test_known_plants_are_found_from_10_Hz_logs(tau_s: float, seed: int) -> None:
-    """`benchmarks/tuning.py` does the same with twenty seeds."""
+def test_known_plants_are_identified_from_10_Hz_logs(tau_s: float, seed: int) -> None:
+    """`benchmarks/tuning.py` does the same with 20 seeds."""
     wheel = Wheel(tau_s=tau_s)
     assert_found(identify([make_log(wheel, seed)]), wheel)
 
 
 @pytest.mark.parametrize("delay_s", [0.03, 0.1, 0.25])
-def test_an_unknown_delay_is_found(delay_s: float) -> None:
+def test_an_unknown_delay_is_identified(delay_s: float) -> None:
     wheel = Wheel(delay_s=delay_s)
     motor = identify([make_log(wheel, 4)])
     assert_found(motor, wheel)
     assert motor.model.delay_s == pytest.approx(delay_s, abs=0.004)
 
 
-def test_different_frictions_are_told_apart() -> None:
-    """The log's speed is that of a wheel with one friction; an offset of the drive makes it two."""
+def test_different_frictions_per_direction_are_identified() -> None:
+    """The simulated wheel has one friction; an offset of the logged drive makes it two."""
     wheel = Wheel()
     log = make_log(wheel, 5)
     motor = identify([replace(log, drive=log.drive + 4.0 * np.sign(log.drive).clip(0.0))])
@@ -65,13 +65,13 @@ def test_different_frictions_are_told_apart() -> None:
     assert motor.model.friction_backward == pytest.approx(wheel.friction, abs=2.0)
 
 
-def test_irregular_rows_are_no_trouble() -> None:
+def test_irregular_rows_do_not_matter() -> None:
     rng = np.random.default_rng(1)
     wheel = Wheel()
     assert_found(identify([make_log(wheel, 6, time_s=np.cumsum(rng.uniform(0.03, 0.25, ROWS)))]), wheel)
 
 
-def test_glitches_are_left_out_and_named() -> None:
+def test_glitches_are_left_out_with_a_warning() -> None:
     wheel, log = Wheel(), make_log(Wheel(), 7)
     assert log.position_rad is not None
     position = log.position_rad.copy()
@@ -82,17 +82,17 @@ def test_glitches_are_left_out_and_named() -> None:
     assert any("glitches" in note for note in motor.warnings)
 
 
-def test_a_log_may_begin_in_motion_and_have_holes() -> None:
+def test_a_log_may_start_in_motion_and_have_gaps() -> None:
     wheel, log = Wheel(), make_log(Wheel(), 8)
     keep = np.flatnonzero((np.arange(ROWS) > 160) & ((np.arange(ROWS) < 300) | (np.arange(ROWS) > 340)))
     assert log.position_rad is not None
-    begins = np.concatenate(([True], np.diff(keep) > 1))
+    starts_segment = np.concatenate(([True], np.diff(keep) > 1))
     motor = identify([
         replace(
             log,
             time_s=log.time_s[keep],
             drive=log.drive[keep],
-            begins=begins,
+            starts_segment=starts_segment,
             position_rad=log.position_rad[keep],
         )
     ])  # fmt: skip
@@ -100,7 +100,7 @@ def test_a_log_may_begin_in_motion_and_have_holes() -> None:
 
 
 def test_coarse_counts_do_not_bias() -> None:
-    """48 counts a turn: one count is a quarter of the slower level's speed."""
+    """48 counts per revolution: one count is a quarter of the slower level's speed."""
     wheel, log = Wheel(), make_log(Wheel(), 9)
     coarse = 2.0 * np.pi / 48.0
     position = np.floor(wheel.drive(log.time_s, log.drive, 9) / coarse) * coarse
@@ -111,11 +111,11 @@ def test_coarse_counts_do_not_bias() -> None:
 
 
 def test_the_uncertainty_covers_the_error() -> None:
-    """Over seeds, errors are of the size that the standard deviations say."""
+    """Over seeds, the errors have the size of the standard deviations."""
     wheel = Wheel(delay_s=0.03)
     scaled = []
     for seed in range(12):
-        fit = fit_motor(cut(make_log(wheel, seed)), momentary=False)
+        fit = fit_motor(split_segments(make_log(wheel, seed)), instantaneous=False)
         assert fit is not None
         model, std = fit.model, fit.uncertainty
         scaled.append(
@@ -129,8 +129,8 @@ def test_the_uncertainty_covers_the_error() -> None:
     assert np.all((rms > 0.3) & (rms < 2.5))
 
 
-def test_few_counts_a_row_are_gathered_into_longer_windows() -> None:
-    """48 counts a turn at 50 Hz: one or two counts a row. The rows' drive is kept as it was."""
+def test_few_counts_per_row_are_merged_into_longer_windows() -> None:
+    """48 counts per revolution at 50 Hz: one or two counts per row. The drive stays row by row."""
     wheel, rows = Wheel(delay_s=0.02), 2000
     quantum = 2.0 * np.pi / 48.0
     time_s = np.arange(rows, dtype=float) * 0.02
@@ -140,7 +140,7 @@ def test_few_counts_a_row_are_gathered_into_longer_windows() -> None:
         drive_unit=DriveUnit.PWM,
         time_s=time_s,
         drive=pwm,
-        begins=np.arange(rows) == 0,
+        starts_segment=np.arange(rows) == 0,
         position_rad=counted(wheel.drive(time_s, pwm, 3), 48.0) * quantum,
         quantum_rad=quantum,
     )

@@ -1,4 +1,4 @@
-"""Gains that change while the simulated robot drives, by its real firmware."""
+"""Gains that change while the simulated robot drives with its real firmware."""
 
 from collections.abc import Iterator
 
@@ -9,8 +9,8 @@ from thumper.board.board import Board
 from thumper.board.messages import Command, State
 from thumper.common.errors import ThumperError
 from thumper.common.kinematics import WheelSpeeds
-from thumper_tuning.drive.board_gains import beat, read_gains
-from thumper_tuning.drive.live_tuning import Inside, LiveOptions, LiveTuning
+from thumper_tuning.drive.board_gains import next_sample, read_gains
+from thumper_tuning.drive.live_tuning import ControllerState, LiveTuning, LiveTuningOptions
 
 URL = "sim://tune_live/board?world=hall&x_m=-6"
 
@@ -23,12 +23,12 @@ def board() -> Iterator[Board]:
     board.close()
 
 
-def _drive(board: Board, live: LiveTuning, ticks: int) -> list[Inside]:
-    seen = []
+def _drive(board: Board, live: LiveTuning, ticks: int) -> list[ControllerState]:
+    states = []
     for _ in range(ticks):
         board.set_wheel_speeds(WheelSpeeds(left_rad_s=6.0, right_rad_s=6.0))
-        seen.append(live.tick(beat(board, State.CLOSED_LOOP)))
-    return seen
+        states.append(live.tick(next_sample(board, State.CLOSED_LOOP)))
+    return states
 
 
 @pytest.mark.parametrize("changed", [{"kp": 5.0, "ki": 9.0}, {"ks": 10.0, "kv": 15.0}])
@@ -38,7 +38,7 @@ def test_gains_change_in_flight_without_a_bump(board: Board, changed: dict[str, 
     before = _drive(board, live, 40)[20:]
     target = live.set_gains(**changed)
     during = _drive(board, live, 40)
-    assert not live.gliding
+    assert not live.is_ramping
     assert read_gains(board) == live.gains == target
     still = max(abs(one.left.speed_rad_s - 6.0) for one in before)
     assert max(abs(one.left.speed_rad_s - 6.0) for one in during) < still + 0.15
@@ -47,23 +47,23 @@ def test_gains_change_in_flight_without_a_bump(board: Board, changed: dict[str, 
     assert read_gains(board) == live.original
 
 
-def test_without_a_glide_the_feed_forward_bumps(board: Board) -> None:
-    """What the glide is for: the same change at once is felt more."""
-    live = LiveTuning(board, LiveOptions(glide_ticks=1))
+def test_without_a_ramp_the_feed_forward_bumps(board: Board) -> None:
+    """The same change at once moves the speed more."""
+    live = LiveTuning(board, LiveTuningOptions(ramp_ticks=1))
     board.command(Command.ARM)
     _drive(board, live, 40)
     live.set_gains(ks=10.0, kv=15.0)
     assert max(abs(one.left.speed_rad_s - 6.0) for one in _drive(board, live, 30)) > 0.6
 
 
-def test_the_inner_variables_add_up(board: Board) -> None:
+def test_the_controller_signals_add_up(board: Board) -> None:
     live = LiveTuning(board)
     board.command(Command.ARM)
     steady = _drive(board, live, 60)[30:]
     expected = live.gains.ks + live.gains.kv * 6.0
     forward = [one.left.feedforward_pwm for one in steady]
     assert all(value is not None for value in forward)
-    # The battery is above 7.4 V, so that the board's feed-forward is a little less.
+    # The battery is above 7.4 V, so the board's feed-forward is a little smaller.
     assert np.mean([value for value in forward if value is not None]) == pytest.approx(expected, rel=0.1)
     for one in steady:
         wheel = one.left
@@ -72,11 +72,11 @@ def test_the_inner_variables_add_up(board: Board) -> None:
         assert wheel.proportional_pwm + wheel.integral_pwm + wheel.feedforward_pwm == pytest.approx(wheel.pwm)
 
 
-def test_saved_gains_outlast_others(board: Board) -> None:
-    live = LiveTuning(board, LiveOptions(glide_ticks=1))
+def test_saved_gains_survive_later_changes(board: Board) -> None:
+    live = LiveTuning(board, LiveTuningOptions(ramp_ticks=1))
     board.command(Command.ARM)
     live.set_gains(kp=7.0)
-    with pytest.raises(ThumperError, match="on their way"):
+    with pytest.raises(ThumperError, match="still changing"):
         live.save()
     _drive(board, live, 2)
     live.save()
@@ -87,9 +87,9 @@ def test_saved_gains_outlast_others(board: Board) -> None:
     assert board.get_parameter("kp") == pytest.approx(7.0, abs=0.001)
 
 
-def test_a_gain_that_does_not_fit_changes_nothing(board: Board) -> None:
+def test_a_gain_out_of_range_changes_nothing(board: Board) -> None:
     live = LiveTuning(board)
     with pytest.raises(ThumperError, match="ki = 31"):
         live.set_gains(kp=1.0, ki=31.0)
-    assert not live.gliding
+    assert not live.is_ramping
     assert read_gains(board) == live.original

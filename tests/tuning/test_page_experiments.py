@@ -1,4 +1,4 @@
-"""Experiments that a robot at service drives: the real firmware in simulation, as fast as it goes."""
+"""Experiments on a running robot, with the real firmware in simulation at full speed."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -38,14 +38,14 @@ def ask(robot: RobotLoop, name: str, content: Mapping[str, Any], source: str = "
 
 
 def interrupt(robot: RobotLoop, monkeypatch: pytest.MonkeyPatch, *requests: Any) -> None:
-    """Have requests come in once the robot has been driving for a while."""
-    beats = 0
+    """Queue requests after the robot has been driving for 40 cycles."""
+    cycles = 0
     process = robot.request_handler.process_pending
 
     def processing() -> None:
-        nonlocal beats
-        beats += 1
-        if beats == 40:
+        nonlocal cycles
+        cycles += 1
+        if cycles == 40:
             for request in requests:
                 robot.request_queue.put(request)
         process()
@@ -73,7 +73,7 @@ def test_motors_are_identified(robot: RobotLoop) -> None:
     ("request_", "problem"),
     [(RobotCommand(name="cancel"), "stopped on request"), (EmergencyStop(), "emergency stop")],
 )
-def test_it_is_stopped(
+def test_a_request_stops_the_experiment(
     robot: RobotLoop, monkeypatch: pytest.MonkeyPatch, request_: Any, problem: str
 ) -> None:
     ask(robot, "experiment/start", {"name": "tune", "lane_m": 1.2})
@@ -85,7 +85,7 @@ def test_it_is_stopped(
     assert state_after(robot) is (State.FAULT if problem == "emergency stop" else State.DISARMED)
 
 
-def test_a_page_that_goes_stops_what_it_began(robot: RobotLoop) -> None:
+def test_a_disconnected_page_stops_its_experiment(robot: RobotLoop) -> None:
     robot.request_queue.put(Heartbeat(source="page"))
     ask(robot, "experiment/start", {"name": "tune", "lane_m": 1.2}, source="page")
     robot.serve_step()
@@ -103,17 +103,17 @@ def test_a_page_that_goes_stops_what_it_began(robot: RobotLoop) -> None:
         {"name": "/bin/sh", "lane_m": 1.2},
     ],
 )
-def test_what_makes_no_sense_is_refused(robot: RobotLoop, content: dict[str, Any]) -> None:
+def test_an_invalid_request_is_rejected(robot: RobotLoop, content: dict[str, Any]) -> None:
     assert not ask(robot, "experiment/start", content)["ok"]
     assert robot.request_handler.experiments.requested == ""
 
 
-def test_one_at_a_time_and_nothing_beside(robot: RobotLoop) -> None:
-    order = {"name": "identify", "lane_m": 1.2}
-    assert ask(robot, "experiment/start", order)["ok"]
-    assert "is running" in ask(robot, "experiment/start", order)["error"]
+def test_only_one_experiment_at_a_time(robot: RobotLoop) -> None:
+    request = {"name": "identify", "lane_m": 1.2}
+    assert ask(robot, "experiment/start", request)["ok"]
+    assert "is running" in ask(robot, "experiment/start", request)["error"]
     ask(robot, "command", {"command": "cancel"})
-    assert robot.request_handler.experiments.requested == ""  # taken back before it began
+    assert robot.request_handler.experiments.requested == ""  # cancelled before it started
     assert robot.inputs.telemetry is not None
     assert robot.inputs.telemetry.fault is Fault.NONE
     assert not ask(robot, "experiment/report", {})["ok"]

@@ -1,4 +1,4 @@
-"""Motors that others have recorded; the data is not ours to redistribute."""
+"""Motors recorded by others; the data may not be redistributed."""
 
 import os
 from pathlib import Path
@@ -19,29 +19,29 @@ pytestmark = pytest.mark.skipif(not STEPS, reason=f"no recorded motors in {DATA}
 
 
 def test_steps_of_a_geared_motor_are_predicted() -> None:
-    """Held-out tenths of five open-loop steps, together; the driver's bent map gives a negative friction."""
+    """Held-out tenths of five open-loop steps; the driver's nonlinear map gives a negative friction."""
     logs = [read_logs(path, counts_per_rev=1320.0)[0] for path in STEPS]
     motor = identify(logs, one_direction=True)
     assert motor.validation.fit_percent >= 93.0
     assert motor.model.friction < 0.0
-    assert any("negative" in note for note in motor.warnings)
+    assert any("negative" in warning for warning in motor.warnings)
     assert motor.model.time_constant_s == pytest.approx(0.091, abs=0.01)
 
 
-def test_one_step_alone_is_refused() -> None:
+def test_one_step_alone_is_rejected() -> None:
     with pytest.raises(ThumperError, match="no excitation"):
         identify(read_logs(STEPS[0], counts_per_rev=1320.0))
 
 
 @pytest.mark.parametrize(("side", "regression_percent"), [(0, (92.0, 68.0)), (1, (92.0, 63.0))])
-def test_a_drive_train_is_predicted_better_than_by_the_usual_regression(
+def test_a_drive_train_is_predicted_better_than_by_regression(
     side: int, regression_percent: tuple[float, float]
 ) -> None:
-    """Simulated-velocity fit of ramps and of steps; the published regression's figures are the bar."""
+    """Fit of simulated speeds, on ramps and steps, against the published regression's figures."""
     motor = identify([read_logs(DRIVETRAIN)[side]])
     first = 0
-    for stretch, bar in zip(motor.stretches, np.repeat(regression_percent, 2), strict=True):
-        last = first + len(stretch.speed_rad_s)
+    for segment, bar in zip(motor.segments, np.repeat(regression_percent, 2), strict=True):
+        last = first + len(segment.speed_rad_s)
         residual = motor.fit.residual_rad_s[first:last]
-        assert fit_percent(stretch.speed_rad_s, residual) > bar
+        assert fit_percent(segment.speed_rad_s, residual) > bar
         first = last

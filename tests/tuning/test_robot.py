@@ -1,4 +1,4 @@
-"""All steps on the simulated robot, by its real firmware: what the user gets from one command."""
+"""All steps of one command on the simulated robot with its real firmware."""
 
 import base64
 import csv
@@ -16,7 +16,8 @@ from thumper.board.messages import PARAMETERS, State
 from thumper.common.errors import ThumperError
 from thumper.recording.reader import Recording
 from thumper.ros.from_ros import telemetry_of
-from thumper_tuning.cli.steps import tune_all
+from thumper_tuning.cli.settings import TuneOptions
+from thumper_tuning.cli.steps import tune_robot
 from thumper_tuning.design.gains import DesignOptions
 from thumper_tuning.design.tuning_rules import PiGains
 from thumper_tuning.drive.excitation import ExcitationOptions
@@ -26,24 +27,22 @@ from thumper_tuning.drive.verify import VerifyOptions
 
 def test_one_command_tunes_the_robot(tmp_path: Path) -> None:
     with (tmp_path / "out.txt").open("w") as text:
-        tune_all(
+        tune_robot(
             "sim://tune_all/board?world=hall",
             tmp_path,
-            ExcitationOptions(),
-            VerifyOptions(),
-            DesignOptions(),
+            TuneOptions(),
             yes=True,
             console=Console(file=text, width=200),
         )
-    said = (tmp_path / "out.txt").read_text()
-    assert "a lane 0.8 m wide, 1.7 m ahead" in said
-    assert "the board has saved the new gains" in said
+    printed = (tmp_path / "out.txt").read_text()
+    assert "a lane 0.8 m wide, 1.7 m ahead" in printed
+    assert "saved the new gains on the board" in printed
     content = json.loads((tmp_path / "gains.json").read_text())
     assert content["Ms"] <= 1.65
     assert content["model"]["gain"] == pytest.approx(0.0584, rel=0.03)
-    # 75 ms and the battery's 4 %; of eight robots one standard deviation is 2 %.
+    # 75 ms plus 4 % from the battery; over eight robots one standard deviation is 2 %.
     assert content["model"]["time_constant_s"] == pytest.approx(0.078, rel=0.06)
-    after = said[said.index("after:") :]
+    after = printed[printed.index("after:") :]
     errors = [tuple(map(float, found)) for found in re.findall(r"mean ([+-][\d.]+), std ([\d.]+)", after)]
     assert len(errors) == 2
     assert all(abs(mean) <= 0.03 and std <= 0.13 for mean, std in errors)
@@ -55,42 +54,47 @@ def test_one_command_tunes_the_robot(tmp_path: Path) -> None:
 
 
 class ImpatientConsole(Console):
-    """Its reader presses Ctrl-C at the first line of figures about the new gains."""
+    """A user who presses Ctrl-C at the first result of the new gains."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.after = False
 
     def print(self, *objects: Any, **options: Any) -> None:
-        """Print, or be interrupted."""
-        self.after = getattr(self, "after", False) or objects == ("after:",)
+        """Print, or raise KeyboardInterrupt."""
+        self.after = self.after or objects == ("after:",)
         if self.after and "ramp" in str(objects):
             raise KeyboardInterrupt
         super().print(*objects, **options)
 
 
-def test_cut_short_the_board_has_its_old_gains_again(tmp_path: Path) -> None:
-    stays = serial.serial_for_url("sim://tune_short/lidar?world=hall")  # and with it the robot
+def test_an_interrupted_tuning_restores_the_old_gains(tmp_path: Path) -> None:
+    lidar = serial.serial_for_url("sim://tune_short/lidar?world=hall")  # keeps the simulated robot alive
     with (tmp_path / "out.txt").open("w") as text, pytest.raises(ThumperError, match="interrupted"):
-        tune_all(
+        tune_robot(
             "sim://tune_short/board",
             tmp_path,
-            ExcitationOptions(),
-            VerifyOptions(speed_rad_s=4.0, hold_s=0.5, accelerations_rad_s2=(8.0,)),
-            DesignOptions(manual=PiGains(kp=2.0, ki=3.0), acceleration_rad_s2=5.0),
+            TuneOptions(
+                verify=VerifyOptions(speed_rad_s=4.0, hold_s=0.5, accelerations_rad_s2=(8.0,)),
+                design=DesignOptions(manual=PiGains(kp=2.0, ki=3.0), acceleration_rad_s2=5.0),
+            ),
             yes=True,
             console=ImpatientConsole(file=text),
         )
     board = Board.open("sim://tune_short/board", baud=500_000)
     try:
-        left = {spec.name: board.get_parameter(spec.name) for spec in PARAMETERS}
+        gains = {spec.name: board.get_parameter(spec.name) for spec in PARAMETERS}
     finally:
         board.close()
-        stays.close()
-    assert left == pytest.approx({spec.name: spec.default for spec in PARAMETERS}, rel=1e-3)
+        lidar.close()
+    assert gains == pytest.approx({spec.name: spec.default for spec in PARAMETERS}, rel=1e-3)
 
 
-def test_an_interrupted_recording_stops_the_motors_and_leaves_its_log(tmp_path: Path) -> None:
+def test_an_interrupted_recording_stops_the_motors_and_writes_its_log(tmp_path: Path) -> None:
     board = Board.open("sim://tune_abort/board?world=hall", baud=500_000)
     try:
 
-        def interrupt(done: int, total: int, what: str) -> None:
+        def interrupt(done: int, total: int, activity: str) -> None:
             if done == 12:
                 raise KeyboardInterrupt
 
@@ -118,7 +122,7 @@ def test_an_interrupted_recording_stops_the_motors_and_leaves_its_log(tmp_path: 
         ExcitationOptions(lane_m=1.0),
         ExcitationOptions(lane_m=1.0, steps_pwm=(255,), low_pwm=200, high_pwm=255, switching_blocks=2),
     ],
-    ids=["as it is", "at full power"],
+    ids=["default", "full power"],
 )
 def test_the_robot_stays_in_its_lane(tmp_path: Path, options: ExcitationOptions) -> None:
     board = Board.open("sim://tune_lane/board?world=hall", baud=500_000)
@@ -133,7 +137,7 @@ def test_the_robot_stays_in_its_lane(tmp_path: Path, options: ExcitationOptions)
     assert min(travel_m) > -1.0
 
 
-def test_an_empty_battery_is_refused_before_anything_moves(tmp_path: Path) -> None:
+def test_an_empty_battery_is_rejected_before_anything_moves(tmp_path: Path) -> None:
     board = Board.open("sim://tune_flat/board?world=hall&charge=0.0", baud=500_000)
     try:
         board.poll(3.0)

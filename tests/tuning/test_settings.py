@@ -1,4 +1,4 @@
-"""The options of `thumper tune` from a file: what it says is taken, what is wrong is named."""
+"""The options of `thumper tune` from a file: priority and errors."""
 
 from pathlib import Path
 
@@ -15,28 +15,28 @@ def _file(folder: Path, text: str) -> Path:
     return path
 
 
-def test_without_a_file_the_defaults_hold() -> None:
+def test_without_a_file_the_defaults_apply() -> None:
     assert load_settings(None) == TuneOptions()
 
 
-def test_the_command_line_comes_before_the_file_and_the_file_before_the_defaults(tmp_path: Path) -> None:
+def test_the_command_line_overrides_the_file_and_the_file_the_defaults(tmp_path: Path) -> None:
     path = _file(
         tmp_path,
         "[excitation]\nlane_m = 2.0\nsteps_pwm = [50, 90]\n[verify]\nspeed_rad_s = 5\nhold_s = 1.0\n"
         "[design]\nrule = 'simc'\nfeed_forward = false\n",
     )
-    settings = load_settings(path).but(hold_s=3.0)
+    settings = load_settings(path).override(hold_s=3.0)
     assert (settings.excitation.lane_m, settings.excitation.steps_pwm) == (2.0, (50, 90))
     assert settings.excitation.high_pwm == 160
     assert (settings.verify.speed_rad_s, settings.verify.hold_s) == (5.0, 3.0)
     assert (settings.design.rule, settings.design.feed_forward) == ("simc", False)
-    assert settings.but(rule="amigo").design.rule == "amigo"
+    assert settings.override(rule="amigo").design.rule == "amigo"
 
 
-def test_a_rule_on_the_command_line_comes_before_gains_in_the_file(tmp_path: Path) -> None:
+def test_a_rule_on_the_command_line_overrides_gains_in_the_file(tmp_path: Path) -> None:
     settings = load_settings(_file(tmp_path, "[design.manual]\nkp = 3.0\nki = 2.0\n"))
     assert settings.design.manual == PiGains(kp=3.0, ki=2.0)
-    assert settings.but(rule="migo").design.manual is None
+    assert settings.override(rule="migo").design.manual is None
 
 
 @pytest.mark.parametrize(
@@ -59,17 +59,17 @@ def test_a_rule_on_the_command_line_comes_before_gains_in_the_file(tmp_path: Pat
         ("[excitation", "not valid TOML"),
     ],
 )
-def test_what_is_wrong_is_refused_and_named(tmp_path: Path, text: str, named: str) -> None:
+def test_an_error_names_the_file_and_the_key(tmp_path: Path, text: str, named: str) -> None:
     path = _file(tmp_path, text)
-    with pytest.raises(ThumperError) as refused:
+    with pytest.raises(ThumperError) as rejected:
         load_settings(path)
-    assert str(path) in str(refused.value)
-    assert named in str(refused.value)
-    assert refused.value.exit_code == 2
+    assert str(path) in str(rejected.value)
+    assert named in str(rejected.value)
+    assert rejected.value.exit_code == 2
 
 
-def test_a_file_that_is_not_there_and_a_rule_that_is_not_known_are_refused(tmp_path: Path) -> None:
+def test_a_missing_file_and_an_unknown_rule_are_rejected(tmp_path: Path) -> None:
     with pytest.raises(ThumperError, match="cannot read the settings"):
         load_settings(tmp_path / "none.toml")
-    with pytest.raises(ThumperError, match=r"--rule = 'magic': there are migo"):
-        TuneOptions().but(rule="magic")
+    with pytest.raises(ThumperError, match=r"--rule = 'magic': unknown rule; choose from: migo"):
+        TuneOptions().override(rule="magic")

@@ -1,1 +1,1 @@
-"""Know the motor, tune the loop, prove it: identification and PI design for the wheels' speed control."""
+"""Identify the drive motors, design the wheel-speed controller, and verify it on the robot."""

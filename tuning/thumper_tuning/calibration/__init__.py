@@ -1,1 +1,1 @@
-"""The thesis's experiments 8.1 and 8.2, and the calibration of odometry that follows from the first."""
+"""The thesis's experiments, and the calibration of the robot's geometry."""

@@ -1,4 +1,4 @@
-"""Where to drive so that every error of odometry shows: ovals and turns on the spot, both ways round."""
+"""The calibration course: ovals and turns in place in both directions, to excite all odometry errors."""
 
 import math
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ from annotated_types import Ge, Gt, Le
 
 from thumper.common.geometry import Twist2
 
-FLOOR = "2.8 m x 2.8 m round the robot"
+FLOOR = "2.8 m x 2.8 m around the robot"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CourseOptions:
-    """The course, as if by hand: a lap is an oval and a turn on the spot to the left, then to the right."""
+    """Options of the course. A lap is an oval and a turn in place to the left, then both to the right."""
 
     speed_m_s: Annotated[float, Gt(0), Le(0.5)] = 0.3
     straight_m: Annotated[float, Gt(0), Le(3)] = 0.6
@@ -24,19 +24,19 @@ class CourseOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leg:
-    """A twist and how long it holds."""
+    """A constant twist and its duration."""
 
     twist: Twist2
     duration_s: float
 
 
 def course(options: CourseOptions) -> list[Leg]:
-    """The legs of all laps; each lap ends, but for the robot's errors, where it began."""
+    """Return the legs of all laps; without errors, each lap ends where it started."""
     v, r = options.speed_m_s, options.radius_m
     straight = Leg(twist=Twist2(v_m_s=v), duration_s=options.straight_m / v)
     legs: list[Leg] = []
-    for way in (1.0, -1.0):
-        arc = Leg(twist=Twist2(v_m_s=v, w_rad_s=way * v / r), duration_s=math.pi * r / v)
-        spot = Leg(twist=Twist2(w_rad_s=way * options.spot_rad_s), duration_s=math.tau / options.spot_rad_s)
-        legs += [straight, arc, straight, arc, spot]
+    for side in (1.0, -1.0):
+        arc = Leg(twist=Twist2(v_m_s=v, w_rad_s=side * v / r), duration_s=math.pi * r / v)
+        turn = Leg(twist=Twist2(w_rad_s=side * options.spot_rad_s), duration_s=math.tau / options.spot_rad_s)
+        legs += [straight, arc, straight, arc, turn]
     return legs * options.laps

@@ -11,28 +11,30 @@ from thumper.common.geometry import FloatArray
 
 COUNT_COLUMNS = ("time_s", "left_counts", "right_counts")
 POSE_COLUMNS = ("time_s", "x_m", "y_m", "theta_rad")
+MIN_TICKS = 20
+MIN_ROWS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class WheelLog:
-    """Encoder counts at the board's ticks (n,) and poses of a reference on the same clock, shape (m, 4)."""
+    """Encoder counts at the board's ticks (n,), and reference poses on the same clock, shape (m, 4)."""
 
     time_s: FloatArray
     left_counts: FloatArray
     right_counts: FloatArray
     poses: FloatArray  # columns POSE_COLUMNS
 
-    def part(self, begin: int, end: int) -> "WheelLog":
-        """Ticks `begin` to `end`; the poses stay."""
+    def ticks(self, start: int, stop: int) -> "WheelLog":
+        """Return the log of the ticks `start` to `stop`, with all poses."""
         return WheelLog(
-            time_s=self.time_s[begin:end],
-            left_counts=self.left_counts[begin:end],
-            right_counts=self.right_counts[begin:end],
+            time_s=self.time_s[start:stop],
+            left_counts=self.left_counts[start:stop],
+            right_counts=self.right_counts[start:stop],
             poses=self.poses,
         )
 
     def poses_at_ticks(self) -> FloatArray:
-        """Reference x [m], y [m], unwrapped heading [rad] at the ticks, shape (n, 3)."""
+        """Return reference x [m], y [m] and unwrapped heading [rad] at the ticks, shape (n, 3)."""
         known_s, x, y, theta = self.poses.T
         heading = np.unwrap(theta)
         return np.column_stack([np.interp(self.time_s, known_s, column) for column in (x, y, heading)])
@@ -50,38 +52,40 @@ def read_csv(path: Path, names: tuple[str, ...]) -> FloatArray:
     Raises
     ------
     ThumperError
-        The file cannot be read, lacks a column, or its times do not rise.
+        The file cannot be read, a column is missing, or its times do not increase.
     """
     try:
         table: Any = np.genfromtxt(path, delimiter=",", names=True, dtype=np.float64)
     except (OSError, ValueError) as error:
-        raise ThumperError(f"{path}: cannot read it: {error}", exit_code=EXIT_USAGE) from error
+        raise ThumperError(f"{path}: cannot read the file: {error}", exit_code=EXIT_USAGE) from error
     missing = [name for name in names if name not in (table.dtype.names or ())]
     if missing:
         raise ThumperError(
-            f"{path}: no column {missing[0]}; a CSV with the columns {', '.join(names)} is needed",
+            f"{path}: no column {missing[0]}; pass a CSV with the columns {', '.join(names)}",
             exit_code=EXIT_USAGE,
         )
     rows = np.column_stack([np.atleast_1d(table[name]) for name in names])
-    if len(rows) < 3 or not np.isfinite(rows).all() or (np.diff(rows[:, 0]) <= 0.0).any():
+    if len(rows) < MIN_ROWS or not np.isfinite(rows).all() or (np.diff(rows[:, 0]) <= 0.0).any():
         raise ThumperError(
-            f"{path}: needs 3 rows or more, all numbers, time_s rising", exit_code=EXIT_CHECK_FAILED
+            f"{path}: needs at least {MIN_ROWS} rows, all numbers, with increasing time_s",
+            exit_code=EXIT_CHECK_FAILED,
         )
     return rows
 
 
-def joined(counts: FloatArray, poses: FloatArray) -> WheelLog:
-    """Ticks that the reference covers.
+def join_counts_and_poses(counts: FloatArray, poses: FloatArray) -> WheelLog:
+    """Return the log of the ticks that the reference covers.
 
     Raises
     ------
     ThumperError
-        Fewer than 20 of them: the two are not on one clock.
+        There are fewer than 20 such ticks: the two are not on the same clock.
     """
     inside = (counts[:, 0] >= poses[0, 0]) & (counts[:, 0] <= poses[-1, 0])
-    if inside.sum() < 20:
+    if inside.sum() < MIN_TICKS:
         raise ThumperError(
-            "the reference poses cover less than 20 ticks of the drive; are both on the same clock?",
+            f"the reference poses cover fewer than {MIN_TICKS} ticks of the drive; check that both use the "
+            "same clock",
             exit_code=EXIT_CHECK_FAILED,
         )
     time_s, left, right = counts[inside].T

@@ -1,8 +1,9 @@
-"""The thesis's definition of the wheels' true speeds, equations 8.1 to 8.5, signs corrected. Pure.
+"""True wheel speeds as the thesis defines them, equations 8.1 to 8.5, with their signs corrected. Pure.
 
-The thesis prints x_L = x + l/2 cos(theta), y_L = y + l/2 sin(theta): that lies ahead of the robot, not at
-its left wheel; and (8.5) is a length, which cannot tell backward from forward. Here x_L = x - l/2 sin(theta),
-y_L = y + l/2 cos(theta), the right wheel opposite, and the way counts along the heading.
+The thesis prints x_L = x + l/2 cos(theta), y_L = y + l/2 sin(theta). That point is ahead of the robot, not at
+its left wheel. And (8.5) is a length, which cannot distinguish backward from forward. Here
+x_L = x - l/2 sin(theta), y_L = y + l/2 cos(theta), with opposite signs for the right wheel, and distance is
+signed along the heading.
 """
 
 from dataclasses import dataclass
@@ -15,10 +16,12 @@ from scipy.signal import butter, filtfilt
 from thumper.common.geometry import FloatArray
 from thumper_tuning.calibration.wheel_log import WheelLog
 
+MIN_POSES_TO_FILTER = 20
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WheelGeometry:
-    """What turns counts and poses into wheel speeds; both radii, since no two tyres are alike."""
+    """Converts counts and poses to wheel speeds. There are two radii, because no two tyres are equal."""
 
     left_radius_m: Annotated[float, Gt(0)]
     right_radius_m: Annotated[float, Gt(0)]
@@ -28,7 +31,7 @@ class WheelGeometry:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class WheelComparison:
-    """Speeds a tick [rad/s], shape (n, 2): left and right, by the encoders and by the reference."""
+    """Speeds per tick [rad/s], shape (n, 2): left and right, from the encoders and from the reference."""
 
     time_s: FloatArray
     encoder_rad_s: FloatArray
@@ -36,22 +39,22 @@ class WheelComparison:
 
     @property
     def error_rad_s(self) -> FloatArray:
-        """Encoder minus reference, as in the thesis; shape (n, 2)."""
+        """Encoder minus reference, as in the thesis, shape (n, 2)."""
         return self.encoder_rad_s - self.reference_rad_s
 
 
-def compare(log: WheelLog, geometry: WheelGeometry, cutoff_Hz: float = 5.0) -> WheelComparison:
-    """Compare over the ticks.
+def compare_wheel_speeds(log: WheelLog, geometry: WheelGeometry, cutoff_Hz: float = 5.0) -> WheelComparison:
+    """Compare encoder and reference over the ticks.
 
-    The reference's speed is taken between its own poses, low-passed without lag (second-order Butterworth
-    forth and back; not where poses come slower than 4 cutoffs), and averaged over the tick, as counts are.
+    The reference is low-pass filtered without lag (second-order Butterworth, forward and backward), unless
+    its rate is below 4 cutoff frequencies. Then it is averaged over the tick, as counts are.
     """
     travel = np.column_stack([_travel(log.poses, side * geometry.track_m) for side in (0.5, -0.5)])
     travel /= (geometry.left_radius_m, geometry.right_radius_m)
     known_s = log.poses[:, 0]
     step_s = float(np.median(np.diff(known_s)))
-    if 1.0 / step_s > 4.0 * cutoff_Hz and len(known_s) > 20:
-        # A filter that keeps straight lines may as well act on the way: no drift builds up.
+    if 1.0 / step_s > 4.0 * cutoff_Hz and len(known_s) > MIN_POSES_TO_FILTER:
+        # The filter preserves straight lines, so it can filter the distance: no drift builds up.
         b, a = butter(2, cutoff_Hz, fs=1.0 / step_s)
         travel = filtfilt(b, a, travel, axis=0)
     at_ticks = np.column_stack([np.interp(log.time_s, known_s, side) for side in travel.T])
@@ -65,7 +68,7 @@ def compare(log: WheelLog, geometry: WheelGeometry, cutoff_Hz: float = 5.0) -> W
 
 
 def _travel(poses: FloatArray, offset_m: float) -> FloatArray:
-    """Way along the heading of a wheel `offset_m` to the left of the middle [m], shape (n,)."""
+    """Return the signed distance of a wheel `offset_m` to the left of the center [m], shape (n,)."""
     heading = np.unwrap(poses[:, 3])
     x_m = poses[:, 1] - offset_m * np.sin(heading)
     y_m = poses[:, 2] + offset_m * np.cos(heading)

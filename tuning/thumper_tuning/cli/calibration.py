@@ -1,34 +1,35 @@
-"""The commands `thumper experiment` and `thumper calibrate`. Heavy imports wait until a command runs."""
+"""The commands `thumper experiment` and `thumper calibrate`. They import libraries only when they run."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-experiment = typer.Typer(help="Repeat the thesis's experiments, and compare.", no_args_is_help=True)
-calibrate = typer.Typer(help="Measure the robot's geometry.", no_args_is_help=True)
+experiment = typer.Typer(help="Repeat the thesis's experiments and compare.", no_args_is_help=True)
+calibrate = typer.Typer(help="Calibrate the robot's geometry.", no_args_is_help=True)
 
 Board = Annotated[
     str, typer.Option(help="Board port or URL, for example /dev/ttyUSB0 or sim://try/board?world=lab.")
 ]
 Lidar = Annotated[
-    str, typer.Option(help="Lidar port or URL: the map built on the way tells where the robot was.")
+    str, typer.Option(help="Lidar port or URL; the map built during the drive is the reference.")
 ]
-Config = Annotated[Path | None, typer.Option(help="The robot's TOML; the Wild Thumper's values without it.")]
+Config = Annotated[Path | None, typer.Option(help="The robot's TOML; default: the Wild Thumper's values.")]
 Log = Annotated[
-    Path | None, typer.Option(help="Drive nothing, read a CSV: time_s, left_counts, right_counts.")
+    Path | None,
+    typer.Option(help="Evaluate a CSV instead of driving: time_s, left_counts, right_counts."),
 ]
 Truth = Annotated[
-    Path | None, typer.Option(help="With --log: where the robot was, a CSV: time_s, x_m, y_m, theta_rad.")
+    Path | None, typer.Option(help="With --log: the true path, a CSV: time_s, x_m, y_m, theta_rad.")
 ]
-Out = Annotated[Path, typer.Option(help="Folder for logs, figures and values.")]
-Laps = Annotated[int, typer.Option(help="How often to drive the course.", min=1, max=20)]
-Yes = Annotated[bool, typer.Option("--yes", help="Ask nothing: the floor is free.")]
+Out = Annotated[Path, typer.Option(help="Directory for logs, figures and values.")]
+Laps = Annotated[int, typer.Option(help="Number of laps of the course.", min=1, max=20)]
+Yes = Annotated[bool, typer.Option("--yes", help="Skip the prompt: the floor is clear.")]
 
 
 @calibrate.callback()
 def _calibrate() -> None:
-    """Measure the robot's geometry."""  # without a callback typer makes a lone command the whole program
+    """Calibrate the robot's geometry."""  # without a callback, typer makes a lone command the whole program
 
 
 @experiment.command("odometry")
@@ -42,8 +43,10 @@ def experiment_odometry(
     laps: Laps = 1,
     yes: Yes = False,
 ) -> None:
-    """Experiment 8.1: wheel speeds by the encoders against those of a reference; mean and std beside the
-    thesis's. The reference is the simulator's truth, a lidar's map, or a file."""
+    """Experiment 8.1: wheel speeds from encoders and from a reference; mean and std beside the thesis's.
+
+    The reference is the simulator's ground truth, a lidar's map, or a file.
+    """
     _odometry(board, lidar, config, log, truth, out, laps, yes, calibrates=False)
 
 
@@ -58,8 +61,11 @@ def calibrate_odometry(
     laps: Laps = 2,
     yes: Yes = False,
 ) -> None:
-    """Fit wheel radii and effective track by least squares, write them as TOML, and print the error before
-    and after on the half of the drive that was not fitted. The reference as for `experiment odometry`."""
+    """Fit wheel radii and effective track by least squares and write them as TOML.
+
+    Prints the error before and after, on the half of the drive that was not fitted. The reference is that of
+    `experiment odometry`.
+    """
     _odometry(board, lidar, config, log, truth, out, laps, yes, calibrates=True)
 
 
@@ -85,9 +91,12 @@ def _odometry(
     check_same_robot(board, lidar)
     console, robot = Console(), load_config(config)
     prepare_output(out)
-    source = odometry.Source(board=board, lidar=lidar, lidar_model=robot.lidar.model, log=log, truth=truth)
-    wheels = odometry.gather(source, robot, CourseOptions(laps=laps), out, yes=yes, console=console)
-    (odometry.calibration if calibrates else odometry.experiment)(wheels, robot, out, console)
+    source = odometry.DriveSource(
+        board=board, lidar=lidar, lidar_model=robot.lidar.model, log=log, truth=truth
+    )
+    wheels = odometry.collect_drive(source, robot, CourseOptions(laps=laps), out, yes=yes, console=console)
+    evaluate = odometry.calibrate_odometry if calibrates else odometry.run_odometry_experiment
+    evaluate(wheels, robot, out, console)
 
 
 @experiment.command("speed")
@@ -97,15 +106,17 @@ def experiment_speed(
     hold: Annotated[float, typer.Option(help="How long to hold 8 rad/s, in seconds.", min=0.0)] = 8.0,
     yes: Yes = False,
 ) -> None:
-    """Experiment 8.2: drive straight with the board's gains; set-point minus measured speed beside the
-    thesis's, and how far that is above what counting leaves."""
+    """Experiment 8.2: drive straight with the board's gains; set-point minus measured speed.
+
+    Prints the error beside the thesis's, and beside what counting alone causes.
+    """
     from rich.console import Console
 
     from thumper.cli.output_folder import prepare_output
-    from thumper_tuning.calibration import speed_tracking
-    from thumper_tuning.cli.steps import opened
+    from thumper_tuning.calibration.speed_tracking import run_speed_experiment
+    from thumper_tuning.drive.console import open_board
     from thumper_tuning.drive.verify import VerifyOptions
 
     prepare_output(out)
-    with opened(board) as robot:
-        speed_tracking.run(robot, VerifyOptions(hold_s=hold), out, Console(), yes=yes)
+    with open_board(board) as robot:
+        run_speed_experiment(robot, VerifyOptions(hold_s=hold), out, Console(), yes=yes)

@@ -1,4 +1,4 @@
-"""The options of `thumper tune` as a TOML file: tables [excitation], [verify] and [design]."""
+"""The options of `thumper tune` as a TOML file with the tables [excitation], [verify] and [design]."""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,13 +15,13 @@ from thumper_tuning.drive.verify import VerifyOptions
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuneOptions:
-    """What the file may say; every key may be left out."""
+    """The content of the file; every key is optional."""
 
     excitation: ExcitationOptions = field(default_factory=ExcitationOptions)
     verify: VerifyOptions = field(default_factory=VerifyOptions)
     design: DesignOptions = field(default_factory=DesignOptions)
 
-    def but(
+    def override(
         self,
         *,
         lane_m: float | None = None,
@@ -29,7 +29,7 @@ class TuneOptions:
         rule: str | None = None,
         largest_sensitivity: float | None = None,
     ) -> "TuneOptions":
-        """The same with what the command line gives; None leaves the file's value."""
+        """Return the options with those of the command line; None keeps the file's value."""
         excitation, verify, design = self.excitation, self.verify, self.design
         if lane_m is not None:
             excitation = replace(excitation, lane_m=lane_m)
@@ -44,12 +44,12 @@ class TuneOptions:
 
 
 def load_settings(path: Path | None) -> TuneOptions:
-    """Read `path`, or give the defaults for None.
+    """Read the file, or return the defaults for None.
 
     Raises
     ------
     ThumperError
-        The file cannot be read, is no TOML, or holds a key, type or value that is wrong: named with the file.
+        The file cannot be read, is not TOML, or has an unknown key, a wrong type or a value out of range.
     """
     if path is None:
         return TuneOptions()
@@ -57,14 +57,14 @@ def load_settings(path: Path | None) -> TuneOptions:
     excitation, design = settings.excitation, settings.design
     if excitation.low_pwm >= excitation.high_pwm:
         raise ThumperError(
-            f"{path}: excitation.low_pwm = {excitation.low_pwm}: give less than high_pwm = "
+            f"{path}: excitation.low_pwm = {excitation.low_pwm}: must be less than high_pwm = "
             f"{excitation.high_pwm}",
             exit_code=EXIT_USAGE,
         )
     _check_rule(design.rule, f"{path}: design.rule")
     if design.period_s != DesignOptions().period_s:
         raise ThumperError(
-            f"{path}: design.period_s: the board says its own rate; for a log give `tune design --rate`",
+            f"{path}: design.period_s: the board reports its own rate; for a log use `tune design --rate`",
             exit_code=EXIT_USAGE,
         )
     return settings
@@ -72,4 +72,6 @@ def load_settings(path: Path | None) -> TuneOptions:
 
 def _check_rule(rule: str, where: str) -> None:
     if rule not in RULES:
-        raise ThumperError(f"{where} = {rule!r}: there are {', '.join(RULES)}", exit_code=EXIT_USAGE)
+        raise ThumperError(
+            f"{where} = {rule!r}: unknown rule; choose from: {', '.join(RULES)}", exit_code=EXIT_USAGE
+        )

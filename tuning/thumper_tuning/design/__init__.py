@@ -1,1 +1,1 @@
-"""From a motor's parameters to gains, and how the loop then behaves."""
+"""Design the controller gains for a motor model, and analyze the closed loop."""

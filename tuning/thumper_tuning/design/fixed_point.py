@@ -1,18 +1,16 @@
-"""Gains as the board gets them: in range, and rounded to its fixed point before anybody judges them."""
+"""Gains in the board's fixed-point format: in range, and rounded before the loop is analyzed."""
 
 from dataclasses import dataclass, fields
 
 from thumper.board.messages import PARAMETERS
 from thumper.common.errors import ThumperError
 
-NOMINAL_V = 7.4  # the board's feed-forward refers to this battery voltage
-
-SPECS = {spec.name: spec for spec in PARAMETERS}
+PARAMETER_SPECS = {spec.name: spec for spec in PARAMETERS}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoardGains:
-    """The board's control parameters in their own units (docs/protocol.md); each lies on the wire's grid."""
+    """The board's control parameters in their own units (docs/protocol.md), rounded to its fixed point."""
 
     kp: float
     ki: float
@@ -22,31 +20,31 @@ class BoardGains:
     acceleration: float
 
     def items(self) -> list[tuple[str, float]]:
-        """Names and values, in the board's order."""
+        """Return names and values, in the board's order."""
         return [(entry.name, getattr(self, entry.name)) for entry in fields(self)]
 
-    def integers(self) -> dict[str, int]:
-        """What goes over the wire."""
-        return {name: round(value * SPECS[name].scale) for name, value in self.items()}
+    def wire_values(self) -> dict[str, int]:
+        """Return the integers that go over the wire."""
+        return {name: round(value * PARAMETER_SPECS[name].scale) for name, value in self.items()}
 
 
-def on_the_wire(
+def to_fixed_point(
     *, kp: float, ki: float, ks: float = 0.0, kv: float = 0.0, ka: float = 0.0, acceleration: float = 0.0
 ) -> BoardGains:
-    """Round to the wire's grid.
+    """Round gains to the board's fixed point.
 
     Raises
     ------
     ThumperError
-        A value does not fit the parameter's range: refused, never wrapped or clipped.
+        A value is out of the parameter's range. It is never clipped.
     """
     values = {"kp": kp, "ki": ki, "ks": ks, "kv": kv, "ka": ka, "acceleration": acceleration}
     rounded = {}
     for name, value in values.items():
-        spec = SPECS[name]
+        spec = PARAMETER_SPECS[name]
         if not spec.minimum <= value <= spec.maximum:
             raise ThumperError(
-                f"{name} = {value:.4g} {spec.unit} does not fit the board "
+                f"{name} = {value:.4g} {spec.unit} is out of the board's range "
                 f"({spec.minimum:g}...{spec.maximum:g}); check the log's units, or choose a slower design"
             )
         rounded[name] = round(value * spec.scale) / spec.scale

@@ -1,4 +1,4 @@
-"""One set of gains for the board from its identified wheels, and what it promises."""
+"""Design one set of gains for the board from its identified wheels, and analyze the loop with them."""
 
 from dataclasses import dataclass, replace
 from typing import Annotated
@@ -6,20 +6,19 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Le, Lt
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
-from thumper_tuning.design.fixed_point import NOMINAL_V, BoardGains, on_the_wire
-from thumper_tuning.design.loop_analysis import LoopFigures, Plant, StepFigures, judge, judge_step
-from thumper_tuning.design.plant_family import worst
+from thumper_tuning.design.fixed_point import BoardGains, to_fixed_point
+from thumper_tuning.design.loop_analysis import LoopMargins, Plant, StepInfo, loop_margins, step_info
+from thumper_tuning.design.plant_family import worst_case_margins
 from thumper_tuning.design.tuning_rules import RULES, PiGains, migo, pole_placement
 from thumper_tuning.identify.model import MotorModel, Uncertainty
-from thumper_tuning.identify.motor import Identified
+from thumper_tuning.identify.motor import IdentifiedMotor
 from thumper_tuning.logs.motor_log import DriveUnit
-
-FULL_PWM = 255.0
+from thumper_tuning.logs.units import FULL_PWM, NOMINAL_V
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignOptions:
-    """What to design for."""
+    """Options of the design."""
 
     rule: str = "migo"
     largest_sensitivity: Annotated[float, Ge(1.05), Le(3)] = 1.6  # of migo
@@ -33,69 +32,68 @@ class DesignOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Design:
-    """Gains on the wire's grid, and the figures of the loop with exactly these."""
+    """Gains in fixed point, and the loop's characteristics with exactly these."""
 
     gains: BoardGains
-    model: MotorModel  # the wheels' mean at 7.4 V, in PWM
+    model: MotorModel  # mean of the wheels at 7.4 V, in PWM
     uncertainty: Uncertainty
     period_s: float
-    loop: LoopFigures
-    step: StepFigures
-    worst: LoopFigures
+    margins: LoopMargins
+    worst_case: LoopMargins  # of the plant family
+    step_info: StepInfo
 
 
-def nominal(motors: list[Identified], battery_V: float | None = None) -> tuple[MotorModel, Uncertainty]:
-    """The wheels' mean in PWM at 7.4 V: one set of gains serves both.
+def nominal_model(
+    motors: list[IdentifiedMotor], battery_V: float | None = None
+) -> tuple[MotorModel, Uncertainty]:
+    """Return the mean of the wheels in PWM at 7.4 V: one set of gains controls both.
 
-    A log in volts gives the PWM at 7.4 V directly; one in PWM needs the battery's voltage, from the log's own
-    battery_V column or given; without either it is taken for 7.4 V.
+    A log in volts gives the PWM at 7.4 V directly. A log in PWM needs the battery voltage: `battery_V`, else
+    the log's own battery_V column, else 7.4 V.
     """
-    scaled = []
+    models, stds = [], []
     for motor in motors:
         supply_V = battery_V or motor.supply_V or NOMINAL_V
         pwm_per_unit = FULL_PWM / NOMINAL_V if motor.unit is DriveUnit.VOLT else supply_V / NOMINAL_V
         model, std = motor.model, motor.uncertainty
-        scaled.append(
-            (
-                replace(
-                    model,
-                    gain=model.gain / pwm_per_unit,
-                    friction_forward=model.friction_forward * pwm_per_unit,
-                    friction_backward=model.friction_backward * pwm_per_unit,
-                ),
-                replace(std, gain=std.gain / pwm_per_unit, friction=std.friction * pwm_per_unit),
+        models.append(
+            replace(
+                model,
+                gain=model.gain / pwm_per_unit,
+                friction_forward=model.friction_forward * pwm_per_unit,
+                friction_backward=model.friction_backward * pwm_per_unit,
             )
         )
+        stds.append(replace(std, gain=std.gain / pwm_per_unit, friction=std.friction * pwm_per_unit))
+    return _mean(models), max(stds, key=lambda std: std.gain)
 
+
+def _mean(models: list[MotorModel]) -> MotorModel:
     def mean(values: list[float]) -> float:
         return sum(values) / len(values)
 
-    models, stds = [model for model, _ in scaled], [std for _, std in scaled]
-    return (
-        replace(
-            models[0],
-            gain=mean([m.gain for m in models]),
-            time_constant_s=mean([m.time_constant_s for m in models]),
-            friction_forward=mean([m.friction_forward for m in models]),
-            friction_backward=mean([m.friction_backward for m in models]),
-            delay_s=mean([m.delay_s for m in models]),
-        ),
-        max(stds, key=lambda std: std.gain),
+    return replace(
+        models[0],
+        gain=mean([m.gain for m in models]),
+        time_constant_s=mean([m.time_constant_s for m in models]),
+        friction_forward=mean([m.friction_forward for m in models]),
+        friction_backward=mean([m.friction_backward for m in models]),
+        delay_s=mean([m.delay_s for m in models]),
     )
 
 
 def design(model: MotorModel, std: Uncertainty, options: DesignOptions) -> Design:
-    """Gains by the chosen rule, rounded, judged.
+    """Compute gains by the chosen rule, round them, and analyze the loop.
 
     Raises
     ------
     ThumperError
-        No such rule, gains that do not fit the board, or a loop that is not stable.
+        Unknown rule, gains out of the board's range, or an unstable loop.
     """
-    plant = Plant.of(model, options.period_s)
-    pi = _gains(model, plant, options)
+    plant = Plant.from_model(model, options.period_s)
+    pi = _pi_gains(model, plant, options)
     kv = 1.0 / model.gain
-    gains = on_the_wire(
+    gains = to_fixed_point(
         kp=pi.kp,
         ki=pi.ki,
         ks=max(model.friction, 0.0) if options.feed_forward else 0.0,
@@ -103,8 +101,8 @@ def design(model: MotorModel, std: Uncertainty, options: DesignOptions) -> Desig
         ka=kv * model.time_constant_s if options.feed_forward else 0.0,
         acceleration=options.acceleration_rad_s2,
     )
-    loop = judge(plant, gains.kp, gains.ki)
-    if not loop.stable:
+    margins = loop_margins(plant, gains.kp, gains.ki)
+    if not margins.stable:
         raise ThumperError(
             f"kp {gains.kp:.4g}, ki {gains.ki:.4g} make the loop unstable; choose smaller gains"
         )
@@ -113,13 +111,13 @@ def design(model: MotorModel, std: Uncertainty, options: DesignOptions) -> Desig
         model=model,
         uncertainty=std,
         period_s=options.period_s,
-        loop=loop,
-        step=judge_step(plant, gains.kp, gains.ki),
-        worst=worst(model, std, gains.kp, gains.ki, options.period_s),
+        margins=margins,
+        worst_case=worst_case_margins(model, std, gains.kp, gains.ki, options.period_s),
+        step_info=step_info(plant, gains.kp, gains.ki),
     )
 
 
-def _gains(model: MotorModel, plant: Plant, options: DesignOptions) -> PiGains:
+def _pi_gains(model: MotorModel, plant: Plant, options: DesignOptions) -> PiGains:
     if options.manual is not None:
         return options.manual
     if options.rule == "migo":
@@ -127,5 +125,7 @@ def _gains(model: MotorModel, plant: Plant, options: DesignOptions) -> PiGains:
     if options.rule == "pole-placement":
         return pole_placement(plant, options.natural_rad_s, options.damping)
     if options.rule not in RULES:
-        raise ThumperError(f"no rule {options.rule!r}; there are: {', '.join(RULES)}", exit_code=EXIT_USAGE)
+        raise ThumperError(
+            f"unknown rule {options.rule!r}; choose from: {', '.join(RULES)}", exit_code=EXIT_USAGE
+        )
     return RULES[options.rule](model, options.period_s)

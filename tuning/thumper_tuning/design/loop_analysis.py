@@ -1,8 +1,7 @@
-"""The PI loop on the exact discrete plant: stability, sensitivity, margins. Pure numbers; `transfer`
-for python-control.
+"""Analysis of the PI loop on the exact discrete plant: stability, sensitivity, margins, step response.
 
-Plant: y[k+1] = a y[k] + c0 u[k] + c1 u[k-1] + ...; law of the board: u[k] = Kp e[k] + I[k], I[k] =
-I[k-1] + Ki e[k].
+Plant: y[k+1] = a y[k] + c0 u[k] + c1 u[k-1] + ...; control law of the board: u[k] = Kp e[k] + I[k],
+I[k] = I[k-1] + Ki e[k].
 """
 
 import math
@@ -27,51 +26,54 @@ INTEGRATOR = UNIT_CIRCLE / (UNIT_CIRCLE - 1.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plant:
-    """A wheel as the board counts it once a tick."""
+    """A wheel, from PWM to the speed that the board counts once per tick."""
 
     pole: float
-    taps: tuple[float, ...]  # c0, c1, ... [rad/s per PWM]
+    numerator: tuple[float, ...]  # c0, c1, ... [rad/s per PWM]
     period_s: float
 
     @classmethod
-    def of(cls, model: MotorModel, period_s: float) -> "Plant":
-        """The exact discrete plant of a motor."""
-        pole, taps = model.taps(period_s)
-        return cls(pole=pole, taps=tuple(taps.tolist()), period_s=period_s)
+    def from_model(cls, model: MotorModel, period_s: float) -> "Plant":
+        """Return the exact discrete plant of a motor."""
+        pole, numerator = model.discretize(period_s)
+        return cls(pole=pole, numerator=tuple(numerator.tolist()), period_s=period_s)
 
     def response(self, z: ComplexArray) -> ComplexArray:
-        """Frequency response at points of the unit circle."""
+        """Return the frequency response at points of the unit circle."""
         numerator = np.zeros_like(z)
-        for k, tap in enumerate(self.taps):
-            numerator = numerator + tap * z ** (-1 - k)
+        for k, coefficient in enumerate(self.numerator):
+            numerator = numerator + coefficient * z ** (-1 - k)
         result: ComplexArray = numerator / (1.0 - self.pole / z)
         return result
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LoopFigures:
-    """How well a loop is damped and how much it forgives."""
+class LoopMargins:
+    """Stability margins of a loop. The distance 1 / Ms to -1 is the S-based disk margin."""
 
     stable: bool
-    sensitivity: float  # Ms, the largest |1 / (1 + L)|; infinite if not stable
-    complementary: float  # Mt
+    max_sensitivity: float  # Ms, the maximum of |1 / (1 + L)|; infinite if unstable
+    max_complementary: float  # Mt, the maximum of |L / (1 + L)|
     gain_margin: float  # factor
     phase_margin_deg: float
     delay_margin_s: float
 
 
-def judge(plant: Plant, kp: float, ki: float) -> LoopFigures:
-    """Stability by the closed loop's poles; margins on a grid of 320 frequencies."""
+UNSTABLE = LoopMargins(
+    stable=False,
+    max_sensitivity=math.inf,
+    max_complementary=math.inf,
+    gain_margin=0.0,
+    phase_margin_deg=0.0,
+    delay_margin_s=0.0,
+)
+
+
+def loop_margins(plant: Plant, kp: float, ki: float) -> LoopMargins:
+    """Return the margins, on a grid of 320 frequencies; stability is decided by the closed-loop poles."""
     if not is_stable(plant, kp, ki):
-        return LoopFigures(
-            stable=False,
-            sensitivity=math.inf,
-            complementary=math.inf,
-            gain_margin=0.0,
-            phase_margin_deg=0.0,
-            delay_margin_s=0.0,
-        )
-    L = open_loop(plant, kp, ki)
+        return UNSTABLE
+    L = loop_response(plant, kp, ki)
     S = 1.0 / np.abs(1.0 + L)
     phase = np.unwrap(np.angle(L))
     gain_margin = math.inf
@@ -80,91 +82,92 @@ def judge(plant: Plant, kp: float, ki: float) -> LoopFigures:
         gain_margin = float(1.0 / np.abs(L[crossings[0] + 1]))
     elif abs(phase[-1] + math.pi) < 0.05:
         gain_margin = float(1.0 / np.abs(L[-1]))
-    above = np.flatnonzero((np.abs(L[:-1]) >= 1.0) & (np.abs(L[1:]) < 1.0))
-    phase_margin = float(math.pi + phase[above[-1]]) if len(above) else math.pi
-    delay = phase_margin / FREQUENCIES[above[-1]] * plant.period_s if len(above) else math.inf
-    return LoopFigures(
+    crossover = np.flatnonzero((np.abs(L[:-1]) >= 1.0) & (np.abs(L[1:]) < 1.0))
+    phase_margin = float(math.pi + phase[crossover[-1]]) if len(crossover) else math.pi
+    delay = phase_margin / FREQUENCIES[crossover[-1]] * plant.period_s if len(crossover) else math.inf
+    return LoopMargins(
         stable=True,
-        sensitivity=float(S.max()),
-        complementary=float(np.max(np.abs(L) * S)),
+        max_sensitivity=float(S.max()),
+        max_complementary=float(np.max(np.abs(L) * S)),
         gain_margin=gain_margin,
         phase_margin_deg=math.degrees(phase_margin),
         delay_margin_s=float(delay),
     )
 
 
-def sensitivity(plant: Plant, kp: float, ki: float) -> float:
-    """Ms alone; infinite where the loop is not stable."""
+def max_sensitivity(plant: Plant, kp: float, ki: float) -> float:
+    """Return Ms alone; infinite if the loop is unstable."""
     if not is_stable(plant, kp, ki):
         return math.inf
-    return float(1.0 / np.min(np.abs(1.0 + open_loop(plant, kp, ki))))
+    return float(1.0 / np.min(np.abs(1.0 + loop_response(plant, kp, ki))))
 
 
-def open_loop(plant: Plant, kp: float, ki: float) -> ComplexArray:
-    """L at `FREQUENCIES`."""
+def loop_response(plant: Plant, kp: float, ki: float) -> ComplexArray:
+    """Return the loop transfer function L = C P at `FREQUENCIES`."""
     result: ComplexArray = plant.response(UNIT_CIRCLE) * (kp + ki * INTEGRATOR)
     return result
 
 
 def is_stable(plant: Plant, kp: float, ki: float) -> bool:
-    """Whether all poles of the closed loop lie inside the unit circle."""
+    """Return whether all closed-loop poles are inside the unit circle."""
     return bool(np.all(np.abs(closed_loop_poles(plant, kp, ki)) < 1.0 - 1e-9))
 
 
 def closed_loop_poles(plant: Plant, kp: float, ki: float) -> ComplexArray:
-    """Zeros of (z - 1)(z - a) z^(n-1) + ((Kp + Ki) z - Kp)(c0 z^(n-1) + c1 z^(n-2) + ...)."""
+    """Return the zeros of (z - 1)(z - a) z^(n-1) + ((Kp + Ki) z - Kp)(c0 z^(n-1) + c1 z^(n-2) + ...)."""
     denominator = np.polymul(
-        np.polymul((1.0, -1.0), (1.0, -plant.pole)), [1.0] + [0.0] * (len(plant.taps) - 1)
+        np.polymul((1.0, -1.0), (1.0, -plant.pole)), [1.0] + [0.0] * (len(plant.numerator) - 1)
     )
-    return np.roots(np.polyadd(denominator, np.polymul((kp + ki, -kp), plant.taps))).astype(np.complex128)
+    return np.roots(np.polyadd(denominator, np.polymul((kp + ki, -kp), plant.numerator))).astype(
+        np.complex128
+    )
 
 
-def transfer(
+def transfer_functions(
     plant: Plant, kp: float, ki: float
 ) -> "tuple[control.TransferFunction, control.TransferFunction]":
-    """Plant and controller as python-control objects, to carry on with."""
+    """Return plant and controller as python-control transfer functions."""
     import control
 
-    zeros = [0.0] * (len(plant.taps) - 1)
+    zeros = [0.0] * (len(plant.numerator) - 1)
     return (
-        control.tf(list(plant.taps), np.polymul((1.0, -plant.pole), [1.0, *zeros]), plant.period_s),
+        control.tf(list(plant.numerator), np.polymul((1.0, -plant.pole), [1.0, *zeros]), plant.period_s),
         control.tf([kp + ki, -kp], [1.0, -1.0], plant.period_s),
     )
 
 
 def step_response(plant: Plant, kp: float, ki: float, ticks: int, *, load: float = 0.0) -> FloatArray:
-    """Counted speed after a unit step of the set-point, or with `load` [PWM] of a step of the load
-    instead."""
+    """Return the counted speed after a unit step of the set-point, or after a load step of `load` [PWM]."""
     y = np.zeros(ticks + 1)
     u = np.zeros(ticks + 1)
-    integral, target = 0.0, 0.0 if load else 1.0
+    integral, setpoint = 0.0, 0.0 if load else 1.0
     for k in range(ticks):
-        error = target - y[k]
+        error = setpoint - y[k]
         integral += ki * error
         u[k] = kp * error + integral - load
-        y[k + 1] = plant.pole * y[k] + sum(tap * u[k - i] for i, tap in enumerate(plant.taps) if k >= i)
+        y[k + 1] = plant.pole * y[k] + sum(c * u[k - i] for i, c in enumerate(plant.numerator) if k >= i)
     return y
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StepFigures:
-    """A step of the set-point, linear."""
+class StepInfo:
+    """Characteristics of the linear response to a unit step of the set-point."""
 
-    rise_s: float  # to 90 %
-    settle_s: float  # into 2 %
+    rise_time_s: float  # to 90 %
+    settling_time_s: float  # to within 2 %
     overshoot_percent: float
-    itae: float  # [s^2]
+    itae: float  # integral of time times absolute error [s^2]
 
 
-def judge_step(plant: Plant, kp: float, ki: float, seconds: float = 6.0) -> StepFigures:
-    """Figures of a unit step, counted once a tick."""
-    y = step_response(plant, kp, ki, round(seconds / plant.period_s))
+def step_info(plant: Plant, kp: float, ki: float, duration_s: float = 6.0) -> StepInfo:
+    """Return the characteristics of the step response, sampled once per tick."""
+    y = step_response(plant, kp, ki, round(duration_s / plant.period_s))
     outside = np.flatnonzero(np.abs(y - 1.0) > 0.02)
     time_s = np.arange(len(y)) * plant.period_s
-    reached = np.flatnonzero(y >= 0.9)
-    return StepFigures(
-        rise_s=float(time_s[reached[0]]) if len(reached) else math.inf,
-        settle_s=float(time_s[min(outside[-1] + 1, len(y) - 1)]) if len(outside) else 0.0,
+    risen = np.flatnonzero(y >= 0.9)
+    return StepInfo(
+        rise_time_s=float(time_s[risen[0]]) if len(risen) else math.inf,
+        settling_time_s=float(time_s[min(outside[-1] + 1, len(y) - 1)]) if len(outside) else 0.0,
         overshoot_percent=100.0 * max(float(y.max()) - 1.0, 0.0),
         itae=float(np.sum(time_s * np.abs(1.0 - y)) * plant.period_s),
     )

@@ -1,8 +1,8 @@
-"""The plants that one set of gains must serve: battery, load and what the identification is unsure of."""
+"""The plants that one set of gains must control: battery, load, and uncertainty of the identification."""
 
 from dataclasses import replace
 
-from thumper_tuning.design.loop_analysis import LoopFigures, Plant, judge
+from thumper_tuning.design.loop_analysis import LoopMargins, Plant, loop_margins
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 
 SUPPLY = (0.85, 1.0, 1.15)
@@ -10,8 +10,8 @@ INERTIA = (0.36, 1.0, 2.0)  # wheels up ... full load
 SIGMAS = 2.0
 
 
-def family(model: MotorModel, std: Uncertainty) -> list[MotorModel]:
-    """Battery voltage +-15 %, inertia x0.36 ... x2, each with gain and time constant 2 sigma off."""
+def plant_family(model: MotorModel, std: Uncertainty) -> list[MotorModel]:
+    """Return models with battery voltage +-15 %, inertia x0.36 ... x2, and 2 sigma off in each parameter."""
     return [
         replace(
             model,
@@ -24,7 +24,11 @@ def family(model: MotorModel, std: Uncertainty) -> list[MotorModel]:
     ]
 
 
-def worst(model: MotorModel, std: Uncertainty, kp: float, ki: float, period_s: float) -> LoopFigures:
-    """The family's least damped loop."""
-    figures = [judge(Plant.of(member, period_s), kp, ki) for member in family(model, std)]
-    return max(figures, key=lambda figure: figure.sensitivity)
+def worst_case_margins(
+    model: MotorModel, std: Uncertainty, kp: float, ki: float, period_s: float
+) -> LoopMargins:
+    """Return the margins of the member of the family with the largest sensitivity."""
+    margins = [
+        loop_margins(Plant.from_model(member, period_s), kp, ki) for member in plant_family(model, std)
+    ]
+    return max(margins, key=lambda one: one.max_sensitivity)

@@ -1,1 +1,1 @@
-"""Experiments on a board: what is driven, recorded and written."""
+"""Experiments on a board: excitation, recording, verification, gains."""

@@ -1,4 +1,4 @@
-"""What to drive so that a motor shows itself, within a lane of floor."""
+"""The excitation signal that identifies a motor within a lane of floor."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -12,7 +12,7 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExcitationOptions:
-    """The experiment. The defaults fit a Wild Thumper and need 1.2 m of free floor ahead and behind."""
+    """Options of the experiment. The defaults fit a Wild Thumper: 1.2 m of free floor ahead and behind."""
 
     lane_m: Annotated[float, Gt(0.3)] = 1.2  # free floor ahead, and as much behind
     steps_pwm: Annotated[tuple[Annotated[int, Ge(1), Le(255)], ...], MinLen(1)] = (60, 110, 160)
@@ -27,17 +27,17 @@ class ExcitationOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Block:
-    """PWM per tick without sign; which way is decided when it begins."""
+    """PWM per tick, unsigned; the direction is chosen when the block starts."""
 
     levels: IntArray
     name: str
 
 
-def blocks(options: ExcitationOptions, rate_Hz: float) -> list[Block]:
-    """Steps to each level and back to rest, both ways; then random switching between two levels, both ways.
+def excitation_blocks(options: ExcitationOptions, rate_Hz: float) -> list[Block]:
+    """Return steps to each level and back to rest, then random switching between two levels.
 
-    The switching holds each level for 0.1 ... 0.3 s: near the time constants of geared motors. It never
-    crosses zero within a block, so that friction has one sign there.
+    Each comes in both directions. The switching holds a level for 0.1 ... 0.3 s, near the time constants of
+    geared motors. It never crosses zero within a block, so friction has one sign there.
     """
     rng = np.random.default_rng(options.seed)
     pause = np.zeros(round(options.pause_s * rate_Hz), dtype=np.int64)

@@ -1,4 +1,4 @@
-"""The identification experiment on a board: drive, record, and always leave what was recorded."""
+"""Drive the identification experiment on a board, and write what was recorded."""
 
 import csv
 import math
@@ -9,18 +9,18 @@ from pathlib import Path
 from thumper.board.board import Board, TelemetrySample
 from thumper.board.messages import State
 from thumper.common.stamps import epoch_ns_at
-from thumper_tuning.drive.board_gains import armed, beat
-from thumper_tuning.drive.excitation import ExcitationOptions, blocks
+from thumper_tuning.drive.board_gains import armed, next_sample
+from thumper_tuning.drive.excitation import ExcitationOptions, excitation_blocks
 
-Show = Callable[[int, int, str], None]  # done, total, what
+ReportProgress = Callable[[int, int, str], None]  # done, total, activity
 
-SLOWING_M = 0.25  # a block ends at least this far before the lane does
-COASTING_M_S2 = 0.8  # the robot at PWM 0 slows down by at least this; simulated: 1.0
+MIN_STOPPING_M = 0.25  # a block ends at least this far before the end of the lane
+COASTING_M_S2 = 0.8  # the robot decelerates by at least this at PWM 0; simulated: 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogRow:
-    """A line of the log; the names are the CSV's header and what `tune fit` reads."""
+    """One row of the log. The names are the header of the CSV, which `tune fit` reads."""
 
     time_s: float
     left_pwm: int
@@ -32,59 +32,64 @@ class LogRow:
     right_current_A: float
 
 
-def record(board: Board, options: ExcitationOptions, path: Path, show: Show) -> Path:
-    """Drive the experiment along the lane and write the CSV, also when it is cut short.
+def record(board: Board, options: ExcitationOptions, path: Path, report_progress: ReportProgress) -> Path:
+    """Drive the experiment along the lane and write the CSV, also if it is interrupted.
 
-    Beside it, under the same name, an MCAP recording holds all that the board said.
+    An MCAP recording of the same name holds all telemetry of the board.
 
     Raises
     ------
     ThumperError
-        The board fails; motors are stopped, the log so far is written.
+        The board fails. The motors are stopped, and the log so far is written.
     """
     from thumper.recording.wheel_csv import write_wheels  # loads the ROS 2 types
 
     samples: list[TelemetrySample] = []
     try:
         with armed(board):
-            _drive(board, options, samples, show)
+            _drive(board, options, samples, report_progress)
     finally:
-        write_rows(path, [_row(sample) for sample in samples])
+        _write_csv(path, [_row(sample) for sample in samples])
         epoch_ns = 0 if board.port.has_simulated_clock else epoch_ns_at(board.now_s())
         write_wheels(path.with_suffix(".mcap"), samples, epoch_ns)
     return path
 
 
-def _drive(board: Board, options: ExcitationOptions, samples: list[TelemetrySample], show: Show) -> None:
+def _drive(
+    board: Board,
+    options: ExcitationOptions,
+    samples: list[TelemetrySample],
+    report_progress: ReportProgress,
+) -> None:
     rate_Hz = board.identity.control_rate_Hz
     m_per_count = 2e-3 * math.pi * board.identity.wheel_radius_mm / board.identity.counts_per_rev
-    experiment = blocks(options, rate_Hz)
-    total, done = sum(len(block.levels) for block in experiment), 0
+    blocks = excitation_blocks(options, rate_Hz)
+    total, done = sum(len(block.levels) for block in blocks), 0
     board.set_motor_pwm(0, 0)
-    first = beat(board, State.MANUAL)
+    first = next_sample(board, State.MANUAL)
     start = first.telemetry.left_count + first.telemetry.right_count
-    where_m, step_m, side = 0.0, 0.0, -1
-    for block in experiment:
-        side, free = _side(where_m, side, options.lane_m), True
+    position_m, step_m, direction = 0.0, 0.0, -1
+    for block in blocks:
+        direction, has_room = _next_direction(position_m, direction, options.lane_m), True
         for level in block.levels.tolist():
-            slowing_m = max(SLOWING_M, (step_m * rate_Hz) ** 2 / (2.0 * COASTING_M_S2) + step_m)
-            free = free and side * where_m < options.lane_m - slowing_m
-            pwm = side * level if free else 0
+            stopping_m = max(MIN_STOPPING_M, (step_m * rate_Hz) ** 2 / (2.0 * COASTING_M_S2) + step_m)
+            has_room = has_room and direction * position_m < options.lane_m - stopping_m
+            pwm = direction * level if has_room else 0
             board.set_motor_pwm(pwm, pwm)
-            sample = beat(board, State.MANUAL)
+            sample = next_sample(board, State.MANUAL)
             samples.append(sample)
             counts = sample.telemetry.left_count + sample.telemetry.right_count - start
-            step_m = abs(0.5 * counts * m_per_count - where_m)
-            where_m = 0.5 * counts * m_per_count
+            step_m = abs(0.5 * counts * m_per_count - position_m)
+            position_m = 0.5 * counts * m_per_count
             done += 1
-            show(done, total, block.name)
+            report_progress(done, total, block.name)
 
 
-def _side(where_m: float, before: int, lane_m: float) -> int:
-    """The other way than before, unless that way there is no room."""
-    if abs(where_m) > 0.5 * lane_m:
-        return -1 if where_m > 0.0 else 1
-    return -before
+def _next_direction(position_m: float, previous: int, lane_m: float) -> int:
+    """Return the opposite direction, unless there is no room in it."""
+    if abs(position_m) > 0.5 * lane_m:
+        return -1 if position_m > 0.0 else 1
+    return -previous
 
 
 def _row(sample: TelemetrySample) -> LogRow:
@@ -101,8 +106,7 @@ def _row(sample: TelemetrySample) -> LogRow:
     )
 
 
-def write_rows(path: Path, rows: list[LogRow]) -> None:
-    """Write the CSV that `thumper tune fit` reads."""
+def _write_csv(path: Path, rows: list[LogRow]) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow([field.name for field in fields(LogRow)])

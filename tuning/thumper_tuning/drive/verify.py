@@ -1,4 +1,4 @@
-"""The proof on the robot: follow trapezoids there and back, and measure the same-tick tracking error."""
+"""Verify gains on the robot: follow trapezoids forward and backward, and measure the tracking error."""
 
 import csv
 from contextlib import suppress
@@ -15,12 +15,24 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray
 from thumper.common.kinematics import WheelSpeeds
 from thumper_tuning.design.fixed_point import BoardGains
-from thumper_tuning.drive.board_gains import armed, beat, wait_for_rest, write_gains
-from thumper_tuning.drive.record import Show
+from thumper_tuning.drive.board_gains import armed, next_sample, wait_until_stopped, write_gains
+from thumper_tuning.drive.record import ReportProgress
 
-COLUMNS = ("time_s", "acceleration", "direction", "left_setpoint", "left_speed", "left_pwm",
-           "right_setpoint", "right_speed", "right_pwm", "battery_V")  # fmt: skip
+COLUMNS = (
+    "time_s",
+    "acceleration",
+    "direction",
+    "left_setpoint",
+    "left_speed",
+    "left_pwm",
+    "right_setpoint",
+    "right_speed",
+    "right_pwm",
+    "battery_V",
+)
 SETTLE_S = 1.0
+
+Row = tuple[float, ...]  # a value per column
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,48 +44,53 @@ class VerifyOptions:
     accelerations_rad_s2: Annotated[tuple[Annotated[float, Gt(0), Le(200)], ...], MinLen(1)] = (4.0, 8.0)
 
     def lane_m(self, radius_m: float) -> float:
-        """Free floor that it needs ahead."""
+        """Return the free floor that the drive needs ahead."""
         slowest = min(self.accelerations_rad_s2)
         return radius_m * self.speed_rad_s * (self.hold_s + self.speed_rad_s / slowest)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tracking:
+class TrackingError:
     """Set-point minus counted speed of the same tick, both wheels [rad/s]."""
 
     acceleration_rad_s2: float
     mean_rad_s: float
     std_rad_s: float
-    largest_rad_s: float
-    floor_rad_s: float  # std of the set-point's own change a tick: what a loop without preview cannot beat
+    max_rad_s: float
+    no_preview_std_rad_s: float  # std of the set-point's change per tick: the limit without preview
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Verification:
-    """What was driven, shape (n, len(COLUMNS)), and how well."""
+    """The recorded rows, shape (n, len(COLUMNS)), and the tracking error of each ramp."""
 
     gains: BoardGains
     rows: FloatArray
-    tracking: tuple[Tracking, ...]
+    tracking: tuple[TrackingError, ...]
 
 
-def verify(board: Board, gains: BoardGains, options: VerifyOptions, path: Path, show: Show) -> Verification:
-    """Set the gains, drive, and write what happened as CSV, also when it is cut short.
+def verify(
+    board: Board,
+    gains: BoardGains,
+    options: VerifyOptions,
+    path: Path,
+    report_progress: ReportProgress,
+) -> Verification:
+    """Set the gains, drive the trapezoids, and write a CSV, also if the drive is interrupted.
 
-    The board keeps the gains; its acceleration is `gains.acceleration` again at the end.
+    The board keeps the gains. At the end its acceleration is `gains.acceleration` again.
     """
-    rows: list[tuple[float, ...]] = []
-    rate_Hz = board.identity.control_rate_Hz
-    total = sum(2 * _ticks(options, a, rate_Hz) for a in options.accelerations_rad_s2)
+    rows: list[Row] = []
+    drive = _TrapezoidDrive(board, options, rows, report_progress)
     try:
-        wait_for_rest(board)
+        wait_until_stopped(board)
         for acceleration in options.accelerations_rad_s2:
             write_gains(board, replace(gains, acceleration=acceleration))
             with armed(board):
                 for direction in (1.0, -1.0):
-                    _trapezoid(board, direction, acceleration, options, rows, total, show)
+                    drive.run(direction, acceleration)
     finally:
-        with suppress(ThumperError):  # a board that is gone has forgotten them all
+        with suppress(ThumperError):  # a disconnected board has lost the gains anyway
             board.set_parameter("acceleration", gains.acceleration)
         with path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
@@ -83,44 +100,50 @@ def verify(board: Board, gains: BoardGains, options: VerifyOptions, path: Path, 
     return Verification(
         gains=gains,
         rows=data,
-        tracking=tuple(_tracking(data[data[:, 1] == a], a) for a in options.accelerations_rad_s2),
+        tracking=tuple(_tracking_error(data[data[:, 1] == a], a) for a in options.accelerations_rad_s2),
     )
 
 
-def _ticks(options: VerifyOptions, acceleration: float, rate_Hz: float) -> int:
-    return round((options.hold_s + 2.0 * options.speed_rad_s / acceleration + SETTLE_S) * rate_Hz)
+class _TrapezoidDrive:
+    """Drives trapezoids and appends a row per tick."""
+
+    def __init__(
+        self, board: Board, options: VerifyOptions, rows: list[Row], report_progress: ReportProgress
+    ) -> None:
+        self._board = board
+        self._options = options
+        self._rows = rows
+        self._report_progress = report_progress
+        self._rate_Hz = board.identity.control_rate_Hz
+        self._total = sum(2 * self._ticks(a) for a in options.accelerations_rad_s2)
+
+    def _ticks(self, acceleration: float) -> int:
+        options = self._options
+        duration_s = options.hold_s + 2.0 * options.speed_rad_s / acceleration + SETTLE_S
+        return round(duration_s * self._rate_Hz)
+
+    def run(self, direction: float, acceleration: float) -> None:
+        """Accelerate, hold, decelerate: the host sends the two corners, the board makes the ramps."""
+        options = self._options
+        up = round((options.speed_rad_s / acceleration + options.hold_s) * self._rate_Hz)
+        for tick in range(self._ticks(acceleration)):
+            speed = direction * options.speed_rad_s if tick < up else 0.0
+            self._board.set_wheel_speeds(WheelSpeeds(left_rad_s=speed, right_rad_s=speed))
+            sample = next_sample(self._board, State.CLOSED_LOOP)
+            t = sample.telemetry
+            left = (t.left_setpoint / 1e3, t.left_speed / 1e3, t.left_pwm)
+            right = (t.right_setpoint / 1e3, t.right_speed / 1e3, t.right_pwm)
+            self._rows.append((sample.time_s, acceleration, direction, *left, *right, t.battery_mV / 1e3))
+            self._report_progress(len(self._rows), self._total, f"{acceleration:g} rad/s^2")
 
 
-def _trapezoid(
-    board: Board,
-    direction: float,
-    acceleration: float,
-    options: VerifyOptions,
-    rows: list[tuple[float, ...]],
-    total: int,
-    show: Show,
-) -> None:
-    """Up, hold, down: the board owns the ramps, the host sends the two corners."""
-    rate_Hz = board.identity.control_rate_Hz
-    up = round((options.speed_rad_s / acceleration + options.hold_s) * rate_Hz)
-    for tick in range(_ticks(options, acceleration, rate_Hz)):
-        speed = direction * options.speed_rad_s if tick < up else 0.0
-        board.set_wheel_speeds(WheelSpeeds(left_rad_s=speed, right_rad_s=speed))
-        sample = beat(board, State.CLOSED_LOOP)
-        t = sample.telemetry
-        left = (t.left_setpoint / 1e3, t.left_speed / 1e3, t.left_pwm)
-        right = (t.right_setpoint / 1e3, t.right_speed / 1e3, t.right_pwm)
-        rows.append((sample.time_s, acceleration, direction, *left, *right, t.battery_mV / 1e3))
-        show(len(rows), total, f"{acceleration:g} rad/s^2")
-
-
-def _tracking(rows: FloatArray, acceleration: float) -> Tracking:
-    way = rows[:, 2]  # forward and backward: lagging is positive in both, so that the mean cannot cancel
-    error = np.concatenate((way * (rows[:, 3] - rows[:, 4]), way * (rows[:, 6] - rows[:, 7])))
-    return Tracking(
+def _tracking_error(rows: FloatArray, acceleration: float) -> TrackingError:
+    direction = rows[:, 2]  # a lag is positive both forward and backward, so the mean cannot cancel it
+    error = np.concatenate((direction * (rows[:, 3] - rows[:, 4]), direction * (rows[:, 6] - rows[:, 7])))
+    return TrackingError(
         acceleration_rad_s2=acceleration,
         mean_rad_s=float(error.mean()),
         std_rad_s=float(error.std()),
-        largest_rad_s=float(np.abs(error).max()),
-        floor_rad_s=float(np.std(np.diff(rows[:, 3]))),
+        max_rad_s=float(np.abs(error).max()),
+        no_preview_std_rad_s=float(np.std(np.diff(rows[:, 3]))),
     )

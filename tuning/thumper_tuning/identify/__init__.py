@@ -1,1 +1,1 @@
-"""From a log to a motor's parameters and how sure they are."""
+"""Identify a motor from its logs: model parameters, their uncertainty, and checks."""

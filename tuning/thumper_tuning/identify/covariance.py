@@ -1,4 +1,4 @@
-"""How sure a robust fit is, when its residuals are neither Gaussian nor independent. Pure."""
+"""Covariance of a robust fit whose residuals are neither Gaussian nor independent. Pure functions."""
 
 from collections.abc import Callable
 
@@ -6,36 +6,36 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray
 
-SLOPE_STEP = 2e-3  # wide enough to average over the starts and stops that a parameter moves
+DIFFERENCE_STEP = 2e-3  # large enough to average over starts and stops that shift with a parameter
 LAGS = 8
 
 
-def slopes(
+def jacobian(
     function: Callable[[FloatArray], FloatArray], x: FloatArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
-    """Central differences of a residual function, shape (n, len(x)); one-sided at a bound."""
+    """Return central differences of a residual function, shape (n, len(x)); one-sided at a bound."""
     columns = []
     for i in range(len(x)):
         up, down = x.copy(), x.copy()
-        up[i] = min(x[i] + SLOPE_STEP, high[i])
-        down[i] = max(x[i] - SLOPE_STEP, low[i])
+        up[i] = min(x[i] + DIFFERENCE_STEP, high[i])
+        down[i] = max(x[i] - DIFFERENCE_STEP, low[i])
         columns.append((function(up) - function(down)) / (up[i] - down[i]))
     return np.column_stack(columns)
 
 
-def sandwich(J: FloatArray, residual: FloatArray) -> FloatArray:
-    """Covariance of a soft-L1 fit: inverse curvature x variance of the score x inverse curvature.
+def sandwich_covariance(J: FloatArray, residual: FloatArray) -> FloatArray:
+    """Return the sandwich covariance of a soft-L1 fit: H^-1 S H^-1 (derivations.md, "The fit").
 
-    The score's variance holds its autocovariances up to `LAGS` (Newey and West, 1987), so that ripple which
-    outlasts a sample does not make the fit look surer than it is.
+    S, the variance of the score, includes its autocovariances up to `LAGS` (Newey and West, 1987, eq. 5).
+    Otherwise torque ripple that outlasts a sample would make the standard deviations too small.
     """
-    pull = residual / np.sqrt(1.0 + residual**2)  # derivative of the soft-L1 loss
-    stiffness = (1.0 + residual**2) ** -1.5
-    scores = J * pull[:, None]
-    meat = scores.T @ scores
+    slope = residual / np.sqrt(1.0 + residual**2)  # first derivative of the soft-L1 loss
+    curvature = (1.0 + residual**2) ** -1.5
+    scores = J * slope[:, None]
+    S = scores.T @ scores
     for lag in range(1, min(LAGS, len(residual) - 1) + 1):
         part = scores[lag:].T @ scores[:-lag]
-        meat += (1.0 - lag / (LAGS + 1.0)) * (part + part.T)
-    bread = np.linalg.pinv(J.T @ (J * stiffness[:, None]))
-    result: FloatArray = bread @ meat @ bread * (len(residual) / max(len(residual) - J.shape[1], 1))
+        S += (1.0 - lag / (LAGS + 1.0)) * (part + part.T)
+    H_inverse = np.linalg.pinv(J.T @ (J * curvature[:, None]))
+    result: FloatArray = H_inverse @ S @ H_inverse * (len(residual) / max(len(residual) - J.shape[1], 1))
     return result

@@ -1,5 +1,6 @@
-"""How well the model predicts what it was not fitted to."""
+"""Cross-validation: how well the model predicts the parts of the log that it was not fitted to."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,47 +8,53 @@ from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.fit import Fit, refit
-from thumper_tuning.identify.least_squares import residuals, weights
-from thumper_tuning.identify.segments import Segment
+from thumper_tuning.identify.least_squares import FitData, weights
+from thumper_tuning.identify.segments import Segment, all_speeds
+from thumper_tuning.logs.motor_log import BoolArray
 
 BLOCKS = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Validation:
-    """Held-out residuals of all windows, and the share of the motion that the prediction explains."""
+    """Held-out residuals of all windows, and the fit in percent."""
 
     fit_percent: float
     residual_rad_s: FloatArray
 
 
-def cross_validate(stretches: list[Segment], fit: Fit) -> Validation:
-    """Leave each tenth of the log out in turn, fit the rest, predict it.
+def cross_validate(segments: list[Segment], fit: Fit) -> Validation:
+    """Hold out each tenth of the log in turn, fit the rest, and predict it.
 
-    The prediction runs from the start of each stretch on the drive alone. Glitches do not count.
+    The prediction uses only the drive from the start of each segment on. Glitches are not counted.
     """
-    blocks = blocks_of(stretches)
+    data = FitData(segments=segments, instantaneous=fit.instantaneous)
+    return validate(segments, fit, lambda use: data.residuals(refit(segments, fit, use)))
+
+
+def validate(
+    segments: list[Segment], fit: Fit, residuals_of_fit_to: Callable[[BoolArray], FloatArray]
+) -> Validation:
+    """Collect held-out residuals; the function fits to the marked windows and returns all residuals."""
+    blocks = _blocks(segments)
     held_out = np.zeros(len(blocks))
     for block in np.unique(blocks):
         out = blocks == block
-        model = refit(stretches, fit, ~out)
-        held_out[out] = residuals(stretches, model, momentary=fit.momentary)[out]
-    speed = np.concatenate([s.speed_rad_s for s in stretches])
-    use = ~fit.is_glitch & (weights(stretches) > 0.0)
+        held_out[out] = residuals_of_fit_to(~out)[out]
+    use = ~fit.is_glitch & (weights(segments) > 0.0)
     return Validation(
-        fit_percent=fit_percent(speed[use], held_out[use]),
-        residual_rad_s=held_out,
+        fit_percent=fit_percent(all_speeds(segments)[use], held_out[use]), residual_rad_s=held_out
     )
 
 
 def fit_percent(measured: FloatArray, residual: FloatArray) -> float:
-    """100 (1 - |y - yhat| / |y - mean y|), as `compare` in MATLAB; 0 where nothing moves."""
-    moved = float(np.linalg.norm(measured - measured.mean())) if len(measured) else 0.0
-    return 100.0 * (1.0 - float(np.linalg.norm(residual)) / moved) if moved > 0.0 else 0.0
+    """Return 100 (1 - |y - yhat| / |y - mean y|), as MATLAB's `compare`; 0 if nothing moves."""
+    motion = float(np.linalg.norm(measured - measured.mean())) if len(measured) else 0.0
+    return 100.0 * (1.0 - float(np.linalg.norm(residual)) / motion) if motion > 0.0 else 0.0
 
 
-def blocks_of(stretches: list[Segment]) -> NDArray[np.intp]:
-    """Which held-out block each window belongs to, shape (n,)."""
-    total = sum(len(s.speed_rad_s) for s in stretches)
+def _blocks(segments: list[Segment]) -> NDArray[np.intp]:
+    """Return the held-out block of each window, shape (n,)."""
+    total = sum(len(s.speed_rad_s) for s in segments)
     result: NDArray[np.intp] = np.arange(total) * BLOCKS // total
     return result

@@ -1,50 +1,50 @@
-"""Start values without a guess: for each time constant and delay on a grid the rest of the model is
-linear."""
+"""Initial guesses for the fit: with time constant and delay on a grid, the other parameters are linear."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from thumper.common.geometry import FloatArray
+from thumper_tuning.identify.least_squares import FitData
 from thumper_tuning.identify.model import MotorModel
-from thumper_tuning.identify.motor_response import respond
+from thumper_tuning.identify.motor_response import DriveSignal, MotorParameters, simulate
 from thumper_tuning.identify.segments import Segment
 
 TIME_CONSTANTS_S = np.geomspace(0.005, 2.0, 18)
 DELAYS_PERIODS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)
 REWEIGHTINGS = 6
-LONGEST_DELAY_S = 0.6
-ABSURD = 3.0  # speeds this far above the usual fast ones are glitches
+MAX_DELAY_S = 0.6
+GLITCH_FACTOR = 3.0  # speeds this far above the usual fast ones are glitches
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InitialGuess:
-    """A model to start the fit from and its robust misfit [rad/s]."""
+    """A model to start the fit from, and its mean absolute residual [rad/s]."""
 
     model: MotorModel
-    misfit: float
+    residual_rad_s: float
 
 
-def starts(stretches: list[Segment], *, momentary: bool) -> list[InitialGuess]:
-    """The best start for each delay on the grid, best first.
+def initial_guesses(data: FitData) -> list[InitialGuess]:
+    """Return the best guess for each delay on the grid, best first.
 
-    While the wheel turns, the speed is linear in gain and gain x friction once time constant and delay are
-    given: the drive and the sign of the motion pass the same one-pole filter. Each least-squares fit is
-    reweighted towards an L1 fit, so that glitches do not choose.
+    In motion, the speed is linear in gain and gain x friction once time constant and delay are given: the
+    drive and the sign of the motion pass the same one-pole filter. Each least-squares fit is reweighted
+    towards an L1 fit, so that glitches do not decide.
     """
-    period_s = float(np.median(np.concatenate([s.windows_s for s in stretches])))
-    y = np.concatenate([s.speed_rad_s for s in stretches])
-    turning = np.abs(y[y != 0.0]) if y.any() else np.ones(1)
-    sane = np.abs(y) <= ABSURD * np.percentile(turning, 90)
+    y, period_s = data.speed_rad_s, data.period_s
+    nonzero = np.abs(y[y != 0.0]) if y.any() else np.ones(1)
+    plausible = np.abs(y) <= GLITCH_FACTOR * np.percentile(nonzero, 90)
     moving = 0.03 * float(np.percentile(np.abs(y), 95))
     found = []
     for periods in DELAYS_PERIODS:
-        delay_s = min(periods * period_s, LONGEST_DELAY_S)
+        delay_s = min(periods * period_s, MAX_DELAY_S)
         best: InitialGuess | None = None
         for tau_s in TIME_CONSTANTS_S:
-            X = np.concatenate([_regressors(s, tau_s, delay_s, moving, momentary) for s in stretches])
-            theta, misfit = _l1(X[sane], y[sane])
-            if theta[0] <= 0.0 or (best is not None and misfit >= best.misfit):
+            filters = _Filters(tau_s=tau_s, delay_s=delay_s, instantaneous=data.instantaneous)
+            X = np.concatenate([filters.regressors(s, moving) for s in data.segments])
+            theta, residual = _fit_l1(X[plausible], y[plausible])
+            if theta[0] <= 0.0 or (best is not None and residual >= best.residual_rad_s):
                 continue
             model = MotorModel(
                 gain=float(theta[0]),
@@ -53,33 +53,51 @@ def starts(stretches: list[Segment], *, momentary: bool) -> list[InitialGuess]:
                 friction_backward=float(-theta[2] / theta[0]),
                 delay_s=delay_s,
             )
-            best = InitialGuess(model=model, misfit=misfit)
+            best = InitialGuess(model=model, residual_rad_s=residual)
         if best is not None:
             found.append(best)
-    return sorted(found, key=lambda start: start.misfit)
+    return sorted(found, key=lambda guess: guess.residual_rad_s)
 
 
-def _regressors(s: Segment, tau_s: float, delay_s: float, moving: float, momentary: bool) -> FloatArray:
-    """Filtered drive and filtered signs of motion, shape (n, 3). At rest friction takes all of the drive."""
-    forward = s.speed_rad_s > moving
-    backward = s.speed_rad_s < -moving
-    # Of the row at which a window ends: the window's own row is the better guess for what happens in it.
-    at = np.clip(np.searchsorted(s.edge_s[1:], s.change_s + 0.5 * s.windows_s.min()), 0, len(forward) - 1)
-    shifted = np.clip(np.searchsorted(s.edge_s[1:], s.change_s + delay_s + 1e-9), 0, len(forward) - 1)
-    turns = (forward | backward)[at] | (forward | backward)[shifted]
-    signs = (forward.astype(float), -backward.astype(float))
-    columns = [_filtered(s, np.where(turns, s.drive, 0.0), tau_s, delay_s, momentary)]
-    columns += [_filtered(s, sign[shifted], tau_s, delay_s, momentary) for sign in signs]
-    return np.column_stack(columns)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Filters:
+    """One-pole filter with dead time, for signals of a segment."""
+
+    tau_s: float
+    delay_s: float
+    instantaneous: bool
+
+    def regressors(self, s: Segment, moving_rad_s: float) -> FloatArray:
+        """Return filtered drive and filtered signs of motion, shape (n, 3)."""
+        forward = s.speed_rad_s > moving_rad_s
+        backward = s.speed_rad_s < -moving_rad_s
+        last = len(forward) - 1
+        # The drive of the row at which a window ends is the better guess for what happens in the window.
+        at = np.clip(np.searchsorted(s.edge_s[1:], s.change_s + 0.5 * s.windows_s.min()), 0, last)
+        shifted = np.clip(np.searchsorted(s.edge_s[1:], s.change_s + self.delay_s + 1e-9), 0, last)
+        in_motion = (forward | backward)[at] | (forward | backward)[shifted]
+        signs = (forward.astype(float), -backward.astype(float))
+        columns = [self._apply(s, np.where(in_motion, s.drive, 0.0))]  # at rest, friction cancels the drive
+        columns += [self._apply(s, sign[shifted]) for sign in signs]
+        return np.column_stack(columns)
+
+    def _apply(self, s: Segment, values: FloatArray) -> FloatArray:
+        initial = 0.0 if s.at_rest else float(values[0])
+        signal = DriveSignal(change_s=s.change_s, drive=values, initial=initial)
+        one_pole = MotorParameters(
+            gain=1.0,
+            tau_s=float(self.tau_s),
+            friction_forward=0.0,
+            friction_backward=0.0,
+            breakaway_ratio=1.0,
+            delay_s=self.delay_s,
+        )
+        angles, speeds = simulate(signal, s.edge_s, initial, one_pole)
+        return speeds[1:] if self.instantaneous else np.diff(angles) / s.windows_s
 
 
-def _filtered(s: Segment, values: FloatArray, tau_s: float, delay_s: float, momentary: bool) -> FloatArray:
-    before = 0.0 if s.at_rest else float(values[0])
-    angles, speeds = respond(s.change_s, values, before, before, s.edge_s, 1.0, tau_s, 0.0, 0.0, 1.0, delay_s)
-    return speeds[1:] if momentary else np.diff(angles) / s.windows_s
-
-
-def _l1(X: FloatArray, y: FloatArray) -> tuple[FloatArray, float]:
+def _fit_l1(X: FloatArray, y: FloatArray) -> tuple[FloatArray, float]:
+    """Fit y = X theta by reweighted least squares; return theta and the mean absolute residual."""
     weights = np.ones(len(y))
     floor = 1e-3 * float(np.percentile(np.abs(y), 95)) + 1e-12
     theta: FloatArray = np.zeros(X.shape[1])

@@ -1,89 +1,170 @@
-"""One least-squares problem: the model that fits the chosen windows, and its covariance."""
+"""The nonlinear least-squares problem: fit the model to selected windows, with its covariance."""
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from thumper.common.geometry import FloatArray
-from thumper_tuning.identify.covariance import sandwich, slopes
+from thumper_tuning.identify.covariance import jacobian, sandwich_covariance
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.identify.prediction import predict
-from thumper_tuning.identify.segments import Segment
+from thumper_tuning.identify.segments import Segment, all_speeds, median_window_s
 from thumper_tuning.logs.motor_log import BoolArray
 
 DIFFERENCE_STEP = 1e-5
+BOUND_MARGIN = 1e-6  # the solver must start inside the bounds
 
 
-def residuals(stretches: list[Segment], model: MotorModel, *, momentary: bool) -> FloatArray:
-    """Measured minus predicted speed of every window [rad/s], shape (n,)."""
-    return np.concatenate([s.speed_rad_s - predict(s, model, momentary=momentary) for s in stretches])
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FitData:
+    """What a fit is made to: the segments, and how their speeds are to be read."""
+
+    segments: list[Segment]
+    instantaneous: bool  # the log holds instantaneous speeds, not means over the windows
+
+    @property
+    def speed_rad_s(self) -> FloatArray:
+        """Speeds of all windows, shape (n,)."""
+        return all_speeds(self.segments)
+
+    @property
+    def period_s(self) -> float:
+        """Median window."""
+        return median_window_s(self.segments)
+
+    def residuals(self, model: MotorModel) -> FloatArray:
+        """Return measured minus predicted speed of every window [rad/s], shape (n,)."""
+        return np.concatenate(
+            [s.speed_rad_s - predict(s, model, instantaneous=self.instantaneous) for s in self.segments]
+        )
 
 
-def weights(stretches: list[Segment]) -> FloatArray:
-    """Windows shorter than usual count coarser: they weigh less. Windows that set a start speed weigh
-    nothing."""
+def weights(segments: list[Segment]) -> FloatArray:
+    """Return the weight of every window, shape (n,).
+
+    Windows shorter than the median weigh less, because one count is a larger speed there. A window that sets
+    an initial speed weighs nothing.
+    """
     parts = []
-    usual_s = float(np.median(np.concatenate([s.windows_s for s in stretches])))
-    for s in stretches:
-        part = np.minimum(s.windows_s / usual_s, 1.0)
+    median_s = median_window_s(segments)
+    for s in segments:
+        part = np.minimum(s.windows_s / median_s, 1.0)
         if not s.at_rest:
             part[0] = 0.0
         parts.append(part)
     return np.concatenate(parts)
 
 
-def solve(
-    stretches: list[Segment],
-    start: MotorModel,
-    use: BoolArray,
-    scale: float,
-    momentary: bool,
-    *,
-    free_delay: bool = True,
-) -> tuple[MotorModel, Uncertainty]:
-    """Fit the windows that `use` marks, from `start`; `scale`: the residual [rad/s] above which less
-    is believed."""
-    from scipy.optimize import least_squares
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scaling:
+    """Units of the solver's variables: drive and time, so that all variables are near 1."""
 
-    period_s = float(np.median(np.concatenate([s.windows_s for s in stretches])))
-    drive = float(np.percentile(np.abs(np.concatenate([s.drive for s in stretches])), 95))
-    weight = weights(stretches)[use]
+    drive: float  # 95th percentile of the drive
+    period_s: float
 
-    def model_of(x: FloatArray) -> MotorModel:
+    @classmethod
+    def from_segments(cls, segments: list[Segment]) -> "Scaling":
+        """Return the scaling for a log."""
+        drive = np.percentile(np.abs(np.concatenate([s.drive for s in segments])), 95)
+        return cls(drive=float(drive), period_s=median_window_s(segments))
+
+    def variables(self, model: MotorModel) -> list[float]:
+        """Return the solver's variables of `model`: ln gain, ln tau, frictions, delay.
+
+        The logarithms are relative to the model.
+        """
+        return [
+            0.0,
+            0.0,
+            model.friction_forward / self.drive,
+            model.friction_backward / self.drive,
+            model.delay_s / self.period_s,
+        ]
+
+    def model(self, x: FloatArray, start: MotorModel) -> MotorModel:
+        """Return the model of the variables x; the delay of `start` if x has only four."""
         return replace(
             start,
             gain=start.gain * float(np.exp(x[0])),
             time_constant_s=start.time_constant_s * float(np.exp(x[1])),
-            friction_forward=float(x[2]) * drive,
-            friction_backward=float(x[3]) * drive,
-            delay_s=float(x[4]) * period_s if free_delay else start.delay_s,
+            friction_forward=float(x[2]) * self.drive,
+            friction_backward=float(x[3]) * self.drive,
+            delay_s=float(x[4]) * self.period_s if len(x) > 4 else start.delay_s,
         )
 
-    def misfit(x: FloatArray) -> FloatArray:
-        return residuals(stretches, model_of(x), momentary=momentary)[use] * weight / scale
 
-    x0 = [0.0, 0.0, start.friction_forward / drive, start.friction_backward / drive]
-    low, high = [-2.0, -3.0, -1.5, -1.5], [2.0, 3.0, 0.98, 0.98]
-    if free_delay:
-        x0, low, high = [*x0, start.delay_s / period_s], [*low, 0.0], [*high, 8.0]
+def minimize_soft_l1(
+    function: Callable[[FloatArray], FloatArray],
+    x0: list[float],
+    bounds: tuple[list[float], list[float]],
+    x_scale: list[float],
+    *,
+    diff_step: float,
+    max_nfev: int,
+) -> FloatArray:
+    """Return the x that minimizes the soft-L1 loss of the residual function within the bounds."""
+    from scipy.optimize import least_squares
+
+    low, high = bounds
     solution = least_squares(
-        misfit,
-        np.clip(x0, np.array(low) + 1e-6, np.array(high) - 1e-6),
+        function,
+        np.clip(x0, np.array(low) + BOUND_MARGIN, np.array(high) - BOUND_MARGIN),
         bounds=(low, high),
         loss="soft_l1",
-        x_scale=[0.1, 0.2, 0.05, 0.05, 0.2][: len(x0)],
+        x_scale=x_scale[: len(x0)],
+        diff_step=diff_step,
+        max_nfev=max_nfev,
+    )
+    result: FloatArray = solution.x
+    return result
+
+
+def solve(
+    data: FitData, start: MotorModel, use: BoolArray, scale_rad_s: float, *, free_delay: bool = True
+) -> tuple[MotorModel, Uncertainty]:
+    """Fit the windows that `use` marks, from `start`.
+
+    Parameters
+    ----------
+    data : FitData
+        The log.
+    start : MotorModel
+        Initial guess.
+    use : ndarray of bool, shape (n,)
+        The windows to fit.
+    scale_rad_s : float
+        Residual above which the soft-L1 loss turns from quadratic to linear.
+    free_delay : bool
+        Fit the delay; else keep that of `start`.
+    """
+    scaling = Scaling.from_segments(data.segments)
+    weight = weights(data.segments)[use]
+
+    def scaled_residuals(x: FloatArray) -> FloatArray:
+        return data.residuals(scaling.model(x, start))[use] * weight / scale_rad_s
+
+    low, high = [-2.0, -3.0, -1.5, -1.5, 0.0], [2.0, 3.0, 0.98, 0.98, 8.0]
+    count = 5 if free_delay else 4
+    low, high = low[:count], high[:count]
+    x = minimize_soft_l1(
+        scaled_residuals,
+        scaling.variables(start)[:count],
+        (low, high),
+        [0.1, 0.2, 0.05, 0.05, 0.2],
         diff_step=DIFFERENCE_STEP,
         max_nfev=60,
     )
-    model = model_of(solution.x)
-    covariance = sandwich(slopes(misfit, solution.x, np.array(low), np.array(high)), misfit(solution.x))
+    model = scaling.model(x, start)
+    J = jacobian(scaled_residuals, x, np.array(low), np.array(high))
+    covariance = sandwich_covariance(J, scaled_residuals(x))
     std = np.sqrt(np.diag(covariance))
-    mean_friction = float(np.sqrt(max(covariance[2:4, 2:4].sum(), 0.0))) * 0.5
+    friction_std = float(np.sqrt(max(covariance[2:4, 2:4].sum(), 0.0))) * 0.5  # of the mean of both
     return model, Uncertainty(
         gain=model.gain * float(std[0]),
         time_constant_s=model.time_constant_s * float(std[1]),
-        friction=mean_friction * drive,
-        delay_s=float(std[4]) * period_s if free_delay else 0.0,
-        friction_forward=float(std[2]) * drive,
-        friction_backward=float(std[3]) * drive,
+        friction=friction_std * scaling.drive,
+        delay_s=float(std[4]) * scaling.period_s if free_delay else 0.0,
+        friction_forward=float(std[2]) * scaling.drive,
+        friction_backward=float(std[3]) * scaling.drive,
     )

@@ -1,5 +1,4 @@
-"""The motor as it is identified: one pole, dry friction per direction, delay. Python-control objects
-come out."""
+"""The identified motor model: one pole, Coulomb friction per direction, dead time."""
 
 import math
 from dataclasses import dataclass
@@ -15,11 +14,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorModel:
-    """tau dw/dt + w = gain (u(t - delay) - friction sign(w)) while it turns; at rest until |u| breaks
-    it away.
+    """tau dw/dt + w = gain (u(t - delay) - friction sign(w)) in motion; at rest inside the dead band.
 
-    u is in the log's drive unit, PWM or volts. Frictions may come out negative where a driver's map from
-    command to voltage is bent; then they are no friction but the offset of that map.
+    u is in the log's drive unit, PWM or volts. A friction can come out negative if the motor driver maps
+    commands to voltage nonlinearly. It is then the offset of that map, not friction.
     """
 
     gain: float  # [rad/s per drive unit]
@@ -27,30 +25,31 @@ class MotorModel:
     friction_forward: float  # [drive unit]
     friction_backward: float  # [drive unit]
     delay_s: float = 0.0
-    breakaway_ratio: float = 1.0  # static over sliding friction
+    breakaway_ratio: float = 1.0  # break-away over running friction
 
     @property
     def friction(self) -> float:
-        """Both directions' mean [drive unit]."""
+        """Mean of both directions [drive unit]."""
         return 0.5 * (self.friction_forward + self.friction_backward)
 
     def continuous(self) -> "control.TransferFunction":
-        """Drive to speed without friction and delay: python-control has no dead time."""
+        """Return the transfer function from drive to speed, without friction and dead time."""
         import control
 
         return control.tf([self.gain], [self.time_constant_s, 1.0])
 
     def discrete(self, period_s: float) -> "control.TransferFunction":
-        """Drive to the speed counted over the period, exact, with the delay; see `taps`."""
+        """Return the exact transfer function from drive to counted speed, with dead time."""
         import control
 
-        a, taps = self.taps(period_s)
-        return control.tf(taps, [1.0, -a, *[0.0] * (len(taps) - 1)], period_s)
+        pole, numerator = self.discretize(period_s)
+        return control.tf(numerator, [1.0, -pole, *[0.0] * (len(numerator) - 1)], period_s)
 
-    def taps(self, period_s: float) -> tuple[float, FloatArray]:
-        """Return a and c of y[k+1] = a y[k] + c[0] u[k] + c[1] u[k-1] + ... for a held u and a counted y.
+    def discretize(self, period_s: float) -> tuple[float, FloatArray]:
+        """Return a and c of y[k+1] = a y[k] + c[0] u[k] + c[1] u[k-1] + ... for a zero-order hold on u.
 
-        y[k+1] is the mean speed between the ticks k and k+1. Two taps without delay, three up to one period.
+        y[k+1] is the mean speed between the ticks k and k+1: what an encoder counts. There are two
+        coefficients c without dead time, three up to one period of it (derivations.md, "The counted plant").
         """
         a = math.exp(-period_s / self.time_constant_s)
         order = 2 + math.ceil(self.delay_s / period_s - 1e-9)
@@ -63,7 +62,7 @@ class MotorModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Uncertainty:
-    """One standard deviation of each parameter, in the parameter's unit."""
+    """One standard deviation of each parameter, in the unit of the parameter."""
 
     gain: float
     time_constant_s: float

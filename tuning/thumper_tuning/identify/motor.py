@@ -1,4 +1,4 @@
-"""From logs of one motor to what is known of it: the whole way, with every refusal and warning."""
+"""Identify one motor from its logs: fit, validation, checks and warnings."""
 
 import math
 from dataclasses import dataclass, replace
@@ -6,20 +6,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thumper_tuning.identify.cross_validation import Validation, cross_validate
-from thumper_tuning.identify.excitation_checks import RECORD, check_after, check_before
+from thumper_tuning.identify.excitation_checks import RECORD, check_excitation, check_result
 from thumper_tuning.identify.fit import Fit, fit_motor
-from thumper_tuning.identify.fit_warnings import warnings_of
+from thumper_tuning.identify.fit_warnings import fit_warnings
 from thumper_tuning.identify.model import MotorModel, Uncertainty
-from thumper_tuning.identify.segments import Segment, cut
+from thumper_tuning.identify.segments import Segment, split_segments
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
-from thumper_tuning.logs.units import refusal
+from thumper_tuning.logs.units import log_error
 
-MOMENTARY_GAIN = 0.97  # a log of speeds is taken for momentary ones only if they fit this much better
+INSTANTANEOUS_COST_RATIO = 0.97  # speeds count as instantaneous only if they fit this much better
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Identified:
-    """A motor's model with what it rests on."""
+class IdentifiedMotor:
+    """A motor's model, with the fit that it comes from."""
 
     name: str
     unit: DriveUnit
@@ -27,88 +27,92 @@ class Identified:
     uncertainty: Uncertainty
     validation: Validation
     fit: Fit
-    stretches: tuple[Segment, ...]
+    segments: tuple[Segment, ...]
     period_s: float
     supply_V: float | None
     warnings: tuple[str, ...]
 
 
-def identify(logs: list[MotorLog], *, one_direction: bool = False) -> Identified:
+def identify(logs: list[MotorLog], *, one_direction: bool = False) -> IdentifiedMotor:
     """Identify one motor from one or several runs.
 
     Raises
     ------
     ThumperError
-        The logs cannot support an answer; the message says why and what to record.
+        The logs do not determine the model; the message says why and what to record.
     """
     name = logs[0].name
     if len({(log.drive_unit, log.position_rad is None) for log in logs}) > 1:
-        raise refusal(f"{name}: the files differ in what they hold (PWM or voltage, counts or speed)")
-    stretches = [stretch for log in logs for stretch in cut(log)]
-    flipped = _falls_forward(stretches)
-    if flipped:
-        stretches = [replace(s, speed_rad_s=-s.speed_rad_s) for s in stretches]
-    check_before(logs, stretches, one_direction=one_direction)
-    fit = _best_fit(logs, stretches)
+        raise log_error(f"{name}: the files differ in their columns (PWM or voltage, counts or speed)")
+    segments = [segment for log in logs for segment in split_segments(log)]
+    reversed_sign = _is_reversed(segments)
+    if reversed_sign:
+        segments = [replace(s, speed_rad_s=-s.speed_rad_s) for s in segments]
+    check_excitation(logs, segments, one_direction=one_direction)
+    fit = _best_fit(logs, segments)
     if fit is None:
-        raise refusal(f"{name}: the speed does not follow the drive; check columns, units and sign; {RECORD}")
-    if one_direction:
-        fit = replace(fit, model=_one_sided(fit.model, stretches))
-    validation = cross_validate(stretches, fit)
-    largest = max(float(np.abs(s.drive).max()) for s in stretches)
-    check_after(name, fit, validation.fit_percent, logs[0].drive_unit, largest)
-    notes = list(dict.fromkeys(note for log in logs for note in log.warnings))
-    if flipped:
-        notes.append(
-            "the speed falls when the drive rises: encoder or motor is connected the other way round; "
-            "its sign was turned"
+        raise log_error(
+            f"{name}: the speed does not follow the drive; check columns, units and sign; {RECORD}"
         )
-    notes += warnings_of(logs, stretches, fit, validation)
+    if one_direction:
+        fit = replace(fit, model=_one_sided(fit.model, segments))
+    validation = cross_validate(segments, fit)
+    largest = max(float(np.abs(s.drive).max()) for s in segments)
+    check_result(name, fit, validation.fit_percent, logs[0].drive_unit, largest)
+    warnings = list(dict.fromkeys(warning for log in logs for warning in log.warnings))
+    if reversed_sign:
+        warnings.append(
+            "the speed falls when the drive rises: encoder or motor is connected the other way round; "
+            "its sign was inverted"
+        )
+    warnings += fit_warnings(logs, segments, fit, validation)
     supplies = [log.supply_V for log in logs if log.supply_V is not None]
-    return Identified(
+    return IdentifiedMotor(
         name=name,
         unit=logs[0].drive_unit,
         model=fit.model,
         uncertainty=_with_hidden_delay(fit),
         validation=validation,
         fit=fit,
-        stretches=tuple(stretches),
+        segments=tuple(segments),
         period_s=float(np.median([log.period_s for log in logs])),
         supply_V=float(np.mean(supplies)) if supplies else None,
-        warnings=tuple(notes),
+        warnings=tuple(warnings),
     )
 
 
 def _with_hidden_delay(fit: Fit) -> Uncertainty:
-    """A delay too small to be told from none hides in the time constant, which is no surer than it."""
+    """Add the delay's uncertainty to the time constant's if the delay is not significant.
+
+    A delay that small is part of the fitted time constant.
+    """
     std = fit.uncertainty
     if fit.model.delay_s > 0.0:
         return std
     return replace(std, time_constant_s=math.hypot(std.time_constant_s, std.delay_s))
 
 
-def _best_fit(logs: list[MotorLog], stretches: list[Segment]) -> Fit | None:
-    mean = fit_motor(stretches, momentary=False)
+def _best_fit(logs: list[MotorLog], segments: list[Segment]) -> Fit | None:
+    mean = fit_motor(segments, instantaneous=False)
     if logs[0].position_rad is not None:
         return mean
-    momentary = fit_motor(stretches, momentary=True)
-    if mean is None or momentary is None:
-        return mean or momentary
-    return momentary if momentary.cost < MOMENTARY_GAIN * mean.cost else mean
+    instantaneous = fit_motor(segments, instantaneous=True)
+    if mean is None or instantaneous is None:
+        return mean or instantaneous
+    return instantaneous if instantaneous.cost < INSTANTANEOUS_COST_RATIO * mean.cost else mean
 
 
-def _one_sided(model: MotorModel, stretches: list[Segment]) -> MotorModel:
-    """What one direction tells is all that is known: the other gets the same friction."""
-    forward = sum(float(s.speed_rad_s.sum()) for s in stretches) > 0.0
-    seen = model.friction_forward if forward else model.friction_backward
-    return replace(model, friction_forward=seen, friction_backward=seen)
+def _one_sided(model: MotorModel, segments: list[Segment]) -> MotorModel:
+    """Give the direction that was not driven the friction of the other."""
+    forward = sum(float(s.speed_rad_s.sum()) for s in segments) > 0.0
+    friction = model.friction_forward if forward else model.friction_backward
+    return replace(model, friction_forward=friction, friction_backward=friction)
 
 
-def _falls_forward(stretches: list[Segment]) -> bool:
-    """Whether the speed runs against the drive, judged by the drive of the window and of the one before."""
+def _is_reversed(segments: list[Segment]) -> bool:
+    """Return whether the speed has the opposite sign of the drive."""
     total = 0.0
-    for s in stretches:
-        at = np.clip(np.searchsorted(s.change_s, s.edge_s[:-1] + 1e-9, side="right") - 1, 0, None)
-        drive, limit = s.drive[at], 3.0 * float(np.median(np.abs(s.speed_rad_s))) + 1e-9
-        total += float(np.sum(drive * np.clip(s.speed_rad_s, -limit, limit)))
+    for s in segments:
+        limit = 3.0 * float(np.median(np.abs(s.speed_rad_s))) + 1e-9
+        total += float(np.sum(s.drive_at_windows() * np.clip(s.speed_rad_s, -limit, limit)))
     return total < 0.0

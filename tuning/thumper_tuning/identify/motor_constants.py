@@ -1,32 +1,36 @@
-"""The motor's physical constants, as far as resistance or current let them be told apart.
+"""Physical motor constants, as far as winding resistance or current separate them.
 
-Drive and speed alone give gain, time constant and friction. With u = R i + Kf w and J dw/dt = Kt i - B
-w - Tc:
-the winding's R, or a measured current, separates Kf from the losses. The inductance does not show below 1 kHz
-of logging, and Kt, J, B and Tc keep one common factor until a torque is known: Kt = Kf is the usual
-convention.
+Drive and speed alone give gain, time constant and friction. The motor's equations are
+
+    u = R i + Kf w,    J dw/dt = Kt i - B w - Tc
+
+The winding resistance R, or a measured current, separates Kf from the losses. Logs slower than 1 kHz do not
+show the inductance. Kt, J, B and Tc keep a common factor until a torque is measured; the usual convention is
+Kt = Kf.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from thumper_tuning.design.fixed_point import NOMINAL_V
-from thumper_tuning.identify.motor import Identified
+from thumper_tuning.identify.motor import IdentifiedMotor
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
+from thumper_tuning.logs.units import FULL_PWM, NOMINAL_V
 
-FULL_PWM = 255.0
-LEAST_CURRENT_A = 0.05
-NOTE = "Kt is taken to be Kf (a gearbox makes it smaller); inductance is not identifiable from these logs"
+MIN_CURRENT_A = 0.05
+MIN_ROWS = 10
+NOTE = (
+    "Kt is assumed equal to Kf (a gearbox makes it smaller); inductance is not identifiable from these logs"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PhysicalConstants:
-    """At the wheel's side of the gearbox."""
+    """Constants on the wheel's side of the gearbox."""
 
     resistance_Ohm: float
     back_emf_V_s_rad: float  # Kf
-    torque_Nm_A: float  # Kt, taken equal to Kf
+    torque_Nm_A: float  # Kt, assumed equal to Kf
     inertia_kg_m2: float  # J
     viscous_Nm_s_rad: float  # B
     friction_Nm: float  # Tc
@@ -34,19 +38,20 @@ class PhysicalConstants:
 
 
 def physical_constants(
-    motor: Identified, logs: list[MotorLog], resistance_Ohm: float | None
+    motor: IdentifiedMotor, logs: list[MotorLog], resistance_Ohm: float | None
 ) -> PhysicalConstants | None:
-    """Kf, J, B and friction; None without current, as R alone splits nothing off but the loss-free bound.
+    """Return Kf, J, B and friction, or None if neither current nor resistance is known.
 
-    With the current, u = R i + Kf w is a regression; R given, only Kf is fitted. Without a current but with R
-    the viscous loss cannot be told from the back-EMF: it is taken for zero, which gives the largest Kf.
+    With a current, u = R i + Kf w is a regression; if R is given, only Kf is fitted. Without a current, R
+    cannot separate viscous friction from back-EMF. Viscous friction is then assumed zero, which gives the
+    largest Kf.
     """
     volts = 1.0 if motor.unit is DriveUnit.VOLT else (motor.supply_V or NOMINAL_V) / FULL_PWM
     volts_per_rad_s = volts / motor.model.gain
     R, Kf = resistance_Ohm, volts_per_rad_s
-    current = _current(logs)
-    if current is not None:
-        u, i, w = current
+    rows = _steady_rows(logs)
+    if rows is not None:
+        u, i, w = rows
         if R is None:
             R, Kf = (float(x) for x in np.linalg.lstsq(np.column_stack((i, w)), volts * u, rcond=None)[0])
         else:
@@ -67,9 +72,8 @@ def physical_constants(
     )
 
 
-def _current(logs: list[MotorLog]) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Drive, current and speed of rows in the steady state, where a current averaged over a while is
-    right."""
+def _steady_rows(logs: list[MotorLog]) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return drive, current and speed of rows in steady state, where an averaged current is right."""
     parts = []
     for log in logs:
         if log.current_A is None:
@@ -85,6 +89,6 @@ def _current(logs: list[MotorLog]) -> tuple[np.ndarray, np.ndarray, np.ndarray] 
         use = steady & np.isfinite(speed) & np.isfinite(log.current_A) & (np.abs(log.drive) > 0)
         parts.append(np.column_stack((log.drive, log.current_A, speed))[use])
     rows = np.concatenate(parts)
-    if len(rows) < 10 or np.abs(rows[:, 1]).max() < LEAST_CURRENT_A:
+    if len(rows) < MIN_ROWS or np.abs(rows[:, 1]).max() < MIN_CURRENT_A:
         return None
     return rows[:, 0], rows[:, 1], rows[:, 2]

@@ -1,17 +1,17 @@
-"""What is known of a motor, as JSON and as text."""
+"""The identified motor as JSON."""
 
 from typing import Any
 
-from thumper_tuning.identify.motor import Identified
+from thumper_tuning.identify.motor import IdentifiedMotor
 
 NOT_IDENTIFIABLE = (
-    "from drive and speed follow gain, time constant, static friction and delay, and no more: R, L, Kt, "
-    "Kf, J and B enter only in combinations; give --resistance, and log current_A, to have them apart"
+    "drive and speed determine only gain, time constant, static friction and delay. R, L, Kt, Kf, J and B "
+    "appear only in combinations; pass --resistance and log current_A to separate them"
 )
 
 
-def as_dict(motor: Identified) -> dict[str, Any]:
-    """Plain values, keys with their units; every parameter has its `_std`."""
+def motor_to_dict(motor: IdentifiedMotor) -> dict[str, Any]:
+    """Return plain values; keys carry their units, and every parameter has its `_std`."""
     model, std, unit = motor.model, motor.uncertainty, motor.unit.value
     return {
         "motor": motor.name,

@@ -1,109 +1,49 @@
-"""Richer motors, tried and compared by how well they predict what they were not fitted to."""
+"""Grey-box models with one more effect each, a second time constant or backlash, and their validation fit.
+
+They show whether the first-order model leaves something unexplained. Both are simulated in small steps,
+because backlash has no closed form.
+"""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
-from thumper_tuning.identify.cross_validation import blocks_of, fit_percent
+from thumper_tuning.identify.cross_validation import validate
 from thumper_tuning.identify.fit import Fit
-from thumper_tuning.identify.least_squares import weights
+from thumper_tuning.identify.least_squares import Scaling, minimize_soft_l1, weights
 from thumper_tuning.identify.model import MotorModel
-from thumper_tuning.identify.prediction import start_speed
-from thumper_tuning.identify.segments import Segment
+from thumper_tuning.identify.motor_response import (
+    DriveSignal,
+    MotorParameters,
+    apply_changes,
+    motor_parameters,
+    next_event_s,
+)
+from thumper_tuning.identify.prediction import initial_speed
+from thumper_tuning.identify.segments import Segment, median_window_s
 from thumper_tuning.logs.motor_log import BoolArray
 
 STEPS_PER_TIME_CONSTANT = 8.0
-SHORTEST_STEP_S = 2e-4
+MIN_STEP_S = 2e-4
+COASTING_RATIO = 4.0  # a load that is free in the backlash slows down with this many motor time constants
 
 
-@kernel
-def respond_two(
-    change_s: FloatArray,
-    drive: FloatArray,
-    before: float,
-    omega: float,
-    query_s: FloatArray,
-    gain: float,
-    tau: float,
-    forward: float,
-    backward: float,
-    delay: float,
-    lag: float,
-    play: float,
-    share: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Angle [rad] and speed [rad/s] of the motor at the query times; arguments as in `respond`, and
-    three more.
+class ExtraParameters(NamedTuple):
+    """What a richer model adds; 0, 0 and 1 add nothing."""
 
-    Parameters
-    ----------
-    lag : float
-        Second time constant [s]: what pushes the motor follows the drive with it. 0 = none.
-    play : float
-        The motor turns this far [rad] before it takes its load along. 0 = none.
-    share : float
-        The motor's own part of the inertia, in (0, 1]; alone it has the time constant share x tau.
-    """
-    n = len(query_s)
-    angles, speeds = np.zeros(n), np.zeros(n)
-    t, i, u = query_s[0], 0, before
-    while i < len(change_s) and change_s[i] + delay <= t:
-        u = drive[i]
-        i += 1
-    push, angle, load = u, 0.0, omega
-    gap = play if omega > 0.0 else 0.0 if omega < 0.0 else 0.5 * play  # where in the play the motor stands
-    own = tau if play == 0.0 else share * tau
-    largest = max(min(own, lag if lag > 0.0 else own) / STEPS_PER_TIME_CONSTANT, SHORTEST_STEP_S)
-    speeds[0] = omega
-    for j in range(1, n):
-        while t < query_s[j]:
-            until = query_s[j]
-            if i < len(change_s) and change_s[i] + delay < until:
-                until = max(change_s[i] + delay, t)
-            h = min(until - t, largest)
-            push = u + (push - u) * math.exp(-h / lag) if lag > 0.0 else u
-            direction = math.copysign(1.0, omega) if omega != 0.0 else math.copysign(1.0, push)
-            friction = forward if direction > 0.0 else backward
-            wish = gain * (push - direction * friction)
-            stands = omega == 0.0 and wish * direction <= 0.0
-            touching = play == 0.0 or (gap >= play and omega >= load) or (gap <= 0.0 and omega <= load)
-            pushing = play == 0.0 or (gap >= play and wish > omega) or (gap <= 0.0 and wish < omega)
-            after = omega
-            if touching and pushing:
-                if play > 0.0 and omega != load:
-                    omega = share * omega + (1.0 - share) * load  # they meet
-                after = 0.0 if stands else wish + (omega - wish) * math.exp(-h / tau)
-                if omega != 0.0 and after * omega < 0.0:
-                    after = 0.0
-                load = after
-            else:
-                after = 0.0 if stands else wish + (omega - wish) * math.exp(-h / own)
-                if omega != 0.0 and after * omega < 0.0:
-                    after = 0.0
-                # The load rolls on with what friction it has of its own: as quickly as the whole would
-                # settle.
-                load *= math.exp(-h / (4.0 * tau))
-                gap = min(max(gap + (0.5 * (omega + after) - load) * h, 0.0), play)
-                if (gap >= play and after > load) or (gap <= 0.0 and after < load):
-                    after = share * after + (1.0 - share) * load
-                    load = after
-            angle += 0.5 * (omega + after) * h
-            omega = after
-            t = until if h == until - t else t + h
-            while i < len(change_s) and change_s[i] + delay <= t:
-                u = drive[i]
-                i += 1
-        angles[j] = angle
-        speeds[j] = omega
-    return angles, speeds
+    lag_s: float  # second time constant, between drive and torque
+    backlash_rad: float  # the motor turns this far before it moves its load
+    motor_share: float  # of the inertia, in (0, 1]; alone, the motor has the time constant share x tau
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RicherModel:
-    """The base model with a second time constant, or with play before its load; unused values are 0 and 1."""
+    """The first-order model with a second time constant, or with backlash before its load."""
 
     kind: str  # "second order" or "play and mass"
     base: MotorModel
@@ -112,92 +52,160 @@ class RicherModel:
     motor_share: float = 1.0  # of the inertia
     fit_percent: float = 0.0  # on held-out windows
 
+    @property
+    def extra(self) -> ExtraParameters:
+        """The added parameters as the kernel takes them."""
+        return ExtraParameters(
+            lag_s=self.second_time_constant_s, backlash_rad=self.play_rad, motor_share=self.motor_share
+        )
 
-def compare_variants(stretches: list[Segment], fit: Fit) -> list[RicherModel]:
-    """Fit both richer motors and cross-validate them with the same blocks as the plain one."""
-    period_s = float(np.median(np.concatenate([s.windows_s for s in stretches])))
+
+def fit_richer_models(segments: list[Segment], fit: Fit) -> list[RicherModel]:
+    """Fit both richer models and cross-validate them with the same blocks as the first-order fit."""
     tau_s = fit.model.time_constant_s
-    second = RicherModel(
-        kind="second order", base=fit.model, second_time_constant_s=max(0.2 * tau_s, 0.1 * period_s)
-    )
-    played = RicherModel(kind="play and mass", base=fit.model, play_rad=0.3, motor_share=0.3)
-    return [_validated(stretches, fit, start) for start in (second, played)]
-
-
-def _validated(stretches: list[Segment], fit: Fit, start: RicherModel) -> RicherModel:
-    use = ~fit.is_glitch
-    whole = _solve(stretches, fit, start, use)
-    blocks = blocks_of(stretches)
-    held_out = np.zeros(len(blocks))
-    for block in np.unique(blocks):
-        out = blocks == block
-        held_out[out] = _residuals(stretches, _solve(stretches, fit, whole, use & ~out))[out]
-    speed = np.concatenate([s.speed_rad_s for s in stretches])
-    counted = use & (weights(stretches) > 0.0)
-    return replace(whole, fit_percent=fit_percent(speed[counted], held_out[counted]))
+    lag_s = max(0.2 * tau_s, 0.1 * median_window_s(segments))
+    second_order = RicherModel(kind="second order", base=fit.model, second_time_constant_s=lag_s)
+    backlash = RicherModel(kind="play and mass", base=fit.model, play_rad=0.3, motor_share=0.3)
+    return [_fit_and_validate(segments, fit, start) for start in (second_order, backlash)]
 
 
 def predict_richer(s: Segment, model: RicherModel) -> FloatArray:
-    """Mean speeds over the windows of a stretch [rad/s]."""
-    base = model.base
-    angles, _ = respond_two(
-        s.change_s,
-        s.drive,
-        s.before,
-        start_speed(s, base, momentary=False),
-        s.edge_s,
-        base.gain,
-        base.time_constant_s,
-        base.friction_forward,
-        base.friction_backward,
-        base.delay_s,
-        model.second_time_constant_s,
-        model.play_rad,
-        model.motor_share,
-    )
+    """Return the mean speeds over the windows of a segment [rad/s]."""
+    omega = initial_speed(s, model.base, instantaneous=False)
+    angles, _ = simulate_richer(s.drive_signal, s.edge_s, omega, motor_parameters(model.base), model.extra)
     return np.diff(angles) / s.windows_s
 
 
-def _residuals(stretches: list[Segment], model: RicherModel) -> FloatArray:
-    return np.concatenate([s.speed_rad_s - predict_richer(s, model) for s in stretches])
+def _residuals(segments: list[Segment], model: RicherModel) -> FloatArray:
+    return np.concatenate([s.speed_rad_s - predict_richer(s, model) for s in segments])
 
 
-def _solve(stretches: list[Segment], fit: Fit, start: RicherModel, use: BoolArray) -> RicherModel:
-    from scipy.optimize import least_squares
+def _fit_and_validate(segments: list[Segment], fit: Fit, start: RicherModel) -> RicherModel:
+    use = ~fit.is_glitch
+    found = _solve(segments, fit, start, use)
+    validation = validate(
+        segments, fit, lambda kept: _residuals(segments, _solve(segments, fit, found, use & kept))
+    )
+    return replace(found, fit_percent=validation.fit_percent)
 
-    drive = float(np.percentile(np.abs(np.concatenate([s.drive for s in stretches])), 95))
-    period_s = float(np.median(np.concatenate([s.windows_s for s in stretches])))
-    weight = weights(stretches)[use] / fit.scale_rad_s
-    has_lag = start.second_time_constant_s > 0.0
 
-    def model_of(x: FloatArray) -> RicherModel:
-        base = replace(
-            start.base,
-            gain=start.base.gain * float(np.exp(x[0])),
-            time_constant_s=start.base.time_constant_s * float(np.exp(x[1])),
-            friction_forward=float(x[2]) * drive,
-            friction_backward=float(x[3]) * drive,
-            delay_s=float(x[4]) * period_s,
-        )
-        if has_lag:
-            return replace(
-                start, base=base, second_time_constant_s=start.second_time_constant_s * float(np.exp(x[5]))
-            )
-        return replace(
-            start, base=base, play_rad=start.play_rad * float(np.exp(x[5])), motor_share=float(x[6])
-        )
-
-    x0 = [0.0, 0.0, start.base.friction_forward / drive, start.base.friction_backward / drive]
-    x0 += [start.base.delay_s / period_s, 0.0] + ([] if has_lag else [start.motor_share])
-    low = [-2.0, -2.0, -1.5, -1.5, 0.0, -3.0] + ([] if has_lag else [0.02])
-    high = [2.0, 2.0, 0.98, 0.98, 8.0, 3.0] + ([] if has_lag else [1.0])
-    solution = least_squares(
-        lambda x: _residuals(stretches, model_of(x))[use] * weight,
-        np.clip(x0, np.array(low) + 1e-6, np.array(high) - 1e-6),
-        bounds=(low, high),
-        loss="soft_l1",
-        x_scale=[0.1, 0.2, 0.05, 0.05, 0.2, 0.3, 0.2][: len(x0)],
+def _solve(segments: list[Segment], fit: Fit, start: RicherModel, use: BoolArray) -> RicherModel:
+    scaling = Scaling.from_segments(segments)
+    weight = weights(segments)[use] / fit.scale_rad_s
+    x0 = scaling.variables(start.base)
+    low, high = [-2.0, -2.0, -1.5, -1.5, 0.0, -3.0], [2.0, 2.0, 0.98, 0.98, 8.0, 3.0]
+    if start.second_time_constant_s > 0.0:
+        x0, model_of = [*x0, 0.0], _second_order_from(start, scaling)
+    else:
+        x0, model_of = [*x0, 0.0, start.motor_share], _backlash_from(start, scaling)
+        low, high = [*low, 0.02], [*high, 1.0]
+    x = minimize_soft_l1(
+        lambda x: _residuals(segments, model_of(x))[use] * weight,
+        x0,
+        (low, high),
+        [0.1, 0.2, 0.05, 0.05, 0.2, 0.3, 0.2],
         diff_step=1e-3,
         max_nfev=40,
     )
-    return model_of(solution.x)
+    return model_of(x)
+
+
+def _second_order_from(start: RicherModel, scaling: Scaling) -> Callable[[FloatArray], RicherModel]:
+    """Return the function from the solver's variables to a second-order model."""
+    return lambda x: replace(
+        start,
+        base=scaling.model(x, start.base),
+        second_time_constant_s=start.second_time_constant_s * float(np.exp(x[5])),
+    )
+
+
+def _backlash_from(start: RicherModel, scaling: Scaling) -> Callable[[FloatArray], RicherModel]:
+    """Return the function from the solver's variables to a backlash model."""
+    return lambda x: replace(
+        start,
+        base=scaling.model(x, start.base),
+        play_rad=start.play_rad * float(np.exp(x[5])),
+        motor_share=float(x[6]),
+    )
+
+
+class _State(NamedTuple):
+    """Motor and load at one time."""
+
+    omega: float  # of the motor [rad/s]
+    load: float  # speed of the load [rad/s]
+    gap: float  # motor angle in the backlash, 0 ... backlash [rad]
+    filtered_drive: float  # behind the second time constant [drive unit]
+
+
+@kernel
+def _step(
+    state: _State, u: float, h: float, motor: MotorParameters, extra: ExtraParameters
+) -> tuple[_State, float]:
+    """Hold the drive `u` for `h` seconds; return the new state and the angle that the motor turned."""
+    omega, load, gap, filtered = state.omega, state.load, state.gap, state.filtered_drive
+    play, share = extra.backlash_rad, extra.motor_share
+    filtered = u + (filtered - u) * math.exp(-h / extra.lag_s) if extra.lag_s > 0.0 else u
+    direction = math.copysign(1.0, omega) if omega != 0.0 else math.copysign(1.0, filtered)
+    friction = motor.friction_forward if direction > 0.0 else motor.friction_backward
+    final = motor.gain * (filtered - direction * friction)
+    stays_at_rest = omega == 0.0 and final * direction <= 0.0
+    moves_load = _moves_load(state, final, play)
+    if moves_load and play > 0.0 and omega != load:
+        omega = share * omega + (1.0 - share) * load  # inelastic impact
+    tau = motor.tau_s if moves_load else share * motor.tau_s
+    after = 0.0 if stays_at_rest else final + (omega - final) * math.exp(-h / tau)
+    if omega != 0.0 and after * omega < 0.0:
+        after = 0.0
+    turned = 0.5 * (omega + after) * h
+    if moves_load:
+        load = after
+    else:
+        load *= math.exp(-h / (COASTING_RATIO * motor.tau_s))
+        gap = min(max(gap + (0.5 * (omega + after) - load) * h, 0.0), play)
+        if (gap >= play and after > load) or (gap <= 0.0 and after < load):
+            impact = share * after + (1.0 - share) * load
+            turned, after, load = 0.5 * (omega + impact) * h, impact, impact
+    return _State(after, load, gap, filtered), turned
+
+
+@kernel
+def _moves_load(state: _State, final: float, backlash: float) -> bool:
+    """Return whether the motor is in contact with its load and pushes it; always without backlash."""
+    if backlash == 0.0:
+        return True
+    at_front = state.gap >= backlash and state.omega >= state.load and final > state.omega
+    at_back = state.gap <= 0.0 and state.omega <= state.load and final < state.omega
+    return at_front or at_back
+
+
+@kernel
+def simulate_richer(
+    signal: DriveSignal, query_s: FloatArray, omega: float, motor: MotorParameters, extra: ExtraParameters
+) -> tuple[FloatArray, FloatArray]:
+    """Return angle [rad] and speed [rad/s] of the motor at the query times; see `simulate`.
+
+    Steps are an eighth of the shortest time constant, at least 0.2 ms.
+    """
+    n = len(query_s)
+    angles, speeds = np.zeros(n), np.zeros(n)
+    t = query_s[0]
+    i, u = apply_changes(signal, 0, signal.initial, t, motor.delay_s)
+    play = extra.backlash_rad
+    gap = play if omega > 0.0 else 0.0 if omega < 0.0 else 0.5 * play
+    own_tau = motor.tau_s if play == 0.0 else extra.motor_share * motor.tau_s
+    fastest = min(own_tau, extra.lag_s if extra.lag_s > 0.0 else own_tau)
+    max_step = max(fastest / STEPS_PER_TIME_CONSTANT, MIN_STEP_S)
+    state, angle = _State(omega, omega, gap, u), 0.0
+    speeds[0] = omega
+    for j in range(1, n):
+        while t < query_s[j]:
+            until = next_event_s(signal, i, t, query_s[j], motor.delay_s)
+            h = min(until - t, max_step)
+            state, turned = _step(state, u, h, motor, extra)
+            angle += turned
+            t = until if h == until - t else t + h
+            i, u = apply_changes(signal, i, u, t, motor.delay_s)
+        angles[j] = angle
+        speeds[j] = state.omega
+    return angles, speeds

@@ -1,1 +1,1 @@
-"""Anybody's motor log, read and put in order."""
+"""Read motor logs of any format into one clean form."""

@@ -1,17 +1,18 @@
-"""Which column of a foreign table is what: names, units and wheels."""
+"""Recognize the columns of any motor log by their headers: quantity, unit and wheel."""
 
 import math
 import re
 from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 
 from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
 
-LONGEST_HEADER = 60
+MAX_HEADER_LENGTH = 60
 
 
 class Quantity(Enum):
-    """What a column can hold."""
+    """Quantity that a column holds."""
 
     TIME = "time"
     PWM = "pwm"
@@ -25,18 +26,18 @@ class Quantity(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
-    """A column that is understood: `scale` takes it to SI (counts/s to counts/s: those need the encoder)."""
+    """A recognized column. `scale` converts it to SI units, but leaves counts as counts."""
 
     index: int
     header: str
     quantity: Quantity
     scale: float
-    motor: str  # "" = belongs to all
-    needs_encoder: bool = False  # a speed in counts
+    motor: str  # empty: common to all motors
+    needs_encoder: bool = False  # in counts: the encoder's resolution is needed
 
 
-# The longest word that fits decides; words are matched whole, after the unit and the wheel were taken off.
-WORDS = {
+# Names are matched as whole words, longest first, after the wheel is removed. The other words are the unit.
+NAMES = {
     Quantity.TIME: (
         "time",
         "t",
@@ -52,20 +53,18 @@ WORDS = {
     Quantity.PWM: ("pwm", "duty", "dutycycle", "u", "command", "cmd", "drive", "input"),
     Quantity.VOLTAGE: ("voltage", "volt", "volts", "v", "uin", "vin", "vm", "motor voltage", "input voltage"),
     Quantity.COUNTS: (
-        (
-            "counts",
-            "count",
-            "ticks",
-            "tick",
-            "encoder",
-            "enc",
-            "position",
-            "pos",
-            "steps",
-            "pulses",
-            "angle",
-            "theta",
-        )
+        "counts",
+        "count",
+        "ticks",
+        "tick",
+        "encoder",
+        "enc",
+        "position",
+        "pos",
+        "steps",
+        "pulses",
+        "angle",
+        "theta",
     ),
     Quantity.COUNTS_PER_ROW: (
         "delta counts",
@@ -106,15 +105,21 @@ SIDES = ("left", "right", "l", "r", "front", "rear", "fl", "fr", "rl", "rr", "m1
 LONG_SIDES = {"l": "left", "r": "right"}
 
 
-def understand(header: str, index: int) -> Column | None:
-    """Say what a header means, or None. `left_speed_rad_s`, `Voltage (V)` and `u [mV]` all have a meaning."""
+def parse_header(header: str, index: int) -> Column | None:
+    """Recognize a header such as `left_speed_rad_s`, `Voltage (V)` or `u [mV]`; None if unknown.
+
+    Raises
+    ------
+    ThumperError
+        The quantity is known, but its unit is not.
+    """
     words = _words(header)
     sides = [word for word in words if word in SIDES]
     motor = LONG_SIDES.get(sides[0], sides[0]) if sides else ""
     words = [word for word in words if word not in SIDES] if sides and len(words) > 1 else words
     for cut in range(len(words), 0, -1):
         name, unit = " ".join(words[:cut]), " ".join(words[cut:])
-        for quantity, names in WORDS.items():
+        for quantity, names in NAMES.items():
             if name in names and (column := _with_unit(header, index, quantity, name, unit, motor)):
                 return column
     return None
@@ -123,40 +128,50 @@ def understand(header: str, index: int) -> Column | None:
 def _with_unit(
     header: str, index: int, quantity: Quantity, name: str, unit: str, motor: str
 ) -> Column | None:
-    def column(scale: float, *, of: Quantity = quantity, needs_encoder: bool = False) -> Column:
-        return Column(
-            index=index, header=header, quantity=of, scale=scale, motor=motor, needs_encoder=needs_encoder
-        )
-
+    column = partial(Column, index=index, header=header, motor=motor)
+    if special := _special_column(column, quantity, unit):
+        return special
     if quantity is Quantity.COUNTS_PER_ROW:
-        return column(1.0) if not unit else None
-    if quantity is Quantity.COUNTS and unit in ("s", "sec"):
-        return column(1.0, of=Quantity.SPEED, needs_encoder=True)
-    if quantity is Quantity.COUNTS and unit in ("delta", "diff", "per row", "per interval", "per period"):
-        return column(1.0, of=Quantity.COUNTS_PER_ROW)
-    if quantity is Quantity.PWM and unit in ("v", "mv"):  # "u [V]", "command_V"
-        return column(UNITS[Quantity.VOLTAGE][unit], of=Quantity.VOLTAGE)
-    if quantity is Quantity.SPEED and unit in COUNT_SPEEDS:
-        return column(1.0, needs_encoder=True)
+        return None
     units = UNITS[quantity]
-    if quantity in (Quantity.PWM, Quantity.COUNTS):
-        unit = unit or (name if name in units else "")
-        unit = "" if unit in ("counts", "count", "ticks", "lsb", "255", "8bit", "raw") else unit
-    elif not unit:
-        unit = name if name in units else next(iter(units))  # "rpm", "millis"; else SI
+    unit = _unit_or_default(quantity, name, unit)
     if unit not in units:
-        if not header.isprintable() or len(header) > LONGEST_HEADER:
+        if not header.isprintable() or len(header) > MAX_HEADER_LENGTH:
             return None
         if quantity in (Quantity.CURRENT, Quantity.BATTERY):
-            return None  # welcome, but not needed
+            return None  # optional columns are ignored instead
         raise ThumperError(
-            f"column {header!r}: the unit {unit!r} is not known; rename it, for example to "
+            f"column {header!r}: unknown unit {unit!r}; rename it, for example to "
             f"{quantity.value}_{next(iter(units)).replace(' ', '_') or 'raw'}",
             exit_code=EXIT_CHECK_FAILED,
         )
     if quantity is Quantity.COUNTS and unit in POSITIONS_RAD:
-        return column(POSITIONS_RAD[unit] / math.tau)
-    return column(units[unit], needs_encoder=quantity is Quantity.COUNTS)
+        return column(quantity=quantity, scale=POSITIONS_RAD[unit] / math.tau)
+    return column(quantity=quantity, scale=units[unit], needs_encoder=quantity is Quantity.COUNTS)
+
+
+def _special_column(column: "partial[Column]", quantity: Quantity, unit: str) -> Column | None:
+    """Recognize units that change the quantity: counts per second, counts per row, PWM in volts."""
+    if quantity is Quantity.COUNTS_PER_ROW and not unit:
+        return column(quantity=quantity, scale=1.0)
+    if quantity is Quantity.COUNTS and unit in ("s", "sec"):
+        return column(quantity=Quantity.SPEED, scale=1.0, needs_encoder=True)
+    if quantity is Quantity.COUNTS and unit in ("delta", "diff", "per row", "per interval", "per period"):
+        return column(quantity=Quantity.COUNTS_PER_ROW, scale=1.0)
+    if quantity is Quantity.PWM and unit in ("v", "mv"):  # "u [V]", "command_V"
+        return column(quantity=Quantity.VOLTAGE, scale=UNITS[Quantity.VOLTAGE][unit])
+    if quantity is Quantity.SPEED and unit in COUNT_SPEEDS:
+        return column(quantity=quantity, scale=1.0, needs_encoder=True)
+    return None
+
+
+def _unit_or_default(quantity: Quantity, name: str, unit: str) -> str:
+    """Return the unit; without one, the name if it is a unit itself ("rpm", "millis"), else SI or raw."""
+    units = UNITS[quantity]
+    if quantity in (Quantity.PWM, Quantity.COUNTS):
+        unit = unit or (name if name in units else "")
+        return "" if unit in ("counts", "count", "ticks", "lsb", "255", "8bit", "raw") else unit
+    return unit or (name if name in units else next(iter(units)))
 
 
 def _words(header: str) -> list[str]:

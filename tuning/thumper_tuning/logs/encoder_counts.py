@@ -1,21 +1,21 @@
-"""Counts as they come from encoders: wrapped, reset, or given per row. Pure."""
+"""Repair encoder counts: counter wraps, counter resets, counts per row. Pure functions."""
 
 import numpy as np
 
 from thumper.common.geometry import FloatArray
 from thumper_tuning.logs.sampling import IntArray
 
-WIDTHS = (8, 16, 24, 32)
-FILLED = 0.9  # a wrapped counter comes this near to both of its ends
+COUNTER_BITS = (8, 16, 24, 32)
+MIN_RANGE_USED = 0.9  # a counter that wraps uses at least this share of its range
 
 
 def unwrap(counts: FloatArray) -> tuple[FloatArray, int]:
-    """Undo the wrap of a counter of 8, 16, 24 or 32 bits, signed or not; NaN stays NaN.
+    """Undo the wraps of a signed or unsigned counter of 8, 16, 24 or 32 bits; NaN stays NaN.
 
     Returns
     -------
     tuple
-        The counts without jumps, and the counter's bits, 0 if it never wrapped.
+        The counts without jumps, and the counter's bits (0: it never wraps).
     """
     known = np.flatnonzero(np.isfinite(counts))
     if len(known) < 3:
@@ -23,13 +23,13 @@ def unwrap(counts: FloatArray) -> tuple[FloatArray, int]:
     values = counts[known]
     steps = np.diff(values)
     usual = 20.0 * (np.median(np.abs(steps)) + 1.0)
-    for bits in WIDTHS:
+    for bits in COUNTER_BITS:
         span = 2.0**bits
-        inside = (values.min() >= 0 and values.max() < span) or (
+        in_range = (values.min() >= 0 and values.max() < span) or (
             values.min() >= -span / 2 and values.max() < span / 2
         )
         jumps = np.abs(steps) > span / 2
-        if not inside or not jumps.any() or np.ptp(values) < FILLED * span:
+        if not in_range or not jumps.any() or np.ptp(values) < MIN_RANGE_USED * span:
             continue
         wrapped = (steps + span / 2) % span - span / 2
         # A wrap leaves an ordinary step behind; a glitch or a reset does not.
@@ -40,14 +40,14 @@ def unwrap(counts: FloatArray) -> tuple[FloatArray, int]:
     return counts, 0
 
 
-def resets(counts: FloatArray) -> IntArray:
-    """Return the rows (indices) at which the counter starts again from zero."""
+def find_resets(counts: FloatArray) -> IntArray:
+    """Return the rows (indices) at which the counter restarts from zero."""
     known = np.flatnonzero(np.isfinite(counts))
     values = counts[known]
     steps = np.abs(np.diff(values))
     usual = np.percentile(steps, 95) if len(steps) else 0.0
     at = (np.abs(values[1:]) <= usual) & (steps > 20.0 * (usual + 1.0))
-    # What returns at once was a spike, not a reset.
+    # A value that jumps back in the next row was a spike, not a reset.
     stays = np.ones(len(at), dtype=bool)
     stays[:-1] = steps[1:] <= 2.0 * (usual + 1.0)
     rows: IntArray = known[1:][at & stays]
@@ -55,19 +55,19 @@ def resets(counts: FloatArray) -> IntArray:
 
 
 def look_like_counts_per_row(counts: FloatArray, drive: FloatArray) -> bool:
-    """Whether the numbers follow the drive as a speed does, and not as a position."""
+    """Return whether the numbers follow the drive as a speed does, not as a position does."""
     known = np.isfinite(counts) & np.isfinite(drive)
     y, u = counts[known], drive[known]
     if len(y) < 10 or np.ptp(y) == 0.0 or np.ptp(u) == 0.0:
         return False
-    as_speed = _explained(y[1:], u[:-1])
-    as_position = _explained(np.diff(y), u[:-1])
+    as_speed = _r_squared(y[1:], u[:-1])
+    as_position = _r_squared(np.diff(y), u[:-1])
     return as_speed > 0.6 and as_speed > as_position + 0.1
 
 
-def _explained(y: FloatArray, u: FloatArray) -> float:
-    """R^2 of y on the last two inputs and their sign."""
-    before = np.concatenate(([u[0]], u[:-1]))
-    X = np.column_stack((u, before, np.sign(u), np.ones_like(u)))
+def _r_squared(y: FloatArray, u: FloatArray) -> float:
+    """R^2 of a regression of y on the last two inputs and the sign of the last."""
+    previous = np.concatenate(([u[0]], u[:-1]))
+    X = np.column_stack((u, previous, np.sign(u), np.ones_like(u)))
     residual = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
     return float(1.0 - residual.var() / max(y.var(), 1e-12))

@@ -1,4 +1,4 @@
-"""Put rows into the order of time, and find where a log breaks off. Pure."""
+"""Sort the rows of a log by time and find its gaps. Pure functions."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,48 +8,49 @@ from thumper_tuning.logs.motor_log import BoolArray
 
 IntArray = NDArray[np.intp]
 
-REGULAR_SPREAD = 1.6  # 90th over 10th percentile of the steps below this: a steady beat, a gap is a lost row
-GAP_REGULAR, GAP_IRREGULAR = 1.7, 6.0  # steps longer than this many medians are gaps
+# Sampling is regular if the 90th percentile of the periods is less than this many times the 10th.
+# Then a gap is one lost row.
+REGULAR_RATIO = 1.6
+GAP_REGULAR, GAP_IRREGULAR = 1.7, 6.0  # periods longer than this many medians are gaps
 
 
-def order_rows(time_s: FloatArray) -> tuple[IntArray, BoolArray, list[str]]:
-    """Return which rows to keep in which order, where stretches begin, and what was found.
+def sort_rows(time_s: FloatArray) -> tuple[IntArray, BoolArray, list[str]]:
+    """Return the rows to keep in time order, where segments start, and warnings.
 
-    A time that falls back by a few rows is rows out of order: they are sorted. One that falls back
-    further is a
-    clock that started again: a new stretch. Of rows at one time the first is kept.
+    If time falls back by a few rows, the rows were out of order and are sorted. If it falls back further, the
+    clock restarted and a new segment starts. Of several rows at the same time, the first is kept.
     """
-    notes: list[str] = []
+    warnings: list[str] = []
     steps = np.diff(time_s)
     period_s = float(np.median(steps[steps > 0]))
     restarts = np.flatnonzero(steps < -10.0 * period_s) + 1
     order: list[int] = []
-    begins: list[bool] = []
-    swapped = doubled = gaps = 0
+    starts: list[bool] = []
+    unordered = repeated = gap_count = 0
     for part in np.split(np.arange(len(time_s)), restarts):
         ranks = np.argsort(time_s[part], kind="stable")
-        swapped += int(np.sum(np.diff(time_s[part]) < 0))
+        unordered += int(np.sum(np.diff(time_s[part]) < 0))
         kept = part[ranks]
-        fresh = np.concatenate(([True], np.diff(time_s[kept]) > 1e-3 * period_s))
-        doubled += int(np.sum(~fresh))
-        kept = kept[fresh]
-        gap = _gaps(np.diff(time_s[kept]), period_s)
-        gaps += int(gap.sum())
+        is_new_time = np.concatenate(([True], np.diff(time_s[kept]) > 1e-3 * period_s))
+        repeated += int(np.sum(~is_new_time))
+        kept = kept[is_new_time]
+        gaps = _gaps(np.diff(time_s[kept]), period_s)
+        gap_count += int(gaps.sum())
         order.extend(kept.tolist())
-        begins.extend([True, *gap.tolist()])
-    if swapped:
-        notes.append(f"{swapped} rows were out of order: sorted by time")
-    if doubled:
-        notes.append(f"{doubled} rows repeat a time: left out")
-    if gaps:
-        notes.append(f"{gaps} gaps in time: the motor's state is found anew after each")
+        starts.extend([True, *gaps.tolist()])
+    if unordered:
+        warnings.append(f"{unordered} rows were out of order: sorted by time")
+    if repeated:
+        warnings.append(f"{repeated} rows repeat a time: dropped")
+    if gap_count:
+        warnings.append(f"{gap_count} gaps in time: the motor's state is estimated again after each")
     if len(restarts):
-        notes.append(f"the time starts again {len(restarts)} times: read as {len(restarts) + 1} runs")
-    return np.array(order, dtype=np.intp), np.array(begins, dtype=bool), notes
+        warnings.append(f"the clock restarts {len(restarts)} times: read as {len(restarts) + 1} runs")
+    return np.array(order, dtype=np.intp), np.array(starts, dtype=bool), warnings
 
 
 def _gaps(steps: FloatArray, period_s: float) -> BoolArray:
     low, high = np.percentile(steps, (10, 90)) if len(steps) else (1.0, 1.0)
-    factor = GAP_REGULAR if high < REGULAR_SPREAD * low else GAP_IRREGULAR
+    factor = GAP_REGULAR if high < REGULAR_RATIO * low else GAP_IRREGULAR
     result: BoolArray = steps > factor * period_s
     return result

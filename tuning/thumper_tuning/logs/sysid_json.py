@@ -1,4 +1,4 @@
-"""WPILib SysId's recordings: four tests, two sides, each row with its voltages, positions and speeds."""
+"""Read WPILib SysId drive-train recordings: four tests, two sides, voltages, positions and speeds."""
 
 import json
 import math
@@ -16,16 +16,14 @@ UNIT_RAD = {"Rotations": math.tau, "Radians": 1.0, "Degrees": math.pi / 180.0}
 
 
 def read_sysid(path: Path) -> list[MotorLog]:
-    """Read a drive-train recording. Metres become radians of the wheel by `unitsPerRotation`.
+    """Read a drive-train recording; `unitsPerRotation` converts metres to radians of the wheel.
 
-    Positions are used, not the reported speeds: those are delayed by a filter that nobody wrote down.
-    Samples at
-    which the sensor had nothing new are left out.
+    Uses the positions, not the reported speeds: those were filtered, and the file does not say how.
 
     Raises
     ------
     ThumperError
-        The file is no SysId drive-train recording.
+        The file is not a SysId drive-train recording.
     """
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
@@ -35,23 +33,23 @@ def read_sysid(path: Path) -> list[MotorLog]:
         raise ThumperError(f"{path}: cannot read the log: {error.strerror}", exit_code=EXIT_USAGE) from error
     except (ValueError, KeyError, TypeError) as error:
         raise ThumperError(
-            f"{path}: no SysId recording ({error}); give a CSV file", exit_code=EXIT_CHECK_FAILED
+            f"{path}: not a SysId recording ({error}); pass a CSV file", exit_code=EXIT_CHECK_FAILED
         ) from error
     if not tests or any(test.ndim != 2 or test.shape[1] < 7 for test in tests):
         raise ThumperError(
-            f"{path}: no SysId drive-train recording; give a CSV file", exit_code=EXIT_CHECK_FAILED
+            f"{path}: not a SysId drive-train recording; pass a CSV file", exit_code=EXIT_CHECK_FAILED
         )
-    return [_side(tests, name, voltage, position, rad) for name, voltage, position in SIDES]
+    return [_side_log(tests, name, voltage, position, rad) for name, voltage, position in SIDES]
 
 
-def _side(tests: list[Any], name: str, voltage: int, position: int, rad: float) -> MotorLog:
-    begins = np.concatenate([np.arange(len(test)) == 0 for test in tests])
+def _side_log(tests: list[Any], name: str, voltage: int, position: int, rad: float) -> MotorLog:
+    starts_segment = np.concatenate([np.arange(len(test)) == 0 for test in tests])
     rows = np.concatenate(tests)
     return MotorLog(
         name=name,
         drive_unit=DriveUnit.VOLT,
         time_s=rows[:, 0],
         drive=rows[:, voltage],
-        begins=begins,
+        starts_segment=starts_segment,
         position_rad=rows[:, position] * rad,
     )

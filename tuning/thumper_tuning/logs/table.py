@@ -1,4 +1,4 @@
-"""A table of numbers from a text file, whatever its separator, decimal sign and preamble."""
+"""Read a table of numbers from a text file with any separator, decimal sign and preamble."""
 
 import csv
 from dataclasses import dataclass
@@ -9,15 +9,15 @@ import numpy as np
 
 from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray
-from thumper_tuning.logs.columns import Column, understand
+from thumper_tuning.logs.columns import Column, parse_header
 
 SEPARATORS = (",", ";", "\t", "|", " ")
-PREAMBLE_LINES = 50
+MAX_PREAMBLE_LINES = 50
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Table:
-    """The columns that are understood, and their values as in the file, shape (n, len(columns))."""
+    """The recognized columns, and their values as in the file, shape (n, len(columns))."""
 
     columns: tuple[Column, ...]
     values: FloatArray
@@ -25,29 +25,29 @@ class Table:
 
 
 def read_table(path: Path) -> Table:
-    """Read a CSV file; cells that are no number become NaN.
+    """Read a CSV file; cells that are not numbers become NaN.
 
     Raises
     ------
     ThumperError
-        The file cannot be read, or no line names columns that a motor log has.
+        The file cannot be read, or no line names columns of a motor log.
     """
-    lines = [line for line in _text(path).splitlines() if line.strip() and not _is_comment(line)]
-    for number, line in enumerate(lines[:PREAMBLE_LINES]):
+    lines = [line for line in _read_text(path).splitlines() if line.strip() and not _is_comment(line)]
+    for number, line in enumerate(lines[:MAX_PREAMBLE_LINES]):
         for separator in SEPARATORS:
             headers = _cells(line, separator)
             if len(headers) < 2 or sum(_number(cell) == _number(cell) for cell in headers) > 0:
                 continue
-            columns = [column for i, text in enumerate(headers) if (column := understand(text, i))]
+            columns = [column for i, text in enumerate(headers) if (column := parse_header(text, i))]
             if len(columns) >= 2:
-                return _table(lines[number + 1 :], separator, headers, columns)
+                return _parse_rows(lines[number + 1 :], separator, headers, columns)
     raise ThumperError(
-        f"{path}: no line names the columns; put one on top, for example time_s,pwm,counts",
+        f"{path}: no line names the columns; add one on top, for example time_s,pwm,counts",
         exit_code=EXIT_CHECK_FAILED,
     )
 
 
-def _table(lines: list[str], separator: str, headers: list[str], columns: list[Column]) -> Table:
+def _parse_rows(lines: list[str], separator: str, headers: list[str], columns: list[Column]) -> Table:
     rows = [_cells(line, separator) for line in lines]
     values = np.full((len(rows), len(columns)), np.nan)
     for k, row in enumerate(rows):
@@ -57,7 +57,7 @@ def _table(lines: list[str], separator: str, headers: list[str], columns: list[C
     return Table(columns=tuple(columns), values=values, headers=tuple(headers))
 
 
-def _text(path: Path) -> str:
+def _read_text(path: Path) -> str:
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -71,21 +71,20 @@ def _text(path: Path) -> str:
 
 
 def _is_comment(line: str) -> bool:
-    """A comment; but a header may hide behind the sign, as in numpy's savetxt."""
+    """Return whether the line is a comment. numpy's savetxt writes the header as one: that is none."""
     stripped = line.lstrip()
     if not stripped.startswith(("#", "%", "//")):
         return False
     bare = stripped.lstrip("#%/ ")
     return not any(
-        len(cells := _cells(bare, separator)) > 1 and sum(understand_quietly(cell) for cell in cells) > 1
+        len(cells := _cells(bare, separator)) > 1 and sum(_is_known_header(cell) for cell in cells) > 1
         for separator in SEPARATORS
     )
 
 
-def understand_quietly(header: str) -> bool:
-    """Whether the header has a meaning."""
+def _is_known_header(header: str) -> bool:
     try:
-        return understand(header, 0) is not None
+        return parse_header(header, 0) is not None
     except ThumperError:
         return False
 

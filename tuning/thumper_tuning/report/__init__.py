@@ -1,1 +1,1 @@
-"""Figures and the page that holds them."""
+"""Results as text, as figures, and as one HTML page."""

@@ -1,16 +1,17 @@
-"""One HTML file that opens offline: tables, warnings and figures."""
+"""The tuning report: one HTML file with tables, warnings and figures, which opens offline."""
 
 import base64
 import html
 import io
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from thumper_tuning.design.fixed_point import SPECS, BoardGains
+from thumper_tuning.design.fixed_point import PARAMETER_SPECS, BoardGains
 from thumper_tuning.design.gains import Design
-from thumper_tuning.design.loop_analysis import Plant, judge
+from thumper_tuning.design.loop_analysis import LoopMargins, Plant, loop_margins
 from thumper_tuning.drive.verify import Verification
-from thumper_tuning.identify.motor import Identified
+from thumper_tuning.identify.motor import IdentifiedMotor
 from thumper_tuning.identify.result_json import NOT_IDENTIFIABLE
 
 if TYPE_CHECKING:
@@ -21,23 +22,29 @@ table{border-collapse:collapse;margin:1em 0}td,th{border:1px solid #ccc;padding:
 th:first-child,td:first-child{text-align:left}img{max-width:100%}li{margin:.2em 0}h2{margin-top:2em}"""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoardResults:
+    """What a tuning on a board adds to the report: verifications with the old and the new gains."""
+
+    before: Verification
+    after: Verification
+
+
 def write_report(
-    path: Path,
-    motors: list[Identified],
-    design: Design,
-    old: BoardGains | None = None,
-    before: Verification | None = None,
-    after: Verification | None = None,
+    path: Path, motors: list[IdentifiedMotor], design: Design, board: BoardResults | None = None
 ) -> Path:
-    """Write the page; `old` and the verifications are there if a board was."""
+    """Write the page; `board` is None for a design from logs alone."""
     from thumper_tuning.report import figures
 
-    parts = ["<h1>Wheel speed control: what was found and what it does</h1>"]
-    if after is not None:
-        from thumper_tuning.report.figures import tracking
-
-        parts += ["<h2>On the robot</h2>", _tracking_table(before, after), _image(tracking(before, after))]
-    parts += ["<h2>Gains</h2>", _gains_table(design, old), _loop_table(design, old)]
+    old = board.before.gains if board else None
+    parts = ["<h1>Wheel speed control: tuning report</h1>"]
+    if board is not None:
+        parts += [
+            "<h2>On the robot</h2>",
+            _tracking_table(board),
+            _image(figures.tracking(board.before, board.after)),
+        ]
+    parts += ["<h2>Gains</h2>", _gains_table(design, old), _margins_table(design, old)]
     parts.append(_image(figures.step(design, (old.kp, old.ki) if old else None)))
     parts += [
         _image(draw(design))
@@ -45,7 +52,7 @@ def write_report(
     ]
     for motor in motors:
         parts += [f"<h2>Motor {html.escape(motor.name)}</h2>", _motor_table(motor)]
-        parts += [f"<p>Note: {html.escape(note)}.</p>" for note in motor.warnings]
+        parts += [f"<p>Note: {html.escape(warning)}.</p>" for warning in motor.warnings]
         parts += [
             _image(draw(motor)) for draw in (figures.data_and_model, figures.residuals, figures.static_map)
         ]
@@ -75,7 +82,7 @@ def _table(header: list[str], rows: list[list[str]]) -> str:
 
 
 def _gains_table(design: Design, old: BoardGains | None) -> str:
-    integers = design.gains.integers()
+    wire = design.gains.wire_values()
     return _table(
         ["parameter", "before", "after", "unit", "on the wire"],
         [
@@ -83,28 +90,34 @@ def _gains_table(design: Design, old: BoardGains | None) -> str:
                 name,
                 f"{getattr(old, name):.4g}" if old else "",
                 f"{value:.4g}",
-                SPECS[name].unit,
-                str(integers[name]),
+                PARAMETER_SPECS[name].unit,
+                str(wire[name]),
             ]
             for name, value in design.gains.items()
         ],
     )
 
 
-def _loop_table(design: Design, old: BoardGains | None) -> str:
-    rows = []
-    plant = Plant.of(design.model, design.period_s)
+def _margins_table(design: Design, old: BoardGains | None) -> str:
+    loops: list[tuple[str, LoopMargins]] = []
     if old is not None:
-        figures = judge(plant, old.kp, old.ki)
-        rows.append(["before", f"{figures.sensitivity:.2f}", f"{figures.gain_margin:.2f}",
-                     f"{figures.phase_margin_deg:.0f}", f"{figures.delay_margin_s:.3f}"])  # fmt: skip
-    for name, loop in (("after", design.loop), ("after, worst of the family", design.worst)):
-        rows.append([name, f"{loop.sensitivity:.2f}", f"{loop.gain_margin:.2f}",
-                     f"{loop.phase_margin_deg:.0f}", f"{loop.delay_margin_s:.3f}"])  # fmt: skip
+        plant = Plant.from_model(design.model, design.period_s)
+        loops.append(("before", loop_margins(plant, old.kp, old.ki)))
+    loops += [("after", design.margins), ("after, worst case of the plant family", design.worst_case)]
+    rows = [
+        [
+            name,
+            f"{margins.max_sensitivity:.2f}",
+            f"{margins.gain_margin:.2f}",
+            f"{margins.phase_margin_deg:.0f}",
+            f"{margins.delay_margin_s:.3f}",
+        ]
+        for name, margins in loops
+    ]
     return _table(["loop", "Ms", "gain margin", "phase margin [deg]", "delay margin [s]"], rows)
 
 
-def _motor_table(motor: Identified) -> str:
+def _motor_table(motor: IdentifiedMotor) -> str:
     model, std, unit = motor.model, motor.uncertainty, motor.unit.value
     return _table(
         ["parameter", "value", "+- (1 sigma)", "unit"],
@@ -119,18 +132,25 @@ def _motor_table(motor: Identified) -> str:
     )
 
 
-def _tracking_table(before: Verification | None, after: Verification) -> str:
-    rows = []
-    for name, run in (("before", before), ("after", after)):
-        for t in run.tracking if run else ():
-            rows.append([name, f"{t.acceleration_rad_s2:g}", f"{t.mean_rad_s:+.3f}", f"{t.std_rad_s:.3f}",
-                         f"{t.largest_rad_s:.2f}", f"{t.floor_rad_s:.2f}"])  # fmt: skip
+def _tracking_table(board: BoardResults) -> str:
+    rows = [
+        [
+            name,
+            f"{t.acceleration_rad_s2:g}",
+            f"{t.mean_rad_s:+.3f}",
+            f"{t.std_rad_s:.3f}",
+            f"{t.max_rad_s:.2f}",
+            f"{t.no_preview_std_rad_s:.2f}",
+        ]
+        for name, run in (("before", board.before), ("after", board.after))
+        for t in run.tracking
+    ]
     header = [
-        "same-tick error",
+        "tracking error, same tick",
         "ramp [rad/s^2]",
         "mean [rad/s]",
         "std [rad/s]",
-        "largest",
-        "floor without preview",
+        "maximum [rad/s]",
+        "limit without preview [rad/s]",
     ]
     return _table(header, rows)

@@ -1,0 +1,64 @@
+"""Results as lines of text, for the terminal and the web page."""
+
+from thumper_tuning.design.gains import Design
+from thumper_tuning.drive.verify import Verification
+from thumper_tuning.identify.motor import IdentifiedMotor
+from thumper_tuning.logs.motor_log import DriveUnit
+
+MAX_QUIET_SENSITIVITY = 2.0  # a worst-case Ms up to this needs no warning
+
+
+def motor_lines(motor: IdentifiedMotor) -> list[str]:
+    """Return the identified parameters, one per line, and the warnings."""
+    model, std = motor.model, motor.uncertainty
+    unit = motor.unit.name if motor.unit is DriveUnit.PWM else motor.unit.value
+    return [
+        f"{motor.name}: predicts held-out speeds to {motor.validation.fit_percent:.1f} %",
+        f"  gain             {model.gain:9.5f} +- {std.gain:.5f} rad/s per {unit}",
+        f"  time constant    {model.time_constant_s:9.4f} +- {std.time_constant_s:.4f} s",
+        f"  static friction  {model.friction:9.2f} +- {std.friction:.2f} {unit} "
+        f"(forward {model.friction_forward:.2f}, backward {model.friction_backward:.2f})",
+        f"  delay            {model.delay_s:9.4f} +- {std.delay_s:.4f} s",
+        *[f"  note: {warning}" for warning in motor.warnings],
+    ]
+
+
+def motor_summary(motor: IdentifiedMotor) -> list[str]:
+    """Return the identified parameters in one line, and the warnings."""
+    model, std = motor.model, motor.uncertainty
+    return [
+        f"{motor.name}: gain {model.gain:.5f} +- {std.gain:.5f} rad/s per PWM, time constant "
+        f"{model.time_constant_s:.4f} +- {std.time_constant_s:.4f} s, static friction "
+        f"{model.friction:.1f} +- {std.friction:.1f} PWM; predicts {motor.validation.fit_percent:.1f} %",
+        *[f"note: {warning}" for warning in motor.warnings],
+    ]
+
+
+def design_lines(design: Design) -> list[str]:
+    """Return the gains, the loop's margins, and a warning if another load or battery reduces them."""
+    wire = design.gains.wire_values()
+    margins, worst, step = design.margins, design.worst_case, design.step_info
+    lines = [f"  {name:13} {value:9.4f}   ({wire[name]} on the wire)" for name, value in design.gains.items()]
+    lines.append(
+        f"  Ms {margins.max_sensitivity:.2f} (worst of the family {worst.max_sensitivity:.2f}), gain margin "
+        f"{margins.gain_margin:.2f}, phase margin {margins.phase_margin_deg:.0f} deg, delay margin "
+        f"{margins.delay_margin_s:.3f} s; PI alone: settles in {step.settling_time_s:.2g} s, overshoot "
+        f"{step.overshoot_percent:.0f} %"
+    )
+    if not worst.stable:
+        lines.append("  note: these gains make a plant of the family unstable; choose a smaller Ms")
+    elif worst.max_sensitivity > MAX_QUIET_SENSITIVITY:
+        lines.append(
+            "  note: with another load or battery the loop comes near to ringing (worst Ms); "
+            "`--ms 1.4` or a lower control rate leaves more margin"
+        )
+    return lines
+
+
+def tracking_lines(verification: Verification) -> list[str]:
+    """Return the tracking error, one line per ramp."""
+    return [
+        f"  ramp {t.acceleration_rad_s2:g} rad/s^2: error mean {t.mean_rad_s:+.3f}, std "
+        f"{t.std_rad_s:.3f} rad/s (a loop without preview: {t.no_preview_std_rad_s:.2f} at best)"
+        for t in verification.tracking
+    ]
