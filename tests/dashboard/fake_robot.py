@@ -141,33 +141,36 @@ class FakeRobot:
             self.goal = None
 
     def _answer(self, name: str, content: Mapping[str, Any]) -> dict[str, Any]:
+        answer: dict[str, Any] = {}
         match name:
             case "parameters/schema":
-                return board_parameters.schema()
+                answer = board_parameters.schema()
             case "parameters/get" | "parameters/revert":
-                return {"values": self.parameters}
+                answer = {"values": self.parameters}
             case "parameters/set":
                 for key, value in content.items():
                     spec = next(spec for spec in PARAMETERS if spec.name == key)
                     if not spec.minimum <= value <= spec.maximum:
                         raise ValueError(f"the board refused {key} = {value:g}")
                 self.parameters.update(content)
-                return {"values": {key: self.parameters[key] for key in content}}
+                answer = {"values": {key: self.parameters[key] for key in content}}
             case "parameters/save":
-                return {}
+                pass
             case "command":
                 self._run_command(content["command"])
-                return {"text": f"done: {content['command']}"}
+                answer = {"text": f"done: {content['command']}"}
             case "simulator/world":
                 kinds = {"lidar": {"choices": ["ok", "unplugged"]}, "slip.left": {"most": 1.0, "unit": ""}}
-                return {"faults": kinds, "on": self.simulated_faults, "pillars": 0}
+                answer = {"faults": kinds, "on": self.simulated_faults, "pillars": 0}
             case "simulator/command":
                 self.simulated_faults[content["fault"]] = content["value"]
-                return {"text": f"{content['fault']} is {content['value']}"}
+                answer = {"text": f"{content['fault']} is {content['value']}"}
             case "mission/send":
                 self.goal = Pose2(x_m=content["x_m"], y_m=content["y_m"], theta_rad=content.get("yaw_rad", 0))
-                return {"mission": 1}
-        raise ValueError(f"no such service: {name}")
+                answer = {"mission": 1}
+            case _:
+                raise ValueError(f"no such service: {name}")
+        return answer
 
     def _publish(self, cycle: int) -> None:
         now_s, messages = time.time(), self._messages

@@ -89,13 +89,8 @@ class PageCommands:
             case InitialPose():
                 pose = Pose2(x_m=message.x_m, y_m=message.y_m, theta_rad=message.yaw_rad)
                 self._robot.publish("initialpose", self._messages.pose(now_s, pose), source=page)
-            case Waypoints() if len(message.places) > 1:
-                # Each heading points to the next waypoint.
-                path = self._messages.path(now_s, np.array(message.places))
-                self._robot.publish("waypoints", path, source=page)
             case Waypoints():
-                x_m, y_m = message.places[0]
-                return self._mission(page, SendMission(x_m=x_m, y_m=y_m))
+                return self._send_waypoints(page, message, now_s)
             case GoalMessage():
                 goal = SendMission(x_m=message.x_m, y_m=message.y_m, yaw_rad=message.yaw_rad)
                 return self._mission(page, goal)
@@ -107,6 +102,15 @@ class PageCommands:
             case Obstacle():
                 pillar = {"pillar": self._pillar(message)}
                 return self._text_query(services.SIMULATOR_COMMAND, pillar, page)
+        return None
+
+    def _send_waypoints(self, page: str, message: Waypoints, now_s: float) -> PendingQuery | None:
+        """Send a path with headings to the next waypoint each; a single place is a goal."""
+        if len(message.places) == 1:
+            x_m, y_m = message.places[0]
+            return self._mission(page, SendMission(x_m=x_m, y_m=y_m))
+        path = self._messages.path(now_s, np.array(message.places))
+        self._robot.publish("waypoints", path, source=page)
         return None
 
     def _pillar(self, message: Obstacle) -> dict[str, float]:
