@@ -70,6 +70,13 @@ class RequestHandler:
         self._publisher = publisher
         self._check_goal = check_goal
         self._services = self._answers()
+        self._drive_commands: dict[str, Handler] = {
+            "cancel": self._cancel,
+            "estop": self._emergency_stop,
+            "clear_fault": self._clear_fault,
+            "arm": self._arm,
+            "disarm": self._disarm,
+        }
 
     def process_pending(self) -> None:
         """Handle all queued requests. Never raises: a failed request is answered with its error."""
@@ -100,7 +107,7 @@ class RequestHandler:
         return any(isinstance(request, EmergencyStop) for request in requests)
 
     def advance_mission(self) -> None:
-        """Once a drive has ended, start the next leg of the mission, or end the mission."""
+        """After the end of a drive, start the next leg of the mission, or end the mission."""
         outcome = self._drive_manager.outcome
         if outcome is None or not self.accepts_goals:
             return
@@ -235,37 +242,42 @@ class RequestHandler:
 
     def _run_command(self, name: object) -> str:
         """Carry out one of `COMMANDS` and return a description."""
-        drive_manager = self._drive_manager
         if not isinstance(name, str) or name not in COMMANDS:
             raise ThumperError(f"unknown command {name!r}; choose from: {', '.join(COMMANDS)}")
-        match name:
-            case "cancel" | "disarm" if self.experiments.stop("stopped on request"):
-                return "the experiment stops"
-            case "cancel":
-                was = drive_manager.mode
-                drive_manager.stop("cancelled")
-                return "the robot was not moving" if was is DriveMode.IDLE else "cancelled; the robot stops"
-            case "estop":
-                drive_manager.emergency_stop()
-                return "emergency stop: the motors are off until the fault is cleared"
-            case "clear_fault":
-                drive_manager.clear_fault()
-                return "fault cleared; the motors are off"
-            case "arm":
-                self._require_no_experiment()
-                drive_manager.arm(self._inputs.telemetry)
-                return "armed; the wheels hold still"
-            case "disarm":
-                drive_manager.disarm("disarmed")
-                return "the motors are off"
-            case "localise" | "map_on" | "relocalise":
-                return self._change_mode(name)
+        if name in ("cancel", "disarm") and self.experiments.stop("stopped on request"):
+            return "the experiment stops"
+        if name in slam_mode.MODES:
+            return self._change_mode(name)
+        if command := self._drive_commands.get(name):
+            return command()
         handler = self.handlers.get(name)
         if handler is None:
             raise ThumperError(f"this run does not support {name.replace('_', ' ')}")
         text = handler()
         self._publisher.publish_event(text)
         return text
+
+    def _cancel(self) -> str:
+        mode = self._drive_manager.mode
+        self._drive_manager.stop("cancelled")
+        return "the robot was not moving" if mode is DriveMode.IDLE else "cancelled; the robot stops"
+
+    def _emergency_stop(self) -> str:
+        self._drive_manager.emergency_stop()
+        return "emergency stop: the motors are off until the fault is cleared"
+
+    def _clear_fault(self) -> str:
+        self._drive_manager.clear_fault()
+        return "fault cleared; the motors are off"
+
+    def _arm(self) -> str:
+        self._require_no_experiment()
+        self._drive_manager.arm(self._inputs.telemetry)
+        return "armed; the wheels hold still"
+
+    def _disarm(self) -> str:
+        self._drive_manager.disarm("disarmed")
+        return "the motors are off"
 
     def _change_mode(self, name: str) -> str:
         self._require_no_experiment()
