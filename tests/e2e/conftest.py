@@ -1,4 +1,4 @@
-"""The product as a user runs it: the installed command, in a process of its own."""
+"""Runs the installed command in its own process, as a user does."""
 
 import signal
 import subprocess
@@ -22,7 +22,7 @@ THUMPER = Path(sys.executable).with_name("thumper")
 
 @pytest.fixture
 def thumper() -> Callable[..., subprocess.CompletedProcess[str]]:
-    """Run `thumper` with these arguments to its end."""
+    """Return a function that runs `thumper` with some arguments to its end."""
 
     def run(*arguments: str | Path, timeout_s: float = 120.0) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
@@ -34,7 +34,7 @@ def thumper() -> Callable[..., subprocess.CompletedProcess[str]]:
 
 @pytest.fixture
 def service(monkeypatch: pytest.MonkeyPatch) -> Iterator[Service]:
-    """A robot at service that has looked round."""
+    """Return a running robot that has mapped its first scans."""
     board = f"sim://service/board?world=lab&x_m={START.x_m}&y_m={START.y_m}&yaw_deg=180"
     config = RobotConfig(board=BoardOptions(port=board), lidar=LidarOptions(port="sim://service/lidar"))
     with open_robot(config, START) as robot:
@@ -42,13 +42,13 @@ def service(monkeypatch: pytest.MonkeyPatch) -> Iterator[Service]:
         for part in ("service.request_handler", "service.request_queue", "drive.drive_manager"):
             clock = SimpleNamespace(monotonic=service.wall_s)
             monkeypatch.setattr(f"thumper.runtime.{part}.time", clock)
-        service.beats(8)
+        service.run_cycles(8)
         yield service
 
 
 @pytest.fixture
 def ports(tmp_path: Path) -> Iterator[tuple[Path, Path]]:
-    """A simulated robot in the lab, served in real time."""
+    """Return the ports of a simulated robot in the lab that runs in real time."""
     board, lidar = tmp_path / "board", tmp_path / "lidar"
     command: list[str | Path] = [THUMPER, "sim", "--board-pty", board, "--lidar-pty", lidar, "--world", "lab"]
     process = subprocess.Popen([*command, "--start", "0", "0", "0"])
@@ -62,4 +62,4 @@ def ports(tmp_path: Path) -> Iterator[tuple[Path, Path]]:
     finally:
         process.send_signal(signal.SIGINT)
         assert process.wait(10) in (0, 130)
-    assert not board.is_symlink()  # it cleans up after itself
+    assert not board.is_symlink()  # the simulator removed it

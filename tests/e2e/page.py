@@ -1,4 +1,4 @@
-"""Run as a program: what a page does. Sends a goal, then a heartbeat each tenth of a second."""
+"""Stand-in for a browser page, run as a program: sends a goal, then ten heartbeats per second."""
 
 import sys
 import time

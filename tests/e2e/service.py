@@ -1,6 +1,7 @@
-"""A robot at service in simulation, asked over its inbox, with the firmware's own word for what came of it.
+"""A running robot in simulation, which gets its requests through the queue; telemetry shows their effect.
 
-Simulated time passes beat by beat, and with it the clock on the wall, by which hands and heartbeats go.
+Simulated time advances with each cycle. So does the monotonic clock, which times manual commands and
+heartbeats.
 """
 
 import math
@@ -19,11 +20,11 @@ from thumper_hil.bench import Bench
 
 START = Pose2(x_m=1.73, y_m=0.08, theta_rad=math.pi)
 NEAR, FAR = Goal(x_m=1.2, y_m=0.05), Goal(x_m=0.0, y_m=0.05)
-HAND_TIMEOUT_S = 0.3
+MANUAL_TIMEOUT_S = 0.3
 
 
 class Service:
-    """A robot and the beats that it lives by."""
+    """A robot and its control cycles."""
 
     def __init__(self, robot: RobotLoop, bench: Bench) -> None:
         self.robot, self.bench = robot, bench
@@ -33,27 +34,27 @@ class Service:
         robot.request_handler.accepts_goals = True
 
     def wall_s(self) -> float:
-        """The clock on the wall: beats take no time but the board's, and a test may wait between them."""
+        """Return the monotonic clock: simulated time, plus what the test has waited between cycles."""
         return self.bench.time_s + self.waited_s
 
     def _listen(self, topic: str, _stamp_s: float, message: Message) -> None:
         if topic == "events":
             self.events.append(message.msg)
 
-    def beats(self, count: int) -> None:
+    def run_cycles(self, count: int) -> None:
         for _ in range(count):
             self.robot.serve_step()
 
     def put(self, *requests: Request) -> None:
         for request in requests:
             self.robot.request_queue.put(request)
-        self.beats(1)
+        self.run_cycles(1)
 
-    def until(self, condition: Callable[[], bool], most_beats: int = 300) -> None:
-        for _ in range(most_beats):
+    def until(self, condition: Callable[[], bool], max_cycles: int = 300) -> None:
+        for _ in range(max_cycles):
             if condition():
                 return
-            self.beats(1)
+            self.run_cycles(1)
         raise AssertionError(self.robot.drive_manager.reason)
 
     def ask(self, name: str, content: Mapping[str, Any] | None = None) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The main job, end to end: both missions with the real firmware ELF, judged by ground truth."""
+"""The demo, end to end: both missions with the real firmware, checked against ground truth."""
 
 import json
 import subprocess
@@ -15,7 +15,7 @@ Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
 @pytest.mark.parametrize("seed", [1, 7])
-def test_demo_reaches_both_goals_and_leaves_what_it_promises(thumper: Run, tmp_path: Path, seed: int) -> None:
+def test_demo_reaches_both_goals_and_writes_its_results(thumper: Run, tmp_path: Path, seed: int) -> None:
     done = thumper("demo", "--out", tmp_path, "--seed", str(seed))
     assert done.returncode == 0, done.stdout + done.stderr
 

@@ -1,4 +1,4 @@
-"""`thumper explore` of a robot that fails on the way: it ends in words, and the map so far is left behind."""
+"""`thumper explore` with a robot that fails: it reports why and saves the map so far."""
 
 import json
 import subprocess
@@ -8,7 +8,7 @@ from pathlib import Path
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
-def test_a_lost_lidar_ends_the_exploration_and_the_map_is_kept(thumper: Run, tmp_path: Path) -> None:
+def test_a_lost_lidar_ends_exploration_and_saves_the_map(thumper: Run, tmp_path: Path) -> None:
     (tmp_path / "faults.toml").write_text('faults = [{ at_s = 6.0, lidar = "unplugged" }]\n')
     board = f"sim://robot/board?world=lab&scenario={tmp_path / 'faults.toml'}"
     out = tmp_path / "out"

@@ -41,7 +41,7 @@ def test_interrupt_stops_the_motors_first(ports: tuple[Path, Path], tmp_path: Pa
     ]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None
-    for line in process.stdout:  # one a second while it drives; before the first come imports and handshake
+    for line in process.stdout:  # one per second in the drive; imports and handshake come first
         if re.search(r"m to go, +[2-9]", line):
             break
     process.send_signal(signal.SIGINT)

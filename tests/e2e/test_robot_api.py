@@ -1,4 +1,4 @@
-"""The robot as an object: what the first lines of a student do, on the real firmware in simulation."""
+"""The `Robot` class, as a first script uses it, with the real firmware in simulation."""
 
 import math
 import time
@@ -21,7 +21,7 @@ def lab() -> Iterator[Robot]:
         yield robot
 
 
-def test_ten_lines_of_a_student(tmp_path: Path) -> None:
+def test_a_first_script(tmp_path: Path) -> None:
     with Robot("sim://") as robot:
         assert robot.pose.x_m == pytest.approx(0.0, abs=0.02)
         robot.drive(v_m_s=0.3, duration_s=1.5)
@@ -41,7 +41,7 @@ def test_ten_lines_of_a_student(tmp_path: Path) -> None:
         assert (robot.map.cells >= 0).sum() >= (saved.cells >= 0).sum()
 
 
-def test_a_turn_to_the_left_is_positive() -> None:
+def test_a_left_turn_is_positive() -> None:
     with Robot("sim://?world=hall") as robot:
         robot.drive(w_rad_s=0.8, duration_s=1.5)
         assert 0.6 < robot.pose.theta_rad < 1.8
@@ -68,7 +68,7 @@ def test_a_goal_out_of_reach_is_refused_before_anything_moves() -> None:
         robot.goto(60.0, 0.0)
 
 
-def test_each_drive_tells_its_own_time_and_way() -> None:
+def test_each_result_has_the_time_and_length_of_its_drive() -> None:
     with Robot("sim://?world=hall") as robot:
         first, second = robot.goto(0.8, 0.0), robot.goto(0.4, 0.0)
         for result, way_m in ((first, 0.8), (second, 0.4)):
@@ -98,7 +98,7 @@ def test_each_drive_tells_its_own_time_and_way() -> None:
         (lambda robot: robot.wait(math.inf), "wait: give a duration"),
     ],
 )
-def test_numbers_that_cannot_be(call: Callable[[Robot], object], why: str, lab: Robot) -> None:
+def test_invalid_numbers(call: Callable[[Robot], object], why: str, lab: Robot) -> None:
     with pytest.raises(ThumperError, match=why):
         call(lab)
 
@@ -114,19 +114,19 @@ def test_numbers_that_cannot_be(call: Callable[[Robot], object], why: str, lab: 
         ({"board": "sim://", "lidar": "/dev/ttyACM9"}, "leave out /dev/ttyACM9"),
     ],
 )
-def test_arguments_that_cannot_be_are_refused_at_once(arguments: dict[str, Any], why: str) -> None:
+def test_invalid_arguments(arguments: dict[str, Any], why: str) -> None:
     with pytest.raises(ThumperError, match=why):
         Robot(**arguments)
 
 
-def test_the_simulated_robot_carries_the_lidar_that_is_configured(tmp_path: Path) -> None:
+def test_the_simulated_robot_has_the_configured_lidar(tmp_path: Path) -> None:
     config = tmp_path / "robot.toml"
     config.write_text('[lidar]\nmodel = "ld19"\n')
     with Robot("sim://", config=config) as robot:
         assert robot.scan.range_max_m == 12.0
 
 
-def test_a_map_keeps_its_whole_name(tmp_path: Path, lab: Robot) -> None:
+def test_a_dot_in_the_name_of_a_map_stays(tmp_path: Path, lab: Robot) -> None:
     assert lab.save_map(tmp_path / "map.v2") == tmp_path / "map.v2.yaml"
     assert lab.save_map(tmp_path / "other.yaml") == tmp_path / "other.yaml"
     assert {path.name for path in tmp_path.iterdir()} == {
@@ -134,13 +134,13 @@ def test_a_map_keeps_its_whole_name(tmp_path: Path, lab: Robot) -> None:
     }
 
 
-def test_a_pause_of_the_script_takes_nothing_from_what_follows(ports: tuple[Path, Path]) -> None:
-    """On real ports the world goes on meanwhile, and what it sent waits."""
+def test_a_pause_of_the_script_does_not_shorten_the_next_call(ports: tuple[Path, Path]) -> None:
+    """On real ports, data arrives during the pause and waits."""
     with Robot(str(ports[0]), lidar=str(ports[1])) as robot:
         opened_s = robot.log.speeds[-1, 0]
         time.sleep(1.5)
         before_m = robot.pose.x_m
-        assert robot.log.speeds[-1, 0] > opened_s + 1.0  # the question took in what had waited
+        assert robot.log.speeds[-1, 0] > opened_s + 1.0  # the call read what had waited
         time.sleep(1.5)
         robot.drive(v_m_s=0.2, duration_s=1.0)
         assert robot.pose.x_m == pytest.approx(before_m + 0.2, abs=0.06)
@@ -154,6 +154,6 @@ def test_a_pause_of_the_script_takes_nothing_from_what_follows(ports: tuple[Path
         assert robot.telemetry.state is State.DISARMED
 
 
-def test_a_robot_that_is_not_open_says_how_to_open_it() -> None:
+def test_a_closed_robot_explains_how_to_open_it() -> None:
     with pytest.raises(ThumperError, match="with Robot"):
         Robot("sim://").drive(v_m_s=0.1)

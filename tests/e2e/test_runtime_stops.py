@@ -1,6 +1,6 @@
-"""Whatever ends a drive, the wheels stand at the end, the board is disarmed and the user reads why.
+"""Whatever ends a drive, the wheels stop, the board is disarmed and the reason is reported.
 
-The real loop drives the simulated robot; in mid-drive something goes wrong.
+The real loop drives the simulated robot; in the middle of the drive something fails.
 """
 
 import math
@@ -25,7 +25,7 @@ from thumper_hil.bench import Bench, simulation
 
 START = Pose2(x_m=1.73, y_m=0.08, theta_rad=math.pi)
 GOAL = Goal(x_m=-0.49, y_m=0.02)
-MISHAP_S = 2.5  # by then it drives at full speed
+MISHAP_S = 2.5  # by then the robot drives at full speed
 
 Mishap = Callable[[RobotLoop, Bench], None]
 
@@ -41,9 +41,9 @@ def robot_in_the_lab() -> Iterator[tuple[RobotLoop, Bench]]:
 def drive(robot: RobotLoop, bench: Bench, mishap: Mishap) -> DriveResult:
     happened = False
 
-    def watch(beat: DriveProgress) -> None:
+    def watch(progress: DriveProgress) -> None:
         nonlocal happened
-        if beat.time_s >= MISHAP_S and not happened:
+        if progress.time_s >= MISHAP_S and not happened:
             happened = True
             assert bench.truth()[-1, 4] > 3.0  # the wheels turn
             mishap(robot, bench)
@@ -70,7 +70,7 @@ def restart_the_board(_robot: RobotLoop, bench: Bench) -> None:
     bench.chip.reset()
 
 
-def stop_by_another_hand(_robot: RobotLoop, bench: Bench) -> None:
+def stop_by_another_host(_robot: RobotLoop, bench: Bench) -> None:
     bench.chip.send(encode_frame(CommandRequest.ID, 200, CommandRequest(command=Command.E_STOP).pack()))
 
 
@@ -79,12 +79,12 @@ MISHAPS = [
     (break_the_mapper, "internal error: IndexError: no such cell"),
     (silence_the_lidar, "lidar stopped sending scans"),
     (restart_the_board, "the board has restarted"),
-    (stop_by_another_hand, "emergency stop"),
+    (stop_by_another_host, "emergency stop"),
 ]
 
 
 @pytest.mark.parametrize(("mishap", "words"), MISHAPS, ids=[mishap.__name__ for mishap, _ in MISHAPS])
-def test_the_wheels_stand_and_the_user_reads_why(mishap: Mishap, words: str) -> None:
+def test_the_wheels_stop_and_the_reason_is_reported(mishap: Mishap, words: str) -> None:
     with robot_in_the_lab() as (robot, bench):
         result = drive(robot, bench, mishap)
         truth = bench.truth()
@@ -94,25 +94,23 @@ def test_the_wheels_stand_and_the_user_reads_why(mishap: Mishap, words: str) -> 
     assert wheels_rad_s.max() < 0.05
     assert result.interrupted == (mishap is interrupt)
     assert bench.contacts == 0
-    assert truth[-1, 1] > 0.0  # it did not go on to the goal
+    assert truth[-1, 1] > 0.0  # it did not reach the goal
 
 
 @pytest.mark.parametrize("call", ["set_wheel_speeds", "command"])
-def test_another_ctrl_c_while_it_stops_does_not_skip_disarming(
-    call: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The user is impatient: Ctrl-C again in the ramp, or in the very command that disarms."""
+def test_a_second_ctrl_c_does_not_skip_disarming(call: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second Ctrl-C comes in the ramp, or in the command that disarms."""
     with robot_in_the_lab() as (robot, bench):
         board = robot.inputs.board
-        said = getattr(board, call)
+        send = getattr(board, call)
         impatient = True
 
-        def interrupted(*words: object) -> None:
+        def interrupted(*arguments: object) -> None:
             nonlocal impatient
-            if impatient and (call == "set_wheel_speeds" or words == (Command.DISARM,)):
+            if impatient and (call == "set_wheel_speeds" or arguments == (Command.DISARM,)):
                 impatient = False
                 raise KeyboardInterrupt
-            said(*words)
+            send(*arguments)
 
         def interrupt_twice(robot: RobotLoop, bench: Bench) -> None:
             monkeypatch.setattr(board, call, interrupted)
@@ -125,8 +123,8 @@ def test_another_ctrl_c_while_it_stops_does_not_skip_disarming(
         assert board.poll(0.5)[-1].telemetry.state is State.DISARMED
 
 
-def test_without_eyes_it_goes_no_further_than_it_must() -> None:
-    """0.4 m/s for the three turns that it waits, and the way to a stop: 0.4 m and not the whole second."""
+def test_stopping_distance_without_scans() -> None:
+    """0.4 m/s for three lidar revolutions, plus the braking distance: less than 0.4 m."""
     seen_x_m = math.nan
 
     def note_and_silence(robot: RobotLoop, bench: Bench) -> None:
@@ -141,7 +139,7 @@ def test_without_eyes_it_goes_no_further_than_it_must() -> None:
 
 def test_an_emergency_stop_is_cleared_only_on_request() -> None:
     with robot_in_the_lab() as (robot, bench):
-        drive(robot, bench, stop_by_another_hand)
+        drive(robot, bench, stop_by_another_host)
         with pytest.raises(ThumperError, match=r"emergency stop.*clear the fault") as refused:
             robot.drive_to(GOAL, lambda _: None)
         assert refused.value.option == "--clear-fault"
@@ -149,7 +147,7 @@ def test_an_emergency_stop_is_cleared_only_on_request() -> None:
     assert bench.contacts == 0
 
 
-def test_frames_lost_on_the_way_to_a_stand_are_no_lost_link() -> None:
+def test_lost_frames_while_stopping_are_not_a_lost_link() -> None:
     def interrupt_and_disturb(robot: RobotLoop, bench: Bench) -> None:
         bench.fault("line.noise", 0.02)
         interrupt(robot, bench)
@@ -161,20 +159,20 @@ def test_frames_lost_on_the_way_to_a_stand_are_no_lost_link() -> None:
     assert (telemetry.state, telemetry.fault) == (State.DISARMED, Fault.NONE)
 
 
-def test_a_stop_pressed_between_two_drives_is_heard_before_the_second() -> None:
-    """The link was lost in the first: that fault alone would be cleared unasked."""
+def test_an_emergency_stop_between_two_drives_blocks_the_second() -> None:
+    """The first drive ended with a lost link, which alone would be cleared without a request."""
     with robot_in_the_lab() as (robot, bench):
         result = drive(robot, bench, lambda _, bench: bench.fault("host.hang", 1.0))
         assert "no command for 300 ms" in result.reason
-        stop_by_another_hand(robot, bench)
+        stop_by_another_host(robot, bench)
         bench.advance(bench.time_s + 10.0)
         with pytest.raises(ThumperError, match=r"emergency stop.*clear the fault"):
             robot.drive_to(GOAL, lambda _: None)
         assert robot.drive_to(GOAL, lambda _: None, clear_fault=True).reached
 
 
-def test_after_a_restart_the_map_is_as_it_was() -> None:
-    """The counts begin again at zero; the pose must not jump by what was driven before."""
+def test_a_restart_of_the_board_keeps_pose_and_map() -> None:
+    """The counts restart at zero; the pose must not jump by the distance driven before."""
     with robot_in_the_lab() as (robot, bench):
         result = drive(robot, bench, restart_the_board)
         x_m, y_m = bench.truth()[-1, 1:3]

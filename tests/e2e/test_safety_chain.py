@@ -1,4 +1,4 @@
-"""Each hop of the safety chain is cut while the robot drives: its motors go off in time, and stay off.
+"""Each link of the safety chain fails while the robot drives: the motors go off in time and stay off.
 
 Everything is a process of its own: the simulated robot in real time on two pseudo-terminals, the robot's
 program, and a page. Times are simulated ones, as the motors' own registers show them.
@@ -26,11 +26,11 @@ FAR, NEAR = (0.0, 0.05), (1.5, 0.08)
 PAGE_LIMIT_S = 0.5
 LINK_LIMIT_S = 0.45  # 300 ms, and a tick of the board's supervisor
 STAYS_S = 0.5
-UNDER_WAY_LINES = 25  # half a second of motors that are driven
+DRIVING_LINES = 25  # half a second with driven motors
 
 
 class Chain:
-    """The processes, and what the witness has said of the motors."""
+    """The processes, and the motor states that the witness printed."""
 
     def __init__(self, folder: Path) -> None:
         board, lidar = folder / "board", folder / "lidar"
@@ -51,7 +51,7 @@ class Chain:
         self.client = BusClient("thumper", self.address)
         status: list[Message] = []
         self.client.subscribe("status", status.append)
-        until(lambda: status and status[-1].lidar_scans > 5)  # it has looked round
+        until(lambda: status and status[-1].lidar_scans > 5)  # the first scans are mapped
         self._goals = [NEAR, FAR]
 
     def _listen(self) -> None:
@@ -76,7 +76,7 @@ class Chain:
         return self._goals[-1]
 
     def drive(self) -> None:
-        """Send the robot off and wait until it is well under way."""
+        """Send a goal and wait until the robot drives."""
         x_m, y_m = self.next_goal()
         until(lambda: self._sent(x_m, y_m))
         self.wait_for_motion()
@@ -85,14 +85,14 @@ class Chain:
         try:
             self.client.query("mission/send", {"x_m": x_m, "y_m": y_m})
         except ThumperError:
-            return False  # it has only just been given its board back
+            return False  # the board has just reconnected
         return True
 
     def wait_for_motion(self) -> None:
-        until(lambda: all(line["on"] for line in self._said[-UNDER_WAY_LINES:]))
+        until(lambda: all(line["on"] for line in self._said[-DRIVING_LINES:]))
 
     def off_after_s(self, cut: float) -> float:
-        """Simulated time from the wall's time `cut` until the motors were off; they must stay off."""
+        """Return the simulated time from the moment `cut` until the motors were off; they must stay off."""
         until(lambda: not self.driven)
         time.sleep(STAYS_S)
         before = [line for line in self._said if line["wall_s"] <= cut]
@@ -124,7 +124,7 @@ def chain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chain]:
 
 @pytest.fixture
 def page(chain: Chain) -> Iterator[subprocess.Popen[str]]:
-    """A page that has sent a goal and watches; the robot is under way."""
+    """Return a page that has sent a goal and sends heartbeats; the robot drives."""
     x_m, y_m = chain.next_goal()
     command = [sys.executable, str(HERE / "page.py"), chain.address, str(x_m), str(y_m)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
@@ -144,7 +144,7 @@ def test_page_gone(chain: Chain, page: subprocess.Popen[str], by: signal.Signals
     assert "page" in chain.reason()
     page.send_signal(signal.SIGCONT)
     time.sleep(STAYS_S)
-    assert not chain.driven  # heartbeats alone do not set it off again
+    assert not chain.driven  # heartbeats alone do not restart the drive
 
 
 def test_serial_cut(chain: Chain) -> None:
@@ -155,10 +155,10 @@ def test_serial_cut(chain: Chain) -> None:
     chain.sim.send_signal(signal.SIGUSR2)
     time.sleep(STAYS_S)
     assert not chain.driven
-    chain.drive()  # a new goal is the way back
+    chain.drive()  # a new goal starts it again
 
 
-def test_robots_process_hangs(chain: Chain) -> None:
+def test_robot_process_hangs(chain: Chain) -> None:
     chain.drive()
     cut_s = time.monotonic()
     chain.robot.send_signal(signal.SIGSTOP)
@@ -170,7 +170,7 @@ def test_robots_process_hangs(chain: Chain) -> None:
     chain.drive()
 
 
-def test_robots_process_killed(chain: Chain) -> None:
+def test_robot_process_killed(chain: Chain) -> None:
     chain.drive()
     cut_s = time.monotonic()
     chain.robot.kill()

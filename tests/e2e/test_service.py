@@ -1,33 +1,33 @@
-"""A robot at service and its goals: driven, changed, cancelled, refused, watched over."""
+"""Goals of a running robot: reached, replaced, cancelled, refused, guarded by heartbeats."""
 
 import pytest
 
-from tests.e2e.service import FAR, HAND_TIMEOUT_S, NEAR, Service
+from tests.e2e.service import FAR, MANUAL_TIMEOUT_S, NEAR, Service
 from thumper.board.messages import Fault, State
 from thumper.navigation.goal import Goal
 from thumper.runtime.drive_result import DriveProgress
 from thumper.runtime.requests import EmergencyStop, GoTo, Heartbeat, Request, RobotCommand
 
 
-def test_it_maps_while_it_stands_disarmed(service: Service) -> None:
+def test_a_disarmed_robot_maps(service: Service) -> None:
     assert service.mode == "idle"
     assert service.telemetry.state is State.DISARMED
     assert (service.robot.mapper.grid().cells >= 0).sum() > 500
 
 
-def test_waypoints_are_driven_and_the_motors_go_off(service: Service) -> None:
+def test_after_the_last_waypoint_the_motors_are_off(service: Service) -> None:
     service.put(GoTo(goals=(NEAR, Goal(x_m=0.9, y_m=0.05))))
     service.until(lambda: service.mode == "idle")
     assert abs(service.bench.truth()[-1, 1] - 0.9) < 0.15
-    service.beats(1)
+    service.run_cycles(1)
     assert service.telemetry.state is State.DISARMED
     assert any("mission 1 reached" in event for event in service.events)
     assert service.ask("mission/state", {"mission": 1})["leg"] == 1
 
 
-def test_a_new_goal_takes_the_place_of_the_old_without_a_stop(service: Service) -> None:
+def test_a_new_goal_replaces_the_old_one_without_a_stop(service: Service) -> None:
     first = service.ask("mission/send", {"x_m": FAR.x_m, "y_m": FAR.y_m})["mission"]
-    service.beats(15)
+    service.run_cycles(15)
     second = service.ask("mission/send", {"x_m": NEAR.x_m, "y_m": NEAR.y_m})["mission"]
     assert service.telemetry.state is State.CLOSED_LOOP
     service.until(lambda: service.mode == "idle")
@@ -35,9 +35,9 @@ def test_a_new_goal_takes_the_place_of_the_old_without_a_stop(service: Service) 
     assert service.ask("mission/state", {"mission": second})["state"] == "reached"
 
 
-def test_cancelling_stops_it(service: Service) -> None:
+def test_cancel_stops_the_robot(service: Service) -> None:
     service.put(GoTo(goals=(FAR,)))
-    service.beats(15)
+    service.run_cycles(15)
     assert service.bench.truth()[-1, 4] > 2.0
     assert service.ask("command", {"command": "cancel"})["text"] == "cancelled; the robot stops"
     service.until(lambda: service.mode == "idle")
@@ -53,26 +53,26 @@ def test_a_goal_in_a_wall_is_refused(service: Service) -> None:
     assert service.mode == ("driving" if answer["ok"] else "idle")
 
 
-def test_without_its_page_a_goal_is_given_up(service: Service) -> None:
+def test_lost_heartbeats_cancel_the_goal(service: Service) -> None:
     service.put(Heartbeat(source="page"), GoTo(goals=(FAR,), source="page"))
     for _ in range(10):
         service.put(Heartbeat(source="page"))
     assert service.mode == "driving"
-    service.waited_s += HAND_TIMEOUT_S
-    service.beats(2)
+    service.waited_s += MANUAL_TIMEOUT_S
+    service.run_cycles(2)
     assert service.telemetry.state is State.DISARMED
     assert "page" in service.ask("mission/state")["reason"]
     service.put(Heartbeat(source="page"))
     assert service.mode == "idle"
 
 
-def test_a_goal_that_waited_while_the_process_hung_is_not_driven(service: Service) -> None:
+def test_a_goal_that_queued_while_the_process_hung_is_rejected(service: Service) -> None:
     service.waited_s += 60.0
     service.put(GoTo(goals=(FAR,)), RobotCommand(name="arm"))
     assert service.mode == "idle"
     assert "hung" in service.ask("mission/send", {"x_m": FAR.x_m, "y_m": FAR.y_m})["error"]
     service.put(EmergencyStop())
-    service.beats(2)
+    service.run_cycles(2)
     assert service.telemetry.fault is Fault.E_STOP
     service.put(RobotCommand(name="clear_fault"))
     service.waited_s += 1.5
@@ -85,21 +85,21 @@ def test_a_goal_that_waited_while_the_process_hung_is_not_driven(service: Servic
     [(RobotCommand(name="cancel"), "cancelled"), (EmergencyStop(), "emergency stop")],
     ids=["cancel", "emergency stop"],
 )
-def test_a_drive_with_a_goal_of_its_own_can_be_stopped_but_not_sent_elsewhere(
+def test_a_drive_to_its_own_goal_accepts_stops_but_no_goals(
     service: Service, request_: Request, why: str
 ) -> None:
-    told = False
+    has_asked = False
 
-    def ask(beat: DriveProgress) -> None:
-        nonlocal told
-        if beat.time_s > 1.5 and not told:
-            told = True
+    def ask(progress: DriveProgress) -> None:
+        nonlocal has_asked
+        if progress.time_s > 1.5 and not has_asked:
+            has_asked = True
             service.robot.request_queue.put(GoTo(goals=(NEAR,)))
             service.robot.request_queue.put(request_)
 
     result = service.robot.drive_to(FAR, ask)
     assert not result.reached
-    assert result.interrupted  # a command that would drive on must not
+    assert result.interrupted  # a command with further legs must end
     assert result.reason == why
     assert any("its own goals" in event for event in service.events)
     assert abs(service.bench.truth()[-1, 4]) < 0.05

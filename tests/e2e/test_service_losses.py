@@ -1,4 +1,4 @@
-"""A robot at service that loses a part of itself: it stops, says why, and goes on when it can."""
+"""A running robot that loses a part: it stops, reports why and recovers."""
 
 import signal
 import sys
@@ -14,11 +14,9 @@ from thumper.runtime.drive.tasks import serve_requests
 from thumper.runtime.requests import GoTo
 
 
-def test_a_board_that_was_unplugged_is_found_again_and_the_map_stays(
-    service: Service, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_reconnected_board_keeps_the_map(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     service.put(GoTo(goals=(FAR,)))
-    service.beats(15)
+    service.run_cycles(15)
     before = service.robot.inputs.estimator.state()
     known = (service.robot.mapper.grid().cells >= 0).sum()
     service.bench.fault("board", "unplugged")
@@ -31,9 +29,9 @@ def test_a_board_that_was_unplugged_is_found_again_and_the_map_stays(
 
     with monkeypatch.context() as patch:
         patch.setattr(time, "sleep", plug_in)
-        service.beats(1)
+        service.run_cycles(1)
     assert naps
-    service.beats(5)
+    service.run_cycles(5)
     after = service.robot.inputs.estimator.state()
     assert before is not None
     assert after is not None
@@ -46,50 +44,50 @@ def test_a_board_that_was_unplugged_is_found_again_and_the_map_stays(
     assert service.ask("mission/state")["state"] == "reached"
 
 
-def test_a_lidar_that_was_unplugged_is_opened_again_once_the_robot_stands(service: Service) -> None:
+def test_an_unplugged_lidar_is_reopened_while_the_robot_is_stationary(service: Service) -> None:
     first = service.robot.inputs.lidar
     service.put(GoTo(goals=(FAR,)))
-    service.beats(10)
+    service.run_cycles(10)
     service.bench.fault("lidar", "unplugged")
     service.until(lambda: service.mode == "idle")
     assert "lidar" in service.ask("mission/state")["reason"]
     assert not [text for text in service.events if "after a gap" in text]
-    service.beats(60)
+    service.run_cycles(60)
     service.bench.fault("lidar", "ok")
     service.until(lambda: "the lidar answers again" in service.events)
     lidar = service.robot.inputs.lidar
     assert lidar is not first
-    assert lidar.counters.scans > 10  # counted on
+    assert lidar.counters.scans > 10  # the count continues
     assert lidar.counters.restarts > 0
-    service.beats(10)
-    (gap,) = [text for text in service.events if "after a gap" in text]  # told once, and while it serves
+    service.run_cycles(10)
+    (gap,) = [text for text in service.events if "after a gap" in text]  # reported once, while the robot runs
     assert "scans arrived after a gap" in gap
-    service.beats(10)
+    service.run_cycles(10)
     service.put(GoTo(goals=(NEAR,)))
     service.until(lambda: service.mode == "idle")
     assert service.ask("mission/state")["state"] == "reached"
 
 
-def test_a_part_that_breaks_stops_the_robot_and_not_its_process(
+def test_an_internal_error_stops_the_robot_but_not_the_process(
     service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     service.put(GoTo(goals=(FAR,)))
-    service.beats(10)
+    service.run_cycles(10)
 
     def broken(*_: object) -> None:
         raise IndexError("no such cell")
 
     with monkeypatch.context() as patch:
         patch.setattr(service.robot.inputs.estimator, "add_scan", broken)
-        service.beats(2)
-    service.beats(2)
+        service.run_cycles(2)
+    service.run_cycles(2)
     assert service.telemetry.state is State.DISARMED
     assert "IndexError" in service.ask("mission/state")["reason"]
 
 
 @pytest.mark.timeout(60)
-def test_a_ctrl_c_that_a_kernel_swallows_ends_it_all_the_same(service: Service) -> None:
-    """Where the result of a kernel becomes an array, an exception goes no further than to the C code."""
+def test_a_ctrl_c_lost_in_a_kernel_ends_the_run(service: Service) -> None:
+    """Numba's C code, which turns a kernel's result into an array, swallows exceptions."""
     came: list[int] = []
 
     def interrupt(frame: FrameType, event: str, _: object) -> None:
@@ -103,12 +101,12 @@ def test_a_ctrl_c_that_a_kernel_swallows_ends_it_all_the_same(service: Service) 
     service.robot.run(serve_requests(speed=20.0))
     assert came
     assert service.mode == "idle"
-    service.beats(1)
+    service.run_cycles(1)
     assert service.telemetry.state is State.DISARMED
 
 
-def test_orders_go_on_while_the_boards_frames_are_lost(service: Service) -> None:
-    """The firmware stops after 300 ms without a command; the host waits half a second for a frame."""
+def test_commands_continue_while_telemetry_is_lost(service: Service) -> None:
+    """The firmware stops after 300 ms without a command; the host waits 0.5 s for a frame."""
     inputs = service.robot.inputs
     inputs.read()
     begun_s = inputs.board.now_s()

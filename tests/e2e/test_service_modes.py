@@ -1,4 +1,4 @@
-"""A robot at service changes between mapping and localising."""
+"""A running robot switches between mapping and localization."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ def command(service: Service, name: str) -> dict[str, object]:
     return service.ask("command", {"command": name})
 
 
-def test_a_standing_robot_localises_in_its_map_and_maps_on(service: Service) -> None:
+def test_a_stationary_robot_switches_modes(service: Service) -> None:
     mapper = service.robot.mapper
     assert isinstance(mapper, SlamModeSwitch)
     service.until(lambda: service.robot.inputs.has_map)

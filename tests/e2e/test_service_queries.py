@@ -1,4 +1,4 @@
-"""What a robot at service is asked and answers."""
+"""Queries to a running robot and their answers."""
 
 import math
 from collections.abc import Callable
@@ -26,51 +26,53 @@ def test_parameters(service: Service) -> None:
     assert "must be stationary" in service.ask("parameters/save")["error"]
 
 
-def test_the_status_tells_a_heading_of_zero_from_none(service: Service) -> None:
-    told: list[float] = []
+def test_the_status_distinguishes_heading_zero_from_none(service: Service) -> None:
+    headings_rad: list[float] = []
     service.robot.publisher.add_sink(
-        lambda topic, _stamp_s, message: told.append(message.goal_yaw_rad) if topic == "status" else None
+        lambda topic, _stamp_s, message: (
+            headings_rad.append(message.goal_yaw_rad) if topic == "status" else None
+        )
     )
     place = {"x_m": FAR.x_m, "y_m": FAR.y_m}
     assert service.ask("mission/send", place)["ok"]
-    assert math.isnan(told[-1])
+    assert math.isnan(headings_rad[-1])
     assert service.ask("mission/send", {**place, "yaw_rad": 0.0})["ok"]
-    assert told[-1] == 0.0
+    assert headings_rad[-1] == 0.0
 
 
-def test_what_the_board_did_not_save_is_not_told_as_saved(service: Service) -> None:
+def test_a_failed_save_is_not_reported_as_saved(service: Service) -> None:
     service.bench.fault("line.loss", 1.0)
-    told = "parameters saved on the board"
+    saved = "parameters saved on the board"
     assert not service.ask("parameters/save")["ok"]
-    assert told not in service.events
+    assert saved not in service.events
     service.bench.fault("line.loss", 0.0)
     assert service.ask("parameters/save")["ok"]
-    assert told in service.events
+    assert saved in service.events
 
 
-def test_the_wheels_do_not_wait_for_parameters(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Simulated time stands still but where the board is waited for."""
+def test_parameter_queries_do_not_delay_the_wheels(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Simulated time advances only while the host waits for the board."""
     service.put(GoTo(goals=(FAR,)))
-    service.beats(10)
-    inputs, board, heard_s, ordered_s = service.robot.inputs, service.robot.inputs.board, [0.0], [0.0]
-    hear, order = inputs.read, board.set_wheel_speeds
+    service.run_cycles(10)
+    inputs, board, read_s, sent_s = service.robot.inputs, service.robot.inputs.board, [0.0], [0.0]
+    read_inputs, send_speeds = inputs.read, board.set_wheel_speeds
 
-    def beat(standing_order: Callable[[], None] | None = None) -> bool:
-        alive = hear(standing_order)
-        heard_s[0] = service.bench.time_s
+    def read(resend_command: Callable[[], None] | None = None) -> bool:
+        alive = read_inputs(resend_command)
+        read_s[0] = service.bench.time_s
         return alive
 
     def set_wheel_speeds(speeds: WheelSpeeds) -> None:
-        ordered_s[0] = service.bench.time_s
-        order(speeds)
+        sent_s[0] = service.bench.time_s
+        send_speeds(speeds)
 
-    monkeypatch.setattr(inputs, "read", beat)
+    monkeypatch.setattr(inputs, "read", read)
     monkeypatch.setattr(board, "set_wheel_speeds", set_wheel_speeds)
     values = service.ask("parameters/get")["values"]
-    assert ordered_s == heard_s
+    assert sent_s == read_s
     assert service.ask("parameters/set", values)["ok"]
-    assert ordered_s == heard_s
-    assert service.bench.time_s > heard_s[0]
+    assert sent_s == read_s
+    assert service.bench.time_s > read_s[0]
 
 
 @pytest.mark.parametrize(
@@ -89,7 +91,7 @@ def test_the_wheels_do_not_wait_for_parameters(service: Service, monkeypatch: py
         ("simulator/command", {"fault": "nix", "value": "ok"}),
     ],
 )
-def test_a_question_that_makes_no_sense_is_answered_with_why(
+def test_invalid_queries_are_answered_with_the_reason(
     service: Service, name: str, content: dict[str, Any]
 ) -> None:
     answer = service.ask(name, content)

@@ -1,4 +1,4 @@
-"""A robot at service, driven from a keyboard and recorded from beside it, each a program of its own."""
+"""A running robot, driven from a keyboard and recorded over the bus, each in its own process."""
 
 import os
 import pty
@@ -25,7 +25,7 @@ START_TIMEOUT_S = 60.0
 
 @pytest.fixture(scope="module")
 def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A robot of our own on a free port."""
+    """Return the configuration of a robot on a free port."""
     folder = tmp_path_factory.mktemp("robot")
     path = folder / "robot.toml"
     path.write_text(
@@ -37,7 +37,7 @@ def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def robot(config: Path) -> Iterator[Path]:
-    """The robot's process, until the tests of this file are over."""
+    """Run the robot's process for the tests of this file."""
     command: list[str | Path] = [
         THUMPER,
         "run",
@@ -93,13 +93,15 @@ def test_a_held_key_drives_and_a_killed_program_stops(robot: Path, client: BusCl
         os.kill(process.pid, signal.SIGKILL)
         killed_us = wheels[-1].time_us
         until(lambda: wheels[-1].state != State.MANUAL)
-        assert wheels[-1].time_us - killed_us <= 600_000  # 0.3 s that a command holds, and two beats
+        assert wheels[-1].time_us - killed_us <= 600_000  # a command is valid for 0.3 s, plus two cycles
         until(lambda: wheels[-1].left_speed_mrad_s == wheels[-1].right_speed_mrad_s == 0)
     os.close(ours)
     os.close(theirs)
 
 
-def test_recording_from_beside_and_inside(robot: Path, client: BusClient, tmp_path: Path) -> None:
+def test_recording_in_a_second_process_and_in_the_robot(
+    robot: Path, client: BusClient, tmp_path: Path
+) -> None:
     beside = subprocess.Popen(
         [THUMPER, "record", "--config", robot, "--out", tmp_path, "--seconds", "6"], stdout=subprocess.PIPE
     )

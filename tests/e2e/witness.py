@@ -1,4 +1,4 @@
-"""Run as a program: `thumper sim` on two pseudo-terminals, that also says when the motors are driven.
+"""`thumper sim` on two pseudo-terminals that also prints when the motors are driven; run as a program.
 
 A line of JSON each 20 ms of simulated time and at each change: its time, the wall's, and whether a motor has
 PWM. SIGUSR1 pulls the board's plug, SIGUSR2 puts it back.
@@ -21,7 +21,7 @@ wanted: list[str] = []
 
 
 class Witness(Bench):
-    """The bench as it is, watched from outside."""
+    """A bench that prints the motor state."""
 
     def __init__(self, options: BenchOptions) -> None:
         super().__init__(options)

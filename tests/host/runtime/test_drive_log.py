@@ -1,4 +1,4 @@
-"""What a run leaves behind: error figures and path length."""
+"""Figures from the drive log: speed error and path length."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from thumper.runtime.drive_log import path_length_m, speed_errors
 
 
-def test_speed_error_is_set_point_minus_measured() -> None:
+def test_speed_error_is_setpoint_minus_measured() -> None:
     rows = np.zeros((4, 7))
     rows[:, 1], rows[:, 2] = [1, 1, 1, 1], [0, 2, 0, 2]  # left set-point, left measured
     rows[:, 4], rows[:, 5] = 3.0, 2.5

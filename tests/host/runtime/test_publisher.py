@@ -1,4 +1,4 @@
-"""Messages carry the time at which they are sent, whoever listens and since when."""
+"""Each published message carries the time at which it is sent."""
 
 from collections.abc import Iterator
 
@@ -17,7 +17,7 @@ PAUSE_S = 5.0
 
 
 class Listener:
-    """Keeps the topic, the time and the message of all that is published."""
+    """Keeps topic, time and message of all that is published."""
 
     def __init__(self) -> None:
         self.received: list[tuple[str, float, Message]] = []
@@ -46,8 +46,8 @@ def let_time_pass(robot: RobotLoop) -> float:
     return robot.inputs.now_s()
 
 
-def test_a_text_before_the_first_cycle_is_stamped_with_the_time_at_which_it_is_sent(robot: RobotLoop) -> None:
-    """It was stamped 0: a recording that starts with it seems to start when the computer did."""
+def test_a_text_before_the_first_cycle_has_the_present_time(robot: RobotLoop) -> None:
+    """With time 0, a recording that starts with it would start with the computer."""
     robot.inputs.board.poll(1.0)
     now_s = robot.inputs.now_s()
     assert now_s > 0.0
@@ -57,8 +57,8 @@ def test_a_text_before_the_first_cycle_is_stamped_with_the_time_at_which_it_is_s
     assert listener.times_s("session") == [now_s]
 
 
-def test_a_late_sink_receives_latched_messages_as_of_now(robot: RobotLoop) -> None:
-    """They were delivered with the time of their making: a recording seemed to start hours too early."""
+def test_a_late_sink_receives_latched_messages_with_the_present_time(robot: RobotLoop) -> None:
+    """With their old time, a recording that is started later would start hours too early."""
     early, late = Listener(), Listener()
     robot.publisher.add_sink(early)
     robot.publisher.publish_text("session", text("{}"))

@@ -1,4 +1,4 @@
-"""Perception joins odometry and scans by time, whichever arrives first."""
+"""The state estimator joins odometry and scans by time, whichever arrives first."""
 
 import math
 from dataclasses import replace
@@ -29,7 +29,7 @@ def telemetry(time_s: float, left_count: int, right_count: int) -> TelemetrySamp
 
 
 def room_range_m(pose: Pose2, angle_rad: float) -> float:
-    """Distance to the walls of the rectangular room, in closed form."""
+    """Return the distance to the walls of the rectangular room, in closed form."""
     x_lo, x_hi, y_lo, y_hi = ROOM_M
     cos, sin = math.cos(pose.theta_rad + angle_rad), math.sin(pose.theta_rad + angle_rad)
     along_x = ((x_hi if cos > 0 else x_lo) - pose.x_m) / cos if cos else math.inf
@@ -38,7 +38,7 @@ def room_range_m(pose: Pose2, angle_rad: float) -> float:
 
 
 def scan(time_s: float, base_at: list[Pose2]) -> Scan:
-    """One turn of 100 ms; beam i is taken from `base_at[i]`."""
+    """Return one revolution of 100 ms; beam i is measured from `base_at[i]`."""
     n = len(base_at)
     increment_rad = math.radians(240) / n
     ranges_m = np.array(
@@ -67,7 +67,7 @@ def test_nothing_is_known_before_the_first_telemetry() -> None:
     assert perception().state() is None
 
 
-def test_a_scan_waits_until_odometry_covers_its_turn() -> None:
+def test_a_scan_waits_until_odometry_covers_it() -> None:
     robot = perception()
     robot.add_telemetry(telemetry(0.0, 0, 0))
     robot.add_scan(scan(0.05, [Pose2()] * 100))
@@ -80,15 +80,15 @@ def test_a_scan_waits_until_odometry_covers_its_turn() -> None:
     assert state.scan_age_s == pytest.approx(0.2 - 0.149, abs=1e-7)
 
 
-def test_a_scan_from_before_the_board_was_heard_is_not_mapped() -> None:
+def test_a_scan_from_before_the_first_telemetry_is_not_mapped() -> None:
     robot = perception()
     robot.add_telemetry(telemetry(5.0, 0, 0))
     robot.add_scan(scan(1.0, [Pose2()] * 100))
     assert robot.scans_mapped == 0
 
 
-def test_hits_lie_on_the_walls_though_the_robot_turned_during_the_scan() -> None:
-    """At 1 rad/s the last beam is 5.7 degrees off; without de-skewing hits would miss the walls by 0.2 m."""
+def test_hits_of_a_turning_robot_are_on_the_walls() -> None:
+    """At 1 rad/s the last beam is 5.7 degrees off; without de-skewing, hits would be 0.2 m off."""
     robot = perception()
     turn_counts = round(1.0 * 0.5 * DRIVE.track_m / M_PER_COUNT * 0.1)  # per 0.1 s, each side
     w_rad_s = 2 * turn_counts * M_PER_COUNT / DRIVE.track_m / 0.1
@@ -98,18 +98,18 @@ def test_hits_lie_on_the_walls_though_the_robot_turned_during_the_scan() -> None
     robot.add_scan(scan(0.1, poses))
     state = robot.state()
     assert state is not None
-    room_from_map = poses[0]  # the first scan lays the map's origin where it was taken
+    room_from_map = poses[0]  # the map origin is the pose of the first scan
     assert wall_distance_m(room_from_map.apply(state.hits_in_map_m)).max() < 0.01
 
 
-def test_a_scan_from_the_future_does_not_hold_up_the_others() -> None:
+def test_a_scan_from_the_future_does_not_delay_the_others() -> None:
     robot = perception()
     for k in range(30):
         robot.add_telemetry(telemetry(0.1 * k, 0, 0))
         robot.add_scan(scan(100.0 if k == 10 else 0.1 * k - 0.1, [Pose2()] * 100))
     robot.add_telemetry(telemetry(3.0, 0, 0))
     assert robot.scan_checker.counts == {
-        ScanDefect.NO_ODOMETRY: 1,  # the first one, from before the board was heard
+        ScanDefect.NO_ODOMETRY: 1,  # the first one, from before the first telemetry
         ScanDefect.GAP: 1,
         ScanDefect.BACKWARDS: 1,
         ScanDefect.WAITED: 1,
@@ -117,7 +117,7 @@ def test_a_scan_from_the_future_does_not_hold_up_the_others() -> None:
     assert robot.scans_mapped == 28
 
 
-def test_a_silent_board_costs_scans_that_are_counted() -> None:
+def test_scans_without_telemetry_are_counted() -> None:
     robot = perception()
     robot.add_telemetry(telemetry(0.0, 0, 0))
     for k in range(40):
@@ -144,7 +144,7 @@ def test_a_silent_board_costs_scans_that_are_counted() -> None:
         ({"range_max_m": math.nan}, ScanDefect.EMPTY),
     ],
 )
-def test_a_scan_that_makes_no_sense_is_counted_and_harmless(broken: dict[str, Any], flaw: ScanDefect) -> None:
+def test_an_invalid_scan_is_counted_and_harmless(broken: dict[str, Any], flaw: ScanDefect) -> None:
     robot = perception()
     for k in range(8):
         robot.add_telemetry(telemetry(0.1 * k, 0, 0))
@@ -158,8 +158,8 @@ def test_a_scan_that_makes_no_sense_is_counted_and_harmless(broken: dict[str, An
     assert state.map_from_base.distance_m(Pose2()) < 0.01
 
 
-def test_a_pose_given_by_hand_is_no_slip() -> None:
-    """The room looks the same half a turn round its middle, and the robot is told to be there."""
+def test_a_pose_set_by_the_user_is_not_slip() -> None:
+    """The room is symmetric under a half turn, and the user sets that pose."""
     mapper = SlamModeSwitch(GridMapper(base_from_laser=LASER), base_from_laser=LASER)
     robot = StateEstimator(drive=DRIVE, base_from_laser=LASER, mapper=mapper)
     step = round(0.05 / M_PER_COUNT)  # counts in 0.1 s
@@ -170,18 +170,18 @@ def test_a_pose_given_by_hand_is_no_slip() -> None:
         if k == 15:
             here = mapper.map_from_odom @ Pose2(x_m=begin_m + 0.7)
             mapper.localize()
-            for _ in range(2):  # for the map, which is not whole yet, speaks against it
+            for _ in range(2):  # the incomplete map contradicts the first
                 mapper.set_pose(Pose2(x_m=2.4 - here.x_m, y_m=0.4 - here.y_m, theta_rad=math.pi))
     state = robot.state()
     assert state is not None
     assert abs(state.map_from_base.theta_rad) > 3.0
     assert state.lost == ""
     assert robot.scans_mapped == 29
-    before_the_board_was_heard = f"1 of 30 scans {ScanDefect.NO_ODOMETRY}"
-    assert robot.warnings() == {"NO_ODOMETRY": before_the_board_was_heard}
+    before_the_first_telemetry = f"1 of 30 scans {ScanDefect.NO_ODOMETRY}"
+    assert robot.warnings() == {"NO_ODOMETRY": before_the_first_telemetry}
 
 
-def test_counts_that_leap_are_no_motion_and_are_told() -> None:
+def test_count_jumps_are_reported_and_are_not_motion() -> None:
     robot = perception()
     leap = round(30.0 / M_PER_COUNT)
     for k in range(20):
@@ -196,7 +196,7 @@ def test_counts_that_leap_are_no_motion_and_are_told() -> None:
     assert robot.warnings()["LEAP"].startswith("the odometry jumped once, by up to 30.0 m:")
 
 
-def test_after_a_clock_was_set_back_scans_are_mapped_again() -> None:
+def test_scans_are_mapped_again_after_a_clock_was_set_back() -> None:
     robot = perception()
     for k in range(60):
         time_s = 0.1 * k + (100.0 if k < 30 else 0.0)
@@ -204,7 +204,7 @@ def test_after_a_clock_was_set_back_scans_are_mapped_again() -> None:
         if k == 30:
             state = robot.state()
             assert state is not None
-            assert state.scan_age_s == math.inf  # what was seen before is no newest scan
+            assert state.scan_age_s == math.inf  # older scans do not count
         robot.add_scan(scan(time_s, [Pose2()] * 100))
     assert robot.scans_mapped >= 56
     assert robot.scan_checker.counts[ScanDefect.BACKWARDS] == 1
@@ -213,13 +213,13 @@ def test_after_a_clock_was_set_back_scans_are_mapped_again() -> None:
     assert 0.0 <= state.scan_age_s < 0.5
 
 
-def test_a_map_that_does_not_fit_is_told() -> None:
+def test_a_wrong_map_is_reported() -> None:
     mapper = SlamModeSwitch(GridMapper(base_from_laser=LASER), base_from_laser=LASER)
     foreign = np.array([[-6.0, -0.4, 6.0, -0.4], [-6.0, 0.9, 6.0, 0.9], [0.5, -0.4, 0.5, 0.1]])
     mapper.localize_in(World(segments_m=foreign, circles_m=np.zeros((0, 3))).to_grid(), None)
     robot = StateEstimator(drive=DRIVE, base_from_laser=LASER, mapper=mapper)
     step = round(0.05 / M_PER_COUNT)
-    for k in range(60):  # turning on the spot
+    for k in range(60):  # rotates in place
         robot.add_telemetry(telemetry(0.1 * k, -step * k, step * k))
         turn_rad = 2.0 * step * k * M_PER_COUNT / DRIVE.track_m
         robot.add_scan(scan(0.1 * k, [Pose2(theta_rad=turn_rad)] * 100))

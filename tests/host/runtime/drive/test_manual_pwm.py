@@ -1,4 +1,4 @@
-"""From the stick to the motors' PWM."""
+"""Manual driving: from the stick to motor PWM."""
 
 import math
 
@@ -21,39 +21,37 @@ def pwm(v_m_s: float, w_rad_s: float, *, feel: FeedForward = FEEL, battery_V: fl
     return manual_pwm(twist, DRIVE, ManualDriveOptions(), WHEEL_MAX_RAD_S, feel, battery_V)
 
 
-def test_straight_on_is_the_boards_own_feed_forward() -> None:
+def test_straight_driving_uses_the_feed_forward_of_the_board() -> None:
     """u = ks + kv omega at 7.4 V."""
     expected = round(19.3 + 17.12 * 0.3 / DRIVE.wheel_radius_m)
     assert pwm(0.3, 0.0) == (expected, expected)
 
 
-def test_standing_is_zero() -> None:
+def test_zero_speed_is_zero_pwm() -> None:
     assert pwm(0.0, 0.0) == (0, 0)
 
 
-def test_a_turn_on_the_spot_turns_the_wheels_against_each_other() -> None:
+def test_rotation_in_place_is_antisymmetric() -> None:
     left, right = pwm(0.0, 1.0)
     assert left == -right < 0
 
 
-def test_an_emptier_battery_gets_more_pwm() -> None:
+def test_a_lower_battery_voltage_gets_more_pwm() -> None:
     assert pwm(0.3, 0.0, battery_V=6.6)[0] > pwm(0.3, 0.0)[0]
 
 
-def test_a_battery_that_nobody_has_measured_is_taken_for_a_full_one() -> None:
+def test_an_unmeasured_battery_counts_as_full() -> None:
     assert pwm(0.3, 0.0, battery_V=0.0) == pwm(0.3, 0.0)
 
 
-def test_without_feed_forward_the_fastest_wheel_speed_is_full_pwm() -> None:
+def test_without_feed_forward_the_maximum_speed_is_full_pwm() -> None:
     bare = FeedForward(ks_pwm=0.0, kv_pwm_s=0.0)
     v_m_s = 0.5 * WHEEL_MAX_RAD_S * DRIVE.wheel_radius_m
     assert pwm(v_m_s, 0.0, feel=bare)[0] == pytest.approx(PWM_MAX / 2, abs=1)
 
 
 @given(v_m_s=st.floats(-5, 5), w_rad_s=st.floats(-20, 20), battery_V=st.floats(0, 9))
-def test_no_more_than_the_motors_take_and_the_bend_stays(
-    v_m_s: float, w_rad_s: float, battery_V: float
-) -> None:
+def test_pwm_is_limited_and_the_curvature_stays(v_m_s: float, w_rad_s: float, battery_V: float) -> None:
     left, right = pwm(v_m_s, w_rad_s, battery_V=battery_V)
     assert max(abs(left), abs(right)) <= PWM_MAX
     if min(abs(left), abs(right)) > 60:  # clear of friction, whose share is no speed

@@ -1,4 +1,4 @@
-"""Who drives by hand, and for how long."""
+"""Priority and expiry of manual commands."""
 
 from thumper.common.geometry import Twist2
 from thumper.runtime.drive.twist_mux import ManualCommand, TwistMux
@@ -14,26 +14,26 @@ def mux_with(*commands: tuple[float, TeleopSource, Twist2]) -> TwistMux:
     return mux
 
 
-def test_nobody_drives_at_first() -> None:
+def test_no_command_at_first() -> None:
     assert mux_with().active(0.0) is None
 
 
-def test_the_gamepad_goes_before_the_page() -> None:
+def test_the_gamepad_has_priority() -> None:
     mux = mux_with((0.0, TeleopSource.GAMEPAD, FAST), (0.1, TeleopSource.TELEOP, SLOW))
     assert mux.active(0.2) == ManualCommand(source=TeleopSource.GAMEPAD, twist=FAST)
 
 
-def test_each_command_holds_only_for_a_moment() -> None:
+def test_commands_expire() -> None:
     mux = mux_with((0.0, TeleopSource.GAMEPAD, FAST), (0.0, TeleopSource.TELEOP, SLOW))
     assert mux.active(0.31) == ManualCommand(source=TeleopSource.TELEOP, twist=SLOW)
     assert mux.active(0.41) is None
 
 
-def test_zero_lets_go_at_once() -> None:
+def test_zero_releases_the_source_at_once() -> None:
     mux = mux_with((0.0, TeleopSource.GAMEPAD, FAST), (0.1, TeleopSource.GAMEPAD, Twist2()))
     assert mux.active(0.1) is None
 
 
-def test_a_channel_that_stands_still_does_not_take_over() -> None:
+def test_a_released_source_does_not_take_over() -> None:
     mux = mux_with((0.0, TeleopSource.TELEOP, SLOW), (0.1, TeleopSource.GAMEPAD, Twist2()))
     assert mux.active(0.2) == ManualCommand(source=TeleopSource.TELEOP, twist=SLOW)

@@ -1,4 +1,4 @@
-"""Goals, legs and endings."""
+"""Missions: their legs and their ends."""
 
 from thumper.navigation.goal import Goal
 from thumper.runtime.drive.waypoints import MAX_MISSIONS, Missions, MissionState, Waypoints
@@ -6,7 +6,7 @@ from thumper.runtime.drive.waypoints import MAX_MISSIONS, Missions, MissionState
 A, B = Goal(x_m=1.0, y_m=0.0), Goal(x_m=2.0, y_m=0.0)
 
 
-def test_legs_follow_one_another_and_the_last_ends_it() -> None:
+def test_legs_in_order_and_the_end_after_the_last() -> None:
     missions = Missions()
     number = missions.start(Waypoints(goals=(A, B)), "page").number
     assert missions.next_goal() == B
@@ -36,7 +36,7 @@ def test_a_new_goal_ends_the_old_one() -> None:
     assert "another goal" in mission.reason
 
 
-def test_an_ending_without_a_mission_is_none() -> None:
+def test_end_without_an_active_mission_returns_none() -> None:
     missions = Missions()
     assert missions.end("stopped") is None
     missions.start(Waypoints(goals=(A,)), "")
@@ -44,7 +44,7 @@ def test_an_ending_without_a_mission_is_none() -> None:
     assert missions.end("stopped") is None
 
 
-def test_a_robot_that_is_on_for_days_forgets() -> None:
+def test_old_missions_are_forgotten() -> None:
     missions = Missions()
     first = missions.start(Waypoints(goals=(A,)), "").number
     for _ in range(MAX_MISSIONS):

@@ -1,4 +1,4 @@
-"""Questions to the board: bit by bit, each answered, none for ever."""
+"""Queries for the board are spread over cycles, and each is answered."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -11,7 +11,7 @@ from thumper.runtime.service.board_jobs import MAX_PENDING, TIME_SLICE_S, BoardJ
 
 
 class Clock:
-    """The board's: it goes on while a request is answered."""
+    """The board's clock: it advances while a request is answered."""
 
     def __init__(self) -> None:
         self.now_s = 5.0
@@ -33,20 +33,20 @@ def requests(count: int, clock: Clock, each_s: float, error: Exception | None = 
     return {"asked": count}
 
 
-@pytest.mark.parametrize(("each_s", "beats"), [(0.001, 1), (0.016, 4), (0.1, 8)])
-def test_a_beat_gives_its_share_of_time_and_at_least_one_request(each_s: float, beats: int) -> None:
+@pytest.mark.parametrize(("each_s", "cycles"), [(0.001, 1), (0.016, 4), (0.1, 8)])
+def test_a_cycle_spends_its_time_slice_and_at_least_one_request(each_s: float, cycles: int) -> None:
     clock, jobs, answers = Clock(), BoardJobQueue(), list[Mapping[str, Any]]()
     jobs.add(ask(answers), requests(7, clock, each_s))
-    for beat in range(beats):
+    for cycle in range(cycles):
         assert (len(answers), bool(jobs)) == (0, True)
-        begun_s = clock.now_s
+        start_s = clock.now_s
         jobs.run_for(clock)
-        assert clock.now_s - begun_s < TIME_SLICE_S + each_s, beat
+        assert clock.now_s - start_s < TIME_SLICE_S + each_s, cycle
     assert answers == [{"ok": True, "asked": 7}]
     assert not jobs
 
 
-def test_one_that_fails_is_answered_with_why_and_the_next_one_is_done() -> None:
+def test_a_failed_job_is_answered_and_the_next_one_runs() -> None:
     clock, jobs, answers = Clock(), BoardJobQueue(), list[Mapping[str, Any]]()
     for error in (ThumperError("it is silent"), IndexError("7"), None):
         jobs.add(ask(answers), requests(1, clock, 0.001, error))
@@ -59,7 +59,7 @@ def test_one_that_fails_is_answered_with_why_and_the_next_one_is_done() -> None:
     assert [answer["ok"] for answer in answers] == [False, False, True]
 
 
-def test_a_flood_is_refused_and_a_lost_board_answers_all_that_wait() -> None:
+def test_a_full_queue_refuses_and_a_lost_board_answers_all() -> None:
     clock, jobs, answers = Clock(), BoardJobQueue(), list[Mapping[str, Any]]()
     for _ in range(MAX_PENDING):
         jobs.add(ask(answers), requests(1, clock, 0.001))

@@ -1,11 +1,11 @@
-"""A flood may crowd out what it likes, but not the emergency stop."""
+"""The queue is bounded, but never loses an emergency stop; heartbeats of many sources."""
 
 from thumper.runtime.drive.heartbeats import MAX_SOURCES, HeartbeatMonitor
 from thumper.runtime.requests import EmergencyStop, Heartbeat, RobotCommand
 from thumper.runtime.service.request_queue import MAX_PENDING, RequestQueue
 
 
-def test_requests_come_out_in_their_order() -> None:
+def test_requests_stay_in_order() -> None:
     queue = RequestQueue()
     queue.put(RobotCommand(name="arm"))
     queue.put(RobotCommand(name="disarm"))
@@ -16,7 +16,7 @@ def test_requests_come_out_in_their_order() -> None:
     assert queue.take_all() == []
 
 
-def test_a_flood_loses_its_oldest_part_and_never_the_stop() -> None:
+def test_a_flood_never_displaces_the_emergency_stop() -> None:
     queue = RequestQueue()
     queue.put(EmergencyStop())
     for n in range(MAX_PENDING + 10):
@@ -27,7 +27,7 @@ def test_a_flood_loses_its_oldest_part_and_never_the_stop() -> None:
     assert len(taken) == MAX_PENDING + 1
 
 
-def test_a_source_is_lost_only_after_it_was_there() -> None:
+def test_a_source_is_lost_only_after_a_heartbeat() -> None:
     heartbeats = HeartbeatMonitor(0.3)
     assert not heartbeats.is_lost("page", 100.0)
     heartbeats.record("page", 1.0)
@@ -36,7 +36,7 @@ def test_a_source_is_lost_only_after_it_was_there() -> None:
     assert not heartbeats.is_lost("other", 2.0)
 
 
-def test_too_many_sources_push_out_the_one_silent_longest() -> None:
+def test_the_longest_silent_source_is_forgotten() -> None:
     heartbeats = HeartbeatMonitor(0.3)
     for n in range(MAX_SOURCES + 1):
         heartbeats.record(str(n), float(n))
@@ -44,7 +44,7 @@ def test_too_many_sources_push_out_the_one_silent_longest() -> None:
     assert heartbeats.is_lost("1", 1e9)
 
 
-def test_the_source_that_is_watched_is_not_pushed_out() -> None:
+def test_the_monitored_source_is_not_forgotten() -> None:
     heartbeats = HeartbeatMonitor(0.3)
     heartbeats.record("page", 0.0)
     assert not heartbeats.is_lost("page", 0.1)

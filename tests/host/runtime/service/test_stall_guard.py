@@ -1,4 +1,4 @@
-"""What waited while the process hung is not done late."""
+"""Requests that queued while the process hung are rejected."""
 
 import pytest
 
@@ -7,7 +7,7 @@ from thumper.runtime.requests import EmergencyStop, GoTo, Query, Request, RobotC
 from thumper.runtime.service.stall_guard import STALE_PERIOD_S, STALL_S, StallGuard, starts_motion
 
 
-def test_only_what_comes_right_after_a_hang_is_stale() -> None:
+def test_requests_right_after_a_stall_are_stale() -> None:
     guard = StallGuard()
     assert not guard.is_stale(100.0)
     assert not guard.is_stale(100.1)
@@ -30,5 +30,5 @@ def test_only_what_comes_right_after_a_hang_is_stale() -> None:
         (Query(name="parameters/get", content={}, reply=print), False),
     ],
 )
-def test_what_sets_the_robot_going(request_: Request, going: bool) -> None:
+def test_requests_that_start_motion(request_: Request, going: bool) -> None:
     assert starts_motion(request_) is going
