@@ -55,6 +55,6 @@ def test_invalid_sessions_overwrite_nothing(thumper: Run, tmp_path: Path) -> Non
         refused(done, str(session), "version 3")
         assert done.returncode == 2
     assert [path.name for path in tmp_path.iterdir()] == ["map.session"]
-    refused(thumper(*commands[0], "--session", session, "--map", session, "--out", tmp_path), "give one")
+    refused(thumper(*commands[0], "--session", session, "--map", session, "--out", tmp_path), "pass only one")
     done = thumper(*commands[1], "--session", session, "--method", "rbpf", "--out", tmp_path)
     refused(done, "scan_match")
