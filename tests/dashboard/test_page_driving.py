@@ -24,28 +24,28 @@ def drag(page: Page, start_m: tuple[float, float], end_m: tuple[float, float]) -
         getattr(page.mouse, what)()
 
 
-def asked(robot: FakeRobot, name: str) -> list[Query]:
+def queries_of(robot: FakeRobot, name: str) -> list[Query]:
     return [query for query in robot.received_of(Query) if query.name == name]
 
 
 def test_goal_by_dragging(page: Page, robot: FakeRobot) -> None:
     page.click("[data-tool=goal]")
     drag(page, (1.0, 1.0), (1.0, 2.0))
-    ask = until(lambda: asked(robot, "mission/send"))[0]
-    assert ask.content["x_m"] == pytest.approx(1.0, abs=0.02)
-    assert ask.content["y_m"] == pytest.approx(1.0, abs=0.02)
-    assert ask.content["yaw_rad"] == pytest.approx(math.pi / 2, abs=0.02)
+    query = until(lambda: queries_of(robot, "mission/send"))[0]
+    assert query.content["x_m"] == pytest.approx(1.0, abs=0.02)
+    assert query.content["y_m"] == pytest.approx(1.0, abs=0.02)
+    assert query.content["yaw_rad"] == pytest.approx(math.pi / 2, abs=0.02)
     heartbeats = until(lambda: robot.received_of(Heartbeat))
-    assert {beat.source for beat in heartbeats} == {ask.source}  # the page answers for its goal
+    assert {heartbeat.source for heartbeat in heartbeats} == {query.source}  # the page guards its goal
     expect(page.locator("[data-field=mode]")).to_have_text("driving")
     page.click("text=Cancel goal")
-    until(lambda: [ask.content for ask in asked(robot, "command")] == [{"command": "cancel"}])
+    until(lambda: [query.content for query in queries_of(robot, "command")] == [{"command": "cancel"}])
 
 
 def test_click_sets_a_goal_without_heading(page: Page, robot: FakeRobot) -> None:
     page.keyboard.press("g")
     drag(page, (1.0, 1.0), (1.0, 1.0))
-    assert set(until(lambda: asked(robot, "mission/send"))[0].content) == {"x_m", "y_m"}
+    assert set(until(lambda: queries_of(robot, "mission/send"))[0].content) == {"x_m", "y_m"}
 
 
 def test_pose_estimate_and_waypoints(page: Page, robot: FakeRobot) -> None:
@@ -76,10 +76,10 @@ def test_gains_are_applied_and_refused(page: Page, robot: FakeRobot) -> None:
     expect(page.locator(".tp-message")).to_have_text("The board now uses kp 14.5")
     number.fill("999")  # refused by the page, not sent
     expect(page.locator(".tp-gain", has_text="kp")).to_contain_text("must be 0 … 60")
-    before = len(asked(robot, "parameters/set"))
+    before = len(queries_of(robot, "parameters/set"))
     apply.click()
     expect(page.locator(".tp-message")).to_contain_text("must be")
-    assert len(asked(robot, "parameters/set")) == before
+    assert len(queries_of(robot, "parameters/set")) == before
     page.locator(".q-tab-panel button", has_text="Undo").click()
     expect(number).to_have_value("14.5")
     thumb = page.locator("[data-slider=ki]")
@@ -87,7 +87,7 @@ def test_gains_are_applied_and_refused(page: Page, robot: FakeRobot) -> None:
     apply.click()
     until(lambda: robot.parameters["ki"] < 2.0)
     page.locator("button", has_text="Save on board").click()
-    until(lambda: asked(robot, "parameters/save"))
+    until(lambda: queries_of(robot, "parameters/save"))
 
 
 def test_recording(page: Page, robot: FakeRobot) -> None:

@@ -34,7 +34,7 @@ def test_valid_messages_are_parsed() -> None:
 
 
 @pytest.mark.parametrize(
-    "order",
+    "message",
     [
         {},
         {"kind": "shell", "command": "reboot"},
@@ -52,9 +52,9 @@ def test_valid_messages_are_parsed() -> None:
         {"kind": "obstacle", "x_m": 0.0, "y_m": 0.0, "radius_m": 50.0},
     ],
 )
-def test_all_other_messages_are_refused(order: dict[str, Any]) -> None:
+def test_all_other_messages_are_refused(message: dict[str, Any]) -> None:
     with pytest.raises(PageMessageError, match="refused"):
-        parse_message(json.dumps(order))
+        parse_message(json.dumps(message))
 
 
 @pytest.mark.parametrize("value", ["NaN", "Infinity", "-Infinity", "1e999"])

@@ -53,8 +53,8 @@ class SimulatorPanel:
         self._active = ui.html("", tag="p", sanitize=False).classes("tp-active-faults")
         self._message = ui.html("", tag="p", sanitize=False).classes("tp-message").props("role=status")
         inline(
-            '<p class="tp-hint">Everything goes on until it is set to ok again. What each fault does is in '
-            "the test bench's page of the manual.</p>"
+            '<p class="tp-hint">A fault stays active until you set it to ok. The manual describes '
+            "every fault on the page Test bench.</p>"
         )
         self._on_fault_selected()
         ui.timer(POLL_PERIOD_S, self._poll, immediate=True)

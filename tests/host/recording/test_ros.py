@@ -54,16 +54,16 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.skipif(ROSBAG is None, reason="ROS 1's rosbag is not installed (apt install python3-rosbag)")
 def test_ros_itself_knows_every_topic_and_type(bag: Path) -> None:
     assert ROSBAG is not None
-    said = subprocess.run(
+    output = subprocess.run(
         [ROSBAG, "info", str(bag)], capture_output=True, text=True, check=True, timeout=60
     ).stdout
     types = dict(
-        line.split()[-2:] for line in said.splitlines() if line.rstrip().endswith("]") and "/" in line
+        line.split()[-2:] for line in output.splitlines() if line.rstrip().endswith("]") and "/" in line
     )
     for name, digest in CANONICAL.items():
         assert types[name] == f"[{digest}]"
-    assert "/wheels" in said
-    assert "thumper_msgs/Status" in said
+    assert "/wheels" in output
+    assert "thumper_msgs/Status" in output
 
 
 @pytest.mark.skipif(ROSBAG is None, reason="ROS 1's rosbag is not installed (apt install python3-rosbag)")

@@ -44,7 +44,7 @@ STATUS = Status(
     distance_to_goal_m=1.25,
     board_state="CLOSED_LOOP",
 )
-SAID: list[tuple[Any, str]] = [
+SAMPLES: list[tuple[Any, str]] = [
     (SIMULATED.battery(telemetry(2.0, 7)), "2.00 s: 7.60 V, 0.61 A drawn by the motors"),
     (
         SIMULATED.wheels(telemetry(2.0, 7)),
@@ -84,11 +84,13 @@ SAID: list[tuple[Any, str]] = [
 
 
 @pytest.mark.parametrize(
-    ("said", "line"), SAID, ids=[said.__msgtype__.rpartition("/")[2] for said, _ in SAID]
+    ("sample", "line"), SAMPLES, ids=[sample.__msgtype__.rpartition("/")[2] for sample, _ in SAMPLES]
 )
-def test_line_has_values_and_units(said: Any, line: str) -> None:
-    assert message_text(said) == line
-    assert from_json(said.__msgtype__, to_json(said)).__msgtype__ == said.__msgtype__  # no field too many
+def test_line_has_values_and_units(sample: Any, line: str) -> None:
+    assert message_text(sample) == line
+    assert (
+        from_json(sample.__msgtype__, to_json(sample)).__msgtype__ == sample.__msgtype__
+    )  # no unknown field
 
 
 def test_real_time_stamps_show_the_time_of_day() -> None:
