@@ -147,11 +147,7 @@ def test_broken_lines_and_rear_lasers_are_noted(tmp_path: Path) -> None:
     good = [flaser_line([2.0] * 180, (0.1 * k, 0, 0)) for k in range(30)]
     rear = good[0].replace("FLASER", "RLASER")
     text = (
-        "# handmade\nPARAM robot_frontlaser_offset 0.3\nSYNC x\n"
-        + rear
-        + "".join(good)
-        + good[0][:50]
-        + "\n"
+        "# handmade\nPARAM robot_frontlaser_offset 0.3\nSYNC x\n" + rear + "".join(good) + good[0][:50] + "\n"
     )
     log = open_log(write(tmp_path / "a.log", text))
     assert len(log.records) == 30

@@ -5,16 +5,17 @@ from typing import Annotated
 
 import typer
 
+from thumper.cli.common_options import ConfigFile
+
 experiment = typer.Typer(help="Repeat the thesis's experiments and compare.", no_args_is_help=True)
 calibrate = typer.Typer(help="Calibrate the robot's geometry.", no_args_is_help=True)
 
 Board = Annotated[
-    str, typer.Option(help="Board port or URL, for example /dev/ttyUSB0 or sim://try/board?world=lab.")
+    str, typer.Option(help="Serial port or URL of the board, as /dev/ttyUSB0 or sim://try/board?world=lab.")
 ]
 Lidar = Annotated[
-    str, typer.Option(help="Lidar port or URL; the map built during the drive is the reference.")
+    str, typer.Option(help="Serial port or URL of the lidar; the map built on the drive is the reference.")
 ]
-Config = Annotated[Path | None, typer.Option(help="The robot's TOML; default: the Wild Thumper's values.")]
 Log = Annotated[
     Path | None,
     typer.Option(help="Evaluate a CSV instead of driving: time_s, left_counts, right_counts."),
@@ -22,7 +23,7 @@ Log = Annotated[
 Truth = Annotated[
     Path | None, typer.Option(help="With --log: the true path, a CSV: time_s, x_m, y_m, theta_rad.")
 ]
-Out = Annotated[Path, typer.Option(help="Directory for logs, figures and values.")]
+Out = Annotated[Path, typer.Option(help="Folder for logs, figures and values.")]
 Laps = Annotated[int, typer.Option(help="Number of laps of the course.", min=1, max=20)]
 Yes = Annotated[bool, typer.Option("--yes", help="Skip the prompt: the floor is clear.")]
 
@@ -36,7 +37,7 @@ def _calibrate() -> None:
 def experiment_odometry(
     board: Board = "/dev/ttyUSB0",
     lidar: Lidar = "",
-    config: Config = None,
+    config: ConfigFile = None,
     log: Log = None,
     truth: Truth = None,
     out: Out = Path("out/experiment"),
@@ -54,7 +55,7 @@ def experiment_odometry(
 def calibrate_odometry(
     board: Board = "/dev/ttyUSB0",
     lidar: Lidar = "",
-    config: Config = None,
+    config: ConfigFile = None,
     log: Log = None,
     truth: Truth = None,
     out: Out = Path("out/calibrate"),

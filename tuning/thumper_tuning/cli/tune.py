@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from thumper.cli.common_options import AsJson
+
 app = typer.Typer(
     help="Identify the motors and tune the wheel-speed control: all steps, or one at a time.",
     invoke_without_command=True,
@@ -25,9 +27,9 @@ FIT_HELP = (
 )
 
 Board = Annotated[
-    str, typer.Option(help="Board port or URL, for example /dev/ttyUSB0 or sim://tune/board?world=hall.")
+    str, typer.Option(help="Serial port or URL of the board, as /dev/ttyUSB0 or sim://tune/board?world=hall.")
 ]
-Out = Annotated[Path, typer.Option(help="Directory for logs, gains and report.")]
+Out = Annotated[Path, typer.Option(help="Folder for logs, gains and report.")]
 Files = Annotated[list[Path], typer.Argument(help="Logs of one robot or motor.")]
 CountsPerRev = Annotated[float, typer.Option(help="Encoder counts per wheel revolution.", min=1.0)]
 Settings = Annotated[
@@ -124,7 +126,7 @@ def record(
 @app.command(help=FIT_HELP)
 def fit(
     files: Files,
-    json: Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")] = False,
+    json: AsJson = False,
     counts_per_rev: CountsPerRev = 1200.0,
     one_direction: OneDirection = False,
     variants: Annotated[
