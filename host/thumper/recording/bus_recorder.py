@@ -111,20 +111,17 @@ def _query_metadata(client: BusClient) -> RunMetadata:
 
 
 def _add_message(recorder: Recorder, name: str, type_name: str) -> Callable[[Message], None]:
-    def add(message: Message) -> None:
-        cdr = encode(message)
-        recorder.add_cdr(name, type_name, _stamp_ns(type_name, cdr), cdr)
-
-    return add
+    """Return a sink for a latched topic. Ignore its stamp, which may be hours older than the recording."""
+    return lambda message: recorder.add_cdr(name, type_name, None, encode(message))
 
 
 def _add_raw(recorder: Recorder, name: str, type_name: str) -> Callable[[bytes], None]:
     return lambda cdr: recorder.add_cdr(name, type_name, _stamp_ns(type_name, cdr), cdr)
 
 
-def _stamp_ns(type_name: str, cdr: bytes) -> int:
-    """Return the stamp at the start of the message; 0 (same as the previous one) if its type has none."""
+def _stamp_ns(type_name: str, cdr: bytes) -> int | None:
+    """Return the stamp at the start of the message; None if its type has none there."""
     if type_name in ("tf2_msgs/msg/TFMessage", "std_msgs/msg/String"):
-        return 0
+        return None
     stamp = cdr[STAMP]
     return int.from_bytes(stamp[:4], "little", signed=True) * NS_PER_S + int.from_bytes(stamp[4:], "little")

@@ -4,7 +4,7 @@ import queue
 import shutil
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from thumper.common.stamps import stamp_ns
@@ -20,7 +20,8 @@ CLOSE_TIMEOUT_S = 10.0
 FLUSH_PERIOD_S = 0.5  # a crash loses at most the messages of this time and one write
 QUEUE_SIZE = 4096  # messages that wait for a slow disk, about half a minute of a robot
 
-_Item = tuple[str, str, int, Message | bytes]  # topic, type, log time [ns], the message or its CDR
+_Item = tuple[str, str, int | None, Message | bytes]
+"""Topic, type, log time [ns] if the message has one, and the message or its CDR."""
 
 
 class Recorder:
@@ -44,7 +45,8 @@ class Recorder:
         # At most a quarter of the budget: else the open file would evict the one just finished.
         self._max_file_bytes = min(self._options.file_MB, 0.25 * self._options.budget_MB) * MB
         self._queue: queue.Queue[_Item | None] = queue.Queue(queue_size)
-        self._newest_ns = 0
+        self._newest_ns: int | None = None  # log time of the newest message
+        self._untimed: list[_Item] = []  # before the first message that has a time
         self._run_id = time.time_ns()  # common to the files of this recording
         self._part = 0
         self._file_start_s = 0.0
@@ -62,8 +64,11 @@ class Recorder:
         """Queue one message, `stamp_s` on the host's clock. The caller must not change it afterwards."""
         self._put((topic, message.__msgtype__, stamp_ns(stamp_s, self._run_metadata.epoch_ns), message))
 
-    def add_cdr(self, topic: str, type_name: str, log_ns: int, cdr: bytes) -> None:
-        """Queue one message that is already encoded; `log_ns` counts from 1970."""
+    def add_cdr(self, topic: str, type_name: str, log_ns: int | None, cdr: bytes) -> None:
+        """Queue one message that is already encoded; `log_ns` counts from 1970.
+
+        None means the time of the message before it, or at the start of the recording, of the one after it.
+        """
         self._put((topic, type_name, log_ns, cdr))
 
     @property
@@ -117,16 +122,26 @@ class Recorder:
                 file.flush()
                 file = self._within_limits(file)
                 due_s = time.monotonic() + period_s
+        self._write_at(file, self._newest_ns or self._run_metadata.epoch_ns, self._untimed)
         file.close()
 
     def _write(self, file: McapFile, item: _Item) -> None:
-        topic, type_name, log_ns, message = item
-        self._newest_ns = max(self._newest_ns, log_ns)  # readers expect increasing times
-        cdr = message if isinstance(message, bytes) else encode(message)
-        if topic in TOPICS and TOPICS[topic].latched:
-            self._latched[topic] = (type_name, cdr)
-        file.add(topic, type_name, self._newest_ns, cdr)
-        self.written += 1
+        log_ns = item[2]
+        if log_ns is not None:
+            self._newest_ns = max(self._newest_ns or log_ns, log_ns)  # readers expect increasing times
+        elif self._newest_ns is None:
+            self._untimed.append(item)
+            return
+        self._write_at(file, self._newest_ns, (*self._untimed, item))
+        self._untimed.clear()
+
+    def _write_at(self, file: McapFile, log_ns: int, items: Iterable[_Item]) -> None:
+        for topic, type_name, _, message in items:
+            cdr = message if isinstance(message, bytes) else encode(message)
+            if topic in TOPICS and TOPICS[topic].latched:
+                self._latched[topic] = (type_name, cdr)
+            file.add(topic, type_name, log_ns, cdr)
+            self.written += 1
 
     def _within_limits(self, file: McapFile) -> McapFile:
         """Return the file to continue with: this one, or a new one if a limit is reached."""
@@ -139,7 +154,7 @@ class Recorder:
         file.close()
         file = self._open_file()
         for topic, (type_name, cdr) in self._latched.items():  # each file is self-contained
-            file.add(topic, type_name, self._newest_ns, cdr)
+            file.add(topic, type_name, self._newest_ns or 0, cdr)
         return file
 
     def _open_file(self) -> McapFile:

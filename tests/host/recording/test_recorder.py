@@ -21,6 +21,8 @@ from thumper.config.robot import RobotConfig
 from thumper.recording.recorder import Recorder
 from thumper.recording.repair import is_complete
 from thumper.recording.run_metadata import RunMetadata, run_metadata_of
+from thumper.ros.codec import encode
+from thumper.ros.to_ros import text
 from thumper.ros.topics import TOPICS
 
 
@@ -58,6 +60,22 @@ def test_mcap_reads_messages_in_recorded_order(recording: Path) -> None:
     times = [message.log_time for _, message in messages]
     assert times == sorted(times)
     assert times[0] == EPOCH_NS + 5_000_000_000
+
+
+def test_messages_without_a_time_take_that_of_their_neighbours(tmp_path: Path) -> None:
+    """Latched messages come first and may be old: the recording must not start in 1970 or hours ago."""
+    recorder = Recorder(tmp_path, RUN)
+    wheels = next(message for topic, _, message in cycles(1) if topic == "wheels")
+    recorder.add_cdr("session", "std_msgs/msg/String", None, encode(text("{}")))
+    recorder.add_cdr("wheels", wheels.__msgtype__, EPOCH_NS + 7, encode(wheels))
+    recorder.add_cdr("session", "std_msgs/msg/String", None, encode(text("{}")))
+    recorder.close()
+    with recorder.files[0].open("rb") as stream:
+        messages = [
+            (channel.topic, message.log_time)
+            for _, channel, message in mcap.reader.make_reader(stream).iter_messages()
+        ]
+    assert messages == [(topic, EPOCH_NS + 7) for topic in ("/session", "/wheels", "/session")]
 
 
 def test_mcap_ros2_decodes_every_message(recording: Path) -> None:
