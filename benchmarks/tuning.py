@@ -35,7 +35,7 @@ from thumper_tuning.identify.cross_validation import fit_percent  # noqa: E402
 from thumper_tuning.identify.model import MotorModel, Uncertainty  # noqa: E402
 from thumper_tuning.identify.motor import identify  # noqa: E402
 from thumper_tuning.identify.richer_models import fit_richer_models  # noqa: E402
-from thumper_tuning.identify.segments import Segment, split_segments  # noqa: E402
+from thumper_tuning.identify.segments import LogSegment, split_segments  # noqa: E402
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog  # noqa: E402
 from thumper_tuning.logs.read import read_logs  # noqa: E402
 
@@ -216,7 +216,7 @@ def recorded() -> None:
             print(f"  {richer.kind}: held out {richer.fit_percent:.1f} %")
 
 
-def _predict(s: Segment, model: MotorModel, instantaneous: bool) -> FloatArray:
+def _predict(s: LogSegment, model: MotorModel, instantaneous: bool) -> FloatArray:
     from thumper_tuning.identify.prediction import predict
 
     return predict(s, model, instantaneous=instantaneous)

@@ -15,7 +15,7 @@ from thumper.common.numba_kernel import kernel
 BoolArray = NDArray[np.bool_]
 
 
-class Segment(NamedTuple):
+class WallSegment(NamedTuple):
     """A segment from a to b."""
 
     ax: float
@@ -83,7 +83,7 @@ def cast_rays(
 
 
 @kernel
-def point_segment_m(px: float, py: float, segment: Segment) -> float:
+def point_segment_m(px: float, py: float, segment: WallSegment) -> float:
     """Return the distance from a point to a segment; a segment of length 0 is a point."""
     ax, ay, bx, by = segment
     ux, uy = bx - ax, by - ay
@@ -95,7 +95,7 @@ def point_segment_m(px: float, py: float, segment: Segment) -> float:
 
 
 @kernel
-def segments_cross(ab: Segment, cd: Segment) -> bool:
+def segments_cross(ab: WallSegment, cd: WallSegment) -> bool:
     """Return True if ab and cd cross inside both; `point_segment_m` covers touching ends."""
     ax, ay, bx, by = ab
     cx, cy, dx, dy = cd
@@ -129,9 +129,9 @@ def polygon_clearance_m(polygon_m: FloatArray, segments_m: FloatArray, circles_m
     nearest = math.inf
     j = polygon_m.shape[0] - 1
     for i in range(polygon_m.shape[0]):
-        edge = Segment(polygon_m[j, 0], polygon_m[j, 1], polygon_m[i, 0], polygon_m[i, 1])
+        edge = WallSegment(polygon_m[j, 0], polygon_m[j, 1], polygon_m[i, 0], polygon_m[i, 1])
         for k in range(segments_m.shape[0]):
-            wall = Segment(segments_m[k, 0], segments_m[k, 1], segments_m[k, 2], segments_m[k, 3])
+            wall = WallSegment(segments_m[k, 0], segments_m[k, 1], segments_m[k, 2], segments_m[k, 3])
             if segments_cross(edge, wall):
                 return 0.0
             nearest = min(

@@ -9,7 +9,7 @@ import typer
 from thumper.cli.bus_options import connect
 from thumper.cli.common_options import BusAddress, ClearFault, ConfigFile, GoalTolerance, RobotName
 from thumper.ros import services
-from thumper.ros.services import FindMission, MissionState, RunCommand, SendMission
+from thumper.ros.services import FindMission, MissionStatus, RunCommand, SendMission
 
 if TYPE_CHECKING:
     from thumper.bus.client import BusClient
@@ -73,7 +73,7 @@ def goto(
     print(f"reached: {state.reason}")
 
 
-def _wait(client: "BusClient", mission: int) -> MissionState:
+def _wait(client: "BusClient", mission: int) -> MissionStatus:
     """Print the remaining distance until the mission ends; return its final state."""
     begun_s = next_line_s = time.monotonic()
     while (state := services.MISSION_STATE.call(client, FindMission(mission=mission))).state == "driving":

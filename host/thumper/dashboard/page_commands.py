@@ -23,7 +23,7 @@ from thumper.dashboard.page_messages import (
     PageHeartbeat,
     PageMessage,
     Teleop,
-    Waypoints,
+    WaypointsMessage,
 )
 from thumper.ros import services
 from thumper.ros.codec import Message
@@ -89,7 +89,7 @@ class PageCommands:
             case InitialPose():
                 pose = Pose2(x_m=message.x_m, y_m=message.y_m, theta_rad=message.yaw_rad)
                 self._robot.publish("initialpose", self._messages.pose(now_s, pose), source=page)
-            case Waypoints():
+            case WaypointsMessage():
                 return self._send_waypoints(page, message, now_s)
             case GoalMessage():
                 goal = SendMission(x_m=message.x_m, y_m=message.y_m, yaw_rad=message.yaw_rad)
@@ -104,7 +104,7 @@ class PageCommands:
                 return self._text_query(services.SIMULATOR_COMMAND, pillar, page)
         return None
 
-    def _send_waypoints(self, page: str, message: Waypoints, now_s: float) -> PendingQuery | None:
+    def _send_waypoints(self, page: str, message: WaypointsMessage, now_s: float) -> PendingQuery | None:
         """Send a path with headings to the next waypoint each; a single place is a goal."""
         if len(message.places) == 1:
             x_m, y_m = message.places[0]
@@ -145,4 +145,4 @@ class PageCommands:
 def _starts_motion(message: PageMessage) -> bool:
     if isinstance(message, Teleop):
         return message.forward != 0.0 or message.left != 0.0
-    return isinstance(message, GoalMessage | Waypoints | ExperimentMessage)
+    return isinstance(message, GoalMessage | WaypointsMessage | ExperimentMessage)

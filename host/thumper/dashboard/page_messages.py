@@ -50,7 +50,7 @@ class InitialPose(_PageMessage):
     yaw_rad: Heading
 
 
-class Waypoints(_PageMessage):
+class WaypointsMessage(_PageMessage):
     """Drive to these waypoints, one after another."""
 
     kind: Literal["waypoints"]
@@ -95,7 +95,7 @@ PageMessage = (
     | EStop
     | GoalMessage
     | InitialPose
-    | Waypoints
+    | WaypointsMessage
     | Teleop
     | CommandMessage
     | Obstacle

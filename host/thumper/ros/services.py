@@ -70,7 +70,7 @@ class FindMission:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MissionState:
+class MissionStatus:
     """Reply of `mission/state`."""
 
     mission: int
@@ -207,7 +207,7 @@ MISSION_SEND = Service(
 MISSION_STATE = Service(
     name="mission/state",
     request=FindMission,
-    reply=MissionState,
+    reply=MissionStatus,
     request_doc="`mission`, or nothing for the newest",
     reply_doc="`mission`, `state` (driving, reached, failed), `reason`, `leg`, `legs`, `distance_m`",
 )

@@ -23,20 +23,22 @@ class CourseOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Leg:
+class CourseLeg:
     """A constant twist and its duration."""
 
     twist: Twist2
     duration_s: float
 
 
-def course(options: CourseOptions) -> list[Leg]:
+def course(options: CourseOptions) -> list[CourseLeg]:
     """Return the legs of all laps; without errors, each lap ends where it started."""
     v, r = options.speed_m_s, options.radius_m
-    straight = Leg(twist=Twist2(v_m_s=v), duration_s=options.straight_m / v)
-    legs: list[Leg] = []
+    straight = CourseLeg(twist=Twist2(v_m_s=v), duration_s=options.straight_m / v)
+    legs: list[CourseLeg] = []
     for side in (1.0, -1.0):
-        arc = Leg(twist=Twist2(v_m_s=v, w_rad_s=side * v / r), duration_s=math.pi * r / v)
-        turn = Leg(twist=Twist2(w_rad_s=side * options.spot_rad_s), duration_s=math.tau / options.spot_rad_s)
+        arc = CourseLeg(twist=Twist2(v_m_s=v, w_rad_s=side * v / r), duration_s=math.pi * r / v)
+        turn = CourseLeg(
+            twist=Twist2(w_rad_s=side * options.spot_rad_s), duration_s=math.tau / options.spot_rad_s
+        )
         legs += [straight, arc, straight, arc, turn]
     return legs * options.laps

@@ -9,7 +9,7 @@ from thumper.board.messages import State
 from thumper.common.geometry import FloatArray, Twist2
 from thumper.common.kinematics import DriveGeometry, wheel_speeds
 from thumper.odometry.wheel_odometry import count_delta
-from thumper_tuning.calibration.course import Leg
+from thumper_tuning.calibration.course import CourseLeg
 from thumper_tuning.drive.board_gains import armed, next_sample
 from thumper_tuning.drive.record import ReportProgress
 
@@ -20,7 +20,7 @@ OnSample = Callable[[TelemetrySample], None]
 
 def drive_course(
     board: Board,
-    legs: list[Leg],
+    legs: list[CourseLeg],
     geometry: DriveGeometry,
     report_progress: ReportProgress,
     on_sample: OnSample,
@@ -34,7 +34,7 @@ def drive_course(
     """
     rate_Hz = board.identity.control_rate_Hz
     rows: list[tuple[float, float, float]] = []
-    rest = Leg(twist=Twist2(), duration_s=REST_S)
+    rest = CourseLeg(twist=Twist2(), duration_s=REST_S)
     total = sum(round(leg.duration_s * rate_Hz) for leg in [*legs, rest])
     left = right = 0
     previous: tuple[int, int] | None = None

@@ -22,7 +22,7 @@ T = TypeVar("T")
 MotorText = Callable[[IdentifiedMotor], list[str]]
 
 
-class Progress(Protocol):
+class ProcedureProgress(Protocol):
     """Where the procedure reports to, and where it computes."""
 
     def report_progress(self, done: int, total: int, activity: str, /) -> None:
@@ -41,7 +41,7 @@ class BoardProcedure:
 
     board: Board
     folder: Path
-    progress: Progress
+    progress: ProcedureProgress
     motor_text: MotorText
 
     def identify(self, options: ExcitationOptions) -> list[IdentifiedMotor]:

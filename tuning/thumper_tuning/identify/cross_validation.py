@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.fit import Fit, refit
 from thumper_tuning.identify.least_squares import FitData, weights
-from thumper_tuning.identify.segments import Segment, all_speeds
+from thumper_tuning.identify.segments import LogSegment, all_speeds
 from thumper_tuning.logs.motor_log import BoolArray
 
 BLOCKS = 10
@@ -23,7 +23,7 @@ class Validation:
     residual_rad_s: FloatArray
 
 
-def cross_validate(segments: list[Segment], fit: Fit) -> Validation:
+def cross_validate(segments: list[LogSegment], fit: Fit) -> Validation:
     """Hold out each tenth of the log in turn, fit the rest, and predict it.
 
     The prediction uses only the drive from the start of each segment on. Glitches are not counted.
@@ -33,7 +33,7 @@ def cross_validate(segments: list[Segment], fit: Fit) -> Validation:
 
 
 def validate(
-    segments: list[Segment], fit: Fit, residuals_of_fit_to: Callable[[BoolArray], FloatArray]
+    segments: list[LogSegment], fit: Fit, residuals_of_fit_to: Callable[[BoolArray], FloatArray]
 ) -> Validation:
     """Collect held-out residuals; the function fits to the marked windows and returns all residuals."""
     blocks = _blocks(segments)
@@ -53,7 +53,7 @@ def fit_percent(measured: FloatArray, residual: FloatArray) -> float:
     return 100.0 * (1.0 - float(np.linalg.norm(residual)) / motion) if motion > 0.0 else 0.0
 
 
-def _blocks(segments: list[Segment]) -> NDArray[np.intp]:
+def _blocks(segments: list[LogSegment]) -> NDArray[np.intp]:
     """Return the held-out block of each window, shape (n,)."""
     total = sum(len(s.speed_rad_s) for s in segments)
     result: NDArray[np.intp] = np.arange(total) * BLOCKS // total

@@ -5,7 +5,7 @@ import numpy as np
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.fit import Fit
 from thumper_tuning.identify.model import MotorModel, Uncertainty
-from thumper_tuning.identify.segments import Segment
+from thumper_tuning.identify.segments import LogSegment
 from thumper_tuning.logs.motor_log import BoolArray, DriveUnit, MotorLog
 from thumper_tuning.logs.units import FULL_PWM, log_error
 
@@ -23,7 +23,7 @@ MIN_FIT_PERCENT = 40.0
 MIN_FRICTION_RATIO = -0.2  # friction over the largest drive: more than a nonlinear driver explains
 
 
-def check_excitation(logs: list[MotorLog], segments: list[Segment], *, one_direction: bool) -> None:
+def check_excitation(logs: list[MotorLog], segments: list[LogSegment], *, one_direction: bool) -> None:
     """Reject a log that cannot identify a motor.
 
     Raises
@@ -86,7 +86,7 @@ def _check_levels(name: str, unit: DriveUnit, drive: FloatArray) -> None:
     )
 
 
-def _check_clipping(name: str, segments: list[Segment]) -> None:
+def _check_clipping(name: str, segments: list[LogSegment]) -> None:
     """Reject speeds that stay at their maximum while the drive still changes: the logger clipped them."""
     speed = np.abs(np.concatenate([s.speed_rad_s for s in segments]))
     at_top = speed >= speed.max() * (1.0 - 1e-9)

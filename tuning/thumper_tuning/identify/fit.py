@@ -9,7 +9,7 @@ from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.initial_guess import InitialGuess, initial_guesses
 from thumper_tuning.identify.least_squares import FitData, solve, weights
 from thumper_tuning.identify.model import MotorModel, Uncertainty
-from thumper_tuning.identify.segments import Segment
+from thumper_tuning.identify.segments import LogSegment
 from thumper_tuning.logs.motor_log import BoolArray
 
 GLITCH_SIGMAS = 8.0
@@ -31,14 +31,14 @@ class Fit:
     is_glitch: BoolArray  # (n,)
 
 
-def fit_motor(segments: list[Segment], *, instantaneous: bool) -> Fit | None:
+def fit_motor(segments: list[LogSegment], *, instantaneous: bool) -> Fit | None:
     """Fit from the best initial guesses; None if no guess explains anything (the drive moves nothing)."""
     data = FitData(segments=segments, instantaneous=instantaneous)
     fits = [_fit_from(data, guess) for guess in initial_guesses(data)[:MAX_GUESSES]]
     return min(fits, key=lambda fit: fit.cost) if fits else None
 
 
-def refit(segments: list[Segment], fit: Fit, use: BoolArray) -> MotorModel:
+def refit(segments: list[LogSegment], fit: Fit, use: BoolArray) -> MotorModel:
     """Fit again, starting from a fit, to the windows that `use` marks; for cross-validation."""
     data = FitData(segments=segments, instantaneous=fit.instantaneous)
     return solve(data, fit.model, use & ~fit.is_glitch, fit.scale_rad_s)[0]
@@ -87,7 +87,7 @@ def _with_breakaway(data: FitData, model: MotorModel, scale_rad_s: float) -> Mot
     return replace(model, breakaway_ratio=best if cost(best) < cost(1.0) - 1.0 else 1.0)
 
 
-def _quantum(segments: list[Segment]) -> float:
+def _quantum(segments: list[LogSegment]) -> float:
     return max(s.quantum_rad_s for s in segments)
 
 

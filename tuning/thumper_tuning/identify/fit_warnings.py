@@ -7,7 +7,7 @@ import numpy as np
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.cross_validation import Validation
 from thumper_tuning.identify.fit import Fit
-from thumper_tuning.identify.segments import Segment, all_speeds, median_window_s
+from thumper_tuning.identify.segments import LogSegment, all_speeds, median_window_s
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
 from thumper_tuning.logs.units import FULL_PWM
 
@@ -17,7 +17,7 @@ MAX_AUTOCORRELATION = 0.6  # a first-order wheel with torque ripple stays below
 
 
 def fit_warnings(
-    logs: list[MotorLog], segments: list[Segment], fit: Fit, validation: Validation
+    logs: list[MotorLog], segments: list[LogSegment], fit: Fit, validation: Validation
 ) -> list[str]:
     """Return the warnings, most important first; none for a good log."""
     return [
@@ -30,7 +30,7 @@ def fit_warnings(
     ]
 
 
-def _validation_warnings(segments: list[Segment], fit: Fit, validation: Validation) -> Iterator[str]:
+def _validation_warnings(segments: list[LogSegment], fit: Fit, validation: Validation) -> Iterator[str]:
     if validation.fit_percent < 85.0:
         yield (
             f"held-out speeds are predicted to only {validation.fit_percent:.0f} %: noise, backlash, slip, "
@@ -43,7 +43,7 @@ def _validation_warnings(segments: list[Segment], fit: Fit, validation: Validati
         yield "the speeds fit better as instantaneous values than as means over the row's interval"
 
 
-def _speed_warnings(segments: list[Segment], fit: Fit) -> Iterator[str]:
+def _speed_warnings(segments: list[LogSegment], fit: Fit) -> Iterator[str]:
     period_s, speed = median_window_s(segments), all_speeds(segments)
     if fit.model.time_constant_s < 0.25 * period_s:
         yield (
@@ -54,7 +54,7 @@ def _speed_warnings(segments: list[Segment], fit: Fit) -> Iterator[str]:
         yield "one direction only: the friction of the other direction is unknown"
 
 
-def _drive_warnings(unit: DriveUnit, segments: list[Segment], fit: Fit) -> Iterator[str]:
+def _drive_warnings(unit: DriveUnit, segments: list[LogSegment], fit: Fit) -> Iterator[str]:
     model, std = fit.model, fit.uncertainty
     drive = np.concatenate([s.drive for s in segments])
     smallest = np.abs(drive[drive != 0.0]).min()
@@ -71,7 +71,7 @@ def _drive_warnings(unit: DriveUnit, segments: list[Segment], fit: Fit) -> Itera
         yield "the drive is at its limit for more than 30 % of the log: lower levels give better data"
 
 
-def _resolution_warnings(logs: list[MotorLog], segments: list[Segment]) -> Iterator[str]:
+def _resolution_warnings(logs: list[MotorLog], segments: list[LogSegment]) -> Iterator[str]:
     usual = max(float(np.percentile(np.abs(all_speeds(segments)), 90)), 1e-9)
     share = max(log.quantum_rad for log in logs) / median_window_s(segments) / usual
     if share > 0.1:

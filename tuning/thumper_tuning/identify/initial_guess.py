@@ -8,7 +8,7 @@ from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.least_squares import FitData
 from thumper_tuning.identify.model import MotorModel
 from thumper_tuning.identify.motor_response import DriveSignal, MotorParameters, simulate
-from thumper_tuning.identify.segments import Segment
+from thumper_tuning.identify.segments import LogSegment
 
 TIME_CONSTANTS_S = np.geomspace(0.005, 2.0, 18)
 DELAYS_PERIODS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)
@@ -67,7 +67,7 @@ class _Filters:
     delay_s: float
     instantaneous: bool
 
-    def regressors(self, s: Segment, moving_rad_s: float) -> FloatArray:
+    def regressors(self, s: LogSegment, moving_rad_s: float) -> FloatArray:
         """Return filtered drive and filtered signs of motion, shape (n, 3)."""
         forward = s.speed_rad_s > moving_rad_s
         backward = s.speed_rad_s < -moving_rad_s
@@ -81,7 +81,7 @@ class _Filters:
         columns += [self._apply(s, sign[shifted]) for sign in signs]
         return np.column_stack(columns)
 
-    def _apply(self, s: Segment, values: FloatArray) -> FloatArray:
+    def _apply(self, s: LogSegment, values: FloatArray) -> FloatArray:
         initial = 0.0 if s.at_rest else float(values[0])
         signal = DriveSignal(change_s=s.change_s, drive=values, initial=initial)
         one_pole = MotorParameters(

@@ -9,7 +9,7 @@ from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.covariance import jacobian, sandwich_covariance
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.identify.prediction import predict
-from thumper_tuning.identify.segments import Segment, all_speeds, median_window_s
+from thumper_tuning.identify.segments import LogSegment, all_speeds, median_window_s
 from thumper_tuning.logs.motor_log import BoolArray
 
 DIFFERENCE_STEP = 1e-5
@@ -20,7 +20,7 @@ BOUND_MARGIN = 1e-6  # the solver must start inside the bounds
 class FitData:
     """What a fit is made to: the segments, and how their speeds are to be read."""
 
-    segments: list[Segment]
+    segments: list[LogSegment]
     instantaneous: bool  # the log holds instantaneous speeds, not means over the windows
 
     @property
@@ -40,7 +40,7 @@ class FitData:
         )
 
 
-def weights(segments: list[Segment]) -> FloatArray:
+def weights(segments: list[LogSegment]) -> FloatArray:
     """Return the weight of every window, shape (n,).
 
     Windows shorter than the median weigh less, because one count is a larger speed there. A window that sets
@@ -64,7 +64,7 @@ class Scaling:
     period_s: float
 
     @classmethod
-    def from_segments(cls, segments: list[Segment]) -> "Scaling":
+    def from_segments(cls, segments: list[LogSegment]) -> "Scaling":
         """Return the scaling for a log."""
         drive = np.percentile(np.abs(np.concatenate([s.drive for s in segments])), 95)
         return cls(drive=float(drive), period_s=median_window_s(segments))

@@ -10,7 +10,7 @@ from thumper_tuning.identify.excitation_checks import RECORD, check_excitation, 
 from thumper_tuning.identify.fit import Fit, fit_motor
 from thumper_tuning.identify.fit_warnings import fit_warnings
 from thumper_tuning.identify.model import MotorModel, Uncertainty
-from thumper_tuning.identify.segments import Segment, split_segments
+from thumper_tuning.identify.segments import LogSegment, split_segments
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
 from thumper_tuning.logs.units import log_error
 
@@ -27,7 +27,7 @@ class IdentifiedMotor:
     uncertainty: Uncertainty
     validation: Validation
     fit: Fit
-    segments: tuple[Segment, ...]
+    segments: tuple[LogSegment, ...]
     period_s: float
     supply_V: float | None
     warnings: tuple[str, ...]
@@ -92,7 +92,7 @@ def _with_hidden_delay(fit: Fit) -> Uncertainty:
     return replace(std, time_constant_s=math.hypot(std.time_constant_s, std.delay_s))
 
 
-def _best_fit(logs: list[MotorLog], segments: list[Segment]) -> Fit | None:
+def _best_fit(logs: list[MotorLog], segments: list[LogSegment]) -> Fit | None:
     mean = fit_motor(segments, instantaneous=False)
     if logs[0].position_rad is not None:
         return mean
@@ -102,14 +102,14 @@ def _best_fit(logs: list[MotorLog], segments: list[Segment]) -> Fit | None:
     return instantaneous if instantaneous.cost < INSTANTANEOUS_COST_RATIO * mean.cost else mean
 
 
-def _one_sided(model: MotorModel, segments: list[Segment]) -> MotorModel:
+def _one_sided(model: MotorModel, segments: list[LogSegment]) -> MotorModel:
     """Give the direction that was not driven the friction of the other."""
     forward = sum(float(s.speed_rad_s.sum()) for s in segments) > 0.0
     friction = model.friction_forward if forward else model.friction_backward
     return replace(model, friction_forward=friction, friction_backward=friction)
 
 
-def _is_reversed(segments: list[Segment]) -> bool:
+def _is_reversed(segments: list[LogSegment]) -> bool:
     """Return whether the speed has the opposite sign of the drive."""
     total = 0.0
     for s in segments:

@@ -7,12 +7,12 @@ import numpy as np
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.model import MotorModel
 from thumper_tuning.identify.motor_response import motor_parameters, simulate
-from thumper_tuning.identify.segments import Segment
+from thumper_tuning.identify.segments import LogSegment
 
 MIN_SHARE = 0.1  # of the initial speed in the first window; with less it cannot be determined
 
 
-def predict(segment: Segment, model: MotorModel, *, instantaneous: bool) -> FloatArray:
+def predict(segment: LogSegment, model: MotorModel, *, instantaneous: bool) -> FloatArray:
     """Return the speeds [rad/s] of all windows, shape (n,).
 
     They are means over the windows, or with `instantaneous` the speeds at their ends.
@@ -22,7 +22,7 @@ def predict(segment: Segment, model: MotorModel, *, instantaneous: bool) -> Floa
     return speeds[1:] if instantaneous else np.diff(angles) / segment.windows_s
 
 
-def initial_speed(segment: Segment, model: MotorModel, *, instantaneous: bool) -> float:
+def initial_speed(segment: LogSegment, model: MotorModel, *, instantaneous: bool) -> float:
     """Return the speed at the first edge for which the model predicts the first window [rad/s]."""
     if segment.at_rest:
         return 0.0

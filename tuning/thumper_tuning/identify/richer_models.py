@@ -25,7 +25,7 @@ from thumper_tuning.identify.motor_response import (
     next_event_s,
 )
 from thumper_tuning.identify.prediction import initial_speed
-from thumper_tuning.identify.segments import Segment, median_window_s
+from thumper_tuning.identify.segments import LogSegment, median_window_s
 from thumper_tuning.logs.motor_log import BoolArray
 
 STEPS_PER_TIME_CONSTANT = 8.0
@@ -60,7 +60,7 @@ class RicherModel:
         )
 
 
-def fit_richer_models(segments: list[Segment], fit: Fit) -> list[RicherModel]:
+def fit_richer_models(segments: list[LogSegment], fit: Fit) -> list[RicherModel]:
     """Fit both richer models and cross-validate them with the same blocks as the first-order fit."""
     tau_s = fit.model.time_constant_s
     lag_s = max(0.2 * tau_s, 0.1 * median_window_s(segments))
@@ -69,18 +69,18 @@ def fit_richer_models(segments: list[Segment], fit: Fit) -> list[RicherModel]:
     return [_fit_and_validate(segments, fit, start) for start in (second_order, backlash)]
 
 
-def predict_richer(s: Segment, model: RicherModel) -> FloatArray:
+def predict_richer(s: LogSegment, model: RicherModel) -> FloatArray:
     """Return the mean speeds over the windows of a segment [rad/s]."""
     omega = initial_speed(s, model.base, instantaneous=False)
     angles, _ = simulate_richer(s.drive_signal, s.edge_s, omega, motor_parameters(model.base), model.extra)
     return np.diff(angles) / s.windows_s
 
 
-def _residuals(segments: list[Segment], model: RicherModel) -> FloatArray:
+def _residuals(segments: list[LogSegment], model: RicherModel) -> FloatArray:
     return np.concatenate([s.speed_rad_s - predict_richer(s, model) for s in segments])
 
 
-def _fit_and_validate(segments: list[Segment], fit: Fit, start: RicherModel) -> RicherModel:
+def _fit_and_validate(segments: list[LogSegment], fit: Fit, start: RicherModel) -> RicherModel:
     use = ~fit.is_glitch
     found = _solve(segments, fit, start, use)
     validation = validate(
@@ -89,7 +89,7 @@ def _fit_and_validate(segments: list[Segment], fit: Fit, start: RicherModel) -> 
     return replace(found, fit_percent=validation.fit_percent)
 
 
-def _solve(segments: list[Segment], fit: Fit, start: RicherModel, use: BoolArray) -> RicherModel:
+def _solve(segments: list[LogSegment], fit: Fit, start: RicherModel, use: BoolArray) -> RicherModel:
     scaling = Scaling.from_segments(segments)
     weight = weights(segments)[use] / fit.scale_rad_s
     x0 = scaling.variables(start.base)

@@ -19,7 +19,7 @@ AT_REST_QUANTA = 0.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Segment:
+class LogSegment:
     """Part of a log without a gap.
 
     The drive is `drive[i]` from `change_s[i]` on. Window j is from `edge_s[j]` to `edge_s[j + 1]`.
@@ -50,17 +50,17 @@ class Segment:
         return self.drive[np.clip(rows, 0, None)]
 
 
-def median_window_s(segments: list[Segment]) -> float:
+def median_window_s(segments: list[LogSegment]) -> float:
     """Return the median window length of all segments."""
     return float(np.median(np.concatenate([s.windows_s for s in segments])))
 
 
-def all_speeds(segments: list[Segment]) -> FloatArray:
+def all_speeds(segments: list[LogSegment]) -> FloatArray:
     """Return the speeds of all windows of all segments, shape (n,)."""
     return np.concatenate([s.speed_rad_s for s in segments])
 
 
-def split_segments(log: MotorLog) -> list[Segment]:
+def split_segments(log: MotorLog) -> list[LogSegment]:
     """Split a log into the segments that are long enough to fit."""
     parts = [rows for whole in log.segments for rows in _without_coasting(log, whole)]
     found = [_segment(log, rows) for rows in parts]
@@ -101,7 +101,7 @@ def _moves(log: MotorLog, rows: slice) -> BoolArray:
     return np.abs(np.diff(log.position_rad[rows], prepend=np.nan)) > AT_REST_QUANTA * log.quantum_rad
 
 
-def _segment(log: MotorLog, rows: slice) -> Segment | None:
+def _segment(log: MotorLog, rows: slice) -> LogSegment | None:
     time_s, drive = log.time_s[rows], log.drive[rows]
     values = log.speed_rad_s if log.position_rad is None else log.position_rad
     assert values is not None
@@ -122,7 +122,7 @@ def _segment(log: MotorLog, rows: slice) -> Segment | None:
         # The window of the first row began one period earlier: its speed is the state at the start.
         speed, edge_s = y[1:], time_s[known]
         at_rest = y[0] == 0.0
-    return Segment(
+    return LogSegment(
         change_s=time_s,
         drive=drive,
         initial_drive=0.0 if at_rest else float(drive[0]),

@@ -42,7 +42,7 @@ class TightPassageOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Segment:
+class PoseStep:
     """The move from one pose of the sequence to the next."""
 
     start: FloatArray  # x, y, theta
@@ -51,7 +51,7 @@ class Segment:
     length_m: float
 
     @classmethod
-    def between(cls, start: FloatArray, end: FloatArray) -> "Segment":
+    def between(cls, start: FloatArray, end: FloatArray) -> "PoseStep":
         """Return the move between two poses."""
         step_m = end[:2] - start[:2]
         return cls(
@@ -132,7 +132,7 @@ class PoseSequenceFollower:
         """Return the twist toward the next pose that is not yet reached; None if there is none."""
         base = request.map_from_base
         while self._index < len(self._poses) - 1:
-            segment = Segment.between(self._poses[self._index], self._poses[self._index + 1])
+            segment = PoseStep.between(self._poses[self._index], self._poses[self._index + 1])
             if segment.length_m < SAME_PLACE_M:
                 target_rad = float(self._poses[self._index + 1, 2])
                 wanted = self._turn(base.theta_rad, target_rad, segment.turn_rad)
@@ -169,7 +169,7 @@ class PoseSequenceFollower:
         return total_rad
 
     def _drive(
-        self, theta_rad: float, offset_m: FloatArray, along_m: float, segment: Segment
+        self, theta_rad: float, offset_m: FloatArray, along_m: float, segment: PoseStep
     ) -> Twist2 | None:
         """Return the twist along a segment; None at its end. `offset_m` is the robot's, from its start."""
         left_m = segment.length_m - along_m

@@ -40,7 +40,7 @@ class DynamicObstacleOptions:
     least_m_s: Annotated[float, Gt(0)] = 0.25
 
 
-class Scan(NamedTuple):
+class PastScan(NamedTuple):
     """One scan of the comparison."""
 
     time_s: float
@@ -65,12 +65,12 @@ class DynamicObstacles:
         self._view = view
         self._limits = limits
         self._half_planes = footprint.half_planes()
-        self._scans: deque[Scan] = deque()
+        self._scans: deque[PastScan] = deque()
         self._moving: list[MovingObject] = []
 
     def update(self, time_s: float, map_from_base: Pose2, hits_in_map_m: FloatArray) -> None:
         """Detect dynamic obstacles in a scan's hits, shape (n, 2) [m], in beam order."""
-        scan, latest_s = Scan(time_s, map_from_base, hits_in_map_m), time_s - COMPARED_S + ROUNDING_S
+        scan, latest_s = PastScan(time_s, map_from_base, hits_in_map_m), time_s - COMPARED_S + ROUNDING_S
         while len(self._scans) > 1 and self._scans[1].time_s <= latest_s:
             self._scans.popleft()
         self._moving = []
@@ -105,7 +105,7 @@ class DynamicObstacles:
                     return f"waiting for a dynamic obstacle that moves at {speed_m_s:.1f} m/s"
         return None
 
-    def _detect(self, scan: Scan, earlier: Scan) -> list[MovingObject]:
+    def _detect(self, scan: PastScan, earlier: PastScan) -> list[MovingObject]:
         """Return the objects that have come where rays had passed, with their velocities."""
         is_new = self._is_new(scan.hits_m, earlier)
         moving: list[MovingObject] = []
@@ -132,7 +132,7 @@ class DynamicObstacles:
                 moving.append(MovingObject(points_m, velocity))
         return moving
 
-    def _is_new(self, hits_m: FloatArray, earlier: Scan) -> np.typing.NDArray[np.bool_]:
+    def _is_new(self, hits_m: FloatArray, earlier: PastScan) -> np.typing.NDArray[np.bool_]:
         """Return which hits are where the earlier scan's rays passed."""
         bins = round(math.tau / BIN_RAD)
         then_rad, then_range_m = self._view.bearings_and_ranges(earlier.map_from_base, earlier.hits_m)
