@@ -20,15 +20,13 @@ class GainsPanel:
     """The panel of one page."""
 
     def __init__(self, parameters: Parameters) -> None:
+        """Add the panel to the current NiceGUI container; it queries the robot once the page is open."""
         self._parameters = parameters
         self._schema: dict[str, Parameter] = {}
         self._on_board: dict[str, float] = {}
         self._edited: dict[str, Any] = {}
         self._numbers: dict[str, ui.number] = {}
         self._busy = False
-
-    def build(self) -> None:
-        """Add the panel to the current NiceGUI container; it queries the robot once the page is open."""
         with box("tp-buttons"):
             self._apply = self._button("Apply", self._on_apply, "tp-go")
             self._undo = self._button("Undo", self._on_undo, "tp-plain")

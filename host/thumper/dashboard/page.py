@@ -113,11 +113,11 @@ def _tabs(robot: QueryClient) -> None:
         with ui.tab_panel("drive"):
             _drive_panel()
         with ui.tab_panel("gains"):
-            GainsPanel(Parameters(robot)).build()
+            GainsPanel(Parameters(robot))
         with ui.tab_panel("tune"):
             Widget("tune").classes("tp-tune")
         with ui.tab_panel("sim"):
-            SimulatorPanel(robot).build()
+            SimulatorPanel(robot)
         with ui.tab_panel("log"):
             Widget("log").classes("tp-log")
 

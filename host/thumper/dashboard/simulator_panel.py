@@ -22,11 +22,9 @@ class SimulatorPanel:
     """The panel of one page."""
 
     def __init__(self, robot: QueryClient) -> None:
+        """Add the panel to the current NiceGUI container; it queries the simulator once the page is open."""
         self._robot = robot
         self._faults: Mapping[str, Mapping[str, Any]] = {}
-
-    def build(self) -> None:
-        """Add the panel to the current NiceGUI container; it queries the simulator once the page is open."""
         inline("<h2>Speed</h2>")
         with box("tp-buttons"):
             for speed in SPEEDS:
