@@ -87,8 +87,8 @@ def test_watch(thumper: Run, bus: str) -> None:
     ("arguments", "code", "words"),
     [
         (["status", "--bus", "127.0.0.1:1"], 3, "no robot is running at 127.0.0.1:1"),
-        (["stop", "--bus", "nonsense"], 2, "give HOST:PORT"),
-        (["dashboard", "--bus", "nonsense"], 2, "give HOST:PORT"),
+        (["stop", "--bus", "nonsense"], 2, "use HOST:PORT"),
+        (["dashboard", "--bus", "nonsense"], 2, "use HOST:PORT"),
         (["flash", "--port", "/dev/null", "--hex", "none.hex"], 2, "none.hex: no such file"),
         (["watch", "nonsense"], 2, "unknown topic 'nonsense'"),
         (["goto", "nan", "0"], 2, "finite"),
