@@ -2,7 +2,9 @@
 
 import json
 import math
-from typing import Any
+import re
+from pathlib import Path
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -10,11 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from thumper.common.geometry import Pose2
+from thumper.dashboard import page_messages
 from thumper.dashboard.binary_packet import encode_packet, grid_png
 from thumper.dashboard.page_messages import (
     EStop,
     GoalMessage,
     PageHeartbeat,
+    PageMessage,
     PageMessageError,
     Teleop,
     parse_message,
@@ -119,3 +123,13 @@ def test_scan_points_follow_the_robots_motion() -> None:
     assert points[0] == pytest.approx((math.cos(math.pi - 0.1), math.sin(math.pi - 0.1)))
     assert points[1] == pytest.approx((0.5 - 1.0, 0.0), abs=1e-12)
     assert points[2] == pytest.approx((1.0 - math.cos(0.1), -math.sin(0.1)))
+
+
+def test_the_page_sends_exactly_the_accepted_kinds() -> None:
+    """Literals in the scripts, without a browser: `kind: "goal"` in an object that a script sends."""
+    scripts = Path(page_messages.__file__).parent.joinpath("static").glob("*.js")
+    sent = {
+        kind for path in scripts for kind in re.findall(r'\bkind: "(\w+)"', path.read_text(encoding="utf-8"))
+    }
+    accepted = {get_args(model.model_fields["kind"].annotation)[0] for model in get_args(PageMessage)}
+    assert sent == accepted
