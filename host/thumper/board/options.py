@@ -8,5 +8,5 @@ from typing import Literal
 class BoardOptions:
     """Serial port and baud rate of the motor board."""
 
-    port: str = "/dev/ttyUSB0"
-    baud: Literal[250_000, 500_000] = 500_000
+    port: str = "/dev/ttyUSB0"  # serial device or sim://NAME/board
+    baud: Literal[250_000, 500_000] = 500_000  # must match the firmware

@@ -19,10 +19,10 @@ class DriveGeometry:
     divided by the right one.
     """
 
-    wheel_radius_m: Annotated[float, Gt(0)] = 0.062
-    radius_ratio: Annotated[float, Ge(0.8), Le(1.25)] = 1.0
-    track_m: Annotated[float, Gt(0)] = 0.3675
-    counts_per_rev: Annotated[int, Gt(0)] = 1200
+    wheel_radius_m: Annotated[float, Gt(0)] = 0.062  # mean radius of both sides
+    radius_ratio: Annotated[float, Ge(0.8), Le(1.25)] = 1.0  # left radius divided by the right one
+    track_m: Annotated[float, Gt(0)] = 0.3675  # effective track, measured by the calibration
+    counts_per_rev: Annotated[int, Gt(0)] = 1200  # encoder counts per wheel revolution
 
     @property
     def left_radius_m(self) -> float:

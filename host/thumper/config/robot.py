@@ -32,7 +32,7 @@ from thumper.slam.localization.options import AmclOptions
 class DriveOptions(DriveGeometry):
     """Geometry of the drive, and the highest wheel speed to command."""
 
-    max_wheel_rad_s: Annotated[float, Gt(0), Le(17)] = 13.0
+    max_wheel_rad_s: Annotated[float, Gt(0), Le(17)] = 13.0  # highest wheel speed to command
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

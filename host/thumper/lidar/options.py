@@ -16,12 +16,12 @@ from thumper.lidar.urg04lx import Urg04LxOptions
 class LidarOptions:
     """Model, port and mounting pose of the lidar (base_link: between the middle wheels)."""
 
-    model: Literal["urg04lx", "ld19"] = "urg04lx"
-    port: str = "/dev/ttyACM0"
+    model: Literal["urg04lx", "ld19"] = "urg04lx"  # selects driver and field of view
+    port: str = "/dev/ttyACM0"  # serial device or sim://NAME/lidar
     baud: Annotated[int, Ge(0)] = 0  # 0: the model's default; USB lidars ignore it
-    x_m: float = 0.12
-    y_m: float = 0.0
-    yaw_deg: Annotated[float, Ge(-180), Le(180)] = 0.0
+    x_m: float = 0.12  # mounting position in base_link, forward
+    y_m: float = 0.0  # mounting position in base_link, to the left
+    yaw_deg: Annotated[float, Ge(-180), Le(180)] = 0.0  # mounting angle, counter-clockwise; 0: forward
     urg04lx: Urg04LxOptions = field(default_factory=Urg04LxOptions)
     ld19: Ld19Options = field(default_factory=Ld19Options)
 

@@ -17,7 +17,7 @@ class Footprint:
     Default: the Wild Thumper, 0.42 m long and 0.245 m wide, centred.
     """
 
-    vertices_m: tuple[tuple[float, float], ...] = WILD_THUMPER_M
+    vertices_m: tuple[tuple[float, float], ...] = WILD_THUMPER_M  # x, y of each corner, counter-clockwise
 
     def __post_init__(self) -> None:
         if len(self.vertices_m) < 3:

@@ -18,7 +18,7 @@ class ImuSample:
 class ImuOptions:
     """Options of the gyroscope; the defaults suit a cheap MEMS chip."""
 
-    enabled: bool = False
+    enabled: bool = False  # fuse the gyroscope's rate with the wheels' odometry
     noise_rad_s: Annotated[float, Gt(0)] = 0.005  # std of the mean rate over 1 s
     bias_rad_s: Annotated[float, Gt(0)] = 0.05  # std of the bias at power-on
     bias_walk_rad_s: Annotated[float, Gt(0)] = 0.0005  # std of the change of the bias in 1 s
