@@ -64,7 +64,6 @@ class Rosbridge:
         ThumperError
             The port is in use.
         """
-        self._loop = asyncio.get_running_loop()
         try:
             server: Server = await serve(
                 self._serve_client,
@@ -89,13 +88,14 @@ class Rosbridge:
         if topic not in self._topics:
             self._topics.add(topic)
             # Subscribing may wait for a latched message, so not in the event loop.
-            self._loop.run_in_executor(None, self._bus.subscribe, topic, partial(self._on_message, topic))
+            loop = asyncio.get_running_loop()
+            loop.run_in_executor(None, self._bus.subscribe, topic, partial(self._on_message, loop, topic))
         return self._newest.get(topic)
 
-    def _on_message(self, topic: str, message: Message) -> None:
+    def _on_message(self, loop: asyncio.AbstractEventLoop, topic: str, message: Message) -> None:
         text = json.dumps(to_json(message))
         with suppress(RuntimeError):  # the loop has ended
-            self._loop.call_soon_threadsafe(self._deliver, topic, text)
+            loop.call_soon_threadsafe(self._deliver, topic, text)
 
     def _deliver(self, topic: str, text: str) -> None:
         self._newest[topic] = text
@@ -148,7 +148,7 @@ class Rosbridge:
         """Run a client's queries one after another, so that its stops and heartbeats never wait for one."""
         while True:
             query = await queries.get()
-            send(json.dumps(await self._loop.run_in_executor(None, query)))
+            send(json.dumps(await asyncio.get_running_loop().run_in_executor(None, query)))
 
 
 def _handle(

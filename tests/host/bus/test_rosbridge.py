@@ -37,15 +37,15 @@ class Bridge:
         ready = threading.Event()
 
         def serve() -> None:
-            self._loop = asyncio.new_event_loop()
+            self.loop = asyncio.new_event_loop()
 
             def on_ready(port: int) -> None:
                 self.port = port
                 ready.set()
 
-            self._task = self._loop.create_task(self.rosbridge.serve(on_ready))
+            self._task = self.loop.create_task(self.rosbridge.serve(on_ready))
             with suppress(asyncio.CancelledError):
-                self._loop.run_until_complete(self._task)
+                self.loop.run_until_complete(self._task)
 
         self._thread = threading.Thread(target=serve)
         self._thread.start()
@@ -56,12 +56,12 @@ class Bridge:
         return f"ws://127.0.0.1:{self.port}"
 
     def stop(self) -> None:
-        self._loop.call_soon_threadsafe(self._task.cancel)
+        self.loop.call_soon_threadsafe(self._task.cancel)
         self._thread.join(20.0)
-        self._loop.close()
+        self.loop.close()
 
     def close(self) -> None:
-        if not self._loop.is_closed():
+        if not self.loop.is_closed():
             self.stop()
         self.bus.close()
         self.robot.server.close()
@@ -227,9 +227,8 @@ def test_throttle_rate_limits_a_topic(bridge: Bridge) -> None:
 
 def test_messages_after_shutdown_are_ignored(bridge: Bridge) -> None:
     bridge.stop()
-    bridge.rosbridge._on_message(
-        "cmd_vel", M.twist(0.0, Twist2())
-    )  # from the bus's thread, which is still running
+    # As from the bus's thread, which is still running.
+    bridge.rosbridge._on_message(bridge.loop, "cmd_vel", M.twist(0.0, Twist2()))
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "https://127.0.0.1.evil.example", "null"])
