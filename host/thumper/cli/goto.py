@@ -66,7 +66,7 @@ def goto(
         except KeyboardInterrupt:
             services.COMMAND.call(client, RunCommand(command="cancel"))
             raise ThumperError(
-                "interrupted: the goal is cancelled, the robot stops", exit_code=EXIT_INTERRUPTED
+                "interrupted: goal cancelled; the robot stops", exit_code=EXIT_INTERRUPTED
             ) from None
     if state.state != "reached":
         raise ThumperError(f"goal not reached: {state.reason}")

@@ -86,8 +86,8 @@ class Urg04LxDriver(Closable):
             if scans := self._receive(self._port.wait):
                 return scans[-1]
         raise ThumperError(
-            f"the lidar on {self._port.url} answers but sends no scan; does its head turn, "
-            "is its supply weak?",
+            f"the lidar on {self._port.url} answers but sends no scan; "
+            "check that its head turns and its supply is sufficient",
             exit_code=EXIT_NOT_THERE,
         )
 

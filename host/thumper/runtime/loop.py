@@ -146,7 +146,7 @@ class RobotLoop:
     ) -> DriveResult:
         """Drive to one goal, stop and disarm.
 
-        A latched fault is cleared only on request, except a lost link, which is none any more.
+        A latched fault is cleared only on request. A lost-link fault is always cleared: the link works again.
 
         Raises
         ------
@@ -180,7 +180,7 @@ class RobotLoop:
         self._rate.wait()
 
     def serve_step(self) -> None:
-        """Run one control cycle of `serve_requests`: after any failure the robot stops and serves on."""
+        """Run one control cycle of `serve_requests`. After a failure, stop and continue to serve."""
         self._guarded_step(None, lambda _step: None)
 
     def catch_up(self) -> None:
@@ -289,7 +289,7 @@ class RobotLoop:
         """Run one control cycle and return how the drive ended, once it has.
 
         A failure ends a drive to a `goal` of the loop's own. Without one, the robot stops, reconnects if
-        need be, and serves on.
+        need be, and continues to serve.
         """
         try:
             step = self.step()

@@ -1,4 +1,4 @@
-"""Requests to a running robot, already checked. Plain data, whatever transport they came by."""
+"""Requests to a running robot, already checked. Plain data, independent of the transport."""
 
 import math
 from collections.abc import Callable, Mapping

@@ -66,7 +66,7 @@ class SlamModeSwitch:
         if self.localizer is None:
             return "mapping"
         if self._resume_when_confirmed:
-            return "localising, to map on once the place is known"
+            return "localising, resumes mapping after localization"
         return "localising"
 
     @property
@@ -143,7 +143,7 @@ class SlamModeSwitch:
             It is mapping: then the first scan has fixed the map frame.
         """
         if self.localizer is None:
-            raise ThumperError("a pose can be set in a saved map only: localise first", exit_code=EXIT_USAGE)
+            raise ThumperError("a pose can be set in a saved map only: localize first", exit_code=EXIT_USAGE)
         self.localizer.set_pose(map_from_base, odom_from_base=self._odom_from_base)
 
     def relocalize(self) -> None:
@@ -155,7 +155,7 @@ class SlamModeSwitch:
             It is mapping.
         """
         if self.localizer is None:
-            raise ThumperError("the robot is mapping: localise first", exit_code=EXIT_USAGE)
+            raise ThumperError("the robot is mapping: localize first", exit_code=EXIT_USAGE)
         self.localizer.relocalize()
 
     def resume_mapping(self) -> None:
@@ -197,7 +197,7 @@ class SlamModeSwitch:
     ) -> None:
         if not np.any(grid.cells == OCCUPIED):
             raise ThumperError(
-                "there is no wall in the map to localise by; choose another map",
+                "there is no wall in the map to localize by; choose another map",
                 exit_code=EXIT_USAGE,
             )
         self.localizer = Amcl(

@@ -110,7 +110,7 @@ def _drive_to_frontiers(
 ) -> Generator[Leg, DriveResult, tuple[DriveResult, str]]:
     """Return the last result and why the exploration ended."""
     # The first drive ends where it starts: it makes the robot scan its surroundings for a first map.
-    result = yield Leg(goal=home, name="look")
+    result = yield Leg(goal=home, name="initial scan")
     tried, reached = 0, 0
     while (spent_s := result.time_s) < limit_s and not result.interrupted:
         goal = explorer.next_goal(grid(), result.map_from_base)

@@ -224,8 +224,8 @@ class Amcl:
     def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
         """Process one scan; see `Mapper.update`.
 
-        A stationary robot keeps its particles: weighing the same view repeatedly would make it sure of any
-        pose. A robot in doubt weighs it again, because nothing drives it until its pose is known.
+        A stationary robot keeps its particles: weighing the same view repeatedly would make it overconfident.
+        A robot in doubt weighs it again, because nothing drives it until its pose is known.
         """
         likelihood = self._observe(scan, twist)
         moved = self._motion_since_update(odom_from_base)

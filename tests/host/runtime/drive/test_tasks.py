@@ -66,7 +66,7 @@ def exploration(drives: Drives, *frontiers: Goal, limit_s: float = 900.0) -> tup
 def test_exploration_scans_visits_all_frontiers_and_returns() -> None:
     drives = Drives()
     total, reports = exploration(drives, A, B)
-    assert drives.names == ["look", "frontier 1", "frontier 2", "home"]
+    assert drives.names == ["initial scan", "frontier 1", "frontier 2", "home"]
     assert (total.reached, total.time_s, total.path_length_m) == (True, 40.0, 4.0)
     assert reports == ["explored after 30 s: reached 2 of 2 frontiers"]
 
@@ -74,7 +74,7 @@ def test_exploration_scans_visits_all_frontiers_and_returns() -> None:
 def test_an_unreachable_frontier_is_given_up_and_the_next_one_tried() -> None:
     drives = Drives(frontier_1=result(reached=False, reason="no path", failed=True))
     total, reports = exploration(drives, A, B)
-    assert drives.names == ["look", "frontier 1", "frontier 2", "home"]
+    assert drives.names == ["initial scan", "frontier 1", "frontier 2", "home"]
     assert total.reached
     assert reports == [
         "gave up frontier 1 at (1.00, 0.00): no path",
@@ -95,7 +95,7 @@ def test_a_robot_that_fails_ends_exploration_and_tries_to_return(
 ) -> None:
     drives = Drives(frontier_1=end, home=ThumperError("still no scans"))
     total, reports = exploration(drives, A, B)
-    assert drives.names == ["look", "frontier 1", "home"]
+    assert drives.names == ["initial scan", "frontier 1", "home"]
     assert (total.reached, total.reason) == (False, "still no scans")
     assert reports == [ending]
 
@@ -103,7 +103,7 @@ def test_a_robot_that_fails_ends_exploration_and_tries_to_return(
 def test_after_ctrl_c_nothing_is_driven() -> None:
     drives = Drives(frontier_1=result(reached=False, interrupted=True, reason="interrupted"))
     total, reports = exploration(drives, A, B)
-    assert drives.names == ["look", "frontier 1"]
+    assert drives.names == ["initial scan", "frontier 1"]
     assert (total.interrupted, total.reason, total.time_s) == (True, "interrupted", 20.0)
     assert reports == ["interrupted after 20 s: reached 0 of 1 frontiers"]
 
@@ -111,7 +111,7 @@ def test_after_ctrl_c_nothing_is_driven() -> None:
 def test_when_time_is_up_the_robot_returns() -> None:
     drives = Drives()
     _, reports = exploration(drives, A, B, limit_s=15.0)
-    assert drives.names == ["look", "frontier 1", "home"]
+    assert drives.names == ["initial scan", "frontier 1", "home"]
     assert reports == ["time is up after 20 s: reached 1 of 1 frontiers"]
 
 

@@ -288,7 +288,7 @@ def test_mapping_does_not_resume_before_the_pose_is_known() -> None:
     for _ in range(3):
         assert not robot.update(Pose2(), scan, STILL).integrated
     assert "several places" in robot.quality().lost
-    assert robot.mode == "localising, to map on once the place is known"
+    assert robot.mode == "localising, resumes mapping after localization"
     robot.set_pose(Pose2(x_m=0.45, y_m=0.25))
     for _ in range(3):
         robot.update(Pose2(), scan, STILL)
@@ -344,7 +344,7 @@ def test_pose_is_lost_if_places_look_alike() -> None:
 @pytest.mark.parametrize("call", ["set_pose", "relocalize"])
 def test_calls_that_need_a_saved_map_are_refused(call: str) -> None:
     robot = SlamModeSwitch(GridMapper())
-    with pytest.raises(ThumperError, match="localise first"):
+    with pytest.raises(ThumperError, match="localize first"):
         robot.set_pose(Pose2()) if call == "set_pose" else robot.relocalize()
     with pytest.raises(ThumperError, match="no wall in the map"):
         robot.localize_in(replace(GRID, cells=np.zeros((9, 9), np.int8)), None)
