@@ -73,7 +73,8 @@ class Robot:
             )
         if not (start is None or isinstance(start, Pose2)):
             raise ThumperError(
-                "Robot: start is a thumper.geometry.Pose2(x_m=, y_m=, theta_rad=)", exit_code=EXIT_USAGE
+                "Robot: start is a thumper.common.geometry.Pose2(x_m=, y_m=, theta_rad=)",
+                exit_code=EXIT_USAGE,
             )
         if start is not None:
             check_place("Robot: start", start.x_m, start.y_m)

@@ -6,6 +6,7 @@ The real loop drives the simulated robot; in the middle of the drive something f
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 import pytest
@@ -121,6 +122,23 @@ def test_a_second_ctrl_c_does_not_skip_disarming(call: str, monkeypatch: pytest.
         assert result.interrupted
         assert "did not confirm" not in result.reason
         assert board.poll(0.5)[-1].telemetry.state is State.DISARMED
+
+
+def test_ctrl_c_right_after_arming_disarms(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The drive has started, its control loop has not: the motors must not stay armed."""
+    with robot_in_the_lab() as (robot, _):
+        start = robot.drive_manager.start
+
+        def start_and_interrupt(goal: Goal, *args: Any, **options: Any) -> None:
+            start(goal, *args, **options)
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(robot.drive_manager, "start", start_and_interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            robot.drive_to(GOAL, lambda _: None)
+        robot.step()
+        assert robot.inputs.telemetry is not None
+        assert robot.inputs.telemetry.state is State.DISARMED
 
 
 def test_stopping_distance_without_scans() -> None:

@@ -128,3 +128,10 @@ def test_the_robot_does_not_import_the_simulator() -> None:
     for path in sorted(HOST.rglob("*.py")):
         outside = {name for name in imports(path) if name.startswith(("thumper_hil", "thumper_tuning"))}
         assert not outside, path
+
+
+@pytest.mark.parametrize("package", ["slam", "navigation", "maps", "odometry"])
+def test_the_algorithms_read_no_clock_and_open_no_port(package: str) -> None:
+    shell = {"asyncio", "multiprocessing", "serial", "socket", "subprocess", "threading", "time"}
+    for path in sorted((HOST / package).rglob("*.py")):
+        assert not {name.split(".")[0] for name in imports(path)} & shell, path

@@ -250,12 +250,20 @@ class RobotLoop:
         result: DriveResult | None = None
         display.started(leg)
         try:
-            start = self._start(leg)
+            start = self._start_or_stop(leg)
             outcome = self._run_until_outcome(leg.goal, start, display)
             result = self._result(start, outcome)
         finally:
             display.ended(result)
         return result
+
+    def _start_or_stop(self, leg: Leg) -> _Start:
+        """Start a leg; Ctrl-C meanwhile may come when the motors are armed already."""
+        try:
+            return self._start(leg)
+        except KeyboardInterrupt:
+            self.stop()
+            raise
 
     def _start(self, leg: Leg) -> _Start:
         """Arm and start to drive; raise ThumperError, before anything moves, if that is impossible."""
