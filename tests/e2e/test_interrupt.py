@@ -12,7 +12,7 @@ from tests.e2e.conftest import THUMPER
 
 ON_SIM = ["--board", "sim://r/board?world=lab", "--lidar", "sim://r/lidar"]
 COMMANDS = {
-    "demo": (["demo"], "straight run", "round a paper box"),
+    "demo": (["demo"], "straight run", "around a paper box"),
     "explore": (
         ["explore", "--board", "sim://r/board?world=lab", "--lidar", "sim://r/lidar"],
         "frontier 1",
