@@ -66,11 +66,11 @@ def test_the_other_boot_loader_baud_rate_is_detected() -> None:
 @pytest.mark.parametrize(
     ("message", "expected"),
     [
-        ("avrdude OS error: cannot set attributes for port /dev/x: Inappropriate ioctl", "as a port"),
+        ("avrdude OS error: cannot set attributes for port /dev/x: Inappropriate ioctl", "as a serial port"),
         ("avrdude error: line 1 is no record\navrdude done.  Thank you.", "failed: avrdude error: line 1"),
         ("avrdude: stk500_getsync() attempt 10 of 10: not in sync: resp=0x00", "no boot loader answers"),
         ("avrdude: verification error, first mismatch at byte 0x0000", "verification failed"),
-        ("avrdude ser_open() error: cannot open port /dev/x: Permission denied", "not permitted"),
+        ("avrdude ser_open() error: cannot open port /dev/x: Permission denied", "permission denied"),
         ("avrdude: something new", "avrdude failed: avrdude: something new"),
     ],
 )
@@ -99,5 +99,5 @@ def test_platformio_uses_the_environment_of_board_and_boot_loader(tmp_path: Path
 
 def test_an_overlong_boot_loader_is_refused() -> None:
     chip = chip_with_bootloader()
-    with pytest.raises(ChipError, match="past the end of the flash"):
+    with pytest.raises(ChipError, match="past the end of flash"):
         chip.install_bootloader(BROKEN_OPTIBOOT)
