@@ -16,30 +16,29 @@ from unittest.mock import patch
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.figure import figure, has_data  # noqa: E402
+from benchmarks.figure import figure, has_data
 
-from tests.tuning.plant import COUNT_RAD, Wheel, counted, steps_and_prbs  # noqa: E402
-from thumper.board.board import Board  # noqa: E402
-from thumper.common.geometry import FloatArray  # noqa: E402
-from thumper_hil.bench import simulation  # noqa: E402
-from thumper_hil.chip.robot_params import RobotParams  # noqa: E402
-from thumper_tuning.design.gains import Design, DesignOptions, design, nominal_model  # noqa: E402
-from thumper_tuning.design.tuning_rules import RULES  # noqa: E402
-from thumper_tuning.drive.excitation import ExcitationOptions  # noqa: E402
-from thumper_tuning.drive.record import record  # noqa: E402
-from thumper_tuning.drive.verify import Verification, VerifyOptions, verify  # noqa: E402
-from thumper_tuning.identify.cross_validation import fit_percent  # noqa: E402
-from thumper_tuning.identify.model import MotorModel, Uncertainty  # noqa: E402
-from thumper_tuning.identify.motor import identify  # noqa: E402
-from thumper_tuning.identify.richer_models import fit_richer_models  # noqa: E402
-from thumper_tuning.identify.segments import LogSegment, split_segments  # noqa: E402
-from thumper_tuning.logs.motor_log import DriveUnit, MotorLog  # noqa: E402
-from thumper_tuning.logs.read import read_logs  # noqa: E402
+from tests.tuning.plant import COUNT_RAD, Wheel, counted, steps_and_prbs
+from thumper.board.board import Board
+from thumper.common.geometry import FloatArray
+from thumper_hil.bench import simulation
+from thumper_hil.chip.robot_params import RobotParams
+from thumper_tuning.design.gains import Design, DesignOptions, design, nominal_model
+from thumper_tuning.design.tuning_rules import RULES
+from thumper_tuning.drive.excitation import ExcitationOptions
+from thumper_tuning.drive.record import record
+from thumper_tuning.drive.verify import Verification, VerifyOptions, verify
+from thumper_tuning.identify.cross_validation import fit_percent
+from thumper_tuning.identify.model import MotorModel, Uncertainty
+from thumper_tuning.identify.motor import identify
+from thumper_tuning.identify.richer_models import fit_richer_models
+from thumper_tuning.identify.segments import LogSegment, split_segments
+from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
+from thumper_tuning.logs.read import read_logs
 
-DATA = Path(os.environ.get("THUMPER_DATA", ROOT.parent / "shared" / "data")) / "motor"
+DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).resolve().parents[2] / "shared" / "data")) / "motor"
 SEEDS = 20
 STAIRS = 144  # rows before the switching
 EMPTY = 0.05  # charge: 6.7 V open-circuit, the lowest that does not stop under load

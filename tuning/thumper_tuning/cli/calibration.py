@@ -109,7 +109,7 @@ def experiment_speed(
 ) -> None:
     """Experiment 8.2: drive straight with the board's gains; set-point minus measured speed.
 
-    Prints the error beside the thesis's, and beside what counting alone causes.
+    Prints the error, the thesis's error, and the error due to counting alone.
     """
     from rich.console import Console
 
