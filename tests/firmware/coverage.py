@@ -23,7 +23,7 @@ NEVER = {"host_interface.hpp": "default:  // unreachable while every message"}
 """Reached only if someone adds a message to the schema but no case for it."""
 TESTS = sorted(
     path
-    for path in Path(__file__).parent.glob("test_*.py")
+    for path in Path(__file__).parent.glob("core/test_*.py")
     if re.search(r"core(_at_rate)?: (ctypes|Callable)", path.read_text(encoding="utf-8"))
 )
 

@@ -23,10 +23,10 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 
-from tests.firmware import host_interface  # noqa: F401  import once for all child processes
+from tests.firmware.core import host_interface  # noqa: F401  import once for all child processes
 from tests.firmware.mutation.mutants import CORE, Mutant, mutants
 
-TESTS = Path(__file__).resolve().parents[1]
+TESTS = Path(__file__).resolve().parents[1] / "core"
 SUITE = {
     "test_wheel": {"parameters.hpp"},
     "test_supervisor": {"supervisor.hpp"},

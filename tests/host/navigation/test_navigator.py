@@ -19,6 +19,7 @@ from thumper.navigation.planners.traversal_cost import TraversalCostOptions
 from thumper.navigation.recovery.progress_checker import Progress, ProgressChecker, ProgressOptions
 
 NO_HITS = np.empty((0, 2))
+A = Goal(x_m=1.0, y_m=0.0)
 
 
 def free_grid() -> OccupancyGrid:
@@ -150,3 +151,52 @@ def test_progress_requires_movement_and_then_nearness() -> None:
     for cycle in range(60):  # oscillates in place, never nearer
         problem = checker.update(3.0 + 0.1 * cycle, Pose2(theta_rad=0.6 * (cycle % 10)), 3.0).problem
     assert problem == "no nearer to the goal for 5 s"
+
+
+def test_new_goal_replaces_the_old_one_at_once() -> None:
+    navigator = Navigator(NavigationOptions(), Footprint())
+    navigator.set_goal(A)
+    assert step(navigator, 0.0).plan[-1] == pytest.approx((1.0, 0.0))
+    navigator.set_goal(Goal(x_m=1.0, y_m=0.5))
+    assert step(navigator, 0.1).plan[-1] == pytest.approx((1.0, 0.5))
+
+
+def test_cancelled_goal_stops_and_a_new_goal_drives_on() -> None:
+    navigator = Navigator(NavigationOptions(), Footprint())
+    navigator.set_goal(A)
+    assert step(navigator, 0.0).command.v_m_s > 0.0
+    navigator.cancel()
+    stopped = step(navigator, 0.1)
+    assert (stopped.command, stopped.state, stopped.reason) == (Twist2(), NavigationState.IDLE, "cancelled")
+    assert navigator.transitions[-1].reason == "cancelled"
+    navigator.set_goal(A)
+    assert step(navigator, 0.2).command.v_m_s > 0.0
+
+
+def test_goal_that_comes_and_goes_is_aborted() -> None:
+    """Its cell is free at times and blocked at others: nothing retries for ever."""
+    navigator = Navigator(NavigationOptions(), Footprint())
+    goal, pose, twist = Goal(x_m=1.5, y_m=0.0), Pose2(), Twist2()
+    navigator.set_goal(goal)
+    cells = np.zeros((100, 100), np.int8)
+    grids = []
+    for shut in (False, True):
+        shown = cells.copy()
+        if shut:
+            shown[40:60, 70:72] = 100
+            shown[40:42, 70:90] = shown[58:60, 70:90] = 100
+            shown[40:60, 88:90] = 100
+        grids.append(OccupancyGrid(cells=shown, resolution_m=0.05, origin_x_m=-2.5, origin_y_m=-2.5))
+    for cycle in range(1200):
+        time_s = 0.1 * cycle
+        blocked = cycle // 25 % 2 == 1 and pose.x_m > 0.5
+        output = navigator.update(time_s, pose, twist, grids[blocked], np.empty((0, 2)))
+        twist = output.command
+        pose = pose @ Pose2(x_m=0.1 * twist.v_m_s, theta_rad=0.1 * twist.w_rad_s)
+        if pose.x_m > 0.75:  # held by the wall that it sees only at times
+            pose = Pose2(x_m=0.75, y_m=pose.y_m, theta_rad=pose.theta_rad)
+        if output.state is NavigationState.FAILED:
+            break
+    assert output.state is NavigationState.FAILED
+    assert "gave up" in output.reason
+    assert time_s < 90.0

@@ -124,3 +124,11 @@ def test_noise_at_standstill_never_adds_up_to_a_contact() -> None:
         if not stop_reason(slow, measured, at(-FRONT_M - gap_m, 0.0)):
             gap_m -= 0.1 * abs(slow.v_m_s)
     assert gap_m > 0.007
+
+
+@pytest.mark.parametrize(("gap_m", "part"), [(0.10, 0.4), (0.24, 0.6), (0.36, 0.9), (0.6, 1.0)])
+def test_slow_zone_scales_both_speeds_by_the_time_to_contact(gap_m: float, part: float) -> None:
+    slow = MONITOR.slow_down(Twist2(v_m_s=0.4), at(FRONT_M + gap_m, 0.0))
+    assert slow.v_m_s == pytest.approx(part * 0.4, abs=0.06 * 0.4)
+    bent = MONITOR.slow_down(Twist2(v_m_s=0.4, w_rad_s=0.2), at(FRONT_M + gap_m, 0.0))
+    assert bent.w_rad_s == pytest.approx(0.5 * bent.v_m_s)

@@ -1,0 +1,90 @@
+"""The core stays pure, every rate builds within budget, and PlatformIO and Makefile build the same."""
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+from platformio.project.config import ProjectConfig
+
+FIRMWARE = Path(__file__).parents[3] / "firmware"
+
+
+def make(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        ["make", "-C", str(FIRMWARE), *arguments], capture_output=True, text=True, check=False
+    )
+
+
+@pytest.mark.parametrize("header", sorted((FIRMWARE / "core").glob("*.hpp")), ids=lambda path: path.name)
+def test_core_includes_nothing_but_itself_and_fixed_width_types(header: Path) -> None:
+    included = re.findall(r"#include\s+(\S+)", header.read_text())
+    allowed = {"<stdint.h>", "<stddef.h>", *(f'"core/{p.name}"' for p in (FIRMWARE / "core").glob("*.hpp"))}
+    assert set(included) <= allowed
+
+
+@pytest.mark.parametrize("header", sorted((FIRMWARE / "core").glob("*.hpp")), ids=lambda path: path.name)
+def test_every_core_header_compiles_alone(header: Path, tmp_path: Path) -> None:
+    source = tmp_path / "alone.cpp"
+    source.write_text(f'#include "core/{header.name}"\n')
+    command = [
+        "g++",
+        "-std=c++14",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-fsyntax-only",
+        f"-I{FIRMWARE}",
+        str(source),
+    ]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+
+
+@pytest.mark.parametrize("folder", ["app", "board"])
+def test_no_register_is_a_template_argument(folder: str) -> None:
+    """gcc 7, which PlatformIO ships, rejects a register address as a constant there; gcc 5 accepts it."""
+    for source in (FIRMWARE / folder).glob("*.[ch]pp"):
+        assert not re.search(r"<[^<>;]*_SFR_(IO|MEM)_ADDR", source.read_text()), source
+
+
+def test_changed_options_rebuild_and_the_same_options_do_not(tmp_path: Path) -> None:
+    def build_with(*options: str) -> tuple[bytes, bool]:
+        before = (tmp_path / "thumper.elf").stat().st_mtime_ns if (tmp_path / "thumper.elf").exists() else 0
+        assert make(f"BUILD={tmp_path}", *options).returncode == 0
+        return (tmp_path / "thumper.hex").read_bytes(), (tmp_path / "thumper.elf").stat().st_mtime_ns > before
+
+    ten, _ = build_with()
+    assert build_with() == (ten, False)
+    fifty, rebuilt = build_with("RATE=50")
+    assert rebuilt
+    assert fifty != ten
+    assert build_with("RATE=50", "BAUD=250000")[1]
+    assert build_with() == (ten, True)
+
+
+def test_a_baud_rate_off_by_two_percent_is_refused(tmp_path: Path) -> None:
+    result = make("BAUD=115200", f"BUILD={tmp_path}")
+    assert result.returncode != 0
+    assert "UART baud rate is off by more than 1 %" in result.stderr
+
+
+def test_platformio_ini_is_sound_and_shares_the_makefile_flags(tmp_path: Path) -> None:
+    path = FIRMWARE / "platformio.ini"
+    assert ProjectConfig.lint(str(path)) == {"errors": [], "warnings": []}
+    config = ProjectConfig(str(path))
+    assert config.get("env:trex", "platform") == "atmelavr"
+    assert config.get("env:trex", "board") == "nanoatmega328"
+    assert config.get("env:trex", "framework", []) == []
+    flags = config.get("env:trex", "build_flags")
+    assert {"-std=gnu++14", "-Os", "-flto", "-Wall", "-Wextra", "-Werror", "-fno-rtti"} <= set(flags)
+
+    planned = make("-n", "-B", f"BUILD={tmp_path}").stdout.splitlines()
+    compile_line = next(line for line in planned if line.startswith("avr-g++")).split()
+    start = compile_line.index(flags[0])
+    assert compile_line[start : start + len(flags)] == flags
+    sources = [part for part in compile_line if part.endswith(".cpp")]
+    assert config.get("env:trex", "build_src_filter") == ["+<app/*.cpp> +<board/*.cpp>"]
+    assert sorted(sources) == sorted(
+        p.relative_to(FIRMWARE).as_posix() for d in ("app", "board") for p in (FIRMWARE / d).glob("*.cpp")
+    )

@@ -1,0 +1,119 @@
+"""A motor reverses at PWM 0, never in the new direction with the old duty. Traced on the emulated chip."""
+
+import pytest
+
+from tests.firmware.board.boot import ELF
+from tests.firmware.board.wire import run_for, send
+from thumper.board.framing import encode_frame
+from thumper.board.messages import Command, CommandRequest, Identify, SetMotorPwm, SetWheelSpeeds
+from thumper_hil.chip.chip import CPU_HZ
+from thumper_hil.chip.instrumented_chip import InstrumentedChip
+from thumper_hil.chip.robot_params import RobotParams
+
+PWM_PERIOD_S = 510 * 256 / CPU_HZ
+TCCR2A, OCR2A, OCR2B = 0xB0, 0xB3, 0xB4
+PORTB, PORTD = 0x25, 0x2B
+STEP_S = 20e-6
+
+# Port and bit of the direction pin, bit of the PWM output in TCCR2A, compare register.
+SIDES = {"left": (PORTD, 2, 5, OCR2B), "right": (PORTB, 2, 7, OCR2A)}
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize(("before", "after"), [(200, -150), (-200, 150), (200, -1)])
+def test_a_turning_motor_rests_first(side: str, before: int, after: int) -> None:
+    port, direction_bit, output_bit, compare = SIDES[side]
+    chip = InstrumentedChip(ELF, params=RobotParams.load())
+    run_for(chip, 0.2)
+    send(chip, CommandRequest(command=Command.ARM))
+    for _ in range(3):
+        send(chip, SetMotorPwm(left=before, right=before))
+        run_for(chip, 0.1)
+    assert chip.data(compare) == abs(before)
+    assert chip.data(port) >> direction_bit & 1 == (before > 0)
+
+    send(
+        chip,
+        SetMotorPwm(left=after if side == "left" else before, right=after if side == "right" else before),
+    )
+    turned_s = None
+    on_s = None
+    for _ in range(round(0.15 / STEP_S)):
+        run_for(chip, STEP_S)
+        driven = chip.data(TCCR2A) >> output_bit & 1
+        if turned_s is None and chip.data(port) >> direction_bit & 1 == (after > 0):
+            turned_s = chip.time_s
+        if turned_s is None:
+            assert chip.data(compare) == abs(before) or not driven, "no new duty in the old direction"
+        elif on_s is None and driven:
+            on_s = chip.time_s
+            assert chip.data(compare) == abs(after)
+        other = OCR2A if side == "left" else OCR2B
+        assert chip.data(other) == abs(before), "the other motor continues"
+    assert turned_s is not None
+    assert on_s is not None
+    assert PWM_PERIOD_S <= on_s - turned_s <= 0.012, "the old duty must be over when the timer drives again"
+
+
+def test_a_late_main_loop_shortens_no_rest() -> None:
+    """Answers to a busy host delay it. Milliseconds before the rest must not count towards the rest."""
+    chip = InstrumentedChip(ELF, params=RobotParams.load())
+    run_for(chip, 0.5)
+    send(chip, CommandRequest(command=Command.ARM))
+    requests = 9 * encode_frame(Identify.ID, 7, Identify().pack())
+    rests_s, turned_s = [], None
+    forward = chip.data(PORTD) >> 2 & 1
+    for step in range(round(2.0 / STEP_S)):
+        if step % 5000 == 0:
+            pwm = 200 if step % 10_000 else -200
+            send(chip, SetMotorPwm(left=pwm, right=pwm))
+        elif step % 251 == 0:  # at any phase to the millisecond
+            chip.send(requests)
+        run_for(chip, STEP_S)
+        if chip.data(PORTD) >> 2 & 1 != forward:
+            forward, turned_s = 1 - forward, chip.time_s
+        if turned_s is not None and chip.data(TCCR2A) >> 5 & 1:
+            rests_s.append(chip.time_s - turned_s)
+            turned_s = None
+    assert len(rests_s) >= 15
+    assert min(rests_s) >= PWM_PERIOD_S
+
+
+@pytest.mark.parametrize("speed_rad_s", [-8.0, 4.0, 12.0])
+def test_a_rolling_wheel_that_is_taken_over_does_not_swing_back(speed_rad_s: float) -> None:
+    """As when the operator releases the stick. With a model speed of zero, the wheel would swing back with 40
+    to 70 % of its speed. Up to 26 % remain if the first output is 0 by chance: then the motors coast."""
+    chip = InstrumentedChip(ELF, params=RobotParams.load(), seed=1)
+    run_for(chip, 0.5)
+    speed, pwm = round(1000 * speed_rad_s), round(17.0 * speed_rad_s)
+    send(chip, CommandRequest(command=Command.ARM))
+    for _ in range(40):
+        send(chip, SetWheelSpeeds(left=speed, right=speed))
+        run_for(chip, 0.05)
+    send(chip, SetMotorPwm(left=pwm, right=pwm))
+    run_for(chip, 0.12)
+    begun = chip.truth()
+    send(chip, CommandRequest(command=Command.ARM))
+    shares = []
+    for _ in range(150):
+        send(chip, SetWheelSpeeds(left=0, right=0))
+        run_for(chip, 0.01)
+        shares.append(chip.truth().wheel_rad_s[0] / begun.wheel_rad_s[0])
+    assert min(shares) >= -0.3
+    assert shares[-1] == 0.0
+    distance_rad = abs(chip.truth().wheel_rad[0] - begun.wheel_rad[0])
+    assert distance_rad <= speed_rad_s**2 / (2 * 8.0), "no farther than with the ramp"
+
+
+def test_at_zero_pwm_a_motor_keeps_its_direction() -> None:
+    """A wheel that dithers around zero does not switch its direction each time."""
+    chip = InstrumentedChip(ELF, params=RobotParams.load())
+    run_for(chip, 0.2)
+    send(chip, CommandRequest(command=Command.ARM))
+    for pwm in (-100, 0, -100, 0):
+        send(chip, SetMotorPwm(left=pwm, right=pwm))
+        run_for(chip, 0.15)
+        send(chip, SetMotorPwm(left=pwm, right=pwm))
+        run_for(chip, 0.05)
+        assert chip.data(PORTD) >> 2 & 1 == 0
+        assert chip.data(OCR2B) == -pwm

@@ -1,0 +1,296 @@
+"""Faults that the firmware detects: wheels that do not follow, noisy encoders, currents, a restart."""
+
+import ctypes
+from collections.abc import Callable
+
+import pytest
+
+from tests.firmware.core.host_interface import HostInterface
+from thumper.board import messages as m
+
+FINE, STALL, REVERSED = range(3)
+
+
+class Ticks:
+    """An armed robot with synthetic control ticks."""
+
+    def __init__(self, core: ctypes.CDLL) -> None:
+        self.core, self.host = core, HostInterface(core)
+        self.left = self.right = self.lost = 0
+        self.host.command(m.Command.ARM)
+
+    def step(
+        self, left: int = 0, right: int = 0, left_pwm: int = 0, right_pwm: int = 0, lost: int = 0
+    ) -> m.Fault:
+        """Move by these counts and apply the PWM from now on; return the fault."""
+        self.left, self.right, self.lost = self.left + left, self.right + right, self.lost + lost
+        self.host.send(m.SetWheelSpeeds(left=0, right=0))
+        self.core.host_watch(self.host.handle, self.left, self.right, left_pwm, right_pwm, self.lost)
+        return self.host.status()[1]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("side", "stall"), [("left", m.Fault.STALL_LEFT), ("right", m.Fault.STALL_RIGHT)])
+def test_no_motion_at_half_pwm_is_a_stall_after_300_ms(
+    core: ctypes.CDLL, side: str, stall: m.Fault, sign: int
+) -> None:
+    ticks = Ticks(core)
+    pwm = {f"{side}_pwm": 128 * sign}
+    faults = [ticks.step(**pwm) for _ in range(4)]
+    assert faults == [m.Fault.NONE] * 3 + [stall]
+    assert ticks.host.status() == (m.State.FAULT, stall, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("pwm", "ticks_to_fault"), [(255, 3), (128, 3), (127, 3), (126, 4), (95, 4), (94, 5), (60, 7), (33, 12)]
+)
+@pytest.mark.parametrize("mode", [m.State.CLOSED_LOOP, m.State.MANUAL])
+def test_less_pwm_takes_longer_to_report_a_stall(
+    core: ctypes.CDLL, pwm: int, ticks_to_fault: int, mode: m.State
+) -> None:
+    """At 38 PWM s and after at least 300 ms, in either mode, so the distance of a runaway is bounded."""
+    host = HostInterface(core)
+    host.command(m.Command.ARM)
+    command: m.Message = m.SetWheelSpeeds(left=300, right=300)
+    if mode is m.State.MANUAL:
+        command = m.SetMotorPwm(left=pwm, right=-pwm)
+    ticks = 0
+    while host.status()[1] is m.Fault.NONE:
+        host.send(command)
+        assert host.status()[0] is mode
+        core.host_watch(host.handle, 0, 0, pwm, -pwm, 0)
+        ticks += 1
+    assert ticks == ticks_to_fault + 1, "the first tick starts the PWM"
+    assert host.status()[:2] == (m.State.FAULT, m.Fault.STALL_LEFT)
+
+
+def test_no_stall_at_the_idle_pwm(core: ctypes.CDLL) -> None:
+    ticks = Ticks(core)
+    for _ in range(100):
+        assert ticks.step(left_pwm=32, right_pwm=-32) is m.Fault.NONE
+    for _ in range(11):
+        assert ticks.step(left_pwm=33) is m.Fault.NONE
+    for _ in range(12):
+        assert ticks.step(left_pwm=32) is m.Fault.NONE, "which restarts the integral"
+    for _ in range(12):
+        assert ticks.step(left_pwm=33) is m.Fault.NONE
+    assert ticks.step(left_pwm=33) is m.Fault.STALL_LEFT
+
+
+def test_the_pwm_integral_restarts_from_zero(core: ctypes.CDLL) -> None:
+    """126, 126 and 127 are one short of 38 PWM s."""
+    monitor = core.wheel_monitor_new()
+    for _ in range(3):
+        pwms = [126, 126, 127, 126, 0]
+        verdicts = [core.wheel_monitor_step(monitor, 0, pwm) for pwm in pwms]
+        assert verdicts == [FINE] * 4 + [STALL]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_backwards_then_stationary_is_a_stall_not_swapped_wires(core: ctypes.CDLL, sign: int) -> None:
+    monitor = core.wheel_monitor_new()
+    counts = [0, -3, -3, -3, -3, -3, -3]
+    verdicts = [core.wheel_monitor_step(monitor, count * sign % 65536, 200 * sign) for count in counts]
+    assert verdicts == [FINE] * 6 + [STALL]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_less_pwm_takes_longer_to_report_swapped_wires(core: ctypes.CDLL, sign: int) -> None:
+    monitor = core.wheel_monitor_new()
+    verdicts = [core.wheel_monitor_step(monitor, -2 * tick * sign % 65536, 60 * sign) for tick in range(8)]
+    assert verdicts == [FINE] * 7 + [REVERSED]
+
+
+def test_a_wheel_that_turns_round_makes_progress(core: ctypes.CDLL) -> None:
+    """No matter how far it went in the wrong direction."""
+    monitor = core.wheel_monitor_new()
+    counts = [0, -500, -1000, -997, -994, -991, -988, -985, -982]
+    assert {core.wheel_monitor_step(monitor, count % 65536, 200) for count in counts} == {FINE}
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_two_counts_in_300_ms_are_a_stall_and_three_are_not(core: ctypes.CDLL, sign: int) -> None:
+    ticks = Ticks(core)
+    ticks.step(left_pwm=200 * sign)
+    for _ in range(10):
+        for counts in (1, 1, 1):
+            assert ticks.step(left=counts * sign, left_pwm=200 * sign) is m.Fault.NONE
+    assert ticks.step(left=sign, left_pwm=200 * sign) is m.Fault.NONE
+    assert ticks.step(left=sign, left_pwm=200 * sign) is m.Fault.NONE
+    assert ticks.step(left=0, left_pwm=200 * sign) is m.Fault.STALL_LEFT
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    ("side", "reversed_"), [("left", m.Fault.REVERSED_LEFT), ("right", m.Fault.REVERSED_RIGHT)]
+)
+def test_a_wheel_that_keeps_counting_the_wrong_way_is_reversed(
+    core: ctypes.CDLL, side: str, reversed_: m.Fault, sign: int
+) -> None:
+    ticks = Ticks(core)
+    ticks.step(**{f"{side}_pwm": 200 * sign})
+    move = {side: -100 * sign, f"{side}_pwm": 200 * sign}
+    assert [ticks.step(**move) for _ in range(3)] == [m.Fault.NONE, m.Fault.NONE, reversed_]
+
+
+@pytest.mark.parametrize("tau_s", [0.05, 0.075, 0.15, 0.3])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_full_reversal_is_no_fault(core: ctypes.CDLL, tau_s: float, sign: int) -> None:
+    """From +17 to -17 rad/s with full PWM against the motion, for fast and slow wheels."""
+    monitor = core.wheel_monitor_new()
+    speed, angle = 17.0 * sign, 0.0
+    core.wheel_monitor_step(monitor, 0, -255 * sign)
+    for _ in range(12):
+        for _ in range(100):
+            speed += (-17.0 * sign - speed) * 0.001 / tau_s
+            angle += speed * 0.001
+        count = round(angle * 1200 / 6.2832)
+        assert core.wheel_monitor_step(monitor, count % 65536, -255 * sign) == FINE
+
+
+def test_alternating_pwm_restarts_the_integral(core: ctypes.CDLL) -> None:
+    monitor = core.wheel_monitor_new()
+    for tick in range(40):
+        assert core.wheel_monitor_step(monitor, 0, 200 if tick % 4 < 2 else -200) == FINE
+
+
+def test_huge_count_jumps_are_handled(core: ctypes.CDLL) -> None:
+    monitor = core.wheel_monitor_new()
+    core.wheel_monitor_step(monitor, 0, -255)
+    verdicts = [core.wheel_monitor_step(monitor, 32768 * (tick % 2), -255) for tick in range(1, 7)]
+    assert set(verdicts) <= {FINE, STALL, REVERSED}
+    driven = core.wheel_monitor_new()
+    core.wheel_monitor_step(driven, 0, 255)
+    verdicts = [core.wheel_monitor_step(driven, -30_000 * tick % 65536, 255) for tick in range(1, 4)]
+    assert verdicts == [FINE, FINE, REVERSED]
+
+
+@pytest.mark.parametrize("rate_Hz", [10, 100])
+@pytest.mark.parametrize("phase", range(40))
+def test_a_steady_rate_of_lost_edges_is_detected_at_every_phase(
+    core_at_rate: Callable[[int], ctypes.CDLL], rate_Hz: int, phase: int
+) -> None:
+    """30 in 300 ms are never a fault. 31 in 300 ms are detected within another 100 ms."""
+    core = core_at_rate(rate_Hz)
+    window = 3 * rate_Hz // 10
+
+    def first_noise(per_window: int) -> int | None:
+        monitor = core.edge_monitor_new()
+        for _ in range(phase):
+            assert core.edge_monitor_step(monitor, 0) == 0
+        for tick in range(1, 20 * window):
+            if core.edge_monitor_step(monitor, tick * per_window // window):
+                return tick
+        return None
+
+    assert first_noise(30) is None
+    noticed = first_noise(31)
+    assert noticed is not None
+    assert window <= noticed <= window + rate_Hz // 10
+
+
+@pytest.mark.parametrize("phase", range(6))
+@pytest.mark.parametrize("burst", [(31, 0, 0), (0, 0, 31), (15, 1, 15), (1, 29, 1)])
+def test_31_lost_edges_in_300_ms_are_noise_and_30_are_not(
+    core: ctypes.CDLL, burst: tuple[int, int, int], phase: int
+) -> None:
+    for spared in (0, 1):
+        monitor = core.edge_monitor_new()
+        total, noisy = -spared, 0
+        for lost in [0] * phase + list(burst) + [0] * 6:
+            total += lost
+            noisy |= core.edge_monitor_step(monitor, max(total, 0))
+        assert noisy == (spared == 0)
+
+
+def test_lost_edges_stop_the_motors(core: ctypes.CDLL) -> None:
+    ticks = Ticks(core)
+    assert ticks.step(lost=30) is m.Fault.NONE
+    assert ticks.step(lost=1) is m.Fault.LOST_EDGES
+    assert ticks.host.telemetry().lost_edges == 31
+
+
+def test_the_lost_edge_count_may_wrap(core: ctypes.CDLL) -> None:
+    monitor = core.edge_monitor_new()
+    for lost in (65_530, 65_530, 65_530):
+        core.edge_monitor_step(monitor, lost)
+    assert core.edge_monitor_step(monitor, 10) == 0
+    assert core.edge_monitor_step(monitor, 30) == 1
+
+
+@pytest.mark.parametrize(("left", "right"), [(8_001, 0), (-8_001, 0), (0, 8_001), (0, -8_001)])
+def test_three_consecutive_readings_above_the_limit_are_over_current(
+    core: ctypes.CDLL, left: int, right: int
+) -> None:
+    host = HostInterface(core)
+    host.command(m.Command.ARM)
+    for currents in [(left, right)] * 2 + [(8_000, -8_000)] + [(left, right)] * 2:
+        core.host_currents(host.handle, *currents)
+        assert host.status()[1] is m.Fault.NONE
+    core.host_currents(host.handle, left, right)
+    assert host.status()[:2] == (m.State.FAULT, m.Fault.OVER_CURRENT)
+    telemetry = host.telemetry()
+    assert (telemetry.left_current_mA, telemetry.right_current_mA) == (left, right)
+
+
+def test_the_current_limit_is_a_parameter(core: ctypes.CDLL) -> None:
+    host = HostInterface(core)
+    host.set("current_limit", 5000)
+    host.command(m.Command.ARM)
+    for _ in range(3):
+        core.host_currents(host.handle, 5001, 0)
+    assert host.status()[1] is m.Fault.OVER_CURRENT
+
+
+def test_after_a_watchdog_restart_the_fault_must_be_cleared(core: ctypes.CDLL) -> None:
+    host = HostInterface(core, cause=m.ResetCause.WATCHDOG)
+    assert host.status() == (m.State.FAULT, m.Fault.WATCHDOG, 0, 0)
+    assert host.command(m.Command.ARM) is m.AckStatus.FAULT_LATCHED
+    assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.OK
+    assert host.command(m.Command.ARM) is m.AckStatus.OK
+
+
+def test_telemetry_reports_all_values(core: ctypes.CDLL) -> None:
+    host = HostInterface(core, battery_mV=0)
+    assert host.telemetry().warnings == 0, "no reading yet: no warning"
+    core.host_battery(host.handle, 6900)
+    core.host_watch(host.handle, 70_000, -5, 100, -100, 3)
+    host.feed(b"\x05rubbish\0")
+    telemetry = host.telemetry()
+    assert (telemetry.left_count, telemetry.right_count) == (70_000, -5)
+    assert (telemetry.left_pwm, telemetry.right_pwm) == (100, -100)
+    assert (telemetry.time_us, telemetry.battery_mV, telemetry.warnings) == (100_000, 6900, 1)
+    assert (telemetry.lost_edges, telemetry.rx_frames, telemetry.rx_errors) == (3, 0, 1)
+    host.send(m.Identify())
+    assert host.telemetry().rx_frames == 1
+    core.host_battery(host.handle, 20_000)
+    assert host.telemetry().warnings == 0
+
+
+def test_manual_stops_at_the_link_timeout(core: ctypes.CDLL) -> None:
+    host = HostInterface(core)
+    host.command(m.Command.ARM)
+    host.send(m.SetWheelSpeeds(left=5000, right=5000))
+    host.send(m.SetMotorPwm(left=300, right=-300))
+    assert host.status() == (m.State.MANUAL, m.Fault.NONE, 255, -255)
+    host.wait(300)
+    assert host.status() == (m.State.FAULT, m.Fault.LINK_LOST, 0, 0)
+
+
+def test_wheel_speeds_are_limited_to_17_rad_s(core: ctypes.CDLL) -> None:
+    host = HostInterface(core)
+    host.command(m.Command.ARM)
+    host.send(m.SetWheelSpeeds(left=32767, right=-32768))
+    assert host.status() == (m.State.CLOSED_LOOP, m.Fault.NONE, 17_000, -17_000)
+
+
+@pytest.mark.parametrize("sides", [(1, 0), (-1, 0), (0, 1), (0, -1)])
+def test_a_current_at_the_limit_is_no_fault_and_above_it_is(
+    core: ctypes.CDLL, sides: tuple[int, int]
+) -> None:
+    at, above = core.current_monitor_new(), core.current_monitor_new()
+    for _ in range(3):
+        at_limit = core.current_monitor_step(at, sides[0] * 5000, sides[1] * 5000, 5000)
+        over = core.current_monitor_step(above, sides[0] * 5001, sides[1] * 5001, 5000)
+    assert (at_limit, over) == (0, 1)
+    assert [core.current_monitor_step(above, *sides, 0) for _ in range(5)] == [1] * 5, "while it lasts"

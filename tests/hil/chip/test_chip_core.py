@@ -1,0 +1,104 @@
+"""CPU core and ADC behave like the real chip where simavr alone does not; crashes are reported."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.hil.chip.conftest import BuildAvr
+from tests.hil.chip.rig import run_for
+from thumper_hil.chip.chip import CPU_HZ, Chip, ChipError
+from thumper_hil.chip.robot_params import RobotParams
+
+
+def test_interrupt_response_takes_four_cycles(build_avr: BuildAvr) -> None:
+    """Match at 100, flag one cycle later, response 4 (data sheet 7.7.1), jump 3, `lds` reads in cycle 2."""
+    chip = Chip(build_avr("entry"))
+    run_for(chip, 0.01)
+    (read_at,) = chip.receive(10)
+    assert 100 + 8 <= read_at <= 100 + 12
+
+
+def test_adc_samples_at_conversion_start(build_avr: BuildAvr, even_params: RobotParams) -> None:
+    """The ADC reads the battery although another channel is selected later; 1024 steps to the reference."""
+    chip = Chip(build_avr("adc"), params=even_params)
+    run_for(chip, 0.01)
+    reply = chip.receive(6)
+    battery, current, band_gap = (int.from_bytes(reply[i : i + 2], "little") for i in (0, 2, 4))
+    assert battery == int(chip.truth().battery_V / even_params.board.battery_V_per_count)
+    assert current == 511
+    assert band_gap == int(1.1 / 5.0 * 1024)
+
+
+def test_pending_interrupt_ends_sleep_at_once(build_avr: BuildAvr) -> None:
+    """`sei; sleep` with a pending interrupt must not sleep until the next event."""
+    chip = Chip(build_avr("doze"))
+    run_for(chip, 0.5)
+    rounds = chip.receive(1000)
+    expected = 0.5 / 1.2e-3  # each round takes only its delay
+    assert 0.95 * expected <= len(rounds) <= expected
+    assert chip.cpu_load > 0.99
+
+
+def test_watchdog_reset_keeps_the_state_of_the_robot(build_avr: BuildAvr, even_params: RobotParams) -> None:
+    """simavr clears all timers and input levels on a reset; motors and serial line must continue."""
+    chip = Chip(build_avr("dog"), params=even_params)
+    run_for(chip, 0.2)
+    before = chip.truth()
+    run_for(chip, 0.4)
+    after = chip.truth()
+    data, cycles = chip.receive_stamped(100)
+    assert data[:4] == b"P.W."
+    assert chip.resets >= 1
+    assert cycles[3] - cycles[2] <= 320 + 16  # still ten bits per byte
+    assert after.wheel_rad[0] > before.wheel_rad[0] + 1.0
+    assert after.encoder_count[0] == pytest.approx(after.wheel_rad[0] * 1200 / 6.2831853, abs=1.0)
+
+
+def test_reset_pin_restarts_the_firmware(build_avr: BuildAvr) -> None:
+    chip = Chip(build_avr("burst"))
+    run_for(chip, 0.01)
+    assert len(chip.receive(100)) == 64
+    chip.reset()
+    run_for(chip, 0.01)
+    assert len(chip.receive(100)) == 64
+    assert chip.resets == 1
+
+
+@pytest.mark.parametrize(("name", "words"), [("crash", "crashed"), ("coma", "cannot wake up")])
+def test_dead_firmware_is_reported(build_avr: BuildAvr, name: str, words: str) -> None:
+    chip = Chip(build_avr(name))
+    with pytest.raises(ChipError, match=words):
+        run_for(chip, 1.0)
+
+
+def test_run_ends_at_the_requested_cycle(build_avr: BuildAvr) -> None:
+    """Asleep or busy, the clock stops within one instruction of the requested cycle."""
+    for name in ("doze", "burst"):
+        chip = Chip(build_avr(name))
+        for cycle in (1, 1000, 123_457, CPU_HZ // 3):
+            chip.run(cycle)
+            assert cycle <= chip.cycle <= cycle + 10
+
+
+def test_unusable_firmware_is_reported_in_one_line(tmp_path: Path) -> None:
+    text = tmp_path / "text.elf"
+    text.write_text("not a program")
+    for path in (text, tmp_path / "missing.elf"):
+        with pytest.raises(ChipError, match="make firmware") as caught:
+            Chip(path)
+        assert caught.value.exit_code == 4
+        assert str(path) in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+def test_same_seed_gives_the_same_robot(build_avr: BuildAvr, even_params: RobotParams) -> None:
+    """Robots differ by their seeds only."""
+    rough = replace(even_params, motor=replace(even_params.motor, spread_ratio=0.05))
+    ends = []
+    for seed in (1, 1, 2):
+        chip = Chip(build_avr("dog"), params=rough, seed=seed)
+        run_for(chip, 0.3)
+        ends.append(chip.truth())
+    assert ends[0] == ends[1]
+    assert ends[0] != ends[2]

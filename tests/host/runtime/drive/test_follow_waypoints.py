@@ -1,0 +1,68 @@
+"""Several goals in one drive: order, result and reason."""
+
+from collections.abc import Callable
+
+import pytest
+
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import Pose2
+from thumper.navigation.goal import Goal
+from thumper.runtime.drive.tasks import Leg, carry_out, follow_waypoints
+from thumper.runtime.drive.waypoints import Waypoints
+from thumper.runtime.drive_result import DriveResult
+
+A, B = Goal(x_m=1.0, y_m=0.0), Goal(x_m=0.0, y_m=1.0)
+
+
+def driver(fails: Callable[[Goal], bool], seen: list[str]) -> Callable[[Leg], DriveResult]:
+    def drive(leg: Leg) -> DriveResult:
+        assert leg.goal is not None
+        seen.append(leg.name)
+        return DriveResult(
+            reached=not fails(leg.goal),
+            interrupted=False,
+            reason="the door is shut" if fails(leg.goal) else "at the goal",
+            time_s=5.0,
+            path_length_m=1.5,
+            map_from_base=Pose2(x_m=leg.goal.x_m, y_m=leg.goal.y_m),
+        )
+
+    return drive
+
+
+def follow(waypoints: Waypoints, drive: Callable[[Leg], DriveResult]) -> DriveResult:
+    return carry_out(follow_waypoints(waypoints), drive)
+
+
+def test_patrol_drives_every_waypoint_in_every_round() -> None:
+    seen: list[str] = []
+    result = follow(Waypoints(goals=(A, B), rounds=2), driver(lambda _goal: False, seen))
+    assert seen == [f"waypoint {n} of 2, round {lap} of 2" for lap in (1, 2) for n in (1, 2)]
+    assert result.reached
+    assert (result.time_s, result.path_length_m) == (20.0, 6.0)
+    assert result.map_from_base == Pose2(y_m=1.0)
+
+
+def test_first_failure_ends_the_drive_and_is_named() -> None:
+    seen: list[str] = []
+    result = follow(Waypoints(goals=(A, B, A)), driver(lambda goal: goal is B, seen))
+    assert len(seen) == 2
+    assert not result.reached
+    assert result.reason == "waypoint 2 of 3 (0.00, 1.00): the door is shut"
+    assert result.time_s == 10.0
+
+
+def test_rejected_first_waypoint_raises_and_a_later_one_ends_the_drive() -> None:
+    def rejecting(bad: Goal) -> Callable[[Leg], DriveResult]:
+        def drive(leg: Leg) -> DriveResult:
+            if leg.goal is bad:
+                raise ThumperError("too near an obstacle")
+            return driver(lambda _goal: False, [])(leg)
+
+        return drive
+
+    with pytest.raises(ThumperError, match="too near"):
+        follow(Waypoints(goals=(A, B)), rejecting(A))
+    result = follow(Waypoints(goals=(A, B)), rejecting(B))
+    assert not result.reached
+    assert result.reason == "waypoint 2 of 2 (0.00, 1.00): too near an obstacle"
