@@ -3,6 +3,7 @@
 import base64
 import csv
 import json
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 import serial
 from rich.console import Console
 
-from thumper.board.board import Board
+from thumper.board.board import Board, TelemetrySample
 from thumper.board.messages import PARAMETERS, State
 from thumper.common.errors import ThumperError
 from thumper.recording.reader import Recording
@@ -20,12 +21,29 @@ from thumper_tuning.cli.settings import TuneOptions
 from thumper_tuning.cli.steps import tune_robot
 from thumper_tuning.design.gains import DesignOptions
 from thumper_tuning.design.tuning_rules import PiGains
+from thumper_tuning.drive.board_gains import read_gains
 from thumper_tuning.drive.excitation import ExcitationOptions
 from thumper_tuning.drive.record import record
-from thumper_tuning.drive.verify import VerifyOptions
+from thumper_tuning.drive.verify import VerifyOptions, verify
 
 
-def test_one_command_tunes_the_robot(tmp_path: Path) -> None:
+@pytest.fixture
+def positions_m(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Collect how far the wheels were from the start at each telemetry message."""
+    found: list[float] = []
+    poll = Board.poll
+
+    def polling(board: Board, timeout_s: float) -> list[TelemetrySample]:
+        samples = poll(board, timeout_s)
+        counts = [sample.telemetry.left_count + sample.telemetry.right_count for sample in samples]
+        found.extend(0.5 * count * math.tau * 0.062 / 1200.0 for count in counts)
+        return samples
+
+    monkeypatch.setattr(Board, "poll", polling)
+    return found
+
+
+def test_one_command_tunes_the_robot(tmp_path: Path, positions_m: list[float]) -> None:
     with (tmp_path / "out.txt").open("w") as text:
         tune_robot(
             "sim://tune_all/board?world=hall",
@@ -35,7 +53,10 @@ def test_one_command_tunes_the_robot(tmp_path: Path) -> None:
             console=Console(file=text, width=200),
         )
     printed = (tmp_path / "out.txt").read_text()
-    assert "a lane 0.8 m wide, 1.7 m ahead" in printed
+    room = re.search(r"a lane 0.8 m wide, ([\d.]+) m ahead and ([\d.]+) m behind", printed)
+    assert room is not None
+    assert -float(room.group(2)) < min(positions_m)
+    assert 1.6 < max(positions_m) < float(room.group(1)) == 1.8, "the lane that it asked for"
     assert "saved the new gains on the board" in printed
     content = json.loads((tmp_path / "gains.json").read_text())
     assert content["Ms"] <= 1.65
@@ -137,7 +158,9 @@ def test_the_robot_stays_in_its_lane(tmp_path: Path, options: ExcitationOptions)
     assert min(travel_m) > -1.0
 
 
-def test_an_empty_battery_is_rejected_before_anything_moves(tmp_path: Path) -> None:
+def test_an_empty_battery_is_rejected_and_the_previous_logs_stay(tmp_path: Path) -> None:
+    for name in ("log.csv", "log.mcap", "verify.csv"):
+        (tmp_path / name).write_text("of yesterday")
     board = Board.open("sim://tune_flat/board?world=hall&charge=0.0", baud=500_000)
     try:
         board.poll(3.0)
@@ -145,5 +168,9 @@ def test_an_empty_battery_is_rejected_before_anything_moves(tmp_path: Path) -> N
             board.poll(0.2)
         with pytest.raises(ThumperError, match="battery"):
             record(board, ExcitationOptions(), tmp_path / "log.csv", lambda *_: None)
+        gains = read_gains(board)
+        with pytest.raises(ThumperError, match="battery"):
+            verify(board, gains, VerifyOptions(), tmp_path / "verify.csv", lambda *_: None)
     finally:
         board.close()
+    assert {path.read_text() for path in tmp_path.iterdir()} == {"of yesterday"}

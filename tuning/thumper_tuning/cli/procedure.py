@@ -12,6 +12,7 @@ from thumper_tuning.design.fixed_point import BoardGains
 from thumper_tuning.design.gains import Design, DesignOptions, design, nominal_model
 from thumper_tuning.drive.excitation import ExcitationOptions
 from thumper_tuning.drive.record import record
+from thumper_tuning.drive.return_to_start import distance_m, return_to
 from thumper_tuning.drive.verify import Verification, VerifyOptions, verify
 from thumper_tuning.identify.motor import IdentifiedMotor, identify
 from thumper_tuning.logs.read import read_runs
@@ -59,14 +60,16 @@ class BoardProcedure:
     def tune(self, options: TuneOptions, old: BoardGains) -> Path:
         """Identify, design, drive with the old and the new gains; return the path of the report.
 
-        Writes gains.json and report.html. The board keeps the new gains, unsaved.
+        Writes gains.json and report.html. The board keeps the new gains, unsaved. Each drive after the first
+        begins where the robot is now, so the procedure stays within the lanes of its options.
         """
+        start_m = distance_m(self.board)
         motors = self.identify(options.excitation)
         result = self.progress.run_in_thread(lambda: self._design(motors, options.design))
         self._report_lines(design_lines(result))
         write_gains_file(self.folder / "gains.json", result)
-        before = self._verify("before", old, options.verify)
-        after = self._verify("after", result.gains, options.verify)
+        before = self._verify("before", old, options.verify, start_m)
+        after = self._verify("after", result.gains, options.verify, start_m)
         results = BoardResults(before=before, after=after)
         return self.progress.run_in_thread(
             lambda: write_report(self.folder / "report.html", motors, result, results)
@@ -76,7 +79,9 @@ class BoardProcedure:
         period_s = 1.0 / self.board.identity.control_rate_Hz
         return design(*nominal_model(motors), dataclasses.replace(options, period_s=period_s))
 
-    def _verify(self, name: str, gains: BoardGains, options: VerifyOptions) -> Verification:
+    def _verify(self, name: str, gains: BoardGains, options: VerifyOptions, start_m: float) -> Verification:
+        self.progress.report_progress(0, 0, "returning to the start")
+        return_to(self.board, start_m)
         self.progress.report_line(f"{name}:")
         path = self.folder / f"verify_{name}.csv"
         result = verify(self.board, gains, options, path, self._report_as("verifying"))

@@ -1,7 +1,6 @@
 """Drive the identification experiment on a board, and write what was recorded."""
 
 import csv
-import math
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
@@ -11,6 +10,7 @@ from thumper.board.messages import State
 from thumper.common.stamps import epoch_ns_at
 from thumper_tuning.drive.board_gains import armed, next_sample
 from thumper_tuning.drive.excitation import ExcitationOptions, excitation_blocks
+from thumper_tuning.drive.return_to_start import m_per_count
 
 ReportProgress = Callable[[int, int, str], None]  # done, total, activity
 
@@ -35,7 +35,8 @@ class LogRow:
 def record(board: Board, options: ExcitationOptions, path: Path, report_progress: ReportProgress) -> Path:
     """Drive the experiment along the lane and write the CSV, also if it is interrupted.
 
-    An MCAP recording of the same name holds all telemetry of the board.
+    Nothing is written if the board refuses to start: an earlier log of that name stays. An MCAP recording
+    of the same name holds all telemetry of the board.
 
     Raises
     ------
@@ -49,9 +50,10 @@ def record(board: Board, options: ExcitationOptions, path: Path, report_progress
         with armed(board):
             _drive(board, options, samples, report_progress)
     finally:
-        _write_csv(path, [_row(sample) for sample in samples])
-        epoch_ns = 0 if board.port.has_simulated_clock else epoch_ns_at(board.now_s())
-        write_wheels(path.with_suffix(".mcap"), samples, epoch_ns)
+        if samples:
+            _write_csv(path, [_row(sample) for sample in samples])
+            epoch_ns = 0 if board.port.has_simulated_clock else epoch_ns_at(board.now_s())
+            write_wheels(path.with_suffix(".mcap"), samples, epoch_ns)
     return path
 
 
@@ -62,12 +64,12 @@ def _drive(
     report_progress: ReportProgress,
 ) -> None:
     rate_Hz = board.identity.control_rate_Hz
-    m_per_count = 2e-3 * math.pi * board.identity.wheel_radius_mm / board.identity.counts_per_rev
     blocks = excitation_blocks(options, rate_Hz)
     total, done = sum(len(block.levels) for block in blocks), 0
     board.set_motor_pwm(0, 0)
     first = next_sample(board, State.MANUAL)
     start = first.telemetry.left_count + first.telemetry.right_count
+    count_m = m_per_count(board)
     position_m, step_m, direction = 0.0, 0.0, -1
     for block in blocks:
         direction, has_room = _next_direction(position_m, direction, options.lane_m), True
@@ -79,8 +81,8 @@ def _drive(
             sample = next_sample(board, State.MANUAL)
             samples.append(sample)
             counts = sample.telemetry.left_count + sample.telemetry.right_count - start
-            step_m = abs(0.5 * counts * m_per_count - position_m)
-            position_m = 0.5 * counts * m_per_count
+            step_m = abs(0.5 * counts * count_m - position_m)
+            position_m = 0.5 * counts * count_m
             done += 1
             report_progress(done, total, block.name)
 

@@ -1,6 +1,7 @@
 """Verify gains on the robot: follow trapezoids forward and backward, and measure the tracking error."""
 
 import csv
+import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -31,6 +32,7 @@ COLUMNS = (
     "battery_V",
 )
 SETTLE_S = 1.0
+LANE_MARGIN_M = 0.05  # overshoot at the top, and the error of the start after `return_to`
 
 Row = tuple[float, ...]  # a value per column
 
@@ -44,9 +46,10 @@ class VerifyOptions:
     accelerations_rad_s2: Annotated[tuple[Annotated[float, Gt(0), Le(200)], ...], MinLen(1)] = (4.0, 8.0)
 
     def lane_m(self, radius_m: float) -> float:
-        """Return the free floor that the drive needs ahead."""
+        """Return the free floor that the drive needs ahead of its start, rounded up to 0.1 m."""
         slowest = min(self.accelerations_rad_s2)
-        return radius_m * self.speed_rad_s * (self.hold_s + self.speed_rad_s / slowest)
+        length_m = radius_m * self.speed_rad_s * (self.hold_s + self.speed_rad_s / slowest)
+        return math.ceil(10.0 * (length_m + LANE_MARGIN_M)) / 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +81,8 @@ def verify(
 ) -> Verification:
     """Set the gains, drive the trapezoids, and write a CSV, also if the drive is interrupted.
 
-    The board keeps the gains. At the end its acceleration is `gains.acceleration` again.
+    Nothing is written if the board refuses to start: an earlier file of that name stays. The board keeps
+    the gains. At the end its acceleration is `gains.acceleration` again.
     """
     rows: list[Row] = []
     drive = _TrapezoidDrive(board, options, rows, report_progress)
@@ -92,16 +96,21 @@ def verify(
     finally:
         with suppress(ThumperError):  # a disconnected board has lost the gains anyway
             board.set_parameter("acceleration", gains.acceleration)
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(COLUMNS)
-            writer.writerows([f"{value:.6g}" for value in row] for row in rows)
+        if rows:
+            _write_csv(path, rows)
     data = np.array(rows)
     return Verification(
         gains=gains,
         rows=data,
         tracking=tuple(_tracking_error(data[data[:, 1] == a], a) for a in options.accelerations_rad_s2),
     )
+
+
+def _write_csv(path: Path, rows: list[Row]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS)
+        writer.writerows([f"{value:.6g}" for value in row] for row in rows)
 
 
 class _TrapezoidDrive:
