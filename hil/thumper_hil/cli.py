@@ -25,7 +25,7 @@ def demo(
     """
     from rich.console import Console
 
-    from thumper.cli.output_folder import prepare_output
+    from thumper.cli.output.folder import prepare_output
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.config.bus import BusOptions
     from thumper.dashboard.process import dashboard_process

@@ -26,7 +26,7 @@ def campaign(
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from thumper.cli.output_folder import prepare_output
+    from thumper.cli.output.folder import prepare_output
     from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
     from thumper.common.optional_packages import require_extra
     from thumper_hil.campaign.figures import draw

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from thumper.cli.run_report import BLUE, INK, ORANGE
+from thumper.cli.output.run_report import BLUE, INK, ORANGE
 from thumper_hil.campaign.result_row import MEASURES, CampaignRow
 from thumper_hil.campaign.summary import MIN_RUNS, Summary
 

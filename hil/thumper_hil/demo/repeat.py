@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
-from thumper.cli.run_report import BLUE, GREEN, ORANGE
+from thumper.cli.output.run_report import BLUE, GREEN, ORANGE
 from thumper.config.robot import RobotConfig
 from thumper.maps.plot import draw_grid
 from thumper.runtime.assembly import warm_up

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from thumper.board.messages import SCHEMA_HASH
-from thumper.cli.run_report import GREEN, ORANGE, draw_drive, draw_speeds
+from thumper.cli.output.run_report import GREEN, ORANGE, draw_drive, draw_speeds
 from thumper.common.version import __version__
 from thumper.maps.map_server_io import save_map
 from thumper.maps.plot import draw_grid

@@ -10,8 +10,8 @@ from rich.console import Console
 
 from thumper.board.options import BoardOptions
 from thumper.bus.serve_robot import on_bus
-from thumper.cli.drive_progress import ProgressDisplay, raise_if_interrupted
-from thumper.cli.record_option import recorded
+from thumper.cli.options.record import recorded
+from thumper.cli.output.drive_progress import ProgressDisplay, raise_if_interrupted
 from thumper.config.robot import RobotConfig
 from thumper.lidar.options import LidarOptions
 from thumper.navigation.goal import Goal

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from thumper.cli.common_options import BusAddress, ConfigFile
+from thumper.cli.options.common import BusAddress, ConfigFile
 
 
 def dashboard(

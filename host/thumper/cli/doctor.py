@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from thumper.cli.common_options import AsJson, BoardPort, ConfigFile, LidarPort
+from thumper.cli.options.common import AsJson, BoardPort, ConfigFile, LidarPort
 from thumper.doctor.check import Check
 
 KNOWN_USB = {

@@ -44,7 +44,7 @@ def edit(
 
     Example: `thumper edit map.yaml --out new.yaml --rotate 90 --wall 1.0,-0.5,2.0,-0.45`
     """
-    from thumper.cli.output_folder import prepare_output
+    from thumper.cli.output.folder import prepare_output
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.maps.hit_counts import HitCounts
     from thumper.maps.map_server_io import load_rotated_map, map_yaml_path, save_map

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from thumper.cli.common_options import (
+from thumper.cli.options.common import (
     BoardPort,
     BusAddress,
     ConfigFile,
@@ -17,7 +17,7 @@ from thumper.cli.common_options import (
     Session,
     StartPose,
 )
-from thumper.cli.interrupted import report_interrupt
+from thumper.cli.output.interrupted import report_interrupt
 
 if TYPE_CHECKING:
     from thumper.navigation.goal import Goal
@@ -48,7 +48,7 @@ def explore(
     """
     from rich.console import Console
 
-    from thumper.cli.drive_progress import raise_if_interrupted
+    from thumper.cli.output.drive_progress import raise_if_interrupted
     from thumper.cli.robot_run import RunOptions, opened_robot, run_and_report
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.navigation.planners.frontier_exploration import ExplorationOptions, Explorer

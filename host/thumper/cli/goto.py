@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from thumper.cli.bus_options import connect
-from thumper.cli.common_options import BusAddress, ClearFault, ConfigFile, GoalTolerance, RobotName
+from thumper.cli.options.bus import connect
+from thumper.cli.options.common import BusAddress, ClearFault, ConfigFile, GoalTolerance, RobotName
 from thumper.ros import services
 from thumper.ros.services import FindMission, MissionStatus, RunCommand, SendMission
 

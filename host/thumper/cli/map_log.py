@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from thumper.cli.common_options import MapFolder, Session
-from thumper.cli.interrupted import report_interrupt
+from thumper.cli.options.common import MapFolder, Session
+from thumper.cli.output.interrupted import report_interrupt
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -68,7 +68,7 @@ def map_log(
     from rich.console import Console
     from rich.progress import Progress
 
-    from thumper.cli.output_folder import prepare_output
+    from thumper.cli.output.folder import prepare_output
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.offline.map_log import map_log as build
     from thumper.slam.factory import MappingOptions

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from thumper.cli.bus_options import connect
-from thumper.cli.common_options import BusAddress, ConfigFile, RobotName
+from thumper.cli.options.bus import connect
+from thumper.cli.options.common import BusAddress, ConfigFile, RobotName
 from thumper.ros import services
 from thumper.ros.services import RunCommand
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from thumper.cli.common_options import AsJson, ConfigFile
+from thumper.cli.options.common import AsJson, ConfigFile
 
 if TYPE_CHECKING:
     from thumper.cli.plan_queries import PlanAnswer

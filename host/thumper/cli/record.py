@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from thumper.cli.bus_options import connect
-from thumper.cli.common_options import BusAddress, ConfigFile, RobotName
+from thumper.cli.options.bus import connect
+from thumper.cli.options.common import BusAddress, ConfigFile, RobotName
 
 
 def record(
@@ -28,7 +28,7 @@ def record(
     """
     import sys
 
-    from thumper.cli.output_folder import prepare_output
+    from thumper.cli.output.folder import prepare_output
     from thumper.common.errors import ThumperError
     from thumper.config.robot import load_config
     from thumper.recording.bus_recorder import record_from_bus

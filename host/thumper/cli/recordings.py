@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from thumper.cli.common_options import Recordings
+from thumper.cli.options.common import Recordings
 
 if TYPE_CHECKING:
     from thumper.recording.reader import Recording
@@ -43,7 +43,7 @@ def export(
 
     Example: `thumper export recordings/ --csv tables --png drive.png`
     """
-    from thumper.cli.output_folder import prepare_output
+    from thumper.cli.output.folder import prepare_output
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.recording.export import export_csv
     from thumper.recording.reader import Recording, find_recordings
@@ -64,7 +64,7 @@ def export(
 
 
 def _export_map(recording: "Recording", map_file: Path | None, png: Path | None) -> None:
-    from thumper.cli.output_folder import prepare_output
+    from thumper.cli.output.folder import prepare_output
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.maps.map_server_io import map_yaml_path, save_map
     from thumper.maps.plot import plot_map

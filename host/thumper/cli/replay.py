@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from thumper.cli.common_options import MapFolder, Recordings
+from thumper.cli.options.common import MapFolder, Recordings
 
 if TYPE_CHECKING:
     from thumper.common.geometry import FloatArray
@@ -27,7 +27,7 @@ def replay(
 
     Example: `thumper replay recordings/ --speed 1 --bus 127.0.0.1:7447`
     """
-    from thumper.cli.output_folder import prepare_output
+    from thumper.cli.output.folder import prepare_output
     from thumper.common.geometry import Pose2
     from thumper.config.robot import load_config
     from thumper.maps.map_server_io import save_map

@@ -9,10 +9,10 @@ from pathlib import Path
 from rich.console import Console
 
 from thumper.bus.serve_robot import on_bus, on_bus_if_free
-from thumper.cli.drive_progress import ProgressDisplay, print_warnings
-from thumper.cli.output_folder import prepare_output
-from thumper.cli.record_option import recorded
-from thumper.cli.run_report import write_run
+from thumper.cli.options.record import recorded
+from thumper.cli.output.drive_progress import ProgressDisplay, print_warnings
+from thumper.cli.output.folder import prepare_output
+from thumper.cli.output.run_report import write_run
 from thumper.cli.start_map import load_start_map
 from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig, load_config, with_ports

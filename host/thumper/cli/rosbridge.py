@@ -4,8 +4,8 @@ from typing import Annotated
 
 import typer
 
-from thumper.cli.bus_options import connect
-from thumper.cli.common_options import BusAddress, ConfigFile, RobotName
+from thumper.cli.options.bus import connect
+from thumper.cli.options.common import BusAddress, ConfigFile, RobotName
 
 
 def rosbridge(
@@ -27,7 +27,7 @@ def rosbridge(
     from contextlib import suppress
 
     from thumper.bus.rosbridge import Rosbridge
-    from thumper.cli.bus_options import token_of
+    from thumper.cli.options.bus import token_of
     from thumper.config.bus import is_loopback
     from thumper.config.dashboard import certificate_pair
     from thumper.config.robot import load_config

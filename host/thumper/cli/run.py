@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from thumper.cli.common_options import (
+from thumper.cli.options.common import (
     BoardPort,
     BusAddress,
     ClearFault,
@@ -22,7 +22,7 @@ from thumper.cli.common_options import (
     Session,
     StartPose,
 )
-from thumper.cli.interrupted import report_interrupt
+from thumper.cli.output.interrupted import report_interrupt
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -115,7 +115,7 @@ def run(
 
 def _serve(options: "RunOptions", speed: float, console: "Console") -> None:
     """Serve the requests of clients until Ctrl-C."""
-    from thumper.cli.drive_progress import print_warnings
+    from thumper.cli.output.drive_progress import print_warnings
     from thumper.cli.robot_run import opened_robot
     from thumper.runtime.drive.tasks import serve_requests
 

@@ -3,8 +3,8 @@
 import queue
 import time
 
-from thumper.cli.bus_options import connect
-from thumper.cli.common_options import BusAddress, ConfigFile, RobotName
+from thumper.cli.options.bus import connect
+from thumper.cli.options.common import BusAddress, ConfigFile, RobotName
 
 SAVE_TIMEOUT_S = 30.0  # allows for a slow disk
 

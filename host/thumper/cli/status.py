@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from thumper.cli.bus_options import connect
-from thumper.cli.common_options import AsJson, BusAddress, ConfigFile, RobotName
+from thumper.cli.options.bus import connect
+from thumper.cli.options.common import AsJson, BusAddress, ConfigFile, RobotName
 
 if TYPE_CHECKING:
     import queue

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from thumper.cli.bus_options import connect
-from thumper.cli.common_options import BusAddress, ConfigFile, RobotName
+from thumper.cli.options.bus import connect
+from thumper.cli.options.common import BusAddress, ConfigFile, RobotName
 
 if TYPE_CHECKING:
     from thumper.bus.status_watchdog import StatusWatchdog

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from thumper.cli.common_options import ConfigFile
+from thumper.cli.options.common import ConfigFile
 
 experiment = typer.Typer(help="Repeat the thesis's experiments and compare.", no_args_is_help=True)
 calibrate = typer.Typer(help="Calibrate the robot's geometry.", no_args_is_help=True)
@@ -84,7 +84,7 @@ def _odometry(
 ) -> None:
     from rich.console import Console
 
-    from thumper.cli.output_folder import prepare_output
+    from thumper.cli.output.folder import prepare_output
     from thumper.config.robot import check_same_robot, load_config
     from thumper_tuning.calibration import odometry
     from thumper_tuning.calibration.course import CourseOptions
@@ -113,7 +113,7 @@ def experiment_speed(
     """
     from rich.console import Console
 
-    from thumper.cli.output_folder import prepare_output
+    from thumper.cli.output.folder import prepare_output
     from thumper_tuning.calibration.speed_tracking import run_speed_experiment
     from thumper_tuning.drive.console import open_board
     from thumper_tuning.drive.verify import VerifyOptions

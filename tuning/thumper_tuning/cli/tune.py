@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from thumper.cli.common_options import AsJson
+from thumper.cli.options.common import AsJson
 
 app = typer.Typer(
     help="Identify the motors and tune the wheel-speed control: all steps, or one at a time.",
@@ -96,7 +96,7 @@ def tune(
         return
     from rich.console import Console
 
-    from thumper.cli.output_folder import prepare_output
+    from thumper.cli.output.folder import prepare_output
     from thumper_tuning.cli.settings import load_settings
     from thumper_tuning.cli.steps import tune_robot
 
@@ -115,7 +115,7 @@ def record(
     """Drive the identification experiment back and forth and write identification.csv. Ctrl-C stops it."""
     from rich.console import Console
 
-    from thumper.cli.output_folder import prepare_output
+    from thumper.cli.output.folder import prepare_output
     from thumper_tuning.cli.settings import load_settings
     from thumper_tuning.cli.steps import record_on
 
@@ -167,7 +167,7 @@ def design(
 
     from rich.console import Console
 
-    from thumper.cli.output_folder import prepare_output
+    from thumper.cli.output.folder import prepare_output
     from thumper_tuning.cli.fit import identify_files
     from thumper_tuning.cli.settings import load_settings
     from thumper_tuning.cli.steps import design_from_motors
@@ -195,7 +195,7 @@ def verify(
     """Set the gains, drive trapezoids forward and backward, and print the tracking error."""
     from rich.console import Console
 
-    from thumper.cli.output_folder import prepare_output
+    from thumper.cli.output.folder import prepare_output
     from thumper_tuning.cli.gains_file import read_gains_file
     from thumper_tuning.cli.settings import load_settings
     from thumper_tuning.cli.steps import verify_on

@@ -23,7 +23,7 @@ def recorded(
     ThumperError
         The folder cannot be written.
     """
-    from thumper.cli.output_folder import prepare_output
+    from thumper.cli.output.folder import prepare_output
     from thumper.common.geometry import Pose2
     from thumper.recording.start_stop import recording_control
     from thumper.runtime.requests import LogMessage

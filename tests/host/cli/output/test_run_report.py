@@ -5,7 +5,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from thumper.cli.run_report import draw_drive, draw_speeds
+from thumper.cli.output.run_report import draw_drive, draw_speeds
 from thumper.common.geometry import Pose2
 from thumper.runtime.drive_log import DriveLog
 

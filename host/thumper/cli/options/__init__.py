@@ -1,0 +1,1 @@
+"""Option types and the code behind them, shared by several commands."""
