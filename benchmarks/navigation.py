@@ -42,7 +42,7 @@ from thumper.runtime.state_estimator import StateEstimator
 from thumper_hil.demo.missions import MISSIONS
 from thumper_hil.demo.run import drive_mission
 from thumper_hil.kinematic.closed_loop import drive
-from thumper_hil.kinematic.maps import read_pgm, read_trinary
+from thumper_hil.kinematic.maps import ROS_FOOTPRINT, read_pgm, read_trinary
 from thumper_hil.kinematic.world import KinematicWorld, box
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -73,7 +73,7 @@ def navfn_costmap(cells: NDArray[np.int8]) -> tuple[Costmap, float]:
     """
     known = np.maximum(cells, 0).astype(np.int8)
     grid = OccupancyGrid(cells=known, resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
-    inflate = partial(build_costmap, grid, NO_HITS, Footprint(), PEER_COSTS)
+    inflate = partial(build_costmap, grid, NO_HITS, ROS_FOOTPRINT, PEER_COSTS)
     costmap = inflate()
     costs = np.where((cells < 0) & (costmap.costs == 0), UNKNOWN, costmap.costs).astype(np.uint8)
     return replace(costmap, costs=costs), cpu_ms(inflate, 5)
@@ -89,7 +89,7 @@ def planner() -> None:
         "navfn": NavfnPlanner(known),
         "navfn, unguided": NavfnPlanner(known, guided=False),
         "astar": AStarPlanner(known),
-        "lattice": LatticePlanner(LatticeOptions(), known, Footprint()),
+        "lattice": LatticePlanner(LatticeOptions(), known, ROS_FOOTPRINT),
     }
     for name in ("willow-full-0.05", "depot"):
         costmap, inflate_ms = navfn_costmap(read_trinary(DATA / "ros_maps" / f"{name}.pgm"))
@@ -130,7 +130,7 @@ def costmap() -> None:
     window = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
     squared_distances(lethal, 11)
     distances_ms = cpu_ms(partial(squared_distances, lethal, 11), 50)
-    whole_ms = cpu_ms(partial(build_costmap, window, NO_HITS, Footprint(), PEER_COSTS), 50)
+    whole_ms = cpu_ms(partial(build_costmap, window, NO_HITS, ROS_FOOTPRINT, PEER_COSTS), 50)
     print(f"costmap: inflation of 120 x 120: {whole_ms:.3f} ms, of it distances {distances_ms:.3f} ms")
     figure("inflation of a window, 120 x 120", f"{whole_ms:.3f}", "ms", aim="<= 0.25",
            peers="costmap_2d 0.36", source=SAME)  # fmt: skip
@@ -164,7 +164,7 @@ def window_request(name: str) -> ControlRequest:
     lethal = read_pgm(DATA / "oracle" / f"costmap_{name}.pgm") == LETHAL
     cells = np.where(lethal, 100, 0).astype(np.int8)
     grid = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
-    costmap = build_costmap(grid, NO_HITS, Footprint(), PEER_COSTS)
+    costmap = build_costmap(grid, NO_HITS, ROS_FOOTPRINT, PEER_COSTS)
     inner = costmap.squared_cells[20:100, 20:80]
     row, col = np.unravel_index(int(np.argmax(inner)), inner.shape)
     pose = Pose2(x_m=0.05 * (col + 20.5), y_m=0.05 * (row + 20.5))

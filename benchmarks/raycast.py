@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from thumper.common.geometry import Pose2
+from thumper_hil.bench.collision import FOOTPRINT_M
 from thumper_hil.world.occupancy import SolidGrid
 from thumper_hil.world.world import World
 
@@ -36,17 +37,16 @@ def main() -> None:
     world = World.load("lab_box")
     angles_rad = (np.arange(BEAMS) - 340) * math.tau / 1024
     x_m, y_m = np.linspace(0.0, 0.05, BEAMS), np.linspace(0.0, 0.02, BEAMS)
-    footprint_m = np.array([[0.21, 0.1225], [-0.21, 0.1225], [-0.21, -0.1225], [0.21, -0.1225]])
     shapes = f"{len(world.segments_m)} segments, {len(world.circles_m)} circles"
     print(f"lab_box: {shapes}")
     scan_us = median_us(lambda: world.cast(x_m, y_m, angles_rad))
     figure(f"simulated lidar: one scan of {BEAMS} beams in the lab", f"{scan_us:.0f}", "us")
-    clear_us = median_us(lambda: world.clearance_m(Pose2(), footprint_m))
+    clear_us = median_us(lambda: world.clearance_m(Pose2(), FOOTPRINT_M))
     figure("simulator: clearance of the footprint", f"{clear_us:.0f}", "us")
     for share in (0.0, 0.001, 0.01):
         large = random_map(share)
         cast_us = median_us(partial(large.cast, 0.0, 0.0, angles_rad))
-        clearance_us = median_us(partial(large.clearance_m, Pose2(), footprint_m))
+        clearance_us = median_us(partial(large.clearance_m, Pose2(), FOOTPRINT_M))
         figure(
             f"scan, clearance in 1000 x 1000 cells, {share:.1%} solid",
             f"{cast_us:.0f}, {clearance_us:.0f}",

@@ -4,10 +4,11 @@ import numpy as np
 
 from thumper.common.geometry import Pose2, wrap_angle
 from thumper_hil.chip.chip import Chip
+from thumper_hil.chip.robot_params import RobotParams
 from thumper_hil.world.world import World
 
-FOOTPRINT_M = np.array([[0.21, 0.1225], [-0.21, 0.1225], [-0.21, -0.1225], [0.21, -0.1225]])
-"""Footprint of the robot around `base_link`, shape (4, 2): 420 x 245 mm."""
+FOOTPRINT_M = RobotParams.load().outline.corners_m()
+"""Footprint of the robot around `base_link`, shape (4, 2): 420 x 300 mm."""
 
 FOOTPRINT_RADIUS_M = float(np.hypot(FOOTPRINT_M[:, 0], FOOTPRINT_M[:, 1]).max())
 

@@ -5,7 +5,10 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 from thumper.common.errors import ThumperError
+from thumper.common.geometry import FloatArray
 
 WILD_THUMPER = Path(__file__).with_name("wild_thumper.toml")
 OPEN_CIRCUIT_POINTS = 11  # at 0, 10, ... 100 % charge
@@ -69,6 +72,19 @@ class BodyParams:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class OutlineParams:
+    """The rectangle round the chassis and its tyres, centred on `base_link`. The C++ simulator needs none."""
+
+    length_m: float
+    width_m: float
+
+    def corners_m(self) -> FloatArray:
+        """Return the corners, shape (4, 2) [m], counter-clockwise from the front left."""
+        x_m, y_m = 0.5 * self.length_m, 0.5 * self.width_m
+        return np.array(((x_m, y_m), (-x_m, y_m), (-x_m, -y_m), (x_m, -y_m)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EncoderParams:
     """A quadrature encoder on each side."""
 
@@ -97,6 +113,7 @@ class RobotParams:
     motor: MotorParams
     battery: BatteryParams
     body: BodyParams
+    outline: OutlineParams
     encoder: EncoderParams
     board: BoardParams
 
@@ -123,6 +140,8 @@ class RobotParams:
         """Return all numbers in the order of chip/native/params.hpp."""
         numbers: list[float] = []
         for part in fields(self):
+            if part.name == "outline":
+                continue
             table = getattr(self, part.name)
             for entry in fields(table):
                 value = getattr(table, entry.name)

@@ -5,6 +5,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from thumper.navigation.footprint import Footprint
+
+# The outline with which the recorded data of ROS were made: as wide as the track, without the tyres.
+ROS_FOOTPRINT = Footprint.rectangle(length_m=0.42, width_m=0.245)
+
 
 def read_pgm(path: Path) -> NDArray[np.uint8]:
     """Return the pixels of an 8-bit binary PGM, shape (rows, cols), row 0 at the smallest y."""

@@ -7,14 +7,14 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray
 
-WILD_THUMPER_M = ((-0.21, -0.1225), (0.21, -0.1225), (0.21, 0.1225), (-0.21, 0.1225))
+WILD_THUMPER_M = ((-0.21, -0.15), (0.21, -0.15), (0.21, 0.15), (-0.21, 0.15))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Footprint:
     """A convex polygon round the origin of base_link, vertices (x_m, y_m) counter-clockwise.
 
-    Default: the Wild Thumper, 0.42 m long and 0.245 m wide, centred.
+    Default: the Wild Thumper, 0.42 m long and 0.30 m wide over its tyres, centred.
     """
 
     vertices_m: tuple[tuple[float, float], ...] = WILD_THUMPER_M  # x, y of each corner, counter-clockwise

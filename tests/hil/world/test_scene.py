@@ -152,7 +152,7 @@ def test_person_stops_at_the_robot_without_a_robot_contact(tmp_path: Path) -> No
     bench = Bench(BenchOptions(world=str(tmp_path / "w.toml"), x_m=1.0))
     bench.advance(8.0)
     assert (bench.bumps, bench.contacts) == (1, 0)
-    assert bench.world.circles_m[-1, 1] == pytest.approx(-0.2 - 0.1225, abs=0.02)
+    assert bench.world.circles_m[-1, 1] == pytest.approx(-0.2 - 0.15, abs=0.02)
 
 
 def test_robot_contact_with_a_person_is_counted(tmp_path: Path) -> None:

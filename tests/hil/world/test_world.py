@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.maps.occupancy_grid import OCCUPIED
+from thumper_hil.bench.collision import FOOTPRINT_M
 from thumper_hil.world.world import World
 
-FOOTPRINT_M = np.array([[0.21, 0.1225], [-0.21, 0.1225], [-0.21, -0.1225], [0.21, -0.1225]])
 NO_CIRCLES = np.zeros((0, 3))
 SQUARE = World(
     segments_m=np.array([[-1.0, -1, 1, -1], [1, -1, 1, 1], [1, 1, -1, 1], [-1, 1, -1, -1]]),
@@ -86,11 +86,11 @@ def test_circle_is_hit_from_outside_and_inside_not_behind() -> None:
 def test_clearance_and_contact_match_the_closed_form() -> None:
     assert SQUARE.clearance_m(Pose2(), FOOTPRINT_M) == pytest.approx(1.0 - 0.21)
     assert SQUARE.clearance_m(Pose2(theta_rad=math.pi / 2), FOOTPRINT_M) == pytest.approx(1.0 - 0.21)
-    assert SQUARE.clearance_m(Pose2(y_m=0.5), FOOTPRINT_M) == pytest.approx(0.5 - 0.1225)
+    assert SQUARE.clearance_m(Pose2(y_m=0.5), FOOTPRINT_M) == pytest.approx(0.5 - 0.15)
     assert not SQUARE.touches(Pose2(x_m=0.789), FOOTPRINT_M)
     assert SQUARE.touches(Pose2(x_m=0.791), FOOTPRINT_M)
-    diagonal_m = math.hypot(0.21, 0.1225)
-    angle_rad = math.atan2(0.1225, 0.21)  # this rotation points a corner straight at the wall
+    diagonal_m = math.hypot(0.21, 0.15)
+    angle_rad = math.atan2(0.15, 0.21)  # this rotation points a corner straight at the wall
     corner_first = Pose2(theta_rad=-angle_rad)
     assert SQUARE.clearance_m(corner_first, FOOTPRINT_M) == pytest.approx(1.0 - diagonal_m)
 
@@ -115,7 +115,7 @@ def test_clearance_matches_dense_sampling(seed: int) -> None:
     x_m, y_m, radius_m = world.circles_m[0]
     seen.append(np.column_stack([x_m + radius_m * np.cos(turn), y_m + radius_m * np.sin(turn)]))
     in_body = pose.inverse().apply(np.vstack(seen))
-    outside = np.maximum(np.abs(in_body) - (0.21, 0.1225), 0.0)  # the rectangle's own distance function
+    outside = np.maximum(np.abs(in_body) - (0.21, 0.15), 0.0)  # the rectangle's own distance function
     sampled_m = float(np.hypot(outside[:, 0], outside[:, 1]).min())
     inside_circle = math.hypot(pose.x_m - x_m, pose.y_m - y_m) < radius_m
     expected_m = 0.0 if inside_circle else sampled_m

@@ -11,8 +11,7 @@ from scipy.ndimage import distance_transform_edt
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_costmap
 from thumper.navigation.costmap.inflation import INSCRIBED, LETHAL, UNKNOWN, cost_table, squared_distances
-from thumper.navigation.footprint import Footprint
-from thumper_hil.kinematic.maps import read_pgm
+from thumper_hil.kinematic.maps import ROS_FOOTPRINT, read_pgm
 
 ROS_OPTIONS = CostmapOptions(inflation_radius_m=0.55, decay_per_m=10.0)
 NO_HITS = np.empty((0, 2))
@@ -23,7 +22,7 @@ def grid_of(cells: np.typing.NDArray[np.int8]) -> OccupancyGrid:
 
 
 def build(cells: np.typing.NDArray[np.int8], hits_m: np.typing.NDArray[np.float64] = NO_HITS) -> Costmap:
-    return build_costmap(grid_of(cells), hits_m, Footprint(), ROS_OPTIONS)
+    return build_costmap(grid_of(cells), hits_m, ROS_FOOTPRINT, ROS_OPTIONS)
 
 
 @settings(max_examples=50, deadline=None)

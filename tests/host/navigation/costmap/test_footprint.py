@@ -12,21 +12,21 @@ from thumper.common.geometry import FloatArray, Pose2
 from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal_count, safe_squared_cells
 from thumper.navigation.costmap.inflation import LETHAL, squared_distances
 from thumper.navigation.footprint import Footprint
-from thumper_hil.kinematic.maps import read_pgm
+from thumper_hil.kinematic.maps import ROS_FOOTPRINT, read_pgm
 
 CELL_M = 0.05
 
 
 def test_radii_of_the_default_rectangle() -> None:
     footprint = Footprint()
-    assert footprint.inscribed_radius_m == pytest.approx(0.1225)
-    assert footprint.circumscribed_radius_m == pytest.approx(math.hypot(0.21, 0.1225))
-    assert Footprint.rectangle(length_m=0.42, width_m=0.245) == footprint
+    assert footprint.inscribed_radius_m == pytest.approx(0.15)
+    assert footprint.circumscribed_radius_m == pytest.approx(math.hypot(0.21, 0.15))
+    assert Footprint.rectangle(length_m=0.42, width_m=0.30) == footprint
 
 
 def test_grown_moves_every_edge() -> None:
     assert Footprint().grown(0.03).polygon_m() == pytest.approx(
-        Footprint.rectangle(length_m=0.48, width_m=0.305).polygon_m()
+        Footprint.rectangle(length_m=0.48, width_m=0.36).polygon_m()
     )
 
 
@@ -129,7 +129,7 @@ def ros_line(start: tuple[int, int], end: tuple[int, int]) -> list[tuple[int, in
 
 def lengths_in_cells(pose: Pose2) -> dict[tuple[int, int], float]:
     """Return the length of the true outline in each (col, row) [m], to half a millimetre."""
-    fine = np.floor(pose.apply(Footprint().outline_m(0.0005)) / CELL_M).astype(int)
+    fine = np.floor(pose.apply(ROS_FOOTPRINT.outline_m(0.0005)) / CELL_M).astype(int)
     cells, counts = np.unique(fine, axis=0, return_counts=True)
     return {(int(col), int(row)): 0.0005 * n for (col, row), n in zip(cells, counts, strict=True)}
 
@@ -144,7 +144,7 @@ def test_differs_from_ros_only_where_ros_leaves_the_outline(nav_data: Path, name
     """
     costs = read_pgm(nav_data / "oracle" / f"costmap_{name}.pgm")
     rows = np.loadtxt(nav_data / "oracle" / f"footprint_{name}.csv", delimiter=",", skiprows=1)
-    outline_m, polygon_m = Footprint().outline_m(0.5 * CELL_M), Footprint().polygon_m()
+    outline_m, polygon_m = ROS_FOOTPRINT.outline_m(0.5 * CELL_M), ROS_FOOTPRINT.polygon_m()
     differ = 0
     for x_m, y_m, theta_rad, ros_cost in rows:
         pose = Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)

@@ -25,9 +25,9 @@ def test_cost_class_by_distance() -> None:
     grid = OccupancyGrid(cells=cells, resolution_m=CELL_M, origin_x_m=0.0, origin_y_m=0.0)
     costmap, footprint = build_costmap(grid, np.empty((0, 2)), Footprint(), CostmapOptions()), Footprint()
     along = [ground_cost_at(costmap, footprint, 1.025 + CELL_M * cell, 1.025) for cell in range(21)]
-    # Inscribed up to 0.1225 m, 2 cells; circumscribed up to 0.243 m plus the diagonals, 6 cells.
-    assert along[:3] == [GroundCost.LETHAL, GroundCost.INSCRIBED, GroundCost.INSCRIBED]
-    assert along[3:7] == [GroundCost.POSSIBLY_CIRCUMSCRIBED] * 4
+    # Inscribed up to 0.15 m, 3 cells; circumscribed up to 0.258 m plus the diagonals, 6 cells.
+    assert along[:4] == [GroundCost.LETHAL] + [GroundCost.INSCRIBED] * 3
+    assert along[4:7] == [GroundCost.POSSIBLY_CIRCUMSCRIBED] * 3
     assert along[7:14] == [GroundCost.FREE] * 7
     assert along[14:] == [GroundCost.UNKNOWN] * 7
     assert ground_cost_at(costmap, footprint, -0.1, 1.0) is None

@@ -14,7 +14,7 @@ from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_co
 from thumper.navigation.costmap.inflation import LETHAL, squared_distances
 from thumper.navigation.costmap.layers import CostmapLayers
 from thumper.navigation.footprint import Footprint
-from thumper_hil.kinematic.maps import read_pgm
+from thumper_hil.kinematic.maps import ROS_FOOTPRINT, read_pgm
 
 VALUES = np.array((-1, 0, 0, 0, 0, 0, 30, 59, 60, 100), np.int8)
 
@@ -54,7 +54,7 @@ def test_updates_keep_ros_inflation(nav_data: Path) -> None:
     """The oracle's map, built in eight steps: differs from ROS in the 5 cells where ROS is not exact."""
     lethal = read_pgm(nav_data / "oracle" / "inflation_in_120.pgm") == LETHAL
     theirs = read_pgm(nav_data / "oracle" / "inflation_ros_120.pgm")
-    kept = CostmapLayers(Footprint(), CostmapOptions(inflation_radius_m=0.55, decay_per_m=10.0))
+    kept = CostmapLayers(ROS_FOOTPRINT, CostmapOptions(inflation_radius_m=0.55, decay_per_m=10.0))
     cells = np.zeros((120, 120), np.int8)
     costs = kept.update(grid_of(cells), np.empty((0, 2))).costs
     for rows in np.array_split(np.arange(120), 8):

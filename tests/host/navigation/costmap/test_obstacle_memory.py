@@ -25,7 +25,7 @@ def ring(radius_m: float) -> FloatArray:
 
 def test_memory_keeps_hidden_points_and_clears_those_that_a_ray_passes() -> None:
     memory = ObstacleMemory(ObstacleMemoryOptions(), 0.8, FieldOfView(base_from_laser=Pose2()), RADIUS_M)
-    post = np.array(((0.5, 0.0),))
+    post = np.array(((0.6, 0.0),))
     assert len(memory.update(0.0, Pose2(), post)) == 0  # in view: nothing to add
     assert memory.update(0.1, Pose2(theta_rad=math.pi), np.empty((0, 2))) == pytest.approx(post)  # behind
     assert memory.update(0.2, Pose2(), np.array(((0.3, 0.0),))) == pytest.approx(post)  # hidden by another
@@ -63,17 +63,17 @@ def test_reset_forgets_only_what_the_lidar_can_observe_again() -> None:
 def test_position_error_grows_with_the_distance_driven() -> None:
     """The pose drifts by driving and turning; pose noise at standstill adds nothing."""
     memory = ObstacleMemory(ObstacleMemoryOptions(), 0.8, FieldOfView(base_from_laser=Pose2()), RADIUS_M)
-    post, nothing, turned = np.array(((0.4, 0.0),)), np.empty((0, 2)), Pose2(theta_rad=math.pi)
+    post, nothing, turned = np.array(((0.4, 0.0),)), np.empty((0, 2)), Pose2(theta_rad=2.5)
     memory.update(0.0, Pose2(), post)
     assert memory.position_error_m.size == 0  # in view
     memory.update(0.1, turned, nothing)
-    assert memory.position_error_m == pytest.approx([ERROR_FRACTION * math.pi * RADIUS_M])
+    assert memory.position_error_m == pytest.approx([ERROR_FRACTION * 2.5 * RADIUS_M])
     for i in range(100):
-        memory.update(0.2, Pose2(x_m=0.003 * (i % 2), theta_rad=math.pi), nothing)
-    assert memory.position_error_m == pytest.approx([ERROR_FRACTION * math.pi * RADIUS_M])
+        memory.update(0.2, Pose2(x_m=0.003 * (i % 2), theta_rad=2.5), nothing)
+    assert memory.position_error_m == pytest.approx([ERROR_FRACTION * 2.5 * RADIUS_M])
     for i in range(10):
-        memory.update(0.3, Pose2(x_m=0.3 * (i % 2), theta_rad=math.pi), nothing)
+        memory.update(0.3, Pose2(x_m=0.3 * (i % 2), theta_rad=2.5), nothing)
     assert memory.position_error_m == pytest.approx([MAX_ERROR_M])
     memory.update(0.4, Pose2(), post)
     memory.update(0.5, turned, nothing)
-    assert memory.position_error_m == pytest.approx([ERROR_FRACTION * math.pi * RADIUS_M])  # seen between
+    assert memory.position_error_m == pytest.approx([ERROR_FRACTION * 2.5 * RADIUS_M])  # seen between

@@ -26,7 +26,7 @@ from thumper.navigation.planners.planner import Planner
 from thumper.navigation.planners.polyline import arc_lengths, project_onto
 from thumper.navigation.planners.replanning import PathManager, ReplanningOptions
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions
-from thumper_hil.kinematic.maps import read_trinary
+from thumper_hil.kinematic.maps import ROS_FOOTPRINT, read_trinary
 
 PLANNERS: dict[str, Planner] = {
     "navfn": NavfnPlanner(TraversalCostOptions()),
@@ -42,7 +42,7 @@ def test_path_lengths_equal_those_of_ros_navfn(nav_data: Path, name: str, guided
     known = np.maximum(cells, 0).astype(np.int8)
     grid = OccupancyGrid(cells=known, resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
     costmap = build_costmap(
-        grid, np.empty((0, 2)), Footprint(), CostmapOptions(inflation_radius_m=0.55, decay_per_m=10.0)
+        grid, np.empty((0, 2)), ROS_FOOTPRINT, CostmapOptions(inflation_radius_m=0.55, decay_per_m=10.0)
     )
     # There an inflated cost replaces "unknown", so paths may cross unknown space near obstacles.
     costmap.costs[(cells < 0) & (costmap.costs == 0)] = UNKNOWN

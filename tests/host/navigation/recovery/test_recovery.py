@@ -168,9 +168,9 @@ def test_options_set_the_recoveries(behaviours: tuple[Behaviour, ...]) -> None:
 
 
 def test_backs_up_if_there_is_no_room_to_rotate() -> None:
-    """Walls 0.15 m from the centre on both sides: a rotation would hit them."""
+    """Walls 0.20 m from the centre on both sides: a rotation would hit them."""
     grid = walled_in()
-    grid.cells[56, 40:75] = grid.cells[63, 40:75] = 100
+    grid.cells[55, 40:75] = grid.cells[64, 40:75] = 100
     options = NavigationOptions(recovery=RecoveryOptions(behaviours=("rotate",)))
     navigator = Navigator(options, Footprint())
     navigator.set_goal(Goal(x_m=1.5, y_m=0.0))

@@ -12,7 +12,7 @@ from thumper.navigation.speed_limits import SpeedLimits, stoppable_speed
 
 LIMITS = SpeedLimits()
 MONITOR = CollisionMonitor(CollisionMonitorOptions(), LIMITS, Footprint())
-FRONT_M, SIDE_M, MARGIN_M = 0.21, 0.1225, 0.02
+FRONT_M, SIDE_M, MARGIN_M = 0.21, 0.15, 0.02
 
 
 def at(x_m: float, y_m: float) -> FloatArray:
@@ -44,7 +44,7 @@ def test_rotation_sweeps_the_corners() -> None:
     turning = Twist2(w_rad_s=1.0)
     corner_m = math.hypot(FRONT_M, SIDE_M)
     beside = at(0.0, corner_m - 0.01)
-    fast = Twist2(w_rad_s=1.2)
+    fast = Twist2(w_rad_s=1.1)
     poses_needed_rad = math.pi / 2 - math.atan2(SIDE_M, FRONT_M)  # until the front left corner is abeam
     assert not stop_reason(turning, Twist2(), at(0.0, corner_m + 0.05))
     ahead_of_corner = corner_m * np.array(((math.cos(0.9), math.sin(0.9)),))

@@ -13,7 +13,7 @@ from thumper.navigation.safety.escape import Escape
 from thumper.navigation.speed_limits import SpeedLimits
 
 FOOTPRINT, LIMITS = Footprint(), SpeedLimits()
-FRONT_M, SIDE_M = 0.21, 0.1225
+FRONT_M, SIDE_M = 0.21, 0.15
 MONITOR = CollisionMonitor(CollisionMonitorOptions(), LIMITS, FOOTPRINT)
 
 
