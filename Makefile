@@ -42,6 +42,9 @@ lint: $(VENV)/.dev
 	clang-format --dry-run --Werror $$(git ls-files '*.cpp' '*.hpp' '*.c' '*.h')
 	clang-tidy --quiet --config-file=firmware/.clang-tidy tests/firmware/native/core_api.cpp -- \
 	  -std=c++14 -Ifirmware -Itests/firmware -Itests/firmware/native
+	for target in "thumbv6m-none-eabi -mcpu=cortex-m0plus" "riscv32-none-elf -march=rv32imc"; do \
+	  clang++ --target=$$target -std=c++14 -ffreestanding -Os -Wall -Wextra -Werror -Ifirmware -c -o /dev/null \
+	    tests/firmware/native/other_chips.cpp || exit 1; done
 
 format: $(VENV)/.dev
 	$(BIN)/ruff check --fix

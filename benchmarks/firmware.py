@@ -58,8 +58,8 @@ def sizes() -> None:
     part = {name: int(size) for name, size in re.findall(r"^\.(\w+)\s+(\d+)", text, re.MULTILINE)}
     flash = part["text"] + part["data"]
     sram = part["data"] + part["bss"] + part.get("noinit", 0)
-    row("flash [bytes]", str(flash), "8192", "bridge 6102, rosserial 15720, linorobot 24362")
-    row("static SRAM [bytes]", str(sram), "512", "bridge 338, rosserial 1099, linorobot 2572")
+    row("flash [bytes]", str(flash), "12288", "bridge 6102, rosserial 15720, linorobot 24362")
+    row("static SRAM [bytes]", str(sram), "768", "bridge 338, rosserial 1099, linorobot 2572")
 
 
 def load() -> None:
@@ -140,9 +140,19 @@ def telemetry() -> None:
 def control_law(flag: str, what: str, aim: str, peers: str) -> None:
     """Measure the cycles of one wheel's step, including call and return where the compiler kept them."""
     flags = (FIRMWARE / "platformio.ini").read_text().split("build_flags =")[1].split("[")[0].split()
+    flags += ["-Os", "-flto", f"-I{FIRMWARE}", *flag.split()]
     with tempfile.TemporaryDirectory() as folder:
         elf = Path(folder) / "control.elf"
-        command = ["avr-g++", "-mmcu=atmega328p", "-DF_CPU=16000000L", *flags, f"-I{FIRMWARE}", *flag.split()]
+        command = [
+            "avr-g++",
+            "-mmcu=atmega328p",
+            "-DF_CPU=16000000L",
+            "-Os",
+            "-flto",
+            *flags,
+            f"-I{FIRMWARE}",
+            *flag.split(),
+        ]
         subprocess.run([*command, Path(__file__).with_name("firmware_control.cpp"), "-o", elf], check=True)
         chip = InstrumentedChip(elf)
         with chip.probe() as probe:

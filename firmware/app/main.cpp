@@ -66,9 +66,8 @@ ISR(TIMER0_COMPA_vect, ISR_NOBLOCK) {
   adc.Step();
 }
 
-// The main loop cannot run in between, so what it has written is consistent. The rest of the program uses
-// -fno-gcse for size (100 bytes); here that would cost 30 cycles.
-ISR(TIMER1_COMPA_vect, ISR_NOBLOCK __attribute__((optimize("gcse")))) {
+// The main loop cannot run in between, so what it has written is consistent.
+ISR(TIMER1_COMPA_vect, ISR_NOBLOCK) {
   cli();
   const uint16_t left_count = left_encoder.count();
   const uint16_t right_count = right_encoder.count();

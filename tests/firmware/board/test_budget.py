@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.firmware.board.boot import ELF
+from tests.firmware.board.boot import ELF, compiler_of
 from thumper.board.framing import encode_frame
 from thumper.board.messages import Command, CommandRequest, GetParameter, Message, SetWheelSpeeds
 from thumper_hil.chip.chip import CPU_HZ
@@ -12,7 +12,7 @@ from thumper_hil.chip.robot_params import RobotParams
 
 EDGE_VECTORS = (3, 5)  # PCINT0, PCINT2
 EDGE_CYCLES = 75  # entry to RETI, including the response's 4
-TICK_CYCLES = 1500  # both wheels, ramp, feed-forward and PI
+TICK_CYCLES = {"5": 1500, "7": 1800}  # by gcc's version: both wheels, ramp, feed-forward and PI
 OFF_CYCLES = 150
 
 
@@ -42,7 +42,7 @@ def test_an_edge_stays_within_its_cycles(report: CProbeReport, vector: int) -> N
 
 
 def test_the_control_tick_stays_within_its_cycles(report: CProbeReport) -> None:
-    assert 0 < report.vector[TICK_VECTOR].most <= TICK_CYCLES
+    assert 0 < report.vector[TICK_VECTOR].most <= TICK_CYCLES[compiler_of(ELF)[0]]
 
 
 def test_interrupts_are_never_off_for_long(report: CProbeReport) -> None:
@@ -50,4 +50,4 @@ def test_interrupts_are_never_off_for_long(report: CProbeReport) -> None:
 
 
 def test_the_stack_fits_beside_the_static_memory(report: CProbeReport) -> None:
-    assert 0 < report.deepest_stack <= 2048 - 512
+    assert 0 < report.deepest_stack <= 2048 - 768

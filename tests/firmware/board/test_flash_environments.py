@@ -1,4 +1,4 @@
-"""platformio.ini has one environment per board and boot loader, and the Makefile reads its flags from it."""
+"""platformio.ini has one environment per board and boot loader."""
 
 import subprocess
 from pathlib import Path
@@ -13,13 +13,6 @@ FIRMWARE = Path(__file__).resolve().parents[3] / "firmware"
 INI = FIRMWARE / "platformio.ini"
 PLATFORM_BOARD = {"old": "nanoatmega328", "new": "nanoatmega328new"}
 """PlatformIO's board names of the same chip with either boot loader."""
-
-
-def planned_compile(board: str, folder: Path) -> list[str]:
-    """Return the words of the Makefile's compile command."""
-    command = ["make", "-C", str(FIRMWARE), "-n", "-B", f"BOARD={board}", f"BUILD={folder}"]
-    lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
-    return next(line for line in lines if line.startswith("avr-g++")).split()
 
 
 def test_platformio_ini_is_valid() -> None:
@@ -42,18 +35,6 @@ def test_an_environment_uploads_at_its_boot_loaders_speed(kind: BoardModel, boot
     assert int(config.get(section, "upload_speed")) == UPLOAD_BAUD[bootloader]
     assert config.get(section, "build_src_filter") == ["+<app/*.cpp> +<board/*.cpp>"]
     assert config.get(section, "build_unflags") == ["-std=gnu++11 -fpermissive"]
-
-
-@pytest.mark.parametrize("kind", BoardModel, ids=lambda kind: kind.name.lower())
-def test_make_compiles_with_the_environments_flags(kind: BoardModel, tmp_path: Path) -> None:
-    board = kind.name.lower()
-    config = ProjectConfig(str(INI))
-    words = planned_compile(board, tmp_path)
-    for section in (f"env:{board}", f"env:{board}_new"):
-        flags = config.get(section, "build_flags")
-        start = words.index(flags[0])
-        assert words[start : start + len(flags)] == flags
-    assert ("-DTHUMPER_BOARD_NANO" in words) == (kind is BoardModel.NANO)
 
 
 def test_make_refuses_an_unknown_board() -> None:

@@ -69,7 +69,7 @@ class Drive:
 
 
 def test_size_is_within_budget_and_identity_reports_the_rate(build: Build) -> None:
-    size = r"flash \d+ bytes \(budget 8192\), static SRAM \d+ bytes \(budget 512\)"
+    size = r"flash \d+ bytes \(budget 12288\), static SRAM \d+ bytes \(budget 768\)"
     assert re.search(size, build.output), build.output
     drive = Drive(build.elf)
     drive.send(Identify())
