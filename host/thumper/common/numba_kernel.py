@@ -3,9 +3,10 @@
 import sys
 from collections.abc import Callable
 from importlib import import_module
-from typing import ParamSpec, TypeVar, cast
+from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
+from numba.core.caching import FunctionCache
 
 # Numba loads scipy.linalg to find out whether it exists: 16 MB and 0.1 s, for matrix products that no kernel
 # uses. Hide the module while numba looks.
@@ -20,6 +21,25 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
+class KernelCache(FunctionCache):
+    """Numba's cache on disk. A kernel whose files cannot be read is compiled again.
+
+    The files name the classes of the kernel's arguments, and numba reads these names before it looks whether
+    the source changed. Without this class, an upgrade that renames such a class ends in an AttributeError.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the compiled function for these types; None: compile it."""
+        try:
+            return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+        except Exception:  # an old or damaged pickle can raise anything
+            self.flush()  # type: ignore[no-untyped-call]  # writes an empty index
+            return None
+
+
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile `function` to machine code at its first call. Later processes load it from the cache."""
-    return cast("Callable[P, R]", numba.njit(cache=True, nogil=True)(function))
+    compiled: Any = numba.njit(cache=True, nogil=True)(function)
+    if compiled is not function:  # the compiler is not disabled
+        compiled._cache = KernelCache(function)  # type: ignore[no-untyped-call]
+    return cast("Callable[P, R]", compiled)

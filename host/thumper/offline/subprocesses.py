@@ -47,10 +47,10 @@ def compile_in_subprocess(method: Method) -> None:
 
     Ignores failures: the warm-up compiles what is missing.
     """
-    cache = getattr(correlative_search, "_cache", None)  # numba has no public way to get its directory
-    if cache is None:
+    stats = getattr(correlative_search, "stats", None)
+    if stats is None:
         return  # the compiler is disabled
-    done = Path(cache.cache_path) / f"{method}-{_sources()}.compiled"
+    done = Path(stats.cache_path) / f"{method}-{_sources()}.compiled"
     if done.exists():
         return
     command = [sys.executable, "-m", compile_kernels.__name__, method]

@@ -1,0 +1,63 @@
+"""A kernel's files on disk: loaded by later processes, compiled again if they are old or damaged."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SOURCE = """
+from typing import NamedTuple
+
+from thumper.common.numba_kernel import kernel
+
+
+class Field(NamedTuple):
+    width: int
+
+
+@kernel
+def area(field):
+    return field.width * 2
+
+
+if __name__ == "__main__":
+    import program
+
+    print(program.area(program.Field(21)), sum(program.area.stats.cache_hits.values()))
+"""
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Path:
+    path = tmp_path / "program.py"
+    path.write_text(SOURCE)
+    return path
+
+
+def run(program: Path) -> str:
+    """Run the program; return its result and how many kernels it loaded from disk."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(program.parent / "cache")}
+    done = subprocess.run(
+        [sys.executable, program], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def test_a_renamed_argument_class_does_not_break_an_upgrade(program: Path) -> None:
+    assert run(program) == "42 0"
+    assert run(program) == "42 1"
+    program.write_text(SOURCE.replace("Field", "DistanceField"))
+    assert run(program) == "42 0"
+    assert run(program) == "42 1"
+
+
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+def test_a_truncated_file_is_written_again(program: Path, suffix: str) -> None:
+    run(program)
+    (file,) = (program.parent / "cache").rglob(f"*.{suffix}")
+    file.write_bytes(file.read_bytes()[:-7])
+    assert run(program) == "42 0"
+    assert run(program) == "42 1"
