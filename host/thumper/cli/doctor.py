@@ -88,9 +88,9 @@ def _print(checks: Iterator[Check]) -> bool:
     style = {"pass": "green", "warn": "yellow", "fail": "red"}
     failed = False
     for check in checks:
-        cure = f": {check.cure}" if check.cure else ""
+        fix = f": {check.fix}" if check.fix else ""
         verdict = f"[{style[check.verdict]}]{check.verdict}[/]"
-        console.print(f"{verdict}  {escape(check.what + cure)}", highlight=False)
+        console.print(f"{verdict}  {escape(check.what + fix)}", highlight=False)
         failed = failed or check.verdict == "fail"
     return failed
 
@@ -102,7 +102,7 @@ def _computer() -> Iterator[Check]:
         missing = plugin.load().missing_parts()
         ports = f"simulated ports {plugin.name}://"
         yield (
-            Check(verdict="fail", what=ports, cure=missing) if missing else Check(verdict="pass", what=ports)
+            Check(verdict="fail", what=ports, fix=missing) if missing else Check(verdict="pass", what=ports)
         )
     for tool, use in (("avr-gcc", "building the firmware"), ("avrdude", "flashing a board")):
         if shutil.which(tool):
@@ -110,7 +110,7 @@ def _computer() -> Iterator[Check]:
         else:
             package = {"avr-gcc": "gcc-avr avr-libc"}.get(tool, tool)
             yield Check(
-                verdict="warn", what=f"{tool} not found", cure=f"needed for {use}: sudo apt install {package}"
+                verdict="warn", what=f"{tool} not found", fix=f"needed for {use}: sudo apt install {package}"
             )
 
 
@@ -131,17 +131,17 @@ def _ports() -> Iterator[Check]:
             yield Check(
                 verdict="fail",
                 what=f"{port.device}: {name}",
-                cure="no permission; run: sudo usermod -aG dialout $USER",
+                fix="no permission; run: sudo usermod -aG dialout $USER",
             )
         except OSError:
             yield Check(
                 verdict="warn",
                 what=f"{port.device}: {name}",
-                cure="cannot be opened; close other programs that use it",
+                fix="cannot be opened; close other programs that use it",
             )
     if not found:
         yield Check(
             verdict="warn",
             what="no USB serial port",
-            cure="plug in the board and the lidar, or use sim:// ports",
+            fix="plug in the board and the lidar, or use sim:// ports",
         )

@@ -43,7 +43,7 @@ def check_board(
     except ThumperError as error:
         if port is not None:
             port.close()
-        yield Check(verdict="fail", what="board", cure=str(error))
+        yield Check(verdict="fail", what="board", fix=str(error))
         yield from also
         return
     try:
@@ -68,14 +68,14 @@ def _checks(
         if last is not None:
             yield judge_battery(1e-3 * last.battery_mV)
         if spin is None:
-            cure = "lift the wheels, then run with --spin"
-            yield Check(verdict="warn", what="encoder directions not checked", cure=cure)
+            fix = "lift the wheels, then run with --spin"
+            yield Check(verdict="warn", what="encoder directions not checked", fix=fix)
         elif not spin():
-            yield Check(verdict="warn", what="encoder directions not checked", cure="you answered no")
+            yield Check(verdict="warn", what="encoder directions not checked", fix="you answered no")
         else:
             yield from _spin(board, clock_s)
     except ThumperError as error:
-        yield Check(verdict="fail", what="board", cure=str(error))
+        yield Check(verdict="fail", what="board", fix=str(error))
 
 
 def _record(board: Board, clock_s: Callable[[], float], seconds: float) -> tuple[Stream, Telemetry | None]:

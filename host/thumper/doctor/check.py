@@ -12,7 +12,7 @@ class Check:
 
     verdict: Verdict
     what: str
-    cure: str = ""
+    fix: str = ""
 
 
 def worst_of(warn: bool, fail: bool) -> Verdict:

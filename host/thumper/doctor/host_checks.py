@@ -38,9 +38,9 @@ def _rules(usb_ids: Iterable[tuple[int, int]], root: Path) -> Check:
             missing = [f"{vid:04x}:{pid:04x}" for vid, pid in usb_ids if not _has_rule(text, vid, pid)]
             if missing:
                 what = f"udev rules lack {', '.join(missing)}"
-                return Check(verdict="warn", what=what, cure=install)
+                return Check(verdict="warn", what=what, fix=install)
             return Check(verdict="pass", what=f"udev rules {path}")
-    return Check(verdict="warn", what="no udev rules: port names may change", cure=install)
+    return Check(verdict="warn", what="no udev rules: port names may change", fix=install)
 
 
 def _has_rule(text: str, vid: int, pid: int) -> bool:
@@ -56,10 +56,10 @@ def _unit(home: Path, root: Path) -> Check:
         if line.startswith("ExecStart="):
             program = Path(line.removeprefix("ExecStart=").split()[0].replace("%h", str(home)))
             if not program.exists():
-                cure = "correct ExecStart, then: systemctl --user daemon-reload"
-                return Check(verdict="fail", what=f"{path} starts {program}, which does not exist", cure=cure)
+                fix = "correct ExecStart, then: systemctl --user daemon-reload"
+                return Check(verdict="fail", what=f"{path} starts {program}, which does not exist", fix=fix)
     user = getpass.getuser()
     if not (root / "var/lib/systemd/linger" / user).exists():
-        cure = f"to start at boot: sudo loginctl enable-linger {user}"
-        return Check(verdict="warn", what="thumper.service starts only when you log in", cure=cure)
+        fix = f"to start at boot: sudo loginctl enable-linger {user}"
+        return Check(verdict="warn", what="thumper.service starts only when you log in", fix=fix)
     return Check(verdict="pass", what=f"user unit {path}")

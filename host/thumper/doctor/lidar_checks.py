@@ -31,7 +31,7 @@ def check_lidar(config: LidarOptions, *, seconds: float) -> Iterator[Check]:
     try:
         lidar = open_lidar(config)
     except ThumperError as error:
-        yield Check(verdict="fail", what="lidar", cure=str(error))
+        yield Check(verdict="fail", what="lidar", fix=str(error))
         return
     try:
         if isinstance(lidar, Urg04LxDriver):  # the LD19 takes no requests
@@ -55,11 +55,11 @@ def check_lidar(config: LidarOptions, *, seconds: float) -> Iterator[Check]:
         yield Check(
             verdict="warn" if share < RETURN_SHARE_WARN else "pass",
             what=f"lidar {config.port}: {scans[-1].ranges_m.size} beams, {100 * share:.0f} % with a return",
-            cure="is its window covered, or is the room larger than its range?"
+            fix="is its window covered, or is the room larger than its range?"
             if share < RETURN_SHARE_WARN
             else "",
         )
     except ThumperError as error:
-        yield Check(verdict="fail", what="lidar", cure=str(error))
+        yield Check(verdict="fail", what="lidar", fix=str(error))
     finally:
         lidar.close()

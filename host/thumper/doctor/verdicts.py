@@ -67,7 +67,7 @@ def measure_round_trips(request: Callable[[int, float], float | None]) -> tuple[
 def judge_round_trip(name: str, trips_s: list[float], lost: int, warn_s: float, fail_s: float) -> Check:
     """Judge the round trips and the lost requests."""
     if not trips_s:
-        return Check(verdict="fail", what=f"{name}: no request was answered", cure=CABLE)
+        return Check(verdict="fail", what=f"{name}: no request was answered", fix=CABLE)
     sent = len(trips_s) + lost
     median_ms, max_ms = 1e3 * float(np.median(trips_s)), 1e3 * max(trips_s)
     delay = worst_of(max_ms > 1e3 * warn_s, median_ms > 1e3 * fail_s)
@@ -75,15 +75,13 @@ def judge_round_trip(name: str, trips_s: list[float], lost: int, warn_s: float, 
     verdict = worst_of(delay != "pass" or loss != "pass", "fail" in {delay, loss})
     what = f"{name}: round trip {median_ms:.1f} ms, at most {max_ms:.1f} ms, "
     what += f"jitter {1e3 * float(np.std(trips_s)):.1f} ms; {lost} of {sent} requests without reply"
-    return Check(
-        verdict=verdict, what=what, cure=CABLE if loss != "pass" else SLOW if delay != "pass" else ""
-    )
+    return Check(verdict=verdict, what=what, fix=CABLE if loss != "pass" else SLOW if delay != "pass" else "")
 
 
 def judge_stream(name: str, stream: Stream, limits: Limits) -> list[Check]:
     """Judge rate, loss and jitter of a stream."""
     if stream.times_s.size < 3:
-        return [Check(verdict="fail", what=f"{name}: no data", cure=CABLE)]
+        return [Check(verdict="fail", what=f"{name}: no data", fix=CABLE)]
     period_s = 1.0 / stream.expected_Hz
     steps = np.maximum(np.rint(np.diff(stream.times_s) / period_s), 1.0)
     lost = int(steps.sum()) - steps.size
@@ -99,19 +97,17 @@ def judge_stream(name: str, stream: Stream, limits: Limits) -> list[Check]:
         Check(
             verdict=rate,
             what=f"{name}: {rate_Hz:.2f} Hz of {stream.expected_Hz:g} Hz",
-            cure="" if rate == "pass" else "is its supply weak, or is it set to another rate?",
+            fix="" if rate == "pass" else "is its supply weak, or is it set to another rate?",
         ),
         Check(
             verdict=loss,
             what=f"{name}: {lost} of {lost + stream.times_s.size} lost, {stream.damaged} damaged",
-            cure="" if loss == "pass" else CABLE,
+            fix="" if loss == "pass" else CABLE,
         ),
         Check(
             verdict=late,
             what=f"{name}: jitter {1e3 * jitter_s:.1f} ms (99 %)",
-            cure=""
-            if late == "pass"
-            else "this computer is busy: close programs, or use one with more cores",
+            fix="" if late == "pass" else "this computer is busy: close programs, or use one with more cores",
         ),
     ]
 
@@ -121,14 +117,14 @@ def judge_battery(battery_V: float) -> Check:
     what = f"battery {battery_V:.2f} V"
     if battery_V < 1.0:
         return Check(
-            verdict="fail", what=what, cure="no battery voltage: connect the battery, check its divider"
+            verdict="fail", what=what, fix="no battery voltage: connect the battery, check its divider"
         )
     if battery_V < BATTERY_ARM_V:
         return Check(
-            verdict="fail", what=what, cure="charge it: the board stops at 6.4 V, then waits for 7.0 V"
+            verdict="fail", what=what, fix="charge it: the board stops at 6.4 V, then waits for 7.0 V"
         )
     if battery_V < BATTERY_WARN_V:
-        return Check(verdict="warn", what=what, cure="charge it soon: the board stops at 6.4 V under load")
+        return Check(verdict="warn", what=what, fix="charge it soon: the board stops at 6.4 V under load")
     return Check(verdict="pass", what=what)
 
 
@@ -137,21 +133,21 @@ def judge_spin(side: str, own: int, other: int, lost_edges: int) -> Check:
     opposite = "right" if side == "left" else "left"
     what = f"{side} motor forward: {side} encoder {own:+d}, {opposite} encoder {other:+d} counts"
     if lost_edges > MIN_COUNTS:
-        cure = f"edges are lost: one wire of the {side} encoder is loose or noisy"
-        return Check(verdict="fail", what=f"{what}, {lost_edges} edges lost", cure=cure)
+        fix = f"edges are lost: one wire of the {side} encoder is loose or noisy"
+        return Check(verdict="fail", what=f"{what}, {lost_edges} edges lost", fix=fix)
     if abs(own) < MIN_COUNTS and abs(other) < MIN_COUNTS:
-        cure = (
+        fix = (
             f"dead: if the {side} wheel turned, its encoder has no supply or a cut wire; "
             "if it did not turn, its motor is not connected or blocked"
         )
-        return Check(verdict="fail", what=what, cure=cure)
+        return Check(verdict="fail", what=what, fix=fix)
     if abs(other) > OTHER_SHARE * abs(own):
-        cure = "swapped: exchange the plugs of the left and the right encoder (or of the motors)"
-        return Check(verdict="fail", what=what, cure=cure)
+        fix = "swapped: exchange the plugs of the left and the right encoder (or of the motors)"
+        return Check(verdict="fail", what=what, fix=fix)
     if own < 0:
-        cure = (
+        fix = (
             f"wrong direction: if the {side} wheel turned forward, exchange wires A and B of its encoder; "
             "if backward, exchange the two wires of its motor"
         )
-        return Check(verdict="fail", what=what, cure=cure)
+        return Check(verdict="fail", what=what, fix=fix)
     return Check(verdict="pass", what=what)

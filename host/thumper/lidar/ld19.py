@@ -101,8 +101,8 @@ class Ld19Driver(Closable):
                 return
         if received_bytes == 0:
             raise ThumperError(
-                f"no data from the lidar on {self._port.url}; is it powered (5 V), does its head turn, "
-                "and is its TX wire on the adapter's RX?",
+                f"no data from the lidar on {self._port.url}; check that it has 5 V, that its head spins "
+                "and that its TX wire goes to the adapter's RX",
                 exit_code=EXIT_NOT_THERE,
             )
         raise ThumperError(

@@ -9,10 +9,10 @@ from tempfile import TemporaryDirectory
 from typing import TextIO
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
-from thumper.offline import carmen, mines
+from thumper.offline import carmen, mines_paristech
 from thumper.offline.robot_log import RobotLog, TextLogFormat, refuse_fov
 
-TEXT_FORMATS: tuple[TextLogFormat, ...] = (carmen, mines)
+TEXT_FORMATS: tuple[TextLogFormat, ...] = (carmen, mines_paristech)
 FORMATS = "pass a CARMEN (.log, .clf), MINES (.dat) or MCAP log"
 GZIP_MAGIC = b"\x1f\x8b"
 GZIP_ERRORS = (EOFError, zlib.error, gzip.BadGzipFile)

@@ -35,7 +35,7 @@ class RobotLog:
 
 
 class TextLogFormat(Protocol):
-    """A text format. The modules `carmen` and `mines` are the implementations."""
+    """A text format. The modules `carmen` and `mines_paristech` are the implementations."""
 
     def recognizes(self, line: str, *, is_first: bool) -> bool:
         """Return whether the line identifies this format; `is_first` is the first line with text."""

@@ -39,7 +39,7 @@ def test_the_shipped_rules_cover_every_known_port(tmp_path: Path, rules: Path) -
 def test_without_rules_the_check_says_how_to_install_them(tmp_path: Path) -> None:
     rule, unit = checks(tmp_path)
     assert rule.verdict == "warn"
-    assert rule.cure.startswith(f"sudo cp {PACKAGING / RULES} ")
+    assert rule.fix.startswith(f"sudo cp {PACKAGING / RULES} ")
     assert unit.verdict == "pass"  # start at boot is optional
 
 
@@ -66,7 +66,7 @@ def test_a_unit_needs_lingering_to_start_at_boot(tmp_path: Path, unit: Path) -> 
     program = tmp_path / "home/.local/bin/thumper"
     program.parent.mkdir(parents=True)
     program.touch()
-    assert "enable-linger" in checks(tmp_path)[1].cure
+    assert "enable-linger" in checks(tmp_path)[1].fix
     linger = tmp_path / "var/lib/systemd/linger" / getpass.getuser()
     linger.parent.mkdir(parents=True)
     linger.touch()

@@ -54,7 +54,7 @@ def test_a_reversed_encoder_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     assert code == 4
     check = line(checks, "left motor forward")
     assert check["verdict"] == "fail"
-    assert "exchange wires A and B" in check["cure"]
+    assert "exchange wires A and B" in check["fix"]
 
 
 @pytest.mark.parametrize("fault", ['encoder.left.b = "cut"', 'motor.left = "dead"'])
@@ -63,7 +63,7 @@ def test_a_dead_side_is_named(tmp_path: Path, fault: str) -> None:
     scenario.write_text(f"faults = [ {{ at_s = 0.0, {fault} }} ]\n")
     code, checks = diagnose("--board", f"sim://d4/board?scenario={scenario}", "--spin")
     assert code == 4
-    assert "dead" in line(checks, "left motor forward")["cure"]
+    assert "dead" in line(checks, "left motor forward")["fix"]
     assert line(checks, "right motor forward")["verdict"] == "pass"
 
 
@@ -74,7 +74,7 @@ def test_a_noisy_line_and_an_empty_battery_are_named(tmp_path: Path) -> None:
     assert line(checks, "telemetry", "lost")["verdict"] != "pass"
     code, checks = diagnose("--board", "sim://d6/board?charge=0.01")
     assert code == 4
-    assert "charge" in line(checks, "battery")["cure"]
+    assert "charge" in line(checks, "battery")["fix"]
 
 
 def test_the_configuration_sets_ports_and_lidar_model(tmp_path: Path) -> None:
@@ -90,8 +90,8 @@ def test_the_configuration_sets_ports_and_lidar_model(tmp_path: Path) -> None:
 def test_a_missing_port_is_a_failed_check() -> None:
     code, checks = diagnose("--board", "/dev/ttyNONE7", "--lidar", "/dev/ttyNONE8")
     assert code == 4
-    assert "/dev/ttyNONE7" in line(checks, "board")["cure"]
-    assert "/dev/ttyNONE8" in line(checks, "lidar")["cure"]
+    assert "/dev/ttyNONE7" in line(checks, "board")["fix"]
+    assert "/dev/ttyNONE8" in line(checks, "lidar")["fix"]
 
 
 def test_a_wrong_baud_rate_is_named(tmp_path: Path) -> None:
@@ -99,7 +99,7 @@ def test_a_wrong_baud_rate_is_named(tmp_path: Path) -> None:
     config.write_text('[board]\nport = "sim://d9/board"\nbaud = 250000\n[lidar]\nport = "sim://d9/lidar"\n')
     code, checks = diagnose("--config", str(config))
     assert code == 4
-    assert "at 250000 baud is not the Thumper protocol" in line(checks, "board")["cure"]
+    assert "at 250000 baud is not the Thumper protocol" in line(checks, "board")["fix"]
 
 
 def test_a_busy_port_is_named() -> None:
@@ -111,4 +111,4 @@ def test_a_busy_port_is_named() -> None:
         os.close(master)
         os.close(slave)
     assert code == 4
-    assert "another program has it open; close that program first" in line(checks, "board")["cure"]
+    assert "another program has it open; close that program first" in line(checks, "board")["fix"]

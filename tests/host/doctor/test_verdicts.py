@@ -65,7 +65,7 @@ def test_battery(battery_V: float, verdict: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("own", "other", "lost_edges", "cure"),
+    ("own", "other", "lost_edges", "fix"),
     [
         (200, 0, 0, ""),
         (200, 40, 0, ""),  # the other wheel is dragged along a little
@@ -76,8 +76,8 @@ def test_battery(battery_V: float, verdict: str) -> None:
         (150, 0, 90, "loose or noisy"),
     ],
 )
-def test_each_encoder_fault_has_its_fix(own: int, other: int, lost_edges: int, cure: str) -> None:
+def test_each_encoder_fault_has_its_fix(own: int, other: int, lost_edges: int, fix: str) -> None:
     check = judge_spin("left", own, other, lost_edges)
-    assert check.verdict == ("fail" if cure else "pass")
-    assert cure in check.cure
+    assert check.verdict == ("fail" if fix else "pass")
+    assert fix in check.fix
     assert "left" in check.what

@@ -7,7 +7,7 @@
 #include "avr.hpp"
 #include "plant.hpp"
 #include "uart_line.hpp"
-#include "watchdog_cure.hpp"
+#include "watchdog_fix.hpp"
 
 namespace thumper {
 
