@@ -29,10 +29,9 @@ from thumper.common.geometry import Pose2
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.figure import figure, require_data
-
-from tests.dashboard.conftest import CHROMIUM, FLAGS, Server, chromium_processes, open_page
-from tests.dashboard.fake_robot import FakeRobot
-from tests.live import free_port
+from benchmarks.shared.browser import CHROMIUM, FLAGS, Server, chromium_processes, open_page
+from benchmarks.shared.fake_robot import FakeRobot
+from benchmarks.shared.live import free_port
 
 RATE_HZ = 20.0
 WRAP_S = 50.0

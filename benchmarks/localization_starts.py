@@ -19,8 +19,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.figure import figure
+from benchmarks.shared.rooms import ROOM, rectangle
 
-from tests.host.slam.rooms import ROOM, rectangle
 from thumper.common.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import FREE, OccupancyGrid

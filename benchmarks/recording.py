@@ -24,8 +24,7 @@ from thumper.recording.recorder import Recorder
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.figure import figure
-
-from tests.host.recording.samples import RUN, cycle, cycles
+from benchmarks.shared.recorded_run import RUN, cycle, cycles
 
 BEATS_PER_S = 10.0
 LOOP_HZ = 50.0

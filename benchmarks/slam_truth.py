@@ -23,8 +23,8 @@ from scipy.ndimage import distance_transform_edt
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.figure import figure
+from benchmarks.shared.corridors import corridor_loop, round_trip
 
-from tests.host.slam.corridors import corridor_loop, round_trip
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import OCCUPIED, OccupancyGrid

@@ -13,8 +13,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.figure import figure
-
-from tests.host.odometry.drives import driven
+from benchmarks.shared.gyro_drive import driven
 
 RATES_RAD_S = (0.3, 0.5, 0.75, 1.0, 1.5, 2.0)
 LENGTHS_S = (0.2, 0.5, 1.0)

@@ -19,8 +19,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.figure import figure, has_data
+from benchmarks.shared.wheel_plant import COUNT_RAD, Wheel, counted, steps_and_prbs
 
-from tests.tuning.plant import COUNT_RAD, Wheel, counted, steps_and_prbs
 from thumper.board.board import Board
 from thumper.common.geometry import FloatArray
 from thumper_hil.bench import simulation

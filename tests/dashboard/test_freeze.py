@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from benchmarks.shared.browser import CHROMIUM, FLAGS, Server, chromium_processes, open_page, signal_all
+from benchmarks.shared.live import free_port, until
 from playwright.sync_api import BrowserType
 
-from tests.dashboard.conftest import CHROMIUM, FLAGS, Server, chromium_processes, open_page, signal_all
-from tests.live import free_port, until
 from thumper.bus.client import BusClient
 from thumper.ros.codec import Message
 from thumper.ros.from_ros import stamp_ns_of

@@ -9,11 +9,11 @@ from pathlib import Path
 from urllib.parse import urlencode
 
 import pytest
+from benchmarks.shared.browser import Server
+from benchmarks.shared.fake_robot import FakeRobot
 from websockets.exceptions import InvalidHandshake, WebSocketException
 from websockets.sync.client import connect
 
-from tests.dashboard.conftest import Server
-from tests.dashboard.fake_robot import FakeRobot
 from thumper.common.errors import ThumperError
 from thumper.config.dashboard import DashboardOptions, check_options
 from thumper.dashboard.certificate import local_names, make_certificate

@@ -1,8 +1,8 @@
 """The page in a real browser: what it shows of the robot."""
 
+from benchmarks.shared.fake_robot import FakeRobot
 from playwright.sync_api import Page, expect
 
-from tests.dashboard.fake_robot import FakeRobot
 from thumper.board.messages import Fault
 from thumper.common.geometry import Pose2
 

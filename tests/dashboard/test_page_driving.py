@@ -3,10 +3,10 @@
 import math
 
 import pytest
+from benchmarks.shared.fake_robot import FakeRobot
+from benchmarks.shared.live import until
 from playwright.sync_api import Page, expect
 
-from tests.dashboard.fake_robot import FakeRobot
-from tests.live import until
 from thumper.runtime.requests import GoTo, Heartbeat, Query, SetPose
 
 TO_SCREEN = """([x, y]) => {

@@ -3,11 +3,11 @@
 from functools import partial
 from pathlib import Path
 
+from benchmarks.shared.browser import Server
+from benchmarks.shared.fake_robot import FakeRobot
+from benchmarks.shared.live import free_port, until
 from playwright.sync_api import Browser, Page, expect
 
-from tests.dashboard.conftest import Server
-from tests.dashboard.fake_robot import FakeRobot
-from tests.live import free_port, until
 from thumper.runtime.requests import EmergencyStop
 
 

@@ -6,8 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-
-from tests.live import free_port
+from benchmarks.shared.live import free_port
 
 
 @pytest.mark.parametrize("taken", ["page", "bus"])

@@ -9,9 +9,9 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from benchmarks.shared.live import free_port, until
 
 from tests.e2e.conftest import THUMPER
-from tests.live import free_port, until
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from benchmarks.shared.recorded_run import RUN, cycles
 
-from tests.host.recording.samples import RUN, cycles
 from thumper.recording.recorder import Recorder
 
 Thumper = Callable[..., "subprocess.CompletedProcess[str]"]

@@ -14,9 +14,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from benchmarks.shared.live import free_port, until
 
 from tests.e2e.conftest import THUMPER
-from tests.live import free_port, until
 from thumper.bus.client import BusClient
 from thumper.common.errors import ThumperError
 from thumper.ros.codec import Message

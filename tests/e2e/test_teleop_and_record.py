@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from benchmarks.shared.live import free_port, until
 
 from tests.e2e.conftest import THUMPER
-from tests.live import free_port, until
 from thumper.board.messages import State
 from thumper.bus.client import BusClient
 from thumper.recording.reader import Recording, find_recordings

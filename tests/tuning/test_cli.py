@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.shared.wheel_plant import Wheel, counted, steps_and_prbs
 
-from tests.tuning.plant import Wheel, counted, steps_and_prbs
 from thumper_tuning.cli.tune import report
 
 THUMPER = Path(sys.executable).with_name("thumper")

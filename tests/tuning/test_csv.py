@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.shared.wheel_plant import COUNT_RAD, Wheel, counted, steps_and_prbs
 
-from tests.tuning.plant import COUNT_RAD, Wheel, counted, steps_and_prbs
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray
 from thumper_tuning.cli.fit import fit_files

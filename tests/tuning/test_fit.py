@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.shared.wheel_plant import COUNT_RAD, Wheel, counted, steps_and_prbs
 
-from tests.tuning.plant import COUNT_RAD, Wheel, counted, steps_and_prbs
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.fit import fit_motor
 from thumper_tuning.identify.motor import IdentifiedMotor, identify

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from benchmarks.shared.wheel_plant import Wheel
 
-from tests.tuning.plant import Wheel
 from thumper_tuning.identify.model import MotorModel
 from thumper_tuning.identify.motor_response import DriveSignal, MotorParameters, simulate
 from thumper_tuning.identify.richer_models import ExtraParameters, simulate_richer

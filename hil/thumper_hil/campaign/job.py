@@ -10,6 +10,7 @@ from thumper.common.geometry import FloatArray, Pose2, wrap_angle
 from thumper.common.kinematics import DriveGeometry, WheelSpeeds, body_twist
 from thumper.config.robot import RobotConfig, config_from_json, with_ports
 from thumper.navigation.goal import Goal
+from thumper.odometry.pose_buffer import interpolate_poses
 from thumper.odometry.wheel_odometry import advance
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.drive.tasks import drive_to_goal
@@ -104,9 +105,8 @@ def _pose_errors_m(log: DriveLog, truth: FloatArray) -> FloatArray:
     poses = log.poses
     if not len(poses):
         return np.zeros(0)
-    x_m = np.interp(poses[:, 0], truth[:, 0], truth[:, 1])
-    y_m = np.interp(poses[:, 0], truth[:, 0], truth[:, 2])
-    return np.hypot(poses[:, 1] - x_m, poses[:, 2] - y_m)
+    true_poses = interpolate_poses(poses[:, 0], truth[:, 0], truth[:, 1:])
+    return np.asarray(np.hypot(*(poses[:, 1:3] - true_poses[:, :2]).T))
 
 
 def _dead_reckoning(speeds: FloatArray, start: Pose2, drive: DriveGeometry) -> Pose2:

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.shared.live import free_port, until
 
-from tests.live import free_port, until
 from thumper.bus import status_watchdog
 from thumper.bus.client import BusClient, ReconnectingClient
 from thumper.bus.server import MAX_QUEUED, BusServer

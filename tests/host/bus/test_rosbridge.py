@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 import roslibpy
+from benchmarks.shared.live import until
 from websockets.exceptions import ConnectionClosed, InvalidMessage, InvalidStatus
 from websockets.sync.client import connect
 
 from tests.host.bus.test_bus import GRID, TOKEN, M, Robot
-from tests.live import until
 from thumper.bus.client import BusClient
 from thumper.bus.rosbridge import Rosbridge
 from thumper.common.errors import ThumperError

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from benchmarks.shared.gyro_drive import GEOMETRY, driven
 
-from tests.host.odometry.drives import GEOMETRY, driven
 from thumper.common.geometry import wrap_angle
 from thumper.odometry.gyro_ekf import GyroEkf
 from thumper.odometry.imu import ImuSample

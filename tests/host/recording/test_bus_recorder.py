@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from benchmarks.shared.live import free_port, until
+from benchmarks.shared.recorded_run import RUN, cycles
 
-from tests.host.recording.samples import RUN, cycles
-from tests.live import free_port, until
 from thumper.bus.client import BusClient
 from thumper.common.errors import ThumperError
 from thumper.recording.bus_recorder import replay_on_bus

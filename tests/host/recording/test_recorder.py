@@ -9,11 +9,11 @@ from pathlib import Path
 
 import mcap.reader
 import pytest
+from benchmarks.shared.recorded_run import EPOCH_NS, RUN, cycles
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from tests.host.recording.samples import EPOCH_NS, RUN, cycles
 from thumper.config.bus import BusOptions
 from thumper.config.dashboard import DashboardOptions
 from thumper.config.recording import RecordingOptions
@@ -162,7 +162,7 @@ def test_hanging_disk_only_drops_messages(tmp_path: Path, monkeypatch: pytest.Mo
 FULL_DISK = """
 import resource, sys, time
 from pathlib import Path
-from tests.host.recording.samples import RUN, cycles
+from benchmarks.shared.recorded_run import RUN, cycles
 from thumper.recording.recorder import Recorder
 
 reports = []

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import mcap.reader
 import pytest
+from benchmarks.shared.recorded_run import EPOCH_NS, RUN, cycles
 from mcap.writer import CompressionType, Writer
 
-from tests.host.recording.samples import EPOCH_NS, RUN, cycles
 from thumper.common.errors import ThumperError
 from thumper.common.stamps import stamp_ns
 from thumper.recording.mcap_file import McapFile
@@ -29,7 +29,7 @@ from thumper.ros.codec import encode
 CRASH = """
 import sys, time
 from pathlib import Path
-from tests.host.recording.samples import RUN, cycles
+from benchmarks.shared.recorded_run import RUN, cycles
 from thumper.recording.recorder import Recorder
 
 recorder = Recorder(Path(sys.argv[1]), RUN)

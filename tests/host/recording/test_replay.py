@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.shared.recorded_run import EPOCH_NS, MESSAGES, RUN, cycles
 
-from tests.host.recording.samples import EPOCH_NS, MESSAGES, RUN, cycles
 from thumper.board.options import BoardOptions
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray, Pose2

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.shared.recorded_run import RUN, cycles
 from mcap_ros2.writer import Writer
 
-from tests.host.recording.samples import RUN, cycles
 from thumper.common.errors import ThumperError
 from thumper.offline.open_log import open_log
 from thumper.recording.recorder import Recorder

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.shared.recorded_run import MESSAGES as DATED
+from benchmarks.shared.recorded_run import telemetry
 
-from tests.host.recording.samples import MESSAGES as DATED
-from tests.host.recording.samples import telemetry
 from thumper.common.geometry import Pose2, Twist2
 from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import OccupancyGrid

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.shared.telemetry import telemetry_sample
 
-from tests.host.telemetry import telemetry_sample
 from thumper.board.board import TelemetrySample
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.common.kinematics import DriveGeometry

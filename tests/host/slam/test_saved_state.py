@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.shared.rooms import ROOM, room_scan
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.host.slam.rooms import ROOM, room_scan
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.maps.hit_counts import MAX_OBSERVATIONS, HitCounts

@@ -8,6 +8,7 @@ import numpy as np
 
 from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray
+from thumper.odometry.pose_buffer import interpolate_poses
 
 COUNT_COLUMNS = ("time_s", "left_counts", "right_counts")
 POSE_COLUMNS = ("time_s", "x_m", "y_m", "theta_rad")
@@ -35,9 +36,7 @@ class WheelLog:
 
     def poses_at_ticks(self) -> FloatArray:
         """Return reference x [m], y [m] and unwrapped heading [rad] at the ticks, shape (n, 3)."""
-        known_s, x, y, theta = self.poses.T
-        heading = np.unwrap(theta)
-        return np.column_stack([np.interp(self.time_s, known_s, column) for column in (x, y, heading)])
+        return interpolate_poses(self.time_s, self.poses[:, 0], self.poses[:, 1:])
 
 
 def write_csv(path: Path, names: tuple[str, ...], rows: FloatArray) -> Path:

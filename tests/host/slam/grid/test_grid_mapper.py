@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from benchmarks.shared.rooms import room_scan
 
-from tests.host.slam.rooms import room_scan
 from thumper.common.geometry import Pose2, Twist2, wrap_angle
 from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid

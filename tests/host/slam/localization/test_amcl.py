@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.shared.rooms import ROOM, rectangle, room_scan
 
-from tests.host.slam.rooms import ROOM, rectangle, room_scan
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.lidar.scan import Scan

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.shared.rooms import ROOM, room_scan
 
-from tests.host.slam.rooms import ROOM, room_scan
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.deskew import scan_points
 from thumper.maps.occupancy_grid import UNKNOWN, OccupancyGrid

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.shared.rooms import rectangle, room_scan
 
-from tests.host.slam.rooms import rectangle, room_scan
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.shared.rooms import ROOM, room_scan
 
 from tests.host.slam.grid.test_grid_mapper import driven_any, tour
-from tests.host.slam.rooms import ROOM, room_scan
 from thumper.common.geometry import Pose2, Twist2
 from thumper.maps.occupancy_grid import OCCUPIED
 from thumper.slam.factory import MappingOptions, Method, make_mapper

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from benchmarks.shared.corridors import corridor_loop, drive, errors_m, round_trip
 
-from tests.host.slam.corridors import corridor_loop, drive, errors_m, round_trip
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.deskew import ScanPoints
 from thumper.maps.occupancy_grid import FREE

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from benchmarks.shared.rooms import room_scan
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.host.slam.rooms import room_scan
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.deskew import HIT, INVALID, MISS, ScanPoints, scan_points
 from thumper.slam.grid.growing_grid import HitGrid

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from benchmarks.shared.telemetry import telemetry_sample
 
-from tests.host.telemetry import telemetry_sample
 from thumper.board.board import TelemetrySample
 from thumper.common.geometry import Pose2, Twist2
 from thumper.config.robot import RobotConfig

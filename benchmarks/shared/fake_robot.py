@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from benchmarks.shared.telemetry import telemetry_sample
 
-from tests.host.telemetry import telemetry_sample
 from thumper.board.board import TelemetrySample
 from thumper.board.messages import PARAMETERS, Fault, State
 from thumper.bus.server import BusServer

@@ -1,0 +1,1 @@
+"""What benchmarks and tests share: synthetic rooms, drives and messages, and programs to start."""
