@@ -124,3 +124,60 @@ def test_recording_in_a_second_process_and_in_the_robot(
         out = replay(recording)
         assert out.time_s > least_s
         assert out.scans > 15
+
+
+def start(config: Path) -> "subprocess.Popen[str]":
+    """Start a robot's process and wait until it is on the bus."""
+    command: list[str | Path] = [
+        *(THUMPER, "run", "--config", config, "--start", "1.73", "0.08", "180"),
+        *("--out", config.parent / "restarted"),
+    ]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert "is running on" in process.stdout.readline()
+    return process
+
+
+def test_programs_go_on_when_the_robot_restarts(tmp_path: Path) -> None:
+    config, folder = tmp_path / "robot.toml", tmp_path / "recordings"
+    config.write_text(
+        f'name = "phoenix"\n[board]\nport = "{BOARD}"\n[lidar]\nport = "sim://e2e/lidar"\n'
+        f'[bus]\naddress = "127.0.0.1:{free_port()}"\n'
+    )
+    robot = start(config)
+    ours, theirs = pty.openpty()
+    watched = tmp_path / "watched"
+    shown = tmp_path / "teleop"
+    with watched.open("wb") as out, shown.open("wb") as screen:
+        programs: list[subprocess.Popen[Any]] = [
+            subprocess.Popen([THUMPER, "watch", "wheels", "--json", "--config", config], stdout=out),
+            subprocess.Popen([THUMPER, "record", "--config", config, "--out", folder]),
+            subprocess.Popen(
+                [THUMPER, "teleop", "--config", config, "--no-gamepad"], stdin=theirs, stdout=screen
+            ),
+        ]
+    try:
+        until(lambda: watched.stat().st_size > 0 and b"phoenix: idle" in shown.read_bytes())
+        until(lambda: list(folder.glob("*.mcap.part")))
+        time.sleep(2.0)
+        robot.kill()
+        robot.wait()
+        seen, lines = len(shown.read_bytes()), watched.read_bytes().count(b"\n")
+        robot = start(config)
+        until(lambda: watched.read_bytes().count(b"\n") > lines + 10)
+        until(lambda: b"phoenix: idle" in shown.read_bytes()[seen:])
+        os.write(ours, b"r")
+        until(lambda: b"CLOSED_LOOP" in shown.read_bytes()[seen:])  # it commands the new process
+        time.sleep(2.0)
+    finally:
+        programs.append(robot)
+        for program in programs:
+            program.send_signal(signal.SIGINT)
+        codes = [program.wait(START_TIMEOUT_S) for program in programs]
+        os.close(ours)
+        os.close(theirs)
+    assert codes == [0, 0, 0, 0]
+    files = find_recordings([folder])
+    assert len(files) == 2
+    for file in files:  # one recording per run
+        assert replay(Recording((file,))).scans > 5

@@ -19,7 +19,7 @@ from thumper.bus.zenoh_session import open_router
 from thumper.config.bus import BusOptions
 from thumper.ros.codec import Message, encode
 from thumper.ros.services import SERVICES
-from thumper.ros.topics import TOPICS, Direction
+from thumper.ros.topics import PRESENCE, TOPICS, Direction
 from thumper.runtime.service.request_queue import RequestQueue
 
 MAX_QUEUED = 256  # about two seconds of all topics
@@ -75,6 +75,8 @@ class BusServer:
                 self._session.declare_queryable(self._prefix + name, self._reply_newest)
         for name in SERVICES:
             self._session.declare_queryable(f"{self._prefix}ask/{name}", self._on_query)
+        # Last: a client that sees the token finds everything else.
+        self._presence = self._session.liveliness().declare_token(self._prefix + PRESENCE)
         self._thread = threading.Thread(target=self._run, name="bus", daemon=True)
         self._thread.start()
 

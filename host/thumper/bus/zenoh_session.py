@@ -61,6 +61,7 @@ def open_client(address: str, token: str) -> zenoh.Session:
         "mode": "client",
         "connect/endpoints": [f"tcp/[{host}]:{port}" if ":" in host else f"tcp/{host}:{port}"],
         "connect/timeout_ms": round(1000 * CONNECT_TIMEOUT_S),
+        "connect/retry": {"period_init_ms": 500, "period_max_ms": 1000, "period_increase_factor": 2},
     }
     try:
         return zenoh.open(_config(settings, token))

@@ -3,9 +3,10 @@
 import signal
 import sys
 from importlib.metadata import entry_points
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import typer
+from typer.core import TyperArgument, TyperCommand
 
 from thumper.cli.dashboard import dashboard
 from thumper.cli.doctor import doctor
@@ -52,6 +53,20 @@ COMMANDS = (  # in the order of `thumper --help`
 )
 
 
+class PlainCommand(TyperCommand):
+    """A command whose arguments appear in capitals, in `--help` and in its usage line."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        for parameter in self.params:
+            if isinstance(parameter, TyperArgument) and parameter.metavar is None:
+                parameter.metavar = str(parameter.name).upper()
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """Return the pieces of the usage line; Typer puts required arguments in braces."""
+        return [piece.replace("{", "").replace("}", "") for piece in super().collect_usage_pieces(ctx)]
+
+
 def _show_version(wanted: bool) -> None:
     if wanted:
         typer.echo(f"thumper {__version__}")
@@ -79,13 +94,16 @@ def build_app() -> typer.Typer:
     for command in COMMANDS:
         # so that goto accepts negative coordinates
         settings = {"ignore_unknown_options": True} if command is goto else None
-        app.command(command.__name__.replace("_", "-"), context_settings=settings)(command)
+        name = command.__name__.replace("_", "-")
+        app.command(name, cls=PlainCommand, context_settings=settings)(command)
     for plugin in sorted(entry_points(group="thumper.commands"), key=lambda point: point.name):
         loaded = plugin.load()  # a command, or a group of commands
         if isinstance(loaded, typer.Typer):
+            for member in loaded.registered_commands:
+                member.cls = PlainCommand
             app.add_typer(loaded, name=plugin.name)
         else:
-            app.command(plugin.name)(loaded)
+            app.command(plugin.name, cls=PlainCommand)(loaded)
     return app
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from thumper.cli.options.bus import connect
+from thumper.cli.options.bus import connect, report_to_stderr
 from thumper.cli.options.common import BusAddress, ConfigFile, RobotName
 
 
@@ -22,12 +22,11 @@ def record(
 ) -> None:
     """Record all messages of a running robot to MCAP files.
 
-    `thumper run --record` does the same in the robot's own process and loses nothing to the network.
+    `thumper run --record` does the same in the robot's own process and loses nothing to the network. If the
+    robot restarts, its new run becomes a new recording.
 
     Example: `thumper record --seconds 60`
     """
-    import sys
-
     from thumper.cli.output.folder import prepare_output
     from thumper.common.errors import ThumperError
     from thumper.config.robot import load_config
@@ -37,15 +36,15 @@ def record(
     settings = load_config(config)
     folder = out or Path(settings.recording.folder)
 
-    def report(text: str) -> None:
-        print(f"thumper: {text}", file=sys.stderr)
-
     with connect(config, bus, robot) as client:
         prepare_output(folder)
         repair_in_subprocess(folder)
         print(f"recording to {folder}/ (Ctrl-C to stop)")
-        recorder = record_from_bus(client, folder, settings.recording, seconds=seconds, report=report)
-    if recorder.failure:
-        raise ThumperError(f"the recording ended early: {recorder.failure}")
-    dropped = f", {recorder.dropped} dropped: the disk is too slow" if recorder.dropped else ""
-    print(f"{recorder.written} messages{dropped}: {recorder.files[-1]}")
+        recorders = record_from_bus(
+            client, folder, settings.recording, seconds=seconds, report=report_to_stderr
+        )
+    for recorder in recorders:
+        dropped = f", {recorder.dropped} dropped: the disk is too slow" if recorder.dropped else ""
+        print(f"{recorder.written} messages{dropped}: {recorder.files[-1]}")
+    if failure := recorders[-1].failure:
+        raise ThumperError(f"the recording ended early: {failure}")

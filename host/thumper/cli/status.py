@@ -1,7 +1,6 @@
 """`thumper status`, `thumper watch`: show the state and the messages of a running robot."""
 
 import json
-import sys
 import threading
 from collections.abc import Mapping
 from contextlib import suppress
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from thumper.cli.options.bus import connect
+from thumper.cli.options.bus import connect, report_to_stderr
 from thumper.cli.options.common import AsJson, BusAddress, ConfigFile, RobotName
 
 if TYPE_CHECKING:
@@ -88,6 +87,8 @@ def watch(
 ) -> None:
     """Print the messages of a running robot's topic as they arrive; with --json, one object per line.
 
+    If the robot stops, the command says so, and goes on when the robot returns.
+
     Example: `thumper watch pose --count 10`
     """
     import queue
@@ -103,7 +104,7 @@ def watch(
     received: queue.Queue[Any] = queue.Queue(MAX_QUEUED)
     with connect(config, bus, robot) as client:
         client.subscribe(topic, lambda message: _enqueue(received, message))
-        heartbeat = StatusWatchdog(client)
+        heartbeat = StatusWatchdog(client, report_to_stderr)
         printed, hint_printed = 0, False
         try:
             while not count or printed < count:
@@ -113,9 +114,10 @@ def watch(
                     if heartbeat.has_received and not (printed or hint_printed):
                         hint_printed = True
                         hint = f"robot {client.robot!r} is running; no messages on {topic} yet"
-                        print(f"thumper: {hint} (Ctrl-C to stop)", file=sys.stderr)
+                        report_to_stderr(f"{hint} (Ctrl-C to stop)")
                     heartbeat.check()
                     continue
+                heartbeat.check()
                 print(json.dumps(to_json(message)) if as_json else message_text(message), flush=True)
                 printed += 1
         except KeyboardInterrupt:

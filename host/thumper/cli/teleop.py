@@ -56,7 +56,8 @@ def teleop(
         loop = TeleopLoop(settings, client.publish, terminal.read if terminal else bytes, pad)
         stack.callback(loop.release)
         try:
-            _drive(loop, pad, latest, StatusWatchdog(client), 1.0 / settings.teleop.rate_Hz)
+            watchdog = StatusWatchdog(client, lambda line: latest.update(status=line))
+            _drive(loop, pad, latest, watchdog, 1.0 / settings.teleop.rate_Hz)
         except KeyboardInterrupt:
             pass
         finally:

@@ -50,14 +50,14 @@ END_TIMEOUT_S = 3.0
 def run_dashboard(settings: "RobotConfig", options: ServerOptions, robot_address: str) -> None:
     """Serve until Ctrl-C."""
     listener = bind_port(options)  # before the slow imports, to report a port in use at once
-    from thumper.bus.client import BusClient, ReconnectingClient
+    from thumper.bus.client import BusClient
     from thumper.dashboard.page import PageOptions
     from thumper.dashboard.page_commands import TeleopLimits
     from thumper.dashboard.server import build_app, serve
 
     service = settings.service
     app = build_app(
-        ReconnectingClient(lambda: BusClient(settings.name, robot_address, settings.bus.token)),
+        BusClient(settings.name, robot_address, settings.bus.token, wait=True),
         options,
         PageOptions(robot=settings.name, footprint_m=list(settings.footprint.vertices_m)),
         TeleopLimits(v_m_s=service.manual_v_max_m_s, w_rad_s=service.manual_w_max_rad_s),

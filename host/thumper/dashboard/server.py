@@ -5,6 +5,7 @@ import socket
 import time
 from contextlib import suppress
 from dataclasses import asdict
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from nicegui import app as nicegui_app
 from nicegui import ui
 from starlette.middleware import Middleware
 
-from thumper.bus.client import ReconnectingClient
+from thumper.bus.client import BusClient
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.config.bus import is_loopback
@@ -37,7 +38,7 @@ MAX_SOCKET_MESSAGE_BYTES = 64 * 1024
 class ExperimentWatch:
     """Polls the state of the robot's experiment, once for all pages."""
 
-    def __init__(self, robot: ReconnectingClient) -> None:
+    def __init__(self, robot: BusClient) -> None:
         self._robot = robot
         self.state: dict[str, Any] | None = None  # None: the robot does not answer
 
@@ -69,7 +70,7 @@ class RecordingClock:
 
 
 def build_app(
-    robot: ReconnectingClient,
+    robot: BusClient,
     options: ServerOptions,
     page: PageOptions,
     limits: TeleopLimits,
@@ -90,7 +91,8 @@ def build_app(
     state = PageState(base_from_laser)
     connections = Connections(state, PageCommands(robot, limits, lambda: state.map_from_base), extra)
     state.on_change = connections.on_change
-    robot.start(state.on_message, TOPICS)
+    for topic in TOPICS:
+        robot.subscribe(topic, partial(state.on_message, topic))
     hosts = frozenset({"localhost", "127.0.0.1", "::1"}) if is_loopback(options.host) else frozenset()
     app = FastAPI(
         docs_url=None,

@@ -1,6 +1,7 @@
 """Start and stop the recording of a running robot, from the command line, the page or the bus."""
 
 import json
+import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -90,7 +91,9 @@ def recording_control(
     """Yield the recording control and register `record_start` and `record_stop`; repair old files first."""
     repair_in_subprocess(folder)
     control = RecordingControl(robot, config, map_from_base, folder, report)
-    robot.publisher.publish_text("session", text(json.dumps(control.run_metadata().as_metadata())))
+    # Simulated robots start alike: the id distinguishes their runs.
+    metadata = control.run_metadata().as_metadata() | {"process": uuid.uuid4().hex}
+    robot.publisher.publish_text("session", text(json.dumps(metadata)))
     robot.request_handler.handlers.update(record_start=control.start, record_stop=control.stop)
     try:
         yield control

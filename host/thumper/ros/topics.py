@@ -30,6 +30,8 @@ def _in(type_name: str) -> Topic:
     return Topic(type_name=type_name, direction=Direction.IN)
 
 
+PRESENCE = "presence"  # key of the robot's liveliness token on the bus; not a topic
+
 TOPICS: Mapping[str, Topic] = MappingProxyType(
     {
         "scan": _out("sensor_msgs/msg/LaserScan"),

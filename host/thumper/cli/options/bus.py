@@ -2,6 +2,7 @@
 
 import os
 import re
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,6 +36,11 @@ def connect(config: Path | None, address: str, robot: str) -> "BusClient":
     except ValueError as error:
         raise ThumperError(f"--bus {error}", exit_code=EXIT_USAGE) from error
     return BusClient(robot or name, address, token_of(config))
+
+
+def report_to_stderr(text: str) -> None:
+    """Print a line about the robot or the bus, apart from the command's output."""
+    print(f"thumper: {text}", file=sys.stderr, flush=True)
 
 
 def token_of(config: Path | None) -> str:
