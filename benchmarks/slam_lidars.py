@@ -31,7 +31,7 @@ from thumper.offline.map_log import map_records
 from thumper.offline.metrics import relation_errors
 from thumper.offline.open_log import open_log
 from thumper.slam.factory import MappingOptions, Method
-from thumper.slam.particle_filter.rbpf_mapper import RbpfOptions
+from thumper.slam.particle_filter.options import RbpfOptions
 from thumper_hil.world.world import World
 
 TURN_SCALE = 0.3675 / 0.245  # effective over geometric track

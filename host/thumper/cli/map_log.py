@@ -72,7 +72,7 @@ def map_log(
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.offline.map_log import map_log as build
     from thumper.slam.factory import MappingOptions
-    from thumper.slam.particle_filter.rbpf_mapper import RbpfOptions
+    from thumper.slam.particle_filter.options import RbpfOptions
     from thumper.slam.saved_state import load_session
 
     if session is not None and method not in (None, "scan_match"):

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable
 from importlib import import_module
+from inspect import signature
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
@@ -43,3 +44,23 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
     if compiled is not function:  # the compiler is not disabled
         compiled._cache = KernelCache(function)  # type: ignore[no-untyped-call]
     return cast("Callable[P, R]", compiled)
+
+
+def member(generic: Callable[..., R], kind: type) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Make a plain function the one that kernels run for `generic` if its first argument is a `kind`.
+
+    `kind` is a named tuple. The compiler chooses, so the choice costs nothing when the kernel runs.
+    """
+
+    from numba.extending import overload  # after the lines above that hide scipy.linalg
+
+    def add(function: Callable[P, R]) -> Callable[P, R]:
+        def choose(first: object, *others: object) -> Callable[P, R] | None:
+            del others
+            return function if getattr(first, "instance_class", None) is kind else None
+
+        choose.__signature__ = signature(function)  # type: ignore[attr-defined]  # the compiler compares it
+        overload(generic)(choose)
+        return function
+
+    return add

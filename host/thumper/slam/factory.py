@@ -7,7 +7,8 @@ from thumper.common.geometry import FloatArray, Pose2
 from thumper.slam.grid.grid_mapper import GridMapper
 from thumper.slam.grid.options import GridMapperOptions
 from thumper.slam.mapper import Mapper
-from thumper.slam.particle_filter.rbpf_mapper import RbpfMapper, RbpfOptions
+from thumper.slam.particle_filter.options import RbpfOptions
+from thumper.slam.particle_filter.rbpf_mapper import RbpfMapper
 from thumper.slam.pose_graph.graph_mapper import GraphMapper
 from thumper.slam.pose_graph.loop_closure import LoopOptions
 

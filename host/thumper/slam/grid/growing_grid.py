@@ -14,8 +14,13 @@ from thumper.lidar.deskew import INVALID, ScanPoints
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import UNKNOWN, CellArray, OccupancyGrid
 from thumper.slam.grid.ray_casting import Beams
-from thumper.slam.grid.scan_inserter import insert_scan, occupancy
-from thumper.slam.scan_matching.distance_field import DistanceField, HitCells, add_obstacle
+from thumper.slam.grid.scan_inserter import HitCells, insert_scan, occupancy
+from thumper.slam.scan_matching.distance_field import (
+    DistanceField,
+    add_obstacle,
+    insertion_rule,
+    metric_distances,
+)
 
 Number = TypeVar("Number", np.uint8, np.float32)
 
@@ -39,6 +44,8 @@ class HitGrid:
         self._distances = distances
         self.max_distance_cells = max(1, min(127, round(max_distance_m / resolution_m)))
         self.occupied_fraction = occupied_fraction
+        distances_m = metric_distances(self.max_distance_cells, resolution_m)
+        self._rule = insertion_rule(distances_m, self.max_distance_cells, occupied_fraction)
         self._first_row = self._first_col = 0
         self._rendered: OccupancyGrid | None = None  # the last returned map, until a scan changes it
         self.hits = np.zeros((0, 0), dtype=np.uint8)
@@ -71,7 +78,7 @@ class HitGrid:
         grid._grow(hits.shape[0] + 2 * edge, hits.shape[1] + 2 * edge, 0, 0)
         grid.hits[edge:-edge, edge:-edge], grid.misses[edge:-edge, edge:-edge] = hits, misses
         for row, col in np.argwhere(grid.occupied()):
-            add_obstacle(int(row), int(col), grid.distance_m, resolution_m, grid.max_distance_cells)
+            add_obstacle(int(row), int(col), grid.distance_m, grid._rule)
         return grid
 
     def counts(self) -> HitCounts:
@@ -113,15 +120,8 @@ class HitGrid:
             (ends_m - corner) / self.resolution_m,
             points.kinds[valid],
         )
-        cells = HitCells(
-            self.hits,
-            self.misses,
-            self.distance_m,
-            self.resolution_m,
-            self.max_distance_cells,
-            self.occupied_fraction,
-        )
-        insert_scan(beams, self._layer, cells)
+        cells = HitCells(self.hits, self.misses, self.distance_m)
+        insert_scan(beams, self._layer, cells, self._rule)
 
     def occupied(self) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
         """Return the mask of occupied cells, shape (rows, columns)."""
@@ -133,7 +133,7 @@ class HitGrid:
         rows, cols = self.hits.shape
         distance_m = np.full((rows, cols), self.max_distance_m, dtype=np.float32)
         for row, col in np.argwhere(self.occupied()):
-            add_obstacle(int(row), int(col), distance_m, self.resolution_m, self.max_distance_cells)
+            add_obstacle(int(row), int(col), distance_m, self._rule)
         return distance_m
 
     def grid(self, *, percent: bool) -> OccupancyGrid:

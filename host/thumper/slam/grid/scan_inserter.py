@@ -1,6 +1,7 @@
 """Insert a scan into the counts: a beam hits the cell at its end and misses the cells it crosses."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +11,8 @@ from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, CellArray
 from thumper.slam.grid.ray_casting import Beams, LayerArray, cast_rays
 from thumper.slam.scan_matching.distance_field import (
     CountArray,
-    HitCells,
+    FieldArray,
+    InsertionRule,
     add_obstacle,
     is_occupied,
     remove_obstacle,
@@ -20,37 +22,51 @@ TOUCHED = 1
 COUNT_MAX = 250  # both counts are halved beyond this: the fraction stays, and old evidence fades
 
 
+class HitCells(NamedTuple):
+    """Counts and distances of one grid, arrays of shape (rows, columns). `distance_m` may be empty."""
+
+    hits: CountArray
+    misses: CountArray
+    distance_m: FieldArray
+
+
 @kernel
-def add_observation(hits: int, misses: int, hit: bool) -> tuple[int, int]:
-    """Return the counts of a cell after one more observation."""
+def observe(hits: int, misses: int, hit: bool, occupied: bool, rule: InsertionRule) -> tuple[int, int, bool]:
+    """Return the counts of a cell after one more observation, and whether it is occupied from now on.
+
+    `occupied` is whether it was before: then less than the full share of hits keeps it.
+    """
     if hits >= COUNT_MAX or misses >= COUNT_MAX:
         hits, misses = hits // 2, misses // 2
-    if hit:
-        return hits + 1, misses
-    return hits, misses + 1
+    hits, misses = (hits + 1, misses) if hit else (hits, misses + 1)
+    return (
+        hits,
+        misses,
+        is_occupied(hits, misses, (rule.release if occupied else 1.0) * rule.occupied_fraction),
+    )
 
 
 @kernel
-def observe_cell(row: int, col: int, hit: bool, cells: HitCells) -> None:
+def _observe_cell(row: int, col: int, hit: bool, cells: HitCells, rule: InsertionRule) -> None:
     """Add one observation to a cell, and update the distances if its state changes."""
-    hits, misses, fraction = cells.hits, cells.misses, cells.occupied_fraction
-    before = is_occupied(hits[row, col], misses[row, col], fraction)
-    new_hits, new_misses = add_observation(int(hits[row, col]), int(misses[row, col]), hit)
-    hits[row, col], misses[row, col] = new_hits, new_misses
-    after = is_occupied(hits[row, col], misses[row, col], fraction)
+    hits, misses = cells.hits, cells.misses
+    before = is_occupied(hits[row, col], misses[row, col], rule.occupied_fraction)
+    hits[row, col], misses[row, col], after = observe(
+        int(hits[row, col]), int(misses[row, col]), hit, before, rule
+    )
     if after and not before:
-        add_obstacle(row, col, cells.distance_m, cells.resolution_m, cells.max_distance_cells)
+        add_obstacle(row, col, cells.distance_m, rule)
     elif before and not after:
-        remove_obstacle(row, col, cells)
+        remove_obstacle(row, col, cells.distance_m, rule)
 
 
 @kernel
-def insert_scan(beams: Beams, layer: LayerArray, cells: HitCells) -> None:
+def insert_scan(beams: Beams, layer: LayerArray, cells: HitCells, rule: InsertionRule) -> None:
     """Insert one scan. Every beam must lie inside the arrays.
 
     Each cell counts once per scan, and a hit outweighs any number of beams that cross the same cell.
     Otherwise beams that graze a wall would wear it away. `layer`, one byte per cell, is scratch memory: zero
-    before and after.
+    before and after. With `rule.release` = 1 the counts alone decide what is occupied.
     """
     ends, kinds = beams.ends, beams.kinds
     for i in range(kinds.size):
@@ -58,10 +74,10 @@ def insert_scan(beams: Beams, layer: LayerArray, cells: HitCells) -> None:
             row, col = math.floor(ends[i, 1]), math.floor(ends[i, 0])
             if not layer[row, col]:
                 layer[row, col] = TOUCHED
-                observe_cell(row, col, True, cells)
+                _observe_cell(row, col, True, cells, rule)
     crossed = cast_rays(beams, 0, 1, TOUCHED, layer)
     for i in range(crossed.shape[0]):
-        observe_cell(crossed[i, 0], crossed[i, 1], False, cells)
+        _observe_cell(crossed[i, 0], crossed[i, 1], False, cells, rule)
         layer[crossed[i, 0], crossed[i, 1]] = 0
     for i in range(kinds.size):
         if kinds[i] == HIT:

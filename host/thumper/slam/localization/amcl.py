@@ -6,8 +6,6 @@ table 8.4 (KLD sampling).
 
 import math
 from array import array
-from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,6 +15,15 @@ from thumper.lidar.scan import Scan
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.slam.localization.alternative_poses import PRIOR_RATIO, AlternativePoses, are_close
+from thumper.slam.localization.amcl_state import (
+    NEAR_GIVEN_M,
+    NEAR_GIVEN_RAD,
+    RETRY_SCANS,
+    GivenPose,
+    MapDoubt,
+    PoseEstimate,
+    Schedule,
+)
 from thumper.slam.localization.likelihood_field import LikelihoodField
 from thumper.slam.localization.options import AmclOptions
 from thumper.slam.localization.particle_set import ParticleSet, draw_around
@@ -28,60 +35,8 @@ from thumper.slam.scan_matching.gauss_newton import MIN_HITS
 MAX_BEAMS = 60  # hits are thinned to about this many
 MAX_DISTANCE_M = 0.5  # cut-off of the likelihood field
 LOST_AFTER = 3  # consecutive weighed scans below `lost_below` before the whole map is searched
-RETRY_SCANS = 10  # a lost robot is stationary: it searches again at this interval
 SEARCH_GAIN = 0.5  # as `BEAM_GAIN`, for the first scan of a search: nothing was weighed twice yet
-NEAR_GIVEN_M, NEAR_GIVEN_RAD = 1.0, 0.5  # a match this close to a given pose is what the user meant
-# The right map explains more than this share of that many weighed scans; a wrong map about 0.6.
-DOUBT_SCANS, DOUBT_BELOW = 20, 0.7
 MIN_LOG_RATIO, MAX_LOG_RATIO = 1.0, 50.0  # of a pose that contradicts the given one; limit of its odds
-
-
-@dataclass(slots=True)
-class PoseEstimate:
-    """The estimate at the newest weighed scan."""
-
-    pose: Pose2
-    odom_from_base: Pose2 | None = None  # odometry there; None if no scan was weighed since a restart
-    explained: float = 0.0  # mean likelihood of the beams, 0...1
-
-
-@dataclass(slots=True)
-class Schedule:
-    """When the next scan is weighed, and whether the whole map is searched for it."""
-
-    search: bool  # search the whole map at the next opportunity
-    wait_scans: int = 0  # before the next search
-    unexplained: int = 0  # consecutive weighed scans below `lost_below`
-    skipped: int = 0  # scans since the newest weighed one
-
-    def next_scan(self, trust: PoseTrust) -> None:
-        """Count a scan. A stationary robot at a place without trust searches again."""
-        self.wait_scans = max(0, self.wait_scans - 1)
-        self.skipped += 1
-        if self.skipped >= RETRY_SCANS and trust.unconfirmed:
-            self.search = True
-
-    def retry_due(self) -> bool:
-        """Return whether a stationary robot weighs a scan again because the last one did not fit."""
-        return self.unexplained > 0 and self.skipped >= RETRY_SCANS
-
-
-@dataclass(slots=True)
-class GivenPose:
-    """The pose given by the user."""
-
-    unverified: Pose2 | None = None  # not yet compared with the rest of the map
-    last: Pose2 | None = None
-
-    def set(self, pose: Pose2) -> None:
-        """Take a new pose. If the user gives the same pose twice, it is not verified again."""
-        given_twice = self.last is not None and are_close(pose, self.last, NEAR_GIVEN_M, NEAR_GIVEN_RAD)
-        self.unverified, self.last = None if given_twice else pose, pose
-
-    def pop_unverified(self) -> Pose2 | None:
-        """Return the pose to verify, once."""
-        pose, self.unverified = self.unverified, None
-        return pose
 
 
 class Amcl:
@@ -113,7 +68,7 @@ class Amcl:
         self._given = GivenPose()
         self._trust = PoseTrust(trusted=False)
         self._alternatives = AlternativePoses()
-        self._explained: deque[float] = deque(maxlen=DOUBT_SCANS)  # of the newest weighed scans
+        self._doubt = MapDoubt()
         self._map_from_odom = Pose2()
         self._path = array("d")  # x, y, theta of each scan in turn, compact: a robot runs for days
         self.relocalizations = 0
@@ -187,12 +142,7 @@ class Amcl:
     @property
     def map_doubt(self) -> str:
         """Why the map may be the wrong one, or out of date; empty while it fits."""
-        share = sum(self._explained) / DOUBT_SCANS
-        if len(self._explained) < DOUBT_SCANS or share >= DOUBT_BELOW:
-            return ""
-        return (
-            f"the map explains only {100.0 * share:.0f} % of the scans: is it the right one, and up to date?"
-        )
+        return self._doubt.text
 
     def _lost(self) -> str:
         if self._estimate.odom_from_base is None and not self._schedule.search:
@@ -228,7 +178,7 @@ class Amcl:
         A robot in doubt weighs it again, because nothing drives it until its pose is known.
         """
         likelihood = self._observe(scan, twist)
-        moved = self._motion_since_update(odom_from_base)
+        moved = self._estimate.motion(odom_from_base)
         expected = self._estimate.pose @ moved
         jumped = self._estimate.odom_from_base is None or self._schedule.search
         self._schedule.next_scan(self._trust)
@@ -258,10 +208,6 @@ class Amcl:
         thinned = slice(None, None, max(1, len(hits_m) // MAX_BEAMS))
         hits_m, origins_m = np.ascontiguousarray(hits_m[thinned]), np.ascontiguousarray(origins_m[thinned])
         return ScanLikelihood(origins_m, hits_m, self._map, self._options)
-
-    def _motion_since_update(self, odom_from_base: Pose2) -> Pose2:
-        before = self._estimate.odom_from_base
-        return Pose2() if before is None else before.inverse() @ odom_from_base
 
     def _is_due(self, moved: Pose2) -> bool:
         """Return whether this scan is weighed."""
@@ -340,7 +286,7 @@ class Amcl:
     def _accept(self, hypothesis: PoseHypothesis, odom_from_base: Pose2) -> None:
         """Store the estimate, and count whether the map explains the scan there."""
         self._estimate = PoseEstimate(hypothesis.pose, odom_from_base, hypothesis.explained)
-        self._explained.append(hypothesis.explained)
+        self._doubt.add(hypothesis.explained)
         poor = hypothesis.explained < self._options.lost_below
         self._schedule.unexplained = self._schedule.unexplained + 1 if poor else 0
         self._schedule.skipped = 0

@@ -7,14 +7,12 @@ from thumper.lidar.deskew import ScanPoints
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.slam.grid.ray_casting import Beams
+from thumper.slam.particle_filter.patch_distances import RELEASE, quantized_distances
 from thumper.slam.particle_filter.patch_inserter import (
-    InsertionRule,
     PatchTables,
     PoseGroups,
     RayThinning,
-    distance_stencil,
     insert_into_all,
-    quantized_distances,
 )
 from thumper.slam.particle_filter.patches import (
     FAR,
@@ -26,7 +24,7 @@ from thumper.slam.particle_filter.patches import (
     render,
     render_occupancy,
 )
-from thumper.slam.scan_matching.distance_field import DistanceField
+from thumper.slam.scan_matching.distance_field import DistanceField, insertion_rule
 
 FIRST_PATCHES = 256
 SPARE_PATCHES = 256  # added beyond what is needed, so that the pool does not grow at each scan
@@ -46,12 +44,8 @@ class ParticleMaps:
         self.levels_per_cell = 254.0 / self.max_distance_cells
         self.pool = empty_pool(FIRST_PATCHES)
         self.tables: IndexArray = np.zeros((particles, 0, 0), dtype=np.int32)
-        self._rule = InsertionRule(
-            stencil=distance_stencil(self.max_distance_cells),
-            levels=quantized_distances(self.max_distance_cells),
-            max_distance_cells=self.max_distance_cells,
-            occupied_fraction=occupied_fraction,
-        )
+        levels = quantized_distances(self.max_distance_cells)
+        self._rule = insertion_rule(levels, self.max_distance_cells, occupied_fraction, RELEASE)
         self._first_row = self._first_col = 0
         self._layer = np.zeros((0, 0), dtype=np.uint8)  # scratch, one byte per cell of the tables
         self._scans = 0

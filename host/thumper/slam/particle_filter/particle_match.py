@@ -12,15 +12,17 @@ from typing import NamedTuple
 import numpy as np
 
 from thumper.common.geometry import FloatArray
-from thumper.common.numba_kernel import kernel
+from thumper.common.numba_kernel import kernel, member
 from thumper.slam.particle_filter.patches import FAR, MASK, SIDE_BITS, IndexArray
 from thumper.slam.scan_matching.distance_field import ByteArray
 from thumper.slam.scan_matching.gauss_newton import (
     NormalEquations,
     PosePrior,
-    add_beam,
+    add_beams,
     add_prior,
     bilinear,
+    robust_cost,
+    sample,
 )
 from thumper.slam.scan_matching.linalg3 import sample3, solve3
 
@@ -68,8 +70,8 @@ def _level(field: PatchMap, row: int, col: int) -> float:
     return float(field.distance[field.table[row >> SIDE_BITS, col >> SIDE_BITS], row & MASK, col & MASK])
 
 
-@kernel
-def _interpolate(field: PatchMap, x: float, y: float) -> tuple[float, float, float]:
+@member(sample, PatchMap)
+def _sample_levels(field: PatchMap, x: float, y: float) -> tuple[float, float, float]:
     """Return the bilinear level and its slopes along x and y per cell at a point in cells."""
     u, v = x - 0.5, y - 0.5
     c, r = math.floor(u), math.floor(v)
@@ -84,7 +86,16 @@ def _interpolate(field: PatchMap, x: float, y: float) -> tuple[float, float, flo
     else:
         d00, d01 = _level(field, r, c), _level(field, r, c + 1)
         d10, d11 = _level(field, r + 1, c), _level(field, r + 1, c + 1)
-    return bilinear(d00, d01, d10, d11, u - c, v - r)
+    level, jx, jy = bilinear(d00, d01, d10, d11, u - c, v - r)
+    return (level, jx, jy) if level < FAR else (level, 0.0, 0.0)
+
+
+@member(robust_cost, ParticleMatchWeights)
+def _geman_mcclure(weights: ParticleMatchWeights, residual: float) -> tuple[float, float]:
+    """Return the Cauchy weight, and the Geman-McClure cost, which needs no logarithm."""
+    unit, fade = 1.0 / (weights.beam_std * weights.beam_std), 1.0 / (weights.outlier * weights.outlier)
+    weight = unit / (1.0 + fade * residual * residual)
+    return weight, 0.5 * weight * residual * residual
 
 
 @kernel
@@ -137,23 +148,9 @@ def _gauss_newton(
     All lengths are in levels and cells. Leaves the information matrix of the mode in `hessian`, shape (3, 3).
     """
     system = NormalEquations(hessian, np.zeros(3))
-    unit = 1.0 / (weights.beam_std * weights.beam_std)
-    fade = 1.0 / (weights.outlier * weights.outlier)
     cost = 0.0
     for _ in range(weights.iterations):
-        system.hessian[:] = 0.0
-        system.gradient[:] = 0.0
-        cos, sin = math.cos(pose[2]), math.sin(pose[2])
-        cost = 0.0
-        for i in range(points.shape[0]):
-            rx = cos * points[i, 0] - sin * points[i, 1]
-            ry = sin * points[i, 0] + cos * points[i, 1]
-            level, jx, jy = _interpolate(field, pose[0] + rx, pose[1] + ry)
-            weight = unit / (1.0 + fade * level * level)
-            cost += 0.5 * weight * level * level  # Geman-McClure, which needs no logarithm
-            if level >= FAR:
-                continue
-            add_beam(system, weight, level, jx, jy, jy * rx - jx * ry)
+        cost = add_beams(points, pose, field, weights, system)
         add_prior(system, pose, prior, 0.0)
         step = solve3(system.hessian, system.gradient)
         shrink = min(

@@ -1,4 +1,4 @@
-"""Insert a scan into patched maps, and keep the quantized distance to the nearest occupied cell."""
+"""Insert a scan into the patched maps of all particles."""
 
 import math
 from typing import NamedTuple
@@ -9,7 +9,8 @@ from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
 from thumper.lidar.deskew import HIT
 from thumper.slam.grid.ray_casting import Beams, cast_rays
-from thumper.slam.grid.scan_inserter import COUNT_MAX, add_observation
+from thumper.slam.grid.scan_inserter import COUNT_MAX, observe
+from thumper.slam.particle_filter.patch_distances import add_obstacle, remove_obstacle
 from thumper.slam.particle_filter.patch_free_space import (
     CROSSED,
     ENDED,
@@ -22,7 +23,6 @@ from thumper.slam.particle_filter.patch_free_space import (
     neighbours,
 )
 from thumper.slam.particle_filter.patches import (
-    FAR,
     MASK,
     SIDE,
     SIDE_BITS,
@@ -30,20 +30,7 @@ from thumper.slam.particle_filter.patches import (
     Pool,
     writable,
 )
-from thumper.slam.scan_matching.distance_field import ByteArray, FieldArray, is_occupied
-
-# An occupied cell becomes free below this part of `occupied_fraction`. With one limit for both, its edge
-# would flicker.
-RELEASE = 0.7
-
-
-class InsertionRule(NamedTuple):
-    """How counts become occupied cells, and occupied cells become distances."""
-
-    stencil: ByteArray  # quantized distances around an occupied cell, shape (2 n + 1, 2 n + 1)
-    levels: ByteArray  # quantized distance by squared distance in cells, shape (2 n^2 + 1,)
-    max_distance_cells: int  # n
-    occupied_fraction: float  # share of hits that makes a cell occupied
+from thumper.slam.scan_matching.distance_field import ByteArray, InsertionRule, is_occupied
 
 
 class PatchTables(NamedTuple):
@@ -69,142 +56,22 @@ class RayThinning(NamedTuple):
     every: int
 
 
-def quantized_distances(max_distance_cells: int) -> ByteArray:
-    """Return the table from squared distance in cells to 0...254, and FAR from the largest distance on."""
-    squared = np.arange(2 * max_distance_cells * max_distance_cells + 1)
-    level = np.floor(254.0 * np.sqrt(squared) / max_distance_cells)
-    return np.where(squared < max_distance_cells * max_distance_cells, level, FAR).astype(np.uint8)
-
-
-def distance_stencil(max_distance_cells: int) -> ByteArray:
-    """Return the quantized distances around an occupied cell, shape (2 n + 1, 2 n + 1)."""
-    squared = np.arange(-max_distance_cells, max_distance_cells + 1) ** 2
-    return np.asarray(quantized_distances(max_distance_cells)[squared[:, np.newaxis] + squared])
-
-
-@kernel
-def _add_obstacle(row: int, col: int, table: IndexArray, pool: Pool, rule: InsertionRule) -> None:
-    """Lower the distances around a cell that became occupied, patch by patch."""
-    reach = rule.max_distance_cells
-    for pr in range((row - reach) >> SIDE_BITS, ((row + reach) >> SIDE_BITS) + 1):
-        top, bottom = max(row - reach, pr * SIDE), min(row + reach + 1, (pr + 1) * SIDE)
-        for pc in range((col - reach) >> SIDE_BITS, ((col + reach) >> SIDE_BITS) + 1):
-            left, right = max(col - reach, pc * SIDE), min(col + reach + 1, (pc + 1) * SIDE)
-            near = pool.distance[writable(table, pr, pc, pool), top & MASK :, left & MASK :]
-            around = rule.stencil[top - row + reach :, left - col + reach :]
-            for r in range(bottom - top):  # without branches, so the compiler vectorizes it
-                for c in range(right - left):
-                    level, old = around[r, c], near[r, c]
-                    near[r, c] = level if level < old else old
-
-
-@kernel
-def _has_zero_byte(word: np.uint64) -> bool:
-    """Return whether one of the eight bytes is 0 (Mycroft's test)."""
-    return bool((word - np.uint64(0x0101010101010101)) & ~word & np.uint64(0x8080808080808080))
-
-
-@kernel
-def _lower_to(row: int, col: int, rows: FieldArray, cols: FieldArray, squared: FieldArray) -> None:
-    """Lower the squared distances of cells to that from an occupied cell."""
-    wall_row, wall_col = np.float32(row), np.float32(col)
-    for i in range(rows.size):
-        dr, dc = rows[i] - wall_row, cols[i] - wall_col
-        found, old = dr * dr + dc * dc, squared[i]
-        squared[i] = found if found < old else old
-
-
-class LostCells(NamedTuple):
-    """Cells whose distance was to an obstacle that is gone; float32, so that the compiler vectorizes."""
-
-    rows: FieldArray
-    cols: FieldArray
-    squared: FieldArray  # distance to the nearest other obstacle found so far, in cells, squared
-
-
-@kernel
-def _remove_obstacle(row: int, col: int, table: IndexArray, pool: Pool, rule: InsertionRule) -> None:
-    """Recompute the distances around a cell that became free.
-
-    A cell is occupied exactly where the level is 0, so the neighbourhood is read from the levels alone.
-    """
-    side = 2 * rule.max_distance_cells + 1
-    lost = LostCells(
-        np.empty(side * side, dtype=np.float32),
-        np.empty(side * side, dtype=np.float32),
-        np.empty(side * side, dtype=np.float32),
-    )
-    n_lost, top, bottom, left, right = _reset_distances(row, col, table, pool, rule, lost)
-    _search_obstacles(
-        (top, bottom, left, right),
-        table,
-        pool,
-        LostCells(lost.rows[:n_lost], lost.cols[:n_lost], lost.squared[:n_lost]),
-    )
-    for i in range(n_lost):
-        r, c = int(lost.rows[i]), int(lost.cols[i])
-        pool.distance[table[r >> SIDE_BITS, c >> SIDE_BITS], r & MASK, c & MASK] = rule.levels[
-            int(lost.squared[i])
-        ]
-
-
-@kernel
-def _reset_distances(
-    row: int, col: int, table: IndexArray, pool: Pool, rule: InsertionRule, lost: LostCells
-) -> tuple[int, int, int, int, int]:
-    """Reset the distances that may be to the cell; return their number, and the box to search, inclusive."""
-    reach, n_lost = rule.max_distance_cells, 0
-    top, bottom, left, right = row, row, col, col
-    for pr in range((row - reach) >> SIDE_BITS, ((row + reach) >> SIDE_BITS) + 1):
-        for pc in range((col - reach) >> SIDE_BITS, ((col + reach) >> SIDE_BITS) + 1):
-            patch, own = int(table[pr, pc]), False
-            for r in range(max(row - reach, pr * SIDE), min(row + reach + 1, (pr + 1) * SIDE)):
-                for c in range(max(col - reach, pc * SIDE), min(col + reach + 1, (pc + 1) * SIDE)):
-                    level = rule.stencil[r - row + reach, c - col + reach]
-                    if level != FAR and pool.distance[patch, r & MASK, c & MASK] == level:
-                        if not own:
-                            patch, own = writable(table, pr, pc, pool), True
-                        pool.distance[patch, r & MASK, c & MASK] = FAR
-                        lost.rows[n_lost], lost.cols[n_lost] = r, c
-                        lost.squared[n_lost] = reach * reach
-                        n_lost += 1
-                        top, bottom = min(top, r), max(bottom, r)
-                        left, right = min(left, c), max(right, c)
-    return n_lost, top - reach, bottom + reach, left - reach, right + reach
-
-
-@kernel
-def _search_obstacles(box: tuple[int, int, int, int], table: IndexArray, pool: Pool, lost: LostCells) -> None:
-    """Lower the lost cells' distances to those from all obstacles in the box (top, bottom, left, right)."""
-    top, bottom, left, right = box
-    for pr in range(top >> SIDE_BITS, (bottom >> SIDE_BITS) + 1):
-        for pc in range(left >> SIDE_BITS, (right >> SIDE_BITS) + 1):
-            near, first, last = pool.distance[table[pr, pc]], pc * SIDE, (pc + 1) * SIDE - 1
-            words = near.view(np.uint64)  # eight cells at a time: few are occupied
-            for r in range(max(top, pr * SIDE), min(bottom + 1, (pr + 1) * SIDE)):
-                for w in range((max(left, first) & MASK) >> 3, ((min(right, last) & MASK) >> 3) + 1):
-                    if not _has_zero_byte(words[r & MASK, w]):
-                        continue
-                    for c in range(8 * w, 8 * w + 8):
-                        if near[r & MASK, c] == 0:
-                            _lower_to(r, first + c, lost.rows, lost.cols, lost.squared)
-
-
 @kernel
 def _observe_cell(row: int, col: int, hit: bool, table: IndexArray, pool: Pool, rule: InsertionRule) -> None:
     """Add one observation to a cell, and update the distances if its state changes."""
     patch = writable(table, row >> SIDE_BITS, col >> SIDE_BITS, pool)
     r, c = row & MASK, col & MASK
-    before = pool.distance[patch, r, c] == 0
-    hits, misses = add_observation(int(pool.hits[patch, r, c]), int(pool.misses[patch, r, c]), hit)
     if hit:
         pool.has_hits[patch] = True
+    before = pool.distance[patch, r, c] == 0
+    hits, misses, after = observe(
+        int(pool.hits[patch, r, c]), int(pool.misses[patch, r, c]), hit, before, rule
+    )
     pool.hits[patch, r, c], pool.misses[patch, r, c] = hits, misses
-    after = is_occupied(hits, misses, (RELEASE if before else 1.0) * rule.occupied_fraction)
     if after and not before:
-        _add_obstacle(row, col, table, pool, rule)
+        add_obstacle(row, col, table, pool, rule)
     elif before and not after:
-        _remove_obstacle(row, col, table, pool, rule)
+        remove_obstacle(row, col, table, pool, rule)
 
 
 @kernel
@@ -294,7 +161,7 @@ def _miss_hit_cells(
             missed = int(misses[r, c]) + 1
             # Count here what changes no cell's state: a call costs more, for its reference counting.
             if missed < COUNT_MAX and (
-                near[r, c] != 0 or is_occupied(int(hits[r, c]), missed, RELEASE * rule.occupied_fraction)
+                near[r, c] != 0 or is_occupied(int(hits[r, c]), missed, rule.release * rule.occupied_fraction)
             ):
                 misses[r, c] = missed
             else:

@@ -5,59 +5,29 @@ IEEE T-RO 23(1), 2007.
 """
 
 import math
-from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt, Interval
 
-from thumper.common.geometry import FloatArray, Pose2, Twist2, wrap_angle
+from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.deskew import ScanPoints, scan_points
 from thumper.lidar.scan import Scan
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.slam.grid.grid_mapper import is_beyond
-from thumper.slam.grid.grid_matcher import (
-    SCORE_STD_M,
-    SEARCH_BELOW,
-    SEARCH_GAIN,
-    SEARCH_STD_M,
-    SEARCH_STEP_RAD,
-    Match,
-)
+from thumper.slam.grid.grid_matcher import SEARCH_BELOW, SEARCH_GAIN, Match
 from thumper.slam.grid.options import GridMapperOptions
 from thumper.slam.mapper import MapperUpdate, PoseQuality
+from thumper.slam.particle_filter.options import RbpfOptions
 from thumper.slam.particle_filter.particle_maps import ParticleMaps
-from thumper.slam.particle_filter.particle_match import (
-    ParticleMatches,
-    ParticleMatchWeights,
-    PatchMaps,
-    match_all,
-)
+from thumper.slam.particle_filter.particle_match import ParticleMatches
+from thumper.slam.particle_filter.particle_matcher import ParticleMatcher
 from thumper.slam.particle_filter.trajectory_tree import TrajectoryTree
-from thumper.slam.scan_matching.correlative import SearchWindow, correlative_search
-from thumper.slam.scan_matching.gauss_newton import (
-    MIN_HITS,
-    OUTLIER_M,
-    degenerate_direction,
-    odometry_information,
-)
+from thumper.slam.pose_arrays import compose, to_pose
+from thumper.slam.scan_matching.gauss_newton import MIN_HITS, degenerate_direction, odometry_information
 from thumper.slam.scan_matching.pose_covariance import PoseCovariance
 
 WEIGHT_GAIN = 0.05  # share of a beam's evidence that counts: neighbouring beams repeat it
 PROPOSAL_STD_SHARE = 0.2  # share of the match's standard deviation by which particles differ
-CLIMB_BELOW = 0.6  # a score below this adds the hill climb
-MAX_ITERATIONS = 8  # Gauss-Newton steps per particle
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RbpfOptions:
-    """Options of the particle filter. Those of `GridMapperOptions` apply, too."""
-
-    particles: Annotated[int, Gt(0)] = 30  # number of hypotheses, each with its own map
-    seed: Annotated[int, Ge(0)] = 1  # the same log and seed give the same map
-    matched_beams: Annotated[int, Gt(0)] = 180  # hits are thinned to about this many for the match
-    resample_below: Annotated[float, Interval(ge=0, le=1)] = 0.5  # share of effective particles
 
 
 class RbpfMapper:
@@ -80,8 +50,6 @@ class RbpfMapper:
         self._filter_options = filter_options or RbpfOptions()
         self._base_from_laser = base_from_laser or Pose2()
         n, resolution_m = self._filter_options.particles, self._options.resolution_m
-        units = np.array([resolution_m, resolution_m, 1.0])  # a cell, a cell and a radian
-        self._square_units: FloatArray = np.outer(units, units)
         start = map_from_base or Pose2()
         self._poses = np.tile(np.array([start.x_m, start.y_m, start.theta_rad]), (n, 1))
         self._log_weights = np.zeros(n)
@@ -94,6 +62,7 @@ class RbpfMapper:
         self._parents = np.arange(n, dtype=np.int32)
         self._trajectories = TrajectoryTree()
         self.maps = ParticleMaps(n, resolution_m, self._options.reach_m, self._options.occupied_fraction)
+        self._matcher = ParticleMatcher(self.maps, self._options, self._filter_options)
         self.resamplings = 0
 
     @property
@@ -112,7 +81,7 @@ class RbpfMapper:
     def resume_at(self, map_from_base: Pose2, map_from_odom: Pose2, covariance: FloatArray) -> None:
         """Continue in the same maps from a pose that another estimator found at a newer scan."""
         step = self._best_pose().inverse() @ map_from_base
-        self._poses = _compose(self._poses, step)
+        self._poses = compose(self._poses, step)
         self._odom_from_base, self._map_from_odom = map_from_odom.inverse() @ map_from_base, map_from_odom
         self._covariance.reset(covariance)
 
@@ -150,7 +119,8 @@ class RbpfMapper:
         )
         scratch.update(Pose2(), scan, Twist2())
         scratch.update(Pose2(theta_rad=3.0), scan, Twist2())
-        scratch._search_window(scan_points(scan, Twist2(), Pose2(), 5.0).hits_m(), scratch._poses)
+        hits_m = scan_points(scan, Twist2(), Pose2(), 5.0).hits_m()
+        scratch._matcher.search_window(hits_m, scratch._poses, 0)
         scratch._resample()
         scratch.grid()
 
@@ -192,8 +162,8 @@ class RbpfMapper:
 
     def _start(self, odom_from_base: Pose2, moved: Pose2, points: ScanPoints, usable: bool) -> MapperUpdate:
         """Insert the first usable scan; until there is one, odometry alone moves the particles."""
-        self._poses, self._odom_from_base = _compose(self._poses, moved), odom_from_base
-        pose = _pose(self._poses[0])
+        self._poses, self._odom_from_base = compose(self._poses, moved), odom_from_base
+        pose = to_pose(self._poses[0])
         if usable:
             self.maps.insert(self._poses, points)
             self._trajectories.add_step(self._poses, self._parents)
@@ -205,7 +175,7 @@ class RbpfMapper:
         """Run one step of the filter; return the best particle's match."""
         if self.effective_particles < self._filter_options.resample_below * self._log_weights.size:
             self._resample()
-        matches = self._propose(hits_m, _compose(self._poses, moved), moved)
+        matches = self._propose(hits_m, compose(self._poses, moved), moved)
         before = self._best_pose()
         self._weigh(matches)
         score = float(matches.scores[self._best])
@@ -214,15 +184,18 @@ class RbpfMapper:
         self._update_covariance(before, moved, hits_m, matches)
         self._trajectories.add_step(self._poses, self._parents)
         self._parents = np.arange(self._log_weights.size, dtype=np.int32)
-        return Match(pose=_pose(matches.poses[self._best]), score=score)
+        return Match(pose=to_pose(matches.poses[self._best]), score=score)
 
     def _propose(self, hits_m: FloatArray, predicted: FloatArray, moved: Pose2) -> ParticleMatches:
         """Match all particles and draw from their proposals; search a window if none explains the scan."""
         noise = PROPOSAL_STD_SHARE * self._rng.standard_normal(predicted.shape)
-        matches = self._match(hits_m, predicted, moved, noise)
+        information = self._odometry_information(hits_m, predicted, moved)
+        matches = self._matcher.match(hits_m, predicted, information, noise)
         if matches.scores.max() < SEARCH_BELOW:
-            start = self._search_window(hits_m, predicted)
-            again = self._match(hits_m, start, moved, noise)
+            start = self._matcher.search_window(hits_m, predicted, self._best)
+            again = self._matcher.match(
+                hits_m, start, self._odometry_information(hits_m, start, moved), noise
+            )
             if again.scores.max() > matches.scores.max() + SEARCH_GAIN:
                 return again
         return matches
@@ -240,69 +213,25 @@ class RbpfMapper:
     ) -> None:
         self._covariance.predict(before, before @ moved)
         degenerate = degenerate_direction(before.theta_rad + moved.theta_rad, hits_m)
-        information = matches.informations[self._best] / self._square_units
+        information = self._matcher.information(matches, self._best)
         self._covariance.update(information, degenerate, float(matches.scores[self._best]))
 
     def _is_explained(self, score: float) -> bool:
         """Return whether a scan of this score may be inserted: at a wrong pose it would spoil the maps."""
         return score >= self._options.confidence.lost_below
 
+    def _odometry_information(self, hits_m: FloatArray, predicted: FloatArray, moved: Pose2) -> FloatArray:
+        """Return the information of the predicted poses, shape (3, 3); the particles differ by little."""
+        degenerate = degenerate_direction(float(predicted[0, 2]), hits_m)
+        return odometry_information(self._options.matching, moved, degenerate, self._covariance.covariance)
+
     def _match_best(self, hits_m: FloatArray, predicted: Pose2, moved: Pose2) -> Match:
         """Match the scan in the best particle's map alone."""
         row = np.array([[predicted.x_m, predicted.y_m, predicted.theta_rad]])
         only_best = slice(self._best, self._best + 1)
-        matches = self._match(hits_m, row, moved, np.zeros((1, 3)), only_best)
-        return Match(pose=_pose(matches.poses[0]), score=float(matches.scores[0]))
-
-    def _match(
-        self,
-        hits_m: FloatArray,
-        predicted: FloatArray,
-        moved: Pose2,
-        noise: FloatArray,
-        which: slice = slice(None),
-    ) -> ParticleMatches:
-        """Match the particles in `which` from predicted poses, shape (n, 3), in metres and radians."""
-        options, matching = self._options, self._options.matching
-        resolution_m, levels_per_m = options.resolution_m, self.maps.levels_per_cell / options.resolution_m
-        # A degenerate direction and the uncertainty are the same for all particles: they differ by little.
-        degenerate = degenerate_direction(float(predicted[0, 2]), hits_m)
-        information = odometry_information(matching, moved, degenerate, self._covariance.covariance)
-        weights = ParticleMatchWeights(
-            beam_std=matching.beam_std_m * levels_per_m,
-            outlier=OUTLIER_M * levels_per_m,
-            score_std=SCORE_STD_M * levels_per_m,
-            climb_below=CLIMB_BELOW,
-            iterations=MAX_ITERATIONS,
-        )
-        n, thin = predicted.shape[0], max(1, round(hits_m.shape[0] / self._filter_options.matched_beams))
-        matches = ParticleMatches(
-            np.empty((n, 3)), noise.copy(), np.empty(n), np.empty(n), np.empty((n, 3, 3))
-        )
-        match_all(
-            hits_m[::thin] / resolution_m,
-            self.maps.to_cells(predicted),
-            information * self._square_units,
-            PatchMaps(self.maps.tables[which], self.maps.pool.distance),
-            weights,
-            matches,
-        )
-        return matches._replace(
-            poses=self.maps.to_metres(matches.poses), draws=self.maps.to_metres(matches.draws)
-        )
-
-    def _search_window(self, hits_m: FloatArray, predicted: FloatArray) -> FloatArray:
-        """Return the predicted poses, moved by what a window search finds for the best particle."""
-        options, centre = self._options, predicted[self._best].copy()
-        centre[:2] -= self.maps.corner_m
-        thin = max(1, hits_m.shape[0] // self._filter_options.matched_beams)
-        window = SearchWindow(
-            options.search_window_m, options.search_window_rad, 2.0 * options.resolution_m, SEARCH_STEP_RAD
-        )
-        field = self.maps.distance_field(self._best)
-        found = correlative_search(np.ascontiguousarray(hits_m[::thin]), centre, window, field, SEARCH_STD_M)
-        found[:2] += self.maps.corner_m
-        return _compose(predicted, _pose(predicted[self._best]).inverse() @ _pose(found))
+        information = self._odometry_information(hits_m, row, moved)
+        matches = self._matcher.match(hits_m, row, information, np.zeros((1, 3)), only_best)
+        return Match(pose=to_pose(matches.poses[0]), score=float(matches.scores[0]))
 
     def _weights(self) -> FloatArray:
         weights = np.exp(self._log_weights - self._log_weights.max())
@@ -324,20 +253,4 @@ class RbpfMapper:
         self.resamplings += 1
 
     def _best_pose(self) -> Pose2:
-        return _pose(self._poses[self._best])
-
-
-def _pose(row: FloatArray) -> Pose2:
-    return Pose2(x_m=float(row[0]), y_m=float(row[1]), theta_rad=wrap_angle(float(row[2])))
-
-
-def _compose(poses: FloatArray, step: Pose2) -> FloatArray:
-    """Move every pose, shape (n, 3), by the same step in its own frame; headings are not wrapped."""
-    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    return np.column_stack(
-        (
-            poses[:, 0] + cos * step.x_m - sin * step.y_m,
-            poses[:, 1] + sin * step.x_m + cos * step.y_m,
-            poses[:, 2] + step.theta_rad,
-        )
-    )
+        return to_pose(self._poses[self._best])

@@ -4,11 +4,11 @@ The score of a beam is then one table look-up, and an update costs only where a 
 that of Lau, Sprunk, Burgard, "Improved updating of Euclidean distance maps and Voronoi diagrams", IROS 2010.
 Here the distance is bounded, so a plain window replaces their wave front.
 
-`distance_m`, float32, shape (rows, columns), is measured between cell centres and cut off at the largest
-distance.
+Distances are measured between cell centres and cut off at the largest distance. `GridMapper` keeps them in
+metres, in one array. The particle filter keeps them as bytes, in patches. Both update them block by block
+with the kernels below.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ from thumper.common.numba_kernel import kernel
 FieldArray = NDArray[np.float32]
 ByteArray = NDArray[np.uint8]
 CountArray = NDArray[np.uint8]
+LevelArray = FieldArray | ByteArray  # distances [m], or quantized ones; 0 on an occupied cell
 
 
 class DistanceField(NamedTuple):
@@ -29,15 +30,38 @@ class DistanceField(NamedTuple):
     max_distance_m: float  # cut-off: cells at this distance have nothing near them
 
 
-class HitCells(NamedTuple):
-    """Counts and distances of one grid, arrays of shape (rows, columns). `distance_m` may be empty."""
+class InsertionRule(NamedTuple):
+    """How counts become occupied cells, and occupied cells become distances."""
 
-    hits: CountArray
-    misses: CountArray
-    distance_m: FieldArray
-    resolution_m: float
-    max_distance_cells: int
+    stencil: LevelArray  # distances around an occupied cell, shape (2 n + 1, 2 n + 1)
+    levels: LevelArray  # distance by squared distance in cells, shape (2 n^2 + 1,); the last is the cut-off
+    max_distance_cells: int  # n
     occupied_fraction: float  # share of hits that makes a cell occupied
+    release: float  # part of that share below which an occupied cell becomes free
+
+
+class LostCells(NamedTuple):
+    """Cells whose distance was to an obstacle that is gone; float32, so that the compiler vectorizes."""
+
+    rows: FieldArray
+    cols: FieldArray
+    squared: FieldArray  # distance to the nearest other obstacle found so far, in cells, squared
+
+
+def insertion_rule(
+    levels: LevelArray, max_distance_cells: int, occupied_fraction: float, release: float = 1.0
+) -> InsertionRule:
+    """Return the rule for distances given by squared distance in cells, shape (2 n^2 + 1,)."""
+    squared = np.arange(-max_distance_cells, max_distance_cells + 1) ** 2
+    stencil = levels[squared[:, np.newaxis] + squared]
+    return InsertionRule(stencil, levels, max_distance_cells, occupied_fraction, release)
+
+
+def metric_distances(max_distance_cells: int, resolution_m: float) -> FieldArray:
+    """Return the table from squared distance in cells to distance [m], cut off at the largest distance."""
+    squared = np.arange(2 * max_distance_cells * max_distance_cells + 1)
+    exact_m = np.minimum(resolution_m * np.sqrt(squared), max_distance_cells * resolution_m)
+    return exact_m.astype(np.float32)
 
 
 @kernel
@@ -47,42 +71,102 @@ def is_occupied(hits: int, misses: int, occupied_fraction: float) -> bool:
 
 
 @kernel
-def cell_distance_m(rows: int, cols: int, resolution_m: float) -> np.float32:
-    """Return the distance between two cells that many rows and columns apart [m]."""
-    return np.float32(resolution_m * math.sqrt(rows * rows + cols * cols))
+def add_obstacle(row: int, col: int, distance: LevelArray, rule: InsertionRule) -> None:
+    """Lower the distances, shape (rows, columns), around a cell that became occupied."""
+    reach = rule.max_distance_cells
+    top, left = max(0, row - reach), max(0, col - reach)
+    near = distance[top : row + reach + 1, left : col + reach + 1]
+    lower_to_stencil(near, rule.stencil[top - row + reach :, left - col + reach :])
 
 
 @kernel
-def add_obstacle(
-    row: int, col: int, distance_m: FieldArray, resolution_m: float, max_distance_cells: int
-) -> None:
-    """Shorten the distances around a cell that became occupied."""
-    for r in range(max(0, row - max_distance_cells), min(distance_m.shape[0], row + max_distance_cells + 1)):
-        for c in range(
-            max(0, col - max_distance_cells), min(distance_m.shape[1], col + max_distance_cells + 1)
-        ):
-            candidate_m = cell_distance_m(r - row, c - col, resolution_m)
-            distance_m[r, c] = min(distance_m[r, c], candidate_m)
+def remove_obstacle(row: int, col: int, distance: LevelArray, rule: InsertionRule) -> None:
+    """Recompute the distances, shape (rows, columns), around a cell that became free."""
+    if distance.size == 0:
+        return
+    reach, far = rule.max_distance_cells, rule.levels[-1]
+    distance[row, col] = far
+    lost = lost_cells(reach)
+    top, left = max(0, row - reach), max(0, col - reach)
+    near = distance[top : row + reach + 1, left : col + reach + 1]
+    around = rule.stencil[top - row + reach :, left - col + reach :]
+    lost.rows[0], lost.cols[0] = row, col
+    n = list_lost_cells(near, around, far, (top, left), lost, 1)
+    lost = LostCells(lost.rows[:n], lost.cols[:n], lost.squared[:n])
+    top, bottom, left, right = search_box(lost, reach)
+    top, left = max(0, top), max(0, left)
+    lower_to_obstacles(distance[top : bottom + 1, left : right + 1], (top, left), lost)
+    for i in range(n):
+        distance[int(lost.rows[i]), int(lost.cols[i])] = rule.levels[int(lost.squared[i])]
 
 
 @kernel
-def remove_obstacle(row: int, col: int, cells: HitCells) -> None:
-    """Recompute the distances around a cell that became free.
+def lost_cells(max_distance_cells: int) -> LostCells:
+    """Return an empty list with room for all cells near an obstacle."""
+    side = 2 * max_distance_cells + 1
+    return LostCells(
+        np.empty(side * side, dtype=np.float32),
+        np.empty(side * side, dtype=np.float32),
+        np.full(side * side, max_distance_cells * max_distance_cells, dtype=np.float32),
+    )
 
-    The cell's counts must already be those of a free cell.
+
+@kernel
+def lower_to_stencil(near: LevelArray, around: LevelArray) -> None:
+    """Lower a block of distances to those from one obstacle, which begin at `around[0, 0]`."""
+    for r in range(near.shape[0]):  # without branches, so the compiler vectorizes it
+        for c in range(near.shape[1]):
+            level, old = around[r, c], near[r, c]
+            near[r, c] = level if level < old else old
+
+
+@kernel
+def list_lost_cells(
+    near: LevelArray, around: LevelArray, far: float, corner: tuple[int, int], lost: LostCells, n: int
+) -> int:
+    """Add the cells of a block whose distance may be to the removed obstacle; return their new number.
+
+    `around` are the distances from the obstacle. `corner` is the row and column of the block's first cell.
     """
-    distance_m, resolution_m, reach = cells.distance_m, cells.resolution_m, cells.max_distance_cells
-    rows, cols = distance_m.shape
-    max_distance_m = np.float32(reach * resolution_m)
-    top, bottom, left, right = rows, -1, cols, -1
-    for r in range(max(0, row - reach), min(rows, row + reach + 1)):
-        for c in range(max(0, col - reach), min(cols, col + reach + 1)):
-            own_m = cell_distance_m(r - row, c - col, resolution_m)
-            if distance_m[r, c] < max_distance_m and distance_m[r, c] == own_m:
-                distance_m[r, c] = max_distance_m
-                top, bottom = min(top, r), max(bottom, r)
-                left, right = min(left, c), max(right, c)
-    for r in range(max(0, top - reach), min(rows, bottom + reach + 1)):
-        for c in range(max(0, left - reach), min(cols, right + reach + 1)):
-            if is_occupied(cells.hits[r, c], cells.misses[r, c], cells.occupied_fraction):
-                add_obstacle(r, c, distance_m, resolution_m, reach)
+    for r in range(near.shape[0]):
+        for c in range(near.shape[1]):
+            if around[r, c] != far and near[r, c] == around[r, c]:
+                lost.rows[n], lost.cols[n] = corner[0] + r, corner[1] + c
+                n += 1
+    return n
+
+
+@kernel
+def search_box(lost: LostCells, max_distance_cells: int) -> tuple[int, int, int, int]:
+    """Return first and last row, first and last column, of the obstacles that may be near the lost cells."""
+    return (
+        int(lost.rows.min()) - max_distance_cells,
+        int(lost.rows.max()) + max_distance_cells,
+        int(lost.cols.min()) - max_distance_cells,
+        int(lost.cols.max()) + max_distance_cells,
+    )
+
+
+@kernel
+def lower_to_obstacles(block: LevelArray, corner: tuple[int, int], lost: LostCells) -> None:
+    """Lower the squared distances of the lost cells to those from all obstacles in a block.
+
+    A cell is occupied exactly where its distance is 0.
+    """
+    for r in range(block.shape[0]):
+        occupied = 0
+        for c in range(block.shape[1]):  # without branches: most rows hold no obstacle
+            occupied += block[r, c] == 0
+        if occupied:
+            for c in range(block.shape[1]):
+                if block[r, c] == 0:
+                    _lower_to_obstacle(corner[0] + r, corner[1] + c, lost)
+
+
+@kernel
+def _lower_to_obstacle(row: int, col: int, lost: LostCells) -> None:
+    obstacle_row, obstacle_col = np.float32(row), np.float32(col)
+    for i in range(lost.rows.size):
+        dr, dc = lost.rows[i] - obstacle_row, lost.cols[i] - obstacle_col
+        found, old = dr * dr + dc * dc, lost.squared[i]
+        lost.squared[i] = found if found < old else old

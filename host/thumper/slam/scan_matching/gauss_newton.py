@@ -13,7 +13,7 @@ import numpy as np
 from annotated_types import Ge, Gt
 
 from thumper.common.geometry import FloatArray, Pose2
-from thumper.common.numba_kernel import kernel
+from thumper.common.numba_kernel import kernel, member
 from thumper.slam.scan_matching.degeneracy import weakest_direction
 from thumper.slam.scan_matching.distance_field import DistanceField, FieldArray
 from thumper.slam.scan_matching.linalg3 import inverse3, solve3
@@ -144,7 +144,7 @@ def score(points_m: FloatArray, pose: FloatArray, field: DistanceField, std_m: f
 
 
 @kernel
-def add_beam(
+def _add_beam(
     system: NormalEquations, weight: float, residual: float, jx: float, jy: float, jt: float
 ) -> None:
     """Add one beam to the system (eqs. 12, 13); `jx`, `jy`, `jt` are the residual's derivatives."""
@@ -174,6 +174,61 @@ def add_prior(system: NormalEquations, pose: FloatArray, prior: PosePrior, cost:
     return cost
 
 
+def sample(field: object, x: float, y: float) -> tuple[float, float, float]:
+    """Return a beam's residual and its slopes along x and y, for an end at this point of the field.
+
+    A generic function of kernels: each kind of field is a member. The slopes are 0 where nothing is near.
+    """
+    raise NotImplementedError
+
+
+def robust_cost(weights: object, residual: float) -> tuple[float, float]:
+    """Return weight and cost of a beam. A generic function of kernels: each kind of weights is a member."""
+    raise NotImplementedError
+
+
+@member(sample, DistanceField)
+def _sample_metres(field: DistanceField, x: float, y: float) -> tuple[float, float, float]:
+    d_m, du, dv = interpolate(
+        field.distance_m, x / field.resolution_m, y / field.resolution_m, field.max_distance_m
+    )
+    if d_m >= field.max_distance_m:
+        return d_m, 0.0, 0.0
+    return d_m, du / field.resolution_m, dv / field.resolution_m
+
+
+@member(robust_cost, MatchWeights)
+def _cauchy(weights: MatchWeights, residual: float) -> tuple[float, float]:
+    """Return weight and cost c^2/2 log(1 + d^2/c^2) / std^2."""
+    unit, outlier_m = 1.0 / (weights.beam_std_m * weights.beam_std_m), weights.outlier_m
+    relative = (residual / outlier_m) ** 2
+    return unit / (1.0 + relative), 0.5 * unit * outlier_m * outlier_m * math.log(1.0 + relative)
+
+
+@kernel
+def add_beams(
+    points: FloatArray, pose: FloatArray, field: object, weights: object, system: NormalEquations
+) -> float:
+    """Fill the Gauss-Newton system with the beams at `pose`, weights frozen; return their robust cost.
+
+    `points`, shape (n, 2), and `pose`, shape (3,), are in the unit of the field.
+    """
+    system.hessian[:] = 0.0
+    system.gradient[:] = 0.0
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    cost = 0.0
+    for i in range(points.shape[0]):
+        rx = cos * points[i, 0] - sin * points[i, 1]  # eq. 8: the beam's end is pose + (rx, ry)
+        ry = sin * points[i, 0] + cos * points[i, 1]
+        residual, jx, jy = sample(field, pose[0] + rx, pose[1] + ry)
+        weight, beam_cost = robust_cost(weights, residual)
+        cost += beam_cost
+        if jx == 0.0 and jy == 0.0:
+            continue
+        _add_beam(system, weight, residual, jx, jy, jy * rx - jx * ry)  # eq. 14
+    return cost
+
+
 @kernel
 def normal_equations(
     points_m: FloatArray,
@@ -183,30 +238,8 @@ def normal_equations(
     weights: MatchWeights,
     system: NormalEquations,
 ) -> float:
-    """Fill the Gauss-Newton system at `pose`, weights frozen, and return the robust cost there.
-
-    Cost: sum of c^2/2 log(1 + d^2/c^2) / std^2 over the beams (Cauchy), plus the prior's half-square.
-    """
-    system.hessian[:] = 0.0
-    system.gradient[:] = 0.0
-    outlier_m, resolution_m, max_distance_m = weights.outlier_m, field.resolution_m, field.max_distance_m
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    weight_unit = 1.0 / (weights.beam_std_m * weights.beam_std_m)
-    cost = 0.0
-    for i in range(points_m.shape[0]):
-        rx = cos * points_m[i, 0] - sin * points_m[i, 1]  # eq. 8: the beam's end is pose + (rx, ry)
-        ry = sin * points_m[i, 0] + cos * points_m[i, 1]
-        d_m, du, dv = interpolate(
-            field.distance_m, (pose[0] + rx) / resolution_m, (pose[1] + ry) / resolution_m, max_distance_m
-        )
-        relative = (d_m / outlier_m) ** 2
-        cost += 0.5 * weight_unit * outlier_m * outlier_m * math.log(1.0 + relative)
-        if d_m >= max_distance_m:
-            continue  # the field is flat there
-        jx, jy = du / resolution_m, dv / resolution_m
-        jt = -jx * ry + jy * rx  # eq. 14
-        add_beam(system, weight_unit / (1.0 + relative), d_m, jx, jy, jt)
-    return add_prior(system, pose, prior, cost)
+    """Fill the Gauss-Newton system at `pose`; return the cost of beams and prior there."""
+    return add_prior(system, pose, prior, add_beams(points_m, pose, field, weights, system))
 
 
 @kernel

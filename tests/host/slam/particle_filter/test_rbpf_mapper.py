@@ -14,11 +14,12 @@ from thumper.slam.factory import MappingOptions, Method, make_mapper
 from thumper.slam.grid.grid_mapper import GridMapper
 from thumper.slam.grid.options import GridMapperOptions
 from thumper.slam.grid.scan_inserter import COUNT_MAX
+from thumper.slam.particle_filter.options import RbpfOptions
 from thumper.slam.particle_filter.particle_maps import SPARE_PATCHES
+from thumper.slam.particle_filter.patch_distances import RELEASE, quantized_distances
 from thumper.slam.particle_filter.patch_free_space import count_misses
-from thumper.slam.particle_filter.patch_inserter import RELEASE, quantized_distances
 from thumper.slam.particle_filter.patches import FAR, copy_tables, empty_pool, grow, render, writable
-from thumper.slam.particle_filter.rbpf_mapper import RbpfMapper, RbpfOptions
+from thumper.slam.particle_filter.rbpf_mapper import RbpfMapper
 from thumper_hil.world.world import World
 
 
