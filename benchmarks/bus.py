@@ -25,6 +25,7 @@ from thumper.ros.topics import TOPICS, Direction
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.figure import figure
+from benchmarks.shared.live import END_WITH_PARENT
 
 THUMPER = str(Path(sys.executable).with_name("thumper"))
 MEASURE_S = 20.0
@@ -55,7 +56,7 @@ def robot(folder: Path, address: str) -> Iterator[None]:
     processes = []
     try:
         for command in commands:
-            processes.append(subprocess.Popen(command, stdout=subprocess.DEVNULL))
+            processes.append(subprocess.Popen([*END_WITH_PARENT, *command], stdout=subprocess.DEVNULL))
             wait_for(board) if "sim" in command else connect(address).close()
         yield
     finally:
@@ -121,7 +122,7 @@ def main() -> None:
             subscribers = []
             for _ in range(SUBSCRIBERS):
                 command = [sys.executable, "-c", SUBSCRIBE, address]
-                subscribers.append(subprocess.Popen(command, stdout=subprocess.PIPE))
+                subscribers.append(subprocess.Popen([*END_WITH_PARENT, *command], stdout=subprocess.PIPE))
                 assert subscribers[-1].stdout is not None
                 subscribers[-1].stdout.readline()
             try:

@@ -8,7 +8,7 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-from benchmarks.shared.live import free_port, until
+from benchmarks.shared.live import END_WITH_PARENT, free_port, until
 from playwright.sync_api import Page
 
 CHROMIUM = "/usr/bin/chromium"
@@ -46,7 +46,7 @@ class Server:
     def start(self) -> None:
         """Start, and wait until it answers."""
         with self._log.open("wb") as log:
-            self.process = subprocess.Popen(self._command, stdout=log, stderr=log)
+            self.process = subprocess.Popen([*END_WITH_PARENT, *self._command], stdout=log, stderr=log)
         until(self._answers, START_S)
 
     def kill(self) -> None:

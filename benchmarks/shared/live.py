@@ -1,4 +1,4 @@
-"""Helpers of tests that run programs: a free network port, and waiting on a busy machine."""
+"""Helpers that run programs: a free network port, waiting on a busy machine, and no orphans."""
 
 import random
 import socket
@@ -6,6 +6,12 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
+
+END_WITH_PARENT = ("setpriv", "--pdeathsig", "TERM")
+"""Prefix of a command: it ends, as by Ctrl-C, when the program that started it ends in any way.
+
+A test that is killed runs no cleanup. Without this prefix its simulators would run for ever.
+"""
 
 
 def free_port() -> int:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from benchmarks.shared.browser import CHROMIUM, FLAGS, Server, chromium_processes, open_page, signal_all
-from benchmarks.shared.live import free_port, until
+from benchmarks.shared.live import END_WITH_PARENT, free_port, until
 from playwright.sync_api import BrowserType
 
 from thumper.bus.client import BusClient
@@ -29,6 +29,7 @@ def robot_address(tmp_path: Path) -> Iterator[str]:
     board = "sim://freeze/board?world=lab&x_m=1.7&y_m=0.1&yaw_deg=180&seed=1"
     process = subprocess.Popen(
         [
+            *END_WITH_PARENT,
             *(sys.executable, "-m", "thumper", "run", "--config", str(config)),
             *("--board", board, "--lidar", "sim://freeze/lidar", "--start", "1.7", "0.1", "180"),
             *("--out", str(tmp_path / "out")),

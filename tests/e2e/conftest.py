@@ -9,6 +9,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from benchmarks.shared.live import END_WITH_PARENT
 
 from tests.e2e.service import START, Service
 from thumper.board.options import BoardOptions
@@ -26,7 +27,11 @@ def thumper() -> Callable[..., subprocess.CompletedProcess[str]]:
 
     def run(*arguments: str | Path, timeout_s: float = 120.0) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            [THUMPER, *map(str, arguments)], capture_output=True, text=True, timeout=timeout_s, check=False
+            [*END_WITH_PARENT, THUMPER, *map(str, arguments)],
+            capture_output=True,
+            text=True,
+            timeout=timeout_s,
+            check=False,
         )
 
     return run
@@ -51,7 +56,7 @@ def ports(tmp_path: Path) -> Iterator[tuple[Path, Path]]:
     """Return the ports of a simulated robot in the lab that runs in real time."""
     board, lidar = tmp_path / "board", tmp_path / "lidar"
     command: list[str | Path] = [THUMPER, "sim", "--board-pty", board, "--lidar-pty", lidar, "--world", "lab"]
-    process = subprocess.Popen([*command, "--start", "0", "0", "0"])
+    process = subprocess.Popen([*END_WITH_PARENT, *command, "--start", "0", "0", "0"])
     try:
         deadline = time.monotonic() + 30
         while not (board.exists() and lidar.exists()):

@@ -9,7 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from benchmarks.shared.live import free_port, until
+from benchmarks.shared.live import END_WITH_PARENT, free_port, until
 
 from tests.e2e.conftest import THUMPER
 
@@ -23,7 +23,9 @@ def bus(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     world = "sim://commands/board?world=lab&x_m=1.73&y_m=0.08&yaw_deg=180"
     command = [str(THUMPER), "run", "--board", world, "--lidar", "sim://commands/lidar", "--bus", address]
     command += ["--start", "1.73", "0.08", "180", "--speed", "1", "--out", str(out)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [*END_WITH_PARENT, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     assert process.stdout is not None
     assert "is running on" in process.stdout.readline()
     yield address
@@ -45,7 +47,9 @@ def test_goto_waits_for_arrival(thumper: Run, bus: str) -> None:
 
 def test_ctrl_c_cancels_the_goal(thumper: Run, bus: str) -> None:
     command = [str(THUMPER), "goto", "--bus", bus, "--", "0.2", "0.05", "180"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [*END_WITH_PARENT, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     assert process.stdout is not None
     assert "m to go" in process.stdout.readline()
     process.send_signal(signal.SIGINT)

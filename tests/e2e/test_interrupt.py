@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from benchmarks.shared.live import END_WITH_PARENT
 
 from tests.e2e.conftest import THUMPER
 
@@ -26,7 +27,9 @@ def test_no_drive_starts_after_ctrl_c(
     arguments: list[str], under_way: str, next_drive: str, tmp_path: Path
 ) -> None:
     command = [str(THUMPER), *arguments, "--out", str(tmp_path)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [*END_WITH_PARENT, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     assert process.stdout is not None
     for line in process.stdout:
         if under_way in line and "m to go" in line:
@@ -44,7 +47,7 @@ def test_ctrl_c_reports_the_motors_while_waiting_for_the_board(command: str, tmp
     """Nothing answers on the port; the handshake request shows that the command waits."""
     master, slave = os.openpty()
     process = subprocess.Popen(
-        [str(THUMPER), command, "--board", os.ttyname(slave), "--out", str(tmp_path)],
+        [*END_WITH_PARENT, str(THUMPER), command, "--board", os.ttyname(slave), "--out", str(tmp_path)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -61,7 +64,7 @@ def test_ctrl_c_ends_a_command_that_still_loads(tmp_path: Path) -> None:
     """A slow stand-in for the first imported library gives the test time."""
     (tmp_path / "typer.py").write_text("import time\nprint('loading', flush=True)\ntime.sleep(60)\n")
     process = subprocess.Popen(
-        [sys.executable, "-m", "thumper", "status"],
+        [*END_WITH_PARENT, sys.executable, "-m", "thumper", "status"],
         env=os.environ | {"PYTHONPATH": str(tmp_path)},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

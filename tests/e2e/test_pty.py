@@ -7,6 +7,8 @@ import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
+from benchmarks.shared.live import END_WITH_PARENT
+
 from tests.e2e.conftest import THUMPER
 from thumper.board.board import Board
 from thumper.board.messages import State
@@ -39,7 +41,9 @@ def test_interrupt_stops_the_motors_first(ports: tuple[Path, Path], tmp_path: Pa
         "--out",
         tmp_path,
     ]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [*END_WITH_PARENT, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     assert process.stdout is not None
     for line in process.stdout:  # one per second in the drive; imports and handshake come first
         if re.search(r"m to go, +[2-9]", line):

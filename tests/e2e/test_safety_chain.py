@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from benchmarks.shared.live import free_port, until
+from benchmarks.shared.live import END_WITH_PARENT, free_port, until
 
 from tests.e2e.conftest import THUMPER
 from thumper.bus.client import BusClient
@@ -36,7 +36,16 @@ class Chain:
         board, lidar = folder / "board", folder / "lidar"
         self._said: list[dict[str, float]] = []
         self.sim = subprocess.Popen(
-            [sys.executable, str(HERE / "witness.py"), str(board), str(lidar), "1.73", "0.08", "180"],
+            [
+                *END_WITH_PARENT,
+                sys.executable,
+                str(HERE / "witness.py"),
+                str(board),
+                str(lidar),
+                "1.73",
+                "0.08",
+                "180",
+            ],
             stdout=subprocess.PIPE,
             text=True,
         )
@@ -45,7 +54,8 @@ class Chain:
         self.address = f"127.0.0.1:{free_port()}"
         ports = ["--board", str(board), "--lidar", str(lidar), "--start", "1.73", "0.08", "180"]
         self.robot = subprocess.Popen(
-            [THUMPER, "run", *ports, "--bus", self.address, "--out", str(folder)], stdout=subprocess.DEVNULL
+            [*END_WITH_PARENT, THUMPER, "run", *ports, "--bus", self.address, "--out", str(folder)],
+            stdout=subprocess.DEVNULL,
         )
         until(self._answers)
         self.client = BusClient("thumper", self.address)
@@ -127,7 +137,7 @@ def page(chain: Chain) -> Iterator[subprocess.Popen[str]]:
     """Return a page that has sent a goal and sends heartbeats; the robot drives."""
     x_m, y_m = chain.next_goal()
     command = [sys.executable, str(HERE / "page.py"), chain.address, str(x_m), str(y_m)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen([*END_WITH_PARENT, *command], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     assert "True" in process.stdout.readline()
     chain.wait_for_motion()

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from benchmarks.shared.live import free_port, until
+from benchmarks.shared.live import END_WITH_PARENT, free_port, until
 
 from tests.e2e.conftest import THUMPER
 from thumper.board.messages import State
@@ -50,7 +50,7 @@ def robot(config: Path) -> Iterator[Path]:
         "--out",
         config.parent / "out",
     ]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen([*END_WITH_PARENT, *command], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert "is running on" in process.stdout.readline()
         yield config
@@ -74,7 +74,9 @@ def test_a_held_key_drives_and_a_killed_program_stops(robot: Path, client: BusCl
     until(lambda: wheels)
     ours, theirs = pty.openpty()
     with subprocess.Popen(
-        [THUMPER, "teleop", "--config", robot, "--no-gamepad"], stdin=theirs, stdout=subprocess.PIPE
+        [*END_WITH_PARENT, THUMPER, "teleop", "--config", robot, "--no-gamepad"],
+        stdin=theirs,
+        stdout=subprocess.PIPE,
     ) as process:
         assert process.stdout is not None
         while b"handy" not in process.stdout.read1():  # type: ignore[attr-defined]
@@ -103,7 +105,8 @@ def test_recording_in_a_second_process_and_in_the_robot(
     robot: Path, client: BusClient, tmp_path: Path
 ) -> None:
     beside = subprocess.Popen(
-        [THUMPER, "record", "--config", robot, "--out", tmp_path, "--seconds", "6"], stdout=subprocess.PIPE
+        [*END_WITH_PARENT, THUMPER, "record", "--config", robot, "--out", tmp_path, "--seconds", "6"],
+        stdout=subprocess.PIPE,
     )
     status: list[Any] = []
     client.subscribe("status", status.append)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 import serial
+from benchmarks.shared.live import END_WITH_PARENT
 
 from thumper.board.framing import FrameDecoder, encode_frame
 from thumper.board.messages import Identify, Identity, Telemetry
@@ -33,7 +34,9 @@ class Served:
     def __init__(self, folder: Path) -> None:
         self.board, self.lidar = folder / "board", folder / "lidar"
         self.process = subprocess.Popen(
-            [sys.executable, "-c", SERVE, str(self.board), str(self.lidar)], stdout=subprocess.PIPE, text=True
+            [*END_WITH_PARENT, sys.executable, "-c", SERVE, str(self.board), str(self.lidar)],
+            stdout=subprocess.PIPE,
+            text=True,
         )
         assert self.process.stdout is not None
         assert "Press Ctrl-C to stop" in self.process.stdout.readline()

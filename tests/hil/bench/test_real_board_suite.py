@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from benchmarks.shared.live import END_WITH_PARENT
 
 from thumper.board.board import Board
 from thumper.board.messages import Command, Fault, ResetCause
@@ -41,7 +42,7 @@ def served(folder: Path, *options: str) -> Iterator[Path]:
     path = folder / "board"
     paths = ["--board-pty", str(path), "--lidar-pty", str(folder / "lidar")]
     command = [str(THUMPER), "sim", *paths, "--world", "hall", *options]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+    with subprocess.Popen([*END_WITH_PARENT, *command], stdout=subprocess.PIPE, text=True) as server:
         assert server.stdout is not None
         assert "Press Ctrl-C to stop" in server.stdout.readline()
         yield path

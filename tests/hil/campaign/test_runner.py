@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from benchmarks.shared.live import END_WITH_PARENT
 from distributed import LocalCluster
 
 from tests.hil.campaign.samples import FILE, written
@@ -74,7 +75,16 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
     """Start a scheduler and two workers, each in its own process."""
     file = tmp_path / "scheduler.json"
     scheduler = subprocess.Popen(
-        [BIN / "dask", "scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", file],
+        [
+            *END_WITH_PARENT,
+            BIN / "dask",
+            "scheduler",
+            "--port",
+            "0",
+            "--no-dashboard",
+            "--scheduler-file",
+            file,
+        ],
         stderr=subprocess.DEVNULL,
     )
     workers: list[subprocess.Popen[bytes]] = []
@@ -92,7 +102,10 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
             "--no-dashboard",
             "--no-nanny",  # a nanny would restart a killed worker
         ]
-        workers += [subprocess.Popen(command, stderr=subprocess.DEVNULL, cwd=tmp_path) for _ in range(2)]
+        workers += [
+            subprocess.Popen([*END_WITH_PARENT, *command], stderr=subprocess.DEVNULL, cwd=tmp_path)
+            for _ in range(2)
+        ]
         address = file.read_text().split('"address": "')[1].split('"')[0]
         yield address, workers
     finally:
@@ -149,7 +162,8 @@ def test_killed_worker_loses_no_row(
     path = written(tmp_path)
     out = tmp_path / "out"
     run = subprocess.Popen(
-        [BIN / "thumper", "campaign", path, "--out", out, "--scheduler", address], stdout=subprocess.DEVNULL
+        [*END_WITH_PARENT, BIN / "thumper", "campaign", path, "--out", out, "--scheduler", address],
+        stdout=subprocess.DEVNULL,
     )
     rows = out / "rows.csv"
     while not rows.exists() or rows.read_text().count("\n") < 2:  # the header and a row

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import mcap.reader
 import pytest
+from benchmarks.shared.live import END_WITH_PARENT
 from benchmarks.shared.recorded_run import EPOCH_NS, RUN, cycles
 from mcap.writer import CompressionType, Writer
 
@@ -50,7 +51,7 @@ def log_times(path: Path) -> list[int]:
 
 def test_kill_9_loses_less_than_a_second(tmp_path: Path) -> None:
     with subprocess.Popen(
-        [sys.executable, "-c", CRASH, str(tmp_path)], stdout=subprocess.PIPE, text=True
+        [*END_WITH_PARENT, sys.executable, "-c", CRASH, str(tmp_path)], stdout=subprocess.PIPE, text=True
     ) as run:
         assert run.stdout is not None
         published_s = 0.0
