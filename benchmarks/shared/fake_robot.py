@@ -216,6 +216,7 @@ class FakeRobot:
             warnings=int(self.battery_V < 7.0),
             rx_frames=cycle % 65536,
             rx_errors=2,
+            tx_dropped=0,
         )
 
     def _status(self, now_s: float, pose: Pose2) -> Status:

@@ -27,8 +27,8 @@ namespace {
 // Shared with interrupts. Unless noted, the main loop accesses these only with interrupts off.
 Uart uart;
 Adc adc;
-Beeper beeper;
 motors::Drive drive;
+Beeper beeper(drive);
 using LeftEncoder = fw::QuadratureDecoder<pins::kLeftEncoder>;
 using RightEncoder = fw::QuadratureDecoder<pins::kRightEncoder>;
 LeftEncoder left_encoder;
@@ -43,7 +43,11 @@ volatile uint8_t active_config = 0;
 // Written by the control tick. The main loop reads them between two ticks.
 fw::Side left_side, right_side;
 fw::Samples samples;
-volatile bool ticked = false;
+volatile uint8_t ticks = 0;  // since the main loop last collected them
+
+static_assert(
+    2UL * 10 * fw::kControlRate_Hz * (sizeof(fw::Frame<fw::Telemetry>) + 2) <= THUMPER_BAUD,
+    "telemetry takes more than half of the line: choose a higher baud rate or a lower control rate");
 
 }  // namespace
 
@@ -78,8 +82,8 @@ ISR(TIMER1_COMPA_vect, ISR_NOBLOCK) {
   left_side.Step(command.mode, config, command.left, left_count, &samples.left);
   right_side.Step(command.mode, config, command.right, right_count, &samples.right);
   samples.time_us += fw::kTick_us;
-  if (!beeper.sounding()) drive.Set(samples.left.wheel.pwm, samples.right.wheel.pwm);
-  ticked = true;
+  if (!beeper.sounding()) drive.Set(&samples.left.wheel.pwm, &samples.right.wheel.pwm);
+  ++ticks;
 }
 
 namespace {
@@ -111,21 +115,26 @@ void Configure(const fw::HostInterface& host) {
   active_config = next;
 }
 
-/// Copy the control tick's samples. Repeat if a tick interrupted the copy.
-void Collect(fw::Samples* copy) {
+/// Copy the control tick's samples. Repeat if a tick interrupted the copy. Return the ticks since the last
+/// call.
+uint8_t Collect(fw::Samples* copy) {
+  uint8_t taken = 0;
   do {
-    ticked = false;
-    __asm__ volatile("" ::: "memory");
+    ATOMIC_BLOCK(ATOMIC_FORCEON) {
+      taken = static_cast<uint8_t>(taken + ticks);
+      ticks = 0;
+    }
     *copy = samples;
     __asm__ volatile("" ::: "memory");
-  } while (ticked);
+  } while (ticks != 0);
+  return taken;
 }
 
 /// Sleep until an interrupt leaves work to do. The instruction after sei still runs with interrupts off, so
 /// no interrupt can slip in before the sleep.
 void Idle() {
   cli();
-  if (!ticked && milliseconds == 0 && uart.empty()) {
+  if (ticks == 0 && milliseconds == 0 && uart.empty()) {
     sleep_enable();
     sei();
     sleep_cpu();
@@ -172,6 +181,7 @@ int main() {
       milliseconds = 0;
       measured = adc.Take(&sums);
     }
+    if (adc.stopped()) host.LoseAnalogReadings();
     if (measured) {
       if (host.UpdateBattery(fw::BatteryFromSum_mV(sums.battery))) beeps.Start(fw::kLowBatteryBeeps);
       host.UpdateCurrents(fw::CurrentFromSum_mA(sums.left_current),
@@ -183,15 +193,15 @@ int main() {
       host.AdvanceTime(elapsed_ms);
       Apply(host);
       tick::Hold();
-      drive.AfterMillisecond();
+      if (!beeper.sounding()) drive.AfterMillisecond();
       tick::Release();
       beeper.Sound(beeps.Step(elapsed_ms, host.quiet()));
     }
-    if (ticked) {
+    if (ticks != 0) {
       // If the millisecond interrupt dies, no link time-out can occur. Then the watchdog must act.
       if (clock_runs) watchdog::Kick();
       clock_runs = false;
-      Collect(host.samples());
+      host.CountDropped(static_cast<uint8_t>(Collect(host.samples()) - 1));
       host.Watch();
       Apply(host);
       host.SendTelemetry(uart);

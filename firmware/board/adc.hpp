@@ -6,6 +6,8 @@
 
 /// ADC of battery and motor currents, one conversion per millisecond in turn. A PWM period is 8.2 ms, so a
 /// single sample sees either its on or its off phase. Each reading is a sum of 32 samples over 96 ms.
+/// A conversion that has not finished after its millisecond gives no sample, and stopped() reports when there
+/// are none: the data register would keep the last value for ever.
 class Adc {
  public:
   struct Sums {
@@ -13,12 +15,19 @@ class Adc {
   };
 
   void Start() {
-    ADCSRA = 1 << ADEN | 1 << ADPS2 | 1 << ADPS1 | 1 << ADPS0;  // 125 kHz; a conversion takes 104 us
+    ADCSRA = kOn;
     Convert();
   }
 
   /// Call once per millisecond from the interrupt: add the finished sample and start the next channel.
   void Step() {
+    if ((ADCSRA & 1 << ADIF) == 0) {
+      if (silent_ms_ < kSilent_ms) ++silent_ms_;
+      ADCSRA = 0;  // ends a conversion that hangs
+      Convert();
+      return;
+    }
+    silent_ms_ = 0;
     sums_[channel_] += ADC;
     if (++channel_ == kChannels) {
       channel_ = 0;
@@ -40,8 +49,13 @@ class Adc {
     return true;
   }
 
+  /// True while the converter gives no results. Written by the interrupt.
+  bool stopped() const { return silent_ms_ == kSilent_ms; }
+
  private:
   static constexpr uint8_t kChannels = 3;
+  static constexpr uint8_t kSilent_ms = 50;
+  static constexpr uint8_t kOn = 1 << ADEN | 1 << ADPS2 | 1 << ADPS1 | 1 << ADPS0;  // 125 kHz, 104 us each
   static_assert(kChannels * fw::kAdcSamples >= 9, "the average must span more than a PWM period");
   static_assert(fw::kAdcSamples * 1023UL <= 0xFFFF, "a sum must fit 16 bits");
 
@@ -49,11 +63,12 @@ class Adc {
     const uint8_t channel = channel_ == 0   ? pins::kBatteryChannel
                             : channel_ == 1 ? pins::kLeftCurrentChannel
                                             : pins::kRightCurrentChannel;
-    ADMUX = 1 << REFS0 | channel;  // reference: AVCC
-    ADCSRA |= 1 << ADSC;
+    ADMUX = 1 << REFS0 | channel;          // reference: AVCC
+    ADCSRA = kOn | 1 << ADSC | 1 << ADIF;  // writing 1 clears the flag of the last conversion
   }
 
   uint8_t channel_ = 0, samples_ = 0;
+  volatile uint8_t silent_ms_ = 0;
   uint16_t sums_[kChannels] = {0, 0, 0};
   Sums done_ = {0, 0, 0};
   bool ready_ = false;

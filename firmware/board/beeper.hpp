@@ -10,6 +10,7 @@
 /// clock.hpp). While it sounds, the PWM pins are plain outputs, so Timer 2 cannot drive the motors.
 class Beeper {
  public:
+  constexpr explicit Beeper(motors::Drive& drive) : drive_(drive) {}
   bool sounding() const { return sounding_; }
 
   /// Call with interrupts on. Not inlined: inlining it, or its first line alone, cost 60 bytes.
@@ -18,7 +19,7 @@ class Beeper {
     ATOMIC_BLOCK(ATOMIC_FORCEON) {
       sounding_ = on;
       End();
-      TCCR2A = on ? motors::kPhaseCorrect : motors::kPhaseCorrect | motors::kOutputs;
+      on ? drive_.Disconnect() : drive_.Reconnect();
       TCNT0 = 0;  // otherwise the counter may already be past the new, lower top
       OCR0A = on ? clock::kTone : clock::kMillisecond;
       TIMSK0 = on ? 1 << OCIE0A | 1 << OCIE0B : 1 << OCIE0A;
@@ -42,6 +43,7 @@ class Beeper {
   }
 
  private:
+  motors::Drive& drive_;
   bool sounding_ = false;
   uint8_t phase_ = 0;
 };

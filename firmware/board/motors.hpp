@@ -2,6 +2,7 @@
 #include <avr/io.h>
 
 #include "board/pins.hpp"
+#include "core/config.hpp"
 
 /// Both H-bridges on Timer 2, phase-correct PWM at 122.5 Hz, the T'REX's original rate: "good torque, low
 /// noise".
@@ -36,7 +37,8 @@ inline void Halt() {
 
 /// PWM of both motors. The timer takes a new duty at the top of its period, up to 8.2 ms after the write. If
 /// a motor reversed at once, the old duty would kick it in the new direction. So Set() drives its PWM pin low
-/// before it changes the direction. AfterMillisecond() reconnects the pin once the new duty is active.
+/// before it changes the direction. AfterMillisecond() reconnects the pin once the new duty is active. Each
+/// side rests by itself.
 class Drive {
  public:
   /// Switch both off within a PWM period, brakes released. The control tick must know, or it sets its own
@@ -46,27 +48,38 @@ class Drive {
     OCR2B = 0;
   }
 
-  /// Set PWM in [-255, 255], positive forward. Call from the control tick.
-  void Set(int16_t left, int16_t right) {
-    if ((PORTD & pins::kLeftForward) != 0 ? left < 0 : left > 0) {
+  /// Set PWM in [-255, 255], positive forward. Call from the control tick. Writes 0 to the PWM of a motor
+  /// that rests until the next tick, so that telemetry and monitors see what is driven.
+  void Set(int16_t* left, int16_t* right) {
+    if ((PORTD & pins::kLeftForward) != 0 ? *left < 0 : *left > 0) {
       TCCR2A &= static_cast<uint8_t>(~(1 << COM2B1));
       PIND = kLeftDirection;  // writing 1 toggles
-      rest_ = kRest;
+      left_rest_ = kRest;
     }
-    if ((PORTB & pins::kRightForward) != 0 ? right < 0 : right > 0) {
+    if ((PORTB & pins::kRightForward) != 0 ? *right < 0 : *right > 0) {
       TCCR2A &= static_cast<uint8_t>(~(1 << COM2A1));
       PINB = kRightDirection;
-      rest_ = kRest;
+      right_rest_ = kRest;
     }
-    OCR2B = Duty(left);
-    OCR2A = Duty(right);
+    OCR2B = Duty(*left);
+    OCR2A = Duty(*right);
+    if (kRestsWholeTick && left_rest_ == kRest) *left = 0;
+    if (kRestsWholeTick && right_rest_ == kRest) *right = 0;
   }
 
-  /// Reconnect the pins after the rest. Call each time at least one more millisecond has elapsed, with the
+  /// Reconnect each pin after its rest. Call each time at least one more millisecond has elapsed, with the
   /// tick held and no tone on.
   void AfterMillisecond() {
-    if (rest_ != 0 && --rest_ == 0) TCCR2A = kPhaseCorrect | kOutputs;
+    if (left_rest_ != 0 && --left_rest_ == 0) TCCR2A |= 1 << COM2B1;
+    if (right_rest_ != 0 && --right_rest_ == 0) TCCR2A |= 1 << COM2A1;
   }
+
+  /// Give the pins to the beeper.
+  void Disconnect() { TCCR2A = kPhaseCorrect; }
+
+  /// Take the pins back, as after a reversal: the tone has toggled the directions. Call with the tick held or
+  /// interrupts off.
+  void Reconnect() { left_rest_ = right_rest_ = kRest; }
 
  private:
   /// 8-bit arithmetic: saves two cycles and four bytes.
@@ -81,7 +94,9 @@ class Drive {
   static constexpr uint8_t kRest = 11;
   static_assert((kRest - 2) * (F_CPU / 1000) >= 510 * 256UL, "the rest must last at least one PWM period");
 
-  uint8_t rest_ = 0;
+  static constexpr bool kRestsWholeTick = fw::kTick_us <= (kRest - 1) * 1000UL;
+
+  uint8_t left_rest_ = 0, right_rest_ = 0;
 };
 
 }  // namespace motors

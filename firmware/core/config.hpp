@@ -29,6 +29,7 @@ constexpr uint8_t kFaultWindow_ticks = 3 * kControlRate_Hz / 10;  // 300 ms
 // 2-cell LiPo.
 constexpr uint16_t kBatteryStop_mV = 6400;
 constexpr uint16_t kBatteryRearm_mV = 7000;
+constexpr uint16_t kBatteryHigh_mV = 9000;     // full: 8400
 constexpr uint16_t kBatteryNominal_mV = 7400;  // the feed-forward gains apply at this voltage
 constexpr uint8_t kLowBatteryBeeps = 5;
 

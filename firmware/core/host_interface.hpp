@@ -88,10 +88,22 @@ class HostInterface {
 
   /// Add a battery reading. Return true at the moment the battery becomes low.
   bool UpdateBattery(uint16_t reading_mV) {
-    const bool became_low = battery_.Update(reading_mV);
-    if (became_low) Trip(Fault::kLowBattery);
-    return became_low;
+    const Fault fault = battery_.Update(reading_mV);
+    if (fault != Fault::kNone) Trip(fault);
+    return fault == Fault::kLowBattery;
   }
+
+  /// Call while there are no analogue readings. Stops the motors and forgets the last readings, because
+  /// neither an empty battery nor a blocked motor can be detected.
+  void LoseAnalogReadings() {
+    Trip(Fault::kAdcStopped);
+    battery_ = Battery();
+    left_mA_ = 0;
+    right_mA_ = 0;
+  }
+
+  /// Count control ticks whose telemetry was not sent.
+  void CountDropped(uint8_t ticks) { tx_dropped_ = static_cast<uint16_t>(tx_dropped_ + ticks); }
 
   /// Process the motor currents of the last 96 ms.
   void UpdateCurrents(int16_t left_mA, int16_t right_mA) {
@@ -120,6 +132,7 @@ class HostInterface {
     message.warnings = static_cast<uint8_t>(battery_.warning());
     message.rx_frames = decoder_.frames();
     message.rx_errors = rx_errors();
+    message.tx_dropped = tx_dropped_;
     SendFrame(sink, frame);
   }
 
@@ -289,6 +302,7 @@ class HostInterface {
   DriveCommand command_ = {State::kDisarmed, 0, 0};
   uint16_t silence_ms_ = 0;
   uint16_t refused_ = 0;
+  uint16_t tx_dropped_ = 0;
   Command pending_ = Command::kDisarm;  // SAVE or LOAD waiting for StepStore(); DISARM: none
   uint8_t pending_seq_ = 0, telemetry_seq_ = 0;
   bool changed_ = true;

@@ -6,9 +6,9 @@
 
 namespace fw {
 
-constexpr uint32_t kSchemaHash = 0x69B7F337UL;
+constexpr uint32_t kSchemaHash = 0x7C8BEDE3UL;
 constexpr size_t kMaxHostPayload = 4;  ///< [bytes] largest payload from the host
-constexpr size_t kMaxPayload = 43;     ///< [bytes] largest payload in either direction
+constexpr size_t kMaxPayload = 45;     ///< [bytes] largest payload in either direction
 
 /// Commands from the host to the supervisor.
 enum class Command : uint8_t {
@@ -45,8 +45,10 @@ enum class Fault : uint8_t {
   kOverCurrent = 9,  ///< A motor current above current_limit for 0.3 s.
   kWatchdog = 10,  ///< The firmware hung; the watchdog restarted it.
   kBadParameters = 11,  ///< The saved parameters are invalid; the defaults are in use.
+  kAdcStopped = 12,  ///< No analogue reading for 50 ms: battery and motor currents are unknown.
+  kHighBattery = 13,  ///< Battery above 9.0 V: not a 2-cell pack, or its voltage divider is broken.
 };
-constexpr uint8_t kFaultCount = 12;
+constexpr uint8_t kFaultCount = 14;
 
 /// Result of a request.
 enum class AckStatus : uint8_t {
@@ -60,8 +62,9 @@ enum class AckStatus : uint8_t {
   kBatteryUnknown = 7,  ///< Refused until the first battery reading, 0.1 s after the start; try again.
   kArmed = 8,  ///< Refused while armed; disarm first.
   kBadParameters = 9,  ///< The saved parameters are invalid; the live parameters stay.
+  kBatteryHigh = 10,  ///< Refused while the battery reads above 9.0 V.
 };
-constexpr uint8_t kAckStatusCount = 10;
+constexpr uint8_t kAckStatusCount = 11;
 
 /// Board that the firmware was built for.
 enum class Board : uint8_t {
@@ -155,17 +158,17 @@ struct __attribute__((packed)) Identity {
 /// Sent once per control tick. Speeds and set-points belong to the interval just ended.
 struct __attribute__((packed)) Telemetry {
   static constexpr uint8_t kId = 0x82;
-  static constexpr size_t kSize = 43;
+  static constexpr size_t kSize = 45;
   uint32_t time_us;  ///< [us] Time of the tick since reset; wraps.
   int32_t left_count;  ///< [count] Encoder position, increases forward; wraps.
   int16_t left_speed;  ///< [mrad/s] Speed measured from the counts of the interval.
   int16_t left_setpoint;  ///< [mrad/s] Ramped set-point of the same interval.
-  int16_t left_pwm;  ///< [PWM] Output from this tick until the next.
+  int16_t left_pwm;  ///< [PWM] Output from this tick until the next; 0 while a reversed motor rests that long.
   int16_t left_integral;  ///< [PWM/64] Integral term of the output.
   int32_t right_count;  ///< [count] Encoder position, increases forward; wraps.
   int16_t right_speed;  ///< [mrad/s] Speed measured from the counts of the interval.
   int16_t right_setpoint;  ///< [mrad/s] Ramped set-point of the same interval.
-  int16_t right_pwm;  ///< [PWM] Output from this tick until the next.
+  int16_t right_pwm;  ///< [PWM] Output from this tick until the next; 0 while a reversed motor rests that long.
   int16_t right_integral;  ///< [PWM/64] Integral term of the output.
   uint16_t lost_edges;  ///< Encoder transitions of unknown direction since reset, both wheels; wraps.
   uint16_t battery_mV;  ///< [mV] Filtered battery voltage; 0 before the first reading.
@@ -176,6 +179,7 @@ struct __attribute__((packed)) Telemetry {
   uint8_t warnings;  ///< Bit 0: battery below 7.0 V.
   uint16_t rx_frames;  ///< Valid frames received since reset; wraps.
   uint16_t rx_errors;  ///< Frames rejected since reset; wraps. One lost byte invalidates its frame.
+  uint16_t tx_dropped;  ///< Control ticks without telemetry since reset, because the line was busy; wraps.
 };
 
 /// Answer to a request.

@@ -36,6 +36,8 @@ constexpr Event EventOf(Fault fault) {
     case Fault::kLowBattery:
     case Fault::kWatchdog:
     case Fault::kBadParameters:
+    case Fault::kAdcStopped:
+    case Fault::kHighBattery:
       return Event::kFaultAlways;
   }
   return Event::kFaultAlways;

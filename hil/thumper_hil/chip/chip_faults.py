@@ -57,6 +57,10 @@ class FaultyChip(InstrumentedChip):
         """Set the battery's charge (0...1) or inner resistance; negative values change nothing."""
         self._library.thumper_set_battery(self._handle, charge, resistance_Ohm)
 
+    def stop_adc(self, *, stopped: bool) -> None:
+        """Let no analogue conversion finish, or let them finish again."""
+        self._library.thumper_stop_adc(self._handle, stopped)
+
     def set_line_noise(self, *, loss: float, flip: float) -> None:
         """Set the share of bytes, in both directions, that get lost and that get one bit flipped."""
         self._library.thumper_line_noise(self._handle, loss, flip)

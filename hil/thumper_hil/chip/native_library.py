@@ -106,6 +106,7 @@ def load_library() -> ctypes.CDLL:
         "glitches": (None, [chip, ctypes.c_int, number]),
         "wire_fault": (None, [chip, ctypes.c_int, ctypes.c_int, ctypes.c_int]),
         "set_battery": (None, [chip, number, number]),
+        "stop_adc": (None, [chip, ctypes.c_int]),
         "line_noise": (None, [chip, number, number]),
         "hang": (None, [chip, ctypes.c_int]),
         "write_flash": (ctypes.c_int, [chip, ctypes.c_uint32, ctypes.c_char_p, size]),

@@ -158,6 +158,12 @@ FAULTS: dict[str, Choice | Amount | PoseFault] = {
         maximum=10.0,
         normal=None,
     ),
+    "adc": Choice(
+        actions={
+            "ok": lambda switches: switches.chip.stop_adc(stopped=False),
+            "stopped": lambda switches: switches.chip.stop_adc(stopped=True),
+        }
+    ),
     "line.loss": Amount(
         apply=lambda switches, share: switches.set_line(line_loss=share), unit="", maximum=1.0
     ),

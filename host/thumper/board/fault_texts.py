@@ -10,6 +10,7 @@ REFUSAL_REASONS = {
     AckStatus.OUT_OF_RANGE: "the value is out of range",
     AckStatus.FAULT_LATCHED: "a fault is latched; clear it first",
     AckStatus.BATTERY_LOW: "the battery is below 7.0 V; charge it",
+    AckStatus.BATTERY_HIGH: "the battery reads above 9.0 V; check its wiring to the board",
     AckStatus.BATTERY_UNKNOWN: "it has not measured its battery; check the board",
     AckStatus.ARMED: "it is armed; disarm it first",
     AckStatus.BAD_PARAMETERS: "its saved parameters are unreadable; set them and save them again",
@@ -29,4 +30,6 @@ FAULT_HINTS = {
     Fault.OVER_CURRENT: "a motor draws too much current; is something jammed?",
     Fault.WATCHDOG: "its firmware hung and restarted; check its power supply",
     Fault.BAD_PARAMETERS: "its saved parameters are unreadable; set them and save them again",
+    Fault.ADC_STOPPED: "it cannot measure battery and motor currents; check its 5 V supply, then replace it",
+    Fault.HIGH_BATTERY: "the battery reads above 9.0 V; is it a 2-cell pack, and is its wiring whole?",
 }

@@ -11,7 +11,7 @@ from struct import Struct
 from types import MappingProxyType
 from typing import ClassVar, Protocol, Self
 
-SCHEMA_HASH: int = 0x69B7F337
+SCHEMA_HASH: int = 0x7C8BEDE3
 
 
 class Command(IntEnum):
@@ -50,6 +50,8 @@ class Fault(IntEnum):
     OVER_CURRENT = 9  # A motor current above current_limit for 0.3 s.
     WATCHDOG = 10  # The firmware hung; the watchdog restarted it.
     BAD_PARAMETERS = 11  # The saved parameters are invalid; the defaults are in use.
+    ADC_STOPPED = 12  # No analogue reading for 50 ms: battery and motor currents are unknown.
+    HIGH_BATTERY = 13  # Battery above 9.0 V: not a 2-cell pack, or its voltage divider is broken.
 
 
 class AckStatus(IntEnum):
@@ -65,6 +67,7 @@ class AckStatus(IntEnum):
     BATTERY_UNKNOWN = 7  # Refused until the first battery reading, 0.1 s after the start; try again.
     ARMED = 8  # Refused while armed; disarm first.
     BAD_PARAMETERS = 9  # The saved parameters are invalid; the live parameters stay.
+    BATTERY_HIGH = 10  # Refused while the battery reads above 9.0 V.
 
 
 class BoardModel(IntEnum):
@@ -311,18 +314,18 @@ class Telemetry:
     """Sent once per control tick. Speeds and set-points belong to the interval just ended."""
 
     ID: ClassVar[int] = 0x82
-    _LAYOUT: ClassVar[Struct] = Struct("<IihhhhihhhhHHhhBBBHH")
+    _LAYOUT: ClassVar[Struct] = Struct("<IihhhhihhhhHHhhBBBHHH")
 
     time_us: int  # [us] Time of the tick since reset; wraps.
     left_count: int  # [count] Encoder position, increases forward; wraps.
     left_speed: int  # [mrad/s] Speed measured from the counts of the interval.
     left_setpoint: int  # [mrad/s] Ramped set-point of the same interval.
-    left_pwm: int  # [PWM] Output from this tick until the next.
+    left_pwm: int  # [PWM] Output from this tick until the next; 0 while a reversed motor rests that long.
     left_integral: int  # [PWM/64] Integral term of the output.
     right_count: int  # [count] Encoder position, increases forward; wraps.
     right_speed: int  # [mrad/s] Speed measured from the counts of the interval.
     right_setpoint: int  # [mrad/s] Ramped set-point of the same interval.
-    right_pwm: int  # [PWM] Output from this tick until the next.
+    right_pwm: int  # [PWM] Output from this tick until the next; 0 while a reversed motor rests that long.
     right_integral: int  # [PWM/64] Integral term of the output.
     lost_edges: int  # Encoder transitions of unknown direction since reset, both wheels; wraps.
     battery_mV: int  # [mV] Filtered battery voltage; 0 before the first reading.
@@ -333,9 +336,10 @@ class Telemetry:
     warnings: int  # Bit 0: battery below 7.0 V.
     rx_frames: int  # Valid frames received since reset; wraps.
     rx_errors: int  # Frames rejected since reset; wraps. One lost byte invalidates its frame.
+    tx_dropped: int  # Control ticks without telemetry since reset, because the line was busy; wraps.
 
     def pack(self) -> bytes:
-        """Return the payload, 43 bytes."""
+        """Return the payload, 45 bytes."""
         return self._LAYOUT.pack(
             self.time_us,
             self.left_count,
@@ -357,6 +361,7 @@ class Telemetry:
             self.warnings,
             self.rx_frames,
             self.rx_errors,
+            self.tx_dropped,
         )
 
     @classmethod
@@ -385,6 +390,7 @@ class Telemetry:
             warnings,
             rx_frames,
             rx_errors,
+            tx_dropped,
         ) = cls._LAYOUT.unpack(payload)
         return cls(
             time_us=time_us,
@@ -407,6 +413,7 @@ class Telemetry:
             warnings=warnings,
             rx_frames=rx_frames,
             rx_errors=rx_errors,
+            tx_dropped=tx_dropped,
         )
 
 

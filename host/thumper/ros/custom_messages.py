@@ -23,6 +23,7 @@ uint8 fault
 uint8 warnings
 uint16 rx_frames
 uint16 rx_errors
+uint16 tx_dropped
 """
 
 STATUS = """

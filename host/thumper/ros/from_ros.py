@@ -68,6 +68,7 @@ def telemetry_of(msg: Message, epoch_ns: int = 0) -> TelemetrySample:
         warnings=msg.warnings,
         rx_frames=msg.rx_frames,
         rx_errors=msg.rx_errors,
+        tx_dropped=getattr(msg, "tx_dropped", 0),  # absent from recordings of 0.2.0
     )
     return TelemetrySample(time_s=host_time_s(stamp_ns_of(msg), epoch_ns), telemetry=telemetry)
 

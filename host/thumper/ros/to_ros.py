@@ -165,6 +165,7 @@ class Messages:
             warnings=t.warnings,
             rx_frames=t.rx_frames,
             rx_errors=t.rx_errors,
+            tx_dropped=t.tx_dropped,
         )
 
     def battery(self, sample: TelemetrySample) -> Message:

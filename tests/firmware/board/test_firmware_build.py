@@ -66,3 +66,14 @@ def test_a_baud_rate_off_by_two_percent_is_refused(tmp_path: Path) -> None:
     result = make("BAUD=115200", f"BUILD={tmp_path}")
     assert result.returncode != 0
     assert "UART baud rate is off by more than 1 %" in result.stderr
+
+
+@pytest.mark.parametrize(("rate", "baud"), [(100, 38_400), (100, 76_923), (50, 38_400)])
+def test_a_line_too_slow_for_the_control_rate_is_refused(tmp_path: Path, rate: int, baud: int) -> None:
+    result = make(f"RATE={rate}", f"BAUD={baud}", f"BUILD={tmp_path}")
+    assert result.returncode != 0
+    assert "telemetry takes more than half of the line" in result.stderr
+
+
+def test_a_line_just_fast_enough_is_accepted(tmp_path: Path) -> None:
+    assert make("RATE=20", "BAUD=38400", f"BUILD={tmp_path}").returncode == 0

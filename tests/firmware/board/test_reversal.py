@@ -1,19 +1,25 @@
 """A motor reverses at PWM 0, never in the new direction with the old duty. Traced on the emulated chip."""
 
+import subprocess
+from pathlib import Path
+
 import pytest
 
-from tests.firmware.board.boot import ELF
-from tests.firmware.board.wire import run_for, send
+from tests.firmware.board.boot import ELF, ROOT
+from tests.firmware.board.wire import frames, run_for, send
 from thumper.board.framing import encode_frame
-from thumper.board.messages import Command, CommandRequest, Identify, SetMotorPwm, SetWheelSpeeds
+from thumper.board.messages import Command, CommandRequest, Identify, SetMotorPwm, SetWheelSpeeds, Telemetry
 from thumper_hil.chip.chip import CPU_HZ
+from thumper_hil.chip.chip_faults import FaultyChip
 from thumper_hil.chip.instrumented_chip import InstrumentedChip
 from thumper_hil.chip.robot_params import RobotParams
 
 PWM_PERIOD_S = 510 * 256 / CPU_HZ
 TCCR2A, OCR2A, OCR2B = 0xB0, 0xB3, 0xB4
 PORTB, PORTD = 0x25, 0x2B
+TIMSK0, OCIE0B = 0x6E, 1 << 2
 STEP_S = 20e-6
+FIRMWARE = ROOT / "firmware"
 
 # Port and bit of the direction pin, bit of the PWM output in TCCR2A, compare register.
 SIDES = {"left": (PORTD, 2, 5, OCR2B), "right": (PORTB, 2, 7, OCR2A)}
@@ -117,3 +123,72 @@ def test_at_zero_pwm_a_motor_keeps_its_direction() -> None:
         run_for(chip, 0.05)
         assert chip.data(PORTD) >> 2 & 1 == 0
         assert chip.data(OCR2B) == -pwm
+
+
+@pytest.fixture(scope="module")
+def fast_elf(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A build for 100 Hz, where a reversed motor rests for a whole tick."""
+    folder = tmp_path_factory.mktemp("fast")
+    subprocess.run(["make", "-s", "-C", str(FIRMWARE), "RATE=100", f"BUILD={folder}"], check=True)
+    return folder / "thumper.elf"
+
+
+def driven_share(chip: InstrumentedChip, side: str, seconds: float) -> float:
+    """Return the share of time in which the timer drives the side's pin with a duty."""
+    _, _, output_bit, compare = SIDES[side]
+    driven = 0
+    for _ in range(round(seconds / STEP_S)):
+        run_for(chip, STEP_S)
+        driven += bool(chip.data(TCCR2A) >> output_bit & 1 and chip.data(compare))
+    return driven / round(seconds / STEP_S)
+
+
+def test_telemetry_reports_no_pwm_of_a_motor_that_only_rests(fast_elf: Path) -> None:
+    chip = InstrumentedChip(fast_elf, params=RobotParams.load())
+    run_for(chip, 0.3)
+    send(chip, CommandRequest(command=Command.ARM))
+    run_for(chip, 0.02)
+    frames(chip)
+    share = 0.0
+    for step in range(30):
+        pwm = 120 if step % 2 else -120
+        send(chip, SetMotorPwm(left=pwm, right=120))
+        share += driven_share(chip, "left", 0.01) / 30
+    reported = [Telemetry.unpack(f.payload) for f in frames(chip) if f.message_id == Telemetry.ID][3:]
+    assert share < 0.1
+    assert {sample.left_pwm for sample in reported} == {0}
+    assert {sample.right_pwm for sample in reported} == {120}
+
+
+def test_a_side_rests_by_itself(fast_elf: Path) -> None:
+    """If one side's reversals restarted the other's rest, neither would drive here."""
+    chip = InstrumentedChip(fast_elf, params=RobotParams.load())
+    run_for(chip, 0.3)
+    send(chip, CommandRequest(command=Command.ARM))
+    shares = []
+    for step in range(40):
+        left, right = (step + 1) // 2 % 2, step // 2 % 2  # in turn, each every 20 ms
+        send(chip, SetMotorPwm(left=120 if left else -120, right=120 if right else -120))
+        shares.append(driven_share(chip, "left", 0.01))
+    assert sum(shares) / len(shares) > 0.3
+
+
+def test_no_pin_is_given_back_to_the_timer_during_a_tone() -> None:
+    """A tone toggles the directions, so the old duty could kick a motor. It rests after the tone too."""
+    chip = FaultyChip(ELF, params=RobotParams.load())
+    run_for(chip, 0.3)
+    chip.set_battery(charge=0.0)
+    tones, last_tone_s, back_s = 0, 0.0, []
+    for _ in range(round(5.0 / 0.0002)):
+        run_for(chip, 0.0002)
+        sounding, connected = bool(chip.data(TIMSK0) & OCIE0B), chip.data(TCCR2A) >> 4
+        assert not (sounding and connected)
+        if sounding:
+            tones += 1
+            last_tone_s = chip.time_s
+        elif connected and last_tone_s:
+            back_s.append(chip.time_s - last_tone_s)
+            last_tone_s = 0.0
+    assert tones > 1000
+    assert len(back_s) >= 4
+    assert min(back_s) >= PWM_PERIOD_S

@@ -263,7 +263,7 @@ def test_telemetry_reports_all_values(core: ctypes.CDLL) -> None:
     assert (telemetry.lost_edges, telemetry.rx_frames, telemetry.rx_errors) == (3, 0, 1)
     host.send(m.Identify())
     assert host.telemetry().rx_frames == 1
-    core.host_battery(host.handle, 20_000)
+    core.host_battery(host.handle, 9000)
     assert host.telemetry().warnings == 0
 
 
@@ -294,3 +294,32 @@ def test_a_current_at_the_limit_is_no_fault_and_above_it_is(
         over = core.current_monitor_step(above, sides[0] * 5001, sides[1] * 5001, 5000)
     assert (at_limit, over) == (0, 1)
     assert [core.current_monitor_step(above, *sides, 0) for _ in range(5)] == [1] * 5, "while it lasts"
+
+
+def test_without_analogue_readings_the_motors_stop_and_nothing_old_is_reported(core: ctypes.CDLL) -> None:
+    host = HostInterface(core)
+    host.command(m.Command.ARM)
+    core.host_currents(host.handle, 1000, 2000)
+    core.host_lose_analog(host.handle)
+    assert host.status() == (m.State.FAULT, m.Fault.ADC_STOPPED, 0, 0)
+    telemetry = host.telemetry()
+    assert (telemetry.battery_mV, telemetry.left_current_mA, telemetry.right_current_mA) == (0, 0, 0)
+    assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.BATTERY_UNKNOWN
+    core.host_battery(host.handle, 7400)
+    assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.OK
+
+
+def test_a_battery_that_reads_too_high_stops_the_motors(core: ctypes.CDLL) -> None:
+    host = HostInterface(core)
+    host.command(m.Command.ARM)
+    while host.status()[1] is m.Fault.NONE:
+        assert core.host_battery(host.handle, 14_100) == 0, "not low"
+    assert host.status()[:2] == (m.State.FAULT, m.Fault.HIGH_BATTERY)
+    assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.BATTERY_HIGH
+
+
+def test_ticks_without_telemetry_are_counted(core: ctypes.CDLL) -> None:
+    host = HostInterface(core)
+    for dropped, total in ((0, 0), (3, 3), (200, 203), (255, 458)):
+        core.host_dropped(host.handle, dropped)
+        assert host.telemetry().tx_dropped == total

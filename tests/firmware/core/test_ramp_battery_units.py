@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from thumper.board.messages import AckStatus
+from thumper.board.messages import AckStatus, Fault
 
 setpoints = st.integers(-17_000, 17_000)
 
@@ -101,8 +101,8 @@ def test_a_battery_must_prove_its_charge_after_a_reset(core: ctypes.CDLL) -> Non
         assert core.battery_status(battery) == AckStatus.BATTERY_LOW
     core.battery_update(battery, 7016)
     assert core.battery_status(battery) == AckStatus.OK
-    assert core.battery_update(core.battery_new(), 6399) == 1
-    assert core.battery_update(core.battery_new(), 6400) == 0
+    assert core.battery_update(core.battery_new(), 6399) == Fault.LOW_BATTERY
+    assert core.battery_update(core.battery_new(), 6400) == Fault.NONE
 
 
 def test_the_operator_is_warned_below_seven_volts(core: ctypes.CDLL) -> None:
@@ -117,13 +117,26 @@ def test_low_battery_trips_once_after_a_second_and_releases_above_7_V(core: ctyp
     battery = core.battery_new()
     core.battery_update(battery, 7400)
     trips = [core.battery_update(battery, 6000) for _ in range(60)]
-    assert sum(trips) == 1
-    assert trips.index(1) * 0.096 >= 1.0, "filtered over at least a second"
+    assert sum(trips) == Fault.LOW_BATTERY
+    assert trips.index(Fault.LOW_BATTERY) * 0.096 >= 1.0, "filtered over at least a second"
     for _ in range(200):
         core.battery_update(battery, 6990)
     assert core.battery_status(battery) == AckStatus.BATTERY_LOW, "inside the hysteresis"
     for _ in range(200):
         core.battery_update(battery, 7050)
+    assert core.battery_status(battery) == AckStatus.OK
+
+
+def test_a_voltage_that_no_pack_has_is_a_fault_while_it_lasts(core: ctypes.CDLL) -> None:
+    """Filtered, so braking that feeds back for a moment is none."""
+    battery = core.battery_new()
+    assert core.battery_update(battery, 9000) == Fault.NONE
+    assert core.battery_status(battery) == AckStatus.OK
+    assert core.battery_update(battery, 9016) == Fault.HIGH_BATTERY
+    assert core.battery_update(battery, 9016) == Fault.HIGH_BATTERY
+    assert core.battery_status(battery) == AckStatus.BATTERY_HIGH
+    while core.battery_update(battery, 8000) == Fault.HIGH_BATTERY:
+        assert core.battery_status(battery) == AckStatus.BATTERY_HIGH
     assert core.battery_status(battery) == AckStatus.OK
 
 

@@ -26,7 +26,8 @@ NEXT = {
     State.FAULT: {CLEAR: State.DISARMED},
 }
 AT_REST_TOO = {Fault.LOW_BATTERY, Fault.E_STOP, Fault.WATCHDOG, Fault.BAD_PARAMETERS}
-NOT_READY = [AckStatus.BATTERY_LOW, AckStatus.BATTERY_UNKNOWN]
+AT_REST_TOO |= {Fault.ADC_STOPPED, Fault.HIGH_BATTERY}
+NOT_READY = [AckStatus.BATTERY_LOW, AckStatus.BATTERY_UNKNOWN, AckStatus.BATTERY_HIGH]
 
 
 def survivor(latched: Fault, fault: Fault) -> Fault:
@@ -149,7 +150,7 @@ CORRUPTED = {
     "a fault without an event": (
         MESSAGES,
         "kBadParameters = 11,",
-        "kBadParameters = 11, kNew = 12,",
+        "kBadParameters = 11, kNew = 200,",
         "switch",
     ),
     "commands in a different order": (MESSAGES, "kArm = 1,", "kArm = 7,", "same order"),

@@ -194,7 +194,7 @@ int supervisor_fault(int supervisor) { return static_cast<int>(At<fw::Supervisor
 
 int battery_new() { return New<fw::Battery>(); }
 int battery_update(int battery, int reading) {
-  return At<fw::Battery>(battery).Update(static_cast<uint16_t>(reading));
+  return static_cast<int>(At<fw::Battery>(battery).Update(static_cast<uint16_t>(reading)));
 }
 int battery_filtered(int battery) { return At<fw::Battery>(battery).filtered_mV(); }
 int battery_warning(int battery) { return At<fw::Battery>(battery).warning(); }
@@ -248,6 +248,8 @@ void host_advance_time(int host, int elapsed_ms) {
 int host_battery(int host, int reading) {
   return At<Interface>(host).host.UpdateBattery(static_cast<uint16_t>(reading));
 }
+void host_lose_analog(int host) { At<Interface>(host).host.LoseAnalogReadings(); }
+void host_dropped(int host, int ticks) { At<Interface>(host).host.CountDropped(static_cast<uint8_t>(ticks)); }
 void host_currents(int host, int left, int right) {
   At<Interface>(host).host.UpdateCurrents(static_cast<int16_t>(left), static_cast<int16_t>(right));
 }

@@ -20,6 +20,8 @@ void UseAll(fw::HostInterface& host, fw::Side& side, Memory& memory, Line& line)
   host.StepStore(memory, line);
   host.AdvanceTime(1);
   host.UpdateBattery(fw::BatteryFromSum_mV(1));
+  host.LoseAnalogReadings();
+  host.CountDropped(1);
   host.UpdateCurrents(fw::CurrentFromSum_mA(1), 0);
   fw::WheelConfig config;
   host.parameters().Derive(host.battery_mV(), &config);

@@ -77,7 +77,7 @@ void RunSmallParts(Random& random, Sink& sink) {
     sink.Put(fw::Product(a, b));
     sink.Put(fw::Difference(a, b));
     const uint16_t sum = static_cast<uint16_t>(random.Between(0, 1023 * fw::kAdcSamples));
-    sink.Put(battery.Update(fw::BatteryFromSum_mV(sum)));
+    sink.Put(static_cast<int32_t>(battery.Update(fw::BatteryFromSum_mV(sum))));
     sink.Put(battery.filtered_mV());
     sink.Put(fw::CurrentFromSum_mA(sum));
     sink.Put(fw::SpeedFromCounts(static_cast<int16_t>(random.Between(-32768, 32767))));

@@ -129,6 +129,21 @@ def test_shorted_motor_causes_over_current(driving: Open) -> None:
     assert bench.chip.truth().current_A[0] == 0.0
 
 
+def test_a_stopped_converter_stops_the_motors(driving: Open) -> None:
+    """Its data register keeps the last value: the battery would look charged and the currents normal."""
+    board, bench = driving("")
+    bench.fault("adc", "stopped")
+    took_s, telemetry = time_to_fault_s(board, bench, 1.0)
+    assert telemetry.fault is Fault.ADC_STOPPED
+    assert telemetry.battery_mV == 0
+    assert took_s < 0.25
+    bench.fault("adc", "ok")
+    assert drive(board, bench, 0.3).battery_mV > 7000
+    board.command(Command.CLEAR_FAULT)
+    board.command(Command.ARM)
+    assert drive(board, bench, 0.5).fault is Fault.NONE
+
+
 def test_glitches_on_encoder_wires(driving: Open) -> None:
     """1000 pulses per second cancel out; 50 000 overlap with each other and with edges: a fault."""
     board, bench = driving("")

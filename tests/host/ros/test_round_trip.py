@@ -124,6 +124,7 @@ def telemetry_of_extremes() -> TelemetrySample:
             warnings=1,
             rx_frames=65535,
             rx_errors=4,
+            tx_dropped=0,
         ),
     )
 

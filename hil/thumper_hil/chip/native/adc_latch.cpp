@@ -3,10 +3,26 @@
 #include <algorithm>
 
 namespace thumper {
+namespace {
+
+constexpr uint8_t kStart = 1u << 6, kFinished = 1u << 4;  // ADSC, ADIF
+
+}  // namespace
 
 AdcLatch::AdcLatch(avr_t* avr, const Plant& plant)
     : avr_(avr), plant_(plant), adc_(FindPeripheral<avr_adc_t>(avr, "adc")) {
   avr_irq_register_notify(adc_->io.irq + ADC_IRQ_OUT_TRIGGER, OnStart, this);
+  avr_register_io_write(avr_, reg::kAdcsrA, OnControl, this);  // called after simavr's own
+}
+
+void AdcLatch::SetStopped(bool stopped) {
+  uint8_t& control = avr_->data[reg::kAdcsrA];
+  if (stopped_ && !stopped) control = static_cast<uint8_t>((control & ~kStart) | kFinished);
+  stopped_ = stopped;
+}
+
+void AdcLatch::OnControl(avr_t* avr, avr_io_addr_t, uint8_t value, void*) {
+  if ((value & kFinished) != 0) avr->data[reg::kAdcsrA] &= static_cast<uint8_t>(~kFinished);
 }
 
 void AdcLatch::OnStart(avr_irq_t*, uint32_t mux, void* self) {
@@ -23,6 +39,10 @@ void AdcLatch::OnStart(avr_irq_t*, uint32_t mux, void* self) {
 
 avr_cycle_count_t AdcLatch::OnResult(avr_t* avr, avr_cycle_count_t, void* self) {
   AdcLatch* latch = static_cast<AdcLatch*>(self);
+  if (latch->stopped_) {
+    avr->data[reg::kAdcsrA] = static_cast<uint8_t>((avr->data[reg::kAdcsrA] | kStart) & ~kFinished);
+    return 0;
+  }
   constexpr uint8_t kLeftAdjust = 1u << 5;
   const bool left = (avr->data[reg::kAdmux] & kLeftAdjust) != 0;
   const uint16_t value = static_cast<uint16_t>(latch->result_ << (left ? 6 : 0));

@@ -50,6 +50,8 @@ Chip::Chip(const std::string& elf_path, const PlantParams* plant_params, const W
     plant_.emplace(avr_, *plant_params, wiring, seed);
     adc_.emplace(avr_, *plant_);
   }
+  for (const uint16_t mask : {reg::kTimsk0, reg::kTimsk1})
+    avr_register_io_write(avr_, mask, OnTimerMask, this);
   for (int i = 0; i < avr_->interrupts.vector_count; ++i) {
     avr_int_vector_t* vector = avr_->interrupts.vector[i];
     avr_irq_register_notify(vector->irq + AVR_INT_IRQ_RUNNING, OnInterrupt, this);
@@ -121,6 +123,17 @@ void Chip::Hang(bool interrupts_off) {
 /// simavr calls this before it jumps to the next timer. Its default version waits in real time.
 void Chip::OnSleep(avr_t* avr, avr_cycle_count_t how_long) {
   static_cast<Chip*>(avr->custom.data)->slept_cycles_ += how_long + 1;
+}
+
+/// An interrupt that is enabled while its flag is set runs at once. simavr would forget it.
+void Chip::OnTimerMask(avr_t* avr, avr_io_addr_t address, uint8_t value, void*) {
+  avr->data[address] = value;
+  for (int i = 0; i < avr->interrupts.vector_count; ++i) {
+    avr_int_vector_t* vector = avr->interrupts.vector[i];
+    if (vector->enable.reg == address && avr_regbit_get(avr, vector->enable) && !vector->pending &&
+        avr_regbit_get(avr, vector->raised))
+      avr_raise_interrupt(avr, vector);
+  }
 }
 
 /// The chip takes four cycles from interrupt to vector (data sheet 7.7.1), simavr none.

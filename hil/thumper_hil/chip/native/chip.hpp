@@ -47,6 +47,7 @@ class Chip {
   avr_t* avr() { return avr_; }  ///< for instruments (lab_api.cpp)
   UartLine& uart() { return *uart_; }
   Plant* plant() { return plant_ ? &*plant_ : nullptr; }
+  AdcLatch* adc() { return adc_ ? &*adc_ : nullptr; }
 
  private:
   struct ResetHook {
@@ -56,6 +57,7 @@ class Chip {
 
   static void OnReset(avr_io_t* io);
   static void OnSleep(avr_t* avr, avr_cycle_count_t how_long);
+  static void OnTimerMask(avr_t* avr, avr_io_addr_t address, uint8_t value, void* self);
   static void OnInterrupt(avr_irq_t* irq, uint32_t running, void* self);
   static void OnReceiveInterrupt(avr_irq_t* irq, uint32_t running, void* self);
   RunStatus RunTo(uint64_t until_cycle);

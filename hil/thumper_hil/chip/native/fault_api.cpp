@@ -20,6 +20,7 @@ void thumper_glitches(Chip* chip, int side, double per_s) { chip->plant()->SetGl
 void thumper_set_battery(Chip* chip, double charge, double resistance_Ohm) {
   chip->plant()->SetBattery(charge, resistance_Ohm);
 }
+void thumper_stop_adc(Chip* chip, int stopped) { chip->adc()->SetStopped(stopped != 0); }
 void thumper_line_noise(Chip* chip, double loss, double flip) { chip->uart().SetNoise(loss, flip); }
 void thumper_hang(Chip* chip, int interrupts_off) { chip->Hang(interrupts_off != 0); }
 

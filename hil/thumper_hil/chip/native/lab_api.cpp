@@ -3,6 +3,7 @@
 
 #include "chip.hpp"
 #include "edge_source.hpp"
+#include "preemption.hpp"
 #include "probe.hpp"
 #include "programmer.hpp"
 
@@ -45,5 +46,13 @@ size_t thumper_probe_bursts(const Probe* probe, uint64_t* cycles, size_t capacit
   return count;
 }
 void thumper_probe_close(Probe* probe) { delete probe; }
+
+/// See PreemptionSweep::Run.
+int thumper_sweep(Chip* chip, const thumper::WatchedMemory* watched, uint64_t until_cycle, int vector,
+                  char port, int bit, const uint8_t* frame, size_t frame_size, uint64_t tail_cycles,
+                  int stride, thumper::Branch* branches, size_t capacity) {
+  return thumper::PreemptionSweep(*chip, *watched)
+      .Run(until_cycle, vector, port, bit, frame, frame_size, tail_cycles, stride, branches, capacity);
+}
 
 }  // extern "C"

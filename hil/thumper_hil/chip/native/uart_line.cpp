@@ -61,23 +61,25 @@ void UartLine::Send(const uint8_t* data, std::size_t count) {
   if (idle && count > 0) avr_cycle_timer_register(avr_, CyclesPerByte(), OnByteTime, this);
 }
 
-avr_cycle_count_t UartLine::OnByteTime(avr_t* avr, avr_cycle_count_t when, void* self) {
+void UartLine::Arrive(uint8_t byte) {
+  if (FifoSize(uart_) >= kReceiveDepth) {
+    ++overruns_;
+    avr_regbit_set(avr_, uart_->dor);
+    return;
+  }
+  // simavr starts its own byte time here. The byte has already arrived, so set that time to one cycle.
+  uart_->cycles_per_byte = 1;
+  avr_raise_irq(uart_->io.irq + UART_IRQ_INPUT,
+                SameBaud() ? byte : static_cast<uint32_t>(Garble(byte)) | UART_INPUT_FE);
+  uart_->cycles_per_byte = CyclesPerByte();
+}
+
+avr_cycle_count_t UartLine::OnByteTime(avr_t*, avr_cycle_count_t when, void* self) {
   UartLine* line = static_cast<UartLine*>(self);
   uint8_t byte = line->to_chip_.front();
   line->to_chip_.pop_front();
   const uint32_t cycles_per_byte = line->CyclesPerByte();
-  const bool clear = line->SameBaud();
-  if (!line->SurvivesNoise(byte)) return line->to_chip_.empty() ? 0 : when + cycles_per_byte;
-  if (FifoSize(line->uart_) >= kReceiveDepth) {
-    ++line->overruns_;
-    avr_regbit_set(avr, line->uart_->dor);
-  } else {
-    // simavr starts its own byte time here. The byte has already arrived, so set that time to one cycle.
-    line->uart_->cycles_per_byte = 1;
-    avr_raise_irq(line->uart_->io.irq + UART_IRQ_INPUT,
-                  clear ? byte : static_cast<uint32_t>(Garble(byte)) | UART_INPUT_FE);
-  }
-  line->uart_->cycles_per_byte = cycles_per_byte;
+  if (line->SurvivesNoise(byte)) line->Arrive(byte);
   return line->to_chip_.empty() ? 0 : when + cycles_per_byte;
 }
 

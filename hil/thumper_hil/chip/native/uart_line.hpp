@@ -25,6 +25,7 @@ class UartLine {
     flip_ = flip;
   }
   void Send(const uint8_t* data, std::size_t count);  ///< host to chip, from now on at line rate
+  void Arrive(uint8_t byte);                          ///< a byte for the chip whose last bit arrives now
   std::size_t Receive(uint8_t* data, uint64_t* cycles,
                       std::size_t capacity);  ///< bytes that have fully arrived
   std::size_t Available() const;
