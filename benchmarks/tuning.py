@@ -25,8 +25,7 @@ from thumper.board.board import Board
 from thumper.common.geometry import FloatArray
 from thumper_hil.bench import simulation
 from thumper_hil.chip.robot_params import RobotParams
-from thumper_tuning.design.gains import Design, DesignOptions, design, nominal_model
-from thumper_tuning.design.tuning_rules import RULES
+from thumper_tuning.design.gains import RULE_NAMES, Design, DesignOptions, design, nominal_model
 from thumper_tuning.drive.excitation import ExcitationOptions
 from thumper_tuning.drive.record import record
 from thumper_tuning.drive.verify import Verification, VerifyOptions, verify
@@ -225,7 +224,7 @@ def rules() -> None:
     """Print every rule on the nominal wheel at 10 Hz, PI alone."""
     model = MotorModel(gain=0.0584, time_constant_s=0.075, friction_forward=19.3, friction_backward=19.3)
     print("rules, 10 Hz, tau 75 ms: kp, ki, Ms, worst Ms, settling [s], overshoot [%], ITAE of a step [s^2]")
-    for rule in RULES:
+    for rule in RULE_NAMES:
         result = design(model, EXACT, DesignOptions(rule=rule))
         gains, step = result.gains, result.step_info
         print(

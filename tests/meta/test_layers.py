@@ -65,13 +65,14 @@ TUNING = (
 IDENTIFY = (
     "model",
     "motor_response covariance",
-    "segments",
-    "prediction",
+    "segments systems",
+    "prediction realization",
     "least_squares",
     "initial_guess",
     "fit",
     "cross_validation",
     "excitation_checks fit_warnings richer_models",
+    "compare_models",
     "motor",
     "motor_constants result_json",
 )

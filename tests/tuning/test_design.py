@@ -1,6 +1,8 @@
 """Gains against closed forms, published figures and the fixed-point format."""
 
 import math
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -10,16 +12,13 @@ import pytest
 
 from thumper.common.errors import ThumperError
 from thumper_tuning.cli.gains_file import read_gains_file
+from thumper_tuning.design.fast_sensitivity import max_sensitivity
 from thumper_tuning.design.fixed_point import PARAMETER_SPECS, to_fixed_point
-from thumper_tuning.design.gains import DesignOptions, design, nominal_model
-from thumper_tuning.design.loop_analysis import (
-    Plant,
-    loop_margins,
-    step_info,
-    step_response,
-    transfer_functions,
-)
-from thumper_tuning.design.tuning_rules import RULES, PiGains, migo, pole_placement
+from thumper_tuning.design.gains import RULE_NAMES, DesignOptions, design, nominal_model
+from thumper_tuning.design.loops import SpeedLoop
+from thumper_tuning.design.plant import Plant
+from thumper_tuning.design.state_feedback import dlqr, full_state_feedback
+from thumper_tuning.design.tuning_rules import PiGains, migo, pole_placement
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.identify.motor import IdentifiedMotor
 from thumper_tuning.logs.motor_log import DriveUnit
@@ -45,34 +44,79 @@ def test_migo_agrees_with_the_table_of_normalized_gains(ratio: float, ki: float)
     model = MotorModel(gain=1.0, time_constant_s=ratio, friction_forward=0.0, friction_backward=0.0)
     gains = migo(Plant.from_model(model, 1.0), 1.6)
     assert gains.ki == pytest.approx(0.97 * ki, rel=0.04)
-    assert loop_margins(Plant.from_model(model, 1.0), gains.kp, gains.ki).max_sensitivity <= 1.6 + 1e-6
+    loop = SpeedLoop.of_board(Plant.from_model(model, 1.0), gains.kp, gains.ki)
+    assert loop.margins().max_sensitivity <= 1.6 + 1e-3
 
 
 def test_no_loop_within_the_limit_has_a_larger_ki() -> None:
     plant = Plant.from_model(MODEL, 0.1)
     best = migo(plant, 1.6).ki / 0.97
-    others = [loop_margins(plant, kp, 1.01 * best).max_sensitivity for kp in np.linspace(0.0, 30.0, 61)]
+    others = [max_sensitivity(plant, kp, 1.01 * best) for kp in np.linspace(0.0, 30.0, 61)]
     assert min(others) > 1.6
 
 
-def test_margins_agree_with_python_control() -> None:
-    import control
+def _random_loops(count: int) -> Iterator[tuple[Plant, float, float]]:
+    rng = np.random.default_rng(0)
+    for _ in range(count):
+        model = MotorModel(
+            gain=float(np.exp(rng.uniform(-4.0, 1.0))),
+            time_constant_s=float(np.exp(rng.uniform(np.log(0.01), np.log(0.5)))),
+            friction_forward=0.0,
+            friction_backward=0.0,
+            delay_s=float(rng.choice([0.0, rng.uniform(0.0, 0.15)])),
+        )
+        plant = Plant.from_model(model, float(rng.choice([0.1, 0.05, 0.02, 0.01])))
+        yield plant, rng.uniform(0.0, 1.2) / model.gain, rng.uniform(0.01, 0.6) / model.gain
 
+
+def test_the_fast_search_agrees_with_python_control_on_random_plants() -> None:
+    """Stability is decided alike; Ms is equal where a design may be (up to 3), to 1.5 %."""
+    compared = 0
+    for plant, kp, ki in _random_loops(150):
+        fast, margins = max_sensitivity(plant, kp, ki), SpeedLoop.of_board(plant, kp, ki).margins()
+        assert math.isfinite(fast) is margins.stable
+        if margins.max_sensitivity < 3.0:
+            compared += 1
+            assert fast == pytest.approx(margins.max_sensitivity, rel=0.015)
+    assert compared > 50
+
+
+def test_the_loop_is_that_of_the_difference_equation() -> None:
+    """python-control's closed loop against the board's control law, tick by tick."""
+    plant, kp, ki = Plant.from_model(replace(MODEL, delay_s=0.03), 0.1), 6.0, 10.0
+    y, u, integral = np.zeros(21), np.zeros(21), 0.0
+    for k in range(20):
+        integral += ki * (1.0 - y[k])
+        u[k] = kp * (1.0 - y[k]) + integral
+        y[k + 1] = plant.pole * y[k] + sum(c * u[k - i] for i, c in enumerate(plant.numerator) if k >= i)
+    loop = SpeedLoop.of_board(plant, kp, ki)
+    assert loop.step_response(20) == pytest.approx(y, abs=1e-9)
+    after_load = loop.step_response(60, load_pwm=10.0)
+    assert after_load.sum() == pytest.approx(-10.0 / ki, rel=1e-3), "integrated error after a load: 1 / ki"
+
+
+def test_margins_of_a_loop_known_in_closed_form() -> None:
+    """L = 0.5 / (z - 1): at the Nyquist frequency L = -1/4, so the gain margin is 4 and Ms = 4/3."""
+    margins = SpeedLoop.of_board(Plant(pole=0.0, numerator=(1.0,), period_s=0.1), 0.0, 0.5).margins()
+    assert margins.gain_margin == pytest.approx(4.0, rel=1e-6)
+    assert margins.max_sensitivity == pytest.approx(4.0 / 3.0, rel=1e-3)
+    assert margins.phase_margin_deg == pytest.approx(math.degrees(math.acos(0.25)), abs=0.1)
+
+
+def test_dlqr_is_within_the_limit_and_near_migo() -> None:
+    """LQR does not pay at 10 Hz: the PI is MIGO's, all states reject loads 3 % better."""
     plant = Plant.from_model(MODEL, 0.1)
-    margins = loop_margins(plant, 6.0, 10.0)
-    P, C = transfer_functions(plant, 6.0, 10.0)
-    gain_margin, phase_margin, _, *_ = control.margin(P * C)
-    assert margins.gain_margin == pytest.approx(gain_margin, rel=0.05)
-    assert margins.phase_margin_deg == pytest.approx(phase_margin, abs=2.0)
-    closed = control.feedback(P * C, 1)
-    _, y = control.step_response(closed, 2.0)
-    assert step_response(plant, 6.0, 10.0, 20) == pytest.approx(y[:21], abs=1e-9)
+    found, best, all_states = dlqr(plant, 1.6), migo(plant, 1.6), full_state_feedback(plant, 1.6)
+    assert max_sensitivity(plant, found.kp, found.ki) <= 1.6 + 1e-6
+    assert (found.kp, found.ki) == pytest.approx((best.kp, best.ki), rel=0.05)
+    assert all_states.max_sensitivity() <= 1.6 + 1e-6
+    assert all_states.load_error * best.ki == pytest.approx(0.97, abs=0.02)
 
 
 def test_the_control_law_integrates_before_it_acts() -> None:
     """The first response to a unit error is Kp + Ki."""
     plant = Plant(pole=0.0, numerator=(1.0,), period_s=0.1)
-    assert step_response(plant, 0.2, 0.1, 2)[:2] == pytest.approx([0.0, 0.3])
+    assert SpeedLoop.of_board(plant, 0.2, 0.1).step_response(2)[:2] == pytest.approx([0.0, 0.3])
 
 
 def test_pole_placement_places_the_pair() -> None:
@@ -83,7 +127,7 @@ def test_pole_placement_places_the_pair() -> None:
     assert abs(residual) < 1e-9
 
 
-@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("rule", RULE_NAMES)
 def test_every_rule_gives_a_stable_loop(rule: str) -> None:
     result = design(MODEL, EXACT, DesignOptions(rule=rule))
     assert result.margins.stable
@@ -107,7 +151,8 @@ def test_manual_gains_are_evaluated_not_changed() -> None:
 
 def test_a_slow_loop_settles_late() -> None:
     plant = Plant.from_model(MODEL, 0.1)
-    assert step_info(plant, 4.0, 1.5).settling_time_s > step_info(plant, 6.0, 10.9).settling_time_s
+    slow, fast = (SpeedLoop.of_board(plant, kp, ki).step_info() for kp, ki in ((4.0, 1.5), (6.0, 10.9)))
+    assert slow.settling_time_s > fast.settling_time_s
 
 
 @pytest.mark.parametrize("text", ["", "{}", '{"gains": {"kp": 1.0}}', '{"gains": {"kp": "fast"}}', "[1]"])

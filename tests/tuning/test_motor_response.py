@@ -49,20 +49,6 @@ def test_without_delay_the_numerator_is_that_of_the_derivation() -> None:
     assert numerator == pytest.approx([2.0 * (1.0 - b), 2.0 * (b - a)])
 
 
-def test_python_control_simulates_the_same_plant() -> None:
-    import control
-
-    model = MotorModel(
-        gain=0.0584, time_constant_s=0.075, friction_forward=19.0, friction_backward=19.0, delay_s=0.02
-    )
-    _, counted = control.step_response(model.discrete(0.1), 3.0)
-    motor = MotorParameters(0.0584, 0.075, 0.0, 0.0, 1.0, 0.02)
-    unit_step = DriveSignal(np.zeros(1), np.ones(1), 0.0)
-    angles, _ = simulate(unit_step, np.arange(31, dtype=float) * 0.1, 0.0, motor)
-    assert counted[1:31] == pytest.approx(np.diff(angles) / 0.1, abs=1e-9)
-    assert control.dcgain(model.continuous()) == pytest.approx(0.0584)
-
-
 def test_a_richer_model_without_extras_is_the_first_order_model() -> None:
     time_s = np.arange(0.0, 4.0, 0.1)
     pwm = np.where(time_s < 1.0, 150.0, np.where(time_s < 2.0, 0.0, -90.0))

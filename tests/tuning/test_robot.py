@@ -69,7 +69,7 @@ def test_one_command_tunes_the_robot(tmp_path: Path, positions_m: list[float]) -
     assert all(abs(mean) <= 0.03 and std <= 0.13 for mean, std in errors)
     page = (tmp_path / "report.html").read_text()
     images = re.findall(r'src="data:image/png;base64,([^"]+)"', page)
-    assert len(images) == 12
+    assert len(images) == 13
     assert all(base64.b64decode(image).startswith(b"\x89PNG") for image in images)
     assert not re.search(r'(src|href)="http', page)
 

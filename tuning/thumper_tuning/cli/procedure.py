@@ -16,6 +16,7 @@ from thumper_tuning.drive.return_to_start import distance_m, return_to
 from thumper_tuning.drive.verify import Verification, VerifyOptions, verify
 from thumper_tuning.identify.motor import IdentifiedMotor, identify
 from thumper_tuning.logs.read import read_runs
+from thumper_tuning.report.export import write_models
 from thumper_tuning.report.page import BoardResults, write_report
 from thumper_tuning.report.text import design_lines, tracking_lines
 
@@ -60,14 +61,15 @@ class BoardProcedure:
     def tune(self, options: TuneOptions, old: BoardGains) -> Path:
         """Identify, design, drive with the old and the new gains; return the path of the report.
 
-        Writes gains.json and report.html. The board keeps the new gains, unsaved. Each drive after the first
-        begins where the robot is now, so the procedure stays within the lanes of its options.
+        Writes gains.json, models.json and report.html. The board keeps the new gains, unsaved. Each drive
+        after the first begins where the robot is now, so the procedure stays within the lanes of its options.
         """
         start_m = distance_m(self.board)
         motors = self.identify(options.excitation)
         result = self.progress.run_in_thread(lambda: self._design(motors, options.design))
         self._report_lines(design_lines(result))
         write_gains_file(self.folder / "gains.json", result)
+        self.progress.run_in_thread(lambda: write_models(self.folder, motors, result))
         before = self._verify("before", old, options.verify, start_m)
         after = self._verify("after", result.gains, options.verify, start_m)
         results = BoardResults(before=before, after=after)

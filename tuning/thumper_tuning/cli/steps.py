@@ -19,6 +19,7 @@ from thumper_tuning.drive.excitation import ExcitationOptions
 from thumper_tuning.drive.record import ReportProgress, record
 from thumper_tuning.drive.verify import VerifyOptions, verify
 from thumper_tuning.identify.motor import IdentifiedMotor
+from thumper_tuning.report.export import write_models
 from thumper_tuning.report.page import write_report
 from thumper_tuning.report.text import design_lines, motor_lines, tracking_lines
 
@@ -64,6 +65,7 @@ def design_from_motors(
         console.print(line)
     path = write_gains_file(out / "gains.json", result)
     page = write_report(out / "report.html", motors, result)
+    write_models(out, motors, result)
     console.print(f"wrote {path} and {page}; next: thumper tune verify {path} --board PORT")
     return result
 

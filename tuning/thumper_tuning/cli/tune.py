@@ -56,13 +56,13 @@ OneDirection = Annotated[
 Rule = Annotated[
     str | None,
     typer.Option(
-        help="migo, improved-simc, simc, amigo, ziegler-nichols or pole-placement.", show_default="migo"
+        help="migo, improved-simc, simc, amigo, ziegler-nichols, pole-placement or dlqr.", show_default="migo"
     ),
 ]
 Sensitivity = Annotated[
     float | None,
     typer.Option(
-        help="Maximum sensitivity Ms for migo: 1.4 is safe, 2 is brisk.",
+        help="Maximum sensitivity Ms for migo and dlqr: 1.4 is safe, 2 is brisk.",
         min=1.05,
         max=3.0,
         show_default="1.6",
@@ -130,13 +130,19 @@ def fit(
     counts_per_rev: CountsPerRev = 1200.0,
     one_direction: OneDirection = False,
     variants: Annotated[
-        bool, typer.Option("--variants", help="Also fit a second-order model and a backlash model.")
+        bool,
+        typer.Option("--variants", help="Compare with second-order, backlash and ERA models (takes 20 s)."),
     ] = False,
     resistance: Annotated[
         float | None, typer.Option(help="Winding resistance in ohm, for the physical constants.", min=0.001)
     ] = None,
+    export: Annotated[
+        Path | None,
+        typer.Option(help="Folder for models.json and load_models.py: the models for python-control."),
+    ] = None,
 ) -> None:
     """Identify motors from logs."""
+    from thumper.cli.output_folder import prepare_output
     from thumper_tuning.cli.fit import fit_files
 
     fit_files(
@@ -146,6 +152,7 @@ def fit(
         as_json=json,
         variants=variants,
         resistance_Ohm=resistance,
+        export=prepare_output(export) if export is not None else None,
     )
 
 

@@ -7,13 +7,17 @@ from annotated_types import Ge, Gt, Le, Lt
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper_tuning.design.fixed_point import BoardGains, to_fixed_point
-from thumper_tuning.design.loop_analysis import LoopMargins, Plant, StepInfo, loop_margins, step_info
+from thumper_tuning.design.loops import LoopMargins, SpeedLoop, StepInfo
+from thumper_tuning.design.plant import Plant
 from thumper_tuning.design.plant_family import worst_case_margins
+from thumper_tuning.design.state_feedback import dlqr
 from thumper_tuning.design.tuning_rules import RULES, PiGains, migo, pole_placement
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.identify.motor import IdentifiedMotor
 from thumper_tuning.logs.motor_log import DriveUnit
 from thumper_tuning.logs.units import FULL_PWM, NOMINAL_V
+
+RULE_NAMES = (*RULES, "dlqr")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,7 +25,7 @@ class DesignOptions:
     """Options of the design."""
 
     rule: str = "migo"
-    largest_sensitivity: Annotated[float, Ge(1.05), Le(3)] = 1.6  # of migo
+    largest_sensitivity: Annotated[float, Ge(1.05), Le(3)] = 1.6  # of migo and dlqr
     natural_rad_s: Annotated[float, Gt(0)] = 8.0  # of pole-placement
     damping: Annotated[float, Gt(0), Lt(1)] = 0.8  # of pole-placement
     period_s: Annotated[float, Gt(0)] = 0.1
@@ -41,6 +45,16 @@ class Design:
     margins: LoopMargins
     worst_case: LoopMargins  # of the plant family
     step_info: StepInfo
+
+    @property
+    def plant(self) -> Plant:
+        """The mean wheel as the board counts it."""
+        return Plant.from_model(self.model, self.period_s)
+
+    @property
+    def loop(self) -> SpeedLoop:
+        """The loop of plant and board as python-control systems."""
+        return SpeedLoop.of_board(self.plant, self.gains.kp, self.gains.ki)
 
 
 def nominal_model(
@@ -101,7 +115,8 @@ def design(model: MotorModel, std: Uncertainty, options: DesignOptions) -> Desig
         ka=kv * model.time_constant_s if options.feed_forward else 0.0,
         acceleration=options.acceleration_rad_s2,
     )
-    margins = loop_margins(plant, gains.kp, gains.ki)
+    loop = SpeedLoop.of_board(plant, gains.kp, gains.ki)
+    margins = loop.margins()
     if not margins.stable:
         raise ThumperError(
             f"kp {gains.kp:.4g}, ki {gains.ki:.4g} make the loop unstable; choose smaller gains"
@@ -113,7 +128,7 @@ def design(model: MotorModel, std: Uncertainty, options: DesignOptions) -> Desig
         period_s=options.period_s,
         margins=margins,
         worst_case=worst_case_margins(model, std, gains.kp, gains.ki, options.period_s),
-        step_info=step_info(plant, gains.kp, gains.ki),
+        step_info=loop.step_info(),
     )
 
 
@@ -122,10 +137,12 @@ def _pi_gains(model: MotorModel, plant: Plant, options: DesignOptions) -> PiGain
         return options.manual
     if options.rule == "migo":
         return migo(plant, options.largest_sensitivity)
+    if options.rule == "dlqr":
+        return dlqr(plant, options.largest_sensitivity)
     if options.rule == "pole-placement":
         return pole_placement(plant, options.natural_rad_s, options.damping)
     if options.rule not in RULES:
         raise ThumperError(
-            f"unknown rule {options.rule!r}; choose from: {', '.join(RULES)}", exit_code=EXIT_USAGE
+            f"unknown rule {options.rule!r}; choose from: {', '.join(RULE_NAMES)}", exit_code=EXIT_USAGE
         )
     return RULES[options.rule](model, options.period_s)

@@ -2,7 +2,9 @@
 
 from dataclasses import replace
 
-from thumper_tuning.design.loop_analysis import LoopMargins, Plant, loop_margins
+from thumper_tuning.design.fast_sensitivity import max_sensitivity
+from thumper_tuning.design.loops import LoopMargins, SpeedLoop
+from thumper_tuning.design.plant import Plant
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 
 SUPPLY = (0.85, 1.0, 1.15)
@@ -28,7 +30,6 @@ def worst_case_margins(
     model: MotorModel, std: Uncertainty, kp: float, ki: float, period_s: float
 ) -> LoopMargins:
     """Return the margins of the member of the family with the largest sensitivity."""
-    margins = [
-        loop_margins(Plant.from_model(member, period_s), kp, ki) for member in plant_family(model, std)
-    ]
-    return max(margins, key=lambda one: one.max_sensitivity)
+    plants = [Plant.from_model(member, period_s) for member in plant_family(model, std)]
+    worst = max(plants, key=lambda plant: max_sensitivity(plant, kp, ki))
+    return SpeedLoop.of_board(worst, kp, ki).margins()

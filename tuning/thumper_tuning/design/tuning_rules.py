@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from thumper.common.errors import ThumperError
-from thumper_tuning.design.loop_analysis import Plant, max_sensitivity
+from thumper_tuning.design.fast_sensitivity import max_sensitivity
+from thumper_tuning.design.plant import Plant
 from thumper_tuning.identify.model import MotorModel
 
 

@@ -8,6 +8,12 @@ from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.least_squares import FitData
 from thumper_tuning.identify.model import MotorModel
 from thumper_tuning.identify.motor_response import DriveSignal, MotorParameters, simulate
+from thumper_tuning.identify.realization import (
+    impulse_response,
+    linear_record,
+    realize,
+    slow_time_constant_s,
+)
 from thumper_tuning.identify.segments import LogSegment
 
 TIME_CONSTANTS_S = np.geomspace(0.005, 2.0, 18)
@@ -30,8 +36,11 @@ def initial_guesses(data: FitData) -> list[InitialGuess]:
 
     In motion, the speed is linear in gain and gain x friction once time constant and delay are given: the
     drive and the sign of the motion pass the same one-pole filter. Each least-squares fit is reweighted
-    towards an L1 fit, so that glitches do not decide.
+    towards an L1 fit, so that glitches do not decide. The time constant of python-control's ERA model is on
+    the grid, too.
     """
+    era_s = _era_time_constant_s(data.segments)
+    time_constants_s = [*TIME_CONSTANTS_S.tolist(), *([era_s] if era_s is not None else [])]
     y, period_s = data.speed_rad_s, data.period_s
     nonzero = np.abs(y[y != 0.0]) if y.any() else np.ones(1)
     plausible = np.abs(y) <= GLITCH_FACTOR * np.percentile(nonzero, 90)
@@ -40,7 +49,7 @@ def initial_guesses(data: FitData) -> list[InitialGuess]:
     for periods in DELAYS_PERIODS:
         delay_s = min(periods * period_s, MAX_DELAY_S)
         best: InitialGuess | None = None
-        for tau_s in TIME_CONSTANTS_S:
+        for tau_s in time_constants_s:
             filters = _Filters(tau_s=tau_s, delay_s=delay_s, instantaneous=data.instantaneous)
             X = np.concatenate([filters.regressors(s, moving) for s in data.segments])
             theta, residual = _fit_l1(X[plausible], y[plausible])
@@ -57,6 +66,14 @@ def initial_guesses(data: FitData) -> list[InitialGuess]:
         if best is not None:
             found.append(best)
     return sorted(found, key=lambda guess: guess.residual_rad_s)
+
+
+def _era_time_constant_s(segments: list[LogSegment]) -> float | None:
+    record = linear_record(segments, None)
+    if record is None:
+        return None
+    tau_s = slow_time_constant_s(realize(impulse_response(record), 1, record.period_s))
+    return tau_s if tau_s is not None and TIME_CONSTANTS_S[0] < tau_s < TIME_CONSTANTS_S[-1] else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

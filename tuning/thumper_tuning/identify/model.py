@@ -2,14 +2,10 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from thumper.common.geometry import FloatArray
-
-if TYPE_CHECKING:
-    import control
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,32 +28,26 @@ class MotorModel:
         """Mean of both directions [drive unit]."""
         return 0.5 * (self.friction_forward + self.friction_backward)
 
-    def continuous(self) -> "control.TransferFunction":
-        """Return the transfer function from drive to speed, without friction and dead time."""
-        import control
-
-        return control.tf([self.gain], [self.time_constant_s, 1.0])
-
-    def discrete(self, period_s: float) -> "control.TransferFunction":
-        """Return the exact transfer function from drive to counted speed, with dead time."""
-        import control
-
-        pole, numerator = self.discretize(period_s)
-        return control.tf(numerator, [1.0, -pole, *[0.0] * (len(numerator) - 1)], period_s)
-
     def discretize(self, period_s: float) -> tuple[float, FloatArray]:
         """Return a and c of y[k+1] = a y[k] + c[0] u[k] + c[1] u[k-1] + ... for a zero-order hold on u.
 
         y[k+1] is the mean speed between the ticks k and k+1: what an encoder counts. There are two
         coefficients c without dead time, three up to one period of it (derivations.md, "The counted plant").
         """
-        a = math.exp(-period_s / self.time_constant_s)
-        order = 2 + math.ceil(self.delay_s / period_s - 1e-9)
-        ends_s = np.maximum(np.arange(order + 1) * period_s - self.delay_s, 0.0)
-        turned_rad = self.gain * (ends_s - self.time_constant_s * -np.expm1(-ends_s / self.time_constant_s))
-        step = np.diff(turned_rad) / period_s  # counted response to a unit step
-        pulse = np.diff(step, prepend=0.0)
-        return a, pulse - a * np.concatenate(([0.0], pulse[:-1]))
+        return discretize_lag(self.gain, self.time_constant_s, self.delay_s, period_s)
+
+
+def discretize_lag(
+    gain: float, time_constant_s: float, delay_s: float, period_s: float
+) -> tuple[float, FloatArray]:
+    """Return pole a and coefficients c of a counted first-order lag; see `MotorModel.discretize`."""
+    a = math.exp(-period_s / time_constant_s)
+    order = 2 + math.ceil(delay_s / period_s - 1e-9)
+    ends_s = np.maximum(np.arange(order + 1) * period_s - delay_s, 0.0)
+    turned_rad = gain * (ends_s - time_constant_s * -np.expm1(-ends_s / time_constant_s))
+    step = np.diff(turned_rad) / period_s  # counted response to a unit step
+    pulse = np.diff(step, prepend=0.0)
+    return a, pulse - a * np.concatenate(([0.0], pulse[:-1]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,17 +2,24 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from thumper_tuning.identify.compare_models import ComparedModel, compare_models
 from thumper_tuning.identify.cross_validation import Validation, cross_validate
 from thumper_tuning.identify.excitation_checks import RECORD, check_excitation, check_result
 from thumper_tuning.identify.fit import Fit, fit_motor
 from thumper_tuning.identify.fit_warnings import fit_warnings
 from thumper_tuning.identify.model import MotorModel, Uncertainty
+from thumper_tuning.identify.richer_models import fit_richer_models
 from thumper_tuning.identify.segments import LogSegment, split_segments
+from thumper_tuning.identify.systems import continuous_system, counted_system, friction_system
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
 from thumper_tuning.logs.units import log_error
+
+if TYPE_CHECKING:
+    import control
 
 INSTANTANEOUS_COST_RATIO = 0.97  # speeds count as instantaneous only if they fit this much better
 
@@ -31,6 +38,29 @@ class IdentifiedMotor:
     period_s: float
     supply_V: float | None
     warnings: tuple[str, ...]
+
+    def continuous(self) -> "control.TransferFunction":
+        """Return the motor as a continuous python-control system, from drive to speed, without friction."""
+        return continuous_system(self.model)
+
+    def counted(self, period_s: float) -> "control.TransferFunction":
+        """Return the exact discrete system, from drive to the speed that a board counts per period."""
+        return counted_system(self.model, period_s)
+
+    def with_friction(self, period_s: float) -> "control.NonlinearIOSystem":
+        """Return the discrete nonlinear system with friction, for `control.input_output_response`."""
+        return friction_system(self.model, period_s)
+
+    def compare(self, *, richer: bool = False) -> list[ComparedModel]:
+        """Return models of this motor with their validation fit; `richer` adds two grey boxes (seconds)."""
+        segments = list(self.segments)
+        return compare_models(
+            segments,
+            self.fit,
+            self.validation.fit_percent,
+            fit_richer_models(segments, self.fit) if richer else [],
+            self.period_s,
+        )
 
 
 def identify(logs: list[MotorLog], *, one_direction: bool = False) -> IdentifiedMotor:
@@ -75,7 +105,7 @@ def identify(logs: list[MotorLog], *, one_direction: bool = False) -> Identified
         validation=validation,
         fit=fit,
         segments=tuple(segments),
-        period_s=float(np.median([log.period_s for log in logs])),
+        period_s=round(float(np.median([log.period_s for log in logs])), 9),  # control compares them exactly
         supply_V=float(np.mean(supplies)) if supplies else None,
         warnings=tuple(warnings),
     )

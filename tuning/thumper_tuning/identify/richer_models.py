@@ -45,7 +45,7 @@ class ExtraParameters(NamedTuple):
 class RicherModel:
     """The first-order model with a second time constant, or with backlash before its load."""
 
-    kind: str  # "second order" or "play and mass"
+    kind: str  # "second order" or "backlash"
     base: MotorModel
     second_time_constant_s: float = 0.0
     play_rad: float = 0.0
@@ -65,7 +65,7 @@ def fit_richer_models(segments: list[LogSegment], fit: Fit) -> list[RicherModel]
     tau_s = fit.model.time_constant_s
     lag_s = max(0.2 * tau_s, 0.1 * median_window_s(segments))
     second_order = RicherModel(kind="second order", base=fit.model, second_time_constant_s=lag_s)
-    backlash = RicherModel(kind="play and mass", base=fit.model, play_rad=0.3, motor_share=0.3)
+    backlash = RicherModel(kind="backlash", base=fit.model, play_rad=0.3, motor_share=0.3)
     return [_fit_and_validate(segments, fit, start) for start in (second_order, backlash)]
 
 

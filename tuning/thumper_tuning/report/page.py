@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from thumper_tuning.design.fixed_point import PARAMETER_SPECS, BoardGains
 from thumper_tuning.design.gains import Design
-from thumper_tuning.design.loop_analysis import LoopMargins, Plant, loop_margins
+from thumper_tuning.design.loops import LoopMargins, SpeedLoop
 from thumper_tuning.drive.verify import Verification
 from thumper_tuning.identify.motor import IdentifiedMotor
 from thumper_tuning.identify.result_json import NOT_IDENTIFIABLE
@@ -34,7 +34,7 @@ def write_report(
     path: Path, motors: list[IdentifiedMotor], design: Design, board: BoardResults | None = None
 ) -> Path:
     """Write the page; `board` is None for a design from logs alone."""
-    from thumper_tuning.report import figures
+    from thumper_tuning.report import figures, loop_figures
 
     old = board.before.gains if board else None
     parts = ["<h1>Wheel speed control: tuning report</h1>"]
@@ -45,10 +45,16 @@ def write_report(
             _image(figures.tracking(board.before, board.after)),
         ]
     parts += ["<h2>Gains</h2>", _gains_table(design, old), _margins_table(design, old)]
-    parts.append(_image(figures.step(design, (old.kp, old.ki) if old else None)))
+    parts.append(_image(loop_figures.step(design, (old.kp, old.ki) if old else None)))
     parts += [
         _image(draw(design))
-        for draw in (figures.bode, figures.nyquist, figures.sensitivity, figures.pole_zero)
+        for draw in (
+            loop_figures.bode,
+            loop_figures.nyquist,
+            loop_figures.sensitivity,
+            loop_figures.pole_zero,
+            loop_figures.root_locus,
+        )
     ]
     for motor in motors:
         parts += [f"<h2>Motor {html.escape(motor.name)}</h2>", _motor_table(motor)]
@@ -101,8 +107,7 @@ def _gains_table(design: Design, old: BoardGains | None) -> str:
 def _margins_table(design: Design, old: BoardGains | None) -> str:
     loops: list[tuple[str, LoopMargins]] = []
     if old is not None:
-        plant = Plant.from_model(design.model, design.period_s)
-        loops.append(("before", loop_margins(plant, old.kp, old.ki)))
+        loops.append(("before", SpeedLoop.of_board(design.plant, old.kp, old.ki).margins()))
     loops += [("after", design.margins), ("after, worst case of the plant family", design.worst_case)]
     rows = [
         [
