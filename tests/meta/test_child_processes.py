@@ -18,8 +18,15 @@ time.sleep(600)
 
 def test_a_simulator_ends_when_its_test_is_killed(tmp_path: Path) -> None:
     thumper = Path(sys.executable).with_name("thumper")
-    simulator = [thumper, "sim", "--board-pty", tmp_path / "board", "--lidar-pty", tmp_path / "lidar"]
-    command = [*END_WITH_PARENT, sys.executable, "-c", PARENT, *simulator]
+    simulator: list[str | Path] = [
+        thumper,
+        "sim",
+        "--board-pty",
+        tmp_path / "board",
+        "--lidar-pty",
+        tmp_path / "lidar",
+    ]
+    command: list[str | Path] = [*END_WITH_PARENT, sys.executable, "-c", PARENT, *simulator]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as parent:
         assert parent.stdout is not None
         process = Path("/proc", parent.stdout.readline().strip())

@@ -1,7 +1,7 @@
 """The trajectory tracker: a state controller follows a reference that runs along the path.
 
 The cascade of the thesis this robot comes from: trajectory, pose error, state controller, wheel speeds.
-Kanayama et al., "A stable tracking control method for an autonomous mobile robot" (1990), eq. 8:
+Kanayama et al., "A stable tracking control method for an autonomous mobile robot" (1990), control rule:
 v = v_r cos(e_theta) + k_x e_x, w = w_r + v_r (k_y e_y + k_theta sin(e_theta)). The errors are those of the
 pose that the robot will have when the command takes effect.
 """
@@ -142,7 +142,7 @@ class TrajectoryTracker:
         )
 
     def _state_control(self, reference: ReferenceTrajectory, base: Pose2, speed_m_s: float) -> Twist2:
-        """Return the twist that drives the pose error to zero (Kanayama 1990, eq. 8)."""
+        """Return the twist that drives the pose error to zero (control rule of Kanayama 1990)."""
         along_m, side_m = base.inverse().apply(reference.point(self._lead_m)[None, :])[0]
         error_rad = wrap_angle(reference.heading_rad(self._lead_m) - base.theta_rad)
         heading_gain = 2.0 * DAMPING * math.sqrt(self._side_gain)

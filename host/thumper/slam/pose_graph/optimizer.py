@@ -1,7 +1,6 @@
 """Pose-graph optimization: relative poses between submaps, made consistent by least squares, in parts.
 
-Equation numbers are those of Grisetti, Kuemmerle, Stachniss, Burgard, "A tutorial on graph-based SLAM", IEEE
-ITS Magazine 2(4), 2010.
+Follows Grisetti, Kuemmerle, Stachniss, Burgard, "A tutorial on graph-based SLAM", IEEE ITS Magazine 2(4), 2010.
 """
 
 import math
@@ -74,7 +73,7 @@ class Solver:
         return self._iterations_left == 0 or float(np.abs(step).max()) < 1e-5
 
     def _linearize(self) -> None:
-        """Fill the lower band of H and the vector b (algorithm 1), rows in the order of the ranks."""
+        """Fill the lower band of H and the vector b, rows in the order of the ranks."""
         n, width, information = self.poses.shape[0], self._width, self._information
         first, second = self._rank[self._first], self._rank[self._second]
         error, a, b = _error_and_jacobians(self.poses[self._first], self.poses[self._second], self._measured)
@@ -116,7 +115,7 @@ def _error_and_jacobians(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return errors in the first node's frame, shape (m, 3), and their Jacobians A and B, (m, 3, 3).
 
-    Eqs. 30, 32 and 33.
+    The tutorial's error function of 2D poses, and its derivatives by the first and the second pose.
     """
     cos, sin = np.cos(first[:, 2]), np.sin(first[:, 2])
     dx, dy = second[:, 0] - first[:, 0], second[:, 1] - first[:, 1]

@@ -1,8 +1,8 @@
 """Gauss-Newton scan matching: the pose at which the beams end on occupied cells.
 
 Levenberg-Marquardt damping on the distance field with bilinear interpolation. Kohlbrecher et al. do the same
-on an occupancy map ("A flexible and scalable SLAM system with full 3D motion estimation", SSRR 2011). The
-equation numbers below are theirs.
+on an occupancy map ("A flexible and scalable SLAM system with full 3D motion estimation", SSRR 2011, sections
+"Map access" and "Scan matching").
 """
 
 import math
@@ -102,7 +102,7 @@ def _prediction_information(
 def bilinear(
     d00: float, d01: float, d10: float, d11: float, fu: float, fv: float
 ) -> tuple[float, float, float]:
-    """Return value (eq. 4) and slopes per cell (eqs. 5, 6) between four cell centres.
+    """Return value and slopes per cell between four cell centres.
 
     `fu`, `fv` are the fractions of a cell from d00 towards d01 and towards d10.
     """
@@ -147,7 +147,7 @@ def score(points_m: FloatArray, pose: FloatArray, field: DistanceField, std_m: f
 def _add_beam(
     system: NormalEquations, weight: float, residual: float, jx: float, jy: float, jt: float
 ) -> None:
-    """Add one beam to the system (eqs. 12, 13); `jx`, `jy`, `jt` are the residual's derivatives."""
+    """Add one beam to Hessian and gradient; `jx`, `jy`, `jt` are the residual's derivatives."""
     hessian, gradient = system.hessian, system.gradient
     gradient[0] += weight * residual * jx
     gradient[1] += weight * residual * jy
@@ -218,14 +218,14 @@ def add_beams(
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     cost = 0.0
     for i in range(points.shape[0]):
-        rx = cos * points[i, 0] - sin * points[i, 1]  # eq. 8: the beam's end is pose + (rx, ry)
+        rx = cos * points[i, 0] - sin * points[i, 1]  # the beam's end is pose + (rx, ry)
         ry = sin * points[i, 0] + cos * points[i, 1]
         residual, jx, jy = sample(field, pose[0] + rx, pose[1] + ry)
         weight, beam_cost = robust_cost(weights, residual)
         cost += beam_cost
         if jx == 0.0 and jy == 0.0:
             continue
-        _add_beam(system, weight, residual, jx, jy, jy * rx - jx * ry)  # eq. 14
+        _add_beam(system, weight, residual, jx, jy, jy * rx - jx * ry)  # chain rule over the heading
     return cost
 
 
@@ -272,7 +272,7 @@ def match(
         damped[:] = system.hessian
         for k in range(3):
             damped[k, k] *= 1.0 + damping
-        step = solve3(damped, system.gradient)  # eq. 12
+        step = solve3(damped, system.gradient)  # Gauss-Newton: H^-1 g
         for k in range(3):
             trial[k] = pose[k] - step[k]
         trial_cost = normal_equations(points_m, trial, prior, field, weights, trial_system)
