@@ -20,6 +20,7 @@ from thumper.common.geometry import Pose2, Twist2
 from thumper.config.bus import BusOptions
 from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.ros.service import json_object
 from thumper.ros.status import Status
 from thumper.ros.to_ros import INFO, WARN, Messages
 from thumper.runtime.requests import (
@@ -144,7 +145,7 @@ class FakeRobot:
         answer: dict[str, Any] = {}
         match name:
             case "parameters/schema":
-                answer = board_parameters.schema()
+                answer = json_object(board_parameters.schema())
             case "parameters/get" | "parameters/revert":
                 answer = {"values": self.parameters}
             case "parameters/set":

@@ -29,7 +29,8 @@ from thumper.maps.map_server_io import map_yaml_path, save_map
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.goal import check_place
 from thumper.runtime.assembly import open_robot
-from thumper.runtime.drive.drive_manager import DriveMode
+from thumper.runtime.drive import tasks
+from thumper.runtime.drive.tasks import Task
 from thumper.runtime.drive_log import DriveLog
 from thumper.runtime.drive_result import DriveResult
 from thumper.runtime.loop import RobotLoop
@@ -117,15 +118,10 @@ class Robot:
             )
         if not (math.isfinite(v_m_s) and math.isfinite(w_rad_s)):
             raise ThumperError("drive: pass finite speeds", exit_code=EXIT_USAGE)
-        self._catch_up()
-        drive_manager = self._loop.drive_manager
-        drive_manager.arm(self._loop.inputs.telemetry)
-        try:
-            drive_manager.cruise(Twist2(v_m_s=v_m_s, w_rad_s=w_rad_s))
-            self._run_for(duration_s, while_armed=True)
-        finally:
-            self._loop.stop()
-            self._await_motors_off()
+        result = self._run(tasks.cruise(Twist2(v_m_s=v_m_s, w_rad_s=w_rad_s), duration_s))
+        self._await_motors_off()
+        if not result.reached:
+            raise ThumperError(f"the drive ended early: {result.reason}")
 
     def goto(
         self, x_m: float, y_m: float, heading_rad: float | None = None, *, tolerance_m: float = 0.1
@@ -143,10 +139,8 @@ class Robot:
         if heading_rad is not None:
             numbers["yaw_rad"] = heading_rad
         numbers = {name: _number("goto", value) for name, value in numbers.items()}
-        result = self._loop.drive_to(parse_goal(numbers), lambda _progress: None)
+        result = self._run(tasks.drive_to_goal(parse_goal(numbers)))
         self._await_motors_off()
-        if result.interrupted:
-            raise KeyboardInterrupt
         return result
 
     def wait(self, duration_s: float = 1.0) -> None:
@@ -158,8 +152,9 @@ class Robot:
             An invalid duration, or the board is silent.
         """
         duration_s = _duration_s("wait", duration_s)
-        self._catch_up()
-        self._run_for(duration_s, while_armed=False)
+        result = self._run(tasks.wait(duration_s))
+        if not result.reached:
+            raise ThumperError(result.reason, exit_code=EXIT_NOT_THERE)
 
     @property
     def pose(self) -> Pose2:
@@ -236,27 +231,24 @@ class Robot:
         return state
 
     def _catch_up(self) -> None:
-        self._loop.catch_up()
+        self._loop.wait_for_map()
+
+    def _run(self, task: Task) -> DriveResult:
+        """Carry out a task; raise KeyboardInterrupt, as any Python code would, if Ctrl-C ended it."""
+        result = self._loop.run(task)
+        if result.interrupted:
+            raise KeyboardInterrupt
+        return result
 
     def _await_motors_off(self) -> None:
         """Wait until telemetry shows the motors off; if the board is silent, the next call reports it."""
-        with suppress(ThumperError):
-            for _ in range(DISARM_CYCLES):
-                telemetry = self._loop.inputs.telemetry
-                if telemetry is None or telemetry.state in (State.DISARMED, State.FAULT) or not self._step():
-                    return
+        if not self._are_motors_off():
+            with suppress(ThumperError):
+                self._run(tasks.wait_until(self._are_motors_off, max_cycles=DISARM_CYCLES))
 
-    def _run_for(self, duration_s: float, *, while_armed: bool) -> None:
-        until_s = math.inf
-        while self._state.time_s < until_s:
-            if not self._step():
-                raise ThumperError("the board went silent; check its cable", exit_code=EXIT_NOT_THERE)
-            if while_armed and self._loop.drive_manager.mode is DriveMode.IDLE:
-                raise ThumperError(f"the drive ended early: {self._loop.drive_manager.reason}")
-            until_s = min(until_s, self._state.time_s + duration_s)  # from the first command on
-
-    def _step(self) -> bool:
-        return self._loop.step().alive
+    def _are_motors_off(self) -> bool:
+        telemetry = self._loop.inputs.telemetry
+        return telemetry is None or telemetry.state in (State.DISARMED, State.FAULT)
 
 
 def _number(what: str, value: float) -> float:

@@ -43,7 +43,7 @@ class Service:
 
     def run_cycles(self, count: int) -> None:
         for _ in range(count):
-            self.robot.serve_step()
+            self.robot.cycle()
 
     def put(self, *requests: Request) -> None:
         for request in requests:

@@ -20,12 +20,15 @@ from thumper.config.robot import RobotConfig
 from thumper.lidar.options import LidarOptions
 from thumper.navigation.goal import Goal
 from thumper.runtime.assembly import open_robot
+from thumper.runtime.drive.display import NoDisplay
+from thumper.runtime.drive.legs import Leg
+from thumper.runtime.drive.tasks import Task
 from thumper.runtime.drive_result import DriveProgress, DriveResult
 from thumper.runtime.loop import RobotLoop
 from thumper_hil.bench import Bench, simulation
 
 START = Pose2(x_m=1.73, y_m=0.08, theta_rad=math.pi)
-GOAL = Goal(x_m=-0.49, y_m=0.02)
+HALFWAY, GOAL = Goal(x_m=1.3, y_m=0.05), Goal(x_m=-0.49, y_m=0.02)
 MISHAP_S = 2.5  # by then the robot drives at full speed
 
 Mishap = Callable[[RobotLoop, Bench], None]
@@ -136,6 +139,43 @@ def test_ctrl_c_right_after_arming_disarms(monkeypatch: pytest.MonkeyPatch) -> N
         monkeypatch.setattr(robot.drive_manager, "start", start_and_interrupt)
         with pytest.raises(KeyboardInterrupt):
             robot.drive_to(GOAL, lambda _: None)
+        robot.step()
+        assert robot.inputs.telemetry is not None
+        assert robot.inputs.telemetry.state is State.DISARMED
+
+
+@pytest.mark.parametrize("moment", ["deciding", "stopping", "starting"])
+def test_ctrl_c_between_two_drives_keeps_the_result(moment: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else the command that drives would lose the map of the first drive."""
+    with robot_in_the_lab() as (robot, _):
+        manager, board = robot.drive_manager, robot.inputs.board
+        start, disarm = manager.start, board.command
+
+        def interrupt_the_stop(command: Command) -> None:
+            monkeypatch.setattr(board, "command", disarm)
+            if command is Command.DISARM:
+                raise KeyboardInterrupt
+            disarm(command)
+
+        def interrupt_the_start(*arguments: Any, **options: Any) -> None:
+            start(*arguments, **options)
+            raise KeyboardInterrupt
+
+        def task() -> Task:
+            yield Leg(goal=HALFWAY)
+            if moment == "deciding":
+                raise KeyboardInterrupt
+            if moment == "starting":
+                monkeypatch.setattr(manager, "start", interrupt_the_start)
+            return (yield Leg(goal=GOAL))
+
+        def watch(progress: DriveProgress) -> None:
+            if moment == "stopping" and progress.time_s > 0.5:
+                monkeypatch.setattr(board, "command", interrupt_the_stop)
+
+        result = robot.run(task(), NoDisplay(on_progress=watch))
+        assert (result.reached, result.interrupted, result.reason) == (False, True, "interrupted")
+        assert result.path_length_m > 0.2
         robot.step()
         assert robot.inputs.telemetry is not None
         assert robot.inputs.telemetry.state is State.DISARMED

@@ -10,7 +10,7 @@ import pytest
 
 from tests.e2e.service import FAR, NEAR, Service
 from thumper.board.messages import State
-from thumper.runtime.drive.tasks import serve_requests
+from thumper.common.errors import ThumperError
 from thumper.runtime.requests import GoTo
 
 
@@ -20,17 +20,13 @@ def test_a_reconnected_board_keeps_the_map(service: Service, monkeypatch: pytest
     before = service.robot.inputs.estimator.state()
     known = (service.robot.mapper.grid().cells >= 0).sum()
     service.bench.fault("board", "unplugged")
-    naps: list[float] = []
-
-    def plug_in(nap_s: float) -> None:
-        naps.append(nap_s)
-        service.bench.advance(service.bench.time_s + nap_s)
-        service.bench.fault("board", "ok")
-
     with monkeypatch.context() as patch:
-        patch.setattr(time, "sleep", plug_in)
-        service.run_cycles(1)
-    assert naps
+        patch.setattr(time, "sleep", lambda nap_s: service.bench.advance(service.bench.time_s + nap_s))
+        service.run_cycles(10)
+        refused = service.ask("mission/send", {"x_m": FAR.x_m, "y_m": FAR.y_m})  # answered while it is lost
+        assert "cable" in refused["error"]
+        service.bench.fault("board", "ok")
+        service.until(lambda: "the board answers again; the motors are off" in service.events)
     service.run_cycles(5)
     after = service.robot.inputs.estimator.state()
     assert before is not None
@@ -42,6 +38,26 @@ def test_a_reconnected_board_keeps_the_map(service: Service, monkeypatch: pytest
     service.put(GoTo(goals=(NEAR,)))
     service.until(lambda: service.mode == "idle")
     assert service.ask("mission/state")["state"] == "reached"
+
+
+def test_a_board_of_another_geometry_is_not_taken_back(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It converts counts to speeds, which would be wrong."""
+
+    def another(*_: object) -> None:
+        raise ThumperError("the firmware was built for other wheels")
+
+    service.bench.fault("board", "unplugged")
+    monkeypatch.setattr(time, "sleep", lambda nap_s: service.bench.advance(service.bench.time_s + nap_s))
+    with monkeypatch.context() as patch:
+        patch.setattr("thumper.runtime.assembly._check_geometry", another)
+        service.run_cycles(2)
+        service.bench.fault("board", "ok")
+        service.run_cycles(20)
+    assert service.events.count("the firmware was built for other wheels") == 1
+    assert "the board answers again; the motors are off" not in service.events
+    service.until(lambda: "the board answers again; the motors are off" in service.events)
 
 
 def test_an_unplugged_lidar_is_reopened_while_the_robot_is_stationary(service: Service) -> None:
@@ -98,7 +114,7 @@ def test_a_ctrl_c_lost_in_a_kernel_ends_the_run(service: Service) -> None:
 
     service.put(GoTo(goals=(FAR,)))
     sys.setprofile(interrupt)
-    service.robot.run(serve_requests(speed=20.0))
+    service.robot.serve(speed=20.0)
     assert came
     assert service.mode == "idle"
     service.run_cycles(1)

@@ -50,7 +50,8 @@ RUNTIME = (
     "safe_stop",
     "drive",
     "publisher",
-    "service",
+    "reconnection service",
+    "control_cycle",
     "loop",
     "assembly",
 )

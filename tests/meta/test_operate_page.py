@@ -33,9 +33,7 @@ def test_lists_the_latched_topics() -> None:
 
 
 def test_lists_every_service_as_the_table_in_the_code() -> None:
-    assert rows("service") == [
-        [f"`{service.name}`", service.request_doc, service.reply_doc] for service in SERVICES.values()
-    ]
+    assert rows("service") == [service.row() for service in SERVICES.values()]
 
 
 def test_lists_every_command() -> None:

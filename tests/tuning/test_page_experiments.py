@@ -25,7 +25,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RobotLoop
     )
     with open_robot(config, Pose2()) as robot:
         for _ in range(5):
-            robot.serve_step()
+            robot.cycle()
         robot._rate.set_speed(20.0)
         yield robot
 
@@ -54,14 +54,14 @@ def interrupt(robot: RobotLoop, monkeypatch: pytest.MonkeyPatch, *requests: Any)
 
 
 def state_after(robot: RobotLoop) -> State:
-    robot.serve_step()
+    robot.cycle()
     assert robot.inputs.telemetry is not None
     return robot.inputs.telemetry.state
 
 
 def test_motors_are_identified(robot: RobotLoop) -> None:
     assert ask(robot, "experiment/start", {"name": "identify", "lane_m": 1.2})["text"] == "identify begins"
-    robot.serve_step()
+    robot.cycle()
     state = ask(robot, "experiment/state", {})
     assert (state["running"], state["problem"]) == ("", "")
     assert [line.partition(":")[0] for line in state["lines"] if "gain" in line] == ["left", "right"]
@@ -78,7 +78,7 @@ def test_a_request_stops_the_experiment(
 ) -> None:
     ask(robot, "experiment/start", {"name": "tune", "lane_m": 1.2})
     interrupt(robot, monkeypatch, request_)
-    robot.serve_step()
+    robot.cycle()
     state = ask(robot, "experiment/state", {})
     assert state["problem"] == problem
     assert 0.0 < state["share"] < 0.2
@@ -88,7 +88,7 @@ def test_a_request_stops_the_experiment(
 def test_a_disconnected_page_stops_its_experiment(robot: RobotLoop) -> None:
     robot.request_queue.put(Heartbeat(source="page"))
     ask(robot, "experiment/start", {"name": "tune", "lane_m": 1.2}, source="page")
-    robot.serve_step()
+    robot.cycle()
     assert ask(robot, "experiment/state", {})["problem"] == "the page that started it is gone"
     assert state_after(robot) is State.DISARMED
 

@@ -60,7 +60,7 @@ def soak(duration_s: float, seed: int = 1) -> SoakReport:
                     _send_goal(robot, clients, (config.name, bus.address), goal_m)
                 except ThumperError as error:
                     report.failures.append(f"goal {goal_m} rejected after drive {report.drives}: {error}")
-                    robot.serve_step()
+                    robot.cycle()
                 else:
                     driver.drive()
         report.simulated_s, report.contacts = bench.time_s, bench.contacts

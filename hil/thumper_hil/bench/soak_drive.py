@@ -68,7 +68,7 @@ class SoakDriver:
         """Run until the mission ends; return the fault that was injected, empty for none."""
         fault = ""
         for cycle in range(MAX_CYCLES):
-            self._robot.serve_step()
+            self._robot.cycle()
             if self._robot.drive_manager.mode is DriveMode.IDLE:
                 break
             if cycle == fault_cycle and self._robot.drive_manager.mode is DriveMode.DRIVING:
@@ -108,7 +108,7 @@ class SoakDriver:
         robot, bench, report = self._robot, self._bench, self._report
         fault_s = bench.time_s
         while bench.time_s < fault_s + STOP_S or robot.drive_manager.mode is DriveMode.DRIVING:
-            robot.serve_step()
+            robot.cycle()
             if bench.time_s > fault_s + 3.0 * STOP_S:
                 break
         truth = bench.truth()[-round(100 * (bench.time_s - fault_s)) :]
@@ -140,7 +140,7 @@ class SoakDriver:
 
     def _step(self, cycles: int) -> None:
         for _ in range(cycles):
-            self._robot.serve_step()
+            self._robot.cycle()
 
     def _has_scans(self) -> bool:
         state = self._robot.inputs.estimator.state()
@@ -159,7 +159,7 @@ def sleeps_advance(bench: Bench) -> Iterator[None]:
         if sleeps % 3 == 0:
             bench.fault("board", "ok")
 
-    with patch("thumper.runtime.loop.time.sleep", sleep):
+    with patch("thumper.runtime.reconnection.time.sleep", sleep):
         yield
 
 

@@ -2,6 +2,7 @@
 
 import struct
 from collections import deque
+from collections.abc import Generator
 from dataclasses import dataclass
 
 from thumper.board.clock import ClockFilter
@@ -52,7 +53,8 @@ class TelemetrySample:
 class Board:
     """A board that answered the handshake. Create it with `Board.open`; `close` disarms it first."""
 
-    def __init__(self, port: SerialPort) -> None:
+    def __init__(self, port: SerialPort, *, handshake: bool = True) -> None:
+        """Shake hands on an open port; without `handshake`, the caller runs the steps of `_handshake`."""
         self._port = port
         self._decoder = FrameDecoder()
         self._clock_filter = ClockFilter(tick_s=1e-6, wrap_ticks=2**32)
@@ -62,7 +64,10 @@ class Board:
         self._schema_hash: int | None = None
         self._last_time_us: int | None = None
         self.restarted = False  # its clock went back; the telemetry stream ends here
-        self.identity = self._handshake()
+        self._identity: Identity | None = None
+        if handshake:
+            for _ in self._handshake():
+                pass
 
     @classmethod
     def open(cls, url: str, *, baud: int) -> "Board":
@@ -73,12 +78,31 @@ class Board:
         ThumperError
             The port does not exist, no board answers, or its firmware speaks another protocol version.
         """
+        connecting = cls.connect(url, baud=baud)
+        while True:
+            try:
+                next(connecting)
+            except StopIteration as connected:
+                board: Board = connected.value
+                return board
+
+    @classmethod
+    def connect(cls, url: str, *, baud: int) -> "Generator[None, None, Board]":
+        """Open the port and do the handshake, in steps of 0.1 s; errors as `open`. Returns the board."""
         port = open_port(url, baud=baud, name="board")
         try:
-            return cls(port)
+            board = cls(port, handshake=False)
+            yield from board._handshake()
         except BaseException:
             port.close()
             raise
+        return board
+
+    @property
+    def identity(self) -> Identity:
+        """What the board answered in the handshake: firmware, geometry, cause of the last reset."""
+        assert self._identity is not None
+        return self._identity
 
     @property
     def receive_errors(self) -> int:
@@ -185,7 +209,8 @@ class Board:
         finally:
             self._port.close()
 
-    def _handshake(self) -> Identity:
+    def _handshake(self) -> Generator[None, None, None]:
+        """Ask until the board identifies itself; yields after each unanswered request."""
         deadline_s = self.now_s() + BOOT_TIMEOUT_S
         received_bytes = 0
         while self.now_s() < deadline_s:
@@ -199,7 +224,9 @@ class Board:
                     exit_code=EXIT_NOT_THERE,
                 )
             if isinstance(reply, Identity):
-                return reply
+                self._identity = reply
+                return
+            yield
         foreign = f"the data at {self._port.baud} baud is not the Thumper protocol"
         reason = foreign if received_bytes else "it sends nothing"
         raise ThumperError(

@@ -117,12 +117,11 @@ def _serve(options: "RunOptions", speed: float, console: "Console") -> None:
     """Serve the requests of clients until Ctrl-C."""
     from thumper.cli.output.drive_progress import print_warnings
     from thumper.cli.robot_run import opened_robot
-    from thumper.runtime.drive.tasks import serve_requests
 
     settings = options.load_settings()
     with opened_robot(options, settings, serving=True) as robot:
         console.print(f"{settings.name} is running on {settings.bus.address}. Press Ctrl-C to stop.")
-        robot.run(serve_requests(speed=speed))
+        robot.serve(speed=speed)
         print_warnings(robot, console)
     console.print("stopped")
 

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib.metadata import entry_points
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import serial
 
@@ -21,6 +21,15 @@ with suppress(ModuleNotFoundError):  # Windows
 _OPEN_FAILURES: tuple[type[Exception], ...] = (ValueError, *_FAILURES)
 
 
+@runtime_checkable
+class HasClock(Protocol):
+    """A simulated port: it brings the clock of its own world, whose time only passes while somebody reads."""
+
+    def clock_s(self) -> float:
+        """Return the simulated time [s]."""
+        ...
+
+
 class PortError(ThumperError):
     """A port failed while it was open, or was used after it was closed."""
 
@@ -34,8 +43,7 @@ class SerialPort(Closable):
         self.url = url or str(port.port)
         self.device = device
         self._is_closed = False
-        # A simulated port brings the clock of its own world.
-        self._clock_s: Callable[[], float] = getattr(port, "clock_s", time.monotonic)
+        self._clock_s: Callable[[], float] = port.clock_s if isinstance(port, HasClock) else time.monotonic
 
     @property
     def baud(self) -> int:
@@ -45,7 +53,7 @@ class SerialPort(Closable):
     @property
     def has_simulated_clock(self) -> bool:
         """Whether the port leads into a simulation, whose time only passes while somebody reads."""
-        return hasattr(self.raw, "clock_s")
+        return isinstance(self.raw, HasClock)
 
     @property
     def is_simulated(self) -> bool:

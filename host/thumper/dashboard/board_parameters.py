@@ -8,7 +8,7 @@ from typing import Any
 from thumper.board.messages import PARAMETERS
 from thumper.common.errors import ThumperError
 from thumper.ros import services
-from thumper.ros.services import QueryClient
+from thumper.ros.service import QueryClient
 
 DOCS = {spec.name: spec.doc for spec in PARAMETERS}
 

@@ -12,7 +12,7 @@ from thumper.dashboard.board_parameters import Parameters
 from thumper.dashboard.gains_panel import GainsPanel
 from thumper.dashboard.simulator_panel import SimulatorPanel
 from thumper.dashboard.widgets import STATIC, Widget, box, button, inline
-from thumper.ros.services import QueryClient
+from thumper.ros.service import QueryClient
 
 READOUTS = (
     ("telemetry_age", "Telemetry age", "age of the newest telemetry"),

@@ -27,7 +27,8 @@ from thumper.dashboard.page_messages import (
 )
 from thumper.ros import services
 from thumper.ros.codec import Message
-from thumper.ros.services import QueryClient, RunCommand, SendMission, Service, StartExperiment, Text
+from thumper.ros.service import QueryClient, Service
+from thumper.ros.services import RunCommand, SendMission, StartExperiment, Text
 from thumper.ros.to_ros import Messages, flag
 
 RequestT = TypeVar("RequestT")

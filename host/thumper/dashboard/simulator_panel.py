@@ -11,7 +11,7 @@ from nicegui import ui
 from thumper.common.errors import ThumperError
 from thumper.dashboard.widgets import box, button, inline
 from thumper.ros import services
-from thumper.ros.services import QueryClient
+from thumper.ros.service import QueryClient
 
 SPEEDS = (0.25, 0.5, 1.0, 2.0, 5.0)
 POLL_PERIOD_S = 2.0  # the robot may start after the page, and other pages may apply faults

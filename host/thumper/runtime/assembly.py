@@ -20,8 +20,10 @@ from thumper.navigation.warm_up import warm_up as warm_up_navigation
 from thumper.ros.to_ros import Messages
 from thumper.runtime.drive.drive_manager import DriveManager
 from thumper.runtime.drive.goal_limits import GoalLimits
+from thumper.runtime.drive.task_driver import TaskDriver
 from thumper.runtime.loop import RobotLoop, RobotParts
 from thumper.runtime.publisher import Publisher
+from thumper.runtime.reconnection import Connecting, Reconnection
 from thumper.runtime.requests import LogMessage
 from thumper.runtime.sensor_inputs import SensorInputs
 from thumper.runtime.service.map_saver import MapSaver
@@ -66,9 +68,7 @@ def open_robot(
             mapper.resume_from(known.counts, map_from_base)
         elif known is not None:
             mapper.localize_in(known, map_from_base)
-        robot = _wire(config, board, lidar, mapper)
-        if map_path is not None:
-            robot.request_handler.handlers["save_map"] = _map_saver(robot, map_path)
+        robot = _wire(config, board, lidar, mapper, map_path)
         try:
             yield robot
         finally:
@@ -76,7 +76,9 @@ def open_robot(
             robot.inputs.lidar.close()
 
 
-def _wire(config: RobotConfig, board: Board, lidar: LidarDriver, mapper: SlamModeSwitch) -> RobotLoop:
+def _wire(
+    config: RobotConfig, board: Board, lidar: LidarDriver, mapper: SlamModeSwitch, map_path: Path | None
+) -> RobotLoop:
     """Build the parts of the robot and the loop that runs them."""
     estimator = StateEstimator(
         drive=config.drive, base_from_laser=config.lidar.base_from_laser, mapper=mapper, imu=config.imu
@@ -98,27 +100,39 @@ def _wire(config: RobotConfig, board: Board, lidar: LidarDriver, mapper: SlamMod
         max_wheel_rad_s=config.drive.max_wheel_rad_s,
         options=config.service,
     )
-    goal_limits = GoalLimits(estimator=estimator, navigator=navigator)
+    task_driver = TaskDriver(inputs, drive_manager, GoalLimits(estimator=estimator, navigator=navigator))
     publisher, queue = _publisher(config, inputs), RequestQueue()
     handler = RequestHandler(
         request_queue=queue,
         drive_manager=drive_manager,
+        task_driver=task_driver,
         inputs=inputs,
         publisher=publisher,
-        check_goal=goal_limits.check,
         simulator=board.port.raw.simulator if isinstance(board.port.raw, HasSimulator) else None,
+        handlers={"save_map": _map_saver(estimator, queue, map_path)} if map_path else {},
     )
     return RobotLoop(
         RobotParts(
             inputs=inputs,
             drive_manager=drive_manager,
-            goal_limits=goal_limits,
+            task_driver=task_driver,
             request_queue=queue,
             request_handler=handler,
             publisher=publisher,
-            open_board=lambda: Board.open(config.board.port, baud=config.board.baud),
+            reconnection=Reconnection(inputs, drive_manager, publisher, lambda: _connect(config)),
         )
     )
+
+
+def _connect(config: RobotConfig) -> Connecting:
+    """Reach the configured board again; raises ThumperError if it is another one."""
+    board = yield from Board.connect(config.board.port, baud=config.board.baud)
+    try:
+        _check_geometry(config.drive, board.identity)
+    except ThumperError:
+        board.close()
+        raise
+    return board
 
 
 def robot_mapper(config: RobotConfig, map_from_base: Pose2) -> SlamModeSwitch:
@@ -141,16 +155,16 @@ def _publisher(config: RobotConfig, inputs: SensorInputs) -> Publisher:
     )
 
 
-def _map_saver(robot: RobotLoop, path: Path) -> MapSaver:
+def _map_saver(estimator: StateEstimator, queue: RequestQueue, path: Path) -> MapSaver:
     def session() -> SavedSlamState:
-        state = robot.inputs.estimator.state()
+        state = estimator.state()
         pose = state.map_from_base if state and not state.lost else None
-        return SavedSlamState(counts=robot.mapper.counts(), map_from_base=pose)
+        return SavedSlamState(counts=estimator.mapper.counts(), map_from_base=pose)
 
     def report(text: str, ok: bool) -> None:
-        robot.request_queue.put(LogMessage(text=text, good=ok))
+        queue.put(LogMessage(text=text, good=ok))
 
-    return MapSaver(robot.mapper.grid, session, path, report)
+    return MapSaver(estimator.mapper.grid, session, path, report)
 
 
 @contextmanager

@@ -1,6 +1,5 @@
 """Stops the wheels and disarms the board; every exit path uses it."""
 
-from contextlib import suppress
 from dataclasses import dataclass
 
 from thumper.board.board import Board, TelemetrySample
@@ -18,6 +17,7 @@ class StopResult:
 
     samples: list[TelemetrySample]
     confirmed: bool
+    interrupted: bool  # Ctrl-C came meanwhile
 
 
 def stop_and_disarm(board: Board) -> StopResult:
@@ -26,9 +26,9 @@ def stop_and_disarm(board: Board) -> StopResult:
     Ctrl-C cuts the ramp short, but never the disarming.
     """
     samples: list[TelemetrySample] = []
-    confirmed, silent_cycles = False, 0
+    confirmed, silent_cycles, interrupts = False, 0, _InterruptCounter()
     try:
-        with suppress(KeyboardInterrupt):
+        with interrupts:
             for _ in range(STOP_CYCLES):
                 board.set_wheel_speeds(WheelSpeeds())
                 received = board.poll(LATE_CYCLE_S)  # a lost frame must not become a lost link
@@ -39,9 +39,24 @@ def stop_and_disarm(board: Board) -> StopResult:
                 if received and received[-1].telemetry.left_speed == received[-1].telemetry.right_speed == 0:
                     break
         while not confirmed:
-            with suppress(KeyboardInterrupt):
+            with interrupts:
                 board.command(Command.DISARM)
                 confirmed = True
     except ThumperError:
         pass
-    return StopResult(samples=samples, confirmed=confirmed)
+    return StopResult(samples=samples, confirmed=confirmed, interrupted=interrupts.count > 0)
+
+
+class _InterruptCounter:
+    """Suppresses and counts KeyboardInterrupt."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def __enter__(self) -> None:
+        """Do nothing."""
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> bool:
+        is_interrupt = kind is KeyboardInterrupt
+        self.count += is_interrupt
+        return is_interrupt

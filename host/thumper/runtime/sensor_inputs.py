@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 from thumper.board.board import Board, TelemetrySample
 from thumper.board.messages import Telemetry
 from thumper.common.errors import ThumperError
+from thumper.common.geometry import FloatArray
 from thumper.lidar.driver import LidarDriver
 from thumper.lidar.scan import Scan
 from thumper.navigation.state import Transition
@@ -120,6 +121,13 @@ class SensorInputs:
         """Add a transition of the navigator's state to the log."""
         if self.keep_log:
             self.log.transitions.append(transition)
+
+    def log_progress(self, plan_m: FloatArray) -> None:
+        """Add the present pose and the navigator's plan to the log."""
+        state = self.estimator.state()
+        if self.keep_log and state is not None:
+            self.log.add_pose(state.time_s, state.map_from_base)
+            self.log.add_plan(plan_m)
 
     @property
     def is_outdated(self) -> bool:

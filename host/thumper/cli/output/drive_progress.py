@@ -4,7 +4,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
-from thumper.runtime.drive.tasks import Leg
+from thumper.runtime.drive.legs import AnyLeg
 from thumper.runtime.drive_result import DriveProgress, DriveResult
 from thumper.runtime.loop import RobotLoop
 
@@ -22,7 +22,7 @@ class ProgressDisplay:
         self._bar = self._make_bar()
         self._task = self._bar.add_task("")
 
-    def started(self, leg: Leg) -> None:
+    def started(self, leg: AnyLeg) -> None:
         """Start a new bar."""
         self._name, self._farthest_m, self._next_line_s = leg.name, 0.0, 0.0
         self._bar = self._make_bar()

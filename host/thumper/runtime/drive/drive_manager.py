@@ -77,6 +77,7 @@ class DriveManager:
         self.source = ""  # who sent the goal
         self.outcome: DriveOutcome | None = None  # of the last drive, once it has ended
         self.command = Twist2()  # as last sent to the wheels
+        self.is_stop_unconfirmed = False  # an emergency stop was requested, but the board did not confirm it
         self._cruise = Twist2()
         self._speeds = WheelSpeeds()
         self._pwm = (0, 0)
@@ -116,14 +117,17 @@ class DriveManager:
 
     def emergency_stop(self) -> None:
         """Switch the motors off and latch the fault; raise ThumperError if the board does not confirm."""
+        self.is_stop_unconfirmed = True
         self._cancel_drive("emergency stop", by_user=True)
         # If this command is lost, go silent all the same: the board then stops by its own time-out.
         self._go_idle("emergency stop")
         self.board.emergency_stop()
+        self.is_stop_unconfirmed = False
 
     def clear_fault(self) -> None:
         """Clear the latched fault; the motors stay off."""
         self.board.command(Command.CLEAR_FAULT)
+        self.is_stop_unconfirmed = False
         if self.mode is DriveMode.IDLE:
             self.reason = "fault cleared"
 

@@ -1,4 +1,4 @@
-"""Tasks of the robot's loop: one goal, waypoints, exploration, or the requests of clients.
+"""Tasks of the robot's loop: one goal, waypoints, exploration, a drive at constant speed, a wait.
 
 A task answers one question, "what next?". It yields a leg, the loop drives it, and the task receives the
 result. If the loop refuses a leg before anything moves, `yield` raises ThumperError. The task returns the
@@ -7,12 +7,14 @@ result of the whole.
 
 import math
 from collections.abc import Callable, Generator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from thumper.common.errors import ThumperError
+from thumper.common.geometry import Twist2
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.goal import Goal
+from thumper.runtime.drive.legs import AnyLeg, Cruise, Leg, Wait
 from thumper.runtime.drive.waypoints import Waypoints
 from thumper.runtime.drive_result import DriveResult
 
@@ -20,33 +22,7 @@ if TYPE_CHECKING:
     from thumper.navigation.planners.frontier_exploration import Explorer
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Leg:
-    """One drive to a goal; without a goal: serve the requests of clients until Ctrl-C."""
-
-    goal: Goal | None
-    name: str = "driving"
-    clear_fault: bool = False  # clear a fault that the board has latched
-    speed: float = math.inf  # limit of a simulated robot's real-time factor
-
-
-Task = Generator[Leg, DriveResult, DriveResult]
-
-
-def carry_out(task: Task, drive: Callable[[Leg], DriveResult]) -> DriveResult:
-    """Drive the legs of a task, one after another, and return its result."""
-    try:
-        leg = next(task)
-        while True:
-            try:
-                result = drive(leg)
-            except ThumperError as refusal:
-                leg = task.throw(refusal)
-            else:
-                leg = task.send(result)
-    except StopIteration as end:
-        total: DriveResult = end.value
-    return total
+Task = Generator[AnyLeg, DriveResult, DriveResult]
 
 
 def drive_to_goal(goal: Goal, name: str = "driving", *, clear_fault: bool = False) -> Task:
@@ -54,14 +30,18 @@ def drive_to_goal(goal: Goal, name: str = "driving", *, clear_fault: bool = Fals
     return (yield Leg(goal=goal, name=name, clear_fault=clear_fault))
 
 
-def follow_waypoints(waypoints: Waypoints, *, clear_fault: bool = False) -> Task:
+def follow_waypoints(
+    waypoints: Waypoints, *, clear_fault: bool = False, on_leg: Callable[[int], None] = lambda _number: None
+) -> Task:
     """Drive to all waypoints in turn, until one is not reached; add up times and path lengths.
 
-    The reason names the failed waypoint. Only the first may raise the ThumperError of a refusal; a later
-    one that is refused ends the task like one that fails.
+    `on_leg` receives the number of each leg, from 0, before it starts. The reason names the failed waypoint.
+    Only the first may raise the ThumperError of a refusal; a later one that is refused ends the task like one
+    that fails.
     """
     total: DriveResult | None = None
-    for leg in waypoints.legs():
+    for number, leg in enumerate(waypoints.legs()):
+        on_leg(number)
         try:
             result = yield Leg(goal=leg.goal, name=leg.name, clear_fault=clear_fault)
         except ThumperError as refusal:
@@ -107,7 +87,7 @@ def _drive_to_frontiers(
     home: Goal,
     limit_s: float,
     report: Callable[[str], None],
-) -> Generator[Leg, DriveResult, tuple[DriveResult, str]]:
+) -> Generator[AnyLeg, DriveResult, tuple[DriveResult, str]]:
     """Return the last result and why the exploration ended."""
     # The first drive ends where it starts: it makes the robot scan its surroundings for a first map.
     result = yield Leg(goal=home, name="initial scan")
@@ -134,6 +114,16 @@ def _drive_to_frontiers(
     return result, f"{why} after {spent_s:.0f} s: reached {reached} of {tried} frontiers"
 
 
-def serve_requests(*, speed: float = 1.0) -> Task:
-    """Map, and do what clients request, until Ctrl-C; a simulated robot runs at `speed` times real time."""
-    return (yield Leg(goal=None, name="serving", speed=speed))
+def cruise(twist: Twist2, duration_s: float) -> Task:
+    """Drive at a constant speed for `duration_s`, without regard to obstacles."""
+    return (yield Cruise(twist=twist, duration_s=duration_s))
+
+
+def wait(duration_s: float = 0.0) -> Task:
+    """Move nothing and map: until the newest data is in and a map is there, and then for `duration_s`."""
+    return (yield Wait(duration_s=duration_s))
+
+
+def wait_until(condition: Callable[[], bool], *, max_cycles: int) -> Task:
+    """Move nothing until the condition is true, or `max_cycles` control cycles have passed."""
+    return (yield Wait(duration_s=math.inf, until=condition, max_cycles=max_cycles))

@@ -79,6 +79,11 @@ class Missions:
         self._last = 0
 
     @property
+    def next_number(self) -> int:
+        """The number that the next mission will get."""
+        return self._last + 1
+
+    @property
     def newest(self) -> WaypointMission | None:
         """The mission that was started last."""
         return self._missions.get(self._last)
@@ -93,21 +98,17 @@ class Missions:
         self._last += 1
         return self._store(WaypointMission(number=self._last, waypoints=waypoints, source=source))
 
-    def next_goal(self) -> Goal | None:
-        """Advance by a leg and return its goal; None if the last one has been reached."""
-        mission = self.newest
-        if mission is None or mission.leg + 1 >= len(mission.legs):
-            return None
-        mission = self._store(replace(mission, leg=mission.leg + 1))
-        return mission.legs[mission.leg].goal
+    def set_leg(self, number: int, leg: int) -> None:
+        """Note which leg of a mission is driven; ignore an unknown mission."""
+        mission = self.find(number)
+        if mission is not None:
+            self._store(replace(mission, leg=leg))
 
     def end(self, reason: str, *, reached: bool = False) -> WaypointMission | None:
         """End the active mission and return it; None if there is none."""
         mission = self.newest
         if mission is None or mission.state is not MissionState.DRIVING:
             return None
-        if not mission.waypoints.has_one_leg and not reached:
-            reason = f"{mission.legs[mission.leg].name}: {reason}"
         state = MissionState.REACHED if reached else MissionState.FAILED
         return self._store(replace(mission, state=state, reason=reason))
 

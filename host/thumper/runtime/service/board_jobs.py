@@ -6,29 +6,31 @@ cycle could delay the loop for almost 0.3 s, after which the board stops the mot
 
 from collections import deque
 from collections.abc import Callable, Generator
-from typing import Any
+from typing import Any, TypeVar
 
 from thumper.common.errors import ThumperError
+from thumper.ros.service import json_object
 from thumper.runtime.requests import Query
 
 TIME_SLICE_S = 0.02  # of a cycle's 0.1 s; the cycle's own work takes about as long
 MAX_PENDING = 20
 
-BoardJob = Generator[None, None, dict[str, Any]]
-"""Yields after each request to the board and returns the answer; raises ThumperError if it fails."""
+ReplyT = TypeVar("ReplyT")
+BoardJob = Generator[None, None, ReplyT]
+"""Yields after each request to the board and returns the reply; raises ThumperError if it fails."""
 
 
 class BoardJobQueue:
     """Runs the jobs one after another, in the robot's loop."""
 
     def __init__(self) -> None:
-        self._pending: deque[tuple[Query, BoardJob]] = deque()
+        self._pending: deque[tuple[Query, BoardJob[Any]]] = deque()
 
     def __bool__(self) -> bool:
         """Return whether any job is pending."""
         return bool(self._pending)
 
-    def add(self, query: Query, job: BoardJob) -> None:
+    def add(self, query: Query, job: BoardJob[Any]) -> None:
         """Queue a job, whose result answers `query`; raise ThumperError if the queue is full."""
         if len(self._pending) >= MAX_PENDING:
             raise ThumperError("too many queries for the board are pending: ask again")
@@ -42,7 +44,7 @@ class BoardJobQueue:
             try:
                 next(job)
             except StopIteration as done:
-                self._finish(query, {"ok": True, **done.value})
+                self._finish(query, {"ok": True, **json_object(done.value)})
             except ThumperError as error:
                 self._finish(query, {"ok": False, "error": str(error)})
             except Exception as error:  # a query must not end the robot's loop

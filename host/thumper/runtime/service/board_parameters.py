@@ -6,15 +6,17 @@ from typing import Any
 from thumper.board.board import Board
 from thumper.board.messages import PARAMETERS, Command
 from thumper.common.errors import ThumperError
+from thumper.ros.services import Empty, ParameterSchema, ParameterValues
 from thumper.runtime.service.board_jobs import BoardJob
 
+ParameterJob = BoardJob[ParameterValues]
 PARAMETER_NAMES = tuple(spec.name for spec in PARAMETERS)
 
 
-def schema() -> dict[str, Any]:
+def schema() -> ParameterSchema:
     """Return every parameter with unit, range, default and the resolution of the wire format."""
-    return {
-        "parameters": [
+    return ParameterSchema(
+        parameters=[
             {
                 "name": spec.name,
                 "unit": spec.unit,
@@ -25,19 +27,19 @@ def schema() -> dict[str, Any]:
             }
             for spec in PARAMETERS
         ]
-    }
+    )
 
 
-def values(board: Board, names: Iterable[str] = PARAMETER_NAMES) -> BoardJob:
+def values(board: Board, names: Iterable[str] = PARAMETER_NAMES) -> ParameterJob:
     """Read the values that the board uses now."""
     known = {}
     for name in names:
         known[name] = board.get_parameter(name)
         yield
-    return {"values": known}
+    return ParameterValues(values=known)
 
 
-def change(board: Board, content: Mapping[str, Any]) -> BoardJob:
+def change(board: Board, content: Mapping[str, Any]) -> ParameterJob:
     """Set parameters by name, all of them or, if any name or value is wrong, none.
 
     Raises
@@ -63,14 +65,14 @@ def change(board: Board, content: Mapping[str, Any]) -> BoardJob:
     return (yield from values(board, content))
 
 
-def revert(board: Board) -> BoardJob:
+def revert(board: Board) -> ParameterJob:
     """Load the saved values."""
     board.command(Command.LOAD)
     yield
     return (yield from values(board))
 
 
-def save(board: Board) -> dict[str, Any]:
+def save(board: Board) -> Empty:
     """Store the current values, so that they survive a reset."""
     board.command(Command.SAVE)
-    return {}
+    return Empty()

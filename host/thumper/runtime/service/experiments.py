@@ -5,7 +5,7 @@ Packages provide them by the entry point `thumper.experiments`: a function that 
 """
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import entry_points
@@ -16,6 +16,7 @@ from thumper.board.board import Board, TelemetrySample
 from thumper.board.messages import Command, State
 from thumper.common.errors import ThumperError
 from thumper.common.kinematics import WheelSpeeds
+from thumper.ros.services import ExperimentReport, ExperimentState, StartExperiment
 from thumper.runtime.drive.heartbeats import HeartbeatMonitor
 from thumper.runtime.publisher import Publisher
 from thumper.runtime.sensor_inputs import SensorInputs
@@ -45,7 +46,7 @@ Experiment = Callable[[ExperimentContext], Path | None]
 
 
 class BoardLender(Protocol):
-    """The robot's loop, as far as it lends its board to an experiment."""
+    """The robot's control cycle, as far as it lends its board to an experiment."""
 
     @property
     def inputs(self) -> SensorInputs:
@@ -61,7 +62,7 @@ class BoardLender(Protocol):
         """Run one control cycle with telemetry that the experiment has read."""
         ...
 
-    def stop(self) -> bool:
+    def stop(self) -> object:
         """Stop and disarm."""
         ...
 
@@ -73,7 +74,7 @@ class LentBoard(Board):
         # No second handshake: the lent board answers through the one that is already open.
         self._board = board
         self._on_poll = on_poll
-        self.identity = board.identity
+        self._identity = board.identity
         self.restarted = board.restarted
 
     def poll(self, timeout_s: float) -> list[TelemetrySample]:
@@ -144,19 +145,17 @@ class Experiments:
         self._problem = ""
         self._report: Path | None = None
 
-    def request(self, content: Mapping[str, Any], source: str) -> str:
+    def request(self, request: StartExperiment, source: str) -> str:
         """Request an experiment for the next cycle; raise ThumperError if it cannot run."""
-        name, lane_m = content.get("name"), content.get("lane_m")
+        name, lane_m = request.name, request.lane_m
         names = [point.name for point in entry_points(group="thumper.experiments")]
         if self.running or self.requested:
             raise ThumperError(f"{self.running or self.requested} is running: cancel it first")
         if name not in names:
             raise ThumperError(f"unknown experiment {name!r}; choose from: {', '.join(sorted(names))}")
-        if not isinstance(lane_m, int | float) or isinstance(lane_m, bool):
-            lane_m = -1.0
         if not MIN_LANE_M <= lane_m <= MAX_LANE_M:
             raise ThumperError(f"choose a lane of {MIN_LANE_M:g}...{MAX_LANE_M:g} m")
-        self.requested, self.source, self._lane_m = name, source, float(lane_m)
+        self.requested, self.source, self._lane_m = name, source, lane_m
         return f"{name} begins"
 
     def stop(self, reason: str) -> bool:
@@ -166,23 +165,23 @@ class Experiments:
             self._stop_reason = reason
         return bool(self.running)
 
-    def state(self) -> dict[str, Any]:
+    def state(self) -> ExperimentState:
         """Return what a browser page shows of it."""
         done, total, what = self._progress
-        return {
-            "running": self.running or self.requested,
-            "share": done / total if total else 0.0,
-            "what": what,
-            "lines": list(self._lines),
-            "problem": self._problem,
-            "has_report": self._report is not None,
-        }
+        return ExperimentState(
+            running=self.running or self.requested,
+            share=done / total if total else 0.0,
+            what=what,
+            lines=list(self._lines),
+            problem=self._problem,
+            has_report=self._report is not None,
+        )
 
-    def report(self) -> dict[str, Any]:
+    def report(self) -> ExperimentReport:
         """Return the newest report, an HTML page."""
         if self._report is None:
             raise ThumperError("there is no report yet; run an experiment first")
-        return {"html": self._report.read_text(encoding="utf-8")}
+        return ExperimentReport(html=self._report.read_text(encoding="utf-8"))
 
     def run(self, loop: BoardLender) -> None:
         """Run the requested experiment on the board of `loop`, then stop. Only Ctrl-C is raised."""

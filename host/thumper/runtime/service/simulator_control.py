@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Protocol, runtime_checkable
 
 from thumper.common.errors import ThumperError
+from thumper.ros.services import SimulatorWorld
 
 MIN_SPEED, MAX_SPEED = 0.1, 20.0  # real-time factor
 NO_SIMULATOR = "this robot is real, or its simulator runs in another process: nothing to simulate"
@@ -38,11 +39,11 @@ class SimulatorControl:
         self.set_speed: Callable[[float], None] | None = None
         self._simulator = simulator
 
-    def describe(self) -> dict[str, Any]:
-        """Return the world and the possible changes to it, ready for JSON."""
+    def describe(self) -> SimulatorWorld:
+        """Return the world and the possible changes to it."""
         if self._simulator is None:
             raise ThumperError(NO_SIMULATOR)
-        return self._simulator.describe()
+        return SimulatorWorld(**self._simulator.describe())
 
     def apply(self, content: Mapping[str, Any]) -> str:
         """Apply the change in `content` and return a description of it."""

@@ -1,6 +1,7 @@
 """Switches between mapping and localization: the commands `localise`, `map_on` and `relocalise`."""
 
 from thumper.common.errors import ThumperError
+from thumper.ros.services import MappingState
 from thumper.runtime.state_estimator import StateEstimator
 from thumper.slam.mapper import Mapper
 from thumper.slam.mode_switch import SlamModeSwitch
@@ -31,11 +32,11 @@ def change(mapper: Mapper, mode: str) -> str:
     raise ThumperError(f"unknown mode {mode!r}; choose from: {', '.join(MODES)}")
 
 
-def describe(estimator: StateEstimator) -> dict[str, str]:
+def describe(estimator: StateEstimator) -> MappingState:
     """Return the mode, and why pose and map must not be trusted (empty if they can)."""
     mapper, state = estimator.mapper, estimator.state()
-    return {
-        "mode": mapper.mode if isinstance(mapper, SlamModeSwitch) else "mapping",
-        "lost": state.lost if state else "",
-        "map_doubt": estimator.map_doubt,
-    }
+    return MappingState(
+        mode=mapper.mode if isinstance(mapper, SlamModeSwitch) else "mapping",
+        lost=state.lost if state else "",
+        map_doubt=estimator.map_doubt,
+    )

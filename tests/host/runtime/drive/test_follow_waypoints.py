@@ -4,19 +4,21 @@ from collections.abc import Callable
 
 import pytest
 
+from tests.host.runtime.drive.carry_out import carry_out
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.navigation.goal import Goal
-from thumper.runtime.drive.tasks import Leg, carry_out, follow_waypoints
+from thumper.runtime.drive.legs import AnyLeg, Leg
+from thumper.runtime.drive.tasks import follow_waypoints
 from thumper.runtime.drive.waypoints import Waypoints
 from thumper.runtime.drive_result import DriveResult
 
 A, B = Goal(x_m=1.0, y_m=0.0), Goal(x_m=0.0, y_m=1.0)
 
 
-def driver(fails: Callable[[Goal], bool], seen: list[str]) -> Callable[[Leg], DriveResult]:
-    def drive(leg: Leg) -> DriveResult:
-        assert leg.goal is not None
+def driver(fails: Callable[[Goal], bool], seen: list[str]) -> Callable[[AnyLeg], DriveResult]:
+    def drive(leg: AnyLeg) -> DriveResult:
+        assert isinstance(leg, Leg)
         seen.append(leg.name)
         return DriveResult(
             reached=not fails(leg.goal),
@@ -30,7 +32,7 @@ def driver(fails: Callable[[Goal], bool], seen: list[str]) -> Callable[[Leg], Dr
     return drive
 
 
-def follow(waypoints: Waypoints, drive: Callable[[Leg], DriveResult]) -> DriveResult:
+def follow(waypoints: Waypoints, drive: Callable[[AnyLeg], DriveResult]) -> DriveResult:
     return carry_out(follow_waypoints(waypoints), drive)
 
 
@@ -53,8 +55,9 @@ def test_first_failure_ends_the_drive_and_is_named() -> None:
 
 
 def test_rejected_first_waypoint_raises_and_a_later_one_ends_the_drive() -> None:
-    def rejecting(bad: Goal) -> Callable[[Leg], DriveResult]:
-        def drive(leg: Leg) -> DriveResult:
+    def rejecting(bad: Goal) -> Callable[[AnyLeg], DriveResult]:
+        def drive(leg: AnyLeg) -> DriveResult:
+            assert isinstance(leg, Leg)
             if leg.goal is bad:
                 raise ThumperError("too near an obstacle")
             return driver(lambda _goal: False, [])(leg)

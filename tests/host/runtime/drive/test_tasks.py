@@ -5,12 +5,14 @@ from typing import cast
 import numpy as np
 import pytest
 
+from tests.host.runtime.drive.carry_out import carry_out
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.frontier_exploration import Explorer
-from thumper.runtime.drive.tasks import Leg, carry_out, drive_to_goal, explore, serve_requests
+from thumper.runtime.drive.legs import AnyLeg
+from thumper.runtime.drive.tasks import drive_to_goal, explore
 from thumper.runtime.drive_result import DriveResult
 
 HOME, A, B = Goal(x_m=0.0, y_m=0.0), Goal(x_m=1.0, y_m=0.0), Goal(x_m=2.0, y_m=0.0)
@@ -34,7 +36,7 @@ class Drives:
         self._ends = ends
         self.names: list[str] = []
 
-    def __call__(self, leg: Leg) -> DriveResult:
+    def __call__(self, leg: AnyLeg) -> DriveResult:
         self.names.append(leg.name)
         end = self._ends.get(leg.name.replace(" ", "_"), result())
         if isinstance(end, ThumperError):
@@ -123,14 +125,3 @@ def test_nothing_to_explore() -> None:
 def test_a_refused_only_leg_raises_the_refusal() -> None:
     with pytest.raises(ThumperError, match="no telemetry"):
         carry_out(drive_to_goal(A), Drives(driving=ThumperError("no telemetry")))
-
-
-def test_serving_is_one_leg_without_a_goal() -> None:
-    legs: list[Leg] = []
-
-    def serve(leg: Leg) -> DriveResult:
-        legs.append(leg)
-        return result()
-
-    carry_out(serve_requests(speed=2.0), serve)
-    assert [(leg.goal, leg.speed) for leg in legs] == [(None, 2.0)]

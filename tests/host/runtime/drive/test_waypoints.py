@@ -9,21 +9,18 @@ A, B = Goal(x_m=1.0, y_m=0.0), Goal(x_m=2.0, y_m=0.0)
 def test_legs_in_order_and_the_end_after_the_last() -> None:
     missions = Missions()
     number = missions.start(Waypoints(goals=(A, B)), "page").number
-    assert missions.next_goal() == B
-    assert missions.next_goal() is None
+    missions.set_leg(number, 1)
     missions.end("there", reached=True)
     mission = missions.find(number)
     assert mission is not None
-    assert (mission.state, mission.reason) == (MissionState.REACHED, "there")
+    assert (mission.leg, mission.state, mission.reason) == (1, MissionState.REACHED, "there")
 
 
-def test_a_failed_leg_is_named() -> None:
+def test_the_leg_of_an_unknown_mission_is_ignored() -> None:
     missions = Missions()
-    missions.start(Waypoints(goals=(A, B)), "")
-    missions.next_goal()
-    mission = missions.end("no way")
-    assert mission is not None
-    assert mission.reason == "waypoint 2 of 2: no way"
+    missions.set_leg(missions.next_number, 1)
+    mission = missions.start(Waypoints(goals=(A, B)), "")
+    assert (mission.number, mission.leg) == (1, 0)
 
 
 def test_a_new_goal_ends_the_old_one() -> None:

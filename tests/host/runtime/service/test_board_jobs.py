@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from thumper.common.errors import ThumperError
+from thumper.ros.services import ParameterValues
 from thumper.runtime.requests import Query
 from thumper.runtime.service.board_jobs import MAX_PENDING, TIME_SLICE_S, BoardJob, BoardJobQueue
 
@@ -24,13 +25,15 @@ def ask(answers: list[Mapping[str, Any]]) -> Query:
     return Query(name="", content={}, reply=answers.append)
 
 
-def requests(count: int, clock: Clock, each_s: float, error: Exception | None = None) -> BoardJob:
+def requests(
+    count: int, clock: Clock, each_s: float, error: Exception | None = None
+) -> BoardJob[ParameterValues]:
     for _ in range(count):
         clock.now_s += each_s
         yield
     if error is not None:
         raise error
-    return {"asked": count}
+    return ParameterValues(values={"asked": count})
 
 
 @pytest.mark.parametrize(("each_s", "cycles"), [(0.001, 1), (0.016, 4), (0.1, 8)])
@@ -42,7 +45,7 @@ def test_a_cycle_spends_its_time_slice_and_at_least_one_request(each_s: float, c
         start_s = clock.now_s
         jobs.run_for(clock)
         assert clock.now_s - start_s < TIME_SLICE_S + each_s, cycle
-    assert answers == [{"ok": True, "asked": 7}]
+    assert answers == [{"ok": True, "values": {"asked": 7}}]
     assert not jobs
 
 

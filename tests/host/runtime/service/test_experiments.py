@@ -11,6 +11,7 @@ from thumper.board.options import BoardOptions
 from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig
 from thumper.lidar.options import LidarOptions
+from thumper.ros.services import StartExperiment
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.loop import RobotLoop
 from thumper.runtime.service.experiments import LentBoard
@@ -44,14 +45,14 @@ def test_a_stop_does_not_wait_for_the_computation(
         step_lent(samples)
         experiments.stop("cancelled")
 
-    step_lent = robot.step_lent
+    step_lent = robot.control_cycle.step_lent
     monkeypatch.setattr("thumper.runtime.service.experiments._load", compute)
-    monkeypatch.setattr(robot, "step_lent", step_and_cancel)
+    monkeypatch.setattr(robot.control_cycle, "step_lent", step_and_cancel)
     robot.publisher.add_sink(listen)
     experiments = robot.request_handler.experiments
-    experiments.request({"name": "tune", "lane_m": 1.2}, "me")
+    experiments.request(StartExperiment(name="tune", lane_m=1.2), "me")
     robot.step()
-    experiments.run(robot)
+    experiments.run(robot.control_cycle)
     try:
         assert (events[-1], computed.is_set()) == ("tune: cancelled", False)
     finally:

@@ -1,0 +1,39 @@
+"""The legs of a task: what the robot does until its task decides again. Plain data."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from thumper.common.geometry import Twist2
+from thumper.navigation.goal import Goal
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leg:
+    """One drive to a goal."""
+
+    goal: Goal
+    name: str = "driving"
+    clear_fault: bool = False  # clear a fault that the board has latched
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cruise:
+    """Drive at a constant speed for a while. Does not avoid obstacles."""
+
+    twist: Twist2
+    duration_s: float
+    name: str = "driving"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wait:
+    """Move nothing and map: for `duration_s`, or until `until` returns True."""
+
+    duration_s: float = 0.0
+    until: Callable[[], bool] = lambda: False
+    max_cycles: float = math.inf
+    name: str = "waiting"
+
+
+AnyLeg = Leg | Cruise | Wait

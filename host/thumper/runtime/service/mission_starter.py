@@ -1,0 +1,66 @@
+"""Starts the missions that clients send, and reports their state."""
+
+from thumper.common.errors import ThumperError
+from thumper.navigation.goal import Goal
+from thumper.ros.services import MissionStatus
+from thumper.ros.to_ros import INFO, WARN
+from thumper.runtime.drive.drive_manager import DriveManager
+from thumper.runtime.drive.task_driver import TaskDriver
+from thumper.runtime.drive.tasks import Task, follow_waypoints
+from thumper.runtime.drive.waypoints import Missions, Waypoints
+from thumper.runtime.publisher import Publisher
+from thumper.runtime.sensor_inputs import SensorInputs
+from thumper.runtime.service.preconditions import Preconditions
+
+
+class MissionStarter:
+    """A mission is a task of the robot's loop that remembers its progress."""
+
+    def __init__(
+        self,
+        *,
+        task_driver: TaskDriver,
+        drive_manager: DriveManager,
+        inputs: SensorInputs,
+        publisher: Publisher,
+        preconditions: Preconditions,
+    ) -> None:
+        self.missions = Missions()
+        self._task_driver = task_driver
+        self._drive_manager = drive_manager
+        self._inputs = inputs
+        self._publisher = publisher
+        self._preconditions = preconditions
+
+    def start(self, goals: tuple[Goal, ...], source: str) -> int:
+        """Start a mission and return its number; raise ThumperError if that is impossible."""
+        self._preconditions.require_serving("others")
+        self._preconditions.require_no_experiment()
+        if not self._inputs.has_map:
+            raise ThumperError("no goals are accepted yet: there is no map to plan with; is the lidar on?")
+        waypoints = Waypoints(goals=goals)
+        self._task_driver.begin_at_once(self._follow(waypoints, self.missions.next_number), source)
+        return self.missions.start(waypoints, source).number
+
+    def state(self, number: int | None) -> MissionStatus:
+        """Return the state of a mission, by default the newest; raise ThumperError if it is unknown."""
+        mission = self.missions.newest if number is None else self.missions.find(number)
+        if mission is None:
+            raise ThumperError("unknown mission; only the last ones are remembered")
+        state, goal = self._inputs.estimator.state(), mission.legs[mission.leg].goal
+        return MissionStatus(
+            mission=mission.number,
+            state=mission.state.value,
+            reason=mission.reason or self._drive_manager.reason,
+            leg=mission.leg,
+            legs=len(mission.legs),
+            distance_m=goal.distance_m(state.map_from_base) if state else None,
+        )
+
+    def _follow(self, waypoints: Waypoints, number: int) -> Task:
+        result = yield from follow_waypoints(waypoints, on_leg=lambda leg: self.missions.set_leg(number, leg))
+        mission = self.missions.end(result.reason, reached=result.reached)
+        if mission is not None:
+            text = f"mission {mission.number} {mission.state.value}: {mission.reason}"
+            self._publisher.publish_event(text, INFO if result.reached else WARN)
+        return result

@@ -1,0 +1,36 @@
+"""What must hold before a request is carried out. Each check raises ThumperError with the fix."""
+
+from dataclasses import dataclass
+
+from thumper.common.errors import ThumperError
+from thumper.runtime.drive.drive_manager import DriveManager, DriveMode
+from thumper.runtime.service.experiments import Experiments
+
+
+@dataclass(slots=True, kw_only=True)
+class Preconditions:
+    """The checks that several requests share."""
+
+    drive_manager: DriveManager
+    experiments: Experiments
+    accepts_goals: bool = True  # no: the program drives to goals of its own
+
+    def require_serving(self, what: str) -> None:
+        """Refuse `what`, in the plural, while the program drives to goals of its own."""
+        if not self.accepts_goals:
+            raise ThumperError(f"this run has its own goals; `thumper run` without a goal accepts {what}")
+
+    def require_no_experiment(self) -> None:
+        """Refuse while an experiment drives the board."""
+        if self.experiments.running:
+            raise ThumperError(f"{self.experiments.running} is running: cancel it first")
+
+    def require_stationary(self, action: str) -> None:
+        """Refuse `action` while the robot moves."""
+        if self.drive_manager.mode in (DriveMode.DRIVING, DriveMode.MANUAL, DriveMode.STOPPING):
+            raise ThumperError(f"the robot must be stationary to {action}: stop it first")
+
+    def require_motors_off(self) -> None:
+        """Refuse an experiment while the motors are on."""
+        if self.drive_manager.mode is not DriveMode.IDLE:
+            raise ThumperError("an experiment starts with the motors off: stop and disarm the robot first")
