@@ -1,6 +1,7 @@
 """Pose-graph optimization: relative poses between submaps, made consistent by least squares, in parts.
 
-Follows Grisetti, Kuemmerle, Stachniss, Burgard, "A tutorial on graph-based SLAM", IEEE ITS Magazine 2(4), 2010.
+Follows Grisetti, Kuemmerle, Stachniss, Burgard, "A tutorial on graph-based SLAM", IEEE ITS
+Magazine 2(4), 2010.
 """
 
 import math
