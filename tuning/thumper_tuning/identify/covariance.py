@@ -26,8 +26,8 @@ def jacobian(
 def sandwich_covariance(J: FloatArray, residual: FloatArray) -> FloatArray:
     """Return the sandwich covariance of a soft-L1 fit: H^-1 S H^-1 (derivations.md, "The fit").
 
-    S, the variance of the score, includes its autocovariances up to `LAGS` (Bartlett weights of Newey and West,
-    1987). Otherwise torque ripple that outlasts a sample would make the standard deviations too small.
+    S, the variance of the score, includes its autocovariances up to `LAGS` (Bartlett weights of Newey and
+    West, 1987). Otherwise torque ripple that outlasts a sample would make the standard deviations too small.
     """
     slope = residual / np.sqrt(1.0 + residual**2)  # first derivative of the soft-L1 loss
     curvature = (1.0 + residual**2) ** -1.5
