@@ -14,9 +14,10 @@ from benchmarks.shared.fake_robot import FakeRobot
 from websockets.exceptions import InvalidHandshake, WebSocketException
 from websockets.sync.client import connect
 
+from thumper.common.certificates import local_names
 from thumper.common.errors import ThumperError
 from thumper.config.dashboard import DashboardOptions, check_options
-from thumper.dashboard.certificate import local_names, make_certificate
+from thumper.dashboard.certificate import make_certificate
 
 PASSWORD = "correct horse"
 TIMEOUT_S = 60.0  # it listens before it has imported what answers

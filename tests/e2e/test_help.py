@@ -25,6 +25,7 @@ COMMANDS = {
     "status": ["--json"],
     "watch": ["--json", "--count"],
     "rosbridge": ["--port", "--host"],
+    "bus": ["keys"],
     "campaign": ["--workers", "--out"],
     "explore": ["--board", "--bus", "out/explore"],
     "plan": ["--start", "--goal"],

@@ -30,8 +30,10 @@ class BusClient(Closable):
         No robot runs at the address, or the token is wrong. Every method raises it after `close`.
     """
 
-    def __init__(self, robot: str, address: str, token: str = "", *, wait: bool = False) -> None:
-        """`wait`: connect in the background as soon as there is a robot, and raise nothing until then."""
+    def __init__(
+        self, robot: str, address: str, token: str = "", *, tls: str = "", wait: bool = False
+    ) -> None:
+        """`tls` is as in `[bus]`; `wait`: connect in the background as soon as there is a robot."""
         self.robot = robot
         self.source = uuid.uuid4().hex  # the sender's id: heartbeats guard the goals of the same source
         self._prefix = f"thumper/{robot}/"
@@ -44,10 +46,11 @@ class BusClient(Closable):
         self._presence: zenoh.Subscriber[None] | None = None
         self._closed = threading.Event()
         if wait:
-            arguments = (address, token)
-            threading.Thread(target=self._connect, args=arguments, name="bus-connect", daemon=True).start()
+            threading.Thread(
+                target=self._connect, args=(address, token, tls), name="bus-connect", daemon=True
+            ).start()
         else:
-            self._start(open_client(address, token))
+            self._start(open_client(address, token, tls))
 
     def subscribe(self, topic: str, callback: Callable[[Message], None]) -> None:
         """Call `callback` with each decoded message of a topic, and at once with a latched topic's newest.
@@ -130,10 +133,10 @@ class BusClient(Closable):
         if session is not None:
             session.close()  # type: ignore[no-untyped-call]
 
-    def _connect(self, address: str, token: str) -> None:
+    def _connect(self, address: str, token: str, tls: str) -> None:
         while not self._closed.is_set():
             try:
-                self._start(open_client(address, token))
+                self._start(open_client(address, token, tls))
             except ThumperError as error:
                 self._problem = str(error)
                 self._closed.wait(RECONNECT_PERIOD_S)

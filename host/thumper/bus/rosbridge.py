@@ -7,7 +7,6 @@ as it checks everybody's. The protocol is in ROSBRIDGE_PROTOCOL.md of RobotWebTo
 import asyncio
 import hmac
 import json
-import re
 import ssl
 import uuid
 from collections.abc import Callable
@@ -15,6 +14,7 @@ from contextlib import suppress
 from functools import partial
 from http import HTTPStatus
 from typing import Any
+from urllib.parse import parse_qs, urlsplit
 
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
@@ -32,7 +32,6 @@ MAX_CLIENTS = 16
 MAX_QUEUED = 64  # per client; a slow client loses the oldest messages
 MAX_PENDING_QUERIES = 20  # per client, waiting for the robot's answer
 CLOSE_TIMEOUT_S = 1.0  # a client that reads nothing must not delay the shutdown
-LOCAL_ORIGIN = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?")
 
 
 class Rosbridge:
@@ -41,10 +40,8 @@ class Rosbridge:
     def __init__(
         self, bus: BusClient, *, host: str, port: int, token: str, tls: ssl.SSLContext | None = None
     ) -> None:
-        if not is_loopback(host) and not token:
-            raise ThumperError(
-                f"{host} can be reached from other machines: set [bus] token as well", exit_code=EXIT_USAGE
-            )
+        if not token:
+            raise ThumperError("rosbridge needs a token: set [bus] token", exit_code=EXIT_USAGE)
         if not is_loopback(host) and tls is None:
             raise ThumperError(
                 f"rosbridge on {host} needs a certificate, or anybody could read the token: "
@@ -87,10 +84,15 @@ class Rosbridge:
         """Subscribe to a topic of the bus; return its newest message if one has come already."""
         if topic not in self._topics:
             self._topics.add(topic)
-            # Subscribing may wait for a latched message, so not in the event loop.
             loop = asyncio.get_running_loop()
-            loop.run_in_executor(None, self._bus.subscribe, topic, partial(self._on_message, loop, topic))
+            loop.run_in_executor(None, self._subscribe, loop, topic)  # it may wait for a latched message
         return self._newest.get(topic)
+
+    def _subscribe(self, loop: asyncio.AbstractEventLoop, topic: str) -> None:
+        try:
+            self._bus.subscribe(topic, partial(self._on_message, loop, topic))
+        except ThumperError:
+            self._topics.discard(topic)  # the next client that wants it tries again
 
     def _on_message(self, loop: asyncio.AbstractEventLoop, topic: str, message: Message) -> None:
         text = json.dumps(to_json(message))
@@ -103,20 +105,19 @@ class Rosbridge:
             client.on_message(topic, text)
 
     def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Refuse clients without the token; without a token, refuse web pages of other origins."""
+        """Refuse clients without the token, whatever their origin: any web page can connect to loopback."""
         if len(self._clients) >= MAX_CLIENTS:
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "too many clients\n")
-        if self._token:
-            given = request.headers.get("Authorization", "").removeprefix("Bearer ")
-            if not hmac.compare_digest(given.encode(), self._token.encode()):
-                return connection.respond(
-                    HTTPStatus.UNAUTHORIZED, "send the header Authorization: Bearer TOKEN\n"
-                )
+        # Browsers cannot set headers of a WebSocket, so pages pass the token in the address.
+        query = parse_qs(urlsplit(request.path).query)
+        header = request.headers.get("Authorization", "").removeprefix("Bearer ")
+        given = header or query.get("token", [""])[0]
+        if hmac.compare_digest(given.encode(), self._token.encode()):
             return None
-        origin = request.headers.get("Origin")
-        if origin is not None and not LOCAL_ORIGIN.fullmatch(origin):
-            return connection.respond(HTTPStatus.FORBIDDEN, "web pages of other origins need a token\n")
-        return None
+        return connection.respond(
+            HTTPStatus.UNAUTHORIZED,
+            "send the header Authorization: Bearer TOKEN, or connect to /?token=TOKEN\n",
+        )
 
     async def _serve_client(self, connection: ServerConnection) -> None:
         queue: asyncio.Queue[str] = asyncio.Queue()

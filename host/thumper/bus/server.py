@@ -5,6 +5,7 @@ the oldest messages are dropped and the loop never waits.
 """
 
 import json
+import math
 import threading
 import time
 from collections import deque
@@ -22,6 +23,7 @@ from thumper.ros.services import SERVICES
 from thumper.ros.topics import PRESENCE, TOPICS, Direction
 from thumper.runtime.service.request_queue import RequestQueue
 
+DROPPED_PERIOD_S = 10.0  # between reports of dropped messages
 MAX_QUEUED = 256  # about two seconds of all topics
 
 
@@ -54,11 +56,13 @@ class BusServer:
         self._report = report
         self._decoder = RequestDecoder()
         self._reported_s = 0.0
+        self._losses_reported = 0
+        self._losses_reported_s = -math.inf
         self._queue: deque[Callable[[], None]] = deque()
         self._wake = threading.Condition()
         self._newest: dict[str, bytes] = {}  # of latched topics
         self._open = True
-        self._session = open_router(options.address, options.token)
+        self._session = open_router(robot, options)
         self._publishers = {
             name: self._session.declare_publisher(
                 self._prefix + name,
@@ -112,6 +116,14 @@ class BusServer:
                 job()
             except Exception:  # a message that cannot be sent must not stop the thread
                 self.statistics.failed += 1
+            self._report_losses()
+
+    def _report_losses(self) -> None:
+        """Report messages that were lost since the last report, at most every 10 s."""
+        losses, now_s = self.statistics.dropped + self.statistics.failed, time.monotonic()
+        if losses > self._losses_reported and now_s - self._losses_reported_s > DROPPED_PERIOD_S:
+            self._report(f"{losses - self._losses_reported} messages did not reach the bus: it is too slow")
+            self._losses_reported, self._losses_reported_s = losses, now_s
 
     def _send(self, topic: str, message: Message) -> None:
         raw = encode(message)

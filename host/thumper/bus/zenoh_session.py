@@ -1,4 +1,4 @@
-"""Zenoh sessions over one TCP address, without multicast discovery."""
+"""Zenoh sessions over one TCP or TLS address, without multicast discovery."""
 
 import json
 import os
@@ -11,8 +11,10 @@ from typing import Any
 
 import zenoh
 
+from thumper.bus.keys import BusKeys, keys_for
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
-from thumper.config.bus import split_address
+from thumper.config.bus import BusOptions, split_address
+from thumper.ros.topics import TOPICS, Direction
 
 USER = "thumper"  # the same for everybody: the token is the secret
 CONNECT_TIMEOUT_S = 2.0
@@ -21,33 +23,58 @@ MAX_QUEUED_BATCHES = 16
 busy machine Zenoh's thread lags by more than a cycle. Zenoh drops what finds no room within 1 ms."""
 
 
-def open_router(address: str, token: str) -> zenoh.Session:
-    """Open the robot's session, which listens at `address`; clients must present the token, if there is one.
+OUTGOING = (
+    *("put", "delete", "query", "reply", "declare_subscriber", "declare_queryable"),
+    *("liveliness_token", "liveliness_query", "declare_liveliness_subscriber"),
+)
+MAX_REQUEST_BYTES = 256 * 1024  # that the robot reads; the largest valid one has 64 KiB
+MAX_REPLY_BYTES = 64 * 1024 * 1024  # that a client reads: maps, reports
+
+
+def open_router(robot: str, options: BusOptions) -> zenoh.Session:
+    """Open the robot's session, which listens at the address of `options`.
+
+    Clients must present the token, if there is one, and the clients' certificate, if the bus is encrypted.
+    They may send requests and receive. Only the robot publishes its topics and answers queries.
 
     Raises
     ------
     ThumperError
-        The address is in use, or does not belong to this machine.
+        The address is in use or does not belong to this machine, or keys are missing.
     """
+    address, keys = options.address, keys_for("robot", options.address, options.tls)
     check_address_free(address)
-    settings: dict[str, Any] = {"mode": "router", "listen/endpoints": [f"tcp/{address}"]}
-    with _user_file(token) as path:
+    settings: dict[str, Any] = {
+        "mode": "router",
+        "listen/endpoints": [_endpoint(address, keys)],
+        "transport/link/rx/max_message_size": MAX_REQUEST_BYTES,
+        "access_control": access_rules(robot),
+    }
+    if keys:
+        settings |= {
+            "transport/link/tls/enable_mtls": True,
+            "transport/link/tls/root_ca_certificate": str(keys.authority),
+            "transport/link/tls/listen_certificate": str(keys.certificate),
+            "transport/link/tls/listen_private_key": str(keys.key),
+        }
+    with _user_file(options.token) as path:
         if path:
             settings["transport/auth/usrpwd/dictionary_file"] = path
         try:
-            return zenoh.open(_config(settings, token))
+            return zenoh.open(_config(settings, options.token))
         except zenoh.ZError as error:
             raise ThumperError(f"the bus cannot listen at {address}: {_first_line(error)}") from error
 
 
-def open_client(address: str, token: str) -> zenoh.Session:
-    """Open a client's session on the bus of a running robot.
+def open_client(address: str, token: str, tls: str = "") -> zenoh.Session:
+    """Open a client's session on the bus of a running robot; `tls` is as in `[bus]`.
 
     Raises
     ------
     ThumperError
-        Nothing listens at the address, or the token is wrong.
+        Nothing listens at the address, the token or a key is wrong, or keys are missing.
     """
+    keys = keys_for("client", address, tls)
     host, port = split_address(address)
     host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
     try:
@@ -57,26 +84,68 @@ def open_client(address: str, token: str) -> zenoh.Session:
             f"no robot is running at {address} ({error.strerror or error}); start one with `thumper run`",
             exit_code=EXIT_NOT_THERE,
         ) from error
-    settings = {
+    settings: dict[str, Any] = {
         "mode": "client",
-        "connect/endpoints": [f"tcp/[{host}]:{port}" if ":" in host else f"tcp/{host}:{port}"],
+        "connect/endpoints": [_endpoint(f"[{host}]:{port}" if ":" in host else f"{host}:{port}", keys)],
         "connect/timeout_ms": round(1000 * CONNECT_TIMEOUT_S),
         "connect/retry": {"period_init_ms": 500, "period_max_ms": 1000, "period_increase_factor": 2},
+        "transport/link/rx/max_message_size": MAX_REPLY_BYTES,
     }
+    if keys:
+        settings |= {
+            "transport/link/tls/enable_mtls": True,
+            # The authority signs this robot's certificate only, so the name adds nothing; addresses change.
+            "transport/link/tls/verify_name_on_connect": False,
+            "transport/link/tls/root_ca_certificate": str(keys.authority),
+            "transport/link/tls/connect_certificate": str(keys.certificate),
+            "transport/link/tls/connect_private_key": str(keys.key),
+        }
     try:
         return zenoh.open(_config(settings, token))
     except zenoh.ZError as error:
         raise ThumperError(
             f"the robot at {address} refuses the connection: it is starting or stopping (try again), "
-            "or it requires the token of its configuration ([bus] token)",
+            "or it requires the token of its configuration ([bus] token) or its keys ([bus] tls)",
             exit_code=EXIT_NOT_THERE,
         ) from error
+
+
+def access_rules(robot: str) -> dict[str, Any]:
+    """Return Zenoh's access rules: what is not listed, the robot neither accepts nor passes on."""
+    prefix = f"thumper/{robot}/"
+    requests = [prefix + name for name, topic in TOPICS.items() if topic.direction is Direction.IN]
+    latched = [prefix + name for name, topic in TOPICS.items() if topic.latched]
+    rules = {
+        "requests": ("ingress", ["put"], requests),
+        "queries": ("ingress", ["query"], [f"{prefix}ask/**", *latched]),
+        "subscriptions": (
+            "ingress",
+            ["declare_subscriber", "declare_liveliness_subscriber", "liveliness_query"],
+            [f"{prefix}**"],
+        ),
+        "robot": ("egress", OUTGOING, ["**"]),
+    }
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": [
+            {"id": name, "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": keys}
+            for name, (flow, messages, keys) in rules.items()
+        ],
+        "subjects": [{"id": "client"}],  # every client
+        "policies": [{"rules": list(rules), "subjects": ["client"]}],
+    }
+
+
+def _endpoint(address: str, keys: BusKeys | None) -> str:
+    return f"{'tls' if keys else 'tcp'}/{address}"
 
 
 def _config(settings: dict[str, Any], token: str) -> zenoh.Config:
     config = zenoh.Config()
     settings["scouting/multicast/enabled"] = False
     settings["scouting/gossip/enabled"] = False
+    settings["transport/shared_memory/enabled"] = False  # it would bypass the limit of the message size
     settings["transport/link/tx/queue/size/data"] = MAX_QUEUED_BATCHES
     if token:
         settings["transport/auth/usrpwd/user"] = USER

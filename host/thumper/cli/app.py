@@ -8,6 +8,7 @@ from typing import Any, NoReturn
 import typer
 from typer.core import TyperArgument, TyperCommand
 
+from thumper.cli import bus
 from thumper.cli.dashboard import dashboard
 from thumper.cli.doctor import doctor
 from thumper.cli.edit import edit
@@ -67,6 +68,13 @@ class PlainCommand(TyperCommand):
         return [piece.replace("{", "").replace("}", "") for piece in super().collect_usage_pieces(ctx)]
 
 
+def plain(group: typer.Typer) -> typer.Typer:
+    """Give the commands of a group the usage lines of the others."""
+    for member in group.registered_commands:
+        member.cls = PlainCommand
+    return group
+
+
 def _show_version(wanted: bool) -> None:
     if wanted:
         typer.echo(f"thumper {__version__}")
@@ -96,12 +104,11 @@ def build_app() -> typer.Typer:
         settings = {"ignore_unknown_options": True} if command is goto else None
         name = command.__name__.replace("_", "-")
         app.command(name, cls=PlainCommand, context_settings=settings)(command)
+    app.add_typer(plain(bus.app), name="bus")
     for plugin in sorted(entry_points(group="thumper.commands"), key=lambda point: point.name):
         loaded = plugin.load()  # a command, or a group of commands
         if isinstance(loaded, typer.Typer):
-            for member in loaded.registered_commands:
-                member.cls = PlainCommand
-            app.add_typer(loaded, name=plugin.name)
+            app.add_typer(plain(loaded), name=plugin.name)
         else:
             app.command(plugin.name, cls=PlainCommand)(loaded)
     return app

@@ -36,7 +36,7 @@ def dashboard(
     options = settings.dashboard
     options = replace(options, host=host or options.host, port=port or options.port)
     if make_certificate:
-        from thumper.dashboard.certificate import local_names
+        from thumper.common.certificates import local_names
         from thumper.dashboard.certificate import make_certificate as make
 
         certificate, key = default_certificate()

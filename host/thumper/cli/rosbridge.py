@@ -22,8 +22,12 @@ def rosbridge(
     bus: BusAddress = "",
     robot: RobotName = "",
 ) -> None:
-    """Serve rosbridge v2 for a running robot (roslibpy, roslibjs and others) until Ctrl-C."""
+    """Serve rosbridge v2 for a running robot (roslibpy, roslibjs and others) until Ctrl-C.
+
+    Clients send a token: [bus] token, or without one a new one that the command prints.
+    """
     import asyncio
+    import secrets
     from contextlib import suppress
 
     from thumper.bus.rosbridge import Rosbridge
@@ -37,12 +41,17 @@ def rosbridge(
     port = port or settings.bus.rosbridge_port
     pair = None if is_loopback(host) else certificate_pair(settings.dashboard)
     tls = server_tls(*pair) if pair else None
+    configured = token_of(config)
+    token = configured or secrets.token_urlsafe(16)
+    hint = "" if configured else f", token {token}"
     with connect(config, bus, robot) as client:
-        bridge = Rosbridge(client, host=host, port=port, token=token_of(config), tls=tls)
+        bridge = Rosbridge(client, host=host, port=port, token=token, tls=tls)
         url = f"{'wss' if tls else 'ws'}://{host}"
         with suppress(KeyboardInterrupt):
             asyncio.run(
                 bridge.serve(
-                    lambda bound: print(f"rosbridge is running on {url}:{bound} (Ctrl-C to stop)", flush=True)
+                    lambda bound: print(
+                        f"rosbridge is running on {url}:{bound}{hint} (Ctrl-C to stop)", flush=True
+                    )
                 )
             )

@@ -9,6 +9,7 @@ from annotated_types import Ge, Le
 from thumper.common.errors import EXIT_USAGE, ThumperError
 
 MIN_TOKEN_CHARACTERS = 12
+NO_TLS = "none"
 DEFAULT_ROBOT = "thumper"  # name of a robot without a configuration
 ROBOT_NAME_PATTERN = (
     r"^[A-Za-z0-9][A-Za-z0-9_-]{0,39}$"  # part of the bus's keys, in which / * and $ are special
@@ -23,6 +24,9 @@ class BusOptions:
     address: str = "127.0.0.1:7447"
     # Clients must present this token: at least 12 characters. Empty disables the check.
     token: str = ""
+    # Folder of the keys that encrypt the bus (mutual TLS). Empty: none on a loopback address, else those of
+    # `thumper bus keys`. "none": no encryption.
+    tls: str = ""
     # Port of `thumper rosbridge`.
     rosbridge_port: Annotated[int, Ge(1), Le(65535)] = 9090
 

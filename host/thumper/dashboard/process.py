@@ -57,7 +57,7 @@ def run_dashboard(settings: "RobotConfig", options: ServerOptions, robot_address
 
     service = settings.service
     app = build_app(
-        BusClient(settings.name, robot_address, settings.bus.token, wait=True),
+        BusClient(settings.name, robot_address, settings.bus.token, tls=settings.bus.tls, wait=True),
         options,
         PageOptions(robot=settings.name, footprint_m=list(settings.footprint.vertices_m)),
         TeleopLimits(v_m_s=service.manual_v_max_m_s, w_rad_s=service.manual_w_max_rad_s),

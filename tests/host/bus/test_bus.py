@@ -37,11 +37,11 @@ TOKEN = "correct horse"
 class Robot:
     """The robot's end of the bus without a robot."""
 
-    def __init__(self, token: str = "") -> None:
+    def __init__(self, token: str = "", tls: str = "") -> None:
         self.address = f"127.0.0.1:{free_port()}"
         self.requests = RequestQueue()
         self.reported: list[str] = []
-        options = BusOptions(address=self.address, token=token)
+        options = BusOptions(address=self.address, token=token, tls=tls)
         self.server = BusServer("r1", options, self.requests, self.reported.append)
 
     def pending_requests(self) -> list[Request]:
@@ -247,8 +247,10 @@ def test_slow_bus_drops_the_oldest_messages(robot: Robot) -> None:
         robot.server.publish("cmd_vel", 0.0, M.twist(float(n), Twist2()))
     assert not release.is_set()  # publish returned although nothing could be sent
     assert robot.server.statistics.dropped == 2 * MAX_QUEUED
+    assert not robot.reported
     release.set()
     until(lambda: robot.server.statistics.sent >= MAX_QUEUED)
+    assert robot.reported == [f"{2 * MAX_QUEUED} messages did not reach the bus: it is too slow"]
 
 
 @pytest.mark.parametrize(

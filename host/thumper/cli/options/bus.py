@@ -35,7 +35,7 @@ def connect(config: Path | None, address: str, robot: str) -> "BusClient":
         split_address(address)
     except ValueError as error:
         raise ThumperError(f"--bus {error}", exit_code=EXIT_USAGE) from error
-    return BusClient(robot or name, address, token_of(config))
+    return BusClient(robot or name, address, token_of(config), tls=options.tls)
 
 
 def report_to_stderr(text: str) -> None:
