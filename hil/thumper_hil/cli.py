@@ -1,10 +1,13 @@
 """The commands that the simulator adds to `thumper`. Heavy imports are deferred until a command runs."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
+Preset = Annotated[
+    Literal["nominal", "hard"], typer.Option(help="How hard the simulated robot is: nominal or hard.")
+]
 Seed = Annotated[int, typer.Option(help="Seed of the random numbers.", min=0, max=2**32 - 1)]
 
 
@@ -16,6 +19,7 @@ def demo(
         int,
         typer.Option(help="Drive both missions with this many seeds, starting at --seed.", min=1, max=10_000),
     ] = 1,
+    preset: Preset = "nominal",
     ui: Annotated[bool, typer.Option("--ui", help="Show the drive in the browser, in real time.")] = False,
 ) -> None:
     """Drive two missions with the real firmware on a simulated robot and report the results.
@@ -39,11 +43,14 @@ def demo(
     if seeds > 1:
         from thumper_hil.demo.repeat import run_seeds
 
-        if not run_seeds(out, first_seed=seed, seeds=seeds, console=Console()):
+        if not run_seeds(out, first_seed=seed, seeds=seeds, console=Console(), preset=preset):
             raise typer.Exit(1)
         return
     with dashboard_process(None, BusOptions().address, wanted=ui):
-        if not run_demo(out, seed=seed, realtime=realtime or ui, on_the_bus=ui, console=Console()):
+        passed = run_demo(
+            out, seed=seed, realtime=realtime or ui, on_the_bus=ui, console=Console(), preset=preset
+        )
+        if not passed:
             raise typer.Exit(1)
 
 
@@ -66,6 +73,7 @@ def sim(
     ] = False,
     scenario: Annotated[str, typer.Option(help="Scenario file (TOML) that schedules faults.")] = "",
     lidar: Annotated[str, typer.Option(help="Lidar model: urg04lx or ld19.")] = "urg04lx",
+    preset: Preset = "nominal",
 ) -> None:
     """Serve a simulated robot on two pseudo-terminals in real time, for programs that expect hardware."""
     from thumper_hil.bench.pty import serve
@@ -81,6 +89,7 @@ def sim(
             "yaw_deg": str(start[2]),
             "scenario": scenario,
             "lidar": lidar,
+            "preset": preset,
             "reset_on_open": str(int(reset_on_open)),
         },
     )

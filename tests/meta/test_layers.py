@@ -79,6 +79,7 @@ IDENTIFY = (
 )
 
 HIL = (
+    "effects",
     "chip world kinematic",
     "lidars faults",
     "bench",

@@ -3,7 +3,6 @@
 import math
 import time
 from collections import deque
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,40 +11,41 @@ from thumper.board.firmware_image import firmware_image
 from thumper.board.messages import BoardModel
 from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray, Pose2
-from thumper.odometry.pose_buffer import interpolate_poses
 from thumper_hil.bench.collision import FOOTPRINT_M, ContactDetector
+from thumper_hil.bench.hardware import make_lidar, robot_params
+from thumper_hil.bench.leg_contacts import LegContacts
 from thumper_hil.bench.options import BenchOptions
+from thumper_hil.bench.pose_track import PoseTrack
 from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.chip_faults import FaultyChip
 from thumper_hil.chip.instrumented_chip import ATMEGABOOT
-from thumper_hil.chip.robot_params import RobotParams
+from thumper_hil.effects.host_time import HostTime
+from thumper_hil.effects.pitch import Pitch
+from thumper_hil.effects.preset import load_preset
 from thumper_hil.faults.catalogue import FaultError, FaultValue, fault_action
 from thumper_hil.faults.scenario import load_scenario
 from thumper_hil.faults.switches import Switches
-from thumper_hil.lidars.ld19 import Ld19
-from thumper_hil.lidars.urg04lx import Urg04Lx
 from thumper_hil.world.scene import NO_SEGMENTS, Scene
+from thumper_hil.world.sills import pitch_over_sills_rad
 from thumper_hil.world.start_pose import invalid_start_reason
 from thumper_hil.world.world import World
 from thumper_hil.world.world_history import WorldHistory
 
 ELF_BY_BOARD = {kind: firmware_image(kind.name.lower(), "elf") for kind in BoardModel}
 DEFAULT_ELF = ELF_BY_BOARD[BoardModel.TREX]
-BASE_FROM_LASER = Pose2(x_m=0.12)
 TICK_S = 0.01
 """Period at which ground truth is recorded and contacts are checked."""
 
-TICK_CYCLES = round(TICK_S * CPU_HZ)
 LIDAR_POLL_S = 0.001
 MAX_TRUTH_ROWS = 720_000  # two hours: limits memory when a robot runs for days
-MAX_POSES = 256  # a sweep of the lidar takes 75 ms, and a busy reader polls every millisecond
+RADIUS_M = 0.062
 TRUTH_COLUMNS = ("time_s", "x_m", "y_m", "theta_rad", "left_rad_s", "right_rad_s")
 
 
-def cycle_at(time_s: float) -> int:
+def cycle_at(time_s: float, clock_Hz: float = CPU_HZ) -> int:
     """Return the first cycle at or after `time_s`, so that a wait until `time_s` always ends."""
-    cycle = math.ceil(time_s * CPU_HZ)
-    return cycle if cycle / CPU_HZ >= time_s else cycle + 1  # the product above may round down
+    cycle = math.ceil(time_s * clock_Hz)
+    return cycle if cycle / clock_Hz >= time_s else cycle + 1  # the product above may round down
 
 
 def _bootloader() -> Path:
@@ -74,12 +74,17 @@ class Bench:
                 f"of {options.world}; choose a free start",
                 exit_code=EXIT_USAGE,
             )
-        params = RobotParams.load()
-        if options.charge is not None:
-            params = replace(params, battery=replace(params.battery, state_of_charge=options.charge))
+        preset = load_preset(options.preset)
+        self.host = HostTime(preset.host, options.seed)
+        self._pitch = Pitch(preset.body, options.seed)
         self.chip = FaultyChip(
-            elf or ELF_BY_BOARD[options.board], params=params, board=options.board, seed=options.seed
+            elf or ELF_BY_BOARD[options.board],
+            params=robot_params(options, preset),
+            board=options.board,
+            seed=options.seed,
         )
+        self._clock_Hz = self.chip.clock_Hz
+        self._tick_cycles = round(TICK_S * self._clock_Hz)
         self._reset_on_open = options.reset_on_open
         if options.reset_on_open:
             self.chip.add_bootloader(_bootloader())
@@ -88,15 +93,13 @@ class Bench:
         self._events = deque(load_scenario(Path(options.scenario)) if options.scenario else ())
         self._contact = ContactDetector(self.chip, self.world)
         self._truth: deque[tuple[float, ...]] = deque(maxlen=MAX_TRUTH_ROWS)
-        self._poses: deque[tuple[float, ...]] = deque(maxlen=MAX_POSES)
+        self._legs = LegContacts(FOOTPRINT_M)
+        self._track = PoseTrack()
         self._ticks = 0
         self._pillars: list[tuple[float, float, float]] = []
         self._record_pose()
         self._history = WorldHistory(self.world)
-        lidar = Ld19 if options.lidar == "ld19" else Urg04Lx
-        self._lidar: Ld19 | Urg04Lx = lidar(
-            world=self._history, pose_at=self._pose_at, base_from_laser=BASE_FROM_LASER, seed=options.seed
-        )
+        self._lidar = make_lidar(options, preset, self.world, self._history, self._track)
         self._lidar_bytes = bytearray()
         self._wall_start_s = time.monotonic() if options.realtime else None
 
@@ -113,12 +116,12 @@ class Bench:
     @property
     def contacts(self) -> int:
         """Number of times the robot's footprint has hit an obstacle or a person."""
-        return self._contact.count
+        return self._contact.count + self._legs.by_robot
 
     @property
     def bumps(self) -> int:
         """Number of times a person has walked into the robot."""
-        return self._scene.bumps
+        return self._scene.bumps + self._legs.by_people
 
     def truth(self) -> FloatArray:
         """Return the ground truth of up to two hours at 100 Hz, shape (n, 6): columns `TRUTH_COLUMNS`.
@@ -140,18 +143,18 @@ class Bench:
         ChipError
             The firmware crashed.
         """
-        until_cycle = cycle_at(until_s)
+        until_cycle = cycle_at(until_s, self._clock_Hz)
         arrived = False
         while True:
             self._apply_due_faults()
             # While the host computer hangs, time passes and nothing reads the arriving bytes.
-            awake_cycle = math.ceil(self._switches.host_hangs_until_s * CPU_HZ)
+            awake_cycle = math.ceil(self._switches.host_hangs_until_s * self._clock_Hz)
             hangs = self.chip.cycle < awake_cycle
             end_cycle = max(until_cycle, awake_cycle)
             if self.chip.cycle >= end_cycle or (arrived and not hangs):
                 break
-            tick_cycle = (self._ticks + 1) * TICK_CYCLES
-            fault_cycle = math.ceil(self._events[0].time_s * CPU_HZ) if self._events else end_cycle
+            tick_cycle = (self._ticks + 1) * self._tick_cycles
+            fault_cycle = cycle_at(self._events[0].time_s, self._clock_Hz) if self._events else end_cycle
             arrived = self.chip.run(
                 min(end_cycle, tick_cycle, fault_cycle), bytes_wanted=0 if hangs else board_bytes
             )
@@ -225,7 +228,7 @@ class Bench:
 
     def advance_for_lidar(self, until_s: float, lidar_bytes: int) -> None:
         """Advance time to `until_s`, or until `lidar_bytes` bytes from the lidar wait to be read."""
-        until_cycle = cycle_at(until_s)
+        until_cycle = cycle_at(until_s, self._clock_Hz)
         while self.lidar_available() < lidar_bytes and self.chip.cycle < until_cycle:
             self.advance(min(until_s, self.time_s + LIDAR_POLL_S))
 
@@ -262,23 +265,20 @@ class Bench:
         if self._scene.is_dynamic and self._scene.step(truth.time_s, TICK_S, pose.apply(FOOTPRINT_M)):
             self._contact.set_world(self.world)
             self._history.append(self.world, truth.time_s)
-        self._poses.append((truth.time_s, pose.x_m, pose.y_m, pose.theta_rad))
-        self._truth.append((*self._poses[-1], *truth.wheel_rad_s))
+        if self.world.legs_m.size:
+            self._legs.check(pose, self.world.legs_m, TICK_S)
+        pitch_rad = self._pitch.step(RADIUS_M * sum(truth.wheel_rad_s) / 2.0, TICK_S)
+        self._track.add(truth.time_s, pose, pitch_rad + pitch_over_sills_rad(pose, self.world.sills_m))
+        self._truth.append((truth.time_s, pose.x_m, pose.y_m, pose.theta_rad, *truth.wheel_rad_s))
         self._lidar.advance(self.time_s)
 
     def _refresh_pose(self) -> None:
-        if self.time_s > self._poses[-1][0]:
+        if self.time_s > self._track.newest_s:
             self._record_pose()
 
     def _record_pose(self) -> None:
         truth = self.chip.truth()
-        pose = truth.map_from_base
-        self._poses.append((truth.time_s, pose.x_m, pose.y_m, pose.theta_rad))
-
-    def _pose_at(self, times_s: FloatArray) -> FloatArray:
-        """Return the body's pose, shape (n, 3), at times within the last tenth of a second."""
-        known = np.array(self._poses)
-        return interpolate_poses(times_s, known[:, 0], known[:, 1:])
+        self._track.add(truth.time_s, truth.map_from_base)
 
     def _wait_for_real_time(self) -> None:
         if self._wall_start_s is not None:

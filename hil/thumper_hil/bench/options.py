@@ -8,6 +8,7 @@ from typing import Self
 from thumper.board.messages import BoardModel
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2
+from thumper_hil.effects.preset import PRESETS
 
 FULL_TURN_DEG = 360.0
 LIDARS = ("urg04lx", "ld19")
@@ -26,6 +27,7 @@ class BenchOptions:
     board: BoardModel = BoardModel.TREX
     scenario: str = ""  # path of a TOML of faults; empty for none
     lidar: str = "urg04lx"  # model: urg04lx or ld19
+    preset: str = "nominal"  # how hard the robot is to drive: nominal or hard
     reset_on_open: bool = False  # opening the board's port resets it through its boot loader
     realtime: bool = False  # run in real time
 
@@ -53,6 +55,7 @@ class BenchOptions:
             "board": _board,
             "scenario": str,
             "lidar": _lidar,
+            "preset": _preset,
             "reset_on_open": _yes_or_no,
             "pace": _is_realtime,
         }
@@ -112,6 +115,12 @@ def _board(text: str) -> BoardModel:
 def _lidar(text: str) -> str:
     if text not in LIDARS:
         raise ValueError(f"give {' or '.join(LIDARS)}")
+    return text
+
+
+def _preset(text: str) -> str:
+    if text not in PRESETS:
+        raise ValueError(f"give {' or '.join(PRESETS)}")
     return text
 
 

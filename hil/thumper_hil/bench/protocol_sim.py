@@ -5,6 +5,8 @@ real ones: a read returns the received bytes when its timeout has passed, and a 
 """
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qsl, urlsplit
 
@@ -61,6 +63,9 @@ class Serial(SerialBase):
         """Return the simulated time [s], also after `close`."""
         if self._bench is None:
             raise PortNotOpenError
+        if self.is_open:
+            with self._host_call(self._bench):
+                pass
         return self._bench.time_s
 
     @property
@@ -71,33 +76,34 @@ class Serial(SerialBase):
     @property
     def in_waiting(self) -> int:
         """Number of bytes that `read` would return at once."""
-        bench = self._world()
-        return bench.chip.available if self._device == "board" else bench.lidar_available()
+        with self._host_call(self._world()) as bench:
+            return self._waiting(bench)
 
     def read(self, size: int = 1, /) -> bytes:
         """Return `size` bytes, or those received until the timeout [simulated s]; None waits forever."""
-        bench = self._world()
-        until_s = math.inf if self.timeout is None else bench.time_s + max(self.timeout, 0.0)
-        try:
-            while self.in_waiting < size and bench.time_s < until_s:
+        with self._host_call(self._world(), reads=True) as bench:
+            until_s = math.inf if self.timeout is None else bench.time_s + max(self.timeout, 0.0)
+            started_s = bench.time_s
+            while self._waiting(bench) < size and bench.time_s < until_s:
+                self._world()  # raises if the device has gone meanwhile
                 # At most one second per step, so that Ctrl-C can interrupt an endless wait.
                 step_s = min(until_s, bench.time_s + 1.0)
                 if self._device == "board":
                     bench.advance(step_s, board_bytes=size)
                 else:
                     bench.advance_for_lidar(step_s, size)
-        except ThumperError as error:
-            raise SerialException(str(error)) from error
-        return bench.board_read(size) if self._device == "board" else bench.lidar_read(size)
+            if bench.time_s > started_s:
+                bench.advance(bench.time_s + bench.host.wake_up_s())
+            return bench.board_read(size) if self._device == "board" else bench.lidar_read(size)
 
     def write(self, data: "ReadableBuffer", /) -> int:
         """Queue bytes; no time passes here, they are transmitted at line rate later."""
-        bench = self._world()
         sent = bytes(data)
-        if self._device == "board":
-            bench.board_write(sent)
-        else:
-            bench.lidar_write(sent)
+        with self._host_call(self._world()) as bench:
+            if self._device == "board":
+                bench.board_write(sent)
+            else:
+                bench.lidar_write(sent)
         return len(sent)
 
     def flush(self) -> None:
@@ -155,6 +161,21 @@ class Serial(SerialBase):
         if self._bench is not None and self._device == "board" and self.dtr and not self._dtr_was:
             self._bench.assert_dtr()
         self._dtr_was = self.dtr
+
+    def _waiting(self, bench: Bench) -> int:
+        return bench.chip.available if self._device == "board" else bench.lidar_available()
+
+    @contextmanager
+    def _host_call(self, bench: Bench, *, reads: bool = False) -> Iterator[Bench]:
+        """Let the time pass that the host has computed since its last call."""
+        try:
+            if computed_s := bench.host.entered(reads=reads):
+                bench.advance(bench.time_s + computed_s)
+            yield bench
+        except ThumperError as error:
+            raise SerialException(str(error)) from error
+        finally:
+            bench.host.left()
 
     def _world(self) -> Bench:
         if self._bench is None or not self.is_open:

@@ -34,17 +34,18 @@ from thumper.runtime.service.stall_guard import STALE_PERIOD_S, STALE_REQUEST
 from thumper_hil.bench import simulation
 from thumper_hil.bench.soak_drive import SoakDriver, sleeps_advance
 from thumper_hil.bench.soak_report import SoakReport
+from thumper_hil.effects.preset import PRESETS
 
 START = Pose2(x_m=1.0, y_m=0.0, theta_rad=math.pi)
 GOALS_M = ((1.0, 0.0), (-0.4, 0.2), (0.4, -0.9), (0.9, 1.0), (1.9, 0.4), (2.2, -0.6), (0.0, 0.9))
 MAX_GROWTH_MB = 25.0
 
 
-def soak(duration_s: float, seed: int = 1) -> SoakReport:
+def soak(duration_s: float, seed: int = 1, preset: str = "nominal") -> SoakReport:
     """Run for `duration_s` simulated seconds or until Ctrl-C; failures are recorded and the run continues."""
     rng, report = np.random.default_rng(seed), SoakReport()
     url = f"sim://soak{seed}"
-    board = f"{url}/board?world=lab&seed={seed}&x_m={START.x_m}&y_m={START.y_m}&yaw_deg=180"
+    board = f"{url}/board?world=lab&seed={seed}&x_m={START.x_m}&y_m={START.y_m}&yaw_deg=180&preset={preset}"
     config = with_ports(RobotConfig(), board=board, lidar=f"{url}/lidar")
     bus = BusOptions(address=f"127.0.0.1:{_free_port()}")
     with open_robot(config, START) as robot, on_bus(robot, config.name, bus):
@@ -114,12 +115,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--hours", type=float, default=2.0, help="duration in simulated hours")
     parser.add_argument("--seed", type=int, default=1, help="seed of goals and faults")
+    parser.add_argument("--preset", choices=PRESETS, default="hard", help="how hard the robot is")
     arguments = parser.parse_args()
     start_s = time.perf_counter()
-    report = soak(3600.0 * arguments.hours, arguments.seed)
+    report = soak(3600.0 * arguments.hours, arguments.seed, arguments.preset)
     if not report.drives:
         print("no drive was completed; run for longer")
         return 1
+    print(f"preset {arguments.preset}")
     print("\n".join(report.lines(time.perf_counter() - start_s)))
     return 1 if report.failures else 0
 

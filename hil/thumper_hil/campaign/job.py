@@ -43,7 +43,7 @@ def run_job(job: CampaignJob) -> CampaignRow:
         )
     x_m, y_m, yaw_deg = mission.start
     options = {"world": mission.world, "x_m": x_m, "y_m": y_m, "yaw_deg": yaw_deg, "seed": job.seed}
-    options |= {"lidar": config.lidar.model, "scenario": job.scenario}
+    options |= {"lidar": config.lidar.model, "scenario": job.scenario, "preset": job.preset}
     name = job.key.replace("/", "~")
     bench = open_device(name, DEVICE, {key: str(value) for key, value in options.items()})
     try:

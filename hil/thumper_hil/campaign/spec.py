@@ -6,7 +6,7 @@ import re
 from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise, product
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le, MinLen
 from pydantic import AfterValidator, ConfigDict, TypeAdapter, with_config
@@ -74,6 +74,7 @@ class ParameterSet:
     name: Name = "default"
     robot: str = ""  # a robot's TOML, relative to the campaign file's folder
     scenario: str = ""  # a TOML of faults, relative to the same folder
+    preset: Literal["nominal", "hard"] = "nominal"  # how hard the simulated robot is
 
 
 @with_config(_STRICT)
@@ -102,6 +103,7 @@ class CampaignJob:
     parameters: str
     robot_json: str  # the complete configuration
     scenario: str = ""  # a path
+    preset: str = "nominal"
     content: str  # digest of those files, from `content_digest`
 
     @property
@@ -181,6 +183,7 @@ def expand_jobs(campaign: Campaign, folder: Path) -> list[CampaignJob]:
             parameters=one.name,
             robot_json=config_to_json(robots[one.name]),
             scenario=one.scenario,
+            preset=one.preset,
             content=contents[mission.name, one.name],
         )
         for seed, mission, one in product(seeds, campaign.missions, campaign.parameters)

@@ -82,6 +82,7 @@ class Chip:
         if self._handle is None:
             raise ChipError(f"{elf}: {message.value.decode()}; run `make firmware chip`")
         self._elf = elf
+        self.clock_Hz = CPU_HZ * (1.0 + (params.board.clock_drift if params else 0.0))
 
     def close(self) -> None:
         """Free the chip. Call no other method afterwards; a second `close` does nothing."""
@@ -100,7 +101,7 @@ class Chip:
     @property
     def time_s(self) -> float:
         """Simulated seconds since power-on."""
-        return self.cycle / CPU_HZ
+        return self.cycle / self.clock_Hz
 
     @property
     def resets(self) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray
+from thumper_hil.effects.friction import scrub_moment_Nm, traction_Nm
 
 WILD_THUMPER = Path(__file__).with_name("wild_thumper.toml")
 OPEN_CIRCUIT_POINTS = 11  # at 0, 10, ... 100 % charge
@@ -66,9 +67,21 @@ class BodyParams:
     track_spread_ratio: float
     track_noise_ratio: float
     track_noise_time_s: float
-    scrub_Nm: float
+    centre_offset_m: float
+    centre_wander_m: float
+    centre_time_s: float
+    friction: float
     scrub_slip_rad_s: float
-    traction_Nm: float
+
+    @property
+    def scrub_Nm(self) -> float:
+        """Moment that the sliding tyres oppose to a turn."""
+        return scrub_moment_Nm(self.friction, self.mass_kg, self.track_m)
+
+    @property
+    def traction_Nm(self) -> float:
+        """Torque at which the wheels of one side spin against an obstacle."""
+        return traction_Nm(self.friction, self.mass_kg, self.wheel_radius_m)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,6 +113,7 @@ class BoardParams:
     battery_V_per_count: float
     current_A_per_count: float
     current_zero_counts: float
+    clock_drift: float
 
     def __post_init__(self) -> None:
         if self.pwm_low not in ("coast", "brake"):
@@ -147,6 +161,8 @@ class RobotParams:
                 value = getattr(table, entry.name)
                 if isinstance(value, str):
                     value = float(value == "coast")
+                if entry.name == "friction":
+                    value = (table.scrub_Nm, table.traction_Nm)
                 numbers.extend(value if isinstance(value, tuple) else (value,))
         return numbers
 

@@ -54,7 +54,7 @@ class MissionStatistic:
     time_max_s: float
 
 
-def run_seeds(out: Path, *, first_seed: int, seeds: int, console: Console) -> bool:
+def run_seeds(out: Path, *, first_seed: int, seeds: int, console: Console, preset: str = "nominal") -> bool:
     """Drive every mission with `seeds` seeds, write the results to `out`; return True if all passed."""
     with console.status("loading the compiled kernels (compiling them on the first run)"):
         warm_up(RobotConfig())
@@ -62,7 +62,9 @@ def run_seeds(out: Path, *, first_seed: int, seeds: int, console: Console) -> bo
     outcomes: list[Outcome] = []
     for seed in range(first_seed, first_seed + seeds):
         for mission in MISSIONS:
-            outcome = drive_mission(mission, seed=seed, realtime=False, console=Console(quiet=True))
+            outcome = drive_mission(
+                mission, seed=seed, realtime=False, console=Console(quiet=True), preset=preset
+            )
             rows.append(to_row(outcome, seed))
             outcomes.append(outcome)
             console.print(_line(rows[-1]), highlight=False)
@@ -71,7 +73,9 @@ def run_seeds(out: Path, *, first_seed: int, seeds: int, console: Console) -> bo
     (out / "experiment.md").write_text(_markdown(statistics), encoding="utf-8")
     _draw(out / "experiment.png", outcomes)
     _print_table(statistics, console)
-    console.print(f"in {out}/: experiment.csv, experiment.md, experiment.png", highlight=False)
+    console.print(
+        f"preset {preset}; in {out}/: experiment.csv, experiment.md, experiment.png", highlight=False
+    )
     return all(row.passed for row in rows)
 
 

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -34,9 +34,11 @@ FOOTNOTE = (
 )
 
 
-def write_results(out: Path, outcomes: Sequence[Outcome], seed: int, console: Console) -> None:
-    """Write everything to `out`, print the table and list the files."""
-    summary = summarize(outcomes, seed)
+def write_results(
+    out: Path, outcomes: Sequence[Outcome], setting: Mapping[str, int | str], console: Console
+) -> None:
+    """Write everything to `out`, print the table and list the files; `setting` has `seed` and `preset`."""
+    summary = summarize(outcomes, setting)
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     maps = [(f"map_{outcome.mission.name}", outcome) for outcome in outcomes]
     for name, outcome in (*maps, ("map", outcomes[-1])):
@@ -50,12 +52,13 @@ def write_results(out: Path, outcomes: Sequence[Outcome], seed: int, console: Co
     rows = table_rows(summary)
     _print_table(rows, console)
     (out / "table.md").write_text(_markdown(rows), encoding="utf-8")
-    console.print(f"simulation ran at {summary['sim_speed_x_real_time']:.1f} x real time", highlight=False)
+    speed = f"{summary['sim_speed_x_real_time']:.1f} x real time"
+    console.print(f"preset {setting['preset']}; simulation ran at {speed}", highlight=False)
     files = "map.pgm, map.yaml, map.session, missions.png, speed_control.png, table.md, summary.json"
     console.print(f"in {out}/: {files}", soft_wrap=True)
 
 
-def summarize(outcomes: Sequence[Outcome], seed: int) -> dict[str, Any]:
+def summarize(outcomes: Sequence[Outcome], setting: Mapping[str, int | str]) -> dict[str, Any]:
     """Return the content of summary.json; lengths in m, times in s, wheel speeds in rad/s."""
     straight = next(outcome for outcome in outcomes if outcome.mission is STRAIGHT)
     return {
@@ -76,7 +79,7 @@ def summarize(outcomes: Sequence[Outcome], seed: int) -> dict[str, Any]:
         "wheel_speed_error": _speed_errors(straight),
         "map_vs_truth": asdict(outcomes[-1].map_quality),
         "sim_speed_x_real_time": sum(o.sim_time_s for o in outcomes) / sum(o.wall_time_s for o in outcomes),
-        "seed": seed,
+        **setting,
         "versions": {
             "thumper": __version__,
             "protocol": f"{SCHEMA_HASH:08x}",

@@ -26,7 +26,15 @@ from thumper_hil.demo.results import write_results
 from thumper_hil.world.world import World
 
 
-def run_demo(out: Path, *, seed: int, realtime: bool, console: Console, on_the_bus: bool = False) -> bool:
+def run_demo(
+    out: Path,
+    *,
+    seed: int,
+    realtime: bool,
+    console: Console,
+    on_the_bus: bool = False,
+    preset: str = "nominal",
+) -> bool:
     """Drive all missions and write the results to `out`; return True if every mission passed."""
     with console.status("loading the compiled kernels (compiling them on the first run)"):
         warm_up(RobotConfig())
@@ -38,10 +46,11 @@ def run_demo(out: Path, *, seed: int, realtime: bool, console: Console, on_the_b
             console=console,
             on_the_bus=on_the_bus,
             record_to=out / "recordings",
+            preset=preset,
         )
         for mission in MISSIONS
     ]
-    write_results(out, outcomes, seed, console)
+    write_results(out, outcomes, {"seed": seed, "preset": preset}, console)
     return all(outcome.passed for outcome in outcomes)
 
 
@@ -53,6 +62,7 @@ def drive_mission(
     console: Console,
     on_the_bus: bool = False,
     record_to: Path | None = None,
+    preset: str = "nominal",
 ) -> Outcome:
     """Start a new robot without a map at the mission's start and drive to its goal.
 
@@ -64,6 +74,7 @@ def drive_mission(
         "y_m": mission.start.y_m,
         "yaw_deg": math.degrees(mission.start.theta_rad),
         "seed": seed,
+        "preset": preset,
     }
     if realtime:
         options["pace"] = "realtime"

@@ -3,7 +3,7 @@
 The data sheet gives 4500 points per second, 10 revolutions per second, 0.02 to 12 m, accuracy 45 mm (mean of
 100) and standard deviation 10 mm between 0.3 and 12 m, and an angle error of at most 2 degrees. The bounds
 are taken as three sigma. The data sheet has no figure for drop-outs, so there are none: every target in range
-returns an echo.
+returns an echo, unless `effects/` takes it away.
 """
 
 import math
@@ -13,8 +13,9 @@ from collections.abc import Callable
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
+from thumper_hil.lidars.beams import UNDISTURBED, BeamConditions, Beams
 from thumper_hil.lidars.outbox import Outbox
-from thumper_hil.world.world_history import WorldAt, cast_from_robot
+from thumper_hil.world.echoes import WorldAt
 
 POINTS_PER_S = 4500.0
 POINTS_PER_FRAME = 12
@@ -64,10 +65,19 @@ class Ld19:
         pose_at: Callable[[FloatArray], FloatArray],
         base_from_laser: Pose2,
         seed: int,
+        conditions: BeamConditions = UNDISTURBED,
     ) -> None:
-        self._world = world
-        self._pose_at = pose_at
-        self._base_from_laser = base_from_laser
+        self._beams = Beams(
+            world=world,
+            pose_at=pose_at,
+            base_from_laser=base_from_laser,
+            range_max_m=RANGE_MAX_M,
+            conditions=conditions,
+        )
+        self._clock_rate = 1.0 + conditions.clock_drift
+        self._delay_s = conditions.delay_s
+        self._seed = seed
+        self._arrived_s = 0.0
         rng = np.random.default_rng(seed)
         self._turns_per_s = TURNS_PER_S * (1.0 + SPEED_STD * rng.standard_normal())
         self._first_deg = float(rng.uniform(0.0, 360.0))
@@ -98,7 +108,7 @@ class Ld19:
         times_s = numbers / POINTS_PER_S
         angles_deg = self._first_deg + 360.0 * self._turns_per_s * times_s
         bearings_rad = self._angle_error_rad - np.deg2rad(angles_deg)
-        true_m = cast_from_robot(self._world, self._pose_at, self._base_from_laser, times_s, bearings_rad)
+        true_m = self._cast(times_s, bearings_rad)
         measured_m = true_m + self._bias_m + NOISE_M * self._rng.standard_normal(true_m.size)
         in_range = (measured_m >= RANGE_MIN_M) & (true_m <= RANGE_MAX_M)
         ranges_mm = np.rint(1000.0 * np.where(in_range, measured_m, 0.0))
@@ -111,7 +121,27 @@ class Ld19:
                 angles_deg[part],
                 ranges_mm[part],
                 intensity[part],
-                end_s - self._booted_s,
+                self._clock_rate * (end_s - self._booted_s),
             )
-            self._outbox.send(frame, end_s + WIRE_S_PER_BYTE * len(frame))
+            self._outbox.send(frame, self._arrival_s(end_s, len(frame)))
         self._points += numbers.size
+
+    def _cast(self, times_s: FloatArray, bearings_rad: FloatArray) -> FloatArray:
+        """Return the true ranges; disturbances are drawn per frame, so that steps of any size agree."""
+        if self._beams.conditions.effects is None:
+            return self._beams.cast(times_s, bearings_rad, self._rng)
+        parts = []
+        for first in range(0, times_s.size, POINTS_PER_FRAME):
+            part = slice(first, first + POINTS_PER_FRAME)
+            rng = np.random.default_rng([self._seed, self._points + first, 2])
+            parts.append(self._beams.cast(times_s[part], bearings_rad[part], rng))
+        return np.concatenate(parts)
+
+    def _arrival_s(self, end_s: float, size: int) -> float:
+        """Return when a frame reaches the host: after the wire and a delay, in the order of sending."""
+        delay_s = 0.0
+        if self._delay_s:
+            rng = np.random.default_rng([self._seed, round(1e4 * end_s), 1])
+            delay_s = self._delay_s * float(rng.random())
+        self._arrived_s = max(self._arrived_s, end_s + WIRE_S_PER_BYTE * size + delay_s)
+        return self._arrived_s

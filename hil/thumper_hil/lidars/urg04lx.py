@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
+from thumper_hil.lidars.beams import UNDISTURBED, BeamConditions, Beams
 from thumper_hil.lidars.outbox import Outbox
 from thumper_hil.lidars.scip_reply import scan_reply, status_reply, table_reply, time_reply
 from thumper_hil.lidars.scip_request import (
@@ -22,7 +23,7 @@ from thumper_hil.lidars.scip_request import (
     split_line,
 )
 from thumper_hil.lidars.urg_noise import RANGE_MAX_MM, RANGE_MIN_MM, CodeArray, device_bias, measure_mm
-from thumper_hil.world.world_history import WorldAt, cast_from_robot
+from thumper_hil.world.echoes import WorldAt
 
 STEPS_PER_TURN = 1024
 FRONT_STEP, FIRST_STEP, LAST_STEP = 384, 44, 725
@@ -68,12 +69,19 @@ class Urg04Lx:
         base_from_laser: Pose2,
         seed: int,
         turn_s: float = TURN_S,
+        conditions: BeamConditions = UNDISTURBED,
     ) -> None:
-        self._world = world
-        self._pose_at = pose_at
-        self._base_from_laser = base_from_laser
+        self._beams = Beams(
+            world=world,
+            pose_at=pose_at,
+            base_from_laser=base_from_laser,
+            range_max_m=1e-3 * RANGE_MAX_MM,
+            conditions=conditions.without_mixed_pixels(),  # `measure_mm` mixes as in the log
+        )
+        self._clock_rate = 1.0 + conditions.clock_drift
+        self._delay_s = conditions.delay_s
         self._seed = seed
-        self._turn_s = turn_s
+        self._turn_s = turn_s / self._clock_rate
         rng = np.random.default_rng(seed)
         self._phase_s = float(rng.uniform(0.0, turn_s))
         self._booted_s = -float(rng.uniform(5.0, 500.0))
@@ -121,7 +129,7 @@ class Urg04Lx:
         return self._turn_s * LAST_MEASURABLE_STEP / STEPS_PER_TURN
 
     def _clock_ms(self, time_s: float) -> int:
-        return math.floor(1000.0 * (time_s - self._booted_s)) % CLOCK_WRAP_MS
+        return math.floor(1000.0 * self._clock_rate * (time_s - self._booted_s)) % CLOCK_WRAP_MS
 
     def _send(self, reply: bytes, delay_s: float) -> None:
         starts_s = max(self._now_s + delay_s, self._wire_free_s)  # one wire: replies keep their order
@@ -236,14 +244,15 @@ class Urg04Lx:
         values = _cluster(self._scan(turn)[request.first_step : request.last_step + 1], request.cluster)
         status = b"99" if request.streams else b"00"
         echo = request.echo(self._remaining)
-        self._send(scan_reply(echo, status, self._clock_ms(start_s), values, request.chars), 0.0)
+        delay_s = self._delay_s * float(np.random.default_rng([self._seed, turn, 1]).random())
+        self._send(scan_reply(echo, status, self._clock_ms(start_s), values, request.chars), delay_s)
 
     def _scan(self, turn: int) -> CodeArray:
         """Measure one revolution; return the reported values [mm or error code] of steps 0...768."""
         steps = np.arange(FIRST_STEP, LAST_STEP + 1)
         times_s = self._turn_start_s(turn) + steps * self._turn_s / STEPS_PER_TURN
         bearings_rad = (steps - FRONT_STEP) * math.tau / STEPS_PER_TURN
-        true_m = cast_from_robot(self._world, self._pose_at, self._base_from_laser, times_s, bearings_rad)
+        true_m = self._beams.cast(times_s, bearings_rad, np.random.default_rng([self._seed, turn, 2]))
         values = np.full(LAST_MEASURABLE_STEP + 1, NOT_MEASURABLE, np.int32)
         rng = np.random.default_rng([self._seed, turn])
         values[FIRST_STEP : LAST_STEP + 1] = measure_mm(true_m, self._bias, rng)

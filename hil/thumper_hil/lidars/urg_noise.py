@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray
+from thumper_hil.effects.echo_loss import random_runs
+from thumper_hil.effects.mixed_pixels import jumps_in_depth, mix_at_edges
 
 RANGE_MIN_MM, RANGE_MAX_MM = 20, 5600
 NO_RETURN, NEIGHBOUR_ERROR = 0, 7
@@ -30,7 +32,6 @@ NO_RETURN_NEIGHBOUR_ERROR = 0.022  # a single 7 inside a run without return
 NO_RETURN_END_NEIGHBOUR_ERROR = 0.10  # in the first or last beam of a run
 NO_RETURN_CODES = ((6, 0.0036, 4.6), (1, 0.0012, 3.3), (2, 0.0007, 2.4))  # code, starts per beam, mean length
 
-JUMP_MM = 150.0
 JUMP_CODES = ((7, 0.05), (10, 0.02), (8, 0.012), (15, 0.008))  # code, probability at a jump in depth
 JUMP_MIXED = 0.3  # the spot covers both surfaces: the range is between them
 
@@ -51,18 +52,18 @@ def measure_mm(true_m: FloatArray, bias: FloatArray, rng: np.random.Generator) -
     +inf means no target. Every scan of n beams draws the same number of random values.
     """
     beams = true_m.size
-    true_mm = 1000.0 * np.where(np.isfinite(true_m), true_m, 1e3)
-    mixed_mm = _mix_at_jumps(true_mm, rng)
+    bounded_m = np.where(np.isfinite(true_m), true_m, 1e3)
+    mixed_mm = 1000.0 * mix_at_edges(bounded_m, 1e-3 * RANGE_MAX_MM, JUMP_MIXED, rng)
     sigma_bias_mm = np.maximum(BIAS_FLOOR_MM, BIAS_SHARE * mixed_mm)
     sigma_noise_mm = NOISE_MM + NOISE_MM_PER_M * 1e-3 * mixed_mm
     noisy_mm = mixed_mm + bias * sigma_bias_mm + rng.standard_normal(beams) * sigma_noise_mm
     value = np.rint(np.clip(noisy_mm, RANGE_MIN_MM, 10 * RANGE_MAX_MM)).astype(np.int32)
-    lost = (value > RANGE_MAX_MM) | _in_runs(
+    lost = (value > RANGE_MAX_MM) | random_runs(
         _interp(mixed_mm, RUN_LOSS_AT_M, RUN_LOSS), RUN_LENGTH_BEAMS, rng
     )
     value[lost] = NO_RETURN
     _put_codes_in_no_return(value, lost, rng)
-    _put_codes_at_jumps(value, true_mm, lost, rng)
+    _put_codes_at_jumps(value, bounded_m, lost, rng)
     single = rng.random(beams) < _interp(mixed_mm, SINGLE_LOSS_AT_M, SINGLE_LOSS)
     code = np.where(rng.random(beams) < SINGLE_LOSS_IS_NEIGHBOUR_ERROR, NEIGHBOUR_ERROR, NO_RETURN)
     return np.where(single & ~lost, code, value).astype(np.int32)
@@ -72,30 +73,9 @@ def _interp(range_mm: FloatArray, at_m: FloatArray, share: FloatArray) -> FloatA
     return np.interp(1e-3 * range_mm, at_m, share)
 
 
-def _in_runs(share: FloatArray, length_beams: float, rng: np.random.Generator) -> NDArray[np.bool_]:
-    """Return the mask of beams in random runs of geometric length that cover `share` of the beams."""
-    starts = rng.random(share.size) < share / length_beams
-    lengths = rng.geometric(1.0 / length_beams, share.size)
-    ends = np.where(starts, np.arange(share.size) + lengths, 0)
-    return np.arange(share.size) < np.maximum.accumulate(ends)
-
-
-def _is_jump(true_mm: FloatArray) -> NDArray[np.bool_]:
-    return np.abs(np.diff(true_mm, append=true_mm[-1])) > JUMP_MM
-
-
-def _mix_at_jumps(true_mm: FloatArray, rng: np.random.Generator) -> FloatArray:
-    following = np.append(true_mm[1:], true_mm[-1])
-    share = np.where(
-        _is_jump(true_mm) & (rng.random(true_mm.size) < JUMP_MIXED), rng.random(true_mm.size), 0.0
-    )
-    both_in_range = np.maximum(true_mm, following) <= RANGE_MAX_MM
-    return np.where(both_in_range, true_mm + share * (following - true_mm), true_mm)
-
-
 def _put_codes_in_no_return(value: CodeArray, lost: NDArray[np.bool_], rng: np.random.Generator) -> None:
     for code, start, length_beams in NO_RETURN_CODES:
-        run = _in_runs(np.full(value.size, start * length_beams), length_beams, rng)
+        run = random_runs(np.full(value.size, start * length_beams), length_beams, rng)
         value[run & lost] = code
     inside = np.convolve(lost, np.ones(3), mode="same") > 2.5
     probability = np.where(inside, NO_RETURN_NEIGHBOUR_ERROR, NO_RETURN_END_NEIGHBOUR_ERROR)
@@ -103,10 +83,10 @@ def _put_codes_in_no_return(value: CodeArray, lost: NDArray[np.bool_], rng: np.r
 
 
 def _put_codes_at_jumps(
-    value: CodeArray, true_mm: FloatArray, lost: NDArray[np.bool_], rng: np.random.Generator
+    value: CodeArray, true_m: FloatArray, lost: NDArray[np.bool_], rng: np.random.Generator
 ) -> None:
     draw = rng.random(value.size)
-    at_jump = _is_jump(true_mm) & ~lost
+    at_jump = jumps_in_depth(true_m) & ~lost
     low = 0.0
     for code, probability in JUMP_CODES:
         value[at_jump & (draw >= low) & (draw < low + probability)] = code

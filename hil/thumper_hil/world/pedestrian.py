@@ -18,9 +18,14 @@ class TimedObstacle:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pedestrian:
-    """A person as the lidar sees one: a circle that walks back and forth along waypoints, shape (n, 2)."""
+    """A person who walks back and forth along waypoints, shape (n, 2).
+
+    The lidar sees a circle, which stops before it walks into the robot. With a `leg_radius_m` above 0 it sees
+    two legs, and the person does not stop.
+    """
 
     waypoints_m: FloatArray
     speed_m_s: float
     radius_m: float
+    leg_radius_m: float = 0.0
     from_s: float

@@ -1,10 +1,12 @@
 """A world that changes over time: timed obstacles appear and disappear, people walk."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from thumper.common.geometry import FloatArray
+from thumper_hil.world.gait import legs_m
 from thumper_hil.world.pedestrian import Pedestrian, TimedObstacle
 from thumper_hil.world.segment_raycast import polygon_clearance_m
 from thumper_hil.world.world import World, box_corners, box_sides
@@ -15,8 +17,8 @@ NO_SEGMENTS = np.zeros((0, 4))
 class Scene:
     """A world with its timed obstacles and people; `world` is its current state.
 
-    Call `step` as time passes. People stop before they would walk into the robot's footprint. `bumps` counts
-    these stops.
+    Call `step` as time passes. People without legs stop before they would walk into the robot's footprint;
+    `bumps` counts these stops. People with legs walk on; the bench judges their contacts.
     """
 
     def __init__(self, world: World) -> None:
@@ -57,12 +59,18 @@ class Scene:
         """Return the fixed world with the timed obstacles, posts and people that are there now."""
         boxes = tuple(box_corners(*obstacle.box) for obstacle in self._present if obstacle.box)
         circles = [obstacle.circle for obstacle in self._present if obstacle.circle]
-        circles += [(*person.position_m, person.walker.radius_m) for person in self._people]
+        circles += [
+            (*person.position_m, person.walker.radius_m)
+            for person in self._people
+            if not person.walker.leg_radius_m
+        ]
+        legs = [person.legs_m() for person in self._people if person.walker.leg_radius_m]
         return replace(
             self._fixed,
             segments_m=np.vstack([self._fixed.segments_m, *(box_sides(box) for box in boxes)]),
             circles_m=np.vstack([self._fixed.circles_m, self._posts_m, np.reshape(circles, (-1, 3))]),
             boxes_m=self._fixed.boxes_m + boxes,
+            legs_m=np.vstack([np.zeros((0, 3)), *legs]),
         )
 
 
@@ -86,13 +94,20 @@ class _Person:
         walked_m = self._walked_m + self.walker.speed_m_s * elapsed_s
         position_m = self._position(walked_m)
         circle = np.array([[*position_m, self.walker.radius_m]])
-        blocked = polygon_clearance_m(footprint_m, NO_SEGMENTS, circle) <= 0.0
+        stops = not self.walker.leg_radius_m
+        blocked = stops and polygon_clearance_m(footprint_m, NO_SEGMENTS, circle) <= 0.0
         self.has_bumped = blocked and not self._is_blocked
         self._is_blocked = blocked
         if blocked:
             return False
         self._walked_m, self.position_m = walked_m, position_m
         return True
+
+    def legs_m(self) -> FloatArray:
+        """Return both legs as circles, shape (2, 3)."""
+        ahead_m = self._position(self._walked_m + 0.01)
+        heading_rad = math.atan2(ahead_m[1] - self.position_m[1], ahead_m[0] - self.position_m[0])
+        return legs_m(self.position_m, heading_rad, self._walked_m, self.walker.leg_radius_m)
 
     def _position(self, walked_m: float) -> tuple[float, float]:
         length_m = self._along_m[-1]

@@ -13,6 +13,7 @@ from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
 
 BoolArray = NDArray[np.bool_]
+HitArray = NDArray[np.int32]
 
 
 class WallSegment(NamedTuple):
@@ -39,8 +40,11 @@ def cast_rays(
     segments_m: FloatArray,
     circles_m: FloatArray,
     out: FloatArray,
+    hit: HitArray,
 ) -> None:
     """Write the distance along each ray to its first hit, +inf for none, to `out`, shape (n,).
+
+    `hit`, shape (n,), gets the index of the shape: segments first, then circles; -1 for none.
 
     `origins_m` has shape (n, 2), `angles_rad` (n,). A ray along a wall hits the wall's nearer end. A ray that
     starts inside a circle hits the far side of the circle.
@@ -48,7 +52,7 @@ def cast_rays(
     for i in range(angles_rad.size):
         x, y = origins_m[i, 0], origins_m[i, 1]
         dx, dy = math.cos(angles_rad[i]), math.sin(angles_rad[i])
-        nearest = math.inf
+        nearest, hit[i] = math.inf, -1
         for k in range(segments_m.shape[0]):
             ax, ay = segments_m[k, 0] - x, segments_m[k, 1] - y
             bx, by = segments_m[k, 2] - x, segments_m[k, 3] - y
@@ -66,7 +70,7 @@ def cast_rays(
             else:
                 t = min(along_a, along_b)
             if 0.0 <= t < nearest:
-                nearest = t
+                nearest, hit[i] = t, k
         for k in range(circles_m.shape[0]):
             cx, cy, radius = circles_m[k, 0] - x, circles_m[k, 1] - y, circles_m[k, 2]
             along = dx * cx + dy * cy
@@ -78,7 +82,7 @@ def cast_rays(
             if t < 0.0:
                 t = along + half_chord
             if 0.0 <= t < nearest:
-                nearest = t
+                nearest, hit[i] = t, segments_m.shape[0] + k
         out[i] = nearest
 
 

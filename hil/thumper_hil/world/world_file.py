@@ -12,18 +12,32 @@ import numpy as np
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray
+from thumper_hil.effects.surfaces import Surface
+from thumper_hil.world.furniture import Table
 from thumper_hil.world.pedestrian import Pedestrian, TimedObstacle
 
 WORLDS = Path(__file__).resolve().parent.parent / "worlds"
 
-WALL_KEYS = frozenset({"name", "points_m", "closed"})
+WALL_KEYS = frozenset({"name", "points_m", "closed", "surface"})
 TIME_KEYS = frozenset({"from_s", "until_s"})
-BOX_KEYS = frozenset({"name", "x_m", "y_m", "length_m", "width_m", "yaw_deg"}) | TIME_KEYS
-CIRCLE_KEYS = frozenset({"name", "x_m", "y_m", "radius_m"}) | TIME_KEYS
-PERSON_KEYS = frozenset({"name", "waypoints_m", "speed_m_s", "radius_m", "from_s"})
-TABLE_KEYS = {"wall": WALL_KEYS, "box": BOX_KEYS, "circle": CIRCLE_KEYS, "person": PERSON_KEYS}
+RECTANGLE_KEYS = frozenset({"name", "x_m", "y_m", "length_m", "width_m", "yaw_deg"})
+BOX_KEYS = RECTANGLE_KEYS | TIME_KEYS | {"surface"}
+CIRCLE_KEYS = frozenset({"name", "x_m", "y_m", "radius_m", "surface"}) | TIME_KEYS
+PERSON_KEYS = frozenset({"name", "waypoints_m", "speed_m_s", "radius_m", "leg_radius_m", "from_s"})
+TABLE_KEYS = {
+    "wall": WALL_KEYS,
+    "box": BOX_KEYS,
+    "circle": CIRCLE_KEYS,
+    "person": PERSON_KEYS,
+    "table": RECTANGLE_KEYS | {"leg_radius_m", "clearance_m"},
+    "sill": frozenset({"name", "points_m", "height_m"}),
+}
+SURFACES = {surface.name.lower(): surface for surface in Surface}
 PERSON_RADIUS_M = 0.2
 PERSON_SPEED_M_S = 0.8
+TABLE_LEG_RADIUS_M = 0.02
+TABLE_CLEARANCE_M = 0.7
+SILL_HEIGHT_M = 0.015
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,6 +49,11 @@ class WorldShapes:
     boxes: tuple[tuple[float, float, float, float, float], ...]
     timed: tuple[TimedObstacle, ...] = ()
     walkers: tuple[Pedestrian, ...] = ()
+    tables: tuple[Table, ...] = ()
+    sills: tuple[tuple[float, ...], ...] = ()  # x0, y0, x1, y1, height
+    segment_surfaces: tuple[int, ...] = ()
+    box_surfaces: tuple[int, ...] = ()
+    circle_surfaces: tuple[int, ...] = ()
     map_path: Path | None = None
 
 
@@ -80,6 +99,11 @@ def _read(path: Path, parents: tuple[Path, ...]) -> WorldShapes:
         boxes=base.boxes + own.boxes,
         timed=base.timed + own.timed,
         walkers=base.walkers + own.walkers,
+        tables=base.tables + own.tables,
+        sills=base.sills + own.sills,
+        segment_surfaces=base.segment_surfaces + own.segment_surfaces,
+        box_surfaces=base.box_surfaces + own.box_surfaces,
+        circle_surfaces=base.circle_surfaces + own.circle_surfaces,
         map_path=own.map_path or base.map_path,
     )
 
@@ -89,7 +113,11 @@ def _parse(data: dict[str, Any], folder: Path) -> WorldShapes:
     for key in ("base", "description", "map"):
         if not isinstance(data.get(key, ""), str):
             raise _BadWorldError(f"{key} = {data[key]!r}: must be a string")
-    segments = [segment for where, wall in _tables(data, "wall") for segment in _wall_segments(where, wall)]
+    segments, segment_surfaces, box_surfaces, circle_surfaces = [], [], [], []
+    for where, wall in _tables(data, "wall"):
+        sides = list(_wall_segments(where, wall))
+        segments += sides
+        segment_surfaces += [_surface(where, wall)] * len(sides)
     boxes, circles, timed = [], [], []
     for where, table in _tables(data, "box"):
         box = _box(where, table)
@@ -97,6 +125,7 @@ def _parse(data: dict[str, Any], folder: Path) -> WorldShapes:
             timed.append(_timed(where, table, TimedObstacle(box=box)))
         else:
             boxes.append(box)
+            box_surfaces.append(_surface(where, table))
     for where, table in _tables(data, "circle"):
         circle = (
             _number(table, "x_m", where), _number(table, "y_m", where), _positive(table, "radius_m", where)
@@ -105,8 +134,10 @@ def _parse(data: dict[str, Any], folder: Path) -> WorldShapes:
             timed.append(_timed(where, table, TimedObstacle(circle=circle)))
         else:
             circles.append(circle)
+            circle_surfaces.append(_surface(where, table))
     walkers = tuple(_person(where, table) for where, table in _tables(data, "person"))
-    if not (segments or boxes or circles or timed or walkers or {"base", "map"} & data.keys()):
+    tables = tuple(_table(where, table) for where, table in _tables(data, "table"))
+    if not (segments or boxes or circles or timed or walkers or tables or {"base", "map"} & data.keys()):
         raise _BadWorldError("the world is empty; add a [[wall]], [[box]] or [[circle]], or a map")
     return WorldShapes(
         segments=np.array(segments, np.float64).reshape(-1, 4),
@@ -114,6 +145,11 @@ def _parse(data: dict[str, Any], folder: Path) -> WorldShapes:
         boxes=tuple(boxes),
         timed=tuple(timed),
         walkers=walkers,
+        tables=tables,
+        sills=tuple(sill for where, table in _tables(data, "sill") for sill in _sills(where, table)),
+        segment_surfaces=tuple(segment_surfaces),
+        box_surfaces=tuple(box_surfaces),
+        circle_surfaces=tuple(circle_surfaces),
         map_path=folder / data["map"] if "map" in data else None,
     )
 
@@ -128,6 +164,33 @@ def _box(where: str, table: dict[str, Any]) -> tuple[float, float, float, float,
     )
 
 
+def _surface(where: str, table: dict[str, Any]) -> int:
+    name = table.get("surface", "matt")
+    if name not in SURFACES:
+        raise _BadWorldError(f"{where}surface = {name!r}: choose from {', '.join(SURFACES)}")
+    return SURFACES[name]
+
+
+def _table(where: str, table: dict[str, Any]) -> Table:
+    x_m, y_m, length_m, width_m, yaw_deg = _box(where, table)
+    filled = {"leg_radius_m": TABLE_LEG_RADIUS_M, "clearance_m": TABLE_CLEARANCE_M, **table}
+    return Table(
+        x_m=x_m,
+        y_m=y_m,
+        length_m=length_m,
+        width_m=width_m,
+        yaw_deg=yaw_deg,
+        leg_radius_m=_positive(filled, "leg_radius_m", where),
+        clearance_m=_positive(filled, "clearance_m", where),
+    )
+
+
+def _sills(where: str, table: dict[str, Any]) -> Iterator[tuple[float, ...]]:
+    height_m = _positive({"height_m": SILL_HEIGHT_M, **table}, "height_m", where)
+    for (x0, y0), (x1, y1) in itertools.pairwise(_points(where, table, "points_m")):
+        yield float(x0), float(y0), float(x1), float(y1), height_m
+
+
 def _timed(where: str, table: dict[str, Any], obstacle: TimedObstacle) -> TimedObstacle:
     """Return the obstacle with its start and end times."""
     filled = {"from_s": 0.0, **table}
@@ -140,6 +203,7 @@ def _timed(where: str, table: dict[str, Any], obstacle: TimedObstacle) -> TimedO
 
 def _person(where: str, table: dict[str, Any]) -> Pedestrian:
     filled = {"speed_m_s": PERSON_SPEED_M_S, "radius_m": PERSON_RADIUS_M, "from_s": 0.0, **table}
+    leg_radius_m = _positive(table, "leg_radius_m", where) if "leg_radius_m" in table else 0.0
     points = _points(where, table, "waypoints_m")
     if any(a == b for a, b in itertools.pairwise(points)):
         raise _BadWorldError(f"{where}waypoints_m: two consecutive waypoints are equal; remove one")
@@ -147,6 +211,7 @@ def _person(where: str, table: dict[str, Any]) -> Pedestrian:
         waypoints_m=np.array(points, np.float64),
         speed_m_s=_positive(filled, "speed_m_s", where),
         radius_m=_positive(filled, "radius_m", where),
+        leg_radius_m=leg_radius_m,
         from_s=_number(filled, "from_s", where),
     )
 

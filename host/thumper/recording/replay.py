@@ -9,6 +9,7 @@ import numpy as np
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray
 from thumper.config.robot import RobotConfig
+from thumper.lidar.self_returns import SelfReturnFilter
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.recording.reader import RecordedMessage, Recording
 from thumper.ros import from_ros
@@ -63,7 +64,11 @@ def replay(
     mapper = make_mapper(robot.mapping, base_from_laser=base_from_laser, map_from_base=run.map_from_base)
     mapper.warm_up()
     estimator = StateEstimator(
-        drive=robot.drive, base_from_laser=base_from_laser, mapper=mapper, imu=robot.imu
+        drive=robot.drive,
+        base_from_laser=base_from_laser,
+        mapper=mapper,
+        imu=robot.imu,
+        self_returns=SelfReturnFilter(base_from_laser, robot.footprint.polygon_m()),
     )
     result = ReplayResult(mapper=mapper)
     compared_ns = -1

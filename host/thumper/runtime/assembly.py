@@ -14,6 +14,7 @@ from thumper.common.stamps import epoch_ns_at
 from thumper.config.robot import RobotConfig
 from thumper.lidar.driver import LidarDriver
 from thumper.lidar.open_lidar import open_lidar
+from thumper.lidar.self_returns import SelfReturnFilter
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.navigator import Navigator
 from thumper.navigation.warm_up import warm_up as warm_up_navigation
@@ -81,7 +82,11 @@ def _wire(
 ) -> RobotLoop:
     """Build the parts of the robot and the loop that runs them."""
     estimator = StateEstimator(
-        drive=config.drive, base_from_laser=config.lidar.base_from_laser, mapper=mapper, imu=config.imu
+        drive=config.drive,
+        base_from_laser=config.lidar.base_from_laser,
+        mapper=mapper,
+        imu=config.imu,
+        self_returns=SelfReturnFilter(config.lidar.base_from_laser, config.footprint.polygon_m()),
     )
     inputs = SensorInputs(
         board=board, lidar=lidar, estimator=estimator, open_lidar=lambda: open_lidar(config.lidar)

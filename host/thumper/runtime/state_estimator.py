@@ -15,6 +15,7 @@ from thumper.common.stamps import rounded_s
 from thumper.lidar.deskew import scan_points
 from thumper.lidar.scan import Scan
 from thumper.lidar.scan_checks import ScanChecker, ScanDefect
+from thumper.lidar.self_returns import SelfReturnFilter
 from thumper.odometry.gyro_ekf import GyroEkf
 from thumper.odometry.imu import ImuOptions, ImuSample
 from thumper.odometry.jump_filter import JumpFilter
@@ -50,9 +51,11 @@ class StateEstimator:
         base_from_laser: Pose2,
         mapper: Mapper,
         imu: ImuOptions | None = None,
+        self_returns: SelfReturnFilter | None = None,
     ) -> None:
         self.mapper = mapper
         self._base_from_laser = base_from_laser
+        self._self_returns = self_returns
         self._odometry: WheelOdometry | GyroEkf = WheelOdometry(drive)
         if imu is not None and imu.enabled:
             self._odometry = GyroEkf(drive, imu=imu)
@@ -109,6 +112,8 @@ class StateEstimator:
         if UNUSABLE.intersection(self.scan_checker.check(scan)):
             return
         scan = scan.as_recorded()
+        if self._self_returns is not None:
+            scan = self._self_returns.filter(scan)
         self._waiting.append(scan)
         # Limit by time as well as by count: a scan stamped far ahead must not delay those after it.
         while (

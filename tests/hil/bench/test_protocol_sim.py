@@ -186,7 +186,7 @@ def test_wall_blocks_the_robot_and_counts_one_contact() -> None:
 def test_yaw_follows_the_effective_track() -> None:
     """Rotation equals the wheel travel over 0.3675 m, growing by 4 % per rad/s, with an error of 3 %."""
     bench = armed(BenchOptions())
-    push(bench, -110, 110, 1.5)
+    push(bench, -140, 140, 1.5)
     truth = bench.chip.truth()
     turned_rad = float(np.unwrap(bench.truth()[:, 3])[-1])
     wheels_rad = 0.062 * (truth.wheel_rad[1] - truth.wheel_rad[0]) / 0.3675

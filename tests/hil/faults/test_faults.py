@@ -82,14 +82,14 @@ def test_repaired_wire_counts_again(driving: Open) -> None:
 
 
 def test_dead_motor_has_no_current_and_no_torque(driving: Open) -> None:
-    """The body drags this side along; its current is 0."""
+    """The body drags this side along, slower than the other; its current is 0."""
     board, bench = driving("")
     bench.fault("motor.left", "dead")
     drive(board, bench, 0.3)
     truth = bench.chip.truth()
     assert truth.current_A[0] == 0.0
     assert truth.current_A[1] > 0.0
-    assert truth.wheel_rad_s[0] < 0.6 * 5.0
+    assert truth.wheel_rad_s[0] < 0.95 * truth.wheel_rad_s[1]
 
 
 def test_swapped_channels_count_backwards(driving: Open) -> None:

@@ -50,7 +50,8 @@ def drive_with(fault: str, folder: Path) -> tuple[DriveResult, Bench]:
         ('encoder.left.channels = "swapped"', "left encoder counts backwards; swap its two wires", 1.1),
         ("encoder.left.glitches = 50_000", "an encoder signal is disturbed", 0.8),
         ('encoder.right.a = "stuck"', "right wheels do not turn", 1.1),
-        ('motor.left = "dead"', "left wheels do not turn", 2.0),
+        # The tyres hold the robot straight and drag the dead side along, until it would have to turn.
+        ('motor.left = "dead"', "left wheels do not turn", 9.0),
         ('motor.left = "swapped"', "left encoder counts backwards; .* or the motor's", 1.0),
         ('motor.right = "shorted"', "a motor draws too much current", 1.0),
         ('wheels.right = "blocked"', "right wheels do not turn", 0.8),

@@ -7,8 +7,9 @@ from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.scip import parse_reply, parse_scan
 from thumper_hil.lidars.urg04lx import FIRST_STEP, LAST_STEP, STEPS_PER_TURN, TURN_S, Urg04Lx
 from thumper_hil.lidars.urg_noise import RANGE_MIN_MM
+from thumper_hil.world.echoes import WorldAt
 from thumper_hil.world.world import World
-from thumper_hil.world.world_history import WorldAt, WorldHistory
+from thumper_hil.world.world_history import WorldHistory
 
 TICK_S = 0.01
 SPEED_M_S = 3.0

@@ -8,6 +8,7 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray
 from thumper.config.robot import RobotConfig
 from thumper.lidar.driver import LidarDriver
+from thumper.lidar.self_returns import SelfReturnFilter
 from thumper.runtime.state_estimator import StateEstimator
 from thumper.slam.factory import make_mapper
 
@@ -29,7 +30,12 @@ class LidarReference:
         base_from_laser = config.lidar.base_from_laser
         mapper = make_mapper(config.mapping, base_from_laser=base_from_laser)
         self._lidar = lidar
-        self._estimator = StateEstimator(drive=config.drive, base_from_laser=base_from_laser, mapper=mapper)
+        self._estimator = StateEstimator(
+            drive=config.drive,
+            base_from_laser=base_from_laser,
+            mapper=mapper,
+            self_returns=SelfReturnFilter(base_from_laser, config.footprint.polygon_m()),
+        )
         self.rows: list[tuple[float, float, float, float]] = []
 
     def add_sample(self, sample: TelemetrySample) -> None:

@@ -66,7 +66,7 @@ size_t thumper_receive(Chip* chip, uint8_t* data, uint64_t* cycles, size_t capac
 void thumper_truth(Chip* chip, ThumperTruth* truth) {
   const thumper::Plant& plant = *chip->plant();
   const RobotState state = plant.State();
-  truth->time_s = static_cast<double>(chip->cycle()) / thumper::kCpuHz;
+  truth->time_s = plant.Seconds(chip->cycle());
   truth->x_m = state.x_m;
   truth->y_m = state.y_m;
   truth->yaw_rad = state.yaw_rad;

@@ -12,6 +12,8 @@ DriveTrain::DriveTrain(const PlantParams& params, uint64_t seed)
       torque_noise_{{params.motor.noise_Nm, params.motor.noise_time_s},
                     {params.motor.noise_Nm, params.motor.noise_time_s}},
       track_noise_(params.body.track_noise_ratio, params.body.track_noise_time_s),
+      centre_random_(seed ^ 0xCE47E4),
+      centre_noise_(params.body.centre_wander_m, params.body.centre_time_s),
       track_m_(params.body.track_m) {
   for (int side = 0; side < 2; ++side) {
     torque_ratio_[side] = 1.0 + params.motor.spread_ratio * random_.Normal();
@@ -28,6 +30,7 @@ DriveTrain::DriveTrain(const PlantParams& params, uint64_t seed)
   }
   params_.body.track_m *= 1.0 + params.body.track_spread_ratio * unit.Normal();
   track_m_ = params_.body.track_m;
+  centre_m_ = params_.body.centre_offset_m * unit.Normal();
 }
 
 void DriveTrain::Step(const BridgeCommand (&command)[2], double dt_s) {
@@ -144,8 +147,11 @@ void DriveTrain::MoveBody(const double (&wheel_turn_rad)[2], double dt_s) {
   const double turn_rad = (right_m - left_m) / track_m_;
   const double heading_rad = state_.yaw_rad + 0.5 * turn_rad;
   const double distance_m = 0.5 * (left_m + right_m);
-  state_.x_m += distance_m * std::cos(heading_rad);
-  state_.y_m += distance_m * std::sin(heading_rad);
+  // A turn about a point in front of the origin moves the origin sideways.
+  const double centre_m = centre_m_ + centre_noise_.Step(centre_random_, dt_s);
+  const double sideways_m = -centre_m * turn_rad;
+  state_.x_m += distance_m * std::cos(heading_rad) - sideways_m * std::sin(heading_rad);
+  state_.y_m += distance_m * std::sin(heading_rad) + sideways_m * std::cos(heading_rad);
   state_.yaw_rad = std::remainder(state_.yaw_rad + turn_rad, 2.0 * M_PI);
 }
 

@@ -53,8 +53,11 @@ class DriveTrain {
   Battery battery_;
   CorrelatedNoise torque_noise_[2];
   CorrelatedNoise track_noise_;
+  Random centre_random_;  // its own generator, so that it does not change the other noise
+  CorrelatedNoise centre_noise_;
   double torque_ratio_[2], friction_ratio_[2], radius_m_[2];
   double track_m_;
+  double centre_m_ = 0.0;  // the robot turns about this point of its x axis
   RobotState state_;
   SideFaults faults_[2];
   bool held_ = false, body_moves_ = true;

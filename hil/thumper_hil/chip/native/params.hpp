@@ -38,9 +38,12 @@ struct BodyParams {
   double track_spread_ratio;  // standard deviation of the track between robots
   double track_noise_ratio;   // slow variation of the slip, standard deviation
   double track_noise_time_s;
+  double centre_offset_m;   // standard deviation between robots of the centre of rotation, along x
+  double centre_wander_m;   // standard deviation of its slow motion
+  double centre_time_s;     // correlation time of that motion
   double scrub_Nm;          // moment about the vertical from sideways-scrubbing tyres
-  double scrub_slip_rad_s;  // yaw rate at which it is fully developed
   double traction_Nm;       // friction torque of each side's wheels when they slip against an obstacle
+  double scrub_slip_rad_s;  // yaw rate at which the scrub moment is fully developed
 };
 
 struct EncoderParams {
@@ -53,6 +56,7 @@ struct BoardParams {
   double battery_V_per_count;
   double current_A_per_count;
   double current_zero_counts;
+  double clock_drift;  // relative error of the chip's clock; positive runs fast
 };
 
 struct PlantParams {

@@ -6,16 +6,11 @@
 #include "input_pin.hpp"
 
 namespace thumper {
-namespace {
-
-double Seconds(uint64_t cycles) { return static_cast<double>(cycles) / kCpuHz; }
-
-}  // namespace
-
 Plant::Plant(avr_t* avr, const PlantParams& params, const Wiring& wiring, uint64_t seed)
     : avr_(avr),
       params_(params),
       wiring_(wiring),
+      clock_Hz_(kCpuHz * (1.0 + params.board.clock_drift)),
       bridges_(avr, wiring, params.board.pwm_low_coasts != 0.0),
       drive_train_(params, seed),
       random_(~seed),
@@ -74,7 +69,7 @@ void Plant::OnMotorPin(avr_irq_t* irq, uint32_t, void* self) {
   const uint64_t end_cycle = plant->planned_to_;
   plant->drive_train_ = plant->before_;
   if (now > plant->planned_from_)
-    plant->drive_train_.Step(plant->command_, Seconds(now - plant->planned_from_));
+    plant->drive_train_.Step(plant->command_, plant->Seconds(now - plant->planned_from_));
   plant->planned_to_ = now;
   plant->PlanTo(end_cycle);
 }

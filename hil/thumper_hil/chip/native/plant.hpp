@@ -22,6 +22,9 @@ class Plant {
   /// Return the voltage at an ADC channel: battery and motor currents, 0 on an unconnected channel.
   double AnalogIn_V(int channel) const;
 
+  /// Return the true duration of this many cycles: the chip's clock may run fast or slow.
+  double Seconds(uint64_t cycles) const { return static_cast<double>(cycles) / clock_Hz_; }
+
   /// Return the true state at this cycle.
   RobotState State() const;
   double battery_V() const { return drive_train_.battery().voltage_V(); }
@@ -69,6 +72,7 @@ class Plant {
   avr_t* avr_;
   PlantParams params_;
   const Wiring& wiring_;
+  double clock_Hz_;  // true cycles per second
   BridgePins bridges_;
   DriveTrain drive_train_;
   Random random_;

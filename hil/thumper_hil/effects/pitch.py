@@ -1,0 +1,63 @@
+"""Pitch of the body on its springs, and the floor that a lowered beam hits.
+
+The body is a mass on a spring with a damper (Rajamani, "Vehicle Dynamics and Control", ch. 10, one degree of
+freedom). Its equilibrium is proportional to the acceleration. A beam that points down by an angle `a` from
+the height `h` ends on the floor after h / tan(a): 3.8 m at 0.2 m and 3 degrees.
+"""
+
+import math
+
+import numpy as np
+
+from thumper.common.geometry import FloatArray
+from thumper_hil.effects.preset import BodyEffects
+
+NATURAL_HZ = 3.0  # small suspended chassis; assumed
+DAMPING = 0.3  # springs without dampers, with friction in the joints; assumed
+NOISE_S = 0.05  # correlation time of the shaking
+LIDAR_HEIGHT_M = 0.20
+
+
+class Pitch:
+    """Pitch angle over time, positive with the front down."""
+
+    def __init__(self, effects: BodyEffects, seed: int) -> None:
+        self._rad_per_m_s2 = math.radians(effects.pitch_deg_per_m_s2)
+        self._noise_rad = math.radians(effects.pitch_noise_deg)
+        self._rng = np.random.default_rng([seed, 0x517C])
+        self._angle_rad = self._rate_rad_s = self._shake_rad = 0.0
+        self._speed_m_s = 0.0
+
+    @property
+    def is_level(self) -> bool:
+        """Whether this body never pitches."""
+        return self._rad_per_m_s2 == 0.0 and self._noise_rad == 0.0
+
+    def step(self, speed_m_s: float, elapsed_s: float) -> float:
+        """Advance to a new forward speed; return the pitch [rad]."""
+        if self.is_level:
+            return 0.0
+        acceleration_m_s2 = (speed_m_s - self._speed_m_s) / elapsed_s
+        self._speed_m_s = speed_m_s
+        omega = math.tau * NATURAL_HZ
+        target_rad = -self._rad_per_m_s2 * acceleration_m_s2
+        pull = omega * omega * (target_rad - self._angle_rad) - 2.0 * DAMPING * omega * self._rate_rad_s
+        self._rate_rad_s += pull * elapsed_s
+        self._angle_rad += self._rate_rad_s * elapsed_s
+        if speed_m_s != 0.0:  # a resting robot does not shake
+            keep = math.exp(-elapsed_s / NOISE_S)
+            spread = self._noise_rad * math.sqrt(1.0 - keep * keep)
+            self._shake_rad = keep * self._shake_rad + spread * self._rng.standard_normal()
+        else:
+            self._shake_rad = 0.0
+        return self._angle_rad + self._shake_rad
+
+
+def floor_range_m(pitch_rad: FloatArray, bearings_rad: FloatArray, height_m: float) -> FloatArray:
+    """Return where each beam of a pitched lidar meets the floor, shape (n,); +inf if it never does.
+
+    `bearings_rad` is counter-clockwise from the front of the body, shape (n,).
+    """
+    down = np.tan(pitch_rad) * np.cos(bearings_rad)
+    with np.errstate(divide="ignore"):
+        return np.where(down > 1e-9, height_m / np.maximum(down, 1e-12), np.inf)

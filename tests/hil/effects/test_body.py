@@ -1,0 +1,48 @@
+"""Body: loaded tyres, a wandering centre of rotation, pitch, sills; each by itself."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from thumper.common.geometry import Pose2
+from thumper_hil.effects.pitch import Pitch, floor_range_m
+from thumper_hil.effects.preset import load_preset
+from thumper_hil.effects.tyres import rolling_radius_m
+from thumper_hil.world.sills import pitch_over_sills_rad
+
+HARD = load_preset("hard").body
+
+
+def test_a_loaded_wheel_is_3_to_5_percent_small_and_robots_differ() -> None:
+    shares = np.array([rolling_radius_m(0.062, HARD, seed) / 0.062 for seed in range(300)])
+    assert 0.95 < shares.mean() < 0.97
+    assert shares.std() == pytest.approx(HARD.distance_spread, rel=0.2)
+    assert rolling_radius_m(0.062, load_preset("nominal").body, 3) == 0.062
+
+
+def test_a_stop_pitches_the_front_down_and_the_springs_settle() -> None:
+    still = Pitch(replace(HARD, pitch_noise_deg=0.0), seed=1)
+    for _ in range(200):
+        still.step(0.4, 0.01)
+    worst = max(still.step(max(0.4 - 0.015 * tick, 0.0), 0.01) for tick in range(60))
+    assert math.degrees(worst) == pytest.approx(3.0, abs=1.2)  # 1.5 m/s^2 at 2 degrees per m/s^2, overshoot
+    for _ in range(400):
+        at_rest = still.step(0.0, 0.01)
+    assert abs(at_rest) < 1e-3
+
+
+def test_three_degrees_see_the_floor_at_3_8_metres() -> None:
+    ranges_m = floor_range_m(np.full(3, math.radians(3.0)), np.radians([0.0, 60.0, 120.0]), 0.2)
+    assert ranges_m[0] == pytest.approx(3.8, abs=0.02)
+    assert ranges_m[1] == pytest.approx(7.6, abs=0.05)
+    assert ranges_m[2] == math.inf
+
+
+def test_the_axles_climb_a_sill() -> None:
+    sill = np.array([[1.0, -1.0, 1.0, 1.0, 0.015]])
+    pitches = [pitch_over_sills_rad(Pose2(x_m=x), sill) for x in (0.0, 0.86, 1.0, 1.14, 2.0)]
+    assert pitches[0] == pitches[2] == pitches[4] == 0.0
+    assert pitches[1] == pytest.approx(-math.atan2(0.015, 0.28))  # front axle up
+    assert pitches[3] == pytest.approx(math.atan2(0.015, 0.28))
