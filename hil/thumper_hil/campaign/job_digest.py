@@ -6,12 +6,12 @@ stays one experiment.
 
 import hashlib
 import json
-import tomllib
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from thumper.common.toml_file import load_toml
 from thumper.config.robot import RobotConfig
 from thumper.maps.map_server_io import load_map, read_occupancy
 from thumper.navigation.costmap.filters import MODES
@@ -53,7 +53,7 @@ def _world(name_or_path: str) -> object:
 
 def _scenario(path: Path) -> object:
     load_scenario(path)  # raises if it is invalid
-    return tomllib.loads(path.read_text(encoding="utf-8"))
+    return load_toml(path)
 
 
 def _plain(value: object) -> object:

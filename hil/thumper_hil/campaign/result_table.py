@@ -5,17 +5,23 @@ import fcntl
 import io
 import json
 import os
+from collections.abc import Iterable
+from contextlib import ExitStack
 from dataclasses import asdict, fields
+from io import FileIO
 from pathlib import Path
 from typing import Self
 
 from pydantic import TypeAdapter
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.files import cannot_write, read_bytes, write_whole
 from thumper_hil.campaign.result_row import CampaignRow
 
 _ADAPTER = TypeAdapter(CampaignRow)
 HEADER = [field.name for field in fields(CampaignRow)]
+MAX_MB = 100.0  # a million drives
+MAX_MARK_BYTES = 1000
 
 
 class RowStore:
@@ -27,18 +33,20 @@ class RowStore:
         Raises
         ------
         ThumperError
-            Another process writes to the folder, or it contains the rows of another campaign.
+            Another process writes to the folder, it contains the rows of another campaign, or the disk is
+            full.
         """
         self._path = folder / "rows.csv"
-        self._lock_file = (folder / "campaign.json").open("a+", encoding="utf-8")
-        try:
-            self.rows = self._lock_and_read(digest)
-        except ThumperError:
-            self._lock_file.close()
-            raise
-        self._rewrite()
-        self._stream = self._path.open("a", encoding="utf-8", newline="")
-        self._writer = csv.DictWriter(self._stream, HEADER, lineterminator="\n")
+        lock_path = folder / "campaign.json"
+        with ExitStack() as stack:
+            try:
+                self._lock_file = stack.enter_context(lock_path.open("ab+", buffering=0))
+                self.rows = self._lock_and_read(digest)
+                self._rewrite()
+                self._stream = stack.enter_context(self._path.open("ab", buffering=0))
+            except OSError as error:
+                raise cannot_write(lock_path, error) from error
+            self._open_files = stack.pop_all()
 
     def _lock_and_read(self, digest: str) -> list[CampaignRow]:
         folder = self._path.parent
@@ -50,7 +58,7 @@ class RowStore:
                 exit_code=EXIT_USAGE,
             ) from error
         self._lock_file.seek(0)
-        mark = self._lock_file.read()
+        mark = self._lock_file.read(MAX_MARK_BYTES)
         if mark and mark != _mark_of(digest):
             raise ThumperError(
                 f"{folder}: contains the rows of another campaign; pass another --out, or delete it",
@@ -58,48 +66,60 @@ class RowStore:
             )
         try:
             rows = _read(self._path) if self._path.exists() else []
-        except ValueError as error:
+        except (OSError, ValueError, csv.Error) as error:
+            reason = f" ({error.strerror})" if isinstance(error, OSError) else ""
             raise ThumperError(
-                f"{self._path}: not the rows of a campaign; delete the file", exit_code=EXIT_USAGE
+                f"{self._path}: not the rows of a campaign{reason}; delete the file", exit_code=EXIT_USAGE
             ) from error
         if not mark:
-            self._lock_file.write(_mark_of(digest))
-            self._lock_file.flush()
+            _append(self._lock_file, _mark_of(digest))
         return rows
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._stream.close()
-        self._lock_file.close()
+        self._open_files.close()
 
     def add(self, row: CampaignRow) -> None:
-        """Append a row and flush it to disk."""
+        """Append a row and flush it to disk; raise ThumperError if the disk is full."""
+        try:
+            _append(self._stream, _to_csv([row]))
+        except OSError as error:
+            raise cannot_write(self._path, error) from error
         self.rows.append(row)
-        self._writer.writerow(asdict(row))
-        self._stream.flush()
-        os.fsync(self._stream.fileno())
 
     def _rewrite(self) -> None:
         """Drop an incomplete last line; the old file stays until the new one is complete."""
-        new = self._path.with_suffix(".new")
-        with new.open("w", encoding="utf-8", newline="") as stream:
-            writer = csv.DictWriter(stream, HEADER, lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(asdict(row) for row in self.rows)
-            stream.flush()
-            os.fsync(stream.fileno())
-        new.replace(self._path)
+        with write_whole(self._path) as stream:
+            stream.write(",".join(HEADER).encode() + b"\n" + _to_csv(self.rows))
 
 
-def _mark_of(digest: str) -> str:
-    return json.dumps({"digest": digest}) + "\n"
+def _mark_of(digest: str) -> bytes:
+    return json.dumps({"digest": digest}).encode() + b"\n"
+
+
+def _to_csv(rows: Iterable[CampaignRow]) -> bytes:
+    text = io.StringIO()
+    csv.DictWriter(text, HEADER, lineterminator="\n").writerows(asdict(row) for row in rows)
+    return text.getvalue().encode()
+
+
+def _append(stream: FileIO, content: bytes) -> None:
+    """Append all or nothing, and flush it to disk."""
+    end = stream.seek(0, os.SEEK_END)
+    try:
+        while content:  # an almost full disk takes a part first
+            content = content[stream.write(content) :]
+        os.fsync(stream.fileno())
+    except OSError:
+        stream.truncate(end)
+        raise
 
 
 def _read(path: Path) -> list[CampaignRow]:
     """Return all complete rows; raise ValueError for wrong columns or values."""
-    text = path.read_text(encoding="utf-8", errors="replace")
+    text = read_bytes(path, MAX_MB).decode("utf-8", errors="replace")
     complete = text[: text.rfind("\n") + 1]
     reader = csv.DictReader(io.StringIO(complete))
     if complete and reader.fieldnames != HEADER:

@@ -3,9 +3,11 @@
 from pathlib import Path
 
 from thumper.common.errors import ThumperError
+from thumper.common.files import read_bytes
 
 DATA, END_OF_FILE = 0, 1
 EXTENDED_SEGMENT, EXTENDED_LINEAR = 2, 4
+MAX_MB = 1.0
 
 
 def read_hex(path: Path) -> tuple[int, bytes]:
@@ -17,7 +19,7 @@ def read_hex(path: Path) -> tuple[int, bytes]:
         The file cannot be read, a record is damaged, there is no data, or an address is above 64 KB.
     """
     try:
-        lines = path.read_text(encoding="ascii").split()
+        lines = read_bytes(path, MAX_MB).decode("ascii").split()
     except (OSError, UnicodeDecodeError) as error:
         raise ThumperError(f"{path}: cannot be read as Intel HEX ({error})") from error
     chunks: dict[int, bytes] = {}

@@ -1,6 +1,5 @@
 """Physical parameters of the simulated robot, read from TOML and flattened for the C++ simulator."""
 
-import tomllib
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
@@ -9,6 +8,7 @@ import numpy as np
 
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray
+from thumper.common.toml_file import load_toml
 from thumper_hil.effects.friction import scrub_moment_Nm, traction_Nm
 
 WILD_THUMPER = Path(__file__).with_name("wild_thumper.toml")
@@ -141,7 +141,7 @@ class RobotParams:
             The file cannot be read, a key is missing or unknown, or a value is invalid.
         """
         try:
-            tables = tomllib.loads(path.read_text(encoding="utf-8"))
+            tables = load_toml(path)
             return cls(
                 **{part.name: _part(part.type, tables.pop(part.name), part.name) for part in fields(cls)}
             )

@@ -7,13 +7,13 @@ faults = [
 """
 
 import math
-import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.toml_file import load_toml
 from thumper_hil.faults.catalogue import FaultError, fault_action
 from thumper_hil.faults.switches import Switches
 
@@ -36,13 +36,8 @@ def load_scenario(path: Path) -> list[Event]:
         The file cannot be read or an entry is invalid; the message names file and entry.
     """
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-        return parse_scenario(data)
-    except (
-        OSError,
-        UnicodeDecodeError,
-        ValueError,
-    ) as error:  # TOMLDecodeError and FaultError are ValueErrors
+        return parse_scenario(load_toml(path))
+    except (OSError, ValueError) as error:  # FaultError is a ValueError
         reason = error.strerror if isinstance(error, OSError) else error
         raise ThumperError(f"{path}: {reason}", exit_code=EXIT_USAGE) from error
 

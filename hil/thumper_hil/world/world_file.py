@@ -2,7 +2,6 @@
 
 import itertools
 import math
-import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray
+from thumper.common.toml_file import load_toml
 from thumper_hil.effects.surfaces import Surface
 from thumper_hil.world.furniture import Table
 from thumper_hil.world.pedestrian import Pedestrian, TimedObstacle
@@ -33,6 +33,7 @@ TABLE_KEYS = {
     "sill": frozenset({"name", "points_m", "height_m"}),
 }
 SURFACES = {surface.name.lower(): surface for surface in Surface}
+MAX_BASES = 8
 PERSON_RADIUS_M = 0.2
 PERSON_SPEED_M_S = 0.8
 TABLE_LEG_RADIUS_M = 0.02
@@ -75,16 +76,21 @@ def read_world_file(name_or_path: str | Path) -> WorldShapes:
 
 
 def _read(path: Path, parents: tuple[Path, ...]) -> WorldShapes:
-    if path in parents:
+    if path.resolve() in parents:
         raise ThumperError(
             f"{path}: base: the world includes itself; name another world", exit_code=EXIT_USAGE
         )
+    if len(parents) > MAX_BASES:
+        raise ThumperError(
+            f"{path}: base: more than {MAX_BASES} worlds, each on top of the next; join some of them",
+            exit_code=EXIT_USAGE,
+        )
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = load_toml(path)
     except FileNotFoundError as error:
         known = ", ".join(sorted(file.stem for file in WORLDS.glob("*.toml")))
         raise ThumperError(f"{path}: unknown world; choose from {known}", exit_code=EXIT_USAGE) from error
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, ValueError) as error:
         raise ThumperError(f"{path}: cannot read the world: {error}", exit_code=EXIT_USAGE) from error
     try:
         own = _parse(data, path.parent)
@@ -92,7 +98,7 @@ def _read(path: Path, parents: tuple[Path, ...]) -> WorldShapes:
         raise ThumperError(f"{path}: {error}", exit_code=EXIT_USAGE) from error
     if "base" not in data:
         return own
-    base = _read(path.parent / f"{data['base']}.toml", (*parents, path))
+    base = _read(path.parent / f"{data['base']}.toml", (*parents, path.resolve()))
     return WorldShapes(
         segments=np.vstack([base.segments, own.segments]),
         circles=np.vstack([base.circles, own.circles]),

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.files import read_bytes
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.config.robot import RobotConfig
 from thumper.maps.occupancy_grid import OccupancyGrid
@@ -27,6 +28,7 @@ METRES = ("start_x", "start_y", "goal_x", "goal_y")
 CELLS = ("start_col", "start_row", "goal_col", "goal_row")
 CSV_COLUMNS = (*METRES, "found", "length_m", "time_ms", "reason")
 DECIMALS = 4
+MAX_MB = 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,10 +150,12 @@ def read_queries(path: Path, grid: OccupancyGrid) -> list[PlanQuery]:
         the line.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            rows = [
-                (number, row) for number, row in enumerate(csv.reader(stream), 1) if any(map(str.strip, row))
-            ]
+        text = read_bytes(path, MAX_MB).decode("utf-8-sig")
+        rows = [
+            (number, row)
+            for number, row in enumerate(csv.reader(io.StringIO(text, newline="")), 1)
+            if any(map(str.strip, row))
+        ]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ThumperError(
             f"{path}: cannot be read as CSV ({error}); check the file", exit_code=EXIT_USAGE

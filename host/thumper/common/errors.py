@@ -6,6 +6,15 @@ EXIT_CHECK_FAILED = 4  # a check of the robot or of data failed, or a required p
 EXIT_INTERRUPTED = 130  # by Ctrl-C, as a shell expects
 
 
+MAX_MESSAGE = 1000  # characters
+
+
+def one_line(text: str) -> str:
+    """Return the text as one printable line: a file's content that it quotes may hold anything."""
+    plain = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text[:MAX_MESSAGE])
+    return plain if len(text) <= MAX_MESSAGE else f"{plain}..."
+
+
 class ThumperError(Exception):
     """An error that the user can fix. The message is one line: what is wrong, then how to fix it.
 
@@ -15,6 +24,6 @@ class ThumperError(Exception):
     """
 
     def __init__(self, message: str, *, exit_code: int = 1, option: str = "") -> None:
-        super().__init__(message)
+        super().__init__(one_line(message))
         self.exit_code = exit_code
         self.option = option

@@ -3,7 +3,6 @@
 import difflib
 import json
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import is_dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any, TypeVar, cast, get_type_hints
 from pydantic import TypeAdapter, ValidationError
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.toml_file import load_toml
 
 T = TypeVar("T")
 
@@ -35,12 +35,12 @@ def read_checked(
         The file cannot be read, is not valid TOML, or has a wrong key, type or value. The error names it.
     """
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = load_toml(path)
     except OSError as error:
         raise ThumperError(
             f"{path}: cannot read the {what}: {error.strerror}", exit_code=EXIT_USAGE
         ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise ThumperError(f"{path}: not valid TOML: {error}", exit_code=EXIT_USAGE) from error
     _refuse_unknown_keys(data, options_type, path, "", removed)
     try:

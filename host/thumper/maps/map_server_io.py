@@ -5,7 +5,7 @@ needs no YAML library.
 """
 
 import math
-import os
+import warnings
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
@@ -14,9 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.files import read_bytes, write_text, write_whole
 from thumper.maps.edit import rotate
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
+YAML_MAX_MB, IMAGE_MAX_MB = 1.0, 200.0
+MAX_NUMBER = 1e8  # an origin beyond it leaves too few digits for the cells
 FREE_THRESH, OCCUPIED_THRESH = 0.196, 0.65
 WHITE_FREE, BLACK_OCCUPIED, GREY_UNKNOWN = 254, 0, 205
 # 0.196 is 50/255. Grey 205 lies exactly on it; the strict comparison in `_grid` keeps it unknown.
@@ -68,8 +71,9 @@ def save_map(grid: OccupancyGrid, yaml_path: Path) -> Path:
         f"occupied_thresh: {OCCUPIED_THRESH}\n"
         f"free_thresh: {FREE_THRESH}\n"
     )
-    _write(pgm_path, encode_pgm(image[::-1]))  # the image's first row is the map's largest y
-    _write(yaml_path, metadata.encode())
+    with write_whole(pgm_path) as stream:
+        stream.write(encode_pgm(image[::-1]))  # the image's first row is the map's largest y
+    write_text(yaml_path, metadata)
     return pgm_path
 
 
@@ -127,7 +131,7 @@ def read_occupancy(
     ThumperError
         As `load_map`.
     """
-    content = _read(yaml_path)
+    content = _read(yaml_path, YAML_MAX_MB)
     if content.startswith((b"P5", b"P2", b"\x89PNG")):
         raise ThumperError(
             f"{yaml_path}: this is the map's image; pass the .yaml file beside it", exit_code=EXIT_USAGE
@@ -146,7 +150,7 @@ def read_occupancy(
         )
     pgm_path = yaml_path.parent / metadata.image
     try:
-        image = _decode_pgm(_read(pgm_path))
+        image = _decode_pgm(_read(pgm_path, IMAGE_MAX_MB))
     except ValueError as error:
         raise ThumperError(
             f"{pgm_path}: {error}; save the map again, as an 8-bit PGM image", exit_code=EXIT_USAGE
@@ -169,11 +173,15 @@ def _decode_pgm(data: bytes) -> ImageArray:
     from PIL import Image, UnidentifiedImageError
 
     try:
-        with Image.open(BytesIO(data), formats=("PPM",)) as image:
-            image.load()
-            if image.mode != "L":
-                raise ValueError(f"its pixels have Pillow's mode {image.mode}")
-            return np.array(image)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            with Image.open(BytesIO(data), formats=("PPM",)) as image:
+                image.load()
+                if image.mode != "L":
+                    raise ValueError(f"its pixels have Pillow's mode {image.mode}")
+                return np.array(image)
+    except (Image.DecompressionBombWarning, Image.DecompressionBombError) as error:
+        raise ValueError(f"has more than {Image.MAX_IMAGE_PIXELS} pixels") from error
     except UnidentifiedImageError as error:
         raise ValueError(f"is not a PGM image (it starts with {data[:2]!r})") from error
     except OSError as error:
@@ -201,9 +209,10 @@ def _parse(path: Path, text: str, modes: tuple[str, ...]) -> MapMetadata:
             result = float(value)
         except ValueError:
             result = math.nan
-        if not math.isfinite(result):
+        if not abs(result) < MAX_NUMBER:
             raise ThumperError(
-                f"{path}: {key} = '{value}' is not a number; correct the value", exit_code=EXIT_USAGE
+                f"{path}: {key} = '{value}' is not a number below {MAX_NUMBER:g}; correct the value",
+                exit_code=EXIT_USAGE,
             )
         return result
 
@@ -243,25 +252,10 @@ def _parse(path: Path, text: str, modes: tuple[str, ...]) -> MapMetadata:
     )
 
 
-def _read(path: Path) -> bytes:
+def _read(path: Path, limit_MB: float) -> bytes:
     try:
-        return path.read_bytes()
+        return read_bytes(path, limit_MB)
     except OSError as error:
         raise ThumperError(
             f"{path}: cannot be read ({error.strerror}); check the path", exit_code=EXIT_USAGE
-        ) from error
-
-
-def _write(path: Path, data: bytes) -> None:
-    """Write a temporary file, flush it to the disk and rename it: a reader never sees half a file."""
-    partial = path.with_name(path.name + ".part")
-    try:
-        with partial.open("wb") as stream:
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
-        partial.replace(path)
-    except OSError as error:
-        raise ThumperError(
-            f"{path}: cannot be written ({error.strerror}); check the directory", exit_code=EXIT_USAGE
         ) from error

@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import TextIO
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.files import open_regular
 from thumper.offline import carmen, mines_paristech
 from thumper.offline.robot_log import RobotLog, TextLogFormat, refuse_fov
 
@@ -18,6 +19,9 @@ GZIP_MAGIC = b"\x1f\x8b"
 GZIP_ERRORS = (EOFError, zlib.error, gzip.BadGzipFile)
 TRUNCATED = "the compressed file is cut off or damaged; it is used up to there ({})"
 MCAP_MAGIC = b"\x89MCAP0\r\n"
+MAX_LINE = 1_000_000
+MAX_TEXT = 2_000_000_000
+MAX_RATIO = 100  # between an MCAP file and its compressed form
 
 
 def open_log(path: Path, fov_rad: float | None = None) -> RobotLog:
@@ -32,7 +36,7 @@ def open_log(path: Path, fov_rad: float | None = None) -> RobotLog:
         The file cannot be read, has none of these formats, or contains its field of view itself.
     """
     try:
-        with path.open("rb") as plain:
+        with open_regular(path) as plain:
             start = plain.read(len(MCAP_MAGIC))
         if start == MCAP_MAGIC or (start.startswith(GZIP_MAGIC) and _is_packed_mcap(path)):
             refuse_fov(str(path), fov_rad, "an MCAP log")
@@ -65,9 +69,17 @@ def _read_mcap(path: Path, *, packed: bool) -> RobotLog:
     truncated: tuple[str, ...] = ()
     with TemporaryDirectory() as folder:
         unpacked = Path(folder) / path.name
+        limit = MAX_RATIO * path.stat().st_size
         with gzip.open(path) as source, unpacked.open("wb") as stream:
             try:
-                stream.writelines(iter(source.read1, b""))
+                for block in iter(source.read1, b""):
+                    stream.write(block)
+                    if stream.tell() > limit:
+                        raise ThumperError(
+                            f"{path}: unpacks to more than {MAX_RATIO} times its size; if it is a recording, "
+                            "unpack it first",
+                            exit_code=EXIT_USAGE,
+                        )
             except GZIP_ERRORS as error:
                 truncated = (TRUNCATED.format(error),)
         try:
@@ -80,12 +92,12 @@ def _read_mcap(path: Path, *, packed: bool) -> RobotLog:
 def _read_text(path: Path, fov_rad: float | None, *, packed: bool) -> RobotLog:
     truncated: list[str] = []
     with _open_text(path, packed) as stream:
-        text_format = _detect(_until_truncated(stream, truncated), path)
+        text_format = _detect(_until_truncated(_lines(stream, path), truncated), path)
     if text_format is None:
         problem = f"{truncated[0]}; copy it again" if truncated else f"unknown log format; {FORMATS}"
         raise ThumperError(f"{path}: {problem}", exit_code=EXIT_USAGE)
     with _open_text(path, packed) as stream:
-        log = text_format.read(str(path), _until_truncated(stream, truncated), fov_rad)
+        log = text_format.read(str(path), _until_truncated(_lines(stream, path), truncated), fov_rad)
     return replace(log, notes=(*log.notes, *truncated))
 
 
@@ -97,6 +109,19 @@ def _open_text(path: Path, packed: bool) -> TextIO:
     if packed:
         return gzip.open(path, "rt", encoding="utf-8-sig", errors="replace")
     return path.open(encoding="utf-8-sig", errors="replace")
+
+
+def _lines(stream: TextIO, path: Path) -> Iterator[str]:
+    """Yield the lines. A small compressed file may unpack to anything, so line and text have limits."""
+    size = 0
+    for number, line in enumerate(iter(lambda: stream.readline(MAX_LINE), ""), start=1):
+        size += len(line)
+        if size > MAX_TEXT or (len(line) == MAX_LINE and not line.endswith("\n")):
+            problem = f"line {number} is longer than {MAX_LINE} characters"
+            if size > MAX_TEXT:
+                problem = f"has more than {MAX_TEXT} characters"
+            raise ThumperError(f"{path}: {problem}: no robot log; {FORMATS}", exit_code=EXIT_USAGE)
+        yield line
 
 
 def _until_truncated(lines: Iterable[str], truncated: list[str]) -> Iterator[str]:

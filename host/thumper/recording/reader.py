@@ -8,6 +8,7 @@ from pathlib import Path
 from mcap.records import Channel, Message, Metadata, Schema
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.files import open_regular
 from thumper.recording.disk_budget import MAGIC
 from thumper.recording.mcap_file import PART
 from thumper.recording.repair import records_until_error
@@ -114,7 +115,7 @@ def find_recordings(paths: list[Path]) -> tuple[Path, ...]:
 
 def is_mcap(path: Path) -> bool:
     """Return whether the file starts like MCAP. Raises OSError."""
-    with path.open("rb") as stream:
+    with open_regular(path) as stream:
         return stream.read(len(MAGIC)) == MAGIC
 
 

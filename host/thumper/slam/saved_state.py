@@ -6,7 +6,7 @@ shape, the pose and a SHA-256 of everything. A truncated or changed file is refu
 
 import hashlib
 import json
-import os
+import math
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,12 +15,15 @@ from typing import Any
 import numpy as np
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.files import read_bytes, write_whole
 from thumper.common.geometry import Pose2
 from thumper.maps.hit_counts import HitCounts
 from thumper.slam.mapper import Mapper
 
 VERSION = 2
-MAX_CELLS = 400_000_000  # 1 km by 1 km at 5 cm
+MAX_CELLS = 100_000_000  # 500 m by 500 m at 5 cm
+MAX_MB = 400.0  # counts that do not compress
+MAX_POSITION_M = 1e8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,17 +59,8 @@ def save_session(session: SavedSlamState, path: Path) -> Path:
         "pose": [pose.x_m, pose.y_m, pose.theta_rad] if pose else None,
     }
     header["sha256"] = _checksum(header, payload)
-    partial = path.with_name(path.name + ".part")
-    try:
-        with partial.open("wb") as stream:
-            stream.write(json.dumps(header).encode() + b"\n" + payload)
-            stream.flush()
-            os.fsync(stream.fileno())
-        partial.replace(path)
-    except OSError as error:
-        raise ThumperError(
-            f"{path}: cannot be written ({error.strerror}); check the folder", exit_code=EXIT_USAGE
-        ) from error
+    with write_whole(path) as stream:
+        stream.write(json.dumps(header).encode() + b"\n" + payload)
     return path
 
 
@@ -79,14 +73,14 @@ def load_session(path: Path, resolution_m: float) -> SavedSlamState:
         The file cannot be read, is damaged, is not a session, or has another version or resolution.
     """
     try:
-        first, _, payload = path.read_bytes().partition(b"\n")
+        first, _, payload = read_bytes(path, MAX_MB).partition(b"\n")
     except OSError as error:
         raise ThumperError(
             f"{path}: cannot be read ({error.strerror}); check the path", exit_code=EXIT_USAGE
         ) from error
     try:
         session = _parse(path, json.loads(first), payload)
-    except (ValueError, KeyError, TypeError, OverflowError, zlib.error) as error:
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError, zlib.error) as error:
         raise ThumperError(
             f"{path}: not a mapping session; pass a .session file (open a map's .yaml with --map)",
             exit_code=EXIT_USAGE,
@@ -117,9 +111,13 @@ def _parse(path: Path, header: dict[str, Any], payload: bytes) -> SavedSlamState
     if header["pose"] is not None:
         x_m, y_m, theta_rad = (float(value) for value in header["pose"])
         pose = Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
-    if not 0 <= rows * cols <= MAX_CELLS:
-        raise ValueError(f"{rows} x {cols} cells")
-    hits, misses = np.frombuffer(zlib.decompress(payload), dtype="<u2").reshape(2, rows, cols)
+        if not math.hypot(x_m, y_m) + abs(theta_rad) < MAX_POSITION_M:
+            raise ValueError(f"a pose at {x_m}, {y_m}, {theta_rad}")
+    if not (min(rows, cols) >= 0 and rows * cols <= MAX_CELLS and max(abs(row), abs(col)) <= MAX_CELLS):
+        raise ValueError(f"{rows} x {cols} cells from {row}, {col}")
+    size = 4 * rows * cols  # two counts of two bytes; a hostile file may unpack to more
+    unpacked = zlib.decompressobj().decompress(payload, size + 1)
+    hits, misses = np.frombuffer(unpacked, dtype="<u2").reshape(2, rows, cols)
     counts = HitCounts(hits=hits, misses=misses, first_cell=(row, col), resolution_m=size_m)
     return SavedSlamState(counts=counts, map_from_base=pose)
 

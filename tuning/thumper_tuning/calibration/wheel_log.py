@@ -1,5 +1,6 @@
 """Wheel counts and reference poses of a drive, as arrays and as CSV files."""
 
+import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -7,11 +8,13 @@ from typing import Any
 import numpy as np
 
 from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
+from thumper.common.files import read_bytes, write_whole
 from thumper.common.geometry import FloatArray
 from thumper.odometry.pose_buffer import interpolate_poses
 
 COUNT_COLUMNS = ("time_s", "left_counts", "right_counts")
 POSE_COLUMNS = ("time_s", "x_m", "y_m", "theta_rad")
+MAX_MB = 200.0
 MIN_TICKS = 20
 MIN_ROWS = 3
 
@@ -41,7 +44,8 @@ class WheelLog:
 
 def write_csv(path: Path, names: tuple[str, ...], rows: FloatArray) -> Path:
     """Write rows, shape (n, len(names))."""
-    np.savetxt(path, rows, delimiter=",", header=",".join(names), comments="", fmt="%.9g")
+    with write_whole(path) as stream:
+        np.savetxt(stream, rows, delimiter=",", header=",".join(names), comments="", fmt="%.9g")
     return path
 
 
@@ -54,8 +58,9 @@ def read_csv(path: Path, names: tuple[str, ...]) -> FloatArray:
         The file cannot be read, a column is missing, or its times do not increase.
     """
     try:
-        table: Any = np.genfromtxt(path, delimiter=",", names=True, dtype=np.float64)
-    except (OSError, ValueError) as error:
+        stream = io.BytesIO(read_bytes(path, MAX_MB))
+        table: Any = np.genfromtxt(stream, delimiter=",", names=True, dtype=np.float64)
+    except (OSError, ValueError, IndexError) as error:  # IndexError: no line for the names
         raise ThumperError(f"{path}: cannot read the file: {error}", exit_code=EXIT_USAGE) from error
     missing = [name for name in names if name not in (table.dtype.names or ())]
     if missing:

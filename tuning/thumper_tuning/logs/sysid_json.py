@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
+from thumper.common.files import read_text
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
 
+MAX_MB = 200.0
 TESTS = ("slow-forward", "slow-backward", "fast-forward", "fast-backward")
 SIDES = (("left", 1, 3), ("right", 2, 4))  # name, column of the voltage, column of the position
 UNIT_RAD = {"Rotations": math.tau, "Radians": 1.0, "Degrees": math.pi / 180.0}
@@ -26,12 +28,12 @@ def read_sysid(path: Path) -> list[MotorLog]:
         The file is not a SysId drive-train recording.
     """
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(read_text(path, MAX_MB))
         tests = [np.array(data[name], dtype=float) for name in TESTS if data.get(name)]
         rad = UNIT_RAD.get(data["units"], math.tau / float(data["unitsPerRotation"]))
     except OSError as error:
         raise ThumperError(f"{path}: cannot read the log: {error.strerror}", exit_code=EXIT_USAGE) from error
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
         raise ThumperError(
             f"{path}: not a SysId recording ({error}); pass a CSV file", exit_code=EXIT_CHECK_FAILED
         ) from error

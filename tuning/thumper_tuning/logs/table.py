@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
+from thumper.common.files import read_bytes
 from thumper.common.geometry import FloatArray
 from thumper_tuning.logs.columns import Column, parse_header
 
 SEPARATORS = (",", ";", "\t", "|", " ")
 MAX_PREAMBLE_LINES = 50
+MAX_MB = 200.0  # an hour at 100 Hz takes 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -59,7 +61,7 @@ def _parse_rows(lines: list[str], separator: str, headers: list[str], columns: l
 
 def _read_text(path: Path) -> str:
     try:
-        data = path.read_bytes()
+        data = read_bytes(path, MAX_MB)
     except OSError as error:
         raise ThumperError(f"{path}: cannot read the log: {error.strerror}", exit_code=EXIT_USAGE) from error
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
@@ -93,7 +95,10 @@ def _cells(line: str, separator: str) -> list[str]:
     line = line.lstrip("#%/ ")
     if separator == " ":
         return line.split()
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+    except csv.Error:  # a cell of more than 131072 characters
+        return []
 
 
 def _number(text: str) -> float:
