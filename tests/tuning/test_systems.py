@@ -6,8 +6,8 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
+from benchmarks.shared.wheel_plant import Wheel
 
-from tests.tuning.plant import Wheel
 from tests.tuning.test_fit import make_log
 from thumper_tuning.design.gains import DesignOptions, design, nominal_model
 from thumper_tuning.identify.model import MotorModel

@@ -28,6 +28,7 @@ def campaign(
 
     from thumper.cli.output.folder import prepare_output
     from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
+    from thumper.common.files import write_text
     from thumper.common.optional_packages import require_extra
     from thumper_hil.campaign.figures import draw
     from thumper_hil.campaign.parquet import write_parquet
@@ -62,7 +63,7 @@ def campaign(
         rows = sorted((row for row in store.rows if row.key in keys), key=lambda row: row.key)
     write_parquet(out / "rows.parquet", rows)
     summaries = summarise(rows, plan.show)
-    (out / "summary.md").write_text(markdown(summaries), encoding="utf-8")
+    write_text(out / "summary.md", markdown(summaries))
     draw(out / "summary.png", rows, summaries)
     console.print(markdown(summaries), highlight=False, markup=False, soft_wrap=True)
     console.print(f"in {out}/: rows.csv, rows.parquet, summary.md, summary.png", highlight=False)

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from thumper.cli.output.run_report import BLUE, INK, ORANGE
+from thumper.maps.plot import save_figure
 from thumper_hil.campaign.result_row import MEASURES, CampaignRow
 from thumper_hil.campaign.summary import MIN_RUNS, Summary
 
@@ -39,5 +40,5 @@ def draw(path: Path, rows: Sequence[CampaignRow], summaries: Sequence[Summary]) 
         axes.set_xlim(-0.6, len(summaries) - 0.4)
         axes.grid(axis="y", alpha=0.3)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside lower right")
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path, 110)
     return path

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from thumper.common.files import write_whole
 from thumper_hil.campaign.result_row import CampaignRow
 
 
@@ -12,5 +13,6 @@ def write_parquet(path: Path, rows: Sequence[CampaignRow]) -> Path:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    pq.write_table(pa.Table.from_pylist([asdict(row) for row in rows]), path)
+    with write_whole(path) as stream:
+        pq.write_table(pa.Table.from_pylist([asdict(row) for row in rows]), stream)
     return path

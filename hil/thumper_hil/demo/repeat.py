@@ -1,6 +1,5 @@
 """Repeat the demo's missions with many seeds: statistics of the thesis's experiment 8.3 (Svec 2019)."""
 
-import csv
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
@@ -11,8 +10,9 @@ from rich.console import Console
 from rich.table import Table
 
 from thumper.cli.output.run_report import BLUE, GREEN, ORANGE
+from thumper.common.files import write_csv, write_text
 from thumper.config.robot import RobotConfig
-from thumper.maps.plot import draw_grid
+from thumper.maps.plot import draw_grid, save_figure
 from thumper.runtime.assembly import warm_up
 from thumper_hil.demo.missions import MISSIONS
 from thumper_hil.demo.outcome import Outcome
@@ -70,7 +70,7 @@ def run_seeds(out: Path, *, first_seed: int, seeds: int, console: Console, prese
             console.print(_line(rows[-1]), highlight=False)
     _write_csv(out / "experiment.csv", rows)
     statistics = mission_statistics(rows)
-    (out / "experiment.md").write_text(_markdown(statistics), encoding="utf-8")
+    write_text(out / "experiment.md", _markdown(statistics))
     _draw(out / "experiment.png", outcomes)
     _print_table(statistics, console)
     console.print(
@@ -149,10 +149,7 @@ def _print_table(statistics: Sequence[MissionStatistic], console: Console) -> No
 
 
 def _write_csv(path: Path, rows: Sequence[DriveRow]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([field.name for field in fields(DriveRow)])
-        writer.writerows(astuple(row) for row in rows)
+    write_csv(path, [field.name for field in fields(DriveRow)], map(astuple, rows))
 
 
 def _draw(path: Path, outcomes: Sequence[Outcome]) -> None:
@@ -172,4 +169,4 @@ def _draw(path: Path, outcomes: Sequence[Outcome]) -> None:
         worst_m = max(outcome.goal_error_m for outcome in chosen)
         axes.set_title(f"{mission.title}: {len(chosen)} seeds, at most {100 * worst_m:.1f} cm from the goal")
     figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=9)
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path, 110)

@@ -15,9 +15,10 @@ from rich.table import Table
 
 from thumper.board.messages import SCHEMA_HASH
 from thumper.cli.output.run_report import GREEN, ORANGE, draw_drive, draw_speeds
+from thumper.common.files import write_text
 from thumper.common.version import __version__
 from thumper.maps.map_server_io import save_map
-from thumper.maps.plot import draw_grid
+from thumper.maps.plot import draw_grid, save_figure
 from thumper.runtime.drive_log import path_length_m, speed_errors
 from thumper.slam.saved_state import save_session
 from thumper_hil.bench import DEFAULT_ELF
@@ -39,7 +40,7 @@ def write_results(
 ) -> None:
     """Write everything to `out`, print the table and list the files; `setting` has `seed` and `preset`."""
     summary = summarize(outcomes, setting)
-    (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    write_text(out / "summary.json", json.dumps(summary, indent=2) + "\n")
     maps = [(f"map_{outcome.mission.name}", outcome) for outcome in outcomes]
     for name, outcome in (*maps, ("map", outcomes[-1])):
         save_map(outcome.grid, out / f"{name}.yaml")
@@ -48,10 +49,10 @@ def write_results(
     straight = next(outcome for outcome in outcomes if outcome.mission is STRAIGHT)
     figure = Figure(figsize=(9, 6), layout="constrained")
     draw_speeds(figure, straight.log.speeds, "wheel speed control on the straight run")
-    figure.savefig(out / "speed_control.png", dpi=130)
+    save_figure(figure, out / "speed_control.png", 130)
     rows = table_rows(summary)
     _print_table(rows, console)
-    (out / "table.md").write_text(_markdown(rows), encoding="utf-8")
+    write_text(out / "table.md", _markdown(rows))
     speed = f"{summary['sim_speed_x_real_time']:.1f} x real time"
     console.print(f"preset {setting['preset']}; simulation ran at {speed}", highlight=False)
     files = "map.pgm, map.yaml, map.session, missions.png, speed_control.png, table.md, summary.json"
@@ -151,4 +152,4 @@ def _picture_of_missions(path: Path, outcomes: Sequence[Outcome]) -> None:
         error_cm = 100 * outcome.goal_error_m
         axes.set_title(f"{mission.title}: {error_cm:.1f} cm from the goal, {outcome.collisions} collisions")
     figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=9)
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path, 110)

@@ -65,9 +65,8 @@ def replay(
 
 def _write_trajectory(path: "FloatArray", file: Path) -> None:
     """Write rows of time [s], x [m], y [m] and heading [rad] as CSV."""
-    import csv
+    from thumper.common.files import write_csv
 
-    with file.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(("time_s", "x_m", "y_m", "theta_rad"))
-        writer.writerows((f"{t:.6f}", f"{x:.6f}", f"{y:.6f}", f"{theta:.6f}") for t, x, y, theta in path)
+    write_csv(
+        file, ("time_s", "x_m", "y_m", "theta_rad"), ([f"{value:.6f}" for value in row] for row in path)
+    )

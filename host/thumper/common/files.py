@@ -1,9 +1,11 @@
 """Read files of limited size, and write files that appear whole or not at all."""
 
+import csv
 import errno
+import io
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
@@ -67,6 +69,15 @@ def write_text(path: Path, text: str) -> None:
     """Write a UTF-8 text file whole. Raises ThumperError as `write_whole`."""
     with write_whole(path) as stream:
         stream.write(text.encode("utf-8"))
+
+
+def write_csv(path: Path, header: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
+    """Write a CSV file whole. Raises ThumperError as `write_whole`."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    write_text(path, text.getvalue())
 
 
 def cannot_write(path: Path, error: OSError) -> ThumperError:

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from importlib import import_module
 from inspect import signature
 from typing import Any, ParamSpec, TypeVar, cast
@@ -36,6 +37,11 @@ class KernelCache(FunctionCache):
         except Exception:  # an old or damaged pickle can raise anything
             self.flush()  # type: ignore[no-untyped-call]  # writes an empty index
             return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Write the compiled function, if there is room."""
+        with suppress(OSError):
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:

@@ -9,6 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from thumper.common.files import write_whole
 from thumper.common.geometry import FloatArray
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
@@ -58,7 +59,13 @@ def plot_map(grid: OccupancyGrid, path_m: FloatArray, png_path: Path, title: str
         axes.legend(loc="upper right", frameon=True, framealpha=0.9)
     axes.set(title=title)
     axes.grid(color="#9fb0c0", linewidth=0.4, alpha=0.5)
-    figure.savefig(png_path, dpi=DPI)
+    save_figure(figure, png_path, DPI)
+
+
+def save_figure(figure: Figure, png_path: Path, dpi: int) -> None:
+    """Write a figure as PNG, whole. Raises ThumperError if it cannot be written."""
+    with write_whole(png_path) as stream:
+        figure.savefig(stream, format="png", dpi=dpi)
 
 
 def _known_part(grid: OccupancyGrid) -> _Image:

@@ -1,6 +1,5 @@
 """Build a map from a recorded log, as `thumper map-log` does."""
 
-import csv
 import math
 import sys
 import time
@@ -11,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.files import write_csv
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.scan_checks import ScanChecker
 from thumper.maps.hit_counts import HitCounts
@@ -284,14 +284,8 @@ def _peak_MB() -> float | None:
 
 def _write_path(csv_path: Path, log: RobotLog, poses: FloatArray) -> None:
     """Write one line per scan, with the stamps of the log."""
-    try:
-        with csv_path.open("w", newline="") as stream:
-            writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow(("timestamp_s", "x_m", "y_m", "theta_rad"))
-            for record, (x_m, y_m, theta_rad) in zip(log.records, poses, strict=True):
-                writer.writerow((f"{record.time_s:.6f}", f"{x_m:.6f}", f"{y_m:.6f}", f"{theta_rad:.6f}"))
-    except OSError as error:
-        raise ThumperError(
-            f"{csv_path}: cannot be written ({error.strerror}); choose another directory",
-            exit_code=EXIT_USAGE,
-        ) from error
+    rows = (
+        [f"{value:.6f}" for value in (record.time_s, *pose)]
+        for record, pose in zip(log.records, poses, strict=True)
+    )
+    write_csv(csv_path, ("timestamp_s", "x_m", "y_m", "theta_rad"), rows)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from thumper.maps.plot import save_figure
 from thumper_tuning.calibration.wheel_log import WheelLog
 from thumper_tuning.calibration.wheel_truth import WheelComparison
 from thumper_tuning.drive.verify import Verification
@@ -40,7 +41,7 @@ def draw_odometry(runs: dict[str, WheelComparison], log: WheelLog, path: Path) -
         axes.grid(alpha=0.3)
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path, 110)
     return path
 
 
@@ -58,5 +59,5 @@ def draw_speed(run: Verification, path: Path) -> Path:
     for axes in (speed, error):
         axes.grid(alpha=0.3)
         axes.legend(loc="upper right", fontsize=8)
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path, 110)
     return path

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
+from thumper.common.files import write_text
 from thumper.common.geometry import FloatArray
 from thumper.common.kinematics import DriveGeometry
 from thumper.config.robot import RobotConfig
@@ -168,10 +169,10 @@ def calibrate_odometry(log: WheelLog, config: RobotConfig, out: Path, console: C
     )
     console.print(_evaluation_table(held_out, wheel_geometry(config.drive), wheel_geometry(calibrated)))
     path = out / "odometry.toml"
-    path.write_text(
+    write_text(
+        path,
         f"[drive]\nwheel_radius_m = {calibrated.wheel_radius_m:g}\n"
         f"radius_ratio = {calibrated.radius_ratio:g}\ntrack_m = {calibrated.track_m:g}\n",
-        encoding="utf-8",
     )
     console.print(f"wrote {path}; copy its values into the robot's configuration")
     if round(1e3 * calibrated.wheel_radius_m) != round(1e3 * config.drive.wheel_radius_m):

@@ -142,7 +142,7 @@ def fit(
     ] = None,
 ) -> None:
     """Identify motors from logs."""
-    from thumper.cli.output_folder import prepare_output
+    from thumper.cli.output.folder import prepare_output
     from thumper_tuning.cli.fit import fit_files
 
     fit_files(

@@ -1,12 +1,12 @@
 """Drive the identification experiment on a board, and write what was recorded."""
 
-import csv
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
 from thumper.board.board import Board, TelemetrySample
 from thumper.board.messages import State
+from thumper.common.files import write_csv
 from thumper.common.stamps import epoch_ns_at
 from thumper_tuning.drive.board_gains import armed, next_sample
 from thumper_tuning.drive.excitation import ExcitationOptions, excitation_blocks
@@ -109,9 +109,7 @@ def _row(sample: TelemetrySample) -> LogRow:
 
 
 def _write_csv(path: Path, rows: list[LogRow]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow([field.name for field in fields(LogRow)])
-        writer.writerows(
-            [f"{value:.6f}" if isinstance(value, float) else value for value in astuple(row)] for row in rows
-        )
+    table = (
+        [f"{value:.6f}" if isinstance(value, float) else value for value in astuple(row)] for row in rows
+    )
+    write_csv(path, [field.name for field in fields(LogRow)], table)

@@ -1,6 +1,5 @@
 """Verify gains on the robot: follow trapezoids forward and backward, and measure the tracking error."""
 
-import csv
 import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -13,6 +12,7 @@ from annotated_types import Ge, Gt, Le, MinLen
 from thumper.board.board import Board
 from thumper.board.messages import State
 from thumper.common.errors import ThumperError
+from thumper.common.files import write_csv
 from thumper.common.geometry import FloatArray
 from thumper.common.kinematics import WheelSpeeds
 from thumper_tuning.design.fixed_point import BoardGains
@@ -107,10 +107,7 @@ def verify(
 
 
 def _write_csv(path: Path, rows: list[Row]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(COLUMNS)
-        writer.writerows([f"{value:.6g}" for value in row] for row in rows)
+    write_csv(path, COLUMNS, ([f"{value:.6g}" for value in row] for row in rows))
 
 
 class _TrapezoidDrive:

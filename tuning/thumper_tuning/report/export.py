@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from thumper.common.files import write_text
 from thumper_tuning.design.gains import Design
 from thumper_tuning.identify.motor import IdentifiedMotor
 
@@ -53,8 +54,8 @@ def write_models(folder: Path, motors: list[IdentifiedMotor], design: Design | N
         },
     }
     path = folder / MODELS_FILE
-    path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    (folder / LOADER_FILE).write_text(LOADER, encoding="utf-8")
+    write_text(path, json.dumps(content, indent=2) + "\n")
+    write_text(folder / LOADER_FILE, LOADER)
     return path
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from thumper.common.files import write_text
 from thumper_tuning.design.fixed_point import PARAMETER_SPECS, BoardGains
 from thumper_tuning.design.gains import Design
 from thumper_tuning.design.loops import LoopMargins, SpeedLoop
@@ -64,10 +65,10 @@ def write_report(
         ]
     parts.append(f"<p>{html.escape(NOT_IDENTIFIABLE)}.</p>")
     body = "\n".join(parts)
-    path.write_text(
+    write_text(
+        path,
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>Tuning report</title>'
         f"<style>{STYLE}</style><body>{body}</body></html>",
-        encoding="utf-8",
     )
     return path
 

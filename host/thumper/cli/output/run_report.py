@@ -9,9 +9,10 @@ matplotlib.use("Agg")
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from thumper.common.files import write_text
 from thumper.common.geometry import FloatArray
 from thumper.maps.map_server_io import save_map
-from thumper.maps.plot import draw_grid
+from thumper.maps.plot import draw_grid, save_figure
 from thumper.navigation.planners.polyline import arc_lengths
 from thumper.runtime.drive_log import SPEED_COLUMNS, DriveLog, speed_errors
 from thumper.runtime.drive_result import DriveResult
@@ -78,11 +79,11 @@ def write_run(folder: Path, mapper: Mapper, log: DriveLog, result: DriveResult) 
         f"{result.path_length_m:.2f} m in {result.time_s:.1f} s: {result.reason}", fontsize=10, wrap=True
     )
     picture.legend(loc="outside lower center", ncols=4, fontsize=9)
-    picture.savefig(folder / "map.png", dpi=130)
+    save_figure(picture, folder / "map.png", 130)
     speeds = log.speeds
     picture = Figure(figsize=(9, 6), layout="constrained")
     draw_speeds(picture, speeds, "wheel speed control")
-    picture.savefig(folder / "speed_control.png", dpi=130)
+    save_figure(picture, folder / "speed_control.png", 130)
     pose = result.map_from_base
     summary = {
         "reached": result.reached,
@@ -96,5 +97,5 @@ def write_run(folder: Path, mapper: Mapper, log: DriveLog, result: DriveResult) 
             for side, error in speed_errors(speeds).items()
         },
     }
-    (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    write_text(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
     return ["map.pgm", "map.yaml", "map.session", "map.png", "speed_control.png", "summary.json"]
