@@ -24,10 +24,11 @@ class RecordedMessage:
     type_name: str
     log_ns: int
     cdr: bytes
+    definition: str = ""  # of the type, as stored in the file
 
     def decode(self) -> codec.Message:
         """Decode the message; raises ValueError or KeyError if it is invalid or of an unknown type."""
-        return codec.decode(self.cdr, self.type_name)
+        return codec.decode(self.cdr, self.type_name, self.definition)
 
 
 class Recording:
@@ -89,6 +90,7 @@ class Recording:
                         type_name=schema.name,
                         log_ns=record.log_time,
                         cdr=record.data,
+                        definition=schema.data.decode("utf-8", errors="replace"),
                     )
 
 
