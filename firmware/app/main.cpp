@@ -78,11 +78,12 @@ ISR(TIMER1_COMPA_vect, ISR_NOBLOCK) {
   const uint16_t left_lost = left_encoder.lost(), right_lost = right_encoder.lost();
   sei();
   samples.lost_edges = static_cast<uint16_t>(left_lost + right_lost);
-  const fw::WheelConfig& config = configs[active_config];
-  left_side.Step(command.mode, config, command.left, left_count, &samples.left);
-  right_side.Step(command.mode, config, command.right, right_count, &samples.right);
+  const fw::WheelConfig& config = active_config == 0 ? configs[0] : configs[1];
+  left_side.Step(command.mode, config, command.left, left_count, config.left_encoder_reversed, &samples.left);
+  right_side.Step(command.mode, config, command.right, right_count, config.right_encoder_reversed,
+                  &samples.right);
   samples.time_us += fw::kTick_us;
-  if (!beeper.sounding()) drive.Set(&samples.left.wheel.pwm, &samples.right.wheel.pwm);
+  if (!beeper.sounding()) drive.Set(samples.left.wheel.pwm, samples.right.wheel.pwm);
   ++ticks;
 }
 
@@ -113,6 +114,11 @@ void Configure(const fw::HostInterface& host) {
   host.parameters().Derive(host.battery_mV(), &configs[next]);
   __asm__ volatile("" ::: "memory");  // complete before the tick may read it
   active_config = next;
+  // The robot's own parameters change only while the motors are off.
+  const fw::Parameters& robot = host.parameters();
+  drive.SetReversed(robot.IsSet(fw::Parameter::kLeftMotorReversed),
+                    robot.IsSet(fw::Parameter::kRightMotorReversed));
+  motors::SetFrequency(robot.Get(fw::Parameter::kPwmFrequency));
 }
 
 /// Copy the control tick's samples. Repeat if a tick interrupted the copy. Return the ticks since the last
@@ -184,8 +190,10 @@ int main() {
     if (adc.stopped()) host.LoseAnalogReadings();
     if (measured) {
       if (host.UpdateBattery(fw::BatteryFromSum_mV(sums.battery))) beeps.Start(fw::kLowBatteryBeeps);
-      host.UpdateCurrents(fw::CurrentFromSum_mA(sums.left_current),
-                          fw::CurrentFromSum_mA(sums.right_current));
+      const int16_t scale = host.parameters().Get(fw::Parameter::kCurrentScale);
+      const int16_t zero = host.parameters().Get(fw::Parameter::kCurrentZero);
+      host.UpdateCurrents(fw::CurrentFromSum_mA(sums.left_current, scale, zero),
+                          fw::CurrentFromSum_mA(sums.right_current, scale, zero));
     }
     if (host.TakeChange() || measured) Configure(host);
     if (elapsed_ms != 0) {
@@ -202,6 +210,7 @@ int main() {
       if (clock_runs) watchdog::Kick();
       clock_runs = false;
       host.CountDropped(static_cast<uint8_t>(Collect(host.samples()) - 1));
+      drive.MarkRests(&host.samples()->left.wheel.pwm, &host.samples()->right.wheel.pwm);
       host.Watch();
       Apply(host);
       host.SendTelemetry(uart);

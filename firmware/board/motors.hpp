@@ -4,8 +4,8 @@
 #include "board/pins.hpp"
 #include "core/config.hpp"
 
-/// Both H-bridges on Timer 2, phase-correct PWM at 122.5 Hz, the T'REX's original rate: "good torque, low
-/// noise".
+/// Both H-bridges on Timer 2, phase-correct PWM. By default at 122.5 Hz, the T'REX's original rate: "good
+/// torque, low noise".
 namespace motors {
 
 constexpr uint8_t kPhaseCorrect = 1 << WGM20;
@@ -13,6 +13,16 @@ constexpr uint8_t kOutputs = 1 << COM2A1 | 1 << COM2B1;
 /// The pins that differ between forward and reverse. Toggling them reverses the motor.
 constexpr uint8_t kLeftDirection = pins::kLeftForward ^ pins::kLeftReverse;
 constexpr uint8_t kRightDirection = pins::kRightForward ^ pins::kRightReverse;
+
+/// Set the PWM frequency: the nearest lower one of the timer's six. Call while the motors are off.
+inline void SetFrequency(int16_t frequency_Hz) {
+  TCCR2B = frequency_Hz >= 31373  ? 1
+           : frequency_Hz >= 3922 ? 2
+           : frequency_Hz >= 980  ? 3
+           : frequency_Hz >= 490  ? 4
+           : frequency_Hz >= 245  ? 5
+                                  : 6;
+}
 
 /// Start the timer with both motors off and the direction forward.
 inline void Start() {
@@ -25,7 +35,7 @@ inline void Start() {
   OCR2A = 0;
   OCR2B = 0;
   TCCR2A = kPhaseCorrect | kOutputs;
-  TCCR2B = 1 << CS22 | 1 << CS21;  // 16 MHz / 256 / 510
+  SetFrequency(0);
 }
 
 /// Switch the motors off for good, whatever the timer does: disconnect the pins from it and drive them low.
@@ -48,23 +58,39 @@ class Drive {
     OCR2B = 0;
   }
 
-  /// Set PWM in [-255, 255], positive forward. Call from the control tick. Writes 0 to the PWM of a motor
-  /// that rests until the next tick, so that telemetry and monitors see what is driven.
-  void Set(int16_t* left, int16_t* right) {
-    if ((PORTD & pins::kLeftForward) != 0 ? *left < 0 : *left > 0) {
+  /// Set which motors turn the other way round. Call while they are off.
+  void SetReversed(bool left, bool right) {
+    left_reversed_ = left;
+    right_reversed_ = right;
+    any_reversed_ = left || right;
+  }
+
+  /// Set PWM in [-255, 255], positive forward. Call from the control tick.
+  void Set(int16_t left, int16_t right) {
+    int16_t left_out = left, right_out = right;
+    if (any_reversed_) {  // one test in the usual case
+      if (left_reversed_) left_out = static_cast<int16_t>(-left);
+      if (right_reversed_) right_out = static_cast<int16_t>(-right);
+    }
+    if ((PORTD & pins::kLeftForward) != 0 ? left_out < 0 : left_out > 0) {
       TCCR2A &= static_cast<uint8_t>(~(1 << COM2B1));
       PIND = kLeftDirection;  // writing 1 toggles
       left_rest_ = kRest;
     }
-    if ((PORTB & pins::kRightForward) != 0 ? *right < 0 : *right > 0) {
+    if ((PORTB & pins::kRightForward) != 0 ? right_out < 0 : right_out > 0) {
       TCCR2A &= static_cast<uint8_t>(~(1 << COM2A1));
       PINB = kRightDirection;
       right_rest_ = kRest;
     }
-    OCR2B = Duty(*left);
-    OCR2A = Duty(*right);
-    if (kRestsWholeTick && left_rest_ == kRest) *left = 0;
-    if (kRestsWholeTick && right_rest_ == kRest) *right = 0;
+    OCR2B = Duty(left_out);
+    OCR2A = Duty(right_out);
+  }
+
+  /// Write 0 to the PWM of a motor that rests until the next tick, so that telemetry and monitors see what is
+  /// driven. Call soon after Set().
+  void MarkRests(int16_t* left, int16_t* right) const {
+    if (kRestsWholeTick && left_rest_ > kRest / 2) *left = 0;
+    if (kRestsWholeTick && right_rest_ > kRest / 2) *right = 0;
   }
 
   /// Reconnect each pin after its rest. Call each time at least one more millisecond has elapsed, with the
@@ -97,6 +123,7 @@ class Drive {
   static constexpr bool kRestsWholeTick = fw::kTick_us <= (kRest - 1) * 1000UL;
 
   uint8_t left_rest_ = 0, right_rest_ = 0;
+  bool left_reversed_ = false, right_reversed_ = false, any_reversed_ = false;
 };
 
 }  // namespace motors

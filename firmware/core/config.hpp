@@ -16,21 +16,13 @@ static_assert(kControlRate_Hz == 10 || kControlRate_Hz == 20 || kControlRate_Hz 
               "the control loop is verified at 10, 20, 50 and 100 Hz only");
 constexpr uint32_t kTick_us = 1000000UL / kControlRate_Hz;
 
-// The Wild Thumper.
-constexpr uint16_t kCountsPerRev = 1200;  // 16 state changes per motor revolution, gear ratio 75:1
-constexpr uint16_t kWheelRadius_mm = 62;
-constexpr uint16_t kTrack_mm = 245;
-
 constexpr int16_t kMaxSpeed_mrad_s = 17000;
 constexpr int16_t kMaxPwm = 255;
 constexpr uint16_t kLinkTimeout_ms = 300;
 constexpr uint8_t kFaultWindow_ticks = 3 * kControlRate_Hz / 10;  // 300 ms
 
-// 2-cell LiPo.
-constexpr uint16_t kBatteryStop_mV = 6400;
-constexpr uint16_t kBatteryRearm_mV = 7000;
-constexpr uint16_t kBatteryHigh_mV = 9000;     // full: 8400
-constexpr uint16_t kBatteryNominal_mV = 7400;  // the feed-forward gains apply at this voltage
+constexpr uint16_t kCellNominal_mV = 3700;  // the feed-forward gains apply at this voltage
+constexpr uint16_t kCellHigh_mV = 4500;     // full: 4200
 constexpr uint8_t kLowBatteryBeeps = 5;
 
 }  // namespace fw

@@ -28,24 +28,28 @@ struct Samples {
 /// One side of the robot: unwraps the encoder count and computes the PWM from command and counts.
 class Side {
  public:
-  /// count: the decoder's count, mod 2^16; exact while fewer than 2^15 edges arrive per tick. sample: in, the
-  /// last tick's; out, this tick's. Not inlined, so both sides share one copy of the code.
+  /// count: the decoder's count, mod 2^16; exact while fewer than 2^15 edges arrive per tick. reversed: it
+  /// falls while the wheel rolls forward. sample: in, the last tick's; out, this tick's. Not inlined, so both
+  /// sides share one copy of the code.
   __attribute__((noinline)) void Step(State mode, const WheelConfig& config, int16_t value, uint16_t count,
-                                      SideSample* sample) {
-    const int16_t counts = static_cast<int16_t>(count - static_cast<uint16_t>(sample->count));
+                                      bool reversed, SideSample* sample) {
+    int16_t counts = static_cast<int16_t>(count - decoded_);
+    decoded_ = count;
+    if (reversed) counts = static_cast<int16_t>(-static_cast<uint16_t>(counts));
     sample->count =
         static_cast<int32_t>(static_cast<uint32_t>(sample->count) + static_cast<uint32_t>(int32_t(counts)));
+    const int16_t speed = SpeedFromCounts(config.speed, counts);
     if (mode == State::kClosedLoop) {
-      controller_.Step(config, value, counts, &sample->wheel);
+      controller_.Step(config, value, speed, &sample->wheel);
       return;
     }
-    const int16_t speed = SpeedFromCounts(counts);
     controller_.TrackSpeed(speed);
     sample->wheel = {speed, 0, mode == State::kManual ? value : int16_t(0), 0};
   }
 
  private:
   WheelController controller_;
+  uint16_t decoded_ = 0;  // the decoder's count at the last tick
 };
 
 }  // namespace fw

@@ -50,11 +50,12 @@ inline void DeriveModel(int16_t kv, int16_t ka, int16_t ramp_step_mrad_s, FeedFo
 }
 
 /// Nominal over measured battery voltage, Q12, limited to 1/2 ... 3/2; 1 while the voltage is unknown (0).
-inline uint16_t SupplyRatio(uint16_t battery_mV) {
-  constexpr uint16_t kLow = (kBatteryNominal_mV * 2UL + 2) / 3, kHigh = kBatteryNominal_mV * 2;
+inline uint16_t SupplyRatio(uint16_t battery_mV, uint16_t nominal_mV) {
+  const uint16_t low = static_cast<uint16_t>((nominal_mV * 2UL + 2) / 3);
+  const uint16_t high = static_cast<uint16_t>(nominal_mV * 2);
   if (battery_mV == 0) return 1 << 12;
-  const uint16_t used = battery_mV < kLow ? kLow : battery_mV > kHigh ? kHigh : battery_mV;
-  return static_cast<uint16_t>((uint32_t(kBatteryNominal_mV) << 12) / used);
+  const uint16_t used = battery_mV < low ? low : battery_mV > high ? high : battery_mV;
+  return static_cast<uint16_t>((uint32_t(nominal_mV) << 12) / used);
 }
 
 /// Compute the gains that depend on the battery voltage. ks: Q7, kv: Q19 per mrad.

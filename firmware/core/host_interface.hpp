@@ -88,7 +88,7 @@ class HostInterface {
 
   /// Add a battery reading. Return true at the moment the battery becomes low.
   bool UpdateBattery(uint16_t reading_mV) {
-    const Fault fault = battery_.Update(reading_mV);
+    const Fault fault = battery_.Update(reading_mV, parameters_.battery_limits());
     if (fault != Fault::kNone) Trip(fault);
     return fault == Fault::kLowBattery;
   }
@@ -176,7 +176,8 @@ class HostInterface {
       case SetParameter::kId: {
         const auto& message = Payload<SetParameter>();
         changed_ = true;
-        Acknowledge(sink, parameters_.Set(message.index, message.value));
+        const bool refused = supervisor_.armed() && message.index >= kFirstRobotParameter;
+        Acknowledge(sink, refused ? AckStatus::kArmed : parameters_.Set(message.index, message.value));
         return true;
       }
       case GetParameter::kId: {
@@ -253,8 +254,27 @@ class HostInterface {
   }
 
   Identity MakeIdentity() const {
-    return {kSchemaHash,  kVersionMajor, kVersionMinor,   kVersionPatch, board_, kControlRate_Hz,
-            reset_cause_, kCountsPerRev, kWheelRadius_mm, kTrack_mm,     source_};
+    uint8_t reversed = 0;
+    for (uint8_t i = 0; i < 4; ++i) {
+      if (parameters_.Get(static_cast<uint8_t>(Parameter::kLeftMotorReversed) + i) != 0) reversed |= 1 << i;
+    }
+    const auto get = [this](Parameter parameter) {
+      return static_cast<uint16_t>(parameters_.Get(parameter));
+    };
+    return {kSchemaHash,
+            kVersionMajor,
+            kVersionMinor,
+            kVersionPatch,
+            board_,
+            kControlRate_Hz,
+            reset_cause_,
+            get(Parameter::kCountsPerRev),
+            get(Parameter::kWheelRadius),
+            get(Parameter::kTrack),
+            reversed,
+            static_cast<uint8_t>(get(Parameter::kBatteryCells)),
+            get(Parameter::kPwmFrequency),
+            source_};
   }
 
   void Watch(WheelMonitor& monitor, const SideSample& sample, Fault stall, Fault reversed) {

@@ -6,7 +6,7 @@
 
 namespace fw {
 
-constexpr uint32_t kSchemaHash = 0x7C8BEDE3UL;
+constexpr uint32_t kSchemaHash = 0x3FDA52B7UL;
 constexpr size_t kMaxHostPayload = 4;  ///< [bytes] largest payload from the host
 constexpr size_t kMaxPayload = 45;     ///< [bytes] largest payload in either direction
 
@@ -35,7 +35,7 @@ constexpr uint8_t kStateCount = 4;
 enum class Fault : uint8_t {
   kNone = 0,  ///< No fault.
   kLinkLost = 1,  ///< No motion command for 300 ms while armed.
-  kLowBattery = 2,  ///< Battery below 6.4 V; clears only above 7.0 V.
+  kLowBattery = 2,  ///< Battery below battery_stop per cell; clears only above battery_rearm.
   kEStop = 3,  ///< The host sent E_STOP.
   kStallLeft = 4,  ///< Fewer than 3 counts after 38 PWM s: blocked, or encoder or motor dead.
   kStallRight = 5,  ///< As STALL_LEFT, for the right side.
@@ -46,7 +46,7 @@ enum class Fault : uint8_t {
   kWatchdog = 10,  ///< The firmware hung; the watchdog restarted it.
   kBadParameters = 11,  ///< The saved parameters are invalid; the defaults are in use.
   kAdcStopped = 12,  ///< No analogue reading for 50 ms: battery and motor currents are unknown.
-  kHighBattery = 13,  ///< Battery above 9.0 V: not a 2-cell pack, or its voltage divider is broken.
+  kHighBattery = 13,  ///< Battery above 4.5 V per cell: another pack, or its voltage divider is broken.
 };
 constexpr uint8_t kFaultCount = 14;
 
@@ -57,12 +57,12 @@ enum class AckStatus : uint8_t {
   kUnknownParameter = 2,  ///< No parameter has this index.
   kOutOfRange = 3,  ///< Value outside the parameter's range; the old value stays.
   kFaultLatched = 4,  ///< Refused while a fault is latched; send CLEAR_FAULT first.
-  kBatteryLow = 5,  ///< Refused until the battery is above 7.0 V.
+  kBatteryLow = 5,  ///< Refused until the battery is above battery_rearm per cell.
   kNotSaved = 6,  ///< The EEPROM failed verification after the write.
   kBatteryUnknown = 7,  ///< Refused until the first battery reading, 0.1 s after the start; try again.
   kArmed = 8,  ///< Refused while armed; disarm first.
   kBadParameters = 9,  ///< The saved parameters are invalid; the live parameters stay.
-  kBatteryHigh = 10,  ///< Refused while the battery reads above 9.0 V.
+  kBatteryHigh = 10,  ///< Refused while the battery reads above 4.5 V per cell.
 };
 constexpr uint8_t kAckStatusCount = 11;
 
@@ -141,7 +141,7 @@ struct __attribute__((packed)) GetParameter {
 /// Firmware version, board and robot constants; the answer to `identify`.
 struct __attribute__((packed)) Identity {
   static constexpr uint8_t kId = 0x81;
-  static constexpr size_t kSize = 17;
+  static constexpr size_t kSize = 21;
   uint32_t schema_hash;  ///< CRC-32 of this schema; the first field in every version.
   uint8_t version_major;  ///< Firmware version, major.
   uint8_t version_minor;  ///< Firmware version, minor.
@@ -152,6 +152,9 @@ struct __attribute__((packed)) Identity {
   uint16_t counts_per_rev;  ///< [count] Encoder counts per wheel revolution.
   uint16_t wheel_radius_mm;  ///< [mm] Wheel radius.
   uint16_t track_mm;  ///< [mm] Distance between the middle wheels' contact points.
+  uint8_t reversed_sides;  ///< Bits 0 to 3: left motor, right motor, left encoder, right encoder.
+  uint8_t battery_cells;  ///< Cells of the battery in series.
+  uint16_t pwm_frequency_Hz;  ///< [Hz] PWM frequency of the motors.
   ParameterSource parameters;  ///< Where they were last loaded from or saved to.
 };
 
@@ -176,7 +179,7 @@ struct __attribute__((packed)) Telemetry {
   int16_t right_current_mA;  ///< [mA] Motor current, averaged over 96 ms.
   State state;  ///< Supervisor state.
   Fault fault;  ///< Latched fault.
-  uint8_t warnings;  ///< Bit 0: battery below 7.0 V.
+  uint8_t warnings;  ///< Bit 0: battery below battery_rearm.
   uint16_t rx_frames;  ///< Valid frames received since reset; wraps.
   uint16_t rx_errors;  ///< Frames rejected since reset; wraps. One lost byte invalidates its frame.
   uint16_t tx_dropped;  ///< Control ticks without telemetry since reset, because the line was busy; wraps.
@@ -216,13 +219,26 @@ constexpr uint8_t HostPayloadSize(uint8_t id) {
 enum class Parameter : uint8_t {
   kKp = 0,  ///< [PWM/(rad/s) * 524.288] Proportional gain.
   kKi = 1,  ///< [PWM/(rad/s) per tick * 524.288] Integral gain, applied once per control tick.
-  kKs = 2,  ///< [PWM * 128.0] Feed-forward for static friction, at 7.4 V.
-  kKv = 3,  ///< [PWM/(rad/s) * 524.288] Feed-forward for speed, at 7.4 V. 0 also disables ka and the speed prediction.
-  kKa = 4,  ///< [PWM/(rad/s^2) * 524.288] Feed-forward for acceleration, at 7.4 V. ka / kv is the wheel's time constant.
+  kKs = 2,  ///< [PWM * 128.0] Feed-forward for static friction, at 3.7 V per cell.
+  kKv = 3,  ///< [PWM/(rad/s) * 524.288] Feed-forward for speed, at 3.7 V per cell. 0 also disables ka and the speed prediction.
+  kKa = 4,  ///< [PWM/(rad/s^2) * 524.288] Feed-forward for acceleration, at 3.7 V per cell. ka / kv is the wheel's time constant.
   kAcceleration = 5,  ///< [rad/s^2 * 100.0] Acceleration limit of the set-point ramp; 0 = no ramp.
   kCurrentLimit = 6,  ///< [A * 1000.0] A motor current above this for 0.3 s is a fault. The sensor measures up to 20 A.
+  kCountsPerRev = 7,  ///< [count * 1.0] Encoder counts per wheel revolution.
+  kWheelRadius = 8,  ///< [mm * 1.0] Wheel radius.
+  kTrack = 9,  ///< [mm * 1.0] Distance between the middle wheels' contact points.
+  kLeftMotorReversed = 10,  ///< [ * 1.0] 1: the left motor runs forward when its pins say reverse.
+  kRightMotorReversed = 11,  ///< [ * 1.0] 1: the right motor runs forward when its pins say reverse.
+  kLeftEncoderReversed = 12,  ///< [ * 1.0] 1: the left encoder counts down while the wheel rolls forward.
+  kRightEncoderReversed = 13,  ///< [ * 1.0] 1: the right encoder counts down while the wheel rolls forward.
+  kBatteryCells = 14,  ///< [ * 1.0] Battery cells in series. Above 4.5 V per cell is a fault.
+  kBatteryStop = 15,  ///< [V * 1000.0] Voltage per cell below which the motors stop.
+  kBatteryRearm = 16,  ///< [V * 1000.0] Voltage per cell above which the robot may be armed.
+  kCurrentScale = 17,  ///< [mA * 512.0] Motor current per ADC count.
+  kCurrentZero = 18,  ///< [count * 1.0] ADC reading of a motor current of zero.
+  kPwmFrequency = 19,  ///< [Hz * 1.0] PWM frequency: 122, 245, 490, 980, 3922 or 31373 (silent); another value is rounded down.
 };
-constexpr uint8_t kParameterCount = 7;
+constexpr uint8_t kParameterCount = 20;
 
 /// Range and default of a parameter, as wire values.
 struct ParameterRange {
@@ -236,6 +252,19 @@ constexpr ParameterRange kParameterRanges[kParameterCount] = {
     {0, 10486, 673},  // ka
     {0, 20000, 800},  // acceleration
     {1000, 20000, 8000},  // current_limit
+    {40, 30000, 1200},  // counts_per_rev
+    {10, 500, 62},  // wheel_radius
+    {50, 2000, 245},  // track
+    {0, 1, 0},  // left_motor_reversed
+    {0, 1, 0},  // right_motor_reversed
+    {0, 1, 0},  // left_encoder_reversed
+    {0, 1, 0},  // right_encoder_reversed
+    {1, 7, 2},  // battery_cells
+    {2500, 4000, 3200},  // battery_stop
+    {2600, 4200, 3500},  // battery_rearm
+    {512, 30720, 25000},  // current_scale
+    {0, 1023, 511},  // current_zero
+    {122, 31373, 122},  // pwm_frequency
 };
 
 }  // namespace fw

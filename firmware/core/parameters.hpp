@@ -1,6 +1,7 @@
 #pragma once
 #include <stdint.h>
 
+#include "core/battery.hpp"
 #include "core/messages.hpp"
 #include "core/wheel.hpp"
 
@@ -12,6 +13,9 @@ constexpr int16_t Largest(Parameter parameter) {
 static_assert(Largest(Parameter::kKp) <= kMaxKp && Largest(Parameter::kKi) <= kMaxKi,
               "the PI is verified up to these gains");
 static_assert(Largest(Parameter::kKs) <= 12800, "the PI's feed-forward range must hold the largest ks");
+
+/// From this parameter on they describe the robot. They change only while the motors are off.
+constexpr uint8_t kFirstRobotParameter = static_cast<uint8_t>(Parameter::kCountsPerRev);
 
 /// The live parameters as wire values.
 class Parameters {
@@ -42,10 +46,25 @@ class Parameters {
     config->pi = {Get(Parameter::kKp), Get(Parameter::kKi)};
     config->ramp_step_mrad_s = RampStep(Get(Parameter::kAcceleration));
     DeriveModel(Get(Parameter::kKv), Get(Parameter::kKa), config->ramp_step_mrad_s, &config->feed_forward);
-    ScaleToSupply(Get(Parameter::kKs), Get(Parameter::kKv), SupplyRatio(battery_mV), &config->feed_forward);
+    ScaleToSupply(Get(Parameter::kKs), Get(Parameter::kKv), SupplyRatio(battery_mV, OfCells(kCellNominal_mV)),
+                  &config->feed_forward);
+    config->speed = MakeSpeedScale(static_cast<uint16_t>(Get(Parameter::kCountsPerRev)));
+    config->left_encoder_reversed = IsSet(Parameter::kLeftEncoderReversed);
+    config->right_encoder_reversed = IsSet(Parameter::kRightEncoderReversed);
+  }
+
+  bool IsSet(Parameter parameter) const { return Get(parameter) != 0; }
+
+  BatteryLimits battery_limits() const {
+    return {OfCells(Get(Parameter::kBatteryStop)), OfCells(Get(Parameter::kBatteryRearm)),
+            OfCells(kCellHigh_mV)};
   }
 
  private:
+  uint16_t OfCells(uint16_t cell_mV) const {
+    return static_cast<uint16_t>(cell_mV * static_cast<uint16_t>(Get(Parameter::kBatteryCells)));
+  }
+
   int16_t values_[kParameterCount];
 };
 

@@ -6,27 +6,38 @@
 
 namespace fw {
 
-/// Factor applied to the counts of a tick before the multiplication, so that the constant fits 16 bits at
-/// every rate.
-constexpr int16_t kSpeedScale = kControlRate_Hz >= 100 ? 8 : kControlRate_Hz >= 50 ? 4 : 1;
+/// Speed of one count per tick [mrad/s], in two parts, and the largest number of counts whose speed fits the
+/// wire's int16.
+struct SpeedScale {
+  int16_t whole, fraction;  ///< fraction: Q16, -1/2 to 1/2
+  int16_t max_counts;
+};
 
-/// Speed of one count per tick [mrad/s], Q8, divided by kSpeedScale. Integer arithmetic, because the chip's
-/// double has only 4 bytes: chip and host build agree bit for bit.
+/// Compute the scale for an encoder. It divides, so it does not run in the control tick. Integer arithmetic,
+/// because the chip's double has only 4 bytes: chip and host build agree bit for bit.
 constexpr uint64_t kTwoPi_nrad = 6283185307ULL;
-constexpr uint64_t kSpeedDivisor = 1000000ULL * kSpeedScale * kCountsPerRev;
-constexpr int16_t kSpeedPerCountQ8 =
-    static_cast<int16_t>((kTwoPi_nrad * kControlRate_Hz * 256 + kSpeedDivisor / 2) / kSpeedDivisor);
-static_assert(kControlRate_Hz != 10 || (kSpeedPerCountQ8 + 128) / 256 == 52,
-              "one count in 100 ms is 52.36 mrad/s (thesis, eq. 2.1)");
-
-/// Largest number of counts per tick whose speed fits the wire's int16.
-constexpr int16_t kMaxCounts = static_cast<int16_t>(int32_t(32767) * 256 / kSpeedPerCountQ8 / kSpeedScale);
+inline SpeedScale MakeSpeedScale(uint16_t counts_per_rev) {
+  constexpr uint32_t kTurnQ12 =
+      static_cast<uint32_t>((kTwoPi_nrad * kControlRate_Hz * 4096 + 500000) / 1000000);
+  const uint32_t scale_q12 = kTurnQ12 / counts_per_rev;
+  const uint32_t rest = kTurnQ12 % counts_per_rev;
+  const uint16_t fraction =
+      static_cast<uint16_t>((scale_q12 & 0xFFF) << 4 | ((rest << 4) / counts_per_rev));  // 0 to 1
+  const int16_t whole = static_cast<int16_t>((scale_q12 >> 12) + (fraction >> 15));
+  const int16_t most = static_cast<int16_t>((uint32_t(INT16_MAX) << 12) / (scale_q12 + 1));
+  return {whole, static_cast<int16_t>(fraction), most};
+}
+static_assert(kTwoPi_nrad * kControlRate_Hz / 1000000 / 40 < INT16_MAX,
+              "one count of the coarsest encoder must fit the wire's int16");
 
 /// Return the counts of one tick as a speed [mrad/s], clamped to int16.
-inline int16_t SpeedFromCounts(int16_t counts) {
-  const int16_t used = counts > kMaxCounts ? kMaxCounts : counts < -kMaxCounts ? -kMaxCounts : counts;
-  const int16_t scaled = static_cast<int16_t>(used * kSpeedScale);
-  return RoundShift8(Product(scaled, kSpeedPerCountQ8));
+__attribute__((always_inline)) inline int16_t SpeedFromCounts(const SpeedScale& scale, int16_t counts) {
+  int16_t used = counts;
+  // One comparison in the usual case: counts + max_counts is negative, and so large, below -max_counts.
+  if (static_cast<uint16_t>(counts + scale.max_counts) > static_cast<uint16_t>(scale.max_counts * 2)) {
+    used = counts < 0 ? static_cast<int16_t>(-scale.max_counts) : scale.max_counts;
+  }
+  return static_cast<int16_t>(used * scale.whole + RoundShift16(Product(used, scale.fraction)));
 }
 
 // ADC sums: 32 samples of 10 bits, round robin over three channels, 1 ms apart. Together 96 ms, many PWM
@@ -40,12 +51,11 @@ constexpr uint16_t BatteryFromSum_mV(uint16_t sum) {
   return static_cast<uint16_t>((uint32_t(sum) * kBatteryQ16) >> 16);
 }
 
-/// Motor current [mA] from an ADC sum: 100 mV/A, zero at 511, 5 V over 1024 steps.
-constexpr int16_t kCurrentQ15 = static_cast<int16_t>(5000L * 10 * 32768 / 1024 / kAdcSamples / 2);
-inline int16_t CurrentFromSum_mA(uint16_t sum) {
-  return RoundShift16(Product(static_cast<int16_t>(sum - 511 * kAdcSamples), kCurrentQ15) * 4);
+/// Motor current [mA] from an ADC sum. scale: [mA / 512 per count]; zero: reading of no current, as one
+/// sample.
+inline int16_t CurrentFromSum_mA(uint16_t sum, int16_t scale, int16_t zero) {
+  const int16_t above = static_cast<int16_t>(sum - static_cast<uint16_t>(zero) * kAdcSamples);
+  return static_cast<int16_t>(Limit((Product(above, scale) + (1L << 13)) >> 14, INT16_MAX));
 }
-static_assert(int64_t(512) * kAdcSamples * kCurrentQ15 * 4 <= INT32_MAX,
-              "the intermediate result of a current must fit int32");
 
 }  // namespace fw

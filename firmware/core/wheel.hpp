@@ -14,6 +14,8 @@ struct WheelConfig {
   PiGains pi;
   FeedForwardGains feed_forward;
   int16_t ramp_step_mrad_s;
+  SpeedScale speed;
+  bool left_encoder_reversed, right_encoder_reversed;
 };
 
 /// Result of one control tick for one wheel.
@@ -31,17 +33,16 @@ struct WheelSample {
 /// interval. Without kv there is no model, and the PI acts on the newest set-point, as in the thesis.
 class WheelController {
  public:
-  /// counts: of the interval just ended. target_mrad_s: within +-17 rad/s.
-  void Step(const WheelConfig& config, int16_t target_mrad_s, int16_t counts, WheelSample* sample) {
+  /// speed_mrad_s: of the interval just ended. target_mrad_s: within +-17 rad/s.
+  void Step(const WheelConfig& config, int16_t target_mrad_s, int16_t speed_mrad_s, WheelSample* sample) {
     const int16_t last = setpoint_mrad_s_;
     const int16_t next = Ramp(last, target_mrad_s, config.ramp_step_mrad_s);
-    const int16_t speed = SpeedFromCounts(counts);
     const int16_t wanted = config.feed_forward.kv != 0 ? feed_forward_.predicted() : next;
     const int32_t output = feed_forward_.Step(config.feed_forward, last, next);
     setpoint_mrad_s_ = next;
-    sample->speed_mrad_s = speed;
+    sample->speed_mrad_s = speed_mrad_s;
     sample->setpoint_mrad_s = last;
-    sample->pwm = pi_.Step(config.pi, Difference(wanted, speed), output, next == 0);
+    sample->pwm = pi_.Step(config.pi, Difference(wanted, speed_mrad_s), output, next == 0);
     sample->integral_pwm_64 = IntegralInPwm64(pi_.integral());
   }
 

@@ -84,6 +84,11 @@ class Chip:
         self._elf = elf
         self.clock_Hz = CPU_HZ * (1.0 + (params.board.clock_drift if params else 0.0))
 
+    @property
+    def elf(self) -> Path:
+        """The program that it runs."""
+        return self._elf
+
     def close(self) -> None:
         """Free the chip. Call no other method afterwards; a second `close` does nothing."""
         if self._handle is not None:

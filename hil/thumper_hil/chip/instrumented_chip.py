@@ -38,6 +38,10 @@ class InstrumentedChip(Chip):
             raise ChipError(f"{count} bytes at 0x{address:04x} reach past the end of flash")
         return data.raw
 
+    def poke(self, address: int, byte: int) -> None:
+        """Overwrite one byte of the data space, without the effects of a write by the program."""
+        self._library.thumper_poke(self._handle, address, byte)
+
     def eeprom(self) -> bytes:
         """Return the whole EEPROM."""
         data = ctypes.create_string_buffer(EEPROM_BYTES)

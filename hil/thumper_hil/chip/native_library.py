@@ -114,9 +114,17 @@ def load_library() -> ctypes.CDLL:
         "write_eeprom": (ctypes.c_int, [chip, ctypes.c_uint32, ctypes.c_char_p, size]),
         "read_eeprom": (ctypes.c_int, [chip, ctypes.c_uint32, ctypes.c_char_p, size]),
         "start_at": (None, [chip, ctypes.c_uint32]),
+        "poke": (None, [chip, ctypes.c_uint16, byte]),
         "edges_open": (ctypes.c_void_p, [chip, ctypes.c_char, ctypes.c_int, ctypes.c_int]),
         "edges_start": (None, [ctypes.c_void_p, cycle, cycle, cycle]),
         "edges_close": (None, [ctypes.c_void_p]),
+        "sweep": (
+            ctypes.c_int,
+            [
+                *(chip, ctypes.c_void_p, cycle, ctypes.c_int, ctypes.c_char, ctypes.c_int),
+                *(ctypes.c_char_p, size, cycle, ctypes.c_int, ctypes.c_void_p, size),
+            ],
+        ),
         "probe_open": (ctypes.c_void_p, [chip, ctypes.c_int]),
         "probe_run": (ctypes.c_int, [ctypes.c_void_p, cycle]),
         "probe_report": (None, [ctypes.c_void_p, ctypes.c_void_p]),

@@ -11,7 +11,7 @@ from struct import Struct
 from types import MappingProxyType
 from typing import ClassVar, Protocol, Self
 
-SCHEMA_HASH: int = 0x7C8BEDE3
+SCHEMA_HASH: int = 0x3FDA52B7
 
 
 class Command(IntEnum):
@@ -40,7 +40,7 @@ class Fault(IntEnum):
 
     NONE = 0  # No fault.
     LINK_LOST = 1  # No motion command for 300 ms while armed.
-    LOW_BATTERY = 2  # Battery below 6.4 V; clears only above 7.0 V.
+    LOW_BATTERY = 2  # Battery below battery_stop per cell; clears only above battery_rearm.
     E_STOP = 3  # The host sent E_STOP.
     STALL_LEFT = 4  # Fewer than 3 counts after 38 PWM s: blocked, or encoder or motor dead.
     STALL_RIGHT = 5  # As STALL_LEFT, for the right side.
@@ -51,7 +51,7 @@ class Fault(IntEnum):
     WATCHDOG = 10  # The firmware hung; the watchdog restarted it.
     BAD_PARAMETERS = 11  # The saved parameters are invalid; the defaults are in use.
     ADC_STOPPED = 12  # No analogue reading for 50 ms: battery and motor currents are unknown.
-    HIGH_BATTERY = 13  # Battery above 9.0 V: not a 2-cell pack, or its voltage divider is broken.
+    HIGH_BATTERY = 13  # Battery above 4.5 V per cell: another pack, or its voltage divider is broken.
 
 
 class AckStatus(IntEnum):
@@ -62,12 +62,12 @@ class AckStatus(IntEnum):
     UNKNOWN_PARAMETER = 2  # No parameter has this index.
     OUT_OF_RANGE = 3  # Value outside the parameter's range; the old value stays.
     FAULT_LATCHED = 4  # Refused while a fault is latched; send CLEAR_FAULT first.
-    BATTERY_LOW = 5  # Refused until the battery is above 7.0 V.
+    BATTERY_LOW = 5  # Refused until the battery is above battery_rearm per cell.
     NOT_SAVED = 6  # The EEPROM failed verification after the write.
     BATTERY_UNKNOWN = 7  # Refused until the first battery reading, 0.1 s after the start; try again.
     ARMED = 8  # Refused while armed; disarm first.
     BAD_PARAMETERS = 9  # The saved parameters are invalid; the live parameters stay.
-    BATTERY_HIGH = 10  # Refused while the battery reads above 9.0 V.
+    BATTERY_HIGH = 10  # Refused while the battery reads above 4.5 V per cell.
 
 
 class BoardModel(IntEnum):
@@ -246,7 +246,7 @@ class Identity:
     """Firmware version, board and robot constants; the answer to `identify`."""
 
     ID: ClassVar[int] = 0x81
-    _LAYOUT: ClassVar[Struct] = Struct("<IBBBBBBHHHB")
+    _LAYOUT: ClassVar[Struct] = Struct("<IBBBBBBHHHBBHB")
 
     schema_hash: int  # CRC-32 of this schema; the first field in every version.
     version_major: int  # Firmware version, major.
@@ -258,10 +258,13 @@ class Identity:
     counts_per_rev: int  # [count] Encoder counts per wheel revolution.
     wheel_radius_mm: int  # [mm] Wheel radius.
     track_mm: int  # [mm] Distance between the middle wheels' contact points.
+    reversed_sides: int  # Bits 0 to 3: left motor, right motor, left encoder, right encoder.
+    battery_cells: int  # Cells of the battery in series.
+    pwm_frequency_Hz: int  # [Hz] PWM frequency of the motors.
     parameters: ParameterSource  # Where they were last loaded from or saved to.
 
     def pack(self) -> bytes:
-        """Return the payload, 17 bytes."""
+        """Return the payload, 21 bytes."""
         return self._LAYOUT.pack(
             self.schema_hash,
             self.version_major,
@@ -273,6 +276,9 @@ class Identity:
             self.counts_per_rev,
             self.wheel_radius_mm,
             self.track_mm,
+            self.reversed_sides,
+            self.battery_cells,
+            self.pwm_frequency_Hz,
             self.parameters,
         )
 
@@ -292,6 +298,9 @@ class Identity:
             counts_per_rev,
             wheel_radius_mm,
             track_mm,
+            reversed_sides,
+            battery_cells,
+            pwm_frequency_Hz,
             parameters,
         ) = cls._LAYOUT.unpack(payload)
         return cls(
@@ -305,6 +314,9 @@ class Identity:
             counts_per_rev=counts_per_rev,
             wheel_radius_mm=wheel_radius_mm,
             track_mm=track_mm,
+            reversed_sides=reversed_sides,
+            battery_cells=battery_cells,
+            pwm_frequency_Hz=pwm_frequency_Hz,
             parameters=ParameterSource(parameters),
         )
 
@@ -333,7 +345,7 @@ class Telemetry:
     right_current_mA: int  # [mA] Motor current, averaged over 96 ms.
     state: State  # Supervisor state.
     fault: Fault  # Latched fault.
-    warnings: int  # Bit 0: battery below 7.0 V.
+    warnings: int  # Bit 0: battery below battery_rearm.
     rx_frames: int  # Valid frames received since reset; wraps.
     rx_errors: int  # Frames rejected since reset; wraps. One lost byte invalidates its frame.
     tx_dropped: int  # Control ticks without telemetry since reset, because the line was busy; wraps.
@@ -523,7 +535,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         maximum=100.0,
         default=19.3,
         scale=128.0,
-        doc="Feed-forward for static friction, at 7.4 V.",
+        doc="Feed-forward for static friction, at 3.7 V per cell.",
     ),
     ParameterSpec(
         index=3,
@@ -533,7 +545,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         maximum=60.0,
         default=17.12,
         scale=524.288,
-        doc="Feed-forward for speed, at 7.4 V. 0 also disables ka and the speed prediction.",
+        doc="Feed-forward for speed, at 3.7 V per cell. 0 also disables ka and the speed prediction.",
     ),
     ParameterSpec(
         index=4,
@@ -543,7 +555,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         maximum=20.0,
         default=1.284,
         scale=524.288,
-        doc="Feed-forward for acceleration, at 7.4 V. ka / kv is the wheel's time constant.",
+        doc="Feed-forward for acceleration, at 3.7 V per cell. ka / kv is the wheel's time constant.",
     ),
     ParameterSpec(
         index=5,
@@ -564,5 +576,135 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         default=8.0,
         scale=1000.0,
         doc="A motor current above this for 0.3 s is a fault. The sensor measures up to 20 A.",
+    ),
+    ParameterSpec(
+        index=7,
+        name="counts_per_rev",
+        unit="count",
+        minimum=40.0,
+        maximum=30000.0,
+        default=1200.0,
+        scale=1.0,
+        doc="Encoder counts per wheel revolution.",
+    ),
+    ParameterSpec(
+        index=8,
+        name="wheel_radius",
+        unit="mm",
+        minimum=10.0,
+        maximum=500.0,
+        default=62.0,
+        scale=1.0,
+        doc="Wheel radius.",
+    ),
+    ParameterSpec(
+        index=9,
+        name="track",
+        unit="mm",
+        minimum=50.0,
+        maximum=2000.0,
+        default=245.0,
+        scale=1.0,
+        doc="Distance between the middle wheels' contact points.",
+    ),
+    ParameterSpec(
+        index=10,
+        name="left_motor_reversed",
+        unit="",
+        minimum=0.0,
+        maximum=1.0,
+        default=0.0,
+        scale=1.0,
+        doc="1: the left motor runs forward when its pins say reverse.",
+    ),
+    ParameterSpec(
+        index=11,
+        name="right_motor_reversed",
+        unit="",
+        minimum=0.0,
+        maximum=1.0,
+        default=0.0,
+        scale=1.0,
+        doc="1: the right motor runs forward when its pins say reverse.",
+    ),
+    ParameterSpec(
+        index=12,
+        name="left_encoder_reversed",
+        unit="",
+        minimum=0.0,
+        maximum=1.0,
+        default=0.0,
+        scale=1.0,
+        doc="1: the left encoder counts down while the wheel rolls forward.",
+    ),
+    ParameterSpec(
+        index=13,
+        name="right_encoder_reversed",
+        unit="",
+        minimum=0.0,
+        maximum=1.0,
+        default=0.0,
+        scale=1.0,
+        doc="1: the right encoder counts down while the wheel rolls forward.",
+    ),
+    ParameterSpec(
+        index=14,
+        name="battery_cells",
+        unit="",
+        minimum=1.0,
+        maximum=7.0,
+        default=2.0,
+        scale=1.0,
+        doc="Battery cells in series. Above 4.5 V per cell is a fault.",
+    ),
+    ParameterSpec(
+        index=15,
+        name="battery_stop",
+        unit="V",
+        minimum=2.5,
+        maximum=4.0,
+        default=3.2,
+        scale=1000.0,
+        doc="Voltage per cell below which the motors stop.",
+    ),
+    ParameterSpec(
+        index=16,
+        name="battery_rearm",
+        unit="V",
+        minimum=2.6,
+        maximum=4.2,
+        default=3.5,
+        scale=1000.0,
+        doc="Voltage per cell above which the robot may be armed.",
+    ),
+    ParameterSpec(
+        index=17,
+        name="current_scale",
+        unit="mA",
+        minimum=1.0,
+        maximum=60.0,
+        default=48.828125,
+        scale=512.0,
+        doc="Motor current per ADC count.",
+    ),
+    ParameterSpec(
+        index=18,
+        name="current_zero",
+        unit="count",
+        minimum=0.0,
+        maximum=1023.0,
+        default=511.0,
+        scale=1.0,
+        doc="ADC reading of a motor current of zero.",
+    ),
+    ParameterSpec(
+        index=19,
+        name="pwm_frequency",
+        unit="Hz",
+        minimum=122.0,
+        maximum=31373.0,
+        default=122.0,
+        scale=1.0,
+        doc="PWM frequency: 122, 245, 490, 980, 3922 or 31373 (silent); another value is rounded down.",
     ),
 )

@@ -2,7 +2,9 @@
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 from thumper.board.board import Board
 from thumper.board.messages import Identity
@@ -36,6 +38,8 @@ from thumper.slam.factory import make_mapper
 from thumper.slam.mode_switch import SlamModeSwitch
 from thumper.slam.saved_state import SavedSlamState
 
+Drive = TypeVar("Drive", bound=DriveGeometry)
+
 
 @contextmanager
 def open_robot(
@@ -61,7 +65,7 @@ def open_robot(
         stack.enter_context(record_interrupts())
         board = Board.open(config.board.port, baud=config.board.baud)
         stack.callback(board.close)
-        _check_geometry(config.drive, board.identity)
+        config = replace(config, drive=geometry_of(config.drive, board.identity))
         lidar = open_lidar(config.lidar)
         stack.callback(lidar.close)
         mapper = robot_mapper(config, map_from_base or Pose2())
@@ -133,7 +137,7 @@ def _connect(config: RobotConfig) -> Connecting:
     """Reach the configured board again; raises ThumperError if it is another one."""
     board = yield from Board.connect(config.board.port, baud=config.board.baud)
     try:
-        _check_geometry(config.drive, board.identity)
+        geometry_of(config.drive, board.identity)
     except ThumperError:
         board.close()
         raise
@@ -181,16 +185,25 @@ def _report_motors_off() -> Iterator[None]:
         raise KeyboardInterrupt("the motors are off") from None
 
 
-def _check_geometry(drive: DriveGeometry, identity: Identity) -> None:
-    """Refuse a board with another geometry: it converts counts to speeds, which would be wrong."""
+def geometry_of(drive: Drive, identity: Identity) -> Drive:
+    """Return the geometry with the board's encoder and wheels where the configuration has the defaults.
+
+    Refuses a contradiction: the board converts counts to speeds, which would be wrong.
+    """
+    default = DriveGeometry()
+    if drive.counts_per_rev == default.counts_per_rev:
+        drive = replace(drive, counts_per_rev=identity.counts_per_rev)
+    if drive.wheel_radius_m == default.wheel_radius_m:
+        drive = replace(drive, wheel_radius_m=identity.wheel_radius_mm / 1000.0)
     wheel_radius_mm = round(1000.0 * drive.wheel_radius_m)
     if (identity.counts_per_rev, identity.wheel_radius_mm) != (drive.counts_per_rev, wheel_radius_mm):
         raise ThumperError(
-            f"the firmware was built for {identity.counts_per_rev} counts per revolution and wheels of "
+            f"the board is set to {identity.counts_per_rev} counts per revolution and wheels of "
             f"{identity.wheel_radius_mm} mm, the configuration says {drive.counts_per_rev} and "
-            f"{wheel_radius_mm} mm: correct [drive], or build and flash the firmware for this robot",
+            f"{wheel_radius_mm} mm: correct [drive], or set counts_per_rev and wheel_radius on the board",
             exit_code=EXIT_USAGE,
         )
+    return drive
 
 
 def warm_up(config: RobotConfig) -> None:

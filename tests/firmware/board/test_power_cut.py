@@ -35,7 +35,12 @@ def board() -> InstrumentedChip:
 
 def values(part: float) -> list[int]:
     """Return a parameter set at this fraction of each range."""
-    return [round(spec.scale * (spec.minimum + part * (spec.maximum - spec.minimum))) for spec in PARAMETERS]
+    return [
+        round(spec.scale * spec.default)
+        if spec.name.startswith("battery")  # a save needs a charged one
+        else round(spec.scale * (spec.minimum + part * (spec.maximum - spec.minimum)))
+        for spec in PARAMETERS
+    ]
 
 
 def choose(chip: InstrumentedChip, wanted: list[int]) -> None:
@@ -100,7 +105,7 @@ def test_a_cut_in_a_later_save_leaves_the_old_set_or_the_new(
     saves: list[list[bytes]], number: int, before: float, after: float
 ) -> None:
     snapshots = saves[number]
-    assert len(snapshots) > 2 * len(PARAMETERS)  # nearly every byte of the slot
+    assert len(snapshots) > 1.5 * len(PARAMETERS)  # every byte that differs
     for eeprom in snapshots[:-1]:
         assert after_power_on(eeprom) == (values(before), ParameterSource.SAVED)
     whole = (values(before), values(after))

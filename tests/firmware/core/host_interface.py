@@ -68,7 +68,7 @@ class HostInterface:
         assert (ack.request_id, ack.request_seq) == (m.CommandRequest.ID, 5)
         return ack.status
 
-    def work(self, passes: int = 200) -> list[tuple[int, m.Message]]:
+    def work(self, passes: int = 500) -> list[tuple[int, m.Message]]:
         """Run passes of the main loop's save and load work; return the answers."""
         answers = []
         out = ctypes.create_string_buffer(100)

@@ -272,7 +272,7 @@ def test_derived_constants_use_live_parameters_and_battery_voltage(core: ctypes.
     host = HostInterface(core, battery_mV=8000)
     host.set("kp", 1234)
     initial = [round(spec.default * spec.scale) for spec in m.PARAMETERS]
-    values = (ctypes.c_int32 * 7)(1234, *initial[1:])
+    values = (ctypes.c_int32 * 7)(1234, *initial[1:7])
     due, given = (ctypes.c_int32 * 8)(), (ctypes.c_int32 * 8)()
     core.derive(values, 8000, due)
     core.host_derive(host.handle, given)

@@ -91,7 +91,7 @@ def test_every_tick_of_any_drive_is_within_one_pwm(
     state, out = (ctypes.c_int32 * 4)(), (ctypes.c_int * 4)()
     for target, stretch, counts, battery_mV in ticks:
         constants = constants_of(core, values, battery_mV)
-        turned = core.speed_from_counts(counts) / (2 * math.pi * rate_Hz / 1200 * 1000)  # whole mrad/s
+        turned = core.speed_from_counts(counts, 1200) / (2 * math.pi * rate_Hz / 1200 * 1000)  # whole mrad/s
         for _ in range(stretch):
             core.wheel_state(chip, state)
             reference.set_state(state)

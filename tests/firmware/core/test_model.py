@@ -130,7 +130,7 @@ def test_the_integral_clears_when_the_wheel_has_stopped(core: ctypes.CDLL) -> No
 def test_the_gains_follow_the_battery_rounded_to_nearest(core: ctypes.CDLL) -> None:
     out = (ctypes.c_int32 * 8)()
     for battery_mV in range(5000, 14_000, 37):
-        ratio = core.supply_ratio(battery_mV) / 4096
+        ratio = core.supply_ratio(battery_mV, 7400) / 4096
         for kv in (1, 2, 3, 8976, 20_001):
             core.derive(wire(ks=2470, kv=kv), battery_mV, out)
             assert out[2] == 2470 * ratio * 4096

@@ -76,7 +76,21 @@ def test_position_unwraps_to_32_bits(core: ctypes.CDLL, deltas: list[int]) -> No
     position = 0
     for delta in deltas:
         position += delta
-        assert core.side_step(side, State.DISARMED, 0, position % 0x10000, out) == position
+        assert core.side_step(side, State.DISARMED, 0, position % 0x10000, 0, out) == position
+
+
+@settings(max_examples=100, deadline=None)
+@given(steps=st.lists(st.tuples(st.integers(-300, 300), st.booleans()), max_size=50))
+def test_a_reversed_encoder_counts_the_other_way_and_never_leaps(
+    core: ctypes.CDLL, steps: list[tuple[int, bool]]
+) -> None:
+    side = core.side_new()
+    out = (ctypes.c_int * 3)()
+    decoded = position = 0
+    for delta, reverse in steps:
+        decoded += delta
+        position += -delta if reverse else delta
+        assert core.side_step(side, State.DISARMED, 0, decoded % 0x10000, int(reverse), out) == position
 
 
 def test_only_the_armed_states_drive(core: ctypes.CDLL) -> None:
@@ -88,11 +102,11 @@ def test_only_the_armed_states_drive(core: ctypes.CDLL) -> None:
         (State.MANUAL, 255, 255),
         (State.FAULT, 100, 0),
     ):
-        core.side_step(side, state, value, 0, out)
+        core.side_step(side, state, value, 0, 0, out)
         assert list(out) == [0, pwm, 0]
-    core.side_step(side, State.CLOSED_LOOP, 5000, 0, out)
-    core.side_step(side, State.CLOSED_LOOP, 5000, 0, out)
+    core.side_step(side, State.CLOSED_LOOP, 5000, 0, 0, out)
+    core.side_step(side, State.CLOSED_LOOP, 5000, 0, 0, out)
     assert (out[0], out[1] > 19) == (800, True)
-    core.side_step(side, State.DISARMED, 0, 0, out)
-    core.side_step(side, State.CLOSED_LOOP, 0, 0, out)
+    core.side_step(side, State.DISARMED, 0, 0, 0, out)
+    core.side_step(side, State.CLOSED_LOOP, 0, 0, 0, out)
     assert list(out) == [0, 0, 0], "no residue of the last drive"

@@ -40,18 +40,23 @@ def test_ramp_step_is_the_acceleration_per_tick(
         assert core.ramp_step(acceleration) == (max(1, rounded) if acceleration else 0)
 
 
+@pytest.mark.parametrize("counts_per_rev", [40, 333, 1200, 1920, 12_345, 30_000])
 @pytest.mark.parametrize("rate_Hz", [10, 50, 100])
 def test_speed_is_the_thesis_formula_to_a_hundred_thousandth(
-    core_at_rate: Callable[[int], ctypes.CDLL], rate_Hz: int
+    core_at_rate: Callable[[int], ctypes.CDLL], rate_Hz: int, counts_per_rev: int
 ) -> None:
-    """omega = n 2 pi / (1200 T) (eq. 2.1), clamped to int16 and never wrapped."""
+    """omega = n 2 pi / (N T) (eq. 2.1), clamped to int16 and never wrapped."""
+    core = core_at_rate(rate_Hz)
+    per_count = math.tau * rate_Hz / counts_per_rev * 1000
     for counts in range(-700, 701):
-        exact = counts * math.tau * rate_Hz / 1200 * 1000
-        speed = core_at_rate(rate_Hz).speed_from_counts(counts)
-        if abs(exact) < 32_000:
+        exact = counts * per_count
+        speed = core.speed_from_counts(counts, counts_per_rev)
+        if abs(exact) < 32_767 - per_count:
             assert abs(speed - exact) <= 0.5 + 1e-5 * abs(exact)
-        assert math.copysign(1, speed) == math.copysign(1, counts)
-    assert 32_000 < core_at_rate(rate_Hz).speed_from_counts(32_767) <= 32_767
+        assert speed == 0 or math.copysign(1, speed) == math.copysign(1, counts)
+    fastest = core.speed_from_counts(32_767, counts_per_rev)
+    assert min(32_767 - 2 * per_count, 32_760 * per_count) < fastest <= 32_767
+    assert core.speed_from_counts(-32_768, counts_per_rev) == -fastest
 
 
 def test_a_difference_is_limited_and_never_wraps(core: ctypes.CDLL) -> None:
@@ -64,9 +69,26 @@ def test_battery_and_current_scales(core: ctypes.CDLL) -> None:
     """1007 counts are 30 V; 100 mV/A around 511 (sums of 32 samples)."""
     assert core.battery_from_sum(1007 * 32) == pytest.approx(30_000, abs=2)
     assert core.battery_from_sum(248 * 32) == pytest.approx(7_388, abs=2)
-    assert core.current_from_sum(511 * 32) == 0
-    assert core.current_from_sum(521 * 32) == 488
-    assert core.current_from_sum(101 * 32) == pytest.approx(-410 * 48.828, abs=1)
+    assert core.current_from_sum(511 * 32, 25_000, 511) == 0
+    assert core.current_from_sum(521 * 32, 25_000, 511) == 488
+    assert core.current_from_sum(101 * 32, 25_000, 511) == pytest.approx(-410 * 48.828, abs=1)
+
+
+@settings(max_examples=300, deadline=None)
+@given(sum_=st.integers(0, 1023 * 32), scale=st.integers(512, 30_720), zero=st.integers(0, 1023))
+def test_any_current_sensor_is_scaled_as_in_float64(
+    core: ctypes.CDLL, sum_: int, scale: int, zero: int
+) -> None:
+    exact = (sum_ / 32 - zero) * scale / 512
+    assert abs(core.current_from_sum(sum_, scale, zero) - max(-32_767.0, min(32_767.0, exact))) <= 0.501
+
+
+@settings(max_examples=300, deadline=None)
+@given(battery_mV=st.integers(1, 40_000), cells=st.integers(1, 7))
+def test_any_battery_is_compensated_as_in_float64(core: ctypes.CDLL, battery_mV: int, cells: int) -> None:
+    nominal = 3700 * cells
+    exact = nominal / min(max(battery_mV, math.ceil(2 * nominal / 3)), 2 * nominal)
+    assert 0 <= exact - core.supply_ratio(battery_mV, nominal) / 4096 < 1 / 4096
 
 
 def test_the_battery_scale_is_rounded_once_over_its_range(core: ctypes.CDLL) -> None:
@@ -76,12 +98,12 @@ def test_the_battery_scale_is_rounded_once_over_its_range(core: ctypes.CDLL) -> 
 
 def test_supply_ratio_follows_the_voltage_within_limits(core: ctypes.CDLL) -> None:
     """7.4 V over the voltage, Q12, rounded down; the voltage is limited to 2/3 ... 2 times 7.4 V."""
-    assert core.supply_ratio(0) == 4096
+    assert core.supply_ratio(0, 7400) == 4096
     for battery_mV in range(4934, 14_801):
-        assert core.supply_ratio(battery_mV) == 4096 * 7400 // battery_mV
-    assert core.supply_ratio(1) == core.supply_ratio(4933) == core.supply_ratio(4934)
-    assert core.supply_ratio(14_801) == 2048
-    assert core.supply_ratio(65_535) == 2048
+        assert core.supply_ratio(battery_mV, 7400) == 4096 * 7400 // battery_mV
+    assert core.supply_ratio(1, 7400) == core.supply_ratio(4933, 7400) == core.supply_ratio(4934, 7400)
+    assert core.supply_ratio(14_801, 7400) == 2048
+    assert core.supply_ratio(65_535, 7400) == 2048
 
 
 def test_a_start_up_dip_is_no_empty_battery(core: ctypes.CDLL) -> None:

@@ -83,7 +83,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
         auto* samples = host->samples();
         host->parameters().Derive(host->battery_mV(), &config);
         side.Step(host->command().mode, config, host->command().left, static_cast<uint16_t>(script.Take16()),
-                  &samples->left);
+                  false, &samples->left);
         samples->lost_edges = static_cast<uint16_t>(samples->lost_edges + script.Take());
         host->Watch();
         host->SendTelemetry(sink);

@@ -58,18 +58,19 @@ int pi_run(int kp, int ki, const int16_t* errors, int ticks, int16_t* pwms) {
 void pi_reset(int pi) { At<fw::PiController>(pi).Reset(); }
 int pi_integral(int pi) { return At<fw::PiController>(pi).integral(); }
 
-/// parameters: kParameterCount wire values. out: speed, set-point, PWM, integral, prediction constants.
+/// values: wire values of the gains, all parameters before those of the robot. out: speed, set-point, PWM,
+/// integral, prediction constants.
 int wheel_new() { return New<fw::WheelController>(); }
 int wheel_step(int wheel, const int32_t* values, int target, int counts, int battery_mV, int* out) {
   fw::Parameters parameters;
-  for (uint8_t i = 0; i < fw::kParameterCount; ++i) {
+  for (uint8_t i = 0; i < fw::kFirstRobotParameter; ++i) {
     if (parameters.Set(i, static_cast<int16_t>(values[i])) != fw::AckStatus::kOk) return -1;
   }
   fw::WheelConfig config;
   parameters.Derive(static_cast<uint16_t>(battery_mV), &config);
   fw::WheelSample sample;
-  At<fw::WheelController>(wheel).Step(config, static_cast<int16_t>(target), static_cast<int16_t>(counts),
-                                      &sample);
+  const int16_t speed = fw::SpeedFromCounts(config.speed, static_cast<int16_t>(counts));
+  At<fw::WheelController>(wheel).Step(config, static_cast<int16_t>(target), speed, &sample);
   out[0] = sample.speed_mrad_s;
   out[1] = sample.setpoint_mrad_s;
   out[2] = sample.pwm;
@@ -95,7 +96,7 @@ void wheel_state(int wheel, int32_t* out) {
 }
 void derive(const int32_t* values, int battery_mV, int32_t* out) {
   fw::Parameters parameters;
-  for (uint8_t i = 0; i < fw::kParameterCount; ++i) parameters.Set(i, static_cast<int16_t>(values[i]));
+  for (uint8_t i = 0; i < fw::kFirstRobotParameter; ++i) parameters.Set(i, static_cast<int16_t>(values[i]));
   Derive(parameters, static_cast<uint16_t>(battery_mV), out);
 }
 
@@ -103,10 +104,18 @@ int host_payload_size(int id) { return fw::HostPayloadSize(static_cast<uint8_t>(
 
 int product(int a, int b) { return fw::Product(static_cast<int16_t>(a), static_cast<int16_t>(b)); }
 int difference(int a, int b) { return fw::Difference(static_cast<int16_t>(a), static_cast<int16_t>(b)); }
-int speed_from_counts(int counts) { return fw::SpeedFromCounts(static_cast<int16_t>(counts)); }
+int speed_from_counts(int counts, int counts_per_rev) {
+  return fw::SpeedFromCounts(fw::MakeSpeedScale(static_cast<uint16_t>(counts_per_rev)),
+                             static_cast<int16_t>(counts));
+}
 int battery_from_sum(int sum) { return fw::BatteryFromSum_mV(static_cast<uint16_t>(sum)); }
-int current_from_sum(int sum) { return fw::CurrentFromSum_mA(static_cast<uint16_t>(sum)); }
-int supply_ratio(int battery_mV) { return fw::SupplyRatio(static_cast<uint16_t>(battery_mV)); }
+int current_from_sum(int sum, int scale, int zero) {
+  return fw::CurrentFromSum_mA(static_cast<uint16_t>(sum), static_cast<int16_t>(scale),
+                               static_cast<int16_t>(zero));
+}
+int supply_ratio(int battery_mV, int nominal_mV) {
+  return fw::SupplyRatio(static_cast<uint16_t>(battery_mV), static_cast<uint16_t>(nominal_mV));
+}
 int ramp_step(int acceleration) { return fw::RampStep(acceleration); }
 int ramp(int setpoint, int target, int step) {
   return fw::Ramp(static_cast<int16_t>(setpoint), static_cast<int16_t>(target), static_cast<int16_t>(step));
@@ -126,12 +135,12 @@ struct DrivenSide {
   fw::SideSample sample;
 };
 int side_new() { return New<DrivenSide>(); }
-int side_step(int side, int mode, int value, int count, int* out) {
+int side_step(int side, int mode, int value, int count, int reversed, int* out) {
   fw::WheelConfig config;
   fw::Parameters().Derive(7400, &config);
   auto& sample = At<DrivenSide>(side).sample;
   At<DrivenSide>(side).side.Step(static_cast<fw::State>(mode), config, static_cast<int16_t>(value),
-                                 static_cast<uint16_t>(count), &sample);
+                                 static_cast<uint16_t>(count), reversed != 0, &sample);
   out[0] = sample.wheel.setpoint_mrad_s;
   out[1] = sample.wheel.pwm;
   out[2] = sample.wheel.integral_pwm_64;
@@ -194,7 +203,8 @@ int supervisor_fault(int supervisor) { return static_cast<int>(At<fw::Supervisor
 
 int battery_new() { return New<fw::Battery>(); }
 int battery_update(int battery, int reading) {
-  return static_cast<int>(At<fw::Battery>(battery).Update(static_cast<uint16_t>(reading)));
+  return static_cast<int>(
+      At<fw::Battery>(battery).Update(static_cast<uint16_t>(reading), fw::Parameters().battery_limits()));
 }
 int battery_filtered(int battery) { return At<fw::Battery>(battery).filtered_mV(); }
 int battery_warning(int battery) { return At<fw::Battery>(battery).warning(); }

@@ -22,10 +22,10 @@ void UseAll(fw::HostInterface& host, fw::Side& side, Memory& memory, Line& line)
   host.UpdateBattery(fw::BatteryFromSum_mV(1));
   host.LoseAnalogReadings();
   host.CountDropped(1);
-  host.UpdateCurrents(fw::CurrentFromSum_mA(1), 0);
+  host.UpdateCurrents(fw::CurrentFromSum_mA(1, 2, 3), 0);
   fw::WheelConfig config;
   host.parameters().Derive(host.battery_mV(), &config);
-  side.Step(host.command().mode, config, host.command().left, 0, &host.samples()->left);
+  side.Step(host.command().mode, config, host.command().left, 0, false, &host.samples()->left);
   host.Watch();
   host.SendTelemetry(line);
   fw::QuadratureDecoder<3>().Step(0);

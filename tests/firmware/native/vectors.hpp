@@ -58,7 +58,7 @@ void RunWheel(Random& random, Sink& sink) {
     const int16_t counts = static_cast<int16_t>(random.Between(-400, 400));
     const uint16_t battery_mV = static_cast<uint16_t>(random.Between(0, 9000));
     parameters.Derive(battery_mV, &config);
-    wheel.Step(config, target, counts, &sample);
+    wheel.Step(config, target, fw::SpeedFromCounts(config.speed, counts), &sample);
     sink.Put(sample.speed_mrad_s);
     sink.Put(sample.setpoint_mrad_s);
     sink.Put(sample.pwm);
@@ -77,10 +77,12 @@ void RunSmallParts(Random& random, Sink& sink) {
     sink.Put(fw::Product(a, b));
     sink.Put(fw::Difference(a, b));
     const uint16_t sum = static_cast<uint16_t>(random.Between(0, 1023 * fw::kAdcSamples));
-    sink.Put(static_cast<int32_t>(battery.Update(fw::BatteryFromSum_mV(sum))));
+    sink.Put(static_cast<int32_t>(battery.Update(fw::BatteryFromSum_mV(sum), {6400, 7000, 9000})));
     sink.Put(battery.filtered_mV());
-    sink.Put(fw::CurrentFromSum_mA(sum));
-    sink.Put(fw::SpeedFromCounts(static_cast<int16_t>(random.Between(-32768, 32767))));
+    const int16_t scale = static_cast<int16_t>(random.Between(512, 30720));
+    sink.Put(fw::CurrentFromSum_mA(sum, scale, static_cast<int16_t>(random.Between(0, 1023))));
+    const fw::SpeedScale speed = fw::MakeSpeedScale(static_cast<uint16_t>(random.Between(40, 30000)));
+    sink.Put(fw::SpeedFromCounts(speed, static_cast<int16_t>(random.Between(-32768, 32767))));
     decoder.Step(static_cast<uint8_t>(random.Between(0, 255)));
     sink.Put(decoder.count());
     sink.Put(decoder.lost());

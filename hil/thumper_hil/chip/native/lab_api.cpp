@@ -29,6 +29,8 @@ int thumper_read_eeprom(Chip* chip, uint32_t address, uint8_t* data, size_t coun
 }
 void thumper_start_at(Chip* chip, uint32_t address) { Programmer(chip->avr()).StartAt(address); }
 
+void thumper_poke(Chip* chip, uint16_t address, uint8_t byte) { chip->avr()->data[address] = byte; }
+
 EdgeSource* thumper_edges_open(Chip* chip, char port, int a_bit, int b_bit) {
   return new EdgeSource(chip->avr(), port, a_bit, b_bit);
 }

@@ -100,6 +100,9 @@ int PreemptionSweep::Run(uint64_t until_cycle, int vector, char port, int bit, c
   if (memory == MAP_FAILED) return -1;
   Branch* const shared = static_cast<Branch*>(memory);
   const avr_cycle_count_t limit = avr_->run_cycle_limit;
+  while (avr_->state != cpu_Sleeping && Step()) {  // begin in no interrupt
+  }
+  depth_ = 0;
   std::size_t count = 0;
   int instruction = 0;
   while (avr_->cycle < until_cycle && count < capacity) {

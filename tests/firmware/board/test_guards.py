@@ -1,0 +1,140 @@
+"""Registers and order of the start, and stops that must not wait for the next control tick."""
+
+import pytest
+
+from tests.firmware.board.boot import ELF
+from tests.firmware.board.wire import frames, identity, run_for, send
+from thumper.board.messages import (
+    BoardModel,
+    Command,
+    CommandRequest,
+    Fault,
+    ResetCause,
+    SetMotorPwm,
+    SetWheelSpeeds,
+    State,
+    Telemetry,
+)
+from thumper_hil.chip.chip_faults import FaultyChip
+from thumper_hil.chip.instrumented_chip import EdgeSource, InstrumentedChip
+from thumper_hil.chip.robot_params import RobotParams
+from thumper_hil.chip.wiring import ENCODERS
+
+PORTB, PORTD, DDRB, DDRD = 0x25, 0x2B, 0x24, 0x2A
+TCCR2A, TCCR2B, OCR2A, OCR2B = 0xB0, 0xB1, 0xB3, 0xB4
+MCUSR, PORF, BORF = 0x54, 1 << 0, 1 << 2
+MOTORS_B, MOTORS_D = 0b1110, 0b11100
+ENCODER_B, ENCODER_D = 0b11_0000, 0b110_0000
+MILLISECOND_S = 0.001
+
+
+def telemetry(chip: InstrumentedChip, seconds: float = 0.12) -> Telemetry:
+    """Return the last telemetry message of the next `seconds`."""
+    chip.receive(chip.available)
+    run_for(chip, seconds)
+    return Telemetry.unpack([f for f in frames(chip) if f.message_id == Telemetry.ID][-1].payload)
+
+
+def armed(pwm: int = 0) -> InstrumentedChip:
+    """Return an armed robot that drives with this PWM."""
+    chip = InstrumentedChip(ELF, params=RobotParams.load())
+    run_for(chip, 0.2)
+    send(chip, CommandRequest(command=Command.ARM))
+    for _ in range(4):
+        send(chip, SetMotorPwm(left=pwm, right=pwm) if pwm else SetWheelSpeeds(left=0, right=0))
+        run_for(chip, 0.1)
+    return chip
+
+
+def test_encoder_inputs_have_pull_ups_and_motor_outputs_are_low_until_driven() -> None:
+    chip = InstrumentedChip(ELF)
+    run_for(chip, 0.01)
+    assert chip.data(DDRB) & (MOTORS_B | ENCODER_B) == MOTORS_B
+    assert chip.data(DDRD) & (MOTORS_D | ENCODER_D) == MOTORS_D
+    assert chip.data(PORTB) & (MOTORS_B | ENCODER_B) == ENCODER_B | 1 << 2  # forward, brake off
+    assert chip.data(PORTD) & (MOTORS_D | ENCODER_D) == ENCODER_D | 1 << 2
+    assert [chip.data(address) for address in (OCR2A, OCR2B)] == [0, 0]
+    assert (chip.data(TCCR2A), chip.data(TCCR2B)) == (0b1010_0001, 0b110)
+
+
+def test_the_first_edge_after_the_start_counts() -> None:
+    """The decoder starts with the level of its pins: both encoders rest at A, B high."""
+    chip = InstrumentedChip(ELF)
+    for pins in ENCODERS[BoardModel.TREX]:
+        with chip.edges(pins) as source:
+            _to_high(chip, source)
+    chip.reset()
+    run_for(chip, 0.01)
+    with chip.edges(ENCODERS[BoardModel.TREX][0]) as left:
+        run_for(chip, 0.001)
+        before = telemetry(chip)
+        left.start(delay_cycles=100, interval_cycles=1000, count=1)
+        after = telemetry(chip)
+    assert after.left_count - before.left_count == 1
+    assert after.lost_edges == before.lost_edges
+
+
+def _to_high(chip: InstrumentedChip, source: EdgeSource) -> None:
+    source.start(delay_cycles=10, interval_cycles=100, count=2)
+    run_for(chip, 0.001)
+
+
+@pytest.mark.parametrize("command", [Command.DISARM, Command.E_STOP])
+def test_a_stop_command_does_not_wait_for_the_control_tick(command: Command) -> None:
+    chip = armed(pwm=100)
+    run_for(chip, 0.02)
+    assert chip.data(OCR2A) == chip.data(OCR2B) == 100
+    send(chip, CommandRequest(command=command))
+    run_for(chip, MILLISECOND_S)
+    assert [chip.data(address) for address in (OCR2A, OCR2B)] == [0, 0]
+
+
+def test_a_lost_link_does_not_wait_for_the_control_tick() -> None:
+    chip = armed(pwm=100)
+    start_s = chip.time_s
+    send(chip, SetMotorPwm(left=100, right=100))
+    while chip.data(OCR2A) and chip.time_s < start_s + 1.0:
+        run_for(chip, MILLISECOND_S / 4)
+    assert chip.time_s - start_s == pytest.approx(0.3, abs=2 * MILLISECOND_S)
+
+
+@pytest.mark.parametrize(
+    ("flags", "cause", "kept"),
+    [
+        (PORF, ResetCause.POWER_ON, Fault.NONE),
+        (PORF | BORF, ResetCause.POWER_ON, Fault.NONE),
+        (BORF, ResetCause.BROWN_OUT, Fault.E_STOP),
+        (0, ResetCause.UNKNOWN, Fault.E_STOP),
+    ],
+)
+def test_power_on_clears_a_latched_fault_that_sram_still_holds(
+    flags: int, cause: ResetCause, kept: Fault
+) -> None:
+    chip = InstrumentedChip(ELF, params=RobotParams.load())
+    run_for(chip, 0.2)
+    send(chip, CommandRequest(command=Command.E_STOP))
+    run_for(chip, 0.1)
+    chip.reset()
+    chip.poke(MCUSR, flags)
+    last = telemetry(chip, 0.15)
+    assert last.fault is kept
+    assert last.state is (State.DISARMED if kept is Fault.NONE else State.FAULT)
+    answer = identity(chip)
+    assert answer is not None
+    assert answer.reset_cause is cause
+
+
+def test_a_converter_that_stops_is_noticed() -> None:
+    chip = FaultyChip(ELF, params=RobotParams.load())
+    run_for(chip, 0.3)
+    assert telemetry(chip).battery_mV > 7000
+    chip.stop_adc(stopped=True)
+    last = telemetry(chip, 0.25)
+    assert (last.fault, last.battery_mV) == (Fault.ADC_STOPPED, 0)
+
+
+def test_the_reset_cause_is_told_once() -> None:
+    """Else a power-on would be reported after every later reset too."""
+    chip = InstrumentedChip(ELF)
+    run_for(chip, 0.01)
+    assert chip.data(MCUSR) == 0

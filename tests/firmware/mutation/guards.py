@@ -1,0 +1,212 @@
+"""Removes each guard of firmware/app and firmware/board in turn and reports whether a test notices.
+
+python -m tests.firmware.mutation.guards               all of them, with the tests that can notice
+python -m tests.firmware.mutation.guards --only NAME   one guard
+"""
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.firmware.board.boot import ROOT
+
+FIRMWARE = ROOT / "firmware"
+TESTS = Path(__file__).resolve().parents[1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Guard:
+    """A guard, the text without it, and the test file that must notice."""
+
+    file: str
+    old: str
+    new: str
+    test: str  # relative to tests/firmware; "-k" may follow
+
+
+GUARDS: dict[str, Guard] = {
+    "motor pins low before they are outputs": Guard(
+        file="board/motors.hpp",
+        old="  PORTD &= static_cast<uint8_t>(~pins::kLeftOutputs);  // after a restart",
+        new="  //",
+        test="board/test_bootloader.py",
+    ),
+    "direction forward at the start": Guard(
+        file="board/motors.hpp",
+        old="  PORTB |= pins::kRightForward;\n  DDRD",
+        new="  DDRD",
+        test="board/test_guards.py",
+    ),
+    "halt disconnects the timer": Guard(
+        file="board/motors.hpp",
+        old="inline void Halt() {\n  TCCR2A = 0;\n",
+        new="inline void Halt() {\n",
+        test="board/test_bootloader.py",
+    ),
+    "watchdog interrupt halts the motors": Guard(
+        file="app/main.cpp",
+        old="  motors::Halt();\n",
+        new="",
+        test="board/test_bootloader.py",
+    ),
+    "motors off at once": Guard(
+        file="app/main.cpp", old="    drive.Off();", new="    ", test="board/test_guards.py"
+    ),
+    "rest of the left motor": Guard(
+        file="board/motors.hpp",
+        old="      left_rest_ = kRest;\n",
+        new="      left_rest_ = 1;\n",
+        test="board/test_reversal.py",
+    ),
+    "pin low while the direction changes": Guard(
+        file="board/motors.hpp",
+        old="      TCCR2A &= static_cast<uint8_t>(~(1 << COM2B1));\n",
+        new="",
+        test="board/test_reversal.py",
+    ),
+    "rest after a tone": Guard(
+        file="board/motors.hpp",
+        old="left_rest_ = right_rest_ = kRest;",
+        new="left_rest_ = right_rest_ = 1;",
+        test="board/test_reversal.py",
+    ),
+    "no pin to the timer during a tone": Guard(
+        file="board/beeper.hpp",
+        old="      on ? drive_.Disconnect() : drive_.Reconnect();\n",
+        new="",
+        test="board/test_reversal.py",
+    ),
+    "pull-ups of the left encoder": Guard(
+        file="board/encoders.hpp", old="  PORTD |= pins::kLeftEncoder;", new="  ", test="board/test_guards.py"
+    ),
+    "pull-ups of the right encoder": Guard(
+        file="board/encoders.hpp",
+        old="  PORTB |= pins::kRightEncoder;",
+        new="  ",
+        test="board/test_guards.py",
+    ),
+    "start level of the left encoder": Guard(
+        file="app/main.cpp", old="  left_encoder.Reset(PIND);\n", new="", test="board/test_guards.py"
+    ),
+    "finished conversions only": Guard(
+        file="board/adc.hpp",
+        old="if ((ADCSRA & 1 << ADIF) == 0) {",
+        new="if (false) {",
+        test="board/test_guards.py -k converter",
+    ),
+    "power-on forgets the latched fault": Guard(
+        file="board/reset.cpp",
+        old=" && (flags & 1 << PORF) == 0;",
+        new=";",
+        test="board/test_guards.py",
+    ),
+    "reset flags are cleared": Guard(
+        file="board/reset.cpp", old="  MCUSR = 0;\n", new="", test="board/test_guards.py"
+    ),
+    "power-on outranks brown-out": Guard(
+        file="board/reset.cpp",
+        old="  if ((flags & 1 << PORF) != 0) return fw::ResetCause::kPowerOn;",
+        new="  ",
+        test="board/test_guards.py",
+    ),
+    "latched fault survives": Guard(
+        file="app/main.cpp",
+        old="  reset::Keep(host.supervisor().fault());\n",
+        new="",
+        test="board/test_bootloader.py",
+    ),
+    "milliseconds for the watchdog": Guard(
+        file="app/main.cpp",
+        old="if (clock_runs) watchdog::Kick();",
+        new="watchdog::Kick();",
+        test="board/test_bootloader.py",
+    ),
+    "watchdog": Guard(
+        file="app/main.cpp", old="  watchdog::Start();\n", new="", test="board/test_bootloader.py"
+    ),
+    "bounded reading of requests": Guard(
+        file="app/main.cpp",
+        old="for (uint8_t left = 64; left != 0 && uart.Get(&byte); --left) {",
+        new="while (uart.Get(&byte)) {",
+        test="board/test_link_noise.py",
+    ),
+    "frequency of the PWM": Guard(
+        file="app/main.cpp",
+        old="  motors::SetFrequency(robot.Get(fw::Parameter::kPwmFrequency));",
+        new="  ",
+        test="board/test_robot_parameters.py -k frequency",
+    ),
+    "repeat of a copy that a tick interrupted": Guard(
+        file="app/main.cpp",
+        old="} while (ticks != 0);",
+        new="} while (false);",
+        test="preemption/test_preemption.py -k telemetry_is_whole-tick",
+    ),
+    "atomic command": Guard(
+        file="app/main.cpp",
+        old="ATOMIC_BLOCK(ATOMIC_FORCEON) {  // only these three stores",
+        new="{  //",
+        test="preemption/test_preemption.py -k command_is_whole-tick",
+    ),
+    "hold of the tick": Guard(
+        file="app/main.cpp",
+        old="tick::Hold();",
+        new="",
+        test="preemption/test_preemption.py -k reversal_rests-tick",
+    ),
+    "counts read with interrupts off": Guard(
+        file="app/main.cpp",
+        old="  cli();\n  const uint16_t left_count",
+        new="  const uint16_t left_count",
+        test="board/test_edge_rate.py -k trex",
+    ),
+}
+
+
+def without(guard: Guard, folder: Path) -> None:
+    """Build the firmware without a guard into `folder`."""
+    copy = folder / "firmware"
+    shutil.copytree(FIRMWARE, copy, ignore=shutil.ignore_patterns("build"))
+    path = copy / guard.file
+    text = path.read_text(encoding="utf-8")
+    if text.count(guard.old) != 1:
+        raise SystemExit(f"{guard.file}: {guard.old.strip()!r} must occur once; update guards.py")
+    path.write_text(text.replace(guard.old, guard.new), encoding="utf-8")
+    for board in ("trex", "nano"):
+        command = ["make", "-s", "-C", str(copy), f"BOARD={board}"]
+        subprocess.run(command, check=True, capture_output=True)
+
+
+def is_noticed(guard: Guard) -> bool:
+    """Return whether the test fails without the guard."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        without(guard, folder)
+        file, *selection = guard.test.split()
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:xdist", "-p", "no:cacheprovider"]
+        environment = os.environ | {"THUMPER_FIRMWARE": str(folder / "firmware" / "build")}
+        command += [str(TESTS / file), *selection]
+        done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, check=False)
+        return done.returncode == 1
+
+
+def main() -> int:
+    """Print each guard; return 1 if a test does not notice its absence."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--only", choices=GUARDS, nargs="+", default=list(GUARDS))
+    survivors = 0
+    for name in parser.parse_args().only:
+        noticed = is_noticed(GUARDS[name])
+        survivors += not noticed
+        print(f"{'noticed' if noticed else 'SURVIVES'}: {name}", flush=True)
+    print(f"{survivors} survivors")
+    return int(survivors > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,183 @@
+"""What must hold whichever instruction of the main loop an interrupt hits. On demand, everything:
+
+python -m tests.firmware.preemption.scenarios      every instruction of the main loop, every interrupt
+"""
+
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from tests.firmware.board.boot import ELF
+from tests.firmware.board.wire import run_for, send
+from thumper.board.framing import Frame, FrameDecoder
+from thumper.board.messages import (
+    Command,
+    CommandRequest,
+    Identity,
+    SetMotorPwm,
+    SetWheelSpeeds,
+    State,
+    Telemetry,
+)
+from thumper_hil.chip.preemption import Branch, Interrupt, SweptChip, symbol
+from thumper_hil.chip.robot_params import RobotParams
+
+TICK_S = 0.1
+SHORTEST_REST_S = 0.0099
+OLD, NEW = (0x0102, 0x0304), (-0x0506, -0x0708)
+"""Wheel speeds that share no byte."""
+
+Scenario = Callable[[Path, Interrupt, int], list[str]]
+"""(ELF, interrupt, stride) -> what went wrong, with the address; empty if nothing."""
+
+
+def driving(elf: Path, speed: int = 8000) -> SweptChip:
+    """Return a robot that accelerates, so that every field of the samples changes each tick."""
+    chip = SweptChip(elf, params=RobotParams.load(), seed=1)
+    run_for(chip, 0.305)
+    send(chip, CommandRequest(command=Command.ARM))
+    for _ in range(3):
+        send(chip, SetWheelSpeeds(left=speed, right=-speed))
+        run_for(chip, 0.09)
+    return chip
+
+
+def run_to_tick(chip: SweptChip, before_s: float) -> None:
+    """Run until `before_s` before the next control tick."""
+    start = symbol_of(chip, "samples")
+    last = chip.data(start)
+    while chip.data(start) == last:
+        run_for(chip, 20e-6)
+    run_for(chip, TICK_S - before_s)
+
+
+def symbol_of(chip: SweptChip, name: str) -> int:
+    """Return a variable's address."""
+    return symbol(chip.elf, name).address
+
+
+def frames_of(branch: Branch) -> list[Frame]:
+    """Return the frames that arrived in a branch."""
+    return FrameDecoder().feed(branch.received)
+
+
+def telemetry_is_whole(elf: Path, interrupt: Interrupt, stride: int) -> list[str]:
+    """Each telemetry message holds the samples of one tick, and every frame is sound."""
+    chip = driving(elf)
+    run_to_tick(chip, 1e-4)
+    chip.receive(chip.available)
+    samples = symbol(elf, "samples")
+    branches = chip.sweep(interrupt, seconds=0.7e-3, tail_s=4.5e-3, watch=(samples, samples), stride=stride)
+    failures = [f"{branch.address:#06x}: {text}" for branch in branches for text in _torn(branch, interrupt)]
+    return failures if branches else ["no instruction was swept"]
+
+
+def _torn(branch: Branch, interrupt: Interrupt) -> Iterable[str]:
+    frames = frames_of(branch)
+    told = [frame.payload for frame in frames if frame.message_id == Telemetry.ID]
+    if branch.crashed or not told:
+        yield "crashed, or no telemetry"
+    for payload in told:
+        if payload[: len(branch.exits[0])] not in branch.exits:
+            yield "telemetry mixes two ticks"
+    dropped = sum(Telemetry.unpack(payload).tx_dropped for payload in told[-1:])
+    if len(told) + dropped != len(branch.exits):
+        yield f"{len(told)} messages and {dropped} counted as dropped of {len(branch.exits)} ticks"
+    if interrupt is Interrupt.RECEIVE and not any(frame.message_id == Identity.ID for frame in frames):
+        yield "a request was lost"
+
+
+def command_is_whole(elf: Path, interrupt: Interrupt, stride: int) -> list[str]:
+    """Each tick obeys the old command or the new one, never a mixture."""
+    chip = driving(elf)
+    command = symbol(elf, "command")
+    send(chip, SetWheelSpeeds(left=OLD[0], right=OLD[1]))
+    run_to_tick(chip, 0.05)
+    send(chip, SetWheelSpeeds(left=NEW[0], right=NEW[1]))
+    branches = chip.sweep(interrupt, seconds=1e-3, tail_s=0.2e-3, watch=(command, command), stride=stride)
+    allowed = {
+        bytes((State.CLOSED_LOOP,)) + b"".join(v.to_bytes(2, "little", signed=True) for v in pair)
+        for pair in (OLD, NEW)
+    }
+    seen = {entry for branch in branches for entry in branch.entries}
+    failures = [
+        f"{branch.address:#06x}: the tick obeys {entry.hex()}"
+        for branch in branches
+        for entry in branch.entries
+        if entry not in allowed
+    ]
+    if interrupt is Interrupt.TICK and not allowed <= seen:
+        failures.append("the sweep missed the change of the command")
+    return failures
+
+
+def reversal_rests(elf: Path, interrupt: Interrupt, stride: int) -> list[str]:
+    """A motor that turns round again just as its rest ends rests again, in full."""
+    chip = driving(elf)
+    for _ in range(2):
+        send(chip, SetMotorPwm(left=100, right=100))
+        run_to_tick(chip, 0.02)
+    send(chip, SetMotorPwm(left=-100, right=-100))
+    run_for(chip, 0.02 + 3e-3)  # the reversal began 3 ms ago
+    send(chip, SetMotorPwm(left=100, right=100))
+    run_for(chip, 5.5e-3)
+    command = symbol(elf, "command")
+    branches = chip.sweep(interrupt, seconds=5e-3, tail_s=14e-3, watch=(command, command), stride=stride)
+    failures = [
+        f"{branch.address:#06x}: the {side} motor rested {1000 * rest:.2f} ms"
+        for branch in branches
+        for side, rest in zip(("left", "right"), branch.shortest_rest_s, strict=True)
+        if rest < SHORTEST_REST_S or branch.crashed
+    ]
+    if max(branch.shortest_rest_s[0] for branch in branches) > 1.0:
+        failures.append("the sweep saw no reversal")
+    return failures
+
+
+def edges_are_counted(elf: Path, interrupt: Interrupt, stride: int) -> list[str]:
+    """Each edge is counted, and reaches the telemetry of the next tick."""
+    chip = SweptChip(elf, params=RobotParams.load(), seed=1)
+    run_for(chip, 0.3)
+    run_to_tick(chip, 1e-4)
+    samples = symbol(elf, "samples")
+    branches = chip.sweep(
+        interrupt, seconds=0.7e-3, tail_s=TICK_S + 4e-3, watch=(samples, samples), stride=stride
+    )
+    return [f"{branch.address:#06x}: {text}" for branch in branches for text in _uncounted(branch, interrupt)]
+
+
+def _uncounted(branch: Branch, interrupt: Interrupt) -> Iterable[str]:
+    told = [frame.payload for frame in frames_of(branch) if frame.message_id == Telemetry.ID]
+    samples = [Telemetry.unpack(payload) for payload in told]
+    if branch.crashed or not samples:
+        yield "crashed, or no telemetry"
+        return
+    last = samples[-1]
+    counts = last.left_count if interrupt is Interrupt.LEFT_EDGE else last.right_count
+    if abs(counts) != 1 or last.lost_edges != 0:
+        yield f"count {counts} and {last.lost_edges} lost after one edge"
+
+
+SCENARIOS: dict[Scenario, tuple[Interrupt, ...]] = {
+    telemetry_is_whole: (Interrupt.TICK, Interrupt.MILLISECOND, Interrupt.RECEIVE),
+    command_is_whole: (Interrupt.TICK, Interrupt.MILLISECOND),
+    reversal_rests: (Interrupt.TICK,),
+    edges_are_counted: (Interrupt.LEFT_EDGE, Interrupt.RIGHT_EDGE),
+}
+
+
+def main() -> int:
+    """Sweep every instruction; return 1 if anything failed."""
+    failed = False
+    for scenario, interrupts in SCENARIOS.items():
+        for interrupt in interrupts:
+            failures = scenario(ELF, interrupt, 1)
+            failed = failed or bool(failures)
+            print(
+                f"{scenario.__name__}, {interrupt.name}: {len(failures)} failures", *failures[:5], sep="\n  "
+            )
+    return int(failed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,47 @@
+"""The robot takes encoder and wheels from the board, unless the configuration sets them."""
+
+from dataclasses import replace
+
+import pytest
+
+from thumper.board.messages import BoardModel, Identity, ParameterSource, ResetCause
+from thumper.common.errors import ThumperError
+from thumper.common.kinematics import DriveGeometry
+from thumper.runtime.assembly import geometry_of
+
+BOARD = Identity(
+    schema_hash=0,
+    version_major=0,
+    version_minor=2,
+    version_patch=0,
+    board=BoardModel.NANO,
+    control_rate_Hz=10,
+    reset_cause=ResetCause.POWER_ON,
+    counts_per_rev=1920,
+    wheel_radius_mm=33,
+    track_mm=160,
+    reversed_sides=0,
+    battery_cells=2,
+    pwm_frequency_Hz=122,
+    parameters=ParameterSource.SAVED,
+)
+
+
+def test_defaults_follow_the_board() -> None:
+    found = geometry_of(DriveGeometry(track_m=0.2), BOARD)
+    assert found == DriveGeometry(wheel_radius_m=0.033, counts_per_rev=1920, track_m=0.2)
+
+
+def test_a_calibrated_radius_stays() -> None:
+    assert geometry_of(DriveGeometry(wheel_radius_m=0.0328), BOARD).wheel_radius_m == 0.0328
+
+
+@pytest.mark.parametrize("drive", [DriveGeometry(wheel_radius_m=0.04), DriveGeometry(counts_per_rev=1000)])
+def test_a_contradiction_is_refused(drive: DriveGeometry) -> None:
+    with pytest.raises(ThumperError, match="the board is set to 1920 counts per revolution"):
+        geometry_of(drive, BOARD)
+
+
+def test_the_default_robot_keeps_its_defaults() -> None:
+    board = replace(BOARD, counts_per_rev=1200, wheel_radius_mm=62)
+    assert geometry_of(DriveGeometry(), board) == DriveGeometry()
