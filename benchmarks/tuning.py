@@ -30,8 +30,10 @@ from thumper_tuning.drive.excitation import ExcitationOptions
 from thumper_tuning.drive.record import record
 from thumper_tuning.drive.verify import Verification, VerifyOptions, verify
 from thumper_tuning.identify.cross_validation import fit_percent
+from thumper_tuning.identify.excitation_checks import UndeterminedError
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.identify.motor import identify
+from thumper_tuning.identify.partial import identify_partly
 from thumper_tuning.identify.richer_models import fit_richer_models
 from thumper_tuning.identify.segments import LogSegment, split_segments
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
@@ -187,11 +189,12 @@ def recorded() -> None:
     ]
     if not has_data(DATA):
         return
-    motor = identify(steps, one_direction=True)
+    _single_step()
+    motor = identify(steps)
     print(f"geared motor, five steps: held-out tenths {motor.validation.fit_percent:.1f} %")
     held_out, measured = [], []
     for k, log in enumerate(steps):
-        model = identify(steps[:k] + steps[k + 1 :], one_direction=True)
+        model = identify(steps[:k] + steps[k + 1 :])
         for s in split_segments(log):
             held_out.append(s.speed_rad_s - _predict(s, model.model, model.fit.instantaneous))
             measured.append(s.speed_rad_s)
@@ -212,6 +215,18 @@ def recorded() -> None:
               f"{motor.validation.fit_percent:.1f} %")  # fmt: skip
         for richer in fit_richer_models(segments, motor.fit):
             print(f"  {richer.kind}: held out {richer.fit_percent:.1f} %")
+
+
+def _single_step() -> None:
+    """Print what one step of full power determines."""
+    logs = read_logs(DATA / "single-step" / "step_response.csv")
+    try:
+        identify(logs)
+    except UndeterminedError as reason:
+        motor = identify_partly(logs, reason)
+        found = f"{1e3 * motor.time_constant_s:.0f} +- {1e3 * motor.time_constant_std_s:.0f}"
+        figure("one recorded step of full power: time constant", found, "ms", aim="60 ... 110")
+        figure("speed there", f"{motor.steady[0].speed_rad_s:.1f}", "rad/s", aim="11.4")
 
 
 def _predict(s: LogSegment, model: MotorModel, instantaneous: bool) -> FloatArray:

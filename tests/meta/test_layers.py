@@ -71,11 +71,13 @@ IDENTIFY = (
     "least_squares",
     "initial_guess",
     "fit",
-    "cross_validation",
+    "cross_validation sensor_window",
+    "stretches",
     "excitation_checks fit_warnings richer_models",
     "compare_models",
     "motor",
-    "motor_constants result_json",
+    "motor_constants partial",
+    "result_json",
 )
 
 HIL = (

@@ -1,14 +1,19 @@
 """Motors recorded by others; the data may not be redistributed."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from thumper.common.errors import ThumperError
 from thumper_tuning.identify.cross_validation import fit_percent
+from thumper_tuning.identify.excitation_checks import UndeterminedError
 from thumper_tuning.identify.motor import identify
+from thumper_tuning.identify.partial import PartialMotor, identify_partly
+from thumper_tuning.identify.prediction import predict
+from thumper_tuning.identify.segments import split_segments
+from thumper_tuning.logs.motor_log import MotorLog
 from thumper_tuning.logs.read import read_logs
 
 DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2].parent / "shared" / "data")) / "motor"
@@ -21,16 +26,63 @@ pytestmark = pytest.mark.skipif(not STEPS, reason=f"no recorded motors in {DATA}
 def test_steps_of_a_geared_motor_are_predicted() -> None:
     """Held-out tenths of five open-loop steps; the driver's nonlinear map gives a negative friction."""
     logs = [read_logs(path, counts_per_rev=1320.0)[0] for path in STEPS]
-    motor = identify(logs, one_direction=True)
+    motor = identify(logs)
     assert motor.validation.fit_percent >= 93.0
     assert motor.model.friction < 0.0
     assert any("negative" in warning for warning in motor.warnings)
     assert motor.model.time_constant_s == pytest.approx(0.091, abs=0.01)
 
 
-def test_one_step_alone_is_rejected() -> None:
-    with pytest.raises(ThumperError, match="no excitation"):
-        identify(read_logs(STEPS[0], counts_per_rev=1320.0))
+def test_one_step_alone_determines_time_constant_delay_and_speed() -> None:
+    """Five steps of one motor, each alone: the time constants scatter around the joint fit's 91 ms."""
+    found = [_partly(read_logs(path, counts_per_rev=1320.0)) for path in STEPS]
+    assert all(0.07 < motor.time_constant_s < 0.14 for motor in found)
+    assert all(0.03 < motor.delay_s < 0.09 for motor in found)
+    assert all(len(motor.steady) == 1 for motor in found)
+
+
+def test_a_step_of_full_power_with_glitches() -> None:
+    """The log that most makers have: commas and blanks, Spanish names, 0 to 255, glitches at the start."""
+    motor = _partly(read_logs(DATA / "single-step" / "step_response.csv"))
+    assert 0.06 <= motor.time_constant_s <= 0.11
+    assert [(s.drive, round(s.speed_rad_s, 1)) for s in motor.steady] == [(255.0, 11.4)]
+    assert "gain_rad_s_per_pwm" in motor.not_determined
+    assert any("2 of 298 speeds are glitches" in warning for warning in motor.warnings)
+    assert any("same row as the drive" in warning for warning in motor.warnings)
+    assert "steps to three levels" in motor.record_next
+
+
+def _partly(logs: list[MotorLog]) -> PartialMotor:
+    with pytest.raises(UndeterminedError) as reason:
+        identify(logs)
+    return identify_partly(logs, reason.value)
+
+
+@pytest.mark.parametrize(("held_out", "percent"), [(2, 88.0), (3, 86.0)])
+def test_a_filtered_and_late_speed(held_out: int, percent: float) -> None:
+    """Each voltage step, predicted by a fit to both ramps and the other step."""
+    (log,) = read_logs(DATA / "simple-sysid" / "sysid_data.json")
+    edges = [*np.flatnonzero(log.starts_segment).tolist(), len(log.time_s)]
+    assert len(edges) == 5
+
+    def tests(numbers: list[int]) -> MotorLog:
+        rows = np.concatenate([np.arange(edges[k], edges[k + 1]) for k in numbers])
+        assert log.speed_rad_s is not None
+        return replace(
+            log,
+            time_s=log.time_s[rows],
+            drive=log.drive[rows],
+            starts_segment=log.starts_segment[rows],
+            speed_rad_s=log.speed_rad_s[rows],
+        )
+
+    motor = identify([tests([k for k in range(4) if k != held_out])])
+    (step,) = split_segments(tests([held_out]))
+    step = replace(step, sensor_window_s=motor.segments[0].sensor_window_s)
+    predicted = predict(step, motor.model, instantaneous=motor.fit.instantaneous)
+    assert fit_percent(step.speed_rad_s, step.speed_rad_s - predicted) >= percent
+    assert motor.model.time_constant_s < 0.05
+    assert next(iter(motor.fit_percent_by_kind)) == "steps", "the worst first"
 
 
 @pytest.mark.parametrize(("side", "regression_percent"), [(0, (92.0, 68.0)), (1, (92.0, 63.0))])

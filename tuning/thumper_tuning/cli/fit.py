@@ -5,51 +5,65 @@ import json
 from pathlib import Path
 from typing import Any
 
+from thumper_tuning.identify.excitation_checks import UndeterminedError
 from thumper_tuning.identify.motor import IdentifiedMotor, identify
 from thumper_tuning.identify.motor_constants import physical_constants
-from thumper_tuning.identify.result_json import NOT_IDENTIFIABLE, motor_to_dict
+from thumper_tuning.identify.partial import identify_partly
+from thumper_tuning.identify.result_json import NOT_IDENTIFIABLE, motor_to_dict, partial_to_dict
 from thumper_tuning.logs.motor_log import MotorLog
 from thumper_tuning.logs.read import read_runs
+from thumper_tuning.logs.roles import Role
 from thumper_tuning.report.export import write_models
-from thumper_tuning.report.text import motor_lines
+from thumper_tuning.report.text import motor_lines, partial_lines
 
 
 def fit_files(
     files: list[Path],
     *,
     counts_per_rev: float,
-    one_direction: bool,
     as_json: bool,
+    choices: dict[Role, str] | None = None,
     variants: bool = False,
     resistance_Ohm: float | None = None,
     export: Path | None = None,
-) -> list[IdentifiedMotor]:
+) -> None:
     """Identify and print every motor in the files. Several files are runs of the same motors.
+
+    A log that determines only a part of the model prints this part, and what to record next.
 
     Raises
     ------
     ThumperError
-        A file cannot be read, or the logs do not determine the model.
+        A file cannot be read, or the logs determine nothing.
     """
-    runs = read_runs(files, counts_per_rev)
-    motors = [identify(logs, one_direction=one_direction) for logs in runs]
-    results = {
-        motor.name: _result(motor, logs, variants=variants, resistance_Ohm=resistance_Ohm)
-        for motor, logs in zip(motors, runs, strict=True)
-    }
-    if export is not None:
-        write_models(export, motors)
+    runs = read_runs(files, counts_per_rev, choices)
+    results, lines, whole = {}, [], []
+    for logs in runs:
+        try:
+            motor = identify(logs)
+        except UndeterminedError as reason:
+            part = identify_partly(logs, reason)
+            results[part.name] = partial_to_dict(part)
+            lines += partial_lines(part)
+            continue
+        whole.append(motor)
+        results[motor.name] = _result(motor, logs, variants=variants, resistance_Ohm=resistance_Ohm)
+        lines += [*motor_lines(motor), *_extra_lines(results[motor.name])]
+    if export is not None and whole:
+        write_models(export, whole)
     if as_json:
-        print(json.dumps(results if len(motors) > 1 else next(iter(results.values())), indent=2))
-        return motors
-    for motor in motors:
-        print(*motor_lines(motor), sep="\n")
-        for model in results[motor.name].get("variants", ()):
-            print(_variant_line(model))
-        for name, value in results[motor.name].get("physical", {}).items():
-            print(f"  {name:22} {value:.4g}" if isinstance(value, float) else f"  {name}: {value}")
-    print(NOT_IDENTIFIABLE)
-    return motors
+        print(json.dumps(results if len(results) > 1 else next(iter(results.values())), indent=2))
+        return
+    print(*lines, sep="\n")
+    if whole:
+        print(NOT_IDENTIFIABLE)
+
+
+def _extra_lines(result: dict[str, Any]) -> list[str]:
+    lines = [_variant_line(model) for model in result.get("variants", ())]
+    for name, value in result.get("physical", {}).items():
+        lines.append(f"  {name:22} {value:.4g}" if isinstance(value, float) else f"  {name}: {value}")
+    return lines
 
 
 def _result(
@@ -74,10 +88,10 @@ def _variant_line(model: dict[str, Any]) -> str:
 
 
 def identify_files(
-    files: list[Path], counts_per_rev: float, *, one_direction: bool = False
+    files: list[Path], counts_per_rev: float, choices: dict[Role, str] | None = None
 ) -> list[IdentifiedMotor]:
     """Identify every motor in the files and print its parameters."""
-    motors = [identify(logs, one_direction=one_direction) for logs in read_runs(files, counts_per_rev)]
+    motors = [identify(logs) for logs in read_runs(files, counts_per_rev, choices)]
     for motor in motors:
         print(*motor_lines(motor), sep="\n")
     return motors

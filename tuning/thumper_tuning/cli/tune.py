@@ -19,8 +19,8 @@ FIT_HELP = (
     "forward positive; counts (of the encoder, cumulative) or speed_rad_s (or speed_rpm, speed_counts_s). "
     "For several wheels: left_pwm, left_counts, right_pwm and so on. Optional: battery_V, current_A.\n\n"
     "A row holds the counts at its time and the drive applied from then until the next row. Rows may be "
-    "irregular or missing, and may contain glitches. Several files are runs of the same motor. SysId JSON "
-    "files work as well.\n\n"
+    "irregular or missing, and may contain glitches. Several files are runs of the same motor. SysId "
+    "(.json), MATLAB (.mat) and MCAP files of Thumper and ROS 2 work as well.\n\n"
     "With --json, each motor has gain_rad_s_per_pwm (or _per_V), time_constant_s, static_friction_pwm (or "
     "_V) and delay_s, each with its _std, fit_percent on held-out data, and warnings. Several motors give "
     "one object each."
@@ -50,8 +50,14 @@ Hold = Annotated[
 ]
 Yes = Annotated[bool, typer.Option("--yes", help="Skip the prompts: the lane is clear; save the new gains.")]
 LaneClear = Annotated[bool, typer.Option("--yes", help="Skip the prompt: the lane is clear.")]
-OneDirection = Annotated[
-    bool, typer.Option("--one-direction", help="Accept a log with motion in one direction only.")
+Columns = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--column",
+        help="Use a column as time, drive, output, battery or current, for example drive=MotorPWM, "
+        "time=Timestamp:ms or output=3:rpm (a number counts from 1). Repeat it for each column.",
+        show_default=False,
+    ),
 ]
 Rule = Annotated[
     str | None,
@@ -128,7 +134,7 @@ def fit(
     files: Files,
     json: AsJson = False,
     counts_per_rev: CountsPerRev = 1200.0,
-    one_direction: OneDirection = False,
+    column: Columns = None,
     variants: Annotated[
         bool,
         typer.Option("--variants", help="Compare with second-order, backlash and ERA models (takes 20 s)."),
@@ -144,12 +150,13 @@ def fit(
     """Identify motors from logs."""
     from thumper.cli.output.folder import prepare_output
     from thumper_tuning.cli.fit import fit_files
+    from thumper_tuning.logs.roles import parse_choices
 
     fit_files(
         files,
         counts_per_rev=counts_per_rev,
-        one_direction=one_direction,
         as_json=json,
+        choices=parse_choices(column),
         variants=variants,
         resistance_Ohm=resistance,
         export=prepare_output(export) if export is not None else None,
@@ -166,7 +173,7 @@ def design(
     rate: Rate = 10,
     battery: Battery = None,
     counts_per_rev: CountsPerRev = 1200.0,
-    one_direction: OneDirection = False,
+    column: Columns = None,
     settings: Settings = None,
 ) -> None:
     """Design gains for logged motors, in the board's fixed point; write gains.json and report.html."""
@@ -179,6 +186,7 @@ def design(
     from thumper_tuning.cli.settings import load_settings
     from thumper_tuning.cli.steps import design_from_motors
     from thumper_tuning.design.tuning_rules import PiGains
+    from thumper_tuning.logs.roles import parse_choices
 
     options = replace(
         load_settings(settings).override(rule=rule, largest_sensitivity=ms).design, period_s=1.0 / rate
@@ -186,7 +194,7 @@ def design(
     if manual:
         options = replace(options, manual=PiGains(kp=manual[0], ki=manual[1]))
     prepare_output(out)
-    motors = identify_files(files, counts_per_rev, one_direction=one_direction)
+    motors = identify_files(files, counts_per_rev, parse_choices(column))
     design_from_motors(motors, out, options, battery, Console())
 
 
@@ -221,7 +229,7 @@ def report(
     rate: Rate = 10,
     battery: Battery = None,
     counts_per_rev: CountsPerRev = 1200.0,
-    one_direction: OneDirection = False,
+    column: Columns = None,
     settings: Settings = None,
 ) -> None:
     """Write report.html for logs: data, model, residuals, Bode, Nyquist, step, sensitivity, pole-zero map."""
@@ -234,6 +242,6 @@ def report(
         rate=rate,
         battery=battery,
         counts_per_rev=counts_per_rev,
-        one_direction=one_direction,
+        column=column,
         settings=settings,
     )

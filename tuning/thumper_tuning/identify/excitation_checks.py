@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.fit import Fit
 from thumper_tuning.identify.model import MotorModel, Uncertainty
@@ -14,6 +15,7 @@ RECORD = (
     "pauses, then random switching between two levels (`thumper tune record` does exactly this)"
 )
 MIN_WINDOWS = 30
+MIN_PARTIAL_WINDOWS = 15
 MIN_COUNTS = 30.0
 MIN_DURATION_S = 3.0
 CEILING_RATIO = 1.08
@@ -23,23 +25,34 @@ MIN_FIT_PERCENT = 40.0
 MIN_FRICTION_RATIO = -0.2  # friction over the largest drive: more than a nonlinear driver explains
 
 
-def check_excitation(logs: list[MotorLog], segments: list[LogSegment], *, one_direction: bool) -> None:
+class UndeterminedError(ThumperError):
+    """A log that determines a part of the model: `identify.partial` finds what it does determine."""
+
+
+def undetermined(message: str) -> UndeterminedError:
+    """Return the error with the exit code of a log that cannot be used."""
+    return UndeterminedError(message, exit_code=EXIT_CHECK_FAILED)
+
+
+def check_excitation(logs: list[MotorLog], segments: list[LogSegment]) -> None:
     """Reject a log that cannot identify a motor.
 
     Raises
     ------
+    UndeterminedError
+        One level, saturated, short: the log determines a part of the model.
     ThumperError
-        No excitation, no motion, one direction, one level, saturated, or too short.
+        No excitation, no motion, no sign, clipped, or a handful of rows.
     """
     name = logs[0].name
     drive = np.concatenate([s.drive for s in segments]) if segments else np.zeros(0)
     speed = np.concatenate([s.speed_rad_s for s in segments]) if segments else np.zeros(0)
     duration_s = sum(float(s.edge_s[-1] - s.edge_s[0]) for s in segments)
-    if len(speed) < MIN_WINDOWS or duration_s < MIN_DURATION_S:
+    if len(speed) < MIN_PARTIAL_WINDOWS:
         raise log_error(f"{name}: {len(speed)} samples in {duration_s:.1f} s are too few; {RECORD}")
     unit = logs[0].drive_unit.value
-    if np.ptp(drive) == 0.0 and (len(segments) == 1 or drive[0] == 0.0):
-        raise log_error(f"{name}: no excitation: the drive is {drive[0]:g} {unit} all the time; {RECORD}")
+    if not drive.any():
+        raise log_error(f"{name}: no excitation: the drive is 0 {unit} all the time; {RECORD}")
     quantum = max(log.quantum_rad for log in logs)
     moving = np.abs(speed) > max(0.02 * float(np.percentile(np.abs(speed), 95)), 1e-9)
     travelled_rad = sum(float(np.abs(s.speed_rad_s) @ s.windows_s) for s in segments)
@@ -48,29 +61,32 @@ def check_excitation(logs: list[MotorLog], segments: list[LogSegment], *, one_di
             f"{name}: the wheel does not move ({np.abs(drive).max():g} {unit} at most); drive it beyond "
             f"the dead band, check motor and encoder cables; {RECORD}"
         )
-    _check_directions(name, drive, speed, moving, one_direction)
-    _check_levels(name, logs[0].drive_unit, drive)
+    _check_sign(name, drive, speed, moving)
     if logs[0].position_rad is None:  # counts cannot be clipped
         for group in (*([s] for s in segments), segments):
             _check_clipping(name, group)
+    _check_levels(name, logs[0].drive_unit, drive)
+    if len(speed) < MIN_WINDOWS or duration_s < MIN_DURATION_S:
+        raise undetermined(f"{name}: {len(speed)} samples in {duration_s:.1f} s are too few; {RECORD}")
 
 
-def _check_directions(
-    name: str, drive: FloatArray, speed: FloatArray, moving: BoolArray, one_direction: bool
-) -> None:
+def turns_one_way(segments: list[LogSegment]) -> bool:
+    """Return whether less than 4 % of the windows turn in the other direction."""
+    speed = np.concatenate([s.speed_rad_s for s in segments])
+    usual = float(np.percentile(np.abs(speed[speed != 0.0]), 75)) if speed.any() else 0.0
+    return min(float(np.mean(speed > 0.2 * usual)), float(np.mean(speed < -0.2 * usual))) < 0.04
+
+
+def _check_sign(name: str, drive: FloatArray, speed: FloatArray, moving: BoolArray) -> None:
     usual = float(np.percentile(np.abs(speed[moving]), 75))
     forward, backward = float(np.mean(speed > 0.2 * usual)), float(np.mean(speed < -0.2 * usual))
-    if min(forward, backward) >= 0.04 or one_direction:
-        return
-    if (drive < 0).any() and (drive > 0).any():
+    largest = float(np.abs(drive).max())
+    signs = min(float(np.mean(drive > 0.2 * largest)), float(np.mean(drive < -0.2 * largest)))
+    if min(forward, backward) < 0.04 <= signs:
         raise log_error(
             f"{name}: the drive has both signs but the speed only one: the log lacks the sign of the speed; "
             "record counts that increase forward and decrease backward"
         )
-    raise log_error(
-        f"{name}: one direction only: gain and static friction can hardly be separated, and the friction of "
-        f"the other direction not at all; {RECORD}; or pass --one-direction to identify this direction alone"
-    )
 
 
 def _check_levels(name: str, unit: DriveUnit, drive: FloatArray) -> None:
@@ -80,7 +96,7 @@ def _check_levels(name: str, unit: DriveUnit, drive: FloatArray) -> None:
         return
     saturated = unit is DriveUnit.PWM and high >= 0.98 * FULL_PWM
     what = "saturated: the drive is at its limit" if saturated else "one drive level only"
-    raise log_error(
+    raise undetermined(
         f"{name}: {what} ({high:g} {unit.value}) whenever the motor is driven: gain and static friction "
         f"cannot be separated; {RECORD}"
     )
@@ -121,7 +137,7 @@ def check_result(name: str, fit: Fit, fit_percent: float, unit: DriveUnit, large
         )
     uncertain = _uncertain_parameter(model, std)
     if uncertain:
-        raise log_error(
+        raise undetermined(
             f"{name}: the log does not determine the {uncertain} (rad/s per {unit.value}); {RECORD}"
         )
 
@@ -129,6 +145,7 @@ def check_result(name: str, fit: Fit, fit_percent: float, unit: DriveUnit, large
 def _uncertain_parameter(model: MotorModel, std: Uncertainty) -> str:
     if std.gain > MAX_RELATIVE_STD["gain"] * model.gain:
         return f"gain: {model.gain:.3g} +- {std.gain:.2g}"
-    if std.time_constant_s > max(MAX_RELATIVE_STD["time_constant"] * model.time_constant_s, 0.004):
+    lag_s = model.time_constant_s + model.delay_s  # a log may determine only the sum: that gets a warning
+    if std.time_constant_s > max(MAX_RELATIVE_STD["time_constant"] * lag_s, 0.004):
         return f"time constant: {model.time_constant_s:.3g} +- {std.time_constant_s:.2g} s"
     return ""

@@ -54,7 +54,7 @@ def _fit_from(data: FitData, guess: InitialGuess) -> Fit:
             model = _with_breakaway(data, model, scale)
         residual = data.residuals(model)
         std = _robust_std(data, residual)
-        use = ~_glitches(residual, max(GLITCH_SIGMAS * std, 3.0 * quantum))
+        use = ~find_glitches(residual, max(GLITCH_SIGMAS * std, 3.0 * quantum))
         # Without the glitches, the remaining residuals are the model's own and no outliers. Nor is rounding
         # to whole counts: a loss that discounts residuals of one count is biased.
         scale = max(std, float(np.sqrt(np.mean(residual[use] ** 2))), 1.5 * quantum)
@@ -102,7 +102,7 @@ def _robust_std(data: FitData, residual: FloatArray) -> float:
     return float(max(std, _quantum(data.segments) / np.sqrt(6.0), 1e-6))
 
 
-def _glitches(residual: FloatArray, limit: float) -> BoolArray:
+def find_glitches(residual: FloatArray, limit: float) -> BoolArray:
     """Mark large residuals that are single or in pairs.
 
     Three or more of one sign in a row are a model error, not a glitch.

@@ -13,6 +13,9 @@ from thumper_tuning.logs.units import FULL_PWM
 
 WHITENESS_LIMIT = 2.576  # 99 % of a normal distribution
 LAGS = 20
+FEEDBACK_SIGMAS = 4.0
+INSEPARABLE = 0.2  # of the time constant
+MIN_SENSOR_WINDOW_S = 0.015
 MAX_AUTOCORRELATION = 0.6  # a first-order wheel with torque ripple stays below
 
 
@@ -22,7 +25,9 @@ def fit_warnings(
     """Return the warnings, most important first; none for a good log."""
     return [
         *_validation_warnings(segments, fit, validation),
+        *_delay_warnings(fit),
         *_speed_warnings(segments, fit),
+        *_feedback_warnings(logs, segments, fit, validation),
         *_drive_warnings(logs[0].drive_unit, segments, fit),
         *_resolution_warnings(logs, segments),
         *_friction_warnings(logs[0].drive_unit, fit),
@@ -39,8 +44,23 @@ def _validation_warnings(segments: list[LogSegment], fit: Fit, validation: Valid
     glitches = int(fit.is_glitch.sum())
     if glitches:
         yield f"{glitches} of {len(all_speeds(segments))} speeds are glitches: left out"
-    if fit.instantaneous:
+    sensor_window_s = segments[0].sensor_window_s
+    if sensor_window_s > 2.0 * MIN_SENSOR_WINDOW_S:
+        yield (
+            f"the logged speeds are averaged over {1e3 * sensor_window_s:.0f} ms: log counts or raw speeds"
+        )
+    elif fit.instantaneous and sensor_window_s == 0.0:
         yield "the speeds fit better as instantaneous values than as means over the row's interval"
+
+
+def _delay_warnings(fit: Fit) -> Iterator[str]:
+    tau_s, std = fit.model.time_constant_s, fit.uncertainty
+    either_s = max(std.time_constant_s, std.delay_s)
+    if either_s > INSEPARABLE * tau_s:
+        yield (
+            f"delay and time constant cannot be separated to better than {1e3 * either_s:.0f} ms: their "
+            f"sum, {1e3 * (tau_s + fit.model.delay_s):.0f} ms, is surer; log faster, or log counts"
+        )
 
 
 def _speed_warnings(segments: list[LogSegment], fit: Fit) -> Iterator[str]:
@@ -52,6 +72,31 @@ def _speed_warnings(segments: list[LogSegment], fit: Fit) -> Iterator[str]:
         )
     if speed.min() > -0.02 * speed.max() or speed.max() < -0.02 * speed.min():
         yield "one direction only: the friction of the other direction is unknown"
+
+
+def _feedback_warnings(
+    logs: list[MotorLog], segments: list[LogSegment], fit: Fit, validation: Validation
+) -> Iterator[str]:
+    """Warn if the residuals move the drive that follows: then noise is in both, and biases the fit."""
+    if not any(log.has_setpoint for log in logs):
+        return
+    changes, errors, first = [], [], 0
+    for s in segments:
+        last = first + len(s.speed_rad_s)
+        change = np.diff(s.drive_at_windows())
+        changes.append(change)
+        errors.append(validation.residual_rad_s[first : last - 1] * ~fit.is_glitch[first : last - 1])
+        first = last
+    change, error = np.concatenate(changes), np.concatenate(errors)
+    size = float(np.linalg.norm(change) * np.linalg.norm(error))
+    share = abs(float(change @ error)) / size if size > 0.0 else 0.0
+    if share > FEEDBACK_SIGMAS / np.sqrt(len(change)):
+        yield (
+            f"recorded in closed loop, and the drive reacts to what the model does not explain (correlation "
+            f"{share:.2f}): gain and time constant are biased; record open-loop steps to check"
+        )
+    else:
+        yield "recorded in closed loop; no bias by the feedback is visible"
 
 
 def _drive_warnings(unit: DriveUnit, segments: list[LogSegment], fit: Fit) -> Iterator[str]:

@@ -7,7 +7,8 @@ import numpy as np
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.least_squares import FitData
 from thumper_tuning.identify.model import MotorModel
-from thumper_tuning.identify.motor_response import DriveSignal, MotorParameters, simulate
+from thumper_tuning.identify.motor_response import DriveSignal, MotorParameters
+from thumper_tuning.identify.prediction import observe
 from thumper_tuning.identify.realization import (
     impulse_response,
     linear_record,
@@ -109,8 +110,7 @@ class _Filters:
             breakaway_ratio=1.0,
             delay_s=self.delay_s,
         )
-        angles, speeds = simulate(signal, s.edge_s, initial, one_pole)
-        return speeds[1:] if self.instantaneous else np.diff(angles) / s.windows_s
+        return observe(s, signal, initial, one_pole, instantaneous=self.instantaneous)
 
 
 def _fit_l1(X: FloatArray, y: FloatArray) -> tuple[FloatArray, float]:

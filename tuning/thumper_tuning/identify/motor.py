@@ -1,19 +1,26 @@
 """Identify one motor from its logs: fit, validation, checks and warnings."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from thumper_tuning.identify.compare_models import ComparedModel, compare_models
 from thumper_tuning.identify.cross_validation import Validation, cross_validate
-from thumper_tuning.identify.excitation_checks import RECORD, check_excitation, check_result
+from thumper_tuning.identify.excitation_checks import (
+    RECORD,
+    check_excitation,
+    check_result,
+    turns_one_way,
+)
 from thumper_tuning.identify.fit import Fit, fit_motor
 from thumper_tuning.identify.fit_warnings import fit_warnings
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.identify.richer_models import fit_richer_models
-from thumper_tuning.identify.segments import LogSegment, split_segments
+from thumper_tuning.identify.segments import LogSegment, speed_stride, split_segments
+from thumper_tuning.identify.sensor_window import fit_sensor_window, rms_residual
+from thumper_tuning.identify.stretches import fit_by_kind
 from thumper_tuning.identify.systems import continuous_system, counted_system, friction_system
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
 from thumper_tuning.logs.units import log_error
@@ -22,6 +29,7 @@ if TYPE_CHECKING:
     import control
 
 INSTANTANEOUS_COST_RATIO = 0.97  # speeds count as instantaneous only if they fit this much better
+WINDOW_RMS_RATIO = 0.985  # the same for a sensor's window
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,6 +46,13 @@ class IdentifiedMotor:
     period_s: float
     supply_V: float | None
     warnings: tuple[str, ...]
+    columns: tuple[str, ...] = ()  # what was understood of the file
+    fit_percent_by_kind: dict[str, float] = field(default_factory=dict)  # of held-out speeds, worst first
+
+    @property
+    def sensor_window_s(self) -> float:
+        """The time over which the logged speeds are averaged, beyond the row's interval; 0: none found."""
+        return self.segments[0].sensor_window_s if self.segments[0].sensor_window_s > self.period_s else 0.0
 
     def continuous(self) -> "control.TransferFunction":
         """Return the motor as a continuous python-control system, from drive to speed, without friction."""
@@ -63,23 +78,21 @@ class IdentifiedMotor:
         )
 
 
-def identify(logs: list[MotorLog], *, one_direction: bool = False) -> IdentifiedMotor:
+def identify(logs: list[MotorLog]) -> IdentifiedMotor:
     """Identify one motor from one or several runs.
 
     Raises
     ------
+    UndeterminedError
+        The logs determine a part of the model; `identify_partly` finds it.
     ThumperError
-        The logs do not determine the model; the message says why and what to record.
+        The logs determine nothing; the message says why and what to record.
     """
     name = logs[0].name
-    if len({(log.drive_unit, log.position_rad is None) for log in logs}) > 1:
-        raise log_error(f"{name}: the files differ in their columns (PWM or voltage, counts or speed)")
-    segments = [segment for log in logs for segment in split_segments(log)]
-    reversed_sign = _is_reversed(segments)
-    if reversed_sign:
-        segments = [replace(s, speed_rad_s=-s.speed_rad_s) for s in segments]
-    check_excitation(logs, segments, one_direction=one_direction)
-    fit = _best_fit(logs, segments)
+    segments, reversed_sign = signed_segments(logs)
+    check_excitation(logs, segments)
+    one_direction = turns_one_way(segments)
+    fit, segments = _best_fit(logs, segments)
     if fit is None:
         raise log_error(
             f"{name}: the speed does not follow the drive; check columns, units and sign; {RECORD}"
@@ -108,7 +121,27 @@ def identify(logs: list[MotorLog], *, one_direction: bool = False) -> Identified
         period_s=round(float(np.median([log.period_s for log in logs])), 9),  # control compares them exactly
         supply_V=float(np.mean(supplies)) if supplies else None,
         warnings=tuple(warnings),
+        columns=logs[0].columns,
+        fit_percent_by_kind=fit_by_kind(segments, fit, validation),
     )
+
+
+def signed_segments(logs: list[MotorLog]) -> tuple[list[LogSegment], bool]:
+    """Return the segments of all runs, with the speed in the drive's direction, and whether it was not.
+
+    Raises
+    ------
+    ThumperError
+        The files differ in their columns.
+    """
+    if len({(log.drive_unit, log.position_rad is None) for log in logs}) > 1:
+        raise log_error(
+            f"{logs[0].name}: the files differ in their columns (PWM or voltage, counts or speed)"
+        )
+    segments = [segment for log in logs for segment in split_segments(log)]
+    if not _is_reversed(segments):
+        return segments, False
+    return [replace(s, speed_rad_s=-s.speed_rad_s) for s in segments], True
 
 
 def _with_hidden_delay(fit: Fit) -> Uncertainty:
@@ -122,14 +155,24 @@ def _with_hidden_delay(fit: Fit) -> Uncertainty:
     return replace(std, time_constant_s=math.hypot(std.time_constant_s, std.delay_s))
 
 
-def _best_fit(logs: list[MotorLog], segments: list[LogSegment]) -> Fit | None:
-    mean = fit_motor(segments, instantaneous=False)
+def _best_fit(logs: list[MotorLog], segments: list[LogSegment]) -> tuple[Fit | None, list[LogSegment]]:
+    """Return the best fit, and the segments with the sensor's window that it found."""
     if logs[0].position_rad is not None:
-        return mean
+        return fit_motor(segments, instantaneous=False), segments
+    # A row's mean: over its interval, which is a part of the window if rows were left out.
+    stride = max(speed_stride(log) for log in logs)
+    row_s = max(log.period_s for log in logs)
+    means = [replace(s, sensor_window_s=row_s) for s in segments] if stride > 1 else segments
+    mean = fit_motor(means, instantaneous=stride > 1)
     instantaneous = fit_motor(segments, instantaneous=True)
     if mean is None or instantaneous is None:
-        return mean or instantaneous
-    return instantaneous if instantaneous.cost < INSTANTANEOUS_COST_RATIO * mean.cost else mean
+        return (mean, means) if mean is not None else (instantaneous, segments)
+    better = instantaneous.cost < INSTANTANEOUS_COST_RATIO * mean.cost
+    best, of_best = (instantaneous, segments) if better else (mean, means)
+    filtered, with_window = fit_sensor_window(segments, row_s)
+    if filtered is not None and rms_residual(filtered) < WINDOW_RMS_RATIO * rms_residual(best):
+        return filtered, with_window
+    return best, of_best
 
 
 def _one_sided(model: MotorModel, segments: list[LogSegment]) -> MotorModel:

@@ -6,7 +6,12 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.model import MotorModel
-from thumper_tuning.identify.motor_response import motor_parameters, simulate
+from thumper_tuning.identify.motor_response import (
+    DriveSignal,
+    MotorParameters,
+    motor_parameters,
+    simulate,
+)
 from thumper_tuning.identify.segments import LogSegment
 
 MIN_SHARE = 0.1  # of the initial speed in the first window; with less it cannot be determined
@@ -15,11 +20,29 @@ MIN_SHARE = 0.1  # of the initial speed in the first window; with less it cannot
 def predict(segment: LogSegment, model: MotorModel, *, instantaneous: bool) -> FloatArray:
     """Return the speeds [rad/s] of all windows, shape (n,).
 
-    They are means over the windows, or with `instantaneous` the speeds at their ends.
+    They are means over the windows, or with `instantaneous` over the sensor's window before their ends.
     """
     omega = initial_speed(segment, model, instantaneous=instantaneous)
-    angles, speeds = simulate(segment.drive_signal, segment.edge_s, omega, motor_parameters(model))
-    return speeds[1:] if instantaneous else np.diff(angles) / segment.windows_s
+    motor = motor_parameters(model)
+    return observe(segment, segment.drive_signal, omega, motor, instantaneous=instantaneous)
+
+
+def observe(
+    s: LogSegment, signal: DriveSignal, omega: float, motor: MotorParameters, *, instantaneous: bool
+) -> FloatArray:
+    """Return what the log would hold of a motor that this drive moves, from speed `omega`, shape (n,)."""
+    if not instantaneous or s.sensor_window_s == 0.0:
+        angles, speeds = simulate(signal, s.edge_s, omega, motor)
+        return speeds[1:] if instantaneous else np.diff(angles) / s.windows_s
+    begins_s = s.edge_s[1:] - s.sensor_window_s
+    times_s, at = np.unique(
+        np.concatenate((s.edge_s, np.maximum(begins_s, s.edge_s[0]))), return_inverse=True
+    )
+    angles, _ = simulate(signal, times_s, omega, motor)
+    n = len(s.edge_s)
+    before = omega * np.maximum(s.edge_s[0] - begins_s, 0.0)  # turned before the segment
+    turned: FloatArray = angles[at[1:n]] - angles[at[n:]] + before
+    return turned / s.sensor_window_s
 
 
 def initial_speed(segment: LogSegment, model: MotorModel, *, instantaneous: bool) -> float:

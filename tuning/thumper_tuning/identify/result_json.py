@@ -3,6 +3,7 @@
 from typing import Any
 
 from thumper_tuning.identify.motor import IdentifiedMotor
+from thumper_tuning.identify.partial import PartialMotor
 
 NOT_IDENTIFIABLE = (
     "drive and speed determine only gain, time constant, static friction and delay. R, L, Kt, Kf, J and B "
@@ -28,8 +29,32 @@ def motor_to_dict(motor: IdentifiedMotor) -> dict[str, Any]:
         "breakaway_ratio": model.breakaway_ratio,
         "delay_s": model.delay_s,
         "delay_s_std": std.delay_s,
+        "sensor_window_s": motor.sensor_window_s,
         "fit_percent": motor.validation.fit_percent,
+        "fit_percent_by_kind": motor.fit_percent_by_kind,
         "period_s": motor.period_s,
         "supply_V": motor.supply_V,
         "warnings": list(motor.warnings),
+        "columns": list(motor.columns),
+    }
+
+
+def partial_to_dict(motor: PartialMotor) -> dict[str, Any]:
+    """Return what a log determines, with the keys of `motor_to_dict`, and what it does not."""
+    unit = motor.unit.value
+    return {
+        "motor": motor.name,
+        "time_constant_s": motor.time_constant_s,
+        "time_constant_s_std": motor.time_constant_std_s,
+        "delay_s": motor.delay_s,
+        "delay_s_std": motor.delay_std_s,
+        "steady": [
+            {f"drive_{unit}": s.drive, "speed_rad_s": s.speed_rad_s, "speed_rad_s_std": s.std_rad_s}
+            for s in motor.steady
+        ],
+        "fit_percent": motor.fit_percent,
+        "not_determined": list(motor.not_determined),
+        "record_next": motor.record_next,
+        "warnings": list(motor.warnings),
+        "columns": list(motor.columns),
     }

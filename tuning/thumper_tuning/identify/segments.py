@@ -1,5 +1,6 @@
 """Split a log into segments without gaps: the drive, and mean speeds over windows."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,8 @@ IndexArray = NDArray[np.intp]
 MIN_WINDOW_S = 0.01
 COARSE_COUNTS = 4.0  # with fewer counts per window the fit would mostly see rounding ...
 MAX_MERGED_WINDOW_S = 0.05  # ... but longer windows would hide the time constant
+# Of a log with more rows of speeds than this, only every n-th is fitted: the others only cost time.
+MANY_ROWS, MAX_SPEED_PERIOD_S = 2000, 0.025
 AT_REST_QUANTA = 0.6
 
 
@@ -33,6 +36,8 @@ class LogSegment:
     edge_s: FloatArray  # (n + 1,)
     speed_rad_s: FloatArray  # (n,)
     quantum_rad_s: float  # one count per median window; 0: unknown
+    # In a log of instantaneous speeds: each is a mean over this time before its edge, by the sensor's filter.
+    sensor_window_s: float = 0.0
 
     @property
     def windows_s(self) -> FloatArray:
@@ -106,6 +111,8 @@ def _segment(log: MotorLog, rows: slice) -> LogSegment | None:
     values = log.speed_rad_s if log.position_rad is None else log.position_rad
     assert values is not None
     known = np.flatnonzero(np.isfinite(values[rows]))
+    if log.position_rad is None:
+        known = known[:: speed_stride(log)]
     if len(known) < 3:
         return None
     y = values[rows][known]
@@ -131,6 +138,17 @@ def _segment(log: MotorLog, rows: slice) -> LogSegment | None:
         speed_rad_s=speed,
         quantum_rad_s=_quantum(log, speed, np.diff(edge_s)),
     )
+
+
+def speed_stride(log: MotorLog) -> int:
+    """Return n if every n-th speed is fitted: 1, or more in a long log with fast rows.
+
+    Each speed still is the mean over its own row's interval.
+    """
+    if log.position_rad is not None:
+        return 1
+    wanted = math.ceil(len(log.time_s) / MANY_ROWS)
+    return max(1, min(wanted, math.floor(MAX_SPEED_PERIOD_S / log.period_s + 0.01)))
 
 
 def _quantum(log: MotorLog, speed: FloatArray, windows_s: FloatArray) -> float:

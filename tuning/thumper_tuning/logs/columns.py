@@ -2,6 +2,7 @@
 
 import math
 import re
+import unicodedata
 from dataclasses import dataclass
 from enum import Enum
 from functools import partial
@@ -22,6 +23,7 @@ class Quantity(Enum):
     SPEED = "speed"
     CURRENT = "current"
     BATTERY = "battery"
+    SETPOINT = "setpoint"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,68 +36,58 @@ class Column:
     scale: float
     motor: str  # empty: common to all motors
     needs_encoder: bool = False  # in counts: the encoder's resolution is needed
+    unit_given: bool = True  # the header names the unit
+    unknown_unit: str = ""  # the text in the place of the unit; the scale is NaN then
 
 
 # Names are matched as whole words, longest first, after the wheel is removed. The other words are the unit.
+# English, German, Spanish, Portuguese, French, Italian and Dutch, without accents.
 NAMES = {
     Quantity.TIME: (
-        "time",
-        "t",
-        "timestamp",
-        "stamp",
-        "zeit",
-        "tijd",
-        "elapsed",
-        "clock",
-        "millis",
-        "micros",
+        "time", "t", "timestamp", "time stamp", "stamp", "zeit", "tijd", "tiempo", "tempo", "temps",
+        "elapsed", "elapsed time", "clock", "millis", "micros",
     ),
-    Quantity.PWM: ("pwm", "duty", "dutycycle", "u", "command", "cmd", "drive", "input"),
-    Quantity.VOLTAGE: ("voltage", "volt", "volts", "v", "uin", "vin", "vm", "motor voltage", "input voltage"),
+    Quantity.PWM: (
+        "pwm", "duty", "dutycycle", "duty cycle", "u", "command", "cmd", "drive", "input", "throttle",
+        "effort", "stellgrosse",
+    ),
+    Quantity.VOLTAGE: (
+        "voltage", "volt", "volts", "v", "uin", "vin", "vm", "motor voltage", "input voltage", "voltaje",
+        "tension", "tensao", "tensione", "spannung",
+    ),
     Quantity.COUNTS: (
-        "counts",
-        "count",
-        "ticks",
-        "tick",
-        "encoder",
-        "enc",
-        "position",
-        "pos",
-        "steps",
-        "pulses",
-        "angle",
-        "theta",
+        "counts", "count", "ticks", "tick", "encoder", "enc", "position", "pos", "steps", "pulses", "angle",
+        "theta", "posicion", "pulsos", "cuentas", "winkel", "angulo",
     ),
     Quantity.COUNTS_PER_ROW: (
-        "delta counts",
-        "counts delta",
-        "counts per row",
-        "dcounts",
-        "delta ticks",
-        "dticks",
+        "delta counts", "counts delta", "counts per row", "dcounts", "delta ticks", "dticks",
     ),
     Quantity.SPEED: (
-        "speed",
-        "velocity",
-        "omega",
-        "vel",
-        "w",
-        "rate",
-        "rpm",
-        "angular velocity",
-        "wheel speed",
+        "speed", "velocity", "omega", "vel", "w", "rate", "rpm", "angular velocity", "angular speed",
+        "wheel speed", "velocidad", "velocidad angular", "velocidade", "vitesse", "velocita",
+        "geschwindigkeit", "drehzahl", "snelheid",
     ),
-    Quantity.CURRENT: ("current", "i", "amps"),
-    Quantity.BATTERY: ("battery", "vbat", "supply", "battery voltage", "vbatt", "bus voltage"),
-}
+    Quantity.CURRENT: ("current", "i", "amps", "strom", "corriente", "corrente", "courant"),
+    Quantity.BATTERY: ("battery", "vbat", "supply", "battery voltage", "vbatt", "bus voltage", "bateria"),
+}  # fmt: skip
+SETPOINTS = frozenset(
+    ("setpoint", "target", "reference", "ref", "desired", "goal", "sp", "sollwert", "consigna")
+)
+NO_QUANTITY = frozenset(("error", "err", "kp", "ki", "kd", "integral", "proportional", "derivative"))
+# Words that add nothing. They are dropped only if a header is not recognized with them.
+QUALIFIERS = frozenset(
+    ("motor", "wheel", "measured", "meas", "actual", "act", "real", "raw", "filtered", "filt", "value",
+     "signal", "encoder", "shaft", "applied", "in", "of", "the", "dc", "data", "avg", "mean")
+)  # fmt: skip
 UNITS: dict[Quantity, dict[str, float]] = {
-    Quantity.TIME: {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "millis": 1e-3, "us": 1e-6, "µs": 1e-6,
+    Quantity.TIME: {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "millis": 1e-3, "us": 1e-6,
                     "micros": 1e-6, "ns": 1e-9, "min": 60.0},
     Quantity.PWM: {"": 1.0, "pwm": 1.0, "%": 2.55, "percent": 2.55, "duty": 255.0, "dutycycle": 255.0},
     Quantity.VOLTAGE: {"v": 1.0, "volt": 1.0, "volts": 1.0, "mv": 1e-3},
     Quantity.COUNTS: {"": 1.0, "rad": math.nan, "deg": math.nan, "rev": math.nan},
     Quantity.SPEED: {"rad s": 1.0, "rads": 1.0, "radps": 1.0, "mrad s": 1e-3, "deg s": math.pi / 180.0,
-                     "rpm": math.pi / 30.0, "rps": math.tau, "rev s": math.tau, "hz": math.tau},
+                     "rpm": math.pi / 30.0, "rps": math.tau, "rev s": math.tau, "hz": math.tau,
+                     **dict.fromkeys(("1 min", "rev min", "r min", "u min", "tr min"), math.pi / 30.0)},
     Quantity.CURRENT: {"a": 1.0, "ma": 1e-3},
     Quantity.BATTERY: {"v": 1.0, "mv": 1e-3},
 }  # fmt: skip
@@ -106,23 +98,44 @@ LONG_SIDES = {"l": "left", "r": "right"}
 
 
 def parse_header(header: str, index: int) -> Column | None:
-    """Recognize a header such as `left_speed_rad_s`, `Voltage (V)` or `u [mV]`; None if unknown.
-
-    Raises
-    ------
-    ThumperError
-        The quantity is known, but its unit is not.
-    """
+    """Recognize a header such as `left_speed_rad_s`, `Voltage (V)` or `u [mV]`; None if unknown."""
     words = _words(header)
     sides = [word for word in words if word in SIDES]
     motor = LONG_SIDES.get(sides[0], sides[0]) if sides else ""
     words = [word for word in words if word not in SIDES] if sides and len(words) > 1 else words
+    if NO_QUANTITY & set(words):
+        return None
+    if SETPOINTS & set(words):
+        return Column(index=index, header=header, quantity=Quantity.SETPOINT, scale=1.0, motor=motor)
+    found = _named(header, index, words, motor)
+    if found is None or found.unknown_unit:
+        for dropped in (QUALIFIERS, QUALIFIERS | {"current"}):  # "current" is also a quantity
+            rest = [word for word in words if word not in dropped]
+            if rest and (other := _named(header, index, rest, motor)) and not other.unknown_unit:
+                return other
+    return found
+
+
+def _named(header: str, index: int, words: list[str], motor: str) -> Column | None:
     for cut in range(len(words), 0, -1):
         name, unit = " ".join(words[:cut]), " ".join(words[cut:])
         for quantity, names in NAMES.items():
             if name in names and (column := _with_unit(header, index, quantity, name, unit, motor)):
                 return column
     return None
+
+
+def as_column(header: str, index: int, quantity: Quantity, unit: str) -> Column | None:
+    """Return the column as the given quantity; with an empty unit, that of the header or the default."""
+    words = [word for word in _words(header) if word not in QUALIFIERS | set(SIDES)]
+    name = NAMES[quantity][0]
+    if unit:
+        return _with_unit(header, index, quantity, name, " ".join(_words(unit)), "")
+    for cut in range(len(words)):
+        found = _with_unit(header, index, quantity, name, " ".join(words[cut:]), "")
+        if found is not None and not found.unknown_unit:
+            return found
+    return _with_unit(header, index, quantity, name, "", "")
 
 
 def _with_unit(
@@ -133,21 +146,31 @@ def _with_unit(
         return special
     if quantity is Quantity.COUNTS_PER_ROW:
         return None
-    units = UNITS[quantity]
+    units, written = UNITS[quantity], unit
     unit = _unit_or_default(quantity, name, unit)
     if unit not in units:
         if not header.isprintable() or len(header) > MAX_HEADER_LENGTH:
             return None
-        if quantity in (Quantity.CURRENT, Quantity.BATTERY):
-            return None  # optional columns are ignored instead
-        raise ThumperError(
-            f"column {header!r}: unknown unit {unit!r}; rename it, for example to "
-            f"{quantity.value}_{next(iter(units)).replace(' ', '_') or 'raw'}",
-            exit_code=EXIT_CHECK_FAILED,
-        )
+        return column(quantity=quantity, scale=math.nan, unknown_unit=unit)
     if quantity is Quantity.COUNTS and unit in POSITIONS_RAD:
         return column(quantity=quantity, scale=POSITIONS_RAD[unit] / math.tau)
-    return column(quantity=quantity, scale=units[unit], needs_encoder=quantity is Quantity.COUNTS)
+    given = bool(written) or name in units
+    return column(
+        quantity=quantity,
+        scale=units[unit],
+        needs_encoder=quantity is Quantity.COUNTS,
+        unit_given=given,
+    )
+
+
+def unit_error(column: Column) -> ThumperError:
+    """Return the error for a needed column whose unit is unknown."""
+    example = next(iter(UNITS.get(column.quantity, {"": 1.0}))).replace(" ", "_") or "raw"
+    return ThumperError(
+        f"column {column.header!r}: unknown unit {column.unknown_unit!r}; rename it, for example to "
+        f"{column.quantity.value}_{example}, or pass its unit: --column ROLE={column.header}:UNIT",
+        exit_code=EXIT_CHECK_FAILED,
+    )
 
 
 def _special_column(column: "partial[Column]", quantity: Quantity, unit: str) -> Column | None:
@@ -175,6 +198,8 @@ def _unit_or_default(quantity: Quantity, name: str, unit: str) -> str:
 
 
 def _words(header: str) -> list[str]:
-    text = re.sub(r"(?<=[a-z]{2})(?=[A-Z])", " ", header.strip().strip('"'))  # camelCase
+    plain = unicodedata.normalize("NFKD", header.replace("µ", "u").replace("μ", "u").replace("ß", "ss"))
+    text = "".join(letter for letter in plain if not unicodedata.combining(letter)).strip().strip('"')
+    text = re.sub(r"(?<=[a-z]{2})(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text)  # camelCase
     text = re.sub(r"/|\bper\b|\^-1|-1\b", " ", text.lower()).replace("counts per rev", "")
-    return [word for word in re.split(r"[^a-z0-9%µ]+", text) if word]
+    return [word for word in re.split(r"[^a-z0-9%]+", text) if word]

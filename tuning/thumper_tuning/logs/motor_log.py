@@ -37,6 +37,8 @@ class MotorLog:
     quantum_rad: float = 0.0  # position per encoder count; 0: unknown
     current_A: FloatArray | None = None
     supply_V: float | None = None  # mean battery voltage that a drive in PWM refers to
+    has_setpoint: bool = False  # recorded in closed loop
+    columns: tuple[str, ...] = ()  # what was understood, one line per used column
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

@@ -1,67 +1,75 @@
 """Read a file into one log per motor: warn about what was repaired, reject what is ambiguous."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from thumper.common.geometry import FloatArray
 from thumper_tuning.logs.columns import Column, Quantity
+from thumper_tuning.logs.drive_timing import WARNING as DRIVE_SHIFTED
+from thumper_tuning.logs.drive_timing import acts_before_its_row, shifted
 from thumper_tuning.logs.encoder_counts import find_resets, look_like_counts_per_row, unwrap
+from thumper_tuning.logs.matlab import read_matlab
+from thumper_tuning.logs.mcap_table import read_mcap_table
 from thumper_tuning.logs.motor_log import BoolArray, DriveUnit, MotorLog
+from thumper_tuning.logs.preview import preview
+from thumper_tuning.logs.roles import MotorColumns, Role, motor_columns
 from thumper_tuning.logs.sampling import IntArray, sort_rows
 from thumper_tuning.logs.sysid_json import read_sysid
 from thumper_tuning.logs.table import Table, read_table
+from thumper_tuning.logs.time_unit import guess_time_unit
 from thumper_tuning.logs.units import check_drive, check_speed, check_time, log_error
 
 DEFAULT_COUNTS_PER_REV = 1200.0
-OUTPUTS = (Quantity.COUNTS, Quantity.COUNTS_PER_ROW, Quantity.SPEED)
 MIN_ROWS = 20
 
 
-def read_runs(files: list[Path], counts_per_rev: float) -> list[list[MotorLog]]:
+def read_runs(
+    files: list[Path], counts_per_rev: float, choices: dict[Role, str] | None = None
+) -> list[list[MotorLog]]:
     """Read several files, each a run of the same motors; return the logs of each motor."""
-    per_file = [read_logs(file, counts_per_rev=counts_per_rev) for file in files]
+    per_file = [read_logs(file, counts_per_rev=counts_per_rev, choices=choices) for file in files]
     if len({len(logs) for logs in per_file}) > 1:
         raise log_error("the files do not hold the same motors; fit them one by one")
     return [list(logs) for logs in zip(*per_file, strict=True)]
 
 
-def read_logs(path: Path, *, counts_per_rev: float = DEFAULT_COUNTS_PER_REV) -> list[MotorLog]:
-    """Read a CSV file or a SysId JSON file.
+def read_logs(
+    path: Path,
+    *,
+    counts_per_rev: float = DEFAULT_COUNTS_PER_REV,
+    choices: dict[Role, str] | None = None,
+) -> list[MotorLog]:
+    """Read a CSV, SysId JSON, MATLAB or MCAP file.
 
     Raises
     ------
     ThumperError
         The file holds no motor log, or its units cannot be right; the message says what to change.
     """
-    if path.suffix.lower() == ".json":
+    suffix = path.suffix.lower()
+    if suffix == ".json":
         return read_sysid(path)
-    table = read_table(path)
-    motors = sorted({c.motor for c in table.columns if c.quantity in OUTPUTS})
-    if len(motors) > 1 and "" in motors:
-        motors.remove("")
-    if not motors:
-        raise log_error(
-            f"{path}: no column holds counts or speed (columns: {', '.join(table.headers)}); "
-            "name one counts or speed_rad_s"
-        )
-    return [_motor_log(path, table, motor, counts_per_rev) for motor in motors]
+    if suffix == ".mat":
+        table = read_matlab(path)
+    elif suffix == ".mcap":
+        table = read_mcap_table(path)
+    else:
+        table = read_table(path)
+    motors = motor_columns(path, table.headers, choices or {})
+    return [_motor_log(path, table, name, columns, counts_per_rev) for name, columns in motors.items()]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _MotorColumns:
-    """The columns of one motor."""
-
-    time: Column
-    drive: Column
-    output: Column
-    battery: Column | None
-    current: Column | None
-
-    @property
-    def drive_unit(self) -> DriveUnit:
-        return DriveUnit.VOLT if self.drive.quantity is Quantity.VOLTAGE else DriveUnit.PWM
+def _with_time_unit(table: Table, columns: MotorColumns) -> tuple[MotorColumns, list[str]]:
+    """Guess the unit of the time if its header names none; return a warning if it is not seconds."""
+    if columns.time.unit_given:
+        return columns, []
+    name, scale = guess_time_unit(table.values[:, columns.time.index])
+    if name == "s":
+        return columns, []
+    note = f"column {columns.time.header!r} names no unit: read as {name}, by the rate of the rows"
+    return replace(columns, time=replace(columns.time, scale=scale)), [note]
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -80,10 +88,13 @@ class _Rows:
         return float(np.median(np.diff(self.time_s)[~self.starts_segment[1:]]))
 
 
-def _motor_log(path: Path, table: Table, motor: str, counts_per_rev: float) -> MotorLog:
-    columns = _motor_columns(path, table, motor)
-    values = {column: table.values[:, j] * column.scale for j, column in enumerate(table.columns)}
+def _motor_log(
+    path: Path, table: Table, motor: str, columns: MotorColumns, counts_per_rev: float
+) -> MotorLog:
+    columns, guesses = _with_time_unit(table, columns)
+    values = {column: table.values[:, column.index] * column.scale for _, column in columns.used}
     rows = _usable_rows(path, columns, values)
+    rows.warnings[:0] = [*table.notes, *guesses]
     if warning := check_drive(rows.drive, columns.drive_unit, columns.drive.header):
         rows.warnings.append(warning)
     supply_V = _refer_drive_to_mean_supply(rows, columns, values)
@@ -100,6 +111,10 @@ def _motor_log(path: Path, table: Table, motor: str, counts_per_rev: float) -> M
     else:
         counts = _continuous_counts(rows)
         position = counts * (quantum_rad if columns.output.needs_encoder else 2.0 * np.pi)
+    motion = speed if position is None else np.diff(position, prepend=position[0])
+    if motion is not None and acts_before_its_row(rows.drive, motion, rows.starts_segment):
+        rows.drive = shifted(rows.drive, rows.starts_segment)
+        rows.warnings.append(DRIVE_SHIFTED)
     return MotorLog(
         name=motor or path.stem,
         drive_unit=columns.drive_unit,
@@ -111,40 +126,13 @@ def _motor_log(path: Path, table: Table, motor: str, counts_per_rev: float) -> M
         quantum_rad=quantum_rad,
         current_A=values[columns.current][rows.rows] if columns.current else None,
         supply_V=supply_V,
+        has_setpoint=columns.setpoint is not None,
+        columns=tuple(preview(table.headers, columns, values)),
         warnings=tuple(rows.warnings),
     )
 
 
-def _motor_columns(path: Path, table: Table, motor: str) -> _MotorColumns:
-    def required(names: str, *quantities: Quantity) -> Column:
-        column = _find(table, motor, *quantities)
-        if column is None:
-            wheel = f" for the motor {motor!r}" if motor else ""
-            raise log_error(
-                f"{path}: no column {names}{wheel} (columns: {', '.join(table.headers)}); name one so"
-            )
-        return column
-
-    return _MotorColumns(
-        time=required("time_s", Quantity.TIME),
-        drive=required("pwm or voltage_V", Quantity.PWM, Quantity.VOLTAGE),
-        output=required("counts or speed_rad_s", *OUTPUTS),
-        battery=_find(table, motor, Quantity.BATTERY),
-        current=_find(table, motor, Quantity.CURRENT),
-    )
-
-
-def _find(table: Table, motor: str, *quantities: Quantity) -> Column | None:
-    """Find a column, the motor's own before a common one, in the order of `quantities`."""
-    for owner in dict.fromkeys((motor, "")):
-        for quantity in quantities:
-            for column in table.columns:
-                if column.quantity is quantity and column.motor == owner:
-                    return column
-    return None
-
-
-def _usable_rows(path: Path, columns: _MotorColumns, values: dict[Column, FloatArray]) -> _Rows:
+def _usable_rows(path: Path, columns: MotorColumns, values: dict[Column, FloatArray]) -> _Rows:
     """Drop rows without time or drive, and sort the others by time."""
     time_s, drive = values[columns.time], values[columns.drive]
     usable = np.isfinite(time_s) & np.isfinite(drive)
@@ -170,7 +158,7 @@ def _usable_rows(path: Path, columns: _MotorColumns, values: dict[Column, FloatA
 
 
 def _refer_drive_to_mean_supply(
-    rows: _Rows, columns: _MotorColumns, values: dict[Column, FloatArray]
+    rows: _Rows, columns: MotorColumns, values: dict[Column, FloatArray]
 ) -> float | None:
     """Scale the PWM as if the battery had always had its mean voltage, and return that voltage.
 

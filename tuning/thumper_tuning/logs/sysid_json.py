@@ -1,14 +1,14 @@
-"""Read WPILib SysId drive-train recordings: four tests, two sides, voltages, positions and speeds."""
+"""Read WPILib SysId recordings: up to four tests, with voltages, positions and speeds."""
 
 import json
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.common.files import read_text
+from thumper.common.geometry import FloatArray
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
 
 MAX_MB = 200.0
@@ -18,14 +18,16 @@ UNIT_RAD = {"Rotations": math.tau, "Radians": 1.0, "Degrees": math.pi / 180.0}
 
 
 def read_sysid(path: Path) -> list[MotorLog]:
-    """Read a drive-train recording; `unitsPerRotation` converts metres to radians of the wheel.
+    """Read a recording of any test type; `unitsPerRotation` converts metres to radians of the wheel.
 
-    Uses the positions, not the reported speeds: those were filtered, and the file does not say how.
+    A drive train has two sides; the other types (Simple, Elevator, Arm) have one motor. Uses the positions,
+    not the reported speeds: those were filtered, and the file does not say how. If the positions repeat,
+    it uses the speeds, and the fit estimates the filter's window.
 
     Raises
     ------
     ThumperError
-        The file is not a SysId drive-train recording.
+        The file is not a SysId recording.
     """
     try:
         data = json.loads(read_text(path, MAX_MB))
@@ -33,18 +35,36 @@ def read_sysid(path: Path) -> list[MotorLog]:
         rad = UNIT_RAD.get(data["units"], math.tau / float(data["unitsPerRotation"]))
     except OSError as error:
         raise ThumperError(f"{path}: cannot read the log: {error.strerror}", exit_code=EXIT_USAGE) from error
-    except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise ThumperError(
             f"{path}: not a SysId recording ({error}); pass a CSV file", exit_code=EXIT_CHECK_FAILED
         ) from error
-    if not tests or any(test.ndim != 2 or test.shape[1] < 7 for test in tests):
+    widths = {test.shape[1] if test.ndim == 2 else 0 for test in tests}
+    if not tests or len(widths) > 1 or min(widths) < 4:
         raise ThumperError(
-            f"{path}: not a SysId drive-train recording; pass a CSV file", exit_code=EXIT_CHECK_FAILED
+            f"{path}: not a SysId recording (rows of {sorted(widths)} values); pass a CSV file",
+            exit_code=EXIT_CHECK_FAILED,
         )
-    return [_side_log(tests, name, voltage, position, rad) for name, voltage, position in SIDES]
+    if min(widths) >= 7:
+        return [_log(tests, name, voltage, position, rad) for name, voltage, position in SIDES]
+    rows = np.concatenate(tests)
+    if _repeats(rows[:, 2], rows[:, 3]):
+        return [_log(tests, path.stem, 1, 3, rad, is_speed=True)]
+    return [_log(tests, path.stem, 1, 2, rad)]
 
 
-def _side_log(tests: list[Any], name: str, voltage: int, position: int, rad: float) -> MotorLog:
+def _repeats(position: FloatArray, speed: FloatArray) -> bool:
+    """Return whether most positions repeat the one before in motion: the sensor is slower than the rows.
+
+    The differences then jitter more than the reported speeds.
+    """
+    moving = np.abs(speed[1:]) > 0.2 * np.abs(speed).max()
+    return bool(moving.any()) and float(np.mean(np.diff(position)[moving] == 0.0)) > 0.5
+
+
+def _log(
+    tests: list[FloatArray], name: str, voltage: int, column: int, rad: float, *, is_speed: bool = False
+) -> MotorLog:
     starts_segment = np.concatenate([np.arange(len(test)) == 0 for test in tests])
     rows = np.concatenate(tests)
     return MotorLog(
@@ -53,5 +73,6 @@ def _side_log(tests: list[Any], name: str, voltage: int, position: int, rad: flo
         time_s=rows[:, 0],
         drive=rows[:, voltage],
         starts_segment=starts_segment,
-        position_rad=rows[:, position] * rad,
+        position_rad=None if is_speed else rows[:, column] * rad,
+        speed_rad_s=rows[:, column] * rad if is_speed else None,
     )

@@ -18,9 +18,19 @@ from thumper_tuning.identify.result_json import NOT_IDENTIFIABLE
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-STYLE = """body{font:15px/1.5 sans-serif;max-width:1000px;margin:2em auto;padding:0 1em;color:#222}
-table{border-collapse:collapse;margin:1em 0}td,th{border:1px solid #ccc;padding:.25em .7em;text-align:right}
-th:first-child,td:first-child{text-align:left}img{max-width:100%}li{margin:.2em 0}h2{margin-top:2em}"""
+STYLE = """body{font:14px/1.4 sans-serif;max-width:1400px;margin:1em auto;padding:0 1em;color:#222}
+h1{font-size:1.4em;margin:.4em 0}h2{font-size:1.15em;margin:1em 0 .4em}li{margin:.2em 0}
+.verdict{background:#f0f4f8;border-left:4px solid #1f77b4;padding:.6em 1em;margin:.6em 0}
+.verdict p{margin:.2em 0}
+.tables{display:flex;flex-wrap:wrap;align-items:start;gap:0 1.5em;overflow-x:auto}
+table{border-collapse:collapse;margin:.5em 0;font-size:.9em}
+td,th{border:1px solid #ccc;padding:.15em .5em;text-align:right}
+th:first-child,td:first-child{text-align:left}
+.figures{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,380px),1fr));gap:.6em}
+.figures img{width:100%;height:auto}.figures .wide{grid-column:span 2}
+@media(max-width:820px){.figures .wide{grid-column:span 1}}
+@media print{@page{margin:1cm}body{font-size:8.5pt;margin:0;padding:0}h2{break-after:avoid}
+.figures{grid-template-columns:repeat(4,1fr);gap:.2em}.figures img,table{break-inside:avoid}}"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,16 +48,13 @@ def write_report(
     from thumper_tuning.report import figures, loop_figures
 
     old = board.before.gains if board else None
-    parts = ["<h1>Wheel speed control: tuning report</h1>"]
+    parts = ["<h1>Wheel speed control: tuning report</h1>", _verdict(motors, design, board)]
     if board is not None:
-        parts += [
-            "<h2>On the robot</h2>",
-            _tracking_table(board),
-            _image(figures.tracking(board.before, board.after)),
-        ]
-    parts += ["<h2>Gains</h2>", _gains_table(design, old), _margins_table(design, old)]
-    parts.append(_image(loop_figures.step(design, (old.kp, old.ki) if old else None)))
-    parts += [
+        parts += ["<h2>On the robot, before and after</h2>", _tables(_tracking_table(board))]
+        parts += [_grid([_image(figures.tracking(board.before, board.after), wide=True)])]
+    parts += ["<h2>Gains and loop</h2>", _tables(_gains_table(design, old), _margins_table(design, old))]
+    loop = [_image(loop_figures.step(design, (old.kp, old.ki) if old else None), wide=True)]
+    loop += [
         _image(draw(design))
         for draw in (
             loop_figures.bode,
@@ -57,27 +64,94 @@ def write_report(
             loop_figures.root_locus,
         )
     ]
+    parts.append(_grid(loop))
     for motor in motors:
-        parts += [f"<h2>Motor {html.escape(motor.name)}</h2>", _motor_table(motor)]
+        parts += [f"<h2>Motor {html.escape(motor.name)}</h2>"]
+        parts += [_tables(_motor_table(motor), _models_table(motor))]
         parts += [f"<p>Note: {html.escape(warning)}.</p>" for warning in motor.warnings]
-        parts += [
-            _image(draw(motor)) for draw in (figures.data_and_model, figures.residuals, figures.static_map)
-        ]
+        parts.append(
+            _grid(
+                [
+                    _image(figures.data_and_model(motor), wide=True),
+                    _image(figures.static_map(motor)),
+                    _image(figures.residuals(motor), wide=True),
+                ]
+            )
+        )
     parts.append(f"<p>{html.escape(NOT_IDENTIFIABLE)}.</p>")
     body = "\n".join(parts)
     write_text(
         path,
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>Tuning report</title>'
+        f'<meta name="viewport" content="width=device-width,initial-scale=1">'
         f"<style>{STYLE}</style><body>{body}</body></html>",
     )
     return path
 
 
-def _image(figure: "Figure") -> str:
+def _verdict(motors: list[IdentifiedMotor], design: Design, board: BoardResults | None) -> str:
+    """Return three lines: what was found, what changes, and what it gains."""
+    found = "; ".join(
+        f"{m.name}: time constant {1e3 * m.model.time_constant_s:.0f} ms, static friction "
+        f"{m.model.friction:.3g} {m.unit.value}, predicts held-out speeds to {m.validation.fit_percent:.1f} %"
+        for m in motors
+    )
+    new, margins = design.gains, design.margins
+    if board is None:
+        change = f"kp {new.kp:.3g}, ki {new.ki:.3g}, ks {new.ks:.3g}, kv {new.kv:.3g}, ka {new.ka:.3g}"
+        gain = (
+            f"PI alone settles in {design.step_info.settling_time_s:.2g} s with "
+            f"{design.step_info.overshoot_percent:.0f} % overshoot; Ms {margins.max_sensitivity:.2f}, "
+            f"{design.worst_case.max_sensitivity:.2f} in the worst case of battery and load"
+        )
+    else:
+        old = board.before.gains
+        change = ", ".join(
+            f"{name} {getattr(old, name):.3g} → {value:.3g}"
+            for name, value in new.items()
+            if abs(value - getattr(old, name)) > 0.005 * abs(value)
+        )
+        change = change or "nothing: the board already has these gains"
+        before = SpeedLoop.of_board(design.plant, old.kp, old.ki).margins()
+        errors = "; ".join(
+            f"tracking error at {b.acceleration_rad_s2:g} rad/s² {b.std_rad_s:.3f} → {a.std_rad_s:.3f} rad/s"
+            for b, a in zip(board.before.tracking, board.after.tracking, strict=True)
+        )
+        gain = f"{errors}; Ms {before.max_sensitivity:.2f} → {margins.max_sensitivity:.2f}"
+    lines = (("Found", found), ("Changes", change), ("Gains", gain))
+    text = "".join(f"<p><b>{name}:</b> {html.escape(line)}.</p>" for name, line in lines)
+    return f'<div class="verdict">{text}</div>'
+
+
+def _grid(images: list[str]) -> str:
+    return f'<div class="figures">{"".join(images)}</div>'
+
+
+def _tables(*tables: str) -> str:
+    return f'<div class="tables">{"".join(tables)}</div>'
+
+
+def _image(figure: "Figure", *, wide: bool = False) -> str:
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110)
+    figure.savefig(buffer, format="png", dpi=130)
     data = base64.b64encode(buffer.getvalue()).decode()
-    return f'<img alt="" src="data:image/png;base64,{data}">'
+    kind = ' class="wide"' if wide else ""
+    return f'<img alt=""{kind} src="data:image/png;base64,{data}">'
+
+
+def _models_table(motor: IdentifiedMotor) -> str:
+    rows = [
+        [
+            model.kind,
+            f"{model.fit_percent:.1f}",
+            f"{1e3 * model.time_constant_s:.1f}" if model.time_constant_s is not None else "-",
+        ]
+        for model in motor.compare()
+    ]
+    rows += [
+        [f"held-out {kind}", f"{percent:.1f}", ""] for kind, percent in motor.fit_percent_by_kind.items()
+    ]
+    return _table(["model", "validation fit [%]", "time constant [ms]"], rows)
 
 
 def _table(header: list[str], rows: list[list[str]]) -> str:

@@ -3,6 +3,7 @@
 from thumper_tuning.design.gains import Design
 from thumper_tuning.drive.verify import Verification
 from thumper_tuning.identify.motor import IdentifiedMotor
+from thumper_tuning.identify.partial import PartialMotor
 from thumper_tuning.logs.motor_log import DriveUnit
 
 MAX_QUIET_SENSITIVITY = 2.0  # a worst-case Ms up to this needs no warning
@@ -12,14 +13,36 @@ def motor_lines(motor: IdentifiedMotor) -> list[str]:
     """Return the identified parameters, one per line, and the warnings."""
     model, std = motor.model, motor.uncertainty
     unit = motor.unit.name if motor.unit is DriveUnit.PWM else motor.unit.value
+    kinds = ", ".join(f"{kind} {percent:.1f}" for kind, percent in motor.fit_percent_by_kind.items())
+    window = [f"  sensor window    {motor.sensor_window_s:9.4f} s"] if motor.sensor_window_s else []
     return [
-        f"{motor.name}: predicts held-out speeds to {motor.validation.fit_percent:.1f} %",
+        f"{motor.name}: predicts held-out speeds to {motor.validation.fit_percent:.1f} % ({kinds})",
         f"  gain             {model.gain:9.5f} +- {std.gain:.5f} rad/s per {unit}",
         f"  time constant    {model.time_constant_s:9.4f} +- {std.time_constant_s:.4f} s",
         f"  static friction  {model.friction:9.2f} +- {std.friction:.2f} {unit} "
         f"(forward {model.friction_forward:.2f}, backward {model.friction_backward:.2f})",
         f"  delay            {model.delay_s:9.4f} +- {std.delay_s:.4f} s",
+        *window,
         *[f"  note: {warning}" for warning in motor.warnings],
+        *[f"  read {line}" for line in motor.columns],
+    ]
+
+
+def partial_lines(motor: PartialMotor) -> list[str]:
+    """Return what the log determines, what it does not, and what to record next."""
+    unit = motor.unit.name if motor.unit is DriveUnit.PWM else motor.unit.value
+    return [
+        f"{motor.name}: the log determines a part of the model (it explains {motor.fit_percent:.0f} %)",
+        f"  time constant    {motor.time_constant_s:9.4f} +- {motor.time_constant_std_s:.4f} s",
+        f"  delay            {motor.delay_s:9.4f} +- {motor.delay_std_s:.4f} s",
+        *[
+            f"  speed            {s.speed_rad_s:9.3f} +- {s.std_rad_s:.3f} rad/s at {s.drive:g} {unit}"
+            for s in motor.steady
+        ],
+        f"  not determined   {', '.join(motor.not_determined)}",
+        f"  record next: {motor.record_next}",
+        *[f"  note: {warning}" for warning in motor.warnings],
+        *[f"  read {line}" for line in motor.columns],
     ]
 
 

@@ -1,0 +1,180 @@
+"""Files as people write them: dialects, languages, chosen columns, guessed units, MATLAB and MCAP."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.shared.wheel_plant import COUNT_RAD, Wheel, counted, steps_and_prbs
+from scipy.io import savemat
+
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import FloatArray
+from thumper.recording.mcap_file import McapFile
+from thumper.ros.codec import encode, message
+from thumper_tuning.identify.motor import identify
+from thumper_tuning.logs.columns import Quantity, parse_header
+from thumper_tuning.logs.motor_log import MotorLog
+from thumper_tuning.logs.read import read_logs
+from thumper_tuning.logs.roles import parse_choices
+from thumper_tuning.logs.time_unit import guess_time_unit
+
+ROWS = 500
+TIME_S = np.arange(ROWS, dtype=float) * 0.1
+PWM = steps_and_prbs(ROWS, 1)
+WHEEL = Wheel()
+COUNTS = counted(WHEEL.drive(TIME_S, PWM, 1))
+SPEED = np.concatenate(([0.0], np.diff(COUNTS) * COUNT_RAD / 0.1))
+
+
+def write(path: Path, header: str, *columns: FloatArray, separator: str = ",") -> Path:
+    rows = (separator.join(f"{value:.10g}" for value in row) for row in zip(*columns, strict=True))
+    path.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def assert_wheel(logs: list[MotorLog], drive_scale: float = 1.0) -> MotorLog:
+    model = identify(logs).model
+    assert model.gain == pytest.approx(WHEEL.gain / drive_scale, rel=0.02)
+    assert model.time_constant_s == pytest.approx(WHEEL.tau_s, rel=0.05)
+    return logs[0]
+
+
+@pytest.mark.parametrize(
+    ("header", "separator", "columns"),
+    [
+        ("Tiempo (s), PWM, Voltaje (V), Velocidad (rad/s)", ",", (TIME_S, PWM, PWM / 28.0, SPEED)),
+        ("Zeit [ms];Stellgröße [%];Drehzahl [1/min]", ";", (1e3 * TIME_S, PWM / 2.55, SPEED * 9.5492966)),
+        ("Timestamp,Target,MotorPWM,Encoder", ",", (1e3 * TIME_S, 0.1 * PWM, PWM, COUNTS)),
+        ("millis()\tMotor Speed (RPM)\tPWM Value", "\t", (1e3 * TIME_S, SPEED * 9.5492966, PWM)),
+        ("t u theta", " ", (TIME_S, PWM, COUNTS)),
+        ("time | pwm | encoder count | temp (°C)", "|", (TIME_S, PWM, COUNTS, 0.0 * PWM)),
+        ("time_s,current_speed_rad_s,pwm,position (furlong)", ",", (TIME_S, SPEED, PWM, COUNTS)),
+        ("Time (µs),PWM,Encoder Position (deg)", ",", (1e6 * TIME_S, PWM, COUNTS * 0.3)),
+    ],
+)
+def test_headers_are_understood(
+    tmp_path: Path, header: str, separator: str, columns: tuple[FloatArray, ...]
+) -> None:
+    assert_wheel(read_logs(write(tmp_path / "log.csv", header, *columns, separator=separator)))
+
+
+def test_the_preview_names_columns_units_and_what_is_not_used(tmp_path: Path) -> None:
+    header = "Timestamp,Target,MotorPWM,Encoder,Temp"
+    log = assert_wheel(
+        read_logs(write(tmp_path / "log.csv", header, 1e3 * TIME_S, PWM, PWM, COUNTS, 0.0 * PWM))
+    )
+    text = "\n".join(log.columns)
+    assert "time: column 'Timestamp' [s, every 100 ms]" in text
+    assert "drive: column 'MotorPWM' [PWM of 255, -200 ... 200]" in text
+    assert "not used: Temp" in text
+    assert any("'Timestamp' names no unit: read as ms" in warning for warning in log.warnings)
+    assert log.has_setpoint
+
+
+@pytest.mark.parametrize(
+    ("period", "unit"),
+    [(0.01, "s"), (0.1, "s"), (0.5, "s"), (5.0, "ms"), (20.0, "ms"), (100.0, "ms"), (5e3, "us"), (1e5, "us")],
+)
+def test_the_unit_of_the_time_follows_from_the_period(period: float, unit: str) -> None:
+    assert guess_time_unit(period * np.arange(50.0) + 1234.0)[0] == unit
+
+
+@pytest.mark.parametrize(
+    ("header", "choices"),
+    [
+        ("a,b,c", ["time=a", "drive=b", "output=c"]),
+        ("a,b,c", ["time=1", "drive=2:pwm", "output=3:counts"]),
+        ("pwm,speed,counts", ["time=pwm:s", "drive=speed:pwm", "output=counts"]),
+    ],
+)
+def test_columns_can_be_chosen(tmp_path: Path, header: str, choices: list[str]) -> None:
+    path = write(tmp_path / "log.csv", header, TIME_S, PWM, COUNTS)
+    assert_wheel(read_logs(path, choices=parse_choices(choices)))
+
+
+def test_a_file_of_numbers_alone_needs_the_columns(tmp_path: Path) -> None:
+    path = write(tmp_path / "log.txt", "0 0 0", TIME_S + 0.1, PWM, SPEED, separator=" ")
+    with pytest.raises(ThumperError, match="--column output=HEADER"):
+        read_logs(path)
+    assert_wheel(read_logs(path, choices=parse_choices(["time=1", "drive=2", "output=3:rad/s"])))
+
+
+@pytest.mark.parametrize(
+    ("choice", "message_"),
+    [
+        ("speed=a", "pass ROLE=HEADER"),
+        ("drive", "pass ROLE=HEADER"),
+        ("drive=z", r"no column 'z' \(columns: a, b, c\)"),
+        ("drive=9", "no column '9'"),
+        ("time=a:furlong", "unknown unit 'furlong'"),
+    ],
+)
+def test_a_wrong_choice_is_named(tmp_path: Path, choice: str, message_: str) -> None:
+    path = write(tmp_path / "log.csv", "a,b,c", TIME_S, PWM, COUNTS)
+    with pytest.raises(ThumperError, match=message_):
+        read_logs(path, choices={**parse_choices(["output=c"]), **parse_choices([choice])})
+
+
+def test_an_unknown_unit_stops_only_a_column_that_is_needed(tmp_path: Path) -> None:
+    path = write(tmp_path / "log.csv", "time_s,pwm,speed (furlong)", TIME_S, PWM, SPEED)
+    with pytest.raises(ThumperError, match=r"unknown unit 'furlong'.*--column"):
+        read_logs(path)
+    assert_wheel(read_logs(path, choices=parse_choices(["output=3:rad/s"])))
+
+
+def test_a_drive_logged_after_its_interval_is_shifted(tmp_path: Path) -> None:
+    """The loop sets the PWM, waits, measures and logs: the row holds the drive before it."""
+    before = np.concatenate(([0.0], PWM[:-1]))
+    log = assert_wheel(read_logs(write(tmp_path / "log.csv", "time_s,pwm,counts", TIME_S, before, COUNTS)))
+    assert any("same row as the drive" in warning for warning in log.warnings)
+    log = assert_wheel(read_logs(write(tmp_path / "log.csv", "time_s,pwm,counts", TIME_S, PWM, COUNTS)))
+    assert not log.warnings
+
+
+def test_matlab_files(tmp_path: Path) -> None:
+    path = tmp_path / "log.mat"
+    savemat(path, {"run": {"t": TIME_S, "u": PWM, "speed_rad_s": SPEED}, "Ts": 0.1, "name": "motor 3"})
+    assert_wheel(read_logs(path))
+    savemat(path, {"Time_ms": 1e3 * TIME_S[:, None], "voltage_V": PWM[:, None] / 10.0, "counts": COUNTS})
+    assert_wheel(read_logs(path), 0.1)
+    path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + bytes(400))
+    with pytest.raises(ThumperError, match=r"log\.mat"):
+        read_logs(path)
+
+
+@pytest.mark.parametrize("commanded", [True, False])
+def test_joint_states_of_a_ros_2_robot(tmp_path: Path, commanded: bool) -> None:
+    file = McapFile(tmp_path / "log.mcap", {})
+    volts = PWM / 28.0
+    for k, time_s in enumerate(TIME_S):
+        stamp_ns = round(1e9 * (time_s + 1.7e9))
+        stamp = message("builtin_interfaces/msg/Time", sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
+        header = message("std_msgs/msg/Header", stamp=stamp, frame_id="")
+        if commanded:
+            command = message("std_msgs/msg/Float64", data=volts[k])
+            file.add("/wheel/cmd", command.__msgtype__, stamp_ns, encode(command))
+        joints = message(
+            "sensor_msgs/msg/JointState",
+            header=header,
+            name=["wheel"],
+            position=np.array([COUNTS[k] * COUNT_RAD]),
+            velocity=np.zeros(0),
+            effort=np.zeros(0) if commanded else volts[k : k + 1],
+        )
+        file.add("/joint_states", joints.__msgtype__, stamp_ns, encode(joints))
+    file.close()
+    log = assert_wheel(read_logs(tmp_path / "log.mcap"), 1.0 / 28.0)
+    assert any("taken as volts" in warning for warning in log.warnings)
+
+
+def test_qualifiers_do_not_hide_a_quantity() -> None:
+    for header, quantity in (
+        ("Motor Current (mA)", Quantity.CURRENT),
+        ("current_position", Quantity.COUNTS),
+        ("measured wheel speed [rad/s]", Quantity.SPEED),
+        ("Battery Voltage", Quantity.BATTERY),
+        ("motorPWM", Quantity.PWM),
+    ):
+        column = parse_header(header, 0)
+        assert column is not None
+        assert column.quantity is quantity

@@ -1,0 +1,98 @@
+"""Logs that determine a part of the model: what is found is right, and what is missing is named."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.shared.wheel_plant import COUNT_RAD, Wheel, counted
+
+from tests.tuning.test_csv import Fit, fit
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import FloatArray
+from thumper_tuning.cli.fit import fit_files
+from thumper_tuning.cli.tune import design
+
+__all__ = ["fit"]
+WHEEL = Wheel(delay_s=0.02, ripple=1.0)
+
+
+def counts_of(time_s: FloatArray, pwm: FloatArray) -> FloatArray:
+    return counted(WHEEL.drive(time_s, pwm, 1))
+
+
+@pytest.mark.parametrize("rows", [60, 250])
+@pytest.mark.parametrize("level", [120.0, 255.0, -255.0])
+def test_one_level(fit: Fit, level: float, rows: int) -> None:
+    """One step from rest: time constant, delay and speed are right; gain and friction are not claimed."""
+    time_s = 0.02 * np.arange(rows, dtype=float)
+    pwm = np.where(time_s < 0.2, 0.0, level)
+    result = fit("time_s,pwm,counts", time_s, pwm, counts_of(time_s, pwm))
+    assert result["time_constant_s"] == pytest.approx(WHEEL.tau_s, rel=0.12)
+    assert result["delay_s"] == pytest.approx(WHEEL.delay_s, abs=0.008)
+    speed = WHEEL.gain * (level - np.copysign(WHEEL.friction, level))
+    steady = result["steady"]
+    assert isinstance(steady, list)
+    assert len(steady) == 1
+    assert steady[0]["drive_pwm"] == level
+    assert steady[0]["speed_rad_s"] == pytest.approx(speed, rel=0.03)
+    assert result["not_determined"] == ["gain_rad_s_per_pwm", "static_friction_pwm"]
+    assert "gain_rad_s_per_pwm" not in result
+    assert "random switching" in str(result["record_next"])
+
+
+def test_full_power_in_both_directions(fit: Fit) -> None:
+    time_s = 0.05 * np.arange(400, dtype=float)
+    pwm = 255.0 * np.sign(np.sin(2.0 * time_s))
+    result = fit("time_s,pwm,counts", time_s, pwm, counts_of(time_s, pwm))
+    assert result["time_constant_s"] == pytest.approx(WHEEL.tau_s, rel=0.25)
+    assert len(result["steady"]) == 2  # type: ignore[arg-type]
+    assert "saturated" in str(result["record_next"])
+
+
+def test_one_direction_with_several_levels_is_a_whole_model(fit: Fit) -> None:
+    """The friction of the other direction is unknown, and said to be so."""
+    time_s = 0.05 * np.arange(600, dtype=float)
+    pwm = np.repeat(np.tile((60.0, 200.0, 110.0, 0.0), 8), 19)[:600]
+    result = fit("time_s,pwm,counts", time_s, pwm, counts_of(time_s, pwm))
+    assert result["gain_rad_s_per_pwm"] == pytest.approx(WHEEL.gain, rel=0.02)
+    assert result["static_friction_pwm"] == pytest.approx(WHEEL.friction, abs=2.0)
+    assert "one direction only" in str(result["warnings"])
+
+
+def test_glitches_are_named_with_their_time(fit: Fit) -> None:
+    time_s = 0.02 * np.arange(200, dtype=float)
+    pwm = np.where(time_s < 0.2, 0.0, 200.0)
+    speed = np.diff(counts_of(time_s, pwm), prepend=0.0) * COUNT_RAD / 0.02
+    speed[[60, 90]] = 40.0
+    result = fit("time_s,pwm,speed_rad_s", time_s, pwm, speed)
+    assert "2 of 199 speeds are glitches: left out (40 rad/s at 1.20 s, 40 rad/s at 1.80 s)" in str(
+        result["warnings"]
+    )
+    assert result["time_constant_s"] == pytest.approx(WHEEL.tau_s, rel=0.12)
+
+
+def test_noise_determines_nothing(fit: Fit) -> None:
+    time_s = 0.02 * np.arange(200, dtype=float)
+    pwm = np.where(time_s < 0.2, 0.0, 200.0)
+    with pytest.raises(ThumperError, match="one drive level only"):
+        fit("time_s,pwm,speed_rad_s", time_s, pwm, np.random.default_rng(0).normal(0.0, 3.0, 200))
+
+
+def test_a_wheel_that_is_determined_and_one_that_is_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Both are printed; a design needs the whole model and refuses the partial one with what to record."""
+    time_s = 0.05 * np.arange(600, dtype=float)
+    left = np.repeat(np.tile((60.0, 200.0, -110.0, 0.0, -60.0, -180.0), 6), 19)[:600]
+    right = np.where(time_s < 0.2, 0.0, 200.0)
+    path = tmp_path / "log.csv"
+    table = np.column_stack((time_s, left, counts_of(time_s, left), right, counts_of(time_s, right)))
+    header = "time_s,left_pwm,left_counts,right_pwm,right_counts"
+    np.savetxt(path, table, delimiter=",", header=header, comments="")
+    fit_files([path], counts_per_rev=1200.0, as_json=True)
+    printed = json.loads(capsys.readouterr().out)
+    assert "gain_rad_s_per_pwm" in printed["left"]
+    assert "not_determined" in printed["right"]
+    with pytest.raises(ThumperError, match="right: one drive level only"):
+        design([path], out=tmp_path)

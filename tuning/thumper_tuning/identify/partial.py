@@ -1,0 +1,245 @@
+"""What a log shows that does not determine the whole model: one level, one step, a short run.
+
+Gain and static friction need two levels. One level shows the time constant, the delay, and the speed that it
+leads to. The model is then linear, from the drive to that speed.
+"""
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from thumper.common.geometry import FloatArray
+from thumper_tuning.identify.covariance import jacobian, sandwich_covariance
+from thumper_tuning.identify.cross_validation import fit_percent
+from thumper_tuning.identify.excitation_checks import RECORD, UndeterminedError
+from thumper_tuning.identify.fit import GLITCH_SIGMAS, SIGNIFICANT_DELAY_SIGMAS, find_glitches
+from thumper_tuning.identify.initial_guess import DELAYS_PERIODS, MAX_DELAY_S, TIME_CONSTANTS_S
+from thumper_tuning.identify.least_squares import FitData, minimize_soft_l1, weights
+from thumper_tuning.identify.model import MotorModel
+from thumper_tuning.identify.motor import INSTANTANEOUS_COST_RATIO, signed_segments
+from thumper_tuning.identify.segments import LogSegment, median_window_s
+from thumper_tuning.logs.motor_log import BoolArray, DriveUnit, MotorLog
+
+MIN_FIT_PERCENT = 60.0
+SETTLED_TIME_CONSTANTS = 4.0
+MAX_RELATIVE_STD = 0.5
+SAME_LEVEL = 0.03
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SteadySpeed:
+    """Speed that a drive leads to."""
+
+    drive: float
+    speed_rad_s: float
+    std_rad_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartialMotor:
+    """What the log determines, and what it does not."""
+
+    name: str
+    unit: DriveUnit
+    time_constant_s: float
+    time_constant_std_s: float
+    delay_s: float
+    delay_std_s: float
+    steady: tuple[SteadySpeed, ...]
+    fit_percent: float  # of the fitted windows: too little data to hold out
+    warnings: tuple[str, ...]
+    not_determined: tuple[str, ...]
+    record_next: str
+    columns: tuple[str, ...]
+
+
+def identify_partly(logs: list[MotorLog], reason: UndeterminedError) -> PartialMotor:
+    """Return what the logs determine.
+
+    Raises
+    ------
+    UndeterminedError
+        `reason`: the logs determine nothing.
+    """
+    name, unit = logs[0].name, logs[0].drive_unit
+    segments, _ = signed_segments(logs)
+    fits = [_fit(FitData(segments=segments, instantaneous=kind)) for kind in (False, True)]
+    mean, instantaneous = fits
+    better = instantaneous.cost < INSTANTANEOUS_COST_RATIO * mean.cost
+    best = instantaneous if better and logs[0].position_rad is None else mean
+    model, std = best.model, best.std
+    if best.fit_percent < MIN_FIT_PERCENT or std[1] > MAX_RELATIVE_STD:
+        raise reason
+    warnings = [warning for log in logs for warning in log.warnings]
+    if glitches := best.glitches(segments):
+        warnings.append(glitches)
+    friction = f"static_friction_{unit.value}"
+    return PartialMotor(
+        name=name,
+        unit=unit,
+        time_constant_s=model.time_constant_s,
+        time_constant_std_s=model.time_constant_s * float(std[1]),
+        delay_s=model.delay_s,
+        delay_std_s=float(std[2]) * median_window_s(segments),
+        steady=tuple(_steady_speeds(segments, model, best.use)),
+        fit_percent=best.fit_percent,
+        warnings=tuple(warnings),
+        not_determined=(f"gain_rad_s_per_{unit.value}", friction),
+        record_next=f"{str(reason).split(';')[0].removeprefix(f'{name}: ')}; {RECORD}",
+        columns=logs[0].columns,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _LinearFit:
+    model: MotorModel
+    std: FloatArray  # of ln gain, ln tau, delay in windows
+    use: BoolArray  # no glitch
+    cost: float
+    fit_percent: float
+
+    def glitches(self, segments: list[LogSegment]) -> str:
+        """Return the warning that names the glitches, or an empty string."""
+        at = np.flatnonzero(~self.use)
+        if not at.size:
+            return ""
+        ends_s = np.concatenate([s.edge_s[1:] for s in segments])[at]
+        speeds = np.concatenate([s.speed_rad_s for s in segments])[at]
+        some = ", ".join(f"{y:.3g} rad/s at {t:.2f} s" for t, y in zip(ends_s[:4], speeds[:4], strict=True))
+        return f"{at.size} of {len(self.use)} speeds are glitches: left out ({some})"
+
+
+def _fit(data: FitData) -> _LinearFit:
+    """Fit gain, time constant and delay without friction; leave out glitches and a delay near zero."""
+    problem = _Problem(data=data, start=_initial(data))
+    use = np.ones(len(data.speed_rad_s), dtype=bool)
+    x = np.array([0.0, 0.0, problem.start.delay_s / data.period_s])
+    residual = data.residuals(problem.start)
+    scale = problem.scale(residual, use)
+    for _ in range(3):
+        x = problem.solve(x, use, scale)
+        residual = data.residuals(problem.model(x))
+        robust = 1.4826 * float(np.median(np.abs(residual[problem.moving])))
+        use = ~find_glitches(residual, max(GLITCH_SIGMAS * robust, problem.least_glitch_rad_s))
+        scale = problem.scale(residual, use)
+    std = problem.std(x, use, scale)
+    if x[2] < SIGNIFICANT_DELAY_SIGMAS * std[2]:
+        delay_std = float(std[2])
+        x = problem.solve(x[:2], use, scale)
+        std = np.append(problem.std(x, use, scale), delay_std)
+    model = problem.model(x)
+    residual = data.residuals(model)
+    counted = use & (problem.weight > 0.0)
+    return _LinearFit(
+        model=model,
+        std=std,
+        use=use,
+        cost=float(np.mean(np.abs(residual))),
+        fit_percent=fit_percent(data.speed_rad_s[counted], residual[counted]),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Problem:
+    """Least squares over ln gain, ln tau, and the delay in windows; without the third it is zero."""
+
+    data: FitData
+    start: MotorModel
+
+    @property
+    def weight(self) -> FloatArray:
+        return weights(self.data.segments)
+
+    @property
+    def moving(self) -> BoolArray:
+        speed = np.abs(self.data.speed_rad_s)
+        return np.asarray(speed > 0.05 * np.percentile(speed, 95))
+
+    @property
+    def quantum_rad_s(self) -> float:
+        return max(s.quantum_rad_s for s in self.data.segments)
+
+    @property
+    def least_glitch_rad_s(self) -> float:
+        """Three counts, and a tenth of the speed: a quiet log has a median residual near zero."""
+        return max(3.0 * self.quantum_rad_s, 0.1 * float(np.percentile(np.abs(self.data.speed_rad_s), 95)))
+
+    def scale(self, residual: FloatArray, use: BoolArray) -> float:
+        """Return the residual where the loss turns linear: as in `fit`, not below 1.5 counts."""
+        return max(float(np.sqrt(np.mean(residual[use] ** 2))), 1.5 * self.quantum_rad_s, 1e-6)
+
+    def model(self, x: FloatArray) -> MotorModel:
+        return replace(
+            self.start,
+            gain=self.start.gain * float(np.exp(x[0])),
+            time_constant_s=self.start.time_constant_s * float(np.exp(x[1])),
+            delay_s=float(x[2]) * self.data.period_s if len(x) > 2 else 0.0,
+        )
+
+    def bounds(self, count: int) -> tuple[list[float], list[float]]:
+        high = [1.0, 3.0, MAX_DELAY_S / self.data.period_s + 1.0]
+        return [-1.0, -3.0, 0.0][:count], high[:count]
+
+    def residuals(self, x: FloatArray, use: BoolArray, scale: float) -> FloatArray:
+        return (self.data.residuals(self.model(x)) * self.weight)[use] / scale
+
+    def solve(self, x: FloatArray, use: BoolArray, scale: float) -> FloatArray:
+        return minimize_soft_l1(
+            partial(self.residuals, use=use, scale=scale),
+            x.tolist(),
+            self.bounds(len(x)),
+            [0.1, 0.2, 0.2],
+            diff_step=1e-4,
+            max_nfev=60,
+        )
+
+    def std(self, x: FloatArray, use: BoolArray, scale: float) -> FloatArray:
+        low, high = self.bounds(len(x))
+        J = jacobian(partial(self.residuals, use=use, scale=scale), x, np.array(low), np.array(high))
+        found: FloatArray = np.sqrt(np.diag(sandwich_covariance(J, self.residuals(x, use, scale))))
+        return found
+
+
+def _initial(data: FitData) -> MotorModel:
+    """Return the best model of a grid of time constants and delays; the gain follows by least squares."""
+    y = data.speed_rad_s
+    plausible = np.abs(y) <= 1.25 * np.percentile(np.abs(y), 90)
+    best, best_cost = None, np.inf
+    for periods in DELAYS_PERIODS:
+        for tau_s in TIME_CONSTANTS_S:
+            unit = MotorModel(
+                gain=1.0,
+                time_constant_s=float(tau_s),
+                friction_forward=0.0,
+                friction_backward=0.0,
+                delay_s=min(periods * data.period_s, MAX_DELAY_S),
+            )
+            predicted = y - data.residuals(unit)
+            power = float(predicted[plausible] @ predicted[plausible])
+            gain = float(predicted[plausible] @ y[plausible]) / power if power > 0.0 else 0.0
+            cost = float(np.sum(np.abs(y - gain * predicted)[plausible]))
+            if gain > 0.0 and cost < best_cost:
+                best, best_cost = replace(unit, gain=gain), cost
+    return best or MotorModel(gain=1e-9, time_constant_s=0.1, friction_forward=0.0, friction_backward=0.0)
+
+
+def _steady_speeds(segments: list[LogSegment], model: MotorModel, use: BoolArray) -> list[SteadySpeed]:
+    """Return the mean speed of each level after it held for the delay and four time constants."""
+    settling_s = model.delay_s + SETTLED_TIME_CONSTANTS * model.time_constant_s
+    found: dict[float, list[FloatArray]] = {}
+    first = 0
+    for s in segments:
+        kept = use[first : first + len(s.speed_rad_s)]
+        first += len(s.speed_rad_s)
+        drive = s.drive_at_windows()
+        changes = np.concatenate(([True], np.abs(np.diff(drive)) > SAME_LEVEL * np.abs(drive).max()))
+        start_s = s.edge_s[:-1][np.maximum.accumulate(np.where(changes, np.arange(len(drive)), 0))]
+        settled = kept & (s.edge_s[1:] - start_s > settling_s) & (drive != 0.0)
+        for level in np.unique(drive[settled]):
+            found.setdefault(float(level), []).append(s.speed_rad_s[settled & (drive == level)])
+    return [
+        SteadySpeed(drive=level, speed_rad_s=float(np.mean(y)), std_rad_s=float(np.std(y)))
+        for level, parts in sorted(found.items())
+        if len(y := np.concatenate(parts)) >= 3
+    ]

@@ -1,0 +1,57 @@
+"""Read MATLAB files (.mat, up to version 7): vectors of one length, also as fields of structs."""
+
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
+from thumper.common.files import read_bytes
+from thumper.common.geometry import FloatArray
+from thumper_tuning.logs.table import MAX_MB, Table
+
+MIN_ROWS = 3
+
+
+def read_matlab(path: Path) -> Table:
+    """Return the vectors of the most common length; their names are the headers.
+
+    Raises
+    ------
+    ThumperError
+        The file cannot be read, is of version 7.3 (HDF5), or holds no vectors.
+    """
+    from scipy.io import loadmat
+
+    try:
+        content = loadmat(BytesIO(read_bytes(path, MAX_MB)), squeeze_me=True, struct_as_record=False)
+    except OSError as error:
+        raise ThumperError(f"{path}: cannot read the log: {error.strerror}", exit_code=EXIT_USAGE) from error
+    except NotImplementedError as error:
+        raise ThumperError(
+            f"{path}: a MATLAB 7.3 file; save it with `save('log.mat', '-v7')`", exit_code=EXIT_CHECK_FAILED
+        ) from error
+    except Exception as error:  # the parser raises many kinds for damaged files
+        raise ThumperError(f"{path}: not a MATLAB file ({error})", exit_code=EXIT_CHECK_FAILED) from error
+    vectors = dict(_vectors(content))
+    lengths = [len(values) for values in vectors.values() if len(values) >= MIN_ROWS]
+    if not lengths:
+        raise ThumperError(
+            f"{path}: no vectors of numbers in it (a timeseries object: save its Time and Data as vectors)",
+            exit_code=EXIT_CHECK_FAILED,
+        )
+    length = max(set(lengths), key=lambda one: (lengths.count(one), one))
+    chosen = {name: values for name, values in vectors.items() if len(values) == length}
+    return Table(headers=tuple(chosen), values=np.column_stack(list(chosen.values())))
+
+
+def _vectors(content: dict[str, Any]) -> Iterator[tuple[str, FloatArray]]:
+    for name, value in content.items():
+        if name.startswith("__"):
+            continue
+        if hasattr(value, "_fieldnames"):
+            yield from _vectors({field: getattr(value, field) for field in value._fieldnames})
+        elif isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "fiub":
+            yield name, value.astype(float)

@@ -1,0 +1,50 @@
+"""One line per used column: what was understood, for the user to check."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from thumper.common.geometry import FloatArray
+from thumper_tuning.logs.columns import Column, Quantity
+from thumper_tuning.logs.roles import MotorColumns
+
+UNITS = {
+    Quantity.TIME: "s",
+    Quantity.PWM: "PWM of 255",
+    Quantity.VOLTAGE: "V",
+    Quantity.SPEED: "rad/s",
+    Quantity.CURRENT: "A",
+    Quantity.BATTERY: "V",
+    Quantity.SETPOINT: "not used: only shows that the log is of a closed loop",
+}
+
+
+def preview(
+    headers: tuple[str, ...], columns: MotorColumns, values: dict[Column, FloatArray]
+) -> Iterator[str]:
+    """Yield the role, header, unit and range of each used column, and the headers that are not used."""
+    for role, column in columns.used:
+        known = values[column][np.isfinite(values[column])]
+        if not known.size:
+            continue
+        if role == "time":
+            steps_s = np.diff(known)
+            what = (
+                f"s, every {1e3 * float(np.median(steps_s[steps_s > 0.0], axis=None)):.3g} ms"
+                if (steps_s > 0.0).any()
+                else "s"
+            )
+        else:
+            what = f"{_unit(column)}, {known.min():.4g} ... {known.max():.4g}"
+        yield f"{role}: column {column.header!r} [{what}]"
+    used = {column.index for _, column in columns.used}
+    if ignored := [header for i, header in enumerate(headers) if i not in used and header.strip()]:
+        yield f"not used: {', '.join(ignored)}"
+
+
+def _unit(column: Column) -> str:
+    if column.quantity is Quantity.COUNTS_PER_ROW:
+        return "counts per row"
+    if column.quantity is Quantity.COUNTS:
+        return "counts" if column.needs_encoder else "revolutions"
+    return "counts/s" if column.needs_encoder else UNITS[column.quantity]

@@ -1,0 +1,166 @@
+"""Choose the columns of each motor: by their headers, or as the user says with `--column`."""
+
+from dataclasses import dataclass, replace
+from enum import Enum
+from pathlib import Path
+
+from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper_tuning.logs.columns import Column, Quantity, as_column, parse_header, unit_error
+from thumper_tuning.logs.motor_log import DriveUnit
+from thumper_tuning.logs.units import log_error
+
+OUTPUTS = (Quantity.COUNTS, Quantity.COUNTS_PER_ROW, Quantity.SPEED)
+
+
+class Role(Enum):
+    """What a column is used for, with the quantities that it may hold."""
+
+    TIME = (Quantity.TIME,)
+    DRIVE = (Quantity.PWM, Quantity.VOLTAGE)
+    OUTPUT = OUTPUTS
+    BATTERY = (Quantity.BATTERY,)
+    CURRENT = (Quantity.CURRENT,)
+    SETPOINT = (Quantity.SETPOINT,)
+
+
+ROLE_NAMES = ", ".join(role.name.lower() for role in Role)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorColumns:
+    """The columns of one motor."""
+
+    time: Column
+    drive: Column
+    output: Column
+    battery: Column | None
+    current: Column | None
+    setpoint: Column | None
+    chosen: bool = False  # by the user
+
+    @property
+    def drive_unit(self) -> DriveUnit:
+        """Unit of the drive."""
+        return DriveUnit.VOLT if self.drive.quantity is Quantity.VOLTAGE else DriveUnit.PWM
+
+    @property
+    def used(self) -> list[tuple[str, Column]]:
+        """Role and column, of those that are used."""
+        roles = [(role.name.lower(), getattr(self, role.name.lower())) for role in Role]
+        return [(name, column) for name, column in roles if column is not None]
+
+
+def parse_choices(texts: list[str] | None) -> dict[Role, str]:
+    """Read `ROLE=HEADER` or `ROLE=HEADER:UNIT`, as `drive=MotorPWM` or `time=1:ms`.
+
+    Raises
+    ------
+    ThumperError
+        A text has another form, or an unknown role.
+    """
+    found = {}
+    for text in texts or []:
+        name, equals, header = text.partition("=")
+        if not equals or name.strip().upper() not in Role.__members__ or not header.strip():
+            raise ThumperError(
+                f"--column {text!r}: pass ROLE=HEADER or ROLE=HEADER:UNIT with a role of {ROLE_NAMES}",
+                exit_code=EXIT_USAGE,
+            )
+        found[Role[name.strip().upper()]] = header.strip()
+    return found
+
+
+def motor_columns(path: Path, headers: tuple[str, ...], choices: dict[Role, str]) -> dict[str, MotorColumns]:
+    """Return the columns of each motor in the table, by the motor's name (empty: the only one).
+
+    Raises
+    ------
+    ThumperError
+        A needed column is missing, or its unit is unknown.
+    """
+    columns = [column for i, text in enumerate(headers) if (column := parse_header(text, i))]
+    picked = {role: _picked(path, headers, role, text) for role, text in choices.items()}
+    if Role.OUTPUT in picked:
+        motors = [""]
+    else:
+        motors = sorted({c.motor for c in columns if c.quantity in OUTPUTS})
+        if len(motors) > 1 and "" in motors:
+            motors.remove("")
+    names = ", ".join(headers)
+    if not motors:
+        raise log_error(
+            f"{path}: no column holds counts or speed (columns: {names}); name one counts or speed_rad_s, "
+            "or pass --column output=HEADER"
+        )
+
+    def find(motor: str, role: Role) -> Column | None:
+        return picked.get(role) or _best(columns, motor, role)
+
+    def required(motor: str, role: Role, example: str) -> Column:
+        column = find(motor, role)
+        if column is None:
+            wheel = f" for the motor {motor!r}" if motor else ""
+            raise log_error(
+                f"{path}: no column {example}{wheel} (columns: {names}); name one so, or pass --column "
+                f"{role.name.lower()}=HEADER"
+            )
+        if column.unknown_unit:
+            raise unit_error(column)
+        return column
+
+    return {
+        motor: MotorColumns(
+            time=required(motor, Role.TIME, "time_s"),
+            drive=required(motor, Role.DRIVE, "pwm or voltage_V"),
+            output=required(motor, Role.OUTPUT, "counts or speed_rad_s"),
+            battery=find(motor, Role.BATTERY),
+            current=find(motor, Role.CURRENT),
+            setpoint=find(motor, Role.SETPOINT),
+            chosen=bool(choices),
+        )
+        for motor in motors
+    }
+
+
+def _best(columns: list[Column], motor: str, role: Role) -> Column | None:
+    """Find a column: of a known unit first, the motor's own before a common one, in the order of the role."""
+    found = [
+        (bool(column.unknown_unit), column.motor != motor, role.value.index(column.quantity), column.index)
+        for column in columns
+        if column.quantity in role.value and column.motor in (motor, "")
+    ]
+    best = min(found, default=None)
+    if best is None or (best[0] and role not in (Role.TIME, Role.DRIVE, Role.OUTPUT)):
+        return None
+    return next(column for column in columns if column.index == best[3])
+
+
+def _picked(path: Path, headers: tuple[str, ...], role: Role, text: str) -> Column:
+    """Return the column that the user names: by its header, without regard to case, or by its number."""
+    name, unit = text, ""
+    if _index(headers, name) is None and ":" in text:
+        name, _, unit = text.rpartition(":")
+    index = _index(headers, name)
+    if index is None:
+        raise ThumperError(
+            f"{path}: no column {name!r} (columns: {', '.join(headers)}); pass a header or a number from 1",
+            exit_code=EXIT_USAGE,
+        )
+    header = headers[index]
+    own = parse_header(header, index)
+    if own is not None and own.quantity in role.value and not unit:
+        return replace(own, motor="")
+    quantities = [own.quantity] if own is not None and own.quantity in role.value else role.value
+    candidates = [c for q in quantities if (c := as_column(header, index, q, unit)) is not None]
+    fitting = [c for c in candidates if not c.unknown_unit]
+    if fitting:
+        return fitting[0]
+    raise unit_error(candidates[0]) if candidates else log_error(f"{path}: column {header!r}: unknown unit")
+
+
+def _index(headers: tuple[str, ...], name: str) -> int | None:
+    matches = [i for i, header in enumerate(headers) if header.strip().lower() == name.strip().lower()]
+    if matches:
+        return matches[0]
+    number = int(name) - 1 if name.strip().isdigit() else -1
+    return number if 0 <= number < len(headers) else None
