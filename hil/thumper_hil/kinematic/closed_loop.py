@@ -85,6 +85,7 @@ class Conditions:
     slip: float = 0.05  # standard deviation of a constant relative error of linear and angular speed
     v_accel_m_s2: float = 0.6
     w_accel_rad_s2: float = 3.0
+    known_start: bool = False  # the lidar has looked all around from the start before the drive begins
     stop_when: Callable[[Pose2], bool] = lambda _pose: False
 
 
@@ -122,6 +123,9 @@ def drive(
     grid_map = CountingMap(*area)
     base = _Unicycle(start, given, rng)
     run, output = Run(), NavigationOutput()
+    if given.known_start:
+        for theta_rad in (0.5 * math.pi, math.pi, -0.5 * math.pi):
+            _observe(world_at(0.0), start @ Pose2(theta_rad=theta_rad), grid_map, given, rng)
     for tick in range(round(limit_s / TICK_S)):
         run.time_s = tick * TICK_S
         now = world_at(run.time_s)

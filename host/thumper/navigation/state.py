@@ -5,10 +5,12 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 
-from thumper.common.geometry import FloatArray, Twist2
+from thumper.common.geometry import FloatArray, Pose2, Twist2
+from thumper.maps.occupancy_grid import OccupancyGrid
 
 MAX_TRANSITIONS = 1000  # a robot that drives for days must not fill its memory
 
@@ -24,6 +26,28 @@ class NavigationState(Enum):
     RECOVERING = "recovering"
     REACHED = "reached"
     FAILED = "failed"
+
+
+class ScanFrames(NamedTuple):
+    """Where the robot was when the newest scan was taken, and where the map has the odometry."""
+
+    map_from_base: Pose2
+    map_from_odom: Pose2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CycleInput:
+    """What the navigator knows in one cycle."""
+
+    time_s: float
+    map_from_base: Pose2
+    twist: Twist2  # measured
+    grid: OccupancyGrid
+    hits_in_map_m: FloatArray  # shape (n, 2), of the newest scan
+    scan_pose: Pose2  # map_from_base when that scan was taken
+    map_from_odom: Pose2
+    lost: str  # why the pose is not trusted; empty if it is
+    period_s: float  # since the last cycle, within sensible limits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,6 +16,7 @@ from thumper.lidar.deskew import scan_points
 from thumper.lidar.scan import Scan
 from thumper.lidar.scan_checks import ScanChecker, ScanDefect
 from thumper.lidar.self_returns import SelfReturnFilter
+from thumper.navigation.state import ScanFrames
 from thumper.odometry.gyro_ekf import GyroEkf
 from thumper.odometry.imu import ImuOptions, ImuSample
 from thumper.odometry.jump_filter import JumpFilter
@@ -39,6 +40,7 @@ class RobotState:
     hits_in_map_m: FloatArray  # shape (n, 2)
     scan_age_s: float  # +inf before the first scan
     lost: str = ""  # why the pose cannot be trusted; empty if it can
+    frames: ScanFrames | None = None  # of that scan; None before the first
 
 
 class StateEstimator:
@@ -65,6 +67,7 @@ class StateEstimator:
         self._newest: OdometrySample | None = None
         self._waiting: deque[Scan] = deque()
         self._hits_in_map_m = np.empty((0, 2))
+        self._map_from_scan_base: Pose2 | None = None
         self._scan_time_s = -np.inf
         self.scan_checker = ScanChecker()
         self.scans_mapped = 0
@@ -134,6 +137,9 @@ class StateEstimator:
         if self._newest is None:
             return None
         scan_age_s = self._newest.time_s - self._scan_time_s
+        frames = None
+        if self._map_from_scan_base is not None:
+            frames = ScanFrames(self._map_from_scan_base, self.mapper.map_from_odom)
         return RobotState(
             time_s=self._newest.time_s,
             map_from_base=self.mapper.map_from_odom @ self._newest.odom_from_base,
@@ -141,6 +147,7 @@ class StateEstimator:
             hits_in_map_m=self._hits_in_map_m,
             scan_age_s=scan_age_s if scan_age_s > -MAX_SCAN_WAIT_S else np.inf,  # a clock was set back
             lost=self.mapper.quality().lost if self.scans_mapped else "",
+            frames=frames,
         )
 
     def _map_covered_scans(self) -> None:
@@ -171,4 +178,5 @@ class StateEstimator:
         self.scans_mapped += 1
         self._scan_time_s = scan.time_s + revolution_s
         points = scan_points(scan, twist, self._base_from_laser, scan.range_max_m)
-        self._hits_in_map_m = (self.mapper.map_from_odom @ odom_from_base).apply(points.hits_m())
+        self._map_from_scan_base = self.mapper.map_from_odom @ odom_from_base
+        self._hits_in_map_m = self._map_from_scan_base.apply(points.hits_m())

@@ -20,6 +20,9 @@ class ControlRequest:
     costmap: Costmap
     v_limit_m_s: float  # highest forward speed allowed now (near the goal, in a slow zone)
     period_s: float  # time until the next command
+    # The costmap for planning poses: unseen ground beside the robot is unknown in it, not an obstacle.
+    pose_costmap: Costmap | None = None
+    move_ahead_m: float = 0.0  # to drive straight ahead until the tail's ground has been seen; 0: it has
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -2,8 +2,9 @@
 
 import math
 
-from thumper.common.geometry import Pose2
+from thumper.common.geometry import Pose2, Twist2
 from thumper.navigation.goal import Goal
+from thumper.navigation.speed_limits import is_still
 
 NEAR_ENOUGH = 0.5  # fraction of the tolerance at which the robot stops without trying to get nearer
 PASSED_M = 0.02  # inside the tolerance it also stops when it has moved away again by this much ...
@@ -43,6 +44,7 @@ class GoalChecker:
         if not self.position_reached:
             self.position_reached = self._goal.distance_m(map_from_base) <= self._goal.tolerance_m
 
-    def heading_reached(self, map_from_base: Pose2) -> bool:
-        """Return whether the heading is within the goal's tolerance."""
-        return abs(self._goal.heading_error_rad(map_from_base)) <= self._goal.heading_tolerance_rad
+    def is_reached(self, map_from_base: Pose2, twist: Twist2) -> bool:
+        """Return whether the robot stands at the goal, with its heading."""
+        error_rad = abs(self._goal.heading_error_rad(map_from_base))
+        return self.position_reached and is_still(twist) and error_rad <= self._goal.heading_tolerance_rad

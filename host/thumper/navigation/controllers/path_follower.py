@@ -4,8 +4,10 @@ import math
 
 import numpy as np
 
+from thumper.common.geometry import Twist2
 from thumper.navigation.controllers.controller import Controller, ControlRequest, ControlResult
 from thumper.navigation.controllers.final_approach import FinalApproach
+from thumper.navigation.controllers.move_ahead import MoveAhead
 from thumper.navigation.controllers.tight_passage import PoseSequenceFollower
 from thumper.navigation.goal import Goal
 from thumper.navigation.speed_limits import is_still
@@ -24,12 +26,14 @@ class PathFollower:
         controller: Controller,
         pose_follower: PoseSequenceFollower,
         final_approach: FinalApproach,
+        move_ahead: MoveAhead,
         *,
         window_m: float,
     ) -> None:
         self._controller = controller
         self._pose_follower = pose_follower
         self._final_approach = final_approach
+        self._move_ahead = move_ahead
         self._local_goal_m = LOCAL_GOAL_FRACTION * window_m
         self._stationary_since_s: float | None = None
         self.dead_end = False  # the path's end is near, but the footprint cannot get there
@@ -46,13 +50,17 @@ class PathFollower:
 
     def compute_command(self, time_s: float, request: ControlRequest, goal: Goal) -> ControlResult:
         """Return the next twist along the request's path, which must not be empty."""
+        if self._pose_follower.is_planning:
+            return self._plan_on(request) or ControlResult(command=Twist2())
         if self._pose_follower.active:
             result = self._pose_follower.compute_command(request)
             if result is not None:
                 return result
             self._was_at_path_end |= self._to_path_end and self._pose_follower.reaches_goal
-        result = self._final_approach.compute_command(request, goal) or self._controller.compute_command(
-            request
+        result = (
+            self._move_ahead.compute_command(request)
+            or self._final_approach.compute_command(request, goal)
+            or self._controller.compute_command(request)
         )
         if result.command is not None and not is_still(result.command):
             self._stationary_since_s, self.dead_end = None, False
@@ -60,17 +68,33 @@ class PathFollower:
             self._stationary_since_s = time_s
         elif time_s - self._stationary_since_s > STATIONARY_S:
             self._stationary_since_s = None
-            if self._start_poses(request, goal):
-                return self._pose_follower.compute_command(request) or result
+            self._plan_poses(request, goal)
+            return self._plan_on(request) or result
         return result
 
-    def _start_poses(self, request: ControlRequest, goal: Goal) -> bool:
-        """Plan poses along the path; return whether there are any."""
+    def rotate_to_heading(self, request: ControlRequest, goal: Goal) -> ControlResult:
+        """Return the next twist of the rotation to the goal's heading."""
+        error_rad = goal.heading_error_rad(request.map_from_base)
+        if abs(error_rad) <= 0.5 * goal.heading_tolerance_rad:
+            return ControlResult(command=Twist2())
+        return self._controller.rotate(request, error_rad)
+
+    def _plan_poses(self, request: ControlRequest, goal: Goal) -> None:
+        """Begin to plan poses along the path, unless the same ones have led no further."""
         target, self._to_path_end = self._local_goal(request, goal)
-        is_new = not (self._to_path_end and self._was_at_path_end)  # the same poses would lead no further
-        started = is_new and self._pose_follower.start(request, target, passage_only=not self._to_path_end)
-        self.dead_end = self._to_path_end and not started
-        return started
+        if self._to_path_end and self._was_at_path_end:
+            self.dead_end = True
+        else:
+            self._pose_follower.plan(request, target, passage_only=not self._to_path_end)
+
+    def _plan_on(self, request: ControlRequest) -> ControlResult | None:
+        """Plan on; return the first command along the poses, or None if there is none yet."""
+        if not self._pose_follower.is_planning:
+            return None
+        started = self._pose_follower.advance()
+        if started is not None:
+            self.dead_end = self._to_path_end and not started
+        return self._pose_follower.compute_command(request) if started else None
 
     def _local_goal(self, request: ControlRequest, goal: Goal) -> tuple[Goal, bool]:
         """Return the furthest point of the path to plan poses to, and whether it is the path's end.

@@ -19,6 +19,7 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.lattice import LatticePlanner
 from thumper.navigation.planners.polyline import arc_lengths
+from thumper.navigation.planners.resumable import Search, SlicedSearch
 from thumper.navigation.speed_limits import SpeedLimits, step_toward, stoppable_speed
 
 SIDE_GAIN, HEADING_GAIN = 20.0, 9.0  # [1/m^2], [1/m]: critically damped over about a quarter of a metre
@@ -60,7 +61,7 @@ class PoseStep:
 
 
 class PoseSequenceFollower:
-    """Follows one sequence at a time: `start`, then `compute_command` until it returns None."""
+    """Follows one sequence: `plan`, `advance` until it has a result, `compute_command` until it is None."""
 
     def __init__(
         self, options: TightPassageOptions, limits: SpeedLimits, footprint: Footprint, lattice: LatticePlanner
@@ -72,30 +73,51 @@ class PoseSequenceFollower:
         self._poses: FloatArray = np.empty((0, 3))
         self._index = 0
         self._passage_only = self._was_tight = False
+        self._search = SlicedSearch[FloatArray]()
         self.active = False
         self.reaches_goal = False  # the poses lead to the goal, not only toward it
 
-    def start(self, request: ControlRequest, goal: Goal, *, passage_only: bool) -> bool:
-        """Plan; return False if no poses lead to the goal or the robot is already there.
+    def plan(self, request: ControlRequest, goal: Goal, *, passage_only: bool) -> None:
+        """Begin to plan poses to a goal; the robot must stand still until `advance` returns the result.
 
         With `passage_only` the sequence ends as soon as the tight passage is behind the robot.
         """
+        self.active, self._passage_only = False, passage_only
         if self._options.length_m == 0.0:
-            return False
-        poses = self._lattice.poses(request.costmap, request.map_from_base, goal)
+            self._search.start(_no_poses())
+        else:
+            costmap = request.pose_costmap or request.costmap
+            self._search.start(
+                self._lattice.search_poses(costmap, request.map_from_base, goal, known_ground=True)
+            )
+
+    def advance(self) -> bool | None:
+        """Plan on; return whether there are poses to follow, or None while the planning goes on.
+
+        There are none if no poses lead to the goal or the robot is already there.
+        """
+        poses = self._search.advance()
+        if poses is None:
+            return None
         if len(poses) < 2:
             return False
         count = int(np.searchsorted(arc_lengths(poses), self._options.length_m)) + 1
         self._poses = poses[: max(2, count)]
         self.reaches_goal = len(self._poses) == len(poses)
         self._index = 0
-        self._passage_only, self._was_tight = passage_only, False
+        self._was_tight = False
         self.active = True
         return True
+
+    @property
+    def is_planning(self) -> bool:
+        """Whether the planning goes on."""
+        return self._search.is_running
 
     def stop(self) -> None:
         """Drop the sequence."""
         self.active = False
+        self._search.stop()
 
     def compute_command(self, request: ControlRequest) -> ControlResult | None:
         """Return the next twist.
@@ -199,3 +221,8 @@ class PoseSequenceFollower:
                 break
             total_m += math.hypot(*step_m)
         return total_m
+
+
+def _no_poses() -> Search[FloatArray]:
+    yield from ()
+    return np.empty((0, 3))

@@ -1,7 +1,7 @@
 """The costmap that planners and controllers read: the map plus the newest scan, inflated. Pure."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -129,34 +129,58 @@ def _inflated(
     )
 
 
-def build_window(
-    grid: OccupancyGrid,
-    hits_in_map_m: FloatArray,
-    map_from_base: Pose2,
-    footprint: Footprint,
-    options: CostmapOptions,
-    keepout: OccupancyGrid | None = None,
-) -> Costmap:
-    """Return the rolling window round the robot, in cells finer than the map's.
+def square_around(costmap: Costmap, x_m: float, y_m: float, radius_m: float) -> tuple[slice, slice]:
+    """Return the rows and columns of the square round a place, as far as they are in the costmap."""
+    (row,), (col,) = costmap.cells_of(np.array(((x_m, y_m),)))
+    half = math.ceil(radius_m / costmap.resolution_m) + 1
+    rows, cols = (slice(max(0, int(k) - half), max(0, int(k) + half + 1)) for k in (row, col))
+    return rows, cols
 
-    A map cell that holds one hit is an obstacle as wide as the cell, which closes a gap hardly wider than the
-    robot. So the exact hits replace all map cells within `SCAN_OVERRIDE_M` of them.
-    """
+
+def part_of(costmap: Costmap, rows: slice, cols: slice) -> Costmap:
+    """Return a view of a part of a costmap."""
+    return replace(
+        costmap,
+        costs=costmap.costs[rows, cols],
+        squared_cells=costmap.squared_cells[rows, cols],
+        origin_x_m=costmap.origin_x_m + cols.start * costmap.resolution_m,
+        origin_y_m=costmap.origin_y_m + rows.start * costmap.resolution_m,
+    )
+
+
+def window_of(grid: OccupancyGrid, map_from_base: Pose2, options: CostmapOptions) -> OccupancyGrid:
+    """Return a copy of the map round the robot, in cells finer than the map's."""
     fine = max(1, round(grid.resolution_m / options.window_resolution_m))
     row, col = grid.cell_of(map_from_base.x_m, map_from_base.y_m)
     half = math.ceil(0.5 * options.window_m / grid.resolution_m)
     rows, cols = grid.cells.shape
     top, bottom = min(max(0, row - half), rows - 1), min(max(1, row + half + 1), rows)
     left, right = min(max(0, col - half), cols - 1), min(max(1, col + half + 1), cols)
-    window = OccupancyGrid(
+    return OccupancyGrid(
         cells=grid.cells[top:bottom, left:right].repeat(fine, 0).repeat(fine, 1),
         resolution_m=grid.resolution_m / fine,
         origin_x_m=grid.origin_x_m + left * grid.resolution_m,
         origin_y_m=grid.origin_y_m + top * grid.resolution_m,
     )
+
+
+def build_window(
+    window: OccupancyGrid,
+    hits_in_map_m: FloatArray,
+    unseen_m: FloatArray,
+    footprint: Footprint,
+    options: CostmapOptions,
+    keepout: OccupancyGrid | None = None,
+) -> Costmap:
+    """Return the costs of the rolling window round the robot; `unseen_m`, shape (n, 2), is closed as well.
+
+    A map cell that holds one hit is an obstacle as wide as the cell, which closes a gap hardly wider than the
+    robot. So the exact hits replace all map cells within `SCAN_OVERRIDE_M` of them.
+    """
     hits = np.zeros(window.cells.shape, np.bool_)
     mark_points(hits, hits_in_map_m, window)
     override = whole_cells(SCAN_OVERRIDE_M, window.resolution_m)
     unscanned = squared_distances(hits, override) > override * override
     lethal = hits | ((window.cells >= options.lethal_percent) & unscanned) | keepout_cells(keepout, window)
+    mark_points(lethal, unseen_m, window)
     return _inflated(lethal, window, footprint, options)

@@ -1,15 +1,49 @@
 """The obstacles round the robot, from map, scan and memory: as costmaps and as points."""
 
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.field_of_view import FieldOfView
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_costmap, build_window
+from thumper.navigation.costmap.costmap import (
+    Costmap,
+    CostmapOptions,
+    build_costmap,
+    build_window,
+    inflation_radius_cells,
+    window_of,
+)
 from thumper.navigation.costmap.layers import CostmapLayers
 from thumper.navigation.costmap.obstacle_memory import ObstacleMemory, ObstacleMemoryOptions
 from thumper.navigation.costmap.scan_averaging import averaged_hits
+from thumper.navigation.costmap.unseen_ground import UnseenGround
 from thumper.navigation.footprint import Footprint
+from thumper.navigation.state import CycleInput
+
+# The map has jumped if it moved against the odometry by more than this between two cycles. Less is a
+# correction of the odometry: wheels slip, and the surroundings stay where they are.
+JUMP_M, JUMP_RAD = 0.10, 0.10
+DRIFT_M_S, DRIFT_RAD_S = 0.02, 0.02  # allowed in addition while no cycle ran
+
+
+class ObstaclePoints(NamedTuple):
+    """Points that the robot must not touch, shape (n, 2) [m]."""
+
+    points_m: FloatArray
+    position_error_m: FloatArray  # shape (n,), a bound of each point's error
+    seen: int  # the points before this index are obstacles, the others are unseen ground
+
+    def in_base(self, map_from_base: Pose2) -> "ObstaclePoints":
+        """Return points in `map` as points in base_link."""
+        return self._replace(points_m=map_from_base.inverse().apply(self.points_m))
+
+
+NOTHING: FloatArray = np.empty((0, 2))
+NO_OBSTACLES = ObstaclePoints(NOTHING, np.empty(0), 0)
 
 
 class LocalModel:
@@ -20,49 +54,87 @@ class LocalModel:
         options: CostmapOptions,
         memory: ObstacleMemoryOptions,
         footprint: Footprint,
+        padded: Footprint,
         keepout: OccupancyGrid | None,
         view: FieldOfView,
     ) -> None:
-        """`footprint` is the padded one; `keepout` is the mask of closed cells."""
+        """`footprint` is the robot's own, `padded` the one of planning; `keepout` masks closed cells."""
         self._options = options
-        self._footprint = footprint
+        self._footprint = padded
         self._keepout = keepout
         self._view = view
-        self._layers = CostmapLayers(footprint, options, keepout)
-        radius_m = footprint.circumscribed_radius_m
+        self._layers = CostmapLayers(padded, options, keepout)
+        radius_m = padded.circumscribed_radius_m
         self._control_memory = ObstacleMemory(memory, memory.radius_m, view, radius_m)
         self._planning_memory = ObstacleMemory(memory, memory.planning_radius_m, view, radius_m)
+        self._unseen = UnseenGround(footprint, view)
+        self._last: CycleInput | None = None
+        self.jumped = False  # the map has jumped in this cycle
         self.costmap: Costmap | None = None  # of the newest cycle, for planning
+        self.local_costmap: Costmap | None = None  # finer, round the robot, for the controllers
+        self.pose_costmap: Costmap | None = None  # the same with unseen ground open, if there is any
+        self.move_ahead_m = 0.0  # see `UnseenGround.move_ahead_m`
         self.hits_m: FloatArray = np.empty((0, 2))  # the newest scan's hits in map, averaged by surface
-        self.obstacles_m: FloatArray = np.empty((0, 2))  # these hits and the points remembered near the robot
-        self.position_error_m: FloatArray = np.empty(0)  # bound of each obstacle point's error
+        self.obstacles = NO_OBSTACLES  # in map, near the robot
 
-    def update(
-        self, time_s: float, map_from_base: Pose2, grid: OccupancyGrid, hits_in_map: FloatArray
-    ) -> Costmap:
-        """Process a cycle's map and hits, shape (n, 2) [m]; return the costmap for planning."""
-        hits_in_map = hits_in_map[np.isfinite(hits_in_map).all(axis=1)]
-        self.hits_m = averaged_hits(map_from_base, hits_in_map, self._view)
-        near_m = self._control_memory.update(time_s, map_from_base, self.hits_m)
-        far_m = self._planning_memory.update(time_s, map_from_base, self.hits_m)
-        self.obstacles_m = np.vstack((self.hits_m, near_m))
-        self.position_error_m = np.concatenate(
-            (np.zeros(len(self.hits_m)), self._control_memory.position_error_m)
+    def update(self, cycle: CycleInput) -> Costmap:
+        """Process a cycle's map and hits; return the costmap for planning."""
+        self._follow_map(cycle)
+        time_s, base, scan_pose = cycle.time_s, cycle.map_from_base, cycle.scan_pose
+        hits_m = cycle.hits_in_map_m[np.isfinite(cycle.hits_in_map_m).all(axis=1)]
+        self.hits_m = averaged_hits(scan_pose, hits_m, self._view)
+        near_m = self._control_memory.update(time_s, base, self.hits_m, scan_pose)
+        far_m = self._planning_memory.update(time_s, base, self.hits_m, scan_pose)
+        seen_m = np.vstack((self.hits_m, near_m))
+
+        window = window_of(cycle.grid, base, self._options)
+        unseen_m = self._unseen.update(window, base)
+        self.move_ahead_m = self._unseen.move_ahead_m(unseen_m, base)
+        closed_m = self._unseen.beyond_slack(unseen_m, base)
+        self.local_costmap = self._window_costs(window, seen_m, closed_m)
+        self.pose_costmap = self._window_costs(window, seen_m, NOTHING) if len(unseen_m) else None
+        error_m = self._control_memory.position_error_m
+        self.obstacles = ObstaclePoints(
+            points_m=np.vstack((seen_m, unseen_m)),
+            position_error_m=np.concatenate((np.zeros(len(self.hits_m)), error_m, np.zeros(len(unseen_m)))),
+            seen=len(seen_m),
         )
-        self.costmap = self._layers.update(grid, np.vstack((self.hits_m, far_m)))
+        self.costmap = self._layers.update(cycle.grid, np.vstack((self.hits_m, far_m)))
         return self.costmap
 
-    def local_costmap(self, grid: OccupancyGrid, map_from_base: Pose2) -> Costmap:
-        """Return the finer costmap round the robot, for the controllers."""
-        return build_window(
-            grid, self.obstacles_m, map_from_base, self._footprint, self._options, self._keepout
+    def static_band(self, grid: OccupancyGrid, begin: int, end: int) -> Costmap:
+        """Return rows of the costmap without scan and memory, whose obstacles may have moved since."""
+        around = inflation_radius_cells(self._footprint, self._options, grid.resolution_m)
+        top = max(0, begin - around)
+        band = replace(
+            grid,
+            cells=grid.cells[top : end + around],
+            origin_y_m=grid.origin_y_m + top * grid.resolution_m,
         )
+        costmap = build_costmap(band, np.empty((0, 2)), self._footprint, self._options, self._keepout)
+        rows = slice(begin - top, end - top)
+        return replace(costmap, costs=costmap.costs[rows], squared_cells=costmap.squared_cells[rows])
 
-    def static_costmap(self, grid: OccupancyGrid) -> Costmap:
-        """Return the costmap without scan and memory, whose obstacles may have moved since."""
-        return build_costmap(grid, np.empty((0, 2)), self._footprint, self._options, self._keepout)
+    def _window_costs(self, window: OccupancyGrid, seen_m: FloatArray, unseen_m: FloatArray) -> Costmap:
+        return build_window(window, seen_m, unseen_m, self._footprint, self._options, self._keepout)
 
     def forget_beyond(self, map_from_base: Pose2, radius_m: float) -> None:
         """Forget the remembered points further than this from the robot."""
         self._control_memory.forget_beyond(map_from_base, radius_m)
         self._planning_memory.forget_beyond(map_from_base, radius_m)
+
+    def _follow_map(self, cycle: CycleInput) -> None:
+        """Move all that is remembered with the map if that has jumped."""
+        last, self._last = self._last, cycle
+        self.jumped = False
+        if last is None:
+            return
+        new_from_old = cycle.map_from_odom @ last.map_from_odom.inverse()
+        here = new_from_old @ last.map_from_base
+        moved_m = here.distance_m(last.map_from_base)
+        turned_rad = abs(math.remainder(new_from_old.theta_rad, math.tau))
+        idle_s = max(0.0, cycle.time_s - last.time_s)
+        self.jumped = moved_m > JUMP_M + DRIFT_M_S * idle_s or turned_rad > JUMP_RAD + DRIFT_RAD_S * idle_s
+        if self.jumped:
+            for remembered in (self._control_memory, self._planning_memory, self._unseen):
+                remembered.move(new_from_old)

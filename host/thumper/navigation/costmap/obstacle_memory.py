@@ -1,7 +1,8 @@
 """Obstacle memory: scan points near the robot, kept out of view, cleared by the lidar's rays.
 
 A map of 5 cm cells loses a thin post that fills part of a cell, and the lidar does not see behind itself.
-Both matter when a corner of the robot swings past something that it saw a moment ago.
+Both matter when a corner of the robot swings past something that it saw a moment ago. One scan without an
+echo clears nothing: a dark leg stays silent at times.
 """
 
 import math
@@ -10,12 +11,18 @@ from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt
+from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.field_of_view import FieldOfView
+from thumper.navigation.costmap.ray_evidence import BIN_RAD, Evidence, ray_evidence
 
-BIN_RAD = math.radians(1.0)
 CLEARING_M = 0.08  # a ray that passes this far behind a point clears it
+# Looks without an echo from a point clear it, too, if the lidar has moved between them: an open hall returns
+# nothing from anywhere, a dark surface nothing from some directions. For points that are not beside the
+# robot, looks some time apart are enough: people walk through the hall.
+SILENT_LOOKS, LOOK_STEP_M, LOOK_STEP_S = 3, 0.06, 0.4
+NOWHERE_M = 1e6
 VOXEL_M = 0.02
 # While a point is out of view, the pose drifts against it by about this fraction of the distance driven, but
 # hardly by more than the limit, because the map holds the pose.
@@ -55,6 +62,10 @@ class ObstacleMemory:
         self._points_m: FloatArray = np.empty((0, 2))
         self._times_s: FloatArray = np.empty(0)  # when each was last seen
         self._seen_at_m: FloatArray = np.empty(0)  # distance driven when each was last seen
+        self._silent: NDArray[np.int64] = np.empty(0, np.int64)  # looks without an echo since then
+        # Where the lidar was at the last of them, and when.
+        self._looked_from_m: FloatArray = np.empty((0, 2))
+        self._looked_s: FloatArray = np.empty(0)
         self._driven_m, self._anchor = 0.0, Pose2()
         self.position_error_m: FloatArray = np.empty(0)
 
@@ -70,16 +81,25 @@ class ObstacleMemory:
         kept |= _within(self._points_m, map_from_base, radius_m)
         self._keep(kept)
 
-    def update(self, time_s: float, map_from_base: Pose2, hits_in_map_m: FloatArray) -> FloatArray:
+    def move(self, new_from_old: Pose2) -> None:
+        """Move the points with the map."""
+        self._points_m = new_from_old.apply(self._points_m)
+        self._looked_from_m = new_from_old.apply(self._looked_from_m)
+        self._anchor = new_from_old @ self._anchor
+
+    def update(
+        self, time_s: float, map_from_base: Pose2, hits_in_map_m: FloatArray, scan_pose: Pose2 | None = None
+    ) -> FloatArray:
         """Add a scan's hits, shape (n, 2) [m]; return the remembered points in `map`, shape (m, 2) [m].
 
-        Sets `position_error_m`, shape (m,): how far each of them may be off by now.
+        `scan_pose` is the robot's pose at the time of the scan; None: `map_from_base`. Sets
+        `position_error_m`, shape (m,): how far each point may be off by now.
         """
         self._count_distance(map_from_base)
         fresh = self._times_s > time_s - self._keep_s
         fresh |= _within(self._points_m, map_from_base, self._beside_m)
         self._keep(fresh)
-        self._keep(self._is_hidden(self._points_m, map_from_base, hits_in_map_m))
+        self._judge(time_s, scan_pose or map_from_base, hits_in_map_m)
         self._keep(_within(self._points_m, map_from_base, self._radius_m))
         remembered_m = self._points_m
         self.position_error_m = np.minimum(MAX_ERROR_M, ERROR_FRACTION * (self._driven_m - self._seen_at_m))
@@ -89,11 +109,29 @@ class ObstacleMemory:
         all_seen_at_m = np.concatenate((np.full(len(near), self._driven_m), self._seen_at_m))
         _, first = np.unique(np.floor(all_m / VOXEL_M).astype(np.int64), axis=0, return_index=True)
         self._points_m, self._times_s, self._seen_at_m = all_m[first], all_s[first], all_seen_at_m[first]
+        self._silent = np.concatenate((np.zeros(len(near), np.int64), self._silent))[first]
+        self._looked_from_m = np.vstack((np.full((len(near), 2), NOWHERE_M), self._looked_from_m))[first]
+        self._looked_s = np.concatenate((np.full(len(near), time_s), self._looked_s))[first]
         return remembered_m
 
-    def _keep(self, kept: np.typing.NDArray[np.bool_]) -> None:
+    def _keep(self, kept: NDArray[np.bool_]) -> None:
         self._points_m, self._times_s = self._points_m[kept], self._times_s[kept]
         self._seen_at_m = self._seen_at_m[kept]
+        self._silent, self._looked_from_m = self._silent[kept], self._looked_from_m[kept]
+        self._looked_s = self._looked_s[kept]
+
+    def _judge(self, time_s: float, scan_pose: Pose2, hits_m: FloatArray) -> None:
+        """Forget the points that a scan shows, and those that it shows to be gone."""
+        evidence = ray_evidence(self._view, scan_pose, hits_m, self._points_m, CLEARING_M)
+        lidar = scan_pose @ self._view.base_from_laser
+        looked_m = np.hypot(*(self._looked_from_m - (lidar.x_m, lidar.y_m)).T)
+        later = time_s - self._looked_s >= LOOK_STEP_S
+        later &= ~_within(self._points_m, scan_pose, self._beside_m)
+        new_look = (evidence == Evidence.SILENT) & ((looked_m >= LOOK_STEP_M) | later)
+        self._silent[new_look] += 1
+        self._looked_from_m[new_look], self._looked_s[new_look] = (lidar.x_m, lidar.y_m), time_s
+        gone = (evidence == Evidence.PASSED) | (self._silent >= SILENT_LOOKS)
+        self._keep(~gone & (evidence != Evidence.SEEN))
 
     def _count_distance(self, map_from_base: Pose2) -> None:
         """Sum up the movement of the outermost point, without the pose noise of a stationary robot."""
@@ -103,25 +141,9 @@ class ObstacleMemory:
             self._driven_m += step_m
             self._anchor = map_from_base
 
-    def _is_hidden(
-        self, points_m: FloatArray, map_from_base: Pose2, hits_m: FloatArray
-    ) -> np.typing.NDArray[np.bool_]:
-        """Return which points the scan cannot see: out of view, or behind something nearer."""
-        bearing_rad, range_m = self._view.bearings_and_ranges(map_from_base, points_m)
-        hit_rad, hit_m = self._view.bearings_and_ranges(map_from_base, hits_m)
-        nearest_m = np.full(round(math.tau / BIN_RAD) + 2, np.inf)
-        bins = 1 + ((hit_rad + math.pi) / BIN_RAD).astype(np.int64) % (nearest_m.size - 2)
-        np.minimum.at(nearest_m, bins, hit_m)
-        nearest_m[0], nearest_m[-1] = nearest_m[-2], nearest_m[1]
-        around_m = np.minimum(np.minimum(nearest_m[:-2], nearest_m[1:-1]), nearest_m[2:])
-        there_m = around_m[((bearing_rad + math.pi) / BIN_RAD).astype(np.int64) % around_m.size]
-        in_view = self._view.contains(bearing_rad, range_m, edge_rad=BIN_RAD)
-        hidden: np.typing.NDArray[np.bool_] = ~in_view | (there_m < range_m - CLEARING_M)
-        return hidden
 
-
-def _within(points_m: FloatArray, map_from_base: Pose2, radius_m: float) -> np.typing.NDArray[np.bool_]:
+def _within(points_m: FloatArray, map_from_base: Pose2, radius_m: float) -> NDArray[np.bool_]:
     """Return which points, shape (n, 2), are within a distance of the robot."""
     dx_m, dy_m = points_m[:, 0] - map_from_base.x_m, points_m[:, 1] - map_from_base.y_m
-    within: np.typing.NDArray[np.bool_] = np.hypot(dx_m, dy_m) <= radius_m
+    within: NDArray[np.bool_] = np.hypot(dx_m, dy_m) <= radius_m
     return within

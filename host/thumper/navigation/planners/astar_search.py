@@ -4,67 +4,69 @@ Hart, Nilsson & Raphael, "A Formal Basis for the Heuristic Determination of Mini
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
-from thumper.navigation.costmap.inflation import IntArray
+from thumper.navigation.costmap.inflation import ByteArray, IntArray
 from thumper.navigation.planners.binary_heap import doubled, heap_pop, heap_push
+from thumper.navigation.planners.resumable import ASTAR_CELLS, Search, run_to_end
 
 CostArray = NDArray[np.float32]
 
 NO_GOAL = -1
+UNTOUCHED, OPEN, CLOSED = 0, 1, 2
+FIRST_ENTRIES = 4096
+
+
+class AStarCells(NamedTuple):
+    """What the search knows of each cell, shape (rows * cols,) each; untouched cells take no memory."""
+
+    status: ByteArray  # UNTOUCHED, OPEN or CLOSED
+    path_cost: FloatArray  # from the start [cells]; not initialised in untouched cells, final in closed ones
+    parent: IntArray  # flat index of the previous cell, -1 at the start; not initialised in untouched cells
+
+
+class Heap(NamedTuple):
+    """The open cells in order of their estimated total cost."""
+
+    keys: FloatArray
+    items: IntArray
 
 
 @kernel
-def astar(cell_costs: CostArray, start: int, goal: int) -> tuple[FloatArray, IntArray]:
-    """Find the cheapest path from `start` to `goal`, or to every cell if `goal` is -1.
+def astar_slice(
+    cell_costs: CostArray, cells: AStarCells, heap: Heap, size: int, goal: int, budget: int
+) -> tuple[Heap, int, bool]:
+    """Close up to `budget` cells; return the heap, its new size, and whether the goal was closed.
 
-    Parameters
-    ----------
-    cell_costs : ndarray, shape (rows, cols), float32
-        Cost of crossing a cell, >= 1; inf is an obstacle. The border cells must all be inf. A step costs its
-        length [cells] times the mean cost of its two cells.
-    start, goal : int
-        Flat indices.
-
-    Returns
-    -------
-    path_cost : ndarray, shape (rows * cols,)
-        Cost from the start [cells]; inf where the search did not arrive. Final at the goal, and everywhere
-        without a goal.
-    parent : ndarray, shape (rows * cols,)
-        Flat index of the previous cell; -1 at the start and where the search did not arrive.
+    The search has ended at the goal, or without it when the heap is empty.
     """
-    rows, cols = cell_costs.shape
+    cols = cell_costs.shape[1]
     costs = cell_costs.ravel()
-    path_cost = np.full(rows * cols, np.inf)
-    parent = np.full(rows * cols, -1, np.int32)
-    closed = np.zeros(rows * cols, np.bool_)
-    keys, items = np.empty(4096, np.float64), np.empty(4096, np.int32)
+    status, path_cost, parent = cells
+    keys, items = heap
     steps = np.array((1, -1, cols, -cols, cols + 1, cols - 1, -cols + 1, -cols - 1))
     d_cols = np.array((1, -1, 0, 0, 1, -1, 1, -1))
     d_rows = np.array((0, 0, 1, -1, 1, 1, -1, -1))
     goal_row, goal_col = goal // cols, goal % cols
     diagonal_extra = math.sqrt(2.0) - 1.0
-
-    path_cost[start] = 0.0
-    heap_push(keys, items, 0, 0.0, start)
-    size = 1
-    while size > 0:
+    while size > 0 and budget > 0:
         cell = heap_pop(keys, items, size)
         size -= 1
-        if closed[cell]:
+        if status[cell] == CLOSED:
             continue
+        status[cell] = CLOSED
+        budget -= 1
         if cell == goal:
-            break
-        closed[cell] = True
+            return Heap(keys, items), size, True
         row, col = cell // cols, cell % cols
         for k in range(8):
             neighbour = cell + steps[k]
-            if closed[neighbour] or not costs[neighbour] < np.inf:
+            if status[neighbour] == CLOSED or not costs[neighbour] < np.inf:
                 continue
             length = 1.0
             if k >= 4:
@@ -72,8 +74,9 @@ def astar(cell_costs: CostArray, start: int, goal: int) -> tuple[FloatArray, Int
                     continue
                 length = math.sqrt(2.0)
             candidate = path_cost[cell] + 0.5 * length * (costs[cell] + costs[neighbour])
-            if candidate >= path_cost[neighbour]:
+            if status[neighbour] == OPEN and candidate >= path_cost[neighbour]:
                 continue
+            status[neighbour] = OPEN
             path_cost[neighbour] = candidate
             parent[neighbour] = cell
             heuristic = 0.0
@@ -84,7 +87,33 @@ def astar(cell_costs: CostArray, start: int, goal: int) -> tuple[FloatArray, Int
                 keys, items = doubled(keys), doubled(items)
             heap_push(keys, items, size, candidate + heuristic, neighbour)
             size += 1
-    return path_cost, parent
+    return Heap(keys, items), size, False
+
+
+def search_astar(cell_costs: CostArray, start: int, goal: int) -> Search[AStarCells]:
+    """Find the cheapest path from `start` to `goal`, or to every cell if `goal` is -1.
+
+    `cell_costs`, shape (rows, cols), is the cost of crossing a cell, >= 1; inf is an obstacle. The border
+    cells must all be inf. A step costs its length [cells] times the mean cost of its two cells. `start` and
+    `goal` are flat indices. A search that does not close the goal has closed all cells that can be reached.
+    """
+    count = cell_costs.size
+    cells = AStarCells(np.zeros(count, np.uint8), np.empty(count), np.empty(count, np.int32))
+    heap = Heap(np.empty(FIRST_ENTRIES), np.empty(FIRST_ENTRIES, np.int32))
+    cells.status[start], cells.path_cost[start], cells.parent[start] = OPEN, 0.0, -1
+    heap_push(heap.keys, heap.items, 0, 0.0, start)
+    size, found = 1, False
+    while True:
+        heap, size, found = astar_slice(cell_costs, cells, heap, size, goal, ASTAR_CELLS)
+        if found or size == 0:
+            return cells
+        yield
+
+
+def astar(cell_costs: CostArray, start: int, goal: int) -> tuple[FloatArray, IntArray]:
+    """Run `search_astar` at once; return cost, inf where it did not arrive, and parent of each cell."""
+    status, path_cost, parent = run_to_end(search_astar(cell_costs, start, goal))
+    return np.where(status == UNTOUCHED, np.inf, path_cost), np.where(status == UNTOUCHED, -1, parent)
 
 
 @kernel

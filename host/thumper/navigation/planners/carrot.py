@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2, wrap_angle
+from thumper.common.numba_kernel import kernel
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal_count
 from thumper.navigation.footprint import Footprint
@@ -15,6 +16,7 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar_search import CostArray
 from thumper.navigation.planners.planner import PlanResult
 from thumper.navigation.planners.polyline import arc_lengths, resample
+from thumper.navigation.planners.resumable import Search
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions, traversal_cost
 
 
@@ -23,6 +25,11 @@ class CarrotPlanner:
 
     def __init__(self, footprint: Footprint) -> None:
         self._footprint = footprint
+
+    def search(self, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> Search[PlanResult]:
+        """Return what `plan` returns: one line needs no second slice."""
+        yield from ()
+        return self.plan(costmap, map_from_base, goal)
 
     def plan(self, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> PlanResult:
         """Return the line to the goal, or to the last free point before an obstacle with a message."""
@@ -64,8 +71,19 @@ class CarrotPlanner:
         leaving = int(np.searchsorted(arc_lengths(line_m), self._footprint.circumscribed_radius_m))
         dx_m, dy_m = line_m[-1] - line_m[0]
         theta_rad = wrap_angle(math.atan2(dy_m, dx_m))
-        for index, (x_m, y_m) in enumerate(line_m):
-            hits = lethal_count(grid, False, float(x_m), float(y_m), theta_rad)
-            if hits < 0 or hits > (touching if index <= leaving else 0):
-                return index
-        return len(line_m)
+        return free_points(grid, line_m, theta_rad, touching, leaving)
+
+
+@kernel
+def free_points(
+    grid: CollisionGrid, line_m: FloatArray, theta_rad: float, touching: int, leaving: int
+) -> int:
+    """Count the points of a line, shape (n, 2), before the footprint touches an obstacle.
+
+    Up to the index `leaving` it may have `touching` outline points on obstacles.
+    """
+    for index in range(line_m.shape[0]):
+        hits = lethal_count(grid, False, line_m[index, 0], line_m[index, 1], theta_rad)
+        if hits < 0 or hits > (touching if index <= leaving else 0):
+            return index
+    return int(line_m.shape[0])

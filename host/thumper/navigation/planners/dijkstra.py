@@ -14,9 +14,10 @@ import numpy as np
 from thumper.common.numba_kernel import kernel
 from thumper.navigation.costmap.inflation import ByteArray, IntArray
 from thumper.navigation.planners.astar_search import CostArray
+from thumper.navigation.planners.resumable import DIJKSTRA_CELLS, Search, run_to_end
 
 # Width of a bucket [free cells]. Wide buckets expand cells more often, narrow ones scan the front more often.
-BUCKET = np.float32(16.0)
+BUCKET = 16.0
 NEITHER, NOW, LATER = 0, 1, 2
 HALF, TWO, INFINITE = np.float32(0.5), np.float32(2.0), np.float32(np.inf)
 LATERAL = np.float32(math.sqrt(0.5))  # a diagonal front gains at least this fraction of a cell's cost
@@ -61,24 +62,42 @@ def expansion_key(wave: Wavefront, cell: int, value: np.float32) -> np.float32:
     return key
 
 
+class Buckets(NamedTuple):
+    """Cells to expand now and later, flat indices; the arrays may be replaced by larger ones."""
+
+    now: IntArray
+    later: IntArray
+
+
+class Progress(NamedTuple):
+    """How far the expansion is."""
+
+    next: int  # index in `now`
+    n_now: int
+    n_later: int
+    limit: float  # `now` holds the cells up to here [free cells]
+
+
 @kernel
 def expand_bucket(
-    wave: Wavefront, now: IntArray, n_now: int, later: IntArray, limit: np.float32
-) -> tuple[IntArray, IntArray, int]:
-    """Expand all cells of the bucket `now` and those they add; put cells beyond `limit` in `later`.
+    wave: Wavefront, buckets: Buckets, progress: Progress, budget: int
+) -> tuple[Buckets, Progress, int]:
+    """Expand the cells of the bucket `now` and those they add; put cells beyond the limit in `later`.
 
-    Returns both arrays, which may have been replaced by larger ones, and the number of cells in `later`.
+    Stops after `budget` cells; returns what is left of it.
     """
-    n_later = 0
-    i = 0
-    while i < n_now:
+    now, later = buckets
+    i, n_now, n_later, limit = progress
+    bound = np.float32(limit)
+    while i < n_now and budget > 0:
         cell = int(now[i])
         i += 1
+        budget -= 1
         wave.queued[cell] = NEITHER
         value = eikonal_value(wave, cell)
         if value >= wave.potential[cell]:
             continue
-        if expansion_key(wave, cell, value) >= limit:
+        if expansion_key(wave, cell, value) >= bound:
             # The next bucket expands the cell again, when its neighbours are settled.
             if n_later == later.size:
                 later = np.concatenate((later, np.empty(later.size, np.int32)))
@@ -97,11 +116,30 @@ def expand_bucket(
                 now[n_now] = neighbour
                 wave.queued[neighbour] = NOW
                 n_now += 1
-    return now, later, n_later
+    return Buckets(now, later), Progress(i, n_now, n_later, limit), budget
 
 
 @kernel
-def dijkstra(cell_costs: CostArray, source: int, target: int, guided: bool, margin: float) -> CostArray:
+def dijkstra_slice(
+    wave: Wavefront, buckets: Buckets, progress: Progress, target: int, margin: float, budget: int
+) -> tuple[Buckets, Progress, bool]:
+    """Expand up to `budget` cells, bucket by bucket; return also whether the search has ended."""
+    while True:
+        buckets, progress, budget = expand_bucket(wave, buckets, progress, budget)
+        if progress.next < progress.n_now:
+            return buckets, progress, False
+        end = np.inf
+        if target >= 0 and wave.potential[target] < INFINITE:
+            end = float(wave.potential[target]) + margin
+        if progress.limit >= end or progress.n_later == 0:
+            return buckets, progress, True
+        buckets = Buckets(buckets.later, buckets.now)
+        progress = Progress(0, progress.n_later, 0, progress.limit + BUCKET)
+
+
+def search_dijkstra(
+    cell_costs: CostArray, source: int, target: int, guided: bool, margin: float
+) -> Search[CostArray]:
     """Return the potential of every cell that the search reached, shape (rows * cols,), float32; else inf.
 
     Parameters
@@ -116,27 +154,27 @@ def dijkstra(cell_costs: CostArray, source: int, target: int, guided: bool, marg
     rows, cols = cell_costs.shape
     potential = np.full(rows * cols, INFINITE, np.float32)
     queued = np.zeros(rows * cols, np.uint8)
-    target_row, target_col = target // cols, target % cols
     is_guided = guided and target >= 0
-    wave = Wavefront(cell_costs.ravel(), potential, queued, cols, is_guided, target_row, target_col)
-    now, later = np.empty(16384, np.int32), np.empty(16384, np.int32)
+    wave = Wavefront(cell_costs.ravel(), potential, queued, cols, is_guided, target // cols, target % cols)
+    buckets = Buckets(np.empty(16384, np.int32), np.empty(16384, np.int32))
     potential[source] = 0.0
     n_now = 0
     for step in (1, -1, cols, -cols):
         if wave.cell_costs[source + step] < INFINITE:
-            now[n_now] = source + step
+            buckets.now[n_now] = source + step
             queued[source + step] = NOW
             n_now += 1
-    limit = BUCKET
+    limit = float(BUCKET)
     if is_guided:
-        limit += np.float32(math.hypot(source // cols - target_row, source % cols - target_col))
-    end = INFINITE
-    while n_now > 0:
-        now, later, n_later = expand_bucket(wave, now, n_now, later, limit)
-        if target >= 0 and potential[target] < INFINITE:
-            end = potential[target] + np.float32(margin)
-        if limit >= end:
-            break
-        now, later, n_now = later, now, n_later
-        limit += BUCKET
+        limit += math.hypot(source // cols - target // cols, source % cols - target % cols)
+    progress, is_over = Progress(0, n_now, 0, limit), n_now == 0
+    while not is_over:
+        buckets, progress, is_over = dijkstra_slice(wave, buckets, progress, target, margin, DIJKSTRA_CELLS)
+        if not is_over:
+            yield
     return potential
+
+
+def dijkstra(cell_costs: CostArray, source: int, target: int, guided: bool, margin: float) -> CostArray:
+    """Run `search_dijkstra` at once."""
+    return run_to_end(search_dijkstra(cell_costs, source, target, guided, margin))

@@ -10,14 +10,15 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, label
+from scipy.ndimage import label
 
 from thumper.common.geometry import Pose2
-from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.maps.occupancy_grid import CellArray, OccupancyGrid
 from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_costmap
 from thumper.navigation.costmap.inflation import LETHAL
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
+from thumper.navigation.planners.astar_search import CostArray
 from thumper.navigation.planners.dijkstra import dijkstra
 from thumper.navigation.planners.start_and_goal_cells import nearest_passable
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions, traversal_cost
@@ -73,19 +74,14 @@ def find_frontiers(
         return []
     rows, cols = cell_costs.shape
     path_costs = dijkstra(cell_costs, start[0] * cols + start[1], EVERYWHERE, False, 0.0).reshape(rows, cols)
-    reached = np.isfinite(path_costs)
-    edges = reached & binary_dilation(grid.cells < 0, NEIGHBOURS)
-    labels, count = label(edges, NEIGHBOURS)
     circle_cells = (footprint.circumscribed_radius_m + TURNING_ROOM_M) / grid.resolution_m
-    roomy = np.argwhere(reached & (costmap.squared_cells >= circle_cells**2))
     found = []
-    for number in range(1, count + 1):
-        cells = np.argwhere(labels == number)
+    for cells in _borders(path_costs, grid.cells):
         length_m = len(cells) * grid.resolution_m
         if length_m < options.least_frontier_m:
             continue
         middle = cells[np.argmin(((cells - cells.mean(axis=0)) ** 2).sum(axis=1))]
-        view = _viewpoint(costmap, roomy, middle)
+        view = _viewpoint(costmap, path_costs, middle, circle_cells)
         x_m, y_m = grid.centre_of(int(middle[0]), int(middle[1]))
         found.append(
             Frontier(
@@ -99,15 +95,37 @@ def find_frontiers(
     return sorted(found, key=lambda frontier: frontier.path_cost_m - options.gain * frontier.length_m)
 
 
-def _viewpoint(costmap: Costmap, roomy: IntArray, middle: IntArray) -> IntArray:
-    """Return the roomy cell, shape (2,), nearest to a frontier's middle that sees it, else the middle.
+def _borders(path_costs: CostArray, cells: CellArray) -> list[IntArray]:
+    """Return the connected groups of reached cells beside unknown ones, shape (n, 2) each: row, column."""
+    unknown = cells < 0
+    beside = unknown.copy()
+    for axis in (0, 1):
+        before, after = ([slice(None)] * 2 for _ in range(2))
+        before[axis], after[axis] = slice(None, -1), slice(1, None)
+        row_or_column = beside.copy()
+        beside[tuple(before)] |= row_or_column[tuple(after)]
+        beside[tuple(after)] |= row_or_column[tuple(before)]
+    labels, count = label(beside & np.isfinite(path_costs), NEIGHBOURS)
+    edges = np.argwhere(labels)
+    numbers = labels[edges[:, 0], edges[:, 1]]
+    order = np.argsort(numbers, kind="stable")
+    return np.split(edges[order], np.searchsorted(numbers[order], np.arange(2, count + 1)))[: max(0, count)]
+
+
+def _viewpoint(costmap: Costmap, path_costs: CostArray, middle: IntArray, circle_cells: float) -> IntArray:
+    """Return the reached cell with room to turn, shape (2,), nearest to a frontier's middle that sees it.
 
     Most frontiers end in recesses. Driving into them takes long, and driving out takes longer; the lidar sees
-    into them from outside.
+    into them from outside. Without such a cell it is the middle itself.
     """
-    distances = np.hypot(*(roomy - middle).T)
+    reach = int(VIEW_DISTANCE_M / costmap.resolution_m)
+    corner = np.maximum(middle - reach, 0)
+    part = tuple(slice(lo, hi + reach + 1) for lo, hi in zip(corner, middle, strict=True))
+    roomy = np.isfinite(path_costs[part]) & (costmap.squared_cells[part] >= circle_cells**2)
+    candidates = np.argwhere(roomy) + corner
+    distances = np.hypot(*(candidates - middle).T)
     near = distances <= VIEW_DISTANCE_M / costmap.resolution_m
-    for cell in roomy[near][np.argsort(distances[near])]:
+    for cell in candidates[near][np.argsort(distances[near], kind="stable")]:
         between = np.linspace(cell, middle, 2 * int(np.abs(cell - middle).max()) + 1)
         rows, cols = np.rint(between).astype(np.int64).T
         if not (costmap.costs[rows, cols] == LETHAL).any():

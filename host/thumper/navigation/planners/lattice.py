@@ -14,12 +14,18 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar import AStarPlanner
 from thumper.navigation.planners.astar_search import CostArray
-from thumper.navigation.planners.dijkstra import dijkstra
-from thumper.navigation.planners.lattice_search import LatticeProblem, LatticeWeights, hybrid_astar
+from thumper.navigation.planners.dijkstra import search_dijkstra
+from thumper.navigation.planners.lattice_search import LatticeProblem, LatticeWeights, search_lattice
 from thumper.navigation.planners.planner import PlanResult
 from thumper.navigation.planners.polyline import resample, smooth
+from thumper.navigation.planners.resumable import Search, run_to_end
 from thumper.navigation.planners.start_and_goal_cells import find_ends
-from thumper.navigation.planners.traversal_cost import TraversalCostOptions, path_cost_m, traversal_cost
+from thumper.navigation.planners.traversal_cost import (
+    TraversalCostOptions,
+    TraversalLayer,
+    path_cost_m,
+    traversal_cost,
+)
 
 POTENTIAL_MARGIN = 120.0  # how far round the cheapest path the heuristic is known [free cells]
 HEURISTIC_WEIGHT = 1.2  # finds a path sooner that costs at most 20 % more
@@ -48,20 +54,21 @@ class LatticePlanner:
         self._traversal = traversal
         self._footprint = footprint
         self._astar = AStarPlanner(traversal)
+        self._layer = TraversalLayer(traversal)
 
-    def plan(self, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> PlanResult:
+    def search(self, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> Search[PlanResult]:
         """Return a path that the footprint can drive, shape (n, 2), about one cell between points.
 
         If there is none, returns A*'s path for the inscribed circle with a reason: the map may look narrower
         than the place is.
         """
-        cell_costs = self.cell_costs(costmap)
+        cell_costs = self._layer.update(costmap)
         ends = find_ends(costmap, cell_costs, map_from_base, goal, self._traversal.escape_radius_m)
         if isinstance(ends, str):
             return PlanResult(reason=ends)
-        poses = self.poses(costmap, map_from_base, goal)
+        poses = yield from self.search_poses(costmap, map_from_base, goal)
         if len(poses) == 0:
-            fallback = self._astar.plan(costmap, map_from_base, goal)
+            fallback = yield from self._astar.search(costmap, map_from_base, goal)
             message = f"no drivable path to the goal {goal} is known yet: following the shortest one"
             return dataclasses.replace(fallback, reason=fallback.reason or message)
         poses[:, :2] = (poses[:, :2] - costmap.origin_m) / costmap.resolution_m
@@ -71,13 +78,26 @@ class LatticePlanner:
         smooth(cell_costs, path, SMOOTHING_ROUNDS)
         return PlanResult(path_m=path * costmap.resolution_m + costmap.origin_m)
 
+    def plan(self, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> PlanResult:
+        """Run `search` at once."""
+        return run_to_end(self.search(costmap, map_from_base, goal))
+
     def poses(self, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> FloatArray:
-        """Return the poses (x, y, theta) of the path, shape (n, 3) [m, rad], or none, shape (0, 3)."""
-        cell_costs = self.cell_costs(costmap)
+        """Run `search_poses` at once."""
+        return run_to_end(self.search_poses(costmap, map_from_base, goal))
+
+    def search_poses(
+        self, costmap: Costmap, map_from_base: Pose2, goal: Goal, *, known_ground: bool = False
+    ) -> Search[FloatArray]:
+        """Return the poses (x, y, theta) of the path, shape (n, 3) [m, rad], or none, shape (0, 3).
+
+        With `known_ground` the robot does not back up or rotate over unknown cells.
+        """
+        cell_costs = self._layer.update(costmap)
         ends = find_ends(costmap, cell_costs, map_from_base, goal, self._traversal.escape_radius_m)
         if isinstance(ends, str) or not np.isfinite(cell_costs.flat[ends.goal]):
             return np.empty((0, 3))
-        potential = dijkstra(cell_costs, ends.goal, ends.start, False, POTENTIAL_MARGIN)
+        potential = yield from search_dijkstra(cell_costs, ends.goal, ends.start, False, POTENTIAL_MARGIN)
         if not np.isfinite(potential[ends.start]):
             return np.empty((0, 3))
         cell_m = costmap.resolution_m
@@ -90,7 +110,7 @@ class LatticePlanner:
             goal=(np.array((goal.x_m, goal.y_m)) - costmap.origin_m) / cell_m,
             goal_radius=max(LEAST_GOAL_RADIUS_CELLS, goal.tolerance_m / cell_m),
         )
-        poses = hybrid_astar(problem, self._weights(cell_m))
+        poses = yield from search_lattice(problem, self._weights(cell_m, known_ground))
         poses[:, :2] = poses[:, :2] * cell_m + costmap.origin_m
         return poses
 
@@ -100,13 +120,14 @@ class LatticePlanner:
 
     def path_cost_m(self, costmap: Costmap, path_m: FloatArray) -> float:
         """Return the cost of a path [m of free space]; inf if it enters what the options forbid."""
-        return path_cost_m(costmap, self.cell_costs(costmap), path_m)
+        return path_cost_m(costmap, self._layer.update(costmap), path_m)
 
-    def _weights(self, cell_m: float) -> LatticeWeights:
+    def _weights(self, cell_m: float, known_ground: bool) -> LatticeWeights:
         return LatticeWeights(
             turn=self._options.turn_m_per_rad / cell_m,
             reverse=self._options.back_weight,
             heuristic=HEURISTIC_WEIGHT,
             escape_radius=self._traversal.escape_radius_m / cell_m,
             max_nodes=MAX_NODES,
+            known_ground=known_ground,
         )

@@ -16,6 +16,7 @@ from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal
 from thumper.navigation.costmap.inflation import IntArray
 from thumper.navigation.planners.astar_search import CostArray
 from thumper.navigation.planners.binary_heap import doubled, heap_pop, heap_push
+from thumper.navigation.planners.resumable import LATTICE_NODES, Search
 
 HEADINGS = 24
 TURN_RAD = math.tau / HEADINGS
@@ -24,6 +25,7 @@ STEP_CELLS = 3.0  # length of a move; longer than a bin's diagonal, so that each
 MOVES = 8
 MAX_CELL_COST = 20.0
 FIRST_NODES = 4096
+GOES_ON, NO_PATH = -1, -2
 
 
 class LatticeProblem(NamedTuple):
@@ -45,6 +47,7 @@ class LatticeWeights(NamedTuple):
     heuristic: float  # >= 1; more finds a path sooner, which costs at most this factor more
     escape_radius: float  # this near to the start the footprint may touch what it touches there
     max_nodes: int
+    known_ground: bool  # whether moves backward and rotations need known ground
 
 
 class Nodes(NamedTuple):
@@ -98,9 +101,11 @@ def motion_of(move: int) -> tuple[int, float]:
 
 
 @kernel
-def is_free(grid: CollisionGrid, x: float, y: float, theta: float, allowed: int) -> bool:
-    """Return whether at most `allowed` outline points are on obstacles."""
-    hits = lethal_count(grid, False, x, y, theta)
+def is_free(
+    grid: CollisionGrid, x: float, y: float, theta: float, allowed: int, unknown_blocks: bool
+) -> bool:
+    """Return whether at most `allowed` outline points are on obstacles (or unknown cells if these block)."""
+    hits = lethal_count(grid, unknown_blocks, x, y, theta)
     return 0 <= hits <= allowed
 
 
@@ -123,43 +128,72 @@ def trace_poses(nodes: Nodes, last: int, start_theta: float) -> FloatArray:
 
 @kernel
 def move_is_free(
-    problem: LatticeProblem, x: float, y: float, theta: float, motion: tuple[int, float], allowed: int
+    problem: LatticeProblem,
+    start: tuple[float, float, float],
+    motion: tuple[int, float],
+    allowed: int,
+    known_ground: bool,
 ) -> bool:
-    """Return whether the footprint is free at the end and in the middle of a move from (x, y, theta)."""
+    """Return whether the footprint is free at the end and in the middle of a move from `start`.
+
+    With `known_ground` a move backward and a rotation need known ground: the robot is blind there.
+    """
+    x, y, theta = start
     change, length = motion
+    needs_known = known_ground and length <= 0.0
     mean = theta + 0.5 * change * TURN_RAD
     nx, ny = x + length * math.cos(mean), y + length * math.sin(mean)
-    if not is_free(problem.grid, nx, ny, theta + change * TURN_RAD, allowed):
+    if not is_free(problem.grid, nx, ny, theta + change * TURN_RAD, allowed, needs_known):
         return False
     quarter = theta + 0.25 * change * TURN_RAD
     mx, my = x + 0.5 * length * math.cos(quarter), y + 0.5 * length * math.sin(quarter)
-    return is_free(problem.grid, mx, my, mean, allowed)
+    return is_free(problem.grid, mx, my, mean, allowed, needs_known)
+
+
+class Progress(NamedTuple):
+    """How far the search is."""
+
+    nodes: Nodes
+    keys: FloatArray  # of the heap of open nodes
+    items: IntArray
+    size: int  # of the heap
+    made: int  # number of nodes
+    last: int  # the node at the goal; -1 while the search goes on, -2 if there is no path
 
 
 @kernel
-def hybrid_astar(problem: LatticeProblem, weights: LatticeWeights) -> FloatArray:
-    """Return poses (x, y, theta), shape (n, 3), from the start to near the goal; empty if there are none.
+def with_room(
+    nodes: Nodes, keys: FloatArray, items: IntArray, size: int, count: int
+) -> tuple[Nodes, FloatArray, IntArray]:
+    """Return nodes and heap with room for one more entry."""
+    if count == nodes.x.size:
+        nodes = larger(nodes)
+    if size == keys.size:
+        keys, items = doubled(keys), doubled(items)
+    return nodes, keys, items
 
-    Gives up after `max_nodes` nodes. The footprint must be free everywhere but near the start.
-    """
+
+@kernel
+def lattice_slice(
+    problem: LatticeProblem, weights: LatticeWeights, node_at: IntArray, progress: Progress, budget: int
+) -> Progress:
+    """Close up to `budget` nodes. `node_at` holds for each bin of position and heading its node plus 1."""
     cell_costs, start = problem.cell_costs, problem.start
     rows, cols = cell_costs.shape
     bins_x = cols // BIN_CELLS + 1
-    node_at = np.full((rows // BIN_CELLS + 1) * bins_x * HEADINGS, -1, np.int32)
-    nodes = with_root(start)
-    keys, items = np.empty(FIRST_NODES), np.empty(FIRST_NODES, np.int32)
+    nodes, keys, items, size, count, last = progress
     touching = max(0, lethal_count(problem.grid, False, start[0], start[1], start[2]))
-    heap_push(keys, items, 0, 0.0, 0)
-    size, count = 1, 1
-    while size > 0 and count < weights.max_nodes:
+    while budget > 0 and size > 0 and count < weights.max_nodes:
         node = heap_pop(keys, items, size)
         size -= 1
         if nodes.closed[node]:
             continue
         nodes.closed[node] = True
+        budget -= 1
         x, y = nodes.x[node], nodes.y[node]
         if math.hypot(x - problem.goal[0], y - problem.goal[1]) <= problem.goal_radius:
-            return trace_poses(nodes, node, start[2])
+            last = node
+            break
         theta = start[2] + nodes.heading[node] * TURN_RAD
         for move in range(MOVES):
             change, length = motion_of(move)
@@ -173,24 +207,43 @@ def hybrid_astar(problem: LatticeProblem, weights: LatticeWeights) -> FloatArray
                 continue
             heading = (nodes.heading[node] + change) % HEADINGS
             slot = ((row // BIN_CELLS) * bins_x + col // BIN_CELLS) * HEADINGS + heading
-            other = node_at[slot]
+            other = node_at[slot] - 1
             cell_cost = min(cell_costs[row, col], MAX_CELL_COST)
             drive_cost = abs(length) * cell_cost * (weights.reverse if length < 0.0 else 1.0)
             cost = nodes.cost[node] + abs(change) * TURN_RAD * weights.turn + drive_cost
             if other >= 0 and (nodes.closed[other] or nodes.cost[other] <= cost):
                 continue
             allowed = touching if math.hypot(nx - start[0], ny - start[1]) < weights.escape_radius else 0
-            if not move_is_free(problem, x, y, theta, (change, length), allowed):
+            if not move_is_free(problem, (x, y, theta), (change, length), allowed, weights.known_ground):
                 continue
-            if count == nodes.x.size:
-                nodes = larger(nodes)
-            if size == keys.size:
-                keys, items = doubled(keys), doubled(items)
+            nodes, keys, items = with_room(nodes, keys, items, size, count)
             if other >= 0:
                 nodes.closed[other] = True  # a cheaper node replaces it
             nodes.x[count], nodes.y[count], nodes.cost[count] = nx, ny, cost
             nodes.heading[count], nodes.parent[count] = heading, node
-            node_at[slot] = count
+            node_at[slot] = count + 1
             heap_push(keys, items, size, cost + weights.heuristic * remaining, count)
             size, count = size + 1, count + 1
-    return np.empty((0, 3))
+    if last == GOES_ON and budget > 0:
+        last = NO_PATH
+    return Progress(nodes, keys, items, size, count, last)
+
+
+def search_lattice(problem: LatticeProblem, weights: LatticeWeights) -> Search[FloatArray]:
+    """Return poses (x, y, theta), shape (n, 3), from the start to near the goal; empty if there are none.
+
+    Gives up after `max_nodes` nodes. The footprint must be free everywhere but near the start.
+    """
+    rows, cols = problem.cell_costs.shape
+    bins = (rows // BIN_CELLS + 1) * (cols // BIN_CELLS + 1)
+    node_at = np.zeros(bins * HEADINGS, np.int32)  # the memory of untouched bins is never used
+    keys, items = np.empty(FIRST_NODES), np.empty(FIRST_NODES, np.int32)
+    heap_push(keys, items, 0, 0.0, 0)
+    progress = Progress(with_root(problem.start), keys, items, 1, 1, GOES_ON)
+    while True:
+        progress = lattice_slice(problem, weights, node_at, progress, LATTICE_NODES)
+        if progress.last == NO_PATH:
+            return np.empty((0, 3))
+        if progress.last >= 0:
+            return trace_poses(progress.nodes, progress.last, problem.start[2])
+        yield

@@ -12,14 +12,19 @@ from thumper.common.geometry import FloatArray, Pose2
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar_search import CostArray
-from thumper.navigation.planners.dijkstra import dijkstra
+from thumper.navigation.planners.dijkstra import search_dijkstra
 from thumper.navigation.planners.gradient_path import gradient_path
 from thumper.navigation.planners.planner import PlanResult
-from thumper.navigation.planners.start_and_goal_cells import find_ends, nearest_reachable_goal
-from thumper.navigation.planners.traversal_cost import TraversalCostOptions, path_cost_m, traversal_cost
+from thumper.navigation.planners.resumable import Search, run_to_end
+from thumper.navigation.planners.start_and_goal_cells import find_ends, goal_end
+from thumper.navigation.planners.traversal_cost import (
+    TraversalCostOptions,
+    TraversalLayer,
+    path_cost_m,
+    traversal_cost,
+)
 
 STEP_CELLS = 0.5
-EVERYWHERE = -1
 MARGIN = 6.0  # how far beyond the goal's potential the search goes: the gradient needs the neighbours
 OBSTACLE_WEIGHT = 4.032  # 0.8 * 252 / 50, as in ROS's navfn
 
@@ -33,27 +38,26 @@ class NavfnPlanner:
     def __init__(self, options: TraversalCostOptions, *, guided: bool = True) -> None:
         self._options = replace(options, obstacle_weight=OBSTACLE_WEIGHT)
         self._guided = guided
+        self._layer = TraversalLayer(self._options)
 
-    def plan(self, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> PlanResult:
+    def search(self, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> Search[PlanResult]:
         """Return the cheapest path, shape (n, 2), half a cell between points, or why there is none.
 
         If the goal cannot be entered, the path ends at the nearest reachable cell within its tolerance.
         """
-        cell_costs = self.cell_costs(costmap)
+        cell_costs = self._layer.update(costmap)
         ends = find_ends(costmap, cell_costs, map_from_base, goal, self._options.escape_radius_m)
         if isinstance(ends, str):
             return PlanResult(reason=ends)
-        cols = cell_costs.shape[1]
-        point, message = ends.goal_cells, ""
-        passable = bool(np.isfinite(cell_costs.flat[ends.goal]))
-        potential = dijkstra(
-            cell_costs, ends.start, ends.goal if passable else EVERYWHERE, self._guided, MARGIN
-        )
-        if not np.isfinite(potential[ends.goal]):
-            found = nearest_reachable_goal(costmap, cell_costs, potential, ends, goal)
-            if isinstance(found, str):
-                return PlanResult(reason=found, unreachable=True)
-            _, point, message = found
+        end = goal_end(costmap, cell_costs, ends, goal)
+        if isinstance(end, str):
+            return PlanResult(reason=end, unreachable=True)
+        potential = yield from search_dijkstra(cell_costs, ends.start, end.cell, self._guided, MARGIN)
+        if not np.isfinite(potential[end.cell]):
+            end = goal_end(costmap, cell_costs, ends, goal, np.isfinite(potential))
+            if isinstance(end, str):
+                return PlanResult(reason=end, unreachable=True)
+        cols, point = cell_costs.shape[1], end.point_cells
         descent = gradient_path(potential, cols, float(point[0]), float(point[1]), STEP_CELLS)
         if len(descent) == 0:
             return PlanResult(reason=f"no path to the goal {goal}: the search did not reach it")
@@ -61,7 +65,11 @@ class NavfnPlanner:
         if not ends.start_moved and len(path) > 1:
             path = path[1:]  # the robot is in this point's cell
         path = np.vstack((ends.start_cells, path))
-        return PlanResult(path_m=path * costmap.resolution_m + costmap.origin_m, reason=message)
+        return PlanResult(path_m=path * costmap.resolution_m + costmap.origin_m, reason=end.message)
+
+    def plan(self, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> PlanResult:
+        """Run `search` at once."""
+        return run_to_end(self.search(costmap, map_from_base, goal))
 
     def cell_costs(self, costmap: Costmap) -> CostArray:
         """Return the traversal cost of each cell."""
@@ -69,4 +77,4 @@ class NavfnPlanner:
 
     def path_cost_m(self, costmap: Costmap, path_m: FloatArray) -> float:
         """Return the cost of a path [m of free space]; inf if it enters what the options forbid."""
-        return path_cost_m(costmap, self.cell_costs(costmap), path_m)
+        return path_cost_m(costmap, self._layer.update(costmap), path_m)

@@ -7,6 +7,7 @@ from thumper.common.geometry import FloatArray, Pose2
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar_search import CostArray
+from thumper.navigation.planners.resumable import Search
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -20,6 +21,10 @@ class PlanResult:
 
 class Planner(Protocol):
     """Finds a path through the costmap."""
+
+    def search(self, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> Search[PlanResult]:
+        """Find the cheapest path in slices. The costmap may change between two slices."""
+        ...
 
     def plan(self, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> PlanResult:
         """Return the cheapest path, or the reason why there is none."""

@@ -11,8 +11,9 @@ from thumper.common.geometry import FloatArray, Pose2
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar import is_blocked
-from thumper.navigation.planners.planner import Planner
+from thumper.navigation.planners.planner import Planner, PlanResult
 from thumper.navigation.planners.polyline import arc_lengths, nearest_vertex, project_onto
+from thumper.navigation.planners.resumable import SlicedSearch
 
 TINY_M = 1e-9
 BLOCKED_PERIOD_S = 0.3  # least time between two plans while the path is blocked
@@ -39,34 +40,44 @@ class PathManager:
         self._options = options
         self.path_m: FloatArray | None = None  # shape (n, 2)
         self.reason = ""  # why there is no path, or where it ends if not at the goal
+        self._search = SlicedSearch[PlanResult]()  # of a new path; takes several cycles in a large map
         self._planned_s = self._valid_s = -math.inf
 
     def clear(self) -> None:
         """Forget the path; the next `update` plans."""
         self.path_m, self.reason = None, ""
         self._planned_s = self._valid_s = -math.inf
+        self._search.stop()
 
     def update(self, time_s: float, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> None:
         """Bring `path_m`, shape (n, 2), and `reason` up to date; `path_m` is None if there is no path."""
-        self._prune(map_from_base)
+        if self.path_m is not None:
+            self.path_m = _pruned(self.path_m, map_from_base)
         invalid = self.path_m is None or self._is_invalid(self.path_m, costmap, map_from_base)
         if not invalid:
             self._valid_s = time_s
-        age_s = time_s - self._planned_s
-        if age_s < (BLOCKED_PERIOD_S if invalid else self._options.period_s):
+        goes_on = self._search.is_running
+        if not goes_on:
+            age_s = time_s - self._planned_s
+            if age_s < (BLOCKED_PERIOD_S if invalid else self._options.period_s):
+                return
+            self._planned_s = time_s
+            self._search.start(self._planner.search(costmap, map_from_base, goal))
+        result = self._search.advance()
+        if result is None:
             return
-        self._planned_s = time_s
-        result = self._planner.plan(costmap, map_from_base, goal)
         if result.path_m is None:
             if invalid and time_s - self._valid_s > BLOCKED_GRACE_S:
                 self.path_m, self.reason = None, result.reason
             return
-        if (
-            self.path_m is None
-            or invalid
-            or self._is_cheaper(result.path_m, self.path_m, costmap, map_from_base)
-        ):
-            self.path_m, self.reason = result.path_m, result.reason
+        new_m = result.path_m
+        if goes_on:  # the world has changed since the search began
+            new_m = _pruned(new_m, map_from_base)
+            if self._is_invalid(new_m, costmap, map_from_base):
+                self._planned_s = -math.inf
+                return
+        if self.path_m is None or invalid or self._is_cheaper(new_m, self.path_m, costmap, map_from_base):
+            self.path_m, self.reason = new_m, result.reason
             self._valid_s = time_s
 
     def remaining_m(self, map_from_base: Pose2) -> float:
@@ -79,11 +90,10 @@ class PathManager:
         offset_m = math.dist(nearest, (map_from_base.x_m, map_from_base.y_m))
         return offset_m + float(arc_lengths(self.path_m[segment:])[-1]) - along_m
 
-    def _prune(self, map_from_base: Pose2) -> None:
-        """Remove the part of the path that the robot has passed."""
-        if self.path_m is not None:
-            start = nearest_vertex(self.path_m, map_from_base.x_m, map_from_base.y_m)
-            self.path_m = self.path_m[min(start, len(self.path_m) - 2) :]
+    @property
+    def is_first_search(self) -> bool:
+        """Whether the first search for a path goes on: there is none yet, and no reason why."""
+        return self.path_m is None and not self.reason and self._search.is_running
 
     def _is_invalid(self, path_m: FloatArray, costmap: Costmap, map_from_base: Pose2) -> bool:
         distance_m = math.hypot(path_m[0, 0] - map_from_base.x_m, path_m[0, 1] - map_from_base.y_m)
@@ -94,3 +104,9 @@ class PathManager:
         new_cost = self._planner.path_cost_m(costmap, new_m)
         old_cost = self._planner.path_cost_m(costmap, joined_m)
         return new_cost < (1.0 - self._options.better_by) * old_cost
+
+
+def _pruned(path_m: FloatArray, map_from_base: Pose2) -> FloatArray:
+    """Return a path without the part that the robot has passed."""
+    start = nearest_vertex(path_m, map_from_base.x_m, map_from_base.y_m)
+    return path_m[min(start, len(path_m) - 2) :]

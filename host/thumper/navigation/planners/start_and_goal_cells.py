@@ -2,8 +2,10 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.navigation.costmap.costmap import Costmap
@@ -23,13 +25,23 @@ class SearchEnds:
 
 
 def nearest_passable(
-    cell_costs: CostArray, row: int, col: int, radius_cells: float
+    cell_costs: CostArray,
+    row: int,
+    col: int,
+    radius_cells: float,
+    reached: NDArray[np.bool_] | None = None,
 ) -> tuple[int, int] | None:
-    """Return the passable cell nearest to (row, col) within a radius, or None."""
+    """Return the passable cell nearest to (row, col) within a radius, or None.
+
+    Only cells that are `reached`, shape (rows, cols), count; None: all.
+    """
     half = math.ceil(radius_cells)
     top, left = max(0, row - half), max(0, col - half)
-    window = cell_costs[top : max(0, row + half + 1), left : max(0, col + half + 1)]
-    rows, cols = np.nonzero(np.isfinite(window))
+    window = slice(top, max(0, row + half + 1)), slice(left, max(0, col + half + 1))
+    passable = np.isfinite(cell_costs[window])
+    if reached is not None:
+        passable &= reached[window]
+    rows, cols = np.nonzero(passable)
     squared = (rows + top - row) ** 2 + (cols + left - col) ** 2
     if squared.size == 0 or squared.min() > radius_cells**2:
         return None
@@ -43,7 +55,7 @@ def find_ends(
     """Return the cells between which a search runs, or the reason why it cannot start.
 
     If the robot is too close to an obstacle, the search starts at the nearest free cell within the escape
-    radius. The goal's cell may be blocked: see `nearest_reachable_goal`.
+    radius. The goal's cell may be blocked: see `goal_end`.
     """
     resolution_m = costmap.resolution_m
     points_m = np.array(((map_from_base.x_m, map_from_base.y_m), (goal.x_m, goal.y_m)))
@@ -66,23 +78,38 @@ def find_ends(
     )
 
 
-def nearest_reachable_goal(
-    costmap: Costmap, cell_costs: CostArray, path_costs: FloatArray | CostArray, ends: SearchEnds, goal: Goal
-) -> tuple[int, FloatArray, str] | str:
-    """Return the reached cell nearest to a goal that cannot be entered, or the reason why there is none.
+class GoalEnd(NamedTuple):
+    """Where a path to a goal ends."""
 
-    `path_costs`, shape (rows * cols,), is finite where the search arrived. Returns the cell, its centre,
-    shape (2,) [cells], and a message; only cells within the goal's tolerance count.
+    cell: int  # flat index
+    point_cells: FloatArray  # shape (2,)
+    message: str  # why it is not the goal itself; empty if it is
+
+
+def goal_end(
+    costmap: Costmap,
+    cell_costs: CostArray,
+    ends: SearchEnds,
+    goal: Goal,
+    reached: NDArray[np.bool_] | None = None,
+) -> GoalEnd | str:
+    """Return the goal's cell, or the nearest one within the tolerance; or the reason why there is none.
+
+    Only cells that can be entered count and, after a search, only those that it has `reached`, shape
+    (rows * cols,).
     """
     rows, cols = cell_costs.shape
-    reached = np.asarray(path_costs, np.float32).reshape(rows, cols)
     row, col = divmod(ends.goal, cols)
-    nearest = nearest_passable(reached, row, col, goal.tolerance_m / costmap.resolution_m)
+    is_blocked = not np.isfinite(cell_costs[row, col])
+    if not is_blocked and (reached is None or reached[ends.goal]):
+        return GoalEnd(ends.goal, ends.goal_cells, "")
+    radius_cells = goal.tolerance_m / costmap.resolution_m
+    within = None if reached is None else reached.reshape(rows, cols)
+    nearest = nearest_passable(cell_costs, row, col, radius_cells, within)
     if nearest is None:
-        blocked = not np.isfinite(cell_costs[row, col])
-        where = "lies inside or too near an obstacle" if blocked else "is shut off by obstacles"
+        where = "lies inside or too near an obstacle" if is_blocked else "is shut off by obstacles"
         return f"no path to the goal {goal}: it {where}"
     centre = np.array((nearest[1] + 0.5, nearest[0] + 0.5))
     x_m, y_m = costmap.origin_m + centre * costmap.resolution_m
     message = f"the goal {goal} cannot be entered: going to ({x_m:.2f}, {y_m:.2f}) instead"
-    return nearest[0] * cols + nearest[1], centre, message
+    return GoalEnd(nearest[0] * cols + nearest[1], centre, message)

@@ -7,8 +7,9 @@ import numpy as np
 from annotated_types import Ge, Gt
 
 from thumper.common.geometry import FloatArray
+from thumper.common.numba_kernel import kernel
 from thumper.navigation.costmap.costmap import Costmap
-from thumper.navigation.costmap.inflation import MOST_INFLATED, UNKNOWN
+from thumper.navigation.costmap.inflation import MOST_INFLATED, UNKNOWN, ByteArray
 from thumper.navigation.planners.astar_search import CostArray
 from thumper.navigation.planners.polyline import polyline_cost
 
@@ -34,14 +35,56 @@ def traversal_cost(costmap: Costmap, options: TraversalCostOptions) -> CostArray
     Unknown cells cost 1 + `unknown_weight`, or inf if they are not allowed. The border row and column are
     inf, as the search kernels require.
     """
+    cell_costs: CostArray = _cost_table(options)[costmap.costs]
+    cell_costs[0] = cell_costs[-1] = np.inf
+    cell_costs[:, 0] = cell_costs[:, -1] = np.inf
+    return cell_costs
+
+
+def _cost_table(options: TraversalCostOptions) -> CostArray:
+    """Return the traversal cost of each cost of a costmap, shape (256,)."""
     table = np.full(256, np.inf, np.float32)
     table[: MOST_INFLATED + 1] = 1.0 + options.obstacle_weight * np.arange(MOST_INFLATED + 1) / MOST_INFLATED
     if options.allow_unknown:
         table[UNKNOWN] = 1.0 + options.unknown_weight
-    cell_costs: CostArray = table[costmap.costs]
-    cell_costs[0] = cell_costs[-1] = np.inf
-    cell_costs[:, 0] = cell_costs[:, -1] = np.inf
-    return cell_costs
+    return table
+
+
+@kernel
+def update_changed(costs: ByteArray, known: ByteArray, table: CostArray, cell_costs: CostArray) -> None:
+    """Bring `known` and `cell_costs`, shape (rows, cols), up to date with `costs`; the border stays inf."""
+    rows, cols = costs.shape
+    for row in range(1, rows - 1):
+        new, old = costs[row], known[row]
+        differs = 0
+        for col in range(cols):
+            differs |= new[col] ^ old[col]
+        if differs == 0:
+            continue
+        for col in range(cols):
+            if new[col] != old[col]:
+                old[col] = new[col]
+                if 0 < col < cols - 1:
+                    cell_costs[row, col] = table[new[col]]
+
+
+class TraversalLayer:
+    """The traversal cost of a costmap, updated only where that has changed; `update` returns one array."""
+
+    def __init__(self, options: TraversalCostOptions) -> None:
+        self._table = _cost_table(options)
+        self._options = options
+        self._known: ByteArray = np.empty((0, 0), np.uint8)
+        self._cell_costs: CostArray = np.empty((0, 0), np.float32)
+
+    def update(self, costmap: Costmap) -> CostArray:
+        """Return what `traversal_cost` would; the array is valid until the next call."""
+        if self._known.shape != costmap.costs.shape:
+            self._known = costmap.costs.copy()
+            self._cell_costs = traversal_cost(costmap, self._options)
+        else:
+            update_changed(costmap.costs, self._known, self._table, self._cell_costs)
+        return self._cell_costs
 
 
 def path_cost_m(costmap: Costmap, cell_costs: CostArray, path_m: FloatArray) -> float:

@@ -1,9 +1,8 @@
 """Recovery policy: when to start a recovery, which one, and when to give up."""
 
-import numpy as np
+from functools import partial
 
 from thumper.common.geometry import Twist2
-from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.controllers.controller import Controller, ControlRequest
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.costmap.local_model import LocalModel
@@ -15,7 +14,7 @@ from thumper.navigation.recovery.behaviors import RecoveryBehaviors, RecoveryOpt
 from thumper.navigation.recovery.progress_checker import ProgressChecker, ProgressOptions
 from thumper.navigation.recovery.reachability import Reachability
 from thumper.navigation.speed_limits import SpeedLimits
-from thumper.navigation.state import Stop
+from thumper.navigation.state import CycleInput, Stop
 
 UNREACHABLE_S = 0.5  # an unreachable goal without a path is given up, or observed again, after this time
 
@@ -42,6 +41,7 @@ class RecoveryPolicy:
         self._behaviors = RecoveryBehaviors(recovery, limits, footprint, controller)
         self._reachability = Reachability(planner, footprint)
         self._costmap: Costmap | None = None
+        self._beside_unseen = False
         self._rejected_since_s: float | None = None
         self._dead_end = False
         self.current = ""  # the newest recovery, with its cause
@@ -50,12 +50,11 @@ class RecoveryPolicy:
         """Allow the full times again: the robot had to stop for a while."""
         self._progress.restart_timers()
 
-    def update(self, time_s: float, model: LocalModel, grid: OccupancyGrid, costmap: Costmap) -> None:
+    def update(self, cycle: CycleInput, model: LocalModel, costmap: Costmap) -> None:
         """Remember the space that is free now."""
-        if self._reachability.is_empty:
-            self._reachability.update(-np.inf, model.static_costmap(grid))
-        self._reachability.update(time_s, costmap)
+        self._reachability.update(cycle.time_s, costmap, partial(model.static_band, cycle.grid))
         self._costmap = costmap
+        self._beside_unseen = model.pose_costmap is not None
 
     @property
     def forget_radius_m(self) -> float | None:
@@ -116,6 +115,8 @@ class RecoveryPolicy:
         tried = f" after {count} {'recovery' if count == 1 else 'recoveries'}" if count else ""
         if self._costmap is not None and not footprint_fits(self._costmap, self._footprint, self._goal):
             problem += "; there is no room for the robot at the goal"
+        if self._beside_unseen:
+            problem += "; the robot does not turn or back up over the ground beside it that it has never seen"
         return Stop(reason=f"gave up{tried}: {problem}", final=True)
 
     def compute_command(self, time_s: float, request: ControlRequest) -> Twist2 | None:
@@ -135,5 +136,6 @@ class RecoveryPolicy:
         """Return whether the goal never had room for the robot."""
         if self._costmap is None:
             return False
-        optimistic = self._reachability.optimistic_costmap(self._costmap)
-        return not footprint_fits(optimistic, self._footprint, self._goal)
+        radius_m = self._goal.tolerance_m + self._footprint.circumscribed_radius_m
+        around = self._reachability.optimistic_around(self._costmap, self._goal, radius_m)
+        return not footprint_fits(around, self._footprint, self._goal)

@@ -110,6 +110,8 @@ class CollisionMonitor:
         hits_in_base_m: FloatArray,
         position_error_m: FloatArray,
         period_s: float,
+        *,
+        seen: int | None = None,
     ) -> str | None:
         """Return what the command would touch, or None.
 
@@ -118,11 +120,13 @@ class CollisionMonitor:
         command, twist : Twist2
             The next command, and the measured twist.
         hits_in_base_m : ndarray, shape (n, 2)
-            Obstacle points [m].
+            Obstacle points [m], and after them unseen ground.
         position_error_m : ndarray, shape (n,)
             Added to the margin of each point.
         period_s : float
             Time that the command is active.
+        seen : int, optional
+            How many of the points are obstacles; None: all.
 
         Notes
         -----
@@ -144,8 +148,12 @@ class CollisionMonitor:
             index = deepening_point(points_m, margins_m[near], creep_m, self._half_planes, poses)
             if index >= 0:
                 x_m, y_m = points_m[index]
-                place = f"{x_m:.2f} m ahead, {y_m:+.2f} m to the left of the robot's centre"
-                return f"stopped before an obstacle {place}"
+                what = "an obstacle"
+                if seen is not None and np.flatnonzero(near)[index] >= seen:
+                    what = "ground that the lidar has never seen"
+                return (
+                    f"stopped before {what} {x_m:.2f} m ahead, {y_m:+.2f} m to the left of the robot's centre"
+                )
         return None
 
     def slow_down(self, command: Twist2, hits_in_base_m: FloatArray) -> Twist2:

@@ -2,16 +2,18 @@
 
 from dataclasses import dataclass
 
-from thumper.common.geometry import FloatArray, Pose2, Twist2
+from thumper.common.geometry import Twist2
 from thumper.common.kinematics import DriveGeometry
 from thumper.lidar.field_of_view import FieldOfView
 from thumper.navigation.controllers.controller import ControlRequest, ControlResult
+from thumper.navigation.costmap.local_model import NO_OBSTACLES, LocalModel
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.safety.collision_monitor import CollisionMonitor, CollisionMonitorOptions
 from thumper.navigation.safety.dynamic_obstacles import DynamicObstacleOptions, DynamicObstacles
 from thumper.navigation.safety.escape import Escape
 from thumper.navigation.safety.velocity_smoother import smooth_velocity
 from thumper.navigation.speed_limits import SpeedLimits, WheelRamp
+from thumper.navigation.state import CycleInput
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,47 +44,50 @@ class CommandFilter:
         self._limits = limits
         self._monitor = CollisionMonitor(monitor, limits, footprint, ramp)
         self._escape = Escape(self._monitor, limits, footprint)
+        self._obstacles = NO_OBSTACLES
         self._dynamic_obstacles = DynamicObstacles(dynamic_obstacles, limits, padded, view)
 
-    def update(self, time_s: float, map_from_base: Pose2, hits_in_map_m: FloatArray) -> None:
-        """Detect dynamic obstacles in a scan's hits, shape (n, 2) [m], in beam order."""
-        self._dynamic_obstacles.update(time_s, map_from_base, hits_in_map_m)
+    def update(self, cycle: CycleInput, model: LocalModel) -> None:
+        """Take the cycle's obstacles, and detect the dynamic ones."""
+        if model.jumped:
+            self._dynamic_obstacles.forget()
+        self._dynamic_obstacles.update(cycle.time_s, cycle.scan_pose, model.hits_m)
+        self._obstacles = model.obstacles.in_base(cycle.map_from_base)
 
     def filter(
         self,
         wanted: ControlResult,
         request: ControlRequest,
-        hits_in_base_m: FloatArray,
-        position_error_m: FloatArray,
         *,
         allow_escape: bool,
     ) -> FilteredCommand:
-        """Return the command that may be driven; hits as the collision monitor takes them.
+        """Return the command that may be driven.
 
         With `allow_escape` another motion may replace a rejected one.
         """
         command, reason = wanted.command, wanted.reason
+        points_m, error_m, seen = self._obstacles
         if command is not None:
             if stop := self._dynamic_obstacles.stop_reason(command, request.twist, request.map_from_base):
                 return FilteredCommand(command=Twist2(), reason=stop, yielding=True)
             command = smooth_velocity(command, request.last_command, self._limits, request.period_s)
-            command = self._monitor.slow_down(command, hits_in_base_m)
+            command = self._monitor.slow_down(command, points_m)
             stop = self._monitor.stop_reason(
-                command, request.twist, hits_in_base_m, position_error_m, request.period_s
+                command, request.twist, points_m, error_m, request.period_s, seen=seen
             )
             if stop is None:
                 return FilteredCommand(command=command)
             reason = stop
-        escape = self._escape_command(request, hits_in_base_m, position_error_m) if allow_escape else None
+        escape = self._escape_command(request) if allow_escape else None
         if escape is not None:
             return FilteredCommand(command=escape, reason=f"escaping: {reason}", escaping=True)
         return FilteredCommand(command=None, reason=reason)
 
-    def _escape_command(
-        self, request: ControlRequest, hits_in_base_m: FloatArray, position_error_m: FloatArray
-    ) -> Twist2 | None:
+    def _escape_command(self, request: ControlRequest) -> Twist2 | None:
         """Return a motion that gains room, if there is one; never toward a dynamic obstacle."""
-        command = self._escape.compute_command(request, hits_in_base_m, position_error_m)
+        command = self._escape.compute_command(
+            request, self._obstacles.points_m, self._obstacles.position_error_m
+        )
         if command is None:
             return None
         stop = self._dynamic_obstacles.stop_reason(command, request.twist, request.map_from_base)

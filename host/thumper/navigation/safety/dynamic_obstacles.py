@@ -1,6 +1,7 @@
 """Dynamic obstacles: detect them in the scans, predict their motion, and stop until they have passed.
 
-A hit where a ray passed a moment ago is something that has come there. A hit that was hidden before is not.
+A hit where a ray passed a moment ago is something that has come there, if an object near it has left its
+place. A hit that was hidden before is not. One scan without an echo proves nothing: dark surfaces flicker.
 """
 
 import math
@@ -10,20 +11,25 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt
+from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.field_of_view import FieldOfView
-from thumper.navigation.costmap.obstacle_memory import BIN_RAD
+from thumper.navigation.costmap.ray_evidence import Evidence, ray_evidence
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.speed_limits import SpeedLimits
 
-COMPARED_S = 0.3  # time between the two scans that are compared; more detects slower obstacles
+# Age of the scans that the newest one is compared with; more detects slower obstacles.
+COMPARED_S, OLDEST_S = 0.3, 0.8
+SILENT_SCANS = 4  # so many scans without an echo show that a place was free
 SPLIT_M = 0.15  # neighbouring hits further apart belong to different objects
 PASSED_M = 0.12  # a ray must have passed this far behind a hit
 LEAST_POINTS = 3
 LEAST_NEW_FRACTION = 0.5  # of an object's hits must be where rays had passed
 WIDEST_M = 1.0  # wider objects are walls
 MATCH_M = 0.6
+# An earlier object is still there if at least this fraction of it is this near to hits that are not new.
+STATIC_M, LEAST_STILL_FRACTION = 0.08, 0.5
 STEP_S = 0.1
 ROUNDING_S = 1e-6
 
@@ -66,23 +72,28 @@ class DynamicObstacles:
         self._limits = limits
         self._half_planes = footprint.half_planes()
         self._scans: deque[PastScan] = deque()
-        self._moving: list[MovingObject] = []
+        self.moving: list[MovingObject] = []  # in the newest scan
+
+    def forget(self) -> None:
+        """Forget all scans: the map has moved."""
+        self._scans.clear()
+        self.moving = []
 
     def update(self, time_s: float, map_from_base: Pose2, hits_in_map_m: FloatArray) -> None:
-        """Detect dynamic obstacles in a scan's hits, shape (n, 2) [m], in beam order."""
-        scan, latest_s = PastScan(time_s, map_from_base, hits_in_map_m), time_s - COMPARED_S + ROUNDING_S
-        while len(self._scans) > 1 and self._scans[1].time_s <= latest_s:
+        """Detect dynamic obstacles in a scan's hits, shape (n, 2) [m], in beam order.
+
+        `map_from_base` is the robot's pose when the scan was taken.
+        """
+        while self._scans and self._scans[0].time_s < time_s - OLDEST_S - ROUNDING_S:
             self._scans.popleft()
-        self._moving = []
-        if self._scans and self._scans[0].time_s <= latest_s:
-            earlier = self._scans[0]
-            if time_s - earlier.time_s < 3.0 * COMPARED_S:
-                self._moving = self._detect(scan, earlier)
+        scan = PastScan(time_s, map_from_base, hits_in_map_m)
+        earlier = [past for past in self._scans if past.time_s <= time_s - COMPARED_S + ROUNDING_S]
+        self.moving = self._detect(scan, earlier) if earlier else []
         self._scans.append(scan)
 
     def stop_reason(self, command: Twist2, twist: Twist2, map_from_base: Pose2) -> str | None:
         """Return why the robot must wait instead of this command, or None."""
-        if self._options.ahead_s == 0.0 or not self._moving:
+        if self._options.ahead_s == 0.0 or not self.moving:
             return None
         if command == Twist2() or command.v_m_s < 0.0:
             return None
@@ -92,7 +103,7 @@ class DynamicObstacles:
         theta = map_from_base.theta_rad + np.cumsum(w) * STEP_S
         x = map_from_base.x_m + np.cumsum(v * np.cos(theta)) * STEP_S
         y = map_from_base.y_m + np.cumsum(v * np.sin(theta)) * STEP_S
-        for points_m, velocity_m_s in self._moving:
+        for points_m, velocity_m_s in self.moving:
             for k, time_s in enumerate(times_s):
                 dx, dy = (points_m + velocity_m_s * time_s - (x[k], y[k])).T
                 cos, sin = math.cos(theta[k]), math.sin(theta[k])
@@ -105,45 +116,57 @@ class DynamicObstacles:
                     return f"waiting for a dynamic obstacle that moves at {speed_m_s:.1f} m/s"
         return None
 
-    def _detect(self, scan: PastScan, earlier: PastScan) -> list[MovingObject]:
-        """Return the objects that have come where rays had passed, with their velocities."""
+    def _detect(self, scan: PastScan, earlier: list[PastScan]) -> list[MovingObject]:
+        """Return the objects that have come where rays had passed, and left where they had been."""
         is_new = self._is_new(scan.hits_m, earlier)
         moving: list[MovingObject] = []
         if not is_new.any():
             return moving
-        centres_before = [
-            points_m.mean(axis=0) for points_m in _objects(earlier.hits_m) if len(points_m) >= LEAST_POINTS
-        ]
+        past, new_objects, static_m = earlier[-1], [], [np.empty((0, 2))]
         start = 0
         for points_m in _objects(scan.hits_m):
             new_fraction = is_new[start : start + len(points_m)].mean()
             start += len(points_m)
-            if (
-                len(points_m) < LEAST_POINTS
-                or new_fraction < LEAST_NEW_FRACTION
-                or np.ptp(points_m, axis=0).max() > WIDEST_M
-                or not centres_before
-            ):
-                continue
-            steps = points_m.mean(axis=0) - np.array(centres_before)
-            nearest = steps[np.argmin(np.hypot(*steps.T))]
-            velocity = nearest / (scan.time_s - earlier.time_s)
-            if math.hypot(*nearest) <= MATCH_M and math.hypot(*velocity) >= self._options.least_m_s:
+            if new_fraction < LEAST_NEW_FRACTION:
+                static_m.append(points_m)
+            elif len(points_m) >= LEAST_POINTS and np.ptp(points_m, axis=0).max() <= WIDEST_M:
+                new_objects.append(points_m)
+        before = [points_m for points_m in _objects(past.hits_m) if len(points_m) >= LEAST_POINTS]
+        for points_m in new_objects:
+            step_m = _step_from(points_m, before, np.vstack(static_m))
+            velocity = step_m / (scan.time_s - past.time_s)
+            if math.hypot(*velocity) >= self._options.least_m_s:
                 moving.append(MovingObject(points_m, velocity))
         return moving
 
-    def _is_new(self, hits_m: FloatArray, earlier: PastScan) -> np.typing.NDArray[np.bool_]:
-        """Return which hits are where the earlier scan's rays passed."""
-        bins = round(math.tau / BIN_RAD)
-        then_rad, then_range_m = self._view.bearings_and_ranges(earlier.map_from_base, earlier.hits_m)
-        bearing_rad, range_m = self._view.bearings_and_ranges(earlier.map_from_base, hits_m)
-        nearest_m = np.full(bins, np.inf)
-        np.minimum.at(nearest_m, (then_rad / BIN_RAD).astype(np.int64) % bins, then_range_m)
-        around_m = np.minimum(np.minimum(np.roll(nearest_m, 1), nearest_m), np.roll(nearest_m, -1))
-        passed_m = around_m[(bearing_rad / BIN_RAD).astype(np.int64) % bins]
-        in_view = self._view.contains(bearing_rad, range_m, edge_rad=2.0 * BIN_RAD)
-        is_new: np.typing.NDArray[np.bool_] = in_view & (passed_m > range_m + PASSED_M)
+    def _is_new(self, hits_m: FloatArray, earlier: list[PastScan]) -> NDArray[np.bool_]:
+        """Return which hits are where earlier rays passed, or where several scans had no echo."""
+        found = [ray_evidence(self._view, s.map_from_base, s.hits_m, hits_m, PASSED_M) for s in earlier]
+        evidence = np.array(found)
+        passed = (evidence == Evidence.PASSED).any(axis=0)
+        silent = len(earlier) >= SILENT_SCANS and (evidence == Evidence.SILENT).all(axis=0)
+        was_seen = (evidence == Evidence.SEEN).any(axis=0)
+        is_new: NDArray[np.bool_] = (passed | silent) & ~was_seen & (evidence[-1] != Evidence.HIDDEN)
         return is_new
+
+
+def _step_from(points_m: FloatArray, before: list[FloatArray], static_m: FloatArray) -> FloatArray:
+    """Return the way from the nearest object that has left its place, shape (2,); 0 if there is none.
+
+    `before` are the earlier objects; `static_m`, shape (n, 2), are hits of objects that have not moved.
+    """
+    centre_m = points_m.mean(axis=0)
+    steps = sorted(
+        ((centre_m - past_m.mean(axis=0), past_m) for past_m in before), key=lambda pair: math.hypot(*pair[0])
+    )
+    for step_m, past_m in steps:
+        if math.hypot(*step_m) > MATCH_M:
+            break
+        distances_m = np.hypot(*(past_m[:, None] - static_m).transpose(2, 0, 1))
+        is_still_there = (distances_m.min(axis=1, initial=np.inf) < STATIC_M).mean() >= LEAST_STILL_FRACTION
+        if not is_still_there:
+            return np.asarray(step_m)
+    return np.zeros(2)
 
 
 def _objects(points_m: FloatArray) -> list[FloatArray]:

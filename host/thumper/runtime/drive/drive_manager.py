@@ -253,6 +253,7 @@ class DriveManager:
             grid().including(self.goal.x_m, self.goal.y_m, GOAL_MARGIN_M),
             state.hits_in_map_m,
             lost=state.lost,
+            frames=state.frames,
         )
         self.command, self.reason = output.command, output.reason
         self._speeds = limit_wheel_speeds(wheel_speeds(output.command, self._drive), self._max_wheel_rad_s)

@@ -37,7 +37,10 @@ def track(grid: OccupancyGrid, start: Pose2, goal: Goal, *, passage_only: bool) 
             period_s=PERIOD_S,
         )
         if cycle == 0:
-            assert follower.start(request, goal, passage_only=passage_only)
+            follower.plan(request, goal, passage_only=passage_only)
+            while (has_poses := follower.advance()) is None:
+                pass
+            assert has_poses
         result = follower.compute_command(request)
         if result is None:
             return poses

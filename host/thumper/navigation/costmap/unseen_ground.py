@@ -1,0 +1,100 @@
+"""Unseen ground: space beside and behind the robot that the lidar has never seen. It counts as an obstacle.
+
+The lidar looks ahead. A robot that backs up, or swings its tail in a rotation, moves over ground that the
+current scan does not show. If no earlier scan has shown it either, a chair leg may stand there.
+"""
+
+import math
+
+import numpy as np
+
+from thumper.common.geometry import FloatArray, Pose2
+from thumper.lidar.field_of_view import FieldOfView
+from thumper.maps.occupancy_grid import FREE, OccupancyGrid
+from thumper.navigation.footprint import Footprint
+
+REACH_M = 0.25  # beyond the robot's circle: further than it moves before it can stop
+# Ground this near to where the robot stands at first counts as seen: a robot that may not move at all could
+# never see more. Where it moves later it knows only the ground under it, so that no small steps add up.
+FIRST_EDGE_M = 0.03
+FIRST_AGAIN_M = 0.3  # it has been moved by something else
+# The controllers may correct the heading by a little: with less room they would not even set off. The
+# collision monitor has the last word.
+SLACK_M = 0.055
+TURNING_ROOM_M = 0.03  # beyond the robot's circle
+EDGE_OF_VIEW_RAD = math.radians(1.0)
+STEP_M, STEP_RAD = 0.05, 0.10  # between two remembered poses
+REMEMBERED_M, REMEMBERED_POSES = 2.0, 100
+
+
+class UnseenGround:
+    """Remembers where the robot stood, and finds the unknown cells near it that are out of view."""
+
+    def __init__(self, footprint: Footprint, view: FieldOfView) -> None:
+        self._half_planes = footprint.half_planes()
+        self._turning_m = footprint.circumscribed_radius_m + TURNING_ROOM_M
+        self._near_m = footprint.circumscribed_radius_m + REACH_M
+        self._view = view
+        self._first: Pose2 | None = None
+        self._stood: list[Pose2] = []
+
+    def move(self, new_from_old: Pose2) -> None:
+        """Move the remembered poses with the map."""
+        self._stood = [new_from_old @ pose for pose in self._stood]
+        self._first = None if self._first is None else new_from_old @ self._first
+
+    def update(self, window: OccupancyGrid, map_from_base: Pose2) -> FloatArray:
+        """Return the centres of the unseen cells near the robot, shape (n, 2) [m].
+
+        Marks unknown cells where the robot stands or stood as free, in place.
+        """
+        rows, cols = self._unknown_near(window, map_from_base)
+        corner_m = np.array((window.origin_x_m, window.origin_y_m))
+        centres_m: FloatArray = corner_m + (np.column_stack((cols, rows)) + 0.5) * window.resolution_m
+        self._remember(map_from_base)
+        stood = self._outside_m(centres_m, self._first or map_from_base) <= FIRST_EDGE_M
+        for pose in (map_from_base, *self._stood):
+            stood |= self._outside_m(centres_m, pose) <= 0.0
+        window.cells[rows[stood], cols[stood]] = FREE
+        bearing_rad, range_m = self._view.bearings_and_ranges(map_from_base, centres_m)
+        in_view = self._view.contains(bearing_rad, range_m, edge_rad=EDGE_OF_VIEW_RAD)
+        return np.asarray(centres_m[~stood & ~in_view])
+
+    def beyond_slack(self, points_m: FloatArray, map_from_base: Pose2) -> FloatArray:
+        """Return the points that are further from the robot than `SLACK_M`."""
+        return np.asarray(points_m[self._outside_m(points_m, map_from_base) > SLACK_M])
+
+    def move_ahead_m(self, points_m: FloatArray, map_from_base: Pose2) -> float:
+        """Return how far the robot must drive straight ahead until it may turn: 0 if it may turn here [m]."""
+        x_m, y_m = map_from_base.inverse().apply(points_m).T
+        within = np.hypot(x_m, y_m) < self._turning_m
+        half_chords_m = np.sqrt(self._turning_m**2 - y_m[within] ** 2)
+        return float((x_m[within] + half_chords_m).max(initial=0.0))
+
+    def _outside_m(self, points_m: FloatArray, map_from_base: Pose2) -> FloatArray:
+        """Return how far points, shape (n, 2), are outside the footprint's edges at a pose, shape (n,)."""
+        in_base_m = map_from_base.inverse().apply(points_m)
+        return np.asarray((in_base_m @ self._half_planes[:, :2].T - self._half_planes[:, 2]).max(axis=1))
+
+    def _unknown_near(
+        self, window: OccupancyGrid, map_from_base: Pose2
+    ) -> tuple[np.typing.NDArray[np.int64], np.typing.NDArray[np.int64]]:
+        """Return rows and columns of the unknown cells within reach, shape (n,) each."""
+        row, col = window.cell_of(map_from_base.x_m, map_from_base.y_m)
+        half = math.ceil(self._near_m / window.resolution_m)
+        top, left = max(0, row - half), max(0, col - half)
+        unknown = window.cells[top : max(0, row + half + 1), left : max(0, col + half + 1)] < 0
+        rows, cols = np.nonzero(unknown)
+        near = np.hypot(rows + top - row, cols + left - col) <= half
+        return rows[near] + top, cols[near] + left
+
+    def _remember(self, map_from_base: Pose2) -> None:
+        """Add a pose that differs from the newest one; forget those far away."""
+        if not self._stood or self._stood[-1].distance_m(map_from_base) > FIRST_AGAIN_M:
+            self._first = map_from_base
+        else:
+            moved = self._stood[-1].inverse() @ map_from_base
+            if math.hypot(moved.x_m, moved.y_m) < STEP_M and abs(moved.theta_rad) < STEP_RAD:
+                return
+        near = [pose for pose in self._stood if pose.distance_m(map_from_base) <= REMEMBERED_M]
+        self._stood = [*near[-REMEMBERED_POSES + 1 :], map_from_base]
