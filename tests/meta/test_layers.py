@@ -33,6 +33,7 @@ NAVIGATION = (
     "recovery safety",
     "options",
     "registry",
+    "parts",
     "navigator",
     "warm_up",
 )

@@ -45,6 +45,6 @@ class GoalChecker:
             self.position_reached = self._goal.distance_m(map_from_base) <= self._goal.tolerance_m
 
     def is_reached(self, map_from_base: Pose2, twist: Twist2) -> bool:
-        """Return whether the robot stands at the goal, with its heading."""
+        """Return whether the robot is stationary at the goal, with its heading."""
         error_rad = abs(self._goal.heading_error_rad(map_from_base))
         return self.position_reached and is_still(twist) and error_rad <= self._goal.heading_tolerance_rad

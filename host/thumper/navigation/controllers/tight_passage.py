@@ -78,7 +78,7 @@ class PoseSequenceFollower:
         self.reaches_goal = False  # the poses lead to the goal, not only toward it
 
     def plan(self, request: ControlRequest, goal: Goal, *, passage_only: bool) -> None:
-        """Begin to plan poses to a goal; the robot must stand still until `advance` returns the result.
+        """Begin to plan poses to a goal; the robot must be stationary until `advance` returns the result.
 
         With `passage_only` the sequence ends as soon as the tight passage is behind the robot.
         """

@@ -54,7 +54,7 @@ def _bins(bearing_rad: FloatArray) -> NDArray[np.int64]:
 
 
 def _is_between_echoes(hit_rad: FloatArray, bearing_rad: FloatArray) -> NDArray[np.bool_]:
-    """Return which bearings, shape (n,), lie between two echoes without a silent beam between them."""
+    """Return which directions, shape (n,), lie between two echoes without a silent beam between them."""
     if hit_rad.size < 2:
         return np.zeros(bearing_rad.size, np.bool_)
     ordered = np.sort(hit_rad)

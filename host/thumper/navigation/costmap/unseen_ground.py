@@ -14,7 +14,7 @@ from thumper.maps.occupancy_grid import FREE, OccupancyGrid
 from thumper.navigation.footprint import Footprint
 
 REACH_M = 0.25  # beyond the robot's circle: further than it moves before it can stop
-# Ground this near to where the robot stands at first counts as seen: a robot that may not move at all could
+# Ground this near to where the robot is at first counts as seen: a robot that may not move at all could
 # never see more. Where it moves later it knows only the ground under it, so that no small steps add up.
 FIRST_EDGE_M = 0.03
 FIRST_AGAIN_M = 0.3  # it has been moved by something else
@@ -28,7 +28,7 @@ REMEMBERED_M, REMEMBERED_POSES = 2.0, 100
 
 
 class UnseenGround:
-    """Remembers where the robot stood, and finds the unknown cells near it that are out of view."""
+    """Remembers where the robot was, and finds the unknown cells near it that are out of view."""
 
     def __init__(self, footprint: Footprint, view: FieldOfView) -> None:
         self._half_planes = footprint.half_planes()
@@ -46,7 +46,7 @@ class UnseenGround:
     def update(self, window: OccupancyGrid, map_from_base: Pose2) -> FloatArray:
         """Return the centres of the unseen cells near the robot, shape (n, 2) [m].
 
-        Marks unknown cells where the robot stands or stood as free, in place.
+        Marks unknown cells where the robot is or was as free, in place.
         """
         rows, cols = self._unknown_near(window, map_from_base)
         corner_m = np.array((window.origin_x_m, window.origin_y_m))

@@ -1,0 +1,51 @@
+"""What the robot remembers follows a jump of the map, but not a correction of the odometry."""
+
+import math
+
+import numpy as np
+import pytest
+
+from thumper.common.geometry import FloatArray, Pose2, Twist2
+from thumper.lidar.field_of_view import FieldOfView
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.costmap.costmap import CostmapOptions
+from thumper.navigation.costmap.local_model import LocalModel
+from thumper.navigation.costmap.obstacle_memory import ObstacleMemoryOptions
+from thumper.navigation.footprint import Footprint
+from thumper.navigation.state import CycleInput
+
+POST_IN_BASE = np.array(((-0.35, 0.10),))
+AWAY = Pose2(theta_rad=math.pi)
+GRID = OccupancyGrid(cells=np.zeros((160, 160), np.int8), resolution_m=0.05, origin_x_m=-4.0, origin_y_m=-4.0)
+
+
+def cycle(time_s: float, base: Pose2, hits_m: FloatArray, map_from_odom: Pose2) -> CycleInput:
+    return CycleInput(
+        time_s=time_s,
+        map_from_base=base,
+        twist=Twist2(),
+        grid=GRID,
+        hits_in_map_m=hits_m,
+        scan_pose=base,
+        map_from_odom=map_from_odom,
+        lost="",
+        period_s=0.1,
+    )
+
+
+@pytest.mark.parametrize(
+    ("correction", "follows"),
+    [(Pose2(y_m=0.4), True), (Pose2(theta_rad=0.3), True), (Pose2(y_m=0.05), False)],
+    ids=["0.4 m", "0.3 rad", "slip of 0.05 m"],
+)
+def test_a_post_behind_the_robot_follows_a_jump_of_the_map(correction: Pose2, follows: bool) -> None:
+    """The robot sees a post, turns its back to it, and then the map moves with the robot in it."""
+    model = LocalModel(
+        CostmapOptions(), ObstacleMemoryOptions(), Footprint(), Footprint(), None, FieldOfView()
+    )
+    model.update(cycle(0.0, AWAY, POST_IN_BASE, Pose2()))
+    model.update(cycle(0.1, Pose2(), np.empty((0, 2)), Pose2()))
+    base = correction @ Pose2()
+    model.update(cycle(0.2, base, np.empty((0, 2)), correction))
+    expected_m = (base if follows else Pose2()).apply(POST_IN_BASE)
+    assert model.obstacles.points_m[: model.obstacles.seen] == pytest.approx(expected_m, abs=1e-6)
