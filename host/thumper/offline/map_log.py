@@ -22,10 +22,10 @@ from thumper.offline.open_log import open_log
 from thumper.offline.robot_log import RobotLog
 from thumper.offline.subprocesses import compile_in_subprocess, plot_in_subprocess
 from thumper.slam.factory import MappingOptions, PathMapper, make_mapper
-from thumper.slam.localization.pose_trust import MIN_DISTANCE_M
 from thumper.slam.mapper import MapperUpdate
 from thumper.slam.mode_switch import SlamModeSwitch
 from thumper.slam.saved_state import SavedSlamState, save_session
+from thumper.slam.scan_matching.pose_trust import MIN_DISTANCE_M
 
 PROGRESS_EVERY = 20  # scans
 MAX_LOST_SHARE = 0.5  # of the scans of a log that continues a session
@@ -61,6 +61,7 @@ class MappedLog:
     counts: HitCounts
     cpu_ms: FloatArray  # of each scan, shape (n,); without kernel compilation and file reading
     lost: int = 0  # number of scans with a lost pose
+    lost_at_end: bool = False  # whether the pose of the last scan is lost
     lines: tuple[str, ...] = ()  # defects of the log, one line each
 
 
@@ -149,6 +150,7 @@ def map_records(
         counts=mapper.counts(),
         cpu_ms=cpu_ms,
         lost=len(lost),
+        lost_at_end=bool(lost) and lost[-1][0] == total,
         lines=(
             *checker.summary_lines(),
             *jumps.summary_lines(),
@@ -254,7 +256,8 @@ def _write_map(
     pgm_path = save_map(mapped.grid, yaml_path)
     session_path = out_dir / "map.session"
     x_m, y_m, theta_rad = (float(value) for value in mapped.poses[-1])
-    end = Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
+    # Whoever resumes from a session starts at its pose: a wrong one would spoil the map.
+    end = None if mapped.lost_at_end else Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
     save_session(SavedSlamState(counts=mapped.counts, map_from_base=end), session_path)
     _write_path(csv_path, log, mapped.online if online else mapped.poses)
     files = [pgm_path, yaml_path, session_path, png_path, csv_path]

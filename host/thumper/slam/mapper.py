@@ -106,3 +106,13 @@ class SwitchesMode(Protocol):
     def is_localizing(self) -> bool:
         """Whether the map is fixed and only the pose is estimated."""
         ...
+
+
+@runtime_checkable
+class DetectsKidnapping(Protocol):
+    """A mapper that notices that the robot was carried away."""
+
+    @property
+    def kidnapped(self) -> bool:
+        """Whether the robot was carried away: only a search of the whole map can find it."""
+        ...

@@ -13,7 +13,7 @@ from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.grid.options import GridMapperOptions
 from thumper.slam.localization.amcl import Amcl
 from thumper.slam.localization.options import AmclOptions
-from thumper.slam.mapper import HasParticles, MapperUpdate, PoseQuality
+from thumper.slam.mapper import DetectsKidnapping, HasParticles, MapperUpdate, PoseQuality
 
 # Standard deviations of the pose that the mapper passes to the localizer.
 HANDOVER_STD_M, HANDOVER_STD_RAD = 0.1, 0.05
@@ -22,7 +22,8 @@ HANDOVER_STD_M, HANDOVER_STD_RAD = 0.1, 0.05
 class SlamModeSwitch:
     """A `Mapper` that maps until it is switched to localization, and back.
 
-    The pose never jumps at a switch: the new estimator starts at the old one's pose at the newest scan.
+    The pose never jumps at a switch: the new estimator starts at the old one's pose at the newest scan. Only
+    a robot that was carried away while mapping is searched for in its whole map.
     """
 
     def __init__(
@@ -187,6 +188,10 @@ class SlamModeSwitch:
         """Process one scan; see `Mapper.update`."""
         update = (self.localizer or self._mapper).update(odom_from_base, scan, twist)
         self._odom_from_base, self._map_from_base = odom_from_base, update.map_from_base
+        if self.localizer is None and isinstance(self._mapper, DetectsKidnapping) and self._mapper.kidnapped:
+            # Search the own map, and continue in it once the scans confirm a place.
+            self._start_localizer(self._mapper.grid(), None)
+            self._resume_when_confirmed = True
         confirmed = self.localizer is not None and self.localizer.confirmed
         if self._resume_when_confirmed and confirmed and not self.quality().lost:
             self.resume_mapping()

@@ -2,6 +2,7 @@
 
 import math
 from array import array
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.slam.grid.grid_matcher import GridMatcher, Match, Prediction
 from thumper.slam.grid.growing_grid import HitGrid
+from thumper.slam.grid.kidnap_detector import KidnapDetector
 from thumper.slam.grid.options import GridMapperOptions
 from thumper.slam.mapper import MapperUpdate, PoseQuality
 from thumper.slam.scan_matching.gauss_newton import MIN_HITS, degenerate_direction, odometry_information
@@ -44,6 +46,7 @@ class GridMapper:
         self._inserted_at: Pose2 | None = None  # pose of the newest inserted scan
         self._path = array("d")  # x, y, theta of each scan in turn, compact: a robot runs for days
         self._covariance = PoseCovariance(self._options.confidence)
+        self._kidnap = KidnapDetector(self._options.integrate_distance_m, self._options.integrate_angle_rad)
         self.hit_grid = HitGrid(
             self._options.resolution_m, self._options.reach_m, self._options.occupied_fraction
         )
@@ -60,13 +63,20 @@ class GridMapper:
 
     def quality(self) -> PoseQuality:
         """Return the covariance of the newest pose and whether it is lost."""
-        return self._covariance.quality()
+        quality = self._covariance.quality()
+        return replace(quality, lost=quality.lost or self._kidnap.lost)
+
+    @property
+    def kidnapped(self) -> bool:
+        """Whether the robot was carried away: only a search of the whole map can find it."""
+        return bool(self._kidnap.lost)
 
     def resume_at(self, map_from_base: Pose2, map_from_odom: Pose2, covariance: FloatArray) -> None:
         """Continue in the same map from a pose that another estimator found at a newer scan."""
         self._pose, self._map_from_odom = map_from_base, map_from_odom
         self._odom_from_base = map_from_odom.inverse() @ map_from_base
         self._covariance.reset(covariance)
+        self._kidnap.reset()
 
     def replace_map(self, hit_grid: HitGrid, map_from_base: Pose2) -> None:
         """Continue in another map, where the robot is at `map_from_base` and a scan was just inserted."""
@@ -105,7 +115,7 @@ class GridMapper:
         matcher = scratch._matcher()
         matcher.search_window(points.hits_m(), Pose2())
         matcher.search_headings(points.hits_m(), Pose2(), 1.0, 1.0)
-        matcher.contradicting_share(points, Pose2())
+        matcher.evidence(points, Pose2())
         scratch.grid()
 
     def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
@@ -120,8 +130,12 @@ class GridMapper:
         if usable and self._inserted_at is not None:
             degenerate = degenerate_direction(predicted.theta_rad, hits_m)
             match = self._match(hits_m, predicted, moved, degenerate)
-            new_area = self._shows_new_area(points, match)
-            consistent = new_area or self._is_explained(match)
+            evidence = self._matcher().evidence(points, match.pose)
+            self._kidnap.update(evidence, moved, match.pose.distance_m(predicted))
+            if self._kidnap.suspect:
+                match = replace(match, pose=predicted)
+            new_area = not self._is_explained(match) and evidence.contradicting_share < NEW_AREA_BELOW
+            consistent = (new_area or self._is_explained(match)) and not self._kidnap.doubtful
             information = self._matcher().information(hits_m, match.pose)
             self._covariance.update(information, degenerate, match.score, new_area=new_area)
         inserted = usable and consistent and self._has_moved(match.pose)
@@ -149,12 +163,6 @@ class GridMapper:
     def _is_explained(self, match: Match) -> bool:
         """Return whether the map explains the scan at the matched pose."""
         return match.score >= self._options.confidence.lost_below
-
-    def _shows_new_area(self, points: ScanPoints, match: Match) -> bool:
-        """Return whether the map neither explains the scan nor is contradicted by it."""
-        if self._is_explained(match):
-            return False
-        return self._matcher().contradicting_share(points, match.pose) < NEW_AREA_BELOW
 
     def _has_moved(self, pose: Pose2) -> bool:
         """Return whether the robot has moved far enough since the last inserted scan."""

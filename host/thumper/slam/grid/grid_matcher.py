@@ -9,6 +9,7 @@ from thumper.common.geometry import FloatArray, Pose2, wrap_angle
 from thumper.lidar.deskew import HIT, ScanPoints
 from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.grid.options import GridMapperOptions
+from thumper.slam.scan_matching.beam_evidence import BeamEvidence, beam_evidence
 from thumper.slam.scan_matching.correlative import SearchWindow, correlative_search, heading_search
 from thumper.slam.scan_matching.gauss_newton import (
     OUTLIER_M,
@@ -18,13 +19,13 @@ from thumper.slam.scan_matching.gauss_newton import (
     match,
     score,
 )
-from thumper.slam.scan_matching.map_contradiction import contradicting_share
 
 SCORE_STD_M = 0.1  # width of the beam likelihood in the score
 SEARCH_STD_M = 2.0 * SCORE_STD_M  # the same in a search: wide enough that its steps miss no peak
 SEARCH_BELOW = 0.5  # a score below this starts the window search
 SEARCH_GAIN = 0.1  # a pose from the window search must score this much better
 SEARCH_STEP_RAD = 0.04  # of the window search
+EVIDENCE_BEAMS = 60  # of a scan that are traced through the map
 HEADING_GAIN = 0.02  # a pose from another heading must score this much better
 
 
@@ -85,13 +86,18 @@ class GridMatcher:
         weights = MatchWeights(self.options.matching.beam_std_m)
         return beam_information(hits_m, self._to_corner(pose), self.grid.field, weights)
 
-    def contradicting_share(self, points: ScanPoints, pose: Pose2) -> float:
-        """Return the share of hits that contradict the map at the pose, 0...1."""
-        hits, resolution_m = points.kinds == HIT, self.grid.resolution_m
-        corner = np.array(self.grid.corner_m)
-        origins = (pose.apply(points.origins_m[hits]) - corner) / resolution_m
-        ends = (pose.apply(points.ends_m[hits]) - corner) / resolution_m
-        return contradicting_share(origins, ends, self.grid.misses, self.grid.field)
+    def evidence(self, points: ScanPoints, pose: Pose2) -> BeamEvidence:
+        """Return what about `EVIDENCE_BEAMS` of the hits say about the pose."""
+        hits = np.flatnonzero(points.kinds == HIT)
+        thinned = hits[:: max(1, hits.size // EVIDENCE_BEAMS)]
+        return beam_evidence(
+            points.origins_m[thinned],
+            points.ends_m[thinned],
+            self._to_corner(pose),
+            self.grid.field,
+            self.grid.misses,
+            SCORE_STD_M,
+        )
 
     def _search_headings(self, hits_m: FloatArray, prediction: Prediction) -> Pose2 | None:
         """Return the best heading after a turn beyond the matcher's basin; None after a smaller turn.

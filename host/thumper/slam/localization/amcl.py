@@ -27,10 +27,10 @@ from thumper.slam.localization.amcl_state import (
 from thumper.slam.localization.likelihood_field import LikelihoodField
 from thumper.slam.localization.options import AmclOptions
 from thumper.slam.localization.particle_set import ParticleSet, draw_around
-from thumper.slam.localization.pose_trust import PoseTrust
 from thumper.slam.localization.scan_likelihood import BEAM_GAIN, PoseHypothesis, ScanLikelihood
 from thumper.slam.mapper import MapperUpdate, PoseQuality
 from thumper.slam.scan_matching.gauss_newton import MIN_HITS
+from thumper.slam.scan_matching.pose_trust import PoseTrust
 
 MAX_BEAMS = 60  # hits are thinned to about this many
 MAX_DISTANCE_M = 0.5  # cut-off of the likelihood field

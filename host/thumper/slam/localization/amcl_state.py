@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from thumper.common.geometry import Pose2
 from thumper.slam.localization.alternative_poses import are_close
-from thumper.slam.localization.pose_trust import PoseTrust
+from thumper.slam.scan_matching.pose_trust import PoseTrust
 
 RETRY_SCANS = 10  # a lost robot is stationary: it searches again at this interval
 NEAR_GIVEN_M, NEAR_GIVEN_RAD = 1.0, 0.5  # a match this close to a given pose is what the user meant

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2, wrap_angle
-from thumper.slam.localization.amcl_kernels import BeamEvidence, BeamModel, beam_evidence, scan_likelihoods
+from thumper.slam.localization.amcl_kernels import BeamModel, scan_likelihoods
 from thumper.slam.localization.likelihood_field import LikelihoodField
 from thumper.slam.localization.options import AmclOptions
+from thumper.slam.scan_matching.beam_evidence import BeamEvidence, beam_evidence
 from thumper.slam.scan_matching.gauss_newton import MatchWeights, PosePrior, match
 
 MAX_HYPOTHESES = 4  # similar poses tracked at the same time after a search
@@ -60,15 +61,8 @@ class ScanLikelihood:
         return self.refine(np.array([pose.x_m, pose.y_m, pose.theta_rad]))
 
     def fit(self, pose: Pose2) -> float:
-        """Return the share of beams that support the pose minus the share against it, -1...1.
-
-        A beam that ends on a wall supports the pose. One that passes through a wall counts against it. One
-        that ends in unknown space does neither, but at least half of the beams are counted.
-        """
-        evidence = self._evidence(pose)
-        beams = len(evidence.likelihoods)
-        counted = max(1.0, 0.5 * beams, beams - float(evidence.unknown.sum()))
-        return float(evidence.likelihoods.sum() - evidence.through_wall.sum()) / counted
+        """Return the share of beams that support the pose minus the share against it, -1...1."""
+        return self._evidence(pose).fit
 
     def global_hypotheses(self) -> list[PoseHypothesis]:
         """Return the best pose of the whole map, and separate ones that explain nearly as much."""

@@ -69,6 +69,11 @@ class GraphMapper:
         """Return the covariance of the newest pose and whether it is lost."""
         return self._front_end.quality()
 
+    @property
+    def kidnapped(self) -> bool:
+        """Whether the robot was carried away: only a search of the whole map can find it."""
+        return self._front_end.kidnapped
+
     def resume_at(self, map_from_base: Pose2, map_from_odom: Pose2, covariance: FloatArray) -> None:
         """Continue in the same map from a pose that another estimator found at a newer scan."""
         front_end_from_graph = self._graph_from_front_end.inverse()

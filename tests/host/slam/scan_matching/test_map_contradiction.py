@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from thumper.common.geometry import Pose2, Twist2, wrap_angle
+from thumper.lidar.deskew import HIT, ScanPoints
 from thumper.lidar.scan import Scan
 from thumper.slam.grid.grid_mapper import GridMapper
-from thumper.slam.scan_matching.map_contradiction import contradicting_share
+from thumper.slam.grid.grid_matcher import GridMatcher
+from thumper.slam.grid.options import GridMapperOptions
 from thumper_hil.world.world import World
 
 NOTHING = np.zeros((0, 3))
@@ -56,12 +58,17 @@ def test_hit_in_free_space_or_through_a_wall_contradicts_the_map(end_col: float,
     mapper = GridMapper()
     wall = World(segments_m=np.array([(2.0, -9.0, 2.0, 9.0)]), circles_m=NOTHING)
     mapper.update(Pose2(), observe(wall, Pose2(), 60.0, 241, 30.0), Twist2())
-    grid = mapper.hit_grid
-    corner = np.array(grid.corner_m) / grid.resolution_m
-    origins, ends = np.array([[0.5, 0.5]]) - corner, np.array([[end_col, 0.5]]) - corner
-    assert contradicting_share(origins, ends, grid.misses, grid.field) == share
-    unknown = np.array([[-end_col, 0.5]]) - corner
-    assert contradicting_share(origins, unknown, grid.misses, grid.field) == 0.0
+    matcher = GridMatcher(mapper.hit_grid, GridMapperOptions())
+
+    def contradicting(col: float) -> float:
+        end_m = 0.05 * np.array([[col, 0.5]])
+        points = ScanPoints(
+            origins_m=np.full((1, 2), 0.025), ends_m=end_m, kinds=np.array([HIT], dtype=np.uint8)
+        )
+        return matcher.evidence(points, Pose2()).contradicting_share
+
+    assert contradicting(end_col) == share
+    assert contradicting(-end_col) == 0.0
 
 
 def test_misread_turn_is_corrected_with_long_beams() -> None:

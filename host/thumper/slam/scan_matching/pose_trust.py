@@ -49,6 +49,11 @@ class PoseTrust:
         self._distance_m, self._was_clear = 0.0, False
 
     @property
+    def weighed(self) -> bool:
+        """Whether a scan was weighed at this place."""
+        return bool(self._fits)
+
+    @property
     def rejected(self) -> bool:
         """Whether this is the wrong place, or the map has changed beyond recognition."""
         if self.confirmed:
@@ -79,6 +84,8 @@ class PoseTrust:
         return sum(self._fits) / len(self._fits)
 
     def _support(self) -> float:
+        if not self._fits:
+            return 0.0
         if not self._steps:
             return self._mean_fit()
         push_m = sum(push for _, push in self._steps)

@@ -11,8 +11,8 @@ from thumper.lidar.deskew import scan_points
 from thumper.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from thumper.slam.localization.likelihood_field import LikelihoodField
 from thumper.slam.localization.options import AmclOptions
-from thumper.slam.localization.pose_trust import PoseTrust
 from thumper.slam.localization.scan_likelihood import ScanLikelihood
+from thumper.slam.scan_matching.pose_trust import PoseTrust
 from thumper_hil.world.world import World
 
 GRID = World(segments_m=ROOM, circles_m=np.zeros((0, 3))).to_grid()

@@ -1,0 +1,37 @@
+"""`map_log`: what it writes after a log that ends at an unknown place."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.shared.rooms import ROOM, rectangle, room_scan
+
+from thumper.common.geometry import FloatArray, Pose2
+from thumper.offline.map_log import map_log
+from thumper.slam.factory import MappingOptions
+from thumper.slam.saved_state import load_session
+
+OTHER = rectangle(-3.0, -0.7, 3.0, 0.9)
+
+
+def line(pose: Pose2, odometry: Pose2, walls: FloatArray) -> str:
+    """Return a FLASER line of 181 beams over 180 degrees."""
+    scan = room_scan(pose, walls=walls)
+    angles = scan.angle_min_rad + scan.angle_increment_rad * np.arange(scan.ranges_m.size)
+    ranges = np.interp(np.radians(np.arange(-90.0, 91.0)), angles, scan.ranges_m)
+    at = f"{odometry.x_m} {odometry.y_m} {odometry.theta_rad}"
+    return f"FLASER 181 {' '.join(f'{r:.3f}' for r in ranges)} {at} {at} 0 host 0"
+
+
+@pytest.mark.parametrize("carried", [False, True])
+def test_session_of_a_log_that_ends_lost_has_no_pose(tmp_path: Path, carried: bool) -> None:
+    poses = [Pose2(x_m=0.05 * k - 0.8, theta_rad=0.02 * k) for k in range(40)]
+    lines = [line(pose, pose, ROOM) for pose in poses]
+    if carried:
+        lines += [line(Pose2(), poses[-1], OTHER)] * 15
+    log = tmp_path / "drive.log"
+    log.write_text("\n".join(lines))
+    summary = map_log(log, tmp_path / "out", options=MappingOptions(method="scan_match"))
+    session = load_session(tmp_path / "out" / "map.session", 0.05)
+    assert (session.map_from_base is None) == carried
+    assert any("lost" in note for note in summary.notes) == carried

@@ -1,0 +1,96 @@
+"""A robot that is carried away while it maps: nothing is inserted, and it is found again."""
+
+import numpy as np
+import pytest
+from benchmarks.shared.rooms import rectangle, room_scan
+
+from thumper.common.geometry import Pose2, Twist2
+from thumper.slam.grid.grid_mapper import GridMapper
+from thumper.slam.mode_switch import SlamModeSwitch
+
+STILL = Twist2()
+# 4.8 x 4 m with a cupboard, a table and a niche: no two places look alike.
+ROOM = np.concatenate(
+    (
+        rectangle(-2.4, -2.0, 2.4, 2.0),
+        rectangle(1.7, 0.9, 2.4, 2.0),
+        rectangle(-0.9, -0.4, -0.3, 0.1),
+        rectangle(-2.4, -2.0, -2.0, -1.1),
+    )
+)
+
+
+def loop(start: Pose2, steps: int) -> list[Pose2]:
+    """Return poses along a circle of 0.6 m radius."""
+    step = Pose2(x_m=0.06, theta_rad=0.1)
+    poses = [start]
+    for _ in range(steps):
+        poses.append(poses[-1] @ step)
+    return poses
+
+
+def drive(
+    robot: SlamModeSwitch | GridMapper, poses: list[Pose2], odometry: Pose2
+) -> tuple[Pose2, list[float], list[str]]:
+    """Return odometry at the end, errors of the inserted scans, and the text `lost` at each scan."""
+    rng, entered, lost = np.random.default_rng(3), [], []
+    for k, pose in enumerate(poses):
+        if k:
+            odometry = odometry @ poses[k - 1].inverse() @ pose
+        update = robot.update(odometry, room_scan(pose, noise_m=0.01, rng=rng, walls=ROOM), STILL)
+        if update.integrated:
+            entered.append(update.map_from_base.distance_m(pose))
+        lost.append(robot.quality().lost)
+    return odometry, entered, lost
+
+
+ELSEWHERE = [
+    Pose2(x_m=1.2, y_m=-1.2, theta_rad=2.0),
+    Pose2(x_m=-1.5, y_m=1.2, theta_rad=-1.0),
+    Pose2(x_m=1.2, y_m=0.2, theta_rad=-2.6),
+    Pose2(x_m=-1.3, y_m=-1.0, theta_rad=0.7),
+]
+
+
+@pytest.mark.parametrize("elsewhere", ELSEWHERE)
+def test_carried_robot_enters_nothing_and_is_found_in_its_own_map(elsewhere: Pose2) -> None:
+    start = Pose2(x_m=0.6, y_m=-1.0)
+    robot = SlamModeSwitch(GridMapper(map_from_base=start))
+    odometry, entered, lost = drive(robot, loop(start, 64), Pose2())
+    assert not any(lost)
+    assert max(entered) < 0.05
+    _, entered, lost = drive(robot, loop(elsewhere, 40), odometry)
+    assert any(lost[:4])  # the robot stops
+    assert max(entered, default=0.0) < 0.1
+    assert robot.mode == "mapping"
+    assert robot.quality().lost == ""
+
+
+def test_robot_carried_out_of_its_map_says_so() -> None:
+    start, other = Pose2(x_m=0.6, y_m=-1.0), rectangle(-3.0, -0.7, 3.0, 0.9)
+    robot = SlamModeSwitch(GridMapper(map_from_base=start))
+    odometry, _, _ = drive(robot, loop(start, 64), Pose2())
+    for k in range(20):
+        pose = Pose2(x_m=-2.0 + 0.1 * k, theta_rad=0.05 * k)
+        update = robot.update(
+            odometry @ Pose2(x_m=0.1 * k, theta_rad=0.05 * k), room_scan(pose, walls=other), STILL
+        )
+        assert not update.integrated
+        if k >= 3:
+            assert robot.quality().lost
+
+
+def test_one_bad_scan_neither_stops_the_robot_nor_spoils_the_map() -> None:
+    start = Pose2(x_m=0.6, y_m=-1.0)
+    mapper = GridMapper(map_from_base=start)
+    odometry, _, _ = drive(mapper, loop(start, 30), Pose2())
+    bad = room_scan(Pose2(x_m=0.3, y_m=0.6, theta_rad=1.3), walls=0.7 * ROOM)
+    before = mapper.counts().hits
+    assert not mapper.update(odometry, bad, STILL).integrated
+    assert mapper.quality().lost == ""
+    np.testing.assert_array_equal(mapper.counts().hits, before)
+    poses = loop(loop(start, 30)[-1], 10)
+    _, entered, lost = drive(mapper, poses, odometry)
+    assert not any(lost)
+    assert entered
+    assert max(entered) < 0.05
