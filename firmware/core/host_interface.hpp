@@ -278,7 +278,11 @@ class HostInterface {
   }
 
   void Watch(WheelMonitor& monitor, const SideSample& sample, Fault stall, Fault reversed) {
-    const auto verdict = monitor.Step(static_cast<uint16_t>(sample.count), sample.wheel.pwm);
+    // While the controller brakes, the body may carry the wheel on against the output: no wiring fault.
+    const WheelSample& wheel = sample.wheel;
+    const bool brakes = wheel.setpoint_mrad_s != 0 && (wheel.setpoint_mrad_s ^ wheel.pwm) < 0;
+    const int16_t push = brakes ? int16_t(0) : wheel.pwm;
+    const auto verdict = monitor.Step(static_cast<uint16_t>(sample.count), push);
     if (verdict == WheelMonitor::Verdict::kStall) Trip(stall);
     if (verdict == WheelMonitor::Verdict::kReversed) Trip(reversed);
   }

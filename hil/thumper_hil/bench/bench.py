@@ -25,6 +25,7 @@ from thumper_hil.effects.preset import load_preset
 from thumper_hil.faults.catalogue import FaultError, FaultValue, fault_action
 from thumper_hil.faults.scenario import load_scenario
 from thumper_hil.faults.switches import Switches
+from thumper_hil.world.load_world import load_world
 from thumper_hil.world.scene import NO_SEGMENTS, Scene
 from thumper_hil.world.sills import pitch_over_sills_rad
 from thumper_hil.world.start_pose import invalid_start_reason
@@ -67,7 +68,7 @@ class Bench:
     """
 
     def __init__(self, options: BenchOptions, *, elf: Path | None = None) -> None:
-        self._scene = Scene(World.load(options.world))
+        self._scene = Scene(load_world(options.world))
         if reason := invalid_start_reason(self.world, options.start, FOOTPRINT_M):
             raise ThumperError(
                 f"a robot at x_m={options.x_m:g}, y_m={options.y_m:g}, yaw_deg={options.yaw_deg:g} {reason} "

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from thumper_hil.bench import Bench
 from thumper_hil.bench.registry import close_device, open_device
 from thumper_hil.campaign.job_digest import content_digest
 from thumper_hil.campaign.result_row import CampaignRow
-from thumper_hil.campaign.spec import CampaignJob
+from thumper_hil.campaign.spec import CampaignJob, mission_of_seed
 
 DEVICE = "campaign"
 """Device name under which a job opens the simulated robot, in addition to board and lidar."""
@@ -35,12 +36,14 @@ def run_job(job: CampaignJob) -> CampaignRow:
         This computer cannot simulate the job: a part is not built, or a file is missing or differs from the
         one at the start of the campaign. This is not a result of the robot, so there is no row.
     """
-    config, mission = config_from_json(job.robot_json), job.mission
-    if content_digest(mission.world, job.scenario, config) != job.content:
+    config = config_from_json(job.robot_json)
+    if content_digest(job.mission.world, job.scenario, config) != job.content:
         raise ThumperError(
             "its world, scenario or mask files differ from those at the start of the campaign; copy the same "
             "files to every computer, and start a new campaign after you edit one"
         )
+    mission = mission_of_seed(job.mission, job.seed)
+    assert mission.start is not None  # `load_campaign` checks it
     x_m, y_m, yaw_deg = mission.start
     options = {"world": mission.world, "x_m": x_m, "y_m": y_m, "yaw_deg": yaw_deg, "seed": job.seed}
     options |= {"lidar": config.lidar.model, "scenario": job.scenario, "preset": job.preset}
@@ -48,7 +51,9 @@ def run_job(job: CampaignJob) -> CampaignRow:
     bench = open_device(name, DEVICE, {key: str(value) for key, value in options.items()})
     try:
         return _drive(
-            job, with_ports(config, board=f"sim://{name}/board", lidar=f"sim://{name}/lidar"), bench
+            replace(job, mission=mission),
+            with_ports(config, board=f"sim://{name}/board", lidar=f"sim://{name}/lidar"),
+            bench,
         )
     except ThumperError as error:
         return CampaignRow(
@@ -66,6 +71,8 @@ def run_job(job: CampaignJob) -> CampaignRow:
 
 def _drive(job: CampaignJob, config: RobotConfig, bench: Bench) -> CampaignRow:
     mission = job.mission
+    assert mission.start is not None
+    assert mission.goal is not None
     x_m, y_m, yaw_deg = mission.start
     start = Pose2(x_m=x_m, y_m=y_m, theta_rad=math.radians(yaw_deg))
     goals = [Goal(x_m=x_m, y_m=y_m) for x_m, y_m in (*mission.via, mission.goal)]

@@ -16,9 +16,12 @@ from thumper.config.robot import RobotConfig
 from thumper.maps.map_server_io import load_map, read_occupancy
 from thumper.navigation.costmap.filters import MODES
 from thumper_hil.faults.scenario import load_scenario
+from thumper_hil.world.house import house_mission
 from thumper_hil.world.world_file import read_world_file
 
 DIGITS = 16
+HOUSE = "house"
+"""Every seed of a campaign has its own house."""
 
 
 def content_digest(world: str, scenario: str, robot: RobotConfig) -> str:
@@ -44,6 +47,8 @@ def digest(content: object) -> str:
 
 
 def _world(name_or_path: str) -> object:
+    if name_or_path == HOUSE:
+        return _plain(house_mission(1))  # all houses come from one generator
     if Path(name_or_path).suffix == ".yaml":
         return _plain(load_map(Path(name_or_path)))
     shapes = read_world_file(name_or_path)

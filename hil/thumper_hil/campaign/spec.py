@@ -18,13 +18,15 @@ from thumper.config.robot import config_to_json, load_config
 from thumper.runtime.drive.goal_limits import MAX_GOAL_DISTANCE_M
 from thumper_hil.bench.collision import FOOTPRINT_M
 from thumper_hil.bench.options import FULL_TURN_DEG
-from thumper_hil.campaign.job_digest import content_digest, digest
+from thumper_hil.campaign.job_digest import HOUSE, content_digest, digest
 from thumper_hil.campaign.result_row import MEASURES
 from thumper_hil.faults.scenario import load_scenario
+from thumper_hil.world.house import house_mission
 from thumper_hil.world.scene import Scene
 from thumper_hil.world.start_pose import invalid_start_reason
 from thumper_hil.world.world import World
 
+HOUSE_HAS_ITS_OWN = "start, goal, via: every house has its own; delete them"
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
@@ -57,12 +59,15 @@ class Seeds:
 @with_config(_STRICT)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionSpec:
-    """One drive in one world. The start's heading is in degrees, counter-clockwise from x."""
+    """One drive in one world. The start's heading is in degrees, counter-clockwise from x.
+
+    In the world `house` every seed has its own random house, start and goal.
+    """
 
     name: Name
     world: str
-    start: tuple[float, float, float]
-    goal: tuple[float, float]
+    start: tuple[float, float, float] | None = None
+    goal: tuple[float, float] | None = None
     via: tuple[tuple[float, float], ...] = ()  # intermediate goals, in order
 
 
@@ -140,6 +145,15 @@ def load_campaign(path: Path) -> Campaign:
     return replace(campaign, missions=missions, parameters=sets)
 
 
+def mission_of_seed(mission: MissionSpec, seed: int) -> MissionSpec:
+    """Return the mission of this seed: in the world `house` it has its own house, start and goal."""
+    if mission.world != HOUSE:
+        return mission
+    drawn = house_mission(seed)
+    start = (drawn.start.x_m, drawn.start.y_m, math.degrees(drawn.start.theta_rad))
+    return replace(mission, world=f"{HOUSE}-{seed}", start=start, goal=drawn.goal_m)
+
+
 def _resolve_world(world: str, folder: Path) -> str:
     """Resolve a world's path relative to the campaign's folder; a built-in world has no suffix."""
     return str((folder / world).resolve()) if Path(world).suffix else world
@@ -147,6 +161,11 @@ def _resolve_world(world: str, folder: Path) -> str:
 
 def _mission_error(mission: MissionSpec) -> str:
     """Return why a mission is certain to fail; empty if it may succeed. Raise ThumperError for its world."""
+    if mission.world == HOUSE:
+        has_own = mission.start is None and mission.goal is None and not mission.via
+        return "" if has_own else HOUSE_HAS_ITS_OWN
+    if mission.start is None or mission.goal is None:
+        return f"{'goal' if mission.start else 'start'}: missing; add it"
     x_m, y_m, yaw_deg = mission.start
     if abs(yaw_deg) > FULL_TURN_DEG:
         return f"start: the heading {yaw_deg:g} is out of range; give degrees, -360...360"

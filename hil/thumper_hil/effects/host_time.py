@@ -3,7 +3,7 @@
 The thread that reads and writes a port is the robot's control loop. Its CPU time between two calls of the
 simulator, times a factor, passes in the simulation before the second call takes effect. So a slow cycle sends
 its command late and finds several scans waiting, as on real hardware. Threads beside the loop are not
-counted.
+counted. CPU time is in units of this computer at its fastest (`cpu_speed.py`).
 """
 
 import threading
@@ -11,6 +11,7 @@ import time
 
 import numpy as np
 
+from thumper_hil.effects.cpu_speed import CpuSpeed
 from thumper_hil.effects.preset import HostEffects
 
 MIN_CHARGE_S = 5e-4
@@ -25,6 +26,7 @@ class HostTime:
         self._rng = np.random.default_rng([seed, 0x405])
         self._left_at_s: float | None = None
         self._owed_s = 0.0
+        self._speed = CpuSpeed() if effects.cpu_factor else None
         self._loop_thread = 0  # the thread that read last
         self.charged_s = 0.0
 
@@ -41,7 +43,10 @@ class HostTime:
             self._loop_thread, self._left_at_s = threading.get_ident(), None
         if self._left_at_s is None or self._loop_thread != threading.get_ident():
             return 0.0
-        self._owed_s += (time.thread_time() - self._left_at_s) * self._effects.cpu_factor
+        computed_s = time.thread_time() - self._left_at_s
+        if self._speed is not None:
+            computed_s *= self._speed.ratio(time.monotonic())
+        self._owed_s += computed_s * self._effects.cpu_factor
         self._left_at_s = None
         if self._owed_s < MIN_CHARGE_S:
             return 0.0

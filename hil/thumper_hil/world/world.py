@@ -72,8 +72,8 @@ class World:
         return cls.from_shapes(shapes)
 
     @classmethod
-    def from_shapes(cls, shapes: WorldShapes) -> Self:
-        """Return the world with the shapes of a file."""
+    def from_shapes(cls, shapes: WorldShapes, walkers: tuple[Pedestrian, ...] = ()) -> Self:
+        """Return the world with the shapes of a file, and more people."""
         boxes = tuple(box_corners(*row) for row in shapes.boxes)
         return cls(
             segments_m=np.vstack([shapes.segments, *(box_sides(box) for box in boxes)]),
@@ -81,7 +81,7 @@ class World:
             boxes_m=boxes,
             grid=SolidGrid.load(shapes.map_path) if shapes.map_path else None,
             timed=shapes.timed,
-            walkers=shapes.walkers,
+            walkers=shapes.walkers + walkers,
             segment_surfaces=np.array(
                 [*shapes.segment_surfaces, *np.repeat(shapes.box_surfaces, 4)], dtype=np.int8
             ),

@@ -1,5 +1,6 @@
 """Opens the ports that a configuration names and wires the robot's parts to them."""
 
+import gc
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
@@ -74,6 +75,10 @@ def open_robot(
         elif known is not None:
             mapper.localize_in(known, map_from_base)
         robot = _wire(config, board, lidar, mapper, map_path)
+        # A full garbage collection visits all modules and kernels: 0.1 s on a desktop, 0.4 s on a Raspberry
+        # Pi, and the board stops the motors after 0.3 s. Frozen objects are not visited again.
+        gc.collect()
+        gc.freeze()
         try:
             yield robot
         finally:

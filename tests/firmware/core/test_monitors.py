@@ -323,3 +323,19 @@ def test_ticks_without_telemetry_are_counted(core: ctypes.CDLL) -> None:
     for dropped, total in ((0, 0), (3, 3), (200, 203), (255, 458)):
         core.host_dropped(host.handle, dropped)
         assert host.telemetry().tx_dropped == total
+
+
+@pytest.mark.parametrize(("setpoint", "fault"), [(300, m.Fault.NONE), (-300, m.Fault.REVERSED_LEFT)])
+def test_a_wheel_that_is_carried_on_while_the_controller_brakes_is_no_wiring_fault(
+    core: ctypes.CDLL, setpoint: int, fault: m.Fault
+) -> None:
+    """In a turn on a rough floor the body drags a wheel forward, as commanded, against a negative output."""
+    ticks = Ticks(core)
+    core.host_setpoints(ticks.host.handle, setpoint, 0)
+    faults = {ticks.step(left=3, left_pwm=-100) for _ in range(30)}
+    assert faults == {m.Fault.NONE, fault}
+
+
+def test_a_reversed_encoder_is_found_at_a_set_point_of_zero(core: ctypes.CDLL) -> None:
+    ticks = Ticks(core)
+    assert m.Fault.REVERSED_LEFT in {ticks.step(left=-3, left_pwm=100) for _ in range(30)}

@@ -288,6 +288,11 @@ void host_speeds(int host, int left, int right) {
   samples->left.wheel.speed_mrad_s = static_cast<int16_t>(left);
   samples->right.wheel.speed_mrad_s = static_cast<int16_t>(right);
 }
+void host_setpoints(int host, int left, int right) {
+  auto* samples = At<Interface>(host).host.samples();
+  samples->left.wheel.setpoint_mrad_s = static_cast<int16_t>(left);
+  samples->right.wheel.setpoint_mrad_s = static_cast<int16_t>(right);
+}
 int host_quiet(int host) { return At<Interface>(host).host.quiet(); }
 /// out: state, fault, mode, left, right.
 void host_status(int host, int* out) {

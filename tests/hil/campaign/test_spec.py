@@ -6,7 +6,7 @@ import pytest
 
 from tests.hil.campaign.samples import FILE, written
 from thumper.common.errors import ThumperError
-from thumper_hil.campaign.spec import campaign_digest, expand_jobs, load_campaign
+from thumper_hil.campaign.spec import campaign_digest, expand_jobs, load_campaign, mission_of_seed
 
 
 def test_jobs_cover_all_missions_seeds_and_parameter_sets(tmp_path: Path) -> None:
@@ -22,7 +22,7 @@ def test_jobs_cover_all_missions_seeds_and_parameter_sets(tmp_path: Path) -> Non
         ('world = "lab"', 'world = "moon"', "moon"),
         ("count = 2", "count = 0", "seeds.count"),
         ("count = 2", "count = 1000000000", "seeds.count"),
-        ("goal = ", "gaol = ", "missions.0.goal"),
+        ("goal = ", "gaol = ", "missions.0.gaol"),
         ("[0.6, 0.0]", '"there"', "goal"),
         ('"gentle.toml"', '"none.toml"', "none.toml"),
         ('name = "gentle"', 'name = "default"', "same name"),
@@ -99,3 +99,25 @@ def test_digest_depends_on_file_content_not_on_paths(tmp_path: Path) -> None:
     assert digest("e", base='map = "map.yaml"\n[[wall]]\npoints_m = [[-3, -3], [4, -3]]\n') != first
     assert digest("f", image="P2 3 1 255 0 255 255\n") != first
     assert digest("g", mask="P2 1 1 255 0\n") != first
+
+
+def test_every_seed_has_its_own_house(tmp_path: Path) -> None:
+    path = tmp_path / "houses.toml"
+    path.write_text(
+        'seeds = { first = 5, count = 2 }\nparameters = [{ name = "hard", preset = "hard" }]\n'
+        '[[missions]]\nname = "house"\nworld = "house"\n'
+    )
+    jobs = expand_jobs(load_campaign(path), tmp_path)
+    drawn = [mission_of_seed(job.mission, job.seed) for job in jobs]
+    assert [mission.world for mission in drawn] == ["house-5", "house-6"]
+    assert drawn[0].start != drawn[1].start
+    assert [job.preset for job in jobs] == ["hard", "hard"]
+    text = path.read_text().replace("count = 2", "count = 9")
+    path.write_text(text)
+    assert campaign_digest(expand_jobs(load_campaign(path), tmp_path)) == campaign_digest(jobs)
+    path.write_text(text + "goal = [1, 1]\n")
+    with pytest.raises(ThumperError, match="every house has its own"):
+        load_campaign(path)
+    path.write_text('[[missions]]\nname = "a"\nworld = "lab"\nstart = [0, 0, 0]\n')
+    with pytest.raises(ThumperError, match="goal: missing"):
+        load_campaign(path)

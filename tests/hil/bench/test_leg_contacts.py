@@ -1,0 +1,40 @@
+"""A touch with a leg is the contact of whoever approached faster."""
+
+import numpy as np
+import pytest
+
+from thumper.common.geometry import Pose2
+from thumper_hil.bench.collision import FOOTPRINT_M
+from thumper_hil.bench.leg_contacts import LegContacts
+
+TICK_S = 0.01
+
+
+def meet(robot_m_s: float, leg_m_s: float) -> tuple[int, int]:
+    """Let the robot drive along x towards a leg that walks along x; return contacts and bumps."""
+    contacts = LegContacts(FOOTPRINT_M)
+    for tick in range(100):
+        leg_m = np.array([[0.5 + leg_m_s * tick * TICK_S, 0.0, 0.06]])
+        contacts.check(Pose2(x_m=robot_m_s * tick * TICK_S), leg_m, TICK_S)
+    return contacts.by_robot, contacts.by_people
+
+
+@pytest.mark.parametrize(
+    ("robot_m_s", "leg_m_s", "expected"),
+    [
+        (0.4, 0.0, (1, 0)),  # into a resting leg
+        (0.0, -0.8, (0, 1)),  # a person walks into a stationary robot
+        (0.2, -1.6, (0, 1)),  # a leg swings into a robot that brakes
+        (0.4, -0.1, (1, 0)),
+        (0.4, 0.3, (0, 0)),  # it walks away
+    ],
+)
+def test_who_approached_faster(robot_m_s: float, leg_m_s: float, expected: tuple[int, int]) -> None:
+    assert meet(robot_m_s, leg_m_s) == expected
+
+
+def test_a_lasting_touch_counts_once() -> None:
+    contacts = LegContacts(FOOTPRINT_M)
+    for tick in range(100):
+        contacts.check(Pose2(x_m=0.3 * tick * TICK_S), np.array([[0.3, 0.0, 0.06]]), TICK_S)
+    assert contacts.by_robot == 1

@@ -1,0 +1,74 @@
+"""Tables, sills and surfaces in a world file: legs are seen, tops and sills are not."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import Pose2
+from thumper_hil.bench.collision import FOOTPRINT_M
+from thumper_hil.effects.surfaces import Surface
+from thumper_hil.world.gait import STEP_M, legs_m
+from thumper_hil.world.world import World
+
+TABLE = "[[table]]\nx_m = 2.0\ny_m = 0.0\nlength_m = 1.2\nwidth_m = 0.8\n"
+
+
+def load(folder: Path, text: str) -> World:
+    path = folder / "world.toml"
+    path.write_text(text)
+    return World.load(path)
+
+
+def test_the_lidar_sees_the_legs_of_a_table_and_the_robot_passes_below(tmp_path: Path) -> None:
+    world = load(tmp_path, TABLE)
+    assert len(world.circles_m) == 4
+    assert world.cast(0.0, 0.0, 0.0)[0] == math.inf
+    assert world.cast(0.0, 0.38, 0.0)[0] == pytest.approx(1.4, abs=0.001)
+    assert not world.touches(Pose2(x_m=2.0), FOOTPRINT_M)
+
+
+def test_a_low_top_stops_the_robot_and_stays_unseen(tmp_path: Path) -> None:
+    world = load(tmp_path, TABLE + "clearance_m = 0.15\n")
+    assert world.cast(0.0, 0.0, 0.0)[0] == math.inf
+    assert world.touches(Pose2(x_m=1.3), FOOTPRINT_M)
+    assert not world.touches(Pose2(x_m=1.1), FOOTPRINT_M)
+
+
+def test_a_file_names_surfaces_and_sills(tmp_path: Path) -> None:
+    world = load(
+        tmp_path,
+        '[[wall]]\npoints_m = [[0, 0], [1, 0], [2, 0]]\nsurface = "glass"\n'
+        '[[box]]\nx_m = 5\ny_m = 5\nlength_m = 1\nwidth_m = 1\nsurface = "dark"\n'
+        "[[sill]]\npoints_m = [[3, 0], [3, 1]]\nheight_m = 0.02\n",
+    )
+    assert world.segment_surfaces.tolist() == [Surface.GLASS] * 2 + [Surface.DARK] * 4
+    assert world.sills_m.tolist() == [[3.0, 0.0, 3.0, 1.0, 0.02]]
+    with pytest.raises(ThumperError, match=r"wall\[0\].surface = 'wood': choose from matt, dark"):
+        load(tmp_path, '[[wall]]\npoints_m = [[0, 0], [1, 0]]\nsurface = "wood"\n')
+
+
+def test_legs_step_in_turn_one_rests_while_the_other_swings() -> None:
+    walked_m = np.arange(0.0, 4.0 * STEP_M, 0.01)
+    feet = np.array([legs_m((walked, 0.0), 0.0, walked, 0.06) for walked in walked_m])
+    steps_m = np.diff(feet[:, :, 0], axis=0)
+    resting, swinging = np.sort(steps_m, axis=1).T
+    assert np.abs(resting).max() < 0.011
+    assert np.median(resting) == pytest.approx(0.0, abs=1e-9)
+    assert np.median(swinging) == pytest.approx(0.02)
+    assert np.ptp(feet[:, :, 0].mean(axis=1) - walked_m) < 1e-9
+
+
+def test_people_with_legs_do_not_stop(tmp_path: Path) -> None:
+    from thumper_hil.world.scene import Scene
+
+    scene = Scene(
+        load(tmp_path, "[[person]]\nwaypoints_m = [[-3, 0], [3, 0]]\nleg_radius_m = 0.06\nspeed_m_s = 1.0\n")
+    )
+    for tick in range(300):
+        scene.step(0.01 * tick, 0.01, FOOTPRINT_M)
+    assert abs(scene.world.legs_m[:, 0].mean()) < 0.05  # it walked into the robot at the origin
+    assert scene.bumps == 0
+    assert scene.world.cast(-2.0, 0.1, 0.0)[0] < 2.5
