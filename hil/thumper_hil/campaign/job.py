@@ -18,7 +18,7 @@ from thumper.runtime.drive.tasks import drive_to_goal
 from thumper.runtime.drive_log import SPEED_COLUMNS, DriveLog, speed_errors
 from thumper.runtime.drive_result import DriveResult
 from thumper_hil.bench import Bench
-from thumper_hil.bench.registry import close_device, open_device
+from thumper_hil.bench.registry import close_device, forget_simulation, open_device
 from thumper_hil.campaign.job_digest import content_digest
 from thumper_hil.campaign.result_row import CampaignRow
 from thumper_hil.campaign.spec import CampaignJob, mission_of_seed
@@ -67,6 +67,7 @@ def run_job(job: CampaignJob) -> CampaignRow:
         )
     finally:
         close_device(name, DEVICE)
+        forget_simulation(name)
 
 
 def _drive(job: CampaignJob, config: RobotConfig, bench: Bench) -> CampaignRow:

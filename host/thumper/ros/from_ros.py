@@ -118,8 +118,10 @@ def grid_of(msg: Message) -> OccupancyGrid:
     origin = pose_of(info.origin)
     if origin.theta_rad != 0.0:
         raise ValueError("the grid is rotated against its frame")
-    if msg.data.size != info.width * info.height or not info.resolution > 0.0:
+    if msg.data.size != info.width * info.height:
         raise ValueError(f"{msg.data.size} cells for {info.width} x {info.height}")
+    if not 0.0 < info.resolution < math.inf:
+        raise ValueError(f"cells of {info.resolution} m")
     return OccupancyGrid(
         cells=msg.data.astype(np.int8).reshape(info.height, info.width),
         resolution_m=_shortest_decimal(info.resolution),

@@ -17,6 +17,7 @@ from distributed import LocalCluster
 
 from tests.hil.campaign.samples import FILE, written
 from thumper.common.errors import ThumperError
+from thumper_hil.bench import simulation
 from thumper_hil.campaign import runner
 from thumper_hil.campaign.job import run_job
 from thumper_hil.campaign.result_row import CampaignRow
@@ -62,6 +63,8 @@ def test_tour_with_a_fault_reaches_its_goal(tmp_path: Path) -> None:
     jobs = expand_jobs(load_campaign(written(tmp_path, text)), tmp_path)
     intact, slipping = (run_job(job) for job in jobs[:2])
     assert intact.reached, intact.reason
+    with pytest.raises(ThumperError, match="no simulation"):
+        simulation(jobs[0].key.replace("/", "~"))  # its memory is released
     assert slipping.reached, slipping.reason
     assert 0.8 < intact.path_length_m < 2.0
     assert slipping.odometry_error_m > 1.5 * intact.odometry_error_m
