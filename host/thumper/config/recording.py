@@ -18,5 +18,5 @@ class RecordingOptions:
     file_s: Annotated[float, Gt(0)] = 3600.0
     # Total size of this robot's recordings in the folder [MB]; the oldest are deleted for the newest.
     budget_MB: Annotated[float, Gt(0)] = 8192.0
-    # Stop recording if less than this is free on the disk [MB].
+    # Pause recording while less than this is free on the disk [MB].
     spare_MB: Annotated[float, Ge(0)] = 256.0

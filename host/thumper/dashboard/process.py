@@ -1,10 +1,14 @@
 """Start the page: in this process, or in its own process beside the robot."""
 
 import errno
+import os
+import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+import threading
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
@@ -45,10 +49,14 @@ if TYPE_CHECKING:
     from thumper.config.robot import RobotConfig
 
 END_TIMEOUT_S = 3.0
+MIN_RESTART_S, MAX_RESTART_S = 1.0, 30.0  # before a page that has ended starts again
+STABLE_S = 60.0  # a page that ran this long starts again without further delay
+PARENT_VARIABLE = "THUMPER_PAGE_PARENT"  # set: standard input is a pipe from the robot's process
 
 
 def run_dashboard(settings: "RobotConfig", options: ServerOptions, robot_address: str) -> None:
-    """Serve until Ctrl-C."""
+    """Serve until Ctrl-C, or until the process ends that started this one beside a robot."""
+    end_with_parent()
     listener = bind_port(options)  # before the slow imports, to report a port in use at once
     from thumper.bus.client import BusClient
     from thumper.dashboard.page import PageOptions
@@ -65,6 +73,75 @@ def run_dashboard(settings: "RobotConfig", options: ServerOptions, robot_address
     )
     print(f"dashboard: {options.url}  (robot at {robot_address}; press Ctrl-C to stop)", flush=True)
     serve(app, options, listener)
+
+
+class PageProcess:
+    """Runs the page beside the robot. It starts again if it ends by itself, and ends with this process.
+
+    The page's process holds the reading end of a pipe. If this process ends in whatever way, the pipe closes
+    and the page ends.
+    """
+
+    def __init__(self, command: list[str], report: Callable[[str], None]) -> None:
+        """`report` receives a line when the page has ended; it is called from another thread."""
+        self._command, self._report = command, report
+        self._closed = threading.Event()
+        self._process = self._start()
+        self._thread = threading.Thread(target=self._watch, name="page-process", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the page."""
+        self._closed.set()
+        while self._thread.is_alive():  # again, if the thread has just started a new one
+            self._process.terminate()
+            self._thread.join(END_TIMEOUT_S)
+            if self._thread.is_alive():
+                self._process.kill()
+
+    def _start(self) -> "subprocess.Popen[bytes]":
+        return subprocess.Popen(
+            self._command,
+            stdin=subprocess.PIPE,
+            env=os.environ | {PARENT_VARIABLE: "1"},
+            start_new_session=True,  # Ctrl-C goes to the robot first
+        )
+
+    def _watch(self) -> None:
+        delay_s = MIN_RESTART_S
+        while True:
+            started_s = time.monotonic()
+            status = self._process.wait()
+            if self._process.stdin:
+                self._process.stdin.close()
+            if time.monotonic() - started_s > STABLE_S:
+                delay_s = MIN_RESTART_S
+            if not self._closed.is_set():
+                how = f"signal {-status}" if status < 0 else f"exit status {status}"
+                self._report(f"the page has ended ({how}); it starts again in {delay_s:g} s")
+            if self._closed.wait(delay_s):
+                return
+            delay_s = min(2.0 * delay_s, MAX_RESTART_S)
+            self._process = self._start()
+
+
+def end_with_parent() -> None:
+    """End this process when the one that started it as `PageProcess` ends."""
+    if not os.environ.pop(PARENT_VARIABLE, ""):
+        return
+
+    def wait() -> None:
+        while os.read(sys.stdin.fileno(), 4096):
+            pass
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(END_TIMEOUT_S)
+        os._exit(1)
+
+    threading.Thread(target=wait, name="parent", daemon=True).start()
+
+
+def _print_line(text: str) -> None:
+    print(f"thumper: {text}", file=sys.stderr, flush=True)
 
 
 @contextmanager
@@ -91,13 +168,8 @@ def dashboard_process(config: Path | None, robot_address: str, *, wanted: bool =
     command = [sys.executable, "-m", "thumper", "dashboard", "--bus", robot_address]
     if config is not None:
         command += ["--config", str(config)]
-    process = subprocess.Popen(command, start_new_session=True)  # Ctrl-C goes to the robot first
+    process = PageProcess(command, _print_line)
     try:
         yield
     finally:
-        process.terminate()
-        try:
-            process.wait(END_TIMEOUT_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        process.close()

@@ -1,6 +1,8 @@
-"""Names and total size of a robot's recordings in their folder."""
+"""Names and total size of a robot's recordings in their folder, and room on its disk."""
 
+import errno
 import re
+import shutil
 import time
 from pathlib import Path
 
@@ -29,10 +31,27 @@ def new_name(folder: Path, robot: str, part: int) -> Path:
 
 def own_recordings(folder: Path, robot: str) -> list[Path]:
     """Return the finished recordings of this robot that Thumper made, oldest first."""
-    pattern = re.compile(rf"{re.escape(safe_name(robot))}_\d{{8}}-\d{{6}}_\d{{3}}(-\d+)?\.mcap")
-    return sorted(
-        path for path in folder.iterdir() if pattern.fullmatch(path.name) and _is_thumper_file(path)
-    )
+    # Three digits, from part 1000 on four or more.
+    pattern = re.compile(rf"{re.escape(safe_name(robot))}_(\d{{8}}-\d{{6}})_(\d{{3,}})(?:-(\d+))?\.mcap")
+    found = [
+        ((match[1], int(match[2]), int(match[3] or 0)), path)
+        for path in folder.iterdir()
+        if (match := pattern.fullmatch(path.name)) and _is_thumper_file(path)
+    ]
+    return [path for _, path in sorted(found)]
+
+
+def check_room(folder: Path, spare_bytes: float) -> None:
+    """Raise OSError (ENOSPC) if less than `spare_bytes` are free on the folder's disk."""
+    if shutil.disk_usage(folder).free < spare_bytes:
+        raise OSError(
+            errno.ENOSPC, f"less than {spare_bytes / 1e6:.0f} MB are free on the disk; delete files"
+        )
+
+
+def is_full(error: OSError) -> bool:
+    """Return whether the disk, the quota or the file has no room: this may pass."""
+    return error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def make_room(folder: Path, robot: str, *, budget_bytes: float, reserve_bytes: float) -> list[Path]:

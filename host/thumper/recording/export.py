@@ -12,6 +12,7 @@ import numpy as np
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray
 from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.recording.mcap_file import PART
 from thumper.recording.reader import Recording
 from thumper.ros import from_ros
 from thumper.ros.codec import Message
@@ -25,40 +26,61 @@ def export_csv(recording: Recording, folder: Path) -> list[Path]:
     """Write one CSV table per topic; return the files. Columns are named after the message's fields.
 
     A message is one row; each element of a path, of particles and of transforms is one row with its index.
-    Quaternions become `yaw`. Stamps and `log_time_s` are seconds since 1970, or since the start of a
-    simulation. Maps are exported without their cells.
+    Scans may differ in length: the table has the columns of the longest. Quaternions become `yaw`. Stamps and
+    `log_time_s` are seconds since 1970, or since the start of a simulation. Maps are exported without their
+    cells. Existing tables are replaced once all new ones are complete.
 
     Raises
     ------
     ThumperError
-        The folder is not writable.
+        The folder is not writable, or its disk is full.
     """
-    writers: dict[str, tuple[Any, list[str], Path]] = {}
+    columns: dict[str, Row] = {}
+    for topic, row in _table_rows(recording):
+        columns[topic] = _merged(columns.get(topic, {}), row)
+    recording.notes.clear()  # the second pass makes them again
+    parts = {topic: folder / f"{topic.replace('/', '_')}.csv{PART}" for topic in columns}
     try:
         with ExitStack() as stack:
-            for recorded in recording.messages():
-                try:
-                    rows = list(_rows(recorded.decode()))
-                except (ValueError, KeyError):
-                    continue
-                for row in rows:
-                    if recorded.topic not in writers:
-                        path = folder / f"{recorded.topic.replace('/', '_')}.csv"
-                        columns = ["log_time_s", *row]
-                        writer = csv.writer(
-                            stack.enter_context(path.open("w", newline="", encoding="utf-8")),
-                            lineterminator="\n",
-                        )
-                        writer.writerow(columns)
-                        writers[recorded.topic] = (writer, columns, path)
-                    writer, columns, _ = writers[recorded.topic]
-                    row["log_time_s"] = seconds(recorded.log_ns)
-                    writer.writerow([row.get(column, "") for column in columns])
+            writers = {}
+            for topic, part in parts.items():
+                file = stack.enter_context(part.open("w", newline="", encoding="utf-8"))
+                writers[topic] = csv.DictWriter(file, columns[topic], restval="", lineterminator="\n")
+                writers[topic].writeheader()
+            for topic, row in _table_rows(recording):
+                writers[topic].writerow(row)
+        return sorted(part.rename(part.with_suffix("")) for part in parts.values())
     except OSError as error:
+        for part in parts.values():
+            part.unlink(missing_ok=True)
         raise ThumperError(
             f"{folder}: cannot write ({error.strerror}); choose another folder", exit_code=EXIT_USAGE
         ) from error
-    return sorted(path for _, _, path in writers.values())
+
+
+def _table_rows(recording: Recording) -> Iterator[tuple[str, Row]]:
+    """Yield topic and row of everything that can be decoded."""
+    for recorded in recording.messages():
+        try:
+            rows = list(_rows(recorded.decode()))
+        except (ValueError, KeyError):
+            continue
+        for row in rows:
+            yield recorded.topic, {"log_time_s": seconds(recorded.log_ns), **row}
+
+
+def _merged(columns: Row, row: Row) -> Row:
+    """Return the columns, as keys, with those of the row that are new behind the one that precedes them."""
+    if row.keys() <= columns.keys():
+        return columns
+    merged, position = list(columns), 0
+    for name in row:
+        if name in columns:
+            position = merged.index(name) + 1
+        else:
+            merged.insert(position, name)
+            position += 1
+    return dict.fromkeys(merged)
 
 
 def last_map(recording: Recording) -> tuple[OccupancyGrid, FloatArray]:

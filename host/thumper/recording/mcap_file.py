@@ -32,10 +32,15 @@ class McapFile:
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._counts: dict[str, int] = {}
-        self._writer.start(profile="ros2", library=LIBRARY)
-        for name, content in metadata.items():
-            self._writer.add_metadata(name, content)
-        self.flush()
+        try:
+            self._writer.start(profile="ros2", library=LIBRARY)
+            for name, content in metadata.items():
+                self._writer.add_metadata(name, content)
+            self.flush()
+        except OSError:
+            self.abandon()
+            self._part.unlink()  # it has nothing yet
+            raise
 
     @property
     def bytes_written(self) -> int:

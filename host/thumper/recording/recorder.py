@@ -1,7 +1,9 @@
-"""Record messages in a separate thread; the caller never waits and never sees an error."""
+"""Record messages in a separate thread; the caller never waits and never sees an error.
+
+While the disk is full, recording pauses: what is written stays, and a new file begins once there is room.
+"""
 
 import queue
-import shutil
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -9,7 +11,7 @@ from pathlib import Path
 
 from thumper.common.stamps import stamp_ns
 from thumper.config.recording import RecordingOptions
-from thumper.recording.disk_budget import make_room, new_name
+from thumper.recording.disk_budget import check_room, is_full, make_room, new_name
 from thumper.recording.mcap_file import McapFile
 from thumper.recording.run_metadata import METADATA_NAME, RunMetadata
 from thumper.ros.codec import Message, encode
@@ -18,6 +20,7 @@ from thumper.ros.topics import TOPICS
 MB = 1_000_000.0
 CLOSE_TIMEOUT_S = 10.0
 FLUSH_PERIOD_S = 0.5  # a crash loses at most the messages of this time and one write
+ROOM_PERIOD_S = 2.0  # between checks whether a full disk has room again
 QUEUE_SIZE = 4096  # messages that wait for a slow disk, about half a minute of a robot
 
 _Item = tuple[str, str, int | None, Message | bytes]
@@ -25,7 +28,7 @@ _Item = tuple[str, str, int | None, Message | bytes]
 
 
 class Recorder:
-    """Queues messages; its thread writes them to files, and reports once if it has to stop."""
+    """Queues messages; its thread writes them to files, and reports if it has to pause or stop."""
 
     def __init__(
         self,
@@ -37,7 +40,7 @@ class Recorder:
         flush_period_s: float = FLUSH_PERIOD_S,
         queue_size: int = QUEUE_SIZE,
     ) -> None:
-        """Start the thread, which creates the files and calls `report` if recording stops on its own."""
+        """Start the thread, which creates the files and calls `report` if recording pauses or stops."""
         self._folder, self._run_metadata = folder, run
         self._options = options or run.config.recording
         self._report = report
@@ -51,7 +54,8 @@ class Recorder:
         self._part = 0
         self._file_start_s = 0.0
         self._latched: dict[str, tuple[str, bytes]] = {}  # type and CDR of the newest
-        self.dropped = 0
+        self.is_paused = False  # the disk is full
+        self.dropped = 0  # messages that found no place in the queue, or came while it was paused
         self.written = 0
         self.failure = ""
         self._finish_requested = False
@@ -99,13 +103,55 @@ class Recorder:
     def _run(self) -> None:
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
-            file = self._open_file()
-            self._write_until_finished(file)
+            while not self._record():
+                if not self._wait_for_room():
+                    return
         except Exception as error:  # report any error, but never pass it on to the robot
             self.failure = str(error) or type(error).__name__
-            if self._file is not None:
-                self._file.abandon()
+            self._abandon()
             self._report(f"recording stopped: {self.failure}; the robot continues without it")
+
+    def _record(self) -> bool:
+        """Write messages until the end; return False if the disk is full."""
+        try:
+            self._write_until_finished(self._open_file())
+        except OSError as error:
+            self._abandon()
+            if not is_full(error):
+                raise
+            if not self.is_paused:
+                self.is_paused = True
+                self._report(f"recording paused: {error.strerror}; it continues when there is room")
+            return False
+        return True
+
+    def _wait_for_room(self) -> bool:
+        """Drop messages until there may be room again; return False if the recording ends before that."""
+        due_s = time.monotonic() + ROOM_PERIOD_S
+        while not (self._finish_requested and self._queue.empty()):
+            try:
+                item = self._queue.get(timeout=max(0.0, due_s - time.monotonic()))
+            except queue.Empty:
+                item = ("", "", None, b"")
+            if item is None:
+                break
+            if item[0]:
+                self._drop(item)
+            if time.monotonic() >= due_s:
+                return True
+        self.failure = "the disk is full"
+        return False
+
+    def _drop(self, item: _Item) -> None:
+        topic, type_name, _, message = item
+        self.dropped += 1
+        if topic in TOPICS and TOPICS[topic].latched:  # for the next file
+            self._latched[topic] = (type_name, message if isinstance(message, bytes) else encode(message))
+
+    def _abandon(self) -> None:
+        if self._file is not None:
+            self._file.abandon()
+            self._file = None
 
     def _write_until_finished(self, file: McapFile) -> None:
         period_s = self._flush_period_s
@@ -121,6 +167,7 @@ class Recorder:
             if time.monotonic() >= due_s:
                 file.flush()
                 file = self._within_limits(file)
+                self._report_end_of_pause()
                 due_s = time.monotonic() + period_s
         self._write_at(file, self._newest_ns or self._run_metadata.epoch_ns, self._untimed)
         file.close()
@@ -146,16 +193,22 @@ class Recorder:
     def _within_limits(self, file: McapFile) -> McapFile:
         """Return the file to continue with: this one, or a new one if a limit is reached."""
         options = self._options
-        if shutil.disk_usage(self._folder).free < options.spare_MB * MB:
-            raise OSError(f"less than {options.spare_MB:.0f} MB are free on the disk; delete files")
+        try:
+            check_room(self._folder, options.spare_MB * MB)
+        except OSError:
+            file.close()  # while there is still room for its index
+            self._file = None
+            raise
         is_old = time.monotonic() - self._file_start_s > options.file_s
         if file.bytes_written <= self._max_file_bytes and not is_old:
             return file
         file.close()
-        file = self._open_file()
-        for topic, (type_name, cdr) in self._latched.items():  # each file is self-contained
-            file.add(topic, type_name, self._newest_ns or 0, cdr)
-        return file
+        return self._open_file()
+
+    def _report_end_of_pause(self) -> None:
+        if self.is_paused:
+            self.is_paused = False
+            self._report(f"recording continues; {self.dropped} messages are missing")
 
     def _open_file(self) -> McapFile:
         self._file_start_s = time.monotonic()
@@ -163,12 +216,15 @@ class Recorder:
         self._part += 1
         position = {"run": str(self._run_id), "part": str(self._part - 1)}
         metadata = {METADATA_NAME: self._run_metadata.as_metadata() | position}
-        self.files.append(path)
         make_room(
             self._folder,
             self._run_metadata.config.name,
             budget_bytes=self._options.budget_MB * MB,
             reserve_bytes=self._max_file_bytes,
         )
+        check_room(self._folder, self._options.spare_MB * MB)
         self._file = McapFile(path, metadata)
+        self.files.append(path)
+        for topic, (type_name, cdr) in self._latched.items():  # each file is self-contained
+            self._file.add(topic, type_name, self._newest_ns or 0, cdr)
         return self._file

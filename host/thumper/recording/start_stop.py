@@ -52,7 +52,7 @@ class RecordingControl:
             return "already recording"
         self._detach()  # a recorder that has stopped on its own
         publisher = self._robot.publisher
-        self._recorder = Recorder(self._folder, self.run_metadata(), report=self._on_failure)
+        self._recorder = Recorder(self._folder, self.run_metadata(), report=self._on_report)
         publisher.add_sink(self._recorder)
         publisher.recording = True
         return f"recording to {self._folder}/"
@@ -79,8 +79,10 @@ class RecordingControl:
             self._robot.publisher.recording = False
         return recorder
 
-    def _on_failure(self, text: str) -> None:
-        self._robot.publisher.recording = False
+    def _on_report(self, text: str) -> None:
+        recorder = self._recorder
+        if recorder is not None:  # it has paused, continued or stopped
+            self._robot.publisher.recording = recorder.active and not recorder.is_paused
         self._report(text)
 
 

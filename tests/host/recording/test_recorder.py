@@ -1,14 +1,17 @@
 """Other programs can read recordings, and a recording that fails does not affect the robot."""
 
+import re
 import subprocess
 import sys
 import threading
 import time
 from collections import Counter
 from pathlib import Path
+from types import SimpleNamespace
 
 import mcap.reader
 import pytest
+from benchmarks.shared.live import until
 from benchmarks.shared.recorded_run import EPOCH_NS, RUN, cycles
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
@@ -18,8 +21,10 @@ from thumper.config.bus import BusOptions
 from thumper.config.dashboard import DashboardOptions
 from thumper.config.recording import RecordingOptions
 from thumper.config.robot import RobotConfig
+from thumper.recording.disk_budget import make_room, own_recordings
+from thumper.recording.reader import Recording
 from thumper.recording.recorder import Recorder
-from thumper.recording.repair import is_complete
+from thumper.recording.repair import is_complete, repair_all
 from thumper.recording.run_metadata import RunMetadata, run_metadata_of
 from thumper.ros.codec import encode
 from thumper.ros.to_ros import text
@@ -163,41 +168,101 @@ FULL_DISK = """
 import resource, sys, time
 from pathlib import Path
 from benchmarks.shared.recorded_run import RUN, cycles
+from thumper.recording import recorder as module
 from thumper.recording.recorder import Recorder
 
+def record(first, last):
+    for k, (topic, now_s, message) in enumerate(cycles(last)):
+        if now_s >= 5.0 + 0.1 * first:
+            recorder(topic, now_s, message)
+            time.sleep(0.0005)
+
+module.ROOM_PERIOD_S = 0.5
 reports = []
 recorder = Recorder(Path(sys.argv[1]), RUN, report=reports.append, flush_period_s=0.02)
-resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
-for topic, now_s, message in cycles(200):
-    recorder(topic, now_s, message)
-    time.sleep(0.0005)
+record(0, 20)
+resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, resource.RLIM_INFINITY))  # no file grows beyond 60 kB
+until_s = time.monotonic() + 60.0
+for k in range(20, 10000):
+    if reports or time.monotonic() > until_s:
+        break
+    record(k, k + 1)
+resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
+time.sleep(1.5)  # it tries again, in vain
+assert recorder.is_paused and recorder.active, reports
+if sys.argv[2] == "room":
+    resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+    while recorder.is_paused and time.monotonic() < until_s:
+        record(100, 200)
+    record(200, 300)
 recorder.close()
-assert not recorder.active
-print(len(reports), reports[0])
+print(*reports, sep="\\n")
+print("failure:", recorder.failure)
+print("file:", recorder.files[-1])
 """
 
 
-def test_full_disk_ends_the_recording_with_one_line(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", FULL_DISK, str(tmp_path)],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+@pytest.mark.parametrize("there_is_room", [True, False])
+def test_full_disk_pauses_the_recording_and_keeps_what_is_written(
+    tmp_path: Path, *, there_is_room: bool
+) -> None:
+    command = [sys.executable, "-c", FULL_DISK, str(tmp_path), "room" if there_is_room else "none"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("1 recording stopped: ")
-    assert "too large" in done.stdout
-    assert len(list(tmp_path.glob("*.part"))) == 1
+    lines = done.stdout.splitlines()
+    assert lines[0] == "recording paused: File too large; it continues when there is room"
+    part = next(tmp_path.glob("*_000.mcap.part"))
+    assert repair_all([part], print)
+    first = sum(message.topic == "wheels" for message in Recording((tmp_path / part.stem,)).messages())
+    assert first >= 20  # everything from before the disk was full
+    if there_is_room:
+        assert re.fullmatch(r"recording continues; [1-9]\d* messages are missing", lines[-3])
+        assert lines[-2] == "failure: "
+        topics = Counter(m.topic for m in Recording((Path(lines[-1].removeprefix("file: ")),)).messages())
+        assert topics["wheels"] > 50
+        assert topics["plan"]  # the newest of latched topics stands in each file
+    else:
+        assert lines[1:-1] == ["failure: the disk is full"]
+        assert list(tmp_path.iterdir()) == [tmp_path / part.stem]  # no file for each attempt
 
 
-def test_low_disk_space_ends_the_recording(tmp_path: Path) -> None:
+def test_low_disk_space_pauses_and_finishes_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    free_bytes = [1e12]
+    usage = SimpleNamespace(disk_usage=lambda _: SimpleNamespace(free=free_bytes[0]))
+    monkeypatch.setattr("thumper.recording.disk_budget.shutil", usage)
+    monkeypatch.setattr("thumper.recording.recorder.ROOM_PERIOD_S", 0.01)
     reports: list[str] = []
-    options = RecordingOptions(spare_MB=1e12)
-    recorder = Recorder(tmp_path, RUN, options, report=reports.append, flush_period_s=0.01)
-    deadline_s = time.monotonic() + 5.0
-    while recorder.active and time.monotonic() < deadline_s:
-        time.sleep(0.01)
-    assert not recorder.active
-    assert len(reports) == 1
-    assert "free" in reports[0]
+    recorder = Recorder(tmp_path, RUN, report=reports.append, flush_period_s=0.01)
+    for topic, now_s, message in cycles(10):
+        recorder(topic, now_s, message)
+    until(lambda: recorder.written > 50)
+    free_bytes[0] = 1e8
+    until(lambda: reports)
+    assert reports == [
+        "recording paused: less than 256 MB are free on the disk; delete files; it continues when "
+        "there is room"
+    ]
+    (whole,) = tmp_path.glob("*.mcap")
+    assert is_complete(whole)
+    free_bytes[0] = 1e12
+    until(lambda: not recorder.is_paused)
+    for topic, now_s, message in cycles(20):
+        recorder(topic, now_s, message)
+    recorder.close()
+    assert not recorder.failure
+    assert len(list(tmp_path.glob("*.mcap"))) == 2
+
+
+def test_budget_counts_parts_beyond_999(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path, RUN)
+    recorder.close()
+    names = [f"mole_20260101-000000_{part:03d}.mcap" for part in (998, 999, 1000, 1001, 10000)]
+    names.append("mole_20260101-000000_1001-2.mcap")
+    for name in names:
+        (tmp_path / name).write_bytes(recorder.files[0].read_bytes())
+    recorder.files[0].unlink()
+    oldest_first = [names[0], names[1], names[2], names[3], names[5], names[4]]
+    assert [path.name for path in own_recordings(tmp_path, "mole")] == oldest_first
+    size = (tmp_path / names[0]).stat().st_size
+    deleted = make_room(tmp_path, "mole", budget_bytes=2.5 * size, reserve_bytes=0)
+    assert [path.name for path in deleted] == oldest_first[:4]
