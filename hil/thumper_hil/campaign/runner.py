@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from distributed import LocalCluster
 
 CONNECT_S = 10
+NO_PAGES = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
 
 
 def run_jobs(
@@ -92,9 +93,13 @@ def _describe(error: Exception) -> str:
 def _local_cluster(workers: int | None) -> "Iterator[LocalCluster]":
     """Start local worker processes with SIGINT blocked; this process handles Ctrl-C and stops them.
 
+    Scheduler and workers speak TLS with keys of their own, made for this campaign: Dask runs any code that it
+    receives, and other users of this computer can connect to its ports. There is no web dashboard.
+
     The workers inherit the blocked signal from the thread that starts them, which inherits it from here. A
     Ctrl-C during the start takes effect once they run, because Dask cannot stop half-started workers cleanly.
     """
+    import dask
     from distributed import LocalCluster
 
     interrupts: list[int] = []
@@ -102,13 +107,16 @@ def _local_cluster(workers: int | None) -> "Iterator[LocalCluster]":
     resource_tracker.ensure_running()  # multiprocessing would unblock the signal if it started this later
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        cluster = LocalCluster(  # type: ignore[no-untyped-call]
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address=None,
-            silence_logs=logging.CRITICAL,  # errors are in the futures; the rest is noise after Ctrl-C
-        )
+        with dask.config.set(NO_PAGES):
+            cluster = LocalCluster(  # type: ignore[no-untyped-call]
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                security=True,
+                protocol="tls",
+                dashboard_address="127.0.0.1:0",  # None would open port 8787
+                silence_logs=logging.CRITICAL,  # errors are in the futures; the rest is noise after Ctrl-C
+            )
     finally:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         signal.signal(signal.SIGINT, handler)

@@ -7,6 +7,7 @@ from typing import Any
 
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2, Twist2
+from thumper.common.texts import shortened
 from thumper.navigation.goal import Goal, check_place
 from thumper.ros.codec import Message, decode
 from thumper.ros.from_ros import pose_of, twist_of
@@ -59,7 +60,7 @@ class RequestDecoder:
             self._check(topic, len(raw), source, now_s)
             return _READERS[topic](decode(raw, known.type_name), source)
         except ValueError as error:
-            raise RequestRefusedError(f"{topic}: {error}") from error
+            raise RequestRefusedError(shortened(f"{topic}: {error}")) from error
 
     def decode_query(
         self, name: str, raw: bytes, source: str, now_s: float, reply: Callable[[Mapping[str, Any]], None]
@@ -74,7 +75,7 @@ class RequestDecoder:
             service.check(content)
             return Query(name=name, content=content, reply=reply, source=source)
         except ValueError as error:
-            raise RequestRefusedError(f"{name}: {error}") from error
+            raise RequestRefusedError(shortened(f"{name}: {error}")) from error
 
     def _check(self, name: str, size_bytes: int, source: str, now_s: float) -> None:
         if size_bytes > MAX_MESSAGE_BYTES:

@@ -24,6 +24,7 @@ from thumper.bus.client import BusClient
 from thumper.bus.request_decoder import MAX_MESSAGE_BYTES, json_object
 from thumper.bus.rosbridge_ops import PendingQuery, RosbridgeClient
 from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.texts import shortened
 from thumper.config.bus import is_loopback
 from thumper.ros.codec import Message
 from thumper.ros.to_json import to_json
@@ -169,7 +170,7 @@ def _handle(
             raise ThumperError("too many service calls are pending; try again")
         queries.put_nowait(query)
     except (ValueError, ThumperError) as error:
-        status = {"op": "status", "level": "error", "msg": str(error)}
+        status = {"op": "status", "level": "error", "msg": shortened(str(error))}
         send(json.dumps(status | ({"id": message_id} if isinstance(message_id, str) else {})))
 
 

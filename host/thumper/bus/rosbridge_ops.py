@@ -7,6 +7,7 @@ from typing import Any
 
 from thumper.bus.client import BusClient
 from thumper.common.errors import ThumperError
+from thumper.common.texts import shortened
 from thumper.ros.codec import encode
 from thumper.ros.services import SERVICES
 from thumper.ros.to_json import from_json
@@ -89,7 +90,7 @@ class RosbridgeClient:
     def _call(self, content: Mapping[str, Any]) -> dict[str, Any]:
         service = str(content.get("service", "")).strip("/")
         arguments = content.get("args") or {}
-        answer = {"op": "service_response", "service": f"/{service}", "values": {}, "result": True}
+        answer = {"op": "service_response", "service": shortened(f"/{service}"), "values": {}, "result": True}
         if isinstance(content.get("id"), str):
             answer["id"] = content["id"]
         try:
@@ -97,7 +98,7 @@ class RosbridgeClient:
                 raise ThumperError("args must be an object")
             answer["values"] = self._answer(service, arguments)
         except (ThumperError, ValueError) as error:
-            answer |= {"values": str(error), "result": False}
+            answer |= {"values": shortened(str(error)), "result": False}
         return answer
 
     def _answer(self, service: str, arguments: Mapping[str, Any]) -> dict[str, Any]:

@@ -17,7 +17,9 @@ from thumper.dashboard.page_messages import (
     MAX_MESSAGE_BYTES,
     EStop,
     PageHeartbeat,
+    PageMessage,
     PageMessageError,
+    TakeControl,
     parse_message,
 )
 from thumper.dashboard.page_state import PageState
@@ -27,9 +29,11 @@ MAX_PERIOD_S = 0.05  # at least 20 packets per second, so that a page knows that
 MIN_PERIOD_S = 0.02  # and at most 50: a change is sent at once, a burst of changes together
 BATCH_WINDOW_S = 0.003  # the messages of one control cycle arrive within this time
 MAX_PAGES = 16  # their heartbeats together stay below the robot's rate limit
+SILENT_S = 5.0  # a page that is hidden sends nothing
 MAX_QUEUED = 20  # packets, 1 s: a page further behind receives a full packet when it can take one
 MESSAGE_RATE_HZ = 60.0  # heartbeats are 10, the stick is 20
 MESSAGE_BURST = 60
+ANSWER_RATE_HZ, ANSWER_BURST = 1.0, 5  # refusals that a page is shown
 MAX_PENDING_QUERIES = 4  # per page
 
 
@@ -41,6 +45,7 @@ class PageConnection:
         self.socket = socket
         self.queue: deque[bytes | str] = deque()
         self.needs_full_packet = True  # as every new page
+        self.received_s = time.monotonic()
         self.has_queued = asyncio.Event()
         self.queries: set[asyncio.Task[None]] = set()
 
@@ -94,7 +99,7 @@ class Connections:
 
     async def serve(self, socket: WebSocket) -> None:
         """Serve one page until it disconnects."""
-        if len(self._pages) >= MAX_PAGES:
+        if len(self._pages) >= MAX_PAGES and not await self._close_silent_page():
             await socket.close(code=1013, reason="too many pages")
             return
         await socket.accept()
@@ -110,6 +115,15 @@ class Connections:
             self._pages.discard(page)
             self._commands.on_disconnect(page.name)
             sender.cancel()
+
+    async def _close_silent_page(self) -> bool:
+        """Close the page that has been silent the longest, to make room; return False if there is none."""
+        page = min(self._pages, key=lambda page: page.received_s)
+        if page.name == self._commands.operator or time.monotonic() - page.received_s < SILENT_S:
+            return False
+        self._pages.discard(page)
+        await page.socket.close(code=1013, reason="too many pages")
+        return True
 
     def _common_values(self) -> dict[str, Any]:
         return {"pages": len(self._pages), "operator": self._commands.operator, **self._extra()}
@@ -130,25 +144,42 @@ class Connections:
 
     async def _receive(self, page: PageConnection) -> None:
         limit = RateLimit(MESSAGE_RATE_HZ, MESSAGE_BURST)
+        answers = RateLimit(ANSWER_RATE_HZ, ANSWER_BURST)
         while True:
-            text = await page.socket.receive_text()
-            allowed = limit.allows()
-            if len(text) > MAX_MESSAGE_BYTES:
-                await page.socket.close(code=1009, reason="too long")
+            received = await page.socket.receive()
+            page.received_s = time.monotonic()
+            text = received.get("text")
+            if received["type"] == "websocket.disconnect":
                 return
+            if text is None or len(text) > MAX_MESSAGE_BYTES:
+                reason = "send text" if text is None else "too long"
+                await page.socket.close(code=1003 if text is None else 1009, reason=reason)
+                return
+            allowed = limit.allows()
             try:
                 message = parse_message(text)
-            except PageMessageError as error:
-                if allowed:
+                if not allowed and not isinstance(message, EStop):
+                    continue  # rate limit; an E-stop always passes
+                self._handle(page, message)
+            except (PageMessageError, ThumperError) as error:
+                if allowed and answers.allows():  # a held joystick must not fill the page with notices
                     page.send_text("refused", text=str(error))
-                continue
-            if not allowed and not isinstance(message, EStop):
-                continue  # rate limit; an E-stop always passes
-            query = self._commands.handle(page.name, message)
-            if query is not None:
-                self._run_query(page, query)
-            if isinstance(message, PageHeartbeat):
-                page.send_text("beat", n=message.n)
+
+    def _handle(self, page: PageConnection, message: PageMessage) -> None:
+        before = self._commands.operator
+        query = self._commands.handle(page.name, message)
+        if query is not None:
+            self._run_query(page, query)
+        if isinstance(message, PageHeartbeat):
+            page.send_text("beat", n=message.n)
+        if isinstance(message, TakeControl) and before != page.name:
+            page.send_text("note", text="This page controls the robot now.")
+            for other in self._pages:
+                if other.name == before:
+                    other.send_text(
+                        "refused",
+                        text="Another page has taken control; the motion that this page started stops.",
+                    )
 
     def _run_query(self, page: PageConnection, query: PendingQuery) -> None:
         """Query the robot in a thread, so that heartbeats do not wait for its answer."""

@@ -1,9 +1,10 @@
-"""Access control: requests from the page itself only, and with the password if one is set.
+"""Access control: requests from the page itself only, and from those who know the password if one is set.
 
 It covers everything, including NiceGUI's own paths and the websockets. It matters on loopback, too: without
 it, any web page open in the user's browser could connect to the websocket and drive the robot.
 """
 
+import asyncio
 import hmac
 import secrets
 import time
@@ -16,12 +17,15 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from thumper.config.bus import is_loopback
 from thumper.dashboard.rate_limit import RateLimit
 
 COOKIE = "thumper_session"
 SESSION_S = 12 * 3600.0
 MAX_FORM_BYTES = 2048
+FORM_TIMEOUT_S = 10.0
 # NiceGUI compiles its templates in the page, hence 'unsafe-eval'. No other host is involved.
+STRICT_TRANSPORT = b"max-age=31536000"  # seconds: the browser uses HTTPS only, for a year
 POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:; "
     "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
@@ -47,42 +51,86 @@ class AccessControl:
             await self._app(scope, receive, send)
             return
         headers = Headers(scope=scope)
-        if not self._is_same_page(headers):
+        if scope["type"] == "http":
+            send = self._with_policy(send, headers)
+        if not (self._is_same_page(headers) and _is_own_request(scope, headers)):
             await _refuse(scope, receive, send, PlainTextResponse("wrong host or origin", status_code=403))
-        elif scope["type"] == "http" and scope["path"] == "/login" and self._password:
+        elif not self._password:
+            await self._app(scope, receive, send)
+        elif scope["type"] == "http" and scope["path"] == "/login":
             response = await self._login(Request(scope, receive))
-            await response(scope, receive, _with_policy(send))
-        elif self._password and not self._is_logged_in(headers):
+            await response(scope, receive, send)
+        elif not self._is_logged_in(headers):
             is_page = scope["type"] == "http" and "text/html" in headers.get("accept", "")
             login: Response = RedirectResponse("/login", status_code=303)
             await _refuse(scope, receive, send, login if is_page else PlainTextResponse("log in first", 401))
+        elif scope["type"] == "http" and scope["path"] == "/logout":
+            await self._logout(Request(scope, receive))(scope, receive, send)
+        elif scope["type"] == "websocket":
+            await self._app(scope, self._while_logged_in(headers, receive), send)
         else:
-            await self._app(scope, receive, _with_policy(send) if scope["type"] == "http" else send)
+            await self._app(scope, receive, send)
 
     def _is_same_page(self, headers: Headers) -> bool:
-        host, origin = headers.get("host", ""), headers.get("origin")
+        if self._hosts and _host_name(headers) not in self._hosts:
+            return False  # a foreign name that points to this computer (DNS rebinding)
+        origin = headers.get("origin")
         try:
-            if self._hosts and urlsplit(f"//{host}").hostname not in self._hosts:
-                return False  # a foreign name that points to this computer (DNS rebinding)
-            return origin is None or urlsplit(origin).netloc == host
+            return origin is None or urlsplit(origin).netloc == headers.get("host", "")
         except ValueError:  # malformed
             return False
 
+    def _with_policy(self, send: Send, headers: Headers) -> Send:
+        """Return `send` with the headers that restrict what browsers do with an answer."""
+        policy = [
+            (b"content-security-policy", POLICY.encode()),
+            (b"x-content-type-options", b"nosniff"),
+            (b"referrer-policy", b"no-referrer"),
+        ]
+        if self._secure and not is_loopback(_host_name(headers)):  # other programs there have no HTTPS
+            policy.append((b"strict-transport-security", STRICT_TRANSPORT))
+
+        async def send_with_policy(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                message["headers"] = [*message.get("headers", []), *policy]
+            await send(message)
+
+        return send_with_policy
+
     def _is_logged_in(self, headers: Headers) -> bool:
-        try:
-            cookie = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
-        except CookieError:
-            return False
-        return cookie is not None and self._sessions.get(cookie.value, 0.0) > time.monotonic()
+        return self._sessions.get(_session_of(headers), 0.0) > time.monotonic()
+
+    def _while_logged_in(self, headers: Headers, receive: Receive) -> Receive:
+        """Return `receive` of a websocket that ends with the session."""
+
+        async def receive_if_logged_in() -> Message:
+            message = await receive()
+            if self._is_logged_in(headers):
+                return message
+            return {"type": "websocket.disconnect", "code": 1008}
+
+        return receive_if_logged_in
+
+    def _logout(self, request: Request) -> Response:
+        if request.method != "POST":
+            return PlainTextResponse("send POST", status_code=405)
+        self._sessions.pop(_session_of(request.headers), None)
+        answer = RedirectResponse("/login", status_code=303)
+        answer.delete_cookie(COOKIE)
+        return answer
 
     async def _login(self, request: Request) -> Response:
         if request.method != "POST":
             return HTMLResponse(_form(""))
         body = b""
-        async for chunk in request.stream():
-            body += chunk
-            if len(body) > MAX_FORM_BYTES:
-                return PlainTextResponse("too long", status_code=413)
+        try:
+            async with asyncio.timeout(FORM_TIMEOUT_S):
+                async for chunk in request.stream():
+                    body += chunk
+                    if len(body) > MAX_FORM_BYTES:
+                        return PlainTextResponse("too long", status_code=413)
+        except TimeoutError:
+            return PlainTextResponse("too slow", status_code=408)
         if not self._attempts.allows():
             return HTMLResponse(_form("Too many attempts. Wait a few seconds."), status_code=429)
         password = parse_qs(body.decode("utf-8", "replace")).get("password", [""])[0]
@@ -99,18 +147,30 @@ class AccessControl:
         return answer
 
 
-def _with_policy(send: Send) -> Send:
-    async def send_with_policy(message: Message) -> None:
-        if message["type"] == "http.response.start":
-            message["headers"] = [
-                *message.get("headers", []),
-                (b"content-security-policy", POLICY.encode()),
-                (b"x-content-type-options", b"nosniff"),
-                (b"referrer-policy", b"no-referrer"),
-            ]
-        await send(message)
+def _is_own_request(scope: Scope, headers: Headers) -> bool:
+    """Return False for requests that a page of another site or port made; following a link is allowed."""
+    site = headers.get("sec-fetch-site", "none")  # not every browser sends it
+    is_link = (
+        scope["type"] == "http" and scope["method"] == "GET" and headers.get("sec-fetch-mode") == "navigate"
+    )
+    return site in ("same-origin", "none") or (is_link and headers.get("sec-fetch-dest") == "document")
 
-    return send_with_policy
+
+def _host_name(headers: Headers) -> str:
+    """Return the name in the Host header without the port; empty if it is malformed."""
+    try:
+        return urlsplit(f"//{headers.get('host', '')}").hostname or ""
+    except ValueError:
+        return ""
+
+
+def _session_of(headers: Headers) -> str:
+    """Return the session's id in the cookie; empty without one."""
+    try:
+        cookie = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+    except CookieError:
+        return ""
+    return "" if cookie is None else cookie.value
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, response: Response) -> None:

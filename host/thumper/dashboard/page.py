@@ -28,7 +28,7 @@ READOUTS = (
     ("counts", "Encoders", "counts, left and right"),
     ("rtt", "Page to server", "round-trip time of this page's heartbeat"),
     ("pages", "Open pages", "pages connected now"),
-    ("operator", "Operator", "page that started the newest motion; the robot stops if its heartbeats end"),
+    ("operator", "Operator", "page that controls the robot, which stops if its heartbeats end"),
 )
 
 
@@ -38,6 +38,7 @@ class PageOptions:
 
     robot: str
     footprint_m: list[tuple[float, float]]
+    has_password: bool = False
 
 
 def build_page(options: PageOptions, robot: QueryClient) -> None:
@@ -47,7 +48,7 @@ def build_page(options: PageOptions, robot: QueryClient) -> None:
         ui.add_css(STATIC / sheet)
     dark = ui.dark_mode(value=None)
     ui.query(".nicegui-content").classes("tp-content")
-    _header(options.robot, dark)
+    _header(options, dark)
     with box("tp-banner-row"):
         box("tp-banner").props("id=tp-banner data-kind=lost role=status")
     with box("tp-main"):
@@ -63,10 +64,10 @@ def build_page(options: PageOptions, robot: QueryClient) -> None:
         inline("<b>STOP</b><small>Space · Esc</small>")
 
 
-def _header(robot: str, dark: ui.dark_mode) -> None:
+def _header(options: PageOptions, dark: ui.dark_mode) -> None:
     with ui.element("header").classes("tp-header"):
         inline('<b class="tp-brand">Thumper</b>')
-        _field("robot", robot).classes("tp-robot")
+        _field("robot", options.robot).classes("tp-robot")
         with box("tp-chips"):
             _chip("battery_full", "battery", "Battery").classes("tp-battery")
             _chip("memory", "board_state", "Motor board")
@@ -76,6 +77,11 @@ def _header(robot: str, dark: ui.dark_mode) -> None:
             _field("recorded")
         with button("tp-icon", {}, "Light or dark theme").on("click", partial(_toggle_theme, dark)):
             ui.icon("contrast")
+        if options.has_password:
+            inline(
+                '<form method="post" action="/logout"><button class="tp-icon" title="Log out">'
+                '<i class="material-icons">logout</i></button></form>'
+            )
 
 
 async def _toggle_theme(dark: ui.dark_mode) -> None:
@@ -128,6 +134,10 @@ def _drive_panel() -> None:
         _command_button("Disarm", {"kind": "command", "name": "disarm"}, "tp-plain")
         _command_button("Cancel goal", {"kind": "command", "name": "cancel"}, "tp-plain")
         _command_button("Save map", {"kind": "command", "name": "save_map"}, "tp-plain")
+    with box("tp-other-operator"):
+        ui.html("<p>Another page controls the robot.</p>", sanitize=False)
+        with button("tp-go", {"data-take-control": ""}):
+            inline("<span>Take control</span>")
     inline("<h2>Manual driving</h2>")
     Widget("drive").classes("tp-drive")
     ui.html(

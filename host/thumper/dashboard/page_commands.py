@@ -1,7 +1,9 @@
-"""Send the pages' checked messages to the robot, and forward the heartbeats of the pages that drive it.
+"""Send the pages' checked messages to the robot, and forward the heartbeats of the page that drives it.
 
-A page that has started a motion is responsible for it: from then on its heartbeats are forwarded to the robot
-under its name. If they end, for whatever reason, the robot stops. Pages that only watch may come and go.
+The page that starts a motion has control: from then on its heartbeats are forwarded to the robot under its
+name. If they end, for whatever reason, the robot stops. Another page can drive only after it has taken
+control, which stops the motion of the first one. Every page can stop the robot. Pages that only watch may
+come and go.
 """
 
 import time
@@ -22,6 +24,7 @@ from thumper.dashboard.page_messages import (
     Obstacle,
     PageHeartbeat,
     PageMessage,
+    TakeControl,
     Teleop,
     WaypointsMessage,
 )
@@ -65,24 +68,26 @@ class PageCommands:
         self._map_from_base = map_from_base
         self._limits = limits
         self._messages = Messages()
-        self._responsible: set[str] = set()
-        self.operator = ""  # the page that started the newest motion; empty: none
+        self.operator = ""  # the page that has control; empty: none
 
     def on_disconnect(self, page: str) -> None:
-        """Stop forwarding the heartbeats of a page that has disconnected."""
-        self._responsible.discard(page)
+        """End the control of a page that has disconnected."""
+        if page == self.operator:
+            self.operator = ""
 
     def handle(self, page: str, message: PageMessage) -> PendingQuery | None:
-        """Send a message to the robot; return a query, to be run in a thread, if it needs an answer."""
+        """Send a message to the robot; return a query, to be run in a thread, if it needs an answer.
+
+        Raises
+        ------
+        ThumperError
+            The message needs control, and another page has it; or the robot's pose is not known.
+        """
         now_s = time.time()
-        if _starts_motion(message):
-            self.operator = page
-            self._responsible.add(page)
-            self._send_heartbeat(page, now_s)  # before the command: the page must not count as lost
+        self._update_control(page, message)
+        if page == self.operator and (_starts_motion(message) or isinstance(message, PageHeartbeat)):
+            self._send_heartbeat(page, now_s)  # before a command: the page must not count as lost
         match message:
-            case PageHeartbeat():
-                if page in self._responsible:
-                    self._send_heartbeat(page, now_s)
             case EStop():
                 self._robot.publish("estop", flag(True), source=page)
             case Teleop():
@@ -104,6 +109,14 @@ class PageCommands:
                 pillar = {"pillar": self._pillar(message)}
                 return self._text_query(services.SIMULATOR_COMMAND, pillar, page)
         return None
+
+    def _update_control(self, page: str, message: PageMessage) -> None:
+        """Give control to a page that takes it or starts a motion; raise ThumperError if another has it."""
+        starts_motion = _starts_motion(message)
+        if self.operator not in ("", page) and (starts_motion or isinstance(message, InitialPose)):
+            raise ThumperError("another page controls the robot; press Take control to drive from here")
+        if starts_motion or isinstance(message, TakeControl):
+            self.operator = page  # the heartbeats of another page end, so its motion stops
 
     def _send_waypoints(self, page: str, message: WaypointsMessage, now_s: float) -> PendingQuery | None:
         """Send a path with headings to the next waypoint each; a single place is a goal."""

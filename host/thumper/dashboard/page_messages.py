@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, ValidationError
 
+from thumper.common.texts import shortened
 from thumper.navigation.goal import FARTHEST_M
 
 MAX_MESSAGE_BYTES = 8192
@@ -82,6 +83,12 @@ class Obstacle(_PageMessage):
     radius_m: Annotated[FiniteFloat, Field(ge=0.02, le=2.0)]
 
 
+class TakeControl(_PageMessage):
+    """Take control of the robot from the page that has it."""
+
+    kind: Literal["take_control"]
+
+
 class ExperimentMessage(_PageMessage):
     """Start an experiment."""
 
@@ -100,6 +107,7 @@ PageMessage = (
     | CommandMessage
     | Obstacle
     | ExperimentMessage
+    | TakeControl
 )
 
 _ADAPTER: TypeAdapter[PageMessage] = TypeAdapter(Annotated[PageMessage, Field(discriminator="kind")])
@@ -124,4 +132,4 @@ def parse_message(text: str) -> PageMessage:
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         field = ".".join(str(part) for part in first["loc"])
-        raise PageMessageError(f"refused {field or 'the message'}: {first['msg']}") from None
+        raise PageMessageError(shortened(f"refused {field or 'the message'}: {first['msg']}")) from None

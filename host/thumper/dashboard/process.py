@@ -67,7 +67,11 @@ def run_dashboard(settings: "RobotConfig", options: ServerOptions, robot_address
     app = build_app(
         BusClient(settings.name, robot_address, settings.bus.token, tls=settings.bus.tls, wait=True),
         options,
-        PageOptions(robot=settings.name, footprint_m=list(settings.footprint.vertices_m)),
+        PageOptions(
+            robot=settings.name,
+            footprint_m=list(settings.footprint.vertices_m),
+            has_password=bool(options.password),
+        ),
         TeleopLimits(v_m_s=service.manual_v_max_m_s, w_rad_s=service.manual_w_max_rad_s),
         settings.lidar.base_from_laser,
     )

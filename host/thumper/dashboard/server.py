@@ -27,6 +27,7 @@ from thumper.dashboard.login import AccessControl
 from thumper.dashboard.page import PageOptions, build_page
 from thumper.dashboard.page_commands import PageCommands, TeleopLimits
 from thumper.dashboard.page_state import TOPICS, PageState
+from thumper.dashboard.server_limits import TimedProtocol, drop_abandoned_pages, limit_log, raise_file_limit
 from thumper.dashboard.widgets import STATIC
 from thumper.ros import services
 
@@ -117,6 +118,7 @@ def build_app(
     @ui.page("/", title=f"Thumper · {page.robot}", favicon=STATIC / "icon.svg")
     def index() -> None:
         build_page(page, robot)
+        drop_abandoned_pages()
 
     ticks: list[asyncio.Task[None]] = []
 
@@ -155,8 +157,12 @@ def serve(app: FastAPI, options: ServerOptions, listener: socket.socket) -> None
     if options.certificate and options.key:
         server_tls(options.certificate, options.key)  # reports in one line what is wrong with them
     with listener:
+        raise_file_limit()
+        limit_log()
         config = uvicorn.Config(
             app,
+            http=TimedProtocol,
+            log_config=None,
             log_level="warning",
             ws_max_size=MAX_SOCKET_MESSAGE_BYTES,
             ws_per_message_deflate=False,  # scans hardly compress, and compressing costs time

@@ -10,10 +10,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from urllib.error import HTTPError
+from urllib.request import urlopen
 
 import pytest
 from benchmarks.shared.live import END_WITH_PARENT
-from distributed import LocalCluster
+from distributed import Client, LocalCluster, Security
 
 from tests.hil.campaign.samples import FILE, written
 from thumper.common.errors import ThumperError
@@ -147,6 +149,30 @@ def test_ctrl_c_during_cluster_start_is_not_lost(monkeypatch: pytest.MonkeyPatch
     with pytest.raises(KeyboardInterrupt), runner._local_cluster(1):
         pytest.fail("the interrupt was lost")
     assert blocked[0] & 1 << signal.SIGINT - 1
+
+
+def test_only_the_campaign_itself_reaches_its_scheduler() -> None:
+    with runner._local_cluster(1) as cluster:
+        with Client(cluster, timeout=20) as client:
+            assert client.submit(sum, [1, 2]).result() == 3
+        address = cluster.scheduler_address
+        assert address.startswith("tls://127.0.0.1:")
+        stranger = Security.temporary()  # keys, but of another authority
+        for other, security in ((address.replace("tls:", "tcp:"), None), (address, stranger)):
+            with pytest.raises(OSError, match=r"Timed out|closed|connect"):
+                Client(other, timeout=3, security=security)
+        ports = cluster.scheduler.http_server._sockets.values()
+        assert {socket.getsockname()[0] for socket in ports} == {"127.0.0.1"}
+        for socket in ports:
+            for path in (
+                "/status",
+                "/info/main/workers.html",
+                "/metrics",
+                "/health",
+                "/api/v1/retire_workers",
+            ):
+                with pytest.raises(HTTPError, match="404"):
+                    urlopen(f"http://127.0.0.1:{socket.getsockname()[1]}{path}", timeout=20)
 
 
 @contextmanager

@@ -19,7 +19,7 @@ def recorded_scans(folder: Path, lengths: list[int]) -> Recording:
     """Record scans with as many beams as given, as an LD19 sends them."""
     recorder = Recorder(folder, RUN)
     for k, length in enumerate(lengths):
-        ranges_m = np.arange(length) + 1000.0 * k
+        ranges_m = np.arange(length, dtype=np.float64) + 1000.0 * k
         scan = Scan(time_s=float(k), ranges_m=ranges_m, angle_min_rad=0.0, angle_increment_rad=0.01)
         recorder("scan", float(k), MESSAGES.scan(scan))
     recorder.close()

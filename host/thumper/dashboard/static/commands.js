@@ -44,8 +44,14 @@ export function startCommands() {
     }
   });
   document.addEventListener("click", (event) => {
+    if (event.target.closest?.("[data-take-control]")) send({ kind: "take_control" });
+  });
+  document.addEventListener("click", (event) => {
     if (!event.target.closest?.("[data-record]")) return;
     send({ kind: "command", name: state.values.status?.recording ? "record_stop" : "record_start" });
+  });
+  on("operator", (operator) => {
+    document.body.classList.toggle("tp-watching", Boolean(operator) && operator !== state.pageId);
   });
   on("server:refused", ({ text }) => notify(text, "bad"));
   on("server:note", ({ text }) => notify(text, "good"));

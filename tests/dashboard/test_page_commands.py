@@ -1,0 +1,122 @@
+"""Control of the robot: one page has it, every page can stop the robot. No browser and no server."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import Pose2
+from thumper.dashboard.page_commands import PageCommands, TeleopLimits
+from thumper.dashboard.page_messages import parse_message
+
+TELEOP = '{"kind": "teleop", "forward": 0.5, "left": -1, "turbo": false}'
+RELEASE = '{"kind": "teleop", "forward": 0, "left": 0, "turbo": false}'
+GOAL = '{"kind": "goal", "x_m": 1, "y_m": 2, "yaw_rad": null}'
+WAYPOINTS = '{"kind": "waypoints", "places": [[1, 2], [3, 4]]}'
+EXPERIMENT = '{"kind": "experiment", "name": "tune_wheels", "lane_m": 2}'
+POSE = '{"kind": "initial_pose", "x_m": 1, "y_m": 2, "yaw_rad": 0}'
+HEARTBEAT = '{"kind": "heartbeat", "n": 1}'
+OBSTACLE = '{"kind": "obstacle", "x_m": 1, "y_m": 2, "radius_m": 0.1}'
+
+
+class Robot:
+    """Keeps what the pages send."""
+
+    def __init__(self) -> None:
+        self.sent: list[tuple[str, str]] = []  # topic or service, source
+        self.messages: list[Any] = []
+
+    def publish(self, topic: str, message: Any, *, source: str) -> None:
+        self.sent.append((topic, source))
+        self.messages.append(message)
+
+    def query(self, name: str, payload: Mapping[str, Any], *, source: str = "") -> Mapping[str, Any]:
+        self.sent.append((name, source))
+        return {"ok": True, "mission": 1, "text": "done"}
+
+
+class Pages:
+    """The commands of all pages of one robot."""
+
+    def __init__(self) -> None:
+        self.robot = Robot()
+        self.pose: Pose2 | None = None
+        self.commands = PageCommands(self.robot, TeleopLimits(v_m_s=0.8, w_rad_s=2.0), lambda: self.pose)
+
+    def send(self, page: str, text: str) -> list[tuple[str, str]]:
+        """Return what the robot gets because of it."""
+        self.robot.sent.clear()
+        query = self.commands.handle(page, parse_message(text))
+        if query is not None:
+            query()
+        return self.robot.sent
+
+
+@pytest.mark.parametrize("motion", [TELEOP, GOAL, WAYPOINTS, EXPERIMENT])
+def test_page_that_starts_a_motion_guards_it(motion: str) -> None:
+    pages = Pages()
+    assert pages.send("a", HEARTBEAT) == []  # it only watches
+    sent = pages.send("a", motion)
+    assert sent[0] == ("heartbeat", "a")  # first, or the page would count as lost
+    assert len(sent) == 2
+    assert sent[1][1] == "a"
+    assert pages.send("a", HEARTBEAT) == [("heartbeat", "a")]
+    assert pages.send("b", HEARTBEAT) == []
+
+
+@pytest.mark.parametrize("message", [TELEOP, GOAL, WAYPOINTS, EXPERIMENT, POSE])
+def test_second_page_drives_only_after_it_has_taken_control(message: str) -> None:
+    pages = Pages()
+    pages.send("a", TELEOP)
+    with pytest.raises(ThumperError, match="another page controls the robot"):
+        pages.send("b", message)
+    assert pages.robot.sent == []
+    assert pages.commands.operator == "a"
+    assert pages.send("b", '{"kind": "take_control"}') == []
+    assert pages.send("a", HEARTBEAT) == []  # the robot stops its motion
+    assert pages.send("b", message)[-1][1] == "b"
+    with pytest.raises(ThumperError, match="another page"):
+        pages.send("a", TELEOP)
+
+
+def test_control_ends_with_the_page() -> None:
+    pages = Pages()
+    pages.send("a", GOAL)
+    pages.commands.on_disconnect("b")
+    assert pages.commands.operator == "a"
+    pages.commands.on_disconnect("a")
+    assert pages.send("a", HEARTBEAT) == []
+    assert pages.send("b", TELEOP)[-1] == ("teleop", "b")
+
+
+def test_every_page_can_stop_and_release() -> None:
+    pages = Pages()
+    pages.send("a", TELEOP)
+    assert pages.send("b", '{"kind": "estop"}') == [("estop", "b")]
+    assert pages.robot.messages[-1].data is True
+    assert pages.send("b", '{"kind": "command", "name": "cancel"}') == [("command", "b")]
+    assert pages.send("b", RELEASE) == [("teleop", "b")]  # zero speed is no motion
+    assert pages.commands.operator == "a"
+
+
+@pytest.mark.parametrize(("turbo", "share"), [("false", 0.5), ("true", 1.0)])
+def test_joystick_is_scaled_to_the_limits(turbo: str, share: float) -> None:
+    pages = Pages()
+    pages.send("a", f'{{"kind": "teleop", "forward": 0.5, "left": -1, "turbo": {turbo}}}')
+    twist = pages.robot.messages[-1].twist
+    assert (twist.linear.x, twist.angular.z) == pytest.approx((share * 0.4, share * -2.0))
+
+
+def test_single_waypoint_is_a_goal() -> None:
+    pages = Pages()
+    assert pages.send("a", '{"kind": "waypoints", "places": [[1, 2]]}')[1] == ("mission/send", "a")
+
+
+def test_obstacle_needs_the_pose() -> None:
+    pages = Pages()
+    with pytest.raises(ThumperError, match="pose is not known"):
+        pages.send("a", OBSTACLE)
+    pages.pose = Pose2()
+    assert pages.send("a", OBSTACLE) == [("simulator/command", "a")]
+    assert pages.commands.operator == ""
