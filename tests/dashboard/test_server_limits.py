@@ -4,6 +4,7 @@ import http.client
 import re
 import socket
 import time
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 
 import pytest
@@ -33,7 +34,7 @@ def resident_MB(server: Server) -> float:
     return float(re.findall(r"VmRSS:\s+(\d+) kB", status)[0]) / 1000.0
 
 
-def stream(server: Server) -> ClientConnection:
+def stream(server: Server) -> AbstractContextManager[ClientConnection]:
     return connect(f"ws://127.0.0.1:{server.port}/stream", open_timeout=TIMEOUT_S)
 
 
@@ -90,10 +91,10 @@ def test_connection_without_a_request_is_closed(server: Server, start: bytes) ->
 
 
 def test_silent_pages_make_room_for_a_visitor(server: Server) -> None:
-    silent = [stream(server) for _ in range(MAX_PAGES)]
-    try:
-        with pytest.raises(InvalidHandshake):  # they may still be new pages
-            stream(server).recv(TIMEOUT_S)
+    with ExitStack() as stack:
+        silent = [stack.enter_context(stream(server)) for _ in range(MAX_PAGES)]
+        with pytest.raises(InvalidHandshake), stream(server):  # they may still be new pages
+            pass
         time.sleep(SILENT_S + 0.5)
         silent[0].send(HEARTBEAT)  # the oldest is no longer the one that is silent the longest
         while "beat" not in str(silent[0].recv(TIMEOUT_S))[:20]:
@@ -101,6 +102,3 @@ def test_silent_pages_make_room_for_a_visitor(server: Server) -> None:
         with stream(server) as visitor:
             assert '"hello"' in str(visitor.recv(TIMEOUT_S))
             silent[0].send(HEARTBEAT)  # still open
-    finally:
-        for page in silent:
-            page.close()

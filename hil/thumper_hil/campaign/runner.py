@@ -18,7 +18,10 @@ if TYPE_CHECKING:
     from distributed import LocalCluster
 
 CONNECT_S = 10
-NO_PAGES = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
+NO_PAGES: dict[str, list[str]] = {
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
+}
 
 
 def run_jobs(

@@ -153,14 +153,15 @@ def test_ctrl_c_during_cluster_start_is_not_lost(monkeypatch: pytest.MonkeyPatch
 
 def test_only_the_campaign_itself_reaches_its_scheduler() -> None:
     with runner._local_cluster(1) as cluster:
-        with Client(cluster, timeout=20) as client:
+        with Client(cluster, timeout=20) as client:  # type: ignore[no-untyped-call]
             assert client.submit(sum, [1, 2]).result() == 3
         address = cluster.scheduler_address
         assert address.startswith("tls://127.0.0.1:")
-        stranger = Security.temporary()  # keys, but of another authority
+        stranger = Security.temporary()  # type: ignore[no-untyped-call]  # keys of another authority
         for other, security in ((address.replace("tls:", "tcp:"), None), (address, stranger)):
             with pytest.raises(OSError, match=r"Timed out|closed|connect"):
-                Client(other, timeout=3, security=security)
+                Client(other, timeout=3, security=security)  # type: ignore[no-untyped-call]
+        assert cluster.scheduler is not None
         ports = cluster.scheduler.http_server._sockets.values()
         assert {socket.getsockname()[0] for socket in ports} == {"127.0.0.1"}
         for socket in ports:
