@@ -79,6 +79,7 @@ soak: firmware chip $(VENV)/.run
 
 mutation: $(VENV)/.dev
 	@$(BIN)/python -m tests.firmware.mutation.run
+	@$(BIN)/python -m tests.host.mutation.run
 
 clean:
 	rm -rf firmware/build hil/thumper_hil/chip/native/build out site
