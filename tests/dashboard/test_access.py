@@ -6,7 +6,6 @@ from urllib.parse import urlencode
 
 import pytest
 
-from thumper.dashboard import login
 from thumper.dashboard.login import COOKIE, SESSION_S, AccessControl
 
 PASSWORD = "correct horse"
@@ -137,7 +136,7 @@ def test_guesses_are_limited_and_the_limit_passes(monkeypatch: pytest.MonkeyPatc
 
 def test_session_ends_after_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
     now_s = [1000.0]
-    monkeypatch.setattr(login.time, "monotonic", lambda: now_s[0])
+    monkeypatch.setattr("thumper.dashboard.login.time.monotonic", lambda: now_s[0])
     site = Site()
     _, cookie = site.log_in()
     now_s[0] += SESSION_S - 1.0
