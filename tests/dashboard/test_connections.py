@@ -3,16 +3,12 @@
 import asyncio
 import json
 from collections import Counter
+from collections.abc import Sequence
 from typing import Any
 
 from thumper.common.errors import ThumperError
-from thumper.dashboard.connections import (
-    ANSWER_BURST,
-    MAX_MESSAGE_BYTES,
-    MESSAGE_BURST,
-    Connections,
-    PageConnection,
-)
+from thumper.dashboard.connections import ANSWER_BURST, MESSAGE_BURST, Connections, PageConnection
+from thumper.dashboard.page_messages import MAX_MESSAGE_BYTES
 
 ARM = '{"kind": "command", "name": "arm"}'
 ESTOP = '{"kind": "estop"}'
@@ -35,8 +31,8 @@ class Commands:
 class Socket:
     """Delivers messages, then disconnects."""
 
-    def __init__(self, messages: list[str | bytes]) -> None:
-        self.messages = messages
+    def __init__(self, messages: Sequence[str | bytes]) -> None:
+        self.messages = list(messages)
         self.closed: list[int] = []
 
     async def receive(self) -> dict[str, Any]:
@@ -50,7 +46,9 @@ class Socket:
         self.closed.append(code)
 
 
-def deliver(messages: list[str | bytes], refusal: str = "") -> tuple[Commands, Socket, list[dict[str, Any]]]:
+def deliver(
+    messages: Sequence[str | bytes], refusal: str = ""
+) -> tuple[Commands, Socket, list[dict[str, Any]]]:
     """Return the commands, the socket and the texts for the page."""
     commands, socket = Commands(refusal), Socket(messages)
     page = PageConnection(socket)  # type: ignore[arg-type]

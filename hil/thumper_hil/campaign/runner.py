@@ -118,6 +118,7 @@ def _local_cluster(workers: int | None) -> "Iterator[LocalCluster]":
                 security=True,
                 protocol="tls",
                 dashboard_address="127.0.0.1:0",  # None would open port 8787
+                scheduler_kwargs={"dashboard": False},
                 silence_logs=logging.CRITICAL,  # errors are in the futures; the rest is noise after Ctrl-C
             )
     finally:
