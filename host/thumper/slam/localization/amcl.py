@@ -10,7 +10,6 @@ from array import array
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2, Twist2
-from thumper.lidar.deskew import HIT, scan_points
 from thumper.lidar.scan import Scan
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
@@ -24,6 +23,7 @@ from thumper.slam.localization.amcl_state import (
     PoseEstimate,
     Schedule,
 )
+from thumper.slam.localization.challenge import Challenge
 from thumper.slam.localization.likelihood_field import LikelihoodField
 from thumper.slam.localization.options import AmclOptions
 from thumper.slam.localization.particle_set import ParticleSet, draw_around
@@ -32,7 +32,6 @@ from thumper.slam.mapper import MapperUpdate, PoseQuality
 from thumper.slam.scan_matching.gauss_newton import MIN_HITS
 from thumper.slam.scan_matching.pose_trust import PoseTrust
 
-MAX_BEAMS = 60  # hits are thinned to about this many
 MAX_DISTANCE_M = 0.5  # cut-off of the likelihood field
 LOST_AFTER = 3  # consecutive weighed scans below `lost_below` before the whole map is searched
 SEARCH_GAIN = 0.5  # as `BEAM_GAIN`, for the first scan of a search: nothing was weighed twice yet
@@ -67,7 +66,7 @@ class Amcl:
         self._schedule = Schedule(search=map_from_base is None)
         self._given = GivenPose()
         self._trust = PoseTrust(trusted=False)
-        self._alternatives = AlternativePoses()
+        self._alternatives, self._challenge = AlternativePoses(), Challenge()
         self._doubt = MapDoubt()
         self._map_from_odom = Pose2()
         self._path = array("d")  # x, y, theta of each scan in turn, compact: a robot runs for days
@@ -147,9 +146,10 @@ class Amcl:
     def _lost(self) -> str:
         if self._estimate.odom_from_base is None and not self._schedule.search:
             return "no scan has been matched to the map yet"
-        if self._schedule.search or self._estimate.explained < self._options.lost_below:
+        poor = LOST_AFTER if self._trust.proven else 1  # people hide the map from a scan or two
+        if self._schedule.search or self._schedule.unexplained >= poor:
             return f"the map explains only {100.0 * self._estimate.explained:.0f} % of the scan"
-        return self._trust.doubt
+        return self._challenge.doubt or self._trust.doubt
 
     def grid(self) -> OccupancyGrid:
         """Return the map."""
@@ -174,10 +174,10 @@ class Amcl:
     def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
         """Process one scan; see `Mapper.update`.
 
-        A stationary robot keeps its particles: weighing the same view repeatedly would make it overconfident.
-        A robot in doubt weighs it again, because nothing drives it until its pose is known.
+        A stationary robot keeps its particles: the same view weighed twice would make it overconfident. A
+        robot in doubt weighs it again, because nothing drives it until its pose is known.
         """
-        likelihood = self._observe(scan, twist)
+        likelihood = ScanLikelihood.of(scan, twist, self._base_from_laser, self._map, self._options)
         moved = self._estimate.motion(odom_from_base)
         expected = self._estimate.pose @ moved
         jumped = self._estimate.odom_from_base is None or self._schedule.search
@@ -192,22 +192,29 @@ class Amcl:
         if given is not None and not are_close(hypothesis.pose, given, NEAR_GIVEN_M, NEAR_GIVEN_RAD):
             self._trust = PoseTrust(trusted=False)  # the robot is not where the user put it
         if (alternative := self._alternatives.update(likelihood, moved, hypothesis)) is not None:
-            self._adopt(alternative)
+            self._adopt(alternative, PoseTrust(trusted=False))  # to be confirmed like a searched one
             hypothesis, share, jumped = alternative, 1.0, True
         self._accept(hypothesis, odom_from_base)
         push_m = 0.0 if jumped else hypothesis.pose.distance_m(expected)
-        distance_m = math.hypot(moved.x_m, moved.y_m)
-        self._trust.update(likelihood.fit(hypothesis.pose), share, distance_m, push_m)
-        self._schedule.search |= self._schedule.unexplained >= LOST_AFTER or self._trust.rejected
+        fit = likelihood.fit(hypothesis.pose)
+        self._trust.update(fit, share, math.hypot(moved.x_m, moved.y_m), push_m)
+        if (replaced := self._defend(likelihood, moved, hypothesis)) is not None:
+            hypothesis, jumped = replaced, True
+            self._accept(hypothesis, odom_from_base)
         return self._record(odom_from_base, hypothesis.pose, hypothesis.explained, jumped)
 
-    def _observe(self, scan: Scan, twist: Twist2) -> ScanLikelihood:
-        """Return the de-skewed scan, thinned to about `MAX_BEAMS` hits."""
-        points = scan_points(scan, twist, self._base_from_laser, self._options.usable_range_m)
-        hits_m, origins_m = points.hits_m(), points.origins_m[points.kinds == HIT]
-        thinned = slice(None, None, max(1, len(hits_m) // MAX_BEAMS))
-        hits_m, origins_m = np.ascontiguousarray(hits_m[thinned]), np.ascontiguousarray(origins_m[thinned])
-        return ScanLikelihood(origins_m, hits_m, self._map, self._options)
+    def _defend(self, likelihood: ScanLikelihood, moved: Pose2, own: PoseHypothesis) -> PoseHypothesis | None:
+        """Search the whole map if the pose fits badly; return the place that replaces a proven one."""
+        fits_badly = self._schedule.unexplained >= LOST_AFTER or self._trust.rejected
+        if not self._trust.proven:
+            self._challenge.reset()
+            self._schedule.search |= fits_badly
+            return None
+        found = self._challenge.update(likelihood, moved, own, fits_badly=fits_badly)
+        if found is not None:
+            self._adopt(*found)
+            self.relocalizations += 1
+        return None if found is None else found[0]
 
     def _is_due(self, moved: Pose2) -> bool:
         """Return whether this scan is weighed."""
@@ -215,7 +222,7 @@ class Amcl:
             return self._schedule.wait_scans == 0
         return (
             self._estimate.odom_from_base is None
-            or self._schedule.retry_due()
+            or self._schedule.retry_due(challenged=self._challenge.is_open)
             or math.hypot(moved.x_m, moved.y_m) >= self._options.update_distance_m
             or abs(moved.theta_rad) >= self._options.update_angle_rad
         )
@@ -256,9 +263,7 @@ class Amcl:
         near = [each for each in found if are_close(each.pose, given, NEAR_GIVEN_M, NEAR_GIVEN_RAD)]
         meant = max([own, *near], key=lambda hypothesis: hypothesis.log)
         hypotheses, odds, background = [meant], [PRIOR_RATIO], []
-        for other in found:
-            if other in near:
-                continue
+        for other in (each for each in found if each not in near):
             ratio = SEARCH_GAIN * likelihood.log_ratio(other, meant)
             if ratio > MIN_LOG_RATIO:
                 hypotheses.append(other)
@@ -266,11 +271,8 @@ class Amcl:
             else:
                 background.append((other, ratio))
         self._alternatives = AlternativePoses(background)
-        self._particles = self._drawn_around(hypotheses, np.array(odds))
-
-    def _drawn_around(self, hypotheses: list[PoseHypothesis], odds: FloatArray) -> ParticleSet:
-        poses, weights = draw_around(hypotheses, odds, self._options.most_particles, self._rng)
-        return ParticleSet.weighted(poses, weights)
+        n = self._options.most_particles
+        self._particles = ParticleSet.around(hypotheses, np.array(odds), n, self._rng)
 
     def _weigh(self, likelihood: ScanLikelihood) -> tuple[FloatArray, float]:
         """Weigh the particles; return the best cluster's mean, shape (3,), and share of the weight."""
@@ -278,10 +280,10 @@ class Amcl:
         self._particles.weigh(logs)
         return self._particles.best_cluster()
 
-    def _adopt(self, alternative: PoseHypothesis) -> None:
-        """Restart around an alternative pose, which must then be confirmed like a searched one."""
-        self._particles = self._drawn_around([alternative], np.ones(1))
-        self._trust = PoseTrust(trusted=False)
+    def _adopt(self, hypothesis: PoseHypothesis, trust: PoseTrust) -> None:
+        """Restart around another pose."""
+        self._trust, n = trust, self._options.most_particles
+        self._particles = ParticleSet.around([hypothesis], np.ones(1), n, self._rng)
 
     def _accept(self, hypothesis: PoseHypothesis, odom_from_base: Pose2) -> None:
         """Store the estimate, and count whether the map explains the scan there."""

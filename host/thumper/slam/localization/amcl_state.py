@@ -7,6 +7,7 @@ from thumper.common.geometry import Pose2
 from thumper.slam.localization.alternative_poses import are_close
 from thumper.slam.scan_matching.pose_trust import PoseTrust
 
+CHALLENGED_RETRY_SCANS = 3  # the same, while several places compete
 RETRY_SCANS = 10  # a lost robot is stationary: it searches again at this interval
 NEAR_GIVEN_M, NEAR_GIVEN_RAD = 1.0, 0.5  # a match this close to a given pose is what the user meant
 # The right map explains more than this share of that many weighed scans; a wrong map about 0.6.
@@ -42,9 +43,11 @@ class Schedule:
         if self.skipped >= RETRY_SCANS and trust.unconfirmed:
             self.search = True
 
-    def retry_due(self) -> bool:
+    def retry_due(self, *, challenged: bool) -> bool:
         """Return whether a stationary robot weighs a scan again because the last one did not fit."""
-        return self.unexplained > 0 and self.skipped >= RETRY_SCANS
+        return self.unexplained > 0 and self.skipped >= (
+            CHALLENGED_RETRY_SCANS if challenged else RETRY_SCANS
+        )
 
 
 @dataclass(slots=True)

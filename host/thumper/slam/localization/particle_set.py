@@ -41,6 +41,13 @@ class ParticleSet:
         offsets = rng.standard_normal((count, 3)) * (std_m, std_m, std_rad)
         return cls.uniform(offsets + np.array([mean.x_m, mean.y_m, mean.theta_rad]))
 
+    @classmethod
+    def around(
+        cls, hypotheses: list[PoseHypothesis], odds: FloatArray, count: int, rng: np.random.Generator
+    ) -> "ParticleSet":
+        """Draw equally many particles around each hypothesis, weighted by odds."""
+        return cls.weighted(*draw_around(hypotheses, odds, count, rng))
+
     def move(self, moved: Pose2, options: AmclOptions, rng: np.random.Generator) -> None:
         """Move every particle by odometry and a draw of its noise."""
         distance_m, turn_rad = math.hypot(moved.x_m, moved.y_m), abs(moved.theta_rad)

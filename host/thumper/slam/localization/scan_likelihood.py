@@ -4,13 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thumper.common.geometry import FloatArray, Pose2, wrap_angle
+from thumper.common.geometry import FloatArray, Pose2, Twist2, wrap_angle
+from thumper.lidar.deskew import HIT, scan_points
+from thumper.lidar.scan import Scan
 from thumper.slam.localization.amcl_kernels import BeamModel, scan_likelihoods
 from thumper.slam.localization.likelihood_field import LikelihoodField
 from thumper.slam.localization.options import AmclOptions
 from thumper.slam.scan_matching.beam_evidence import BeamEvidence, beam_evidence
 from thumper.slam.scan_matching.gauss_newton import MatchWeights, PosePrior, match
 
+MAX_BEAMS = 60  # hits are thinned to about this many
 MAX_HYPOTHESES = 4  # similar poses tracked at the same time after a search
 SIMILAR_RATIO = 0.9  # a pose that explains this share of what the best one does may be the right one
 RANDOM_SHARE = 0.1  # share of beams that people and moved objects reflect
@@ -35,6 +38,22 @@ class ScanLikelihood:
         self, origins_m: FloatArray, hits_m: FloatArray, field: LikelihoodField, options: AmclOptions
     ) -> None:
         self._origins_m, self._hits_m, self._map, self._options = origins_m, hits_m, field, options
+
+    @classmethod
+    def of(
+        cls,
+        scan: Scan,
+        twist: Twist2,
+        base_from_laser: Pose2,
+        field: LikelihoodField,
+        options: AmclOptions,
+    ) -> "ScanLikelihood":
+        """Return the de-skewed scan, thinned to about `MAX_BEAMS` hits."""
+        points = scan_points(scan, twist, base_from_laser, options.usable_range_m)
+        hits_m, origins_m = points.hits_m(), points.origins_m[points.kinds == HIT]
+        thinned = slice(None, None, max(1, len(hits_m) // MAX_BEAMS))
+        hits_m, origins_m = np.ascontiguousarray(hits_m[thinned]), np.ascontiguousarray(origins_m[thinned])
+        return cls(origins_m, hits_m, field, options)
 
     @property
     def beams(self) -> int:

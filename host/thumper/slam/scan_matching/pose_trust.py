@@ -23,6 +23,7 @@ class PoseTrust:
     def __init__(self, *, trusted: bool) -> None:
         """Start at a place given by the user or the mapper (`trusted`), or at one that a search has found."""
         self.confirmed = trusted
+        self.proven = False  # confirmed by scans, whoever gave the place
         self._share = 1.0
         self._fits: deque[float] = deque(maxlen=WINDOW)
         self._steps: deque[tuple[float, float]] = deque(maxlen=WINDOW - 1)  # distance, and push [m]
@@ -40,6 +41,7 @@ class PoseTrust:
         self._was_clear = self._was_clear or self._support() >= self._needed_support()
         enough = len(self._fits) >= MIN_SCANS and self._distance_m >= MIN_DISTANCE_M
         supported = enough and self._support() >= CONFIRMED_SUPPORT and share >= MIN_SHARE
+        self.proven = self.proven or supported
         self.confirmed = self.confirmed or supported
 
     def _restart(self) -> None:
