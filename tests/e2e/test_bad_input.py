@@ -110,3 +110,17 @@ def test_mistyped_option_of_goto(thumper: Run) -> None:
     done = thumper("goto", "1", "-0.5", "--tolerence")
     assert done.returncode == 2
     assert "'--tolerence' is neither a number nor an option" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("--tolerance", "0.2"), "--tolerance belongs to --goal"),
+        (("--clear-fault",), "--clear-fault belongs to --goal"),
+        (("--goal", "1", "0", "--speed", "2"), "--speed belongs to a run without a goal"),
+    ],
+)
+def test_an_option_without_effect(thumper: Run, arguments: tuple[str, ...], named: str) -> None:
+    done = thumper("run", *SIM, *arguments)
+    refused(done, named)
+    assert done.returncode == 2

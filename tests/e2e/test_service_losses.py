@@ -3,15 +3,19 @@
 import signal
 import sys
 import time
+from dataclasses import replace
 from itertools import pairwise
 from types import FrameType
+from typing import Any
 
 import pytest
 
 from tests.e2e.service import FAR, NEAR, Service
-from thumper.board.messages import State
+from thumper.board.messages import Fault, State
 from thumper.common.errors import ThumperError
-from thumper.runtime.requests import GoTo
+from thumper.navigation.navigator import NavigationOutput
+from thumper.runtime.requests import EmergencyStop, GoTo, RobotCommand
+from thumper.runtime.state_estimator import RobotState, StateEstimator
 
 
 def test_a_reconnected_board_keeps_the_map(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -58,6 +62,59 @@ def test_a_board_of_another_geometry_is_not_taken_back(
     assert service.events.count("the firmware was built for other wheels") == 1
     assert "the board answers again; the motors are off" not in service.events
     service.until(lambda: "the board answers again; the motors are off" in service.events)
+
+
+def test_an_emergency_stop_that_was_not_confirmed_is_repeated_after_a_reconnection(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(time, "sleep", lambda nap_s: service.bench.advance(service.bench.time_s + nap_s))
+    service.bench.fault("line.loss", 1.0)
+    service.put(EmergencyStop())
+    assert any("did not confirm the emergency stop" in text for text in service.events)
+    service.bench.fault("board", "unplugged")
+    service.run_cycles(3)
+    service.bench.fault("line.loss", 0.0)
+    service.bench.fault("board", "ok")
+    service.until(lambda: service.telemetry.fault is Fault.E_STOP)
+    service.put(RobotCommand(name="clear_fault"))
+    service.run_cycles(5)
+    assert service.telemetry.fault is Fault.NONE  # repeated until confirmed, not for ever
+
+
+def test_scans_that_stay_old_end_the_drive(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A lidar whose clock is behind: too old to drive on, too young to be lost."""
+    state = type(service.robot.inputs.estimator).state
+
+    def old_scans(estimator: StateEstimator) -> RobotState | None:
+        now = state(estimator)
+        return now and replace(now, scan_age_s=0.56)
+
+    monkeypatch.setattr(StateEstimator, "state", old_scans)
+    service.put(GoTo(goals=(FAR,)))
+    service.run_cycles(10)
+    assert service.mode == "driving"
+    assert "waiting for the lidar: its newest scan is 0.56 s old" in service.events
+    service.until(lambda: service.mode == "idle", max_cycles=70)
+    assert "0.56 s old" in service.ask("mission/state")["reason"]
+
+
+def test_a_starved_computer_stops_rather_than_drives_on_old_data(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each cycle computes for half a second; the firmware would stop and start with each command."""
+    manager = service.robot.drive_manager
+    update = manager.navigator.update
+
+    def slow(*arguments: Any, **options: Any) -> NavigationOutput:
+        service.bench.advance(service.bench.time_s + 0.5)
+        return update(*arguments, **options)
+
+    monkeypatch.setattr(manager.navigator, "update", slow)
+    start_m = service.robot.inputs.estimator.driven_m
+    service.put(GoTo(goals=(FAR,)))
+    service.until(lambda: service.mode == "idle", max_cycles=40)
+    assert any("overloaded" in text or "no command for 300 ms" in text for text in service.events)
+    assert service.robot.inputs.estimator.driven_m - start_m < 0.02
 
 
 def test_an_unplugged_lidar_is_reopened_while_the_robot_is_stationary(service: Service) -> None:

@@ -28,6 +28,7 @@ from thumper.cli.status import status, watch
 from thumper.cli.teleop import teleop
 from thumper.common.errors import ThumperError
 from thumper.common.optional_packages import extra_providing, missing_package
+from thumper.common.signals import STOP_SIGNALS
 from thumper.common.version import __version__
 
 COMMANDS = (  # in the order of `thumper --help`
@@ -118,7 +119,7 @@ def main() -> None:
     """Run the command line; print an error that the user can fix as one line, without a traceback."""
     try:
         app = build_app()  # Ctrl-C may end the process during these imports: nothing runs yet
-        for number in (signal.SIGINT, signal.SIGTERM):  # SIGTERM acts as Ctrl-C: motors first
+        for number in STOP_SIGNALS:  # all act as Ctrl-C: motors first
             if signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, signal.default_int_handler)
         app()

@@ -57,11 +57,11 @@ def goto(
     with connect(config, bus, robot) as client:
         if clear_fault:
             services.COMMAND.call(client, RunCommand(command="clear_fault"))
-        mission = services.MISSION_SEND.call(client, goal).mission
-        if not wait:
-            print(f"mission {mission} started")
-            return
         try:
+            mission = services.MISSION_SEND.call(client, goal).mission
+            if not wait:
+                print(f"mission {mission} started")
+                return
             state = _wait(client, mission)
         except KeyboardInterrupt:
             services.COMMAND.call(client, RunCommand(command="cancel"))

@@ -13,6 +13,7 @@ from thumper.cli.options.record import recorded
 from thumper.cli.output.drive_progress import ProgressDisplay, print_warnings
 from thumper.cli.output.folder import prepare_output
 from thumper.cli.output.run_report import write_run
+from thumper.cli.resume import autosaved, keep_interrupted_session
 from thumper.cli.start_map import load_start_map
 from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig, load_config, with_ports
@@ -72,6 +73,7 @@ def opened_robot(options: RunOptions, settings: RobotConfig, *, serving: bool = 
     A robot that is `serving` needs the bus, and saves its map on request; for a drive both are optional.
     """
     known = load_start_map(settings, options.saved_map, options.session)
+    keep_interrupted_session(options.out)
     map_path = options.out / "map.yaml" if serving else None
     start = options.start_pose
     join_bus = on_bus if serving else on_bus_if_free
@@ -80,6 +82,7 @@ def opened_robot(options: RunOptions, settings: RobotConfig, *, serving: bool = 
         open_robot(settings, start, known, map_path=map_path) as robot,
         recorded(robot, settings, start, options.record, options.record_to),
         join_bus(robot, settings.name, settings.bus),
+        autosaved(robot, options.out),
     ):
         yield robot
 

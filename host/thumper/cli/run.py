@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 @report_interrupt()
 def run(
+    context: typer.Context,
     goal: Annotated[
         tuple[float, float] | None,
         typer.Option("--goal", metavar="X Y", help="Goal in the map, in metres."),
@@ -93,6 +94,7 @@ def run(
         raise ThumperError("--heading belongs to --goal X Y", exit_code=EXIT_USAGE)
     if patrol > 1 and not places:
         raise ThumperError("--patrol belongs to --waypoint X,Y or --goal X Y", exit_code=EXIT_USAGE)
+    _refuse_unused(context, ("speed",) if places else ("tolerance", "clear_fault"), has_goal=bool(places))
     waypoints = _waypoints(places, heading, tolerance, patrol)
     options = RunOptions(
         config=config,
@@ -113,17 +115,33 @@ def run(
         _drive(options, waypoints, Console(), clear_fault=clear_fault)
 
 
+def _refuse_unused(context: typer.Context, names: tuple[str, ...], *, has_goal: bool) -> None:
+    """Raise ThumperError for an option that has no effect with or without a goal."""
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+
+    for name in names:
+        source = context.get_parameter_source(name)
+        if source is not None and source.name != "DEFAULT":
+            option = f"--{name.replace('_', '-')}"
+            need = "a run without a goal" if has_goal else "--goal or --waypoint; `thumper goto` has its own"
+            raise ThumperError(f"{option} belongs to {need}", exit_code=EXIT_USAGE)
+
+
 def _serve(options: "RunOptions", speed: float, console: "Console") -> None:
     """Serve the requests of clients until Ctrl-C."""
-    from thumper.cli.output.drive_progress import print_warnings
+    from thumper.cli.output.drive_progress import print_problems, print_warnings
+    from thumper.cli.resume import save_map_and_session
     from thumper.cli.robot_run import opened_robot
 
     settings = options.load_settings()
     with opened_robot(options, settings, serving=True) as robot:
         console.print(f"{settings.name} is running on {settings.bus.address}. Press Ctrl-C to stop.")
+        robot.publisher.add_sink(print_problems)
         robot.serve(speed=speed)
+        files = save_map_and_session(robot, options.out)
         print_warnings(robot, console)
-    console.print("stopped")
+    saved = f"; {', '.join(files)} are in {options.out}/" if files else ""
+    console.print(f"stopped{saved}", soft_wrap=True)
 
 
 def _drive(options: "RunOptions", waypoints: "Waypoints", console: "Console", *, clear_fault: bool) -> None:

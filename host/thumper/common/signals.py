@@ -10,7 +10,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
+"""Ctrl-C, `kill`, and the end of the terminal or ssh session: each stops the motors first."""
+
 _received = [False]  # not an Event: a handler must not wait for a lock that the interrupted code may hold
 
 
@@ -23,7 +25,7 @@ def record_interrupts() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    ours = [number for number in _SIGNALS if signal.getsignal(number) is signal.default_int_handler]
+    ours = [number for number in STOP_SIGNALS if signal.getsignal(number) is signal.default_int_handler]
     for number in ours:
         signal.signal(number, _interrupt)
     try:

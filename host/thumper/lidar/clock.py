@@ -2,11 +2,19 @@
 
 import math
 
+from thumper.common.clock_slip import ClockSlip
+
 WINDOW_S = 15.0
 """Long enough for the phase between a lidar at 10.2 Hz and a host that reads at 10 Hz to cycle once."""
 
 JUMP_S = 10.0
 """The clocks diverge by this much in one step only after a restart of the lidar, which starts at 0 again."""
+
+MAX_LATE_S = 0.25
+"""A scan may wait this long for the host, after the delay that every scan has."""
+
+MAX_EARLY_S = 0.05
+"""No scan arrives before it is complete; the crystals differ by much less than this."""
 
 
 class MinimumLag:
@@ -47,6 +55,8 @@ class ClockSync:
     A scan reaches the host up to 0.2 s after its stamp: one revolution of the head, and the time until the
     host reads it. `sync`, with a reply that the device sent at once, measures the offset itself. After that,
     the smallest lag of recent scans is only watched for change, which is the drift between the two crystals.
+    If all scans of two seconds are later than that, the offset was wrong or the clock stopped: the
+    mapping follows.
     Without `sync`, the offset is the smallest lag minus `least_lag_s`, the delay that every scan has.
     """
 
@@ -58,6 +68,7 @@ class ClockSync:
         self._last_ms: int | None = None
         self._last_received_s = 0.0
         self._lags = MinimumLag()
+        self._slip = ClockSlip(MAX_LATE_S)
 
     def sync(self, stamp_ms: int, sent_s: float, received_s: float) -> None:
         """Set the offset from one reply: the device read `stamp_ms` between the two host times."""
@@ -68,9 +79,23 @@ class ClockSync:
         """Return the host time of a scan's stamp; `received_s` is when the scan arrived."""
         device_s = self._unwrap(stamp_ms, received_s)
         self._lags.add(device_s, received_s - device_s)
+        late_s = received_s - self._least_lag_s - self._mapped_s(device_s)
+        slip_s = self._slip.update(received_s, late_s)
+        if slip_s > 0.0 or late_s < -MAX_EARLY_S:
+            self._follow(device_s, received_s, slip_s if slip_s > 0.0 else late_s)
+        return self._mapped_s(device_s)
+
+    def _mapped_s(self, device_s: float) -> float:
         if self._offset_s is None:
             return device_s + self._lags.minimum_s - self._least_lag_s
         return device_s + self._offset_s + self._lags.change_s
+
+    def _follow(self, device_s: float, received_s: float, slip_s: float) -> None:
+        """Shift the mapping by `slip_s`, from this scan on."""
+        if self._offset_s is not None:
+            self._offset_s += self._lags.change_s + slip_s
+        self._lags = MinimumLag()
+        self._lags.add(device_s, received_s - device_s)
 
     def _unwrap(self, stamp_ms: int, received_s: float) -> float:
         if self._last_ms is not None:

@@ -1,6 +1,7 @@
 """Log of a run for plots and tables: one row per control tick, in memory."""
 
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,14 +20,36 @@ SPEED_COLUMNS = (
 )
 
 
+MAX_ROWS, MAX_PLANS = 72_000, 400  # rows of two hours at 10 Hz; a patrol may last for days
+T = TypeVar("T")
+
+
+class Thinned(list[T]):
+    """A list that stays below `limit`: when it is full, every second item goes, and of later ones as many."""
+
+    def __init__(self, limit: int) -> None:
+        super().__init__()
+        self._limit, self._stride, self._count = limit, 1, 0
+
+    def append(self, item: T) -> None:
+        """Add an item, unless it is one of those that are left out by now."""
+        if self._count % self._stride == 0:
+            super().append(item)
+        self._count += 1
+        if len(self) >= self._limit:
+            del self[1::2]
+            self._stride *= 2
+
+
 @dataclass(slots=True)
 class DriveLog:
-    """Growing log of all drives; `poses` and `speeds` return it as arrays."""
+    """Log of all drives; `poses` and `speeds` return it as arrays. A long log becomes coarser, not longer."""
 
-    _poses: list[tuple[float, float, float, float]] = field(default_factory=list)
-    _speeds: list[tuple[float, ...]] = field(default_factory=list)
-    transitions: list[Transition] = field(default_factory=list)  # of the navigator's state
-    plans: list[FloatArray] = field(default_factory=list)  # each new global plan, shape (n, 2) [m] in `map`
+    _poses: list[tuple[float, float, float, float]] = field(default_factory=lambda: Thinned(MAX_ROWS))
+    _speeds: list[tuple[float, ...]] = field(default_factory=lambda: Thinned(MAX_ROWS))
+    # States of the navigator, and each new global plan, shape (n, 2) [m] in `map`.
+    transitions: list[Transition] = field(default_factory=lambda: Thinned(MAX_ROWS))
+    plans: list[FloatArray] = field(default_factory=lambda: Thinned(MAX_PLANS))
 
     def add_pose(self, time_s: float, map_from_base: Pose2) -> None:
         """Add the estimated pose."""

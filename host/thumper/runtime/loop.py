@@ -27,7 +27,6 @@ from thumper.runtime.drive_result import DriveProgress, DriveResult
 from thumper.runtime.publisher import Publisher
 from thumper.runtime.real_time_rate import RealTimeRate
 from thumper.runtime.reconnection import Reconnection
-from thumper.runtime.requests import EmergencyStop
 from thumper.runtime.sensor_inputs import SensorInputs
 from thumper.runtime.service.request_handler import RequestHandler
 from thumper.runtime.service.request_queue import RequestQueue
@@ -81,6 +80,7 @@ class RobotLoop:
             publisher=self.publisher,
             rate=self._rate,
         )
+        self.after_cycle: list[Callable[[], None]] = []  # must neither block nor take long
         self._silent_cycles = 0
 
     @property
@@ -154,6 +154,8 @@ class RobotLoop:
                 self._reconnect()
             elif self._tasks.start_leg():
                 failure = self._run_cycle()
+            for call in self.after_cycle:
+                call()
         except ThumperError as error:
             failure = _Failure(error=error, reconnect=True)
         except Exception as error:  # in motion nothing may prevent the stop that follows
@@ -251,5 +253,4 @@ class RobotLoop:
     def _reconnect(self) -> None:
         """Look for the lost board. The loop does not resume what it did before."""
         self.control_cycle.step_without_board(self._reconnection.reason)
-        if self._reconnection.step() and self.drive_manager.is_stop_unconfirmed:
-            self.request_queue.put(EmergencyStop())
+        self._reconnection.step()

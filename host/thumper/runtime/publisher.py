@@ -17,8 +17,9 @@ from thumper.ros.codec import Message
 from thumper.ros.status import Status
 from thumper.ros.to_ros import ERROR, INFO, WARN, Messages
 from thumper.ros.topics import TOPICS
+from thumper.runtime.drive.data_age import LIDAR_LOST, SCAN_TIMEOUT_S
 from thumper.runtime.drive.drive_manager import DriveManager
-from thumper.runtime.sensor_inputs import SensorInputs
+from thumper.runtime.sensor_inputs import BLIND_S, SensorInputs
 from thumper.runtime.state_estimator import RobotState
 from thumper.slam.mapper import HasParticles
 
@@ -66,6 +67,8 @@ class Publisher:
         self._transition: Transition | None = None
         self._fault = Fault.NONE
         self._warned: set[str] = set()  # kinds of warnings
+        self._has_scans = True
+        self._was_waiting = False
 
     def add_sink(self, sink: Sink) -> None:
         """Send all messages to `sink` from now on, and at once the newest message of each latched topic."""
@@ -105,6 +108,7 @@ class Publisher:
             self._publish_plans(drive_manager, output, state)
         self._publish_map(inputs, time_s)
         self._publish_events(inputs, drive_manager)
+        self._publish_losses(state, drive_manager)
         status = self._status(inputs, drive_manager, state, timing)
         self._send("status", time_s, self.messages.status(status))
 
@@ -166,6 +170,18 @@ class Publisher:
             self._fault = fault
             text = f"fault {int(fault)}, {_words(fault)}: {FAULT_HINTS[fault]}" if fault else "fault cleared"
             self.publish_event(text, ERROR if fault else INFO, name="board")
+
+    def _publish_losses(self, state: RobotState, drive_manager: DriveManager) -> None:
+        """Say when scans stay away and when they return, and why a drive waits."""
+        limit_s = BLIND_S if not self._has_scans else SCAN_TIMEOUT_S
+        has_scans = state.scan_age_s < limit_s or math.isinf(state.scan_age_s)  # inf: none yet
+        if has_scans != self._has_scans:
+            self._has_scans = bool(has_scans)
+            text = "the lidar sends scans again" if has_scans else LIDAR_LOST
+            self.publish_event(text, INFO if has_scans else WARN, name="lidar")
+        if drive_manager.is_waiting and not self._was_waiting:
+            self.publish_event(drive_manager.reason, WARN, name="navigation")
+        self._was_waiting = drive_manager.is_waiting
 
     def _status(
         self, inputs: SensorInputs, drive_manager: DriveManager, state: RobotState, timing: LoopTiming

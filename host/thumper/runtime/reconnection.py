@@ -41,26 +41,24 @@ class Reconnection:
 
     def begin(self, reason: str) -> None:
         """Give up the present board."""
-        self.reason, self._connecting, self._problem = reason, None, ""
+        self.reason, self._connecting, self._problem = reason, None, reason
         self._publisher.publish_event(reason, ERROR, name="board")
         self._inputs.board.close()
 
-    def step(self) -> bool:
-        """Try once to reach the board; return whether it answers again."""
+    def step(self) -> None:
+        """Try once to reach the board; once it answers, the reconnection is over."""
         try:
             if self._connecting is None:
                 self._connecting = self._connect()
             next(self._connecting)
         except StopIteration as connected:
             self._take(connected.value)
-            return True
         except ThumperError as error:
             self._connecting = None
             if str(error) != self._problem:
                 self._problem = str(error)
                 self._publisher.publish_event(self._problem, WARN, name="board")
             time.sleep(RECONNECT_PERIOD_S)
-        return False
 
     def _take(self, board: Board) -> None:
         self.reason, self._connecting = "", None

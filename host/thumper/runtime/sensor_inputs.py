@@ -19,7 +19,7 @@ LATE_CYCLE_S = 0.15  # telemetry was lost in transit: the board must not miss co
 LATE_CYCLES = 2
 BLIND_S = 0.35  # without a new scan for this long (three revolutions), the robot must stop
 LIDAR_GONE_ERRORS = 5  # port errors in succession, without a scan between them: the port has gone
-LIDAR_RETRY_S = 5.0
+LIDAR_RETRY_S = 1.0  # opening a lidar that answers takes up to 3 s
 MIN_SCANS = 3  # mapped before the first drive
 
 

@@ -72,7 +72,8 @@ class StateEstimator:
         self.scan_checker = ScanChecker()
         self.scans_mapped = 0
         self.driven_m = 0.0  # by odometry: the pose in the map also jumps while the robot is stationary
-        self.map_doubt = ""  # the last reason why the loaded map might be the wrong one
+        self.map_doubt = ""  # why the loaded map might be the wrong one; empty while it fits
+        self._last_doubt = ""
 
     def add_telemetry(self, sample: TelemetrySample) -> None:
         """Advance the odometry."""
@@ -106,8 +107,8 @@ class StateEstimator:
             warnings["TURN_SLIP"] = (
                 f"{self._odometry.slips} times wheels and gyroscope disagreed: the wheels slip"
             )
-        if self.map_doubt:
-            warnings["MAP"] = self.map_doubt
+        if self._last_doubt:
+            warnings["MAP"] = self._last_doubt
         return warnings
 
     def add_scan(self, scan: Scan) -> None:
@@ -174,7 +175,8 @@ class StateEstimator:
         elif update.match_score >= GOOD_MATCH:
             self._slip_detector.update(odom_from_base, update.map_from_base)
         if isinstance(self.mapper, ReportsDoubt):
-            self.map_doubt = self.mapper.map_doubt or self.map_doubt
+            self.map_doubt = self.mapper.map_doubt
+            self._last_doubt = self.map_doubt or self._last_doubt
         self.scans_mapped += 1
         self._scan_time_s = scan.time_s + revolution_s
         points = scan_points(scan, twist, self._base_from_laser, scan.range_max_m)

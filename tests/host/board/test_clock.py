@@ -29,3 +29,21 @@ def test_it_follows_the_drift_of_the_device_clock() -> None:
         true_s = 0.1 * k
         stamp_s = clock.host_time_s(round(true_s * 0.9995e6), true_s)
         assert stamp_s == pytest.approx(true_s, abs=1e-3)
+
+
+def test_it_follows_a_device_clock_that_stood_still() -> None:
+    clock = ClockFilter(tick_s=1e-6, wrap_ticks=WRAP)
+    for k in range(100):
+        true_s = 0.1 * k + (0.56 if k > 50 else 0.0)
+        stamp_s = clock.host_time_s(100_000 * k, true_s + 0.002)
+        if not 50 < k < 75:
+            assert stamp_s == pytest.approx(true_s, abs=0.01)
+
+
+def test_a_busy_host_does_not_shift_the_stamps() -> None:
+    """It reads ten messages at once, each second; the newest of them is in time."""
+    clock = ClockFilter(tick_s=1e-6, wrap_ticks=WRAP)
+    for k in range(200):
+        stamp_s = clock.host_time_s(100_000 * k, 0.1 * (k - k % 10 + 10))
+        if k > 10:
+            assert stamp_s == pytest.approx(0.1 * (k + 1), abs=0.02)

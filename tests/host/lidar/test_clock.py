@@ -59,3 +59,22 @@ def test_scans_queued_during_a_host_stall_keep_their_stamps() -> None:
     sync.sync(1000, 9.999, 10.001)
     stamps_s = [sync.host_time_s(1000 + 100 * k, 14.0) for k in range(1, 31)]
     assert stamps_s == pytest.approx([10.0 + 0.1 * k for k in range(1, 31)], abs=0.002)
+
+
+@pytest.mark.parametrize("synced", [True, False])
+@pytest.mark.parametrize("slip_s", [0.56, -4.0, 3.0])
+@pytest.mark.parametrize("after", [0, 40, 400])
+def test_it_follows_a_clock_that_stood_still_or_went_on_without_the_host(
+    synced: bool, slip_s: float, after: int
+) -> None:
+    """The lidar, or the computer, was suspended for a moment; `after` scans came before."""
+    sync = ClockSync(wrap_ms=WRAP_MS, least_lag_s=LEAST_LAG_S)
+    if synced:
+        sync.sync(0, 9.999, 10.001)
+    error_s = 1.0
+    for k in range(after + 40):
+        device_s = 0.0982 * (k + 1)
+        true_s = 10.0 + device_s + (slip_s if k >= after else 0.0)
+        polled_s = -(-(true_s + LEAST_LAG_S + 0.004) // 0.1) * 0.1
+        error_s = abs(sync.host_time_s(round(1e3 * device_s), polled_s) - true_s)
+    assert error_s < 0.11  # the poll period

@@ -224,3 +224,23 @@ def test_a_wrong_map_is_reported() -> None:
         turn_rad = 2.0 * step * k * M_PER_COUNT / DRIVE.track_m
         robot.add_scan(scan(0.1 * k, [Pose2(theta_rad=turn_rad)] * 100))
     assert any("is it the right one" in line for line in robot.warnings().values())
+
+
+class Doubting(GridMapper):
+    """A mapper that doubts its map for a while."""
+
+    map_doubt = ""
+
+
+def test_the_doubt_about_the_map_ends_with_its_reason_but_is_reported_at_the_end() -> None:
+    mapper = Doubting(base_from_laser=LASER)
+    estimator = StateEstimator(drive=DRIVE, base_from_laser=LASER, mapper=mapper)
+    seen = []
+    for k, doubt in enumerate(("", "the map explains only 20 % of the scan", "")):
+        mapper.map_doubt = doubt
+        estimator.add_telemetry(telemetry(0.2 * k, 0, 0))
+        estimator.add_scan(scan(0.2 * k, [Pose2()] * 200))
+        estimator.add_telemetry(telemetry(0.2 * k + 0.1, 0, 0))
+        seen.append(estimator.map_doubt)
+    assert seen == ["", "the map explains only 20 % of the scan", ""]
+    assert estimator.warnings()["MAP"] == seen[1]

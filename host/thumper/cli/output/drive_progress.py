@@ -1,9 +1,13 @@
 """Shows a drive on the terminal: a progress bar, or one line per second if the output is not a terminal."""
 
+import sys
+
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
+from thumper.ros.codec import Message
+from thumper.ros.to_ros import WARN
 from thumper.runtime.drive.legs import AnyLeg
 from thumper.runtime.drive_result import DriveProgress, DriveResult
 from thumper.runtime.loop import RobotLoop
@@ -34,6 +38,8 @@ class ProgressDisplay:
         distance_m = progress.distance_to_goal_m
         self._farthest_m = max(self._farthest_m, distance_m)
         state = f"{distance_m:5.2f} m to go, {progress.time_s:5.1f} s"
+        if progress.is_waiting:
+            state += f"; {progress.reason}"
         is_plain = not (self._console.is_terminal or self._console.quiet)
         if is_plain and progress.time_s >= self._next_line_s:
             print(f"{self._name}: {state}", flush=True)
@@ -54,6 +60,12 @@ class ProgressDisplay:
     def _make_bar(self) -> Progress:
         columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[state]}")
         return Progress(*columns, console=self._console)
+
+
+def print_problems(topic: str, _time_s: float, message: Message) -> None:
+    """Print the warnings and errors among the events of a running robot, as they happen."""
+    if topic == "events" and message.level >= WARN:
+        print(f"thumper: {message.msg}", file=sys.stderr, flush=True)
 
 
 def print_warnings(robot: RobotLoop, console: Console) -> None:

@@ -19,15 +19,14 @@ from thumper.config.manual_drive import ManualDriveOptions
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
+from thumper.runtime.drive.data_age import DataAge
 from thumper.runtime.drive.heartbeats import HeartbeatMonitor
 from thumper.runtime.drive.manual_pwm import FeedForward, manual_pwm
 from thumper.runtime.drive.twist_mux import ManualCommand, TwistMux
 from thumper.runtime.requests import Velocity
 from thumper.runtime.safe_stop import STOP_CYCLES
-from thumper.runtime.sensor_inputs import BLIND_S
 from thumper.runtime.state_estimator import RobotState
 
-SCAN_TIMEOUT_S = 1.0  # after BLIND_S without a scan the robot waits; after this long the lidar is lost
 GOAL_MARGIN_M = 1.0
 DISARMED_CYCLES = 3  # telemetry from before ARM may still arrive
 
@@ -77,15 +76,15 @@ class DriveManager:
         self.source = ""  # who sent the goal
         self.outcome: DriveOutcome | None = None  # of the last drive, once it has ended
         self.command = Twist2()  # as last sent to the wheels
+        self.is_waiting = False  # during a drive, for recent data; `reason` says for which
         self.is_stop_unconfirmed = False  # an emergency stop was requested, but the board did not confirm it
+        self._data_age = DataAge()
         self._cruise = Twist2()
         self._speeds = WheelSpeeds()
         self._pwm = (0, 0)
         self._feed_forward: FeedForward | None = None
         self._manually_armed = False
-        self._cycles_armed = 0
-        self._disarmed_cycles = 0
-        self._stop_cycles = 0
+        self._cycles_armed = self._disarmed_cycles = self._stop_cycles = 0
 
     def start(
         self, goal: Goal, telemetry: Telemetry | None, *, source: str = "", clear_fault: bool = False
@@ -94,7 +93,7 @@ class DriveManager:
         if self.mode not in (DriveMode.DRIVING, DriveMode.HOLDING):
             self._arm(telemetry, clear_fault=clear_fault)
         self.navigator.set_goal(goal)
-        self.outcome = None
+        self.outcome, self.is_waiting = None, False
         self.goal, self.source = goal, source
         self.mode, self.reason = DriveMode.DRIVING, ""
 
@@ -237,14 +236,7 @@ class DriveManager:
 
     def _navigate(self, state: RobotState, grid: Callable[[], OccupancyGrid]) -> NavigationOutput | None:
         assert self.goal is not None  # DRIVING has one
-        if state.scan_age_s > SCAN_TIMEOUT_S:
-            self._end_drive(
-                DriveOutcome(reached=False, reason="the lidar stopped sending scans; check its cable")
-            )
-            return None
-        if state.scan_age_s > BLIND_S:
-            self._speeds = WheelSpeeds()
-            self.board.set_wheel_speeds(self._speeds)
+        if self._waits_for_data(state):
             return None
         output = self.navigator.update(
             state.time_s,
@@ -255,6 +247,9 @@ class DriveManager:
             lost=state.lost,
             frames=state.frames,
         )
+        if self._waits_for_data(state):  # planning may have taken seconds
+            return None
+        self.is_waiting = False
         self.command, self.reason = output.command, output.reason
         self._speeds = limit_wheel_speeds(wheel_speeds(output.command, self._drive), self._max_wheel_rad_s)
         self.board.set_wheel_speeds(self._speeds)
@@ -263,6 +258,16 @@ class DriveManager:
         elif output.state is NavigationState.FAILED:
             self._end_drive(DriveOutcome(reached=False, reason=output.reason, navigation_failed=True))
         return output
+
+    def _waits_for_data(self, state: RobotState) -> bool:
+        """Hold still, and return True, if the data is too old to drive on; after a while, end the drive."""
+        problem = self._data_age.problem(state, self.board.now_s())
+        if problem and self._data_age.is_hopeless(state):
+            self._end_drive(DriveOutcome(reached=False, reason=problem))
+        elif problem:
+            self._speeds, self.reason, self.is_waiting = WheelSpeeds(), problem, True
+            self.board.set_wheel_speeds(self._speeds)
+        return bool(problem)
 
     def _end_drive(self, outcome: DriveOutcome) -> None:
         """End the drive regularly: slow down, then motors off unless the user armed the robot."""

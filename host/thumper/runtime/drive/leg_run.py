@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
-from thumper.navigation.navigator import NavigationOutput
 from thumper.runtime.drive.drive_manager import DriveManager, DriveMode, DriveOutcome
 from thumper.runtime.drive.goal_limits import GoalLimits
 from thumper.runtime.drive.legs import AnyLeg, Cruise, Leg, Wait
@@ -100,7 +99,7 @@ class LegRun:
                 is_over = self.leg.until() or self._cycles >= self.leg.max_cycles
                 return DONE if is_over or self._elapsed_s() >= self.leg.duration_s else None
 
-    def progress(self, output: NavigationOutput) -> DriveProgress | None:
+    def progress(self) -> DriveProgress | None:
         """Return the progress of a drive to a goal after a cycle; None for other legs."""
         state = self._inputs.estimator.state()
         if not isinstance(self.leg, Leg) or self._begun is None or state is None:
@@ -108,7 +107,8 @@ class LegRun:
         return DriveProgress(
             time_s=state.time_s - self._begun.time_s,
             distance_to_goal_m=self.leg.goal.distance_m(state.map_from_base),
-            reason=output.reason,
+            reason=self._drive_manager.reason,
+            is_waiting=self._drive_manager.is_waiting,
         )
 
     def result(self, outcome: DriveOutcome) -> DriveResult:

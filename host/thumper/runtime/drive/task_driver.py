@@ -1,5 +1,7 @@
 """Carries out a task: starts its legs, one after another, and passes their results back to it."""
 
+from contextlib import suppress
+
 from thumper.common.errors import ThumperError
 from thumper.navigation.navigator import NavigationOutput
 from thumper.runtime.drive.display import Display, NoDisplay
@@ -79,8 +81,10 @@ class TaskDriver:
         leg = self._leg
         if leg is None or not leg.has_started:
             return None
-        if output is not None and (progress := leg.progress(output)):
+        if output is not None:
             self._inputs.log_progress(output.plan)
+        is_driving = output is not None or self._drive_manager.is_waiting
+        if is_driving and (progress := leg.progress()):
             self._display.progress(progress)
         return leg.outcome()
 
@@ -89,7 +93,8 @@ class TaskDriver:
         assert self.task is not None
         assert self._leg is not None
         result = self._leg.result(outcome)
-        self._display.ended(result)
+        with suppress(OSError):  # the terminal may be gone
+            self._display.ended(result)
         self._leg = None
         self.task.leg_ended(result)
 

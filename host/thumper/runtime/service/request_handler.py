@@ -117,6 +117,8 @@ class RequestHandler:
     def process_pending(self) -> None:
         """Handle all queued requests. Never raises: a failed request is answered with its error."""
         stale = self._stall_guard.is_stale(time.monotonic())
+        if self._drive_manager.is_stop_unconfirmed:
+            self._request_queue.put(EmergencyStop())  # until the board confirms it
         for received_s, request in self._request_queue.take_all():
             try:
                 if stale and starts_motion(request):

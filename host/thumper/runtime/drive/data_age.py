@@ -1,0 +1,37 @@
+"""Decides whether scans and telemetry are recent enough to drive on. Pure."""
+
+from thumper.runtime.sensor_inputs import BLIND_S
+from thumper.runtime.state_estimator import RobotState
+
+SCAN_TIMEOUT_S = 1.0  # after BLIND_S without a scan the robot waits; after this long the lidar is lost
+TELEMETRY_S = 0.3  # by then the firmware stops the motors for lack of commands
+WAIT_LIMIT_S = 5.0
+LIDAR_LOST = "the lidar stopped sending scans; check its cable"
+
+
+class DataAge:
+    """Ask `problem` before each command. While there is a problem the robot waits, but not for ever."""
+
+    def __init__(self) -> None:
+        self._since_s: float | None = None  # when the present wait began
+
+    def problem(self, state: RobotState, now_s: float) -> str:
+        """Return why the robot must not move now, on the clock `now_s` of the board; empty if it may."""
+        telemetry_age_s = now_s - state.time_s
+        problem = ""
+        if state.scan_age_s > SCAN_TIMEOUT_S:
+            problem = LIDAR_LOST
+        elif telemetry_age_s > TELEMETRY_S:
+            problem = f"waiting: this computer is overloaded, the data is {telemetry_age_s:.2f} s old"
+        elif state.scan_age_s > BLIND_S:
+            problem = f"waiting for the lidar: its newest scan is {state.scan_age_s:.2f} s old"
+        if not problem:
+            self._since_s = None
+        elif self._since_s is None:
+            self._since_s = state.time_s
+        return problem
+
+    def is_hopeless(self, state: RobotState) -> bool:
+        """Return whether the wait has lasted too long, or the lidar is lost."""
+        waited_s = 0.0 if self._since_s is None else state.time_s - self._since_s
+        return state.scan_age_s > SCAN_TIMEOUT_S or waited_s > WAIT_LIMIT_S

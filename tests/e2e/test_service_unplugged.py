@@ -1,0 +1,97 @@
+"""Ports of a running robot vanish and return, in any order; it stops, says so and keeps its map."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from types import SimpleNamespace
+
+import pytest
+
+from tests.e2e.service import FAR, NEAR, START, Service
+from thumper.board.options import BoardOptions
+from thumper.config.robot import RobotConfig
+from thumper.lidar.options import LidarOptions
+from thumper.runtime.assembly import open_robot
+from thumper.runtime.loop import RobotLoop
+from thumper.runtime.requests import GoTo
+from thumper_hil.bench import simulation
+from thumper_hil.bench.registry import close_device, open_device
+
+BACK_S = 5.0
+ORDERS = {
+    "lidar": ("lidar-", "lidar+"),
+    "board": ("board-", "board+"),
+    "both, lidar back first": ("lidar-", "board-", "lidar+", "board+"),
+    "both, board back first": ("board-", "lidar-", "board+", "lidar+"),
+    "lidar again while it is away": ("lidar-", "lidar+", "lidar-", "lidar+"),
+    "board again while it is away": ("board-", "lidar-", "board+", "board-", "lidar+", "board+"),
+}
+
+
+@pytest.fixture
+def pluggable(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], Service]]:
+    """Return a function that makes a running robot with a lidar of the given model."""
+    robots: list[AbstractContextManager[RobotLoop]] = []
+    held: list[str] = []
+
+    def make(model: str) -> Service:
+        name = f"unplugged{model}"
+        board = f"sim://{name}/board?world=lab&lidar={model}&x_m={START.x_m}&y_m={START.y_m}&yaw_deg=180"
+        lidar = LidarOptions(port=f"sim://{name}/lidar", model=model)  # type: ignore[arg-type]
+        opened = open_robot(RobotConfig(board=BoardOptions(port=board), lidar=lidar), START)
+        held.append(name)
+        service = Service(opened.__enter__(), simulation(name))
+        open_device(name, "witness", {})  # keeps the simulation while both ports are closed
+        robots.append(opened)
+        for part in ("service.request_handler", "service.request_queue", "drive.drive_manager"):
+            monkeypatch.setattr(f"thumper.runtime.{part}.time", SimpleNamespace(monotonic=service.wall_s))
+        monkeypatch.setattr(time, "sleep", lambda nap_s: service.bench.advance(service.bench.time_s + nap_s))
+        service.run_cycles(8)
+        return service
+
+    yield make
+    for opened in robots:
+        opened.__exit__(None, None, None)
+    for name in held:
+        close_device(name, "witness")
+
+
+def run_for(service: Service, duration_s: float) -> None:
+    until_s = service.bench.time_s + duration_s
+    service.until(lambda: service.bench.time_s >= until_s)
+
+
+def is_back(service: Service) -> bool:
+    state = service.robot.inputs.estimator.state()
+    is_telling = service.robot.inputs.board.now_s() - (state.time_s if state else 0.0) < 0.3
+    return state is not None and is_telling and state.scan_age_s < 0.35
+
+
+@pytest.mark.parametrize("model", ["urg04lx", "ld19"])
+@pytest.mark.parametrize("order", ORDERS.values(), ids=ORDERS)
+@pytest.mark.parametrize("is_driving", [False, True], ids=["at rest", "driving"])
+def test_ports_come_and_go(
+    pluggable: Callable[[str], Service], model: str, order: tuple[str, ...], is_driving: bool
+) -> None:
+    service = pluggable(model)
+    if is_driving:
+        service.put(GoTo(goals=(FAR,)))
+        service.run_cycles(12)
+    known = (service.robot.mapper.grid().cells >= 0).sum()
+    for move in order:
+        device, plugged = move[:-1], move[-1] == "+"
+        service.bench.fault(device, "ok" if plugged else "unplugged")
+        run_for(service, 2.0)
+    back_s = service.bench.time_s - 2.0
+    service.until(lambda: is_back(service))
+    assert service.bench.time_s - back_s < BACK_S
+    assert (service.robot.mapper.grid().cells >= 0).sum() >= known
+    assert not [text for text in service.events if "internal error" in text]
+    for device in {move[:-1] for move in order}:
+        assert any(f"the {device} answers again" in text for text in service.events)
+        assert any(device in text and "again" not in text for text in service.events)
+    assert service.mode == "idle"
+    service.put(GoTo(goals=(NEAR,)))
+    service.until(lambda: service.mode == "idle")
+    assert service.ask("mission/state")["state"] == "reached"
+    assert service.bench.contacts == 0
