@@ -1,7 +1,7 @@
 """Notices that a device's clock has fallen behind the host's for good, not just one message. Pure.
 
 A message that waits somewhere is late once. A clock that stopped for a while, or an offset that was measured
-on a busy computer, makes every message late, however long one waits. Without a correction, all data stays old.
+on a busy computer, makes every message late, however long one waits. Uncorrected, all data stays old.
 """
 
 import math
