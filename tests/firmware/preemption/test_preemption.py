@@ -2,6 +2,8 @@
 
 import shutil
 import subprocess
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
@@ -43,13 +45,20 @@ GUARDS: dict[str, tuple[Scenario, str, str, str]] = {
 }
 
 
+def failures_of(scenario: Scenario, elf: Path, interrupt: Interrupt, stride: int) -> list[str]:
+    """Run a scenario in a small new process: it forks thousands of times, and a fork copies page tables."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as small_process:
+        return small_process.submit(scenario, elf, interrupt, stride).result()
+
+
 @pytest.mark.parametrize(
     ("scenario", "interrupt"),
     [(scenario, interrupt) for scenario, interrupts in SCENARIOS.items() for interrupt in interrupts],
     ids=lambda value: value.name.lower() if isinstance(value, Interrupt) else value.__name__,
 )
 def test_an_interrupt_anywhere_tears_nothing(scenario: Scenario, interrupt: Interrupt) -> None:
-    assert scenario(ELF, interrupt, STRIDE.get(scenario, 1) * (1 if interrupt is Interrupt.TICK else 5)) == []
+    stride = STRIDE.get(scenario, 1) * (1 if interrupt is Interrupt.TICK else 5)
+    assert failures_of(scenario, ELF, interrupt, stride) == []
 
 
 @pytest.mark.parametrize("guard", GUARDS)
@@ -62,5 +71,6 @@ def test_the_sweep_finds_a_missing_guard(guard: str, tmp_path: Path) -> None:
     assert text.count(old) == 1
     main.write_text(text.replace(old, new), encoding="utf-8")
     subprocess.run(["make", "-s", "-C", str(firmware)], check=True, capture_output=True)
-    failures = scenario(firmware / "build" / "thumper.elf", Interrupt.TICK, STRIDE.get(scenario, 1))
+    elf = firmware / "build" / "thumper.elf"
+    failures = failures_of(scenario, elf, Interrupt.TICK, STRIDE.get(scenario, 1))
     assert any(expected in failure for failure in failures), failures
