@@ -60,6 +60,7 @@ class Service:
     def ask(self, name: str, content: Mapping[str, Any] | None = None) -> dict[str, Any]:
         answers: list[Mapping[str, Any]] = []
         self.put(Query(name=name, content=content or {}, reply=answers.append))
+        self.until(lambda: bool(answers), max_cycles=10)  # board jobs share the cycles with the drive
         (answer,) = answers
         if answer["ok"]:  # every reply has exactly the fields of its type
             reply = SERVICES[name].read_reply(answer)

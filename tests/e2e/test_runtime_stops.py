@@ -91,6 +91,7 @@ MISHAPS = [
 def test_the_wheels_stop_and_the_reason_is_reported(mishap: Mishap, words: str) -> None:
     with robot_in_the_lab() as (robot, bench):
         result = drive(robot, bench, mishap)
+        bench.advance(bench.time_s + 0.1)  # the motors are off; the wheels roll out
         truth = bench.truth()
         wheels_rad_s = np.abs(truth[-1, 4:])
     assert not result.reached

@@ -55,7 +55,7 @@ def test_a_board_of_another_geometry_is_not_taken_back(
     service.bench.fault("board", "unplugged")
     monkeypatch.setattr(time, "sleep", lambda nap_s: service.bench.advance(service.bench.time_s + nap_s))
     with monkeypatch.context() as patch:
-        patch.setattr("thumper.runtime.assembly._check_geometry", another)
+        patch.setattr("thumper.runtime.assembly.geometry_of", another)
         service.run_cycles(2)
         service.bench.fault("board", "ok")
         service.run_cycles(20)
