@@ -16,7 +16,7 @@ from thumper.navigation.options import NavigationOptions
 from thumper.navigation.planners.astar import AStarPlanner
 from thumper.navigation.planners.goal_validation import validate_goal
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions
-from thumper.navigation.recovery.progress_checker import Progress, ProgressChecker, ProgressOptions
+from thumper.navigation.recovery.progress_checker import ProgressCheck, ProgressChecker, ProgressOptions
 
 NO_HITS = np.empty((0, 2))
 A = Goal(x_m=1.0, y_m=0.0)
@@ -144,7 +144,7 @@ def test_small_tolerance_applies_to_the_stop_not_to_the_rotation_after_it() -> N
 
 def test_progress_requires_movement_and_then_nearness() -> None:
     checker = ProgressChecker(ProgressOptions(still_s=2.0, idle_s=5.0))
-    assert checker.update(0.0, Pose2(), 3.0) == Progress(nearer=True, problem=None)
+    assert checker.update(0.0, Pose2(), 3.0) == ProgressCheck(nearer=True, problem=None)
     assert checker.update(2.1, Pose2(x_m=0.05), 3.0).problem == "no movement for 2 s"
     checker.restart_timers()
     problem = None

@@ -19,7 +19,7 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.lattice import LatticePlanner
 from thumper.navigation.planners.polyline import arc_lengths
-from thumper.navigation.planners.resumable import Search, SlicedSearch
+from thumper.navigation.resumable import Search, SlicedSearch
 from thumper.navigation.speed_limits import SpeedLimits, step_toward, stoppable_speed
 
 SIDE_GAIN, HEADING_GAIN = 20.0, 9.0  # [1/m^2], [1/m]: critically damped over about a quarter of a metre

@@ -9,7 +9,6 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar_search import CLOSED, CostArray, search_astar, trace_path
 from thumper.navigation.planners.planner import PlanResult
 from thumper.navigation.planners.polyline import resample, shortcut, smooth
-from thumper.navigation.planners.resumable import Search, run_to_end
 from thumper.navigation.planners.start_and_goal_cells import find_ends, goal_end
 from thumper.navigation.planners.traversal_cost import (
     TraversalCostOptions,
@@ -17,6 +16,7 @@ from thumper.navigation.planners.traversal_cost import (
     path_cost_m,
     traversal_cost,
 )
+from thumper.navigation.resumable import Search, run_to_end
 
 SHORTCUT_POINTS = 100  # longest run that one shortcut replaces
 SLICE_POINTS = 400  # of the path that are shortened in one cycle

@@ -13,7 +13,7 @@ from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
 from thumper.navigation.costmap.inflation import ByteArray, IntArray
 from thumper.navigation.planners.binary_heap import doubled, heap_pop, heap_push
-from thumper.navigation.planners.resumable import ASTAR_CELLS, Search, run_to_end
+from thumper.navigation.resumable import ASTAR_CELLS, Search, run_to_end
 
 CostArray = NDArray[np.float32]
 

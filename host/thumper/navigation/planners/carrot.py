@@ -16,8 +16,8 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar_search import CostArray
 from thumper.navigation.planners.planner import PlanResult
 from thumper.navigation.planners.polyline import arc_lengths, resample
-from thumper.navigation.planners.resumable import Search
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions, traversal_cost
+from thumper.navigation.resumable import Search
 
 
 class CarrotPlanner:

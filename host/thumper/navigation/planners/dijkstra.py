@@ -14,7 +14,7 @@ import numpy as np
 from thumper.common.numba_kernel import kernel
 from thumper.navigation.costmap.inflation import ByteArray, IntArray
 from thumper.navigation.planners.astar_search import CostArray
-from thumper.navigation.planners.resumable import DIJKSTRA_CELLS, Search, run_to_end
+from thumper.navigation.resumable import DIJKSTRA_CELLS, Search, run_to_end
 
 # Width of a bucket [free cells]. Wide buckets expand cells more often, narrow ones scan the front more often.
 BUCKET = 16.0
@@ -69,7 +69,7 @@ class Buckets(NamedTuple):
     later: IntArray
 
 
-class Progress(NamedTuple):
+class BucketState(NamedTuple):
     """How far the expansion is."""
 
     next: int  # index in `now`
@@ -80,8 +80,8 @@ class Progress(NamedTuple):
 
 @kernel
 def expand_bucket(
-    wave: Wavefront, buckets: Buckets, progress: Progress, budget: int
-) -> tuple[Buckets, Progress, int]:
+    wave: Wavefront, buckets: Buckets, progress: BucketState, budget: int
+) -> tuple[Buckets, BucketState, int]:
     """Expand the cells of the bucket `now` and those they add; put cells beyond the limit in `later`.
 
     Stops after `budget` cells; returns what is left of it.
@@ -116,13 +116,13 @@ def expand_bucket(
                 now[n_now] = neighbour
                 wave.queued[neighbour] = NOW
                 n_now += 1
-    return Buckets(now, later), Progress(i, n_now, n_later, limit), budget
+    return Buckets(now, later), BucketState(i, n_now, n_later, limit), budget
 
 
 @kernel
 def dijkstra_slice(
-    wave: Wavefront, buckets: Buckets, progress: Progress, target: int, margin: float, budget: int
-) -> tuple[Buckets, Progress, bool]:
+    wave: Wavefront, buckets: Buckets, progress: BucketState, target: int, margin: float, budget: int
+) -> tuple[Buckets, BucketState, bool]:
     """Expand up to `budget` cells, bucket by bucket; return also whether the search has ended."""
     while True:
         buckets, progress, budget = expand_bucket(wave, buckets, progress, budget)
@@ -134,7 +134,7 @@ def dijkstra_slice(
         if progress.limit >= end or progress.n_later == 0:
             return buckets, progress, True
         buckets = Buckets(buckets.later, buckets.now)
-        progress = Progress(0, progress.n_later, 0, progress.limit + BUCKET)
+        progress = BucketState(0, progress.n_later, 0, progress.limit + BUCKET)
 
 
 def search_dijkstra(
@@ -167,7 +167,7 @@ def search_dijkstra(
     limit = float(BUCKET)
     if is_guided:
         limit += math.hypot(source // cols - target // cols, source % cols - target % cols)
-    progress, is_over = Progress(0, n_now, 0, limit), n_now == 0
+    progress, is_over = BucketState(0, n_now, 0, limit), n_now == 0
     while not is_over:
         buckets, progress, is_over = dijkstra_slice(wave, buckets, progress, target, margin, DIJKSTRA_CELLS)
         if not is_over:

@@ -18,7 +18,6 @@ from thumper.navigation.planners.dijkstra import search_dijkstra
 from thumper.navigation.planners.lattice_search import LatticeProblem, LatticeWeights, search_lattice
 from thumper.navigation.planners.planner import PlanResult
 from thumper.navigation.planners.polyline import resample, smooth
-from thumper.navigation.planners.resumable import Search, run_to_end
 from thumper.navigation.planners.start_and_goal_cells import find_ends
 from thumper.navigation.planners.traversal_cost import (
     TraversalCostOptions,
@@ -26,6 +25,7 @@ from thumper.navigation.planners.traversal_cost import (
     path_cost_m,
     traversal_cost,
 )
+from thumper.navigation.resumable import Search, run_to_end
 
 POTENTIAL_MARGIN = 120.0  # how far round the cheapest path the heuristic is known [free cells]
 HEURISTIC_WEIGHT = 1.2  # finds a path sooner that costs at most 20 % more

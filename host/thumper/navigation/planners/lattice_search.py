@@ -16,7 +16,7 @@ from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal
 from thumper.navigation.costmap.inflation import IntArray
 from thumper.navigation.planners.astar_search import CostArray
 from thumper.navigation.planners.binary_heap import doubled, heap_pop, heap_push
-from thumper.navigation.planners.resumable import LATTICE_NODES, Search
+from thumper.navigation.resumable import LATTICE_NODES, Search
 
 HEADINGS = 24
 TURN_RAD = math.tau / HEADINGS
@@ -150,7 +150,7 @@ def move_is_free(
     return is_free(problem.grid, mx, my, mean, allowed, needs_known)
 
 
-class Progress(NamedTuple):
+class SearchState(NamedTuple):
     """How far the search is."""
 
     nodes: Nodes
@@ -175,8 +175,8 @@ def with_room(
 
 @kernel
 def lattice_slice(
-    problem: LatticeProblem, weights: LatticeWeights, node_at: IntArray, progress: Progress, budget: int
-) -> Progress:
+    problem: LatticeProblem, weights: LatticeWeights, node_at: IntArray, progress: SearchState, budget: int
+) -> SearchState:
     """Close up to `budget` nodes. `node_at` holds for each bin of position and heading its node plus 1."""
     cell_costs, start = problem.cell_costs, problem.start
     rows, cols = cell_costs.shape
@@ -226,7 +226,7 @@ def lattice_slice(
             size, count = size + 1, count + 1
     if last == GOES_ON and budget > 0:
         last = NO_PATH
-    return Progress(nodes, keys, items, size, count, last)
+    return SearchState(nodes, keys, items, size, count, last)
 
 
 def search_lattice(problem: LatticeProblem, weights: LatticeWeights) -> Search[FloatArray]:
@@ -239,7 +239,7 @@ def search_lattice(problem: LatticeProblem, weights: LatticeWeights) -> Search[F
     node_at = np.zeros(bins * HEADINGS, np.int32)  # the memory of untouched bins is never used
     keys, items = np.empty(FIRST_NODES), np.empty(FIRST_NODES, np.int32)
     heap_push(keys, items, 0, 0.0, 0)
-    progress = Progress(with_root(problem.start), keys, items, 1, 1, GOES_ON)
+    progress = SearchState(with_root(problem.start), keys, items, 1, 1, GOES_ON)
     while True:
         progress = lattice_slice(problem, weights, node_at, progress, LATTICE_NODES)
         if progress.last == NO_PATH:

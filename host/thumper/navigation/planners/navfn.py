@@ -15,7 +15,6 @@ from thumper.navigation.planners.astar_search import CostArray
 from thumper.navigation.planners.dijkstra import search_dijkstra
 from thumper.navigation.planners.gradient_path import gradient_path
 from thumper.navigation.planners.planner import PlanResult
-from thumper.navigation.planners.resumable import Search, run_to_end
 from thumper.navigation.planners.start_and_goal_cells import find_ends, goal_end
 from thumper.navigation.planners.traversal_cost import (
     TraversalCostOptions,
@@ -23,6 +22,7 @@ from thumper.navigation.planners.traversal_cost import (
     path_cost_m,
     traversal_cost,
 )
+from thumper.navigation.resumable import Search, run_to_end
 
 STEP_CELLS = 0.5
 MARGIN = 6.0  # how far beyond the goal's potential the search goes: the gradient needs the neighbours

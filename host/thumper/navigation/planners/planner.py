@@ -7,7 +7,7 @@ from thumper.common.geometry import FloatArray, Pose2
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar_search import CostArray
-from thumper.navigation.planners.resumable import Search
+from thumper.navigation.resumable import Search
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -13,7 +13,7 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar import is_blocked
 from thumper.navigation.planners.planner import Planner, PlanResult
 from thumper.navigation.planners.polyline import arc_lengths, nearest_vertex, project_onto
-from thumper.navigation.planners.resumable import SlicedSearch
+from thumper.navigation.resumable import SlicedSearch
 
 TINY_M = 1e-9
 BLOCKED_PERIOD_S = 0.3  # least time between two plans while the path is blocked

@@ -32,7 +32,7 @@ class ProgressOptions:
     lost_s: Annotated[float, Gt(0)] = 10.0
 
 
-class Progress(NamedTuple):
+class ProgressCheck(NamedTuple):
     """The result of one check."""
 
     nearer: bool  # the robot has come nearer to the goal than ever before
@@ -72,7 +72,7 @@ class ProgressChecker:
         """Return the time since the robot last moved or turned away from where it is [s]."""
         return 0.0 if self._anchor is None else time_s - self._anchor_s
 
-    def update(self, time_s: float, map_from_base: Pose2, remaining_m: float) -> Progress:
+    def update(self, time_s: float, map_from_base: Pose2, remaining_m: float) -> ProgressCheck:
         """Return whether the robot has come nearer, and what is wrong, if anything."""
         options = self._options
         if self._anchor is None:
@@ -93,4 +93,4 @@ class ProgressChecker:
             problem = f"no movement for {options.still_s:.0f} s"
         elif time_s - self._idle_since_s > options.idle_s:
             problem = f"no nearer to the goal for {options.idle_s:.0f} s"
-        return Progress(nearer=nearer, problem=problem)
+        return ProgressCheck(nearer=nearer, problem=problem)

@@ -12,7 +12,7 @@ from thumper.navigation.costmap.inflation import FREE, INSCRIBED, ByteArray, Int
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.planner import Planner, PlanResult
-from thumper.navigation.planners.resumable import BAND_CELLS, SlicedSearch
+from thumper.navigation.resumable import BAND_CELLS, SlicedSearch
 
 UPDATE_PERIOD_S = 1.0
 

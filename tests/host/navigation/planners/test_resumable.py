@@ -16,8 +16,8 @@ from thumper.navigation.planners.lattice import LatticeOptions, LatticePlanner
 from thumper.navigation.planners.navfn import NavfnPlanner
 from thumper.navigation.planners.planner import Planner
 from thumper.navigation.planners.replanning import PathManager, ReplanningOptions
-from thumper.navigation.planners.resumable import ASTAR_CELLS, Search
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions
+from thumper.navigation.resumable import ASTAR_CELLS, Search
 
 SIDE = 600
 START, GOAL = Pose2(x_m=1.5, y_m=1.5), Goal(x_m=27.0, y_m=27.0)
