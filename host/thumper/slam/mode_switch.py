@@ -23,7 +23,7 @@ class SlamModeSwitch:
     """A `Mapper` that maps until it is switched to localization, and back.
 
     The pose never jumps at a switch: the new estimator starts at the old one's pose at the newest scan. Only
-    a robot that was carried away while mapping is searched for in its whole map.
+    for a robot that was kidnapped while mapping does it search the whole map.
     """
 
     def __init__(
@@ -202,7 +202,7 @@ class SlamModeSwitch:
     ) -> None:
         if not np.any(grid.cells == OCCUPIED):
             raise ThumperError(
-                "there is no wall in the map to localize by; choose another map",
+                "the map has no walls, so the robot cannot localize in it; choose another map",
                 exit_code=EXIT_USAGE,
             )
         self.localizer = Amcl(

@@ -34,7 +34,7 @@ class SavedSlamState:
     map_from_base: Pose2 | None  # the robot's pose when saved; None if it was lost
 
     @classmethod
-    def from_mapper(cls, mapper: Mapper, map_from_base: Pose2) -> "SavedSlamState":
+    def from_mapper(cls, mapper: Mapper, map_from_base: Pose2 | None) -> "SavedSlamState":
         """Return the mapper's state, with the pose only if it is not lost."""
         return cls(counts=mapper.counts(), map_from_base=None if mapper.quality().lost else map_from_base)
 

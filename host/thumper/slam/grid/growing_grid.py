@@ -13,7 +13,7 @@ from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.deskew import INVALID, ScanPoints
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import UNKNOWN, CellArray, OccupancyGrid
-from thumper.slam.grid.ray_casting import Beams
+from thumper.slam.grid.ray_casting import GridBeams
 from thumper.slam.grid.scan_inserter import HitCells, insert_scan, occupancy
 from thumper.slam.scan_matching.distance_field import (
     DistanceField,
@@ -115,7 +115,7 @@ class HitGrid:
         self._ensure_covers(np.concatenate((origins_m, ends_m)))
         corner = np.array(self.corner_m)
         self._rendered = None
-        beams = Beams(
+        beams = GridBeams(
             (origins_m - corner) / self.resolution_m,
             (ends_m - corner) / self.resolution_m,
             points.kinds[valid],

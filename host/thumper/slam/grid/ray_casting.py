@@ -14,7 +14,7 @@ LayerArray = NDArray[np.uint8]
 CrossedArray = NDArray[np.int32]
 
 
-class Beams(NamedTuple):
+class GridBeams(NamedTuple):
     """A scan in cells: integer parts are (column, row)."""
 
     origins: FloatArray  # shape (n, 2)
@@ -23,7 +23,7 @@ class Beams(NamedTuple):
 
 
 @kernel
-def cast_rays(beams: Beams, start: int, every: int, mark: int, layer: LayerArray) -> CrossedArray:
+def cast_rays(beams: GridBeams, start: int, every: int, mark: int, layer: LayerArray) -> CrossedArray:
     """Return (row, column) of the cells crossed, shape (cells, 2), without the cells of the beams' ends.
 
     Only one beam in `every` is cast, from number `start` on. Cells that carry `mark` in the layer are

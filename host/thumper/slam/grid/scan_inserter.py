@@ -8,7 +8,7 @@ import numpy as np
 from thumper.common.numba_kernel import kernel
 from thumper.lidar.deskew import HIT
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, CellArray
-from thumper.slam.grid.ray_casting import Beams, LayerArray, cast_rays
+from thumper.slam.grid.ray_casting import GridBeams, LayerArray, cast_rays
 from thumper.slam.scan_matching.distance_field import (
     CountArray,
     FieldArray,
@@ -61,12 +61,12 @@ def _observe_cell(row: int, col: int, hit: bool, cells: HitCells, rule: Insertio
 
 
 @kernel
-def insert_scan(beams: Beams, layer: LayerArray, cells: HitCells, rule: InsertionRule) -> None:
+def insert_scan(beams: GridBeams, layer: LayerArray, cells: HitCells, rule: InsertionRule) -> None:
     """Insert one scan. Every beam must lie inside the arrays.
 
     Each cell counts once per scan, and a hit outweighs any number of beams that cross the same cell.
-    Otherwise beams that graze a wall would wear it away. `layer`, one byte per cell, is scratch memory: zero
-    before and after. With `rule.release` = 1 the counts alone decide what is occupied.
+    Otherwise beams that graze a wall would mark its cells free. `layer`, one byte per cell, is scratch
+    memory: zero before and after. With `rule.release` = 1 the counts alone decide what is occupied.
     """
     ends, kinds = beams.ends, beams.kinds
     for i in range(kinds.size):

@@ -6,7 +6,7 @@ from thumper.common.geometry import FloatArray
 from thumper.lidar.deskew import ScanPoints
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.slam.grid.ray_casting import Beams
+from thumper.slam.grid.ray_casting import GridBeams
 from thumper.slam.particle_filter.patch_distances import RELEASE, quantized_distances
 from thumper.slam.particle_filter.patch_inserter import (
     PatchTables,
@@ -75,7 +75,9 @@ class ParticleMaps:
         self._ensure_covers(poses[:, :2].min(axis=0) - length_m, poses[:, :2].max(axis=0) + length_m)
         self._rendered = None
         groups = group_poses(self.to_cells(poses), length_m / self.resolution_m)
-        beams = Beams(points.origins_m / self.resolution_m, points.ends_m / self.resolution_m, points.kinds)
+        beams = GridBeams(
+            points.origins_m / self.resolution_m, points.ends_m / self.resolution_m, points.kinds
+        )
         self._scans += 1
         every = max(1, round(np.count_nonzero(points.kinds) / CLEARED_BEAMS))
         thinning = RayThinning(start=self._scans % every, every=every)

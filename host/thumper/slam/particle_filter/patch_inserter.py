@@ -8,7 +8,7 @@ import numpy as np
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
 from thumper.lidar.deskew import HIT
-from thumper.slam.grid.ray_casting import Beams, cast_rays
+from thumper.slam.grid.ray_casting import GridBeams, cast_rays
 from thumper.slam.grid.scan_inserter import COUNT_MAX, observe
 from thumper.slam.particle_filter.patch_distances import add_obstacle, remove_obstacle
 from thumper.slam.particle_filter.patch_free_space import (
@@ -106,7 +106,7 @@ def _required_patches(writes: IndexArray, table: IndexArray, pool: Pool) -> int:
 def _insert_hits(
     cells: IndexArray, layer: ByteArray, table: IndexArray, pool: Pool, rule: InsertionRule
 ) -> None:
-    """Hit each of the cells, (row, column), shape (n, 2), once, and mark it ENDED in the layer."""
+    """Count one hit in each of the cells, (row, column), shape (n, 2), and mark it ENDED in the layer."""
     hits, near, references = pool.hits, pool.distance, pool.references
     for i in range(cells.shape[0]):
         row, col = cells[i, 0], cells[i, 1]
@@ -124,7 +124,7 @@ def _insert_hits(
 def _insert_free_space(
     mask: FreeSpaceMask, layer: ByteArray, table: IndexArray, pool: Pool, rule: InsertionRule
 ) -> None:
-    """Miss the crossed cells in which no beam ended."""
+    """Count a miss in each cell that a beam crossed and in which none ended."""
     hit_words = pool.hits.reshape((-1, SIDE * SIDE)).view(np.uint64)
     miss_words = pool.misses.reshape((-1, SIDE * SIDE)).view(np.uint64)
     for i in range(mask.patches.shape[0]):
@@ -146,7 +146,10 @@ def _miss_hit_cells(
     pool: Pool,
     rule: InsertionRule,
 ) -> None:
-    """Miss the cells of one patch that were crossed, not ended in, and hit before: their state may change."""
+    """Count a miss in the cells of one patch that were hit in earlier scans: their state may change.
+
+    Only cells that a beam crossed and in which none ended count.
+    """
     patch = table[place[0], place[1]]
     hits, misses, near = pool.hits[patch], pool.misses[patch], pool.distance[patch]
     hit_words = hits.reshape(SIDE * SIDE).view(np.uint64)
@@ -172,7 +175,7 @@ def _miss_hit_cells(
 def insert_into_all(
     first: int,
     groups: PoseGroups,
-    beams: Beams,
+    beams: GridBeams,
     thinning: RayThinning,
     maps: PatchTables,
     rule: InsertionRule,
@@ -191,7 +194,7 @@ def insert_into_all(
     """
     tables, pool, layer = maps.tables, maps.pool, maps.layer
     hit_ends = beams.ends[beams.kinds == HIT]
-    moved = Beams(np.empty_like(beams.origins), np.empty_like(beams.ends), beams.kinds)
+    moved = GridBeams(np.empty_like(beams.origins), np.empty_like(beams.ends), beams.kinds)
     cells = np.empty(hit_ends.shape, dtype=np.int32)
     mask = free_space_mask(np.empty((0, 2), dtype=np.int32), layer)
     writes, traced = mask.patches, -1

@@ -346,8 +346,8 @@ def test_calls_that_need_a_saved_map_are_refused(call: str) -> None:
     robot = SlamModeSwitch(GridMapper())
     with pytest.raises(ThumperError, match="localize first"):
         robot.set_pose(Pose2()) if call == "set_pose" else robot.relocalize()
-    with pytest.raises(ThumperError, match="no wall in the map"):
+    with pytest.raises(ThumperError, match="the map has no walls"):
         robot.localize_in(replace(GRID, cells=np.zeros((9, 9), np.int8)), None)
-    with pytest.raises(ThumperError, match="no wall in the map"):
+    with pytest.raises(ThumperError, match="the map has no walls"):
         robot.localize()  # before anything was mapped
     assert robot.localizer is None
