@@ -11,11 +11,11 @@ from thumper.board.firmware_image import firmware_image
 from thumper.board.messages import BoardModel
 from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray, Pose2
+from thumper_hil.bench.body_trajectory import BodyTrajectory
 from thumper_hil.bench.collision import FOOTPRINT_M, ContactDetector
 from thumper_hil.bench.hardware import make_lidar, robot_params
 from thumper_hil.bench.leg_contacts import LegContacts
 from thumper_hil.bench.options import BenchOptions
-from thumper_hil.bench.pose_track import PoseTrack
 from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.chip_faults import FaultyChip
 from thumper_hil.chip.instrumented_chip import ATMEGABOOT
@@ -95,7 +95,7 @@ class Bench:
         self._contact = ContactDetector(self.chip, self.world)
         self._truth: deque[tuple[float, ...]] = deque(maxlen=MAX_TRUTH_ROWS)
         self._legs = LegContacts(FOOTPRINT_M)
-        self._track = PoseTrack()
+        self._track = BodyTrajectory()
         self._ticks = 0
         self._pillars: list[tuple[float, float, float]] = []
         self._record_pose()

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from thumper.common.geometry import Pose2
+from thumper_hil.bench.body_trajectory import BodyTrajectory
 from thumper_hil.bench.options import BenchOptions
-from thumper_hil.bench.pose_track import PoseTrack
 from thumper_hil.chip.robot_params import RobotParams
 from thumper_hil.effects.clock_drift import clock_drifts
 from thumper_hil.effects.friction import floor_friction
@@ -47,7 +47,7 @@ def robot_params(options: BenchOptions, preset: Preset) -> RobotParams:
 
 
 def make_lidar(
-    options: BenchOptions, preset: Preset, world: World, history: WorldHistory, track: PoseTrack
+    options: BenchOptions, preset: Preset, world: World, history: WorldHistory, track: BodyTrajectory
 ) -> Ld19 | Urg04Lx:
     """Return the lidar of the robot with this seed, mounted as the preset says."""
     mounting = true_mounting(BASE_FROM_LASER, preset.mount, options.seed)

@@ -12,7 +12,7 @@ ROBOT_HEIGHT_M = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
+class Furniture:
     """A table or chair with four legs; `clearance_m` is the height of its top's lower side."""
 
     x_m: float

@@ -17,7 +17,7 @@ from scipy.ndimage import distance_transform_edt, label
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.maps.occupancy_grid import OCCUPIED
 from thumper_hil.effects.surfaces import Surface
-from thumper_hil.world.furniture import Table
+from thumper_hil.world.furniture import Furniture
 from thumper_hil.world.house_rooms import Box, Rooms, make_rooms
 from thumper_hil.world.pedestrian import Pedestrian
 from thumper_hil.world.world import World
@@ -109,10 +109,10 @@ def _free_points(world: World) -> FloatArray:
 
 def _furniture(
     rooms: Rooms, rng: np.random.Generator
-) -> tuple[tuple[Box, ...], tuple[Table, ...], tuple[int, ...]]:
+) -> tuple[tuple[Box, ...], tuple[Furniture, ...], tuple[int, ...]]:
     """Return cupboards and sofas along the walls with their surfaces, and tables with chairs."""
     boxes: list[Box] = []
-    tables: list[Table] = []
+    tables: list[Furniture] = []
     surfaces: list[int] = []
     for x0, y0, x1, y1 in rooms.areas:
         for _ in range(int(rng.integers(0, 3))):
@@ -126,7 +126,7 @@ def _furniture(
     return tuple(boxes), tuple(tables), tuple(surfaces)
 
 
-def _dining_set(x0: float, y0: float, x1: float, y1: float, rng: np.random.Generator) -> list[Table]:
+def _dining_set(x0: float, y0: float, x1: float, y1: float, rng: np.random.Generator) -> list[Furniture]:
     centre = Pose2(
         x_m=float(rng.uniform(x0 + 1.0, x1 - 1.0)),
         y_m=float(rng.uniform(y0 + 1.0, y1 - 1.0)),
@@ -134,7 +134,7 @@ def _dining_set(x0: float, y0: float, x1: float, y1: float, rng: np.random.Gener
     )
     yaw_deg = math.degrees(centre.theta_rad)
     found = [
-        Table(
+        Furniture(
             x_m=centre.x_m, y_m=centre.y_m, length_m=1.2, width_m=0.7, yaw_deg=yaw_deg, leg_radius_m=0.025
         )
     ]  # fmt: skip
@@ -142,7 +142,7 @@ def _dining_set(x0: float, y0: float, x1: float, y1: float, rng: np.random.Gener
         if rng.random() < 0.6:
             at = centre @ Pose2(x_m=along, y_m=side * rng.uniform(0.35, 0.6))
             found.append(
-                Table(
+                Furniture(
                     x_m=at.x_m, y_m=at.y_m, length_m=0.4, width_m=0.4,
                     yaw_deg=yaw_deg + float(rng.uniform(-20.0, 20.0)),
                     leg_radius_m=0.015, clearance_m=0.45,

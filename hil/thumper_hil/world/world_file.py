@@ -13,7 +13,7 @@ from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray
 from thumper.common.toml_file import load_toml
 from thumper_hil.effects.surfaces import Surface
-from thumper_hil.world.furniture import Table
+from thumper_hil.world.furniture import Furniture
 from thumper_hil.world.pedestrian import Pedestrian, TimedObstacle
 
 WORLDS = Path(__file__).resolve().parent.parent / "worlds"
@@ -50,7 +50,7 @@ class WorldShapes:
     boxes: tuple[tuple[float, float, float, float, float], ...]
     timed: tuple[TimedObstacle, ...] = ()
     walkers: tuple[Pedestrian, ...] = ()
-    tables: tuple[Table, ...] = ()
+    tables: tuple[Furniture, ...] = ()
     sills: tuple[tuple[float, ...], ...] = ()  # x0, y0, x1, y1, height
     segment_surfaces: tuple[int, ...] = ()
     box_surfaces: tuple[int, ...] = ()
@@ -177,10 +177,10 @@ def _surface(where: str, table: dict[str, Any]) -> int:
     return SURFACES[name]
 
 
-def _table(where: str, table: dict[str, Any]) -> Table:
+def _table(where: str, table: dict[str, Any]) -> Furniture:
     x_m, y_m, length_m, width_m, yaw_deg = _box(where, table)
     filled = {"leg_radius_m": TABLE_LEG_RADIUS_M, "clearance_m": TABLE_CLEARANCE_M, **table}
-    return Table(
+    return Furniture(
         x_m=x_m,
         y_m=y_m,
         length_m=length_m,

@@ -10,7 +10,7 @@ from thumper.odometry.pose_buffer import interpolate_poses
 MAX_POSES = 256  # a sweep of the lidar takes 75 ms, and a busy reader polls every millisecond
 
 
-class PoseTrack:
+class BodyTrajectory:
     """Poses with their times; interpolates between them."""
 
     def __init__(self) -> None:
