@@ -42,7 +42,7 @@ def check_excitation(logs: list[MotorLog], segments: list[LogSegment]) -> None:
     UndeterminedError
         One level, saturated, short: the log determines a part of the model.
     ThumperError
-        No excitation, no motion, no sign, clipped, or a handful of rows.
+        No excitation, no motion, no sign, clipped, or too few rows.
     """
     name = logs[0].name
     drive = np.concatenate([s.drive for s in segments]) if segments else np.zeros(0)

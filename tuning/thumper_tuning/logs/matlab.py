@@ -10,12 +10,12 @@ import numpy as np
 from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.common.files import read_bytes
 from thumper.common.geometry import FloatArray
-from thumper_tuning.logs.table import MAX_MB, Table
+from thumper_tuning.logs.table import MAX_MB, LogTable
 
 MIN_ROWS = 3
 
 
-def read_matlab(path: Path) -> Table:
+def read_matlab(path: Path) -> LogTable:
     """Return the vectors of the most common length; their names are the headers.
 
     Raises
@@ -44,7 +44,7 @@ def read_matlab(path: Path) -> Table:
         )
     length = max(set(lengths), key=lambda one: (lengths.count(one), one))
     chosen = {name: values for name, values in vectors.items() if len(values) == length}
-    return Table(headers=tuple(chosen), values=np.column_stack(list(chosen.values())))
+    return LogTable(headers=tuple(chosen), values=np.column_stack(list(chosen.values())))
 
 
 def _vectors(content: dict[str, Any]) -> Iterator[tuple[str, FloatArray]]:

@@ -7,14 +7,14 @@ import numpy as np
 
 from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
 from thumper.common.geometry import FloatArray
-from thumper_tuning.logs.table import Table
+from thumper_tuning.logs.table import LogTable
 
 WHEELS, JOINTS = "thumper_msgs/msg/Wheels", "sensor_msgs/msg/JointState"
 COMMANDS = ("std_msgs/msg/Float64MultiArray", "std_msgs/msg/Float64", "std_msgs/msg/Float32")
 WHEEL_HEADERS = ("time_s", "left_pwm", "left_counts", "right_pwm", "right_counts")
 
 
-def read_mcap_table(path: Path) -> Table:
+def read_mcap_table(path: Path) -> LogTable:
     """Return the wheels of a Thumper recording, or the joints of another robot.
 
     The drive of a joint is its command (Float64, or its place in a Float64MultiArray), else its effort.
@@ -44,16 +44,16 @@ def read_mcap_table(path: Path) -> Table:
     )
 
 
-def _wheels(messages: list[tuple[int, Any]]) -> Table:
+def _wheels(messages: list[tuple[int, Any]]) -> LogTable:
     from thumper.ros.from_ros import telemetry_of
 
     samples = [telemetry_of(message).telemetry for _, message in messages]
     time_s = np.unwrap(np.array([1e-6 * t.time_us for t in samples]), period=2.0**32 * 1e-6)
     rows = [(t.left_pwm, t.left_count, t.right_pwm, t.right_count) for t in samples]
-    return Table(headers=WHEEL_HEADERS, values=np.column_stack((time_s, np.array(rows, dtype=float))))
+    return LogTable(headers=WHEEL_HEADERS, values=np.column_stack((time_s, np.array(rows, dtype=float))))
 
 
-def _joints(path: Path, joints: list[tuple[int, Any]], commands: list[tuple[int, Any]]) -> Table:
+def _joints(path: Path, joints: list[tuple[int, Any]], commands: list[tuple[int, Any]]) -> LogTable:
     names = [str(name) for name in joints[0][1].name]
     joints = [(log_ns, m) for log_ns, m in joints if [str(name) for name in m.name] == names]
     time_ns = np.array([_stamp_ns(message) or log_ns for log_ns, message in joints], dtype=float)
@@ -77,7 +77,7 @@ def _joints(path: Path, joints: list[tuple[int, Any]], commands: list[tuple[int,
         headers += [f"{motor}voltage_V", f"{motor}{output}"]
         columns += [drive, np.array([getattr(m, field)[k] for _, m in joints], dtype=float)]
         notes.append(f"{motor or 'the motor '}is joint {name!r}; its drive is the {unit}, taken as volts")
-    return Table(headers=tuple(headers), values=np.column_stack(columns), notes=tuple(notes))
+    return LogTable(headers=tuple(headers), values=np.column_stack(columns), notes=tuple(notes))
 
 
 def _stamp_ns(message: Any) -> int:

@@ -17,7 +17,7 @@ from thumper_tuning.logs.preview import preview
 from thumper_tuning.logs.roles import MotorColumns, Role, motor_columns
 from thumper_tuning.logs.sampling import IntArray, sort_rows
 from thumper_tuning.logs.sysid_json import read_sysid
-from thumper_tuning.logs.table import Table, read_table
+from thumper_tuning.logs.table import LogTable, read_table
 from thumper_tuning.logs.time_unit import guess_time_unit
 from thumper_tuning.logs.units import check_drive, check_speed, check_time, log_error
 
@@ -61,7 +61,7 @@ def read_logs(
     return [_motor_log(path, table, name, columns, counts_per_rev) for name, columns in motors.items()]
 
 
-def _with_time_unit(table: Table, columns: MotorColumns) -> tuple[MotorColumns, list[str]]:
+def _with_time_unit(table: LogTable, columns: MotorColumns) -> tuple[MotorColumns, list[str]]:
     """Guess the unit of the time if its header names none; return a warning if it is not seconds."""
     if columns.time.unit_given:
         return columns, []
@@ -89,7 +89,7 @@ class _Rows:
 
 
 def _motor_log(
-    path: Path, table: Table, motor: str, columns: MotorColumns, counts_per_rev: float
+    path: Path, table: LogTable, motor: str, columns: MotorColumns, counts_per_rev: float
 ) -> MotorLog:
     columns, guesses = _with_time_unit(table, columns)
     values = {column: table.values[:, column.index] * column.scale for _, column in columns.used}

@@ -15,7 +15,7 @@ MAX_MB = 200.0  # an hour at 100 Hz takes 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Table:
+class LogTable:
     """All columns of a file: their headers, and their values as in the file, shape (n, len(headers))."""
 
     headers: tuple[str, ...]
@@ -23,7 +23,7 @@ class Table:
     notes: tuple[str, ...] = ()
 
 
-def read_table(path: Path) -> Table:
+def read_table(path: Path) -> LogTable:
     """Read a CSV file; cells that are not numbers become NaN.
 
     Raises
@@ -43,7 +43,7 @@ def read_table(path: Path) -> Table:
     for k, row in enumerate(rows):
         for j, cell in enumerate(row[: len(dialect.headers)]):
             values[k, j] = to_number(cell)
-    return Table(headers=dialect.headers, values=values)
+    return LogTable(headers=dialect.headers, values=values)
 
 
 def _read_text(path: Path) -> str:
