@@ -23,7 +23,7 @@ from thumper.dashboard.page_messages import (
     Teleop,
     parse_message,
 )
-from thumper.dashboard.pose_track import PoseTrack
+from thumper.dashboard.pose_history import PoseHistory
 from thumper.dashboard.rate_limit import RateLimit
 
 GOAL = {"kind": "goal", "x_m": 1.0, "y_m": -2.0, "yaw_rad": None}
@@ -115,7 +115,7 @@ def test_grid_is_encoded_as_png() -> None:
 
 
 def test_scan_points_follow_the_robots_motion() -> None:
-    track = PoseTrack()
+    track = PoseHistory()
     assert track.in_map(np.zeros((3, 2)), np.zeros(3)).shape == (0, 2)
     track.add(0.0, Pose2(theta_rad=math.pi - 0.1))
     track.add(1.0, Pose2(x_m=1.0, theta_rad=-math.pi + 0.1))  # turns on through pi, not back through zero

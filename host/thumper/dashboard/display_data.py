@@ -12,7 +12,7 @@ import numpy as np
 from thumper.board.messages import Telemetry
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.dashboard.binary_packet import grid_png
-from thumper.dashboard.pose_track import PoseTrack
+from thumper.dashboard.pose_history import PoseHistory
 from thumper.ros.codec import Message
 from thumper.ros.from_ros import grid_of, pose_of, scan_of, stamp_ns_of, status_of, telemetry_of
 
@@ -32,7 +32,7 @@ def pose_list(pose: Pose2) -> list[float]:
     return [round(pose.x_m, 4), round(pose.y_m, 4), round(pose.theta_rad, 5)]
 
 
-def scan_points(message: Message, base_from_laser: Pose2, track: PoseTrack) -> FloatArray:
+def scan_points(message: Message, base_from_laser: Pose2, track: PoseHistory) -> FloatArray:
     """Return the hits of a LaserScan in the map, shape (n, 2) [m], corrected for the robot's motion."""
     scan = scan_of(message)
     ranges_m = scan.ranges_m

@@ -16,7 +16,7 @@ import numpy as np
 from thumper.common.geometry import Pose2
 from thumper.dashboard import display_data
 from thumper.dashboard.binary_packet import PacketArray, encode_packet
-from thumper.dashboard.pose_track import PoseTrack
+from thumper.dashboard.pose_history import PoseHistory
 from thumper.ros.codec import Message
 from thumper.ros.from_ros import path_of, poses_of
 
@@ -40,7 +40,7 @@ class PageState:
         self._events: deque[Message] = deque(maxlen=MAX_EVENTS)
         self._received_s = -np.inf
         # The attributes below are used only by the ticks.
-        self._track = PoseTrack()
+        self._track = PoseHistory()
         self.map_from_base: Pose2 | None = None
         self._values: dict[str, Any] = {}
         self._arrays: dict[str, PacketArray] = {}

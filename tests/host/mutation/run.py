@@ -37,7 +37,7 @@ TESTS = {
 PRELOADED = (
     *("numpy", "pydantic", "starlette.responses", "starlette.requests", "thumper.ros.codec"),
     *("thumper.ros.from_ros", "thumper.ros.services", "thumper.ros.to_ros", "thumper.navigation.goal"),
-    *("thumper.runtime.requests", "thumper.config.bus", "thumper.dashboard.pose_track"),
+    *("thumper.runtime.requests", "thumper.config.bus", "thumper.dashboard.pose_history"),
     *("thumper.dashboard.binary_packet", "matplotlib.image", "hypothesis.strategies", "_pytest.doctest"),
 )
 TIMEOUT_S = 60

@@ -10,7 +10,7 @@ from thumper.odometry.pose_buffer import interpolate_poses
 MAX_POSES = 30  # three seconds at 10 Hz; a scan is 0.1 s old
 
 
-class PoseTrack:
+class PoseHistory:
     """The newest poses `map_from_base` with their times."""
 
     def __init__(self) -> None:
