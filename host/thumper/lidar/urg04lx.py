@@ -41,7 +41,8 @@ class Urg04LxOptions:
     # Read code 0 as "no return" (+inf) instead of invalid. Dark and shiny surfaces read 0, too: this option
     # maps them as free space.
     zero_as_no_return: bool = False
-    # The step at which the lidar takes its stamp [step]: 0 by the protocol document, -128 (behind) by others.
+    # The step at which the lidar takes its stamp [step]. The protocol document says 0; if a calibration shows
+    # that it is behind the robot, set -128.
     stamp_step: Annotated[int, Ge(-512), Le(1023)] = 0
 
 
