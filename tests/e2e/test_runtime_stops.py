@@ -22,7 +22,7 @@ from thumper.navigation.goal import Goal
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.drive.display import NoDisplay
 from thumper.runtime.drive.legs import Leg
-from thumper.runtime.drive.tasks import Task
+from thumper.runtime.drive.tasks import Task, drive_to_goal
 from thumper.runtime.drive_result import DriveProgress, DriveResult
 from thumper.runtime.loop import RobotLoop
 from thumper_hil.bench import Bench, simulation
@@ -52,7 +52,7 @@ def drive(robot: RobotLoop, bench: Bench, mishap: Mishap) -> DriveResult:
             assert bench.truth()[-1, 4] > 3.0  # the wheels turn
             mishap(robot, bench)
 
-    return robot.drive_to(GOAL, watch)
+    return robot.run(drive_to_goal(GOAL), NoDisplay(on_progress=watch))
 
 
 def interrupt(_robot: RobotLoop, _bench: Bench) -> None:
@@ -139,7 +139,7 @@ def test_ctrl_c_right_after_arming_disarms(monkeypatch: pytest.MonkeyPatch) -> N
 
         monkeypatch.setattr(robot.drive_manager, "start", start_and_interrupt)
         with pytest.raises(KeyboardInterrupt):
-            robot.drive_to(GOAL, lambda _: None)
+            robot.run(drive_to_goal(GOAL))
         robot.step()
         assert robot.inputs.telemetry is not None
         assert robot.inputs.telemetry.state is State.DISARMED
@@ -200,9 +200,9 @@ def test_an_emergency_stop_is_cleared_only_on_request() -> None:
     with robot_in_the_lab() as (robot, bench):
         drive(robot, bench, stop_by_another_host)
         with pytest.raises(ThumperError, match=r"emergency stop.*clear the fault") as refused:
-            robot.drive_to(GOAL, lambda _: None)
+            robot.run(drive_to_goal(GOAL))
         assert refused.value.option == "--clear-fault"
-        assert robot.drive_to(GOAL, lambda _: None, clear_fault=True).reached
+        assert robot.run(drive_to_goal(GOAL, clear_fault=True)).reached
     assert bench.contacts == 0
 
 
@@ -226,8 +226,8 @@ def test_an_emergency_stop_between_two_drives_blocks_the_second() -> None:
         stop_by_another_host(robot, bench)
         bench.advance(bench.time_s + 10.0)
         with pytest.raises(ThumperError, match=r"emergency stop.*clear the fault"):
-            robot.drive_to(GOAL, lambda _: None)
-        assert robot.drive_to(GOAL, lambda _: None, clear_fault=True).reached
+            robot.run(drive_to_goal(GOAL))
+        assert robot.run(drive_to_goal(GOAL, clear_fault=True)).reached
 
 
 def test_a_restart_of_the_board_keeps_pose_and_map() -> None:

@@ -7,6 +7,8 @@ from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig, with_ports
 from thumper.navigation.goal import Goal
 from thumper.runtime.assembly import open_robot
+from thumper.runtime.drive.display import NoDisplay
+from thumper.runtime.drive.tasks import drive_to_goal
 from thumper.runtime.drive_result import DriveProgress
 from thumper.slam.mode_switch import SlamModeSwitch
 from thumper_hil.bench.registry import simulation
@@ -25,7 +27,7 @@ def test_the_robot_reaches_a_goal_in_a_saved_map(start: Pose2 | None) -> None:
     )
     known = World.load("lab").to_grid()
     with open_robot(config, start, known) as robot:
-        result = robot.drive_to(Goal(x_m=-0.3, y_m=0.0, tolerance_m=0.1), lambda _: None)
+        result = robot.run(drive_to_goal(Goal(x_m=-0.3, y_m=0.0, tolerance_m=0.1)))
         _, x_m, y_m, theta_rad = simulation(name).truth()[-1, :4]
         assert result.reached, result.reason
         assert isinstance(robot.mapper, SlamModeSwitch)
@@ -41,6 +43,7 @@ def test_a_kidnapped_robot_stops_relocalizes_and_drives_on() -> None:
         lidar="sim://carried/lidar",
     )
     with open_robot(config, START, World.load("lab").to_grid()) as robot:
+        goal = Goal(x_m=-0.3, y_m=0.0, tolerance_m=0.1)
         lab, reasons = simulation("carried"), list[str]()
 
         def carry_after_3_s(_: DriveProgress) -> None:
@@ -50,7 +53,7 @@ def test_a_kidnapped_robot_stops_relocalizes_and_drives_on() -> None:
             elif reasons:
                 reasons.append(robot.mapper.quality().lost)
 
-        result = robot.drive_to(Goal(x_m=-0.3, y_m=0.0, tolerance_m=0.1), carry_after_3_s)
+        result = robot.run(drive_to_goal(goal), NoDisplay(on_progress=carry_after_3_s))
         assert result.reached, result.reason
         assert any("the map explains only" in reason for reason in reasons)
         steps_m = np.hypot(*np.diff(lab.truth()[:, 1:3], axis=0).T)

@@ -5,6 +5,8 @@ import pytest
 from tests.e2e.service import FAR, MANUAL_TIMEOUT_S, NEAR, Service
 from thumper.board.messages import Fault, State
 from thumper.navigation.goal import Goal
+from thumper.runtime.drive.display import NoDisplay
+from thumper.runtime.drive.tasks import drive_to_goal
 from thumper.runtime.drive_result import DriveProgress
 from thumper.runtime.requests import EmergencyStop, GoTo, Heartbeat, Request, RobotCommand
 
@@ -97,7 +99,7 @@ def test_a_drive_to_its_own_goal_accepts_stops_but_no_goals(
             service.robot.request_queue.put(GoTo(goals=(NEAR,)))
             service.robot.request_queue.put(request_)
 
-    result = service.robot.drive_to(FAR, ask)
+    result = service.robot.run(drive_to_goal(FAR), NoDisplay(on_progress=ask))
     assert not result.reached
     assert result.interrupted  # a command with further legs must end
     assert result.reason == why

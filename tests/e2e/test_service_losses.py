@@ -178,6 +178,20 @@ def test_a_ctrl_c_lost_in_a_kernel_ends_the_run(service: Service) -> None:
     assert service.telemetry.state is State.DISARMED
 
 
+@pytest.mark.parametrize(("loss", "confirmed"), [(0.0, True), (1.0, False)])
+def test_serving_returns_whether_the_board_confirmed_the_stop(
+    service: Service, loss: float, confirmed: bool
+) -> None:
+    def lose_bytes_and_interrupt() -> None:
+        service.bench.fault("line.loss", loss)
+        raise KeyboardInterrupt
+
+    service.put(GoTo(goals=(FAR,)))
+    service.run_cycles(10)
+    service.robot.after_cycle.append(lose_bytes_and_interrupt)
+    assert service.robot.serve(speed=20.0) is confirmed
+
+
 def test_commands_continue_while_telemetry_is_lost(service: Service) -> None:
     """The firmware stops after 300 ms without a command; the host waits 0.5 s for a frame."""
     inputs = service.robot.inputs

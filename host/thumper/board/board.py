@@ -88,7 +88,13 @@ class Board:
 
     @classmethod
     def connect(cls, url: str, *, baud: int) -> "Generator[None, None, Board]":
-        """Open the port and do the handshake, in steps of 0.1 s; errors as `open`. Returns the board."""
+        """Open the port and do the handshake, in steps of 0.1 s; return the board.
+
+        Raises
+        ------
+        ThumperError
+            As `open`.
+        """
         port = open_port(url, baud=baud, name="board")
         try:
             board = cls(port, handshake=False)
@@ -199,13 +205,17 @@ class Board:
                 return self.now_s() - sent_s
         return None
 
-    def close(self) -> None:
-        """Stop and disarm the motors, then close the port. Never raises: the board also times out."""
+    def close(self) -> bool:
+        """Stop and disarm the motors, then close the port; return whether the board confirmed it.
+
+        Never raises: the board also times out.
+        """
         try:
             self.set_wheel_speeds(WheelSpeeds())
             self.command(Command.DISARM)
+            return True
         except ThumperError:
-            pass
+            return False
         finally:
             self._port.close()
 

@@ -132,16 +132,17 @@ def _serve(options: "RunOptions", speed: float, console: "Console") -> None:
     from thumper.cli.output.drive_progress import print_problems, print_warnings
     from thumper.cli.resume import save_map_and_session
     from thumper.cli.robot_run import opened_robot
+    from thumper.runtime.loop import UNCONFIRMED
 
     settings = options.load_settings()
     with opened_robot(options, settings, serving=True) as robot:
         console.print(f"{settings.name} is running on {settings.bus.address}. Press Ctrl-C to stop.")
         robot.publisher.add_sink(print_problems)
-        robot.serve(speed=speed)
+        is_stopped = robot.serve(speed=speed)
         files = save_map_and_session(robot, options.out)
         print_warnings(robot, console)
     saved = f"; {', '.join(files)} are in {options.out}/" if files else ""
-    console.print(f"stopped{saved}", soft_wrap=True)
+    console.print(f"{'stopped' if is_stopped else UNCONFIRMED}{saved}", soft_wrap=True)
 
 
 def _drive(options: "RunOptions", waypoints: "Waypoints", console: "Console", *, clear_fault: bool) -> None:

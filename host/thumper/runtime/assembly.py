@@ -25,7 +25,7 @@ from thumper.ros.to_ros import Messages
 from thumper.runtime.drive.drive_manager import DriveManager
 from thumper.runtime.drive.goal_limits import GoalLimits
 from thumper.runtime.drive.task_driver import TaskDriver
-from thumper.runtime.loop import RobotLoop, RobotParts
+from thumper.runtime.loop import UNCONFIRMED, RobotLoop, RobotParts
 from thumper.runtime.publisher import Publisher
 from thumper.runtime.reconnection import Connecting, Reconnection
 from thumper.runtime.requests import LogMessage
@@ -81,6 +81,10 @@ def open_robot(
         gc.freeze()
         try:
             yield robot
+        except KeyboardInterrupt:
+            if not robot.inputs.board.close():
+                raise KeyboardInterrupt(UNCONFIRMED) from None
+            raise
         finally:
             robot.inputs.board.close()  # the present ones: the first may have been replaced
             robot.inputs.lidar.close()
@@ -172,8 +176,7 @@ def _publisher(config: RobotConfig, inputs: SensorInputs) -> Publisher:
 def _map_saver(estimator: StateEstimator, queue: RequestQueue, path: Path) -> MapSaver:
     def session() -> SavedSlamState:
         state = estimator.state()
-        pose = state.map_from_base if state and not state.lost else None
-        return SavedSlamState(counts=estimator.mapper.counts(), map_from_base=pose)
+        return SavedSlamState.from_mapper(estimator.mapper, state.map_from_base if state else None)
 
     def report(text: str, ok: bool) -> None:
         queue.put(LogMessage(text=text, good=ok))
@@ -183,11 +186,11 @@ def _map_saver(estimator: StateEstimator, queue: RequestQueue, path: Path) -> Ma
 
 @contextmanager
 def _report_motors_off() -> Iterator[None]:
-    """Add to a Ctrl-C that ends the robot that its motors are off."""
+    """Add to a Ctrl-C that ends the robot that its motors are off, unless it says what else is known."""
     try:
         yield
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt("the motors are off") from None
+    except KeyboardInterrupt as interrupt:
+        raise KeyboardInterrupt(str(interrupt) or "the motors are off") from None
 
 
 def geometry_of(drive: Drive, identity: Identity) -> Drive:

@@ -14,16 +14,15 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
-from thumper.navigation.goal import Goal
 from thumper.runtime.control_cycle import ControlCycle, StepResult
 from thumper.runtime.drive.display import Display, NoDisplay
 from thumper.runtime.drive.drive_manager import DriveManager, DriveMode, DriveOutcome
 from thumper.runtime.drive.leg_run import RESTARTED
 from thumper.runtime.drive.running_task import RunningTask
 from thumper.runtime.drive.task_driver import TaskDriver
-from thumper.runtime.drive.tasks import Task, drive_to_goal, wait
+from thumper.runtime.drive.tasks import Task, wait
 from thumper.runtime.drive_log import DriveLog
-from thumper.runtime.drive_result import DriveProgress, DriveResult
+from thumper.runtime.drive_result import DriveResult
 from thumper.runtime.publisher import Publisher
 from thumper.runtime.real_time_rate import RealTimeRate
 from thumper.runtime.reconnection import Reconnection
@@ -107,30 +106,19 @@ class RobotLoop:
             self._loop(lambda: running.is_over)
             return running.result()
 
-    def serve(self, *, speed: float = 1.0) -> None:
-        """Do what clients request until Ctrl-C; a simulated robot runs at `speed` times real time."""
+    def serve(self, *, speed: float = 1.0) -> bool:
+        """Do what clients request until Ctrl-C; return whether the board confirmed the stop at the end.
+
+        A simulated robot runs at `speed` times real time.
+        """
         simulation = self.request_handler.simulation
         self.inputs.keep_log = False
         self._rate.set_speed(speed)
         simulation.set_speed = self._rate.set_speed
         try:
-            self._loop(lambda: False)
+            return self._loop(lambda: False)
         finally:
             simulation.set_speed = None
-
-    def drive_to(
-        self, goal: Goal, on_progress: Callable[[DriveProgress], None], *, clear_fault: bool = False
-    ) -> DriveResult:
-        """Drive to one goal, stop and disarm.
-
-        A latched fault is cleared only on request. A lost-link fault is always cleared: the link works again.
-
-        Raises
-        ------
-        ThumperError
-            Before anything moves: no telemetry, no scan, a latched fault, or an impossible goal.
-        """
-        return self.run(drive_to_goal(goal, clear_fault=clear_fault), NoDisplay(on_progress=on_progress))
 
     def wait_for_map(self) -> RobotState:
         """Move nothing until the first scans are mapped; after a pause of the caller, catch up first.
@@ -172,8 +160,11 @@ class RobotLoop:
         """Stop and disarm; return whether the board confirmed it. Never raises."""
         return self.control_cycle.stop().confirmed
 
-    def _loop(self, is_over: Callable[[], bool]) -> None:
-        """Run control cycles until `is_over` or Ctrl-C; on every way out, the motors are off."""
+    def _loop(self, is_over: Callable[[], bool]) -> bool:
+        """Run control cycles until `is_over` or Ctrl-C, which stops the motors.
+
+        Returns False if the board did not confirm that stop.
+        """
         try:
             while not is_over():
                 self.cycle()
@@ -182,9 +173,11 @@ class RobotLoop:
             confirmed = self.stop()
             if not self._is_serving:
                 self._tasks.interrupt(unconfirmed="" if confirmed else UNCONFIRMED)
+            return confirmed
         except BaseException:
             self.stop()
             raise
+        return True
 
     @contextmanager
     def _own_task(self, task: RunningTask, display: Display) -> Iterator[RunningTask]:

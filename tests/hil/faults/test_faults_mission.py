@@ -13,6 +13,7 @@ from thumper.config.robot import RobotConfig
 from thumper.lidar.options import LidarOptions
 from thumper.navigation.goal import Goal
 from thumper.runtime.assembly import open_robot
+from thumper.runtime.drive.tasks import drive_to_goal
 from thumper.runtime.drive_result import DriveResult
 from thumper_hil.bench import Bench, simulation
 from thumper_hil.demo.missions import STRAIGHT
@@ -38,7 +39,7 @@ def drive_with(fault: str, folder: Path) -> tuple[DriveResult, Bench]:
     )
     with open_robot(config, STRAIGHT.start) as robot:
         bench = simulation("mission-fault")
-        result = robot.drive_to(Goal(x_m=STRAIGHT.goal_x_m, y_m=STRAIGHT.goal_y_m), lambda _: None)
+        result = robot.run(drive_to_goal(Goal(x_m=STRAIGHT.goal_x_m, y_m=STRAIGHT.goal_y_m)))
     bench.advance(bench.time_s + 1.0)
     return result, bench
 

@@ -7,6 +7,7 @@ from thumper.config.robot import RobotConfig
 from thumper.lidar.options import LidarOptions
 from thumper.navigation.goal import Goal
 from thumper.runtime.assembly import open_robot
+from thumper.runtime.drive.tasks import drive_to_goal
 from thumper_hil.bench import simulation
 from thumper_hil.demo.map_error import compare_map
 from thumper_hil.demo.missions import STRAIGHT, TOLERANCE_M
@@ -25,7 +26,7 @@ def test_straight_mission_succeeds_with_an_ld19() -> None:
     goal = Goal(x_m=STRAIGHT.goal_x_m, y_m=STRAIGHT.goal_y_m)
     with open_robot(config, start) as robot:
         bench = simulation("ld19-run")
-        result = robot.drive_to(goal, lambda _: None)
+        result = robot.run(drive_to_goal(goal))
         grid = robot.mapper.grid()
     assert result.reached, result.reason
     x_m, y_m = bench.truth()[-1, 1:3]

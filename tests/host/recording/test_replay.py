@@ -24,6 +24,7 @@ from thumper.recording.replay import replay
 from thumper.recording.start_stop import recording_control
 from thumper.ros.codec import encode
 from thumper.runtime.assembly import open_robot
+from thumper.runtime.drive.tasks import drive_to_goal
 from thumper.slam.factory import MappingOptions
 
 START = Pose2(x_m=1.73, y_m=0.08, theta_rad=math.pi)
@@ -48,7 +49,7 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Live:
         recording_control(robot, config, START, folder, reports.append) as control,
     ):
         control.start()
-        assert robot.drive_to(GOAL, lambda _: None).reached
+        assert robot.run(drive_to_goal(GOAL)).reached
         recorder = control.close()
         assert recorder is not None
         assert (recorder.failure, recorder.dropped, reports) == ("", 0, [])

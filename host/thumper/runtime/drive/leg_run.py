@@ -66,7 +66,13 @@ class LegRun:
             self.start(source)
 
     def start(self, source: str = "") -> None:
-        """Start the leg now; errors as `start_if_ready`."""
+        """Start the leg now.
+
+        Raises
+        ------
+        ThumperError
+            As `start_if_ready`.
+        """
         state, manager = self._inputs.estimator.state(), self._drive_manager
         if self._inputs.board.restarted:
             raise ThumperError(RESTARTED)

@@ -126,8 +126,9 @@ class LentBoard(Board):
         """Return how long the board takes to answer."""
         return self._board.round_trip_s(question, timeout_s)
 
-    def close(self) -> None:
-        """Do nothing: the loop still needs the board."""
+    def close(self) -> bool:
+        """Do nothing and confirm nothing: the loop still needs the board."""
+        return False
 
 
 class Experiments:
