@@ -37,7 +37,7 @@ def robot_params(options: BenchOptions, preset: Preset) -> RobotParams:
         battery=battery,
         body=replace(
             params.body,
-            friction=floor_friction(body.floor),
+            friction=floor_friction(options.floor or body.floor),
             wheel_radius_m=rolling_radius_m(params.body.wheel_radius_m, body, options.seed),
             centre_offset_m=body.centre_offset_m,
             centre_wander_m=body.centre_wander_m,

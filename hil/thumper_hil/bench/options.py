@@ -8,6 +8,7 @@ from typing import Self
 from thumper.board.messages import BoardModel
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2
+from thumper_hil.effects.friction import floors
 from thumper_hil.effects.preset import PRESETS
 
 FULL_TURN_DEG = 360.0
@@ -28,6 +29,7 @@ class BenchOptions:
     scenario: str = ""  # path of a TOML of faults; empty for none
     lidar: str = "urg04lx"  # model: urg04lx or ld19
     preset: str = "nominal"  # how hard the robot is to drive: nominal or hard
+    floor: str = ""  # carpet, wood..., or stand for wheels in the air; empty: the preset's floor
     reset_on_open: bool = False  # opening the board's port resets it through its boot loader
     realtime: bool = False  # run in real time
 
@@ -56,6 +58,7 @@ class BenchOptions:
             "scenario": str,
             "lidar": _lidar,
             "preset": _preset,
+            "floor": _floor,
             "reset_on_open": _yes_or_no,
             "pace": _is_realtime,
         }
@@ -121,6 +124,12 @@ def _lidar(text: str) -> str:
 def _preset(text: str) -> str:
     if text not in PRESETS:
         raise ValueError(f"give {' or '.join(PRESETS)}")
+    return text
+
+
+def _floor(text: str) -> str:
+    if text not in floors():
+        raise ValueError(f"give one of {', '.join(floors())}")
     return text
 
 

@@ -30,7 +30,7 @@ def line(checks: list[dict[str, Any]], *words: str) -> dict[str, Any]:
 
 
 def test_a_healthy_robot_passes() -> None:
-    code, checks = diagnose("--board", "sim://d1/board", "--lidar", "sim://d1/lidar", "--spin")
+    code, checks = diagnose("--board", "sim://d1/board?floor=stand", "--lidar", "sim://d1/lidar", "--spin")
     assert code == 0
     for words in (("board", "round trip"), ("telemetry", "Hz"), ("telemetry", "lost"), ("scans", "Hz")):
         assert line(checks, *words)["verdict"] == "pass"
@@ -50,7 +50,7 @@ def test_a_reversed_encoder_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     intact = RobotParams.load()
     swapped = replace(intact, encoder=replace(intact.encoder, counts_per_rev=-intact.encoder.counts_per_rev))
     monkeypatch.setattr(RobotParams, "load", lambda: swapped)
-    code, checks = diagnose("--board", "sim://d3/board", "--spin")
+    code, checks = diagnose("--board", "sim://d3/board?floor=stand", "--spin")
     assert code == 4
     check = line(checks, "left motor forward")
     assert check["verdict"] == "fail"
@@ -61,7 +61,7 @@ def test_a_reversed_encoder_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_dead_side_is_named(tmp_path: Path, fault: str) -> None:
     scenario = tmp_path / "fault.toml"
     scenario.write_text(f"faults = [ {{ at_s = 0.0, {fault} }} ]\n")
-    code, checks = diagnose("--board", f"sim://d4/board?scenario={scenario}", "--spin")
+    code, checks = diagnose("--board", f"sim://d4/board?floor=stand&scenario={scenario}", "--spin")
     assert code == 4
     assert "dead" in line(checks, "left motor forward")["fix"]
     assert line(checks, "right motor forward")["verdict"] == "pass"

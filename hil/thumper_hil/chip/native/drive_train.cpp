@@ -66,7 +66,8 @@ void DriveTrain::Step(const BridgeCommand (&command)[2], double dt_s) {
     if (faults_[side].reversed) state_.current_A[side] *= -1.0;  // as the bridge measures it
   }
   battery_.Step(conductance_S * battery_.voltage_V() + source_A, dt_s);
-  body_moves_ = !(held_ && PushesIntoObstacle(torque_Nm));
+  const bool wheels_in_air = params_.body.traction_Nm <= 0.0;
+  body_moves_ = !wheels_in_air && !(held_ && PushesIntoObstacle(torque_Nm));
   const double before_rad_s[2] = {state_.wheel_rad_s[0], state_.wheel_rad_s[1]};
   MoveWheels(torque_Nm, damping, dt_s);
   double turn_rad[2];
