@@ -320,7 +320,7 @@ def test_a_lost_pose_is_reported_with_its_scan(tmp_path: Path) -> None:
     lines = [flaser_line(here if k < 30 else there, (0.001 * k, 0, 0), stamp=0.1 * k) for k in range(60)]
     summary = map_records(open_log(write(tmp_path / "a.log", "".join(lines))), MappingOptions()).lines
     assert len(summary) == 1
-    assert summary[0].startswith("the pose was lost at 21 of 60 scans, first at scan 40: ")
+    assert summary[0].startswith("the pose was lost at 28 of 60 scans, first at scan 33: ")
 
 
 @pytest.mark.parametrize("what", ["ROBOTLASER1", "MINES", "MCAP"])
