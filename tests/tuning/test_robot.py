@@ -61,8 +61,8 @@ def test_one_command_tunes_the_robot(tmp_path: Path, positions_m: list[float]) -
     content = json.loads((tmp_path / "gains.json").read_text())
     assert content["Ms"] <= 1.65
     assert content["model"]["gain"] == pytest.approx(0.0584, rel=0.03)
-    # 75 ms plus 4 % from the battery; over eight robots one standard deviation is 2 %. The scrub of a floor of
-    # wood couples the sides and adds to it: 82.8 ms with this seed.
+    # 75 ms plus 4 % from the battery; over eight robots one standard deviation is 2 %. The scrub of a
+    # floor of wood couples the sides and adds to it: 82.8 ms with this seed.
     assert content["model"]["time_constant_s"] == pytest.approx(0.078, rel=0.08)
     after = printed[printed.index("after:") :]
     errors = [tuple(map(float, found)) for found in re.findall(r"mean ([+-][\d.]+), std ([\d.]+)", after)]

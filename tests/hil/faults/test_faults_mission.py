@@ -55,7 +55,7 @@ def drive_with(fault: str, folder: Path) -> tuple[DriveResult, Bench]:
         ('motor.left = "dead"', "left wheels do not turn", 9.0),
         ('motor.left = "swapped"', "left encoder counts backwards; .* or the motor's", 1.0),
         ('motor.right = "shorted"', "a motor draws too much current", 1.0),
-        ('wheels.right = "blocked"', "right wheels do not turn", 0.8),
+        ('wheels.right = "blocked"', "right wheels do not turn|too much current; is something jammed", 0.8),
         ("battery.charge = 0.01", "the battery is empty; charge it", 4.0),
         ("line.loss = 1.0", "the board went silent; its firmware stops the motors", 0.7),
         ("host.hang = 1.0", "the board went silent|no command for 300 ms", 0.7),
