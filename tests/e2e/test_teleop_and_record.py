@@ -137,7 +137,9 @@ def start(config: Path) -> "subprocess.Popen[str]":
     ]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
-    assert "is running on" in process.stdout.readline()
+    assert any(
+        "is running on" in line for line in process.stdout
+    )  # after a kill, the saved session comes first
     return process
 
 

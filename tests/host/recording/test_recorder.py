@@ -214,7 +214,7 @@ def test_full_disk_pauses_the_recording_and_keeps_what_is_written(
     part = next(tmp_path.glob("*_000.mcap.part"))
     assert repair_all([part], print)
     first = sum(message.topic == "wheels" for message in Recording((tmp_path / part.stem,)).messages())
-    assert first >= 20  # everything from before the disk was full
+    assert first >= 15  # all from before the disk was full but what the last chunk held
     if there_is_room:
         assert re.fullmatch(r"recording continues; [1-9]\d* messages are missing", lines[-3])
         assert lines[-2] == "failure: "
