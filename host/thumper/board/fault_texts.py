@@ -24,8 +24,10 @@ FAULT_HINTS = {
     Fault.E_STOP: "the emergency stop was pressed",
     Fault.STALL_LEFT: "the left wheels do not turn; are they blocked, is a motor or encoder wire loose?",
     Fault.STALL_RIGHT: "the right wheels do not turn; are they blocked, is a motor or encoder wire loose?",
-    Fault.REVERSED_LEFT: "the left encoder counts backwards; swap its wires, or set left_encoder_reversed",
-    Fault.REVERSED_RIGHT: "the right encoder counts backwards; swap its wires, or set right_encoder_reversed",
+    Fault.REVERSED_LEFT: "the left encoder counts backwards; swap its two wires, or the motor's, "
+    "or set left_encoder_reversed",
+    Fault.REVERSED_RIGHT: "the right encoder counts backwards; swap its two wires, or the motor's, "
+    "or set right_encoder_reversed",
     Fault.LOST_EDGES: "an encoder signal is disturbed; route its wires away from the motor wires",
     Fault.OVER_CURRENT: "a motor draws too much current; is something jammed?",
     Fault.WATCHDOG: "its firmware hung and restarted; check its power supply",

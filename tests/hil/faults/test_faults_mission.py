@@ -48,14 +48,14 @@ def drive_with(fault: str, folder: Path) -> tuple[DriveResult, Bench]:
     ("fault", "words", "stops_within_s"),
     [
         ('encoder.left.b = "cut"', "left wheels do not turn", 1.1),
-        ('encoder.left.channels = "swapped"', "left encoder counts backwards; swap its wires", 1.1),
+        ('encoder.left.channels = "swapped"', "left encoder counts backwards; swap its two wires", 1.1),
         ("encoder.left.glitches = 50_000", "an encoder signal is disturbed", 0.8),
         ('encoder.right.a = "stuck"', "right wheels do not turn", 1.1),
         # The tyres hold the robot straight and drag the dead side along, until it would have to turn.
         ('motor.left = "dead"', "left wheels do not turn", 9.0),
-        ('motor.left = "swapped"', "left encoder counts backwards", 1.0),
+        ('motor.left = "swapped"', "left encoder counts backwards; .* or the motor's", 1.0),
         ('motor.right = "shorted"', "a motor draws too much current", 1.0),
-        ('wheels.right = "blocked"', "right wheels do not turn|too much current; is something jammed", 0.8),
+        ('wheels.right = "blocked"', "a motor draws too much current; is something jammed", 0.8),
         ("battery.charge = 0.01", "the battery is empty; charge it", 4.0),
         ("line.loss = 1.0", "the board went silent; its firmware stops the motors", 0.7),
         ("host.hang = 1.0", "the board went silent|no command for 300 ms", 0.7),
