@@ -69,6 +69,7 @@ def insert_scan(beams: GridBeams, layer: LayerArray, cells: HitCells, rule: Inse
     memory: zero before and after. With `rule.release` = 1 the counts alone decide what is occupied.
     """
     ends, kinds = beams.ends, beams.kinds
+    hits, misses = cells.hits, cells.misses
     for i in range(kinds.size):
         if kinds[i] == HIT:
             row, col = math.floor(ends[i, 1]), math.floor(ends[i, 0])
@@ -77,8 +78,12 @@ def insert_scan(beams: GridBeams, layer: LayerArray, cells: HitCells, rule: Inse
                 _observe_cell(row, col, True, cells, rule)
     crossed = cast_rays(beams, 0, 1, TOUCHED, layer)
     for i in range(crossed.shape[0]):
-        _observe_cell(crossed[i, 0], crossed[i, 1], False, cells, rule)
-        layer[crossed[i, 0], crossed[i, 1]] = 0
+        row, col = crossed[i, 0], crossed[i, 1]
+        layer[row, col] = 0
+        if hits[row, col] == 0 and misses[row, col] < COUNT_MAX:
+            misses[row, col] += 1  # stays free: no call, which costs more than the count
+        else:
+            _observe_cell(row, col, False, cells, rule)
     for i in range(kinds.size):
         if kinds[i] == HIT:
             layer[math.floor(ends[i, 1]), math.floor(ends[i, 0])] = 0
