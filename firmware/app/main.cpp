@@ -156,6 +156,7 @@ int main() {
   encoders::Start();
   left_encoder.Reset(PIND);
   right_encoder.Reset(PINB);
+  pins::StartInputs();
   adc.Start();
   uart.Start();
   clock::Start();
@@ -199,6 +200,7 @@ int main() {
     if (elapsed_ms != 0) {
       clock_runs = true;
       host.AdvanceTime(elapsed_ms);
+      host.UpdateInputs(pins::ReadInputs());
       Apply(host);
       tick::Hold();
       if (!beeper.sounding()) drive.AfterMillisecond();

@@ -25,4 +25,14 @@ constexpr uint8_t kLeftEncoder = 1 << PD5 | 1 << PD6, kRightEncoder = 1 << PB4 |
 // ADC channels: battery A3, currents A6 and A7. Some boards have the two currents swapped.
 constexpr uint8_t kBatteryChannel = 3, kLeftCurrentChannel = 6, kRightCurrentChannel = 7;
 
+// Protecting inputs, with pull-ups: 1 at D7, 2 at D8.
+inline void StartInputs() {
+  PORTD |= 1 << PD7;
+  PORTB |= 1 << PB0;
+}
+/// Return their levels: bit 0 is input 1, bit 1 is input 2.
+inline uint8_t ReadInputs() {
+  return static_cast<uint8_t>(((PIND & 1 << PD7) != 0 ? 1 : 0) | ((PINB & 1 << PB0) != 0 ? 2 : 0));
+}
+
 }  // namespace pins

@@ -102,6 +102,16 @@ class HostInterface {
     right_mA_ = 0;
   }
 
+  /// Take the levels of the protecting inputs: bit 0 is input 1, bit 1 is input 2. Call about once per
+  /// millisecond. An active input stops the motors, and nothing arms or clears while it stays active.
+  void UpdateInputs(uint8_t levels) {
+    const bool first = input_monitors_[0].Step((levels & 1) != 0, parameters_.Get(Parameter::kInput1));
+    const bool second = input_monitors_[1].Step((levels & 2) != 0, parameters_.Get(Parameter::kInput2));
+    if (first) Trip(Fault::kInput1);
+    if (second) Trip(Fault::kInput2);
+    input_active_ = first || second;
+  }
+
   /// Count control ticks whose telemetry was not sent.
   void CountDropped(uint8_t ticks) { tx_dropped_ = static_cast<uint16_t>(tx_dropped_ + ticks); }
 
@@ -296,7 +306,9 @@ class HostInterface {
   }
 
   AckStatus Apply(Event event) {
-    const AckStatus status = supervisor_.Handle(event, battery_.status());
+    const AckStatus battery = battery_.status();
+    const AckStatus ready = battery == AckStatus::kOk && input_active_ ? AckStatus::kInputActive : battery;
+    const AckStatus status = supervisor_.Handle(event, ready);
     SyncMode();
     return status;
   }
@@ -321,6 +333,7 @@ class HostInterface {
   WheelMonitor left_monitor_, right_monitor_;
   EdgeMonitor edge_monitor_;
   CurrentMonitor current_monitor_;
+  InputMonitor input_monitors_[2];
   Samples samples_ = {};
   int16_t left_mA_ = 0, right_mA_ = 0;
   DriveCommand command_ = {State::kDisarmed, 0, 0};
@@ -329,7 +342,7 @@ class HostInterface {
   uint16_t tx_dropped_ = 0;
   Command pending_ = Command::kDisarm;  // SAVE or LOAD waiting for StepStore(); DISARM: none
   uint8_t pending_seq_ = 0, telemetry_seq_ = 0;
-  bool changed_ = true;
+  bool changed_ = true, input_active_ = false;
   Board board_;
   ResetCause reset_cause_;
   ParameterSource source_ = ParameterSource::kDefaults;

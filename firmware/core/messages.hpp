@@ -6,7 +6,7 @@
 
 namespace fw {
 
-constexpr uint32_t kSchemaHash = 0x3FDA52B7UL;
+constexpr uint32_t kSchemaHash = 0x6426A633UL;
 constexpr size_t kMaxHostPayload = 4;  ///< [bytes] largest payload from the host
 constexpr size_t kMaxPayload = 45;     ///< [bytes] largest payload in either direction
 
@@ -47,8 +47,10 @@ enum class Fault : uint8_t {
   kBadParameters = 11,  ///< The saved parameters are invalid; the defaults are in use.
   kAdcStopped = 12,  ///< No analogue reading for 50 ms: battery and motor currents are unknown.
   kHighBattery = 13,  ///< Battery above 4.5 V per cell: another pack, or its voltage divider is broken.
+  kInput1 = 14,  ///< Protecting input 1 is active: bumper, cliff sensor or emergency stop.
+  kInput2 = 15,  ///< As INPUT_1, for input 2.
 };
-constexpr uint8_t kFaultCount = 14;
+constexpr uint8_t kFaultCount = 16;
 
 /// Result of a request.
 enum class AckStatus : uint8_t {
@@ -63,8 +65,9 @@ enum class AckStatus : uint8_t {
   kArmed = 8,  ///< Refused while armed; disarm first.
   kBadParameters = 9,  ///< The saved parameters are invalid; the live parameters stay.
   kBatteryHigh = 10,  ///< Refused while the battery reads above 4.5 V per cell.
+  kInputActive = 11,  ///< Refused while a protecting input is active.
 };
-constexpr uint8_t kAckStatusCount = 11;
+constexpr uint8_t kAckStatusCount = 12;
 
 /// Board that the firmware was built for.
 enum class Board : uint8_t {
@@ -237,8 +240,10 @@ enum class Parameter : uint8_t {
   kCurrentScale = 17,  ///< [mA * 512.0] Motor current per ADC count.
   kCurrentZero = 18,  ///< [count * 1.0] ADC reading of a motor current of zero.
   kPwmFrequency = 19,  ///< [Hz * 1.0] PWM frequency: 122, 245, 490, 980, 3922 or 31373 (silent); another value is rounded down.
+  kInput1 = 20,  ///< [ * 1.0] Protecting input 1 stops the motors: 0 never, 1 while it is low, 2 while it is high.
+  kInput2 = 21,  ///< [ * 1.0] As input_1, for input 2.
 };
-constexpr uint8_t kParameterCount = 20;
+constexpr uint8_t kParameterCount = 22;
 
 /// Range and default of a parameter, as wire values.
 struct ParameterRange {
@@ -265,6 +270,8 @@ constexpr ParameterRange kParameterRanges[kParameterCount] = {
     {512, 30720, 25000},  // current_scale
     {0, 1023, 511},  // current_zero
     {122, 31373, 122},  // pwm_frequency
+    {0, 2, 0},  // input_1
+    {0, 2, 0},  // input_2
 };
 
 }  // namespace fw

@@ -109,4 +109,26 @@ class CurrentMonitor {
   uint8_t over_ = 0;
 };
 
+/// Debounces an input with a switch: bumper, cliff sensor or emergency stop.
+class InputMonitor {
+ public:
+  /// Call about once per millisecond, never more often. mode: the parameter `input_1` or `input_2`. Return
+  /// true while the input has been active for four calls: a switch bounces, and motors disturb long wires.
+  bool Step(bool high, int16_t mode) {
+    const bool active = high ? mode == kWhileHigh : mode == kWhileLow;
+    if (!active) {
+      calls_ = 0;
+    } else if (calls_ < kDebounce) {
+      ++calls_;
+    }
+    return calls_ == kDebounce;
+  }
+
+ private:
+  static constexpr int16_t kWhileLow = 1, kWhileHigh = 2;
+  static constexpr uint8_t kDebounce = 4;
+  static_assert(kDebounce * 1000UL < kTick_us / 2, "the fault must come within one control tick");
+  uint8_t calls_ = 0;
+};
+
 }  // namespace fw

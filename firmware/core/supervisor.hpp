@@ -38,6 +38,8 @@ constexpr Event EventOf(Fault fault) {
     case Fault::kBadParameters:
     case Fault::kAdcStopped:
     case Fault::kHighBattery:
+    case Fault::kInput1:
+    case Fault::kInput2:
       return Event::kFaultAlways;
   }
   return Event::kFaultAlways;
@@ -137,10 +139,10 @@ constexpr bool Outranks(Fault fault, Fault latched) {
 /// The state machine that alone decides whether the motors may run.
 class Supervisor {
  public:
-  /// Handle an event from the host and return the answer. battery: unless OK, the answer to ARM and
+  /// Handle an event from the host and return the answer. ready: unless OK, the answer to ARM and
   /// CLEAR_FAULT.
-  AckStatus Handle(Event event, AckStatus battery) {
-    if (battery != AckStatus::kOk && (event == Event::kArm || event == Event::kClearFault)) return battery;
+  AckStatus Handle(Event event, AckStatus ready) {
+    if (ready != AckStatus::kOk && (event == Event::kArm || event == Event::kClearFault)) return ready;
     return Take(event, Fault::kEStop);
   }
 

@@ -53,6 +53,10 @@ class FaultyChip(InstrumentedChip):
         """Inject random short pulses on both channels of an encoder, `per_s` pulses per second."""
         self._library.thumper_glitches(self._handle, side, per_s)
 
+    def set_switch(self, number: int, *, closed: bool) -> None:
+        """Close or open the switch to ground at protecting input 1 or 2."""
+        self._library.thumper_set_switch(self._handle, number - 1, closed)
+
     def set_battery(self, *, charge: float = -1.0, resistance_Ohm: float = -1.0) -> None:
         """Set the battery's charge (0...1) or inner resistance; negative values change nothing."""
         self._library.thumper_set_battery(self._handle, charge, resistance_Ohm)

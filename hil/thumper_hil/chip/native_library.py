@@ -105,6 +105,7 @@ def load_library() -> ctypes.CDLL:
         "swap_channels": (None, [chip, ctypes.c_int, ctypes.c_int]),
         "glitches": (None, [chip, ctypes.c_int, number]),
         "wire_fault": (None, [chip, ctypes.c_int, ctypes.c_int, ctypes.c_int]),
+        "set_switch": (None, [chip, ctypes.c_int, ctypes.c_int]),
         "set_battery": (None, [chip, number, number]),
         "stop_adc": (None, [chip, ctypes.c_int]),
         "line_noise": (None, [chip, number, number]),

@@ -121,6 +121,15 @@ def _channels(side: int) -> Choice:
     )
 
 
+def _input(number: int) -> Choice:
+    return Choice(
+        actions={
+            "ok": lambda switches: switches.chip.set_switch(number, closed=False),
+            "closed": lambda switches: switches.chip.set_switch(number, closed=True),
+        }
+    )
+
+
 def _glitches(side: int) -> Amount:
     return Amount(
         apply=lambda switches, per_s: switches.chip.set_glitches(side, per_s), unit="1/s", maximum=50_000.0
@@ -146,6 +155,7 @@ FAULTS: dict[str, Choice | Amount | PoseFault] = {
     **{f"motor.{side}": _motor(SIDES[side]) for side in SIDES},
     **{f"wheels.{side}": _wheels(SIDES[side]) for side in SIDES},
     **{f"slip.{side}": _slip(SIDES[side]) for side in SIDES},
+    **{f"input.{number}": _input(number) for number in (1, 2)},
     "battery.charge": Amount(
         apply=lambda switches, share: switches.chip.set_battery(charge=share),
         unit="",

@@ -11,6 +11,7 @@ REFUSAL_REASONS = {
     AckStatus.FAULT_LATCHED: "a fault is latched; clear it first",
     AckStatus.BATTERY_LOW: "the battery is below battery_rearm per cell (7.0 V with 2 cells); charge it",
     AckStatus.BATTERY_HIGH: "the battery reads above 4.5 V per cell; set battery_cells, or check its wiring",
+    AckStatus.INPUT_ACTIVE: "a protecting input is active; release the bumper or emergency stop",
     AckStatus.BATTERY_UNKNOWN: "it has not measured its battery; check the board",
     AckStatus.ARMED: "it is armed; disarm it first",
     AckStatus.BAD_PARAMETERS: "its saved parameters are unreadable; set them and save them again",
@@ -34,4 +35,6 @@ FAULT_HINTS = {
     Fault.BAD_PARAMETERS: "its saved parameters are unreadable; set them and save them again",
     Fault.ADC_STOPPED: "it cannot measure battery and motor currents; check its 5 V supply, then replace it",
     Fault.HIGH_BATTERY: "the battery reads above 4.5 V per cell; set battery_cells, or check its wiring",
+    Fault.INPUT_1: "input 1 is active (bumper, cliff sensor or emergency stop); release it",
+    Fault.INPUT_2: "input 2 is active (bumper, cliff sensor or emergency stop); release it",
 }

@@ -11,7 +11,7 @@ from struct import Struct
 from types import MappingProxyType
 from typing import ClassVar, Protocol, Self
 
-SCHEMA_HASH: int = 0x3FDA52B7
+SCHEMA_HASH: int = 0x6426A633
 
 
 class Command(IntEnum):
@@ -52,6 +52,8 @@ class Fault(IntEnum):
     BAD_PARAMETERS = 11  # The saved parameters are invalid; the defaults are in use.
     ADC_STOPPED = 12  # No analogue reading for 50 ms: battery and motor currents are unknown.
     HIGH_BATTERY = 13  # Battery above 4.5 V per cell: another pack, or its voltage divider is broken.
+    INPUT_1 = 14  # Protecting input 1 is active: bumper, cliff sensor or emergency stop.
+    INPUT_2 = 15  # As INPUT_1, for input 2.
 
 
 class AckStatus(IntEnum):
@@ -68,6 +70,7 @@ class AckStatus(IntEnum):
     ARMED = 8  # Refused while armed; disarm first.
     BAD_PARAMETERS = 9  # The saved parameters are invalid; the live parameters stay.
     BATTERY_HIGH = 10  # Refused while the battery reads above 4.5 V per cell.
+    INPUT_ACTIVE = 11  # Refused while a protecting input is active.
 
 
 class BoardModel(IntEnum):
@@ -706,5 +709,25 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         default=122.0,
         scale=1.0,
         doc="PWM frequency: 122, 245, 490, 980, 3922 or 31373 (silent); another value is rounded down.",
+    ),
+    ParameterSpec(
+        index=20,
+        name="input_1",
+        unit="",
+        minimum=0.0,
+        maximum=2.0,
+        default=0.0,
+        scale=1.0,
+        doc="Protecting input 1 stops the motors: 0 never, 1 while it is low, 2 while it is high.",
+    ),
+    ParameterSpec(
+        index=21,
+        name="input_2",
+        unit="",
+        minimum=0.0,
+        maximum=2.0,
+        default=0.0,
+        scale=1.0,
+        doc="As input_1, for input 2.",
     ),
 )

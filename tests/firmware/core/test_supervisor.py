@@ -26,8 +26,8 @@ NEXT = {
     State.FAULT: {CLEAR: State.DISARMED},
 }
 AT_REST_TOO = {Fault.LOW_BATTERY, Fault.E_STOP, Fault.WATCHDOG, Fault.BAD_PARAMETERS}
-AT_REST_TOO |= {Fault.ADC_STOPPED, Fault.HIGH_BATTERY}
-NOT_READY = [AckStatus.BATTERY_LOW, AckStatus.BATTERY_UNKNOWN, AckStatus.BATTERY_HIGH]
+AT_REST_TOO |= {Fault.ADC_STOPPED, Fault.HIGH_BATTERY, Fault.INPUT_1, Fault.INPUT_2}
+NOT_READY = [AckStatus.BATTERY_LOW, AckStatus.BATTERY_UNKNOWN, AckStatus.BATTERY_HIGH, AckStatus.INPUT_ACTIVE]
 
 
 def survivor(latched: Fault, fault: Fault) -> Fault:

@@ -90,6 +90,18 @@ GUARDS: dict[str, Guard] = {
         new="  ",
         test="board/test_guards.py",
     ),
+    "pull-ups of the protecting inputs": Guard(
+        file="board/trex.hpp",
+        old="  PORTD |= 1 << PD7;\n  PORTB |= 1 << PB0;\n",
+        new="",
+        test="board/test_inputs.py",
+    ),
+    "protecting inputs": Guard(
+        file="app/main.cpp",
+        old="      host.UpdateInputs(pins::ReadInputs());\n",
+        new="",
+        test="board/test_inputs.py",
+    ),
     "start level of the left encoder": Guard(
         file="app/main.cpp", old="  left_encoder.Reset(PIND);\n", new="", test="board/test_guards.py"
     ),

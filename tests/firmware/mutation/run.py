@@ -34,6 +34,7 @@ SUITE = {
     "test_ramp_battery_units": {"parameters.hpp", "battery.hpp"},
     "test_host_interface": {"host_interface.hpp"},
     "test_store": {"host_interface.hpp"},
+    "test_inputs": {"host_interface.hpp"},
     "test_quadrature": {"quadrature.hpp", "drive.hpp"},
     "test_framing": {"framing.hpp"},
     "test_model": {"parameters.hpp"},

@@ -258,6 +258,9 @@ void host_advance_time(int host, int elapsed_ms) {
 int host_battery(int host, int reading) {
   return At<Interface>(host).host.UpdateBattery(static_cast<uint16_t>(reading));
 }
+void host_inputs(int host, int levels) {
+  At<Interface>(host).host.UpdateInputs(static_cast<uint8_t>(levels));
+}
 void host_lose_analog(int host) { At<Interface>(host).host.LoseAnalogReadings(); }
 void host_dropped(int host, int ticks) { At<Interface>(host).host.CountDropped(static_cast<uint8_t>(ticks)); }
 void host_currents(int host, int left, int right) {

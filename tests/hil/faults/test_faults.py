@@ -129,6 +129,24 @@ def test_shorted_motor_causes_over_current(driving: Open) -> None:
     assert bench.chip.truth().current_A[0] == 0.0
 
 
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_closed_switch_stops_the_motors(driving: Open, number: int) -> None:
+    board, bench = driving("")
+    board.command(Command.DISARM)
+    board.set_parameter(f"input_{number}", 1)
+    board.command(Command.ARM)
+    assert drive(board, bench, 0.5).fault is Fault.NONE
+    bench.fault(f"input.{number}", "closed")
+    took_s, telemetry = time_to_fault_s(board, bench, 1.0)
+    assert telemetry.fault is Fault[f"INPUT_{number}"]
+    assert took_s < 0.15
+    with pytest.raises(ThumperError, match="protecting input is active"):
+        board.command(Command.CLEAR_FAULT)
+    bench.fault(f"input.{number}", "ok")
+    bench.advance(bench.time_s + 0.01)
+    board.command(Command.CLEAR_FAULT)
+
+
 def test_a_stopped_converter_stops_the_motors(driving: Open) -> None:
     """Its data register keeps the last value: the battery would look charged and the currents normal."""
     board, bench = driving("")

@@ -17,6 +17,7 @@ void thumper_swap_channels(Chip* chip, int side, int swapped) {
   chip->plant()->SetChannelsSwapped(side, swapped != 0);
 }
 void thumper_glitches(Chip* chip, int side, double per_s) { chip->plant()->SetGlitches(side, per_s); }
+void thumper_set_switch(Chip* chip, int input, int closed) { chip->plant()->SetSwitch(input, closed != 0); }
 void thumper_set_battery(Chip* chip, double charge, double resistance_Ohm) {
   chip->plant()->SetBattery(charge, resistance_Ohm);
 }

@@ -49,6 +49,7 @@ void Plant::Rearm() {
     ScheduleEdge(pins);
     ScheduleGlitch(pins);
   }
+  DriveSwitches();
   const uint64_t wait = planned_to_ > avr_->cycle ? planned_to_ - avr_->cycle : 1;
   avr_cycle_timer_register(avr_, wait, OnTick, this);
 }
@@ -97,11 +98,29 @@ void Plant::Place(double x_m, double y_m, double yaw_rad) {
 void Plant::Hold(double v_m_s, double w_rad_s) {
   before_.Hold(v_m_s, w_rad_s);
   drive_train_.Hold(v_m_s, w_rad_s);
+  touches_ = true;
+  DriveSwitches();
 }
 
 void Plant::Release() {
   before_.Release();
   drive_train_.Release();
+  touches_ = false;
+  DriveSwitches();
+}
+
+void Plant::SetSwitch(int input, bool closed) {
+  closed_[input] = closed;
+  DriveSwitches();
+}
+
+void Plant::DriveSwitches() {
+  for (int input = 0; input < 2; ++input) {
+    const SwitchWiring& pin = wiring_.input[input];
+    avr_ioport_t* port = FindPeripheral<avr_ioport_t>(avr_, "port", pin.port);
+    port->external.pull_mask |= static_cast<uint8_t>(1u << pin.bit);
+    DriveInput(port, pin.bit, !closed_[input] && !(input == 0 && touches_));
+  }
 }
 
 void Plant::ScheduleEdge(EncoderPins& pins) {

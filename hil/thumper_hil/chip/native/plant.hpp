@@ -31,7 +31,7 @@ class Plant {
   double charge() const { return drive_train_.battery().charge(); }
 
   void Place(double x_m, double y_m, double yaw_rad);
-  void Hold(double v_m_s, double w_rad_s);  ///< see DriveTrain
+  void Hold(double v_m_s, double w_rad_s);  ///< see DriveTrain; the bumper, a switch at input 1, closes
   void Release();
 
   // Faults, effective immediately.
@@ -39,6 +39,7 @@ class Plant {
   void SetWireFault(int side, int channel, WireFault fault);  ///< channel 0 is A, 1 is B
   void SetChannelsSwapped(int side, bool swapped);
   void SetGlitches(int side, double per_s);               ///< random, on either channel of the encoder
+  void SetSwitch(int input, bool closed);                 ///< at a protecting input, 0 or 1
   void SetBattery(double charge, double resistance_Ohm);  ///< negative: unchanged
 
   int32_t encoder_count(int side) const { return encoder_[side].encoder.count(); }
@@ -67,6 +68,7 @@ class Plant {
   void ScheduleEdge(EncoderPins& pins);
   static void ScheduleGlitch(EncoderPins& pins);
   static void DriveBoth(EncoderPins& pins);
+  void DriveSwitches();
   static void DriveWire(EncoderPins& pins, int channel, int bit, bool level);
 
   avr_t* avr_;
@@ -77,6 +79,8 @@ class Plant {
   DriveTrain drive_train_;
   Random random_;
   EncoderPins encoder_[2];
+  bool closed_[2] = {false, false};  // switches at the protecting inputs
+  bool touches_ = false;             // the bumper closes the first one, too
   BridgeCommand command_[2];
   uint64_t planned_to_;    // end of the step that `drive_train_` has already taken
   uint64_t planned_from_;  // start of that step

@@ -18,23 +18,32 @@ struct EncoderWiring {
   int a_bit, b_bit;
 };
 
+/// A switch to ground at a protecting input.
+struct SwitchWiring {
+  char port;
+  int bit;
+};
+
 /// Pin assignment of a board, matching firmware/board/trex.hpp and nano.hpp. Pairs are left, right.
 struct Wiring {
   static constexpr int kNone = -1;
   MotorWiring motor[2];
   EncoderWiring encoder[2];
+  SwitchWiring input[2];
   int battery_channel, current_channel[2];
 };
 
 constexpr Wiring kTrexWiring = {
     {{reg::kPortD, reg::kDdrD, 2, Wiring::kNone, 4}, {reg::kPortB, reg::kDdrB, 2, Wiring::kNone, 1}},
     {{'D', 5, 6}, {'B', 4, 5}},
+    {{'D', 7}, {'B', 0}},
     3,
     {6, 7}};
 
 constexpr Wiring kNanoWiring = {
     {{reg::kPortD, reg::kDdrD, 2, 4, Wiring::kNone}, {reg::kPortB, reg::kDdrB, 2, 4, Wiring::kNone}},
     {{'D', 5, 6}, {'B', 0, 1}},
+    {{'C', 0}, {'C', 1}},
     3,
     {4, 5}};
 
