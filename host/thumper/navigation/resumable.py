@@ -26,6 +26,17 @@ def run_to_end(search: Search[Result]) -> Result:
             return end.value  # type: ignore[no-any-return]  # a generator's result has no type here
 
 
+def merged(search: Search[Result], steps: int) -> Search[Result]:
+    """Do `steps` steps of a search in each slice."""
+    while True:
+        try:
+            for _ in range(steps):
+                next(search)
+        except StopIteration as end:
+            return end.value  # type: ignore[no-any-return]
+        yield
+
+
 class SlicedSearch(Generic[Result]):
     """At most one search under way; each `advance` does one slice."""
 

@@ -8,7 +8,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
 from thumper.ros.codec import Message
 from thumper.ros.to_ros import WARN
-from thumper.runtime.drive.legs import AnyLeg
+from thumper.runtime.drive.legs import AnyLeg, Wait
 from thumper.runtime.drive_result import DriveProgress, DriveResult
 from thumper.runtime.loop import RobotLoop
 
@@ -23,11 +23,15 @@ class ProgressDisplay:
         self._name = ""
         self._farthest_m = 0.0
         self._next_line_s = 0.0
+        self._is_shown = True
         self._bar = self._make_bar()
         self._task = self._bar.add_task("")
 
     def started(self, leg: AnyLeg) -> None:
-        """Start a new bar."""
+        """Start a new bar; none for a wait."""
+        self._is_shown = not isinstance(leg, Wait)
+        if not self._is_shown:
+            return
         self._name, self._farthest_m, self._next_line_s = leg.name, 0.0, 0.0
         self._bar = self._make_bar()
         self._task = self._bar.add_task(leg.name, total=None, state="scanning the surroundings")
@@ -50,6 +54,8 @@ class ProgressDisplay:
 
     def ended(self, result: DriveResult | None) -> None:
         """Show the outcome and close the bar."""
+        if not self._is_shown:
+            return
         if result is not None and result.reached:
             state = f"reached after {result.time_s:.1f} s"
             self._bar.update(self._task, total=1.0, completed=1.0, state=state)

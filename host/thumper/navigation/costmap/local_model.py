@@ -1,7 +1,6 @@
 """The obstacles round the robot, from map, scan and memory: as costmaps and as points."""
 
 import math
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -9,14 +8,8 @@ import numpy as np
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.field_of_view import FieldOfView
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.navigation.costmap.costmap import (
-    Costmap,
-    CostmapOptions,
-    build_costmap,
-    build_window,
-    inflation_radius_cells,
-    window_of,
-)
+from thumper.navigation.costmap.bands import build_band
+from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_window, window_of
 from thumper.navigation.costmap.layers import CostmapLayers
 from thumper.navigation.costmap.obstacle_memory import ObstacleMemory, ObstacleMemoryOptions
 from thumper.navigation.costmap.scan_averaging import averaged_hits
@@ -104,16 +97,7 @@ class LocalModel:
 
     def static_band(self, grid: OccupancyGrid, begin: int, end: int) -> Costmap:
         """Return rows of the costmap without scan and memory, whose obstacles may have moved since."""
-        around = inflation_radius_cells(self._footprint, self._options, grid.resolution_m)
-        top = max(0, begin - around)
-        band = replace(
-            grid,
-            cells=grid.cells[top : end + around],
-            origin_y_m=grid.origin_y_m + top * grid.resolution_m,
-        )
-        costmap = build_costmap(band, np.empty((0, 2)), self._footprint, self._options, self._keepout)
-        rows = slice(begin - top, end - top)
-        return replace(costmap, costs=costmap.costs[rows], squared_cells=costmap.squared_cells[rows])
+        return build_band(grid, slice(begin, end), self._footprint, self._options, self._keepout)
 
     def _window_costs(self, window: OccupancyGrid, seen_m: FloatArray, unseen_m: FloatArray) -> Costmap:
         return build_window(window, seen_m, unseen_m, self._footprint, self._options, self._keepout)

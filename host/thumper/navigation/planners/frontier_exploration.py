@@ -10,21 +10,26 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt
 from numpy.typing import NDArray
-from scipy.ndimage import label
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from thumper.common.geometry import Pose2
 from thumper.maps.occupancy_grid import CellArray, OccupancyGrid
-from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_costmap
+from thumper.navigation.costmap.bands import bands_of, search_costmap
+from thumper.navigation.costmap.costmap import Costmap, CostmapOptions
 from thumper.navigation.costmap.inflation import LETHAL
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar_search import CostArray
-from thumper.navigation.planners.dijkstra import dijkstra
+from thumper.navigation.planners.dijkstra import search_dijkstra
 from thumper.navigation.planners.start_and_goal_cells import nearest_passable
-from thumper.navigation.planners.traversal_cost import TraversalCostOptions, traversal_cost
+from thumper.navigation.planners.traversal_cost import TraversalCostOptions, search_traversal_cost
+from thumper.navigation.resumable import Search, merged, run_to_end
 
 EVERYWHERE = -1
-NEIGHBOURS = np.ones((3, 3), np.bool_)
+TINY = 1e-9
+STEPS_PER_SLICE = 50  # of borders and lines of sight: about 5 ms
+EDGES_PER_SLICE = 20_000  # more edge cells than this are grouped in several slices
 TURNING_ROOM_M = 0.05  # beyond the circumscribed circle: there the robot rotates easily
 VIEW_DISTANCE_M = 1.0  # a frontier is observed from at most this far
 FACING_RAD = 1.0  # this far off the frontier's direction the lidar still sees it
@@ -60,63 +65,115 @@ class Frontier:
     path_cost_m: float  # cost of the path to the viewpoint, in metres of free space
 
 
-def find_frontiers(
+def search_frontiers(
     grid: OccupancyGrid, map_from_base: Pose2, footprint: Footprint, options: ExplorationOptions
-) -> list[Frontier]:
-    """Return all frontiers that the robot can reach through known space, best first."""
-    costmap = build_costmap(grid, np.empty((0, 2)), footprint, CostmapOptions())
-    cell_costs = traversal_cost(
-        costmap, TraversalCostOptions(obstacle_weight=options.obstacle_weight, allow_unknown=False)
-    )
+) -> Search[list[Frontier]]:
+    """Return all frontiers that the robot can reach through known space, best first.
+
+    The grid must not change until the search has ended.
+    """
+    costmap = yield from search_costmap(grid, footprint, CostmapOptions())
+    known = TraversalCostOptions(obstacle_weight=options.obstacle_weight, allow_unknown=False)
+    cell_costs = yield from search_traversal_cost(costmap, known)
     row, col = grid.cell_of(map_from_base.x_m, map_from_base.y_m)
     start = nearest_passable(cell_costs, row, col, options.escape_radius_m / grid.resolution_m)
     if start is None:
         return []
     rows, cols = cell_costs.shape
-    path_costs = dijkstra(cell_costs, start[0] * cols + start[1], EVERYWHERE, False, 0.0).reshape(rows, cols)
+    flat_costs = yield from search_dijkstra(cell_costs, start[0] * cols + start[1], EVERYWHERE, False, 0.0)
+    path_costs = flat_costs.reshape(rows, cols)
+    edges = yield from _edges(path_costs, grid.cells)
+    borders = yield from _borders(edges, cols, math.ceil(options.least_frontier_m / grid.resolution_m - TINY))
+    found = yield from merged(_frontiers(borders, grid, costmap, path_costs, footprint), STEPS_PER_SLICE)
+    return sorted(found, key=lambda frontier: frontier.path_cost_m - options.gain * frontier.length_m)
+
+
+def find_frontiers(
+    grid: OccupancyGrid, map_from_base: Pose2, footprint: Footprint, options: ExplorationOptions
+) -> list[Frontier]:
+    """Run `search_frontiers` at once."""
+    return run_to_end(search_frontiers(grid, map_from_base, footprint, options))
+
+
+def _edges(path_costs: CostArray, cells: CellArray) -> Search[IntArray]:
+    """Return the reached cells beside unknown ones in the order of rows, flat indices, shape (n,)."""
+    found = []
+    for rows in bands_of(cells.shape):
+        if rows.start > 0:
+            yield
+        top = max(0, rows.start - 1)
+        beside = cells[top : rows.stop + 1] < 0
+        for axis in (0, 1):
+            before, after = ([slice(None)] * 2 for _ in range(2))
+            before[axis], after[axis] = slice(None, -1), slice(1, None)
+            row_or_column = beside.copy()
+            beside[tuple(before)] |= row_or_column[tuple(after)]
+            beside[tuple(after)] |= row_or_column[tuple(before)]
+        inner = beside[rows.start - top : rows.stop - top] & np.isfinite(path_costs[rows])
+        found.append(np.flatnonzero(inner) + rows.start * cells.shape[1])
+    return np.concatenate(found)
+
+
+def _borders(edges: IntArray, cols: int, least_cells: int) -> Search[list[IntArray]]:
+    """Return the connected groups of at least `least_cells` edge cells, shape (n, 2) each: row, column.
+
+    The work grows with the number of edge cells, not with the map. No edge cell is in the map's last column.
+    """
+    if not len(edges):
+        return []
+    pairs = []
+    for step in (1, cols - 1, cols, cols + 1):  # the other four neighbours have this one as theirs
+        at = np.searchsorted(edges, edges + step)
+        meets = np.flatnonzero(edges[np.minimum(at, len(edges) - 1)] == edges + step)
+        pairs.append(np.stack((meets, at[meets])))
+        if len(edges) > EDGES_PER_SLICE:
+            yield
+    first, second = np.concatenate(pairs, axis=1)
+    links = coo_array((np.ones(len(first), np.bool_), (first, second)), shape=(len(edges), len(edges)))
+    _, numbers = connected_components(links, directed=False)
+    if len(edges) > EDGES_PER_SLICE:
+        yield
+    counts = np.bincount(numbers)
+    large = np.flatnonzero(counts[numbers] >= least_cells)
+    large = large[np.argsort(numbers[large], kind="stable")]
+    ends = np.cumsum(counts[counts >= least_cells])
+    row_col = np.stack(np.divmod(edges[large], cols), axis=1)
+    return np.split(row_col, ends[:-1]) if len(ends) else []
+
+
+def _frontiers(
+    borders: list[IntArray],
+    grid: OccupancyGrid,
+    costmap: Costmap,
+    path_costs: CostArray,
+    footprint: Footprint,
+) -> Search[list[Frontier]]:
+    """Return a frontier for each border; a step is one border or one line of sight."""
     circle_cells = (footprint.circumscribed_radius_m + TURNING_ROOM_M) / grid.resolution_m
     found = []
-    for cells in _borders(path_costs, grid.cells):
-        length_m = len(cells) * grid.resolution_m
-        if length_m < options.least_frontier_m:
-            continue
+    for cells in borders:
         middle = cells[np.argmin(((cells - cells.mean(axis=0)) ** 2).sum(axis=1))]
-        view = _viewpoint(costmap, path_costs, middle, circle_cells)
+        view = yield from _viewpoint(costmap, path_costs, middle, circle_cells)
         x_m, y_m = grid.centre_of(int(middle[0]), int(middle[1]))
         found.append(
             Frontier(
                 x_m=x_m,
                 y_m=y_m,
                 viewpoint_m=grid.centre_of(int(view[0]), int(view[1])),
-                length_m=length_m,
+                length_m=len(cells) * grid.resolution_m,
                 path_cost_m=float(path_costs[view[0], view[1]]) * grid.resolution_m,
             )
         )
-    return sorted(found, key=lambda frontier: frontier.path_cost_m - options.gain * frontier.length_m)
+    return found
 
 
-def _borders(path_costs: CostArray, cells: CellArray) -> list[IntArray]:
-    """Return the connected groups of reached cells beside unknown ones, shape (n, 2) each: row, column."""
-    unknown = cells < 0
-    beside = unknown.copy()
-    for axis in (0, 1):
-        before, after = ([slice(None)] * 2 for _ in range(2))
-        before[axis], after[axis] = slice(None, -1), slice(1, None)
-        row_or_column = beside.copy()
-        beside[tuple(before)] |= row_or_column[tuple(after)]
-        beside[tuple(after)] |= row_or_column[tuple(before)]
-    labels, count = label(beside & np.isfinite(path_costs), NEIGHBOURS)
-    edges = np.argwhere(labels)
-    numbers = labels[edges[:, 0], edges[:, 1]]
-    order = np.argsort(numbers, kind="stable")
-    return np.split(edges[order], np.searchsorted(numbers[order], np.arange(2, count + 1)))[: max(0, count)]
-
-
-def _viewpoint(costmap: Costmap, path_costs: CostArray, middle: IntArray, circle_cells: float) -> IntArray:
+def _viewpoint(
+    costmap: Costmap, path_costs: CostArray, middle: IntArray, circle_cells: float
+) -> Search[IntArray]:
     """Return the reached cell with room to turn, shape (2,), nearest to a frontier's middle that sees it.
 
     Most frontiers end in recesses. Driving into them takes long, and driving out takes longer; the lidar sees
-    into them from outside. Without such a cell it is the middle itself.
+    into them from outside. Without such a cell it is the middle itself. A step is one line of sight.
     """
     reach = int(VIEW_DISTANCE_M / costmap.resolution_m)
     corner = np.maximum(middle - reach, 0)
@@ -125,12 +182,19 @@ def _viewpoint(costmap: Costmap, path_costs: CostArray, middle: IntArray, circle
     candidates = np.argwhere(roomy) + corner
     distances = np.hypot(*(candidates - middle).T)
     near = distances <= VIEW_DISTANCE_M / costmap.resolution_m
+    yield
     for cell in candidates[near][np.argsort(distances[near], kind="stable")]:
-        between = np.linspace(cell, middle, 2 * int(np.abs(cell - middle).max()) + 1)
-        rows, cols = np.rint(between).astype(np.int64).T
-        if not (costmap.costs[rows, cols] == LETHAL).any():
+        if _sees(costmap, cell, middle):
             return np.asarray(cell)
+        yield
     return middle
+
+
+def _sees(costmap: Costmap, cell: IntArray, other: IntArray) -> bool:
+    """Return whether no obstacle is between two cells, shape (2,)."""
+    between = np.linspace(cell, other, 2 * int(np.abs(cell - other).max()) + 1)
+    rows, cols = np.rint(between).astype(np.int64).T
+    return not (costmap.costs[rows, cols] == LETHAL).any()
 
 
 class Explorer:
@@ -141,9 +205,10 @@ class Explorer:
         self._footprint = footprint
         self._visited_m: list[tuple[float, float]] = []
 
-    def next_goal(self, grid: OccupancyGrid, map_from_base: Pose2) -> Goal | None:
+    def search(self, grid: OccupancyGrid, map_from_base: Pose2) -> Search[Goal | None]:
         """Return a goal at the best frontier not yet tried, or None when the place is explored."""
-        for frontier in find_frontiers(grid, map_from_base, self._footprint, self._options):
+        found = yield from search_frontiers(grid, map_from_base, self._footprint, self._options)
+        for frontier in found:
             visited = np.array(self._visited_m).reshape(-1, 2)
             distances_m = np.hypot(*(visited - (frontier.x_m, frontier.y_m)).T)
             if (distances_m > self._options.done_radius_m).all():

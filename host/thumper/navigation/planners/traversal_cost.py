@@ -8,10 +8,12 @@ from annotated_types import Ge, Gt
 
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
+from thumper.navigation.costmap.bands import bands_of
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.costmap.inflation import MOST_INFLATED, UNKNOWN, ByteArray
 from thumper.navigation.planners.astar_search import CostArray
 from thumper.navigation.planners.polyline import polyline_cost
+from thumper.navigation.resumable import Search
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,9 +38,24 @@ def traversal_cost(costmap: Costmap, options: TraversalCostOptions) -> CostArray
     inf, as the search kernels require.
     """
     cell_costs: CostArray = _cost_table(options)[costmap.costs]
+    _close_border(cell_costs)
+    return cell_costs
+
+
+def search_traversal_cost(costmap: Costmap, options: TraversalCostOptions) -> Search[CostArray]:
+    """Return what `traversal_cost` does, one band of rows in each slice."""
+    table, cell_costs = _cost_table(options), np.empty(costmap.costs.shape, np.float32)
+    for rows in bands_of(costmap.costs.shape):
+        if rows.start > 0:
+            yield
+        cell_costs[rows] = table[costmap.costs[rows]]
+    _close_border(cell_costs)
+    return cell_costs
+
+
+def _close_border(cell_costs: CostArray) -> None:
     cell_costs[0] = cell_costs[-1] = np.inf
     cell_costs[:, 0] = cell_costs[:, -1] = np.inf
-    return cell_costs
 
 
 def _cost_table(options: TraversalCostOptions) -> CostArray:

@@ -20,8 +20,10 @@ from thumper.runtime.drive_result import DriveResult
 
 if TYPE_CHECKING:
     from thumper.navigation.planners.frontier_exploration import Explorer
+    from thumper.navigation.resumable import Search
 
 
+SLICES_PER_CYCLE = 3  # of the search for the next frontier: no planner runs meanwhile
 Task = Generator[AnyLeg, DriveResult, DriveResult]
 
 
@@ -93,11 +95,12 @@ def _drive_to_frontiers(
     result = yield Leg(goal=home, name="initial scan")
     tried, reached = 0, 0
     while (spent_s := result.time_s) < limit_s and not result.interrupted:
-        goal = explorer.next_goal(grid(), result.map_from_base)
-        if goal is None and tried == 0:
-            return result, "nothing to explore here: no frontier is reachable"
+        goal, result, problem = yield from _choose(explorer.search(grid(), result.map_from_base), result)
+        if problem:
+            return result, f"ended after {result.time_s:.0f} s: {problem}"
         if goal is None:
-            return result, f"explored after {spent_s:.0f} s: reached {reached} of {tried} frontiers"
+            explored = f"explored after {spent_s:.0f} s: reached {reached} of {tried} frontiers"
+            return result, explored if tried else "nothing to explore here: no frontier is reachable"
         tried += 1
         try:
             drive = yield Leg(goal=goal, name=f"frontier {tried}")
@@ -112,6 +115,27 @@ def _drive_to_frontiers(
             report(f"gave up frontier {tried} at {goal}: {result.reason}")
     why = "interrupted" if result.interrupted else "time is up"
     return result, f"{why} after {spent_s:.0f} s: reached {reached} of {tried} frontiers"
+
+
+def _choose(
+    search: "Search[Goal | None]", before: DriveResult
+) -> Generator[AnyLeg, DriveResult, tuple[Goal | None, DriveResult, str]]:
+    """Do some slices of the search in each cycle; return the goal, the result so far and what went wrong."""
+    found: list[Goal | None] = []
+
+    def is_over() -> bool:
+        try:
+            for _ in range(SLICES_PER_CYCLE):
+                next(search)
+        except StopIteration as end:
+            found.append(end.value)
+        return bool(found)
+
+    try:
+        waited = yield Wait(duration_s=math.inf, until=is_over, name="choosing a frontier")
+    except ThumperError as refusal:
+        return None, replace(before, reached=False, reason=str(refusal)), str(refusal)
+    return found[0] if found else None, waited.after(before), "" if waited.reached else waited.reason
 
 
 def cruise(twist: Twist2, duration_s: float) -> Task:

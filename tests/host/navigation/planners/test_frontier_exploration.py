@@ -10,6 +10,7 @@ from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.costmap import CostmapOptions, build_costmap
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.planners.frontier_exploration import ExplorationOptions, Explorer, find_frontiers
+from thumper.navigation.resumable import run_to_end
 
 RADIUS_M = Footprint().circumscribed_radius_m
 
@@ -37,8 +38,8 @@ def test_frontiers_are_where_known_free_space_ends() -> None:
 def test_explorer_tries_each_frontier_once() -> None:
     explorer = Explorer(ExplorationOptions(), Footprint())
     start = Pose2(x_m=1.0, y_m=2.0)
-    assert explorer.next_goal(two_rooms(100), start) is not None
-    assert explorer.next_goal(two_rooms(100), start) is None
+    assert run_to_end(explorer.search(two_rooms(100), start)) is not None
+    assert run_to_end(explorer.search(two_rooms(100), start)) is None
 
 
 def test_frontier_in_a_recess_is_observed_from_where_the_robot_can_turn() -> None:
@@ -50,15 +51,15 @@ def test_frontier_in_a_recess_is_observed_from_where_the_robot_can_turn() -> Non
     start, footprint = Pose2(x_m=1.0, y_m=1.0), Footprint()
     (recess,) = find_frontiers(grid, start, footprint, ExplorationOptions(least_frontier_m=0.1))
     assert recess.x_m > 2.7
+    options = ExplorationOptions(least_frontier_m=0.1)
     assert math.dist(recess.viewpoint_m, (recess.x_m, recess.y_m)) < 1.0
     costmap = build_costmap(grid, np.empty((0, 2)), footprint, CostmapOptions())
     ((row,), (col,)) = costmap.cells_of(np.array((recess.viewpoint_m,)))
     assert math.sqrt(costmap.squared_cells[row, col]) * 0.05 > RADIUS_M
-    goal = Explorer(ExplorationOptions(least_frontier_m=0.1), footprint).next_goal(grid, start)
+    goal = run_to_end(Explorer(options, footprint).search(grid, start))
     assert goal is not None
     assert (goal.x_m, goal.y_m) == recess.viewpoint_m
     assert goal.theta_rad == pytest.approx(0.0, abs=0.3)  # it faces the recess
     cells[:26, 1:50] = cells[34:, 1:50] = 100  # now all of it is as narrow: no room anywhere
-    options = ExplorationOptions(least_frontier_m=0.1)
     (ahead,) = find_frontiers(grid, Pose2(x_m=1.0, y_m=1.5), footprint, options)
     assert ahead.viewpoint_m == (ahead.x_m, ahead.y_m)

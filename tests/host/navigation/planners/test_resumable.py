@@ -5,19 +5,20 @@ import pytest
 
 from thumper.common.geometry import Pose2
 from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.costmap import bands
 from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_costmap
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
-from thumper.navigation.planners import astar_search
+from thumper.navigation.planners import astar_search, dijkstra, frontier_exploration
 from thumper.navigation.planners.astar import AStarPlanner
-from thumper.navigation.planners.frontier_exploration import ExplorationOptions, find_frontiers
+from thumper.navigation.planners.frontier_exploration import ExplorationOptions, Explorer, find_frontiers
 from thumper.navigation.planners.goal_validation import NEAREST_PLACES, OTHER_PLACES, _places_m
 from thumper.navigation.planners.lattice import LatticeOptions, LatticePlanner
 from thumper.navigation.planners.navfn import NavfnPlanner
 from thumper.navigation.planners.planner import Planner
 from thumper.navigation.planners.replanning import PathManager, ReplanningOptions
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions
-from thumper.navigation.resumable import ASTAR_CELLS, Search
+from thumper.navigation.resumable import ASTAR_CELLS, BAND_CELLS, DIJKSTRA_CELLS, Search
 
 SIDE = 600
 START, GOAL = Pose2(x_m=1.5, y_m=1.5), Goal(x_m=27.0, y_m=27.0)
@@ -98,15 +99,52 @@ def test_places_within_a_tolerance_are_bounded() -> None:
     assert len(_places_m(0.05, Goal(x_m=0.0, y_m=0.0, tolerance_m=5.0))) <= NEAREST_PLACES + OTHER_PLACES + 1
 
 
-def test_hundreds_of_frontiers_are_grouped_in_one_pass() -> None:
-    """Each of 20 x 20 unknown islands in a hall of 60 m has one frontier round it."""
+def islands() -> OccupancyGrid:
+    """Return a hall of 60 m with 20 x 20 unknown islands, each with one frontier round it."""
     cells = np.zeros((1200, 1200), np.int8)
     rows = 30 + 57 * np.arange(20)
     for row in rows:
         for col in rows:
             cells[row : row + 20, col : col + 20] = -1
     cells[0] = cells[-1] = cells[:, 0] = cells[:, -1] = 100
-    grid = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
-    found = find_frontiers(grid, Pose2(x_m=0.8, y_m=0.8), Footprint(), ExplorationOptions())
+    return OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
+
+
+def test_hundreds_of_frontiers_are_grouped_in_one_pass() -> None:
+    found = find_frontiers(islands(), Pose2(x_m=0.8, y_m=0.8), Footprint(), ExplorationOptions())
     assert len(found) == 400
     assert {round(frontier.length_m, 2) for frontier in found} == {4.2}
+
+
+def test_each_slice_of_a_search_for_frontiers_does_bounded_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cells inflated, cells expanded and lines of sight: no slice does more than its share of any."""
+    work = dict.fromkeys(("inflated", "expanded", "sights"), 0)
+    build, expand, sees = build_costmap, dijkstra.dijkstra_slice, frontier_exploration._sees
+
+    def counted_build(grid: OccupancyGrid, *given: object) -> object:
+        work["inflated"] += grid.cells.size
+        return build(grid, *given)  # type: ignore[arg-type]
+
+    def counted_expand(*given: object) -> object:
+        work["expanded"] += given[-1]  # type: ignore[operator]  # the budget
+        return expand(*given)  # type: ignore[arg-type]
+
+    def counted_sees(*given: object) -> bool:
+        work["sights"] += 1
+        return sees(*given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(bands, "build_costmap", counted_build)
+    monkeypatch.setattr(dijkstra, "dijkstra_slice", counted_expand)
+    monkeypatch.setattr(frontier_exploration, "_sees", counted_sees)
+    search = Explorer(ExplorationOptions(), Footprint()).search(islands(), Pose2(x_m=0.8, y_m=0.8))
+    most, total, done = dict(work), dict(work), False
+    while not done:
+        work.update(dict.fromkeys(work, 0))
+        done = next(search, "ended") == "ended"
+        for kind, amount in work.items():
+            most[kind], total[kind] = max(most[kind], amount), total[kind] + amount
+    assert total["inflated"] > 1200 * 1200
+    assert most["inflated"] <= 1.3 * BAND_CELLS  # with the rows round a band
+    assert most["expanded"] <= DIJKSTRA_CELLS
+    assert total["sights"] >= 400
+    assert most["sights"] <= frontier_exploration.STEPS_PER_SLICE

@@ -1,5 +1,6 @@
 """Tasks answer "what next?" after each leg."""
 
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -11,7 +12,8 @@ from thumper.common.geometry import Pose2
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.frontier_exploration import Explorer
-from thumper.runtime.drive.legs import AnyLeg
+from thumper.navigation.resumable import Search
+from thumper.runtime.drive.legs import AnyLeg, Wait
 from thumper.runtime.drive.tasks import drive_to_goal, explore
 from thumper.runtime.drive_result import DriveResult
 
@@ -20,12 +22,14 @@ GRID = OccupancyGrid(cells=np.zeros((4, 4), np.int8), resolution_m=0.05, origin_
 
 
 class Frontiers:
-    """An explorer with a fixed list of frontiers."""
+    """An explorer with a fixed list of frontiers, each found in the twelfth slice."""
 
     def __init__(self, *goals: Goal) -> None:
         self._goals = list(goals)
 
-    def next_goal(self, _grid: OccupancyGrid, _map_from_base: Pose2) -> Goal | None:
+    def search(self, _grid: OccupancyGrid, _map_from_base: Pose2) -> Search[Goal | None]:
+        for _ in range(11):
+            yield
         return self._goals.pop(0) if self._goals else None
 
 
@@ -35,8 +39,19 @@ class Drives:
     def __init__(self, **ends: DriveResult | ThumperError) -> None:
         self._ends = ends
         self.names: list[str] = []
+        self.waited: list[int] = []  # cycles of each wait
 
     def __call__(self, leg: AnyLeg) -> DriveResult:
+        if isinstance(leg, Wait):
+            end = self._ends.get("wait")
+            if end is None:
+                self.waited.append(1)
+                while not leg.until():
+                    self.waited[-1] += 1
+                end = replace(result(), time_s=0.0, path_length_m=0.0)
+            if isinstance(end, ThumperError):
+                raise end
+            return end
         self.names.append(leg.name)
         end = self._ends.get(leg.name.replace(" ", "_"), result())
         if isinstance(end, ThumperError):
@@ -71,6 +86,20 @@ def test_exploration_scans_visits_all_frontiers_and_returns() -> None:
     assert drives.names == ["initial scan", "frontier 1", "frontier 2", "home"]
     assert (total.reached, total.time_s, total.path_length_m) == (True, 40.0, 4.0)
     assert reports == ["explored after 30 s: reached 2 of 2 frontiers"]
+
+
+def test_the_robot_runs_its_cycles_while_it_chooses_a_frontier() -> None:
+    """Each cycle does three slices. Three searches: two frontiers, and the answer that none is left."""
+    drives = Drives()
+    exploration(drives, A, B)
+    assert drives.waited == [4, 4, 4]
+
+
+def test_a_robot_that_fails_while_it_chooses_a_frontier_tries_to_return() -> None:
+    drives = Drives(wait=result(reached=False, reason="the board went silent"))
+    _, reports = exploration(drives, A)
+    assert drives.names == ["initial scan", "home"]
+    assert reports == ["ended after 20 s: the board went silent"]
 
 
 def test_an_unreachable_frontier_is_given_up_and_the_next_one_tried() -> None:
