@@ -8,7 +8,8 @@ import pytest
 
 from tests.e2e.service import FAR, Service
 from thumper.common.kinematics import WheelSpeeds
-from thumper.runtime.requests import GoTo
+from thumper.runtime.requests import GoTo, RobotCommand
+from thumper.runtime.service import board_parameters
 
 
 def test_parameters(service: Service) -> None:
@@ -24,6 +25,31 @@ def test_parameters(service: Service) -> None:
     assert service.ask("parameters/revert")["values"]["kp"] == pytest.approx(kp)
     service.put(GoTo(goals=(FAR,)))
     assert "must be stationary" in service.ask("parameters/save")["error"]
+
+
+def test_parameters_of_which_the_board_refuses_one_all_stay(service: Service) -> None:
+    """While armed it refuses those that describe the robot, whatever their order in the query."""
+    before = service.ask("parameters/get")["values"]
+    wanted = {"kp": 9.0, "track": 300.0, "ki": 3.0, "battery_cells": 3.0, "ks": 20.0}
+    service.put(RobotCommand(name="arm"))
+    assert "it is armed; disarm it first" in service.ask("parameters/set", wanted)["error"]
+    assert service.ask("parameters/get")["values"] == before
+    service.put(RobotCommand(name="disarm"))
+    values = service.ask("parameters/set", wanted)["values"]
+    assert {name: round(value) for name, value in values.items()} == wanted
+
+
+def test_nothing_arms_the_board_between_two_parameters_of_the_robot(service: Service) -> None:
+    """Else the second would be refused, and the first would stay."""
+    job = board_parameters.change(
+        service.robot.drive_manager.board, {"counts_per_rev": 960.0, "track": 300.0}
+    )
+    next(job)
+    service.put(RobotCommand(name="arm"))
+    for _ in job:
+        pass
+    values = service.ask("parameters/get")["values"]
+    assert (values["counts_per_rev"], values["track"]) == (960.0, 300.0)
 
 
 def test_the_status_distinguishes_heading_zero_from_none(service: Service) -> None:

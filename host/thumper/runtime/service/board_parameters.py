@@ -5,12 +5,16 @@ from typing import Any
 
 from thumper.board.board import Board
 from thumper.board.messages import PARAMETERS, Command
+from thumper.board.parameters import parameter_named
 from thumper.common.errors import ThumperError
 from thumper.ros.services import Empty, ParameterSchema, ParameterValues
 from thumper.runtime.service.board_jobs import BoardJob
 
 ParameterJob = BoardJob[ParameterValues]
 PARAMETER_NAMES = tuple(spec.name for spec in PARAMETERS)
+
+FIRST_ROBOT_PARAMETER = parameter_named("counts_per_rev").index
+"""From this one on they describe the robot, and the board refuses them while it is armed."""
 
 
 def schema() -> ParameterSchema:
@@ -40,12 +44,16 @@ def values(board: Board, names: Iterable[str] = PARAMETER_NAMES) -> ParameterJob
 
 
 def change(board: Board, content: Mapping[str, Any]) -> ParameterJob:
-    """Set parameters by name, all of them or, if any name or value is wrong, none.
+    """Set parameters by name, all of them or none.
+
+    The parameters that describe the robot come first and in one step: the board refuses the first of them
+    while it is armed, and nothing can arm it in between. Nothing moves, so the step delays no motion.
 
     Raises
     ------
     ThumperError
-        Unknown parameter, a value that is not a number or out of range, or the board refuses.
+        Unknown parameter, a value that is not a number or out of range, or the board refuses. If the board no
+        longer answers, some may be set.
     """
     specs = {spec.name: spec for spec in PARAMETERS}
     if not content:
@@ -59,9 +67,10 @@ def change(board: Board, content: Mapping[str, Any]) -> ParameterJob:
             raise ThumperError(
                 f"{name} = {value!r} is refused; choose {spec.minimum:g}...{spec.maximum:g} {spec.unit}"
             )
-    for name, value in content.items():
+    for name, value in sorted(content.items(), key=lambda item: specs[item[0]].index, reverse=True):
         board.set_parameter(name, float(value))
-        yield
+        if specs[name].index <= FIRST_ROBOT_PARAMETER:
+            yield
     return (yield from values(board, content))
 
 
