@@ -97,8 +97,8 @@ def test_watch(thumper: Run, bus: str) -> None:
         (["watch", "nonsense"], 2, "unknown topic 'nonsense'"),
         (["goto", "nan", "0"], 2, "finite"),
         (["run", "--patrol", "2"], 2, "--patrol belongs to --waypoint"),
-        (["run", "--bus", "0.0.0.0:7447"], 2, "set a token"),
-        (["explore", "--bus", "0.0.0.0:7447"], 2, "set a token"),
+        (["run", "--bus", "0.0.0.0:7448"], 2, "set a token"),
+        (["explore", "--bus", "0.0.0.0:7448"], 2, "set a token"),
     ],
 )
 def test_errors_take_one_line(thumper: Run, arguments: list[str], code: int, words: str) -> None:

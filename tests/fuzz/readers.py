@@ -141,7 +141,7 @@ keepout = "mask.yaml"
 [mapping]
 resolution_m = 0.05
 [bus]
-address = "127.0.0.1:7447"
+address = "127.0.0.1:7448"
 """
 SCENARIO = 'faults = [{ at_s = 3.0, encoder.left.b = "cut" }, { at_s = 5.0, line.noise = 0.01 }]\n'
 FLASER = "PARAM laser_front_laser_resolution 1.0\n" + "".join(

@@ -25,7 +25,7 @@ def dashboard(
     The page connects to `thumper run` over the bus; start the two in any order. A robot that the page drives
     stops when the page ends.
 
-    Example: `thumper dashboard --bus 192.168.1.20:7447`
+    Example: `thumper dashboard --bus 192.168.1.20:7448`
     """
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.config.bus import split_address

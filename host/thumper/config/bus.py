@@ -21,7 +21,7 @@ class BusOptions:
     """Address and access token; by default only programs on this computer can connect."""
 
     # HOST:PORT of the bus. Any host other than a loopback address requires a token.
-    address: str = "127.0.0.1:7447"
+    address: str = "127.0.0.1:7448"
     # Clients must present this token: at least 12 characters. Empty disables the check.
     token: str = ""
     # Folder of the keys that encrypt the bus (mutual TLS). Empty: none on a loopback address, else those of
@@ -58,7 +58,7 @@ def split_address(address: str) -> tuple[str, int]:
     host, colon, port = address.rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
     if not colon or not host or not port.isdigit() or not 0 < int(port) < 65536:
-        raise ValueError(f"{address!r} is not an address; use HOST:PORT, for example 127.0.0.1:7447")
+        raise ValueError(f"{address!r} is not an address; use HOST:PORT, for example 127.0.0.1:7448")
     return host, int(port)
 
 

@@ -131,7 +131,7 @@ def test_missing_keys_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     with pytest.raises(ThumperError, match="thumper bus keys"):
         BusServer("r1", BusOptions(address=public, token=TOKEN), RequestQueue(), print)
     with pytest.raises(ThumperError, match=r"copy ca\.crt, client\.crt and client\.key"):
-        BusClient("r1", "192.0.2.1:7447", TOKEN)
+        BusClient("r1", "192.0.2.1:7448", TOKEN)
     server = BusServer("r1", BusOptions(address=public, token=TOKEN, tls="none"), RequestQueue(), print)
     with BusClient("r1", public, TOKEN, tls="none") as client:
         assert client.robot == "r1"

@@ -256,14 +256,14 @@ def test_slow_bus_drops_the_oldest_messages(robot: Robot) -> None:
 @pytest.mark.parametrize(
     ("address", "token", "reason"),
     [
-        ("0.0.0.0:7447", "", "set a token"),
-        ("192.168.1.5:7447", "", "set a token"),
-        ("robot.local:7447", "", "set a token"),
-        ("127.0.0.1:7447", "short", "12 characters"),
-        ("127.0.0.1:7447", "with:a colon in it", "must not contain a colon"),
+        ("0.0.0.0:7448", "", "set a token"),
+        ("192.168.1.5:7448", "", "set a token"),
+        ("robot.local:7448", "", "set a token"),
+        ("127.0.0.1:7448", "short", "12 characters"),
+        ("127.0.0.1:7448", "with:a colon in it", "must not contain a colon"),
         ("127.0.0.1", "", "is not an address"),
         ("127.0.0.1:0", "", "is not an address"),
-        (":7447", "", "is not an address"),
+        (":7448", "", "is not an address"),
     ],
 )
 def test_invalid_bus_options_are_refused(address: str, token: str, reason: str) -> None:
@@ -272,12 +272,12 @@ def test_invalid_bus_options_are_refused(address: str, token: str, reason: str) 
 
 
 def test_valid_bus_options_are_accepted() -> None:
-    assert BusOptions().address == "127.0.0.1:7447"
+    assert BusOptions().address == "127.0.0.1:7448"
     assert RobotConfig().name == DEFAULT_ROBOT
-    assert BusOptions(address="0.0.0.0:7447", token=TOKEN).token == TOKEN
+    assert BusOptions(address="0.0.0.0:7448", token=TOKEN).token == TOKEN
     assert BusOptions().at("[::1]:7448").address == "[::1]:7448"
     with pytest.raises(ThumperError, match="set a token"):
-        BusOptions().at("10.0.0.1:7447")
+        BusOptions().at("10.0.0.1:7448")
     assert is_loopback("127.3.2.1")
     assert not is_loopback("128.0.0.1")
 
