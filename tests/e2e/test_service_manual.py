@@ -77,3 +77,22 @@ def test_an_unconfirmed_emergency_stop_asks_to_cut_the_power(service: Service) -
     service.run_cycles(3)
     assert service.telemetry.state is State.FAULT
     assert (service.telemetry.left_pwm, service.telemetry.right_pwm) == (0, 0)
+
+
+def test_velocity_of_another_program_is_controlled_and_the_keyboard_outranks_it(service: Service) -> None:
+    service.put(RobotCommand(name="arm"))
+    turn = Velocity(channel=TeleopSource.VELOCITY, twist=Twist2(w_rad_s=0.8))
+    for _ in range(20):
+        service.put(turn)
+    state = service.robot.inputs.estimator.state()
+    assert state is not None
+    assert (service.mode, service.telemetry.state) == ("holding", State.CLOSED_LOOP)
+    assert state.twist.w_rad_s == pytest.approx(0.8, abs=0.1)
+    service.put(turn, Velocity(channel=TeleopSource.TELEOP, twist=AHEAD))
+    assert service.mode == "manual"
+    service.put(Velocity(channel=TeleopSource.TELEOP, twist=Twist2()), turn)
+    assert service.mode == "holding"
+    service.waited_s += 0.31  # silent: it has expired
+    service.run_cycles(10)
+    assert (service.telemetry.left_setpoint, service.telemetry.right_setpoint) == (0, 0)
+    assert service.telemetry.state is State.CLOSED_LOOP  # armed until disarm

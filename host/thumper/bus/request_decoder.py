@@ -31,7 +31,7 @@ MAX_MESSAGE_BYTES = 65_536
 MAX_WAYPOINTS = 200
 MAX_V_M_S, MAX_W_RAD_S = 5.0, 20.0
 MAX_SOURCE_CHARACTERS = 64
-RATES_HZ = {"heartbeat": 200.0, "teleop": 200.0, "gamepad": 200.0}
+RATES_HZ = {"heartbeat": 200.0, "velocity": 200.0, "teleop": 200.0, "gamepad": 200.0}
 DEFAULT_RATE_HZ = 20.0
 
 
@@ -176,6 +176,7 @@ _READERS: Mapping[str, Callable[[Message, str], Request | None]] = {
     "goal": _read_goal,
     "waypoints": _read_waypoints,
     "initialpose": _read_initial_pose,
+    "velocity": _velocity(TeleopSource.VELOCITY),
     "teleop": _velocity(TeleopSource.TELEOP),
     "gamepad": _velocity(TeleopSource.GAMEPAD),
     "heartbeat": lambda _msg, source: Heartbeat(source=source),

@@ -53,7 +53,8 @@ TOPICS: Mapping[str, Topic] = MappingProxyType(
         "goal": _in("geometry_msgs/msg/PoseStamped"),
         "waypoints": _in("nav_msgs/msg/Path"),
         "initialpose": _in("geometry_msgs/msg/PoseWithCovarianceStamped"),
-        "teleop": _in("geometry_msgs/msg/TwistStamped"),
+        "velocity": _in("geometry_msgs/msg/TwistStamped"),  # of another program, with wheel speed control
+        "teleop": _in("geometry_msgs/msg/TwistStamped"),  # has priority over `velocity`
         "gamepad": _in("geometry_msgs/msg/TwistStamped"),  # has priority over `teleop`
         "heartbeat": _in("std_msgs/msg/Header"),
         "estop": _in("std_msgs/msg/Bool"),

@@ -21,9 +21,9 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
 from thumper.runtime.drive.data_age import DataAge
 from thumper.runtime.drive.heartbeats import HeartbeatMonitor
-from thumper.runtime.drive.manual_pwm import FeedForward, manual_pwm
+from thumper.runtime.drive.manual_pwm import FeedForward, limited_twist, manual_pwm
 from thumper.runtime.drive.twist_mux import ManualCommand, TwistMux
-from thumper.runtime.requests import Velocity
+from thumper.runtime.requests import TeleopSource, Velocity
 from thumper.runtime.safe_stop import STOP_CYCLES
 from thumper.runtime.state_estimator import RobotState
 
@@ -177,7 +177,10 @@ class DriveManager:
         now_s = time.monotonic()
         manual = self.mux.active(now_s)
         if manual is not None and self.mode is not DriveMode.IDLE:
-            self._drive_manually(manual, telemetry)
+            if manual.source is TeleopSource.VELOCITY:
+                self._drive_at(manual.twist)
+            else:
+                self._drive_manually(manual, telemetry)
         elif self.mode is DriveMode.MANUAL:
             self.board.command(Command.ARM)  # back to speed control
             self._manually_armed = True
@@ -234,6 +237,15 @@ class DriveManager:
         )
         self.board.set_motor_pwm(*self._pwm)
 
+    def _drive_at(self, twist: Twist2) -> None:
+        """Follow the velocity of another program with wheel speed control; hold speed zero after it."""
+        reason = "driven by another program"
+        self._cancel_drive(f"overridden: {reason}", by_user=True)
+        if self.mode is DriveMode.MANUAL:
+            self.board.command(Command.ARM)  # back to speed control
+        self._manually_armed = True
+        self._hold(reason, limited_twist(twist, self._options))
+
     def _navigate(self, state: RobotState, grid: Callable[[], OccupancyGrid]) -> NavigationOutput | None:
         assert self.goal is not None  # DRIVING has one
         if self._waits_for_data(state):
@@ -283,9 +295,9 @@ class DriveManager:
         else:
             self.board.set_wheel_speeds(WheelSpeeds())
 
-    def _hold(self, reason: str) -> None:
-        self.command, self.mode, self.reason = self._cruise, DriveMode.HOLDING, reason
-        self._speeds = limit_wheel_speeds(wheel_speeds(self._cruise, self._drive), self._max_wheel_rad_s)
+    def _hold(self, reason: str, twist: Twist2 | None = None) -> None:
+        self.command, self.mode, self.reason = twist or self._cruise, DriveMode.HOLDING, reason
+        self._speeds = limit_wheel_speeds(wheel_speeds(self.command, self._drive), self._max_wheel_rad_s)
         self.board.set_wheel_speeds(self._speeds)
 
     def _cancel_drive(self, reason: str, *, by_user: bool = False) -> None:

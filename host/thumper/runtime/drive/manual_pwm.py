@@ -20,6 +20,16 @@ class FeedForward:
     kv_pwm_s: float  # PWM/(rad/s)
 
 
+def limited_twist(twist: Twist2, options: ManualDriveOptions) -> Twist2:
+    """Return the twist, scaled down to the limits of manual driving; the curvature stays the same."""
+    scale = min(
+        1.0,
+        options.manual_v_max_m_s / max(abs(twist.v_m_s), 1e-9),
+        options.manual_w_max_rad_s / max(abs(twist.w_rad_s), 1e-9),
+    )
+    return Twist2(v_m_s=scale * twist.v_m_s, w_rad_s=scale * twist.w_rad_s)
+
+
 def manual_pwm(
     twist: Twist2,
     drive: DriveGeometry,
@@ -33,13 +43,7 @@ def manual_pwm(
     Without feed-forward on the board (`kv` = 0), the maximum wheel speed gets full PWM. Speeds beyond the
     limits are scaled down on both sides alike, so the curvature stays the same.
     """
-    scale = min(
-        1.0,
-        options.manual_v_max_m_s / max(abs(twist.v_m_s), 1e-9),
-        options.manual_w_max_rad_s / max(abs(twist.w_rad_s), 1e-9),
-    )
-    limited = Twist2(v_m_s=scale * twist.v_m_s, w_rad_s=scale * twist.w_rad_s)
-    speeds = limit_wheel_speeds(wheel_speeds(limited, drive), max_wheel_rad_s)
+    speeds = limit_wheel_speeds(wheel_speeds(limited_twist(twist, options), drive), max_wheel_rad_s)
     ks = feed_forward.ks_pwm
     kv = feed_forward.kv_pwm_s or PWM_MAX / max_wheel_rad_s
     voltage_ratio = NOMINAL_V / battery_V if battery_V > MIN_BATTERY_V else 1.0

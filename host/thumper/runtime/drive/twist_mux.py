@@ -23,6 +23,7 @@ class TwistMux:
         self, *, gamepad_timeout_s: float = COMMAND_TIMEOUT_S, teleop_timeout_s: float = COMMAND_TIMEOUT_S
     ) -> None:
         self._timeout_s = {
+            TeleopSource.VELOCITY: COMMAND_TIMEOUT_S,
             TeleopSource.GAMEPAD: gamepad_timeout_s,
             TeleopSource.TELEOP: teleop_timeout_s,
         }
