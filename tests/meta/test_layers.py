@@ -20,7 +20,7 @@ LAYERS = (
     "ros config",
     "runtime doctor teleop",
     "bus robot",
-    "recording dashboard __init__",
+    "recording dashboard ros2 __init__",
     "offline",
     "cli",
     "__main__",

@@ -68,9 +68,9 @@ class BusClient(Closable):
 
         self._subscribe(Subscription(topic, self._prefix + topic, receive, latched=True))
 
-    def subscribe_raw(self, topic: str, callback: Callable[[bytes], None]) -> None:
-        """Call `callback` with the CDR of each new message; the newest of a latched topic is not fetched."""
-        self._subscribe(Subscription(topic, self._prefix + topic, callback, latched=False))
+    def subscribe_raw(self, topic: str, callback: Callable[[bytes], None], *, latched: bool = False) -> None:
+        """Call `callback` with the CDR of each new message; `latched`: and with a latched topic's newest."""
+        self._subscribe(Subscription(topic, self._prefix + topic, callback, latched=latched))
 
     def on_lost(self, callback: Callable[[], None]) -> None:
         """Call `callback`, in a thread of the bus, each time the robot has left the bus."""

@@ -74,16 +74,55 @@ def open_client(address: str, token: str, tls: str = "") -> zenoh.Session:
     ThumperError
         Nothing listens at the address, the token or a key is wrong, or keys are missing.
     """
-    keys = keys_for("client", address, tls)
-    host, port = split_address(address)
-    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
     try:
-        socket.create_connection((host, port), CONNECT_TIMEOUT_S).close()
+        # The authority signs this robot's certificate only, so the name adds nothing; addresses change.
+        settings = _client_settings(address, keys_for("client", address, tls), verify_name=False)
+        return zenoh.open(_config(settings, token))
     except OSError as error:
         raise ThumperError(
             f"no robot is running at {address} ({error.strerror or error}); start one with `thumper run`",
             exit_code=EXIT_NOT_THERE,
         ) from error
+    except zenoh.ZError as error:
+        raise ThumperError(
+            f"the robot at {address} refuses the connection: it is starting or stopping (try again), "
+            "or it requires the token of its configuration ([bus] token) or its keys ([bus] tls)",
+            exit_code=EXIT_NOT_THERE,
+        ) from error
+
+
+def open_ros_client(router: str, token: str, tls: str = "") -> zenoh.Session:
+    """Open a session on the Zenoh router of a ROS 2 network; `tls` is as in `[ros]`.
+
+    Raises
+    ------
+    ThumperError
+        Nothing listens at the address, the token or a key is wrong, or keys are missing.
+    """
+    try:
+        settings = _client_settings(router, keys_for("client", router, tls), verify_name=True)
+        settings["timestamping/enabled"] = True  # the cache of latched topics needs it
+        settings["transport/link/rx/max_message_size"] = MAX_REQUEST_BYTES
+        return zenoh.open(_config(settings, token))
+    except OSError as error:
+        raise ThumperError(
+            f"no ROS 2 router at {router} ({error.strerror or error}); start it with "
+            "`ros2 run rmw_zenoh_cpp rmw_zenohd`, or choose another with --router",
+            exit_code=EXIT_NOT_THERE,
+        ) from error
+    except zenoh.ZError as error:
+        raise ThumperError(
+            f"the ROS 2 router at {router} refuses the connection: it is not a Zenoh router, or it requires "
+            "a password ([ros] token) or keys ([ros] tls)",
+            exit_code=EXIT_NOT_THERE,
+        ) from error
+
+
+def _client_settings(address: str, keys: BusKeys | None, *, verify_name: bool) -> dict[str, Any]:
+    """Return the settings of a client's session; raises OSError if nothing listens at the address."""
+    host, port = split_address(address)
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
+    socket.create_connection((host, port), CONNECT_TIMEOUT_S).close()
     settings: dict[str, Any] = {
         "mode": "client",
         "connect/endpoints": [_endpoint(f"[{host}]:{port}" if ":" in host else f"{host}:{port}", keys)],
@@ -94,20 +133,12 @@ def open_client(address: str, token: str, tls: str = "") -> zenoh.Session:
     if keys:
         settings |= {
             "transport/link/tls/enable_mtls": True,
-            # The authority signs this robot's certificate only, so the name adds nothing; addresses change.
-            "transport/link/tls/verify_name_on_connect": False,
+            "transport/link/tls/verify_name_on_connect": verify_name,
             "transport/link/tls/root_ca_certificate": str(keys.authority),
             "transport/link/tls/connect_certificate": str(keys.certificate),
             "transport/link/tls/connect_private_key": str(keys.key),
         }
-    try:
-        return zenoh.open(_config(settings, token))
-    except zenoh.ZError as error:
-        raise ThumperError(
-            f"the robot at {address} refuses the connection: it is starting or stopping (try again), "
-            "or it requires the token of its configuration ([bus] token) or its keys ([bus] tls)",
-            exit_code=EXIT_NOT_THERE,
-        ) from error
+    return settings
 
 
 def access_rules(robot: str) -> dict[str, Any]:

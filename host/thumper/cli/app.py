@@ -21,6 +21,7 @@ from thumper.cli.plan import plan
 from thumper.cli.record import record
 from thumper.cli.recordings import export, recover
 from thumper.cli.replay import replay
+from thumper.cli.ros import ros
 from thumper.cli.rosbridge import rosbridge
 from thumper.cli.run import run
 from thumper.cli.save import save
@@ -43,6 +44,7 @@ COMMANDS = (  # in the order of `thumper --help`
     watch,
     dashboard,
     record,
+    ros,
     rosbridge,
     replay,
     export,

@@ -18,6 +18,7 @@ from thumper.config.bus import ROBOT_NAME_PATTERN, BusOptions
 from thumper.config.dashboard import DashboardOptions
 from thumper.config.manual_drive import ManualDriveOptions
 from thumper.config.recording import RecordingOptions
+from thumper.config.ros import RosOptions
 from thumper.config.teleop import TeleopOptions
 from thumper.lidar.options import LidarOptions
 from thumper.navigation.footprint import Footprint
@@ -51,6 +52,7 @@ class RobotConfig:
     navigation: NavigationOptions = field(default_factory=NavigationOptions)
     service: ManualDriveOptions = field(default_factory=ManualDriveOptions)
     bus: BusOptions = field(default_factory=BusOptions)
+    ros: RosOptions = field(default_factory=RosOptions)
     dashboard: DashboardOptions = field(default_factory=DashboardOptions)
     recording: RecordingOptions = field(default_factory=RecordingOptions)
     teleop: TeleopOptions = field(default_factory=TeleopOptions)

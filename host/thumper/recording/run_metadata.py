@@ -12,6 +12,7 @@ from thumper.common.version import __version__
 from thumper.config.bus import BusOptions
 from thumper.config.dashboard import DashboardOptions
 from thumper.config.robot import RobotConfig, config_from_json, config_to_json
+from thumper.config.ros import RosOptions
 
 METADATA_NAME = "thumper"
 PACKAGES = ("numpy", "numba", "rosbags", "mcap")  # packages that determine the result of a replay
@@ -29,9 +30,9 @@ class RunMetadata:
     from_start: bool = True  # whether the recording starts before the first scan was mapped
 
     def as_metadata(self) -> dict[str, str]:
-        """Return the metadata as strings by name, for MCAP, without the secrets of bus and page."""
+        """Return the metadata as strings by name, for MCAP, without the secrets of bus, ROS and page."""
         pose = self.map_from_base
-        config = replace(self.config, bus=BusOptions(), dashboard=DashboardOptions())
+        config = replace(self.config, bus=BusOptions(), ros=RosOptions(), dashboard=DashboardOptions())
         return {
             "version": __version__,
             "robot": self.config.name,

@@ -211,18 +211,7 @@ class Messages:
         )
 
     def _transform(self, time_s: float, parent: str, child: str, parent_from_child: Pose2) -> Message:
-        pose = _pose(parent_from_child.x_m, parent_from_child.y_m, parent_from_child.theta_rad)
-        position = pose.position
-        return message(
-            "geometry_msgs/msg/TransformStamped",
-            header=self.header(time_s, parent),
-            child_frame_id=child,
-            transform=message(
-                "geometry_msgs/msg/Transform",
-                translation=message("geometry_msgs/msg/Vector3", x=position.x, y=position.y, z=position.z),
-                rotation=pose.orientation,
-            ),
-        )
+        return transform(self.header(time_s, parent), child, parent_from_child)
 
     def _cells(
         self, time_s: float, cells: np.ndarray, resolution_m: float, x_m: float, y_m: float
@@ -241,6 +230,22 @@ class Messages:
             ),
             data=np.ascontiguousarray(cells, dtype=np.int8).reshape(-1),
         )
+
+
+def transform(header: Message, child: str, parent_from_child: Pose2) -> Message:
+    """Build a TransformStamped; the header names the parent frame."""
+    pose = _pose(parent_from_child.x_m, parent_from_child.y_m, parent_from_child.theta_rad)
+    position = pose.position
+    return message(
+        "geometry_msgs/msg/TransformStamped",
+        header=header,
+        child_frame_id=child,
+        transform=message(
+            "geometry_msgs/msg/Transform",
+            translation=message("geometry_msgs/msg/Vector3", x=position.x, y=position.y, z=position.z),
+            rotation=pose.orientation,
+        ),
+    )
 
 
 def text(content: str) -> Message:

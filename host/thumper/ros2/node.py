@@ -1,0 +1,89 @@
+"""One node in the ROS graph: its publishers, subscriptions and services on a Zenoh session."""
+
+import itertools
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+import zenoh
+from zenoh import ext
+
+from thumper.common.closable import Closable
+from thumper.ros.codec import typestore
+from thumper.ros2.wire import PUBLISHER, SUBSCRIPTION, Attachment, NodeName, Qos, gid_of
+
+
+class RosPublisher:
+    """Publishes messages that are already CDR, from any thread."""
+
+    def __init__(self, publisher: "zenoh.Publisher | ext.AdvancedPublisher", gid: bytes) -> None:
+        self._publisher, self._gid = publisher, gid
+        self._sequences = itertools.count(1)
+
+    def publish(self, raw: bytes) -> None:
+        """Send a message; without effect after the session was closed."""
+        attachment = Attachment(
+            sequence=next(self._sequences), source_time_ns=time.time_ns(), gid=self._gid
+        ).encode()
+        with suppress(zenoh.ZError):
+            self._publisher.put(raw, attachment=attachment)
+
+
+class RosNode(Closable):
+    """A node that exists while its session does.
+
+    Each endpoint gets its liveliness token after it works: whoever sees it in the graph can use it.
+    """
+
+    def __init__(self, name: NodeName, session: zenoh.Session) -> None:
+        """Take over the session: `close` closes it."""
+        self.name = name
+        self._session = session
+        self._session_id = str(session.info.zid())
+        self._numbers = itertools.count(1)  # 0 is the node
+        self._endpoints: list[object] = []  # each ends when it is forgotten
+        self._tokens = [session.liveliness().declare_token(name.node_token(self._session_id))]
+
+    def publisher(self, topic: str, type_name: str, qos: Qos) -> RosPublisher:
+        """Add a publisher."""
+        endpoint = self._endpoint(topic, type_name)
+        key = self.name.data_key(*endpoint)
+        token = self._endpoint_token(PUBLISHER, endpoint, qos)
+        publisher: zenoh.Publisher | ext.AdvancedPublisher
+        if qos.is_latched:
+            publisher = ext.declare_advanced_publisher(
+                self._session, key, cache=ext.CacheConfig(qos.depth), publisher_detection=True
+            )
+        else:
+            publisher = self._session.declare_publisher(key)
+        self._announce(publisher, token)
+        return RosPublisher(publisher, gid_of(token))
+
+    def subscribe(self, topic: str, type_name: str, qos: Qos, callback: Callable[[bytes], None]) -> None:
+        """Call `callback`, in a thread of the session, with the CDR of each message. It must not raise."""
+        endpoint = self._endpoint(topic, type_name)
+
+        def receive(sample: zenoh.Sample) -> None:
+            callback(sample.payload.to_bytes())
+
+        subscriber = self._session.declare_subscriber(self.name.data_key(*endpoint), receive)
+        self._announce(subscriber, self._endpoint_token(SUBSCRIPTION, endpoint, qos))
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the router is there. Zenoh connects again when it returns."""
+        return bool(self._session.info.routers_zid())
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._session.close()  # type: ignore[no-untyped-call]
+
+    def _endpoint(self, name: str, type_name: str) -> tuple[str, str, str]:
+        return self.name.qualified(name), type_name, typestore().hash_rihs01(type_name)
+
+    def _endpoint_token(self, kind: str, endpoint: tuple[str, str, str], qos: Qos) -> str:
+        return self.name.endpoint_token(self._session_id, next(self._numbers), kind, endpoint, qos)
+
+    def _announce(self, entity: object, token: str) -> None:
+        self._endpoints.append(entity)
+        self._tokens.append(self._session.liveliness().declare_token(token))
