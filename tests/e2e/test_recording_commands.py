@@ -20,6 +20,7 @@ Thumper = Callable[..., "subprocess.CompletedProcess[str]"]
         (("replay", "empty"), 2, "no recording"),
         (("export", "bad.mcap"), 2, "nothing to export"),
         (("export", "bad.mcap", "--csv", "x"), 2, "not an MCAP file"),
+        (("export", "bad.mcap", "--animation", "x.mp4"), 2, "end the name in .webp or .gif"),
         (("recover", "bad.mcap"), 2, "not every file could be repaired"),
         (("record", "--bus", "127.0.0.1:9"), 3, "no robot is running"),
         (("teleop", "--bus", "127.0.0.1:9"), 3, "no robot is running"),

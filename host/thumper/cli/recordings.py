@@ -38,19 +38,31 @@ def export(
     png: Annotated[
         Path | None, typer.Option(help="Draw the last map and the driven path to this file.")
     ] = None,
+    animation: Annotated[
+        Path | None, typer.Option(help="Draw the drive as a moving picture to this .webp or .gif.")
+    ] = None,
+    speed: Annotated[
+        float, typer.Option(min=0.1, help="Speed of the moving picture relative to real time.")
+    ] = 4.0,
 ) -> None:
     """Convert a recording to CSV tables, a map file or a picture.
 
-    Example: `thumper export recordings/ --csv tables --png drive.png`
+    Example: `thumper export recordings/ --csv tables --png drive.png --animation drive.webp`
     """
     from thumper.cli.output.folder import prepare_output
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.recording.export import export_csv
     from thumper.recording.reader import Recording, find_recordings
 
-    if not (csv or map_file or png):
+    if not (csv or map_file or png or animation):
         raise ThumperError(
-            "nothing to export: give --csv DIR, --map FILE or --png FILE", exit_code=EXIT_USAGE
+            "nothing to export: give --csv DIR, --map FILE, --png FILE or --animation FILE",
+            exit_code=EXIT_USAGE,
+        )
+    if animation and animation.suffix not in (".webp", ".gif"):
+        raise ThumperError(
+            f"--animation {animation}: unknown picture format; end the name in .webp or .gif",
+            exit_code=EXIT_USAGE,
         )
     recording = Recording(find_recordings(files))
     if csv:
@@ -59,6 +71,8 @@ def export(
         print(f"in {csv}/: {', '.join(path.name for path in tables)}")
     if map_file or png:
         _export_map(recording, map_file, png)
+    if animation:
+        _export_animation(recording, animation, speed)
     for note in recording.notes:
         print(f"note: {note}")
 
@@ -83,3 +97,12 @@ def _export_map(recording: "Recording", map_file: Path | None, png: Path | None)
         except (OSError, ValueError) as error:
             raise ThumperError(f"{png}: cannot be written ({error})", exit_code=EXIT_USAGE) from error
         print(str(png))
+
+
+def _export_animation(recording: "Recording", path: Path, speed: float) -> None:
+    from thumper.cli.output.folder import prepare_output
+    from thumper.recording.animation import animate
+
+    prepare_output(path.parent, "--animation")
+    frames = animate(recording, path, speed)
+    print(f"{path}: {frames} frames, {path.stat().st_size / 1e6:.1f} MB")
