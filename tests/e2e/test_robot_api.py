@@ -157,3 +157,27 @@ def test_a_pause_of_the_script_does_not_shorten_the_next_call(ports: tuple[Path,
 def test_a_closed_robot_explains_how_to_open_it() -> None:
     with pytest.raises(ThumperError, match="with Robot"):
         Robot("sim://").drive(v_m_s=0.1)
+
+
+@pytest.mark.parametrize(
+    ("lidar", "text"),
+    [
+        ("", None),
+        ("upside_down = true", "lidar.upside_down = true"),
+        ("yaw_deg = 180.0", "lidar.yaw_deg = 0"),
+    ],
+)
+def test_a_wrongly_mounted_lidar_is_found_out(tmp_path: Path, lidar: str, text: str | None) -> None:
+    """The lidar of the simulated robot is mounted upright and forward; the configuration says otherwise."""
+    path = tmp_path / "robot.toml"
+    path.write_text(f"[lidar]\n{lidar}\n")
+    with Robot("sim://?world=lab", config=path) as robot:
+        estimator = robot._loop.inputs.estimator
+        for _ in range(8):
+            robot.drive(v_m_s=0.25, w_rad_s=0.8, duration_s=3.0)
+            robot.drive(v_m_s=-0.25, w_rad_s=-0.8, duration_s=3.0)
+            if estimator.mount_check.done:
+                break
+        assert estimator.mount_check.done
+        warning = estimator.warnings().get("MOUNT")
+    assert warning is None if text is None else text in str(warning)

@@ -42,7 +42,7 @@ SLAM = (
     "scan_matching saved_state",
     "grid",
     "localization particle_filter pose_graph",
-    "factory",
+    "factory mounting",
     "mode_switch",
 )
 RUNTIME = (

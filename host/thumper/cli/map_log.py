@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from thumper.offline.map_log import MapLogSummary
 
 Method = Literal["graph", "rbpf", "scan_match"]
+# The values of `thumper.slam.mounting.MountFinding`, which loads the mappers.
+Mount = Literal[
+    "as-is", "upside-down", "turned", "upside-down-turned", "mirrored", "mirrored-heading", "degrees"
+]
 
 
 @report_interrupt("the map was not finished")
@@ -51,6 +55,13 @@ def map_log(
             help="Field of view of the lidar in degrees, for logs without it (FLASER, RLASER lines).",
         ),
     ] = None,
+    mount: Annotated[
+        Mount | None,
+        typer.Option(
+            help="How to read the log: lidar upside-down, turned by 180 degrees, or both; odometry mirrored "
+            "(left and right swapped), its heading mirrored, or in degrees. Default: as-is, and checked."
+        ),
+    ] = None,
     session: Session = None,
     start: Annotated[
         tuple[float, float, float] | None,
@@ -70,8 +81,10 @@ def map_log(
 
     from thumper.cli.output.folder import prepare_output
     from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.offline.map_log import LogReading
     from thumper.offline.map_log import map_log as build
     from thumper.slam.factory import MappingOptions
+    from thumper.slam.mounting import MountFinding
     from thumper.slam.particle_filter.options import RbpfOptions
     from thumper.slam.saved_state import load_session
 
@@ -94,9 +107,11 @@ def map_log(
             lambda done, total: progress.update(task, completed=done, total=total),
             options,
             online=online,
-            fov_rad=math.radians(fov) if fov else None,
             session=known,
             start=start_pose,
+            reading=LogReading(
+                fov_rad=math.radians(fov) if fov else None, mounting=MountFinding(mount) if mount else None
+            ),
         )
     _print_summary(summary, out, console)
 

@@ -1,6 +1,7 @@
 """Checks of the lidar: link, scan stream and share of valid beams."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -29,7 +30,7 @@ RETURN_SHARE_WARN = 0.2
 def check_lidar(config: LidarOptions, *, seconds: float) -> Iterator[Check]:
     """Check the link, the scan stream and the share of beams with a return."""
     try:
-        lidar = open_lidar(config)
+        lidar = open_lidar(replace(config, upside_down=False))  # the mounting does not matter here
     except ThumperError as error:
         yield Check(verdict="fail", what="lidar", fix=str(error))
         return

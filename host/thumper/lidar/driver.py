@@ -19,7 +19,10 @@ class LidarCounters:
 class LidarDriver(Protocol):
     """A streaming lidar. The constructor starts it; `poll` never waits and never raises."""
 
-    counters: LidarCounters
+    @property
+    def counters(self) -> LidarCounters:
+        """Events on the line since the start."""
+        ...
 
     def poll(self) -> list[Scan]:
         """Return the scans that have arrived since the last call, oldest first."""

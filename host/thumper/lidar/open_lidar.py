@@ -4,6 +4,7 @@ from thumper.common.serial_port import open_port
 from thumper.lidar import ld19, urg04lx
 from thumper.lidar.driver import LidarDriver
 from thumper.lidar.options import LidarOptions
+from thumper.lidar.upside_down import UpsideDownLidar
 
 
 def open_lidar(config: LidarOptions) -> LidarDriver:
@@ -17,9 +18,12 @@ def open_lidar(config: LidarOptions) -> LidarDriver:
     baud = config.baud or (ld19.BAUD if config.model == "ld19" else urg04lx.BAUD)
     port = open_port(config.port, baud=baud, name="lidar")
     try:
+        driver: LidarDriver
         if config.model == "ld19":
-            return ld19.Ld19Driver(port, options=config.ld19)
-        return urg04lx.Urg04LxDriver(port, options=config.urg04lx)
+            driver = ld19.Ld19Driver(port, options=config.ld19)
+        else:
+            driver = urg04lx.Urg04LxDriver(port, options=config.urg04lx)
+        return UpsideDownLidar(driver) if config.upside_down else driver
     except BaseException:
         port.close()
         raise

@@ -22,6 +22,7 @@ class LidarOptions:
     x_m: float = 0.12  # mounting position in base_link, forward
     y_m: float = 0.0  # mounting position in base_link, to the left
     yaw_deg: Annotated[float, Ge(-180), Le(180)] = 0.0  # mounting angle, counter-clockwise; 0: forward
+    upside_down: bool = False  # mounted the other way up: left and right are exchanged
     urg04lx: Urg04LxOptions = field(default_factory=Urg04LxOptions)
     ld19: Ld19Options = field(default_factory=Ld19Options)
 

@@ -30,6 +30,10 @@ class Scan:
         steps = np.arange(self.ranges_m.size, dtype=np.float64)
         return np.asarray(self.angle_min_rad + self.angle_increment_rad * steps, dtype=np.float64)
 
+    def upside_down(self) -> "Scan":
+        """Return the scan of the same lidar mounted the other way up: beams to its left are to its right."""
+        return replace(self, angle_min_rad=-self.angle_min_rad, angle_increment_rad=-self.angle_increment_rad)
+
     def as_recorded(self) -> "Scan":
         """Return the scan as a recording stores it: single precision, whole nanoseconds."""
         return replace(

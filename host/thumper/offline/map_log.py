@@ -16,22 +16,21 @@ from thumper.lidar.scan_checks import ScanChecker
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.map_server_io import save_map
 from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.odometry.constant_velocity import ConstantVelocityOdometry
 from thumper.odometry.jump_filter import JumpFilter
 from thumper.odometry.slip_detector import GOOD_MATCH, SlipDetector
 from thumper.offline.open_log import open_log
-from thumper.offline.robot_log import RobotLog
+from thumper.offline.robot_log import RobotLog, corrected
 from thumper.offline.subprocesses import compile_in_subprocess, plot_in_subprocess
 from thumper.slam.factory import MappingOptions, PathMapper, make_mapper
 from thumper.slam.mapper import MapperUpdate
 from thumper.slam.mode_switch import SlamModeSwitch
+from thumper.slam.mounting import PREDICTION_STD_M, PREDICTION_STD_RAD, MountCheck, MountFinding, describe
 from thumper.slam.saved_state import SavedSlamState, save_session
 from thumper.slam.scan_matching.pose_trust import MIN_DISTANCE_M
 
 PROGRESS_EVERY = 20  # scans
 MAX_LOST_SHARE = 0.5  # of the scans of a log that continues a session
-# A prediction from the previous motion is poor: a robot may start, stop and turn between two scans.
-PREDICTION_STD_M, PREDICTION_STD_RAD = 0.1, 0.1
-MAX_CHANGE_M, MAX_CHANGE_RAD = 0.25, 0.4  # of the motion between two scans
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +50,14 @@ class MapLogSummary:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LogReading:
+    """What a log does not say about itself."""
+
+    fov_rad: float | None = None  # field of view of the lidar, for a log without it
+    mounting: MountFinding | None = None  # None: as it is, after a check that scans and odometry fit together
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MappedLog:
     """The mapper's result for one log, before anything is written. Poses are x, y, theta [m, m, rad]."""
 
@@ -63,30 +70,6 @@ class MappedLog:
     lost: int = 0  # number of scans with a lost pose
     lost_at_end: bool = False  # whether the pose of the last scan is lost
     lines: tuple[str, ...] = ()  # defects of the log, one line each
-
-
-class ConstantVelocityOdometry:
-    """Replaces missing odometry: predicts the same motion as between the previous two scans."""
-
-    def __init__(self) -> None:
-        self._odom_from_base = Pose2()
-        self._map_from_base: Pose2 | None = None
-        self._step = Pose2()
-
-    def predict(self) -> Pose2:
-        """Return `odom_from_base` of the next scan."""
-        self._odom_from_base = self._odom_from_base @ self._step
-        return self._odom_from_base
-
-    def correct(self, map_from_base: Pose2) -> None:
-        """Update the motion with the matched pose of that scan."""
-        if self._map_from_base is not None:
-            step = self._map_from_base.inverse() @ map_from_base
-            # A loop closure moves the map and the pose with it, which is no motion of the robot.
-            change_m, change_rad = step.distance_m(self._step), abs(step.theta_rad - self._step.theta_rad)
-            if change_m < MAX_CHANGE_M and change_rad < MAX_CHANGE_RAD:
-                self._step = step
-        self._map_from_base = map_from_base
 
 
 def default_options(log: RobotLog) -> MappingOptions:
@@ -186,9 +169,9 @@ def map_log(
     options: MappingOptions | None = None,
     *,
     online: bool = False,
-    fov_rad: float | None = None,
     session: SavedSlamState | None = None,
     start: Pose2 | None = None,
+    reading: LogReading | None = None,
 ) -> MapLogSummary:
     """Write `map.pgm`, `map.yaml`, `map.session`, `map.png` and `trajectory.csv` of a log into `out_dir`.
 
@@ -198,10 +181,13 @@ def map_log(
     Raises
     ------
     ThumperError
-        The log cannot be read, global localization in the session fails, or the directory is not writable.
+        The log cannot be read, its scans contradict its odometry, global localization in the session fails,
+        or the directory is not writable.
     """
     start_s = time.monotonic()
-    log = open_log(path, fov_rad)
+    reading = reading or LogReading()
+    log = open_log(path, reading.fov_rad)
+    log = log if reading.mounting is None else corrected(log, reading.mounting)
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -210,6 +196,8 @@ def map_log(
         ) from error
     options = options or default_options(log)
     compile_in_subprocess(options.method)
+    if reading.mounting is None:
+        _check_mounting(path, log)
     mapped = map_records(log, options, progress, session, start)
     _check_mapped(path, mapped, in_session=session is not None)
     files = _write_map(path.name, out_dir, log, mapped, online=online)
@@ -226,6 +214,20 @@ def map_log(
         files=files,
         notes=(*log.notes, *mapped.lines),
     )
+
+
+def _check_mounting(path: Path, log: RobotLog) -> None:
+    """Raise ThumperError if the lidar or the odometry must be read in another way: the map would be wrong."""
+    if not log.has_odometry:
+        return
+    check = MountCheck(log.base_from_laser)
+    found = check.run((record.odom_from_base, record.scan) for record in log.records)
+    if found is not None:
+        raise ThumperError(
+            f"{path}: {describe(found, log.base_from_laser)}. To map this log, pass --mount {found} "
+            f"(--mount {MountFinding.AS_IS} maps it unchanged)",
+            exit_code=EXIT_USAGE,
+        )
 
 
 def _check_mapped(path: Path, mapped: MappedLog, *, in_session: bool) -> None:

@@ -47,11 +47,20 @@ def read(name: str, lines: Iterable[str], fov_rad: float | None = None) -> Robot
     odometry = WheelOdometry(GEOMETRY)
     records: list[LogRecord] = []
     broken: list[str] = []
+    sizes: set[int] = set()
     for number, line in enumerate((line for line in lines if not line.isspace()), start=1):
         try:
-            records.append(_record(line.split(), odometry))
+            fields = line.split()
+            sizes.add(len(fields))
+            records.append(_record(fields, odometry))
         except ValueError as error:
             broken.append(f"line {number}: broken scan ({error})")
+    if not records and len(sizes) == 1:
+        raise ThumperError(
+            f"{name}: {sizes.pop()} numbers a line, but a MINES log has {FIRST_RANGE + BEAMS}: another kind "
+            "of log; pass a CARMEN or MCAP log",
+            exit_code=EXIT_USAGE,
+        )
     if not records or len(broken) > max(1, MAX_BROKEN_SHARE * len(records)):
         raise ThumperError(
             f"{name}: {broken[0]}; the file may be cut off: copy it again", exit_code=EXIT_USAGE

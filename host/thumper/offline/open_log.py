@@ -19,6 +19,23 @@ GZIP_MAGIC = b"\x1f\x8b"
 GZIP_ERRORS = (EOFError, zlib.error, gzip.BadGzipFile)
 TRUNCATED = "the compressed file is cut off or damaged; it is used up to there ({})"
 MCAP_MAGIC = b"\x89MCAP0\r\n"
+# First bytes of files that are passed by mistake.
+OTHER_FILES = {
+    b"#ROSBAG V2.0": "a ROS 1 bag: convert it to MCAP with rosbags-convert",
+    b"SQLite format 3": "a ROS 2 bag in SQLite: convert it to MCAP with ros2 bag convert",
+    b"PK\x03\x04": "a ZIP archive: unpack it",
+    b"BZh": "packed with bzip2: unpack it",
+    b"\xfd7zXZ": "packed with xz: unpack it",
+    b"\x28\xb5\x2f\xfd": "packed with zstd: unpack it",
+    b"\x89PNG": "a picture",
+    b"\xff\xd8\xff": "a picture",
+    b"P5": "a map (.pgm), not a drive",
+    b"%PDF": "a PDF document",
+    b"\x7fELF": "a program",
+    b'{"thumper_session"': "a saved session: pass it with --session",
+    b"image:": "a map (.yaml), not a drive",
+    b"<": "an HTML or XML page: was the download refused?",
+}
 MAX_LINE = 1_000_000
 MAX_TEXT = 2_000_000_000
 MAX_RATIO = 100  # between an MCAP file and its compressed form
@@ -92,9 +109,9 @@ def _read_mcap(path: Path, *, packed: bool) -> RobotLog:
 def _read_text(path: Path, fov_rad: float | None, *, packed: bool) -> RobotLog:
     truncated: list[str] = []
     with _open_text(path, packed) as stream:
-        text_format = _detect(_until_truncated(_lines(stream, path), truncated), path)
+        text_format = _detect(_until_truncated(_lines(stream, path), truncated), path, packed)
     if text_format is None:
-        problem = f"{truncated[0]}; copy it again" if truncated else f"unknown log format; {FORMATS}"
+        problem = f"{truncated[0]}; copy it again" if truncated else f"{_what_it_is(path, packed)}; {FORMATS}"
         raise ThumperError(f"{path}: {problem}", exit_code=EXIT_USAGE)
     with _open_text(path, packed) as stream:
         log = text_format.read(str(path), _until_truncated(_lines(stream, path), truncated), fov_rad)
@@ -132,12 +149,40 @@ def _until_truncated(lines: Iterable[str], truncated: list[str]) -> Iterator[str
         truncated[:] = [TRUNCATED.format(error)]
 
 
-def _detect(lines: Iterable[str], path: Path) -> TextLogFormat | None:
+def _detect(lines: Iterable[str], path: Path, packed: bool) -> TextLogFormat | None:
     """Return the format of the first line that identifies one; thousands of lines may precede it."""
     for number, line in enumerate(line for line in lines if not line.isspace()):
         if "\0" in line:
-            raise ThumperError(f"{path}: not a text log; {FORMATS}", exit_code=EXIT_USAGE)
+            raise ThumperError(f"{path}: {_what_it_is(path, packed)}; {FORMATS}", exit_code=EXIT_USAGE)
         for text_format in TEXT_FORMATS:
             if text_format.recognizes(line, is_first=number == 0):
                 return text_format
     return None
+
+
+def _what_it_is(path: Path, packed: bool) -> str:
+    """Name a file that no reader recognizes."""
+    with (gzip.open if packed else open)(path, "rb") as stream:
+        start: bytes = stream.read(4096)
+    if not start.strip():
+        return "the file is empty"
+    for magic, name in OTHER_FILES.items():
+        if start.lstrip().startswith(magic):
+            return f"not a log but {name}"
+    if b"\0" in start:
+        return "not a text log"
+    line = start.decode(errors="replace").strip().splitlines()[0]
+    fields = line.replace(",", " ").replace(";", " ").split()
+    if all(_is_number(field) for field in fields):
+        return (
+            f"unknown log format: the first line has {len(fields)} numbers, and a MINES log has 706 per line"
+        )
+    return f"unknown log format: the first line starts with {line[:20]!r}, and a CARMEN log has FLASER lines"
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -1,12 +1,13 @@
 """The content of a recorded log, in the form that all log readers return."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2, Twist2
 from thumper.lidar.scan import Scan
+from thumper.slam.mounting import MountFinding, corrected_laser, corrected_odometry, corrected_scan
 
 MAX_BROKEN_SHARE = 0.1  # refuse a file with a larger share of broken lines
 MAX_POSITION_M = 1e8  # twice around the earth; larger values leave too few digits for the rest of the log
@@ -52,6 +53,24 @@ class TextLogFormat(Protocol):
             Too many lines are broken, no scan is left, or the log contains its field of view itself.
         """
         ...
+
+
+def corrected(log: RobotLog, mounting: MountFinding) -> RobotLog:
+    """Return the log with lidar and odometry in this reading."""
+    mirrors = mounting in (MountFinding.MIRRORED, MountFinding.MIRRORED_HEADING)
+    return replace(
+        log,
+        base_from_laser=corrected_laser(log.base_from_laser, mounting),
+        records=tuple(
+            replace(
+                record,
+                odom_from_base=corrected_odometry(record.odom_from_base, mounting),
+                twist=replace(record.twist, w_rad_s=-record.twist.w_rad_s) if mirrors else record.twist,
+                scan=corrected_scan(record.scan, mounting),
+            )
+            for record in log.records
+        ),
+    )
 
 
 def check_pose(odom_from_base: Pose2) -> Pose2:

@@ -37,6 +37,7 @@ from thumper.runtime.service.simulator_control import HasSimulator
 from thumper.runtime.state_estimator import StateEstimator
 from thumper.slam.factory import make_mapper
 from thumper.slam.mode_switch import SlamModeSwitch
+from thumper.slam.mounting import MountCheck
 from thumper.slam.saved_state import SavedSlamState
 
 Drive = TypeVar("Drive", bound=DriveGeometry)
@@ -217,4 +218,5 @@ def geometry_of(drive: Drive, identity: Identity) -> Drive:
 def warm_up(config: RobotConfig) -> None:
     """Compile the kernels, or load them from the cache."""
     robot_mapper(config, Pose2()).warm_up()
+    MountCheck(Pose2()).warm_up()
     warm_up_navigation(config.navigation, config.footprint)

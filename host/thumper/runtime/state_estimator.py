@@ -24,6 +24,7 @@ from thumper.odometry.pose_buffer import PoseBuffer
 from thumper.odometry.slip_detector import GOOD_MATCH, SlipDetector
 from thumper.odometry.wheel_odometry import OdometrySample, WheelOdometry
 from thumper.slam.mapper import Mapper, ReportsDoubt
+from thumper.slam.mounting import MountCheck, describe
 
 MAX_SCAN_WAIT_S = 1.0  # a scan waits this long for its odometry
 MAX_WAITING_SCANS = 100  # limits memory if time stamps are wrong
@@ -63,6 +64,7 @@ class StateEstimator:
             self._odometry = GyroEkf(drive, imu=imu)
         self._jump_filter = JumpFilter()
         self._slip_detector = SlipDetector()
+        self.mount_check = MountCheck(base_from_laser)
         self._pose_buffer = PoseBuffer()
         self._newest: OdometrySample | None = None
         self._waiting: deque[Scan] = deque()
@@ -103,6 +105,8 @@ class StateEstimator:
         ):
             if lines:
                 warnings[kind] = lines[0]
+        if self.mount_check.finding is not None:
+            warnings["MOUNT"] = describe(self.mount_check.finding, self._base_from_laser)
         if isinstance(self._odometry, GyroEkf) and self._odometry.slips:
             warnings["TURN_SLIP"] = (
                 f"{self._odometry.slips} times wheels and gyroscope disagreed: the wheels slip"
@@ -170,6 +174,7 @@ class StateEstimator:
         if revolution_s > 0.0:
             twist = Twist2(v_m_s=motion.x_m / revolution_s, w_rad_s=motion.theta_rad / revolution_s)
         update = self.mapper.update(odom_from_base, scan, twist)
+        self.mount_check.update(odom_from_base, scan)
         if update.jumped or update.match_score < GOOD_MATCH:
             self._slip_detector.reset()
         elif update.match_score >= GOOD_MATCH:
