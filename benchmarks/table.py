@@ -37,6 +37,7 @@ BENCHMARKS: dict[str, tuple[str, ...]] = {
     "localization_starts": ("--starts 10", "--starts 10 --moved 2"),
     "localization_logs": ("",),
     "navigation": ("",),
+    "scaling": ("--check",),
     "navigation_barn": ("--tracker cascade",),
     "navigation_people": ("--scenes 10",),
     "bus": ("",),

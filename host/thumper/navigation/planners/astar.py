@@ -6,16 +6,12 @@ from thumper.common.geometry import FloatArray, Pose2
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.costmap.inflation import INSCRIBED, UNKNOWN
 from thumper.navigation.goal import Goal
-from thumper.navigation.planners.astar_search import CLOSED, CostArray, search_astar, trace_path
+from thumper.navigation.planners.astar_search import CLOSED, search_astar, trace_path
+from thumper.navigation.planners.cell_costs import CellCosts
 from thumper.navigation.planners.planner import PlanResult
 from thumper.navigation.planners.polyline import resample, shortcut, smooth
 from thumper.navigation.planners.start_and_goal_cells import find_ends, goal_end
-from thumper.navigation.planners.traversal_cost import (
-    TraversalCostOptions,
-    TraversalLayer,
-    path_cost_m,
-    traversal_cost,
-)
+from thumper.navigation.planners.traversal_cost import TraversalCostOptions, path_cost_m, traversal_cost
 from thumper.navigation.resumable import Search, run_to_end
 
 SHORTCUT_POINTS = 100  # longest run that one shortcut replaces
@@ -29,32 +25,31 @@ class AStarPlanner:
 
     def __init__(self, options: TraversalCostOptions) -> None:
         self._options = options
-        self._layer = TraversalLayer(options)
 
     def search(self, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> Search[PlanResult]:
         """Return the cheapest path, shape (n, 2), about one cell between points, or why there is none.
 
         If the goal cannot be entered, the path ends at the nearest reachable cell within its tolerance.
         """
-        cell_costs = self._layer.update(costmap)
-        ends = find_ends(costmap, cell_costs, map_from_base, goal, self._options.escape_radius_m)
+        ground = self.cell_costs(costmap)
+        ends = find_ends(costmap, ground, map_from_base, goal, self._options.escape_radius_m)
         if isinstance(ends, str):
             return PlanResult(reason=ends)
-        end = goal_end(costmap, cell_costs, ends, goal)
+        end = goal_end(costmap, ground, ends, goal)
         if isinstance(end, str):
             return PlanResult(reason=end, unreachable=True)
-        cells = yield from search_astar(cell_costs, ends.start, end.cell)
+        cells = yield from search_astar(ground, ends.start, end.cell)
         if cells.status[end.cell] != CLOSED:
-            end = goal_end(costmap, cell_costs, ends, goal, cells.status == CLOSED)
+            end = goal_end(costmap, ground, ends, goal, cells.status == CLOSED)
             if isinstance(end, str):
                 return PlanResult(reason=end, unreachable=True)
-        cols = cell_costs.shape[1]
+        cols = ground.costs.shape[1]
         traced = trace_path(cells.parent, end.cell)
         points = np.column_stack((traced % cols, traced // cols)) + 0.5
         points[-1] = end.point_cells
         if not ends.start_moved:
             points[0] = ends.start_cells
-        path = yield from _shortened(cell_costs, points)
+        path = yield from _shortened(ground, points)
         if ends.start_moved:
             path = np.vstack((ends.start_cells, path))
         return PlanResult(path_m=path * costmap.resolution_m + costmap.origin_m, reason=end.message)
@@ -63,7 +58,7 @@ class AStarPlanner:
         """Run `search` at once."""
         return run_to_end(self.search(costmap, map_from_base, goal))
 
-    def cell_costs(self, costmap: Costmap) -> CostArray:
+    def cell_costs(self, costmap: Costmap) -> CellCosts:
         """Return the traversal cost of each cell."""
         return traversal_cost(costmap, self._options)
 
@@ -72,10 +67,10 @@ class AStarPlanner:
 
         It is inf if the path enters an inscribed zone, or unknown space that the options forbid.
         """
-        return path_cost_m(costmap, self._layer.update(costmap), path_m)
+        return path_cost_m(costmap, self.cell_costs(costmap), path_m)
 
 
-def _shortened(cell_costs: CostArray, points: FloatArray) -> Search[FloatArray]:
+def _shortened(ground: CellCosts, points: FloatArray) -> Search[FloatArray]:
     """Return the path shortened, evenly spaced and smoothed, shape (n, 2) [cells]."""
     if len(points) < 2:
         return np.repeat(points, 2, axis=0)
@@ -83,9 +78,9 @@ def _shortened(cell_costs: CostArray, points: FloatArray) -> Search[FloatArray]:
     for begin in range(0, len(points) - 1, SLICE_POINTS):
         if begin:
             yield
-        pieces.append(shortcut(cell_costs, points[begin : begin + SLICE_POINTS + 1], SHORTCUT_POINTS))
+        pieces.append(shortcut(ground, points[begin : begin + SLICE_POINTS + 1], SHORTCUT_POINTS))
     path = resample(np.vstack((*(piece[:-1] for piece in pieces), points[-1:])), PATH_SPACING_CELLS)
-    smooth(cell_costs, path, SMOOTHING_ROUNDS)
+    smooth(ground, path, SMOOTHING_ROUNDS)
     return path
 
 

@@ -7,15 +7,14 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
 from thumper.navigation.costmap.inflation import ByteArray, IntArray
 from thumper.navigation.planners.binary_heap import doubled, heap_pop, heap_push
+from thumper.navigation.planners.cell_costs import CellCosts, is_inside
+from thumper.navigation.planners.sparse_memory import sparse_zeros
 from thumper.navigation.resumable import ASTAR_CELLS, Search, run_to_end
-
-CostArray = NDArray[np.float32]
 
 NO_GOAL = -1
 UNTOUCHED, OPEN, CLOSED = 0, 1, 2
@@ -26,8 +25,8 @@ class AStarCells(NamedTuple):
     """What the search knows of each cell, shape (rows * cols,) each; untouched cells take no memory."""
 
     status: ByteArray  # UNTOUCHED, OPEN or CLOSED
-    path_cost: FloatArray  # from the start [cells]; not initialised in untouched cells, final in closed ones
-    parent: IntArray  # flat index of the previous cell, -1 at the start; not initialised in untouched cells
+    path_cost: FloatArray  # from the start [cells]; without meaning in untouched cells, final in closed ones
+    parent: IntArray  # flat index of the previous cell, -1 at the start; without meaning in untouched cells
 
 
 class Heap(NamedTuple):
@@ -39,14 +38,14 @@ class Heap(NamedTuple):
 
 @kernel
 def astar_slice(
-    cell_costs: CostArray, cells: AStarCells, heap: Heap, size: int, goal: int, budget: int
+    ground: CellCosts, cells: AStarCells, heap: Heap, size: int, goal: int, budget: int
 ) -> tuple[Heap, int, bool]:
     """Close up to `budget` cells; return the heap, its new size, and whether the goal was closed.
 
     The search has ended at the goal, or without it when the heap is empty.
     """
-    cols = cell_costs.shape[1]
-    costs = cell_costs.ravel()
+    rows, cols = ground.costs.shape
+    costs, table = ground.costs.ravel(), ground.table
     status, path_cost, parent = cells
     keys, items = heap
     steps = np.array((1, -1, cols, -cols, cols + 1, cols - 1, -cols + 1, -cols - 1))
@@ -64,16 +63,21 @@ def astar_slice(
         if cell == goal:
             return Heap(keys, items), size, True
         row, col = cell // cols, cell % cols
+        is_open = is_inside(row, col, rows, cols, 2)
         for k in range(8):
             neighbour = cell + steps[k]
-            if status[neighbour] == CLOSED or not costs[neighbour] < np.inf:
+            cost = table[costs[neighbour]]
+            if status[neighbour] == CLOSED or not cost < np.inf:
+                continue
+            if not (is_open or is_inside(row + d_rows[k], col + d_cols[k], rows, cols, 1)):
                 continue
             length = 1.0
             if k >= 4:
-                if not (costs[cell + d_cols[k]] < np.inf and costs[cell + cols * d_rows[k]] < np.inf):
+                beside, above = table[costs[cell + d_cols[k]]], table[costs[cell + cols * d_rows[k]]]
+                if not (beside < np.inf and above < np.inf):
                     continue
                 length = math.sqrt(2.0)
-            candidate = path_cost[cell] + 0.5 * length * (costs[cell] + costs[neighbour])
+            candidate = path_cost[cell] + 0.5 * length * (table[costs[cell]] + cost)
             if status[neighbour] == OPEN and candidate >= path_cost[neighbour]:
                 continue
             status[neighbour] = OPEN
@@ -90,29 +94,31 @@ def astar_slice(
     return Heap(keys, items), size, False
 
 
-def search_astar(cell_costs: CostArray, start: int, goal: int) -> Search[AStarCells]:
+def search_astar(ground: CellCosts, start: int, goal: int) -> Search[AStarCells]:
     """Find the cheapest path from `start` to `goal`, or to every cell if `goal` is -1.
 
-    `cell_costs`, shape (rows, cols), is the cost of crossing a cell, >= 1; inf is an obstacle. The border
-    cells must all be inf. A step costs its length [cells] times the mean cost of its two cells. `start` and
-    `goal` are flat indices. A search that does not close the goal has closed all cells that can be reached.
+    A step costs its length [cells] times the mean cost of its two cells. `start` and `goal` are flat indices
+    of cells that can be entered. A search that does not close the goal has closed all cells that can be
+    reached.
     """
-    count = cell_costs.size
-    cells = AStarCells(np.zeros(count, np.uint8), np.empty(count), np.empty(count, np.int32))
+    count = ground.costs.size
+    cells = AStarCells(
+        sparse_zeros(count, np.uint8), sparse_zeros(count, np.float64), sparse_zeros(count, np.int32)
+    )
     heap = Heap(np.empty(FIRST_ENTRIES), np.empty(FIRST_ENTRIES, np.int32))
     cells.status[start], cells.path_cost[start], cells.parent[start] = OPEN, 0.0, -1
     heap_push(heap.keys, heap.items, 0, 0.0, start)
     size, found = 1, False
     while True:
-        heap, size, found = astar_slice(cell_costs, cells, heap, size, goal, ASTAR_CELLS)
+        heap, size, found = astar_slice(ground, cells, heap, size, goal, ASTAR_CELLS)
         if found or size == 0:
             return cells
         yield
 
 
-def astar(cell_costs: CostArray, start: int, goal: int) -> tuple[FloatArray, IntArray]:
+def astar(ground: CellCosts, start: int, goal: int) -> tuple[FloatArray, IntArray]:
     """Run `search_astar` at once; return cost, inf where it did not arrive, and parent of each cell."""
-    status, path_cost, parent = run_to_end(search_astar(cell_costs, start, goal))
+    status, path_cost, parent = run_to_end(search_astar(ground, start, goal))
     return np.where(status == UNTOUCHED, np.inf, path_cost), np.where(status == UNTOUCHED, -1, parent)
 
 

@@ -13,7 +13,7 @@ from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal_count
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
-from thumper.navigation.planners.astar_search import CostArray
+from thumper.navigation.planners.cell_costs import CellCosts
 from thumper.navigation.planners.planner import PlanResult
 from thumper.navigation.planners.polyline import arc_lengths, resample
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions, traversal_cost
@@ -54,7 +54,7 @@ class CarrotPlanner:
         message = f"the straight path to the goal {goal} is blocked: going as far as ({x_m:.2f}, {y_m:.2f})"
         return PlanResult(path_m=line_m[:free], reason=message)
 
-    def cell_costs(self, costmap: Costmap) -> CostArray:
+    def cell_costs(self, costmap: Costmap) -> CellCosts:
         """Return the default traversal cost of each cell: the line may cross unknown space."""
         return traversal_cost(costmap, TraversalCostOptions())
 

@@ -13,22 +13,27 @@ import numpy as np
 
 from thumper.common.numba_kernel import kernel
 from thumper.navigation.costmap.inflation import ByteArray, IntArray
-from thumper.navigation.planners.astar_search import CostArray
+from thumper.navigation.planners.cell_costs import INFINITE, CellCosts, CostArray, cost_at, is_inside
+from thumper.navigation.planners.sparse_memory import sparse_zeros
 from thumper.navigation.resumable import DIJKSTRA_CELLS, Search, run_to_end
 
 # Width of a bucket [free cells]. Wide buckets expand cells more often, narrow ones scan the front more often.
 BUCKET = 16.0
 NEITHER, NOW, LATER = 0, 1, 2
-HALF, TWO, INFINITE = np.float32(0.5), np.float32(2.0), np.float32(np.inf)
+HALF, TWO = np.float32(0.5), np.float32(2.0)
+# The potential is 0 where the search has not been: memory that is 0 at first is only taken where it is used.
+SOURCE = np.float32(1e-30)  # the least potential; too small to change a sum
 LATERAL = np.float32(math.sqrt(0.5))  # a diagonal front gains at least this fraction of a cell's cost
 
 
 class Wavefront(NamedTuple):
-    """The state of one expansion; arrays are flat, shape (rows * cols,)."""
+    """The state of one expansion; arrays are flat, shape (rows * cols,), but the table's (256,)."""
 
-    cell_costs: CostArray
+    costs: ByteArray
+    table: CostArray
     potential: CostArray
     queued: ByteArray  # NEITHER, NOW or LATER
+    rows: int
     cols: int
     guided: bool
     target_row: int
@@ -36,11 +41,18 @@ class Wavefront(NamedTuple):
 
 
 @kernel
+def potential_at(potential: CostArray, cell: int) -> np.float32:
+    """Return the potential of a cell; inf where the search has not been."""
+    value = potential[cell]
+    return value if value > 0.0 else INFINITE
+
+
+@kernel
 def eikonal_value(wave: Wavefront, cell: int) -> np.float32:
     """Return the potential of a cell from its neighbours (upwind solution of the eikonal equation)."""
-    potential, here = wave.potential, wave.cell_costs[cell]
-    right, left = potential[cell + 1], potential[cell - 1]
-    up, down = potential[cell + wave.cols], potential[cell - wave.cols]
+    potential, here = wave.potential, wave.table[wave.costs[cell]]
+    right, left = potential_at(potential, cell + 1), potential_at(potential, cell - 1)
+    up, down = potential_at(potential, cell + wave.cols), potential_at(potential, cell - wave.cols)
     across, along = min(left, right), min(up, down)
     low, high = min(across, along), max(across, along)
     gap = high - low
@@ -52,12 +64,18 @@ def eikonal_value(wave: Wavefront, cell: int) -> np.float32:
 
 
 @kernel
-def expansion_key(wave: Wavefront, cell: int, value: np.float32) -> np.float32:
+def place_of(wave: Wavefront, cell: int) -> tuple[int, int]:
+    """Return the row and column of a cell."""
+    row = cell // wave.cols
+    return row, cell - row * wave.cols
+
+
+@kernel
+def expansion_key(wave: Wavefront, row: int, col: int, value: np.float32) -> np.float32:
     """Return the key that decides in which bucket a cell is expanded (A*'s when guided)."""
     key = value
     if wave.guided:
-        row = cell // wave.cols
-        dy, dx = np.float32(row - wave.target_row), np.float32(cell - row * wave.cols - wave.target_col)
+        dy, dx = np.float32(row - wave.target_row), np.float32(col - wave.target_col)
         key += math.sqrt(dx * dx + dy * dy)
     return key
 
@@ -95,9 +113,10 @@ def expand_bucket(
         budget -= 1
         wave.queued[cell] = NEITHER
         value = eikonal_value(wave, cell)
-        if value >= wave.potential[cell]:
+        if value >= potential_at(wave.potential, cell):
             continue
-        if expansion_key(wave, cell, value) >= bound:
+        row, col = place_of(wave, cell)
+        if expansion_key(wave, row, col, value) >= bound:
             # The next bucket expands the cell again, when its neighbours are settled.
             if n_later == later.size:
                 later = np.concatenate((later, np.empty(later.size, np.int32)))
@@ -108,11 +127,17 @@ def expand_bucket(
         wave.potential[cell] = value
         if n_now + 4 > now.size:
             now = np.concatenate((now, np.empty(now.size, np.int32)))
-        for step in (1, -1, wave.cols, -wave.cols):
-            neighbour = cell + step
-            if wave.queued[neighbour] == NOW or not wave.cell_costs[neighbour] < INFINITE:
+        is_open = is_inside(row, col, wave.rows, wave.cols, 2)
+        for k in range(4):
+            neighbour = cell + (1 if k == 0 else -1 if k == 1 else wave.cols if k == 2 else -wave.cols)
+            cost = wave.table[wave.costs[neighbour]]
+            if wave.queued[neighbour] == NOW or not cost < INFINITE:
                 continue
-            if wave.potential[neighbour] > value + LATERAL * wave.cell_costs[neighbour]:
+            if not (
+                is_open or is_inside(neighbour // wave.cols, neighbour % wave.cols, wave.rows, wave.cols, 1)
+            ):
+                continue
+            if potential_at(wave.potential, neighbour) > value + LATERAL * cost:
                 now[n_now] = neighbour
                 wave.queued[neighbour] = NOW
                 n_now += 1
@@ -129,44 +154,48 @@ def dijkstra_slice(
         if progress.next < progress.n_now:
             return buckets, progress, False
         end = np.inf
-        if target >= 0 and wave.potential[target] < INFINITE:
+        if target >= 0 and wave.potential[target] > 0.0:
             end = float(wave.potential[target]) + margin
         if progress.limit >= end or progress.n_later == 0:
             return buckets, progress, True
         buckets = Buckets(buckets.later, buckets.now)
-        progress = BucketState(0, progress.n_later, 0, progress.limit + BUCKET)
+        progress = BucketState(0, progress.n_later, 0, min(progress.limit + BUCKET, end))
 
 
 def search_dijkstra(
-    cell_costs: CostArray, source: int, target: int, guided: bool, margin: float
+    cells: CellCosts, source: int, target: int, guided: bool, margin: float
 ) -> Search[CostArray]:
-    """Return the potential of every cell that the search reached, shape (rows * cols,), float32; else inf.
+    """Return the potential of every cell that the search reached, shape (rows * cols,), float32; else 0.
+
+    `potential_at` reads it. The source has `SOURCE`.
 
     Parameters
     ----------
-    cell_costs : ndarray, shape (rows, cols), float32
-        Cost of crossing a cell, >= 1; inf is an obstacle. The border cells must all be inf.
     source, target : int
-        Flat indices. The search ends `margin` beyond the target's potential; with target -1 it covers all.
+        Flat indices of cells that can be entered. The search ends `margin` beyond the target's potential,
+        or covers all with target -1.
     guided : bool
         Expand cells near the target first (A*'s order). The potential along the cheapest path is the same.
     """
-    rows, cols = cell_costs.shape
-    potential = np.full(rows * cols, INFINITE, np.float32)
-    queued = np.zeros(rows * cols, np.uint8)
+    rows, cols = cells.costs.shape
+    potential = sparse_zeros(rows * cols, np.float32)
+    queued = sparse_zeros(rows * cols, np.uint8)
     is_guided = guided and target >= 0
-    wave = Wavefront(cell_costs.ravel(), potential, queued, cols, is_guided, target // cols, target % cols)
+    target_row, target_col = divmod(target, cols)
+    wave = Wavefront(
+        cells.costs.ravel(), cells.table, potential, queued, rows, cols, is_guided, target_row, target_col
+    )
     buckets = Buckets(np.empty(16384, np.int32), np.empty(16384, np.int32))
-    potential[source] = 0.0
+    potential[source] = SOURCE
     n_now = 0
     for step in (1, -1, cols, -cols):
-        if wave.cell_costs[source + step] < INFINITE:
+        if cost_at(cells, *divmod(source + step, cols)) < INFINITE:
             buckets.now[n_now] = source + step
             queued[source + step] = NOW
             n_now += 1
     limit = float(BUCKET)
     if is_guided:
-        limit += math.hypot(source // cols - target // cols, source % cols - target % cols)
+        limit += math.hypot(source // cols - target_row, source % cols - target_col)
     progress, is_over = BucketState(0, n_now, 0, limit), n_now == 0
     while not is_over:
         buckets, progress, is_over = dijkstra_slice(wave, buckets, progress, target, margin, DIJKSTRA_CELLS)
@@ -175,6 +204,7 @@ def search_dijkstra(
     return potential
 
 
-def dijkstra(cell_costs: CostArray, source: int, target: int, guided: bool, margin: float) -> CostArray:
-    """Run `search_dijkstra` at once."""
-    return run_to_end(search_dijkstra(cell_costs, source, target, guided, margin))
+def dijkstra(cells: CellCosts, source: int, target: int, guided: bool, margin: float) -> CostArray:
+    """Run `search_dijkstra` at once; return the potential: inf where it did not arrive, 0 at the source."""
+    potential = run_to_end(search_dijkstra(cells, source, target, guided, margin))
+    return np.where(potential == 0.0, INFINITE, np.where(potential == SOURCE, np.float32(0.0), potential))

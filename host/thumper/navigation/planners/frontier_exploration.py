@@ -20,10 +20,10 @@ from thumper.navigation.costmap.costmap import Costmap, CostmapOptions
 from thumper.navigation.costmap.inflation import LETHAL
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
-from thumper.navigation.planners.astar_search import CostArray
+from thumper.navigation.planners.cell_costs import CostArray
 from thumper.navigation.planners.dijkstra import search_dijkstra
 from thumper.navigation.planners.start_and_goal_cells import nearest_passable
-from thumper.navigation.planners.traversal_cost import TraversalCostOptions, search_traversal_cost
+from thumper.navigation.planners.traversal_cost import TraversalCostOptions, traversal_cost
 from thumper.navigation.resumable import Search, merged, run_to_end
 
 EVERYWHERE = -1
@@ -74,13 +74,13 @@ def search_frontiers(
     """
     costmap = yield from search_costmap(grid, footprint, CostmapOptions())
     known = TraversalCostOptions(obstacle_weight=options.obstacle_weight, allow_unknown=False)
-    cell_costs = yield from search_traversal_cost(costmap, known)
+    cells = traversal_cost(costmap, known)
     row, col = grid.cell_of(map_from_base.x_m, map_from_base.y_m)
-    start = nearest_passable(cell_costs, row, col, options.escape_radius_m / grid.resolution_m)
+    start = nearest_passable(cells, row, col, options.escape_radius_m / grid.resolution_m)
     if start is None:
         return []
-    rows, cols = cell_costs.shape
-    flat_costs = yield from search_dijkstra(cell_costs, start[0] * cols + start[1], EVERYWHERE, False, 0.0)
+    rows, cols = grid.cells.shape
+    flat_costs = yield from search_dijkstra(cells, start[0] * cols + start[1], EVERYWHERE, False, 0.0)
     path_costs = flat_costs.reshape(rows, cols)
     edges = yield from _edges(path_costs, grid.cells)
     borders = yield from _borders(edges, cols, math.ceil(options.least_frontier_m / grid.resolution_m - TINY))
@@ -109,7 +109,7 @@ def _edges(path_costs: CostArray, cells: CellArray) -> Search[IntArray]:
             row_or_column = beside.copy()
             beside[tuple(before)] |= row_or_column[tuple(after)]
             beside[tuple(after)] |= row_or_column[tuple(before)]
-        inner = beside[rows.start - top : rows.stop - top] & np.isfinite(path_costs[rows])
+        inner = beside[rows.start - top : rows.stop - top] & (path_costs[rows] > 0.0)
         found.append(np.flatnonzero(inner) + rows.start * cells.shape[1])
     return np.concatenate(found)
 
@@ -178,7 +178,7 @@ def _viewpoint(
     reach = int(VIEW_DISTANCE_M / costmap.resolution_m)
     corner = np.maximum(middle - reach, 0)
     part = tuple(slice(lo, hi + reach + 1) for lo, hi in zip(corner, middle, strict=True))
-    roomy = np.isfinite(path_costs[part]) & (costmap.squared_cells[part] >= circle_cells**2)
+    roomy = (path_costs[part] > 0.0) & (costmap.squared_cells[part] >= circle_cells**2)
     candidates = np.argwhere(roomy) + corner
     distances = np.hypot(*(candidates - middle).T)
     near = distances <= VIEW_DISTANCE_M / costmap.resolution_m

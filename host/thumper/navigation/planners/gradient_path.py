@@ -6,7 +6,8 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
-from thumper.navigation.planners.astar_search import CostArray
+from thumper.navigation.planners.cell_costs import CostArray
+from thumper.navigation.planners.dijkstra import SOURCE, potential_at
 
 # Least length of the mean of four unit vectors. Below it the gradients contradict each other (a saddle, a
 # slit).
@@ -20,20 +21,20 @@ def downhill(potential: CostArray, cols: int, cell: int) -> tuple[float, float]:
 
     Uses those neighbours that have a potential.
     """
-    here = potential[cell]
+    here = potential_at(potential, cell)
     if not here < np.inf:
         return 0.0, 0.0
-    right, left = potential[cell + 1], potential[cell - 1]
-    up, down = potential[cell + cols], potential[cell - cols]
+    right, left = potential_at(potential, cell + 1), potential_at(potential, cell - 1)
+    up, down = potential_at(potential, cell + cols), potential_at(potential, cell - cols)
     dx = dy = 0.0
     if left < np.inf:
-        dx += here - left
+        dx += float(here - left)
     if right < np.inf:
-        dx += right - here
+        dx += float(right - here)
     if down < np.inf:
-        dy += here - down
+        dy += float(here - down)
     if up < np.inf:
-        dy += up - here
+        dy += float(up - here)
     size = math.hypot(dx, dy)
     return (-dx / size, -dy / size) if size > 0.0 else (0.0, 0.0)
 
@@ -59,9 +60,9 @@ def lowest_neighbour(potential: CostArray, cols: int, cell: int) -> int:
     for d_row in range(-1, 2):
         for d_col in range(-1, 2):
             neighbour = cell + d_row * cols + d_col
-            if not potential[neighbour] < potential[best]:
+            if not potential_at(potential, neighbour) < potential_at(potential, best):
                 continue
-            if potential[cell + d_row * cols] < np.inf and potential[cell + d_col] < np.inf:
+            if potential[cell + d_row * cols] > 0.0 and potential[cell + d_col] > 0.0:
                 best = neighbour
     return best
 
@@ -80,25 +81,25 @@ def gradient_path(potential: CostArray, cols: int, start_x: float, start_y: floa
     before = np.inf
     while count < 2 * potential.size:
         cell = math.floor(y) * cols + math.floor(x)
-        if not potential[cell] < np.inf:
+        if potential[cell] == 0.0:
             return np.empty((0, 2))
         if count == points.shape[0]:
             points = np.concatenate((points, np.empty((count, 2))))
         points[count, 0], points[count, 1] = x, y
         count += 1
-        if potential[cell] == 0.0:
+        if potential[cell] == SOURCE:
             return points[:count].copy()
         falls = True
         if count % DESCENT_CHECK_POINTS == 0:
             falls = potential[cell] < before
             before = min(before, potential[cell])
         low = lowest_neighbour(potential, cols, cell)
-        if falls and potential[low] > 0.0:
+        if falls and potential[low] > SOURCE:
             dx, dy = interpolated_downhill(potential, cols, x, y)
             size = math.hypot(dx, dy)
             if size > LEAST_GRADIENT:
                 nx, ny = x + step * dx / size, y + step * dy / size
-                if potential[math.floor(ny) * cols + math.floor(nx)] < np.inf:
+                if potential[math.floor(ny) * cols + math.floor(nx)] > 0.0:
                     x, y = nx, ny
                     continue
         x, y = low % cols + 0.5, low // cols + 0.5

@@ -13,18 +13,13 @@ from thumper.navigation.costmap.footprint_collision import CollisionGrid
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar import AStarPlanner
-from thumper.navigation.planners.astar_search import CostArray
+from thumper.navigation.planners.cell_costs import CellCosts, cost_at
 from thumper.navigation.planners.dijkstra import search_dijkstra
 from thumper.navigation.planners.lattice_search import LatticeProblem, LatticeWeights, search_lattice
 from thumper.navigation.planners.planner import PlanResult
 from thumper.navigation.planners.polyline import resample, smooth
 from thumper.navigation.planners.start_and_goal_cells import find_ends
-from thumper.navigation.planners.traversal_cost import (
-    TraversalCostOptions,
-    TraversalLayer,
-    path_cost_m,
-    traversal_cost,
-)
+from thumper.navigation.planners.traversal_cost import TraversalCostOptions, path_cost_m, traversal_cost
 from thumper.navigation.resumable import Search, run_to_end
 
 POTENTIAL_MARGIN = 120.0  # how far round the cheapest path the heuristic is known [free cells]
@@ -54,7 +49,6 @@ class LatticePlanner:
         self._traversal = traversal
         self._footprint = footprint
         self._astar = AStarPlanner(traversal)
-        self._layer = TraversalLayer(traversal)
 
     def search(self, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> Search[PlanResult]:
         """Return a path that the footprint can drive, shape (n, 2), about one cell between points.
@@ -62,8 +56,8 @@ class LatticePlanner:
         If there is none, returns A*'s path for the inscribed circle with a reason: the map may look narrower
         than the place is.
         """
-        cell_costs = self._layer.update(costmap)
-        ends = find_ends(costmap, cell_costs, map_from_base, goal, self._traversal.escape_radius_m)
+        cells = self.cell_costs(costmap)
+        ends = find_ends(costmap, cells, map_from_base, goal, self._traversal.escape_radius_m)
         if isinstance(ends, str):
             return PlanResult(reason=ends)
         poses = yield from self.search_poses(costmap, map_from_base, goal)
@@ -75,7 +69,7 @@ class LatticePlanner:
         points = np.vstack((poses[:, :2], ends.goal_cells))
         moved = np.append(True, np.hypot(*np.diff(points, axis=0).T) > 1e-6)
         path = resample(points[moved], 1.0) if moved.sum() > 1 else np.repeat(points[:1], 2, axis=0)
-        smooth(cell_costs, path, SMOOTHING_ROUNDS)
+        smooth(cells, path, SMOOTHING_ROUNDS)
         return PlanResult(path_m=path * costmap.resolution_m + costmap.origin_m)
 
     def plan(self, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> PlanResult:
@@ -93,17 +87,17 @@ class LatticePlanner:
 
         With `known_ground` the robot does not back up or rotate over unknown cells.
         """
-        cell_costs = self._layer.update(costmap)
-        ends = find_ends(costmap, cell_costs, map_from_base, goal, self._traversal.escape_radius_m)
-        if isinstance(ends, str) or not np.isfinite(cell_costs.flat[ends.goal]):
+        cells = self.cell_costs(costmap)
+        ends = find_ends(costmap, cells, map_from_base, goal, self._traversal.escape_radius_m)
+        if isinstance(ends, str) or not np.isfinite(cost_at(cells, *divmod(ends.goal, cells.costs.shape[1]))):
             return np.empty((0, 3))
-        potential = yield from search_dijkstra(cell_costs, ends.goal, ends.start, False, POTENTIAL_MARGIN)
-        if not np.isfinite(potential[ends.start]):
+        potential = yield from search_dijkstra(cells, ends.goal, ends.start, False, POTENTIAL_MARGIN)
+        if potential[ends.start] == 0.0:
             return np.empty((0, 3))
         cell_m = costmap.resolution_m
         grid = CollisionGrid.from_costmap(costmap, self._footprint)
         problem = LatticeProblem(
-            cell_costs=cell_costs,
+            cells=cells,
             potential=potential,
             grid=grid._replace(origin=np.zeros(2), resolution=1.0, outline=grid.outline / cell_m),
             start=np.append(ends.start_cells, map_from_base.theta_rad),
@@ -114,13 +108,13 @@ class LatticePlanner:
         poses[:, :2] = poses[:, :2] * cell_m + costmap.origin_m
         return poses
 
-    def cell_costs(self, costmap: Costmap) -> CostArray:
+    def cell_costs(self, costmap: Costmap) -> CellCosts:
         """Return the traversal cost of each cell."""
         return traversal_cost(costmap, self._traversal)
 
     def path_cost_m(self, costmap: Costmap, path_m: FloatArray) -> float:
         """Return the cost of a path [m of free space]; inf if it enters what the options forbid."""
-        return path_cost_m(costmap, self._layer.update(costmap), path_m)
+        return path_cost_m(costmap, self.cell_costs(costmap), path_m)
 
     def _weights(self, cell_m: float, known_ground: bool) -> LatticeWeights:
         return LatticeWeights(

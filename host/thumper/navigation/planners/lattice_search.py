@@ -14,8 +14,10 @@ from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
 from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal_count
 from thumper.navigation.costmap.inflation import IntArray
-from thumper.navigation.planners.astar_search import CostArray
 from thumper.navigation.planners.binary_heap import doubled, heap_pop, heap_push
+from thumper.navigation.planners.cell_costs import CellCosts, CostArray, cost_at
+from thumper.navigation.planners.dijkstra import potential_at
+from thumper.navigation.planners.sparse_memory import sparse_zeros
 from thumper.navigation.resumable import LATTICE_NODES, Search
 
 HEADINGS = 24
@@ -31,8 +33,8 @@ GOES_ON, NO_PATH = -1, -2
 class LatticeProblem(NamedTuple):
     """What is searched; all lengths in cells."""
 
-    cell_costs: CostArray  # shape (rows, cols)
-    potential: CostArray  # shape (rows * cols,), from the goal, as `dijkstra` returns it
+    cells: CellCosts
+    potential: CostArray  # shape (rows * cols,), from the goal, as `search_dijkstra` returns it
     grid: CollisionGrid  # origin 0, resolution 1
     start: FloatArray  # x, y, theta
     goal: FloatArray  # x, y
@@ -178,8 +180,8 @@ def lattice_slice(
     problem: LatticeProblem, weights: LatticeWeights, node_at: IntArray, progress: SearchState, budget: int
 ) -> SearchState:
     """Close up to `budget` nodes. `node_at` holds for each bin of position and heading its node plus 1."""
-    cell_costs, start = problem.cell_costs, problem.start
-    rows, cols = cell_costs.shape
+    start = problem.start
+    rows, cols = problem.cells.costs.shape
     bins_x = cols // BIN_CELLS + 1
     nodes, keys, items, size, count, last = progress
     touching = max(0, lethal_count(problem.grid, False, start[0], start[1], start[2]))
@@ -202,13 +204,13 @@ def lattice_slice(
             col, row = math.floor(nx), math.floor(ny)
             if not (1 <= col < cols - 1 and 1 <= row < rows - 1):
                 continue
-            remaining = problem.potential[row * cols + col]
+            remaining = potential_at(problem.potential, row * cols + col)
             if not remaining < np.inf:
                 continue
             heading = (nodes.heading[node] + change) % HEADINGS
             slot = ((row // BIN_CELLS) * bins_x + col // BIN_CELLS) * HEADINGS + heading
             other = node_at[slot] - 1
-            cell_cost = min(cell_costs[row, col], MAX_CELL_COST)
+            cell_cost = min(float(cost_at(problem.cells, row, col)), MAX_CELL_COST)
             drive_cost = abs(length) * cell_cost * (weights.reverse if length < 0.0 else 1.0)
             cost = nodes.cost[node] + abs(change) * TURN_RAD * weights.turn + drive_cost
             if other >= 0 and (nodes.closed[other] or nodes.cost[other] <= cost):
@@ -234,9 +236,9 @@ def search_lattice(problem: LatticeProblem, weights: LatticeWeights) -> Search[F
 
     Gives up after `max_nodes` nodes. The footprint must be free everywhere but near the start.
     """
-    rows, cols = problem.cell_costs.shape
+    rows, cols = problem.cells.costs.shape
     bins = (rows // BIN_CELLS + 1) * (cols // BIN_CELLS + 1)
-    node_at = np.zeros(bins * HEADINGS, np.int32)  # the memory of untouched bins is never used
+    node_at = sparse_zeros(bins * HEADINGS, np.int32)
     keys, items = np.empty(FIRST_NODES), np.empty(FIRST_NODES, np.int32)
     heap_push(keys, items, 0, 0.0, 0)
     progress = SearchState(with_root(problem.start), keys, items, 1, 1, GOES_ON)

@@ -6,7 +6,7 @@ from typing import Protocol
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.goal import Goal
-from thumper.navigation.planners.astar_search import CostArray
+from thumper.navigation.planners.cell_costs import CellCosts
 from thumper.navigation.resumable import Search
 
 
@@ -30,8 +30,8 @@ class Planner(Protocol):
         """Return the cheapest path, or the reason why there is none."""
         ...
 
-    def cell_costs(self, costmap: Costmap) -> CostArray:
-        """Return the cost of each cell, shape (rows, cols); inf where this planner does not drive."""
+    def cell_costs(self, costmap: Costmap) -> CellCosts:
+        """Return the cost of each cell; inf where this planner does not drive."""
         ...
 
     def path_cost_m(self, costmap: Costmap, path_m: FloatArray) -> float:

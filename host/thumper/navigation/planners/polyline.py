@@ -6,15 +6,15 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.common.numba_kernel import kernel
-from thumper.navigation.planners.astar_search import CostArray
+from thumper.navigation.planners.cell_costs import CellCosts, cost_at
 
 SAMPLES_PER_CELL = 4
 
 
 @kernel
-def line_cost(cell_costs: CostArray, x0: float, y0: float, x1: float, y1: float) -> float:
+def line_cost(cells: CellCosts, x0: float, y0: float, x1: float, y1: float) -> float:
     """Integrate the cost along a line given in cells; inf if it meets an obstacle or leaves the grid."""
-    rows, cols = cell_costs.shape
+    rows, cols = cells.costs.shape
     length = math.hypot(x1 - x0, y1 - y0)
     count = max(1, math.ceil(SAMPLES_PER_CELL * length))
     total = 0.0
@@ -24,19 +24,19 @@ def line_cost(cell_costs: CostArray, x0: float, y0: float, x1: float, y1: float)
         if row < 0 or col < 0 or row >= rows or col >= cols:
             return np.inf
         weight = 0.5 if i in (0, count) else 1.0
-        total += weight * cell_costs[row, col]
+        total += weight * float(cost_at(cells, row, col))
     return total * length / count
 
 
 @kernel
-def shortcut(cell_costs: CostArray, points: FloatArray, max_points: int) -> FloatArray:
+def shortcut(cells: CellCosts, points: FloatArray, max_points: int) -> FloatArray:
     """Replace runs of up to `max_points` points, shape (n, 2) [cells], by a line that costs no more."""
     count = points.shape[0]
     prefix = np.zeros(count)
     for i in range(1, count):
         x0, y0 = points[i - 1]
         x1, y1 = points[i]
-        prefix[i] = prefix[i - 1] + line_cost(cell_costs, x0, y0, x1, y1)
+        prefix[i] = prefix[i - 1] + line_cost(cells, x0, y0, x1, y1)
     kept = np.empty((count, 2))
     kept[0] = points[0]
     size = 1
@@ -45,7 +45,7 @@ def shortcut(cell_costs: CostArray, points: FloatArray, max_points: int) -> Floa
         best = anchor + 1
         misses = 0
         for j in range(anchor + 2, min(count, anchor + max_points + 1)):
-            direct = line_cost(cell_costs, points[anchor, 0], points[anchor, 1], points[j, 0], points[j, 1])
+            direct = line_cost(cells, points[anchor, 0], points[anchor, 1], points[j, 0], points[j, 1])
             if direct <= prefix[j] - prefix[anchor] + 1e-6:
                 best = j
                 misses = 0
@@ -60,24 +60,24 @@ def shortcut(cell_costs: CostArray, points: FloatArray, max_points: int) -> Floa
 
 
 @kernel
-def smooth(cell_costs: CostArray, points: FloatArray, rounds: int) -> None:
+def smooth(cells: CellCosts, points: FloatArray, rounds: int) -> None:
     """Round the corners of a polyline, shape (n, 2) [cells], in place; no point moves to a costly cell."""
     for _ in range(rounds):
         for i in range(1, points.shape[0] - 1):
             x = points[i, 0] + 0.25 * (points[i - 1, 0] + points[i + 1, 0] - 2.0 * points[i, 0])
             y = points[i, 1] + 0.25 * (points[i - 1, 1] + points[i + 1, 1] - 2.0 * points[i, 1])
-            old = cell_costs[math.floor(points[i, 1]), math.floor(points[i, 0])]
-            new = cell_costs[math.floor(y), math.floor(x)]
+            old = cost_at(cells, math.floor(points[i, 1]), math.floor(points[i, 0]))
+            new = cost_at(cells, math.floor(y), math.floor(x))
             if new <= old + 0.5:
                 points[i, 0], points[i, 1] = x, y
 
 
 @kernel
-def polyline_cost(cell_costs: CostArray, points: FloatArray) -> float:
+def polyline_cost(cells: CellCosts, points: FloatArray) -> float:
     """Return the cost of a polyline, shape (n, 2) [cells]; inf if it touches an obstacle."""
     total = 0.0
     for i in range(1, points.shape[0]):
-        total += line_cost(cell_costs, points[i - 1, 0], points[i - 1, 1], points[i, 0], points[i, 1])
+        total += line_cost(cells, points[i - 1, 0], points[i - 1, 1], points[i, 0], points[i, 1])
     return total
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.goal import Goal
-from thumper.navigation.planners.astar_search import CostArray
+from thumper.navigation.planners.cell_costs import CellCosts, cost_at
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -25,7 +25,7 @@ class SearchEnds:
 
 
 def nearest_passable(
-    cell_costs: CostArray,
+    cells: CellCosts,
     row: int,
     col: int,
     radius_cells: float,
@@ -37,8 +37,9 @@ def nearest_passable(
     """
     half = math.ceil(radius_cells)
     top, left = max(0, row - half), max(0, col - half)
-    window = slice(top, max(0, row + half + 1)), slice(left, max(0, col + half + 1))
-    passable = np.isfinite(cell_costs[window])
+    bottom, right = min(cells.costs.shape[0], row + half + 1), min(cells.costs.shape[1], col + half + 1)
+    window = slice(top, max(top, bottom)), slice(left, max(left, right))
+    passable = np.isfinite(cells.part(*window))
     if reached is not None:
         passable &= reached[window]
     rows, cols = np.nonzero(passable)
@@ -50,7 +51,7 @@ def nearest_passable(
 
 
 def find_ends(
-    costmap: Costmap, cell_costs: CostArray, map_from_base: Pose2, goal: Goal, escape_radius_m: float
+    costmap: Costmap, cells: CellCosts, map_from_base: Pose2, goal: Goal, escape_radius_m: float
 ) -> SearchEnds | str:
     """Return the cells between which a search runs, or the reason why it cannot start.
 
@@ -61,12 +62,12 @@ def find_ends(
     points_m = np.array(((map_from_base.x_m, map_from_base.y_m), (goal.x_m, goal.y_m)))
     start_cells, goal_cells = (points_m - costmap.origin_m) / resolution_m
     (start_row, goal_row), (start_col, goal_col) = costmap.cells_of(points_m)
-    rows, cols = cell_costs.shape
+    rows, cols = cells.costs.shape
     if not (0 <= goal_row < rows and 0 <= goal_col < cols):
         return f"the goal {goal} is outside the map"
     if not (0 <= start_row < rows and 0 <= start_col < cols):
         return "the robot is outside the map"
-    start = nearest_passable(cell_costs, int(start_row), int(start_col), escape_radius_m / resolution_m)
+    start = nearest_passable(cells, int(start_row), int(start_col), escape_radius_m / resolution_m)
     if start is None:
         return f"the robot is inside an obstacle: no free cell within {escape_radius_m} m"
     return SearchEnds(
@@ -88,7 +89,7 @@ class GoalEnd(NamedTuple):
 
 def goal_end(
     costmap: Costmap,
-    cell_costs: CostArray,
+    cells: CellCosts,
     ends: SearchEnds,
     goal: Goal,
     reached: NDArray[np.bool_] | None = None,
@@ -98,14 +99,14 @@ def goal_end(
     Only cells that can be entered count and, after a search, only those that it has `reached`, shape
     (rows * cols,).
     """
-    rows, cols = cell_costs.shape
+    rows, cols = cells.costs.shape
     row, col = divmod(ends.goal, cols)
-    is_blocked = not np.isfinite(cell_costs[row, col])
+    is_blocked = not np.isfinite(cost_at(cells, row, col))
     if not is_blocked and (reached is None or reached[ends.goal]):
         return GoalEnd(ends.goal, ends.goal_cells, "")
     radius_cells = goal.tolerance_m / costmap.resolution_m
     within = None if reached is None else reached.reshape(rows, cols)
-    nearest = nearest_passable(cell_costs, row, col, radius_cells, within)
+    nearest = nearest_passable(cells, row, col, radius_cells, within)
     if nearest is None:
         where = "lies inside or too near an obstacle" if is_blocked else "is shut off by obstacles"
         return f"no path to the goal {goal}: it {where}"

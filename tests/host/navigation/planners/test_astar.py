@@ -18,6 +18,7 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar import AStarPlanner, is_blocked
 from thumper.navigation.planners.astar_search import NO_GOAL, astar, trace_path
+from thumper.navigation.planners.cell_costs import CellCosts
 from thumper.navigation.planners.polyline import arc_lengths
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions
 from thumper_hil.kinematic.maps import read_octile
@@ -27,6 +28,14 @@ NO_HITS = np.empty((0, 2))
 
 def walled(cell_costs: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.pad(cell_costs, 1, constant_values=np.inf).astype(np.float32)
+
+
+def looked_up(cell_costs: NDArray[np.float32]) -> CellCosts:
+    """Return at most 256 different costs as a costmap and its table."""
+    table, costs = np.unique(cell_costs, return_inverse=True)
+    return CellCosts(
+        costs.reshape(cell_costs.shape).astype(np.uint8), np.resize(table.astype(np.float32), 256)
+    )
 
 
 def reference_costs(cell_costs: NDArray[np.float32], start: int) -> FloatArray:
@@ -62,15 +71,15 @@ def reference_costs(cell_costs: NDArray[np.float32], start: int) -> FloatArray:
 )
 def test_path_cost_is_optimal(seed: int, rows: int, cols: int, density: float, weight: float) -> None:
     rng = np.random.default_rng(seed)
-    cell_costs = (1.0 + weight * rng.random((rows, cols))).astype(np.float32)
+    cell_costs = (1.0 + weight * rng.random((rows, cols)).round(2)).astype(np.float32)
     cell_costs[rng.random((rows, cols)) < density] = np.inf
     cell_costs[0, 0] = 1.0
     cell_costs = walled(cell_costs)
     start, goal = cell_costs.shape[1] + 1, rows * cell_costs.shape[1] + cols
     expected = reference_costs(cell_costs, start)
-    flooded, _ = astar(cell_costs, start, NO_GOAL)
+    flooded, _ = astar(looked_up(cell_costs), start, NO_GOAL)
     np.testing.assert_allclose(flooded, expected)
-    cost, parent = astar(cell_costs, start, goal)
+    cost, parent = astar(looked_up(cell_costs), start, goal)
     assert cost[goal] == pytest.approx(expected[goal])
     if np.isfinite(cost[goal]):
         cells = trace_path(parent, goal)
@@ -87,10 +96,11 @@ def test_published_optimal_lengths(nav_data: Path, name: str) -> None:
     )
     lines = (nav_data / "movingai" / f"{name}.map.scen").read_text().splitlines()[1:]
     cols = cell_costs.shape[1]
+    ground = looked_up(cell_costs)
     for line in lines[-1 :: -max(1, len(lines) // 40)]:
         *_, x0, y0, x1, y1, length = line.split()
         goal = (int(y1) + 1) * cols + int(x1) + 1
-        cost, _ = astar(cell_costs, (int(y0) + 1) * cols + int(x0) + 1, goal)
+        cost, _ = astar(ground, (int(y0) + 1) * cols + int(x0) + 1, goal)
         assert cost[goal] == pytest.approx(float(length), abs=1e-3)  # the file is rounded
 
 

@@ -19,6 +19,7 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar import AStarPlanner, is_blocked
 from thumper.navigation.planners.carrot import CarrotPlanner
+from thumper.navigation.planners.cell_costs import CellCosts
 from thumper.navigation.planners.dijkstra import dijkstra
 from thumper.navigation.planners.lattice import LatticeOptions, LatticePlanner
 from thumper.navigation.planners.navfn import NavfnPlanner
@@ -82,8 +83,8 @@ def test_finds_a_path_exactly_if_there_is_one(seed: int, size: int, density: flo
 
 
 def test_potential_in_free_space_is_the_distance() -> None:
-    cell_costs = np.pad(np.ones((101, 101), np.float32), 1, constant_values=np.inf).astype(np.float32)
-    potential = dijkstra(cell_costs, 51 * 103 + 51, -1, False, 0.0).reshape(103, 103)
+    free = CellCosts(np.zeros((103, 103), np.uint8), np.ones(256, np.float32))
+    potential = dijkstra(free, 51 * 103 + 51, -1, False, 0.0).reshape(103, 103)
     rows, cols = np.mgrid[0:103, 0:103]
     exact = np.hypot(rows - 51, cols - 51)
     inner = np.isfinite(potential) & (exact > 0)

@@ -1,0 +1,108 @@
+"""How costs grow with the map: `python benchmarks/scaling.py [--check]`.
+
+The robot is in a room of 8 m in the middle of maps of 200 x 200 to 4000 x 4000 cells, and its goal is 3 m
+away. The exponent k in cost ~ side^k is fitted to the minimum CPU time of each size. With --check a row that
+grows faster than stated ends with status 1.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from thumper.common.geometry import Pose2
+from thumper.lidar.deskew import HIT, ScanPoints
+from thumper.maps.hit_counts import HitCounts
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.costmap.costmap import CostmapOptions, build_costmap
+from thumper.navigation.costmap.layers import CostmapLayers
+from thumper.navigation.footprint import Footprint
+from thumper.navigation.goal import Goal
+from thumper.navigation.planners.astar import AStarPlanner
+from thumper.navigation.planners.lattice import LatticeOptions, LatticePlanner
+from thumper.navigation.planners.navfn import NavfnPlanner
+from thumper.navigation.planners.planner import Planner
+from thumper.navigation.planners.traversal_cost import TraversalCostOptions
+from thumper.slam.grid.growing_grid import HitGrid
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.figure import figure
+from benchmarks.navigation import NO_HITS, cpu_ms
+
+SIDES = (200, 400, 1000, 2000, 4000)
+CELL_M, HALF_ROOM_CELLS = 0.05, 80
+START, GOAL = Pose2(), Goal(x_m=3.0, y_m=0.0)
+# The most that the exponent may be. The last two still read the whole map.
+MOST = {"navfn": 0.3, "astar": 0.3, "lattice": 0.3, "costmap update": 1.5, "grid()": 2.0}
+
+
+def room_map(side: int) -> OccupancyGrid:
+    """Return a free map with a closed room round its middle, which is the origin."""
+    cells = np.zeros((side, side), np.int8)
+    low, high = side // 2 - HALF_ROOM_CELLS, side // 2 + HALF_ROOM_CELLS
+    cells[low, low:high] = cells[high, low:high] = cells[low:high, low] = cells[low:high, high] = 100
+    cells[side // 2 - 10 : side // 2 + 20, side // 2 + 30] = 100  # an obstacle on the way to the goal
+    corner_m = -0.5 * CELL_M * side
+    return OccupancyGrid(cells=cells, resolution_m=CELL_M, origin_x_m=corner_m, origin_y_m=corner_m)
+
+
+def render(hit_grid: HitGrid) -> None:
+    """Insert one beam and return the map as the robot's loop asks for it."""
+    points = ScanPoints(origins_m=np.zeros((1, 2)), ends_m=np.ones((1, 2)), kinds=np.array([HIT], np.uint8))
+    hit_grid.insert(START, points)
+    hit_grid.grid(percent=False)
+
+
+def works(side: int) -> dict[str, Callable[[], object]]:
+    """Return what is measured in a map of this size."""
+    grid, footprint, traversal = room_map(side), Footprint(), TraversalCostOptions()
+    costmap = build_costmap(grid, NO_HITS, footprint, CostmapOptions())
+    lattice = LatticePlanner(LatticeOptions(), traversal, footprint)
+    planners: dict[str, Planner] = {
+        "navfn": NavfnPlanner(traversal),
+        "astar": AStarPlanner(traversal),
+        "lattice": lattice,
+    }
+    layers = CostmapLayers(footprint, CostmapOptions())
+    hits_m = np.random.default_rng(0).uniform(-2.0, 2.0, (2, 480, 2))
+    layers.update(grid, hits_m[1])
+    hit_grid = HitGrid.from_counts(HitCounts.from_grid(grid), CELL_M, 0.5, 0.3)
+    return {
+        **{name: partial(planner.plan, costmap, START, GOAL) for name, planner in planners.items()},
+        "costmap update": lambda: (layers.update(grid, hits_m[0]), layers.update(grid, hits_m[1])),
+        "grid()": partial(render, hit_grid),
+    }
+
+
+def main() -> int:
+    """Print and record the costs and exponents."""
+    parser = argparse.ArgumentParser(description="growth of costs with the side of the map")
+    parser.add_argument("--check", action="store_true", help="fail if a row grows faster than stated")
+    check = parser.parse_args().check
+    times_ms: dict[str, list[float]] = {name: [] for name in MOST}
+    for side in SIDES:
+        for name, work in works(side).items():
+            work()
+            times_ms[name].append(cpu_ms(work, 7))
+    too_fast = []
+    for name, most in MOST.items():
+        exponent = float(np.polyfit(np.log(SIDES), np.log(times_ms[name]), 1)[0])
+        row = " / ".join(f"{time_ms:.2f}" for time_ms in times_ms[name])
+        print(f"{name:16} {row} ms, side^{exponent:.2f} (at most {most})")
+        what = "goal 3 m off" if name in {"navfn", "astar", "lattice"} else "whole"
+        sides = " / ".join(map(str, SIDES))
+        figure(f"{name}, {what}: side {sides} cells", row, "ms", aim="<= 2 each" if what != "whole" else "")
+        figure(f"{name}, {what}: exponent of the side", f"{exponent:.2f}", aim=f"<= {most}")
+        if exponent > most:
+            too_fast.append(name)
+    if check and too_fast:
+        print(f"grows faster than stated: {', '.join(too_fast)}", file=sys.stderr)
+    return 1 if check and too_fast else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
