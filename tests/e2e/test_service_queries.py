@@ -8,6 +8,7 @@ import pytest
 
 from tests.e2e.service import FAR, Service
 from thumper.common.kinematics import WheelSpeeds
+from thumper.odometry.drive_train import DriveTrainEstimate, Estimate, WheelEstimate
 from thumper.runtime.requests import GoTo, RobotCommand
 from thumper.runtime.service import board_parameters
 
@@ -50,6 +51,38 @@ def test_nothing_arms_the_board_between_two_parameters_of_the_robot(service: Ser
         pass
     values = service.ask("parameters/get")["values"]
     assert (values["counts_per_rev"], values["track"]) == (960.0, 300.0)
+
+
+def test_the_wheels_are_compared_with_the_parameters_of_the_board(service: Service) -> None:
+    assert service.ask("wheels/state") == {
+        "ok": True,
+        "text": "not determined yet",
+        "drift": "",
+        "values": {},
+    }
+    monitor = service.robot.inputs.estimator.drive_train
+    assert monitor is not None
+    assert monitor.feed_forward is not None
+    kv = monitor.feed_forward.kv
+    assert kv == pytest.approx(service.ask("parameters/get")["values"]["kv"])
+    service.ask("parameters/set", {"kv": kv + 2.0})
+    assert monitor.feed_forward.kv == pytest.approx(kv + 2.0, abs=0.01)
+    service.ask("parameters/revert")
+    assert monitor.feed_forward.kv == pytest.approx(kv)
+    wheels = WheelEstimate(gain=Estimate(0.05, 1e-4), time_constant_s=None, friction=Estimate(40.0, 0.5))
+    monitor.estimate = DriveTrainEstimate(mean=wheels, left=wheels, right=wheels)
+    reply = service.ask("wheels/state")
+    assert (
+        reply["text"]
+        == "gain 0.05 +- 0.0001 rad/s per PWM, time constant not determined, friction 40 +- 0.5 PWM"
+    )
+    assert reply["values"]["left_friction_pwm"] == 40.0
+    assert "mean_time_constant_s" not in reply["values"]
+    assert "40 PWM against friction" in reply["drift"]
+    service.run_cycles(1)
+    assert sum("40 PWM against friction" in event for event in service.events) == 1
+    service.run_cycles(3)
+    assert sum("40 PWM against friction" in event for event in service.events) == 1
 
 
 def test_the_status_distinguishes_heading_zero_from_none(service: Service) -> None:

@@ -44,16 +44,18 @@ def status(
                 exit_code=EXIT_NOT_THERE,
             )
         mapping: dict[str, Any] = {}
+        wheels: dict[str, Any] = {}
         with suppress(ThumperError):  # a robot that waits for its board answers no queries
             mapping = asdict(services.MAPPING_STATE.call(client))
+            wheels = asdict(services.WHEELS_STATE.call(client))
     message = messages[-1]
     if as_json:
-        print(json.dumps({**to_json(message), "mapping": mapping}))
+        print(json.dumps({**to_json(message), "mapping": mapping, "wheel_estimate": wheels}))
     else:
-        print(_status_text(message, mapping))
+        print(_status_text(message, mapping, wheels))
 
 
-def _status_text(message: Any, mapping: Mapping[str, str]) -> str:
+def _status_text(message: Any, mapping: Mapping[str, str], wheels: Mapping[str, Any]) -> str:
     m = message
     lines = [
         f"{m.robot} ({'SIMULATED' if m.simulated else 'REAL'}): {m.mode}"
@@ -66,6 +68,8 @@ def _status_text(message: Any, mapping: Mapping[str, str]) -> str:
     lines.append(f"board    {m.board_state.lower().replace('_', ' ')}")
     if m.fault:
         lines.append(f"fault    {m.fault}, {m.fault_words}: {m.fault_cure}")
+    if wheels:
+        lines.append("wheels   " + "; ".join(filter(None, (wheels["text"], wheels["drift"]))))
     lines += [
         f"link     {m.link_errors} bad frames, {m.lost_edges} lost encoder edges, "
         f"telemetry {max(0.0, 1e3 * m.telemetry_age_s):.0f} ms old",

@@ -80,6 +80,19 @@ class MappingState:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WheelsState:
+    """Reply of `wheels/state`."""
+
+    text: Annotated[str, "the estimate in one line"]
+    drift: Annotated[str, "how the wheels differ from the board's model; empty if they do not"]
+    values: Annotated[
+        dict[str, float],
+        "`left_gain_rad_s_per_pwm`, `mean_time_constant_s`, `right_friction_pwm`..., each with `_std`; only "
+        "what is determined",
+    ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RunCommand:
     """Request of `command`."""
 
@@ -178,6 +191,12 @@ MAPPING_STATE = Service(
     request=Empty,
     reply=MappingState,
 )
+WHEELS_STATE = Service(
+    name="wheels/state",
+    summary="returns the wheels' gain, time constant and friction, estimated while driving",
+    request=Empty,
+    reply=WheelsState,
+)
 COMMAND = Service(
     name="command",
     summary="carries out a command",
@@ -229,6 +248,7 @@ SERVICES: Mapping[str, Service[Any, Any]] = types.MappingProxyType(
             MISSION_SEND,
             MISSION_STATE,
             MAPPING_STATE,
+            WHEELS_STATE,
             COMMAND,
             SIMULATOR_WORLD,
             SIMULATOR_COMMAND,

@@ -21,6 +21,7 @@ from thumper.lidar.self_returns import SelfReturnFilter
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.navigator import Navigator
 from thumper.navigation.warm_up import warm_up as warm_up_navigation
+from thumper.odometry.drive_train_monitor import DriveTrainMonitor
 from thumper.ros.to_ros import Messages
 from thumper.runtime.drive.drive_manager import DriveManager
 from thumper.runtime.drive.goal_limits import GoalLimits
@@ -34,6 +35,7 @@ from thumper.runtime.service.map_saver import MapSaver
 from thumper.runtime.service.request_handler import RequestHandler
 from thumper.runtime.service.request_queue import RequestQueue
 from thumper.runtime.service.simulator_control import HasSimulator
+from thumper.runtime.service.wheels import read_feed_forward
 from thumper.runtime.state_estimator import StateEstimator
 from thumper.slam.factory import make_mapper
 from thumper.slam.mode_switch import SlamModeSwitch
@@ -101,6 +103,7 @@ def _wire(
         mapper=mapper,
         imu=config.imu,
         self_returns=SelfReturnFilter(config.lidar.base_from_laser, config.footprint.polygon_m()),
+        drive_train=_drive_train(board),
     )
     inputs = SensorInputs(
         board=board, lidar=lidar, estimator=estimator, open_lidar=lambda: open_lidar(config.lidar)
@@ -140,6 +143,15 @@ def _wire(
             publisher=publisher,
             reconnection=Reconnection(inputs, drive_manager, publisher, lambda: _connect(config)),
         )
+    )
+
+
+def _drive_train(board: Board) -> DriveTrainMonitor:
+    identity = board.identity
+    return DriveTrainMonitor(
+        counts_per_rev=identity.counts_per_rev,
+        pwm_frequency_Hz=identity.pwm_frequency_Hz,
+        feed_forward=read_feed_forward(board),
     )
 
 

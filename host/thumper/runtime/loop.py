@@ -27,6 +27,7 @@ from thumper.runtime.publisher import Publisher
 from thumper.runtime.real_time_rate import RealTimeRate
 from thumper.runtime.reconnection import Reconnection
 from thumper.runtime.sensor_inputs import SensorInputs
+from thumper.runtime.service import wheels
 from thumper.runtime.service.request_handler import RequestHandler
 from thumper.runtime.service.request_queue import RequestQueue
 from thumper.runtime.state_estimator import RobotState
@@ -227,6 +228,7 @@ class RobotLoop:
         handler = self.request_handler
         if handler.experiments.requested and not handler.board_jobs:
             handler.experiments.run(self.control_cycle)
+            wheels.read_again(self.inputs.estimator, self.inputs.board)
         elif self.inputs.reopen_lidar():
             self.publisher.publish_event("the lidar answers again", name="lidar")
 

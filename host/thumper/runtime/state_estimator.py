@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thumper.board.board import TelemetrySample
+from thumper.board.messages import Telemetry
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.common.kinematics import DriveGeometry
 from thumper.common.stamps import rounded_s
@@ -17,6 +18,8 @@ from thumper.lidar.scan import Scan
 from thumper.lidar.scan_checks import ScanChecker, ScanDefect
 from thumper.lidar.self_returns import SelfReturnFilter
 from thumper.navigation.state import ScanFrames
+from thumper.odometry.drive_train import WheelTick
+from thumper.odometry.drive_train_monitor import DriveTrainMonitor
 from thumper.odometry.gyro_ekf import GyroEkf
 from thumper.odometry.imu import ImuOptions, ImuSample
 from thumper.odometry.jump_filter import JumpFilter
@@ -44,6 +47,18 @@ class RobotState:
     frames: ScanFrames | None = None  # of that scan; None before the first
 
 
+def wheel_tick(telemetry: Telemetry) -> WheelTick:
+    """Return the part of the telemetry that describes the wheels."""
+    return WheelTick(
+        time_us=telemetry.time_us,
+        left_count=telemetry.left_count,
+        right_count=telemetry.right_count,
+        left_pwm=telemetry.left_pwm,
+        right_pwm=telemetry.right_pwm,
+        battery_V=telemetry.battery_mV / 1000.0,
+    )
+
+
 class StateEstimator:
     """Combines odometry and mapper: telemetry and scans in, `RobotState` out."""
 
@@ -55,8 +70,10 @@ class StateEstimator:
         mapper: Mapper,
         imu: ImuOptions | None = None,
         self_returns: SelfReturnFilter | None = None,
+        drive_train: DriveTrainMonitor | None = None,
     ) -> None:
         self.mapper = mapper
+        self.drive_train = drive_train
         self._base_from_laser = base_from_laser
         self._self_returns = self_returns
         self._odometry: WheelOdometry | GyroEkf = WheelOdometry(drive)
@@ -80,6 +97,8 @@ class StateEstimator:
     def add_telemetry(self, sample: TelemetrySample) -> None:
         """Advance the odometry."""
         telemetry = sample.telemetry
+        if self.drive_train is not None:
+            self.drive_train.add(wheel_tick(telemetry))
         time_s = rounded_s(sample.time_s)
         raw = self._odometry.update(time_s, telemetry.left_count, telemetry.right_count)
         jumps = self._jump_filter.jumps
@@ -102,6 +121,7 @@ class StateEstimator:
         for kind, lines in (
             ("LEAP", self._jump_filter.summary_lines()),
             ("SLIP", self._slip_detector.summary_lines()),
+            ("WHEELS", self.drive_train.drift_lines() if self.drive_train is not None else []),
         ):
             if lines:
                 warnings[kind] = lines[0]

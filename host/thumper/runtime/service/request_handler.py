@@ -37,7 +37,7 @@ from thumper.runtime.requests import (
     parse_goal,
 )
 from thumper.runtime.sensor_inputs import SensorInputs
-from thumper.runtime.service import board_parameters, slam_mode
+from thumper.runtime.service import board_parameters, slam_mode, wheels
 from thumper.runtime.service.board_jobs import BoardJob, BoardJobQueue
 from thumper.runtime.service.commands import CommandHandler, Commands
 from thumper.runtime.service.experiments import Experiments
@@ -194,6 +194,7 @@ class RequestHandler:
                 _bind(services.MISSION_SEND, self._send_mission),
                 _bind(services.MISSION_STATE, lambda find, _: self._missions.state(find.mission)),
                 _bind(services.MAPPING_STATE, lambda _, __: slam_mode.describe(self._inputs.estimator)),
+                _bind(services.WHEELS_STATE, lambda _, __: wheels.describe(self._inputs.estimator)),
                 _bind(services.COMMAND, self._run_command),
                 _bind(services.SIMULATOR_WORLD, lambda _, __: self.simulation.describe()),
                 _bind(services.SIMULATOR_COMMAND, self._change_simulation),
@@ -209,6 +210,7 @@ class RequestHandler:
 
     def _change(self, content: Mapping[str, Any]) -> BoardJob[ParameterValues]:
         reply = yield from board_parameters.change(self._drive_manager.board, content)
+        wheels.take_parameters(self._inputs.estimator, reply.values)
         self._publisher.publish_event(f"parameters set: {reply.values}")
         return reply
 
@@ -221,7 +223,12 @@ class RequestHandler:
 
     def _revert_parameters(self, _request: Empty, _source: str) -> BoardJob[ParameterValues]:
         self._preconditions.require_no_experiment()
-        return board_parameters.revert(self._drive_manager.board)
+        return self._revert()
+
+    def _revert(self) -> BoardJob[ParameterValues]:
+        reply = yield from board_parameters.revert(self._drive_manager.board)
+        wheels.take_parameters(self._inputs.estimator, reply.values)
+        return reply
 
     def _send_mission(self, request: SendMission, source: str) -> MissionStarted:
         return MissionStarted(mission=self._missions.start((parse_goal(request_content(request)),), source))

@@ -1,0 +1,141 @@
+"""The wheels are estimated from ordinary driving: real firmware on the simulated chip, known parameters."""
+
+import math
+from dataclasses import replace
+from functools import cache
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from thumper.board.board import Board, TelemetrySample
+from thumper.board.messages import Command, Fault
+from thumper.common.kinematics import WheelSpeeds
+from thumper.odometry.drive_train import DriveTrainEstimate, DriveTrainEstimator, WheelTick
+from thumper.odometry.drive_train_monitor import BoardWheelModel, DriveTrainMonitor
+from thumper.runtime.state_estimator import wheel_tick
+from thumper_hil.chip.robot_params import RobotParams
+
+ROBOT = RobotParams.load()
+EQUAL = replace(ROBOT, motor=replace(ROBOT.motor, spread_ratio=0.0, unit_spread_ratio=0.0))
+BOARD_MODEL = BoardWheelModel(ks=19.3, kv=17.12, ka=1.284)
+GAIN, TIME_CONSTANT_S, FRICTION_PWM = 0.0584, 0.075, 19.3  # wild_thumper.toml
+
+
+@cache
+def driven(name: str, robot: RobotParams, seed: int, seconds: float, varied: bool = True) -> list[WheelTick]:
+    """Drive on the simulated chip, in curves of random speed and yaw rate, or straight on at one speed."""
+    rng = np.random.default_rng(seed)
+    with patch.object(RobotParams, "load", return_value=robot):
+        board = Board.open(f"sim://{name}{seed}/board?world=hall&seed={seed}&floor=wood", baud=500_000)
+    samples: list[TelemetrySample] = []
+    try:
+        board.poll(0.3)
+        board.command(Command.ARM)
+        left = right = 4.0
+        for tick in range(int(10 * seconds)):
+            if varied and tick % 12 == 0:
+                direction = 1.0 if tick % 72 < 36 else -1.0  # back and forth, or it meets a wall
+                mean, half = direction * rng.uniform(1.0, 7.0), rng.choice((0.0, rng.uniform(-1.5, 1.5)))
+                left, right = mean - half, mean + half
+            board.set_wheel_speeds(WheelSpeeds(left_rad_s=left, right_rad_s=right))
+            samples += board.poll(0.5)
+    finally:
+        board.close()
+    assert samples[-1].telemetry.fault is Fault.NONE
+    return [wheel_tick(sample.telemetry) for sample in samples]
+
+
+def estimated(samples: list[WheelTick]) -> DriveTrainEstimate:
+    estimator = DriveTrainEstimator(counts_per_rev=1200.0, delay_s=0.5 / 122)
+    for tick in samples:
+        estimator.add(tick)
+    return estimator.estimate()
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_sixty_seconds_of_curves_determine_the_wheels(seed: int) -> None:
+    found = estimated(driven("ordinary", EQUAL, seed, 60.0)).mean
+    assert found.gain is not None
+    assert found.time_constant_s is not None
+    assert found.friction is not None
+    assert found.gain.value == pytest.approx(GAIN, rel=0.03)
+    assert found.time_constant_s.value == pytest.approx(TIME_CONSTANT_S, rel=0.10)
+    assert found.friction.value == pytest.approx(FRICTION_PWM, abs=2.0)
+
+
+def test_a_constant_speed_determines_nothing() -> None:
+    found = estimated(driven("constant", EQUAL, 1, 60.0, varied=False))
+    for wheels in (found.mean, found.left, found.right):
+        assert wheels.gain is None
+        assert wheels.time_constant_s is None
+        assert wheels.friction is None
+
+
+def test_missing_telemetry_is_left_out() -> None:
+    samples = driven("ordinary", EQUAL, 1, 60.0)
+    kept = [sample for k, sample in enumerate(samples) if k % 40 != 39]
+    found = estimated(kept).mean
+    assert found.gain is not None
+    assert found.gain.value == pytest.approx(GAIN, rel=0.03)
+
+
+def monitored(samples: list[WheelTick], model: BoardWheelModel = BOARD_MODEL) -> list[str]:
+    monitor = DriveTrainMonitor(counts_per_rev=1200.0, pwm_frequency_Hz=122.0, feed_forward=model)
+    for tick in samples:
+        monitor.add(tick)
+    return monitor.drift_lines()
+
+
+def test_a_robot_as_the_board_knows_it_has_no_drift() -> None:
+    for seed in (1, 2, 3):
+        assert monitored(driven("ordinary", EQUAL, seed, 60.0)) == []
+
+
+def test_dragging_wheels_are_reported_with_the_friction() -> None:
+    drags = replace(EQUAL, motor=replace(EQUAL.motor, coulomb_Nm=2.0 * EQUAL.motor.coulomb_Nm))
+    (line,) = monitored(driven("drags", drags, 1, 60.0))
+    assert "PWM against friction, ks is 19" in line
+    assert float(line.split(" PWM")[0].split()[-1]) == pytest.approx(2.0 * FRICTION_PWM, abs=3.0)
+    assert "run `thumper tune`" in line
+
+
+def test_other_gains_on_the_board_are_reported() -> None:
+    samples = driven("ordinary", EQUAL, 1, 60.0)
+    (line,) = monitored(samples, replace(BOARD_MODEL, kv=1.2 * BOARD_MODEL.kv, ka=2.0 * BOARD_MODEL.ka))
+    assert "faster than kv says" in line
+    assert "time constant" in line
+    assert monitored(samples, BoardWheelModel(ks=0.0, kv=0.0, ka=0.0)) == []  # a board without a model
+
+
+COUNTS = st.integers(-(2**31), 2**31 - 1)
+PWM = st.integers(-32768, 32767)
+STEP_US = st.sampled_from((100_000, 100_001, 0, 2**32 - 1, 5_000))
+TICKS = st.builds(WheelTick, STEP_US, COUNTS, COUNTS, PWM, PWM, st.floats(0.0, 65.0))
+
+
+@settings(max_examples=30)
+@given(st.lists(TICKS, max_size=130))
+def test_arbitrary_ticks_neither_raise_nor_give_nonsense(ticks: list[WheelTick]) -> None:
+    monitor = DriveTrainMonitor(counts_per_rev=1200.0, pwm_frequency_Hz=122.0, feed_forward=BOARD_MODEL)
+    time_us = 0
+    for tick in ticks:
+        time_us = (time_us + tick.time_us) % 2**32
+        monitor.add(tick._replace(time_us=time_us))
+        monitor.drift_lines()
+    if monitor.estimate is not None:
+        for wheels in (monitor.estimate.mean, monitor.estimate.left, monitor.estimate.right):
+            for found in (wheels.gain, wheels.time_constant_s, wheels.friction):
+                assert found is None or (math.isfinite(found.value) and math.isfinite(found.std))
+
+
+def test_an_error_in_the_estimate_does_not_reach_the_loop() -> None:
+    monitor = DriveTrainMonitor(counts_per_rev=1200.0, pwm_frequency_Hz=122.0, feed_forward=BOARD_MODEL)
+    samples = driven("ordinary", EQUAL, 1, 60.0)
+    with patch.object(DriveTrainEstimator, "add", side_effect=ValueError):
+        monitor.add(samples[0])
+    for tick in samples:
+        monitor.add(tick)
+    assert monitor.estimate is None
