@@ -1,7 +1,7 @@
 """`thumper sim` on two pseudo-terminals that also prints when the motors are driven; run as a program.
 
-A line of JSON each 20 ms of simulated time and at each change: its time, the wall's, and whether a motor has
-PWM. SIGUSR1 pulls the board's plug, SIGUSR2 puts it back.
+A line of JSON each 20 ms of simulated time and at each change: its time, the wall's, whether a motor has PWM,
+and the true pose. SIGUSR1 pulls the board's plug, SIGUSR2 puts it back.
 """
 
 import json
@@ -34,7 +34,11 @@ class Witness(Bench):
         driven = bool(self.chip.data(OCR2A) or self.chip.data(OCR2B))
         if driven != self._told[1] or self.time_s >= self._told[0] + PERIOD_S:
             self._told = (self.time_s, driven)
-            print(json.dumps({"sim_s": self.time_s, "wall_s": time.monotonic(), "on": driven}), flush=True)
+            line = {"sim_s": self.time_s, "wall_s": time.monotonic(), "on": driven, "pose": self._true_pose()}
+            print(json.dumps(line), flush=True)
+
+    def _true_pose(self) -> tuple[float, ...]:
+        return self._truth[-1][1:4] if self._truth else ()
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from thumper.cli.options.common import (
     BoardPort,
     BusAddress,
     ConfigFile,
+    Fresh,
     LidarPort,
     Record,
     RecordTo,
@@ -34,6 +35,7 @@ def explore(
     config: ConfigFile = None,
     out: RunFolder = Path("out/explore"),
     session: Session = None,
+    fresh: Fresh = False,
     start: StartPose = None,
     bus: BusAddress = "",
     record: Record = False,
@@ -42,7 +44,8 @@ def explore(
     """Explore an unknown place until no frontier is left, return to the start and save the map.
 
     The robot starts at the map's origin and faces along x. With --session, it starts at --start or localizes
-    itself. Exits with 1 if the robot did not return home.
+    itself. If the last run did not end regularly (power cut, crash), its map is resumed by itself. Exits with
+    1 if the robot did not return home.
 
     Example: `thumper explore --board /dev/ttyUSB0 --lidar /dev/ttyACM0 --minutes 10`
     """
@@ -65,6 +68,7 @@ def explore(
         bus=bus,
         start=start,
         session=session,
+        fresh=fresh,
         out=out,
         record=record,
         record_to=record_to,
@@ -75,7 +79,7 @@ def explore(
         task = tasks.explore(
             Explorer(ExplorationOptions(), settings.footprint),
             robot.mapper.grid,
-            _home(robot, resumed=session is not None),
+            _home(robot, at_start=session is not None),
             limit_s=60.0 * minutes,
             report=console.print,
         )
@@ -88,15 +92,23 @@ def explore(
         raise typer.Exit(1)
 
 
-def _home(robot: "RobotLoop", *, resumed: bool) -> "Goal":
-    """Return where the robot starts, to come back to; raise ThumperError if it cannot localize there."""
-    from thumper.common.errors import ThumperError
-    from thumper.navigation.goal import Goal
+def _home(robot: "RobotLoop", *, at_start: bool) -> "Goal":
+    """Return where to come back to: where the robot is now, or the map's origin.
 
-    if not resumed:
-        return Goal(x_m=0.0, y_m=0.0, tolerance_m=HOME_TOLERANCE_M)
-    state = robot.wait_for_map()
-    if state.lost:
-        raise ThumperError(f"the robot does not know where it is: {state.lost}; pass --start")
-    here = state.map_from_base
-    return Goal(x_m=here.x_m, y_m=here.y_m, tolerance_m=HOME_TOLERANCE_M)
+    Raises
+    ------
+    ThumperError
+        The robot resumes a map and cannot localize in it.
+    """
+    from thumper.common.errors import ThumperError
+    from thumper.common.geometry import Pose2
+    from thumper.navigation.goal import Goal
+    from thumper.slam.mapper import SwitchesMode
+
+    home = Pose2()
+    if isinstance(robot.mapper, SwitchesMode) and robot.mapper.is_localizing:
+        state = robot.wait_for_map()
+        if state.lost:
+            raise ThumperError(f"the robot does not know where it is: {state.lost}; pass --start")
+        home = state.map_from_base if at_start else home
+    return Goal(x_m=home.x_m, y_m=home.y_m, tolerance_m=HOME_TOLERANCE_M)

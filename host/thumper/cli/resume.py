@@ -1,9 +1,13 @@
-"""Keep the session of a run on disk, so that a crash does not lose it."""
+"""Keep the session of a run on disk, and resume it after a crash."""
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from thumper.cli.start_map import load_start_map
+from thumper.common.errors import ThumperError
+from thumper.config.robot import RobotConfig
 from thumper.maps.map_server_io import save_map
 from thumper.runtime.loop import RobotLoop
 from thumper.runtime.requests import LogMessage
@@ -15,7 +19,7 @@ AUTOSAVE, INTERRUPTED = "autosave.session", "interrupted.session"
 
 @contextmanager
 def autosaved(robot: RobotLoop, out: Path) -> Iterator[None]:
-    """Save the session every few seconds; a run that ends regularly removes the file."""
+    """Save the session every few seconds; a run that ends regularly, with its map saved, removes the file."""
 
     def report(text: str) -> None:
         robot.request_queue.put(LogMessage(text=text))
@@ -28,11 +32,35 @@ def autosaved(robot: RobotLoop, out: Path) -> Iterator[None]:
         is_regular = True
     finally:
         robot.after_cycle.remove(autosave.step)
-        autosave.close(remove=is_regular)
+        autosave.close(remove=is_regular and robot.inputs.has_map)
 
 
-def keep_interrupted_session(out: Path) -> None:
-    """Rename the session of a run that did not end regularly, and print how to resume it."""
+def load_interrupted(settings: RobotConfig, out: Path) -> SavedSlamState | None:
+    """Return the session of the last run into `out`, if that run did not end regularly.
+
+    Raises
+    ------
+    ThumperError
+        The session cannot be used.
+    """
+    path = out / AUTOSAVE
+    if not path.exists():
+        return None
+    age_s = time.time() - path.stat().st_mtime
+    print(
+        f"the last run did not end: resuming its map of {age_s:.0f} s ago; --fresh starts a new one",
+        flush=True,
+    )
+    try:
+        session = load_start_map(settings, None, path)
+    except ThumperError as error:
+        raise ThumperError(f"{error}, or --fresh to start a new map", exit_code=error.exit_code) from error
+    assert isinstance(session, SavedSlamState)
+    return session
+
+
+def set_aside_interrupted(out: Path) -> None:
+    """Rename the session of a run that did not end regularly, and print how to resume it later."""
     path, kept = out / AUTOSAVE, out / INTERRUPTED
     if path.exists():
         path.replace(kept)

@@ -13,7 +13,7 @@ from thumper.cli.options.record import recorded
 from thumper.cli.output.drive_progress import ProgressDisplay, print_warnings
 from thumper.cli.output.folder import prepare_output
 from thumper.cli.output.run_report import write_run
-from thumper.cli.resume import autosaved, keep_interrupted_session
+from thumper.cli.resume import autosaved, load_interrupted, set_aside_interrupted
 from thumper.cli.start_map import load_start_map
 from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig, load_config, with_ports
@@ -40,6 +40,7 @@ class RunOptions:
     record_to: Path | None
     saved_map: Path | None = None
     ui: bool = False
+    fresh: bool = False
 
     @property
     def start_pose(self) -> Pose2 | None:
@@ -70,12 +71,16 @@ class RunOptions:
 def opened_robot(options: RunOptions, settings: RobotConfig, *, serving: bool = False) -> Iterator[RobotLoop]:
     """Open the robot, with recording, bus and browser page as the options say.
 
-    A robot that is `serving` needs the bus, and saves its map on request; for a drive both are optional.
+    A robot that is `serving` needs the bus, and saves its map on request; for a drive both are optional. If
+    the last run did not end regularly, the robot resumes its map at the pose that was saved last.
     """
     known = load_start_map(settings, options.saved_map, options.session)
-    keep_interrupted_session(options.out)
-    map_path = options.out / "map.yaml" if serving else None
     start = options.start_pose
+    if known is None and not options.fresh and (session := load_interrupted(settings, options.out)):
+        known, start = session, session.map_from_base
+    else:
+        set_aside_interrupted(options.out)
+    map_path = options.out / "map.yaml" if serving else None
     join_bus = on_bus if serving else on_bus_if_free
     with (
         dashboard_process(options.config, settings.bus.address, wanted=options.ui),

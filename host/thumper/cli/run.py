@@ -13,6 +13,7 @@ from thumper.cli.options.common import (
     BusAddress,
     ClearFault,
     ConfigFile,
+    Fresh,
     GoalTolerance,
     LidarPort,
     Record,
@@ -53,6 +54,7 @@ def run(
     start: StartPose = None,
     saved_map: SavedMap = None,
     session: Session = None,
+    fresh: Fresh = False,
     tolerance: GoalTolerance = 0.1,
     clear_fault: ClearFault = False,
     config: ConfigFile = None,
@@ -76,7 +78,8 @@ def run(
     gamepad, other programs.
 
     --start defines the map frame. By default, the robot starts at the origin and faces along x. With --map or
-    --session, the saved frame stays, and the robot first localizes in it.
+    --session, the saved frame stays, and the robot first localizes in it. If the last run did not end
+    regularly (power cut, crash), its map is resumed by itself.
 
     Example: `thumper run --board /dev/ttyUSB0 --lidar /dev/ttyACM0 --goal 2.0 0.5`
     """
@@ -104,6 +107,7 @@ def run(
         start=start,
         saved_map=saved_map,
         session=session,
+        fresh=fresh,
         out=out,
         record=record,
         record_to=record_to,

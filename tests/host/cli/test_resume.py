@@ -1,19 +1,54 @@
-"""The session of a run that crashed is kept, and named."""
+"""The session of a run that crashed is resumed, or kept and named."""
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from thumper.cli.resume import AUTOSAVE, INTERRUPTED, keep_interrupted_session
+from thumper.cli.resume import AUTOSAVE, INTERRUPTED, load_interrupted, set_aside_interrupted
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import Pose2
+from thumper.config.robot import RobotConfig
+from thumper.maps.hit_counts import HitCounts
+from thumper.slam.saved_state import SavedSlamState, save_session
+
+COUNTS = HitCounts(
+    hits=np.ones((2, 3), np.uint16),
+    misses=np.zeros((2, 3), np.uint16),
+    first_cell=(0, 0),
+    resolution_m=RobotConfig().mapping.resolution_m,
+)
+
+
+def test_session_of_a_crash_is_loaded_with_its_pose(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert load_interrupted(RobotConfig(), tmp_path) is None
+    assert capsys.readouterr().out == ""
+    save_session(SavedSlamState(counts=COUNTS, map_from_base=Pose2(x_m=1.0)), tmp_path / AUTOSAVE)
+    session = load_interrupted(RobotConfig(), tmp_path)
+    assert session is not None
+    assert session.map_from_base == Pose2(x_m=1.0)
+    assert np.array_equal(session.counts.hits, COUNTS.hits)
+    output = capsys.readouterr().out
+    assert "the last run did not end" in output
+    assert "--fresh" in output
+    assert (tmp_path / AUTOSAVE).exists()  # another crash before the next save loses nothing
+
+
+def test_damaged_session_names_the_way_out(tmp_path: Path) -> None:
+    (tmp_path / AUTOSAVE).write_text("no session")
+    with pytest.raises(ThumperError, match="--fresh"):
+        load_interrupted(RobotConfig(), tmp_path)
 
 
 def test_the_next_run_does_not_overwrite_the_session_of_a_crash(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    keep_interrupted_session(tmp_path)
+    set_aside_interrupted(tmp_path)
     assert capsys.readouterr().out == ""
     (tmp_path / AUTOSAVE).write_text("map")
-    keep_interrupted_session(tmp_path)
+    set_aside_interrupted(tmp_path)
     assert (tmp_path / INTERRUPTED).read_text() == "map"
     assert not (tmp_path / AUTOSAVE).exists()
     assert f"--session {tmp_path / INTERRUPTED}" in capsys.readouterr().out

@@ -33,6 +33,10 @@ SavedMap = Annotated[
 Session = Annotated[
     Path | None, typer.Option("--session", help="Continue mapping from this saved session (map.session).")
 ]
+Fresh = Annotated[
+    bool,
+    typer.Option("--fresh", help="Start a new map, even if the last run into --out did not end regularly."),
+]
 GoalTolerance = Annotated[
     float, typer.Option("--tolerance", min=0.02, max=1.0, help="Allowed distance from the goal, in metres.")
 ]
