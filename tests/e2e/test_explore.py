@@ -1,9 +1,12 @@
-"""`thumper explore` with a robot that fails: it reports why and saves the map so far."""
+"""`thumper explore`: its events, and a robot that fails: it reports why and saves the map so far."""
 
 import json
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
+
+from thumper.recording.reader import Recording, find_recordings
+from thumper.runtime.drive.data_age import LIDAR_LOST
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -20,3 +23,15 @@ def test_a_lost_lidar_ends_exploration_and_saves_the_map(thumper: Run, tmp_path:
     spent_s = json.loads((out / "summary.json").read_text(encoding="utf-8"))["time_s"]
     assert spent_s > float(told.split("ended after ")[1].split()[0]) - 0.5  # of all drives, not of the last
     assert {"map.yaml", "map.pgm", "summary.json"} <= {path.name for path in out.iterdir()}
+
+
+def test_stop_between_two_drives_does_not_lose_the_lidar(thumper: Run, tmp_path: Path) -> None:
+    record = ("--record-to", tmp_path / "rec", "--out", tmp_path / "out")
+    done = thumper(
+        "explore", "--board", "sim://robot/board?world=lab", "--lidar", "sim://robot/lidar", *record
+    )
+    assert done.returncode == 0, done.stderr
+    recording = Recording(find_recordings([tmp_path / "rec"]))
+    events = [message.decode().msg for message in recording.messages() if message.topic == "events"]
+    assert sum(": at the goal" in event for event in events) >= 2  # drives that ended with a stop
+    assert LIDAR_LOST not in events

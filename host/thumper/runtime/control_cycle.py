@@ -70,7 +70,7 @@ class ControlCycle:
         result = stop_and_disarm(self.inputs.board)
         with suppress(Exception):  # an error here must not hide how the drive ended
             self.inputs.add_telemetry(result.samples)
-            self.inputs.scans = []
+            self.inputs.read_scans()  # a stop takes up to 3 s: without its scans the lidar would seem lost
             self.publish()  # a recording contains the stop as well
         self.drive_manager.on_stopped()
         return result
