@@ -19,13 +19,14 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from thumper.common.geometry import Pose2, Twist2
+from thumper.maps.distance_transform import squared_distances
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.controllers.controller import ControlRequest
 from thumper.navigation.controllers.dwa import DwaController, DwaOptions
 from thumper.navigation.controllers.mppi import MppiController, MppiOptions
 from thumper.navigation.controllers.rotate_in_place import RotateInPlaceOptions
 from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_costmap
-from thumper.navigation.costmap.inflation import LETHAL, UNKNOWN, squared_distances
+from thumper.navigation.costmap.inflation import LETHAL, UNKNOWN
 from thumper.navigation.costmap.layers import CostmapLayers
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal

@@ -26,7 +26,7 @@ LAYERS = (
     "__main__",
 )
 NAVIGATION = (
-    "footprint goal resumable speed_limits state",
+    "footprint goal speed_limits state",
     "costmap",
     "planners",
     "controllers",

@@ -4,6 +4,7 @@ import numpy as np
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray, Pose2, Twist2
+from thumper.common.resumable import SlicedSearch, merged
 from thumper.lidar.scan import Scan
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -12,11 +13,13 @@ from thumper.slam.grid.grid_mapper import GridMapper
 from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.grid.options import GridMapperOptions
 from thumper.slam.localization.amcl import Amcl
+from thumper.slam.localization.likelihood_field import LikelihoodField
 from thumper.slam.localization.options import AmclOptions
 from thumper.slam.mapper import DetectsKidnapping, HasParticles, MapperUpdate, PoseQuality
 
 # Standard deviations of the pose that the mapper passes to the localizer.
 HANDOVER_STD_M, HANDOVER_STD_RAD = 0.1, 0.05
+BANDS_PER_SCAN = 3  # of a map that is prepared for the search of a kidnapped robot: about 10 ms
 
 
 class SlamModeSwitch:
@@ -42,6 +45,7 @@ class SlamModeSwitch:
         self._map_from_base: Pose2 | None = None  # at the newest scan
         self._loaded: HitCounts | None = None  # the map in use, if it is not the mapper's own
         self._resume_when_confirmed = False
+        self._preparation = SlicedSearch[LikelihoodField]()
         self.localizer: Amcl | None = None
 
     @property
@@ -188,25 +192,36 @@ class SlamModeSwitch:
         """Process one scan; see `Mapper.update`."""
         update = (self.localizer or self._mapper).update(odom_from_base, scan, twist)
         self._odom_from_base, self._map_from_base = odom_from_base, update.map_from_base
-        if self.localizer is None and isinstance(self._mapper, DetectsKidnapping) and self._mapper.kidnapped:
+        if self.localizer is None and (field := self._own_map_after_kidnapping()) is not None:
             # Search the own map, and continue in it once the scans confirm a place.
-            self._start_localizer(self._mapper.grid(), None)
+            self._start_localizer(field, None)
             self._resume_when_confirmed = True
         confirmed = self.localizer is not None and self.localizer.confirmed
         if self._resume_when_confirmed and confirmed and not self.quality().lost:
             self.resume_mapping()
         return update
 
+    def _own_map_after_kidnapping(self) -> LikelihoodField | None:
+        """Return the mapper's map prepared for localization, some scans after a kidnapping."""
+        if not (isinstance(self._mapper, DetectsKidnapping) and self._mapper.kidnapped):
+            self._preparation.stop()
+            return None
+        if not self._preparation.is_running:
+            self._preparation.start(merged(LikelihoodField.search(self._mapper.grid()), BANDS_PER_SCAN))
+        return self._preparation.advance()
+
     def _start_localizer(
-        self, grid: OccupancyGrid, map_from_base: Pose2 | None, *, verify: bool = True
+        self, known: OccupancyGrid | LikelihoodField, map_from_base: Pose2 | None, *, verify: bool = True
     ) -> None:
+        self._preparation.stop()
+        grid = known.grid if isinstance(known, LikelihoodField) else known
         if not np.any(grid.cells == OCCUPIED):
             raise ThumperError(
                 "the map has no walls, so the robot cannot localize in it; choose another map",
                 exit_code=EXIT_USAGE,
             )
         self.localizer = Amcl(
-            grid,
+            known,
             self._options,
             base_from_laser=self._base_from_laser,
             map_from_base=map_from_base,

@@ -12,6 +12,7 @@ import numpy as np
 from annotated_types import Ge, Gt
 
 from thumper.common.geometry import FloatArray, Twist2, wrap_angle
+from thumper.common.resumable import Search, SlicedSearch
 from thumper.navigation.controllers.controller import ControlRequest, ControlResult
 from thumper.navigation.controllers.rotate_in_place import SLOWEST_TURN_RAD_S, poses_are_free
 from thumper.navigation.controllers.stopping_check import braking_distance_s, simulated_poses
@@ -19,7 +20,6 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.lattice import LatticePlanner
 from thumper.navigation.planners.polyline import arc_lengths
-from thumper.navigation.resumable import Search, SlicedSearch
 from thumper.navigation.speed_limits import SpeedLimits, step_toward, stoppable_speed
 
 SIDE_GAIN, HEADING_GAIN = 20.0, 9.0  # [1/m^2], [1/m]: critically damped over about a quarter of a metre

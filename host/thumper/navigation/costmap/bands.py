@@ -1,24 +1,15 @@
 """The costmap of the map alone, in bands of rows: a whole large map takes longer than a control cycle."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
+from thumper.common.resumable import Search, bands_of
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_costmap, inflation_radius_cells
 from thumper.navigation.footprint import Footprint
-from thumper.navigation.resumable import BAND_CELLS, Search
 
 NO_HITS = np.empty((0, 2))
-
-
-def bands_of(shape: tuple[int, int]) -> Iterator[slice]:
-    """Yield the rows of an array in bands of about `BAND_CELLS` cells."""
-    rows, cols = shape
-    step = max(1, BAND_CELLS // max(1, cols))
-    for begin in range(0, rows, step):
-        yield slice(begin, min(rows, begin + step))
 
 
 def build_band(

@@ -9,6 +9,7 @@ from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.maps.distance_transform import squared_distances
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.filters import keepout_cells
 from thumper.navigation.costmap.inflation import (
@@ -17,7 +18,6 @@ from thumper.navigation.costmap.inflation import (
     ByteArray,
     IntArray,
     cost_table,
-    squared_distances,
     whole_cells,
 )
 from thumper.navigation.footprint import Footprint

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
+from thumper.maps.distance_transform import squared_distances
 from thumper.maps.occupancy_grid import CellArray, OccupancyGrid
 from thumper.navigation.costmap.costmap import (
     Costmap,
@@ -18,7 +19,7 @@ from thumper.navigation.costmap.costmap import (
     inflation_table,
 )
 from thumper.navigation.costmap.filters import keepout_cells
-from thumper.navigation.costmap.inflation import INSCRIBED, UNKNOWN, ByteArray, squared_distances
+from thumper.navigation.costmap.inflation import INSCRIBED, UNKNOWN, ByteArray
 from thumper.navigation.footprint import Footprint
 
 MAP, KEEPOUT, HIT = 1, 2, 4  # bits of a cell's layers; any of them makes it an obstacle

@@ -3,6 +3,7 @@
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.common.resumable import Search, run_to_end
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.costmap.inflation import INSCRIBED, UNKNOWN
 from thumper.navigation.goal import Goal
@@ -12,7 +13,6 @@ from thumper.navigation.planners.planner import PlanResult
 from thumper.navigation.planners.polyline import resample, shortcut, smooth
 from thumper.navigation.planners.start_and_goal_cells import find_ends, goal_end
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions, path_cost_m, traversal_cost
-from thumper.navigation.resumable import Search, run_to_end
 
 SHORTCUT_POINTS = 100  # longest run that one shortcut replaces
 SLICE_POINTS = 400  # of the path that are shortened in one cycle

@@ -10,11 +10,11 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
+from thumper.common.resumable import ASTAR_CELLS, Search, run_to_end
 from thumper.navigation.costmap.inflation import ByteArray, IntArray
 from thumper.navigation.planners.binary_heap import doubled, heap_pop, heap_push
 from thumper.navigation.planners.cell_costs import CellCosts, is_inside
 from thumper.navigation.planners.sparse_memory import sparse_zeros
-from thumper.navigation.resumable import ASTAR_CELLS, Search, run_to_end
 
 NO_GOAL = -1
 UNTOUCHED, OPEN, CLOSED = 0, 1, 2

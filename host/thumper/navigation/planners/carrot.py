@@ -9,6 +9,7 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2, wrap_angle
 from thumper.common.numba_kernel import kernel
+from thumper.common.resumable import Search
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal_count
 from thumper.navigation.footprint import Footprint
@@ -17,7 +18,6 @@ from thumper.navigation.planners.cell_costs import CellCosts
 from thumper.navigation.planners.planner import PlanResult
 from thumper.navigation.planners.polyline import arc_lengths, resample
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions, traversal_cost
-from thumper.navigation.resumable import Search
 
 
 class CarrotPlanner:

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from thumper.common.numba_kernel import kernel
+from thumper.common.resumable import DIJKSTRA_CELLS, Search, run_to_end
 from thumper.navigation.costmap.inflation import ByteArray, IntArray
 from thumper.navigation.planners.cell_costs import INFINITE, CellCosts, CostArray, cost_at, is_inside
 from thumper.navigation.planners.sparse_memory import sparse_zeros
-from thumper.navigation.resumable import DIJKSTRA_CELLS, Search, run_to_end
 
 # Width of a bucket [free cells]. Wide buckets expand cells more often, narrow ones scan the front more often.
 BUCKET = 16.0

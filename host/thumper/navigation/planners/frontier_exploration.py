@@ -14,8 +14,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from thumper.common.geometry import Pose2
+from thumper.common.resumable import Search, bands_of, merged, run_to_end
 from thumper.maps.occupancy_grid import CellArray, OccupancyGrid
-from thumper.navigation.costmap.bands import bands_of, search_costmap
+from thumper.navigation.costmap.bands import search_costmap
 from thumper.navigation.costmap.costmap import Costmap, CostmapOptions
 from thumper.navigation.costmap.inflation import LETHAL
 from thumper.navigation.footprint import Footprint
@@ -24,7 +25,6 @@ from thumper.navigation.planners.cell_costs import CostArray
 from thumper.navigation.planners.dijkstra import search_dijkstra
 from thumper.navigation.planners.start_and_goal_cells import nearest_passable
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions, traversal_cost
-from thumper.navigation.resumable import Search, merged, run_to_end
 
 EVERYWHERE = -1
 TINY = 1e-9

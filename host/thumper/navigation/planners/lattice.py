@@ -8,6 +8,7 @@ import numpy as np
 from annotated_types import Ge
 
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.common.resumable import Search, run_to_end
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.costmap.footprint_collision import CollisionGrid
 from thumper.navigation.footprint import Footprint
@@ -20,7 +21,6 @@ from thumper.navigation.planners.planner import PlanResult
 from thumper.navigation.planners.polyline import resample, smooth
 from thumper.navigation.planners.start_and_goal_cells import find_ends
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions, path_cost_m, traversal_cost
-from thumper.navigation.resumable import Search, run_to_end
 
 POTENTIAL_MARGIN = 120.0  # how far round the cheapest path the heuristic is known [free cells]
 HEURISTIC_WEIGHT = 1.2  # finds a path sooner that costs at most 20 % more

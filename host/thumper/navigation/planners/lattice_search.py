@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
+from thumper.common.resumable import LATTICE_NODES, Search
 from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal_count
 from thumper.navigation.costmap.inflation import IntArray
 from thumper.navigation.planners.binary_heap import doubled, heap_pop, heap_push
 from thumper.navigation.planners.cell_costs import CellCosts, CostArray, cost_at
 from thumper.navigation.planners.dijkstra import potential_at
 from thumper.navigation.planners.sparse_memory import sparse_zeros
-from thumper.navigation.resumable import LATTICE_NODES, Search
 
 HEADINGS = 24
 TURN_RAD = math.tau / HEADINGS

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.common.resumable import Search, run_to_end
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.cell_costs import CellCosts
@@ -17,7 +18,6 @@ from thumper.navigation.planners.gradient_path import gradient_path
 from thumper.navigation.planners.planner import PlanResult
 from thumper.navigation.planners.start_and_goal_cells import find_ends, goal_end
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions, path_cost_m, traversal_cost
-from thumper.navigation.resumable import Search, run_to_end
 
 STEP_CELLS = 0.5
 MARGIN = 6.0  # how far beyond the goal's potential the search goes: the gradient needs the neighbours

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.common.resumable import Search
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.cell_costs import CellCosts
-from thumper.navigation.resumable import Search
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -8,12 +8,12 @@ import numpy as np
 from annotated_types import Gt, Interval
 
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.common.resumable import SlicedSearch
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar import is_blocked
 from thumper.navigation.planners.planner import Planner, PlanResult
 from thumper.navigation.planners.polyline import arc_lengths, nearest_vertex, project_onto
-from thumper.navigation.resumable import SlicedSearch
 
 TINY_M = 1e-9
 BLOCKED_PERIOD_S = 0.3  # least time between two plans while the path is blocked

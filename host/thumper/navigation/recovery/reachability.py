@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thumper.common.geometry import Pose2
+from thumper.common.resumable import BAND_CELLS, SlicedSearch
 from thumper.navigation.costmap.costmap import Costmap, part_of, square_around
 from thumper.navigation.costmap.inflation import FREE, INSCRIBED, ByteArray, IntArray
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.planner import Planner, PlanResult
-from thumper.navigation.resumable import BAND_CELLS, SlicedSearch
 
 UPDATE_PERIOD_S = 1.0
 

@@ -19,8 +19,8 @@ from thumper.runtime.drive.waypoints import Waypoints
 from thumper.runtime.drive_result import DriveResult
 
 if TYPE_CHECKING:
+    from thumper.common.resumable import Search
     from thumper.navigation.planners.frontier_exploration import Explorer
-    from thumper.navigation.resumable import Search
 
 
 SLICES_PER_CYCLE = 3  # of the search for the next frontier: no planner runs meanwhile

@@ -8,13 +8,14 @@ for the whole search, so it runs in parts of bounded size.
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2, wrap_angle
 from thumper.common.numba_kernel import kernel
+from thumper.common.resumable import Search, bands_of
 from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.scan_matching.distance_field import ByteArray, FieldArray
 
@@ -42,7 +43,7 @@ class PoseBlocks(NamedTuple):
     cells: CellIndices  # (column, row) of each point, robot in the window's corner, (headings, n, 2)
     corner: FloatArray  # of the window, in cells, shape (2,)
     angles_rad: FloatArray  # shape (headings,)
-    bounds: TotalArray  # upper bound of the scores in each block, shape (headings, blocks, blocks)
+    bounds: TotalArray  # upper bound of the scores in each block, shape (headings, rows, columns)
 
 
 class BestPoses(NamedTuple):
@@ -62,13 +63,40 @@ class SearchField:
         self, distance_m: FieldArray, resolution_m: float, corner_m: tuple[float, float], std_m: float
     ) -> None:
         """`distance_m` is that of a `HitGrid`; `std_m` is the width of a beam's likelihood."""
-        self.resolution_m, self.corner_m = resolution_m, corner_m
         max_distance_m = float(distance_m.max(initial=np.float32(resolution_m)))
-        self.fine = _likelihood(distance_m, max_distance_m, std_m)
-        self.coarse = block_maximum(self.fine)
+        fine = _likelihood(distance_m, max_distance_m, std_m)
+        self._set(fine, block_maximum(fine), resolution_m, corner_m)
 
     @classmethod
-    def from_grid(cls, grid: HitGrid, std_m: float) -> "SearchField":
+    def search(
+        cls,
+        distance_m: FieldArray,
+        max_distance_m: float,
+        resolution_m: float,
+        corner_m: tuple[float, float],
+        std_m: float,
+    ) -> Search[Self]:
+        """Return the field, one band of rows in each slice; distances are cut off at `max_distance_m`."""
+        height, width = distance_m.shape
+        fine = np.empty((height, width), np.uint8)
+        for rows in bands_of((height, width)):
+            fine[rows] = _likelihood(distance_m[rows], max_distance_m, std_m)
+            yield
+        coarse = _empty_coarse(height, width)
+        for rows in bands_of((coarse.shape[2], width * BLOCK)):
+            _fill_block_maximum(fine, coarse, rows)
+            yield
+        field = cls.__new__(cls)
+        field._set(fine, coarse, resolution_m, corner_m)
+        return field
+
+    def _set(
+        self, fine: ByteArray, coarse: ByteArray, resolution_m: float, corner_m: tuple[float, float]
+    ) -> None:
+        self.fine, self.coarse, self.resolution_m, self.corner_m = fine, coarse, resolution_m, corner_m
+
+    @classmethod
+    def from_grid(cls, grid: HitGrid, std_m: float) -> Self:
         """Return the field of a map under construction."""
         return cls(grid.distance_m, grid.resolution_m, grid.corner_m, std_m)
 
@@ -81,7 +109,7 @@ class BranchAndBoundSearch:
         field: SearchField,
         points_m: FloatArray,
         centre: Pose2,
-        window_m: float,
+        window_m: float | tuple[float, float],
         window_rad: float,
         *,
         max_poses: int = 2,
@@ -89,28 +117,29 @@ class BranchAndBoundSearch:
     ) -> None:
         """Start for points in the base frame, shape (n, 2), in a window of +- `window_m`, +- `window_rad`.
 
-        Up to `max_poses` separate poses are kept. Poses that explain less than `min_ratio` of the best are
-        not searched for.
+        `window_m` is one for x and y, or both. Up to `max_poses` separate poses are kept. Poses that explain
+        less than `min_ratio` of the best are not searched for.
         """
         self._field = field
         n_theta = math.ceil(window_rad / STEP_RAD)
         if 2 * n_theta * STEP_RAD >= math.tau:
             n_theta = math.floor(math.pi / STEP_RAD)
         angles_rad: FloatArray = centre.theta_rad + STEP_RAD * np.arange(-n_theta, n_theta + 1.0)
-        window = math.ceil(window_m / field.resolution_m)
+        window = np.ceil(np.broadcast_to(window_m, 2) / field.resolution_m).astype(np.int64)
         cells = (np.array([centre.x_m, centre.y_m]) - field.corner_m) / field.resolution_m
         corner = cells - window
         cos, sin = np.cos(angles_rad)[:, np.newaxis], np.sin(angles_rad)[:, np.newaxis]
         x, y = points_m.T / field.resolution_m
         rotated = np.stack((cos * x - sin * y, sin * x + cos * y), axis=-1) + corner
-        side = (2 * window) // BLOCK + 1
+        across, up = ((2 * window) // BLOCK + 1).tolist()
         self._blocks = PoseBlocks(
             cells=np.floor(rotated).astype(np.int32),
             corner=corner,
             angles_rad=angles_rad,
-            bounds=np.zeros((len(angles_rad), side, side), dtype=np.int32),
+            bounds=np.zeros((len(angles_rad), up, across), dtype=np.int32),
         )
         self._headings_bounded = 0
+        self._highest = 0  # flat index of the block with the highest bound so far
         self._order: NDArray[np.int64] | None = None  # blocks worth opening, best bound first
         self._blocks_opened = 0
         self._best = BestPoses(
@@ -132,6 +161,8 @@ class BranchAndBoundSearch:
                 return False
         if self._order is None:
             self._order = self._order_blocks()
+            if max_lookups is not None:
+                return False
         n = self._blocks.cells.shape[1]
         count = len(self._order) if max_lookups is None else max(1, max_lookups // (n * BLOCK * BLOCK))
         last = min(len(self._order), self._blocks_opened + count)
@@ -140,21 +171,30 @@ class BranchAndBoundSearch:
 
     def _bound_headings(self, max_lookups: int | None) -> None:
         """Compute the bounds of the next headings."""
-        n, (headings, side, _) = self._blocks.cells.shape[1], self._blocks.bounds.shape
-        count = headings if max_lookups is None else max(1, max_lookups // (n * side * side))
+        n, (headings, up, across) = self._blocks.cells.shape[1], self._blocks.bounds.shape
+        count = headings if max_lookups is None else max(1, max_lookups // (n * up * across))
         last = min(headings, self._headings_bounded + count)
-        _bound(self._blocks, self._headings_bounded, last, self._field.coarse)
-        self._headings_bounded = last
+        first, self._headings_bounded = self._headings_bounded, last
+        _bound(self._blocks, first, last, self._field.coarse)
+        new = self._blocks.bounds[first:last]
+        if new.max() > self._blocks.bounds.flat[self._highest]:
+            self._highest = first * up * across + int(np.argmax(new))
 
     def _order_blocks(self) -> NDArray[np.int64]:
         """Open the most promising block first: then most of the others need not even be sorted."""
         bounds = self._blocks.bounds
-        self._open(np.array([np.argmax(bounds)]), 0, 1)
-        worth = np.flatnonzero(bounds >= self._best.min_ratio * self._best.totals[0])
+        self._open(np.array([self._highest]), 0, 1)
+        least = np.int32(math.ceil(self._best.min_ratio * self._best.totals[0]))  # comparing floats is slower
+        worth = np.flatnonzero(bounds >= least)
         return worth[np.argsort(-bounds.ravel()[worth], kind="stable")]
 
     def _open(self, order: NDArray[np.int64], first: int, last: int) -> int:
         return open_blocks(order, first, last, self._blocks, self._field.fine, self._best)
+
+    @property
+    def lookups(self) -> int:
+        """Look-ups of a cell that bound all blocks: nearly all the work of the search."""
+        return int(self._blocks.cells.shape[1] * self._blocks.bounds.size)
 
     def result(self) -> SearchResult:
         """Return the best pose and the score of the second."""
@@ -196,29 +236,44 @@ def block_maximum(fine: ByteArray) -> ByteArray:
     BLOCKth row and column are stored side by side, as blocks are looked up: indices (row, column) are at
     [row % BLOCK, column % BLOCK, row // BLOCK, column // BLOCK].
     """
-    rows, cols = (math.ceil((side + BLOCK) / BLOCK) for side in fine.shape)
-    best = np.zeros((rows * BLOCK + BLOCK - 1, cols * BLOCK + BLOCK - 1), dtype=np.uint8)
-    best[BLOCK : BLOCK + fine.shape[0], BLOCK : BLOCK + fine.shape[1]] = fine
+    coarse = _empty_coarse(*fine.shape)
+    _fill_block_maximum(fine, coarse, slice(0, coarse.shape[2]))
+    return coarse
+
+
+def _empty_coarse(height: int, width: int) -> ByteArray:
+    rows, cols = (math.ceil((side + BLOCK) / BLOCK) for side in (height, width))
+    return np.empty((BLOCK, BLOCK, rows, cols), np.uint8)
+
+
+def _fill_block_maximum(fine: ByteArray, coarse: ByteArray, rows: slice) -> None:
+    """Fill `coarse[:, :, rows]`."""
+    count, cols = rows.stop - rows.start, coarse.shape[3]
+    best = np.zeros((count * BLOCK + BLOCK - 1, cols * BLOCK + BLOCK - 1), dtype=np.uint8)
+    first = (rows.start - 1) * BLOCK  # row of the map at index 0
+    known = fine[max(0, first) : first + best.shape[0]]
+    top = max(0, -first)
+    best[top : top + known.shape[0], BLOCK : BLOCK + fine.shape[1]] = known
     step = 1
     while step < BLOCK:
         best = np.maximum(best[:-step], best[step:])
         best = np.maximum(best[:, :-step], best[:, step:])
         step *= 2
-    return np.ascontiguousarray(best.reshape(rows, BLOCK, cols, BLOCK).transpose(1, 3, 0, 2))
+    coarse[:, :, rows] = best.reshape(count, BLOCK, cols, BLOCK).transpose(1, 3, 0, 2)
 
 
 @kernel
 def _bound(blocks: PoseBlocks, first: int, last: int, coarse: ByteArray) -> None:
     """Fill the upper bounds of headings `first` to `last`."""
     cells, bounds = blocks.cells, blocks.bounds
-    side, rows, cols = bounds.shape[1], coarse.shape[2], coarse.shape[3]
+    (_, up, across), rows, cols = bounds.shape, coarse.shape[2], coarse.shape[3]
     for k in range(first, last):
         for i in range(cells.shape[1]):
             row, col = cells[k, i, 1] + BLOCK, cells[k, i, 0] + BLOCK
             top, left = row // BLOCK, col // BLOCK
             best = coarse[row % BLOCK, col % BLOCK]
-            for by in range(max(0, -top), min(side, rows - top)):
-                for bx in range(max(0, -left), min(side, cols - left)):
+            for by in range(max(0, -top), min(up, rows - top)):
+                for bx in range(max(0, -left), min(across, cols - left)):
                     bounds[k, by, bx] += best[top + by, left + bx]
 
 
@@ -228,12 +283,12 @@ def open_blocks(
 ) -> int:
     """Score every pose of blocks `order[first:last]`; return how many are done, all if no more can win."""
     cells, bounds, totals = blocks.cells, blocks.bounds, best.totals
-    side, (rows, cols) = bounds.shape[1], fine.shape
+    (_, up, across), (rows, cols) = bounds.shape, fine.shape
     total = np.empty((BLOCK, BLOCK), dtype=np.int32)
     pose = np.empty(3)
     for at in range(first, last):
         index = order[at]
-        k, by, bx = index // (side * side), (index // side) % side, index % side
+        k, by, bx = index // (up * across), (index // across) % up, index % across
         if bounds[k, by, bx] <= totals[-1] or bounds[k, by, bx] < best.min_ratio * totals[0]:
             return order.size
         total[:] = 0

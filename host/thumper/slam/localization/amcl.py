@@ -25,6 +25,7 @@ from thumper.slam.localization.amcl_state import (
 )
 from thumper.slam.localization.challenge import Challenge
 from thumper.slam.localization.likelihood_field import LikelihoodField
+from thumper.slam.localization.map_search import MapSearch
 from thumper.slam.localization.options import AmclOptions
 from thumper.slam.localization.particle_set import ParticleSet, draw_around
 from thumper.slam.localization.scan_likelihood import BEAM_GAIN, PoseHypothesis, ScanLikelihood
@@ -32,7 +33,6 @@ from thumper.slam.mapper import MapperUpdate, PoseQuality
 from thumper.slam.scan_matching.gauss_newton import MIN_HITS
 from thumper.slam.scan_matching.pose_trust import PoseTrust
 
-MAX_DISTANCE_M = 0.5  # cut-off of the likelihood field
 LOST_AFTER = 3  # consecutive weighed scans below `lost_below` before the whole map is searched
 SEARCH_GAIN = 0.5  # as `BEAM_GAIN`, for the first scan of a search: nothing was weighed twice yet
 MIN_LOG_RATIO, MAX_LOG_RATIO = 1.0, 50.0  # of a pose that contradicts the given one; limit of its odds
@@ -43,7 +43,7 @@ class Amcl:
 
     def __init__(
         self,
-        grid: OccupancyGrid,
+        known_map: OccupancyGrid | LikelihoodField,
         options: AmclOptions | None = None,
         *,
         base_from_laser: Pose2 | None = None,
@@ -60,13 +60,15 @@ class Amcl:
         """
         self._options = options or AmclOptions()
         self._base_from_laser = base_from_laser or Pose2()
-        self._map = LikelihoodField(grid, MAX_DISTANCE_M)
+        self._map = LikelihoodField(known_map) if isinstance(known_map, OccupancyGrid) else known_map
         self._rng = np.random.default_rng(self._options.seed)
         self._estimate = PoseEstimate(pose=Pose2())
         self._schedule = Schedule(search=map_from_base is None)
         self._given = GivenPose()
         self._trust = PoseTrust(trusted=False)
         self._alternatives, self._challenge = AlternativePoses(), Challenge()
+        self._map_search = MapSearch()
+        self._found: list[PoseHypothesis] = []  # by the newest search of the whole map
         self._doubt = MapDoubt()
         self._map_from_odom = Pose2()
         self._path = array("d")  # x, y, theta of each scan in turn, compact: a robot runs for days
@@ -109,6 +111,7 @@ class Amcl:
         self._given.set(map_from_base)
         self._estimate, self._alternatives = PoseEstimate(pose=map_from_base), AlternativePoses()
         self._schedule.search, self._schedule.unexplained = False, 0
+        self._map_search.stop()
         self._trust = PoseTrust(trusted=True)
         if odom_from_base is not None:
             self._map_from_odom = map_from_base @ odom_from_base.inverse()
@@ -116,6 +119,7 @@ class Amcl:
     def relocalize(self) -> None:
         """Discard the pose: the next scan is searched for in the whole map."""
         self._schedule.search, self._schedule.wait_scans = True, 0
+        self._map_search.stop()
         self._estimate.odom_from_base, self._given.unverified = None, None
 
     def quality(self) -> PoseQuality:
@@ -182,7 +186,10 @@ class Amcl:
         expected = self._estimate.pose @ moved
         jumped = self._estimate.odom_from_base is None or self._schedule.search
         self._schedule.next_scan(self._trust)
-        if likelihood.beams < MIN_HITS or not self._is_due(moved):
+        if likelihood.beams < MIN_HITS:
+            return self._record(odom_from_base, expected, math.nan, jumped)
+        self._challenge.continue_search(likelihood, odom_from_base, expected, moved)
+        if not self._is_due(moved) or not self._search_done(likelihood, odom_from_base):
             return self._record(odom_from_base, expected, math.nan, jumped)
         given = self._given.pop_unverified()
         self._predict(likelihood, moved, given)
@@ -198,19 +205,21 @@ class Amcl:
         push_m = 0.0 if jumped else hypothesis.pose.distance_m(expected)
         fit = likelihood.fit(hypothesis.pose)
         self._trust.update(fit, share, math.hypot(moved.x_m, moved.y_m), push_m)
-        if (replaced := self._defend(likelihood, moved, hypothesis)) is not None:
+        if (replaced := self._defend(likelihood, odom_from_base, moved, hypothesis)) is not None:
             hypothesis, jumped = replaced, True
             self._accept(hypothesis, odom_from_base)
         return self._record(odom_from_base, hypothesis.pose, hypothesis.explained, jumped)
 
-    def _defend(self, likelihood: ScanLikelihood, moved: Pose2, own: PoseHypothesis) -> PoseHypothesis | None:
+    def _defend(
+        self, likelihood: ScanLikelihood, odom_from_base: Pose2, moved: Pose2, own: PoseHypothesis
+    ) -> PoseHypothesis | None:
         """Search the whole map if the pose fits badly; return the place that replaces a proven one."""
         fits_badly = self._schedule.unexplained >= LOST_AFTER or self._trust.rejected
         if not self._trust.proven:
             self._challenge.reset()
             self._schedule.search |= fits_badly
             return None
-        found = self._challenge.update(likelihood, moved, own, fits_badly=fits_badly)
+        found = self._challenge.update(likelihood, odom_from_base, moved, own, fits_badly=fits_badly)
         if found is not None:
             self._adopt(*found)
             self.relocalizations += 1
@@ -227,20 +236,40 @@ class Amcl:
             or abs(moved.theta_rad) >= self._options.update_angle_rad
         )
 
+    def _search_done(self, likelihood: ScanLikelihood, odom_from_base: Pose2) -> bool:
+        """Continue the search of the whole map, if one is needed; return False while it goes on.
+
+        Meanwhile the robot is lost, or its given pose is not confirmed yet: nothing drives it.
+        """
+        if not self._schedule.search and self._given.unverified is None:
+            return True
+        found = self._map_search.advance(likelihood, odom_from_base)
+        self._found = found or []
+        if found is not None and self._given.unverified is not None:
+            self._follow_given(self._map_search.moved(odom_from_base))
+        return found is not None
+
+    def _follow_given(self, moved: Pose2) -> None:
+        """Move the given pose and its particles by what the robot moved during the search."""
+        assert self._given.unverified is not None
+        self._given.unverified = self._given.unverified @ moved
+        if moved != Pose2():
+            self._particles.move(moved, self._options, self._rng)
+
     def _predict(self, likelihood: ScanLikelihood, moved: Pose2, given: Pose2 | None) -> None:
         """Move the particles, or draw new ones from a global search or around a given pose."""
         if self._schedule.search:
             self._alternatives = AlternativePoses()
-            self._search_globally(likelihood)
+            self._draw_from_search()
             self._schedule.wait_scans = RETRY_SCANS
         elif given is not None:
             self._verify(likelihood, given)
         else:
             self._particles.move(moved, self._options, self._rng)
 
-    def _search_globally(self, likelihood: ScanLikelihood) -> None:
+    def _draw_from_search(self) -> None:
         """Draw half of the particles around the best poses of the whole map, and half anywhere."""
-        n, found = self._options.most_particles, likelihood.global_hypotheses()
+        n, found = self._options.most_particles, self._found
         logs = np.array([hypothesis.log for hypothesis in found])
         odds = np.exp(SEARCH_GAIN * (logs - logs.max()))
         around, weights = draw_around(found, odds, n // 2, self._rng)
@@ -259,7 +288,7 @@ class Amcl:
         """
         logs, _ = likelihood.likelihoods(self._particles.poses, 1.0)
         own = likelihood.refine(self._particles.poses[int(np.argmax(logs))])
-        found = likelihood.global_hypotheses()
+        found = self._found
         near = [each for each in found if are_close(each.pose, given, NEAR_GIVEN_M, NEAR_GIVEN_RAD)]
         meant = max([own, *near], key=lambda hypothesis: hypothesis.log)
         hypotheses, odds, background = [meant], [PRIOR_RATIO], []

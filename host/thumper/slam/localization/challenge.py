@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from thumper.common.geometry import Pose2
 from thumper.slam.localization.alternative_poses import are_close
+from thumper.slam.localization.map_search import MapSearch
 from thumper.slam.localization.scan_likelihood import PoseHypothesis, ScanLikelihood
 from thumper.slam.scan_matching.pose_trust import PoseTrust
 
@@ -34,6 +35,7 @@ class Challenge:
     def __init__(self) -> None:
         self._challengers: list[Challenger] = []
         self._pause = 0
+        self._search = MapSearch()
 
     @property
     def doubt(self) -> str:
@@ -49,23 +51,46 @@ class Challenge:
     def reset(self) -> None:
         """Forget all other places."""
         self._challengers, self._pause = [], 0
+        self._search.stop()
+
+    def continue_search(self, scan: ScanLikelihood, odom_from_base: Pose2, own: Pose2, moved: Pose2) -> None:
+        """Do a slice of the search for other places, if one is under way.
+
+        `own` is the tracked pose at this scan, `moved` the motion since the scan that was weighed last.
+        """
+        if self._search.is_running:
+            self._open(self._search.advance(scan, odom_from_base), scan, own, moved)
 
     def update(
-        self, scan: ScanLikelihood, moved: Pose2, own: PoseHypothesis, *, fits_badly: bool
+        self,
+        scan: ScanLikelihood,
+        odom_from_base: Pose2,
+        moved: Pose2,
+        own: PoseHypothesis,
+        *,
+        fits_badly: bool,
     ) -> tuple[PoseHypothesis, PoseTrust] | None:
         """Weigh a scan after the robot `moved`; return a place that replaces the proven pose `own`."""
         own_fit = scan.fit(own.pose)
         if self._challengers:
             return self._compare(scan, moved, own, own_fit)
         self._pause = max(0, self._pause - 1)
-        if fits_badly and self._pause == 0:
+        if fits_badly and self._pause == 0 and not self._search.is_running:
             self._pause = PAUSE_LOOKS
-            for found in scan.global_hypotheses():
-                if not are_close(found.pose, own.pose, SAME_M, SAME_RAD):
-                    challenger = Challenger(found.pose, PoseTrust(trusted=False))
-                    self._look(challenger, scan.fit(found.pose) - own_fit, scan.fit(found.pose), 0.0, 0.0)
-                    self._challengers.append(challenger)
+            self._open(self._search.advance(scan, odom_from_base), scan, own.pose, Pose2())
         return None
+
+    def _open(
+        self, found: list[PoseHypothesis] | None, scan: ScanLikelihood, own: Pose2, moved: Pose2
+    ) -> None:
+        """Track the places found; their poses are those at the scan that was weighed last."""
+        own_fit = scan.fit(own)
+        for other in found or []:
+            if not are_close(other.pose, own, SAME_M, SAME_RAD):
+                challenger = Challenger(other.pose @ moved.inverse(), PoseTrust(trusted=False))
+                fit = scan.fit(other.pose)
+                self._look(challenger, fit - own_fit, fit, 0.0, 0.0)
+                self._challengers.append(challenger)
 
     def _compare(
         self, scan: ScanLikelihood, moved: Pose2, own: PoseHypothesis, own_fit: float

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2, Twist2, wrap_angle
+from thumper.common.resumable import Search
 from thumper.lidar.deskew import HIT, scan_points
 from thumper.lidar.scan import Scan
 from thumper.slam.localization.amcl_kernels import BeamModel, scan_likelihoods
@@ -83,10 +84,9 @@ class ScanLikelihood:
         """Return the share of beams that support the pose minus the share against it, -1...1."""
         return self._evidence(pose).fit
 
-    def global_hypotheses(self) -> list[PoseHypothesis]:
-        """Return the best pose of the whole map, and separate ones that explain nearly as much."""
-        poses = self._map.similar_poses(self._hits_m, MAX_HYPOTHESES, SIMILAR_RATIO)
-        return [self.refine(pose) for pose in poses]
+    def search_map(self) -> Search[FloatArray]:
+        """Return the best pose of the whole map, and separate ones that explain nearly as much, (n, 3)."""
+        return self._map.search_poses(self._hits_m, MAX_HYPOTHESES, SIMILAR_RATIO)
 
     def log_ratio(self, first: PoseHypothesis, second: PoseHypothesis) -> float:
         """Return how much better the first pose explains the beams, as a log likelihood ratio.

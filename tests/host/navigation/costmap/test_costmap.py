@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt
 
+from thumper.maps.distance_transform import squared_distances
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_costmap
-from thumper.navigation.costmap.inflation import INSCRIBED, LETHAL, UNKNOWN, cost_table, squared_distances
+from thumper.navigation.costmap.inflation import INSCRIBED, LETHAL, UNKNOWN, cost_table
 from thumper_hil.kinematic.maps import ROS_FOOTPRINT, read_pgm
 
 ROS_OPTIONS = CostmapOptions(inflation_radius_m=0.55, decay_per_m=10.0)

@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.maps.distance_transform import squared_distances
 from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal_count, safe_squared_cells
-from thumper.navigation.costmap.inflation import LETHAL, squared_distances
+from thumper.navigation.costmap.inflation import LETHAL
 from thumper.navigation.footprint import Footprint
 from thumper_hil.kinematic.maps import ROS_FOOTPRINT, read_pgm
 

@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from thumper.maps.distance_transform import squared_distances
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap import layers as layers_module
 from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_costmap
-from thumper.navigation.costmap.inflation import LETHAL, squared_distances
+from thumper.navigation.costmap.inflation import LETHAL
 from thumper.navigation.costmap.layers import CostmapLayers
 from thumper.navigation.footprint import Footprint
 from thumper_hil.kinematic.maps import ROS_FOOTPRINT, read_pgm

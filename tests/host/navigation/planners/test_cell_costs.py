@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from thumper.common.geometry import Pose2
+from thumper.common.resumable import run_to_end
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_costmap, part_of
 from thumper.navigation.costmap.inflation import LETHAL
@@ -19,7 +20,6 @@ from thumper.navigation.planners.lattice import LatticeOptions, LatticePlanner
 from thumper.navigation.planners.navfn import NavfnPlanner
 from thumper.navigation.planners.planner import Planner
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions, traversal_cost
-from thumper.navigation.resumable import run_to_end
 from thumper.offline.compile_kernels import memory_MB
 
 ROWS, COLS = 23, 31

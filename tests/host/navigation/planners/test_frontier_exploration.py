@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from thumper.common.geometry import Pose2
+from thumper.common.resumable import run_to_end
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.costmap import CostmapOptions, build_costmap
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.planners.frontier_exploration import ExplorationOptions, Explorer, find_frontiers
-from thumper.navigation.resumable import run_to_end
 
 RADIUS_M = Footprint().circumscribed_radius_m
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from thumper.common.geometry import Pose2
+from thumper.common.resumable import ASTAR_CELLS, BAND_CELLS, DIJKSTRA_CELLS, Search
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap import bands
 from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_costmap
@@ -18,7 +19,6 @@ from thumper.navigation.planners.navfn import NavfnPlanner
 from thumper.navigation.planners.planner import Planner
 from thumper.navigation.planners.replanning import PathManager, ReplanningOptions
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions
-from thumper.navigation.resumable import ASTAR_CELLS, BAND_CELLS, DIJKSTRA_CELLS, Search
 
 SIDE = 600
 START, GOAL = Pose2(x_m=1.5, y_m=1.5), Goal(x_m=27.0, y_m=27.0)

@@ -9,10 +9,10 @@ import pytest
 from tests.host.runtime.drive.carry_out import carry_out
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
+from thumper.common.resumable import Search
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.frontier_exploration import Explorer
-from thumper.navigation.resumable import Search
 from thumper.runtime.drive.legs import AnyLeg, Wait
 from thumper.runtime.drive.tasks import drive_to_goal, explore
 from thumper.runtime.drive_result import DriveResult

@@ -75,7 +75,7 @@ def fit(grid: OccupancyGrid, pose: Pose2, walls: FloatArray = ROOM) -> float:
     """Return the fit of the scan taken at HERE."""
     points = scan_points(room_scan(HERE, walls=walls), Twist2(), Pose2(), 30.0)
     hits_m = points.hits_m()
-    return ScanLikelihood(np.zeros_like(hits_m), hits_m, LikelihoodField(grid, 0.5), AmclOptions()).fit(pose)
+    return ScanLikelihood(np.zeros_like(hits_m), hits_m, LikelihoodField(grid), AmclOptions()).fit(pose)
 
 
 def known_up_to(x_m: float) -> OccupancyGrid:

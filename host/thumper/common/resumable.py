@@ -4,7 +4,7 @@ A search is a generator. It yields after each slice of bounded work, and returns
 cells, not time, so that the same input gives the same run on any computer.
 """
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from typing import Generic, TypeVar
 
 Result = TypeVar("Result")
@@ -66,3 +66,11 @@ class SlicedSearch(Generic[Result]):
             self._search = None
             return end.value  # type: ignore[no-any-return]
         return None
+
+
+def bands_of(shape: tuple[int, int]) -> Iterator[slice]:
+    """Yield the rows of an array in bands of about `BAND_CELLS` cells."""
+    rows, cols = shape
+    step = max(1, BAND_CELLS // max(1, cols))
+    for begin in range(0, rows, step):
+        yield slice(begin, min(rows, begin + step))
