@@ -158,3 +158,24 @@ def test_invalid_queries_are_answered_with_the_reason(
     assert not answer["ok"]
     assert answer["error"]
     assert "internal" not in answer["error"]
+
+
+def test_a_mission_of_several_goals(service: Service) -> None:
+    refused: tuple[dict[str, Any], ...] = ({}, {"goals": []}, {"goals": [1]}, {"goals": [{"x_m": 1.0}]})
+    for wrong in refused:
+        assert not service.ask("mission/follow", wrong)["ok"]
+    goals = [{"x_m": 1.5, "y_m": 0.07}, {"x_m": 1.2, "y_m": 0.05}]
+    number = service.ask("mission/follow", {"goals": goals})["mission"]
+    state = service.ask("mission/state", {"mission": number})
+    assert (state["state"], state["leg"], state["legs"]) == ("driving", 0, 2)
+    service.until(lambda: service.ask("mission/state")["state"] == "reached")
+    assert service.ask("mission/state")["leg"] == 1
+
+
+def test_clear_costmaps_forgets_remembered_obstacles(service: Service) -> None:
+    service.put(GoTo(goals=(FAR,)))
+    service.run_cycles(20)
+    memory = service.robot.drive_manager.navigator._parts.model._planning_memory
+    remembered = len(memory._points_m)
+    assert "forgotten" in service.ask("command", {"command": "clear_costmaps"})["text"]
+    assert len(memory._points_m) < remembered

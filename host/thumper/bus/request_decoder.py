@@ -15,6 +15,7 @@ from thumper.ros.services import SERVICES
 from thumper.ros.topics import TOPICS, Direction
 from thumper.runtime.requests import (
     COMMANDS,
+    MAX_WAYPOINTS,
     EmergencyStop,
     GoTo,
     Heartbeat,
@@ -28,7 +29,6 @@ from thumper.runtime.requests import (
 )
 
 MAX_MESSAGE_BYTES = 65_536
-MAX_WAYPOINTS = 200
 MAX_V_M_S, MAX_W_RAD_S = 5.0, 20.0
 MAX_SOURCE_CHARACTERS = 64
 RATES_HZ = {"heartbeat": 200.0, "velocity": 200.0, "teleop": 200.0, "gamepad": 200.0}

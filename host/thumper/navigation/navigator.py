@@ -77,6 +77,11 @@ class Navigator:
         """Check that the planner could end a path at a goal. Raises ThumperError as `validate_goal` does."""
         validate_goal(goal, grid, self._footprint, self._parts.planner, self._costmap_options)
 
+    def clear_costmaps(self, map_from_base: Pose2) -> None:
+        """Forget remembered obstacles, except beside the robot out of the lidar's view, and plan again."""
+        self._parts.model.forget_beyond(map_from_base, 0.0)
+        self._parts.path.clear()
+
     def set_goal(self, goal: Goal) -> None:
         """Start driving to a goal; replaces the current goal."""
         self._active = self._parts.activate(goal)

@@ -46,7 +46,7 @@ class SendMission:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionStarted:
-    """Reply of `mission/send`."""
+    """Reply of `mission/send` and `mission/follow`."""
 
     mission: Annotated[int, "its number"]
 
@@ -179,6 +179,13 @@ MISSION_SEND = Service(
     request=SendMission,
     reply=MissionStarted,
 )
+MISSION_FOLLOW: Service[Mapping[str, Any], MissionStarted] = Service(
+    name="mission/follow",
+    summary="starts to drive to goals in turn, until one is not reached",
+    request=None,
+    request_doc='`{"goals": [...]}`, 1 to 200, each as for `mission/send`',
+    reply=MissionStarted,
+)
 MISSION_STATE = Service(
     name="mission/state",
     summary="returns the progress of a mission",
@@ -246,6 +253,7 @@ SERVICES: Mapping[str, Service[Any, Any]] = types.MappingProxyType(
             PARAMETERS_SAVE,
             PARAMETERS_REVERT,
             MISSION_SEND,
+            MISSION_FOLLOW,
             MISSION_STATE,
             MAPPING_STATE,
             WHEELS_STATE,

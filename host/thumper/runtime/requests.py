@@ -10,6 +10,8 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2, Twist2
 from thumper.navigation.goal import Goal, check_place
 
+MAX_WAYPOINTS = 200
+
 
 def parse_goal(content: Mapping[str, Any]) -> Goal:
     """Return the goal in `content`: x_m, y_m and optionally yaw_rad and tolerance_m, all of them numbers."""
@@ -33,9 +35,19 @@ def parse_goal(content: Mapping[str, Any]) -> Goal:
     )
 
 
+def parse_goals(content: Mapping[str, Any]) -> tuple[Goal, ...]:
+    """Return the goals in `content`: `goals`, a list of what `parse_goal` takes."""
+    goals = content.get("goals")
+    if set(content) != {"goals"} or not isinstance(goals, list) or not 0 < len(goals) <= MAX_WAYPOINTS:
+        raise ThumperError(f"pass goals, a list of 1 to {MAX_WAYPOINTS}")
+    if not all(isinstance(goal, dict) for goal in goals):
+        raise ThumperError("each goal is an object with x_m and y_m")
+    return tuple(parse_goal(goal) for goal in goals)
+
+
 # The topic `command` accepts these words and no others.
 COMMANDS = (
-    *("cancel", "clear_fault", "arm", "disarm", "estop"),
+    *("cancel", "clear_fault", "clear_costmaps", "arm", "disarm", "estop"),
     *("record_start", "record_stop", "save_map", "localise", "map_on", "relocalise"),
 )
 

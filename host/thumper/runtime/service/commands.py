@@ -36,6 +36,7 @@ class Commands:
             "cancel": self._cancel,
             "estop": self._emergency_stop,
             "clear_fault": self._clear_fault,
+            "clear_costmaps": self._clear_costmaps,
             "arm": self._arm,
             "disarm": self._disarm,
         }
@@ -70,6 +71,12 @@ class Commands:
     def _clear_fault(self) -> str:
         self._drive_manager.clear_fault()
         return "fault cleared; the motors are off"
+
+    def _clear_costmaps(self) -> str:
+        state = self._inputs.estimator.state()
+        if state is not None:
+            self._drive_manager.navigator.clear_costmaps(state.map_from_base)
+        return "the remembered obstacles are forgotten; those in map and scans stay"
 
     def _arm(self) -> str:
         self._preconditions.require_no_experiment()

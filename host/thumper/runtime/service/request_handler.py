@@ -35,6 +35,7 @@ from thumper.runtime.requests import (
     SimulatorCommand,
     Velocity,
     parse_goal,
+    parse_goals,
 )
 from thumper.runtime.sensor_inputs import SensorInputs
 from thumper.runtime.service import board_parameters, slam_mode, wheels
@@ -192,6 +193,7 @@ class RequestHandler:
                 _bind(services.PARAMETERS_SAVE, self._save_parameters),
                 _bind(services.PARAMETERS_REVERT, self._revert_parameters),
                 _bind(services.MISSION_SEND, self._send_mission),
+                _bind(services.MISSION_FOLLOW, self._follow_mission),
                 _bind(services.MISSION_STATE, lambda find, _: self._missions.state(find.mission)),
                 _bind(services.MAPPING_STATE, lambda _, __: slam_mode.describe(self._inputs.estimator)),
                 _bind(services.WHEELS_STATE, lambda _, __: wheels.describe(self._inputs.estimator)),
@@ -232,6 +234,9 @@ class RequestHandler:
 
     def _send_mission(self, request: SendMission, source: str) -> MissionStarted:
         return MissionStarted(mission=self._missions.start((parse_goal(request_content(request)),), source))
+
+    def _follow_mission(self, content: Mapping[str, Any], source: str) -> MissionStarted:
+        return MissionStarted(mission=self._missions.start(parse_goals(content), source))
 
     def _run_command(self, request: RunCommand, _source: str) -> Text:
         return Text(text=self._commands.run(request.command))

@@ -34,7 +34,9 @@ def starts_motion(request: Request) -> bool:
     match request:
         case GoTo() | RobotCommand(name="arm"):
             return True
-        case Query(name=services.MISSION_SEND.name | services.EXPERIMENT_START.name):
+        case Query(
+            name=services.MISSION_SEND.name | services.MISSION_FOLLOW.name | services.EXPERIMENT_START.name
+        ):
             return True
         case Query(name=services.COMMAND.name):
             return request.content.get("command") == "arm"
