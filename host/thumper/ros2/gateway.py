@@ -16,7 +16,10 @@ from thumper.ros.codec import Message, decode, encode, message
 from thumper.ros.to_ros import BASE, Messages, text, transform
 from thumper.ros.topics import TOPICS
 from thumper.ros2.diagnostics import clock, diagnostics
+from thumper.ros2.navigation import NavigationActions
 from thumper.ros2.node import RosNode, RosPublisher
+from thumper.ros2.parameters import RosParameters
+from thumper.ros2.services import RosServices
 from thumper.ros2.topics import CLOCK, DEFAULT, DESCRIPTION, DIAGNOSTICS, IN, OUT
 from thumper.ros2.urdf import link_poses, urdf
 
@@ -44,6 +47,9 @@ class RosGateway:
             publisher = node.publisher(ros_topic.name, TOPICS[topic].type_name, ros_topic.qos)
             send = partial(self._send_static, publisher) if topic == "tf_static" else publisher.publish
             bus.subscribe_raw(topic, send, latched=True)
+        self._parameters = RosParameters(bus, node)
+        self._services = RosServices(bus, node)
+        NavigationActions(bus, node, config, lambda: self._services.map)
         bus.subscribe("battery", self._on_battery)
         bus.subscribe("status", self._on_status)
 
@@ -63,6 +69,7 @@ class RosGateway:
         self._battery = battery
 
     def _on_status(self, status: Message) -> None:
+        self._parameters.simulated = status.simulated
         if status.simulated:
             if self._clock is None:
                 self._clock = self._node.publisher(CLOCK.name, "rosgraph_msgs/msg/Clock", CLOCK.qos)

@@ -9,8 +9,9 @@ import zenoh
 from zenoh import ext
 
 from thumper.common.closable import Closable
-from thumper.ros.codec import typestore
-from thumper.ros2.wire import PUBLISHER, SUBSCRIPTION, Attachment, NodeName, Qos, gid_of
+from thumper.ros.codec import Message, decode, encode
+from thumper.ros2.interfaces import ros_typestore, type_hash
+from thumper.ros2.wire import PUBLISHER, SERVICE, SUBSCRIPTION, Attachment, NodeName, Qos, gid_of
 
 
 class RosPublisher:
@@ -29,6 +30,27 @@ class RosPublisher:
             self._publisher.put(raw, attachment=attachment)
 
 
+class ServiceCall:
+    """A request that waits for its response; it may wait for long."""
+
+    def __init__(self, query: zenoh.Query, type_name: str) -> None:
+        """Read the request; raises ValueError."""
+        if query.payload is None or query.attachment is None:
+            raise ValueError("the request has no content, or no attachment of rmw_zenoh")
+        self.request: Message = decode(query.payload.to_bytes(), f"{type_name}_Request")
+        self._attachment = Attachment.decode(query.attachment.to_bytes())
+        self._query = query
+
+    def reply(self, response: Message) -> None:
+        """Send the response, once; without effect after the session was closed."""
+        attachment = Attachment(
+            sequence=self._attachment.sequence, source_time_ns=time.time_ns(), gid=self._attachment.gid
+        )
+        with suppress(zenoh.ZError):
+            self._query.reply(self._query.key_expr, encode(response), attachment=attachment.encode())
+        self._query.drop()  # type: ignore[no-untyped-call]
+
+
 class RosNode(Closable):
     """A node that exists while its session does.
 
@@ -37,6 +59,7 @@ class RosNode(Closable):
 
     def __init__(self, name: NodeName, session: zenoh.Session) -> None:
         """Take over the session: `close` closes it."""
+        ros_typestore()  # from here on the codec knows services and actions
         self.name = name
         self._session = session
         self._session_id = str(session.info.zid())
@@ -69,6 +92,25 @@ class RosNode(Closable):
         subscriber = self._session.declare_subscriber(self.name.data_key(*endpoint), receive)
         self._announce(subscriber, self._endpoint_token(SUBSCRIPTION, endpoint, qos))
 
+    def serve(self, service: str, type_name: str, answer: Callable[[ServiceCall], None]) -> None:
+        """Call `answer` with each request, in a thread of this service, one at a time.
+
+        It replies now or later. Requests that are not valid get an error without it.
+        """
+        endpoint = self._endpoint(service, type_name)
+
+        def receive(query: zenoh.Query) -> None:
+            try:
+                call = ServiceCall(query, type_name)
+            except ValueError as error:
+                query.reply_err(str(error))
+                query.drop()  # type: ignore[no-untyped-call]
+            else:
+                answer(call)
+
+        queryable = self._session.declare_queryable(self.name.data_key(*endpoint), receive, complete=True)
+        self._announce(queryable, self._endpoint_token(SERVICE, endpoint, Qos()))
+
     @property
     def is_connected(self) -> bool:
         """Whether the router is there. Zenoh connects again when it returns."""
@@ -79,7 +121,7 @@ class RosNode(Closable):
         self._session.close()  # type: ignore[no-untyped-call]
 
     def _endpoint(self, name: str, type_name: str) -> tuple[str, str, str]:
-        return self.name.qualified(name), type_name, typestore().hash_rihs01(type_name)
+        return self.name.qualified(name), type_name, type_hash(type_name)
 
     def _endpoint_token(self, kind: str, endpoint: tuple[str, str, str], qos: Qos) -> str:
         return self.name.endpoint_token(self._session_id, next(self._numbers), kind, endpoint, qos)

@@ -1,80 +1,14 @@
 """`thumper run` with a simulated robot and `thumper ros`, each in its process, driven by a ROS client."""
 
 import math
-import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import suppress
-from pathlib import Path
-from typing import Any
 
-import pytest
-from benchmarks.shared.live import END_WITH_PARENT, free_port, until
-from zenoh_ros2_sdk import ROS2Publisher, ROS2Subscriber
+from benchmarks.shared.live import until
+from zenoh_ros2_sdk import ROS2Publisher
 
 from tests.host.bus.test_bus import M
-from thumper.bus.client import BusClient
-from thumper.common.errors import ThumperError
+from tests.host.ros2.conftest import Live, is_done
 from thumper.common.geometry import Pose2, Twist2
 from thumper.ros.from_ros import pose_of
-
-THUMPER = Path(sys.executable).with_name("thumper")
-SIMULATION = "world=lab&x_m=1.73&y_m=0.08&yaw_deg=180"
-
-
-class Live:
-    """A running robot and what the ROS client has received from it."""
-
-    def __init__(self, bus: str, tmp: Path, router: int) -> None:
-        board, lidar = f"sim://ros/board?{SIMULATION}", "sim://ros/lidar"
-        ports = ["--board", board, "--lidar", lidar, "--start", "1.73", "0.08", "180"]
-        self._robot = self._start(["run", *ports, "--bus", bus, "--out", str(tmp / "run")])
-        self._await(self._robot, "is running")
-        self._ros = self._start(
-            ["ros", "--bus", bus, "--router", f"127.0.0.1:{router}", "--domain", "9", "--namespace", "/live"]
-        )
-        self._await(self._ros, "/live/thumper is a node of domain 9")
-        self.poses: list[Any] = []
-        self.odometry: list[Any] = []
-        types = (("pose", "geometry_msgs/msg/PoseWithCovarianceStamped", self.poses),)
-        for topic, type_name, received in (*types, ("odom", "nav_msgs/msg/Odometry", self.odometry)):
-            ROS2Subscriber(f"/live/{topic}", type_name, received.append, domain_id=9)
-        self.bus = BusClient("thumper", bus)
-
-    def close(self) -> None:
-        self.bus.close()
-        for process in (self._ros, self._robot):
-            process.send_signal(2)
-            assert process.wait(30) in (0, 130)
-
-    @staticmethod
-    def _start(arguments: list[str]) -> "subprocess.Popen[str]":
-        command = [*END_WITH_PARENT, str(THUMPER), *arguments]
-        return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-
-    @staticmethod
-    def _await(process: "subprocess.Popen[str]", text: str) -> None:
-        assert process.stdout is not None
-        lines = []
-        for line in process.stdout:
-            lines.append(line)
-            if text in line:
-                return
-        raise AssertionError("".join(lines))
-
-
-@pytest.fixture(scope="module")
-def live(router: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Live]:
-    live = Live(f"127.0.0.1:{free_port()}", tmp_path_factory.mktemp("ros"), router)
-    yield live
-    live.close()
-
-
-def is_done(live: Live, command: str) -> bool:
-    """Return whether the robot did it: on a busy machine its process may have hung, and it then refuses."""
-    with suppress(ThumperError):
-        return bool(live.bus.query("command", {"command": command})["ok"])
-    return False
 
 
 def test_goal_pose_drives_the_robot_there(live: Live) -> None:
