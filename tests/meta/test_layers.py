@@ -68,7 +68,7 @@ IDENTIFY = (
     "model",
     "motor_response covariance",
     "segments systems",
-    "prediction realization",
+    "prediction realization saturation",
     "least_squares",
     "initial_guess",
     "fit",

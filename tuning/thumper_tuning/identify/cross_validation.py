@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.fit import Fit, refit
-from thumper_tuning.identify.least_squares import FitData, weights
+from thumper_tuning.identify.least_squares import FitData, are_shown
 from thumper_tuning.identify.segments import LogSegment, all_speeds
 from thumper_tuning.logs.motor_log import BoolArray
 
@@ -41,7 +41,7 @@ def validate(
     for block in np.unique(blocks):
         out = blocks == block
         held_out[out] = residuals_of_fit_to(~out)[out]
-    use = ~fit.is_glitch & (weights(segments) > 0.0)
+    use = ~fit.is_glitch & are_shown(segments)
     return Validation(
         fit_percent=fit_percent(all_speeds(segments)[use], held_out[use]), residual_rad_s=held_out
     )

@@ -18,7 +18,6 @@ MIN_WINDOWS = 30
 MIN_PARTIAL_WINDOWS = 15
 MIN_COUNTS = 30.0
 MIN_DURATION_S = 3.0
-CEILING_RATIO = 1.08
 LEVEL_RATIO = 1.15  # two drive levels are different if they are this far apart
 MAX_RELATIVE_STD = {"gain": 0.15, "time_constant": 0.3}
 MIN_FIT_PERCENT = 40.0
@@ -42,7 +41,7 @@ def check_excitation(logs: list[MotorLog], segments: list[LogSegment]) -> None:
     UndeterminedError
         One level, saturated, short: the log determines a part of the model.
     ThumperError
-        No excitation, no motion, no sign, clipped, or too few rows.
+        No excitation, no motion, no sign, or too few rows.
     """
     name = logs[0].name
     drive = np.concatenate([s.drive for s in segments]) if segments else np.zeros(0)
@@ -62,9 +61,6 @@ def check_excitation(logs: list[MotorLog], segments: list[LogSegment]) -> None:
             f"the dead band, check motor and encoder cables; {RECORD}"
         )
     _check_sign(name, drive, speed, moving)
-    if logs[0].position_rad is None:  # counts cannot be clipped
-        for group in (*([s] for s in segments), segments):
-            _check_clipping(name, group)
     _check_levels(name, logs[0].drive_unit, drive)
     if len(speed) < MIN_WINDOWS or duration_s < MIN_DURATION_S:
         raise undetermined(f"{name}: {len(speed)} samples in {duration_s:.1f} s are too few; {RECORD}")
@@ -100,20 +96,6 @@ def _check_levels(name: str, unit: DriveUnit, drive: FloatArray) -> None:
         f"{name}: {what} ({high:g} {unit.value}) whenever the motor is driven: gain and static friction "
         f"cannot be separated; {RECORD}"
     )
-
-
-def _check_clipping(name: str, segments: list[LogSegment]) -> None:
-    """Reject speeds that stay at their maximum while the drive still changes: the logger clipped them."""
-    speed = np.abs(np.concatenate([s.speed_rad_s for s in segments]))
-    at_top = speed >= speed.max() * (1.0 - 1e-9)
-    if at_top.mean() < 0.08 or max(s.quantum_rad_s for s in segments) > 0.03 * speed.max():
-        return
-    drive = np.abs(np.concatenate([s.drive_at_windows() for s in segments]))[at_top]
-    if np.percentile(drive, 95) > CEILING_RATIO * np.percentile(drive, 20):
-        raise log_error(
-            f"{name}: the speed is saturated: it stays at {speed.max():g} rad/s while the drive increases; "
-            "log it with a wider range, or log the counts"
-        )
 
 
 def check_result(name: str, fit: Fit, fit_percent: float, unit: DriveUnit, largest_drive: float) -> None:

@@ -24,6 +24,7 @@ def fit_warnings(
 ) -> list[str]:
     """Return the warnings, most important first; none for a good log."""
     return [
+        *_saturation_warnings(segments),
         *_validation_warnings(segments, fit, validation),
         *_delay_warnings(fit),
         *_speed_warnings(segments, fit),
@@ -33,6 +34,16 @@ def fit_warnings(
         *_friction_warnings(logs[0].drive_unit, fit),
         *_residual_warnings(fit, validation),
     ]
+
+
+def _saturation_warnings(segments: list[LogSegment]) -> Iterator[str]:
+    clipped = np.concatenate([s.is_clipped for s in segments])
+    if clipped.any():
+        ceiling_rad_s = min(s.ceiling_rad_s for s in segments)
+        yield (
+            f"the speed is saturated: {100 * clipped.mean():.0f} % of the log stay at {ceiling_rad_s:.3g} "
+            "rad/s while the drive increases; the rest is fitted; log counts, or speeds with a wider range"
+        )
 
 
 def _validation_warnings(segments: list[LogSegment], fit: Fit, validation: Validation) -> Iterator[str]:

@@ -45,6 +45,7 @@ def initial_guesses(data: FitData) -> list[InitialGuess]:
     y, period_s = data.speed_rad_s, data.period_s
     nonzero = np.abs(y[y != 0.0]) if y.any() else np.ones(1)
     plausible = np.abs(y) <= GLITCH_FACTOR * np.percentile(nonzero, 90)
+    plausible &= ~np.concatenate([s.is_clipped for s in data.segments])
     moving = 0.03 * float(np.percentile(np.abs(y), 95))
     found = []
     for periods in DELAYS_PERIODS:

@@ -56,6 +56,12 @@ def weights(segments: list[LogSegment]) -> FloatArray:
     return np.concatenate(parts)
 
 
+def are_shown(segments: list[LogSegment]) -> BoolArray:
+    """Return which windows show how well a model predicts: they count, and are not clipped; shape (n,)."""
+    clipped = np.concatenate([s.is_clipped for s in segments])
+    return np.asarray((weights(segments) > 0.0) & ~clipped)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scaling:
     """Units of the solver's variables: drive and time, so that all variables are near 1."""

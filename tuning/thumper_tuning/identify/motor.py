@@ -18,6 +18,7 @@ from thumper_tuning.identify.fit import Fit, fit_motor
 from thumper_tuning.identify.fit_warnings import fit_warnings
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.identify.richer_models import fit_richer_models
+from thumper_tuning.identify.saturation import with_ceiling
 from thumper_tuning.identify.segments import LogSegment, speed_stride, split_segments
 from thumper_tuning.identify.sensor_window import fit_sensor_window, rms_residual
 from thumper_tuning.identify.stretches import fit_by_kind
@@ -139,6 +140,8 @@ def signed_segments(logs: list[MotorLog]) -> tuple[list[LogSegment], bool]:
             f"{logs[0].name}: the files differ in their columns (PWM or voltage, counts or speed)"
         )
     segments = [segment for log in logs for segment in split_segments(log)]
+    if logs[0].position_rad is None:  # counts cannot be clipped
+        segments = with_ceiling(segments)
     if not _is_reversed(segments):
         return segments, False
     return [replace(s, speed_rad_s=-s.speed_rad_s) for s in segments], True

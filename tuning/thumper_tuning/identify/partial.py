@@ -205,6 +205,8 @@ def _initial(data: FitData) -> MotorModel:
     """Return the best model of a grid of time constants and delays; the gain follows by least squares."""
     y = data.speed_rad_s
     plausible = np.abs(y) <= 1.25 * np.percentile(np.abs(y), 90)
+    plausible &= ~np.concatenate([s.is_clipped for s in data.segments])
+    data = replace(data, segments=[replace(s, ceiling_rad_s=np.inf) for s in data.segments])
     best, best_cost = None, np.inf
     for periods in DELAYS_PERIODS:
         for tau_s in TIME_CONSTANTS_S:

@@ -24,7 +24,8 @@ def predict(segment: LogSegment, model: MotorModel, *, instantaneous: bool) -> F
     """
     omega = initial_speed(segment, model, instantaneous=instantaneous)
     motor = motor_parameters(model)
-    return observe(segment, segment.drive_signal, omega, motor, instantaneous=instantaneous)
+    speeds = observe(segment, segment.drive_signal, omega, motor, instantaneous=instantaneous)
+    return np.clip(speeds, -segment.ceiling_rad_s, segment.ceiling_rad_s)
 
 
 def observe(

@@ -38,11 +38,17 @@ class LogSegment:
     quantum_rad_s: float  # one count per median window; 0: unknown
     # In a log of instantaneous speeds: each is a mean over this time before its edge, by the sensor's filter.
     sensor_window_s: float = 0.0
+    ceiling_rad_s: float = math.inf  # the logger clipped speeds beyond it
 
     @property
     def windows_s(self) -> FloatArray:
         """Length of each window, shape (n,)."""
         return np.diff(self.edge_s)
+
+    @property
+    def is_clipped(self) -> BoolArray:
+        """Whether each window shows only that the speed is at least the ceiling, shape (n,)."""
+        return np.asarray(np.abs(self.speed_rad_s) >= self.ceiling_rad_s * (1.0 - 1e-9))
 
     @property
     def drive_signal(self) -> DriveSignal:

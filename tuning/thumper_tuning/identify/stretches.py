@@ -4,7 +4,7 @@ import numpy as np
 
 from thumper_tuning.identify.cross_validation import Validation
 from thumper_tuning.identify.fit import Fit
-from thumper_tuning.identify.least_squares import weights
+from thumper_tuning.identify.least_squares import are_shown
 from thumper_tuning.identify.segments import LogSegment, all_speeds
 
 JUMP = 0.08  # of the largest drive: a smaller change between windows is a part of a ramp
@@ -15,7 +15,7 @@ MIN_WINDOWS = 10
 def fit_by_kind(segments: list[LogSegment], fit: Fit, validation: Validation) -> dict[str, float]:
     """Return the fit in percent of ramps, steps and random switching, worst first."""
     kinds = np.concatenate([_kinds(s, fit.model.time_constant_s) for s in segments])
-    speeds, use = all_speeds(segments), ~fit.is_glitch & (weights(segments) > 0.0)
+    speeds, use = all_speeds(segments), ~fit.is_glitch & are_shown(segments)
     segment = np.repeat(np.arange(len(segments)), [len(s.speed_rad_s) for s in segments])
     found = {}
     for kind in ("ramps", "steps", "random"):
