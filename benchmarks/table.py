@@ -27,6 +27,7 @@ BENCHMARKS: dict[str, tuple[str, ...]] = {
     "sim_validation": ("",),
     "raycast": ("",),
     "lidar_noise": ("",),
+    "drive_train": ("--seeds 8",),
     "slip": ("--drives 20 --hours 0.2",),
     "tuning": ("",),
     "slam": ("--method scan_match", "--method graph", "--method rbpf"),
