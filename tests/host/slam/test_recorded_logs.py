@@ -15,6 +15,7 @@ from thumper.offline.map_log import default_options, map_log, map_records
 from thumper.offline.metrics import load_relations, relation_errors, squareness
 from thumper.offline.open_log import open_log
 from thumper.offline.robot_log import RobotLog
+from thumper.slam.factory import MappingOptions
 
 DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[4] / "shared" / "data")) / "slam"
 MINES, INTEL = DATA / "mines-exp1.dat.gz", DATA / "intel-lab.clf.gz"
@@ -57,6 +58,14 @@ def test_intel_relations_hold_in_the_first_part() -> None:
     assert 0.05 < np.degrees(errors.rotation_rad).mean() < 0.40
     assert errors.translation_m.max() < 0.30
     assert relation_errors(odometry_of(part), relations).translation_m.mean() > 0.2
+
+
+@pytest.mark.parametrize(("name", "every"), [("mines-exp1.dat.gz", 10), ("mines-exp2.dat.gz", 6)])
+def test_a_drive_with_few_scans_is_not_taken_for_a_kidnapped_robot(name: str, every: int) -> None:
+    """With a scan every 0.6 s, a door or a corner shows another room at once."""
+    log = open_log(DATA / name)
+    mapped = map_records(replace(log, records=log.records[::every]), MappingOptions(method="scan_match"))
+    assert mapped.lost == 0
 
 
 def test_map_log_writes_files_that_agree(tmp_path: Path) -> None:

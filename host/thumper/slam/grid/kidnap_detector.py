@@ -11,6 +11,9 @@ RECENT = 5  # scans before, at a right pose
 MIN_DROP = 0.3  # of the fit, from those scans to the next
 SUSPECT_BELOW, SUSPECT_CONTRADICTING = 0.5, 0.1  # fit, and share of contradicting beams, of a suspect scan
 JUMP_M = 0.3  # between the match and odometry's prediction: further than the matcher's usual correction
+# From one scan to the next. After more motion, as in a log with a scan for each metre, a right pose may show
+# another room at once.
+MAX_STEP_M, MAX_STEP_RAD = 0.3, 0.3
 LOST_AFTER = 3  # scans: people and a bump spoil one or two
 
 
@@ -59,6 +62,9 @@ class KidnapDetector:
         self._moved_m += moved_m
         self._turned_rad += abs(moved.theta_rad)
         self._pushed_m += pushed_m
+        is_near = moved_m <= MAX_STEP_M and abs(moved.theta_rad) <= MAX_STEP_RAD
+        if self._trust is not None and not is_near and not self.lost:
+            self.reset()
         if self._trust is not None:
             self._doubtful += 1
             if self._is_step(self._trust):
@@ -66,7 +72,7 @@ class KidnapDetector:
                 self._restart_step()
                 if not self._trust.doubt:
                     self.reset()
-        elif self._is_suspect(fit, evidence.contradicting_share, moved_m, pushed_m):
+        elif is_near and self._is_suspect(fit, evidence.contradicting_share, moved_m, pushed_m):
             # The next scan decides first: one that is bad by itself must not count.
             self._trust, self._doubtful = PoseTrust(trusted=False), 1
             self._restart_step()
