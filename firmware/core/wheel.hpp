@@ -39,6 +39,8 @@ class WheelController {
     const int16_t next = Ramp(last, target_mrad_s, config.ramp_step_mrad_s);
     const int16_t wanted = config.feed_forward.kv != 0 ? feed_forward_.predicted() : next;
     const int32_t output = feed_forward_.Step(config.feed_forward, last, next);
+    // What overcame friction until now would keep the stopped wheel creeping.
+    if (next == 0 && setpoint_mrad_s_ != 0) pi_.Reset();
     setpoint_mrad_s_ = next;
     sample->speed_mrad_s = speed_mrad_s;
     sample->setpoint_mrad_s = last;

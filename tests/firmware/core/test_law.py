@@ -45,7 +45,7 @@ class FloatWheel:
         feed_forward = kv * steady + friction * ((self.setpoint > 0) - (self.setpoint < 0))
         error = clamp(wanted - speed, 32_767)
         self.at_rest = self.setpoint == 0 and abs(error) <= 2
-        if self.setpoint == 0 and error == 0:
+        if self.setpoint == 0 and (last != 0 or error == 0):
             self.integral = 0.0
         before = kp * error + feed_forward + self.integral
         if not ((before >= 255 and error > 0) or (before <= -255 and error <= 0)):

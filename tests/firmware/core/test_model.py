@@ -127,6 +127,19 @@ def test_the_integral_clears_when_the_wheel_has_stopped(core: ctypes.CDLL) -> No
         assert state[0] == integral
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_integral_is_dropped_when_the_ramp_arrives_at_zero(core: ctypes.CDLL, sign: int) -> None:
+    """What overcame friction would keep a stopped wheel creeping. From then on the integral works as ever."""
+    wheel, state, out = core.wheel_new(), (ctypes.c_int32 * 4)(), (ctypes.c_int * 4)()
+    integral = 0
+    for target, arrives in ((1000, False), (500, False), (0, True), (0, False), (0, False)):
+        core.wheel_step(wheel, wire(ki=5000), sign * target, sign * 3, 7400, out)
+        error = sign * target - out[0]
+        integral = (0 if arrives else integral) + 5000 * error
+        core.wheel_state(wheel, state)
+        assert state[0] == integral
+
+
 def test_the_gains_follow_the_battery_rounded_to_nearest(core: ctypes.CDLL) -> None:
     out = (ctypes.c_int32 * 8)()
     for battery_mV in range(5000, 14_000, 37):

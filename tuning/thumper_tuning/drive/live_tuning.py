@@ -133,7 +133,8 @@ class LiveTuning:
         """Split the output into its parts.
 
         The PI acts on an error against the model's prediction, which the board does not send. The change of
-        the integral, `ki` times that error, reveals it.
+        the integral, `ki` times that error, reveals it, except where the ramp arrives at zero: there the
+        board drops the integral.
         """
         integral_pwm = integral / INTEGRAL_UNITS_PER_PWM
         proportional: float | None = None
