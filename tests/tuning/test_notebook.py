@@ -21,4 +21,13 @@ def test_the_tutorial_runs_and_tunes() -> None:
     assert len(deviations) == 2
     assert all(deviation < 0.13 for deviation in deviations)
     assert "kp=11.6" in text
-    assert sum("image/png" in output.get("data", {}) for output in outputs) == 2
+    by_physics, by_regression, *fitted = (
+        int(found) for found in re.findall(r"time constant (\d+)(?:\.\d)? ", text)
+    )
+    assert by_physics == 75
+    assert by_regression > 120, "the lab shows that counting biases it"
+    assert len(fitted) == 5  # both wheels, and three models of the left one
+    assert all(abs(tau_ms - 79) <= 4 for tau_ms in fitted)
+    assert re.findall(r"largest pole radius [\d.]+, (\w+)", text) == [*3 * ["stable"], "unstable"]
+    assert float(re.findall(r"phase margin \d+ deg, Ms ([\d.]+)", text)[0]) <= 1.6
+    assert sum("image/png" in output.get("data", {}) for output in outputs) == 5
