@@ -20,10 +20,10 @@ help:
 	@echo "make soak      two simulated hours of goals and faults (half an hour), see docs/results/soak.md"
 	@echo "make mutation  flip every operator and constant of the firmware's core and count who notices (half an hour)"
 
-demo: firmware chip
+demo: firmware chip $(VENV)/.kernels
 	@$(BIN)/thumper demo
 
-test: firmware chip $(VENV)/.dev
+test: firmware chip $(VENV)/.dev $(VENV)/.kernels
 	@$(BIN)/python -m pytest -n auto
 
 # Numba's kernels run as machine code, where nothing is counted: they are left out of Python's figure.
@@ -82,7 +82,8 @@ mutation: $(VENV)/.dev
 	@$(BIN)/python -m tests.host.mutation.run
 
 clean:
-	rm -rf firmware/build hil/thumper_hil/chip/native/build out site
+	rm -rf firmware/build hil/thumper_hil/chip/native/build host/thumper/kernels hil/thumper_hil/kernels out site
+	rm -f $(VENV)/.kernels
 
 # Stamps: set-up is repeated only when what it depends on has changed.
 $(VENV)/.packages: scripts/install-packages Makefile
@@ -100,6 +101,11 @@ $(VENV)/.made: | $(VENV)/.packages
 $(VENV)/.run: pyproject.toml | $(VENV)/.made
 	@echo "installing Python packages into $(VENV)"
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[ui]'
+	@touch $@
+
+# What has not changed is not compiled again.
+$(VENV)/.kernels: $(shell find host/thumper hil/thumper_hil -name '*.py') | $(VENV)/.run firmware chip
+	@THUMPER_SHIP_KERNELS=1 $(BIN)/python -m thumper_hil.demo.ship_kernels
 	@touch $@
 
 $(VENV)/.dev: pyproject.toml Makefile | $(VENV)/.made

@@ -1,10 +1,15 @@
-"""Put into a wheel what a user without the source tree needs: firmware of each board, simulated chip, set-up.
+"""Put into a wheel what a user without the source tree needs: firmware, simulated chip, kernels, set-up.
+
+The kernels are compiled for the Python and numba of the build, if it has numba: see docs/howto/platforms.md.
 
 An editable install takes them from the source tree, where `make` builds the first two.
 """
 
+import os
 import subprocess
+import sys
 import sysconfig
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +17,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 BOARDS = {"trex": "firmware/build", "nano": "firmware/build/nano"}
 CHIP = "hil/thumper_hil/chip/native"
+KERNELS = {"host/thumper/kernels": "thumper/kernels", "hil/thumper_hil/kernels": "thumper_hil/kernels"}
 SET_UP = ("99-thumper.rules", "thumper.service")
 
 
@@ -33,5 +39,14 @@ class FirmwareHook(BuildHookInterface):  # type: ignore[type-arg]
             for suffix in ("elf", "hex")
         }
         build_data["force_include"] |= {f"packaging/{name}": f"thumper/packaging/{name}" for name in SET_UP}
+        if kernels := find_spec("numba") is not None:
+            paths = os.pathsep.join(str(root / folder) for folder in ("host", "hil", "tuning"))
+            environment = os.environ | {"PYTHONPATH": paths, "THUMPER_SHIP_KERNELS": "1"}
+            command = [sys.executable, "-m", "thumper_hil.demo.ship_kernels"]
+            subprocess.run(command, check=True, env=environment)
+            build_data["force_include"] |= KERNELS
+        else:
+            self.app.display_warning("no numba here: the first run of this wheel compiles its kernels")
         platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
-        build_data |= {"pure_python": False, "tag": f"py3-none-{platform}"}
+        python = f"cp{sys.version_info.major}{sys.version_info.minor}" if kernels else "py3"
+        build_data |= {"pure_python": False, "tag": f"{python}-none-{platform}"}

@@ -10,6 +10,7 @@ from rich.console import Console
 
 from thumper.bus.serve_robot import on_bus, on_bus_if_free
 from thumper.cli.options.record import recorded
+from thumper.cli.output.compile_progress import compile_progress
 from thumper.cli.output.drive_progress import ProgressDisplay, print_warnings
 from thumper.cli.output.folder import prepare_output
 from thumper.cli.output.run_report import write_run
@@ -83,6 +84,7 @@ def opened_robot(options: RunOptions, settings: RobotConfig, *, serving: bool = 
     map_path = options.out / "map.yaml" if serving else None
     join_bus = on_bus if serving else on_bus_if_free
     with (
+        compile_progress(Console()),
         dashboard_process(options.config, settings.bus.address, wanted=options.ui),
         open_robot(settings, start, known, map_path=map_path) as robot,
         recorded(robot, settings, start, options.record, options.record_to),

@@ -1,14 +1,26 @@
 """The decorator of all compiled kernels: numba, cached on disk, single-threaded."""
 
+import os
 import sys
 from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
 from inspect import signature
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
-from numba.core.caching import FunctionCache
+from numba.core.caching import (
+    CacheImpl,
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    _CacheLocator,
+)
+
+from thumper.common.kernel_files import choose_processor, kernel_folder, source_hash
+
+choose_processor()
 
 # Numba loads scipy.linalg to find out whether it exists: 16 MB and 0.1 s, for matrix products that no kernel
 # uses. Hide the module while numba looks.
@@ -22,33 +34,96 @@ if "scipy.linalg" not in sys.modules:
 P = ParamSpec("P")
 R = TypeVar("R")
 
+SHIP_VARIABLE = "THUMPER_SHIP_KERNELS"
+"""If this environment variable is set, kernels are written to their package instead of the user's cache."""
+
+
+class ReadOnlyLocator(_CacheLocator):
+    """Where neither the package nor the user's cache can be written: kernels are read, but none is kept."""
+
+    def __init__(self, line: int) -> None:
+        self._line = line
+
+    def get_cache_path(self) -> str:
+        """Return a folder that does not exist."""
+        return str(Path(__file__).with_name("no-folder"))
+
+    def ensure_cache_path(self) -> None:
+        """Refuse to make it."""
+        raise OSError("no folder for compiled kernels can be written")
+
+    def get_source_stamp(self) -> str:
+        """Return nothing: `KernelCache` has its own stamps."""
+        return ""
+
+    def get_disambiguator(self) -> str:
+        """Return the first line, as numba's locators do."""
+        return str(self._line)
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> "ReadOnlyLocator":
+        """Return a locator for any function."""
+        del py_file
+        return cls(py_func.__code__.co_firstlineno)
+
+
+class KernelFiles(CompileResultCacheImpl):
+    """Numba's files, also where nothing can be written."""
+
+    _locator_classes: Any = [*CacheImpl._locator_classes, ReadOnlyLocator]  # noqa: RUF012
+
 
 class KernelCache(FunctionCache):
-    """Numba's cache on disk. A kernel whose files cannot be read is compiled again.
+    """Compiled kernels on disk: those of the package, which are only read, then those of the user.
 
-    The files name the classes of the kernel's arguments, and numba reads these names before it looks whether
-    the source changed. Without this class, an upgrade that renames such a class ends in an AttributeError.
+    A kernel whose files cannot be read is compiled again: they name the classes of its arguments, and an
+    upgrade may rename them.
     """
+
+    _impl_class = KernelFiles
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)  # type: ignore[no-untyped-call]
+        folder = kernel_folder(function.__module__)
+        user = self._file(self._cache_path)
+        shipped = user if folder is None else self._file(str(folder))
+        self._is_shipping = SHIP_VARIABLE in os.environ
+        self._written = shipped if self._is_shipping else user
+        self._read = (shipped,) if self._is_shipping else (shipped, user)
+
+    def _file(self, folder: str) -> IndexDataCacheFile:
+        stamp = source_hash(self._py_func.__module__)
+        return IndexDataCacheFile(folder, self._impl.filename_base, stamp)  # type: ignore[no-untyped-call]
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the compiled function for these types; None: compile it."""
-        try:
-            return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
-        except Exception:  # an old or damaged pickle can raise anything
-            self.flush()  # type: ignore[no-untyped-call]  # writes an empty index
-            return None
+        for file in self._read:
+            self._cache_file = file
+            try:
+                found = super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+            except Exception:  # an old or damaged pickle can raise anything
+                found = None
+                if file is self._written:
+                    with suppress(OSError):
+                        self.flush()  # type: ignore[no-untyped-call]  # writes an empty index
+            if found is not None:
+                return found
+        return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Write the compiled function, if there is room."""
+        self._cache_file = self._written
         with suppress(OSError):
+            if self._is_shipping:
+                Path(self._cache_file._cache_path).mkdir(parents=True, exist_ok=True)
             super().save_overload(sig, data)  # type: ignore[no-untyped-call]
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile `function` to machine code at its first call. Later processes load it from the cache."""
-    compiled: Any = numba.njit(cache=True, nogil=True)(function)
+    """Compile `function` to machine code at its first call. Later processes load it from disk."""
+    compiled: Any = numba.njit(nogil=True)(function)
     if compiled is not function:  # the compiler is not disabled
-        compiled._cache = KernelCache(function)  # type: ignore[no-untyped-call]
+        compiled._cache = KernelCache(function)
     return cast("Callable[P, R]", compiled)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import thumper
+from thumper.common.kernel_files import FOLDER
 from thumper.offline.compile_kernels import INCOMPLETE
 
 COMPILE = """
@@ -37,7 +38,9 @@ class Installation:
         self._starts, self._interpreter = folder / "starts", folder / "interpreter"
         self.cache = folder / "cache"
         shutil.copytree(
-            Path(thumper.__file__).parent, folder / "thumper", ignore=shutil.ignore_patterns("__pycache__")
+            Path(thumper.__file__).parent,
+            folder / "thumper",
+            ignore=shutil.ignore_patterns("__pycache__", FOLDER),
         )
         self.source = folder / "thumper" / "slam" / "mapper.py"
         self.let_compiler(f'exec "{sys.executable}" "$@"')

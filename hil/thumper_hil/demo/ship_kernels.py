@@ -1,0 +1,44 @@
+"""Compile all kernels into their packages: `THUMPER_SHIP_KERNELS=1 python -m thumper_hil.demo.ship_kernels`.
+
+`make` and the wheel's build run it. It warms up every mapper, planner and controller, and drives the demo's
+missions for the kernels of the simulator. What is there and fits its sources is loaded, not compiled.
+"""
+
+import os
+import sys
+from dataclasses import replace
+from typing import get_args
+
+from rich.console import Console
+
+from thumper.cli.output.compile_progress import compile_progress
+from thumper.common.numba_kernel import SHIP_VARIABLE
+from thumper.config.robot import RobotConfig
+from thumper.navigation.registry import CONTROLLERS, PLANNERS
+from thumper.navigation.warm_up import warm_up as warm_up_navigation
+from thumper.runtime.assembly import warm_up
+from thumper.slam.factory import Method
+from thumper_hil.demo.missions import MISSIONS
+from thumper_hil.demo.run import drive_mission
+
+
+def ship_kernels(console: Console) -> int:
+    """Compile what is missing; return how many kernels that were."""
+    config = RobotConfig()
+    options = config.navigation
+    with compile_progress(console) as progress:
+        for method in get_args(Method):
+            warm_up(replace(config, mapping=replace(config.mapping, method=method)))
+        for planner in PLANNERS:
+            warm_up_navigation(replace(options, planner=planner), config.footprint)
+        for controller in CONTROLLERS:
+            warm_up_navigation(replace(options, controller=controller, tracker=""), config.footprint)
+        for mission in MISSIONS:
+            drive_mission(mission, seed=0, realtime=False, console=Console(quiet=True))
+    return progress.count
+
+
+if __name__ == "__main__":
+    if SHIP_VARIABLE not in os.environ:
+        sys.exit(f"set {SHIP_VARIABLE}=1, so that the kernels are written to their packages")
+    print(f"compiled {ship_kernels(Console())} kernels")
