@@ -17,7 +17,8 @@ IntArray = NDArray[np.int32]
 def squared_distances(lethal: NDArray[np.bool_], radius: int) -> IntArray:
     """Return the squared distance [cells^2] of each cell to the nearest lethal one, shape as given.
 
-    Exact up to `radius` cells; everything further is (radius + 1)^2.
+    Exact up to `radius` cells; everything further is (radius + 1)^2. Numba adds in 64 bits, and AVX2 has no
+    minimum of those: the sums are cut to 32 bits.
     """
     rows, cols = lethal.shape
     far = np.int32(radius + 1)
@@ -27,10 +28,10 @@ def squared_distances(lethal: NDArray[np.bool_], radius: int) -> IntArray:
         gap[0, col] = 0 if lethal[0, col] else far
     for row in range(1, rows):
         for col in range(cols):
-            gap[row, col] = 0 if lethal[row, col] else min(far, gap[row - 1, col] + 1)
+            gap[row, col] = 0 if lethal[row, col] else min(far, np.int32(gap[row - 1, col] + 1))
     for row in range(rows - 2, -1, -1):
         for col in range(cols):
-            gap[row, col] = min(gap[row, col], gap[row + 1, col] + 1)
+            gap[row, col] = min(gap[row, col], np.int32(gap[row + 1, col] + 1))
     padded = np.full(cols + 2 * radius, far2, np.int32)
     for row in range(rows):
         nearest = gap[row]
@@ -42,5 +43,5 @@ def squared_distances(lethal: NDArray[np.bool_], radius: int) -> IntArray:
             right = padded[radius + offset : radius + offset + cols]
             offset2 = np.int32(offset * offset)
             for col in range(cols):
-                nearest[col] = min(nearest[col], min(left[col], right[col]) + offset2)
+                nearest[col] = min(nearest[col], np.int32(min(left[col], right[col]) + offset2))
     return gap
