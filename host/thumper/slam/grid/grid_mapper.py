@@ -116,6 +116,10 @@ class GridMapper:
         matcher.search_window(points.hits_m(), Pose2())
         matcher.search_headings(points.hits_m(), Pose2(), 1.0, 1.0)
         matcher.evidence(points, Pose2())
+        options = self._options
+        HitGrid.from_counts(
+            scratch.counts(), options.resolution_m, options.reach_m, options.occupied_fraction
+        )
         scratch.grid()
 
     def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
