@@ -70,7 +70,22 @@ def test_help_loads_no_slow_library() -> None:
         "from thumper.cli.app import main\n"
         "try: main()\n"
         "except SystemExit: pass\n"
-        "print({'numpy', 'numba', 'scipy', 'matplotlib', 'serial'} & set(sys.modules))"
+        "slow = {'numpy', 'numba', 'scipy', 'matplotlib', 'serial', 'rosbags', 'thumper.ros.services'}\n"
+        "print(slow & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "set()"
+
+
+def test_a_running_robot_loads_no_library_that_it_does_not_need() -> None:
+    """Scipy takes 22 MB, matplotlib 27: only pictures at the end of a drive need the latter."""
+    code = (
+        "import sys, thumper.cli.robot_run\n"
+        "from thumper.config.robot import RobotConfig\n"
+        "from thumper.runtime.assembly import warm_up\n"
+        "warm_up(RobotConfig())\n"
+        "slow = {'scipy.linalg', 'scipy.sparse', 'matplotlib', 'PIL', 'nicegui', 'control'}\n"
+        "print(slow & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "set()"

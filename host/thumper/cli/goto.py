@@ -8,11 +8,10 @@ import typer
 
 from thumper.cli.options.bus import connect
 from thumper.cli.options.common import BusAddress, ClearFault, ConfigFile, GoalTolerance, RobotName
-from thumper.ros import services
-from thumper.ros.services import FindMission, MissionStatus, RunCommand, SendMission
 
 if TYPE_CHECKING:
     from thumper.bus.client import BusClient
+    from thumper.ros.services import MissionStatus
 
 POLL_PERIOD_S = 0.2
 LINE_PERIOD_S = 1.0
@@ -47,6 +46,8 @@ def goto(
     """
     from thumper.common.errors import EXIT_INTERRUPTED, EXIT_USAGE, ThumperError
     from thumper.navigation.goal import check_place
+    from thumper.ros import services
+    from thumper.ros.services import RunCommand, SendMission
 
     numbers = (x, y, yaw or 0.0, tolerance)
     if not all(map(math.isfinite, numbers)):
@@ -73,8 +74,11 @@ def goto(
     print(f"reached: {state.reason}")
 
 
-def _wait(client: "BusClient", mission: int) -> MissionStatus:
+def _wait(client: "BusClient", mission: int) -> "MissionStatus":
     """Print the remaining distance until the mission ends; return its final state."""
+    from thumper.ros import services
+    from thumper.ros.services import FindMission
+
     begun_s = next_line_s = time.monotonic()
     while (state := services.MISSION_STATE.call(client, FindMission(mission=mission))).state == "driving":
         now_s = time.monotonic()
@@ -101,7 +105,9 @@ def stop(
 
     Example: `thumper stop --emergency`
     """
+    from thumper.ros import services
     from thumper.ros.codec import message
+    from thumper.ros.services import RunCommand
 
     with connect(config, bus, robot) as client:
         if emergency:  # published first: the topic overtakes all queries

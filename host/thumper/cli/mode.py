@@ -7,8 +7,6 @@ import typer
 
 from thumper.cli.options.bus import connect
 from thumper.cli.options.common import BusAddress, ConfigFile, RobotName
-from thumper.ros import services
-from thumper.ros.services import RunCommand
 
 
 class SlamMode(StrEnum):
@@ -38,5 +36,8 @@ def mode(
 
     Example: `thumper mode localise`
     """
+    from thumper.ros import services
+    from thumper.ros.services import RunCommand
+
     with connect(config, bus, robot) as client:
         print(services.COMMAND.call(client, RunCommand(command=COMMAND_OF[what])).text)

@@ -13,7 +13,6 @@ from thumper.cli.options.record import recorded
 from thumper.cli.output.compile_progress import compile_progress
 from thumper.cli.output.drive_progress import ProgressDisplay, print_warnings
 from thumper.cli.output.folder import prepare_output
-from thumper.cli.output.run_report import write_run
 from thumper.cli.resume import autosaved, load_interrupted, set_aside_interrupted
 from thumper.cli.start_map import load_start_map
 from thumper.common.geometry import Pose2
@@ -105,6 +104,8 @@ class FinishedRun:
 def run_and_report(robot: RobotLoop, task: Task, out: Path, console: Console) -> FinishedRun:
     """Run a task with a progress display; write map, pictures and summary to `out`."""
     result = robot.run(task, ProgressDisplay(console))
+    from thumper.cli.output.run_report import write_run  # matplotlib: 27 MB that no drive needs
+
     files = write_run(out, robot.mapper, robot.log, result)
     print_warnings(robot, console)
     return FinishedRun(result=result, files=files)
