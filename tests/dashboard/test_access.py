@@ -1,6 +1,7 @@
 """Access control, message by message and without a server: who is let in, and what an answer carries."""
 
 import asyncio
+from types import SimpleNamespace
 from typing import Any
 from urllib.parse import urlencode
 
@@ -10,6 +11,7 @@ from thumper.dashboard.login import COOKIE, SESSION_S, AccessControl
 
 PASSWORD = "correct horse"
 LOCAL = frozenset({"localhost", "127.0.0.1"})
+HOST = [(b"host", b"localhost:8080")]
 Scope = dict[str, Any]
 
 
@@ -253,3 +255,71 @@ def test_lifespan_passes() -> None:
     site = Site()
     site.request(kind="lifespan")
     assert site.reached == ["lifespan"]
+
+
+def test_form_that_never_arrives_is_answered_after_ten_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    waits_s = list[float]()
+
+    def timeout(seconds: float) -> Any:
+        waits_s.append(seconds)
+        return asyncio.timeouts.timeout(0.01)
+
+    monkeypatch.setattr("thumper.dashboard.login.asyncio", SimpleNamespace(timeout=timeout))
+    site, sent = Site(), list[Any]()
+    scope = {"type": "http", "path": "/login", "method": "POST", "query_string": b"", "headers": HOST}
+
+    async def receive() -> Any:
+        await asyncio.sleep(60.0)
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    asyncio.run(site.access(scope, receive, send))
+    assert (sent[0]["status"], waits_s) == (408, [10.0])
+
+
+def test_websocket_that_ends_with_its_session_says_why() -> None:
+    site, received = Site(), list[Any]()
+    _, cookie = site.log_in()
+
+    async def app(_scope: Any, receive: Any, _send: Any) -> None:
+        site.access._sessions.clear()
+        received.append(await receive())
+
+    site.access._app = app
+    site.request("/stream", kind="websocket", cookie=cookie)
+    assert received == [{"type": "websocket.disconnect", "code": 1008}]
+
+
+def test_other_kinds_of_scope_and_websocket_paths_are_not_the_form() -> None:
+    site = Site()
+    assert site.request("/login", kind="websocket")[0] == 1008
+    _, cookie = site.log_in()
+    assert site.request("/logout", "POST", kind="websocket", cookie=cookie)[0] == 0
+    assert site.request(cookie=cookie)[0] == 200  # still logged in
+    for _ in range(3):
+        site.log_in()
+    assert len(site.access._sessions) == 4
+
+
+def test_ended_sessions_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = [1000.0]
+    monkeypatch.setattr("thumper.dashboard.login.time.monotonic", lambda: now_s[0])
+    site = Site()
+    site.log_in()
+    now_s[0] += SESSION_S  # to the second: it is over
+    assert site.log_in()[0] == 303
+    assert len(site.access._sessions) == 1
+    key = next(iter(site.access._sessions))
+    assert len(key) == 43  # 32 random bytes
+
+
+def test_session_is_over_at_its_very_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = [1000.0]
+    monkeypatch.setattr("thumper.dashboard.login.time.monotonic", lambda: now_s[0])
+    site = Site()
+    _, cookie = site.log_in()
+    now_s[0] += SESSION_S
+    assert site.request(cookie=cookie)[0] == 401
+    now_s[0] = 0.5  # a computer that has just started
+    assert site.request(cookie="thumper_session=unknown")[0] == 401

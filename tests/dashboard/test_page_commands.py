@@ -11,6 +11,7 @@ from thumper.dashboard.page_commands import PageCommands, TeleopLimits
 from thumper.dashboard.page_messages import parse_message
 
 TELEOP = '{"kind": "teleop", "forward": 0.5, "left": -1, "turbo": false}'
+TURN = '{"kind": "teleop", "forward": 0, "left": 0.5, "turbo": false}'
 RELEASE = '{"kind": "teleop", "forward": 0, "left": 0, "turbo": false}'
 GOAL = '{"kind": "goal", "x_m": 1, "y_m": 2, "yaw_rad": null}'
 WAYPOINTS = '{"kind": "waypoints", "places": [[1, 2], [3, 4]]}'
@@ -53,7 +54,7 @@ class Pages:
         return self.robot.sent
 
 
-@pytest.mark.parametrize("motion", [TELEOP, GOAL, WAYPOINTS, EXPERIMENT])
+@pytest.mark.parametrize("motion", [TELEOP, TURN, GOAL, WAYPOINTS, EXPERIMENT])
 def test_page_that_starts_a_motion_guards_it(motion: str) -> None:
     pages = Pages()
     assert pages.send("a", HEARTBEAT) == []  # it only watches
@@ -65,7 +66,7 @@ def test_page_that_starts_a_motion_guards_it(motion: str) -> None:
     assert pages.send("b", HEARTBEAT) == []
 
 
-@pytest.mark.parametrize("message", [TELEOP, GOAL, WAYPOINTS, EXPERIMENT, POSE])
+@pytest.mark.parametrize("message", [TELEOP, TURN, GOAL, WAYPOINTS, EXPERIMENT, POSE])
 def test_second_page_drives_only_after_it_has_taken_control(message: str) -> None:
     pages = Pages()
     pages.send("a", TELEOP)
@@ -111,6 +112,10 @@ def test_joystick_is_scaled_to_the_limits(turbo: str, share: float) -> None:
 def test_single_waypoint_is_a_goal() -> None:
     pages = Pages()
     assert pages.send("a", '{"kind": "waypoints", "places": [[1, 2]]}')[1] == ("mission/send", "a")
+
+
+def test_several_waypoints_are_a_path() -> None:
+    assert Pages().send("a", WAYPOINTS)[1] == ("waypoints", "a")
 
 
 def test_obstacle_needs_the_pose() -> None:

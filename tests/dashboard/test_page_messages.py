@@ -133,3 +133,63 @@ def test_the_page_sends_exactly_the_accepted_kinds() -> None:
     }
     accepted = {get_args(model.model_fields["kind"].annotation)[0] for model in get_args(PageMessage)}
     assert sent == accepted
+
+
+INITIAL = {"kind": "initial_pose", "x_m": 0.0, "y_m": 0.0, "yaw_rad": 0.0}
+OBSTACLE = {"kind": "obstacle", "x_m": 0.0, "y_m": 0.0, "radius_m": 0.5}
+EXPERIMENT = {"kind": "experiment", "name": "step", "lane_m": 1.0}
+HEARTBEAT, TELEOP = {"kind": "heartbeat"}, {"kind": "teleop", "forward": 0.0, "left": 0.0, "turbo": False}
+
+
+@pytest.mark.parametrize(
+    ("message", "field", "least", "most", "step"),
+    [
+        (GOAL, "x_m", -1000.0, 1000.0, 0.1),
+        (GOAL, "yaw_rad", -6.2832, 6.2832, 0.001),
+        (INITIAL, "yaw_rad", -6.2832, 6.2832, 0.001),
+        (TELEOP, "left", -1.0, 1.0, 0.01),
+        (OBSTACLE, "radius_m", 0.02, 2.0, 0.01),
+        (EXPERIMENT, "lane_m", 0.6, 10.0, 0.1),
+        (HEARTBEAT, "n", 0, 2**53 - 1, 1),
+    ],
+)
+def test_every_number_has_its_limits(
+    message: dict[str, Any], field: str, least: float, most: float, step: float
+) -> None:
+    for good in (least, most):
+        assert getattr(parse_message(json.dumps({**message, field: good})), field) == good
+    for wrong in (least - step, most + step):
+        with pytest.raises(PageMessageError, match=field):
+            parse_message(json.dumps({**message, field: wrong}))
+
+
+def test_every_list_and_name_has_its_limits() -> None:
+    for places in ([[0.0, 0.0]], [[0.0, 0.0]] * 50):
+        parse_message(json.dumps({"kind": "waypoints", "places": places}))
+    with pytest.raises(PageMessageError, match="places"):
+        parse_message(json.dumps({"kind": "waypoints", "places": [[0.0]]}))
+    for name in ("a", "a" * 40):
+        parse_message(json.dumps({**EXPERIMENT, "name": name}))
+    for name in ("", "a" * 41, "../a", "A"):
+        with pytest.raises(PageMessageError, match="name"):
+            parse_message(json.dumps({**EXPERIMENT, "name": name}))
+
+
+def test_message_of_8192_characters_is_the_longest() -> None:
+    text = '{"kind": "estop"}'
+    assert parse_message(text + " " * (8192 - len(text)))
+    with pytest.raises(PageMessageError, match="too long"):
+        parse_message(text + " " * (8193 - len(text)))
+
+
+def test_refusal_names_the_field_without_the_value() -> None:
+    for text, words in (("[]", "the message"), (json.dumps({**GOAL, "x_m": "secret"}), "x_m")):
+        with pytest.raises(PageMessageError, match=f"refused .*{words}") as refusal:
+            parse_message(text)
+        assert "secret" not in str(refusal.value)
+        assert "http" not in str(refusal.value)
+
+
+def test_messages_cannot_be_changed() -> None:
+    with pytest.raises(ValueError, match="frozen"):
+        parse_message('{"kind": "estop"}').kind = "goal"

@@ -160,6 +160,40 @@ def test_any_bytes_give_a_request_or_a_refusal(raw: bytes, topic: str) -> None:
         assert abs(decoded.twist.v_m_s) <= 5.0
 
 
+@pytest.mark.parametrize(
+    ("topic", "message", "most"),
+    [
+        ("goal", M.goal(0.0, HERE), 20),
+        ("teleop", M.twist(0.0, Twist2(v_m_s=0.2)), 200),
+        ("gamepad", M.twist(0.0, Twist2(v_m_s=0.2)), 200),
+        ("heartbeat", M.header(0.0), 200),
+    ],
+)
+def test_each_topic_has_its_rate(topic: str, message: Any, most: int) -> None:
+    decoder, raw = RequestDecoder(), encode(message)
+    for _ in range(most):
+        decoder.decode_message(topic, raw, "", 0.0)
+    with pytest.raises(RequestRefusedError, match=f"{most} messages per second"):
+        decoder.decode_message(topic, raw, "", 0.0)
+
+
+def test_longest_source_and_message() -> None:
+    assert request("heartbeat", M.header(0.0), "x" * 64) == Heartbeat(source="x" * 64)
+    with pytest.raises(RequestRefusedError, match="no such command"):  # not its length: 65536 bytes
+        RequestDecoder().decode_message("command", _command_of(MAX_MESSAGE_BYTES), "", 0.0)
+    with pytest.raises(RequestRefusedError, match="the limit is 65536"):
+        RequestDecoder().decode_message("command", _command_of(MAX_MESSAGE_BYTES + 1), "", 0.0)
+
+
+def _command_of(size: int) -> bytes:
+    return encode(text("x" * (size - len(encode(text(""))))))
+
+
+@pytest.mark.parametrize("twist", [Twist2(v_m_s=5.0), Twist2(v_m_s=-5.0), Twist2(w_rad_s=20.0)])
+def test_fastest_manual_command(twist: Twist2) -> None:
+    assert request("gamepad", M.twist(0.0, twist)) is not None
+
+
 def test_query_with_content() -> None:
     decoded = RequestDecoder().decode_query("parameters/set", b'{"kp": 1.5}', "me", 0.0, lambda _: None)
     assert isinstance(decoded, Query)

@@ -24,6 +24,7 @@ ARITHMETIC: dict[type[ast.operator], type[ast.operator]] = {
     ast.Mult: ast.Add,
     ast.Div: ast.Mult,
 }
+CHANGED = ast.If | ast.IfExp | ast.Compare | ast.BoolOp | ast.BinOp | ast.Constant | ast.UnaryOp
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,23 +34,26 @@ class Mutant:
     path: Path
     line: int
     what: str
-    tree: ast.Module
+    node: int  # which one, in the order of `_nodes`
+    variant: int
 
     def __str__(self) -> str:
         return f"{self.path.name}:{self.line}: {self.what}"
 
+    def tree(self) -> ast.Module:
+        """Return the changed code."""
+        tree = ast.parse(self.path.read_text(encoding="utf-8"))
+        _change(list(_nodes(tree))[self.node], self.variant)
+        return ast.fix_missing_locations(tree)
+
 
 def mutants(path: Path) -> Iterator[Mutant]:
     """Yield every mutant of a file, in the order of its nodes."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    count = sum(1 for _ in _nodes(tree))
-    for index in range(count):
-        for variant in range(2):
-            changed = copy.deepcopy(tree)
-            node = list(_nodes(changed))[index]
-            line = getattr(node, "lineno", 0)
-            if what := _change(node, variant):
-                yield Mutant(path=path, line=line, what=what, tree=ast.fix_missing_locations(changed))
+    for index, node in enumerate(_nodes(ast.parse(path.read_text(encoding="utf-8")))):
+        for variant in range(2 if isinstance(node, CHANGED) else 0):
+            if what := _change(copy.deepcopy(node), variant):
+                line = getattr(node, "lineno", 0)
+                yield Mutant(path=path, line=line, what=what, node=index, variant=variant)
 
 
 def _nodes(tree: ast.Module) -> Iterator[ast.AST]:

@@ -56,3 +56,15 @@ def test_recent_data_restarts_the_wait() -> None:
 
 def test_a_lost_lidar_is_hopeless_at_once() -> None:
     assert DataAge().is_hopeless(state(0.0, 1.1))
+
+
+@pytest.mark.parametrize(
+    ("scan_age_s", "telemetry_age_s", "is_old"),
+    [(0.35, 0.0, False), (0.351, 0.0, True), (0.1, 0.3, False), (0.1, 0.301, True)],
+)
+def test_limits_are_those_of_the_safety_case(
+    scan_age_s: float, telemetry_age_s: float, *, is_old: bool
+) -> None:
+    assert bool(DataAge().problem(state(0.0, scan_age_s), telemetry_age_s)) is is_old
+    assert not DataAge().is_hopeless(state(0.0, 1.0))
+    assert LIDAR_LOST not in DataAge().problem(state(0.0, 1.0), 0.0)

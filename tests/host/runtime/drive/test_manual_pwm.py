@@ -62,3 +62,28 @@ def test_pwm_is_limited_and_the_curvature_stays(v_m_s: float, w_rad_s: float, ba
 
         half = 0.5 * w_rad_s * DRIVE.track_m
         assert speed(left) * (v_m_s + half) == pytest.approx(speed(right) * (v_m_s - half), abs=0.6)
+
+
+def test_low_battery_slows_both_sides_alike() -> None:
+    """Computed: 7.4 V / 6 V; the motors reach (255 / 1.233 - 19.3) / 17.12 = 10.95 rad/s."""
+    left, right = pwm(0.8, 1.0, battery_V=6.0)
+    half = 0.5 * DRIVE.track_m
+    left_rad_s = 10.95 * (0.8 - half) / (0.8 + half)
+    assert right == PWM_MAX == 255
+    assert left == pytest.approx(7.4 / 6.0 * (19.3 + 17.12 * left_rad_s), abs=1.0)
+
+
+def test_battery_below_five_volts_is_not_believed() -> None:
+    assert pwm(0.3, 0.0, battery_V=5.0) == pwm(0.3, 0.0)
+    assert pwm(0.3, 0.0, battery_V=5.1) > pwm(0.3, 0.0)
+
+
+def test_motor_without_any_reserve_still_turns() -> None:
+    """Friction alone takes more than the full PWM: the least speed is 0.1 rad/s, not zero or negative."""
+    heavy = FeedForward(ks_pwm=250.0, kv_pwm_s=100.0)
+    assert pwm(0.8, 0.0, feel=heavy) == (PWM_MAX, PWM_MAX)
+    assert pwm(0.8, 2.0, feel=heavy)[0] > 250
+
+
+def test_tiny_speeds_stay_tiny() -> None:
+    assert pwm(1e-6, 0.0) == (19, 19)

@@ -51,3 +51,11 @@ def test_the_monitored_source_is_not_forgotten() -> None:
     for n in range(2 * MAX_SOURCES):
         heartbeats.record(str(n), 1.0)
     assert heartbeats.is_lost("page", 1.0)
+
+
+def test_limits_are_those_of_the_safety_case() -> None:
+    heartbeats = HeartbeatMonitor()
+    heartbeats.record("page", 0.0)
+    assert not heartbeats.is_lost("page", 0.3)
+    assert heartbeats.is_lost("page", 0.301)
+    assert (MAX_SOURCES, MAX_PENDING) == (64, 256)

@@ -32,3 +32,12 @@ def test_requests_right_after_a_stall_are_stale() -> None:
 )
 def test_requests_that_start_motion(request_: Request, going: bool) -> None:
     assert starts_motion(request_) is going
+
+
+def test_limits_of_a_stall() -> None:
+    guard = StallGuard()
+    assert not guard.is_stale(0.5)  # the clock may have started a moment ago
+    assert not guard.is_stale(2.5)  # 2 s are no stall
+    assert guard.is_stale(4.6)
+    assert not guard.is_stale(5.6)
+    assert (STALL_S, STALE_PERIOD_S) == (2.0, 1.0)

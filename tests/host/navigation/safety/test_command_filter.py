@@ -1,0 +1,129 @@
+"""The order of the checks: dynamic obstacles first, then smoothing, slowing, the monitor, and the escape."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.host.navigation.safety.test_escape import request
+from thumper.common.geometry import FloatArray, Pose2, Twist2
+from thumper.lidar.field_of_view import FieldOfView
+from thumper.navigation.controllers.controller import ControlResult
+from thumper.navigation.costmap.local_model import ObstaclePoints
+from thumper.navigation.footprint import Footprint
+from thumper.navigation.safety.collision_monitor import CollisionMonitorOptions
+from thumper.navigation.safety.command_filter import CommandFilter, FilteredCommand
+from thumper.navigation.safety.dynamic_obstacles import DynamicObstacleOptions
+from thumper.navigation.speed_limits import SpeedLimits
+
+SLOW = Twist2(v_m_s=0.04)
+NONE = np.empty((0, 2))
+FRONT_M = 0.21
+
+
+class Filter:
+    """A command filter whose obstacles and dynamic obstacles a test sets."""
+
+    def __init__(self) -> None:
+        self.filter = CommandFilter(
+            limits=SpeedLimits(),
+            monitor=CollisionMonitorOptions(),
+            dynamic_obstacles=DynamicObstacleOptions(),
+            footprint=Footprint(),
+            padded=Footprint(),
+            drive=None,
+            view=FieldOfView(),
+        )
+        self.yields_to: list[Twist2] = []
+        vars(self.filter._dynamic_obstacles)["stop_reason"] = self._stop_reason
+
+    def _stop_reason(self, command: Twist2, _twist: Twist2, _pose: Pose2) -> str | None:
+        assert command is not None
+        return "a person" if command in self.yields_to else None
+
+    def run(
+        self,
+        wanted: Twist2 | None,
+        points_m: FloatArray = NONE,
+        *,
+        allow_escape: bool = True,
+        last: Twist2 = SLOW,
+        seen: int | None = None,
+    ) -> FilteredCommand:
+        count = len(points_m)
+        self.filter._obstacles = ObstaclePoints(points_m, np.zeros(count), count if seen is None else seen)
+        asked = replace(request(points_m), last_command=last)
+        result = ControlResult(command=wanted, reason="" if wanted else "no room")
+        return self.filter.filter(result, asked, allow_escape=allow_escape)
+
+
+def test_free_command_passes_within_the_acceleration_limits() -> None:
+    assert Filter().run(SLOW) == FilteredCommand(command=SLOW)
+    passed = Filter().run(Twist2(v_m_s=0.4), last=Twist2())
+    assert passed.command is not None
+    assert passed.command.v_m_s == pytest.approx(0.04)
+
+
+def test_command_is_slowed_before_an_obstacle() -> None:
+    slowed = Filter().run(Twist2(v_m_s=0.4), np.array(((0.58, 0.0),)), last=Twist2(v_m_s=0.4)).command
+    assert slowed is not None
+    assert 0.1 < slowed.v_m_s < 0.39
+
+
+def test_robot_yields_to_a_dynamic_obstacle() -> None:
+    checked = Filter()
+    checked.yields_to = [SLOW]
+    assert checked.run(SLOW) == FilteredCommand(command=Twist2(), reason="a person", yielding=True)
+
+
+def test_rejected_command_is_replaced_only_if_that_is_allowed() -> None:
+    ahead = np.array(((FRONT_M + 0.001, 0.0),))
+    fast = Twist2(v_m_s=0.3)
+    rejected = Filter().run(fast, ahead, allow_escape=False, last=Twist2())
+    assert rejected.command is None
+    assert not (rejected.escaping)
+    assert not (rejected.yielding)
+    assert "an obstacle" in rejected.reason
+    escaped = Filter().run(fast, ahead, last=Twist2())
+    assert escaped.escaping
+    assert not escaped.yielding
+    assert escaped.command is not None
+    assert escaped.command.v_m_s <= 0.0
+    assert escaped.reason.startswith("escaping: stopped before an obstacle")
+
+
+def test_unseen_ground_is_named() -> None:
+    ahead = np.array(((FRONT_M + 0.001, 0.0),))
+    assert "never seen" in Filter().run(Twist2(v_m_s=0.3), ahead, allow_escape=False, seen=0).reason
+
+
+def test_controller_without_a_command_keeps_its_reason() -> None:
+    assert Filter().run(None, allow_escape=False) == FilteredCommand(command=None, reason="no room")
+
+
+def test_no_escape_toward_a_dynamic_obstacle() -> None:
+    ahead = np.array(((FRONT_M + 0.001, 0.0),))
+    fast = Twist2(v_m_s=0.3)
+    free = Filter().run(fast, ahead, last=Twist2())
+    assert free.command is not None
+    checked = Filter()
+    checked.yields_to = [free.command]
+    assert checked.run(fast, ahead, last=Twist2()).command is None
+
+
+@pytest.mark.parametrize("jumped", [True, False])
+def test_dynamic_obstacles_are_forgotten_when_the_map_jumps(*, jumped: bool) -> None:
+    checked, calls = Filter(), list[str]()
+    obstacles: Any = checked.filter._dynamic_obstacles
+    obstacles.forget = lambda: calls.append("forget")
+    obstacles.update = lambda *_: calls.append("update")
+    here = Pose2(x_m=1.0)
+    model: Any = SimpleNamespace(
+        jumped=jumped, hits_m=NONE, obstacles=ObstaclePoints(np.array(((1.5, 0.0),)), np.zeros(1), 1)
+    )
+    cycle: Any = SimpleNamespace(time_s=0.0, scan_pose=here, map_from_base=here)
+    checked.filter.update(cycle, model)
+    assert calls == (["forget", "update"] if jumped else ["update"])
+    assert checked.filter._obstacles.points_m[0] == pytest.approx((0.5, 0.0))

@@ -1,0 +1,500 @@
+"""Which commands reach the board in each mode, and what ends a drive. The e2e tests use the real firmware."""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from benchmarks.shared.telemetry import telemetry_sample
+
+from thumper.board.messages import Command, Fault, State, Telemetry
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import Pose2, Twist2
+from thumper.common.kinematics import DriveGeometry, WheelSpeeds
+from thumper.config.manual_drive import ManualDriveOptions
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.goal import Goal
+from thumper.navigation.state import NavigationOutput, NavigationState
+from thumper.runtime.drive import drive_manager
+from thumper.runtime.drive.drive_manager import DriveManager, DriveMode
+from thumper.runtime.drive.manual_pwm import FeedForward, manual_pwm
+from thumper.runtime.requests import TeleopSource, Velocity
+from thumper.runtime.state_estimator import RobotState
+
+GOAL, AHEAD, ZERO = Goal(x_m=2.0, y_m=0.0), Twist2(v_m_s=0.2), WheelSpeeds()
+WHEEL_MAX_RAD_S = 13.0
+ARM, DISARM, CLEAR, ESTOP = Command.ARM, Command.DISARM, Command.CLEAR_FAULT, Command.E_STOP
+GRID = OccupancyGrid(cells=np.zeros((9, 9), np.int8), resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
+
+
+class Bench:
+    """A drive manager, what it sends to the board, and the clock."""
+
+    def __init__(self) -> None:
+        self.sent: list[Any] = []
+        self.now_s = 100.0
+        self.age_s = 0.0  # of the telemetry
+        self.kv_pwm_s = 17.0
+        self.stop_fails = False
+        self.output = NavigationOutput(command=AHEAD, reason="on the way")
+        self.plans: list[tuple[Any, ...]] = []
+        self.goals: list[Goal] = []
+        board = SimpleNamespace(
+            command=self.sent.append,
+            set_wheel_speeds=self.sent.append,
+            set_motor_pwm=lambda left, right: self.sent.append((left, right)),
+            get_parameter=lambda name: {"ks": 19.0, "kv": self.kv_pwm_s}[name],
+            emergency_stop=self._emergency_stop,
+            now_s=lambda: self.now_s + self.age_s,
+        )
+        navigator = SimpleNamespace(set_goal=self.goals.append, update=self._plan)
+        self.manager = DriveManager(
+            board=cast("Any", board),
+            navigator=cast("Any", navigator),
+            drive=DriveGeometry(),
+            max_wheel_rad_s=WHEEL_MAX_RAD_S,
+            options=ManualDriveOptions(),
+        )
+
+    def _emergency_stop(self) -> None:
+        self.sent.append(ESTOP)
+        if self.stop_fails:
+            raise ThumperError("no answer")
+
+    def _plan(self, *arguments: Any, **_: Any) -> NavigationOutput:
+        self.plans.append(arguments)
+        return self.output
+
+    def step(self, cycles: int = 1, *, scan_age_s: float = 0.1, **telemetry: Any) -> NavigationOutput | None:
+        """Run cycles; return the output of the last one."""
+        output = None
+        for _ in range(cycles):
+            self.now_s += 0.1
+            state = RobotState(
+                time_s=self.now_s,
+                map_from_base=Pose2(),
+                twist=Twist2(),
+                hits_in_map_m=np.empty((0, 2)),
+                scan_age_s=scan_age_s,
+            )
+            output = self.manager.step(read(**telemetry), state, lambda: GRID)
+        return output
+
+    def take(self) -> list[Any]:
+        """Return what was sent since the last call."""
+        sent, self.sent[:] = list(self.sent), []
+        return sent
+
+    def hold(self, twist: Twist2, source: TeleopSource = TeleopSource.TELEOP) -> None:
+        self.manager.add_manual_command(self.now_s, Velocity(channel=source, twist=twist))
+
+
+def read(**values: Any) -> Telemetry:
+    return telemetry_sample(
+        0.0, **({"battery_mV": 7400, "left_speed": 500, "right_speed": 500} | values)
+    ).telemetry
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
+    bench = Bench()
+    monkeypatch.setattr(drive_manager, "time", SimpleNamespace(monotonic=lambda: bench.now_s))
+    return bench
+
+
+def wheels(v_m_s: float) -> WheelSpeeds:
+    rad_s = v_m_s / DriveGeometry().wheel_radius_m
+    return WheelSpeeds(left_rad_s=rad_s, right_rad_s=rad_s)
+
+
+def test_idle_robot_sends_nothing(bench: Bench) -> None:
+    assert bench.step(20, state=State.FAULT, fault=Fault.E_STOP) is None
+    bench.manager.resend_command()
+    bench.manager.stop("stop")
+    assert bench.manager.outcome is None
+    assert (bench.take(), bench.manager.mode, bench.manager.reason) == ([], DriveMode.IDLE, "")
+    assert not (bench.manager.is_waiting)
+    assert not (bench.manager.is_stop_unconfirmed)
+
+
+def test_goal_arms_and_each_cycle_sends_what_the_navigator_wants(bench: Bench) -> None:
+    bench.manager.start(GOAL, None, source="me")
+    assert (bench.take(), bench.goals, bench.manager.mode) == ([ARM], [GOAL], DriveMode.DRIVING)
+    assert bench.step() is bench.output
+    assert bench.take() == [wheels(0.2)]
+    assert (bench.manager.command, bench.manager.reason) == (AHEAD, "on the way")
+    grid = bench.plans[0][3]
+    assert grid.cell_of(GOAL.x_m + 0.95, GOAL.y_m) is not None  # the map includes the goal and 1 m more
+    assert grid.origin_x_m + grid.cells.shape[1] * grid.resolution_m == pytest.approx(
+        GOAL.x_m + 1.0, abs=0.06
+    )
+    bench.manager.resend_command()
+    assert bench.take() == [wheels(0.2)]
+    bench.manager.start(GOAL, None)  # replaces the goal, is armed already
+    assert (bench.take(), bench.manager.source) == ([], "")
+
+
+def test_wheels_are_never_faster_than_the_motors_allow(bench: Bench) -> None:
+    bench.output = NavigationOutput(command=Twist2(v_m_s=5.0))
+    bench.manager.start(GOAL, None)
+    bench.step()
+    assert bench.take()[-1] == WheelSpeeds(left_rad_s=WHEEL_MAX_RAD_S, right_rad_s=WHEEL_MAX_RAD_S)
+
+
+@pytest.mark.parametrize(
+    ("state", "reached", "failed"),
+    [(NavigationState.REACHED, True, False), (NavigationState.FAILED, False, True)],
+)
+def test_end_of_a_drive_brakes_then_disarms(
+    bench: Bench, state: NavigationState, *, reached: bool, failed: bool
+) -> None:
+    bench.manager.start(GOAL, None)
+    bench.output = NavigationOutput(state=state, reason="the end")
+    bench.step()
+    outcome = bench.manager.outcome
+    assert outcome is not None
+    assert (outcome.reached, outcome.navigation_failed, outcome.by_user) == (reached, failed, False)
+    assert (outcome.reason, bench.manager.mode, bench.manager.goal) == ("the end", DriveMode.STOPPING, None)
+    bench.take()
+    bench.step(left_speed=0)  # one side still turns
+    bench.step(right_speed=0)
+    assert bench.take() == [ZERO, ZERO]
+    bench.step(left_speed=0, right_speed=0)
+    assert (bench.take(), bench.manager.mode, bench.manager.reason) == ([DISARM], DriveMode.IDLE, "the end")
+
+
+def test_braking_ends_after_three_seconds_whatever_the_encoders_say(bench: Bench) -> None:
+    bench.manager.start(GOAL, None)
+    bench.step()
+    bench.manager.stop("stop")
+    bench.take()
+    bench.step(31)
+    assert bench.take() == [ZERO] * 30 + [DISARM]
+    bench.manager.start(GOAL, None)
+    bench.step()
+    bench.manager.stop("again")
+    bench.take()
+    bench.step(30)
+    assert bench.take() == [ZERO] * 30  # counted again
+
+
+def test_stop_cancels_the_drive_for_the_user(bench: Bench) -> None:
+    bench.manager.start(GOAL, None)
+    bench.step()
+    bench.manager.stop("cancelled")
+    assert bench.manager.outcome == drive_manager.DriveOutcome(
+        reached=False, reason="cancelled", by_user=True
+    )
+    bench.take()
+    bench.manager.resend_command()
+    assert bench.take() == [ZERO]
+
+
+def test_fault_ends_the_drive_but_not_one_from_before_arming(bench: Bench) -> None:
+    bench.manager.start(GOAL, None)
+    assert bench.step(state=State.FAULT, fault=Fault.STALL_LEFT) is not None  # sent before ARM arrived
+    assert bench.manager.mode.value == "driving"
+    assert bench.step(state=State.FAULT, fault=Fault.STALL_LEFT) is None
+    assert bench.manager.mode is DriveMode.IDLE
+    outcome = bench.manager.outcome
+    assert outcome is not None
+    assert "the board stopped the motors" in outcome.reason
+    assert not outcome.by_user
+    bench.take()
+    bench.step()
+    assert not bench.take()
+    bench.manager.start(GOAL, None)
+    assert bench.step(state=State.FAULT, fault=Fault.STALL_LEFT) is not None  # each arming counts again
+
+
+def test_four_disarmed_cycles_in_a_row_mean_another_program(bench: Bench) -> None:
+    bench.manager.start(GOAL, None)
+    for _ in range(3):
+        bench.step(3, state=State.DISARMED)
+        bench.step()
+    assert bench.manager.mode is DriveMode.DRIVING
+    bench.step(4, state=State.DISARMED)
+    assert (bench.manager.mode, bench.manager.reason) == (
+        DriveMode.IDLE,
+        "another program disarmed the board",
+    )
+    bench.manager.start(GOAL, None)
+    bench.step(3, state=State.DISARMED)
+    assert bench.manager.mode.value == "driving"
+
+
+@pytest.mark.parametrize(
+    ("fault", "clear", "sent"),
+    [
+        (Fault.LINK_LOST, False, [CLEAR, ARM]),
+        (Fault.E_STOP, True, [CLEAR, ARM]),
+        (Fault.E_STOP, False, []),
+        (Fault.STALL_RIGHT, False, []),
+    ],
+)
+def test_latched_fault_is_cleared_on_request_only(
+    bench: Bench, fault: Fault, sent: list[Command], *, clear: bool
+) -> None:
+    latched = read(state=State.FAULT, fault=fault)
+    if sent:
+        bench.manager.start(GOAL, latched, clear_fault=clear)
+    else:
+        with pytest.raises(ThumperError, match="latched a fault"):
+            bench.manager.start(GOAL, latched)
+        with pytest.raises(ThumperError, match="latched a fault"):
+            bench.manager.arm(latched)
+        assert (bench.manager.mode, bench.goals) == (DriveMode.IDLE, [])
+    assert bench.take() == sent
+
+
+def test_armed_robot_holds_zero_and_stays_armed_after_a_drive(bench: Bench) -> None:
+    bench.manager.arm(None)
+    bench.step()
+    assert bench.take() == [ARM, ZERO]
+    assert (bench.manager.mode, bench.manager.reason) == (DriveMode.HOLDING, "armed")
+    bench.manager.start(GOAL, None)
+    bench.step()
+    bench.manager.arm(None)  # during a drive: changes nothing now
+    assert (bench.manager.mode, bench.take()) == (DriveMode.DRIVING, [wheels(0.2)])
+    bench.output = NavigationOutput(state=NavigationState.REACHED)
+    bench.step()
+    assert bench.manager.mode.value == "holding"
+    bench.take()
+    bench.step()
+    assert bench.take() == [ZERO]
+    bench.manager.disarm("off")
+    assert (bench.take(), bench.manager.mode, bench.manager.reason) == ([DISARM], DriveMode.IDLE, "off")
+    bench.manager.start(GOAL, None)
+    bench.step()
+    assert bench.manager.mode is DriveMode.STOPPING  # disarming ended the manual arming
+    bench.manager.start(GOAL, None)
+    bench.manager.disarm("off")
+    outcome = bench.manager.outcome
+    assert outcome is not None
+    assert outcome.by_user
+
+
+def test_cruise_holds_a_speed_until_the_stop(bench: Bench) -> None:
+    bench.manager.arm(None)
+    bench.manager.cruise(AHEAD)
+    bench.step()
+    assert (bench.take(), bench.manager.command) == ([ARM, wheels(0.2)], AHEAD)
+    bench.manager.stop("stop")
+    bench.step()
+    assert bench.take() == [ZERO]
+    bench.manager.arm(None)
+    bench.take()
+    bench.step()
+    assert (bench.take(), bench.manager.command) == ([ZERO], Twist2())
+    bench.manager.cruise(AHEAD)
+    bench.manager.disarm("off")
+    bench.manager.arm(None)
+    bench.take()
+    bench.step()
+    assert bench.take() == [ZERO]
+
+
+def test_emergency_stop_is_unconfirmed_until_the_board_answers(bench: Bench) -> None:
+    bench.manager.start(GOAL, None)
+    bench.step()
+    bench.take()
+    bench.stop_fails = True
+    with pytest.raises(ThumperError):
+        bench.manager.emergency_stop()
+    assert (bench.take(), bench.manager.mode) == ([ESTOP], DriveMode.IDLE)
+    assert bench.manager.is_stop_unconfirmed
+    outcome = bench.manager.outcome
+    assert outcome is not None
+    assert outcome.by_user
+    bench.step(3)
+    bench.manager.resend_command()
+    assert bench.take() == []  # silent: the board stops by its own time-out
+    bench.stop_fails = False
+    bench.manager.emergency_stop()
+    assert not bench.manager.is_stop_unconfirmed
+
+
+def test_clearing_the_fault_leaves_the_motors_off(bench: Bench) -> None:
+    bench.manager.is_stop_unconfirmed = True
+    bench.manager.clear_fault()
+    assert (bench.take(), bench.manager.mode, bench.manager.reason) == (
+        [CLEAR],
+        DriveMode.IDLE,
+        "fault cleared",
+    )
+    assert not bench.manager.is_stop_unconfirmed
+    bench.manager.arm(None)
+    bench.manager.clear_fault()
+    assert bench.manager.reason == "armed"
+
+
+def test_manual_command_needs_an_armed_robot(bench: Bench) -> None:
+    bench.hold(AHEAD)
+    bench.step()
+    assert (bench.take(), bench.manager.mode) == ([], DriveMode.IDLE)
+    assert bench.manager.reason == "the motors are off; arm the robot to drive it manually"
+    bench.manager.arm(None)
+    bench.step()
+    assert bench.take() == [ARM, ZERO]  # the refused command does not start later
+
+
+def test_zero_from_a_stick_at_rest_is_no_complaint(bench: Bench) -> None:
+    bench.hold(Twist2())
+    assert bench.manager.reason == ""
+
+
+def test_manual_command_overrides_the_goal_and_hands_back_to_speed_control(bench: Bench) -> None:
+    bench.manager.start(GOAL, None)
+    bench.step()
+    bench.take()
+    bench.hold(AHEAD, TeleopSource.GAMEPAD)
+    bench.step(battery_mV=6800)
+    feed_forward = FeedForward(ks_pwm=19.0, kv_pwm_s=17.0)
+    pwm = manual_pwm(AHEAD, DriveGeometry(), ManualDriveOptions(), WHEEL_MAX_RAD_S, feed_forward, 6.8)
+    assert bench.take() == [pwm]
+    outcome = bench.manager.outcome
+    assert outcome is not None
+    assert (outcome.by_user, outcome.reason) == (True, "overridden: driven by gamepad")
+    assert (bench.manager.mode, bench.manager.command) == (DriveMode.MANUAL, AHEAD)
+    bench.manager.resend_command()
+    assert bench.take() == [pwm]
+    bench.now_s += 1.0  # without a new command
+    bench.step()
+    assert (bench.take(), bench.manager.mode) == ([ARM, ZERO], DriveMode.HOLDING)
+    assert bench.manager.reason == "manual command released"
+    bench.manager.start(GOAL, None)
+    bench.output = NavigationOutput(state=NavigationState.REACHED)
+    bench.step()
+    assert bench.manager.mode is DriveMode.HOLDING  # who took over manually keeps the robot armed
+
+
+def test_velocity_of_another_program_is_held_by_speed_control(bench: Bench) -> None:
+    bench.manager.start(GOAL, None)
+    bench.step()
+    bench.take()
+    bench.hold(AHEAD, TeleopSource.VELOCITY)
+    bench.step()
+    assert bench.take() == [wheels(0.2)]
+    outcome = bench.manager.outcome
+    assert outcome is not None
+    assert (outcome.by_user, outcome.reason) == (True, "overridden: driven by another program")
+    bench.now_s += 1.0
+    bench.step()
+    assert bench.take() == [ZERO]
+    bench.hold(AHEAD)
+    bench.step()
+    bench.take()
+    bench.now_s += 0.25  # the stick's command is about to expire
+    bench.manager.mux.clear()
+    bench.hold(AHEAD, TeleopSource.VELOCITY)
+    bench.step()
+    assert bench.take() == [ARM, wheels(0.2)]
+    bench.output = NavigationOutput(state=NavigationState.REACHED)
+    bench.manager.start(GOAL, None)
+    bench.step()
+    assert bench.manager.mode is DriveMode.HOLDING  # it stays armed after a goal
+
+
+def test_gains_are_read_at_each_start_of_manual_driving(bench: Bench) -> None:
+    bench.manager.arm(None)
+    pwms = []
+    for kv_pwm_s in (17.0, 30.0):
+        bench.kv_pwm_s = kv_pwm_s
+        bench.hold(AHEAD)
+        bench.step()
+        pwms.append(bench.take()[-1])
+        bench.kv_pwm_s = 99.0  # not read again while it drives
+        bench.hold(AHEAD)
+        bench.step()
+        assert bench.take()[-1] == pwms[-1]
+        bench.now_s += 1.0
+        bench.step()
+    assert pwms[1][0] > pwms[0][0]
+
+
+def test_stop_of_manual_driving_goes_back_to_speed_control(bench: Bench) -> None:
+    bench.manager.arm(None)
+    bench.hold(AHEAD)
+    bench.step()
+    bench.take()
+    bench.manager.stop("stop")
+    bench.step()
+    assert bench.take() == [ARM, ZERO]  # the command that was held is forgotten
+
+
+def test_manual_command_ends_with_the_motors_off(bench: Bench) -> None:
+    bench.manager.arm(None)
+    bench.hold(AHEAD)
+    bench.step()
+    bench.manager.disarm("off")
+    bench.take()
+    bench.manager.resend_command()
+    bench.manager.arm(None)
+    bench.step()
+    assert bench.take() == [ARM, ZERO]
+
+
+def test_goal_ends_when_its_client_goes_silent(bench: Bench) -> None:
+    bench.manager.start(GOAL, None, source="page")
+    bench.manager.heartbeats.record("page", bench.now_s)
+    assert bench.step(3) is not None
+    bench.take()
+    assert bench.step() is None
+    assert (bench.take(), bench.manager.mode) == ([DISARM], DriveMode.IDLE)
+    assert "is gone" in bench.manager.reason
+
+
+def test_old_data_holds_the_robot_and_ends_the_drive(bench: Bench) -> None:
+    bench.manager.start(GOAL, None)
+    bench.step()
+    bench.take()
+    bench.plans.clear()
+    assert bench.step(scan_age_s=0.5) is None
+    assert not bench.plans
+    assert (bench.take(), bench.manager.is_waiting, bench.manager.command) == ([ZERO], True, Twist2())
+    assert "waiting for the lidar" in bench.manager.reason
+    bench.manager.resend_command()
+    assert bench.take() == [ZERO]
+    assert bench.step() is not None  # recent again: it drives on
+    assert (bench.take(), bench.manager.is_waiting) == ([wheels(0.2)], False)
+    bench.step(scan_age_s=0.5)
+    bench.manager.start(GOAL, None)
+    assert not bench.manager.is_waiting
+    bench.step(scan_age_s=1.5)
+    outcome = bench.manager.outcome
+    assert outcome is not None
+    assert "lidar stopped" in outcome.reason
+    assert not outcome.reached
+    assert bench.manager.mode is DriveMode.STOPPING
+
+
+def test_result_of_a_plan_that_took_too_long_is_not_driven(bench: Bench) -> None:
+    bench.manager.start(GOAL, None)
+    bench.step()
+    bench.take()
+    slow = bench.output
+
+    def plan(*_: Any, **__: Any) -> NavigationOutput:
+        bench.age_s = 0.5
+        return slow
+
+    bench.manager.navigator.update = plan  # type: ignore[method-assign]
+    assert bench.step() is None
+    assert bench.take() == [ZERO]
+    assert "overloaded" in bench.manager.reason
+
+
+def test_abort_and_stopped_send_nothing(bench: Bench) -> None:
+    ends: tuple[Callable[[], None], ...] = (lambda: bench.manager.abort("gone"), bench.manager.on_stopped)
+    for end in ends:
+        bench.manager.start(GOAL, None)
+        bench.step()
+        bench.take()
+        end()
+        bench.manager.resend_command()
+        bench.step()
+        outcome = bench.manager.outcome
+        assert outcome is not None
+        assert not outcome.by_user
+        assert (bench.take(), bench.manager.mode) == ([], DriveMode.IDLE)

@@ -1,0 +1,60 @@
+"""A goal in a request is checked field by field."""
+
+import math
+from typing import Any
+
+import pytest
+
+from thumper.common.errors import ThumperError
+from thumper.navigation.goal import Goal
+from thumper.runtime.requests import LogMessage, TeleopSource, parse_goal
+
+PLACE = {"x_m": 1.0, "y_m": -2.0}
+
+
+def test_complete_and_short_goals() -> None:
+    assert parse_goal(PLACE) == Goal(x_m=1.0, y_m=-2.0, theta_rad=None, tolerance_m=0.1)
+    full = {**PLACE, "yaw_rad": 0.5, "tolerance_m": 0.3}
+    assert parse_goal(full) == Goal(x_m=1.0, y_m=-2.0, theta_rad=0.5, tolerance_m=0.3)
+    assert parse_goal({"x_m": 3, "y_m": 0}).x_m == 3.0
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"x_m": 1.0},
+        {"y_m": 1.0},
+        {**PLACE, "x_m": True},
+        {**PLACE, "x_m": "1"},
+        {**PLACE, "y_m": math.nan},
+        {**PLACE, "yaw_rad": math.inf},
+        {**PLACE, "yaw_rad": None},
+        {**PLACE, "z_m": 0.0},
+    ],
+)
+def test_anything_but_finite_numbers_is_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ThumperError, match="a goal has x_m, y_m"):
+        parse_goal(wrong)
+
+
+@pytest.mark.parametrize(("tolerance_m", "good"), [(0.019, False), (0.02, True), (1.0, True), (1.01, False)])
+def test_tolerance_has_limits(tolerance_m: float, *, good: bool) -> None:
+    content = {**PLACE, "tolerance_m": tolerance_m}
+    if good:
+        assert parse_goal(content).tolerance_m == tolerance_m
+        return
+    with pytest.raises(ThumperError, match=r"0\.02\.\.\.1 m"):
+        parse_goal(content)
+
+
+def test_far_goal_is_refused() -> None:
+    with pytest.raises(ThumperError, match="farther"):
+        parse_goal({"x_m": 1e4, "y_m": 0.0})
+
+
+def test_gamepad_outranks_the_other_source() -> None:
+    assert TeleopSource.GAMEPAD > TeleopSource.TELEOP
+
+
+def test_log_message_is_a_warning_unless_it_says_otherwise() -> None:
+    assert not LogMessage(text="").good
