@@ -85,7 +85,7 @@ class AccessControl:
         policy = [
             (b"content-security-policy", POLICY.encode()),
             (b"x-content-type-options", b"nosniff"),
-            (b"referrer-policy", b"no-referrer"),
+            (b"referrer-policy", b"same-origin"),  # no-referrer: Chromium posts forms without an origin
         ]
         if self._secure and not is_loopback(_host_name(headers)):  # other programs there have no HTTPS
             policy.append((b"strict-transport-security", STRICT_TRANSPORT))
