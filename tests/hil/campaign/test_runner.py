@@ -161,6 +161,27 @@ def test_only_the_campaign_itself_reaches_its_scheduler() -> None:
                 Client(other, timeout=3, security=security)  # type: ignore[no-untyped-call]
 
 
+def test_whole_campaign_runs_over_tls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two parameter sets and two seeds on two worker processes; rows and progress come back encrypted."""
+    start, addresses = runner._local_cluster, list[str]()
+
+    @contextmanager
+    def watched(workers: int | None) -> Iterator[LocalCluster]:
+        with start(workers) as cluster:
+            addresses.extend((cluster.scheduler_address, *cluster.scheduler_info["workers"]))
+            yield cluster
+
+    monkeypatch.setattr(runner, "_local_cluster", watched)
+    jobs = expand_jobs(load_campaign(written(tmp_path)), tmp_path)
+    with RowStore(tmp_path, "d") as store:
+        reported: list[CampaignRow] = []
+        runner.run_jobs(jobs, store, scheduler=None, workers=2, report=reported.append)
+        assert {row.key for row in store.rows} == {row.key for row in reported} == {job.key for job in jobs}
+        assert all(row.reached for row in store.rows)
+    assert len(addresses) == 3
+    assert all(address.startswith("tls://127.0.0.1:") for address in addresses)
+
+
 @contextmanager
 def threads(workers: int | None) -> Iterator[LocalCluster]:
     """Start a cluster inside this process, which is faster than one of processes."""
