@@ -1,7 +1,7 @@
 """`thumper sim` on two pseudo-terminals that also prints when the motors are driven; run as a program.
 
 A line of JSON each 20 ms of simulated time and at each change: its time, the wall's, whether a motor has PWM,
-and the true pose. SIGUSR1 pulls the board's plug, SIGUSR2 puts it back.
+the true pose and the contacts so far. SIGUSR1 pulls the board's plug, SIGUSR2 puts it back.
 """
 
 import json
@@ -9,6 +9,7 @@ import signal
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 from thumper_hil.bench import pty
 from thumper_hil.bench.bench import Bench
@@ -34,7 +35,8 @@ class Witness(Bench):
         driven = bool(self.chip.data(OCR2A) or self.chip.data(OCR2B))
         if driven != self._told[1] or self.time_s >= self._told[0] + PERIOD_S:
             self._told = (self.time_s, driven)
-            line = {"sim_s": self.time_s, "wall_s": time.monotonic(), "on": driven, "pose": self._true_pose()}
+            line: dict[str, Any] = {"sim_s": self.time_s, "wall_s": time.monotonic(), "on": driven}
+            line |= {"pose": self._true_pose(), "contacts": self.contacts}
             print(json.dumps(line), flush=True)
 
     def _true_pose(self) -> tuple[float, ...]:
