@@ -2,6 +2,7 @@
 .PHONY: help demo test coverage lint format firmware chip protocol reference docs bench results soak mutation clean
 
 PYTHON ?=
+HOURS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
 PACKAGES := gcc-avr avr-libc binutils-avr libsimavr-dev libelf-dev g++ python3-venv
@@ -17,7 +18,7 @@ help:
 	@echo "make docs      build the documentation's site into site/, offline; a dead link is an error"
 	@echo "make bench     run every benchmark and write the table in docs/results/benchmarks.md"
 	@echo "make results   drive the sample campaigns again and write their reports into docs/results/"
-	@echo "make soak      two simulated hours of goals and faults (half an hour), see docs/results/soak.md"
+	@echo "make soak      two simulated hours of goals and faults (half an hour); HOURS=8 for more, see docs/results/soak.md"
 	@echo "make mutation  flip every operator and constant of the firmware's core and count who notices (half an hour)"
 
 demo: firmware chip $(VENV)/.kernels
@@ -75,7 +76,7 @@ results: firmware chip $(VENV)/.dev
 	@scripts/make-results
 
 soak: firmware chip $(VENV)/.run
-	@$(BIN)/python -m thumper_hil.bench.soak --hours 2
+	@$(BIN)/python -m thumper_hil.bench.soak --hours $(HOURS)
 
 mutation: $(VENV)/.dev
 	@$(BIN)/python -m tests.firmware.mutation.run

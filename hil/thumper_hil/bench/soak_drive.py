@@ -1,5 +1,6 @@
 """One drive of a soak run: drive, inject a fault, check the stop, recover."""
 
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,7 +15,7 @@ from thumper.runtime.loop import RobotLoop
 from thumper.runtime.requests import EmergencyStop, RobotCommand
 from thumper.runtime.sensor_inputs import BLIND_S
 from thumper_hil.bench import Bench
-from thumper_hil.bench.soak_report import SoakReport
+from thumper_hil.bench.soak_report import SoakReport, Usage
 
 MAX_CYCLES = 900  # per drive
 STATIONARY_RAD_S = 0.1
@@ -64,7 +65,14 @@ class SoakDriver:
             self._bench.fault(fault, cleared)
         self._recover(fault or "no fault")
         self._bench.clear_truth()
-        report.memory_MB.append(_resident_MB())
+        report.usage.append(
+            Usage(
+                time_s=report.simulated_s + self._bench.time_s,
+                memory_MB=_resident_MB(),
+                handles=len(list(Path("/proc/self/fd").iterdir())),
+                threads=threading.active_count(),
+            )
+        )
 
     def _run_mission(self, name: str, value: str | float, fault_cycle: int) -> str:
         """Run until the mission ends; return the fault that was injected, empty for none."""

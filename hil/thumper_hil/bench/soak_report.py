@@ -2,10 +2,21 @@
 
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
-MIN_DRIVES_PER_TENTH = 10  # in shorter runs, kernels that load on first use dominate the memory
+WARM_S, WARM_FRACTION = 3600.0, 0.4  # kernels that load on first use, and caches, fill the memory at first
+WINDOW_FRACTION = 0.2  # of the time after that: the medians of its first and last part are compared
+
+
+class Usage(NamedTuple):
+    """What the process holds after a drive."""
+
+    time_s: float  # simulated
+    memory_MB: float  # resident
+    handles: int  # open files
+    threads: int
 
 
 @dataclass(slots=True, kw_only=True)
@@ -20,17 +31,30 @@ class SoakReport:
     faults: Counter[str] = field(default_factory=Counter)
     longest_stop_s: float = 0.0  # from a fault to stationary wheels
     contacts: int = 0
-    memory_MB: list[float] = field(default_factory=list)  # resident memory after each drive
+    restarts: int = 0  # of the robot, in the same map
+    recorded_MB: float = 0.0  # in the recordings' folder at the end
+    usage: list[Usage] = field(default_factory=list)  # after each drive
     failures: list[str] = field(default_factory=list)
 
-    @property
-    def growth_MB(self) -> float:
-        """Memory growth from the second tenth of the drives to the last; 0 in a short run."""
-        tenth = len(self.memory_MB) // 10
-        if tenth < MIN_DRIVES_PER_TENTH:
-            return 0.0
-        early, late = self.memory_MB[tenth : 2 * tenth], self.memory_MB[-tenth:]
-        return float(np.median(late) - np.median(early))
+    def growth(self) -> dict[str, float]:
+        """Return how much memory, handles and threads grew after the warm-up, as fractions.
+
+        Raises
+        ------
+        ValueError
+            No drive ended in the first or the last part of the time after the warm-up.
+        """
+        warm_s = min(WARM_S, WARM_FRACTION * self.simulated_s)
+        window_s = WINDOW_FRACTION * (self.simulated_s - warm_s)
+        early = [each for each in self.usage if warm_s <= each.time_s < warm_s + window_s]
+        late = [each for each in self.usage if each.time_s >= self.simulated_s - window_s]
+        if not (early and late):
+            raise ValueError("too few drives to compare")
+        return {
+            name: float(np.median([each[n] for each in late]) / np.median([each[n] for each in early])) - 1.0
+            for n, name in enumerate(Usage._fields)
+            if name != "time_s"
+        }
 
     def lines(self, real_s: float) -> list[str]:
         """Return the report as text; `real_s` is the run's duration in real time."""
@@ -41,8 +65,14 @@ class SoakReport:
             f"{self.reached - self.required_reached} of the others",
             f"{sum(self.faults.values())} faults, longest stop {self.longest_stop_s:.2f} s, "
             f"{self.contacts} contacts",
-            f"memory {self.memory_MB[0]:.0f} MB after the first drive, {self.memory_MB[-1]:.0f} MB after the "
-            f"last; last tenth minus second tenth {self.growth_MB:+.1f} MB",
+            f"{self.restarts} restarts in the same map, {self.recorded_MB:.1f} MB of recordings kept",
+            f"after the first drive {_shown(self.usage[0])}; after the last {_shown(self.usage[-1])}",
+            "growth after the warm-up: "
+            + ", ".join(f"{name} {100.0 * part:+.1f} %" for name, part in self.growth().items()),
             ", ".join(f"{name} {count}" for name, count in sorted(self.faults.items())),
             *(f"FAILED: {failure}" for failure in self.failures),
         ]
+
+
+def _shown(usage: Usage) -> str:
+    return f"{usage.memory_MB:.0f} MB, {usage.handles} handles, {usage.threads} threads"
