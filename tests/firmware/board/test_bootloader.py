@@ -24,6 +24,10 @@ WATCHDOG_S = 0.26
 
 OCR2A, OCR2B = 0xB3, 0xB4
 DDRB, DDRD = 0x24, 0x2A
+PORTB, PORTD, MCUSR, TCCR2A = 0x25, 0x2B, 0x54, 0xB0
+MOTORS_B, MOTORS_D, FORWARD = 0b1110, 0b11100, 1 << 2
+CYCLE_S = 1.0 / 16e6
+JMP_0 = bytes((0x0C, 0x94, 0x00, 0x00))
 SLEEP = bytes((0x88, 0x95))
 RETI = bytes((0x18, 0x95))
 TICK_S = 0.1
@@ -127,6 +131,49 @@ def test_a_hang_with_interrupts_on_is_recovered(where: str) -> None:
     assert (telemetry.state, telemetry.fault) == (State.FAULT, Fault.WATCHDOG)
     run_for(chip, 1.0)
     assert chip.truth().wheel_rad_s == (0.0, 0.0)
+
+
+def test_the_watchdog_takes_the_motor_pins_from_the_timer_at_once() -> None:
+    """The timer would drive them for up to a PWM period more, or for ever if the restart hung, too."""
+    chip = driving_robot()
+    chip.hang_at(find(chip, SLEEP))
+    run_for(chip, 0.8 * WATCHDOG_S)
+    start_s = chip.time_s
+    while chip.data(TCCR2A) and chip.time_s < start_s + 1.0:
+        run_for(chip, 50 * CYCLE_S)
+    assert min(chip.data(OCR2A), chip.data(OCR2B)) > 0, "before the restart touches the timer"
+    run_for(chip, 20 * CYCLE_S)
+    assert (chip.data(PORTB) & MOTORS_B, chip.data(PORTD) & MOTORS_D) == (0, 0)
+    assert min(chip.data(OCR2A), chip.data(OCR2B)) > 0, "before the restart touches the timer"
+
+
+def test_a_restart_is_told_once() -> None:
+    """A boot loader that clears the reset flags must not repeat WATCHDOG at every later reset."""
+    chip = driving_robot()
+    address = find(chip, SLEEP)
+    code = chip.read_flash(address, len(JMP_0))
+    chip.hang_at(address)
+    motors_off_after(chip, 1.0)
+    chip.write_flash(address, code)
+    run_for(chip, 0.2)
+    chip.write_flash(address, JMP_0)  # as such a boot loader: the flags are clear
+    run_for(chip, 0.01)
+    assert chip.data(MCUSR) == 0
+    chip.write_flash(address, code)
+    run_for(chip, 0.02)
+    answer = identity(chip)
+    assert answer is not None
+    assert answer.reset_cause is ResetCause.UNKNOWN
+
+
+def test_a_jump_to_the_start_releases_brakes_and_motors() -> None:
+    """As a wild jump does, while a tone or a brake holds the pins high."""
+    chip = driving_robot()
+    chip.write_flash(find(chip, SLEEP), JMP_0)
+    chip.poke(PORTB, chip.data(PORTB) | MOTORS_B)
+    chip.poke(PORTD, chip.data(PORTD) | MOTORS_D)
+    run_for(chip, 0.02)
+    assert (chip.data(PORTB) & MOTORS_B, chip.data(PORTD) & MOTORS_D) == (FORWARD, FORWARD)
 
 
 def test_a_permanent_hang_keeps_the_motors_off() -> None:

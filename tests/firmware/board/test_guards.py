@@ -5,6 +5,7 @@ import pytest
 from tests.firmware.board.boot import ELF
 from tests.firmware.board.wire import frames, identity, run_for, send
 from thumper.board.messages import (
+    SCHEMA_HASH,
     BoardModel,
     Command,
     CommandRequest,
@@ -15,8 +16,10 @@ from thumper.board.messages import (
     State,
     Telemetry,
 )
+from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.chip_faults import FaultyChip
 from thumper_hil.chip.instrumented_chip import EdgeSource, InstrumentedChip
+from thumper_hil.chip.preemption import symbol
 from thumper_hil.chip.robot_params import RobotParams
 from thumper_hil.chip.wiring import ENCODERS
 
@@ -26,6 +29,9 @@ MCUSR, PORF, BORF = 0x54, 1 << 0, 1 << 2
 MOTORS_B, MOTORS_D = 0b1110, 0b11100
 ENCODER_B, ENCODER_D = 0b11_0000, 0b110_0000
 MILLISECOND_S = 0.001
+NOINIT = range(0x100, 0x8FC)
+TICK_READS_WITHIN = 1200
+"""Cycles before the tick stores its time in which it reads the counts."""
 
 
 def telemetry(chip: InstrumentedChip, seconds: float = 0.12) -> Telemetry:
@@ -74,6 +80,20 @@ def test_the_first_edge_after_the_start_counts() -> None:
     assert after.lost_edges == before.lost_edges
 
 
+@pytest.mark.parametrize("wheel", [0, 1])
+@pytest.mark.parametrize("phase", [1, 2, 3])
+def test_the_decoder_starts_with_the_level_of_its_pins(wheel: int, phase: int) -> None:
+    """Else the second edge looks like two at once, and is lost."""
+    chip = InstrumentedChip(ELF)
+    with chip.edges(ENCODERS[BoardModel.TREX][wheel]) as source:
+        source.start(delay_cycles=1, interval_cycles=2, count=phase)  # long before the firmware reads them
+        run_for(chip, 0.05)
+        source.start(delay_cycles=100, interval_cycles=1000, count=1)
+        last = telemetry(chip)
+    assert (last.left_count, last.right_count)[wheel] == 1
+    assert last.lost_edges == 0
+
+
 def _to_high(chip: InstrumentedChip, source: EdgeSource) -> None:
     source.start(delay_cycles=10, interval_cycles=100, count=2)
     run_for(chip, 0.001)
@@ -87,6 +107,31 @@ def test_a_stop_command_does_not_wait_for_the_control_tick(command: Command) -> 
     send(chip, CommandRequest(command=command))
     run_for(chip, MILLISECOND_S)
     assert [chip.data(address) for address in (OCR2A, OCR2B)] == [0, 0]
+
+
+def test_an_edge_during_the_control_tick_tears_no_count() -> None:
+    """At each cycle of the tick in turn an edge carries into the high byte of the count."""
+    chip = InstrumentedChip(ELF)
+    run_for(chip, 0.15)
+    time_us = symbol(ELF, "samples").address
+    tick_cycles = CPU_HZ // 10
+    stored = chip.data(time_us)
+    while chip.data(time_us) == stored:
+        chip.run(chip.cycle + 1)
+    tick_cycle = chip.cycle  # the tick has read the counts before
+    with chip.edges(ENCODERS[BoardModel.TREX][0]) as source:
+        expected = 0
+        seen = set()
+        for before_cycles in range(TICK_READS_WITHIN, 0, -1):
+            source.start(delay_cycles=100, interval_cycles=200, count=0xFF)
+            tick_cycle += tick_cycles
+            chip.run(tick_cycle - TICK_READS_WITHIN - 100)
+            source.start(delay_cycles=tick_cycle - before_cycles - chip.cycle, interval_cycles=1, count=1)
+            chip.run(tick_cycle + 1000)
+            count = int.from_bytes(bytes(chip.data(time_us + 4 + i) for i in range(4)), "little")
+            seen.add(count - expected)
+            expected += 0x100
+    assert seen == {0xFF, 0x100}
 
 
 def test_a_lost_link_does_not_wait_for_the_control_tick() -> None:
@@ -122,6 +167,22 @@ def test_power_on_clears_a_latched_fault_that_sram_still_holds(
     answer = identity(chip)
     assert answer is not None
     assert answer.reset_cause is cause
+
+
+def test_other_content_of_the_kept_sram_is_no_fault() -> None:
+    """After other firmware, or a brown-out that corrupted it."""
+    chip = InstrumentedChip(ELF, params=RobotParams.load())
+    run_for(chip, 0.2)
+    send(chip, CommandRequest(command=Command.E_STOP))
+    run_for(chip, 0.1)
+    (kept,) = (address for address in NOINIT if _kept(chip, address) == SCHEMA_HASH ^ Fault.E_STOP)
+    chip.reset()
+    chip.poke(kept + 2, chip.data(kept + 2) ^ 0x10)
+    assert telemetry(chip, 0.15).fault is Fault.NONE
+
+
+def _kept(chip: InstrumentedChip, address: int) -> int:
+    return int.from_bytes(bytes(chip.data(address + i) for i in range(4)), "little")
 
 
 def test_a_converter_that_stops_is_noticed() -> None:

@@ -17,6 +17,7 @@ from thumper.board.messages import (
     ParameterValue,
     SetParameter,
 )
+from thumper_hil.chip.chip_faults import FaultyChip
 from thumper_hil.chip.instrumented_chip import InstrumentedChip
 from thumper_hil.chip.robot_params import RobotParams
 
@@ -120,3 +121,15 @@ def test_a_cut_in_a_later_save_leaves_the_old_set_or_the_new(
             found, source = after_power_on(bytes(damaged))
             assert found in whole
             assert source is ParameterSource.SAVED
+
+
+def test_edges_at_100_kHz_spoil_no_save() -> None:
+    """A byte is only written if its two instructions follow each other within four cycles."""
+    chip = FaultyChip(ELF, params=RobotParams.load())
+    run_for(chip, 0.3)
+    for side in (0, 1):
+        chip.set_glitches(side, 50_000.0)
+    for sequence in (1, 2):
+        answer = ask(chip, CommandRequest(command=Command.SAVE), Ack, wait_s=0.5)
+        assert answer is not None
+        assert Ack.unpack(answer.payload).status is AckStatus.OK, sequence

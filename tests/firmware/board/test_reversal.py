@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.firmware.board.boot import ELF, ROOT
+from tests.firmware.board.boot import BUILD, ELF, ROOT
 from tests.firmware.board.wire import frames, run_for, send
 from thumper.board.framing import encode_frame
 from thumper.board.messages import Command, CommandRequest, Identify, SetMotorPwm, SetWheelSpeeds, Telemetry
@@ -19,7 +19,7 @@ TCCR2A, OCR2A, OCR2B = 0xB0, 0xB3, 0xB4
 PORTB, PORTD = 0x25, 0x2B
 TIMSK0, OCIE0B = 0x6E, 1 << 2
 STEP_S = 20e-6
-FIRMWARE = ROOT / "firmware"
+FIRMWARE = BUILD.parent if (BUILD.parent / "Makefile").exists() else ROOT / "firmware"
 
 # Port and bit of the direction pin, bit of the PWM output in TCCR2A, compare register.
 SIDES = {"left": (PORTD, 2, 5, OCR2B), "right": (PORTB, 2, 7, OCR2A)}
@@ -171,6 +171,24 @@ def test_a_side_rests_by_itself(fast_elf: Path) -> None:
         send(chip, SetMotorPwm(left=120 if left else -120, right=120 if right else -120))
         shares.append(driven_share(chip, "left", 0.01))
     assert sum(shares) / len(shares) > 0.3
+
+
+def test_a_rest_does_not_end_during_a_tone(fast_elf: Path) -> None:
+    """The battery empties while a motor turns round each tick, at a PWM too small to move it."""
+    chip = FaultyChip(fast_elf, params=RobotParams.load())
+    run_for(chip, 0.3)
+    send(chip, CommandRequest(command=Command.ARM))
+    chip.set_battery(charge=0.0)
+    tones = 0
+    for step in range(round(3.0 / 0.0002)):
+        if step % 50 == 0:
+            pwm = 1 if step % 100 else -1
+            send(chip, SetMotorPwm(left=pwm, right=-pwm))
+        run_for(chip, 0.0002)
+        sounding = bool(chip.data(TIMSK0) & OCIE0B)
+        tones += sounding
+        assert not (sounding and chip.data(TCCR2A) >> 4)
+    assert tones > 1000
 
 
 def test_no_pin_is_given_back_to_the_timer_during_a_tone() -> None:

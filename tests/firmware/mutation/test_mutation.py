@@ -2,8 +2,15 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
+import pytest
+
+from tests.firmware.board.boot import ROOT
+from tests.firmware.mutation.guards import GUARDS, is_noticed
 from tests.firmware.mutation.mutants import CORE, mutants
+
+SAFETY_CASE = ROOT / "docs" / "explanation" / "safety.md"
 
 
 def test_each_mutant_changes_its_line_only() -> None:
@@ -12,6 +19,31 @@ def test_each_mutant_changes_its_line_only() -> None:
         before, after = text.splitlines(), mutant.apply(text).splitlines()
         differing = [i + 1 for i, (b, a) in enumerate(zip(before, after, strict=True)) if a != b]
         assert differing == [mutant.line]
+
+
+@pytest.mark.parametrize(
+    ("guard", "file", "test"),
+    [
+        ("watchdog", "board/test_bootloader.py", "test_a_hang_with_interrupts_on_is_recovered"),
+        (
+            "milliseconds for the watchdog",
+            "board/test_bootloader.py",
+            "test_a_dead_millisecond_timer_is_noticed",
+        ),
+        ("latched fault survives", "board/test_bootloader.py", "test_a_latched_fault_outlasts_a_reset"),
+        ("rest of the left motor", "board/test_reversal.py", "test_a_turning_motor_rests_first"),
+        ("protecting inputs", "board/test_inputs.py", "test_a_switch_stops_the_motors_within_a_tick"),
+        (
+            "bounded reading of requests",
+            "board/test_link_noise.py",
+            "test_a_host_that_never_pauses_keeps_neither_time_out_nor_watchdog_away",
+        ),
+    ],
+)
+def test_a_test_of_the_safety_case_fails_without_the_guard(guard: str, file: str, test: str) -> None:
+    """A sample. `python -m tests.firmware.mutation.guards` removes every guard."""
+    assert f"`tests/firmware/{file}::{test}`" in SAFETY_CASE.read_text(encoding="utf-8")
+    assert is_noticed(replace(GUARDS[guard], test=f"{file} -k {test}"))
 
 
 def test_a_sample_of_mutants_is_killed() -> None:
