@@ -89,3 +89,4 @@ def test_each_direction_has_its_own_flag(core: ctypes.CDLL) -> None:
         (identity,) = host.send(m.Identify())
         assert isinstance(identity, m.Identity)
         assert identity.reversed_sides == 1 << bit
+        assert core.host_reversed(host.handle) == 1 << bit, "as driven and counted"

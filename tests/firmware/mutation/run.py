@@ -35,6 +35,7 @@ SUITE = {
     "test_host_interface": {"host_interface.hpp"},
     "test_store": {"host_interface.hpp"},
     "test_inputs": {"host_interface.hpp"},
+    "test_robot_parameters": {"host_interface.hpp"},
     "test_quadrature": {"quadrature.hpp", "drive.hpp"},
     "test_framing": {"framing.hpp"},
     "test_model": {"parameters.hpp"},

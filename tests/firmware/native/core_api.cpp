@@ -251,6 +251,15 @@ void host_derive(int host, int32_t* out) {
   const auto& interface = At<Interface>(host).host;
   Derive(interface.parameters(), interface.battery_mV(), out);
 }
+/// Bits 0 to 3 as in the identity: what the motor drive and the control tick get.
+int host_reversed(int host) {
+  const fw::Parameters& parameters = At<Interface>(host).host.parameters();
+  fw::WheelConfig config;
+  parameters.Derive(7400, &config);
+  return parameters.IsSet(fw::Parameter::kLeftMotorReversed) |
+         parameters.IsSet(fw::Parameter::kRightMotorReversed) << 1 | config.left_encoder_reversed << 2 |
+         config.right_encoder_reversed << 3;
+}
 int host_take_change(int host) { return At<Interface>(host).host.TakeChange(); }
 void host_advance_time(int host, int elapsed_ms) {
   At<Interface>(host).host.AdvanceTime(static_cast<uint8_t>(elapsed_ms));
