@@ -20,7 +20,7 @@ main()
     ("module", "package", "command"),
     [
         ("nicegui", "nicegui", "dashboard"),
-        ("websockets", "websockets", "rosbridge"),
+        ("foxglove", "foxglove-sdk", "foxglove"),
         ("dask", "dask[distributed]", "campaign c.toml"),
         ("pyarrow", "pyarrow", "campaign c.toml"),
     ],

@@ -21,7 +21,7 @@ LAYERS = (
     "runtime doctor teleop",
     "bus robot",
     "recording dashboard ros2 __init__",
-    "offline",
+    "offline foxglove",
     "cli",
     "__main__",
 )

@@ -1,1 +1,1 @@
-"""Zenoh transport: topics out, requests in; rosbridge."""
+"""Zenoh transport: topics out, requests in."""

@@ -14,6 +14,7 @@ from thumper.cli.doctor import doctor
 from thumper.cli.edit import edit
 from thumper.cli.explore import explore
 from thumper.cli.flash import flash
+from thumper.cli.foxglove import foxglove
 from thumper.cli.goto import goto, stop
 from thumper.cli.map_log import map_log
 from thumper.cli.mode import mode
@@ -22,7 +23,6 @@ from thumper.cli.record import record
 from thumper.cli.recordings import export, recover
 from thumper.cli.replay import replay
 from thumper.cli.ros import ros
-from thumper.cli.rosbridge import rosbridge
 from thumper.cli.run import run
 from thumper.cli.save import save
 from thumper.cli.status import status, watch
@@ -45,7 +45,7 @@ COMMANDS = (  # in the order of `thumper --help`
     dashboard,
     record,
     ros,
-    rosbridge,
+    foxglove,
     replay,
     export,
     recover,

@@ -43,7 +43,10 @@ def ros(
     from thumper.config.robot import load_config
     from thumper.config.ros import overridden
     from thumper.ros2.gateway import RosGateway
+    from thumper.ros2.navigation import NavigationActions
     from thumper.ros2.node import RosNode
+    from thumper.ros2.parameters import RosParameters
+    from thumper.ros2.services import RosServices
     from thumper.ros2.wire import NodeName
 
     settings = load_config(config)
@@ -54,6 +57,9 @@ def ros(
         )
         with RosNode(name, open_ros_client(options.router, options.token, options.tls)) as node:
             RosGateway(client, node, settings, report_to_stderr)
+            answers = RosServices(client, node)
+            RosParameters(client, node)
+            NavigationActions(client, node, settings, lambda: answers.map)
             watchdog = StatusWatchdog(client, report_to_stderr)
             print(
                 f"{node.name.qualified(name.name)} is a node of domain {name.domain_id} at {options.router} "

@@ -9,7 +9,7 @@ from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
 EXTRAS = {  # extra of pyproject.toml: the feature it serves, the modules it installs
     "ui": ("the page", ("nicegui", "cryptography")),
     "gamepad": ("a gamepad", ("pygame",)),
-    "rosbridge": ("rosbridge", ("websockets",)),
+    "foxglove": ("Foxglove", ("foxglove", "cryptography")),
     "campaign": ("a campaign", ("distributed", "dask", "pyarrow")),
 }
 

@@ -2,9 +2,6 @@
 
 import ipaddress
 from dataclasses import dataclass, replace
-from typing import Annotated
-
-from annotated_types import Ge, Le
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 
@@ -27,8 +24,6 @@ class BusOptions:
     # Folder of the keys that encrypt the bus (mutual TLS). Empty: none on a loopback address, else those of
     # `thumper bus keys`. "none": no encryption.
     tls: str = ""
-    # Port of `thumper rosbridge`.
-    rosbridge_port: Annotated[int, Ge(1), Le(65535)] = 9090
 
     def __post_init__(self) -> None:
         host, port = split_address(self.address)

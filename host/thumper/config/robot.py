@@ -62,6 +62,8 @@ class RobotConfig:
 # what you remove, so that an old file is refused with the reason and the fix.
 REMOVED_KEYS: Mapping[str, str] = MappingProxyType(
     {
+        "bus.rosbridge_port": "was the port of rosbridge; use `thumper ros` or `thumper foxglove` and "
+        "delete the key",
         "navigation.astar": "has moved to navigation.traversal; smoothing_rounds is fixed at 30",
         "navigation.cascade.along_gain": "is fixed at 1.0; delete the key",
         "navigation.cascade.damping": "is fixed at 1.0; delete the key",

@@ -1,4 +1,4 @@
-"""Convert ROS 2 messages to JSON and back, in rosbridge's notation."""
+"""Convert ROS 2 messages to JSON and back, field by field."""
 
 import math
 from typing import Any

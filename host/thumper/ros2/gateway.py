@@ -16,10 +16,7 @@ from thumper.ros.codec import Message, decode, encode, message
 from thumper.ros.to_ros import BASE, Messages, text, transform
 from thumper.ros.topics import TOPICS
 from thumper.ros2.diagnostics import clock, diagnostics
-from thumper.ros2.navigation import NavigationActions
-from thumper.ros2.node import RosNode, RosPublisher
-from thumper.ros2.parameters import RosParameters
-from thumper.ros2.services import RosServices
+from thumper.ros2.node import GraphNode, MessageSink
 from thumper.ros2.topics import CLOCK, DEFAULT, DESCRIPTION, DIAGNOSTICS, IN, OUT
 from thumper.ros2.urdf import link_poses, urdf
 
@@ -31,13 +28,13 @@ class RosGateway:
     """Serves one robot; it ends with its bus client and its node."""
 
     def __init__(
-        self, bus: BusClient, node: RosNode, config: RobotConfig, report: Callable[[str], None]
+        self, bus: BusClient, node: GraphNode, config: RobotConfig, report: Callable[[str], None]
     ) -> None:
         """`report` receives a line about a message that cannot be passed on."""
         self._bus, self._node, self._config, self._report = bus, node, config, report
         self._reported_s = self._diagnosed_s = float("-inf")
         self._battery: Message | None = None
-        self._clock: RosPublisher | None = None
+        self._clock: MessageSink | None = None
         self._publish_description()
         self._diagnostics = node.publisher(DIAGNOSTICS.name, "diagnostic_msgs/msg/DiagnosticArray", DEFAULT)
         for ros_topic, type_name, topic in IN:
@@ -47,9 +44,6 @@ class RosGateway:
             publisher = node.publisher(ros_topic.name, TOPICS[topic].type_name, ros_topic.qos)
             send = partial(self._send_static, publisher) if topic == "tf_static" else publisher.publish
             bus.subscribe_raw(topic, send, latched=True)
-        self._parameters = RosParameters(bus, node)
-        self._services = RosServices(bus, node)
-        NavigationActions(bus, node, config, lambda: self._services.map)
         bus.subscribe("battery", self._on_battery)
         bus.subscribe("status", self._on_status)
 
@@ -57,7 +51,7 @@ class RosGateway:
         publisher = self._node.publisher(DESCRIPTION.name, "std_msgs/msg/String", DESCRIPTION.qos)
         publisher.publish(encode(text(urdf(self._config))))
 
-    def _send_static(self, publisher: RosPublisher, raw: bytes) -> None:
+    def _send_static(self, publisher: MessageSink, raw: bytes) -> None:
         """Add the wheels' links to the lidar's, so that viewers can draw the whole robot."""
         transforms = decode(raw, TOPICS["tf_static"].type_name)
         header = transforms.transforms[0].header  # of base_link
@@ -69,7 +63,6 @@ class RosGateway:
         self._battery = battery
 
     def _on_status(self, status: Message) -> None:
-        self._parameters.simulated = status.simulated
         if status.simulated:
             if self._clock is None:
                 self._clock = self._node.publisher(CLOCK.name, "rosgraph_msgs/msg/Clock", CLOCK.qos)

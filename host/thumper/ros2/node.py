@@ -4,6 +4,7 @@ import itertools
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Protocol
 
 import zenoh
 from zenoh import ext
@@ -12,6 +13,40 @@ from thumper.common.closable import Closable
 from thumper.ros.codec import Message, decode, encode
 from thumper.ros2.interfaces import ros_typestore, type_hash
 from thumper.ros2.wire import PUBLISHER, SERVICE, SUBSCRIPTION, Attachment, NodeName, Qos, gid_of
+
+
+class MessageSink(Protocol):
+    """Sends the messages of one topic."""
+
+    def publish(self, raw: bytes) -> None:
+        """Send a message that is already CDR."""
+        ...
+
+
+class GraphNode(Protocol):
+    """What `RosGateway` and `RosServices` need of a node, of ROS or of another server."""
+
+    def publisher(self, topic: str, type_name: str, qos: Qos) -> MessageSink:
+        """Add a publisher."""
+        ...
+
+    def subscribe(self, topic: str, type_name: str, qos: Qos, callback: Callable[[bytes], None]) -> None:
+        """Call `callback` with the CDR of each message."""
+        ...
+
+    def serve(self, service: str, type_name: str, answer: "Callable[[PendingCall], None]") -> None:
+        """Call `answer` with each request."""
+        ...
+
+
+class PendingCall(Protocol):
+    """A request that waits for its response."""
+
+    request: Message
+
+    def reply(self, response: Message) -> None:
+        """Send the response."""
+        ...
 
 
 class RosPublisher:

@@ -25,12 +25,16 @@ class RosParameters:
     def __init__(self, bus: BusClient, node: RosNode) -> None:
         self._bus = bus
         self.simulated = False
+        bus.subscribe("status", self._on_status)
         self._serve(node, "list_parameters", "ListParameters", self._list)
         self._serve(node, "describe_parameters", "DescribeParameters", self._describe)
         self._serve(node, "get_parameters", "GetParameters", self._get)
         self._serve(node, "get_parameter_types", "GetParameterTypes", self._types)
         self._serve(node, "set_parameters", "SetParameters", self._set)
         self._serve(node, "set_parameters_atomically", "SetParametersAtomically", self._set_all)
+
+    def _on_status(self, status: Message) -> None:
+        self.simulated = bool(status.simulated)
 
     @staticmethod
     def _serve(node: RosNode, name: str, kind: str, answer: Answer) -> None:

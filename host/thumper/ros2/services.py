@@ -12,7 +12,7 @@ from thumper.ros.codec import Message, message
 from thumper.ros.services import RunCommand
 from thumper.ros.to_ros import Messages
 from thumper.ros2.interfaces import CLEAR_COSTMAP, GET_MAP, SAVE_MAP, TRIGGER
-from thumper.ros2.node import RosNode, ServiceCall
+from thumper.ros2.node import GraphNode, PendingCall
 
 TRIGGERS = {  # service: command of the robot
     "~/arm": "arm",
@@ -31,7 +31,7 @@ CLEARED = (
 class RosServices:
     """Answers the services of one robot. `map` is its newest map, if it has one."""
 
-    def __init__(self, bus: BusClient, node: RosNode) -> None:
+    def __init__(self, bus: BusClient, node: GraphNode) -> None:
         self._bus = bus
         self.map: Message | None = None
         bus.subscribe("map", self._on_map)
@@ -52,16 +52,16 @@ class RosServices:
         except ThumperError as error:
             return False, str(error)
 
-    def _trigger(self, command: str, call: ServiceCall) -> None:
+    def _trigger(self, command: str, call: PendingCall) -> None:
         success, text = self._run(command)
         call.reply(message(f"{TRIGGER}_Response", success=success, message=text))
 
-    def _clear_costmaps(self, call: ServiceCall) -> None:
+    def _clear_costmaps(self, call: PendingCall) -> None:
         self._run("clear_costmaps")
         empty = message("std_msgs/msg/Empty", structure_needs_at_least_one_member=0)
         call.reply(message(f"{CLEAR_COSTMAP}_Response", response=empty))
 
-    def _get_map(self, call: ServiceCall) -> None:
+    def _get_map(self, call: PendingCall) -> None:
         """Reply with the newest map; before the first, with one of no cells."""
         none = OccupancyGrid(
             cells=np.empty((0, 0), np.int8), resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0
@@ -69,7 +69,7 @@ class RosServices:
         grid = Messages().grid(0.0, none) if self.map is None else self.map
         call.reply(message(f"{GET_MAP}_Response", map=grid))
 
-    def _save_map(self, call: ServiceCall) -> None:
+    def _save_map(self, call: PendingCall) -> None:
         """Save where the robot saves. No text from outside becomes a path, so another place is refused."""
         success = not call.request.map_url and self._run("save_map")[0]
         call.reply(message(f"{SAVE_MAP}_Response", result=success))

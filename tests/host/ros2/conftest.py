@@ -50,18 +50,20 @@ def router(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     port = free_port()
     command = [*END_WITH_PARENT, sys.executable, "-m", "tests.host.ros2.router", str(port)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "ready\n"
-        sdk = ZenohSession.get_instance("127.0.0.1", port)  # one per process
-        get_registry(str(_definitions(tmp_path_factory.mktemp("ros"))))
-        yield port
-        sdk.session.close()
-        process.terminate()
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "ready\n"
+            sdk = ZenohSession.get_instance("127.0.0.1", port)  # one per process
+            get_registry(str(_definitions(tmp_path_factory.mktemp("ros"))))
+            yield port
+            sdk.session.close()
+        finally:
+            process.terminate()
 
 
 def _definitions(folder: Path) -> Path:
     """Write the standard message definitions where the SDK looks for them: it would download them."""
-    for name in typestore().fielddefs:
+    for name in (name for name in typestore().fielddefs if "/msg/" in name):
         text = typestore().generate_msgdef(name, ros_version=2)[0].split("=" * 80)[0]
         path = folder / f"{name}.msg"
         path.parent.mkdir(parents=True, exist_ok=True)
