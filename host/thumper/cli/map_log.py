@@ -18,7 +18,14 @@ if TYPE_CHECKING:
 Method = Literal["graph", "rbpf", "scan_match"]
 # The values of `thumper.slam.mounting.MountFinding`, which loads the mappers.
 Mount = Literal[
-    "as-is", "upside-down", "turned", "upside-down-turned", "mirrored", "mirrored-heading", "degrees"
+    "as-is",
+    "upside-down",
+    "turned",
+    "upside-down-turned",
+    "mirrored",
+    "mirrored-heading",
+    "degrees",
+    "millimetres",
 ]
 
 
@@ -59,7 +66,8 @@ def map_log(
         Mount | None,
         typer.Option(
             help="How to read the log: lidar upside-down, turned by 180 degrees, or both; odometry mirrored "
-            "(left and right swapped), its heading mirrored, or in degrees. Default: as-is, and checked."
+            "(left and right swapped), its heading mirrored or in degrees, or in millimetres. Default: "
+            "as-is, and checked."
         ),
     ] = None,
     session: Session = None,

@@ -32,6 +32,7 @@ from thumper.offline.robot_log import (
     refuse_fov,
 )
 
+FARTHEST_M = 150.0  # no scanner of such a log sees half of its beams end farther away
 NO_RETURN_M = 80.0  # SICK scanners report 81.83 or 81.91 for "no return"
 # Parsers of the laser lines. The first kind that a log contains is mapped.
 LINES: dict[str, Callable[[list[str]], LaserLine]] = {
@@ -90,6 +91,7 @@ def read(name: str, lines: Iterable[str], fov_rad: float | None = None) -> Robot
         scans = _with_angles(scans, fov_rad, notes)
     else:
         refuse_fov(name, fov_rad, f"a {keyword} line")
+    _check_unit(name, scans)
     limit_m = _range_limit_m(scans, parsed.params)
     poses = [scan.odom_from_base for scan in scans]
     if not _moves(poses) and parsed.odometry:
@@ -190,6 +192,18 @@ def _with_angles(scans: list[LaserLine], fov_rad: float | None, notes: list[str]
         angle_min_rad, increment_rad = beam_angles(scan.ranges_m.size, fov_rad)
         corrected.append(replace(scan, angle_min_rad=angle_min_rad, angle_increment_rad=increment_rad))
     return corrected
+
+
+def _check_unit(name: str, scans: list[LaserLine]) -> None:
+    """Raise ThumperError if the ranges cannot be metres."""
+    readings = np.concatenate([scan.ranges_m for scan in scans[:: max(1, len(scans) // 100)]])
+    readings = readings[np.isfinite(readings) & (readings > 0.0)]
+    if readings.size and np.median(readings) > FARTHEST_M:
+        raise ThumperError(
+            f"{name}: half of the beams are longer than {np.median(readings):.0f} m: the ranges are in "
+            "millimetres; divide them by 1000",
+            exit_code=EXIT_USAGE,
+        )
 
 
 def _range_limit_m(scans: list[LaserLine], params: dict[str, str]) -> float:

@@ -40,6 +40,7 @@ class MountFinding(StrEnum):
     MIRRORED = "mirrored"
     MIRRORED_HEADING = "mirrored-heading"
     DEGREES = "degrees"
+    MILLIMETRES = "millimetres"
 
 
 # MIRRORED moves like UPSIDE_DOWN: a mirror image of a drive is a possible drive. The user decides.
@@ -50,6 +51,7 @@ CANDIDATES = (
     MountFinding.UPSIDE_DOWN_TURNED,
     MountFinding.MIRRORED_HEADING,
     MountFinding.DEGREES,
+    MountFinding.MILLIMETRES,
 )
 
 
@@ -57,6 +59,8 @@ def corrected_odometry(odom_from_base: Pose2, mounting: MountFinding) -> Pose2:
     """Return the pose as this reading understands it."""
     if mounting is MountFinding.DEGREES:
         return replace(odom_from_base, theta_rad=wrap_angle(math.radians(odom_from_base.theta_rad)))
+    if mounting is MountFinding.MILLIMETRES:
+        return replace(odom_from_base, x_m=1e-3 * odom_from_base.x_m, y_m=1e-3 * odom_from_base.y_m)
     if mounting is MountFinding.MIRRORED_HEADING:
         return replace(odom_from_base, theta_rad=-odom_from_base.theta_rad)
     return _mirrored(odom_from_base) if mounting is MountFinding.MIRRORED else odom_from_base
@@ -94,6 +98,7 @@ def describe(mounting: MountFinding, base_from_laser: Pose2) -> str:
         MountFinding.MIRRORED: "the odometry is mirrored: left and right encoder are swapped",
         MountFinding.MIRRORED_HEADING: "the odometry's heading is mirrored: it must grow counter-clockwise",
         MountFinding.DEGREES: "the odometry's heading is in degrees: it must be in radians",
+        MountFinding.MILLIMETRES: "the odometry is in millimetres: it must be in metres",
     }[mounting]
 
 

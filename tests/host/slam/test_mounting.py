@@ -59,6 +59,11 @@ def in_degrees(record: LogRecord) -> LogRecord:
     return replace(record, odom_from_base=replace(pose, theta_rad=math.degrees(pose.theta_rad)))
 
 
+def in_millimetres(record: LogRecord) -> LogRecord:
+    pose = record.odom_from_base
+    return replace(record, odom_from_base=replace(pose, x_m=1e3 * pose.x_m, y_m=1e3 * pose.y_m))
+
+
 CASES: dict[str, tuple[Callable[[LogRecord], LogRecord], MountFinding | None]] = {
     "as it is": (as_is, None),
     "upside down": (upside_down, MountFinding.UPSIDE_DOWN),
@@ -66,6 +71,7 @@ CASES: dict[str, tuple[Callable[[LogRecord], LogRecord], MountFinding | None]] =
     "both": (lambda record: turned(upside_down(record)), MountFinding.UPSIDE_DOWN_TURNED),
     "mirrored": (mirrored, MountFinding.UPSIDE_DOWN),  # the mirror image of a drive is a drive
     "clockwise": (clockwise, MountFinding.MIRRORED_HEADING),
+    "in millimetres": (in_millimetres, MountFinding.MILLIMETRES),
     "in degrees": (in_degrees, MountFinding.DEGREES),
 }
 
