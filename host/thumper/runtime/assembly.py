@@ -80,6 +80,7 @@ def open_robot(
         robot = _wire(config, board, lidar, mapper, map_path)
         # A full garbage collection visits all modules and kernels: 0.1 s on a desktop, 0.4 s on a Raspberry
         # Pi, and the board stops the motors after 0.3 s. Frozen objects are not visited again.
+        gc.unfreeze()  # the robots that were open before in this process
         gc.collect()
         gc.freeze()
         try:
