@@ -166,6 +166,7 @@ def test_any_bytes_give_a_request_or_a_refusal(raw: bytes, topic: str) -> None:
         ("goal", M.goal(0.0, HERE), 20),
         ("teleop", M.twist(0.0, Twist2(v_m_s=0.2)), 200),
         ("gamepad", M.twist(0.0, Twist2(v_m_s=0.2)), 200),
+        ("velocity", M.twist(0.0, Twist2(v_m_s=0.2)), 200),
         ("heartbeat", M.header(0.0), 200),
     ],
 )
@@ -192,6 +193,18 @@ def _command_of(size: int) -> bytes:
 @pytest.mark.parametrize("twist", [Twist2(v_m_s=5.0), Twist2(v_m_s=-5.0), Twist2(w_rad_s=20.0)])
 def test_fastest_manual_command(twist: Twist2) -> None:
     assert request("gamepad", M.twist(0.0, twist)) is not None
+
+
+def test_one_waypoint_and_an_empty_query() -> None:
+    assert isinstance(request("waypoints", M.path(0.0, np.zeros((1, 2)))), GoTo)
+    query = RequestDecoder().decode_query("parameters/get", b"", "", 0.0, lambda _: None)
+    assert isinstance(query, Query)
+    assert query.content == {}
+
+
+def test_faster_turn_than_any_robot_makes_is_refused() -> None:
+    with pytest.raises(RequestRefusedError, match="too fast"):
+        request("gamepad", M.twist(0.0, Twist2(w_rad_s=20.5)))
 
 
 def test_query_with_content() -> None:
