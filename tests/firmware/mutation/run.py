@@ -31,7 +31,7 @@ SUITE = {
     "test_wheel": {"parameters.hpp"},
     "test_supervisor": {"supervisor.hpp"},
     "test_monitors": {"host_interface.hpp", "beep.hpp", "config.hpp"},
-    "test_ramp_battery_units": {"parameters.hpp", "battery.hpp"},
+    "test_ramp_battery_units": {"parameters.hpp", "battery.hpp", "beep.hpp"},
     "test_host_interface": {"host_interface.hpp"},
     "test_store": {"host_interface.hpp"},
     "test_inputs": {"host_interface.hpp"},
@@ -46,7 +46,7 @@ SUITE = {
 quick tests come first, because pytest stops at the first failure."""
 OWN = {
     "battery.hpp": "test_ramp_battery_units",
-    "beep.hpp": "test_monitors",
+    "beep.hpp": "test_ramp_battery_units",
     "config.hpp": "test_law",
     "crc.hpp": "test_framing",
     "drive.hpp": "test_quadrature",
