@@ -2,11 +2,15 @@
 
 import math
 from dataclasses import replace
+from typing import Literal
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.lidar.open_lidar import open_lidar
+from thumper.lidar.options import LidarOptions
 from thumper_hil.bench.hardware import SILENT
 from thumper_hil.effects.clock_drift import clock_drifts
 from thumper_hil.effects.mixed_pixels import mix_at_edges
@@ -126,3 +130,26 @@ def test_clocks_drift_within_half_a_percent_by_seed() -> None:
     assert np.abs(drifts).max() <= 0.005
     assert np.abs(drifts).mean() == pytest.approx(0.0025, rel=0.15)
     assert clock_drifts(load_preset("nominal").clock, 3) == (0.0, 0.0)
+
+
+def arrivals_s(name: str, model: Literal["urg04lx", "ld19"], delay_s: float) -> FloatArray:
+    """Return when the first 40 scans reach the host."""
+    preset = load_preset("nominal")
+    preset = replace(preset, lidar=replace(preset.lidar, delay_s=delay_s))
+    with patch("thumper_hil.bench.bench.load_preset", lambda _name: preset):
+        lidar = open_lidar(LidarOptions(port=f"sim://{name}/lidar?world=hall&lidar={model}", model=model))
+    arrived_s = []
+    for _ in range(40):
+        lidar.wait_for_scan(2.0)
+        arrived_s.append(lidar.now_s())
+    lidar.close()
+    return np.array(arrived_s)
+
+
+@pytest.mark.parametrize("model", ["urg04lx", "ld19"])
+def test_scans_arrive_late_by_up_to_the_delay(model: Literal["urg04lx", "ld19"]) -> None:
+    late_s = arrivals_s(f"late-{model}", model, 0.02) - arrivals_s(f"early-{model}", model, 0.0)
+    assert late_s.min() > -0.0011  # the host looks once per millisecond
+    assert late_s.max() < 0.0211
+    assert late_s.max() > 0.012
+    assert late_s.std() > 0.002
