@@ -45,6 +45,15 @@ def test_goto_waits_for_arrival(thumper: Run, bus: str) -> None:
     assert "\nmode     mapping\n" in thumper("status", "--bus", bus).stdout
 
 
+def test_gains_for_a_running_robot_need_a_drive_that_shows_its_wheels(
+    thumper: Run, bus: str, tmp_path: Path
+) -> None:
+    refused = thumper("tune", "design", "--bus", bus, "--out", str(tmp_path / "out"))
+    assert refused.returncode == 4
+    assert "has not determined the gain" in refused.stderr
+    assert "wheels   " in thumper("status", "--bus", bus).stdout
+
+
 def test_ctrl_c_cancels_the_goal(thumper: Run, bus: str) -> None:
     command = [str(THUMPER), "goto", "--bus", bus, "--", "0.2", "0.05", "180"]
     process = subprocess.Popen(

@@ -9,9 +9,11 @@ from typing import cast
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from thumper.common.errors import ThumperError
 from thumper_tuning.cli.gains_file import read_gains_file
+from thumper_tuning.cli.running_robot import design_from_estimate
 from thumper_tuning.design.fast_sensitivity import max_sensitivity
 from thumper_tuning.design.fixed_point import PARAMETER_SPECS, to_fixed_point
 from thumper_tuning.design.gains import RULE_NAMES, DesignOptions, design, nominal_model
@@ -28,6 +30,21 @@ MODEL = MotorModel(gain=0.0584, time_constant_s=0.075, friction_forward=19.3, fr
 EXACT = Uncertainty(
     gain=0.0, time_constant_s=0.0, friction=0.0, delay_s=0.0, friction_forward=0.0, friction_backward=0.0
 )
+
+
+def test_gains_for_the_estimate_of_a_running_robot(tmp_path: Path) -> None:
+    values = {"mean_gain_rad_s_per_pwm": 0.0584, "mean_time_constant_s": 0.075, "mean_friction_pwm": 38.0}
+    stds = {f"{name}_std": 0.01 * value for name, value in values.items()}
+    result = design_from_estimate({**values, **stds}, tmp_path, DesignOptions(), Console(quiet=True))
+    assert result.gains.kv == pytest.approx(1.0 / 0.0584, rel=1e-3)
+    assert result.gains.ks == pytest.approx(38.0, abs=0.01)
+    assert result.gains.ka == pytest.approx(0.075 / 0.0584, rel=1e-3)
+    assert result.margins.max_sensitivity == pytest.approx(1.6, abs=0.01)
+    assert read_gains_file(tmp_path / "gains.json") == result.gains
+    del values["mean_time_constant_s"]
+    with pytest.raises(ThumperError, match="has not determined the time constant of its wheels") as refused:
+        design_from_estimate({**values, **stds}, tmp_path, DesignOptions(), Console(quiet=True))
+    assert refused.value.exit_code == 4
 
 
 def test_the_default_design_meets_its_specification() -> None:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from thumper.cli.options.common import AsJson
+from thumper.cli.options.common import AsJson, BusAddress, ConfigFile, RobotName
 
 app = typer.Typer(
     help="Identify the motors and tune the wheel-speed control: all steps, or one at a time.",
@@ -31,6 +31,10 @@ Board = Annotated[
 ]
 Out = Annotated[Path, typer.Option(help="Folder for logs, gains and report.")]
 Files = Annotated[list[Path], typer.Argument(help="Logs of one robot or motor.")]
+DesignFiles = Annotated[
+    list[Path] | None,
+    typer.Argument(help="Logs of one robot or motor; none: the running robot.", show_default=False),
+]
 CountsPerRev = Annotated[float, typer.Option(help="Encoder counts per wheel revolution.", min=1.0)]
 Settings = Annotated[
     Path | None,
@@ -165,7 +169,7 @@ def fit(
 
 @app.command()
 def design(
-    files: Files,
+    files: DesignFiles = None,
     out: Out = Path("out/tune"),
     rule: Rule = None,
     ms: Sensitivity = None,
@@ -175,8 +179,14 @@ def design(
     counts_per_rev: CountsPerRev = 1200.0,
     column: Columns = None,
     settings: Settings = None,
+    config: ConfigFile = None,
+    bus: BusAddress = "",
+    robot: RobotName = "",
 ) -> None:
-    """Design gains for logged motors, in the board's fixed point; write gains.json and report.html."""
+    """Design gains for logged motors, in the board's fixed point; write gains.json and report.html.
+
+    Without logs, for the wheels of a running robot, as it estimates them while it drives: gains.json only.
+    """
     from dataclasses import replace
 
     from rich.console import Console
@@ -194,6 +204,11 @@ def design(
     if manual:
         options = replace(options, manual=PiGains(kp=manual[0], ki=manual[1]))
     prepare_output(out)
+    if not files:
+        from thumper_tuning.cli.running_robot import design_from_estimate, wheel_values
+
+        design_from_estimate(wheel_values(config, bus, robot), out, options, Console())
+        return
     motors = identify_files(files, counts_per_rev, parse_choices(column))
     design_from_motors(motors, out, options, battery, Console())
 
