@@ -1,14 +1,12 @@
 """Compare identification and design with other methods on the same logs; track with the real firmware.
 
 python benchmarks/tuning.py [simulated] [recorded] [rules] [tracking] runs the named parts, or all. It reads
-the recordings from $THUMPER_DATA or ../shared/data. The regression has the form of WPILib SysId (acceleration
-on speed, drive and sign) without its trimming; SysId itself is not run. ERA is that of python-control.
+the recordings from $THUMPER_DATA or ../shared/data.
 """
 
 import itertools
 import os
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,6 +17,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.figure import figure, has_data
+from benchmarks.shared.identification_methods import METHODS
 from benchmarks.shared.wheel_plant import COUNT_RAD, Wheel, counted, steps_and_prbs
 
 from thumper.board.board import Board
@@ -31,6 +30,7 @@ from thumper_tuning.drive.record import record
 from thumper_tuning.drive.verify import Verification, VerifyOptions, verify
 from thumper_tuning.identify.cross_validation import fit_percent
 from thumper_tuning.identify.excitation_checks import UndeterminedError
+from thumper_tuning.identify.fit import fit_motor
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.identify.motor import identify
 from thumper_tuning.identify.partial import identify_partly
@@ -41,104 +41,11 @@ from thumper_tuning.logs.read import read_logs
 
 DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).resolve().parents[2] / "shared" / "data")) / "motor"
 SEEDS = 20
-STAIRS = 144  # rows before the switching
+WINDOW_S = 0.1  # averaging time of the filtered speeds, found from both steps
 EMPTY = 0.05  # charge: 6.7 V open-circuit, the lowest that does not stop under load
-MARKOV = 20  # samples of the impulse response
 EXACT = Uncertainty(
     gain=0.0, time_constant_s=0.0, friction=0.0, delay_s=0.0, friction_forward=0.0, friction_backward=0.0
 )
-Found = tuple[float, float, float]  # gain, time constant, friction
-Method = Callable[[MotorLog], Found]
-
-
-def _rows(log: MotorLog) -> tuple[FloatArray, FloatArray]:
-    """Return the mean speed of each interval and the drive at each row, as the other methods use them."""
-    assert log.position_rad is not None
-    return np.diff(log.position_rad) / np.diff(log.time_s), log.drive
-
-
-def ours(log: MotorLog) -> Found:
-    """Run Thumper's output-error fit."""
-    model = identify([log]).model
-    return model.gain, model.time_constant_s, model.friction
-
-
-def regression(log: MotorLog) -> Found:
-    """Regress the acceleration (central difference) on speed, drive and sign of the speed, in motion."""
-    y, u = _rows(log)
-    u = u[1:]  # at the end of each window: SysId uses that time for its speed
-    acceleration = (y[2:] - y[:-2]) / (log.time_s[3:] - log.time_s[1:-2])
-    y, u = y[1:-1], u[1 : len(y) - 1]
-    moving = np.abs(y) > 0.3
-    X = np.column_stack((y, u, np.sign(y)))[moving]
-    alpha, beta, gamma = np.linalg.lstsq(X, acceleration[moving], rcond=None)[0]
-    return float(-beta / alpha), float(-1.0 / alpha), float(-gamma / beta)
-
-
-def arx(order: int) -> Method:
-    """Return a least-squares ARX fit with `order` numerator coefficients and the sign of the motion."""
-
-    def fit(log: MotorLog) -> Found:
-        y, u = _rows(log)
-        rows = np.flatnonzero((np.abs(y[1:]) > 0.3) & (np.abs(y[:-1]) > 0.3)) + 1
-        X = np.column_stack([y[rows - 1], *(u[rows - k] for k in range(order)), np.sign(y[rows])])
-        theta = np.linalg.lstsq(X, y[rows], rcond=None)[0]
-        a, gain = theta[0], theta[1:-1].sum() / (1.0 - theta[0])
-        return float(gain), float(-log.period_s / np.log(a)), float(-theta[-1] / theta[1:-1].sum())
-
-    return fit
-
-
-def instantaneous(log: MotorLog) -> Found:
-    """Fit with scipy as tutorials do: speeds as instantaneous values, no friction."""
-    from scipy.optimize import least_squares
-
-    speed, drive = _rows(log)
-
-    def predicted(x: FloatArray) -> FloatArray:
-        a, y = np.exp(-log.period_s / np.exp(x[1])), np.zeros(len(speed))
-        for k in range(1, len(y)):
-            y[k] = a * y[k - 1] + (1.0 - a) * np.exp(x[0]) * drive[k]
-        return y
-
-    x = least_squares(lambda x: predicted(x) - speed, [np.log(0.05), np.log(0.1)]).x
-    return float(np.exp(x[0])), float(np.exp(x[1])), 0.0
-
-
-def era(order: int) -> Method:
-    """Return python-control's eigensystem realization of the impulse response (markov), of the switching.
-
-    The mean of each direction is subtracted from drive and speed. This removes the friction, which a linear
-    model does not have.
-    """
-    import control
-
-    def fit(log: MotorLog) -> Found:
-        speed, drive = _rows(log)
-        y, u = speed[STAIRS:].copy(), drive[STAIRS:-1].copy()
-        for side in (u > 0, u < 0):
-            y[side] -= y[side].mean()
-            u[side] -= u[side].mean()
-        response = control.markov(y, u, MARKOV)
-        system, _ = control.eigensys_realization(response, order)
-        poles, modes = np.linalg.eig(system.A)
-        share = (system.C @ modes)[0] * np.linalg.solve(modes, system.B)[:, 0] / (1.0 - poles)
-        pole = np.abs(poles[np.abs(share).argmax()])  # the one that carries most of the gain
-        tau_s = -log.period_s / np.log(pole) if pole < 1.0 else np.inf
-        return float(system.dcgain()), float(tau_s), float("nan")
-
-    return fit
-
-
-METHODS: dict[str, Method] = {
-    "output error, averaged, friction (ours)": ours,
-    "least squares ARX(1,2) + sign": arx(2),
-    "least squares ARX(1,1) + sign": arx(1),
-    "regression of the acceleration": regression,
-    "output error, instantaneous, no friction": instantaneous,
-    "ERA of order 2": era(2),
-    "ERA of order 1": era(1),
-}
 
 
 def simulated() -> None:
@@ -190,6 +97,7 @@ def recorded() -> None:
     if not has_data(DATA):
         return
     _single_step()
+    _late_speeds()
     motor = identify(steps)
     print(f"geared motor, five steps: held-out tenths {motor.validation.fit_percent:.1f} %")
     held_out, measured = [], []
@@ -227,6 +135,46 @@ def _single_step() -> None:
         found = f"{1e3 * motor.time_constant_s:.0f} +- {1e3 * motor.time_constant_std_s:.0f}"
         figure("one recorded step of full power: time constant", found, "ms", aim="60 ... 110")
         figure("speed there", f"{motor.steady[0].speed_rad_s:.1f}", "rad/s", aim="11.4")
+
+
+def _late_speeds() -> None:
+    """Print how a fit to both ramps and one step predicts the other step, and with that step's own delay."""
+    (log,) = read_logs(DATA / "simple-sysid" / "sysid_data.json")
+    assert log.speed_rad_s is not None
+    edges = np.append(np.flatnonzero(log.starts_segment), len(log.time_s))  # two ramps, two steps
+    for held_out in (2, 3):
+        inside = np.zeros(len(log.time_s), dtype=bool)
+        inside[edges[held_out] : edges[held_out + 1]] = True
+        rest, alone = (
+            replace(
+                log,
+                time_s=log.time_s[rows],
+                drive=log.drive[rows],
+                starts_segment=log.starts_segment[rows],
+                speed_rad_s=log.speed_rad_s[rows],
+            )
+            for rows in (~inside, inside)
+        )
+        (whole,) = split_segments(alone)
+        motor = identify([rest])
+        found = [(motor.fit, motor.segments[0].sensor_window_s)]
+        segments = [replace(s, sensor_window_s=WINDOW_S) for s in split_segments(rest)]
+        fit = fit_motor(segments, instantaneous=True)
+        found += [(fit, WINDOW_S)] if fit is not None else []
+        for fit, window_s in found:
+            step = replace(whole, sensor_window_s=window_s)
+            percents = {
+                delay_s: fit_percent(
+                    step.speed_rad_s,
+                    step.speed_rad_s - _predict(step, replace(fit.model, delay_s=delay_s), fit.instantaneous),
+                )
+                for delay_s in (fit.model.delay_s, *np.arange(0.03, 0.13, 0.001).tolist())
+            }
+            own_s = max(percents, key=lambda delay_s: percents[delay_s])
+            figure(f"filtered speeds, step {held_out - 1} from the other, window {1e3 * window_s:.0f} ms",
+                   f"{percents[fit.model.delay_s]:.1f}", "%", aim="88")  # fmt: skip
+            figure(f"  with its own delay, {1e3 * own_s:.0f} ms instead of {1e3 * fit.model.delay_s:.0f} ms",
+                   f"{percents[own_s]:.1f}", "%")  # fmt: skip
 
 
 def _predict(s: LogSegment, model: MotorModel, instantaneous: bool) -> FloatArray:
