@@ -21,6 +21,7 @@ from thumper.lidar.options import LidarOptions
 from thumper.navigation.goal import Goal
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.drive.display import NoDisplay
+from thumper.runtime.drive.drive_manager import DriveMode
 from thumper.runtime.drive.legs import Leg
 from thumper.runtime.drive.tasks import Task, drive_to_goal
 from thumper.runtime.drive_result import DriveProgress, DriveResult
@@ -29,6 +30,7 @@ from thumper_hil.bench import Bench, simulation
 
 START = Pose2(x_m=1.73, y_m=0.08, theta_rad=math.pi)
 HALFWAY, GOAL = Goal(x_m=1.3, y_m=0.05), Goal(x_m=-0.49, y_m=0.02)
+BEFORE_GOAL = Goal(x_m=-0.2, y_m=0.02)
 MISHAP_S = 2.5  # by then the robot drives at full speed
 
 Mishap = Callable[[RobotLoop, Bench], None]
@@ -237,3 +239,59 @@ def test_a_restart_of_the_board_keeps_pose_and_map() -> None:
         x_m, y_m = bench.truth()[-1, 1:3]
     assert math.hypot(result.map_from_base.x_m - x_m, result.map_from_base.y_m - y_m) < 0.3
     assert result.path_length_m < 1.2
+
+
+def after_full_speed(robot: RobotLoop) -> Callable[[], bool]:
+    """Return a function that is true once the wheels have driven at full speed for a while."""
+    cycles = 0
+
+    def is_fast() -> bool:
+        nonlocal cycles
+        state = robot.inputs.estimator.state()
+        cycles += state is not None and state.twist.v_m_s > 0.3
+        return cycles > 5
+
+    return is_fast
+
+
+def test_two_goals_without_a_stop_between_them() -> None:
+    def task() -> Task:
+        yield Leg(goal=GOAL, until=after_full_speed(robot))
+        return (yield Leg(goal=BEFORE_GOAL))
+
+    with robot_in_the_lab() as (robot, bench):
+        assert robot.run(task()).reached
+        wheels_rad_s = bench.truth()[:, 4]
+        fast = np.flatnonzero(wheels_rad_s > 3.0)
+        assert wheels_rad_s[fast[0] : fast[-1]].min() > 1.0
+        robot.step()
+        assert robot.inputs.telemetry is not None
+        assert robot.inputs.telemetry.state is State.DISARMED
+
+
+def test_refused_second_goal_stops_the_wheels() -> None:
+    refused = Goal(x_m=400.0, y_m=0.0)
+
+    def task() -> Task:
+        yield Leg(goal=GOAL, until=after_full_speed(robot))
+        return (yield Leg(goal=refused))
+
+    with robot_in_the_lab() as (robot, bench):
+        with pytest.raises(ThumperError, match="400"):
+            robot.run(task())
+        assert abs(bench.truth()[-1, 4]) < 0.1
+        robot.step()
+        assert robot.inputs.telemetry is not None
+        assert robot.inputs.telemetry.state is State.DISARMED
+        assert robot.drive_manager.mode is DriveMode.IDLE
+
+
+def test_robot_that_stays_in_one_place_gives_the_goal_up() -> None:
+    def task() -> Task:
+        return (yield Leg(goal=Goal(x_m=START.x_m - 0.4, y_m=START.y_m, tolerance_m=0.01), patience_s=1.0))
+
+    with robot_in_the_lab() as (robot, _):
+        result = robot.run(task())
+    assert not result.reached
+    assert result.navigation_failed
+    assert result.reason.startswith("stayed in one place for 1 s")

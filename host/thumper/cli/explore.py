@@ -55,7 +55,7 @@ def explore(
     from thumper.cli.robot_run import RunOptions, opened_robot, run_and_report
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.navigation.planners.frontier_exploration import ExplorationOptions, Explorer
-    from thumper.runtime.drive import tasks
+    from thumper.runtime.drive.exploration import explore as explore_task
 
     if start is not None and (session is None or not all(map(math.isfinite, start))):
         raise ThumperError(
@@ -76,9 +76,9 @@ def explore(
     settings = options.load_settings()
     console = Console()
     with opened_robot(options, settings) as robot:
-        task = tasks.explore(
+        task = explore_task(
             Explorer(ExplorationOptions(), settings.footprint),
-            robot.mapper.grid,
+            robot.map_and_pose,
             _home(robot, at_start=session is not None),
             limit_s=60.0 * minutes,
             report=console.print,

@@ -14,6 +14,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
+from thumper.common.geometry import Pose2
+from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.runtime.control_cycle import ControlCycle, StepResult
 from thumper.runtime.drive.display import Display, NoDisplay
 from thumper.runtime.drive.drive_manager import DriveManager, DriveMode, DriveOutcome
@@ -88,6 +90,12 @@ class RobotLoop:
         """The mapper, with the map and the robot's pose in it."""
         return self.inputs.estimator.mapper
 
+    def map_and_pose(self) -> tuple[OccupancyGrid, Pose2]:
+        """Return the map and the robot's pose in it, once there is a state."""
+        state = self.inputs.estimator.state()
+        assert state is not None
+        return self.mapper.grid(), state.map_from_base
+
     @property
     def log(self) -> DriveLog:
         """The log of all drives so far, for plots and tables."""
@@ -143,6 +151,8 @@ class RobotLoop:
                 self._reconnect()
             elif self._tasks.start_leg():
                 failure = self._run_cycle()
+            elif not self._is_serving and self.drive_manager.mode is not DriveMode.IDLE:
+                self.stop()  # the leg that should have followed without a stop was refused
             for call in self.after_cycle:
                 call()
         except ThumperError as error:
@@ -215,7 +225,7 @@ class RobotLoop:
     def _end_leg(self, outcome: DriveOutcome) -> None:
         """End a leg. A leg of the program's own leaves the motors off; a client's may continue without."""
         is_interrupted = False
-        if not self._is_serving and self._tasks.leg_moves:
+        if not self._is_serving and self._tasks.leg_moves and not outcome.drives_on:
             stopped = self.control_cycle.stop()
             is_interrupted = stopped.interrupted
             if not stopped.confirmed:

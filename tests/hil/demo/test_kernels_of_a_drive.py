@@ -9,6 +9,7 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.planners.frontier_exploration import ExplorationOptions, Explorer
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.drive import tasks
+from thumper.runtime.drive.exploration import explore
 from thumper.runtime.loop import RobotLoop
 from thumper.slam.mode_switch import SlamModeSwitch
 
@@ -27,7 +28,7 @@ def kernels_loaded_late() -> list[str]:
 
 def use(robot: RobotLoop) -> None:
     explorer = Explorer(ExplorationOptions(), RobotConfig().footprint)
-    robot.run(tasks.explore(explorer, robot.mapper.grid, HOME, limit_s=20.0, report=lambda _line: None))
+    robot.run(explore(explorer, robot.map_and_pose, HOME, limit_s=20.0, report=lambda _line: None))
     mapper = robot.mapper
     assert isinstance(mapper, SlamModeSwitch)
     mapper.localize()

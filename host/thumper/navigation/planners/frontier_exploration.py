@@ -4,14 +4,14 @@ Yamauchi, "A Frontier-Based Approach for Autonomous Exploration" (1997).
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
-from thumper.common.geometry import Pose2
+from thumper.common.geometry import FloatArray, Pose2
 from thumper.common.resumable import Search, bands_of, merged, run_to_end
 from thumper.maps.occupancy_grid import CellArray, OccupancyGrid
 from thumper.navigation.costmap.bands import search_costmap
@@ -31,6 +31,7 @@ EDGES_PER_SLICE = 20_000  # more edge cells than this are grouped in several sli
 TURNING_ROOM_M = 0.05  # beyond the circumscribed circle: there the robot rotates easily
 VIEW_DISTANCE_M = 1.0  # a frontier is observed from at most this far
 FACING_RAD = 1.0  # this far off the frontier's direction the lidar still sees it
+NEIGHBOURS = [(row, col) for row in (-1, 0, 1) for col in (-1, 0, 1) if row or col]
 IntArray = NDArray[np.int64]
 
 
@@ -61,6 +62,19 @@ class Frontier:
     viewpoint_m: tuple[float, float]  # from where to observe it: a place to turn, if there is one near
     length_m: float
     path_cost_m: float  # cost of the path to the viewpoint, in metres of free space
+    border_m: FloatArray = field(compare=False, default_factory=lambda: np.empty((0, 2)))  # x, y of its cells
+
+    def is_seen(self, grid: OccupancyGrid) -> bool:
+        """Return whether less than half of its cells still border on unknown space."""
+        rows, cols = grid.cells.shape
+        cells = np.floor((self.border_m - (grid.origin_x_m, grid.origin_y_m)) / grid.resolution_m)
+        col, row = cells.astype(np.int64).T
+        beside_unknown = np.zeros(len(row), np.bool_)
+        for step_row, step_col in NEIGHBOURS:
+            near_row = np.clip(row + step_row, 0, rows - 1)
+            near_col = np.clip(col + step_col, 0, cols - 1)
+            beside_unknown |= grid.cells[near_row, near_col] < 0
+        return int(beside_unknown.sum()) * 2 < len(row)
 
 
 def search_frontiers(
@@ -175,6 +189,8 @@ def _frontiers(
                 viewpoint_m=grid.centre_of(int(view[0]), int(view[1])),
                 length_m=len(cells) * grid.resolution_m,
                 path_cost_m=float(path_costs[view[0], view[1]]) * grid.resolution_m,
+                border_m=np.array((grid.origin_x_m, grid.origin_y_m))
+                + (cells[:, ::-1] + 0.5) * grid.resolution_m,
             )
         )
     return found
@@ -211,25 +227,33 @@ def _sees(costmap: Costmap, cell: IntArray, other: IntArray) -> bool:
 
 
 class Explorer:
-    """Chooses the next frontier, and never the same one twice."""
+    """Chooses the next frontier, and remembers those to skip."""
 
     def __init__(self, options: ExplorationOptions, footprint: Footprint) -> None:
         self._options = options
         self._footprint = footprint
-        self._visited_m: list[tuple[float, float]] = []
+        self._skipped_m: list[tuple[float, float]] = []
 
-    def search(self, grid: OccupancyGrid, map_from_base: Pose2) -> Search[Goal | None]:
-        """Return a goal at the best frontier not yet tried, or None when the place is explored."""
+    def search(self, grid: OccupancyGrid, map_from_base: Pose2) -> Search[Frontier | None]:
+        """Return the best frontier that is not skipped, or None when the place is explored."""
         found = yield from search_frontiers(grid, map_from_base, self._footprint, self._options)
+        skipped = np.array(self._skipped_m).reshape(-1, 2)
         for frontier in found:
-            visited = np.array(self._visited_m).reshape(-1, 2)
-            distances_m = np.hypot(*(visited - (frontier.x_m, frontier.y_m)).T)
+            distances_m = np.hypot(*(skipped - (frontier.x_m, frontier.y_m)).T)
             if (distances_m > self._options.done_radius_m).all():
-                self._visited_m.append((frontier.x_m, frontier.y_m))
-                return self._goal(frontier)
+                return frontier
         return None
 
-    def _goal(self, frontier: Frontier) -> Goal:
+    def skip(self, frontier: Frontier) -> None:
+        """Choose nothing near this frontier again: it was visited, or cannot be reached."""
+        self._skipped_m.append((frontier.x_m, frontier.y_m))
+
+    def retry(self, frontiers: list[Frontier]) -> None:
+        """Choose these again, which were skipped."""
+        again = {(frontier.x_m, frontier.y_m) for frontier in frontiers}
+        self._skipped_m = [place for place in self._skipped_m if place not in again]
+
+    def goal(self, frontier: Frontier) -> Goal:
         """Return the viewpoint, facing the frontier if it is away from it."""
         (x_m, y_m), tolerance_m = frontier.viewpoint_m, self._options.tolerance_m
         dx_m, dy_m = frontier.x_m - x_m, frontier.y_m - y_m

@@ -49,6 +49,7 @@ class DriveOutcome:
     reason: str
     by_user: bool = False  # stopped or overridden on request
     navigation_failed: bool = False  # the navigator gave up the goal
+    drives_on: bool = False  # the next goal follows without a stop
 
 
 class DriveManager:

@@ -10,8 +10,10 @@ from thumper.runtime.drive.legs import AnyLeg, Cruise, Leg, Wait
 from thumper.runtime.drive.start_gate import StartGate
 from thumper.runtime.drive_result import DriveProgress, DriveResult
 from thumper.runtime.sensor_inputs import SensorInputs
+from thumper.runtime.state_estimator import RobotState
 
 RESTARTED = "the board has restarted; check its supply and cable"
+MOVED_M = 0.5  # a robot that is nearer to where it was stays in one place
 DONE = DriveOutcome(reached=True, reason="done")
 
 
@@ -37,6 +39,7 @@ class LegRun:
         self._gate = StartGate(inputs)
         self._begun: _Start | None = None
         self._first_s: float | None = None  # time after the first cycle
+        self._anchor: RobotState | None = None  # since when the robot has stayed in one place
         self._cycles = 0
 
     @property
@@ -95,7 +98,7 @@ class LegRun:
         """Return how the leg ended, once it has. Call it once after each cycle of a started leg."""
         match self.leg:
             case Leg():
-                return self._drive_manager.outcome
+                return self._drive_manager.outcome or self._early_end(self.leg)
             case Cruise():
                 if self._drive_manager.mode is DriveMode.IDLE:
                     return DriveOutcome(reached=False, reason=self._drive_manager.reason)
@@ -104,6 +107,22 @@ class LegRun:
                 self._cycles += 1
                 is_over = self.leg.until() or self._cycles >= self.leg.max_cycles
                 return DONE if is_over or self._elapsed_s() >= self.leg.duration_s else None
+
+    def _early_end(self, leg: Leg) -> DriveOutcome | None:
+        """Return how the leg itself ends the drive to its goal, if it does."""
+        if leg.until():
+            return DriveOutcome(reached=True, reason="done", drives_on=True)
+        state = self._inputs.estimator.state()
+        assert state is not None  # the leg has started
+        if self._anchor is None or self._anchor.map_from_base.distance_m(state.map_from_base) > MOVED_M:
+            self._anchor = state
+        idle_s = state.time_s - self._anchor.time_s
+        if idle_s <= leg.patience_s:
+            return None
+        reason = f"stayed in one place for {idle_s:.0f} s"
+        if self._drive_manager.reason:
+            reason += f"; {self._drive_manager.reason}"
+        return DriveOutcome(reached=False, reason=reason, navigation_failed=True)
 
     def progress(self) -> DriveProgress | None:
         """Return the progress of a drive to a goal after a cycle; None for other legs."""

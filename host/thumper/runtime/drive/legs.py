@@ -15,6 +15,8 @@ class Leg:
     goal: Goal
     name: str = "driving"
     clear_fault: bool = False  # clear a fault that the board has latched
+    until: Callable[[], bool] = lambda: False  # ends the leg early; the robot drives on to the next goal
+    patience_s: float = math.inf  # give up if the robot has stayed in one place for this long
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

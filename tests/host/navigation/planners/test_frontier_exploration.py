@@ -1,4 +1,4 @@
-"""Frontiers: where they are, each tried once, and from where the robot observes them."""
+"""Frontiers: where they are, when they are seen, each tried once, and from where the robot observes them."""
 
 import math
 
@@ -35,11 +35,32 @@ def test_frontiers_are_where_known_free_space_ends() -> None:
     assert find_frontiers(two_rooms(160), start, Footprint(), options) == []
 
 
-def test_explorer_tries_each_frontier_once() -> None:
+def test_explorer_skips_what_it_has_tried() -> None:
     explorer = Explorer(ExplorationOptions(), Footprint())
     start = Pose2(x_m=1.0, y_m=2.0)
-    assert run_to_end(explorer.search(two_rooms(100), start)) is not None
+    frontier = run_to_end(explorer.search(two_rooms(100), start))
+    assert frontier is not None
+    explorer.skip(frontier)
     assert run_to_end(explorer.search(two_rooms(100), start)) is None
+    explorer.retry([frontier])
+    assert run_to_end(explorer.search(two_rooms(100), start)) == frontier
+
+
+@pytest.mark.parametrize(("seen", "is_seen"), [(100, False), (101, True), (160, True)])
+def test_frontier_is_seen_once_the_space_behind_it_is_known(seen: int, is_seen: bool) -> None:
+    (frontier,) = find_frontiers(two_rooms(100), Pose2(x_m=1.0, y_m=2.0), Footprint(), ExplorationOptions())
+    assert frontier.is_seen(two_rooms(seen)) is is_seen
+    grown = two_rooms(seen).including(-2.0, -3.0, 1.0)  # the cells have other indices now
+    assert frontier.is_seen(grown) is is_seen
+
+
+def test_frontier_of_which_half_is_seen() -> None:
+    grid = two_rooms(100)
+    (frontier,) = find_frontiers(grid, Pose2(x_m=1.0, y_m=2.0), Footprint(), ExplorationOptions())
+    grid.cells[:35, 100:] = 0
+    assert not frontier.is_seen(grid)
+    grid.cells[:45, 100:] = 0
+    assert frontier.is_seen(grid)
 
 
 def test_frontier_in_a_recess_is_observed_from_where_the_robot_can_turn() -> None:
@@ -56,8 +77,10 @@ def test_frontier_in_a_recess_is_observed_from_where_the_robot_can_turn() -> Non
     costmap = build_costmap(grid, np.empty((0, 2)), footprint, CostmapOptions())
     ((row,), (col,)) = costmap.cells_of(np.array((recess.viewpoint_m,)))
     assert math.sqrt(costmap.squared_cells[row, col]) * 0.05 > RADIUS_M
-    goal = run_to_end(Explorer(options, footprint).search(grid, start))
-    assert goal is not None
+    explorer = Explorer(options, footprint)
+    chosen = run_to_end(explorer.search(grid, start))
+    assert chosen is not None
+    goal = explorer.goal(chosen)
     assert (goal.x_m, goal.y_m) == recess.viewpoint_m
     assert goal.theta_rad == pytest.approx(0.0, abs=0.3)  # it faces the recess
     cells[:26, 1:50] = cells[34:, 1:50] = 100  # now all of it is as narrow: no room anywhere
