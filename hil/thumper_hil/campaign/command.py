@@ -8,9 +8,7 @@ import typer
 
 def campaign(
     file: Annotated[Path, typer.Argument(help="Campaign file (TOML): missions, seeds, parameter sets.")],
-    out: Annotated[Path, typer.Option(help="Folder for rows.csv, rows.parquet and the summary.")] = Path(
-        "out/campaign"
-    ),
+    out: Annotated[Path, typer.Option(help="Folder for rows.csv and the summary.")] = Path("out/campaign"),
     scheduler: Annotated[
         str, typer.Option(help="Address of a running Dask scheduler (default: run on this computer).")
     ] = "",
@@ -23,6 +21,8 @@ def campaign(
     An interrupted campaign continues where it stopped. The exit status is 1 if a drive failed or had a
     contact.
     """
+    from importlib.util import find_spec
+
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -61,11 +61,13 @@ def campaign(
                 exit_code=EXIT_INTERRUPTED,
             ) from None
         rows = sorted((row for row in store.rows if row.key in keys), key=lambda row: row.key)
-    write_parquet(out / "rows.parquet", rows)
+    files = ["rows.csv", "summary.md", "summary.png"]
+    if find_spec("pyarrow") is not None:
+        files.append(write_parquet(out / "rows.parquet", rows).name)
     summaries = summarise(rows, plan.show)
     write_text(out / "summary.md", markdown(summaries))
     draw(out / "summary.png", rows, summaries)
     console.print(markdown(summaries), highlight=False, markup=False, soft_wrap=True)
-    console.print(f"in {out}/: rows.csv, rows.parquet, summary.md, summary.png", highlight=False)
+    console.print(f"in {out}/: {', '.join(files)}", highlight=False)
     if not all(map(succeeded, rows)):
         raise typer.Exit(1)
