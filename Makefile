@@ -101,6 +101,7 @@ $(VENV)/.made: | $(VENV)/.packages
 
 $(VENV)/.run: pyproject.toml | $(VENV)/.made
 	@echo "installing Python packages into $(VENV)"
+	@$(BIN)/python -m pip uninstall -qqy thumper  # the package's earlier name: its commands would appear twice
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[ui]'
 	@touch $@
 
@@ -112,5 +113,6 @@ $(VENV)/.kernels: $(shell find host/thumper hil/thumper_hil -name '*.py') | $(VE
 $(VENV)/.dev: pyproject.toml Makefile | $(VENV)/.made
 	@scripts/install-packages $(TEST_PACKAGES)
 	@echo "installing Python packages for the tests into $(VENV)"
+	@$(BIN)/python -m pip uninstall -qqy thumper  # the package's earlier name: its commands would appear twice
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[dev]'
 	@touch $(VENV)/.run $@

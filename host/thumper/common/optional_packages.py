@@ -1,7 +1,6 @@
 """Optional dependencies: which commands need them, and how to install them."""
 
 import sys
-from importlib.metadata import requires
 from importlib.util import find_spec
 
 from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
@@ -10,7 +9,7 @@ EXTRAS = {  # extra of pyproject.toml: the feature it serves, the modules it ins
     "ui": ("the page", ("nicegui", "cryptography")),
     "gamepad": ("a gamepad", ("pygame",)),
     "foxglove": ("Foxglove", ("foxglove", "cryptography")),
-    "campaign": ("a campaign", ("distributed", "dask", "pyarrow")),
+    "campaign": ("a campaign", ("distributed", "dask")),
 }
 
 
@@ -28,18 +27,11 @@ def extra_providing(module: str) -> str | None:
 
 
 def missing_package(extra: str, module: str) -> ThumperError:
-    """Return the error for a missing module, with the command that installs it.
+    """Return the error for a missing module, with the command that installs the extra.
 
-    The command names the packages and not `thumper[extra]`, because thumper is on no package index.
+    pip takes the packages from the metadata of the installed Thumper, and does not ask an index for it.
     """
-    requirements = [
-        line.split(";")[0].strip() for line in requires("thumper") or [] if _belongs_to(line, extra)
-    ]
-    packages = " ".join(f"'{package}'" for package in requirements)
     reason = f"{EXTRAS[extra][0]} needs {module.partition('.')[0]}, which is not installed"
-    return ThumperError(f"{reason}: {sys.executable} -m pip install {packages}", exit_code=EXIT_CHECK_FAILED)
-
-
-def _belongs_to(requirement: str, extra: str) -> bool:
-    """Return whether a line of the metadata, such as "pygame>=2.6; extra == 'gamepad'", is of the extra."""
-    return requirement.partition(";")[2].replace('"', "'").strip() == f"extra == '{extra}'"
+    return ThumperError(
+        f"{reason}: {sys.executable} -m pip install 'thumper-robot[{extra}]'", exit_code=EXIT_CHECK_FAILED
+    )
