@@ -7,12 +7,18 @@ from benchmarks.shared.fake_robot import FakeRobot
 from benchmarks.shared.live import until
 from playwright.sync_api import Page, expect
 
-from thumper.runtime.requests import EmergencyStop, Velocity
+from thumper.runtime.requests import EmergencyStop, Query, Velocity
 
 PAD = """([lb, forward, stop]) => {
   const pressed = (button) => button === 4 && lb || button === stop;
   const buttons = Array.from({ length: 17 }, (_, button) => ({ pressed: pressed(button) }));
   navigator.getGamepads = () => [{ connected: true, id: "pad", buttons, axes: [0, -forward, 0, 0] }];
+}"""
+
+KNOB_OFFSET = """() => {
+  const box = (name) => document.querySelector(name).getBoundingClientRect();
+  const [area, knob] = [box('.tp-stick'), box('.tp-knob')];
+  return knob.top + knob.height / 2 - area.top - area.height / 2;
 }"""
 
 
@@ -35,6 +41,36 @@ def test_emergency_stop(page: Page, robot: FakeRobot, how: str) -> None:
     expect(fault).to_be_hidden()
 
 
+def test_escape_cancels_the_tool_before_it_stops(page: Page, robot: FakeRobot) -> None:
+    for tool in ("goal", "waypoints", "pose", "obstacle"):
+        page.click(f"[data-tool={tool}]")
+        page.keyboard.press("Escape")
+        expect(page.locator("[data-tool=pan]")).to_have_class("on")
+    page.keyboard.press("g")
+    map_box = page.locator(".tp-map canvas").bounding_box()
+    assert map_box is not None
+    page.mouse.move(map_box["x"] + 300, map_box["y"] + 200)
+    page.mouse.down()
+    page.keyboard.press("Escape")
+    page.mouse.up()
+    page.click("[data-tool=layers]")
+    page.keyboard.press("Escape")
+    expect(page.locator(".tp-layers")).to_be_hidden()
+    page.click(".tp-tab-sim")
+    page.locator(".tp-faultrow .q-select", has_text="Kind").click()
+    expect(page.locator(".q-menu")).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(page.locator(".q-menu")).to_be_hidden()
+    page.click("[data-tool=layers]")
+    page.keyboard.press("Space")  # stops at once, whatever is open
+    until(lambda: robot.received_of(EmergencyStop))
+    assert len(robot.received_of(EmergencyStop)) == 1
+    assert not [query for query in robot.received_of(Query) if query.name == "mission/send"]
+    page.keyboard.press("Escape")  # closes the layers
+    page.keyboard.press("Escape")  # nothing is left to cancel
+    until(lambda: len(robot.received_of(EmergencyStop)) == 2)
+
+
 def test_joystick_drives_while_held(page: Page, robot: FakeRobot) -> None:
     box = page.locator(".tp-stick").bounding_box()
     assert box is not None
@@ -46,8 +82,10 @@ def test_joystick_drives_while_held(page: Page, robot: FakeRobot) -> None:
     twist = robot.received_of(Velocity)[-1].twist
     assert twist.v_m_s == pytest.approx(0.4, abs=0.02)  # half of 0.8 m/s: no turbo
     assert twist.w_rad_s == pytest.approx(0.0, abs=0.05)
+    page.wait_for_function(f"({KNOB_OFFSET})() < -40")
     page.mouse.up()
     until(lambda: robot.received_of(Velocity)[-1].twist.v_m_s == 0.0)
+    assert page.evaluate(KNOB_OFFSET) == pytest.approx(0.0, abs=1.0)  # the knob shows the release
     count = len(robot.received_of(Velocity))
     time.sleep(0.3)
     assert len(robot.received_of(Velocity)) == count  # nothing more after the release

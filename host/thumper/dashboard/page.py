@@ -60,8 +60,8 @@ def build_page(options: PageOptions, robot: QueryClient) -> None:
             _faultbox()
             _tabs(robot)
     box("tp-notices").props("id=tp-notices role=alert")
-    with button("tp-estop", {"data-estop": ""}, "Emergency stop: Space or Esc anywhere"):
-        inline("<b>STOP</b><small>Space · Esc</small>")
+    with button("tp-estop", {"data-estop": ""}, "Emergency stop (Space)"):
+        inline("<b>STOP</b><small>Space</small>")
 
 
 def _header(options: PageOptions, dark: ui.dark_mode) -> None:

@@ -1,10 +1,23 @@
-// Command buttons and the emergency stop (button, Space, Esc).
+// Command buttons and the emergency stop (button, Space; Esc if there is nothing to cancel).
 // An element with `data-command` sends the JSON message in that attribute on click.
 
 import { on, send, state } from "./stream.js";
 
 const NOTICE_MS = 6000;
 const MAX_NOTICES = 3;
+const OPEN_SELECT = ".q-menu, .q-dialog"; // Quasar closes these on Esc by itself
+
+const cancellers = [];
+
+// Add a function that cancels what the user has begun, and returns whether there was anything. Esc calls it.
+export function onCancel(cancel) {
+  cancellers.push(cancel);
+}
+
+function cancelled() {
+  const done = cancellers.map((cancel) => cancel());
+  return done.includes(true) || document.querySelector(OPEN_SELECT) !== null;
+}
 
 export function emergencyStop() {
   const sent = send({ kind: "estop" });
@@ -26,9 +39,9 @@ export function notify(text, kind) {
 export function startCommands() {
   // Listen in the capture phase: a focused button or field must not consume the stop key.
   document.addEventListener("keydown", (event) => {
-    if (event.code !== "Space" && event.code !== "Escape") return;
     if (event.code === "Space") event.preventDefault();
-    if (!event.repeat) emergencyStop();
+    if (event.repeat) return; // an Esc that is held cancels once, and does not stop the robot as well
+    if (event.code === "Space" || (event.code === "Escape" && !cancelled())) emergencyStop();
   }, true);
   document.addEventListener("keyup", (event) => {
     if (event.code === "Space") event.preventDefault(); // a focused button fires when Space is released

@@ -67,7 +67,6 @@ class ManualDrive {
     const length = Math.hypot(dx, dy);
     if (length > 1) [dx, dy] = [dx / length, dy / length];
     this.joystick = [-dy, -dx];
-    this.knob.style.transform = `translate(${35 * dx}%, ${35 * dy}%)`;
     this.knob.style.setProperty("--dx", dx);
     this.knob.style.setProperty("--dy", dy);
   }

@@ -1,6 +1,7 @@
 // Pointer tools of the map: pan, goal, waypoints, pose estimate, obstacle.
 // Goal and pose work as in RViz: press at the position, drag to set the heading, release.
 
+import { onCancel } from "./commands.js";
 import { drawArrow, LAYERS } from "./map_layers.js";
 import { send } from "./stream.js";
 
@@ -26,6 +27,7 @@ export class MapTools {
     this.drag = null;
     this.pointers = new Map();
     this.addToolbar(root);
+    onCancel(() => this.cancel());
     const canvas = view.canvas;
     canvas.addEventListener("pointerdown", (event) => this.onPointerDown(event));
     canvas.addEventListener("pointermove", (event) => this.onPointerMove(event));
@@ -61,6 +63,7 @@ export class MapTools {
     const layersButton = this.addButton(bar, "layers", "Layers", () => { menu.hidden = !menu.hidden; });
     layersButton.dataset.tool = "layers";
     const menu = bar.appendChild(document.createElement("div"));
+    this.menu = menu;
     menu.className = "tp-layers";
     menu.hidden = true;
     for (const [name, text] of LAYERS) {
@@ -107,6 +110,15 @@ export class MapTools {
     for (const [key, button] of Object.entries(this.buttons)) button.classList.toggle("on", key === name);
     this.view.canvas.style.cursor = name === "pan" ? "grab" : "crosshair";
     this.setWaypoints(name === "waypoints" ? this.waypoints : []);
+  }
+
+  // Leave the tool without an effect and close the menu; return whether there was anything to leave.
+  cancel() {
+    const isActive = this.tool !== "pan" || !this.menu.hidden;
+    this.drag = null; // a release of the mouse then sends nothing
+    this.menu.hidden = true;
+    this.selectTool("pan");
+    return isActive;
   }
 
   setFollow(follow) {
