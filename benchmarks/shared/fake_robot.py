@@ -21,6 +21,7 @@ from thumper.config.bus import BusOptions
 from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.ros.service import json_object
+from thumper.ros.services import ExperimentState
 from thumper.ros.status import Status
 from thumper.ros.to_ros import INFO, WARN, Messages
 from thumper.runtime.requests import (
@@ -59,6 +60,7 @@ class FakeRobot:
     simulated_faults: dict[str, Any] = field(default_factory=dict)
     period_s: float = PERIOD_S
     lidar_scans: int = 567
+    experiment: str = ""  # the one that runs
 
     def __post_init__(self) -> None:
         self.reset()
@@ -83,7 +85,7 @@ class FakeRobot:
         self.received.clear()
         self.fault, self.fault_words, self.fault_cure = Fault.NONE, "", ""
         self.goal, self.recording, self.battery_V, self.lidar_scans = None, False, 7.62, 567
-        self.simulated_faults = {}
+        self.simulated_faults, self.experiment = {}, ""
         self.parameters = {spec.name: spec.default for spec in PARAMETERS}
 
     def received_of(self, kind: type[Any]) -> list[Any]:
@@ -166,6 +168,17 @@ class FakeRobot:
             case "simulator/command":
                 self.simulated_faults[content["fault"]] = content["value"]
                 answer = {"text": f"{content['fault']} is {content['value']}"}
+            case "experiment/state":
+                answer = json_object(
+                    ExperimentState(
+                        running=self.experiment,
+                        share=0.2,
+                        what="step 3",
+                        lines=[],
+                        problem="",
+                        has_report=False,
+                    )
+                )
             case "mission/send":
                 self.goal = Pose2(x_m=content["x_m"], y_m=content["y_m"], theta_rad=content.get("yaw_rad", 0))
                 answer = {"mission": 1}

@@ -25,6 +25,16 @@ def test_robot_data_is_drawn(page: Page) -> None:
     page.wait_for_function("document.querySelector('.tp-wheels').charts.rows.length > 5")
 
 
+def test_status_names_the_experiment_that_drives(page: Page, robot: FakeRobot) -> None:
+    mode = page.locator("[data-field=mode]")
+    expect(mode).to_have_text("idle")
+    robot.experiment = "tune"
+    expect(mode).to_have_text("tuning wheels")
+    expect(page.locator("[data-field=reason]")).to_have_text("step 3")
+    robot.experiment = ""
+    expect(mode).to_have_text("idle")
+
+
 def test_fault_is_shown_with_its_fix(page: Page, robot: FakeRobot) -> None:
     robot.fault_words = "stall left"
     robot.fault_cure = "the left wheels do not turn; are they blocked?"

@@ -4,6 +4,7 @@ import { on, state } from "./stream.js";
 
 const LINK_LOST_S = 1.5; // without a message from the robot for this long, its link counts as lost
 const NO_VALUE = "–";
+const EXPERIMENTS = { identify: "identifying motors", tune: "tuning wheels" };
 
 const isMissing = (value) => value === null || value === undefined;
 const formatVolts = (volts) => (isMissing(volts) ? NO_VALUE : `${volts.toFixed(2)} V`);
@@ -13,8 +14,10 @@ const formatCount = (count) => (isMissing(count) ? NO_VALUE : count.toLocaleStri
 
 const FIELDS = {
   robot: ({ status }) => status?.robot ?? "",
-  mode: ({ status }) => formatName(status?.mode),
-  reason: ({ status }) => status?.reason ?? "",
+  // An experiment drives the board past the drive manager, whose mode stays idle meanwhile.
+  mode: ({ status, experiment }) => (experiment?.running
+    ? EXPERIMENTS[experiment.running] ?? formatName(experiment.running) : formatName(status?.mode)),
+  reason: ({ status, experiment }) => (experiment?.running ? experiment.what : status?.reason ?? ""),
   board_state: ({ board, status }) => formatName(board?.state ?? status?.board_state),
   battery: ({ board }) => formatVolts(board?.battery_V),
   distance: ({ status }) => (status?.has_goal ? formatMetres(status.distance_to_goal_m) : NO_VALUE),
