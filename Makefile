@@ -1,5 +1,5 @@
 # Two commands matter: `make demo` (see the robot drive) and `make test`. Both install what is missing.
-.PHONY: help demo test coverage lint format firmware chip protocol reference docs bench results soak mutation clean
+.PHONY: help demo test coverage lint format firmware chip protocol reference docs wheel bench results soak mutation clean
 
 PYTHON ?=
 HOURS ?= 2
@@ -16,6 +16,7 @@ help:
 	@echo "make firmware  build firmware/build/thumper.elf and .hex and those of the second board, print their size"
 	@echo "make reference write the reference pages of commands and options"
 	@echo "make docs      build the documentation's site into site/, offline; a dead link is an error"
+	@echo "make wheel     build a wheel in dist/, install it into an empty environment and drive the demo from it"
 	@echo "make bench     run every benchmark and write the table in docs/results/benchmarks.md"
 	@echo "make results   drive the sample campaigns again and write their reports into docs/results/"
 	@echo "make soak      two simulated hours of goals and faults (half an hour); HOURS=8 for more, see docs/results/soak.md"
@@ -68,6 +69,11 @@ reference: $(VENV)/.dev
 
 docs: $(VENV)/.dev
 	@$(BIN)/zensical build --clean --strict
+
+wheel: firmware chip $(VENV)/.dev
+	@rm -f dist/*.whl
+	@scripts/build-wheel
+	@scripts/check-wheel dist/*.whl
 
 bench: firmware chip $(VENV)/.dev
 	@$(BIN)/python benchmarks/table.py
