@@ -138,24 +138,3 @@ def test_stop_removes_plan_and_arm_highlight(page: Page, robot: FakeRobot) -> No
     page.click("text=Clear fault")
     expect(arm).to_have_css("background-color", "rgb(26, 127, 55)")
     assert page.evaluate(f"({planned})()") == 0
-
-
-def test_phone_layout_shows_everything(page: Page, robot: FakeRobot) -> None:
-    page.set_viewport_size({"width": 390, "height": 844})
-    robot.goal = Pose2(x_m=1.0, y_m=1.0)
-    expect(page.locator("[data-field=mode]")).to_have_text("driving")
-    assert page.evaluate("document.documentElement.scrollWidth") == 390
-    for tab in ("drive", "gains", "tune", "sim", "log"):
-        page.click(f".tp-tab-{tab}")
-        stop = page.locator(".tp-estop").bounding_box()
-        assert stop is not None
-        assert stop["y"] + stop["height"] <= 844
-        assert stop["width"] > 300
-        assert page.evaluate("document.documentElement.scrollWidth") == 390
-        main = page.locator(".tp-main").bounding_box()
-        assert main is not None
-        assert main["y"] + main["height"] <= stop["y"]  # it covers nothing
-    tools, canvas = (page.locator(f".tp-map {part}").bounding_box() for part in (".tp-toolbar", "canvas"))
-    assert tools is not None
-    assert canvas is not None
-    assert tools["y"] + tools["height"] <= canvas["y"]

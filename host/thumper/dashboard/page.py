@@ -53,11 +53,12 @@ def build_page(options: PageOptions, robot: QueryClient) -> None:
         box("tp-banner").props("id=tp-banner data-kind=lost role=status")
     with box("tp-main"):
         with box("tp-left"):
-            Widget("map", {"footprint": options.footprint_m}).classes("tp-map")
+            with box("tp-mapbox"):
+                Widget("map", {"footprint": options.footprint_m}).classes("tp-map")
+                _faultbox()
             _state_line()
             Widget("charts").classes("tp-wheels")
         with box("tp-right"):
-            _faultbox()
             _tabs(robot)
     box("tp-notices").props("id=tp-notices role=alert")
     with button("tp-estop", {"data-estop": ""}, "Emergency stop (Space)"):
@@ -70,7 +71,7 @@ def _header(options: PageOptions, dark: ui.dark_mode) -> None:
         _field("robot", options.robot).classes("tp-robot")
         with box("tp-chips"):
             _chip("battery_full", "battery", "Battery").classes("tp-battery")
-            _chip("memory", "board_state", "Motor board")
+            _chip("memory", "board_state", "Motor board").classes("tp-board")
             _chip("lan", "rtt", "Round-trip time of this page").classes("tp-wide")
         with button("tp-record", {"data-record": ""}, "Start or stop the recording"):
             inline('<i class="tp-dot"></i><span>REC</span>')
@@ -111,10 +112,10 @@ def _faultbox() -> None:
 
 
 def _tabs(robot: QueryClient) -> None:
-    names = {"drive": "Drive", "gains": "Gains", "tune": "Tune", "sim": "Sim", "log": "Log"}
+    titles = ("Drive", "Gains", "Tune", "Sim", "Log", "System")
     with ui.tabs().props("dense no-caps inline-label align=justify").classes("tp-tabs") as tabs:
-        for name, title in names.items():
-            ui.tab(name, label=title).classes(f"tp-tab-{name}")
+        for title in titles:
+            ui.tab(title.lower(), label=title).classes(f"tp-tab-{title.lower()}")
     with ui.tab_panels(tabs, value="drive", animated=False).props("keep-alive").classes("tp-panels"):
         with ui.tab_panel("drive"):
             _drive_panel()
@@ -126,6 +127,8 @@ def _tabs(robot: QueryClient) -> None:
             SimulatorPanel(robot)
         with ui.tab_panel("log"):
             Widget("log").classes("tp-log")
+        with ui.tab_panel("system"):
+            _readouts()
 
 
 def _drive_panel() -> None:
@@ -138,7 +141,7 @@ def _drive_panel() -> None:
         ui.html("<p>Another page controls the robot.</p>", sanitize=False)
         with button("tp-go", {"data-take-control": ""}):
             inline("<span>Take control</span>")
-    inline("<h2>Manual driving</h2>")
+    inline('<h2 class="tp-drivetitle">Manual driving</h2>')
     Widget("drive").classes("tp-drive")
     ui.html(
         "<p>Hold the joystick to drive, release it to stop; it has priority over any goal. Gamepad: hold LB "
@@ -146,8 +149,6 @@ def _drive_panel() -> None:
         "that it started stops.</p>",
         sanitize=False,
     ).classes("tp-hint")
-    inline("<h2>Links and loop</h2>")
-    _readouts()
 
 
 def _readouts() -> None:

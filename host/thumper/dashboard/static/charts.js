@@ -6,6 +6,7 @@ import uPlot from "./uplot_module.js";
 
 const HISTORY_S = 120;
 const WINDOWS_S = [10, 30, 60, 120];
+const LOW_SCREEN = "(min-width: 901px) and (max-height: 720px)"; // map and charts do not both fit
 const COLUMNS = [
   "time_s",
   ...["left", "right"].flatMap((side) => [
@@ -40,7 +41,16 @@ class Charts {
     const bar = root.appendChild(document.createElement("div"));
     bar.className = "tp-chartbar";
     const title = bar.appendChild(document.createElement("h2"));
-    title.textContent = "Wheels";
+    const toggle = title.appendChild(document.createElement("button"));
+    toggle.type = "button";
+    toggle.className = "tp-chartstoggle";
+    toggle.innerHTML = '<i class="material-icons">expand_more</i><span>Wheels</span>';
+    const setOpen = (open) => {
+      root.classList.toggle("tp-closed", !open);
+      toggle.setAttribute("aria-expanded", open);
+    };
+    toggle.addEventListener("click", () => setOpen(root.classList.contains("tp-closed")));
+    setOpen(!window.matchMedia(LOW_SCREEN).matches);
     const windowSelect = bar.appendChild(document.createElement("select"));
     windowSelect.setAttribute("aria-label", "time window");
     for (const seconds of WINDOWS_S) {

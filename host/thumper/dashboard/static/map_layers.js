@@ -2,16 +2,16 @@
 
 import { colour } from "./colours.js";
 
-// Name of the layer, label in the menu.
+// Name of the layer, label in the menu, colour of its swatch there.
 export const LAYERS = [
-  ["map", "Map"],
-  ["local_costmap", "Costmap"],
-  ["particles", "Particles"],
-  ["plan", "Plan"],
-  ["local_plan", "Local plan"],
-  ["trail", "Trail"],
-  ["scan", "Scan"],
-  ["footprint", "Robot"],
+  ["map", "Map", "map-wall"],
+  ["local_costmap", "Local costmap", "cost-high"],
+  ["particles", "Particles", "particles"],
+  ["plan", "Plan", "plan"],
+  ["local_plan", "Local plan", "local-plan"],
+  ["trail", "Trail", "trail"],
+  ["scan", "Scan", "scan"],
+  ["footprint", "Robot", "robot-edge"],
 ];
 
 function interpolate(a, b, share) {
@@ -90,6 +90,20 @@ export function drawGrid(context, camera, { image, info }) {
   context.translate(px, py);
   context.drawImage(image, 0, -info.rows * cell, info.columns * cell, info.rows * cell);
   context.restore();
+}
+
+// A dashed edge and a label: the grid ends there, the room does not.
+export function drawGridEdge(context, camera, { info }, text) {
+  const [x, y] = info.origin;
+  const [left, top] = camera.toScreen(x, y + info.rows * info.resolution_m);
+  context.strokeStyle = context.fillStyle = colour("muted");
+  context.lineWidth = 1;
+  context.setLineDash([4, 4]);
+  context.strokeRect(left, top, info.columns * info.resolution_m * camera.scale,
+    info.rows * info.resolution_m * camera.scale);
+  context.setLineDash([]);
+  context.font = "11px Roboto, sans-serif";
+  context.fillText(text, Math.max(left, 0) + 4, Math.max(top, 0) + 12);
 }
 
 // Grid lines over the whole view, and a scale bar.

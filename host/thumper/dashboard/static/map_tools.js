@@ -35,6 +35,8 @@ export class MapTools {
     canvas.addEventListener("pointercancel", (event) => this.endDrag(event));
     canvas.addEventListener("wheel", (event) => this.onWheel(event), { passive: false });
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+    canvas.addEventListener("pointermove", (event) => this.showCursor(this.position(event)));
+    canvas.addEventListener("pointerleave", () => { this.cursor.textContent = ""; });
     document.addEventListener("keydown", (event) => this.onKey(event));
     document.addEventListener("click", (event) => { // buttons outside the map can select a tool, too
       const name = event.target.closest?.("[data-select-tool]")?.dataset.selectTool;
@@ -66,7 +68,7 @@ export class MapTools {
     this.menu = menu;
     menu.className = "tp-layers";
     menu.hidden = true;
-    for (const [name, text] of LAYERS) {
+    for (const [name, text, colourName] of LAYERS) {
       const label = menu.appendChild(document.createElement("label"));
       const checkbox = label.appendChild(document.createElement("input"));
       checkbox.type = "checkbox";
@@ -75,8 +77,11 @@ export class MapTools {
       checkbox.addEventListener("change", () => this.view.update(() => {
         this.view.visible[name] = checkbox.checked;
       }));
+      label.appendChild(document.createElement("i")).style.background = `var(--tp-${colourName})`;
       label.append(text);
     }
+    this.cursor = root.appendChild(document.createElement("div"));
+    this.cursor.className = "tp-cursor";
     this.waypointBar = root.appendChild(document.createElement("div"));
     this.waypointBar.className = "tp-waypointbar";
     this.waypointBar.hidden = true;
@@ -153,6 +158,11 @@ export class MapTools {
   position(event) {
     const box = this.view.canvas.getBoundingClientRect();
     return [event.clientX - box.left, event.clientY - box.top];
+  }
+
+  showCursor(position) {
+    const [x, y] = this.view.camera.toMap(...position);
+    this.cursor.textContent = `x ${x.toFixed(2)}, y ${y.toFixed(2)} m`;
   }
 
   onPointerDown(event) {

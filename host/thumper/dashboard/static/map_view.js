@@ -108,6 +108,7 @@ class MapView {
     if (visible.map && this.grids.map) layers.drawGrid(context, camera, this.grids.map);
     if (visible.local_costmap && this.grids.local_costmap) {
       layers.drawGrid(context, camera, this.grids.local_costmap);
+      layers.drawGridEdge(context, camera, this.grids.local_costmap, "local costmap");
     }
     layers.drawRuler(context, camera);
     if (visible.trail) layers.drawLine(context, camera, data.trail, "trail", 2);

@@ -1,0 +1,100 @@
+"""The page in a real browser: what fits on which screen, and what the map explains."""
+
+import re
+
+from benchmarks.shared.fake_robot import FakeRobot
+from playwright.sync_api import Page, expect
+
+from thumper.board.messages import Fault
+from thumper.common.geometry import Pose2
+
+
+def test_fault_moves_no_control_and_colours_the_state(page: Page, robot: FakeRobot) -> None:
+    for size in ((1440, 900), (1024, 600), (390, 844), (390, 664)):
+        page.set_viewport_size({"width": size[0], "height": size[1]})
+        before = page.locator(".tp-stick").bounding_box()
+        robot.fault, robot.fault_words = Fault.STALL_LEFT, "stall left"
+        robot.fault_cure = "the left wheels do not turn; are they blocked?"
+        expect(page.locator(".tp-fault")).to_be_visible()
+        expect(page.locator(".tp-board")).to_have_css("background-color", "rgb(207, 34, 46)")
+        assert page.locator(".tp-stick").bounding_box() == before
+        page.click("text=Clear fault", trial=True)  # nothing covers it
+        robot.reset()
+        expect(page.locator(".tp-fault")).to_be_hidden()
+
+
+def test_low_screen_shows_everything(page: Page) -> None:
+    page.set_viewport_size({"width": 1024, "height": 600})
+    page.reload()
+    charts = page.locator(".tp-charts")
+    expect(charts).to_be_hidden()
+    for name in (".tp-mapbox", ".tp-state", ".tp-wheels", ".tp-stick"):
+        box = page.locator(name).bounding_box()
+        assert box is not None
+        assert box["y"] + box["height"] <= 600, name
+    page.click("text=Wheels")
+    expect(charts).to_be_visible()
+    page.locator(".tp-charts > div").last.scroll_into_view_if_needed()
+    expect(page.locator(".tp-charts > div").last).to_be_in_viewport(ratio=0.99)
+    cut = page.locator(".tp-charthead").evaluate_all(
+        "all => all.filter((one) => one.scrollWidth > one.clientWidth || one.scrollHeight > one.clientHeight)"
+    )
+    assert cut == []  # each legend is complete
+
+
+def test_map_has_legend_and_mouse_position(page: Page) -> None:
+    page.click("[data-tool=layers]")
+    swatches = page.locator(".tp-layers label i")
+    colours = swatches.evaluate_all("all => all.map((one) => getComputedStyle(one).backgroundColor)")
+    assert len(set(colours)) == len(colours) == 8
+    assert "rgba(0, 0, 0, 0)" not in colours
+    page.keyboard.press("Escape")
+    x, y = page.evaluate("""() => {
+      const view = document.querySelector('.tp-map').mapView;
+      const box = view.canvas.getBoundingClientRect();
+      const [x, y] = view.camera.toScreen(1.5, 0.5);
+      return [x + box.left, y + box.top];
+    }""")
+    page.mouse.move(round(x), round(y))
+    expect(page.locator(".tp-cursor")).to_have_text(re.compile(r"x 1\.(49|5\d), y 0\.(49|5\d) m"))
+    page.mouse.move(5, 5)
+    expect(page.locator(".tp-cursor")).to_have_text("")
+
+
+def test_only_the_banner_reports_a_lost_connection(page: Page) -> None:
+    page.evaluate(
+        "document.getElementById('popup').ariaHidden = 'false'"
+    )  # as NiceGUI does, which then fades it in
+    expect(page.locator("#popup")).to_have_css("display", "none")
+
+
+def test_phone_shows_map_and_joystick_together(page: Page) -> None:
+    for height in (844, 664):
+        page.set_viewport_size({"width": 390, "height": height})
+        expect(page.locator(".tp-estop small")).to_be_hidden()  # there is no Space key
+        tops = [page.locator(name).bounding_box() for name in (".tp-map canvas", ".tp-stick", ".tp-estop")]
+        canvas, stick, stop = (box for box in tops if box is not None)
+        assert canvas["height"] >= 150
+        assert canvas["y"] + canvas["height"] < stick["y"]
+        assert stick["y"] + stick["height"] <= stop["y"]
+
+
+def test_phone_layout_shows_everything(page: Page, robot: FakeRobot) -> None:
+    page.set_viewport_size({"width": 390, "height": 844})
+    robot.goal = Pose2(x_m=1.0, y_m=1.0)
+    expect(page.locator("[data-field=mode]")).to_have_text("driving")
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    for tab in ("drive", "gains", "tune", "sim", "log", "system"):
+        page.click(f".tp-tab-{tab}")
+        stop = page.locator(".tp-estop").bounding_box()
+        assert stop is not None
+        assert stop["y"] + stop["height"] <= 844
+        assert stop["width"] > 300
+        assert page.evaluate("document.documentElement.scrollWidth") == 390
+        main = page.locator(".tp-main").bounding_box()
+        assert main is not None
+        assert main["y"] + main["height"] <= stop["y"]  # it covers nothing
+    tools, canvas = (page.locator(f".tp-map {part}").bounding_box() for part in (".tp-toolbar", "canvas"))
+    assert tools is not None
+    assert canvas is not None
+    assert tools["y"] + tools["height"] <= canvas["y"]
