@@ -77,11 +77,14 @@ def test_slow_page_shows_no_log_line_twice(page: Page, robot: FakeRobot) -> None
 def test_active_faults_are_shown_on_every_page(page: Page, robot: FakeRobot) -> None:
     robot.simulated_faults["slip.left"] = 0.5  # by another client
     page.click(".tp-tab-sim")
-    expect(page.locator(".tp-active-faults")).to_have_text("Active faults: slip.left 0.5")
+    expect(page.locator(".tp-active-faults")).to_have_text("Active faults: left slip 0.5")
+    page.locator(".tp-faultrow .q-select", has_text="Fault").click()
+    expect(page.locator(".q-menu .q-item")).to_have_text(["lidar", "left slip"])
+    page.locator(".q-menu >> text=lidar").click()
     page.locator(".tp-faultrow .q-select", has_text="Kind").click()
     page.locator(".q-menu >> text=unplugged").click()
     page.click("text=Apply fault")
-    active = "Active faults: slip.left 0.5, lidar unplugged"
+    active = "Active faults: left slip 0.5, lidar unplugged"
     expect(page.locator(".tp-active-faults")).to_have_text(active)
     page.reload()
     page.click(".tp-tab-sim")

@@ -65,7 +65,9 @@ class SimulatorPanel:
         self._active.set_content(escape(_faults_text(world.on)))
         if not self._faults:
             self._faults = world.faults
-            self._name.set_options(list(self._faults), value=next(iter(self._faults), None))
+            self._name.set_options(
+                {name: _fault_title(name) for name in self._faults}, value=next(iter(self._faults), None)
+            )
 
     def _on_fault_selected(self) -> None:
         fault = self._faults.get(str(self._name.value), {})
@@ -105,4 +107,13 @@ class SimulatorPanel:
 
 def _faults_text(faults: Mapping[str, Any]) -> str:
     """Describe the active faults, whoever applied them."""
-    return f"Active faults: {', '.join(f'{name} {value}' for name, value in faults.items()) or 'none'}"
+    active = (f"{_fault_title(name)} {value}" for name, value in faults.items())
+    return f"Active faults: {', '.join(active) or 'none'}"
+
+
+def _fault_title(name: str) -> str:
+    """Return a fault's name in words: `encoder.left.a` is "left encoder a"."""
+    first, *rest = name.split(".")
+    if rest and rest[0] in ("left", "right"):
+        first, rest[0] = rest[0], first
+    return " ".join([first, *rest])
