@@ -29,6 +29,7 @@ from thumper.runtime.state_estimator import RobotState
 
 GOAL_MARGIN_M = 1.0
 DISARMED_CYCLES = 3  # telemetry from before ARM may still arrive
+BY_PROGRAM, RELEASED = "driven by another program", "manual command released"
 
 
 class DriveMode(Enum):
@@ -143,9 +144,13 @@ class DriveManager:
             self.mode, self.reason = DriveMode.STOPPING, reason
 
     def add_manual_command(self, at_s: float, velocity: Velocity) -> None:
-        """Add a manual command; it takes effect in the next step."""
-        if self.mode is DriveMode.IDLE and velocity.twist != Twist2():
-            self.reason = "the motors are off; arm the robot to drive it manually"
+        """Add a manual command; it takes effect in the next step.
+
+        A robot that stops ignores it: a program that repeats its command must not prevent the stop.
+        """
+        if self.mode in (DriveMode.IDLE, DriveMode.STOPPING) and velocity.twist != Twist2():
+            if self.mode is DriveMode.IDLE:
+                self.reason = "the motors are off; arm the robot to drive it manually"
             return
         self.mux.add(at_s, velocity)
 
@@ -185,7 +190,7 @@ class DriveManager:
         elif self.mode is DriveMode.MANUAL:
             self.board.command(Command.ARM)  # back to speed control
             self._manually_armed = True
-            self._hold("manual command released")
+            self._hold(RELEASED)
         elif self.mode is DriveMode.DRIVING:
             if self.heartbeats.is_lost(self.source, now_s):
                 self.disarm("the page that sent the goal is gone; send it again")
@@ -194,7 +199,7 @@ class DriveManager:
         elif self.mode is DriveMode.STOPPING:
             self._brake(telemetry)
         elif self.mode is DriveMode.HOLDING:
-            self._hold(self.reason)
+            self._hold(RELEASED if self.reason == BY_PROGRAM else self.reason)
         return None
 
     def _arm(self, telemetry: Telemetry | None, *, clear_fault: bool = False) -> None:
@@ -240,12 +245,11 @@ class DriveManager:
 
     def _drive_at(self, twist: Twist2) -> None:
         """Follow the velocity of another program with wheel speed control; hold speed zero after it."""
-        reason = "driven by another program"
-        self._cancel_drive(f"overridden: {reason}", by_user=True)
+        self._cancel_drive(f"overridden: {BY_PROGRAM}", by_user=True)
         if self.mode is DriveMode.MANUAL:
             self.board.command(Command.ARM)  # back to speed control
         self._manually_armed = True
-        self._hold(reason, limited_twist(twist, self._options))
+        self._hold(BY_PROGRAM, limited_twist(twist, self._options))
 
     def _navigate(self, state: RobotState, grid: Callable[[], OccupancyGrid]) -> NavigationOutput | None:
         assert self.goal is not None  # DRIVING has one

@@ -381,7 +381,7 @@ def test_velocity_of_another_program_is_held_by_speed_control(bench: Bench) -> N
     assert (outcome.by_user, outcome.reason) == (True, "overridden: driven by another program")
     bench.now_s += 1.0
     bench.step()
-    assert bench.take() == [ZERO]
+    assert (bench.take(), bench.manager.reason) == ([ZERO], "manual command released")
     bench.hold(AHEAD)
     bench.step()
     bench.take()
@@ -394,6 +394,25 @@ def test_velocity_of_another_program_is_held_by_speed_control(bench: Bench) -> N
     bench.manager.start(GOAL, None)
     bench.step()
     assert bench.manager.mode is DriveMode.HOLDING  # it stays armed after a goal
+
+
+@pytest.mark.parametrize("source", TeleopSource)
+def test_commands_that_go_on_do_not_prevent_a_stop(bench: Bench, source: TeleopSource) -> None:
+    bench.manager.arm(None)
+    bench.hold(AHEAD, source)
+    bench.step()
+    bench.manager.stop("cancelled")
+    bench.take()
+    bench.hold(AHEAD, source)
+    bench.step()
+    assert (bench.take(), bench.manager.reason) == ([ZERO], "cancelled")
+    bench.hold(AHEAD, source)
+    bench.step(left_speed=0, right_speed=0)
+    assert (bench.take(), bench.manager.mode) == ([DISARM], DriveMode.IDLE)
+    bench.manager.arm(None)
+    bench.hold(AHEAD, source)
+    bench.step()
+    assert bench.manager.command == AHEAD  # armed again, it drives
 
 
 def test_gains_are_read_at_each_start_of_manual_driving(bench: Bench) -> None:
