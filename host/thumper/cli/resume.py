@@ -5,10 +5,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+
 from thumper.cli.start_map import load_start_map
 from thumper.common.errors import ThumperError
 from thumper.config.robot import RobotConfig
 from thumper.maps.map_server_io import save_map
+from thumper.maps.occupancy_grid import OCCUPIED
 from thumper.runtime.loop import RobotLoop
 from thumper.runtime.requests import LogMessage
 from thumper.runtime.service.autosave import Autosave
@@ -38,6 +41,8 @@ def autosaved(robot: RobotLoop, out: Path) -> Iterator[None]:
 def load_interrupted(settings: RobotConfig, out: Path) -> SavedSlamState | None:
     """Return the session of the last run into `out`, if that run did not end regularly.
 
+    A session without a wall is removed: the robot cannot find its place in it.
+
     Raises
     ------
     ThumperError
@@ -56,6 +61,10 @@ def load_interrupted(settings: RobotConfig, out: Path) -> SavedSlamState | None:
     except ThumperError as error:
         raise ThumperError(f"{error}, or --fresh to start a new map", exit_code=error.exit_code) from error
     assert isinstance(session, SavedSlamState)
+    if not np.any(session.counts.grid(settings.mapping.occupied_fraction).cells == OCCUPIED):
+        print("it has no walls: starting a new map", flush=True)
+        path.unlink()
+        return None
     return session
 
 

@@ -1,5 +1,6 @@
 """The session of a run that crashed is resumed, or kept and named."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,16 @@ def test_session_of_a_crash_is_loaded_with_its_pose(
     assert "the last run did not end" in output
     assert "--fresh" in output
     assert (tmp_path / AUTOSAVE).exists()  # another crash before the next save loses nothing
+
+
+def test_session_without_walls_does_not_prevent_the_next_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    empty = replace(COUNTS, hits=np.zeros((2, 3), np.uint16), misses=np.ones((2, 3), np.uint16))
+    save_session(SavedSlamState(counts=empty, map_from_base=Pose2()), tmp_path / AUTOSAVE)
+    assert load_interrupted(RobotConfig(), tmp_path) is None
+    assert "no walls: starting a new map" in capsys.readouterr().out
+    assert not (tmp_path / AUTOSAVE).exists()
 
 
 def test_damaged_session_names_the_way_out(tmp_path: Path) -> None:
