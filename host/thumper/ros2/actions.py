@@ -84,7 +84,13 @@ class RosAction:
             content = message(f"{self._type}_FeedbackMessage", goal_id=_uuid(goal), feedback=feedback)
             self._feedback.publish(encode(content))
 
-        status, result = self._execute(goal, send)
+        status, result = ABORTED, None
+        try:
+            status, result = self._execute(goal, send)
+        finally:  # also after an internal error: no client may wait forever
+            self._finish(goal, status, result)
+
+    def _finish(self, goal: RosGoal, status: int, result: Message | None) -> None:
         with self._lock:
             goal.status, goal.result = status, result
             waiting, goal.waiting = goal.waiting, []

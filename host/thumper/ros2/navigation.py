@@ -11,7 +11,7 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.common.stamps import NS_PER_S
 from thumper.config.robot import RobotConfig
-from thumper.navigation.goal import Goal
+from thumper.navigation.goal import Goal, check_place
 from thumper.ros import services
 from thumper.ros.codec import Message, message
 from thumper.ros.from_ros import grid_of, pose_of, stamp_ns_of
@@ -127,6 +127,7 @@ class NavigationActions:
             except ThumperError as error:  # the robot restarts, or is gone
                 if time.monotonic() - answered_s > LOST_S:
                     return _Outcome(status=ABORTED, reason=str(error), leg=leg)
+                time.sleep(PERIOD_S)  # `cancel.wait` does not wait once it is set
                 continue
             leg, answered_s = state.leg, time.monotonic()
             if state.state == "driving":
@@ -168,6 +169,8 @@ class NavigationActions:
             return none, TF_ERROR, "the robot has no map or no pose yet"
         start = _in_map(request.start) if request.use_start or pose is None else pose_of(pose.pose.pose)
         target = _in_map(request.goal)
+        check_place("the start", start.x_m, start.y_m)
+        check_place("the goal", target.x_m, target.y_m)
         keepout = load_masks(options.masks).keepout
         costmap = build_costmap(grid_of(newest), none, self._config.footprint, options.costmap, keepout)
         planner = make_planner(replace(options, planner=name), self._config.footprint)

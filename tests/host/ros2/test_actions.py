@@ -168,7 +168,7 @@ def test_path_is_computed_without_driving(live: Live) -> None:
     until(lambda: live.status.mode == "idle", 30.0)
     goal = Cdr().pose(0.6, 0.05).pose(1.5, 0.08).text("").add("?", True)
     status, raw = client.result(client.send(goal))
-    assert status == SUCCEEDED
+    assert status == SUCCEEDED, raw
     frame = text_at(raw, 12)  # status, pad; stamp; frame
     assert frame == "map"
     (count,) = struct.unpack_from("<I", raw, 20)
@@ -179,3 +179,7 @@ def test_path_is_computed_without_driving(live: Live) -> None:
     )
     assert status == ABORTED
     assert b"no planner 'none'" in raw
+    far = Cdr().pose(1e9, 0.05).pose(1.5, 0.08).text("carrot").add("?", True)
+    status, raw = client.result(client.send(far))
+    assert status == ABORTED
+    assert b"the goal (1e+09, 0.05) is farther than" in raw
