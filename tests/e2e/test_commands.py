@@ -123,3 +123,18 @@ def test_a_robot_of_another_name_does_not_answer(thumper: Run, bus: str, tmp_pat
     done = thumper("stop", "--config", config)
     assert done.returncode == 3
     assert "no robot 'other' answers" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("command", "problem"),
+    [
+        (["foxglove", "--port", str(free_port()), "--robot", "nobody"], "publishes nothing on this bus"),
+        (["ros", "--robot", "nobody", "--router"], "is the robot's own bus"),
+    ],
+)
+def test_bridges_refuse_what_would_stay_silent(
+    thumper: Run, bus: str, command: list[str], problem: str
+) -> None:
+    refused = thumper(*command, *([bus] if command[-1] == "--router" else []), "--bus", bus)
+    assert refused.returncode in {2, 3}
+    assert problem in refused.stderr

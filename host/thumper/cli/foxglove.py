@@ -7,6 +7,8 @@ import typer
 from thumper.cli.options.bus import connect, report_to_stderr
 from thumper.cli.options.common import BusAddress, ConfigFile, RobotName
 
+CHECK_PERIOD_S = 0.5
+
 
 def foxglove(
     port: Annotated[int, typer.Option(help="Port to listen on.", min=1, max=65535)] = 8765,
@@ -28,6 +30,7 @@ def foxglove(
     from contextlib import suppress
     from urllib.parse import quote
 
+    from thumper.bus.status_watchdog import StatusWatchdog
     from thumper.cli.options.bus import token_of
     from thumper.common.optional_packages import require_extra
 
@@ -59,5 +62,15 @@ def foxglove(
         gate = TokenGate(host=host, port=port, token=token, backend=backend, trust=trust, tls=tls)
         url = f"{'wss' if tls else 'ws'}://{host}:{port}/?token={quote(token)}"
         hint = f"in Foxglove, open {url} (Ctrl-C to stop)"
+        watchdog = StatusWatchdog(client, report_to_stderr)
+
+        async def watch() -> None:
+            while True:
+                watchdog.check()
+                await asyncio.sleep(CHECK_PERIOD_S)
+
+        async def serve() -> None:
+            await asyncio.gather(gate.serve(lambda _: print(hint, flush=True)), watch())
+
         with suppress(KeyboardInterrupt):
-            asyncio.run(gate.serve(lambda _: print(hint, flush=True)))
+            asyncio.run(serve())

@@ -40,6 +40,7 @@ def ros(
 
     from thumper.bus.status_watchdog import StatusWatchdog
     from thumper.bus.zenoh_session import open_ros_client
+    from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.config.robot import load_config
     from thumper.config.ros import overridden
     from thumper.ros2.gateway import RosGateway
@@ -51,6 +52,11 @@ def ros(
 
     settings = load_config(config)
     options = overridden(settings.ros, router=router, domain_id=domain_id, namespace=namespace)
+    if options.router == (bus or settings.bus.address):
+        raise ThumperError(
+            f"--router {options.router} is the robot's own bus; pass the address of `rmw_zenohd`",
+            exit_code=EXIT_USAGE,
+        )
     with connect(config, bus, robot) as client:
         name = NodeName(
             domain_id=options.domain_id, name=client.robot.replace("-", "_"), namespace=options.namespace

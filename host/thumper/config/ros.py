@@ -43,4 +43,7 @@ def overridden(
     except ValidationError as error:
         first = error.errors()[0]
         option = f"--{first['loc'][0]}: " if first["loc"] else "--router: "
-        raise ThumperError(option + first["msg"], exit_code=EXIT_USAGE) from error
+        reason = first["msg"].removeprefix("Value error, ")
+        if first["loc"] == ("namespace",):
+            reason = f"{namespace!r} is not a namespace; use a slash and a name, for example /robot1"
+        raise ThumperError(option + reason, exit_code=EXIT_USAGE) from error

@@ -197,8 +197,8 @@ def test_what_is_no_twist_is_reported_and_not_passed_on(gateway: Gateway) -> Non
 @pytest.mark.parametrize(
     ("given", "problem"),
     [
-        ({"router": "nonsense"}, "--router: .*is not an address"),
-        ({"namespace": "robot 1"}, "--namespace: "),
+        ({"router": "nonsense"}, "--router: 'nonsense' is not an address"),
+        ({"namespace": "robot 1"}, "--namespace: 'robot 1' is not a namespace; use a slash"),
         ({"domain_id": 233}, "--domain_id: "),
     ],
 )
