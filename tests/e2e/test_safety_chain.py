@@ -91,10 +91,17 @@ class Chain:
         return self._goals[-1]
 
     def drive(self) -> None:
-        """Send a goal and wait until the robot drives."""
-        x_m, y_m = self.next_goal()
-        until(lambda: self._sent(x_m, y_m))
-        self.wait_for_motion()
+        """Send a goal and wait until the robot drives; on a busy computer the first drive may be stopped."""
+
+        def drives() -> bool:
+            x_m, y_m = self.next_goal()
+            until(lambda: self._sent(x_m, y_m))
+            end_s = time.monotonic() + 15.0
+            while not self._moves() and time.monotonic() < end_s:
+                time.sleep(0.05)
+            return self._moves()
+
+        until(drives)
 
     def drive_again(self) -> None:
         """Send goals until the robot drives: on a busy computer the next drive may be stopped as well."""
@@ -116,7 +123,10 @@ class Chain:
         return True
 
     def wait_for_motion(self) -> None:
-        until(lambda: all(line["on"] for line in self._said[-DRIVING_LINES:]))
+        until(self._moves)
+
+    def _moves(self) -> bool:
+        return all(line["on"] for line in self._said[-DRIVING_LINES:])
 
     def off_after_s(self, cut: float) -> float:
         """Return the simulated time from the moment `cut` until the motors were off; they must stay off."""

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import NoReturn
 
 import pytest
+from benchmarks.shared.live import free_port
 from typer.testing import CliRunner
 
 from thumper.cli.app import build_app
@@ -45,7 +46,9 @@ def test_an_unconfirmed_stop_of_a_serving_robot_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(RobotLoop, "cycle", lambda _: _lose_all_bytes("interrupted"))
-    result = CliRunner().invoke(build_app(), ["run", *ON_SIM, "--out", str(tmp_path)])
+    result = CliRunner().invoke(
+        build_app(), ["run", *ON_SIM, "--bus", f"127.0.0.1:{free_port()}", "--out", str(tmp_path)]
+    )
     assert result.exit_code == 0
     assert UNCONFIRMED in result.output
     assert "stopped" not in result.output
