@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmarks.shared.wheel_plant import Wheel, counted, steps_and_prbs
+from rich.console import Console
 
+from thumper_tuning.cli.steps import ConsoleProgress
 from thumper_tuning.cli.tune import report
 
 THUMPER = Path(sys.executable).with_name("thumper")
@@ -57,3 +59,10 @@ def test_a_report_uses_the_given_rate_and_battery(tmp_path: Path) -> None:
     assert gains["period_s"] == 0.02
     assert gains["gains"]["ks"] == pytest.approx(Wheel().friction * 3.7 / 7.4, rel=0.1), "ks refers to 7.4 V"
     assert (tmp_path / "report.html").exists()
+
+
+def test_lines_on_the_terminal_keep_their_brackets(capsys: pytest.CaptureFixture[str]) -> None:
+    """Such as the unit and the range of a column that was read."""
+    progress = ConsoleProgress(console=Console(width=200), report_progress=lambda *_: None)
+    progress.report_line("read time: column 'time_s' [s, 0.00 ... 21.30]")
+    assert "[s, 0.00 ... 21.30]" in capsys.readouterr().out

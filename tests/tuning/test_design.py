@@ -120,6 +120,15 @@ def test_margins_of_a_loop_known_in_closed_form() -> None:
     assert margins.phase_margin_deg == pytest.approx(math.degrees(math.acos(0.25)), abs=0.1)
 
 
+@pytest.mark.parametrize("time_constant_s", [0.01, 0.02, 0.025, 0.028, 0.033, 0.075, 0.3])
+def test_gain_margin_agrees_with_the_sensitivity(time_constant_s: float) -> None:
+    """|1 + L| >= 1 / Ms gives GM >= Ms / (Ms - 1); stability_margins finds a crossing at 0 rad/s for some."""
+    plant = Plant.from_model(replace(MODEL, time_constant_s=time_constant_s), 0.1)
+    gains = migo(plant, 1.6)
+    margins = SpeedLoop.of_board(plant, gains.kp, gains.ki).margins()
+    assert margins.gain_margin >= 0.999 * margins.max_sensitivity / (margins.max_sensitivity - 1.0)
+
+
 def test_dlqr_is_within_the_limit_and_near_migo() -> None:
     """LQR does not pay at 10 Hz: the PI is MIGO's, all states reject loads 3 % better."""
     plant = Plant.from_model(MODEL, 0.1)

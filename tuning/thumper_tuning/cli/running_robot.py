@@ -62,7 +62,7 @@ def design_from_estimate(
     """Design gains for the estimate, print them, and write gains.json."""
     result = design(*estimated_model(values), options)
     for line in design_lines(result):
-        console.print(line)
+        console.print(line, markup=False)
     path = write_gains_file(out / "gains.json", result)
     console.print(
         f"wrote {path}; set them on the robot's page, or stop it and run `thumper tune verify {path}`"

@@ -35,7 +35,7 @@ class ConsoleProgress:
 
     def report_line(self, line: str) -> None:
         """Print a line."""
-        self.console.print(line)
+        self.console.print(line, markup=False)
 
     def run_in_thread(self, work: Callable[[], T]) -> T:
         """Compute in this thread: there is nothing else to do."""
@@ -62,7 +62,7 @@ def design_from_motors(
     """Design gains, print them, and write gains.json and report.html."""
     result = design(*nominal_model(motors, battery_V), options)
     for line in design_lines(result):
-        console.print(line)
+        console.print(line, markup=False)
     path = write_gains_file(out / "gains.json", result)
     page = write_report(out / "report.html", motors, result)
     write_models(out, motors, result)
@@ -80,7 +80,7 @@ def verify_on(
         with progress_bar(console, "verifying") as report_progress:
             result = verify(board, gains, options, out / "verify.csv", report_progress)
         for line in tracking_lines(result):
-            console.print(line)
+            console.print(line, markup=False)
 
 
 def tune_robot(board_url: str, out: Path, options: TuneOptions, *, yes: bool, console: Console) -> None:

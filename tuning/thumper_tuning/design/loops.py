@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import control
 
 STEP_DURATION_S = 6.0
+SLOWEST = 3e-4  # least frequency that is computed, of the Nyquist frequency
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,7 +125,10 @@ class SpeedLoop:
         """Return frequencies up to the Nyquist frequency [rad/s]."""
         nyquist = math.pi / self.period_s
         result: FloatArray = np.concatenate(
-            (np.geomspace(3e-4, 0.1, 80, endpoint=False) * nyquist, np.linspace(0.1, 0.9999, 320) * nyquist)
+            (
+                np.geomspace(SLOWEST, 0.1, 80, endpoint=False) * nyquist,
+                np.linspace(0.1, 0.9999, 320) * nyquist,
+            )
         )
         return result
 
@@ -136,9 +140,14 @@ class SpeedLoop:
             return UNSTABLE
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the last frequency of disk_margins is rounded above Nyquist
-            gain, phase_deg, distance, _, crossover_rad_s, _ = control.stability_margins(self.open_loop)
+            _, phase_deg, distance, _, crossover_rad_s, _ = control.stability_margins(self.open_loop)
+            gains, _, _, gains_rad_s, _, _ = control.stability_margins(self.open_loop, returnall=True)
             at_nyquist = -float(np.real(self.open_loop(-1.0)))
             _, disk_dB, disk_deg = control.disk_margins(self.open_loop, self.frequencies())
+        gains = gains[
+            gains_rad_s > SLOWEST * math.pi / self.period_s
+        ]  # not the false one of the integrator's pole
+        gain = gains[np.argmin(np.abs(np.log(gains)))] if gains.size else math.inf
         if at_nyquist > 0.0:  # L is real there: a crossing that stability_margins leaves out
             gain = min(gain, 1.0 / at_nyquist)
         T, _, _ = control.frequency_response(self.closed_loop, self.frequencies())
