@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
-from thumper.common.resumable import Search, SlicedSearch
+from thumper.common.resumable import Search, SlicedSearch, merged
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.goal import Goal
 from thumper.runtime.drive.legs import AnyLeg, Leg, Wait
@@ -139,18 +139,17 @@ def _choose(
     search: "Search[Frontier | None]", before: DriveResult
 ) -> Generator[AnyLeg, DriveResult, "tuple[Frontier | None, DriveResult, str]"]:
     """Do some slices of the search in each cycle; return the frontier, the result so far and the problem."""
-    found: list[Frontier | None] = []
+    sliced = SlicedSearch["Frontier | None"]()
+    sliced.start(merged(search, SLICES_PER_CYCLE))
+    found: Frontier | None = None
 
     def is_over() -> bool:
-        try:
-            for _ in range(SLICES_PER_CYCLE):
-                next(search)
-        except StopIteration as end:
-            found.append(end.value)
-        return bool(found)
+        nonlocal found
+        found = sliced.advance()
+        return not sliced.is_running
 
     try:
         waited = yield Wait(duration_s=math.inf, until=is_over, name="choosing a frontier")
     except ThumperError as refusal:
         return None, replace(before, reached=False, reason=str(refusal)), str(refusal)
-    return found[0] if found else None, waited.after(before), "" if waited.reached else waited.reason
+    return found, waited.after(before), "" if waited.reached else waited.reason
