@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from thumper.cli.output.run_report import BLUE, INK, ORANGE
-from thumper.maps.plot import save_figure
+from thumper.cli.output.run_report import INK
+from thumper.maps.plot import BLUE, ORANGE, save_figure
 from thumper_hil.campaign.result_row import MEASURES, CampaignRow
 from thumper_hil.campaign.summary import MIN_RUNS, Summary
 

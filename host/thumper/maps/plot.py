@@ -14,6 +14,7 @@ from thumper.common.geometry import FloatArray
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 UNKNOWN_COLOUR, FREE_COLOUR, OCCUPIED_COLOUR, PATH_COLOUR = "#e9edf1", "#ffffff", "#1c2733", "#d1495b"
+BLUE, ORANGE, GREEN = "#2563eb", "#ea580c", "#16a34a"
 LONG_SIDE_PX, BORDER_PX, BOTTOM_PX, DPI = 1200, 90, 54, 120
 MARGIN_M = 0.5
 

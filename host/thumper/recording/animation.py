@@ -13,13 +13,13 @@ from PIL import Image
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.files import write_whole
-from thumper.common.geometry import FloatArray, Pose2
+from thumper.common.geometry import FloatArray, Pose2, Twist2
+from thumper.lidar.deskew import scan_points
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.maps.plot import UNKNOWN_COLOUR, draw_grid
+from thumper.maps.plot import BLUE, GREEN, ORANGE, UNKNOWN_COLOUR, draw_grid
 from thumper.recording.export import last_map
 from thumper.recording.reader import Recording
 from thumper.ros import from_ros
-from thumper.ros.codec import Message
 from thumper.ros.topics import TOPICS
 
 FRAMES_PER_S = 12
@@ -28,7 +28,6 @@ LAST_FRAME_MS = 3000  # the finished map stays longer
 LONG_SIDE_PX, DPI = 720, 100
 WEBP_QUALITY = 60
 TOPICS_DRAWN = ("map", "pose", "plan", "scan")
-BLUE, ORANGE, GREEN = "#2563eb", "#ea580c", "#16a34a"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,20 +97,13 @@ def _moments(recording: Recording, base_from_laser: Pose2) -> Iterator[_Moment]:
             elif topic == "plan":
                 now = replace(now, plan_m=from_ros.path_of(message)[:, :2])
             elif topic == "scan" and now.pose is not None:
-                now = replace(now, echoes_m=_echoes_m(message, now.pose @ base_from_laser))
+                scan = from_ros.scan_of(message)
+                points = scan_points(scan, Twist2(), base_from_laser, scan.range_max_m)
+                now = replace(now, echoes_m=now.pose.apply(points.hits_m()))
             elif topic == "pose":
                 pose = from_ros.pose_of(message.pose.pose)
                 now = replace(now, time_s=recorded.log_ns / 1e9, pose=pose)
                 yield now
-
-
-def _echoes_m(message: Message, map_from_laser: Pose2) -> FloatArray:
-    scan = from_ros.scan_of(message)
-    seen = np.isfinite(scan.ranges_m)
-    angles_rad, ranges_m = scan.angles_rad()[seen], scan.ranges_m[seen]
-    return map_from_laser.apply(
-        np.column_stack((ranges_m * np.cos(angles_rad), ranges_m * np.sin(angles_rad)))
-    )
 
 
 class _Picture:

@@ -8,7 +8,8 @@ from benchmarks.shared.recorded_run import RUN, cycles
 from PIL import Image
 
 from thumper.common.errors import ThumperError
-from thumper.recording.animation import BLUE, LONG_SIDE_PX, animate
+from thumper.maps.plot import BLUE
+from thumper.recording.animation import LONG_SIDE_PX, animate
 from thumper.recording.reader import Recording
 from thumper.recording.recorder import Recorder
 

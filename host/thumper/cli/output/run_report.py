@@ -12,14 +12,14 @@ from matplotlib.figure import Figure
 from thumper.common.files import write_text
 from thumper.common.geometry import FloatArray
 from thumper.maps.map_server_io import save_map
-from thumper.maps.plot import draw_grid, save_figure
+from thumper.maps.plot import BLUE, GREEN, ORANGE, draw_grid, save_figure
 from thumper.navigation.planners.polyline import arc_lengths
 from thumper.runtime.drive_log import SPEED_COLUMNS, DriveLog, speed_errors
 from thumper.runtime.drive_result import DriveResult
 from thumper.slam.mapper import Mapper
 from thumper.slam.saved_state import SavedSlamState, save_session
 
-INK, BLUE, ORANGE, GREEN = "#1f2933", "#2563eb", "#ea580c", "#16a34a"
+INK = "#1f2933"
 SHORTEST_PLAN_M = 0.1  # exploration starts with a plan to the current position
 LEGEND = {"loc": "lower center", "bbox_to_anchor": (0.56, 1.0), "ncols": 2, "frameon": False, "fontsize": 8}
 """Above the axes, between title and error; inside, it would cover the curves."""
