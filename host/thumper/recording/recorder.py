@@ -55,8 +55,9 @@ class Recorder:
         self._file_start_s = 0.0
         self._latched: dict[str, tuple[str, bytes]] = {}  # type and CDR of the newest
         self.is_paused = False  # the disk is full
-        self.dropped = 0  # messages that found no place in the queue, or came while it was paused
+        self.dropped = 0  # messages that found no place in the queue or on the disk, or came while it was paused
         self.written = 0
+        self._unflushed = 0  # how many of those written are not yet safe on the disk
         self.failure = ""
         self._finish_requested = False
         self.files: list[Path] = []
@@ -119,6 +120,9 @@ class Recorder:
             self._abandon()
             if not is_full(error):
                 raise
+            self.dropped += self._unflushed  # they were in the buffer that found no room
+            self.written -= self._unflushed
+            self._unflushed = 0
             if not self.is_paused:
                 self.is_paused = True
                 self._report(f"recording paused: {error.strerror}; it continues when there is room")
@@ -166,6 +170,7 @@ class Recorder:
                 pass
             if time.monotonic() >= due_s:
                 file.flush()
+                self._unflushed = 0
                 file = self._within_limits(file)
                 self._report_end_of_pause()
                 due_s = time.monotonic() + period_s
@@ -187,8 +192,9 @@ class Recorder:
             cdr = message if isinstance(message, bytes) else encode(message)
             if topic in TOPICS and TOPICS[topic].latched:
                 self._latched[topic] = (type_name, cdr)
-            file.add(topic, type_name, log_ns, cdr)
             self.written += 1
+            self._unflushed += 1
+            file.add(topic, type_name, log_ns, cdr)
 
     def _within_limits(self, file: McapFile) -> McapFile:
         """Return the file to continue with: this one, or a new one if a limit is reached."""
