@@ -11,6 +11,7 @@
 #include "board/encoder_edge.hpp"
 #include "board/encoders.hpp"
 #include "board/motors.hpp"
+#include "board/mpu6050.hpp"
 #include "board/pins.hpp"
 #include "board/reset.hpp"
 #include "board/tick.hpp"
@@ -56,6 +57,7 @@ ISR(PCINT0_vect, ISR_NAKED) { encoders::StepOnEdge<RightEncoder, right_encoder>(
 ISR(USART_RX_vect, ISR_NAKED) { uart_interrupts::OnReceive<uart>(_SFR_MEM_ADDR(UDR0)); }
 ISR(USART_UDRE_vect, ISR_NAKED) { uart_interrupts::OnReady<uart>(_SFR_MEM_ADDR(UDR0)); }
 ISR(TIMER0_COMPB_vect) { beeper.End(); }
+ISR(TWI_vect, ISR_NAKED) { Mpu6050::OnDone(); }
 
 ISR(WDT_vect) {
   motors::Halt();
@@ -119,6 +121,7 @@ void Configure(const fw::HostInterface& host) {
   drive.SetReversed(robot.IsSet(fw::Parameter::kLeftMotorReversed),
                     robot.IsSet(fw::Parameter::kRightMotorReversed));
   motors::SetFrequency(robot.Get(fw::Parameter::kPwmFrequency));
+  adc.SetCurrentsAtA4(robot.IsSet(fw::Parameter::kCurrentsAtA4));
 }
 
 /// Copy the control tick's samples. Repeat if a tick interrupted the copy. Return the ticks since the last
@@ -138,9 +141,9 @@ uint8_t Collect(fw::Samples* copy) {
 
 /// Sleep until an interrupt leaves work to do. The instruction after sei still runs with interrupts off, so
 /// no interrupt can slip in before the sleep.
-void Idle() {
+void Idle(const Mpu6050& gyroscope) {
   cli();
-  if (ticks == 0 && milliseconds == 0 && uart.empty()) {
+  if (ticks == 0 && milliseconds == 0 && uart.empty() && !gyroscope.due()) {
     sleep_enable();
     sei();
     sleep_cpu();
@@ -167,6 +170,9 @@ int main() {
   static Eeprom eeprom;
   static fw::HostInterface host(pins::kBoard, reset::Cause());
   static fw::BeepPattern beeps;
+  static Mpu6050 gyroscope_memory;
+  Mpu6050* gyroscope = &gyroscope_memory;
+  __asm__("" : "+r"(gyroscope));  // a constant address costs 150 bytes
   host.Start(eeprom, reset::Kept());
   watchdog::Start();
   bool clock_runs = false;
@@ -179,6 +185,7 @@ int main() {
       if (host.Receive(byte, uart)) Apply(host);
     }
     host.StepStore(eeprom, uart);
+    if (gyroscope->due()) gyroscope->Step(host.stationary());
 
     uint8_t elapsed_ms = 0;
     bool measured = false;
@@ -206,6 +213,8 @@ int main() {
       if (!beeper.sounding()) drive.AfterMillisecond();
       tick::Release();
       beeper.Sound(beeps.Step(elapsed_ms, host.quiet()));
+      gyroscope->AfterMilliseconds(elapsed_ms,
+                                   static_cast<uint8_t>(host.parameters().Get(fw::Parameter::kGyroscope)));
     }
     if (ticks != 0) {
       // If the millisecond interrupt dies, no link time-out can occur. Then the watchdog must act.
@@ -215,8 +224,8 @@ int main() {
       drive.MarkRests(&host.samples()->left.wheel.pwm, &host.samples()->right.wheel.pwm);
       host.Watch();
       Apply(host);
-      host.SendTelemetry(uart);
+      host.SendTelemetry(uart, gyroscope->heading(), gyroscope->state());
     }
-    Idle();
+    Idle(*gyroscope);
   }
 }

@@ -19,6 +19,10 @@ class Adc {
     Convert();
   }
 
+  /// Select the pins of the motor currents: those of the board, or A4 and A5. Written by the main loop; a
+  /// wrong sample in between is one of 32.
+  void SetCurrentsAtA4(bool at_a4) { currents_at_a4_ = at_a4; }
+
   /// Call once per millisecond from the interrupt: add the finished sample and start the next channel.
   void Step() {
     if ((ADCSRA & 1 << ADIF) == 0) {
@@ -60,9 +64,10 @@ class Adc {
   static_assert(fw::kAdcSamples * 1023UL <= 0xFFFF, "a sum must fit 16 bits");
 
   void Convert() {
-    const uint8_t channel = channel_ == 0   ? pins::kBatteryChannel
-                            : channel_ == 1 ? pins::kLeftCurrentChannel
-                                            : pins::kRightCurrentChannel;
+    const uint8_t channel = channel_ == 0     ? pins::kBatteryChannel
+                            : currents_at_a4_ ? static_cast<uint8_t>(3 + channel_)
+                            : channel_ == 1   ? pins::kLeftCurrentChannel
+                                              : pins::kRightCurrentChannel;
     ADMUX = 1 << REFS0 | channel;          // reference: AVCC
     ADCSRA = kOn | 1 << ADSC | 1 << ADIF;  // writing 1 clears the flag of the last conversion
   }
@@ -71,5 +76,5 @@ class Adc {
   volatile uint8_t silent_ms_ = 0;
   uint16_t sums_[kChannels] = {0, 0, 0};
   Sums done_ = {0, 0, 0};
-  bool ready_ = false;
+  bool ready_ = false, currents_at_a4_ = false;
 };

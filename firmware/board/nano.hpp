@@ -19,8 +19,8 @@ constexpr uint8_t kRightForward = 1 << PB2, kRightReverse = 1 << PB4;
 // PCINT21/22. Right A/B: D8/D9, PCINT0/1. D13 stays free, because its LED would load an open collector.
 constexpr uint8_t kLeftEncoder = 1 << PD5 | 1 << PD6, kRightEncoder = 1 << PB0 | 1 << PB1;
 
-// ADC channels: battery A3, currents A4 and A5, which the Uno has too.
-constexpr uint8_t kBatteryChannel = 3, kLeftCurrentChannel = 4, kRightCurrentChannel = 5;
+// ADC channels: battery A3, currents A6 and A7. A4 and A5 belong to the gyroscope.
+constexpr uint8_t kBatteryChannel = 3, kLeftCurrentChannel = 6, kRightCurrentChannel = 7;
 
 // Protecting inputs, with pull-ups: 1 at A0, 2 at A1.
 inline void StartInputs() { PORTC |= 1 << PC0 | 1 << PC1; }

@@ -17,6 +17,8 @@ static_assert(kControlRate_Hz == 10 || kControlRate_Hz == 20 || kControlRate_Hz 
 constexpr uint32_t kTick_us = 1000000UL / kControlRate_Hz;
 
 constexpr int16_t kMaxSpeed_mrad_s = 17000;
+constexpr int16_t kSlow_mrad_s = 700;     // scrub may hold a wheel with a lower set-point
+constexpr int16_t kBraked_mrad_s = 2000;  // a braked wheel keeps its speed this well
 constexpr int16_t kMaxPwm = 255;
 constexpr uint16_t kLinkTimeout_ms = 300;
 constexpr uint8_t kFaultWindow_ticks = 3 * kControlRate_Hz / 10;  // 300 ms

@@ -8,6 +8,8 @@ constexpr int32_t Limit(int32_t value, int32_t limit) {
   return value > limit ? limit : value < -limit ? -limit : value;
 }
 
+constexpr int32_t Magnitude(int32_t value) { return value < 0 ? -value : value; }
+
 /// Return a * b. gcc calls a 50-cycle routine for a 16 x 16 bit product and spills registers around it. This
 /// is the hardware multiplication sequence of application note AVR201, 20 cycles.
 __attribute__((always_inline)) inline int32_t Product(int16_t a, int16_t b) {

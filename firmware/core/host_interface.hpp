@@ -81,8 +81,10 @@ class HostInterface {
   Samples* samples() { return &samples_; }
 
   void Watch() {
-    Watch(left_monitor_, samples_.left, Fault::kStallLeft, Fault::kReversedLeft);
-    Watch(right_monitor_, samples_.right, Fault::kStallRight, Fault::kReversedRight);
+    const bool held_left = HeldByFloor(samples_.left.wheel, samples_.right.wheel, left_mA_);
+    const bool held_right = HeldByFloor(samples_.right.wheel, samples_.left.wheel, right_mA_);
+    Watch(left_monitor_, samples_.left, held_left, Fault::kStallLeft, Fault::kReversedLeft);
+    Watch(right_monitor_, samples_.right, held_right, Fault::kStallRight, Fault::kReversedRight);
     if (edge_monitor_.Step(samples_.lost_edges)) Trip(Fault::kLostEdges);
   }
 
@@ -123,8 +125,9 @@ class HostInterface {
     right_mA_ = right_mA;
   }
 
+  /// heading, gyroscope: of the gyroscope, at the samples' tick.
   template <typename Sink>
-  void SendTelemetry(Sink& sink) {
+  void SendTelemetry(Sink& sink, uint16_t heading, GyroscopeState gyroscope) {
     Frame<Telemetry> frame;
     frame.id = Telemetry::kId;
     frame.seq = telemetry_seq_++;
@@ -143,6 +146,8 @@ class HostInterface {
     message.rx_frames = decoder_.frames();
     message.rx_errors = rx_errors();
     message.tx_dropped = tx_dropped_;
+    message.heading = heading;
+    message.gyroscope = gyroscope;
     SendFrame(sink, frame);
   }
 
@@ -153,9 +158,11 @@ class HostInterface {
   uint16_t battery_mV() const { return battery_.filtered_mV(); }
   uint16_t rx_errors() const { return static_cast<uint16_t>(decoder_.errors() + refused_); }
   /// True while the motors are off and the wheels were stationary in the last interval.
-  bool quiet() const {
-    return !supervisor_.armed() && samples_.left.wheel.speed_mrad_s == 0 &&
-           samples_.right.wheel.speed_mrad_s == 0;
+  bool quiet() const { return !supervisor_.armed() && stationary(); }
+  /// The same, but the robot may be armed.
+  __attribute__((noinline)) bool stationary() const {
+    const WheelSample &left = samples_.left.wheel, &right = samples_.right.wheel;
+    return (left.speed_mrad_s | left.pwm | right.speed_mrad_s | right.pwm) == 0;
   }
 
  private:
@@ -186,8 +193,7 @@ class HostInterface {
       case SetParameter::kId: {
         const auto& message = Payload<SetParameter>();
         changed_ = true;
-        const bool refused = supervisor_.armed() && message.index >= kFirstRobotParameter;
-        Acknowledge(sink, refused ? AckStatus::kArmed : parameters_.Set(message.index, message.value));
+        Acknowledge(sink, SetOne(message.index, message.value));
         return true;
       }
       case GetParameter::kId: {
@@ -203,6 +209,16 @@ class HostInterface {
         return false;
     }
   }
+
+  AckStatus SetOne(uint8_t index, int16_t value) {
+    if (supervisor_.armed() && index >= kFirstRobotParameter) return AckStatus::kArmed;
+    const bool in_use =
+        (IsIndex(index, Parameter::kGyroscope) && parameters_.IsSet(Parameter::kCurrentsAtA4)) ||
+        (IsIndex(index, Parameter::kCurrentsAtA4) && parameters_.IsSet(Parameter::kGyroscope));
+    return in_use && value != 0 ? AckStatus::kPinsInUse : parameters_.Set(index, value);
+  }
+
+  static bool IsIndex(uint8_t index, Parameter parameter) { return index == static_cast<uint8_t>(parameter); }
 
   template <typename Sink>
   void HandleCommand(Command command, Sink& sink) {
@@ -287,11 +303,25 @@ class HostInterface {
             source_};
   }
 
-  void Watch(WheelMonitor& monitor, const SideSample& sample, Fault stall, Fault reversed) {
-    // While the controller brakes, the body may carry the wheel on against the output: no wiring fault.
+  /// True if a side turns slowly against a faster other one, and its motor draws at least 75 % of what it
+  /// draws when it is blocked at this PWM. Then the tyres' scrub may hold it until the integral is large
+  /// enough. A wheel that turns and does not count draws less. The over-current limit ends a real block.
+  __attribute__((noinline)) bool HeldByFloor(const WheelSample& wheel, const WheelSample& other,
+                                             int16_t current_mA) const {
+    const int16_t setpoint = wheel.setpoint_mrad_s;
+    if ((setpoint ^ other.setpoint_mrad_s) >= 0 || Magnitude(setpoint) > kSlow_mrad_s) return false;
+    const int16_t stall_2mA = parameters_.Get(Parameter::kStallCurrent);
+    return stall_2mA != 0 && Magnitude(other.setpoint_mrad_s) > 2 * Magnitude(setpoint) &&
+           Magnitude(current_mA) * (kMaxPwm * 4 / 3) > 2 * stall_2mA * Magnitude(wheel.pwm);
+  }
+
+  void Watch(WheelMonitor& monitor, const SideSample& sample, bool held, Fault stall, Fault reversed) {
+    // While the controller brakes, the body may carry the wheel on against the output: no wiring fault. But
+    // then the controller holds the speed. With a reversed encoder it accelerates the wheel instead.
     const WheelSample& wheel = sample.wheel;
-    const bool brakes = wheel.setpoint_mrad_s != 0 && (wheel.setpoint_mrad_s ^ wheel.pwm) < 0;
-    const int16_t push = brakes ? int16_t(0) : wheel.pwm;
+    const bool brakes = wheel.setpoint_mrad_s != 0 && (wheel.setpoint_mrad_s ^ wheel.pwm) < 0 &&
+                        Magnitude(Difference(wheel.speed_mrad_s, wheel.setpoint_mrad_s)) < kBraked_mrad_s;
+    const int16_t push = brakes || held ? int16_t(0) : wheel.pwm;
     const auto verdict = monitor.Step(static_cast<uint16_t>(sample.count), push);
     if (verdict == WheelMonitor::Verdict::kStall) Trip(stall);
     if (verdict == WheelMonitor::Verdict::kReversed) Trip(reversed);

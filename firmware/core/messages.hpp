@@ -6,9 +6,9 @@
 
 namespace fw {
 
-constexpr uint32_t kSchemaHash = 0x6426A633UL;
+constexpr uint32_t kSchemaHash = 0xDDA45405UL;
 constexpr size_t kMaxHostPayload = 4;  ///< [bytes] largest payload from the host
-constexpr size_t kMaxPayload = 45;     ///< [bytes] largest payload in either direction
+constexpr size_t kMaxPayload = 48;     ///< [bytes] largest payload in either direction
 
 /// Commands from the host to the supervisor.
 enum class Command : uint8_t {
@@ -66,8 +66,9 @@ enum class AckStatus : uint8_t {
   kBadParameters = 9,  ///< The saved parameters are invalid; the live parameters stay.
   kBatteryHigh = 10,  ///< Refused while the battery reads above 4.5 V per cell.
   kInputActive = 11,  ///< Refused while a protecting input is active.
+  kPinsInUse = 12,  ///< Gyroscope and motor currents cannot both have A4 and A5.
 };
-constexpr uint8_t kAckStatusCount = 12;
+constexpr uint8_t kAckStatusCount = 13;
 
 /// Board that the firmware was built for.
 enum class Board : uint8_t {
@@ -85,6 +86,15 @@ enum class ResetCause : uint8_t {
   kWatchdog = 4,  ///< The firmware hung; the watchdog stopped the motors and restarted it.
 };
 constexpr uint8_t kResetCauseCount = 5;
+
+/// State of the gyroscope.
+enum class GyroscopeState : uint8_t {
+  kOff = 0,  ///< Not in use: the parameter `gyroscope` is 0.
+  kMissing = 1,  ///< No device answers, or it has stopped measuring; the board tries again.
+  kCalibrating = 2,  ///< Its bias is unknown until the robot has been stationary for a second.
+  kReady = 3,  ///< The heading is valid.
+};
+constexpr uint8_t kGyroscopeStateCount = 4;
 
 /// Where the parameters were last loaded from or saved to.
 enum class ParameterSource : uint8_t {
@@ -164,7 +174,7 @@ struct __attribute__((packed)) Identity {
 /// Sent once per control tick. Speeds and set-points belong to the interval just ended.
 struct __attribute__((packed)) Telemetry {
   static constexpr uint8_t kId = 0x82;
-  static constexpr size_t kSize = 45;
+  static constexpr size_t kSize = 48;
   uint32_t time_us;  ///< [us] Time of the tick since reset; wraps.
   int32_t left_count;  ///< [count] Encoder position, increases forward; wraps.
   int16_t left_speed;  ///< [mrad/s] Speed measured from the counts of the interval.
@@ -186,6 +196,8 @@ struct __attribute__((packed)) Telemetry {
   uint16_t rx_frames;  ///< Valid frames received since reset; wraps.
   uint16_t rx_errors;  ///< Frames rejected since reset; wraps. One lost byte invalidates its frame.
   uint16_t tx_dropped;  ///< Control ticks without telemetry since reset, because the line was busy; wraps.
+  uint16_t heading;  ///< [rev/65536] Heading by the gyroscope, counter-clockwise; wraps. Arbitrary before READY.
+  GyroscopeState gyroscope;  ///< State of the gyroscope.
 };
 
 /// Answer to a request.
@@ -239,11 +251,14 @@ enum class Parameter : uint8_t {
   kBatteryRearm = 16,  ///< [V * 1000.0] Voltage per cell above which the robot may be armed.
   kCurrentScale = 17,  ///< [mA * 512.0] Motor current per ADC count.
   kCurrentZero = 18,  ///< [count * 1.0] ADC reading of a motor current of zero.
-  kPwmFrequency = 19,  ///< [Hz * 1.0] PWM frequency: 122, 245, 490, 980, 3922 or 31373 (silent); another value is rounded down.
-  kInput1 = 20,  ///< [ * 1.0] Protecting input 1 stops the motors: 0 never, 1 while it is low, 2 while it is high.
-  kInput2 = 21,  ///< [ * 1.0] As input_1, for input 2.
+  kStallCurrent = 19,  ///< [A * 500.0] Current of a side's blocked motors at full PWM; 0 = unknown.
+  kPwmFrequency = 20,  ///< [Hz * 1.0] PWM frequency: 122, 245, 490, 980, 3922 or 31373 (silent); another value is rounded down.
+  kInput1 = 21,  ///< [ * 1.0] Protecting input 1 stops the motors: 0 never, 1 while it is low, 2 while it is high.
+  kInput2 = 22,  ///< [ * 1.0] As input_1, for input 2.
+  kGyroscope = 23,  ///< [ * 1.0] MPU-6050 at A4 and A5: 0 none, 1 its z axis points up, 2 down.
+  kCurrentsAtA4 = 24,  ///< [ * 1.0] Motor currents: 0 at A6 and A7; 1 at A4 and A5, for an Uno. Then there is no gyroscope.
 };
-constexpr uint8_t kParameterCount = 22;
+constexpr uint8_t kParameterCount = 25;
 
 /// Range and default of a parameter, as wire values.
 struct ParameterRange {
@@ -269,9 +284,12 @@ constexpr ParameterRange kParameterRanges[kParameterCount] = {
     {2600, 4200, 3500},  // battery_rearm
     {512, 30720, 25000},  // current_scale
     {0, 1023, 511},  // current_zero
+    {0, 30000, 7500},  // stall_current
     {122, 31373, 122},  // pwm_frequency
     {0, 2, 0},  // input_1
     {0, 2, 0},  // input_2
+    {0, 2, 0},  // gyroscope
+    {0, 1, 0},  // currents_at_a4
 };
 
 }  // namespace fw

@@ -77,7 +77,7 @@ def run_on_chip(name: str) -> bytes:
         [HERE / f"avr/{name}.cpp"],
         ["-std=gnu++14", "-Os", "-fno-exceptions", "-fno-rtti", f"-I{FIRMWARE}", f"-I{HERE}"],
     )
-    runner = build(BUILD / "runner", ["gcc", "-O2"], [HERE / "avr/runner.c"], ["-lsimavr", "-lelf"])
+    runner = build(BUILD / "runner", ["gcc", "-O2"], [HERE / "avr/runner.c"], ["-lsimavr"])
     return subprocess.run([str(runner), str(elf)], capture_output=True, check=True).stdout
 
 

@@ -71,7 +71,7 @@ class Chip:
         try:
             self._library = load_library()
         except OSError as error:
-            fix = "install libsimavr2 and libelf1" if LIBRARY.exists() else "run `make chip`"
+            fix = "install libsimavr2" if LIBRARY.exists() else "run `make chip`"
             raise ChipError(f"{LIBRARY}: cannot load the simulated chip; {fix}") from error
         numbers = params.flat() if params else []
         array = (ctypes.c_double * len(numbers))(*numbers) if numbers else None
@@ -204,6 +204,12 @@ class Chip:
     def release(self) -> None:
         """Remove the obstacle set by `hold`."""
         self._library.thumper_release(self._handle)
+
+    def fit_gyroscope(
+        self, *, bias_deg_s: float = 0.0, upside_down: bool = False, identity: int = 0x68
+    ) -> None:
+        """Connect an MPU-6050 to the TWI pins; without it the bus is empty. `identity`: its WHO_AM_I."""
+        self._library.thumper_fit_gyroscope(self._handle, bias_deg_s, upside_down, identity)
 
 
 def _check_elf(elf: Path) -> None:

@@ -65,6 +65,22 @@ class FaultyChip(InstrumentedChip):
         """Let no analogue conversion finish, or let them finish again."""
         self._library.thumper_stop_adc(self._handle, stopped)
 
+    def power_gyroscope(self, *, on: bool) -> None:
+        """Cut the gyroscope's power, or restore it: then it sleeps, with its registers reset."""
+        self._library.thumper_power_gyroscope(self._handle, on)
+
+    def freeze_gyroscope(self, *, frozen: bool) -> None:
+        """Let the gyroscope answer with its last reading for ever, or measure again."""
+        self._library.thumper_freeze_gyroscope(self._handle, frozen)
+
+    def hold_twi_data(self, *, pulses: int) -> None:
+        """Let the gyroscope hold SDA low for `pulses` clock pulses; -1: for ever, 0: let it go."""
+        self._library.thumper_hold_twi_data(self._handle, pulses)
+
+    def move_currents(self, *, left_channel: int) -> None:
+        """Connect the current sensors to this ADC channel and the next one; the old ones read zero."""
+        self._library.thumper_move_currents(self._handle, left_channel)
+
     def set_line_noise(self, *, loss: float, flip: float) -> None:
         """Set the share of bytes, in both directions, that get lost and that get one bit flipped."""
         self._library.thumper_line_noise(self._handle, loss, flip)

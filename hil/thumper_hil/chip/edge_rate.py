@@ -4,13 +4,22 @@ from collections.abc import Callable
 from pathlib import Path
 
 from thumper.board.framing import FrameDecoder, encode_frame
-from thumper.board.messages import BoardModel, Identify, Telemetry
-from thumper_hil.chip.chip import CPU_HZ
+from thumper.board.messages import (
+    PARAMETERS,
+    BoardModel,
+    GyroscopeState,
+    Identify,
+    SetParameter,
+    Telemetry,
+)
+from thumper_hil.chip.chip import CPU_HZ, ChipError
 from thumper_hil.chip.instrumented_chip import InstrumentedChip
 from thumper_hil.chip.wiring import ENCODERS
 
 SLICE_CYCLES = CPU_HZ // 200
 REQUEST = encode_frame(Identify.ID, 7, Identify().pack())
+_INDEX = next(spec.index for spec in PARAMETERS if spec.name == "gyroscope")
+ENABLE_GYROSCOPE = encode_frame(SetParameter.ID, 8, SetParameter(index=_INDEX, value=1).pack())
 SETTLE_CYCLES = CPU_HZ // 4
 CHUNK_BYTES = 4096
 CYCLES_PER_BYTE = 320  # at 500 000 baud
@@ -29,12 +38,17 @@ def counts_all(
     byte_phase: float = 0.0,
     edges: int = 20_000,
     board: BoardModel = BoardModel.TREX,
+    gyroscope: bool = False,
 ) -> bool:
     """Return True if the firmware counts all edges while requests fill `line_share` of the line."""
     chip = InstrumentedChip(elf)
     left, right = ENCODERS[board]
     with chip.edges(left) as left_source, chip.edges(right) as right_source:
         chip.run(SETTLE_CYCLES)
+        if gyroscope:
+            chip.fit_gyroscope()
+            chip.send(ENABLE_GYROSCOPE)
+            chip.run(3 * SETTLE_CYCLES)
         first = 1000 + round(byte_phase * interval_cycles)
         lag = round(phase * interval_cycles)
         left_source.start(delay_cycles=first, interval_cycles=interval_cycles, count=edges)
@@ -47,6 +61,8 @@ def counts_all(
         chip.run(chip.cycle + SETTLE_CYCLES)
     frames = FrameDecoder().feed(chip.receive(CHUNK_BYTES))
     last = [Telemetry.unpack(frame.payload) for frame in frames if frame.message_id == Telemetry.ID][-1]
+    if gyroscope and last.gyroscope is not GyroscopeState.CALIBRATING:
+        raise ChipError(f"the gyroscope does not measure: {last.gyroscope.name}")
     return (last.left_count, last.right_count, last.lost_edges) == (edges, edges, 0)
 
 

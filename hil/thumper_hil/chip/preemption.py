@@ -90,12 +90,14 @@ class SweptChip(InstrumentedChip):
         tail_s: float,
         watch: tuple[Symbol, Symbol],
         stride: int = 1,
+        per_address: int = 0,
     ) -> list[Branch]:
         """Force an interrupt after every `stride`-th instruction of the main loop in the next `seconds`.
 
         Each branch runs for `tail_s` more. `watch`: memory to record at the start and at the end of each
         control tick. For an edge, channel A of that encoder changes; for RECEIVE, an `identify` begins to
-        arrive.
+        arrive. `per_address` above 0: only so often at each address of the program, for long windows; each
+        branch then records only what follows it, and its first tick is the last one before it.
 
         Raises
         ------
@@ -119,6 +121,7 @@ class SweptChip(InstrumentedChip):
             len(frame),
             round(tail_s * CPU_HZ),
             stride,
+            per_address,
             branches,
             CAPACITY,
         )

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from thumper.board.clock import ClockFilter
 from thumper.board.fault_texts import REFUSAL_REASONS
 from thumper.board.framing import DELIMITER, Frame, FrameDecoder, encode_frame
+from thumper.board.gyroscope import GyroIncrements
 from thumper.board.messages import (
     MESSAGES,
     PARAMETERS,
@@ -48,6 +49,7 @@ class TelemetrySample:
 
     time_s: float
     telemetry: Telemetry
+    gyro_increment_rad: float | None = None  # since the last one, counter-clockwise; None without a gyroscope
 
 
 class Board:
@@ -58,6 +60,7 @@ class Board:
         self._port = port
         self._decoder = FrameDecoder()
         self._clock_filter = ClockFilter(tick_s=1e-6, wrap_ticks=2**32)
+        self._gyro_increments = GyroIncrements()
         self._sequence = 0
         self._samples: deque[TelemetrySample] = deque()
         self._replies: list[Message] = []
@@ -316,7 +319,9 @@ class Board:
             if self.restarted:
                 return
             time_s = self._clock_filter.host_time_s(message.time_us, received_s)
-            self._samples.append(TelemetrySample(time_s=time_s, telemetry=message))
+            increment_rad = self._gyro_increments.add(message)
+            sample = TelemetrySample(time_s=time_s, telemetry=message, gyro_increment_rad=increment_rad)
+            self._samples.append(sample)
         else:
             self._replies.append(message)
 

@@ -12,6 +12,7 @@ REFUSAL_REASONS = {
     AckStatus.BATTERY_LOW: "the battery is below battery_rearm per cell (7.0 V with 2 cells); charge it",
     AckStatus.BATTERY_HIGH: "the battery reads above 4.5 V per cell; set battery_cells, or check its wiring",
     AckStatus.INPUT_ACTIVE: "a protecting input is active; release the bumper or emergency stop",
+    AckStatus.PINS_IN_USE: "A4 and A5 are in use: gyroscope and currents_at_a4 exclude each other",
     AckStatus.BATTERY_UNKNOWN: "it has not measured its battery; check the board",
     AckStatus.ARMED: "it is armed; disarm it first",
     AckStatus.BAD_PARAMETERS: "its saved parameters are unreadable; set them and save them again",

@@ -11,7 +11,7 @@ from struct import Struct
 from types import MappingProxyType
 from typing import ClassVar, Protocol, Self
 
-SCHEMA_HASH: int = 0x6426A633
+SCHEMA_HASH: int = 0xDDA45405
 
 
 class Command(IntEnum):
@@ -71,6 +71,7 @@ class AckStatus(IntEnum):
     BAD_PARAMETERS = 9  # The saved parameters are invalid; the live parameters stay.
     BATTERY_HIGH = 10  # Refused while the battery reads above 4.5 V per cell.
     INPUT_ACTIVE = 11  # Refused while a protecting input is active.
+    PINS_IN_USE = 12  # Gyroscope and motor currents cannot both have A4 and A5.
 
 
 class BoardModel(IntEnum):
@@ -88,6 +89,15 @@ class ResetCause(IntEnum):
     EXTERNAL = 2  # Reset pin; opening the serial port triggers it.
     BROWN_OUT = 3  # Supply voltage dip.
     WATCHDOG = 4  # The firmware hung; the watchdog stopped the motors and restarted it.
+
+
+class GyroscopeState(IntEnum):
+    """State of the gyroscope."""
+
+    OFF = 0  # Not in use: the parameter `gyroscope` is 0.
+    MISSING = 1  # No device answers, or it has stopped measuring; the board tries again.
+    CALIBRATING = 2  # Its bias is unknown until the robot has been stationary for a second.
+    READY = 3  # The heading is valid.
 
 
 class ParameterSource(IntEnum):
@@ -329,7 +339,7 @@ class Telemetry:
     """Sent once per control tick. Speeds and set-points belong to the interval just ended."""
 
     ID: ClassVar[int] = 0x82
-    _LAYOUT: ClassVar[Struct] = Struct("<IihhhhihhhhHHhhBBBHHH")
+    _LAYOUT: ClassVar[Struct] = Struct("<IihhhhihhhhHHhhBBBHHHHB")
 
     time_us: int  # [us] Time of the tick since reset; wraps.
     left_count: int  # [count] Encoder position, increases forward; wraps.
@@ -352,9 +362,11 @@ class Telemetry:
     rx_frames: int  # Valid frames received since reset; wraps.
     rx_errors: int  # Frames rejected since reset; wraps. One lost byte invalidates its frame.
     tx_dropped: int  # Control ticks without telemetry since reset, because the line was busy; wraps.
+    heading: int  # [rev/65536] Heading by the gyroscope, counter-clockwise; wraps. Arbitrary before READY.
+    gyroscope: GyroscopeState  # State of the gyroscope.
 
     def pack(self) -> bytes:
-        """Return the payload, 45 bytes."""
+        """Return the payload, 48 bytes."""
         return self._LAYOUT.pack(
             self.time_us,
             self.left_count,
@@ -377,6 +389,8 @@ class Telemetry:
             self.rx_frames,
             self.rx_errors,
             self.tx_dropped,
+            self.heading,
+            self.gyroscope,
         )
 
     @classmethod
@@ -406,6 +420,8 @@ class Telemetry:
             rx_frames,
             rx_errors,
             tx_dropped,
+            heading,
+            gyroscope,
         ) = cls._LAYOUT.unpack(payload)
         return cls(
             time_us=time_us,
@@ -429,6 +445,8 @@ class Telemetry:
             rx_frames=rx_frames,
             rx_errors=rx_errors,
             tx_dropped=tx_dropped,
+            heading=heading,
+            gyroscope=GyroscopeState(gyroscope),
         )
 
 
@@ -702,6 +720,16 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
     ),
     ParameterSpec(
         index=19,
+        name="stall_current",
+        unit="A",
+        minimum=0.0,
+        maximum=60.0,
+        default=15.0,
+        scale=500.0,
+        doc="Current of a side's blocked motors at full PWM; 0 = unknown.",
+    ),
+    ParameterSpec(
+        index=20,
         name="pwm_frequency",
         unit="Hz",
         minimum=122.0,
@@ -711,7 +739,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="PWM frequency: 122, 245, 490, 980, 3922 or 31373 (silent); another value is rounded down.",
     ),
     ParameterSpec(
-        index=20,
+        index=21,
         name="input_1",
         unit="",
         minimum=0.0,
@@ -721,7 +749,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="Protecting input 1 stops the motors: 0 never, 1 while it is low, 2 while it is high.",
     ),
     ParameterSpec(
-        index=21,
+        index=22,
         name="input_2",
         unit="",
         minimum=0.0,
@@ -729,5 +757,25 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         default=0.0,
         scale=1.0,
         doc="As input_1, for input 2.",
+    ),
+    ParameterSpec(
+        index=23,
+        name="gyroscope",
+        unit="",
+        minimum=0.0,
+        maximum=2.0,
+        default=0.0,
+        scale=1.0,
+        doc="MPU-6050 at A4 and A5: 0 none, 1 its z axis points up, 2 down.",
+    ),
+    ParameterSpec(
+        index=24,
+        name="currents_at_a4",
+        unit="",
+        minimum=0.0,
+        maximum=1.0,
+        default=0.0,
+        scale=1.0,
+        doc="Motor currents: 0 at A6 and A7; 1 at A4 and A5, for an Uno. Then there is no gyroscope.",
     ),
 )

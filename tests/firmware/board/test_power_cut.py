@@ -38,7 +38,8 @@ def values(part: float) -> list[int]:
     """Return a parameter set at this fraction of each range."""
     return [
         round(spec.scale * spec.default)
-        if spec.name.startswith("battery")  # a save needs a charged one
+        # A save needs a charged battery; the gyroscope and currents at A4 exclude each other.
+        if spec.name.startswith(("battery", "currents_at_a4"))
         else round(spec.scale * (spec.minimum + part * (spec.maximum - spec.minimum)))
         for spec in PARAMETERS
     ]

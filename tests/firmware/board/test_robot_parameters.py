@@ -2,10 +2,13 @@
 
 import pytest
 
-from tests.firmware.board.boot import ELF
-from tests.firmware.board.wire import frames, run_for, send
+from tests.firmware.board.boot import BUILD, ELF
+from tests.firmware.board.wire import ask, frames, run_for, send
 from thumper.board.messages import (
     PARAMETERS,
+    Ack,
+    AckStatus,
+    BoardModel,
     Command,
     CommandRequest,
     Fault,
@@ -15,6 +18,7 @@ from thumper.board.messages import (
     State,
     Telemetry,
 )
+from thumper_hil.chip.chip_faults import FaultyChip
 from thumper_hil.chip.instrumented_chip import InstrumentedChip
 from thumper_hil.chip.robot_params import RobotParams
 
@@ -90,3 +94,71 @@ def test_the_counts_per_revolution_scale_the_speed() -> None:
         send(chip, SetWheelSpeeds(left=4000, right=4000))
         run_for(chip, 0.1)
     assert chip.truth().wheel_rad_s == pytest.approx((2.0, 2.0), abs=0.2)
+
+
+@pytest.mark.parametrize("at_a4", [0, 1])
+def test_motor_currents_of_an_uno_are_read_at_a4_and_a5(at_a4: int) -> None:
+    """It has no A6 and A7. Without the parameter the missing sensors read -25 A."""
+    chip = FaultyChip(
+        BUILD / "nano" / "thumper.elf", params=RobotParams.load(), board=BoardModel.NANO, seed=1
+    )
+    chip.move_currents(left_channel=4)
+    run_for(chip, 0.3)
+    send(chip, SetParameter(index=INDEX["currents_at_a4"], value=at_a4))
+    run_for(chip, 0.2)
+    send(chip, CommandRequest(command=Command.ARM))
+    seen: list[Telemetry] = []
+    for _ in range(20):
+        send(chip, SetWheelSpeeds(left=4000, right=2000))
+        run_for(chip, 0.1)
+        seen += telemetry(chip)
+    if not at_a4:
+        assert seen[-1].fault is Fault.OVER_CURRENT
+        return
+    assert seen[-1].fault is Fault.NONE
+    driven = [(t.left_current_mA, t.right_current_mA) for t in seen[-5:]]
+    assert sum(left for left, _ in driven) > sum(right for _, right in driven)
+    assert driven[-1][0] == pytest.approx(1000 * chip.truth().current_A[0], abs=400)
+
+
+def test_gyroscope_and_currents_at_a4_exclude_each_other() -> None:
+    chip = robot()
+    send(chip, CommandRequest(command=Command.DISARM))
+
+    def status(name: str, value: int) -> AckStatus:
+        frame = ask(chip, SetParameter(index=INDEX[name], value=value), Ack)
+        assert frame is not None
+        return Ack.unpack(frame.payload).status
+
+    for first, second in (("gyroscope", "currents_at_a4"), ("currents_at_a4", "gyroscope")):
+        assert status(first, 1) is AckStatus.OK
+        assert status(second, 1) is AckStatus.PINS_IN_USE
+        assert status(second, 0) is AckStatus.OK
+        assert status(first, 0) is AckStatus.OK
+
+
+@pytest.mark.parametrize("pwm", [(110, 0), (0, 110), (-110, 0), (130, -105)])
+@pytest.mark.parametrize("board", [BoardModel.TREX, BoardModel.NANO], ids=lambda board: board.name.lower())
+def test_left_is_left_in_every_field(board: BoardModel, pwm: tuple[int, int]) -> None:
+    """Count, speed, PWM and current of each side are those of the true wheel, in its unit."""
+    folder = BUILD if board is BoardModel.TREX else BUILD / "nano"
+    chip = InstrumentedChip(folder / "thumper.elf", params=RobotParams.load(), board=board, seed=1)
+    run_for(chip, 0.3)
+    send(chip, CommandRequest(command=Command.ARM))
+    for _ in range(40):
+        send(chip, SetMotorPwm(left=pwm[0], right=pwm[1]))
+        run_for(chip, 0.05)
+    last, truth = telemetry(chip)[-1], chip.truth()
+    assert (last.left_pwm, last.right_pwm) == pwm
+    sides = (
+        (last.left_count, last.left_speed, last.left_current_mA),
+        (last.right_count, last.right_speed, last.right_current_mA),
+    )
+    for side, (count, speed_mrad_s, current_mA) in enumerate(sides):
+        # The telemetry is up to a control tick old.
+        age_counts = 0.11 * abs(truth.wheel_rad_s[side]) * 1200 / 6.2832 + 3
+        assert abs(count - truth.encoder_count[side]) <= age_counts
+        assert speed_mrad_s == pytest.approx(1000 * truth.wheel_rad_s[side], abs=250)
+        assert current_mA == pytest.approx(1000 * truth.current_A[side], abs=450)
+    assert max(abs(count) for count, _, _ in sides) > 50
+    assert abs(sides[0][0] - sides[1][0]) > 30, "otherwise an exchange would not show"

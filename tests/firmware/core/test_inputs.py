@@ -70,3 +70,13 @@ def test_an_unknown_battery_is_told_first(core: ctypes.CDLL) -> None:
     for _ in range(CALLS):
         core.host_inputs(host.handle, 0)
     assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.BATTERY_UNKNOWN
+
+
+def test_inputs_change_nothing_else(core: ctypes.CDLL) -> None:
+    host = HostInterface(core)
+    for number in (1, 2):
+        host.set(f"input_{number}", WHILE_HIGH)
+    before = host.telemetry()
+    for _ in range(CALLS - 1):
+        core.host_inputs(host.handle, BOTH_HIGH)
+    assert host.telemetry() == before

@@ -339,3 +339,60 @@ def test_a_wheel_that_is_carried_on_while_the_controller_brakes_is_no_wiring_fau
 def test_a_reversed_encoder_is_found_at_a_set_point_of_zero(core: ctypes.CDLL) -> None:
     ticks = Ticks(core)
     assert m.Fault.REVERSED_LEFT in {ticks.step(left=-3, left_pwm=100) for _ in range(30)}
+
+
+@pytest.mark.parametrize(("speed", "fault"), [(2299, m.Fault.NONE), (2300, m.Fault.REVERSED_LEFT)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_reversed_encoder_is_not_taken_for_braking(
+    core: ctypes.CDLL, speed: int, fault: m.Fault, sign: int
+) -> None:
+    """Its controller accelerates the wheel, so the speed is 2 rad/s or more away from the set-point."""
+    ticks = Ticks(core)
+    core.host_setpoints(ticks.host.handle, 300 * sign, 0)
+    core.host_speeds(ticks.host.handle, speed * sign, 0)
+    faults = {ticks.step(left=30 * sign, left_pwm=-200 * sign) for _ in range(30)}
+    assert faults == {m.Fault.NONE, fault}
+
+
+def test_a_set_point_with_the_number_of_the_pwm_is_no_braking(core: ctypes.CDLL) -> None:
+    ticks = Ticks(core)
+    core.host_setpoints(ticks.host.handle, 100, 0)
+    assert {ticks.step(left_pwm=100) for _ in range(30)} == {m.Fault.NONE, m.Fault.STALL_LEFT}
+
+
+STALL_A = 15.0
+HELD_mA = round(0.75 * 1000 * STALL_A * 100 / 255)
+"""Current of a held wheel at PWM 100, at the limit."""
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "current_mA", "stall_A", "fault"),
+    [
+        (-200, 1000, -HELD_mA - 60, STALL_A, m.Fault.NONE),
+        (-200, 1000, HELD_mA + 60, STALL_A, m.Fault.NONE),  # some boards' sensors have the other sign
+        (-200, 1000, -HELD_mA + 60, STALL_A, m.Fault.STALL_LEFT),  # it turns, but it does not count
+        (-200, 1000, -HELD_mA - 60, 0.0, m.Fault.STALL_LEFT),  # no current sensor
+        (-200, 1000, 0, 0.0, m.Fault.STALL_LEFT),
+        (200, 1000, HELD_mA + 60, STALL_A, m.Fault.STALL_LEFT),  # no counter-turn
+        (-200, -1000, -HELD_mA - 60, STALL_A, m.Fault.STALL_LEFT),
+        (-200, 400, -HELD_mA - 60, STALL_A, m.Fault.STALL_LEFT),  # on the spot
+        (-200, 401, -HELD_mA - 60, STALL_A, m.Fault.NONE),
+        (-700, 2000, -HELD_mA - 60, STALL_A, m.Fault.NONE),
+        (-701, 2000, -HELD_mA - 60, STALL_A, m.Fault.STALL_LEFT),  # not slow
+    ],
+)
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_wheel_held_by_the_floor_in_a_counter_turn_is_no_stall(
+    core: ctypes.CDLL, left: int, right: int, current_mA: int, stall_A: float, fault: m.Fault, side: str
+) -> None:
+    """The integral still grows, and the motor's current shows that the wheel does not turn."""
+    ticks = Ticks(core)
+    ticks.host.command(m.Command.DISARM)
+    assert ticks.host.set("stall_current", round(500 * stall_A)) is m.AckStatus.OK
+    ticks.host.command(m.Command.ARM)
+    pwm = 100 if left > 0 else -100
+    first = side == "left"
+    core.host_setpoints(ticks.host.handle, *((left, right) if first else (right, left)))
+    core.host_currents(ticks.host.handle, *((current_mA, 0) if first else (0, current_mA)))
+    expected = fault if first or fault is m.Fault.NONE else m.Fault.STALL_RIGHT
+    assert {ticks.step(**{f"{side}_pwm": pwm}) for _ in range(30)} == {m.Fault.NONE, expected}

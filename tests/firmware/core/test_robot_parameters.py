@@ -90,3 +90,17 @@ def test_each_direction_has_its_own_flag(core: ctypes.CDLL) -> None:
         assert isinstance(identity, m.Identity)
         assert identity.reversed_sides == 1 << bit
         assert core.host_reversed(host.handle) == 1 << bit, "as driven and counted"
+
+
+@pytest.mark.parametrize("first", ["gyroscope", "currents_at_a4"])
+def test_gyroscope_and_currents_cannot_both_have_a4_and_a5(core: ctypes.CDLL, first: str) -> None:
+    second = "currents_at_a4" if first == "gyroscope" else "gyroscope"
+    host = HostInterface(core)
+    assert host.set(first, 1) is m.AckStatus.OK
+    assert host.set(second, 1) is m.AckStatus.PINS_IN_USE
+    assert host.get(second) == 0
+    assert host.set(second, 0) is m.AckStatus.OK
+    assert host.set(first, 1) is m.AckStatus.OK
+    assert host.set("input_1", 1) is m.AckStatus.OK
+    assert host.set(first, 0) is m.AckStatus.OK
+    assert host.set(second, 1) is m.AckStatus.OK

@@ -86,7 +86,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
                   false, &samples->left);
         samples->lost_edges = static_cast<uint16_t>(samples->lost_edges + script.Take());
         host->Watch();
-        host->SendTelemetry(sink);
+        host->SendTelemetry(sink, 0, fw::GyroscopeState::kOff);
         break;
       }
       case 0xF4:

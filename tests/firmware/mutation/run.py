@@ -41,6 +41,7 @@ SUITE = {
     "test_model": {"parameters.hpp"},
     "test_law": {"parameters.hpp"},
     "test_pi": {"pi.hpp"},
+    "test_gyro_heading": {"gyro_heading.hpp"},
 }
 """The headers that a test exercises. Together with their includes, it can detect a change in these only. The
 quick tests come first, because pytest stops at the first failure."""
@@ -53,6 +54,7 @@ OWN = {
     "feedforward.hpp": "test_model",
     "fixed.hpp": "test_law",
     "framing.hpp": "test_framing",
+    "gyro_heading.hpp": "test_gyro_heading",
     "host_interface.hpp": "test_host_interface",
     "monitor.hpp": "test_monitors",
     "parameters.hpp": "test_store",

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/beep.hpp"
+#include "core/gyro_heading.hpp"
 #include "core/host_interface.hpp"
 #include "core/quadrature.hpp"
 #include "fakes.hpp"
@@ -162,6 +163,16 @@ int current_monitor_step(int monitor, int left, int right, int limit) {
                                               static_cast<int16_t>(limit));
 }
 
+int gyro_new() { return New<fw::GyroHeading>(); }
+int gyro_measure(int gyro, int rate, int stationary) {
+  return At<fw::GyroHeading>(gyro).Measure(static_cast<int16_t>(rate), stationary != 0);
+}
+void gyro_advance(int gyro, int elapsed_ms) {
+  At<fw::GyroHeading>(gyro).Advance(static_cast<uint8_t>(elapsed_ms));
+}
+int gyro_calibrated(int gyro) { return At<fw::GyroHeading>(gyro).calibrated(); }
+int gyro_heading(int gyro) { return At<fw::GyroHeading>(gyro).heading(); }
+
 int crc16(const uint8_t* data, int size) {
   uint16_t crc = fw::kCrcInit;
   for (int i = 0; i < size; ++i) crc = fw::Crc16(crc, data[i]);
@@ -289,7 +300,7 @@ void host_watch(int host, int left, int right, int left_pwm, int right_pwm, int 
 }
 int host_telemetry(int host, uint8_t* out) {
   Bytes sink;
-  At<Interface>(host).host.SendTelemetry(sink);
+  At<Interface>(host).host.SendTelemetry(sink, 0x1234, fw::GyroscopeState::kReady);
   std::memcpy(out, sink.data.data(), sink.data.size());
   return static_cast<int>(sink.data.size());
 }
@@ -306,6 +317,7 @@ void host_setpoints(int host, int left, int right) {
   samples->right.wheel.setpoint_mrad_s = static_cast<int16_t>(right);
 }
 int host_quiet(int host) { return At<Interface>(host).host.quiet(); }
+int host_stationary(int host) { return At<Interface>(host).host.stationary(); }
 /// out: state, fault, mode, left, right.
 void host_status(int host, int* out) {
   const auto& interface = At<Interface>(host).host;

@@ -1,6 +1,7 @@
 // Instantiates the whole core. `make lint` compiles it for Cortex-M0+ (RP2040) and RV32, without a warning.
 
 #include "core/beep.hpp"
+#include "core/gyro_heading.hpp"
 #include "core/host_interface.hpp"
 #include "core/quadrature.hpp"
 
@@ -27,7 +28,10 @@ void UseAll(fw::HostInterface& host, fw::Side& side, Memory& memory, Line& line)
   host.parameters().Derive(host.battery_mV(), &config);
   side.Step(host.command().mode, config, host.command().left, 0, false, &host.samples()->left);
   host.Watch();
-  host.SendTelemetry(line);
+  fw::GyroHeading gyro;
+  gyro.Measure(1, host.stationary());
+  gyro.Advance(1);
+  host.SendTelemetry(line, gyro.heading(), fw::GyroscopeState::kReady);
   fw::QuadratureDecoder<3>().Step(0);
   fw::BeepPattern().Step(1, host.quiet());
 }

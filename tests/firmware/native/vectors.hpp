@@ -3,6 +3,7 @@
 
 #include "core/battery.hpp"
 #include "core/crc.hpp"
+#include "core/gyro_heading.hpp"
 #include "core/parameters.hpp"
 #include "core/quadrature.hpp"
 #include "core/wheel.hpp"
@@ -91,12 +92,27 @@ void RunSmallParts(Random& random, Sink& sink) {
   }
 }
 
+/// Still for a while, then turning, at rates over the whole range.
+template <typename Sink>
+void RunGyro(Random& random, Sink& sink) {
+  fw::GyroHeading gyro;
+  for (uint16_t i = 0; i < 4000; ++i) {
+    const bool still = i % 2000 < 1200;
+    const int32_t rate = still ? random.Between(-400, -390) : random.Between(-32768, 32767);
+    sink.Put(gyro.Measure(static_cast<int16_t>(rate), still));
+    gyro.Advance(static_cast<uint8_t>(random.Between(0, 255)));
+    sink.Put(gyro.heading());
+  }
+  sink.Put(gyro.calibrated());
+}
+
 template <typename Sink>
 void Run(Sink& sink) {
   Random random;
   RunPi(random, sink);
   RunWheel(random, sink);
   RunSmallParts(random, sink);
+  RunGyro(random, sink);
 }
 
 }  // namespace vectors

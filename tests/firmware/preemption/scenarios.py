@@ -68,11 +68,12 @@ def telemetry_is_whole(elf: Path, interrupt: Interrupt, stride: int) -> list[str
     chip.receive(chip.available)
     samples = symbol(elf, "samples")
     branches = chip.sweep(interrupt, seconds=0.7e-3, tail_s=4.5e-3, watch=(samples, samples), stride=stride)
-    failures = [f"{branch.address:#06x}: {text}" for branch in branches for text in _torn(branch, interrupt)]
+    failures = [f"{branch.address:#06x}: {text}" for branch in branches for text in torn(branch, interrupt)]
     return failures if branches else ["no instruction was swept"]
 
 
-def _torn(branch: Branch, interrupt: Interrupt) -> Iterable[str]:
+def torn(branch: Branch, interrupt: Interrupt) -> Iterable[str]:
+    """Yield what went wrong with telemetry or requests."""
     frames = frames_of(branch)
     told = [frame.payload for frame in frames if frame.message_id == Telemetry.ID]
     if branch.crashed or not told:
@@ -143,10 +144,11 @@ def edges_are_counted(elf: Path, interrupt: Interrupt, stride: int) -> list[str]
     branches = chip.sweep(
         interrupt, seconds=0.7e-3, tail_s=TICK_S + 4e-3, watch=(samples, samples), stride=stride
     )
-    return [f"{branch.address:#06x}: {text}" for branch in branches for text in _uncounted(branch, interrupt)]
+    return [f"{branch.address:#06x}: {text}" for branch in branches for text in uncounted(branch, interrupt)]
 
 
-def _uncounted(branch: Branch, interrupt: Interrupt) -> Iterable[str]:
+def uncounted(branch: Branch, interrupt: Interrupt) -> Iterable[str]:
+    """Yield what went wrong with one edge of a stationary robot."""
     told = [frame.payload for frame in frames_of(branch) if frame.message_id == Telemetry.ID]
     samples = [Telemetry.unpack(payload) for payload in told]
     if branch.crashed or not samples:

@@ -92,6 +92,21 @@ def test_unusable_firmware_is_reported_in_one_line(tmp_path: Path) -> None:
         assert "\n" not in str(caught.value)
 
 
+def test_damaged_firmware_is_reported_not_read_past_its_end(build_avr: BuildAvr, tmp_path: Path) -> None:
+    """Cut off anywhere in headers and code, of another machine, or beyond the flash."""
+    whole = build_avr("doze").read_bytes()
+    program_header = int.from_bytes(whole[28:32], "little")
+    physical_address, file_size = program_header + 12, program_header + 16
+    damaged = [whole[:size] for size in (0, 4, 51, program_header + 31, program_header + 200)]
+    for place, value in ((18, 62), (physical_address, 0x8000), (file_size, 0x7FFF_FFFF), (program_header, 0)):
+        damaged.append(whole[:place] + value.to_bytes(4, "little") + whole[place + 4 :])
+    for number, content in enumerate(damaged):
+        path = tmp_path / f"{number}.elf"
+        path.write_bytes(content)
+        with pytest.raises(ChipError, match=r"not a (program|firmware) for an AVR|larger than the flash"):
+            Chip(path)
+
+
 def test_same_seed_gives_the_same_robot(build_avr: BuildAvr, even_params: RobotParams) -> None:
     """Robots differ by their seeds only."""
     rough = replace(even_params, motor=replace(even_params.motor, spread_ratio=0.05))

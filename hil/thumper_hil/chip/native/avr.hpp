@@ -10,10 +10,10 @@ extern "C" {
 #include <simavr/avr_extint.h>
 #include <simavr/avr_ioport.h>
 #include <simavr/avr_timer.h>
+#include <simavr/avr_twi.h>
 #include <simavr/avr_uart.h>
 #include <simavr/avr_watchdog.h>
 #include <simavr/sim_avr.h>
-#include <simavr/sim_elf.h>
 }
 #pragma GCC diagnostic pop
 
@@ -28,10 +28,12 @@ constexpr uint64_t kCyclesPerMs = kCpuHz / 1000;
 /// Register addresses in the data space of the ATmega328P (data sheet, register summary).
 namespace reg {
 constexpr uint16_t kPinB = 0x23, kDdrB = 0x24, kPortB = 0x25;
+constexpr uint16_t kDdrC = 0x27, kPortC = 0x28;
 constexpr uint16_t kPinD = 0x29, kDdrD = 0x2A, kPortD = 0x2B;
 constexpr uint16_t kAdcL = 0x78, kAdcH = 0x79, kAdcsrA = 0x7A, kAdmux = 0x7C;
 constexpr uint16_t kTimsk0 = 0x6E, kTimsk1 = 0x6F;
 constexpr uint16_t kTccr2A = 0xB0, kTccr2B = 0xB1, kOcr2A = 0xB3, kOcr2B = 0xB4;
+constexpr uint16_t kTwbr = 0xB8, kTwsr = 0xB9, kTwdr = 0xBB, kTwcr = 0xBC;
 constexpr uint16_t kUcsr0A = 0xC0, kUbrr0L = 0xC4, kUbrr0H = 0xC5;
 }  // namespace reg
 

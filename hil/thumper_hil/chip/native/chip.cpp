@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "elf_image.hpp"
 #include "programmer.hpp"
 
 namespace thumper {
@@ -50,6 +51,7 @@ Chip::Chip(const std::string& elf_path, const PlantParams* plant_params, const W
     plant_.emplace(avr_, *plant_params, wiring, seed);
     adc_.emplace(avr_, *plant_);
   }
+  twi_.emplace(avr_, plant(), seed);
   for (const uint16_t mask : {reg::kTimsk0, reg::kTimsk1})
     avr_register_io_write(avr_, mask, OnTimerMask, this);
   for (int i = 0; i < avr_->interrupts.vector_count; ++i) {
@@ -77,14 +79,10 @@ Chip::~Chip() {
 }
 
 void Chip::LoadFirmware(const std::string& elf_path) {
-  elf_firmware_t firmware{};
-  const bool read = elf_read_firmware(elf_path.c_str(), &firmware) == 0 && firmware.flash != nullptr;
-  const bool fits = read && firmware.flashbase + firmware.flashsize <= avr_->flashend + 1;
-  if (fits) avr_load_firmware(avr_, &firmware);
-  std::free(firmware.flash);
-  std::free(firmware.eeprom);
-  if (!read) throw std::runtime_error("not a program for an AVR");
-  if (!fits) throw std::runtime_error("larger than the flash of an ATmega328P");
+  const ElfImage image = ReadElf(elf_path, avr_->flashend + 1);
+  for (const ElfImage::Segment& segment : image.segments)
+    std::copy(segment.bytes.begin(), segment.bytes.end(), avr_->flash + segment.address);
+  avr_->codeend = image.code_end;
 }
 
 void Chip::Rearm() {
@@ -94,6 +92,7 @@ void Chip::Rearm() {
   avr_extint_set_strict_lvl_trig(avr_, EXTINT_IRQ_OUT_INT1, 0);
   uart_->Rearm();
   if (plant_) plant_->Rearm();
+  if (twi_) twi_->Rearm();
 }
 
 void Chip::OnReset(avr_io_t* io) {

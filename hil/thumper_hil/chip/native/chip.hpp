@@ -6,6 +6,7 @@
 #include "adc_latch.hpp"
 #include "avr.hpp"
 #include "plant.hpp"
+#include "twi_bus.hpp"
 #include "uart_line.hpp"
 #include "watchdog_fix.hpp"
 
@@ -47,6 +48,7 @@ class Chip {
   avr_t* avr() { return avr_; }  ///< for instruments (lab_api.cpp)
   UartLine& uart() { return *uart_; }
   Plant* plant() { return plant_ ? &*plant_ : nullptr; }
+  TwiBus& twi() { return *twi_; }
   AdcLatch* adc() { return adc_ ? &*adc_ : nullptr; }
 
  private:
@@ -69,6 +71,7 @@ class Chip {
   std::optional<UartLine> uart_;
   std::optional<Plant> plant_;
   std::optional<AdcLatch> adc_;
+  std::optional<TwiBus> twi_;
   std::optional<WatchdogFix> watchdog_;
   uint64_t resets_ = 0, slept_cycles_ = 0;
 };

@@ -15,6 +15,7 @@ Plant::Plant(avr_t* avr, const PlantParams& params, const Wiring& wiring, uint64
       drive_train_(params, seed),
       random_(~seed),
       encoder_{Wire(0, seed), Wire(1, seed)},
+      left_current_channel_(wiring.current_channel[0]),
       planned_to_(avr->cycle),
       planned_from_(avr->cycle),
       before_(drive_train_) {
@@ -207,12 +208,18 @@ double Plant::AnalogIn_V(int channel) const {
     return drive_train_.battery().voltage_V() / params_.board.battery_V_per_count * kVoltPerCount;
   }
   for (int side = 0; side < 2; ++side) {
-    if (channel != wiring_.current_channel[side]) continue;
+    if (channel != left_current_channel_ + side) continue;
     const double current_A = drive_train_.state().current_A[side];
     return (params_.board.current_zero_counts + current_A / params_.board.current_A_per_count) *
            kVoltPerCount;
   }
   return 0.0;
+}
+
+double Plant::YawRate() const {
+  if (planned_to_ == planned_from_) return 0.0;
+  return std::remainder(drive_train_.state().yaw_rad - before_.state().yaw_rad, 2.0 * M_PI) /
+         Seconds(planned_to_ - planned_from_);
 }
 
 RobotState Plant::State() const {

@@ -27,6 +27,7 @@ class Plant {
 
   /// Return the true state at this cycle.
   RobotState State() const;
+  double YawRate() const;  ///< [rad/s], counter-clockwise, over the planned millisecond
   double battery_V() const { return drive_train_.battery().voltage_V(); }
   double charge() const { return drive_train_.battery().charge(); }
 
@@ -41,6 +42,8 @@ class Plant {
   void SetGlitches(int side, double per_s);               ///< random, on either channel of the encoder
   void SetSwitch(int input, bool closed);                 ///< at a protecting input, 0 or 1
   void SetBattery(double charge, double resistance_Ohm);  ///< negative: unchanged
+
+  void MoveCurrents(int left_channel) { left_current_channel_ = left_channel; }  ///< the right one follows it
 
   int32_t encoder_count(int side) const { return encoder_[side].encoder.count(); }
 
@@ -80,7 +83,8 @@ class Plant {
   Random random_;
   EncoderPins encoder_[2];
   bool closed_[2] = {false, false};  // switches at the protecting inputs
-  bool touches_ = false;             // the bumper closes the first one, too
+  int left_current_channel_;
+  bool touches_ = false;  // the bumper closes the first one, too
   BridgeCommand command_[2];
   uint64_t planned_to_;    // end of the step that `drive_train_` has already taken
   uint64_t planned_from_;  // start of that step

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <vector>
 
 #include "input_pin.hpp"
 
@@ -79,6 +80,17 @@ void PreemptionSweep::Track() {
   }
 }
 
+/// Begin a new record with the last tick's samples.
+void PreemptionSweep::Forget() {
+  uint8_t bytes[Branch::kBytes];
+  uint64_t cycles[Branch::kBytes];
+  while (chip_.uart().Receive(bytes, cycles, Branch::kBytes) > 0) {
+  }
+  now_.ticks = 1;
+  std::memcpy(now_.entry[0], avr_->data + watched_.at_entry, watched_.entry_size);
+  std::memcpy(now_.exit[0], avr_->data + watched_.at_exit, watched_.exit_size);
+}
+
 void PreemptionSweep::Force(int vector, char port, int bit, const uint8_t* frame, std::size_t frame_size) {
   if (vector == kPinChange0 || vector == kPinChange2) {
     avr_ioport_t* pins = FindPeripheral<avr_ioport_t>(avr_, "port", port);
@@ -93,8 +105,8 @@ void PreemptionSweep::Force(int vector, char port, int bit, const uint8_t* frame
 }
 
 int PreemptionSweep::Run(uint64_t until_cycle, int vector, char port, int bit, const uint8_t* frame,
-                         std::size_t frame_size, uint64_t tail_cycles, int stride, Branch* branches,
-                         std::size_t capacity) {
+                         std::size_t frame_size, uint64_t tail_cycles, int stride, int per_address,
+                         Branch* branches, std::size_t capacity) {
   void* const memory =
       mmap(nullptr, sizeof(Branch), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
   if (memory == MAP_FAILED) return -1;
@@ -105,9 +117,13 @@ int PreemptionSweep::Run(uint64_t until_cycle, int vector, char port, int bit, c
   depth_ = 0;
   std::size_t count = 0;
   int instruction = 0;
+  std::vector<int> visits(avr_->flashend + 1);
   while (avr_->cycle < until_cycle && count < capacity) {
     const bool in_main_loop = depth_ == 0 && avr_->state == cpu_Running;
-    if (in_main_loop && instruction++ % stride == 0) {
+    const bool line_is_free = vector != kReceiveVector || chip_.uart().idle();
+    const bool wanted = per_address == 0 || (line_is_free && visits[avr_->pc] < per_address);
+    if (in_main_loop && wanted && instruction++ % stride == 0) {
+      ++visits[avr_->pc];
       *shared = {};
       shared->crashed = 1;  // unless the branch ends normally
       const pid_t child = fork();
@@ -115,6 +131,7 @@ int PreemptionSweep::Run(uint64_t until_cycle, int vector, char port, int bit, c
       if (child == 0) {
         now_.cycle = avr_->cycle;
         now_.address = avr_->pc;
+        if (per_address > 0) Forget();
         Force(vector, port, bit, frame, frame_size);
         const uint64_t end = avr_->cycle + tail_cycles;
         bool alive = true;

@@ -33,13 +33,16 @@ class PreemptionSweep {
 
   /// Sweep until a cycle, at every `stride`-th instruction; each branch runs on for `tail_cycles`. `vector`:
   /// the interrupt; for a pin-change vector the pin `port`, `bit` toggles, for the receive vector `frame`
-  /// arrives. Return the number of branches, at most `capacity`, or -1 if the system is out of processes.
+  /// arrives. per_address > 0: only that often at each address, and each branch records only what follows;
+  /// its first tick is then the last one before it. Return the number of branches, at most `capacity`, or -1
+  /// if the system is out of processes.
   int Run(uint64_t until_cycle, int vector, char port, int bit, const uint8_t* frame, std::size_t frame_size,
-          uint64_t tail_cycles, int stride, Branch* branches, std::size_t capacity);
+          uint64_t tail_cycles, int stride, int per_address, Branch* branches, std::size_t capacity);
 
  private:
   static void OnRunning(avr_irq_t* irq, uint32_t running, void* self);
   bool Step();
+  void Forget();
   void Force(int vector, char port, int bit, const uint8_t* frame, std::size_t frame_size);
   void Track();
 

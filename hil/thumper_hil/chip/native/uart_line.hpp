@@ -29,6 +29,7 @@ class UartLine {
   std::size_t Receive(uint8_t* data, uint64_t* cycles,
                       std::size_t capacity);  ///< bytes that have fully arrived
   std::size_t Available() const;
+  bool idle() const { return to_chip_.empty(); }  ///< no byte is on its way to the chip
   uint64_t overruns() const { return overruns_; }
 
   void Rearm();          ///< after a reset

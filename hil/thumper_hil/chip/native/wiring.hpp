@@ -30,7 +30,7 @@ struct Wiring {
   MotorWiring motor[2];
   EncoderWiring encoder[2];
   SwitchWiring input[2];
-  int battery_channel, current_channel[2];
+  int battery_channel, current_channel[2];  // the right one is the next after the left one
 };
 
 constexpr Wiring kTrexWiring = {
@@ -45,7 +45,7 @@ constexpr Wiring kNanoWiring = {
     {{'D', 5, 6}, {'B', 0, 1}},
     {{'C', 0}, {'C', 1}},
     3,
-    {4, 5}};
+    {6, 7}};
 
 /// Return the wiring by the board number of the protocol's `identity`; null if unknown.
 inline const Wiring* FindWiring(int board) {
