@@ -26,7 +26,8 @@ BIAS_M, NOISE_M = 0.015, 0.010
 ANGLE_ERROR_DEG = 2.0 / 3.0
 INTENSITY = 200  # white targets within 6 m
 STAMP_WRAP_MS = 30_000
-WIRE_S_PER_BYTE = 10.0 / 230_400
+BAUD = 230_400
+WIRE_S_PER_BYTE = 10.0 / BAUD
 
 
 def check_byte(data: bytes) -> int:
@@ -88,6 +89,8 @@ class Ld19:
         self._points = 0
         self._outbox = Outbox()
         self._now_s = 0.0
+
+    baud = BAUD
 
     def write(self, data: bytes, time_s: float) -> None:
         """Ignore bytes from the host: the LD19 has no receive line."""

@@ -61,6 +61,8 @@ class Urg04Lx:
     same scans.
     """
 
+    baud = 0  # USB: any
+
     def __init__(
         self,
         *,

@@ -7,6 +7,10 @@ from thumper.common.clock_slip import ClockSlip
 WINDOW_S = 15.0
 """Long enough for the phase between a lidar at 10.2 Hz and a host that reads at 10 Hz to cycle once."""
 
+STREAM_WINDOW_S = 1.0
+"""For lidars that send packets every few milliseconds: one in a second is hardly delayed, and a clock that is
+0.5 % off drifts by 5 ms in that time."""
+
 JUMP_S = 10.0
 """The clocks diverge by this much in one step only after a restart of the lidar, which starts at 0 again."""
 
@@ -20,7 +24,8 @@ MAX_EARLY_S = 0.05
 class MinimumLag:
     """The smallest lag over the last one to two windows, and its change since the first window."""
 
-    def __init__(self) -> None:
+    def __init__(self, window_s: float) -> None:
+        self._window_s = window_s
         self._window_end_s: float | None = None
         self._window_minimum_s = math.inf
         self._previous_minimum_s = math.inf
@@ -39,13 +44,13 @@ class MinimumLag:
     def add(self, device_s: float, lag_s: float) -> None:
         """Add the lag of a scan with the stamp `device_s`; stamps must not decrease."""
         if self._window_end_s is None:
-            self._window_end_s = device_s + WINDOW_S
+            self._window_end_s = device_s + self._window_s
         elif device_s > self._window_end_s:
             if self._reference_s is None:
                 self._reference_s = self._window_minimum_s
             self._previous_minimum_s = self._window_minimum_s
             self._window_minimum_s = math.inf
-            self._window_end_s = device_s + WINDOW_S
+            self._window_end_s = device_s + self._window_s
         self._window_minimum_s = min(self._window_minimum_s, lag_s)
 
 
@@ -60,14 +65,15 @@ class ClockSync:
     Without `sync`, the offset is the smallest lag minus `least_lag_s`, the delay that every scan has.
     """
 
-    def __init__(self, *, wrap_ms: int, least_lag_s: float) -> None:
+    def __init__(self, *, wrap_ms: int, least_lag_s: float, window_s: float = WINDOW_S) -> None:
         self._wrap_ms = wrap_ms
         self._least_lag_s = least_lag_s
+        self._window_s = window_s
         self._offset_s: float | None = None  # host - device, from `sync`
         self._unwrapped_ms = 0
         self._last_ms: int | None = None
         self._last_received_s = 0.0
-        self._lags = MinimumLag()
+        self._lags = MinimumLag(self._window_s)
         self._slip = ClockSlip(MAX_LATE_S)
 
     def sync(self, stamp_ms: int, sent_s: float, received_s: float) -> None:
@@ -94,7 +100,7 @@ class ClockSync:
         """Shift the mapping by `slip_s`, from this scan on."""
         if self._offset_s is not None:
             self._offset_s += self._lags.change_s + slip_s
-        self._lags = MinimumLag()
+        self._lags = MinimumLag(self._window_s)
         self._lags.add(device_s, received_s - device_s)
 
     def _unwrap(self, stamp_ms: int, received_s: float) -> float:
@@ -102,7 +108,7 @@ class ClockSync:
             step_ms = (stamp_ms - self._last_ms) % self._wrap_ms
             if abs(1e-3 * step_ms - (received_s - self._last_received_s)) > JUMP_S:
                 self._offset_s = None  # no longer valid: the lidar has restarted
-                self._lags = MinimumLag()
+                self._lags = MinimumLag(self._window_s)
             self._unwrapped_ms += step_ms
         self._last_ms = stamp_ms
         self._last_received_s = received_s

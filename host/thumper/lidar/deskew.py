@@ -30,6 +30,11 @@ class ScanPoints:
         """Return the end points of the beams that hit something, shape (m, 2)."""
         return np.ascontiguousarray(self.ends_m[self.kinds == HIT])
 
+    def length_m(self) -> float:
+        """Return the length of all valid beams together."""
+        along_m = (self.ends_m - self.origins_m)[self.kinds != INVALID]
+        return float(np.hypot(along_m[:, 0], along_m[:, 1]).sum())
+
 
 class _Beams(NamedTuple):
     """Ranges, shape (n,), and geometry of a scan, for the kernel."""

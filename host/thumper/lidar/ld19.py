@@ -6,11 +6,9 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Le
 
-from thumper.common.closable import Closable
-from thumper.common.errors import EXIT_NOT_THERE, ThumperError
-from thumper.common.serial_port import PortError, SerialPort
-from thumper.lidar.clock import ClockSync
-from thumper.lidar.driver import LidarCounters
+from thumper.common.sensor import StreamSensor
+from thumper.common.serial_port import SerialPort
+from thumper.lidar.clock import STREAM_WINDOW_S, ClockSync
 from thumper.lidar.ld19_protocol import (
     FRAME_BYTES,
     STAMP_WRAP_MS,
@@ -28,7 +26,6 @@ WIRE_S = 10.0 * FRAME_BYTES / BAUD
 """Transmission time of a frame, 2 ms: a frame is at least this old when it is read."""
 
 START_TIMEOUT_S = 4.0  # the head needs up to 3 s to reach its speed
-READ_TIMEOUT_S = 0.02
 STAMP_RESOLUTION_S = 1e-3
 
 
@@ -42,8 +39,11 @@ class Ld19Options:
     min_intensity: Annotated[int, Ge(0), Le(255)] = 0
 
 
-class Ld19Driver(Closable):
+class Ld19Driver(StreamSensor[Scan]):
     """A streaming lidar. The constructor waits for the first frame; `poll` never waits."""
+
+    NAME = "lidar"
+    SILENT = "check that it has 5 V, that its head spins and that its TX wire goes to the adapter's RX"
 
     def __init__(self, port: SerialPort, *, options: Ld19Options | None = None) -> None:
         """Read `port` until the first frame arrives.
@@ -54,75 +54,26 @@ class Ld19Driver(Closable):
             No data arrives, or the data is not from an LD19 (exit code 3).
         """
         self._options = options or Ld19Options()
-        self._port = port
+        super().__init__(port)
         self._decoder = Ld19Decoder()
         self._assembler = RevolutionAssembler()
         # The stamp is assumed to be that of the frame's last point, after which the frame is sent.
-        self._clock_sync = ClockSync(wrap_ms=STAMP_WRAP_MS, least_lag_s=WIRE_S)
-        self.counters = LidarCounters()
-        self._wait_for_frame()
-
-    def poll(self) -> list[Scan]:
-        """Return the scans that have arrived since the last call, oldest first. Never waits, never raises."""
-        return self._receive()
-
-    def wait_for_scan(self, timeout_s: float) -> Scan:
-        """Wait for the next scan.
-
-        Raises
-        ------
-        ThumperError
-            No scan arrives in time.
-        """
-        until_s = self.now_s() + timeout_s
-        while self.now_s() < until_s:
-            if scans := self._receive(READ_TIMEOUT_S):
-                return scans[-1]
-        raise ThumperError(
-            f"the lidar on {self._port.url} has stopped sending scans; is its head free and its supply 5 V?",
-            exit_code=EXIT_NOT_THERE,
+        self._clock_sync = ClockSync(wrap_ms=STAMP_WRAP_MS, least_lag_s=WIRE_S, window_s=STREAM_WINDOW_S)
+        self._start(
+            START_TIMEOUT_S,
+            lambda data: bool(self._decoder.feed(data)),
+            foreign=f"the device on {port.url} is not an LD19 at {port.baud} baud "
+            f"(an LD19 needs {BAUD}); correct [lidar] port, model and baud",
         )
-
-    def now_s(self) -> float:
-        """Return the time [s] on the clock of the scan stamps."""
-        return self._port.now_s()
 
     def close(self) -> None:
         """Close the port. The head keeps turning: the LD19 has no stop command."""
         self._port.close()
 
-    def _wait_for_frame(self) -> None:
-        received_bytes = 0
-        until_s = self.now_s() + START_TIMEOUT_S
-        while self.now_s() < until_s:
-            data = self._port.read_available(READ_TIMEOUT_S)
-            received_bytes += len(data)
-            if self._decoder.feed(data):
-                return
-        if received_bytes == 0:
-            raise ThumperError(
-                f"no data from the lidar on {self._port.url}; check that it has 5 V, that its head spins "
-                "and that its TX wire goes to the adapter's RX",
-                exit_code=EXIT_NOT_THERE,
-            )
-        raise ThumperError(
-            f"the device on {self._port.url} is not an LD19 at {self._port.baud} baud "
-            f"(an LD19 needs {BAUD}); correct [lidar] port, model and baud",
-            exit_code=EXIT_NOT_THERE,
-        )
-
-    def _receive(self, timeout_s: float | None = None) -> list[Scan]:
-        try:
-            data = self._port.read_available(timeout_s)
-        except PortError:
-            self.counters.port_errors += 1
-            return []
-        now_s = self.now_s()
+    def _decode(self, data: bytes, now_s: float) -> list[Scan]:
         revolutions = [self._add(frame, now_s) for frame in self._decoder.feed(data)]
-        scans = [self._scan(one) for one in revolutions if one is not None]
-        self.counters.scans += len(scans)
         self.counters.bad_replies = self._decoder.bad_frames
-        return scans
+        return [self._scan(one) for one in revolutions if one is not None]
 
     def _add(self, frame: Ld19Frame, received_s: float) -> Revolution | None:
         # The sensor truncates stamps to whole milliseconds, so they are half a millisecond early on average.

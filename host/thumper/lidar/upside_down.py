@@ -1,7 +1,8 @@
 """A lidar that is mounted the other way up."""
 
 from thumper.common.closable import Closable
-from thumper.lidar.driver import LidarCounters, LidarDriver
+from thumper.common.sensor import SensorCounters
+from thumper.lidar.driver import LidarDriver
 from thumper.lidar.scan import Scan
 
 
@@ -12,7 +13,7 @@ class UpsideDownLidar(Closable):
         self._driver = driver
 
     @property
-    def counters(self) -> LidarCounters:
+    def counters(self) -> SensorCounters:
         """The driver's counters."""
         return self._driver.counters
 
@@ -20,9 +21,9 @@ class UpsideDownLidar(Closable):
         """Return the scans that have arrived since the last call, oldest first."""
         return [scan.upside_down() for scan in self._driver.poll()]
 
-    def wait_for_scan(self, timeout_s: float) -> Scan:
+    def wait_for_sample(self, timeout_s: float) -> Scan:
         """Wait for the next scan; raise `ThumperError` if none arrives in time."""
-        return self._driver.wait_for_scan(timeout_s).upside_down()
+        return self._driver.wait_for_sample(timeout_s).upside_down()
 
     def now_s(self) -> float:
         """Return the time [s] on the clock of the scan stamps."""

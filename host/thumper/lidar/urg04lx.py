@@ -10,9 +10,9 @@ from annotated_types import Ge, Le
 from thumper.common.closable import Closable
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 from thumper.common.geometry import FloatArray
+from thumper.common.sensor import SensorCounters
 from thumper.common.serial_port import PortError, SerialPort
 from thumper.lidar.clock import ClockSync
-from thumper.lidar.driver import LidarCounters
 from thumper.lidar.scan import Scan
 from thumper.lidar.scip import (
     CLOCK_WRAP_MS,
@@ -59,7 +59,7 @@ class Urg04LxDriver(Closable):
         """
         self._options = options or Urg04LxOptions()
         self._port = ScipPort(port)
-        self.counters = LidarCounters()
+        self.counters = SensorCounters()
         self.identity = stop_and_identify(self._port)
         self.geometry = read_geometry(self._port)
         last_beam_s = (self.geometry.last_step - self._options.stamp_step) * self.geometry.step_s
@@ -74,7 +74,7 @@ class Urg04LxDriver(Closable):
         """Return the scans that have arrived since the last call, oldest first. Never waits, never raises."""
         return self._receive(self._port.poll)
 
-    def wait_for_scan(self, timeout_s: float) -> Scan:
+    def wait_for_sample(self, timeout_s: float) -> Scan:
         """Wait for the next scan.
 
         Raises
@@ -127,7 +127,7 @@ class Urg04LxDriver(Closable):
         now_s = self._port.now_s()
         scans = [scan for raw in raws if (scan := self._decode(raw, now_s)) is not None]
         if scans:
-            self.counters.scans += len(scans)
+            self.counters.samples += len(scans)
             self._last_scan_s = now_s
         elif now_s - self._last_scan_s > SILENCE_S:
             self._restart(now_s)

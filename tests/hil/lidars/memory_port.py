@@ -7,26 +7,28 @@ import numpy as np
 import serial
 
 from thumper.common.geometry import FloatArray
+from thumper_hil.lidars.a5_device import A5Device
 from thumper_hil.lidars.ld19 import Ld19
 from thumper_hil.lidars.urg04lx import Urg04Lx
 
-Lidar = TypeVar("Lidar", Ld19, Urg04Lx)
+Lidar = TypeVar("Lidar", Ld19, Urg04Lx, A5Device)
 
 
 class MemoryPort(Generic[Lidar]):
     """A port whose blocking read advances simulated time; `spoil` may alter the received bytes."""
 
     port = "memory"
-    baudrate = 230_400  # of the LD19; the URG-04LX uses USB and accepts any
 
     def __init__(self, lidar: Lidar) -> None:
         self.lidar: Lidar = lidar
+        self.baudrate = lidar.baud or 115_200
         self.timeout = 0.02
         self.time_s = 0.0
         self.spoil: Callable[[bytes], bytes] = lambda data: data
         self.unplugged = False
         self.closed = False
         self._buffer = b""
+        self.dtr = True  # as when pyserial opens a port
 
     def clock_s(self) -> float:
         return self.time_s
@@ -35,6 +37,16 @@ class MemoryPort(Generic[Lidar]):
         self.time_s += seconds
         self.lidar.advance(self.time_s)
         self._buffer += self.spoil(self.lidar.read())
+
+    @property
+    def dtr(self) -> bool:
+        return self._dtr
+
+    @dtr.setter
+    def dtr(self, level: bool) -> None:
+        self._dtr = level
+        if isinstance(self.lidar, A5Device):
+            self.lidar.set_dtr(level, self.time_s)
 
     def write(self, data: bytes) -> int:
         if self.unplugged:

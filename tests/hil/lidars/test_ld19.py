@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -15,6 +16,7 @@ from thumper.lidar.deskew import scan_points
 from thumper.lidar.ld19 import Ld19Driver, Ld19Options
 from thumper.lidar.ld19_protocol import Ld19Decoder
 from thumper.lidar.scan import Scan
+from thumper_hil.lidars.beams import UNDISTURBED
 from thumper_hil.lidars.ld19 import Ld19
 from thumper_hil.world.world import World
 
@@ -34,8 +36,10 @@ def connect(
     world: World = ROOM,
     options: Ld19Options | None = None,
     seed: int = 1,
+    drift: float = 0.0,
 ) -> tuple[MemoryPort[Ld19], Ld19Driver]:
-    lidar = Ld19(world=world, pose_at=pose_at, base_from_laser=MOUNT, seed=seed)
+    conditions = replace(UNDISTURBED, clock_drift=drift)
+    lidar = Ld19(world=world, pose_at=pose_at, base_from_laser=MOUNT, seed=seed, conditions=conditions)
     port = MemoryPort(lidar)
     return port, Ld19Driver(SerialPort(cast("serial.Serial", port)), options=options)
 
@@ -82,6 +86,17 @@ def test_time_stamps_are_right_while_turning() -> None:
         ) - port.lidar._bias_m
         assert np.median(np.abs(error_m)) < 0.011
         assert np.median(np.abs(error_m)) < np.median(np.abs(turned_m))
+
+
+@pytest.mark.parametrize("drift", [0.005, -0.005])
+def test_time_stamps_follow_a_drifting_clock(drift: float) -> None:
+    port, driver = connect(turning, drift=drift)
+    for scan in list(scans_of(port, driver, 20.0))[100::20]:
+        errors_m = [
+            np.median(np.abs(scan.ranges_m - truth_m(scan, turned_later, port.lidar._angle_error_rad)))
+            for turned_later in (lambda t: turning(t - 0.02), turning, lambda t: turning(t + 0.02))
+        ]
+        assert np.argmin(errors_m) == 1
 
 
 def test_deskewing_works_for_a_clockwise_lidar() -> None:

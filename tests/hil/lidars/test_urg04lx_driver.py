@@ -124,7 +124,7 @@ def test_lidar_in_clock_mode_is_recovered() -> None:
 def test_damaged_bytes_lose_only_the_affected_scans() -> None:
     port, driver = connect()
     list(scans_of(port, driver, 0.5))
-    good = driver.counters.scans
+    good = driver.counters.samples
     port.spoil = lambda data: data[:700] + b"\x00" + data[701:] if data else data  # one byte wrong
     assert list(scans_of(port, driver, 0.5)) == []
     assert driver.counters.bad_replies == 5
@@ -132,7 +132,7 @@ def test_damaged_bytes_lose_only_the_affected_scans() -> None:
     port.pass_time(POLL_S)
     port.spoil = lambda data: data
     assert len(list(scans_of(port, driver, 0.5))) == 5, "the scan after the truncated one is complete"
-    assert driver.counters.scans == good + 5
+    assert driver.counters.samples == good + 5
 
 
 def test_silent_lidar_is_restarted() -> None:

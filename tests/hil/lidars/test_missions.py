@@ -1,10 +1,12 @@
-"""Drive the demo's straight mission with the LD19 (360 degrees, clockwise), set in the configuration."""
+"""Drive the demo's straight mission with each lidar of 360 degrees, set in the configuration."""
 
 import math
 
+import pytest
+
 from thumper.board.options import BoardOptions
 from thumper.config.robot import RobotConfig
-from thumper.lidar.options import LidarOptions
+from thumper.lidar.options import LidarModel, LidarOptions
 from thumper.navigation.goal import Goal
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.drive.tasks import drive_to_goal
@@ -14,18 +16,20 @@ from thumper_hil.demo.missions import STRAIGHT, TOLERANCE_M
 from thumper_hil.world.world import World
 
 
-def test_straight_mission_succeeds_with_an_ld19() -> None:
+@pytest.mark.parametrize("preset", ["nominal", "hard"])
+@pytest.mark.parametrize("model", ["ld19", "rplidar_a1", "rplidar_a2", "rplidar_c1", "ydlidar_x4"])
+def test_straight_mission_succeeds(model: LidarModel, preset: str) -> None:
     start = STRAIGHT.start
     url = (
-        f"sim://ld19-run/board?world={STRAIGHT.world}&lidar=ld19&x_m={start.x_m}&y_m={start.y_m}"
+        f"sim://{model}-{preset}/board?world={STRAIGHT.world}&lidar={model}&preset={preset}&x_m={start.x_m}&y_m={start.y_m}"
         f"&yaw_deg={math.degrees(start.theta_rad)}"
     )
     config = RobotConfig(
-        board=BoardOptions(port=url), lidar=LidarOptions(port="sim://ld19-run/lidar", model="ld19")
+        board=BoardOptions(port=url), lidar=LidarOptions(port=f"sim://{model}-{preset}/lidar", model=model)
     )
     goal = Goal(x_m=STRAIGHT.goal_x_m, y_m=STRAIGHT.goal_y_m)
     with open_robot(config, start) as robot:
-        bench = simulation("ld19-run")
+        bench = simulation(f"{model}-{preset}")
         result = robot.run(drive_to_goal(goal))
         grid = robot.mapper.grid()
     assert result.reached, result.reason
