@@ -6,12 +6,15 @@ import numpy as np
 
 from thumper.common.geometry import Pose2
 from thumper.common.kinematics import DriveGeometry
+from thumper.imu.options import ImuOptions
+from thumper.imu.sample import ImuSample
 from thumper.odometry.gyro_ekf import GyroEkf
-from thumper.odometry.imu import ImuOptions, ImuSample
 from thumper.odometry.wheel_odometry import OdometryOptions, WheelOdometry, advance
 
-GEOMETRY, WHEELS, IMU = DriveGeometry(counts_per_rev=1_200_000), OdometryOptions(), ImuOptions()
+GEOMETRY, WHEELS = DriveGeometry(counts_per_rev=1_200_000), OdometryOptions()
+IMU = ImuOptions(noise_rad_s=0.005, bias_rad_s=0.05, bias_walk_rad_s=0.0005)  # a cheap MEMS chip
 STEP_S, PER_STEP = 0.02, 2
+SLIP_FROM_S = 20.0  # by then the filter knows the noise of the wheels
 
 
 class Drive:
@@ -50,14 +53,14 @@ class Drive:
 def driven(
     seed: int, seconds: float, *, slip_rad_s: float = 0.0, slip_s: float = 0.6
 ) -> tuple[Drive, GyroEkf, WheelOdometry]:
-    """Stay stationary for 2 s, then drive curves. From 8 s the wheels spin and report a false rotation."""
+    """Stay stationary for 2 s, then drive curves. From 20 s the wheels spin and report a false rotation."""
     truth, fused, wheels = Drive(seed), GyroEkf(GEOMETRY, WHEELS, IMU), WheelOdometry(GEOMETRY, WHEELS)
     fused.update(0.0, 0, 0)
     wheels.update(0.0, 0, 0)
     for k in range(round(seconds / STEP_S)):
         time_s = k * STEP_S
         v, w = (0.4, 0.8 * math.sin(0.7 * time_s + seed)) if time_s > 2.0 else (0.0, 0.0)
-        slips = 8.0 <= time_s + 1e-9 < 8.0 + slip_s
+        slips = SLIP_FROM_S <= time_s + 1e-9 < SLIP_FROM_S + slip_s
         for sample in truth.step(v, w, slip_rad_s * STEP_S if slips else 0.0):
             fused.add_imu(sample)
         fused.update(truth.time_s, *truth.counts)

@@ -77,6 +77,16 @@ class SerialPort(Closable):
         with self._failures_explained():
             self.raw.write(data)
 
+    def set_baud(self, baud: int) -> None:
+        """Change the line rate."""
+        with self._failures_explained():
+            self.raw.baudrate = baud
+
+    def set_dtr(self, level: bool) -> None:
+        """Set the line DTR, where the port has one; a port that has gone fails at the next use."""
+        with suppress(*_FAILURES):
+            self.raw.dtr = level
+
     def discard_output(self) -> None:
         """Drop the bytes that were written but not sent yet."""
         with self._failures_explained():

@@ -43,7 +43,7 @@ class JumpFilter:
         ]
 
     def _is_jump(self, step_s: float, distance_m: float) -> bool:
-        if not self._steps_m:
+        if not self._steps_m or step_s == 0.0:  # a clock that has stopped says nothing about speed
             return False
         reachable_m = MAX_SPEED_M_S * step_s if math.isfinite(step_s) else 0.0
         return distance_m > max(MIN_JUMP_M, reachable_m, JUMP_STEPS * max(self._steps_m))

@@ -31,6 +31,7 @@ def test_the_pose_continues_after_a_jump() -> None:
         [(0.1 * k, 0.05 * k) for k in range(20)] + [(60.0, 12.0), (60.1, 12.05)],  # the lidar was off
         [(0.0, 0.0), (0.1, 0.1), (0.1, 0.2), (0.05, 0.9), (math.nan, 1.0)],  # bad stamps, as in real logs
         [(7.0, 1.5 * k) for k in range(20)],  # one scan in fifty, all with the same stamp
+        [(7.0, 0.1 * k) for k in range(5)] + [(7.0, 1.5 * k) for k in range(1, 20)],  # and slow at first
     ],
 )
 def test_fast_sparse_or_badly_stamped_motion_is_no_jump(track: list[tuple[float, float]]) -> None:

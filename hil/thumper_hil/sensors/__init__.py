@@ -1,0 +1,1 @@
+"""Simulated sensors beside the lidars, on serial lines of their own."""

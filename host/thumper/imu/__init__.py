@@ -1,0 +1,1 @@
+"""Gyroscopes: drivers, samples and options."""
