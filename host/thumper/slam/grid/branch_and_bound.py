@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from thumper.common.geometry import FloatArray, Pose2, wrap_angle
 from thumper.common.numba_kernel import kernel
 from thumper.common.resumable import Search, bands_of
-from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.scan_matching.distance_field import ByteArray, FieldArray
 
 BLOCK = 8  # cells along a block of poses
@@ -94,11 +93,6 @@ class SearchField:
         self, fine: ByteArray, coarse: ByteArray, resolution_m: float, corner_m: tuple[float, float]
     ) -> None:
         self.fine, self.coarse, self.resolution_m, self.corner_m = fine, coarse, resolution_m, corner_m
-
-    @classmethod
-    def from_grid(cls, grid: HitGrid, std_m: float) -> Self:
-        """Return the field of a map under construction."""
-        return cls(grid.distance_m, grid.resolution_m, grid.corner_m, std_m)
 
 
 class BranchAndBoundSearch:

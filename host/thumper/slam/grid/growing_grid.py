@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.common.resumable import Search, bands_of
 from thumper.lidar.deskew import INVALID, ScanPoints
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import UNKNOWN, CellArray, OccupancyGrid
@@ -26,7 +27,8 @@ Number = TypeVar("Number", np.uint8, np.float32)
 
 # Anonymous memory on Windows is private anyway, and mmap has no flags there.
 PRIVATE = {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS} if hasattr(mmap, "MAP_PRIVATE") else {}
-BLOCK = 64  # the array grows by multiples of this many cells
+BLOCK = 64  # the array grows by multiples of this many cells ...
+GROWTH = 0.125  # ... and by at least this share of its side: each growth copies the whole map
 
 
 class HitGrid:
@@ -105,6 +107,25 @@ class HitGrid:
         """(x, y) of the corner of cell [0, 0] in the map."""
         return self._first_col * self.resolution_m, self._first_row * self.resolution_m
 
+    def reserve(self, low_m: FloatArray, high_m: FloatArray) -> Search[None]:
+        """Make an empty grid large enough for points between two corners, shape (2,), a band in each slice.
+
+        Scans inserted there need no growth, which copies the whole map at once.
+        """
+        low, high = self._cells_around(np.array([low_m, high_m]))
+        rows, cols = int(high[1] - low[1]), int(high[0] - low[0])
+        self._first_row, self._first_col = int(low[1]), int(low[0])
+        self.hits, self.misses, self._layer = (_zeros((rows, cols), np.dtype(np.uint8)) for _ in range(3))
+        if self._distances:
+            self.distance_m = _zeros((rows, cols), np.dtype(np.float32))
+        for band in bands_of((rows, cols)):
+            # The system gives memory at the first write: not all of it at the first scan.
+            for array in (self.hits, self.misses, self._layer):
+                array[band] = 0
+            if self._distances:
+                self.distance_m[band] = self.max_distance_m
+            yield
+
     def insert(self, map_from_base: Pose2, points: ScanPoints) -> None:
         """Insert a scan taken at the pose."""
         valid = points.kinds != INVALID
@@ -164,11 +185,16 @@ class HitGrid:
         self._layer = _zeros((rows, cols), np.dtype(np.uint8))
         self._rendered = None
 
+    def _cells_around(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the lowest and the highest (column, row) that points, shape (n, 2), need."""
+        margin = self.max_distance_cells + 2
+        low: FloatArray = np.floor(points_m.min(axis=0) / self.resolution_m) - margin
+        high: FloatArray = np.floor(points_m.max(axis=0) / self.resolution_m) + margin + 1
+        return low, high
+
     def _ensure_covers(self, points_m: FloatArray) -> None:
         """Grow the arrays until the points, and the distances around them, lie inside."""
-        margin = self.max_distance_cells + 2
-        low = np.floor(points_m.min(axis=0) / self.resolution_m) - margin
-        high = np.floor(points_m.max(axis=0) / self.resolution_m) + margin + 1
+        low, high = self._cells_around(points_m)
         rows, cols = self.hits.shape
         first_row, last_row = self._first_row, self._first_row + rows
         first_col, last_col = self._first_col, self._first_col + cols
@@ -179,12 +205,17 @@ class HitGrid:
         if not rows:
             first_col = last_col = int(low[0])
             first_row = last_row = int(low[1])
-        top = first_row - BLOCK * max(0, math.ceil((first_row - low[1]) / BLOCK))
-        left = first_col - BLOCK * max(0, math.ceil((first_col - low[0]) / BLOCK))
-        bottom = last_row + BLOCK * max(0, math.ceil((high[1] - last_row) / BLOCK))
-        right = last_col + BLOCK * max(0, math.ceil((high[0] - last_col) / BLOCK))
+        top = first_row - _added(first_row - low[1], rows)
+        left = first_col - _added(first_col - low[0], cols)
+        bottom = last_row + _added(high[1] - last_row, rows)
+        right = last_col + _added(high[0] - last_col, cols)
         self._grow(bottom - top, right - left, first_row - top, first_col - left)
         self._first_row, self._first_col = top, left
+
+
+def _added(missing: float, side: int) -> int:
+    """Return by how many cells an array of this side grows where `missing` are needed."""
+    return BLOCK * math.ceil(max(missing, GROWTH * side) / BLOCK) if missing > 0 else 0
 
 
 def _enlarged(

@@ -35,6 +35,8 @@ from thumper.slam.scan_matching.pose_trust import PoseTrust
 
 LOST_AFTER = 3  # consecutive weighed scans below `lost_below` before the whole map is searched
 SEARCH_GAIN = 0.5  # as `BEAM_GAIN`, for the first scan of a search: nothing was weighed twice yet
+OUTSIDE_BELOW = 0.2  # share of beams that contradict the map where the robot has left it, not lost its pose
+OUTSIDE_MATCHED = 0.3  # share explained from which the walls still in sight correct the odometry there
 MIN_LOG_RATIO, MAX_LOG_RATIO = 1.0, 50.0  # of a pose that contradicts the given one; limit of its odds
 
 
@@ -193,6 +195,9 @@ class Amcl:
             return self._record(odom_from_base, expected, math.nan, jumped)
         given = self._given.pop_unverified()
         self._predict(likelihood, moved, given)
+        if given is None and not jumped and (outside := self._outside(likelihood, expected)) is not None:
+            self._accept(outside, odom_from_base)
+            return self._record(odom_from_base, outside.pose, outside.explained, jumped)
         mean, share = self._weigh(likelihood)
         self._particles.resample(self._options, self._rng)
         hypothesis = likelihood.refine(mean)
@@ -209,6 +214,22 @@ class Amcl:
             hypothesis, jumped = replaced, True
             self._accept(hypothesis, odom_from_base)
         return self._record(odom_from_base, hypothesis.pose, hypothesis.explained, jumped)
+
+    def _outside(self, likelihood: ScanLikelihood, expected: Pose2) -> PoseHypothesis | None:
+        """Return the pose of a robot that has left the map: the scan shows unknown space, and fits otherwise.
+
+        No place of the map is worth a search there, and no particle is better than another.
+        """
+        matched = likelihood.refine_pose(expected)
+        outside = (
+            self._trust.confirmed
+            and matched.explained < self._options.lost_below
+            and likelihood.contradicting_share(matched.pose) < OUTSIDE_BELOW
+        )
+        if not outside:
+            return None
+        few = matched.explained < OUTSIDE_MATCHED
+        return PoseHypothesis(pose=expected, explained=matched.explained, log=matched.log) if few else matched
 
     def _defend(
         self, likelihood: ScanLikelihood, odom_from_base: Pose2, moved: Pose2, own: PoseHypothesis

@@ -24,7 +24,8 @@ from thumper.slam.pose_graph.optimizer import Edge, Solver
 from thumper.slam.pose_graph.submaps import SubmapGraph
 
 # Parts of work per scan: one per this distance since the last scan, which took time, too.
-PART_EVERY_M, MAX_PARTS = 0.1, 4
+PART_EVERY_M, MAX_PARTS = 0.1, 3
+MARGIN_M = 20.0  # that a rebuilt active map leaves around its scans: the robot drives on
 
 
 class GraphMapper:
@@ -107,7 +108,7 @@ class GraphMapper:
         self._front_end.warm_up()
         self._search.warm_up()
         edge = Edge(
-            first=0, second=1, first_from_second=Pose2(), std_m=1.0, std_rad=1.0, loop=False, length_m=0.0
+            first=0, second=1, first_from_second=Pose2(), information=np.eye(3), loop=False, length_m=0.0
         )
         Solver(np.zeros((2, 3)), [edge]).run_part()
 
@@ -197,7 +198,7 @@ class GraphMapper:
     def _rebuild_active(self) -> None:
         self._trimmed_at_m = self.submaps.driven_m
         chosen = set(self.submaps.within(self._loops.active_m))
-        self._next_active = MapRebuild(hit_grid=self._empty_grid(), chosen=chosen)
+        self._next_active = MapRebuild(hit_grid=self._empty_grid(), chosen=chosen, margin_m=MARGIN_M)
 
     def _empty_grid(self, *, distances: bool = True) -> HitGrid:
         options = self._options

@@ -1,11 +1,13 @@
 """Rebuild a map from the scans kept in the submaps, a few per call: a robot cannot wait for all."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 
+from thumper.common.resumable import SlicedSearch
 from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.pose_graph.submaps import SubmapGraph
 
-SCANS_PER_PART = 6  # inserted in one part of the work: a few ms
+CELLS_PER_PART = 100_000  # that the beams inserted in one part of the work cross, about: 1 ms
 
 
 @dataclass(slots=True, kw_only=True)
@@ -14,9 +16,19 @@ class MapRebuild:
 
     hit_grid: HitGrid
     chosen: set[int] | None = None  # submaps to insert; None for all
+    range_m: float = math.inf  # longer beams are left out
+    margin_m: float = 0.0  # around the scans, for those that the robot will insert
     next_scan: int = 0  # the first kept scan not looked at yet
+    _reservation: SlicedSearch[None] = field(default_factory=SlicedSearch)
 
     def insert_part(self, submaps: SubmapGraph) -> bool:
-        """Insert up to `SCANS_PER_PART` more scans and return whether the map is complete."""
-        self.next_scan = submaps.insert_scans(self.hit_grid, self.next_scan, self.chosen, SCANS_PER_PART)
+        """Insert some more scans, one at least, and return whether the map is complete."""
+        if not self.hit_grid.hits.size and not self._reservation.is_running:
+            low_m, high_m = submaps.bounds_m(self.chosen, self.range_m)
+            self._reservation.start(self.hit_grid.reserve(low_m - self.margin_m, high_m + self.margin_m))
+        if self._reservation.is_running:
+            self._reservation.advance()
+            return False
+        way_m = CELLS_PER_PART * self.hit_grid.resolution_m
+        self.next_scan = submaps.insert_scans(self.hit_grid, self.next_scan, self.chosen, way_m, self.range_m)
         return self.next_scan == len(submaps.scans)

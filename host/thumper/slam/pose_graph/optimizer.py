@@ -17,18 +17,18 @@ from thumper.common.numba_kernel import kernel
 MAX_ITERATIONS = 12
 PRODUCTS_PER_PART = 2_000_000  # of the factorization: a few ms
 FIXED_INFORMATION = 1e9  # of the first node: the map's origin must not move
+PLAIN_ITERATIONS = 4  # without the robust kernel, which holds right edges back far from the solution
 LOOP_KERNEL_STD = 3.0  # Cauchy kernel: a loop edge this far off has half its weight
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edge:
-    """The pose of node `second` in the frame of node `first`, with its standard deviations."""
+    """The pose of node `second` in the frame of node `first`, and how well it is known."""
 
     first: int
     second: int
     first_from_second: Pose2
-    std_m: float
-    std_rad: float
+    information: FloatArray  # inverse covariance of x, y, theta in the frame of `first`, shape (3, 3)
     loop: bool  # loop edges have a robust kernel, odometry edges do not
     length_m: float  # distance between the two, for path lengths in the graph
 
@@ -46,7 +46,7 @@ class Solver:
         self._first = np.array([edge.first for edge in edges])
         self._second = np.array([edge.second for edge in edges])
         self._measured = np.array([[*_row(edge.first_from_second)] for edge in edges])
-        self._information = np.array([[edge.std_m**-2, edge.std_m**-2, edge.std_rad**-2] for edge in edges])
+        self._information = np.array([edge.information for edge in edges])
         self._loop = np.array([edge.loop for edge in edges])
         self._rank = _ranks(len(poses), edges)
         self._width = 3 * int(np.abs(self._rank[self._first] - self._rank[self._second]).max(initial=0)) + 2
@@ -54,6 +54,7 @@ class Solver:
         self._right: FloatArray = np.zeros(0)
         self._rows_factored = 0
         self._iterations_left = MAX_ITERATIONS
+        self._robust = False
 
     def run_part(self) -> bool:
         """Run a part of an iteration and return whether the solution is final."""
@@ -71,20 +72,23 @@ class Solver:
         self.poses += step
         self.poses[:, 2] = np.remainder(self.poses[:, 2] + math.pi, math.tau) - math.pi
         self._iterations_left -= 1
-        return self._iterations_left == 0 or float(np.abs(step).max()) < 1e-5
+        converged = float(np.abs(step).max()) < 1e-5
+        finished = self._iterations_left == 0 or (converged and self._robust)
+        self._robust |= converged or self._iterations_left <= MAX_ITERATIONS - PLAIN_ITERATIONS
+        return finished
 
     def _linearize(self) -> None:
         """Fill the lower band of H and the vector b, rows in the order of the ranks."""
         n, width, information = self.poses.shape[0], self._width, self._information
         first, second = self._rank[self._first], self._rank[self._second]
         error, a, b = _error_and_jacobians(self.poses[self._first], self.poses[self._second], self._measured)
-        squared = np.sum(information * error * error, axis=1)
-        robust = np.where(self._loop, 1.0 / (1.0 + squared / LOOP_KERNEL_STD**2), 1.0)
-        weight = robust[:, np.newaxis] * information
+        squared = np.einsum("mi,mij,mj->m", error, information, error)
+        robust = np.where(self._robust & self._loop, 1.0 / (1.0 + squared / LOOP_KERNEL_STD**2), 1.0)
+        weight = robust[:, np.newaxis, np.newaxis] * information
         fixed = 3 * self._rank[0] + np.arange(3)
         rows, cols, values, right = [fixed], [fixed], [np.full(3, FIXED_INFORMATION)], np.zeros((n, 3))
         for i, left in ((first, a), (second, b)):
-            weighted = left * weight[:, :, np.newaxis]
+            weighted = np.einsum("mkj,mji->mki", weight, left)
             np.add.at(right, i, -np.einsum("mki,mk->mi", weighted, error))
             for j, other in ((first, a), (second, b)):
                 block = np.einsum("mki,mkj->mij", weighted, other)

@@ -13,12 +13,17 @@ from thumper.lidar.deskew import INVALID, KindArray, ScanPoints
 from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.pose_arrays import compose_rows
 from thumper.slam.pose_graph.optimizer import Edge
+from thumper.slam.scan_matching.degeneracy import weakest_direction
+from thumper.slam.scan_matching.pose_covariance import ERROR_PER_M
 
 SUBMAP_LENGTH_M = 2.0  # path within one submap: its scans move as one
 # An old submap this close, matched against in the active map, gets an edge to the new one.
 NEIGHBOUR_DISTANCE_M = 3.0
 ODOMETRY_STD_M, ODOMETRY_STD_RAD = 0.01, 0.002  # of one submap's path: what a scan matcher loses in 2 m
 LOOP_STD_M, LOOP_STD_RAD = 0.02, 0.004
+# Along the direction that the walls constrain least, the match follows the wheels: fully where no wall
+# faces it, and not at all from this share of the visible walls on.
+FREE_SHARE = 0.2
 # Path length that a turn of 1 rad counts as: turning drifts, too.
 METRES_PER_RAD = 0.3
 MAX_KEPT_SCANS = 16_000  # about 100 MB with a lidar of 400 beams, and a path of more than a kilometre
@@ -34,13 +39,14 @@ class NodeScan:
     ends_m: NDArray[np.float32]
     kinds: KindArray
 
-    def points(self) -> ScanPoints:
-        """Return the valid beams."""
-        return ScanPoints(
-            origins_m=np.broadcast_to(self.origins_m, self.ends_m.shape).astype(np.float64),
-            ends_m=self.ends_m.astype(np.float64),
-            kinds=self.kinds,
-        )
+    def points(self, range_m: float = math.inf) -> ScanPoints:
+        """Return the valid beams; those longer than `range_m` are invalid."""
+        origins_m = np.broadcast_to(self.origins_m, self.ends_m.shape).astype(np.float64)
+        kinds = self.kinds
+        if range_m < math.inf:
+            along_m = self.ends_m - self.origins_m
+            kinds = np.where(np.hypot(along_m[:, 0], along_m[:, 1]) <= range_m, kinds, np.uint8(INVALID))
+        return ScanPoints(origins_m=origins_m, ends_m=self.ends_m.astype(np.float64), kinds=kinds)
 
 
 @dataclass(slots=True)
@@ -54,8 +60,15 @@ class SubmapGraph:
     _last: Pose2 | None = None
     _relative: "array[float]" = field(default_factory=lambda: array("d"))  # submap, x, y, theta of each scan
     _kept_scans: int = 0
+    _since_kept_m: float = 0.0  # way since the last kept scan
     _neighbours: list[list[tuple[int, float]]] = field(default_factory=list)
     _started_at_m: list[float] = field(default_factory=list)
+    _first_scan: list[int] = field(default_factory=list)  # number of each submap's first kept scan
+    # Standard deviation of each submap's own path where walls constrain it badly: sums of s u u^T, with the
+    # direction u in the submap's frame and the error s [m] of the wheels.
+    _slack_m: list[FloatArray] = field(default_factory=list)
+    # Corners (x, y) of a box in each submap's frame with all beams of its kept scans, shape (2, 2).
+    _boxes_m: list[FloatArray] = field(default_factory=list)
 
     @property
     def newest(self) -> int:
@@ -72,9 +85,11 @@ class SubmapGraph:
 
     def add(self, map_from_base: Pose2, points: ScanPoints | None) -> bool:
         """Add a scan's pose, and its beams if it was inserted; return whether a new submap has started."""
+        step_m = 0.0
         if self._last is not None:
             step = self._last.inverse() @ map_from_base
-            self.driven_m += math.hypot(step.x_m, step.y_m) + METRES_PER_RAD * abs(step.theta_rad)
+            step_m = math.hypot(step.x_m, step.y_m)
+            self.driven_m += step_m + METRES_PER_RAD * abs(step.theta_rad)
         self._last = map_from_base
         started = self.newest < 0 or (
             points is not None and self.driven_m - self._started_at_m[-1] >= SUBMAP_LENGTH_M
@@ -83,12 +98,26 @@ class SubmapGraph:
             self._start_submap(map_from_base)
         relative = self.pose(self.newest).inverse() @ map_from_base
         self._relative.extend((self.newest, relative.x_m, relative.y_m, relative.theta_rad))
+        self._since_kept_m += step_m
         if points is not None:
             self._keep_scan(relative, points)
+            self._add_slack(relative, points)
         return started
+
+    def _add_slack(self, submap_from_base: Pose2, points: ScanPoints) -> None:
+        """Add the error of the way since the last kept scan along the weakest direction of this one."""
+        x, y, share = weakest_direction(points.hits_m())
+        std_m = ERROR_PER_M * self._since_kept_m * max(0.0, 1.0 - share / FREE_SHARE)
+        cos, sin = math.cos(submap_from_base.theta_rad), math.sin(submap_from_base.theta_rad)
+        direction = np.array([cos * x - sin * y, sin * x + cos * y])
+        self._slack_m[-1] += std_m * np.outer(direction, direction)
+        self._since_kept_m = 0.0
 
     def _keep_scan(self, submap_from_base: Pose2, points: ScanPoints) -> None:
         valid = points.kinds != INVALID
+        box_m, ends_m = self._boxes_m[-1], submap_from_base.apply(points.ends_m[valid])
+        box_m[0] = np.minimum(box_m[0], ends_m.min(axis=0, initial=0.0))
+        box_m[1] = np.maximum(box_m[1], ends_m.max(axis=0, initial=0.0))
         self.scans.append(
             NodeScan(
                 submap=self.newest,
@@ -112,13 +141,16 @@ class SubmapGraph:
     def connect(self, first: int, second: int, first_from_second: Pose2, *, loop: bool) -> None:
         """Add an edge from a loop closure, or from a match in the active map."""
         std_m, std_rad = (LOOP_STD_M, LOOP_STD_RAD) if loop else (ODOMETRY_STD_M, ODOMETRY_STD_RAD)
+        covariance = np.diag([std_m**2, std_m**2, std_rad**2])
+        slack_m = self._slack_m[first]
+        if not loop:
+            covariance[:2, :2] += slack_m @ slack_m
         length_m = math.hypot(first_from_second.x_m, first_from_second.y_m)
         edge = Edge(
             first=first,
             second=second,
             first_from_second=first_from_second,
-            std_m=std_m,
-            std_rad=std_rad,
+            information=np.linalg.inv(covariance),
             loop=loop,
             length_m=length_m,
         )
@@ -170,20 +202,41 @@ class SubmapGraph:
             submap, x_m, y_m, theta_rad = self._relative[-4:]
             self._last = self.pose(int(submap)) @ Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
 
-    def insert_scans(self, hit_grid: HitGrid, start: int, chosen: set[int] | None, max_scans: int) -> int:
-        """Insert up to `max_scans` kept scans from number `start` on, of the chosen submaps (None: all).
+    def insert_scans(
+        self, hit_grid: HitGrid, start: int, chosen: set[int] | None, way_m: float, range_m: float
+    ) -> int:
+        """Insert kept scans from number `start` on, of the chosen submaps (None: all), beams up to `range_m`.
 
-        Returns the number of the first scan not looked at.
+        Stops when the beams inserted are `way_m` long together; the last scan may exceed it. Returns the
+        number of the first scan not looked at.
         """
-        inserted = 0
+        if chosen:
+            start = max(start, self._first_scan[min(chosen)])
         for number in range(start, len(self.scans)):
             scan = self.scans[number]
             if scan is not None and (chosen is None or scan.submap in chosen):
-                if inserted == max_scans:
+                if way_m <= 0.0:
                     return number
-                hit_grid.insert(self.pose(scan.submap) @ scan.submap_from_base, scan.points())
-                inserted += 1
+                points = scan.points(range_m)
+                hit_grid.insert(self.pose(scan.submap) @ scan.submap_from_base, points)
+                way_m -= points.length_m()
         return len(self.scans)
+
+    def scans_of(self, first: int, last: int) -> list[NodeScan]:
+        """Return the kept scans of submaps `first` to `last`."""
+        end = len(self.scans) if last >= self.newest else self._first_scan[last + 1]
+        return [scan for scan in self.scans[self._first_scan[max(0, first)] : end] if scan is not None]
+
+    def bounds_m(self, chosen: set[int] | None, range_m: float) -> tuple[FloatArray, FloatArray]:
+        """Return the corners (x, y) of a box with all beams, up to `range_m`, of the chosen submaps."""
+        submaps = np.arange(self.newest + 1) if chosen is None else np.array(sorted(chosen))
+        limit_m = range_m + SUBMAP_LENGTH_M
+        boxes_m = np.clip([self._boxes_m[submap] for submap in submaps], -limit_m, limit_m)
+        x_m, y_m = boxes_m[:, [0, 0, 1, 1], 0], boxes_m[:, [0, 1, 0, 1], 1]  # the four corners
+        x0_m, y0_m, theta_rad = self.poses[submaps].T[:, :, np.newaxis]
+        cos, sin = np.cos(theta_rad), np.sin(theta_rad)
+        points_m = np.stack((x0_m + cos * x_m - sin * y_m, y0_m + sin * x_m + cos * y_m), axis=-1)
+        return points_m.min(axis=(0, 1)), points_m.max(axis=(0, 1))
 
     def path(self) -> FloatArray:
         """Return x, y, theta at each scan, shape (scans, 3)."""
@@ -195,6 +248,9 @@ class SubmapGraph:
         self.poses = np.concatenate((self.poses, row))
         self._neighbours.append([])
         self._started_at_m.append(self.driven_m)
+        self._first_scan.append(len(self.scans))
+        self._slack_m.append(np.zeros((2, 2)))
+        self._boxes_m.append(np.zeros((2, 2)))
         if self.newest > 0:
             before = self.newest - 1
             self.connect(before, self.newest, self.pose(before).inverse() @ map_from_base, loop=False)

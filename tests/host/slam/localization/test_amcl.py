@@ -12,7 +12,7 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.lidar.scan import Scan
 from thumper.maps.hit_counts import HitCounts
-from thumper.maps.occupancy_grid import OCCUPIED, OccupancyGrid
+from thumper.maps.occupancy_grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from thumper.slam.grid.grid_mapper import GridMapper
 from thumper.slam.localization.amcl import Amcl
 from thumper.slam.mode_switch import SlamModeSwitch
@@ -351,3 +351,46 @@ def test_calls_that_need_a_saved_map_are_refused(call: str) -> None:
     with pytest.raises(ThumperError, match="the map has no walls"):
         robot.localize()  # before anything was mapped
     assert robot.localizer is None
+
+
+def test_robot_that_leaves_the_map_and_returns_is_not_searched_for() -> None:
+    """The map has the first of two rooms; the second is unknown, and has another size."""
+    door = np.array([[6.0, 0.0, 6.0, 2.0], [6.0, 3.2, 6.0, 5.0]])
+    outer = np.array(
+        [
+            [0, 0, 6, 0],
+            [0, 5, 6, 5],
+            [0, 0, 0, 5],
+            [6, 0, 6, -2],
+            [6, 5, 6, 7],
+            [6, -2, 15, -2],
+            [6, 7, 15, 7],
+        ]
+    )
+    walls = np.concatenate(
+        (
+            door,
+            outer,
+            np.array([[15.0, -2.0, 15.0, 7.0]]),
+            rectangle(1.0, 3.8, 2.2, 4.4),
+            rectangle(9, 4, 10, 5),
+        )
+    )
+    whole = World(segments_m=walls, circles_m=np.zeros((0, 3))).to_grid()
+    cells = whole.cells.copy()
+    cells[:, whole.cell_of(6.2, 1.0)[1] :] = UNKNOWN
+    out = [Pose2(x_m=float(x_m), y_m=2.6) for x_m in np.arange(2.0, 12.0, 0.1)]
+    localizer, rng = Amcl(replace(whole, cells=cells), map_from_base=out[0]), np.random.default_rng(3)
+    lost, odometry = [], Pose2()
+    for before, pose in itertools.pairwise([out[0], *out, *out[::-1]]):
+        step = before.inverse() @ pose
+        odometry = odometry @ Pose2(x_m=1.01 * step.x_m, y_m=step.y_m, theta_rad=step.theta_rad)
+        scan = room_scan(pose, noise_m=0.01, rng=rng, walls=walls)
+        near = replace(scan, ranges_m=np.where(scan.ranges_m < 4.0, scan.ranges_m, np.nan))
+        localizer.update(odometry, near, STILL)
+        lost.append(bool(localizer.quality().lost))
+    assert not any(lost[5:30])
+    assert all(lost[len(out) - 20 : len(out) + 20])  # more than 4 m outside
+    assert not any(lost[-30:])
+    assert localizer.relocalizations == 0
+    assert error_m(localizer, out[0]) < 0.1
