@@ -49,6 +49,9 @@ def assert_wheel(logs: list[MotorLog], drive_scale: float = 1.0) -> MotorLog:
         ("t u theta", " ", (TIME_S, PWM, COUNTS)),
         ("time | pwm | encoder count | temp (°C)", "|", (TIME_S, PWM, COUNTS, 0.0 * PWM)),
         ("time_s,current_speed_rad_s,pwm,position (furlong)", ",", (TIME_S, SPEED, PWM, COUNTS)),
+        ("Zeit;PWM-Wert;Drehzahl", ";", (TIME_S, PWM, SPEED * 9.5492966)),
+        ("Čas [ms];Hodnota PWM;Otáčky [ot/min]", ";", (1e3 * TIME_S, PWM, SPEED * 9.5492966)),
+        ("Czas (s),PWM,Prędkość (rad/s)", ",", (TIME_S, PWM, SPEED)),
         ("Time (µs),PWM,Encoder Position (deg)", ",", (1e6 * TIME_S, PWM, COUNTS * 0.3)),
     ],
 )
@@ -115,6 +118,12 @@ def test_a_wrong_choice_is_named(tmp_path: Path, choice: str, message_: str) -> 
         read_logs(path, choices={**parse_choices(["output=c"]), **parse_choices([choice])})
 
 
+@pytest.mark.parametrize(("header", "unit"), [("Drehzahl", "rpm"), ("vel", "rad/s")])
+def test_a_speed_without_a_unit_is_named(tmp_path: Path, header: str, unit: str) -> None:
+    (log,) = read_logs(write(tmp_path / "log.csv", f"time_s,pwm,{header}", TIME_S, PWM, SPEED))
+    assert any(f"column '{header}' names no unit: read as {unit}" in warning for warning in log.warnings)
+
+
 def test_an_unknown_unit_stops_only_a_column_that_is_needed(tmp_path: Path) -> None:
     path = write(tmp_path / "log.csv", "time_s,pwm,speed (furlong)", TIME_S, PWM, SPEED)
     with pytest.raises(ThumperError, match=r"unknown unit 'furlong'.*--column"):
@@ -142,29 +151,68 @@ def test_matlab_files(tmp_path: Path) -> None:
         read_logs(path)
 
 
-@pytest.mark.parametrize("commanded", [True, False])
-def test_joint_states_of_a_ros_2_robot(tmp_path: Path, commanded: bool) -> None:
-    file = McapFile(tmp_path / "log.mcap", {})
-    volts = PWM / 28.0
+def record_joints(path: Path, drive: FloatArray, topics: dict[str, str]) -> Path:
+    """Record a ROS 2 robot with one wheel; the drive is its effort, or goes to topics of a std_msgs type."""
+    file = McapFile(path, {})
     for k, time_s in enumerate(TIME_S):
         stamp_ns = round(1e9 * (time_s + 1.7e9))
         stamp = message("builtin_interfaces/msg/Time", sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
         header = message("std_msgs/msg/Header", stamp=stamp, frame_id="")
-        if commanded:
-            command = message("std_msgs/msg/Float64", data=volts[k])
-            file.add("/wheel/cmd", command.__msgtype__, stamp_ns, encode(command))
+        for topic, type_name in topics.items():
+            value = round(drive[k]) if "Int" in type_name else drive[k]
+            file.add(topic, type_name, stamp_ns, encode(message(type_name, data=value)))
         joints = message(
             "sensor_msgs/msg/JointState",
             header=header,
             name=["wheel"],
             position=np.array([COUNTS[k] * COUNT_RAD]),
             velocity=np.zeros(0),
-            effort=np.zeros(0) if commanded else volts[k : k + 1],
+            effort=np.zeros(0) if topics else drive[k : k + 1],
         )
         file.add("/joint_states", joints.__msgtype__, stamp_ns, encode(joints))
     file.close()
-    log = assert_wheel(read_logs(tmp_path / "log.mcap"), 1.0 / 28.0)
-    assert any("taken as volts" in warning for warning in log.warnings)
+    return path
+
+
+FLOAT, INT = "std_msgs/msg/Float64", "std_msgs/msg/Int16"
+
+
+@pytest.mark.parametrize(
+    ("drive", "topics", "scale", "unit"),
+    [
+        (PWM / 28.0, {"/wheel/cmd": FLOAT}, 1.0 / 28.0, "volts"),
+        (PWM / 28.0, {}, 1.0 / 28.0, "volts"),
+        (PWM, {"/wheel/cmd": INT}, 1.0, "PWM of 255"),
+        (PWM, {"/wheel_pwm": FLOAT, "/battery_voltage": FLOAT}, 1.0, "PWM of 255"),
+        (PWM / 255.0, {"/wheel/cmd": FLOAT}, 1.0, "duty ratio"),
+    ],
+)
+def test_joint_states_of_a_ros_2_robot(
+    tmp_path: Path, drive: FloatArray, topics: dict[str, str], scale: float, unit: str
+) -> None:
+    log = assert_wheel(read_logs(record_joints(tmp_path / "log.mcap", drive, topics)), scale)
+    assert any(f"taken as {unit}" in warning for warning in log.warnings)
+
+
+def test_the_unit_of_a_command_can_be_chosen(tmp_path: Path) -> None:
+    """A robot of 60 PWM at most looks like one of 60 V."""
+    path = record_joints(tmp_path / "log.mcap", PWM / 4.0, {"/wheel/cmd": FLOAT})
+    assert any("pass --column drive=command_V:UNIT" in warning for warning in read_logs(path)[0].warnings)
+    assert_wheel(read_logs(path, choices=parse_choices(["drive=command_V:pwm"])), 0.25)
+
+
+def test_several_possible_commands_are_named(tmp_path: Path) -> None:
+    path = record_joints(tmp_path / "log.mcap", PWM, {"/arm_cmd": FLOAT, "/gripper_cmd": FLOAT})
+    with pytest.raises(ThumperError, match="which topic drives joint 'wheel': /arm_cmd, /gripper_cmd"):
+        read_logs(path)
+
+
+@pytest.mark.parametrize("name", ["m1_pwm,m1_counts,m2_pwm,m2_counts", "pwm1,counts1,pwm2,counts2"])
+def test_numbered_motors(tmp_path: Path, name: str) -> None:
+    path = write(tmp_path / "log.csv", f"time_s,{name}", TIME_S, PWM, COUNTS, -PWM, -COUNTS)
+    logs = read_logs(path)
+    assert [log.name for log in logs] == ["m1", "m2"]
+    assert_wheel(logs[1:])
 
 
 def test_qualifiers_do_not_hide_a_quantity() -> None:

@@ -58,6 +58,35 @@ def test_one_direction_with_several_levels_is_a_whole_model(fit: Fit) -> None:
     assert result["gain_rad_s_per_pwm"] == pytest.approx(WHEEL.gain, rel=0.02)
     assert result["static_friction_pwm"] == pytest.approx(WHEEL.friction, abs=2.0)
     assert "one direction only" in str(result["warnings"])
+    assert result["static_friction_forward_pwm"] == pytest.approx(WHEEL.friction, abs=2.0)
+    assert result["static_friction_backward_pwm"] is None
+    assert set(result["fit_percent_by_kind"]) == {"steps"}  # type: ignore[call-overload]
+
+
+def test_what_a_part_determines_is_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    time_s = 0.02 * np.arange(250, dtype=float)
+    pwm = np.where(time_s < 0.2, 0.0, 120.0)
+    rows = np.column_stack((time_s, pwm, counts_of(time_s, pwm)))
+    log = tmp_path / "step.csv"
+    np.savetxt(log, rows, delimiter=",", header="time_s,pwm,counts", comments="")
+    fit_files([log], counts_per_rev=1200, as_json=False, export=tmp_path)
+    assert f"wrote {tmp_path / 'models.json'}" in capsys.readouterr().out
+    models = json.loads((tmp_path / "models.json").read_text())
+    system = next(system for name, system in models["systems"].items() if name.endswith("_counted"))
+    assert system["period_s"] == 0.02
+    assert sum(system["numerator"]) / sum(system["denominator"]) == pytest.approx(
+        WHEEL.gain * (1.0 - WHEEL.friction / 120.0), rel=0.03
+    )
+
+
+def test_noise_before_a_step_is_no_start_in_motion(fit: Fit) -> None:
+    rng = np.random.default_rng(4)
+    time_s = 0.02 * np.arange(1500, dtype=float)
+    pwm = np.repeat(np.tile((0.0, 90.0, 0.0, -150.0, 0.0, 200.0), 5), 50)
+    speed = np.diff(counts_of(time_s, pwm), prepend=0.0) * COUNT_RAD / 0.02 + rng.normal(0.0, 0.15, 1500)
+    result = fit("time_s,pwm,speed_rad_s", time_s, pwm, speed)
+    assert result["time_constant_s"] == pytest.approx(WHEEL.tau_s, rel=0.1)
+    assert result["warnings"] == []
 
 
 def test_glitches_are_named_with_their_time(fit: Fit) -> None:

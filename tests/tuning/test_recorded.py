@@ -62,6 +62,7 @@ def _partly(logs: list[MotorLog]) -> PartialMotor:
 def test_a_filtered_and_late_speed(held_out: int, percent: float) -> None:
     """A voltage step, predicted by a fit to both ramps and the other step."""
     (log,) = read_logs(DATA / "simple-sysid" / "sysid_data.json")
+    assert "drive: SysId's voltage [V, -7 ... 7]" in log.columns
     edges = [*np.flatnonzero(log.starts_segment).tolist(), len(log.time_s)]
     assert len(edges) == 5
 

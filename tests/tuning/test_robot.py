@@ -72,7 +72,8 @@ def test_one_command_tunes_the_robot(tmp_path: Path, positions_m: list[float]) -
     images = re.findall(r'src="data:image/png;base64,([^"]+)"', page)
     assert len(images) == 13
     verdict = page[page.index("verdict") :].split("</div>")[0]
-    assert [line in page for line in ("<b>Found:</b>", "<b>Changes:</b>", "<b>Gains:</b>")] == [True] * 3
+    assert 'alt=""' not in page
+    assert [line in page for line in ("<b>Found:</b>", "<b>Changes:</b>", "<b>Effect:</b>")] == [True] * 3
     assert "→" in verdict
     assert all(base64.b64decode(image).startswith(b"\x89PNG") for image in images)
     assert not re.search(r'(src|href)="http', page)

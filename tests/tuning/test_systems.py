@@ -6,7 +6,7 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
-from benchmarks.shared.wheel_plant import Wheel
+from benchmarks.shared.wheel_plant import Wheel, steps_and_prbs
 
 from tests.tuning.test_fit import make_log
 from thumper_tuning.design.gains import DesignOptions, design, nominal_model
@@ -21,6 +21,7 @@ from thumper_tuning.identify.systems import (
     friction_system,
     second_order_system,
 )
+from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
 from thumper_tuning.report.export import write_models
 
 PERIOD_S = 0.1
@@ -113,11 +114,54 @@ def test_the_export_loads_into_python_control(motor: IdentifiedMotor, tmp_path: 
     loader = tmp_path / "load_models.py"
     assert len(loader.read_text().splitlines()) == 5
     systems = runpy.run_path(str(loader))["systems"]
+    second = motor.second_order()
     for name, expected in (
         ("wheel_counted", motor.counted(PERIOD_S)),
+        (
+            "wheel_second_order",
+            counted_second_order_system(second.base, second.second_time_constant_s, PERIOD_S),
+        ),
         ("wheel_era_2", motor.compare()[2].system),
         ("closed_loop", result.loop.closed_loop),
     ):
         found = control.step_response(systems[name], TIME_S)
         assert found.outputs == pytest.approx(control.step_response(expected, TIME_S).outputs, abs=1e-8)
     assert systems["wheel_continuous"].isctime()
+
+
+def test_a_richer_model_predicts_as_well_as_the_first_order() -> None:
+    """Also speeds that a driver reads at the row, not averaged over it: there the second order was worse."""
+    period_s = 0.02
+    time_s = period_s * np.arange(2500.0)
+    pwm = np.repeat(steps_and_prbs(500, 3), 5)
+    angle = Wheel().drive(time_s, pwm, 3)
+    speed = np.gradient(angle, period_s)
+    log = MotorLog(
+        name="wheel",
+        drive_unit=DriveUnit.PWM,
+        time_s=time_s,
+        drive=pwm,
+        starts_segment=np.arange(len(time_s)) == 0,
+        speed_rad_s=speed,
+        quantum_rad=0.0,
+    )
+    found = identify([log])
+    own, second = (
+        next(model for model in found.compare(richer=True) if model.kind == kind)
+        for kind in (found.compare()[0].kind, "second order")
+    )
+    assert second.fit_percent > own.fit_percent - 0.5
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 1e-15, 1e-6, 0.002, 0.05])
+@pytest.mark.parametrize("second_s", [1e-22, 1e-5, 0.02])
+def test_every_exported_system_has_a_step_response(delay_s: float, second_s: float) -> None:
+    model = _model(delay_s)
+    for system in (
+        continuous_system(model),
+        counted_system(model, PERIOD_S),
+        second_order_system(model, second_s),
+        counted_second_order_system(model, second_s, PERIOD_S),
+    ):
+        end = control.step_response(system, np.arange(0.0, 3.0, PERIOD_S)).outputs[-1]
+        assert end == pytest.approx(model.gain, rel=0.01)

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from rich.console import Console
@@ -14,7 +13,7 @@ from thumper.common.geometry import FloatArray
 from thumper.common.kinematics import DriveGeometry
 from thumper.config.robot import RobotConfig
 from thumper.lidar.open_lidar import open_lidar
-from thumper.lidar.options import LidarOptions
+from thumper.lidar.options import LidarModel, LidarOptions
 from thumper_tuning.calibration.course import FLOOR, CourseOptions, course
 from thumper_tuning.calibration.drive_course import drive_course
 from thumper_tuning.calibration.figures import draw_odometry
@@ -43,7 +42,7 @@ class DriveSource:
 
     board: str
     lidar: str = ""
-    lidar_model: Literal["urg04lx", "ld19"] = "urg04lx"
+    lidar_model: LidarModel = "urg04lx"
     log: Path | None = None
     truth: Path | None = None
 

@@ -8,11 +8,11 @@ from typing import Any
 from thumper_tuning.identify.excitation_checks import UndeterminedError
 from thumper_tuning.identify.motor import IdentifiedMotor, identify
 from thumper_tuning.identify.motor_constants import physical_constants
-from thumper_tuning.identify.partial import identify_partly
+from thumper_tuning.identify.partial import PartialMotor, identify_partly
 from thumper_tuning.identify.result_json import NOT_IDENTIFIABLE, motor_to_dict, partial_to_dict
 from thumper_tuning.logs.motor_log import MotorLog
 from thumper_tuning.logs.read import read_runs
-from thumper_tuning.logs.roles import Role
+from thumper_tuning.logs.roles import Choices
 from thumper_tuning.report.export import write_models
 from thumper_tuning.report.text import motor_lines, partial_lines
 
@@ -22,7 +22,7 @@ def fit_files(
     *,
     counts_per_rev: float,
     as_json: bool,
-    choices: dict[Role, str] | None = None,
+    choices: Choices | None = None,
     variants: bool = False,
     resistance_Ohm: float | None = None,
     export: Path | None = None,
@@ -37,20 +37,25 @@ def fit_files(
         A file cannot be read, or the logs determine nothing.
     """
     runs = read_runs(files, counts_per_rev, choices)
-    results, lines, whole = {}, [], []
+    results: dict[str, Any] = {}
+    lines: list[str] = []
+    whole: list[IdentifiedMotor] = []
+    parts: list[PartialMotor] = []
     for logs in runs:
         try:
             motor = identify(logs)
         except UndeterminedError as reason:
             part = identify_partly(logs, reason)
+            parts.append(part)
             results[part.name] = partial_to_dict(part)
             lines += partial_lines(part)
             continue
         whole.append(motor)
         results[motor.name] = _result(motor, logs, variants=variants, resistance_Ohm=resistance_Ohm)
         lines += [*motor_lines(motor), *_extra_lines(results[motor.name])]
-    if export is not None and whole:
-        write_models(export, whole)
+    if export is not None:
+        path = write_models(export, whole, partial=parts)
+        lines.append(f"wrote {path}")
     if as_json:
         print(json.dumps(results if len(results) > 1 else next(iter(results.values())), indent=2))
         return
@@ -88,7 +93,7 @@ def _variant_line(model: dict[str, Any]) -> str:
 
 
 def identify_files(
-    files: list[Path], counts_per_rev: float, choices: dict[Role, str] | None = None
+    files: list[Path], counts_per_rev: float, choices: Choices | None = None
 ) -> list[IdentifiedMotor]:
     """Identify every motor in the files and print its parameters."""
     motors = [identify(logs) for logs in read_runs(files, counts_per_rev, choices)]

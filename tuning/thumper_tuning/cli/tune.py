@@ -163,7 +163,7 @@ def fit(
         choices=parse_choices(column),
         variants=variants,
         resistance_Ohm=resistance,
-        export=prepare_output(export) if export is not None else None,
+        export=prepare_output(export, "--export") if export is not None else None,
     )
 
 

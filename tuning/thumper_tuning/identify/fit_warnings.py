@@ -1,5 +1,6 @@
 """Warnings about a fit that was accepted."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -14,25 +15,30 @@ from thumper_tuning.logs.units import FULL_PWM
 WHITENESS_LIMIT = 2.576  # 99 % of a normal distribution
 LAGS = 20
 FEEDBACK_SIGMAS = 4.0
+MIN_FIT_PERCENT, MIN_KIND_PERCENT = 85.0, 75.0  # of all speeds; of ramps, steps or random switching alone
 INSEPARABLE = 0.2  # of the time constant
 MIN_SENSOR_WINDOW_S = 0.015
-MAX_AUTOCORRELATION = 0.6  # a first-order wheel with torque ripple stays below
+MAX_AUTOCORRELATION = 0.6  # a first-order wheel with torque ripple stays below it after one time constant
 
 
 def fit_warnings(
-    logs: list[MotorLog], segments: list[LogSegment], fit: Fit, validation: Validation
+    logs: list[MotorLog],
+    segments: list[LogSegment],
+    fit: Fit,
+    validation: Validation,
+    fit_percent_by_kind: dict[str, float],
 ) -> list[str]:
     """Return the warnings, most important first; none for a good log."""
     return [
         *_saturation_warnings(segments),
-        *_validation_warnings(segments, fit, validation),
+        *_validation_warnings(segments, fit, validation, fit_percent_by_kind),
         *_delay_warnings(fit),
-        *_speed_warnings(segments, fit),
+        *_rate_warnings(segments, fit),
         *_feedback_warnings(logs, segments, fit, validation),
         *_drive_warnings(logs[0].drive_unit, segments, fit),
         *_resolution_warnings(logs, segments),
         *_friction_warnings(logs[0].drive_unit, fit),
-        *_residual_warnings(fit, validation),
+        *_residual_warnings(segments, fit, validation),
     ]
 
 
@@ -46,11 +52,18 @@ def _saturation_warnings(segments: list[LogSegment]) -> Iterator[str]:
         )
 
 
-def _validation_warnings(segments: list[LogSegment], fit: Fit, validation: Validation) -> Iterator[str]:
-    if validation.fit_percent < 85.0:
+def _validation_warnings(
+    segments: list[LogSegment], fit: Fit, validation: Validation, fit_percent_by_kind: dict[str, float]
+) -> Iterator[str]:
+    worst = min(fit_percent_by_kind, key=lambda kind: fit_percent_by_kind[kind], default="")
+    if validation.fit_percent < MIN_FIT_PERCENT:
+        worst, percent = "speeds", validation.fit_percent
+    else:
+        percent = fit_percent_by_kind.get(worst, 100.0)
+    if percent < (MIN_FIT_PERCENT if worst == "speeds" else MIN_KIND_PERCENT):
         yield (
-            f"held-out speeds are predicted to only {validation.fit_percent:.0f} %: noise, backlash, slip, "
-            "or a battery whose voltage drops (log it as battery_V)"
+            f"held-out {worst} are predicted to only {percent:.0f} %: noise, backlash, slip, or a battery "
+            "whose voltage drops (log it as battery_V)"
         )
     glitches = int(fit.is_glitch.sum())
     if glitches:
@@ -74,15 +87,13 @@ def _delay_warnings(fit: Fit) -> Iterator[str]:
         )
 
 
-def _speed_warnings(segments: list[LogSegment], fit: Fit) -> Iterator[str]:
-    period_s, speed = median_window_s(segments), all_speeds(segments)
+def _rate_warnings(segments: list[LogSegment], fit: Fit) -> Iterator[str]:
+    period_s = median_window_s(segments)
     if fit.model.time_constant_s < 0.25 * period_s:
         yield (
             f"the time constant is below a quarter of the rows' interval ({period_s:g} s): log faster to be "
             "certain"
         )
-    if speed.min() > -0.02 * speed.max() or speed.max() < -0.02 * speed.min():
-        yield "one direction only: the friction of the other direction is unknown"
 
 
 def _feedback_warnings(
@@ -143,9 +154,13 @@ def _friction_warnings(unit: DriveUnit, fit: Fit) -> Iterator[str]:
         )
 
 
-def _residual_warnings(fit: Fit, validation: Validation) -> Iterator[str]:
+def _residual_warnings(segments: list[LogSegment], fit: Fit, validation: Validation) -> Iterator[str]:
+    # Torque noise passes the motor, so its effect lasts a time constant, and as long as a sensor averages it.
     # Counting alone gives a negative correlation at lag 1: a count missing in one window is in the next.
-    if float(np.max(autocorrelation(validation.residual_rad_s[~fit.is_glitch]))) > MAX_AUTOCORRELATION:
+    lasts_s = fit.model.time_constant_s + segments[0].sensor_window_s
+    first = max(math.ceil(lasts_s / median_window_s(segments) - 1e-9), 1)
+    correlation = autocorrelation(validation.residual_rad_s[~fit.is_glitch], first + LAGS)
+    if float(np.max(correlation[first - 1 :], initial=0.0)) > MAX_AUTOCORRELATION:
         yield (
             "the residuals are not white: a first-order model does not explain all of this motor (backlash, "
             "battery voltage, load)"

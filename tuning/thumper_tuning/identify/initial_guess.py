@@ -7,7 +7,7 @@ import numpy as np
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.least_squares import FitData
 from thumper_tuning.identify.model import MotorModel
-from thumper_tuning.identify.motor_response import DriveSignal, MotorParameters
+from thumper_tuning.identify.motor_response import DriveSignal, MotorParameters, simulate
 from thumper_tuning.identify.prediction import observe
 from thumper_tuning.identify.realization import (
     impulse_response,
@@ -111,7 +111,9 @@ class _Filters:
             breakaway_ratio=1.0,
             delay_s=self.delay_s,
         )
-        return observe(s, signal, initial, one_pole, instantaneous=self.instantaneous)
+        return observe(
+            s, lambda t, w: simulate(signal, t, w, one_pole), initial, instantaneous=self.instantaneous
+        )
 
 
 def _fit_l1(X: FloatArray, y: FloatArray) -> tuple[FloatArray, float]:

@@ -1,6 +1,7 @@
 """Identify one motor from its logs: fit, validation, checks and warnings."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ from thumper_tuning.identify.excitation_checks import (
 from thumper_tuning.identify.fit import Fit, fit_motor
 from thumper_tuning.identify.fit_warnings import fit_warnings
 from thumper_tuning.identify.model import MotorModel, Uncertainty
-from thumper_tuning.identify.richer_models import fit_richer_models
+from thumper_tuning.identify.richer_models import RicherModel, fit_richer_models, fit_second_order
 from thumper_tuning.identify.saturation import with_ceiling
 from thumper_tuning.identify.segments import LogSegment, speed_stride, split_segments
 from thumper_tuning.identify.sensor_window import fit_sensor_window, rms_residual
@@ -47,6 +48,7 @@ class IdentifiedMotor:
     period_s: float
     supply_V: float | None
     warnings: tuple[str, ...]
+    one_direction: bool = False  # the friction of the other direction is not determined
     columns: tuple[str, ...] = ()  # what was understood of the file
     fit_percent_by_kind: dict[str, float] = field(default_factory=dict)  # of held-out speeds, worst first
 
@@ -54,6 +56,18 @@ class IdentifiedMotor:
     def sensor_window_s(self) -> float:
         """The time over which the logged speeds are averaged, beyond the row's interval; 0: none found."""
         return self.segments[0].sensor_window_s if self.segments[0].sensor_window_s > self.period_s else 0.0
+
+    @property
+    def friction_by_direction(self) -> dict[str, tuple[float, float] | None]:
+        """Static friction and its standard deviation, forward and backward; None: not determined."""
+        model, std = self.model, self.uncertainty
+        found: dict[str, tuple[float, float] | None] = {
+            "forward": (model.friction_forward, std.friction_forward),
+            "backward": (model.friction_backward, std.friction_backward),
+        }
+        if self.one_direction:
+            found["backward" if _turns_forward(self.segments) else "forward"] = None
+        return found
 
     def continuous(self) -> "control.TransferFunction":
         """Return the motor as a continuous python-control system, from drive to speed, without friction."""
@@ -66,6 +80,10 @@ class IdentifiedMotor:
     def with_friction(self, period_s: float) -> "control.NonlinearIOSystem":
         """Return the discrete nonlinear system with friction, for `control.input_output_response`."""
         return friction_system(self.model, period_s)
+
+    def second_order(self) -> RicherModel:
+        """Return the second-order grey box (thesis, eq. 3.3, with friction), fitted to the same data."""
+        return fit_second_order(list(self.segments), self.fit)
 
     def compare(self, *, richer: bool = False) -> list[ComparedModel]:
         """Return models of this motor with their validation fit; `richer` adds two grey boxes (seconds)."""
@@ -99,7 +117,7 @@ def identify(logs: list[MotorLog]) -> IdentifiedMotor:
             f"{name}: the speed does not follow the drive; check columns, units and sign; {RECORD}"
         )
     if one_direction:
-        fit = replace(fit, model=_one_sided(fit.model, segments))
+        fit = _one_sided(fit, segments)
     validation = cross_validate(segments, fit)
     largest = max(float(np.abs(s.drive).max()) for s in segments)
     check_result(name, fit, validation.fit_percent, logs[0].drive_unit, largest)
@@ -109,7 +127,11 @@ def identify(logs: list[MotorLog]) -> IdentifiedMotor:
             "the speed falls when the drive rises: encoder or motor is connected the other way round; "
             "its sign was inverted"
         )
-    warnings += fit_warnings(logs, segments, fit, validation)
+    if one_direction:
+        other = "backward" if _turns_forward(segments) else "forward"
+        warnings.append(f"one direction only: the {other} friction is not determined")
+    by_kind = fit_by_kind(segments, fit, validation)
+    warnings += fit_warnings(logs, segments, fit, validation, by_kind)
     supplies = [log.supply_V for log in logs if log.supply_V is not None]
     return IdentifiedMotor(
         name=name,
@@ -122,8 +144,9 @@ def identify(logs: list[MotorLog]) -> IdentifiedMotor:
         period_s=round(float(np.median([log.period_s for log in logs])), 9),  # control compares them exactly
         supply_V=float(np.mean(supplies)) if supplies else None,
         warnings=tuple(warnings),
+        one_direction=one_direction,
         columns=logs[0].columns,
-        fit_percent_by_kind=fit_by_kind(segments, fit, validation),
+        fit_percent_by_kind=by_kind,
     )
 
 
@@ -178,11 +201,24 @@ def _best_fit(logs: list[MotorLog], segments: list[LogSegment]) -> tuple[Fit | N
     return best, of_best
 
 
-def _one_sided(model: MotorModel, segments: list[LogSegment]) -> MotorModel:
-    """Give the direction that was not driven the friction of the other."""
-    forward = sum(float(s.speed_rad_s.sum()) for s in segments) > 0.0
-    friction = model.friction_forward if forward else model.friction_backward
-    return replace(model, friction_forward=friction, friction_backward=friction)
+def _one_sided(fit: Fit, segments: list[LogSegment]) -> Fit:
+    """Give the direction that was not driven the friction of the other, as simulations need one."""
+    std = fit.uncertainty
+    if _turns_forward(segments):
+        friction, friction_std = fit.model.friction_forward, std.friction_forward
+    else:
+        friction, friction_std = fit.model.friction_backward, std.friction_backward
+    return replace(
+        fit,
+        model=replace(fit.model, friction_forward=friction, friction_backward=friction),
+        uncertainty=replace(
+            std, friction=friction_std, friction_forward=friction_std, friction_backward=friction_std
+        ),
+    )
+
+
+def _turns_forward(segments: Iterable[LogSegment]) -> bool:
+    return sum(float(s.speed_rad_s.sum()) for s in segments) > 0.0
 
 
 def _is_reversed(segments: list[LogSegment]) -> bool:

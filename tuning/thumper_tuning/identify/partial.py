@@ -6,6 +6,7 @@ leads to. The model is then linear, from the drive to that speed.
 
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,7 +20,11 @@ from thumper_tuning.identify.least_squares import FitData, minimize_soft_l1, wei
 from thumper_tuning.identify.model import MotorModel
 from thumper_tuning.identify.motor import INSTANTANEOUS_COST_RATIO, signed_segments
 from thumper_tuning.identify.segments import LogSegment, median_window_s
+from thumper_tuning.identify.systems import continuous_system, counted_system
 from thumper_tuning.logs.motor_log import BoolArray, DriveUnit, MotorLog
+
+if TYPE_CHECKING:
+    import control
 
 MIN_FIT_PERCENT = 60.0
 SETTLED_TIME_CONSTANTS = 4.0
@@ -42,16 +47,34 @@ class PartialMotor:
 
     name: str
     unit: DriveUnit
-    time_constant_s: float
+    model: MotorModel  # linear: from the drive to the speed that it leads to, at the recorded level only
     time_constant_std_s: float
-    delay_s: float
     delay_std_s: float
+    period_s: float
     steady: tuple[SteadySpeed, ...]
     fit_percent: float  # of the fitted windows: too little data to hold out
     warnings: tuple[str, ...]
     not_determined: tuple[str, ...]
     record_next: str
     columns: tuple[str, ...]
+
+    @property
+    def time_constant_s(self) -> float:
+        """The time constant."""
+        return self.model.time_constant_s
+
+    @property
+    def delay_s(self) -> float:
+        """From drive to motion; 0: indistinguishable from none."""
+        return self.model.delay_s
+
+    def continuous(self) -> "control.TransferFunction":
+        """Return the continuous python-control system of the recorded level."""
+        return continuous_system(self.model)
+
+    def counted(self, period_s: float) -> "control.TransferFunction":
+        """Return the discrete system of the recorded level, to the speed that is counted per period."""
+        return counted_system(self.model, period_s)
 
 
 def identify_partly(logs: list[MotorLog], reason: UndeterminedError) -> PartialMotor:
@@ -78,10 +101,10 @@ def identify_partly(logs: list[MotorLog], reason: UndeterminedError) -> PartialM
     return PartialMotor(
         name=name,
         unit=unit,
-        time_constant_s=model.time_constant_s,
+        model=model,
         time_constant_std_s=model.time_constant_s * float(std[1]),
-        delay_s=model.delay_s,
         delay_std_s=float(std[2]) * median_window_s(segments),
+        period_s=round(float(np.median([log.period_s for log in logs])), 9),
         steady=tuple(_steady_speeds(segments, model, best.use)),
         fit_percent=best.fit_percent,
         warnings=tuple(warnings),

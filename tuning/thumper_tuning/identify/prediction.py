@@ -1,20 +1,23 @@
 """Predict the speeds of a log from its drive; the measured speeds set only the initial speed."""
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.model import MotorModel
-from thumper_tuning.identify.motor_response import (
-    DriveSignal,
-    MotorParameters,
-    motor_parameters,
-    simulate,
-)
+from thumper_tuning.identify.motor_response import motor_parameters, simulate
 from thumper_tuning.identify.segments import LogSegment
 
 MIN_SHARE = 0.1  # of the initial speed in the first window; with less it cannot be determined
+HEAD_TIME_CONSTANTS = 3.0  # the windows after a start in motion that still show the initial speed
+HEAD_SHARE = 0.15  # of a segment's windows at most: the others show whether the model predicts
+FIRST_SHARE = 0.9  # of the information in the first window alone: with more, the others add nothing
+
+Response = Callable[[FloatArray, float], tuple[FloatArray, FloatArray]]
+"""Angles [rad] and speeds [rad/s] at the times [s], from the speed [rad/s] at the first of them."""
 
 
 def predict(segment: LogSegment, model: MotorModel, *, instantaneous: bool) -> FloatArray:
@@ -22,34 +25,77 @@ def predict(segment: LogSegment, model: MotorModel, *, instantaneous: bool) -> F
 
     They are means over the windows, or with `instantaneous` over the sensor's window before their ends.
     """
-    omega = initial_speed(segment, model, instantaneous=instantaneous)
     motor = motor_parameters(model)
-    speeds = observe(segment, segment.drive_signal, omega, motor, instantaneous=instantaneous)
+
+    def response(time_s: FloatArray, omega: float) -> tuple[FloatArray, FloatArray]:
+        return simulate(segment.drive_signal, time_s, omega, motor)
+
+    return predict_by(response, segment, model, instantaneous=instantaneous)
+
+
+def predict_by(
+    response: Response, segment: LogSegment, model: MotorModel, *, instantaneous: bool
+) -> FloatArray:
+    """Return the speeds of all windows by a response whose slow part is `model`, shape (n,)."""
+    omega = initial_speed(response, segment, model, instantaneous=instantaneous)
+    speeds = observe(segment, response, omega, instantaneous=instantaneous)
     return np.clip(speeds, -segment.ceiling_rad_s, segment.ceiling_rad_s)
 
 
-def observe(
-    s: LogSegment, signal: DriveSignal, omega: float, motor: MotorParameters, *, instantaneous: bool
-) -> FloatArray:
-    """Return what the log would hold of a motor that this drive moves, from speed `omega`, shape (n,)."""
+def observe(s: LogSegment, response: Response, omega: float, *, instantaneous: bool) -> FloatArray:
+    """Return what the log would hold of a motor that responds so, from speed `omega`, shape (n,)."""
     if not instantaneous or s.sensor_window_s == 0.0:
-        angles, speeds = simulate(signal, s.edge_s, omega, motor)
+        angles, speeds = response(s.edge_s, omega)
         return speeds[1:] if instantaneous else np.diff(angles) / s.windows_s
     begins_s = s.edge_s[1:] - s.sensor_window_s
     times_s, at = np.unique(
         np.concatenate((s.edge_s, np.maximum(begins_s, s.edge_s[0]))), return_inverse=True
     )
-    angles, _ = simulate(signal, times_s, omega, motor)
+    angles, _ = response(times_s, omega)
     n = len(s.edge_s)
     before = omega * np.maximum(s.edge_s[0] - begins_s, 0.0)  # turned before the segment
     turned: FloatArray = angles[at[1:n]] - angles[at[n:]] + before
     return turned / s.sensor_window_s
 
 
-def initial_speed(segment: LogSegment, model: MotorModel, *, instantaneous: bool) -> float:
-    """Return the speed at the first edge for which the model predicts the first window [rad/s]."""
+def initial_speed(
+    response: Response, segment: LogSegment, model: MotorModel, *, instantaneous: bool
+) -> float:
+    """Return the speed at the first edge that explains the first windows best [rad/s].
+
+    A guess from the first window is corrected by least squares over the windows in which the initial speed
+    still shows: one noisy window alone would offset all of them.
+    """
     if segment.at_rest:
         return 0.0
+    guess = _from_first_window(segment, model, instantaneous=instantaneous)
+    tau_s = model.time_constant_s
+    head_s = HEAD_TIME_CONSTANTS * tau_s + segment.sensor_window_s
+    last = int(np.searchsorted(segment.edge_s, segment.edge_s[0] + head_s)) + 1
+    last = min(last, int(HEAD_SHARE * len(segment.speed_rad_s)) + 1)
+    head = replace(segment, edge_s=segment.edge_s[:last], speed_rad_s=segment.speed_rad_s[: last - 1])
+    if guess == 0.0 or len(head.speed_rad_s) < 2:
+        return guess
+    shape = observe(
+        head, lambda time_s, omega: _decay(time_s, omega, tau_s), 1.0, instantaneous=instantaneous
+    )
+    power = float(shape @ shape)
+    if shape[0] ** 2 >= FIRST_SHARE * power:
+        return guess
+    residual = head.speed_rad_s - observe(head, response, guess, instantaneous=instantaneous)
+    limit = 3.0 * float(np.median(np.abs(residual)))  # a glitch
+    corrected = guess + float(shape @ np.clip(residual, -limit, limit)) / power
+    return corrected if corrected * guess > 0.0 else 0.0
+
+
+def _decay(time_s: FloatArray, omega: float, tau_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return the angles and speeds of a motor without drive and friction."""
+    speeds = omega * np.exp(-(time_s - time_s[0]) / tau_s)
+    return tau_s * (omega - speeds), speeds
+
+
+def _from_first_window(segment: LogSegment, model: MotorModel, *, instantaneous: bool) -> float:
+    """Return the speed at the first edge for which the model predicts the first window [rad/s]."""
     mean, window_s = float(segment.speed_rad_s[0]), float(segment.edge_s[1] - segment.edge_s[0])
     drive = float(segment.drive[0]) if model.delay_s < 0.5 * window_s else segment.initial_drive
     direction = math.copysign(1.0, mean)

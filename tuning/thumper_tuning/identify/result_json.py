@@ -12,7 +12,10 @@ NOT_IDENTIFIABLE = (
 
 
 def motor_to_dict(motor: IdentifiedMotor) -> dict[str, Any]:
-    """Return plain values; keys carry their units, and every parameter has its `_std`."""
+    """Return plain values; keys carry their units, and every parameter has its `_std`.
+
+    None: not determined.
+    """
     model, std, unit = motor.model, motor.uncertainty, motor.unit.value
     return {
         "motor": motor.name,
@@ -22,10 +25,11 @@ def motor_to_dict(motor: IdentifiedMotor) -> dict[str, Any]:
         "time_constant_s_std": std.time_constant_s,
         f"static_friction_{unit}": model.friction,
         f"static_friction_{unit}_std": std.friction,
-        f"static_friction_forward_{unit}": model.friction_forward,
-        f"static_friction_forward_{unit}_std": std.friction_forward,
-        f"static_friction_backward_{unit}": model.friction_backward,
-        f"static_friction_backward_{unit}_std": std.friction_backward,
+        **{
+            f"static_friction_{direction}_{unit}{suffix}": found[k] if found is not None else None
+            for direction, found in motor.friction_by_direction.items()
+            for k, suffix in enumerate(("", "_std"))
+        },
         "breakaway_ratio": model.breakaway_ratio,
         "delay_s": model.delay_s,
         "delay_s_std": std.delay_s,

@@ -24,12 +24,13 @@ from thumper_tuning.identify.motor_response import (
     motor_parameters,
     next_event_s,
 )
-from thumper_tuning.identify.prediction import initial_speed
+from thumper_tuning.identify.prediction import predict_by
 from thumper_tuning.identify.segments import LogSegment, median_window_s
 from thumper_tuning.logs.motor_log import BoolArray
 
 STEPS_PER_TIME_CONSTANT = 8.0
 MIN_STEP_S = 2e-4
+SECOND_SHARES = (0.05, 0.3)  # second time constants to start from, of the first
 COASTING_RATIO = 4.0  # a load that is free in the backlash slows down with this many motor time constants
 
 
@@ -62,29 +63,54 @@ class RicherModel:
 
 def fit_richer_models(segments: list[LogSegment], fit: Fit) -> list[RicherModel]:
     """Fit both richer models and cross-validate them with the same blocks as the first-order fit."""
-    tau_s = fit.model.time_constant_s
-    lag_s = max(0.2 * tau_s, 0.1 * median_window_s(segments))
-    second_order = RicherModel(kind="second order", base=fit.model, second_time_constant_s=lag_s)
     backlash = RicherModel(kind="backlash", base=fit.model, play_rad=0.3, motor_share=0.3)
-    return [_fit_and_validate(segments, fit, start) for start in (second_order, backlash)]
+    found = (fit_second_order(segments, fit), _solve(segments, fit, backlash, ~fit.is_glitch))
+    return [_validated(segments, fit, model) for model in found]
 
 
-def predict_richer(s: LogSegment, model: RicherModel) -> FloatArray:
-    """Return the mean speeds over the windows of a segment [rad/s]."""
-    omega = initial_speed(s, model.base, instantaneous=False)
-    angles, _ = simulate_richer(s.drive_signal, s.edge_s, omega, motor_parameters(model.base), model.extra)
-    return np.diff(angles) / s.windows_s
+def fit_second_order(segments: list[LogSegment], fit: Fit) -> RicherModel:
+    """Fit the second-order model, from two second time constants; not validated."""
+    tau_s, least_s = fit.model.time_constant_s, 0.1 * median_window_s(segments)
+    found = []
+    for share in SECOND_SHARES:
+        lag_s = max(share * tau_s, least_s)
+        # The lag delays the speed as a dead time or a longer time constant does: take it from both.
+        base = replace(
+            fit.model,
+            time_constant_s=tau_s - min(max(lag_s - fit.model.delay_s, 0.0), 0.5 * tau_s),
+            delay_s=max(fit.model.delay_s - lag_s, 0.0),
+        )
+        start = RicherModel(kind="second order", base=base, second_time_constant_s=lag_s)
+        found.append(_solve(segments, fit, start, ~fit.is_glitch))
+    return min(found, key=lambda model: _cost(segments, fit, model))
 
 
-def _residuals(segments: list[LogSegment], model: RicherModel) -> FloatArray:
-    return np.concatenate([s.speed_rad_s - predict_richer(s, model) for s in segments])
+def predict_richer(s: LogSegment, model: RicherModel, *, instantaneous: bool) -> FloatArray:
+    """Return the speeds of all windows of a segment [rad/s], read as `predict` reads them."""
+    motor, extra = motor_parameters(model.base), model.extra
+
+    def response(time_s: FloatArray, omega: float) -> tuple[FloatArray, FloatArray]:
+        return simulate_richer(s.drive_signal, time_s, omega, motor, extra)
+
+    return predict_by(response, s, model.base, instantaneous=instantaneous)
 
 
-def _fit_and_validate(segments: list[LogSegment], fit: Fit, start: RicherModel) -> RicherModel:
+def _residuals(segments: list[LogSegment], fit: Fit, model: RicherModel) -> FloatArray:
+    return np.concatenate(
+        [s.speed_rad_s - predict_richer(s, model, instantaneous=fit.instantaneous) for s in segments]
+    )
+
+
+def _cost(segments: list[LogSegment], fit: Fit, model: RicherModel) -> float:
     use = ~fit.is_glitch
-    found = _solve(segments, fit, start, use)
+    scaled = (_residuals(segments, fit, model) * weights(segments))[use] / fit.scale_rad_s
+    return float(np.sum(np.sqrt(1.0 + scaled**2)))
+
+
+def _validated(segments: list[LogSegment], fit: Fit, found: RicherModel) -> RicherModel:
+    use = ~fit.is_glitch
     validation = validate(
-        segments, fit, lambda kept: _residuals(segments, _solve(segments, fit, found, use & kept))
+        segments, fit, lambda kept: _residuals(segments, fit, _solve(segments, fit, found, use & kept))
     )
     return replace(found, fit_percent=validation.fit_percent)
 
@@ -100,7 +126,7 @@ def _solve(segments: list[LogSegment], fit: Fit, start: RicherModel, use: BoolAr
         x0, model_of = [*x0, 0.0, start.motor_share], _backlash_from(start, scaling)
         low, high = [*low, 0.02], [*high, 1.0]
     x = minimize_soft_l1(
-        lambda x: _residuals(segments, model_of(x))[use] * weight,
+        lambda x: _residuals(segments, fit, model_of(x))[use] * weight,
         x0,
         (low, high),
         [0.1, 0.2, 0.05, 0.05, 0.2, 0.3, 0.2],
@@ -145,11 +171,17 @@ def _step(
     """Hold the drive `u` for `h` seconds; return the new state and the angle that the motor turned."""
     omega, load, gap, filtered = state.omega, state.load, state.gap, state.filtered_drive
     play, share = extra.backlash_rad, extra.motor_share
-    filtered = u + (filtered - u) * math.exp(-h / extra.lag_s) if extra.lag_s > 0.0 else u
-    direction = math.copysign(1.0, omega) if omega != 0.0 else math.copysign(1.0, filtered)
+    acting = u  # mean over the step of what is behind the second time constant
+    if extra.lag_s > 0.0:
+        after_lag = u + (filtered - u) * math.exp(-h / extra.lag_s)
+        acting = u + (filtered - after_lag) * extra.lag_s / h
+        filtered = after_lag
+    direction = math.copysign(1.0, omega) if omega != 0.0 else math.copysign(1.0, acting)
     friction = motor.friction_forward if direction > 0.0 else motor.friction_backward
-    final = motor.gain * (filtered - direction * friction)
-    stays_at_rest = omega == 0.0 and final * direction <= 0.0
+    if friction < 0.0 and acting * direction <= 0.0:
+        friction = 0.0  # as in `motor_response`
+    final = motor.gain * (acting - direction * friction)
+    stays_at_rest = omega == 0.0 and acting * direction <= motor.breakaway_ratio * max(friction, 0.0)
     moves_load = _moves_load(state, final, play)
     if moves_load and play > 0.0 and omega != load:
         omega = share * omega + (1.0 - share) * load  # inelastic impact
@@ -158,6 +190,8 @@ def _step(
     if omega != 0.0 and after * omega < 0.0:
         after = 0.0
     turned = 0.5 * (omega + after) * h
+    if moves_load and after != 0.0:
+        turned = final * h + tau * (omega - after)
     if moves_load:
         load = after
     else:
@@ -185,7 +219,8 @@ def simulate_richer(
 ) -> tuple[FloatArray, FloatArray]:
     """Return angle [rad] and speed [rad/s] of the motor at the query times; see `simulate`.
 
-    Steps are an eighth of the shortest time constant, at least 0.2 ms.
+    Steps are an eighth of the motor's time constant, at least 0.2 ms. Within a step the drive acts with its
+    exact mean behind the second time constant, so that one needs no shorter steps.
     """
     n = len(query_s)
     angles, speeds = np.zeros(n), np.zeros(n)
@@ -194,8 +229,7 @@ def simulate_richer(
     play = extra.backlash_rad
     gap = play if omega > 0.0 else 0.0 if omega < 0.0 else 0.5 * play
     own_tau = motor.tau_s if play == 0.0 else extra.motor_share * motor.tau_s
-    fastest = min(own_tau, extra.lag_s if extra.lag_s > 0.0 else own_tau)
-    max_step = max(fastest / STEPS_PER_TIME_CONSTANT, MIN_STEP_S)
+    max_step = max(own_tau / STEPS_PER_TIME_CONSTANT, MIN_STEP_S)
     state, angle = _State(omega, omega, gap, u), 0.0
     speeds[0] = omega
     for j in range(1, n):

@@ -19,6 +19,7 @@ MAX_MERGED_WINDOW_S = 0.05  # ... but longer windows would hide the time constan
 # Of a log with more rows of speeds than this, only every n-th is fitted: the others only cost time.
 MANY_ROWS, MAX_SPEED_PERIOD_S = 2000, 0.025
 AT_REST_QUANTA = 0.6
+MIN_STILL_ROWS = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -105,9 +106,17 @@ def _without_coasting(log: MotorLog, rows: slice) -> list[slice]:
 
 
 def _moves(log: MotorLog, rows: slice) -> BoolArray:
-    """Return whether the motor has turned since the previous row, shape (n,)."""
+    """Return whether the motor has turned since the previous row, shape (n,).
+
+    A motor that coasts does not reverse. So noisy speeds show at PWM 0 by their sign that it has stopped.
+    """
     if log.speed_rad_s is not None:
-        return np.asarray(log.speed_rad_s[rows] != 0.0)
+        speed = log.speed_rad_s[rows]
+        reverses = np.concatenate(([False], speed[1:] * speed[:-1] < 0.0))
+        off = log.drive[rows] == 0.0
+        starts = np.maximum.accumulate(np.where(off, 0, np.arange(1, len(off) + 1)))  # of PWM 0
+        stopped = np.cumsum(reverses)
+        return np.asarray((speed != 0.0) & ~(off & (stopped > stopped[np.minimum(starts, len(off) - 1)])))
     assert log.position_rad is not None
     return np.abs(np.diff(log.position_rad[rows], prepend=np.nan)) > AT_REST_QUANTA * log.quantum_rad
 
@@ -134,7 +143,7 @@ def _segment(log: MotorLog, rows: slice) -> LogSegment | None:
     else:
         # The window of the first row began one period earlier: its speed is the state at the start.
         speed, edge_s = y[1:], time_s[known]
-        at_rest = y[0] == 0.0
+        at_rest = y[0] == 0.0 or _is_still(y[: int(np.argmax(drive[known] != 0.0))])
     return LogSegment(
         change_s=time_s,
         drive=drive,
@@ -144,6 +153,15 @@ def _segment(log: MotorLog, rows: slice) -> LogSegment | None:
         speed_rad_s=speed,
         quantum_rad_s=_quantum(log, speed, np.diff(edge_s)),
     )
+
+
+def _is_still(speed: FloatArray) -> bool:
+    """Return whether the speeds before the drive begins are noise around zero, from the first one on."""
+    if len(speed) < MIN_STILL_ROWS:
+        return False
+    late = speed[len(speed) // 2 :]
+    noise = float(np.std(late))
+    return bool(abs(late.mean()) < noise and abs(speed[:2].mean()) < 2.0 * noise)
 
 
 def speed_stride(log: MotorLog) -> int:

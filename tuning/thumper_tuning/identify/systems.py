@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import control
 
 PADE_ORDER = 3
+NEGLIGIBLE = 0.01  # of the time constant: a shorter delay or second lag only makes the numbers stiff
 SIGNALS = {"inputs": ["drive"], "outputs": ["speed"]}
 
 
@@ -24,13 +25,19 @@ def continuous_system(model: MotorModel) -> "control.TransferFunction":
 
     The dead time is a Pade approximation of order 3: python-control's transfer functions have none.
     """
-    return _delayed([model.gain], [model.time_constant_s, 1.0], model.delay_s)
+    return _delayed([model.gain], [model.time_constant_s, 1.0], _delay_s(model))
+
+
+def _delay_s(model: MotorModel) -> float:
+    return model.delay_s if model.delay_s > NEGLIGIBLE * model.time_constant_s else 0.0
 
 
 def second_order_system(model: MotorModel, second_time_constant_s: float) -> "control.TransferFunction":
     """Return K e^(-s d) / ((tau s + 1)(tau2 s + 1)): the thesis's motor, eq. 3.3, without friction."""
-    denominator = np.polymul([model.time_constant_s, 1.0], [second_time_constant_s, 1.0])
-    return _delayed([model.gain], denominator.tolist(), model.delay_s)
+    denominator = [model.time_constant_s, 1.0]
+    if second_time_constant_s > NEGLIGIBLE * model.time_constant_s:
+        denominator = np.polymul(denominator, [second_time_constant_s, 1.0]).tolist()
+    return _delayed([model.gain], denominator, _delay_s(model))
 
 
 def _delayed(numerator: list[float], denominator: list[float], delay_s: float) -> "control.TransferFunction":

@@ -41,11 +41,11 @@ class Column:
 
 
 # Names are matched as whole words, longest first, after the wheel is removed. The other words are the unit.
-# English, German, Spanish, Portuguese, French, Italian and Dutch, without accents.
+# English, German, Spanish, Portuguese, French, Italian, Dutch, Czech and Polish, without accents.
 NAMES = {
     Quantity.TIME: (
         "time", "t", "timestamp", "time stamp", "stamp", "zeit", "tijd", "tiempo", "tempo", "temps",
-        "elapsed", "elapsed time", "clock", "millis", "micros",
+        "elapsed", "elapsed time", "clock", "millis", "micros", "cas", "czas",
     ),
     Quantity.PWM: (
         "pwm", "duty", "dutycycle", "duty cycle", "u", "command", "cmd", "drive", "input", "throttle",
@@ -53,7 +53,7 @@ NAMES = {
     ),
     Quantity.VOLTAGE: (
         "voltage", "volt", "volts", "v", "uin", "vin", "vm", "motor voltage", "input voltage", "voltaje",
-        "tension", "tensao", "tensione", "spannung",
+        "tension", "tensao", "tensione", "spannung", "napeti", "napiecie",
     ),
     Quantity.COUNTS: (
         "counts", "count", "ticks", "tick", "encoder", "enc", "position", "pos", "steps", "pulses", "angle",
@@ -65,7 +65,7 @@ NAMES = {
     Quantity.SPEED: (
         "speed", "velocity", "omega", "vel", "w", "rate", "rpm", "angular velocity", "angular speed",
         "wheel speed", "velocidad", "velocidad angular", "velocidade", "vitesse", "velocita",
-        "geschwindigkeit", "drehzahl", "snelheid",
+        "geschwindigkeit", "drehzahl", "snelheid", "toerental", "rychlost", "otacky", "predkosc", "obroty",
     ),
     Quantity.CURRENT: ("current", "i", "amps", "strom", "corriente", "corrente", "courant"),
     Quantity.BATTERY: ("battery", "vbat", "supply", "battery voltage", "vbatt", "bus voltage", "bateria"),
@@ -77,7 +77,8 @@ NO_QUANTITY = frozenset(("error", "err", "kp", "ki", "kd", "integral", "proporti
 # Words that add nothing. They are dropped only if a header is not recognized with them.
 QUALIFIERS = frozenset(
     ("motor", "wheel", "measured", "meas", "actual", "act", "real", "raw", "filtered", "filt", "value",
-     "signal", "encoder", "shaft", "applied", "in", "of", "the", "dc", "data", "avg", "mean")
+     "signal", "encoder", "shaft", "applied", "in", "of", "the", "dc", "data", "avg", "mean",
+     "wert", "hodnota", "valor", "valeur", "wartosc")
 )  # fmt: skip
 UNITS: dict[Quantity, dict[str, float]] = {
     Quantity.TIME: {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "millis": 1e-3, "us": 1e-6,
@@ -87,22 +88,23 @@ UNITS: dict[Quantity, dict[str, float]] = {
     Quantity.COUNTS: {"": 1.0, "rad": math.nan, "deg": math.nan, "rev": math.nan},
     Quantity.SPEED: {"rad s": 1.0, "rads": 1.0, "radps": 1.0, "mrad s": 1e-3, "deg s": math.pi / 180.0,
                      "rpm": math.pi / 30.0, "rps": math.tau, "rev s": math.tau, "hz": math.tau,
-                     **dict.fromkeys(("1 min", "rev min", "r min", "u min", "tr min"), math.pi / 30.0)},
+                     **dict.fromkeys(("1 min", "rev min", "r min", "u min"), math.pi / 30.0),
+                     **dict.fromkeys(("tr min", "ot min", "obr min"), math.pi / 30.0)},
     Quantity.CURRENT: {"a": 1.0, "ma": 1e-3},
     Quantity.BATTERY: {"v": 1.0, "mv": 1e-3},
 }  # fmt: skip
 COUNT_SPEEDS = ("steps s", "counts s", "ticks s", "count s", "cps", "pulses s")
+RPM_NAMES = frozenset(("drehzahl", "toerental", "otacky", "obroty"))  # they mean turns per minute
 POSITIONS_RAD = {"rad": 1.0, "deg": math.pi / 180.0, "rev": math.tau}
-SIDES = ("left", "right", "l", "r", "front", "rear", "fl", "fr", "rl", "rr", "m1", "m2", "m3", "m4")
+SIDES = ("left", "right", "l", "r", "front", "rear", "fl", "fr", "rl", "rr")
+NUMBERED = re.compile(r"m[1-9]\d?")
 LONG_SIDES = {"l": "left", "r": "right"}
 
 
 def parse_header(header: str, index: int) -> Column | None:
     """Recognize a header such as `left_speed_rad_s`, `Voltage (V)` or `u [mV]`; None if unknown."""
-    words = _words(header)
-    sides = [word for word in words if word in SIDES]
-    motor = LONG_SIDES.get(sides[0], sides[0]) if sides else ""
-    words = [word for word in words if word not in SIDES] if sides and len(words) > 1 else words
+    words, motor = _words(header), motor_of(header)
+    words = [word for word in words if not _is_side(word)] if motor and len(words) > 1 else words
     if NO_QUANTITY & set(words):
         return None
     if SETPOINTS & set(words):
@@ -116,6 +118,16 @@ def parse_header(header: str, index: int) -> Column | None:
     return found
 
 
+def motor_of(header: str) -> str:
+    """Return the name of the motor that a header names, as "left" for `l_pwm`; empty: none."""
+    sides = [word for word in _words(header) if _is_side(word)]
+    return LONG_SIDES.get(sides[0], sides[0]) if sides else ""
+
+
+def _is_side(word: str) -> bool:
+    return word in SIDES or bool(NUMBERED.fullmatch(word))
+
+
 def _named(header: str, index: int, words: list[str], motor: str) -> Column | None:
     for cut in range(len(words), 0, -1):
         name, unit = " ".join(words[:cut]), " ".join(words[cut:])
@@ -127,7 +139,7 @@ def _named(header: str, index: int, words: list[str], motor: str) -> Column | No
 
 def as_column(header: str, index: int, quantity: Quantity, unit: str) -> Column | None:
     """Return the column as the given quantity; with an empty unit, that of the header or the default."""
-    words = [word for word in _words(header) if word not in QUALIFIERS | set(SIDES)]
+    words = [word for word in _words(header) if word not in QUALIFIERS and not _is_side(word)]
     name = NAMES[quantity][0]
     if unit:
         return _with_unit(header, index, quantity, name, " ".join(_words(unit)), "")
@@ -194,12 +206,19 @@ def _unit_or_default(quantity: Quantity, name: str, unit: str) -> str:
     if quantity in (Quantity.PWM, Quantity.COUNTS):
         unit = unit or (name if name in units else "")
         return "" if unit in ("counts", "count", "ticks", "lsb", "255", "8bit", "raw") else unit
+    if quantity is Quantity.SPEED and name in RPM_NAMES:
+        return unit or "rpm"
     return unit or (name if name in units else next(iter(units)))
 
 
+LETTERS = str.maketrans({"µ": "u", "μ": "u", "ß": "ss", "ł": "l", "Ł": "L"})  # NFKD leaves these
+
+
 def _words(header: str) -> list[str]:
-    plain = unicodedata.normalize("NFKD", header.replace("µ", "u").replace("μ", "u").replace("ß", "ss"))
+    plain = unicodedata.normalize("NFKD", header.translate(LETTERS))
     text = "".join(letter for letter in plain if not unicodedata.combining(letter)).strip().strip('"')
     text = re.sub(r"(?<=[a-z]{2})(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text)  # camelCase
     text = re.sub(r"/|\bper\b|\^-1|-1\b", " ", text.lower()).replace("counts per rev", "")
+    text = re.sub(r"\b(?:motor|mot|wheel)[ _#-]*([1-9])\b", r" m\1 ", text)  # "Motor 1 PWM"
+    text = re.sub(r"\b([a-z]{3,})([1-9])\b", r"\1 m\2", text)  # "pwm1"
     return [word for word in re.split(r"[^a-z0-9%]+", text) if word]

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from thumper.common.geometry import FloatArray
-from thumper_tuning.logs.columns import Column, Quantity
+from thumper_tuning.logs.columns import UNITS, Column, Quantity
 from thumper_tuning.logs.drive_timing import WARNING as DRIVE_SHIFTED
 from thumper_tuning.logs.drive_timing import acts_before_its_row, shifted
 from thumper_tuning.logs.encoder_counts import find_resets, look_like_counts_per_row, unwrap
@@ -14,7 +14,7 @@ from thumper_tuning.logs.matlab import read_matlab
 from thumper_tuning.logs.mcap_table import read_mcap_table
 from thumper_tuning.logs.motor_log import BoolArray, DriveUnit, MotorLog
 from thumper_tuning.logs.preview import preview
-from thumper_tuning.logs.roles import MotorColumns, Role, motor_columns
+from thumper_tuning.logs.roles import Choices, MotorColumns, motor_columns
 from thumper_tuning.logs.sampling import IntArray, sort_rows
 from thumper_tuning.logs.sysid_json import read_sysid
 from thumper_tuning.logs.table import LogTable, read_table
@@ -26,7 +26,7 @@ MIN_ROWS = 20
 
 
 def read_runs(
-    files: list[Path], counts_per_rev: float, choices: dict[Role, str] | None = None
+    files: list[Path], counts_per_rev: float, choices: Choices | None = None
 ) -> list[list[MotorLog]]:
     """Read several files, each a run of the same motors; return the logs of each motor."""
     per_file = [read_logs(file, counts_per_rev=counts_per_rev, choices=choices) for file in files]
@@ -39,7 +39,7 @@ def read_logs(
     path: Path,
     *,
     counts_per_rev: float = DEFAULT_COUNTS_PER_REV,
-    choices: dict[Role, str] | None = None,
+    choices: Choices | None = None,
 ) -> list[MotorLog]:
     """Read a CSV, SysId JSON, MATLAB or MCAP file.
 
@@ -59,6 +59,9 @@ def read_logs(
         table = read_table(path)
     motors = motor_columns(path, table.headers, choices or {})
     return [_motor_log(path, table, name, columns, counts_per_rev) for name, columns in motors.items()]
+
+
+RPM = UNITS[Quantity.SPEED]["rpm"]
 
 
 def _with_time_unit(table: LogTable, columns: MotorColumns) -> tuple[MotorColumns, list[str]]:
@@ -92,6 +95,13 @@ def _motor_log(
     path: Path, table: LogTable, motor: str, columns: MotorColumns, counts_per_rev: float
 ) -> MotorLog:
     columns, guesses = _with_time_unit(table, columns)
+    output = columns.output
+    if output.quantity is Quantity.SPEED and not output.unit_given:
+        unit = "rpm" if output.scale == RPM else "rad/s"
+        guesses.append(
+            f"column {output.header!r} names no unit: read as {unit}; else pass --column "
+            f"output={output.header}:UNIT"
+        )
     values = {column: table.values[:, column.index] * column.scale for _, column in columns.used}
     rows = _usable_rows(path, columns, values)
     rows.warnings[:0] = [*table.notes, *guesses]

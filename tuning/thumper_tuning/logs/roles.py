@@ -5,7 +5,7 @@ from enum import Enum
 from pathlib import Path
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
-from thumper_tuning.logs.columns import Column, Quantity, as_column, parse_header, unit_error
+from thumper_tuning.logs.columns import Column, Quantity, as_column, motor_of, parse_header, unit_error
 from thumper_tuning.logs.motor_log import DriveUnit
 from thumper_tuning.logs.units import log_error
 
@@ -36,7 +36,6 @@ class MotorColumns:
     battery: Column | None
     current: Column | None
     setpoint: Column | None
-    chosen: bool = False  # by the user
 
     @property
     def drive_unit(self) -> DriveUnit:
@@ -50,7 +49,11 @@ class MotorColumns:
         return [(name, column) for name, column in roles if column is not None]
 
 
-def parse_choices(texts: list[str] | None) -> dict[Role, str]:
+Choices = dict[Role, tuple[str, ...]]
+"""The columns that the user chose for a role, as `HEADER` or `HEADER:UNIT`; several for several motors."""
+
+
+def parse_choices(texts: list[str] | None) -> Choices:
     """Read `ROLE=HEADER` or `ROLE=HEADER:UNIT`, as `drive=MotorPWM` or `time=1:ms`.
 
     Raises
@@ -58,7 +61,7 @@ def parse_choices(texts: list[str] | None) -> dict[Role, str]:
     ThumperError
         A text has another form, or an unknown role.
     """
-    found = {}
+    found: Choices = {}
     for text in texts or []:
         name, equals, header = text.partition("=")
         if not equals or name.strip().upper() not in Role.__members__ or not header.strip():
@@ -66,11 +69,12 @@ def parse_choices(texts: list[str] | None) -> dict[Role, str]:
                 f"--column {text!r}: pass ROLE=HEADER or ROLE=HEADER:UNIT with a role of {ROLE_NAMES}",
                 exit_code=EXIT_USAGE,
             )
-        found[Role[name.strip().upper()]] = header.strip()
+        role = Role[name.strip().upper()]
+        found[role] = (*found.get(role, ()), header.strip())
     return found
 
 
-def motor_columns(path: Path, headers: tuple[str, ...], choices: dict[Role, str]) -> dict[str, MotorColumns]:
+def motor_columns(path: Path, headers: tuple[str, ...], choices: Choices) -> dict[str, MotorColumns]:
     """Return the columns of each motor in the table, by the motor's name (empty: the only one).
 
     Raises
@@ -79,11 +83,12 @@ def motor_columns(path: Path, headers: tuple[str, ...], choices: dict[Role, str]
         A needed column is missing, or its unit is unknown.
     """
     columns = [column for i, text in enumerate(headers) if (column := parse_header(text, i))]
-    picked = {role: _picked(path, headers, role, text) for role, text in choices.items()}
-    if Role.OUTPUT in picked:
+    picked = {role: [_picked(path, headers, role, text) for text in texts] for role, texts in choices.items()}
+    if len(picked.get(Role.OUTPUT, ())) == 1:
         motors = [""]
     else:
-        motors = sorted({c.motor for c in columns if c.quantity in OUTPUTS})
+        outputs = picked.get(Role.OUTPUT) or [c for c in columns if c.quantity in OUTPUTS]
+        motors = sorted({c.motor for c in outputs})
         if len(motors) > 1 and "" in motors:
             motors.remove("")
     names = ", ".join(headers)
@@ -94,7 +99,11 @@ def motor_columns(path: Path, headers: tuple[str, ...], choices: dict[Role, str]
         )
 
     def find(motor: str, role: Role) -> Column | None:
-        return picked.get(role) or _best(columns, motor, role)
+        chosen = picked.get(role, [])
+        for column in chosen:
+            if len(motors) == 1 or column.motor in (motor, ""):
+                return column
+        return _best(columns, motor, role)
 
     def required(motor: str, role: Role, example: str) -> Column:
         column = find(motor, role)
@@ -116,7 +125,6 @@ def motor_columns(path: Path, headers: tuple[str, ...], choices: dict[Role, str]
             battery=find(motor, Role.BATTERY),
             current=find(motor, Role.CURRENT),
             setpoint=find(motor, Role.SETPOINT),
-            chosen=bool(choices),
         )
         for motor in motors
     }
@@ -149,12 +157,15 @@ def _picked(path: Path, headers: tuple[str, ...], role: Role, text: str) -> Colu
     header = headers[index]
     own = parse_header(header, index)
     if own is not None and own.quantity in role.value and not unit:
-        return replace(own, motor="")
-    quantities = [own.quantity] if own is not None and own.quantity in role.value else role.value
+        return own
+    quantities = list(role.value)
+    if own is not None and own.quantity in role.value:  # first; a given unit may say that it is another
+        quantities = [own.quantity, *[q for q in role.value if q is not own.quantity and unit]]
+    motor = motor_of(header)
     candidates = [c for q in quantities if (c := as_column(header, index, q, unit)) is not None]
     fitting = [c for c in candidates if not c.unknown_unit]
     if fitting:
-        return fitting[0]
+        return replace(fitting[0], motor=motor)
     raise unit_error(candidates[0]) if candidates else log_error(f"{path}: column {header!r}: unknown unit")
 
 

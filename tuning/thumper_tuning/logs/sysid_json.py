@@ -73,6 +73,11 @@ def _log(
         time_s=rows[:, 0],
         drive=rows[:, voltage],
         starts_segment=starts_segment,
+        columns=(
+            "time: SysId's first value [s]",
+            f"drive: SysId's voltage [V, {rows[:, voltage].min():.3g} ... {rows[:, voltage].max():.3g}]",
+            f"output: SysId's {'velocity' if is_speed else 'position'}, taken as {rad:.4g} rad per unit",
+        ),
         position_rad=None if is_speed else rows[:, column] * rad,
         speed_rad_s=rows[:, column] * rad if is_speed else None,
     )

@@ -102,8 +102,8 @@ def static_map(motor: IdentifiedMotor) -> Figure:
     model = motor.model
     for s in motor.segments:
         axes.plot(s.drive_at_windows(), s.speed_rad_s, ".", color=MEASURED, ms=3)
-    largest = max(float(np.abs(s.drive).max()) for s in motor.segments)
-    u = np.linspace(-largest, largest, 401)
+    drives = np.concatenate([s.drive for s in motor.segments])
+    u = np.linspace(min(drives.min(), 0.0), max(drives.max(), 0.0), 401)
     forward = np.maximum(model.gain * (u - model.friction_forward), 0.0) * (u > 0)
     backward = np.minimum(model.gain * (u + model.friction_backward), 0.0) * (u < 0)
     axes.plot(u, forward + backward, color=MODEL, label="model, steady state")

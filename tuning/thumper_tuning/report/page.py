@@ -14,6 +14,7 @@ from thumper_tuning.design.loops import LoopMargins, SpeedLoop
 from thumper_tuning.drive.verify import Verification
 from thumper_tuning.identify.motor import IdentifiedMotor
 from thumper_tuning.identify.result_json import NOT_IDENTIFIABLE
+from thumper_tuning.logs.motor_log import DriveUnit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,11 +52,13 @@ def write_report(
     parts = ["<h1>Wheel speed control: tuning report</h1>", _verdict(motors, design, board)]
     if board is not None:
         parts += ["<h2>On the robot, before and after</h2>", _tables(_tracking_table(board))]
-        parts += [_grid([_image(figures.tracking(board.before, board.after), wide=True)])]
+        tracking = figures.tracking(board.before, board.after)
+        parts += [_grid([_image(tracking, "set-point, speed, error and PWM before and after", wide=True)])]
     parts += ["<h2>Gains and loop</h2>", _tables(_gains_table(design, old), _margins_table(design, old))]
-    loop = [_image(loop_figures.step(design, (old.kp, old.ki) if old else None), wide=True)]
+    step = loop_figures.step(design, (old.kp, old.ki) if old else None)
+    loop = [_image(step, "response to a step of set-point and load", wide=True)]
     loop += [
-        _image(draw(design))
+        _image(draw(design), f"{draw.__name__.replace('_', ' ')} plot")
         for draw in (
             loop_figures.bode,
             loop_figures.nyquist,
@@ -72,9 +75,9 @@ def write_report(
         parts.append(
             _grid(
                 [
-                    _image(figures.data_and_model(motor), wide=True),
-                    _image(figures.static_map(motor)),
-                    _image(figures.residuals(motor), wide=True),
+                    _image(figures.data_and_model(motor), "drive, measured and predicted speed", wide=True),
+                    _image(figures.static_map(motor), "steady speed over drive"),
+                    _image(figures.residuals(motor), "measured minus predicted speed", wide=True),
                 ]
             )
         )
@@ -93,7 +96,8 @@ def _verdict(motors: list[IdentifiedMotor], design: Design, board: BoardResults 
     """Return three lines: what was found, what changes, and what it gains."""
     found = "; ".join(
         f"{m.name}: time constant {1e3 * m.model.time_constant_s:.0f} ms, static friction "
-        f"{m.model.friction:.3g} {m.unit.value}, predicts held-out speeds to {m.validation.fit_percent:.1f} %"
+        f"{m.model.friction:.3g} {_unit_text(m)}, "
+        f"predicts held-out speeds to {m.validation.fit_percent:.1f} %"
         for m in motors
     )
     new, margins = design.gains, design.margins
@@ -118,7 +122,7 @@ def _verdict(motors: list[IdentifiedMotor], design: Design, board: BoardResults 
             for b, a in zip(board.before.tracking, board.after.tracking, strict=True)
         )
         gain = f"{errors}; Ms {before.max_sensitivity:.2f} → {margins.max_sensitivity:.2f}"
-    lines = (("Found", found), ("Changes", change), ("Gains", gain))
+    lines = (("Found", found), ("Changes", change), ("Effect", gain))
     text = "".join(f"<p><b>{name}:</b> {html.escape(line)}.</p>" for name, line in lines)
     return f'<div class="verdict">{text}</div>'
 
@@ -131,12 +135,16 @@ def _tables(*tables: str) -> str:
     return f'<div class="tables">{"".join(tables)}</div>'
 
 
-def _image(figure: "Figure", *, wide: bool = False) -> str:
+def _unit_text(motor: IdentifiedMotor) -> str:
+    return "PWM" if motor.unit is DriveUnit.PWM else motor.unit.value
+
+
+def _image(figure: "Figure", shows: str, *, wide: bool = False) -> str:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=130)
     data = base64.b64encode(buffer.getvalue()).decode()
     kind = ' class="wide"' if wide else ""
-    return f'<img alt=""{kind} src="data:image/png;base64,{data}">'
+    return f'<img alt="{shows}"{kind} src="data:image/png;base64,{data}">'
 
 
 def _models_table(motor: IdentifiedMotor) -> str:
@@ -205,8 +213,12 @@ def _motor_table(motor: IdentifiedMotor) -> str:
             ["gain", f"{model.gain:.5g}", f"{std.gain:.2g}", f"rad/s per {unit}"],
             ["time constant", f"{model.time_constant_s:.4f}", f"{std.time_constant_s:.2g}", "s"],
             ["static friction, mean", f"{model.friction:.2f}", f"{std.friction:.2g}", unit],
-            ["... forward", f"{model.friction_forward:.2f}", f"{std.friction_forward:.2g}", unit],
-            ["... backward", f"{model.friction_backward:.2f}", f"{std.friction_backward:.2g}", unit],
+            *[
+                [f"... {direction}", f"{found[0]:.2f}", f"{found[1]:.2g}", unit]
+                if found is not None
+                else [f"... {direction}", "not determined", "", ""]
+                for direction, found in motor.friction_by_direction.items()
+            ],
             ["delay", f"{model.delay_s:.4f}", f"{std.delay_s:.2g}", "s"],
         ],
     )

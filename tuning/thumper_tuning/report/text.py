@@ -14,13 +14,16 @@ def motor_lines(motor: IdentifiedMotor) -> list[str]:
     model, std = motor.model, motor.uncertainty
     unit = motor.unit.name if motor.unit is DriveUnit.PWM else motor.unit.value
     kinds = ", ".join(f"{kind} {percent:.1f}" for kind, percent in motor.fit_percent_by_kind.items())
+    directions = ", ".join(
+        f"{direction} {found[0]:.2f}" if found is not None else f"{direction} not determined"
+        for direction, found in motor.friction_by_direction.items()
+    )
     window = [f"  sensor window    {motor.sensor_window_s:9.4f} s"] if motor.sensor_window_s else []
     return [
         f"{motor.name}: predicts held-out speeds to {motor.validation.fit_percent:.1f} % ({kinds})",
         f"  gain             {model.gain:9.5f} +- {std.gain:.5f} rad/s per {unit}",
         f"  time constant    {model.time_constant_s:9.4f} +- {std.time_constant_s:.4f} s",
-        f"  static friction  {model.friction:9.2f} +- {std.friction:.2f} {unit} "
-        f"(forward {model.friction_forward:.2f}, backward {model.friction_backward:.2f})",
+        f"  static friction  {model.friction:9.2f} +- {std.friction:.2f} {unit} ({directions})",
         f"  delay            {model.delay_s:9.4f} +- {std.delay_s:.4f} s",
         *window,
         *[f"  note: {warning}" for warning in motor.warnings],
