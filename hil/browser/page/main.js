@@ -1,0 +1,89 @@
+// The robot on the site's front page: fills the element #robot and starts.
+import faults from "../build/faults.json";
+import params from "../build/robot.json";
+import schema from "../build/protocol.json";
+import hex from "../../../firmware/build/thumper.hex";
+import { SIZE_M } from "../room.js";
+import { Simulation } from "../simulation.js";
+import { Chart } from "./chart.js";
+import { run } from "./clock.js";
+import { listen } from "./driver.js";
+import { addGains } from "./gains.js";
+import { RoomView } from "./room_view.js";
+import panel from "./panel.html";
+
+const STATES = { DISARMED: "disarmed", CLOSED_LOOP: "closed loop", MANUAL: "manual", FAULT: "fault" };
+const BREAKS = {
+  cut: (simulation) => simulation.robot.cutEncoder(0, true),
+  block: (simulation) => (simulation.robot.drive.blocked[1] = true),
+  unplug: (simulation) => simulation.unplug(1000),
+  drain: (simulation) => (simulation.robot.drive.battery.charge = 0.01),
+};
+
+/** Build the panel in an element and run the robot in it. */
+function start(element) {
+  element.innerHTML = panel;
+  const find = (selector) => element.querySelector(selector);
+  const simulation = new Simulation({ hex, params, schema });
+  const room = new RoomView(find(".robot-room"), params.outline);
+  const charts = chartsOf(find);
+  element.simulation = simulation;  // for tests, and for those who look
+
+  addGains(find(".robot-gains"), simulation.protocol, (name, value) => simulation.link.setParameter(name, value));
+  for (const button of element.querySelectorAll("[data-break]"))
+    button.addEventListener("click", () => BREAKS[button.dataset.break](simulation));
+  find(".robot-fault button").addEventListener("click", () => {
+    simulation.repair();
+    find(".robot-room").focus({ preventScroll: true });
+  });
+  listen(element, find(".robot-stick"), (twist) => {
+    simulation.twist = twist;
+    find(".robot-hint").hidden = true;
+  });
+  const wait = matchMedia("(prefers-reduced-motion: reduce)").matches;
+  if (wait) simulation.twist = { v_m_s: 0, w_rad_s: 0 };
+
+  run(
+    element,
+    () => room.add(simulation.step()),
+    (rate) => {
+      room.draw(simulation);
+      for (const chart of charts) chart.draw(simulation.history);
+      showState(find, simulation, rate);
+    },
+  );
+}
+
+function chartsOf(find) {
+  const speeds = (side) => [
+    { colour: "setpoint", value: (each) => each[`${side}_setpoint`] / 1000, wide: true },
+    { colour: side, value: (each) => each[`${side}_speed`] / 1000 },
+  ];
+  const pwm = ["left", "right"].map((side) => ({ colour: side, value: (each) => each[`${side}_pwm`] }));
+  return [
+    new Chart(find("[data-chart=left]"), { series: speeds("left"), least: 8 }),
+    new Chart(find("[data-chart=right]"), { series: speeds("right"), least: 8 }),
+    new Chart(find("[data-chart=pwm]"), { series: pwm, least: 255 }),
+  ];
+}
+
+function showState(find, { newest, pose }, rate) {
+  if (!newest) return;
+  find(".robot-stage").dataset.low = pose.y_m < SIZE_M[1] / 2;  // texts keep clear of the robot
+  const text = (selector, content) => {
+    const node = find(selector);
+    if (node.textContent !== content) node.textContent = content;
+  };
+  text("[data-chip=state]", STATES[newest.state]);
+  text("[data-chip=battery]", `${(newest.battery_mV / 1000).toFixed(1)} V`);
+  text("[data-chip=rate]", `${rate.toFixed(1)} × real time`);
+  const broken = newest.fault !== "NONE";
+  find(".robot-fault").hidden = !broken;
+  find("[data-chip=state]").dataset.fault = broken;
+  if (!broken) return;
+  find(".robot-hint").hidden = true;
+  text(".robot-fault b", newest.fault);
+  text(".robot-fault span", faults[newest.fault]);
+}
+
+start(document.getElementById("robot"));

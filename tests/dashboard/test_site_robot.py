@@ -1,0 +1,170 @@
+"""The robot on the site's front page, in Chromium: it drives, and stops as the firmware decides."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from thumper.board.messages import PARAMETERS
+
+ROOT = Path(__file__).parents[2]
+PATHS = os.pathsep.join(str(ROOT / folder) for folder in ("host", "hil"))
+FIRST_MOTION_MS = 10_000
+MAX_BYTES = 1_000_000
+KP = next(setting for setting in PARAMETERS if setting.name == "kp")
+MOTION_MS = 60_000  # for a busy machine, which simulates slower than real time
+
+
+def build_robot(site: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run the script that `make docs` runs."""
+    return subprocess.run(
+        [ROOT / "scripts/build-browser", site, sys.executable],
+        env=os.environ | {"PYTHONPATH": PATHS} | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="session")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the built site."""
+    if not (ROOT / "hil/browser/node_modules/.bin/esbuild").exists():
+        pytest.skip("esbuild is not installed; `make docs` installs it")
+    folder = tmp_path_factory.mktemp("site")
+    shutil.copy(ROOT / "zensical.toml", folder)
+    shutil.copytree(ROOT / "docs", folder / "docs")
+    zensical = Path(sys.executable).with_name("zensical")
+    subprocess.run([zensical, "build", "--strict"], cwd=folder, check=True, capture_output=True)
+    done = build_robot(folder / "site")
+    assert done.returncode == 0, done.stderr
+    return folder / "site"
+
+
+@pytest.fixture
+def front_page(browser: Browser, site: Path) -> Iterator[Page]:
+    """The front page, opened as a file, offline; a request elsewhere or a script's error fails the test."""
+    context = browser.new_context(viewport={"width": 1440, "height": 900}, has_touch=True)
+    context.set_offline(True)
+    page = context.new_page()
+    outside: list[str] = []
+    problems: list[str] = []
+    local = (site.as_uri(), "data:", "blob:")
+    page.on("request", lambda one: None if one.url.startswith(local) else outside.append(one.url))
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.goto((site / "index.html").as_uri())
+    yield page
+    context.close()
+    assert not outside
+    assert not problems
+
+
+def wait(page: Page, condition: str, timeout_ms: int = MOTION_MS) -> None:
+    """Wait for a condition on the newest telemetry `now` and the robot's pose `at`."""
+    page.wait_for_function(
+        f"""() => {{
+          const {{ newest: now, pose: at }} = document.getElementById("robot").simulation;
+          return now && ({condition});
+        }}""",
+        timeout=timeout_ms,
+    )
+
+
+def test_robot_drives_by_itself_within_ten_seconds(front_page: Page, site: Path) -> None:
+    wait(front_page, "now.left_speed > 1000 && now.right_speed > 1000", FIRST_MOTION_MS)
+    assert sum(path.stat().st_size for path in (site / "robot").iterdir()) <= MAX_BYTES
+
+
+def test_keys_drive_and_their_release_stops(front_page: Page) -> None:
+    wait(front_page, "true")
+    front_page.locator(".robot-room").focus()
+    front_page.keyboard.down("ArrowDown")
+    wait(front_page, "now.left_setpoint < -5000 && now.right_setpoint < -5000")
+    wait(front_page, "Math.abs(now.left_speed - now.left_setpoint) < 700 && now.left_pwm < 0")
+    front_page.keyboard.up("ArrowDown")
+    wait(front_page, "now.left_setpoint === 0 && now.left_speed === 0 && now.right_speed === 0")
+    front_page.keyboard.down("a")
+    wait(front_page, "now.left_speed < -1000 && now.right_speed > 1000")
+    front_page.keyboard.up("a")
+    wait(front_page, "now.left_speed === 0 && now.right_speed === 0")
+
+
+def test_finger_on_the_stick_drives(front_page: Page) -> None:
+    front_page.set_viewport_size({"width": 390, "height": 844})
+    stick = front_page.locator(".robot-stick")
+    stick.scroll_into_view_if_needed()
+    box = stick.bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    touch = front_page.context.new_cdp_session(front_page)
+    touch.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y + 5}]})
+    touch.send("Input.dispatchTouchEvent", {"type": "touchMove", "touchPoints": [{"x": x, "y": y + 50}]})
+    wait(front_page, "now.left_speed < -3000 && now.right_speed < -3000")
+    touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    wait(front_page, "now.left_speed === 0 && now.right_speed === 0")
+    assert front_page.evaluate("document.documentElement.scrollWidth") <= 390
+
+
+def test_slider_sets_the_gain_in_the_board(front_page: Page) -> None:
+    wait(front_page, "true")
+    front_page.locator("[data-gain=kp]").fill("20.5")
+    answer = front_page.evaluate(
+        """() => new Promise((resolve) => {
+          const { simulation } = document.getElementById("robot");
+          const index = simulation.protocol.parameters.findIndex((one) => one.name === "kp");
+          simulation.onMessage = (name, fields) => name === "parameter_value" && resolve([index, fields]);
+          simulation.link.request("get_parameter", { index });
+        })"""
+    )
+    index, fields = answer
+    assert fields["index"] == index
+    assert fields["value"] == round(20.5 * KP.scale)
+
+
+@pytest.mark.parametrize(
+    ("button", "fault"),
+    [
+        ("cut", "STALL_LEFT"),
+        ("block", "STALL_RIGHT|OVER_CURRENT"),  # both within 0.3 s; the duty decides which one is first
+        ("unplug", "LINK_LOST"),
+        ("drain", "LOW_BATTERY"),
+    ],
+)
+def test_supervisor_stops_the_robot_and_the_page_names_the_fault(
+    front_page: Page, button: str, fault: str
+) -> None:
+    wait(front_page, "now.left_speed > 3000 && now.right_speed > 3000")
+    expect(front_page.locator(".robot-fault")).to_be_hidden()
+    front_page.locator(f"[data-break={button}]").click()
+    wait(front_page, f"now.state === 'FAULT' && /^({fault})$/.test(now.fault)")
+    expect(front_page.locator(".robot-fault b")).to_have_text(re.compile(f"^({fault})$"))
+    expect(front_page.locator(".robot-fault")).to_be_visible()
+    wait(
+        front_page,
+        "now.left_pwm === 0 && now.right_pwm === 0 && now.left_speed === 0 && now.right_speed === 0",
+    )
+
+    front_page.get_by_role("button", name="Repair").click()
+    expect(front_page.locator(".robot-fault")).to_be_hidden()
+    front_page.keyboard.down("s")
+    wait(front_page, "now.left_speed < -1000 && now.right_speed < -1000")
+    front_page.keyboard.up("s")
+
+
+def test_without_npm_one_line_says_so(tmp_path: Path) -> None:
+    commands = tmp_path / "bin"
+    commands.mkdir()
+    for name in ("bash", "sh", "env", "dirname", "realpath"):
+        (commands / name).symlink_to(shutil.which(name) or pytest.fail(name))
+    done = build_robot(tmp_path, PATH=str(commands))
+    assert done.returncode == 0
+    assert done.stderr == (
+        "thumper: npm is missing and could not be installed; the site's front page has no robot\n"
+    )
+    assert not (tmp_path / "robot").exists()
