@@ -1,11 +1,14 @@
 # Two commands matter: `make demo` (see the robot drive) and `make test`. Both install what is missing.
-.PHONY: help demo test coverage lint format firmware chip protocol reference docs wheel bench results soak mutation clean
+.PHONY: help demo test coverage lint format firmware chip protocol reference docs wheel wheel-aarch64 sdist bench results soak mutation clean
 
 PYTHON ?=
 HOURS ?= 2
 VENV := .venv
+# The versions of Python's packages: those of constraints.txt; `make CONSTRAINTS= ...` takes the newest.
+CONSTRAINTS := constraints.txt
+INSTALL = $(BIN)/python -m pip install -qq --disable-pip-version-check $(CONSTRAINTS:%=--constraint %) --editable
 BIN := $(VENV)/bin
-PACKAGES := gcc-avr avr-libc binutils-avr libsimavr-dev libelf-dev g++ python3-venv
+PACKAGES := gcc-avr avr-libc binutils-avr libsimavr-dev g++ python3-venv
 TEST_PACKAGES := clang-format clang clang-tidy llvm libclang-rt-dev simavr arduino-core-avr avrdude chromium python3-rosbag
 
 help:
@@ -15,8 +18,10 @@ help:
 	@echo "make coverage  what the tests run: all lines and conditions of the firmware's core, 90 % of Python's lines"
 	@echo "make firmware  build firmware/build/thumper.elf and .hex and those of the second board, print their size"
 	@echo "make reference write the reference pages of commands and options"
-	@echo "make docs      build the documentation's site into site/, offline; a dead link is an error"
+	@echo "make docs      build the documentation's site, with a robot on its front page, into site/; a dead link is an error"
 	@echo "make wheel     build a wheel in dist/, install it into an empty environment and drive the demo from it"
+	@echo "make wheel-aarch64  the same for 64-bit ARM; drives a simulated robot in qemu"
+	@echo "make sdist     pack the sources into dist/"
 	@echo "make bench     run every benchmark and write the table in docs/results/benchmarks.md"
 	@echo "make results   drive the sample campaigns again and write their reports into docs/results/"
 	@echo "make soak      two simulated hours of goals and faults (half an hour); HOURS=8 for more, see docs/results/soak.md"
@@ -67,13 +72,24 @@ reference: $(VENV)/.dev
 	$(BIN)/python scripts/generate_reference.py
 	$(BIN)/python scripts/draw_architecture.py
 
-docs: $(VENV)/.dev
+docs: firmware $(VENV)/.dev
 	@$(BIN)/zensical build --clean --strict
+	@scripts/build-browser site $(BIN)/python
 
-wheel: firmware chip $(VENV)/.dev
-	@rm -f dist/*.whl
+wheel: firmware $(VENV)/.release
+	@rm -f dist/*_$$(uname -m).whl
 	@scripts/build-wheel
-	@scripts/check-wheel dist/*.whl
+	@scripts/check-wheel dist/*_$$(uname -m).whl
+
+wheel-aarch64: firmware $(VENV)/.release
+	@rm -f dist/*_aarch64.whl
+	@scripts/build-wheel aarch64
+	@scripts/check-aarch64 dist/*_aarch64.whl
+
+sdist: $(VENV)/.release
+	@rm -f dist/*.tar.gz
+	@$(BIN)/python -m build --sdist --outdir dist . >/dev/null
+	@$(BIN)/python -m twine check --strict dist/*.tar.gz
 
 bench: firmware chip $(VENV)/.dev
 	@$(BIN)/python benchmarks/table.py
@@ -105,10 +121,10 @@ $(VENV)/.made: | $(VENV)/.packages
 	  echo "thumper: $$python cannot make a virtual environment; install its venv package (python3.X-venv)" >&2; exit 1; }
 	@touch $@
 
-$(VENV)/.run: pyproject.toml | $(VENV)/.made
+$(VENV)/.run: pyproject.toml $(CONSTRAINTS) | $(VENV)/.made
 	@echo "installing Python packages into $(VENV)"
 	@$(BIN)/python -m pip uninstall -qqy thumper  # the package's earlier name: its commands would appear twice
-	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[ui]'
+	@$(INSTALL) '.[ui]'
 	@touch $@
 
 # What has not changed is not compiled again.
@@ -116,9 +132,13 @@ $(VENV)/.kernels: $(shell find host/thumper hil/thumper_hil -name '*.py') | $(VE
 	@THUMPER_SHIP_KERNELS=1 $(BIN)/python -m thumper_hil.demo.ship_kernels
 	@touch $@
 
-$(VENV)/.dev: pyproject.toml Makefile | $(VENV)/.made
+$(VENV)/.dev: pyproject.toml $(CONSTRAINTS) Makefile | $(VENV)/.made
 	@scripts/install-packages $(TEST_PACKAGES)
 	@echo "installing Python packages for the tests into $(VENV)"
 	@$(BIN)/python -m pip uninstall -qqy thumper  # the package's earlier name: its commands would appear twice
-	@$(BIN)/python -m pip install -qq --disable-pip-version-check --editable '.[dev]'
+	@$(INSTALL) '.[dev]'
 	@touch $(VENV)/.run $@
+
+$(VENV)/.release: pyproject.toml $(CONSTRAINTS) Makefile | $(VENV)/.made
+	@$(INSTALL) '.[release]'
+	@touch $@

@@ -3,6 +3,9 @@
 The kernels are compiled for the Python and numba of the build, if it has numba: see docs/howto/platforms.md.
 
 An editable install takes them from the source tree, where `make` builds the first two.
+
+scripts/build-wheel builds for other machines: with CHIP_TARGET and SIMAVR (see the chip's Makefile), and with
+_PYTHON_HOST_PLATFORM as in CPython's own build.
 """
 
 import os
@@ -31,22 +34,25 @@ class FirmwareHook(BuildHookInterface):  # type: ignore[type-arg]
         root = Path(self.root)
         for board in BOARDS:
             subprocess.run(["make", "-s", "-C", root / "firmware", f"BOARD={board}"], check=True)
-        subprocess.run(["make", "-s", "-C", root / CHIP], check=True)
-        library = "build/libthumper_chip.so"
-        build_data["force_include"] |= {f"{CHIP}/{library}": f"thumper_hil/chip/native/{library}"} | {
+        subprocess.run(["make", "-s", f"-j{os.cpu_count()}", "-C", root / CHIP], check=True)
+        library = "libthumper_chip.so"
+        folder = Path("build", os.environ.get("CHIP_TARGET", ""))
+        built = {f"{CHIP}/{folder / library}": f"thumper_hil/chip/native/build/{library}"}
+        build_data["force_include"] |= built | {
             f"{folder}/thumper.{suffix}": f"thumper/images/{board}/thumper.{suffix}"
             for board, folder in BOARDS.items()
             for suffix in ("elf", "hex")
         }
         build_data["force_include"] |= {f"packaging/{name}": f"thumper/packaging/{name}" for name in SET_UP}
-        if kernels := find_spec("numba") is not None:
+        other_machine = not sysconfig.get_platform().endswith(os.uname().machine)
+        if kernels := find_spec("numba") is not None and not other_machine:
             paths = os.pathsep.join(str(root / folder) for folder in ("host", "hil", "tuning"))
             environment = os.environ | {"PYTHONPATH": paths, "THUMPER_SHIP_KERNELS": "1"}
             command = [sys.executable, "-m", "thumper_hil.demo.ship_kernels"]
             subprocess.run(command, check=True, env=environment)
             build_data["force_include"] |= KERNELS
         else:
-            self.app.display_warning("no numba here: the first run of this wheel compiles its kernels")
+            self.app.display_warning("no kernels: the first run of this wheel compiles them")
         platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
         python = f"cp{sys.version_info.major}{sys.version_info.minor}" if kernels else "py3"
         build_data |= {"pure_python": False, "tag": f"{python}-none-{platform}"}

@@ -20,7 +20,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import typer.main
 from annotated_types import Ge, Gt, Interval, Le, Lt, MaxLen, MinLen
 
-from thumper.cli.app import build_app
+from thumper.cli.app import PANELS, build_app
 from thumper.config.robot import RobotConfig
 
 PAGES = Path(__file__).resolve().parents[1] / "docs" / "reference"
@@ -29,12 +29,12 @@ SIGNS = ((Ge, "ge", "≥"), (Gt, "gt", ">"), (Le, "le", "≤"), (Lt, "lt", "<"))
 
 
 def cli_page() -> str:
-    """Return one section per command, sorted by name."""
+    """Return one section per command, grouped by task as in `thumper --help`."""
     parts = [
         NOTE,
         "# Commands\n",
         "`thumper COMMAND --help` shows the same text. The [exit codes](#exit-codes) are at the end.\n",
-        *_sections(typer.main.get_command(build_app()), "thumper"),
+        *_groups(typer.main.get_command(build_app())),
         "## Exit codes\n",
         "| code | meaning |",
         "|---|---|",
@@ -49,13 +49,24 @@ def cli_page() -> str:
     return "\n".join(parts)
 
 
+def _groups(app: Any) -> Iterator[str]:
+    """Yield a heading for each group of commands, a list of them, and their sections."""
+    for panel, names in PANELS.items():
+        yield f"## {panel}\n"
+        for name in names:
+            first, _, _ = _text(app.commands[name].help or "").partition(". ")
+            yield f"- [`thumper {name}`](#thumper-{name}): {first.rstrip('.')}"
+        yield ""
+        for name in names:
+            yield from _sections(app.commands[name], f"thumper {name}")
+
+
 def _sections(command: Any, name: str) -> Iterator[str]:
     """Yield the lines of a command and its subcommands."""
+    yield f"### {name}\n"
+    yield f"{_text(command.help or '')}\n"
+    yield from _table(command)
     below = getattr(command, "commands", {})
-    if name != "thumper":
-        yield f"## {name}\n"
-        yield f"{_text(command.help or '')}\n"
-        yield from _table(command)
     for key in sorted(below):
         yield from _sections(below[key], f"{name} {key}")
 

@@ -1,0 +1,21 @@
+"""Rewrite the README for a package index, where relative links lead nowhere. Pure, for hatch_readme.py."""
+
+import re
+
+LINK = re.compile(r"(?P<image>!?)\[(?P<text>[^\]]*)\]\((?!https?:)(?P<path>[^)\s]+)\)")
+
+
+def absolute(markdown: str, base: str) -> str:
+    """Return the text with links below `base`, in which `{kind}` becomes blob or raw.
+
+    An empty base removes images and links, but not the text of links. Links to headings are always removed,
+    because an index has no anchors.
+    """
+
+    def replaced(match: re.Match[str]) -> str:
+        image, text, path = match["image"], match["text"], match["path"]
+        if path.startswith("#") or not base:
+            return "" if image else text
+        return f"{image}[{text}]({base.format(kind='raw' if image else 'blob')}/{path})"
+
+    return LINK.sub(replaced, markdown)
