@@ -1,7 +1,7 @@
 """A node as `thumper.ros2.node.RosNode`, whose topics are channels of a Foxglove server instead of ROS.
 
-The server speaks foxglove.sdk.v1. It listens behind TLS with a key that only this process has: programs reach
-it through `TokenGate`, and web pages do not reach it past the gate.
+The server speaks foxglove.sdk.v1, on loopback behind TLS with a key that only this process has: web
+pages reach it only through `TokenGate`. A program on this computer that ignores certificates passes the gate.
 """
 
 import functools
@@ -198,7 +198,10 @@ class PanelParameters:
 
     def change(self, content: Mapping[str, object]) -> dict[str, float]:
         """Set all or none; return the values in use after it."""
+        others = [name for name, value in content.items() if not isinstance(value, int | float)]
         try:
+            if others:  # panels can also send texts, bytes and lists
+                raise ThumperError(f"{others[0]} is a number")
             services.PARAMETERS_SET.call(self._bus, content)
         except ThumperError as error:
             self._report(str(error))

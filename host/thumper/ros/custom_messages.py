@@ -24,6 +24,8 @@ uint8 warnings
 uint16 rx_frames
 uint16 rx_errors
 uint16 tx_dropped
+uint16 gyro_heading
+uint8 gyroscope
 """
 
 STATUS = """
@@ -52,6 +54,7 @@ uint32 lost_edges
 uint32 lidar_scans
 uint32 lidar_errors
 uint32 lidar_restarts
+string sensors
 """
 
 OWN_MESSAGES = {"thumper_msgs/msg/Wheels": WHEELS, "thumper_msgs/msg/Status": STATUS}

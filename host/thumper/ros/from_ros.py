@@ -9,9 +9,10 @@ from dataclasses import fields
 import numpy as np
 
 from thumper.board.board import TelemetrySample
-from thumper.board.messages import Fault, State, Telemetry
+from thumper.board.messages import Fault, GyroscopeState, State, Telemetry
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.common.stamps import NS_PER_S, host_time_s
+from thumper.imu.sample import ImuSample
 from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.ros.codec import Message
@@ -68,9 +69,20 @@ def telemetry_of(msg: Message, epoch_ns: int = 0) -> TelemetrySample:
         warnings=msg.warnings,
         rx_frames=msg.rx_frames,
         rx_errors=msg.rx_errors,
-        tx_dropped=getattr(msg, "tx_dropped", 0),  # absent from recordings of 0.2.0
+        # Recordings of 0.2.0 have none of these.
+        tx_dropped=getattr(msg, "tx_dropped", 0),
+        heading=getattr(msg, "gyro_heading", 0),
+        gyroscope=GyroscopeState(getattr(msg, "gyroscope", GyroscopeState.OFF)),
     )
     return TelemetrySample(time_s=host_time_s(stamp_ns_of(msg), epoch_ns), telemetry=telemetry)
+
+
+def imu_of(msg: Message, epoch_ns: int = 0) -> ImuSample:
+    """Convert an Imu: its rate about z."""
+    rate_rad_s = float(msg.angular_velocity.z)
+    if not math.isfinite(rate_rad_s) or msg.angular_velocity_covariance[0] < 0.0:
+        raise ValueError("the message has no turn rate")
+    return ImuSample(time_s=host_time_s(stamp_ns_of(msg), epoch_ns), yaw_rate_rad_s=rate_rad_s)
 
 
 def pose_of(msg: Message) -> Pose2:

@@ -32,3 +32,4 @@ class Status:
     lidar_scans: int = 0
     lidar_errors: int = 0
     lidar_restarts: int = 0
+    sensors: str = ""  # the others: name, samples, errors and restarts of each

@@ -8,6 +8,7 @@ import numpy as np
 from thumper.board.board import TelemetrySample
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.common.stamps import NS_PER_S, stamp_ns
+from thumper.imu.sample import ImuSample
 from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.costmap import Costmap
@@ -16,6 +17,7 @@ from thumper.ros.codec import Message, message
 from thumper.ros.status import Status
 
 MAP, ODOM, BASE, LASER = "map", "odom", "base_link", "laser"
+UNKNOWN = 1e6  # a variance
 INFO, WARN, ERROR = 20, 30, 40  # levels of rcl_interfaces/Log
 
 # As in ROS's costmap publisher: 0 free, 1...98 inflated, 99 inscribed, 100 obstacle, -1 unknown.
@@ -55,6 +57,26 @@ class Messages:
             range_max=scan.range_max_m,
             ranges=scan.ranges_m.astype(np.float32),
             intensities=np.empty(0, dtype=np.float32),
+        )
+
+    def imu(self, sample: ImuSample) -> Message:
+        """Build an Imu. What the device does not measure has -1 as the first element of its covariance.
+
+        Only the rate about z is measured: the variance of the other two is `UNKNOWN`.
+        """
+        x_m_s2, y_m_s2, z_m_s2 = sample.acceleration_m_s2 or (0.0, 0.0, 0.0)
+        angles_rad = (sample.roll_rad, sample.pitch_rad, sample.yaw_rad)
+        has_angles = not math.isnan(sample.yaw_rad)
+        unknown = np.diag([-1.0, 0.0, 0.0]).reshape(-1)
+        return message(
+            "sensor_msgs/msg/Imu",
+            header=self.header(sample.time_s, BASE),
+            orientation=_rotation(*angles_rad) if has_angles else _rotation(0.0, 0.0, 0.0),
+            orientation_covariance=np.zeros(9) if has_angles else unknown,
+            angular_velocity=message("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=sample.yaw_rate_rad_s),
+            angular_velocity_covariance=np.diag([UNKNOWN, UNKNOWN, 0.0]).reshape(-1),
+            linear_acceleration=message("geometry_msgs/msg/Vector3", x=x_m_s2, y=y_m_s2, z=z_m_s2),
+            linear_acceleration_covariance=unknown if sample.acceleration_m_s2 is None else np.zeros(9),
         )
 
     def odometry(self, sample: OdometrySample) -> Message:
@@ -166,6 +188,8 @@ class Messages:
             rx_frames=t.rx_frames,
             rx_errors=t.rx_errors,
             tx_dropped=t.tx_dropped,
+            gyro_heading=t.heading,
+            gyroscope=int(t.gyroscope),
         )
 
     def battery(self, sample: TelemetrySample) -> Message:
@@ -266,6 +290,20 @@ def _pose(x_m: float, y_m: float, theta_rad: float) -> Message:
         orientation=message(
             "geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=math.sin(half_rad), w=math.cos(half_rad)
         ),
+    )
+
+
+def _rotation(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Message:
+    """Build a Quaternion from angles that are applied in the order yaw, pitch, roll."""
+    (cr, sr), (cp, sp), (cy, sy) = (
+        (math.cos(0.5 * angle), math.sin(0.5 * angle)) for angle in (roll_rad, pitch_rad, yaw_rad)
+    )
+    return message(
+        "geometry_msgs/msg/Quaternion",
+        x=sr * cp * cy - cr * sp * sy,
+        y=cr * sp * cy + sr * cp * sy,
+        z=cr * cp * sy - sr * sp * cy,
+        w=cr * cp * cy + sr * sp * sy,
     )
 
 

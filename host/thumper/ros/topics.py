@@ -35,6 +35,7 @@ PRESENCE = "presence"  # key of the robot's liveliness token on the bus; not a t
 TOPICS: Mapping[str, Topic] = MappingProxyType(
     {
         "scan": _out("sensor_msgs/msg/LaserScan"),
+        "imu": _out("sensor_msgs/msg/Imu"),
         "odom": _out("nav_msgs/msg/Odometry"),
         "pose": _out("geometry_msgs/msg/PoseWithCovarianceStamped"),
         "tf": _out("tf2_msgs/msg/TFMessage"),
@@ -56,6 +57,7 @@ TOPICS: Mapping[str, Topic] = MappingProxyType(
         "velocity": _in("geometry_msgs/msg/TwistStamped"),  # of another program, with wheel speed control
         "teleop": _in("geometry_msgs/msg/TwistStamped"),  # has priority over `velocity`
         "gamepad": _in("geometry_msgs/msg/TwistStamped"),  # has priority over `teleop`
+        "override": _in("std_msgs/msg/Bool"),  # manual commands may touch obstacles; expires after 0.3 s
         "heartbeat": _in("std_msgs/msg/Header"),
         "estop": _in("std_msgs/msg/Bool"),
         "command": _in("std_msgs/msg/String"),

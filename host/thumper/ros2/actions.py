@@ -21,6 +21,7 @@ EXECUTING, CANCELING, SUCCEEDED, CANCELED, ABORTED = 2, 3, 4, 5, 6  # of action_
 UNKNOWN = 0
 ACCEPTED_NONE, REJECTED, UNKNOWN_GOAL, TERMINATED = 0, 1, 2, 3  # return codes of CancelGoal
 MAX_FINISHED = 32  # goals whose results are remembered
+MAX_RUNNING = 8  # goals at a time, each with a thread
 NO_ID = bytes(16)
 
 
@@ -69,7 +70,8 @@ class RosAction:
         goal_id = call.request.goal_id.uuid.tobytes()
         goal = RosGoal(goal_id=goal_id, content=call.request.goal, accepted_ns=time.time_ns())
         with self._lock:
-            accepted = goal_id not in self._goals
+            running = sum(not one.is_over for one in self._goals.values())
+            accepted = goal_id not in self._goals and running < MAX_RUNNING
             if accepted:
                 self._goals[goal_id] = goal
         sec, nanosec = divmod(goal.accepted_ns, NS_PER_S)

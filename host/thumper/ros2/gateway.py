@@ -17,7 +17,7 @@ from thumper.ros.to_ros import BASE, Messages, text, transform
 from thumper.ros.topics import TOPICS
 from thumper.ros2.diagnostics import clock, diagnostics
 from thumper.ros2.node import GraphNode, MessageSink
-from thumper.ros2.topics import CLOCK, DEFAULT, DESCRIPTION, DIAGNOSTICS, IN, OUT
+from thumper.ros2.topics import CLOCK, DEFAULT, DESCRIPTION, DIAGNOSTICS, IN, NAVIGATION, OUT
 from thumper.ros2.urdf import link_poses, urdf
 
 DIAGNOSTICS_PERIOD_S = 1.0
@@ -28,19 +28,33 @@ class RosGateway:
     """Serves one robot; it ends with its bus client and its node."""
 
     def __init__(
-        self, bus: BusClient, node: GraphNode, config: RobotConfig, report: Callable[[str], None]
+        self,
+        bus: BusClient,
+        node: GraphNode,
+        config: RobotConfig,
+        report: Callable[[str], None],
+        *,
+        navigates: bool = True,
     ) -> None:
-        """`report` receives a line about a message that cannot be passed on."""
+        """`report` receives a line about a message that cannot be passed on.
+
+        Without `navigates` there are no goals, plans and costmaps: another program has topics of these names.
+        """
         self._bus, self._node, self._config, self._report = bus, node, config, report
         self._reported_s = self._diagnosed_s = float("-inf")
         self._battery: Message | None = None
         self._clock: MessageSink | None = None
         self._publish_description()
         self._diagnostics = node.publisher(DIAGNOSTICS.name, "diagnostic_msgs/msg/DiagnosticArray", DEFAULT)
+        hidden = () if navigates else NAVIGATION
         for ros_topic, type_name, topic in IN:
+            if topic in hidden:
+                continue
             receive = self.on_twist if type_name.endswith("/Twist") else partial(self._pass_on, topic)
             node.subscribe(ros_topic.name, type_name, ros_topic.qos, receive)
         for topic, ros_topic in OUT.items():
+            if topic in hidden:
+                continue
             publisher = node.publisher(ros_topic.name, TOPICS[topic].type_name, ros_topic.qos)
             send = partial(self._send_static, publisher) if topic == "tf_static" else publisher.publish
             bus.subscribe_raw(topic, send, latched=True)

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -116,22 +117,25 @@ class NavigationActions:
         except (ThumperError, ValueError) as error:
             return _Outcome(status=ABORTED, reason=str(error))
         is_cancelled, leg, answered_s = False, 0, time.monotonic()
+        was_set = False
         while True:
-            if goal.cancel.wait(0.0 if is_cancelled else PERIOD_S):
-                time.sleep(PERIOD_S if is_cancelled else 0.0)
+            if was_set:
+                time.sleep(PERIOD_S)  # `cancel.wait` does not wait once it is set
+            else:
+                was_set = goal.cancel.wait(PERIOD_S)
             try:
                 state = services.MISSION_STATE.call(self._bus, FindMission(mission=number))
-                if goal.cancel.is_set() and not is_cancelled and state.state == "driving":
-                    services.COMMAND.call(self._bus, RunCommand(command="cancel"))
-                    is_cancelled = True
             except ThumperError as error:  # the robot restarts, or is gone
                 if time.monotonic() - answered_s > LOST_S:
                     return _Outcome(status=ABORTED, reason=str(error), leg=leg)
-                time.sleep(PERIOD_S)  # `cancel.wait` does not wait once it is set
                 continue
             leg, answered_s = state.leg, time.monotonic()
             if state.state == "driving":
                 report(state)
+                if was_set and not is_cancelled:
+                    with suppress(ThumperError):  # refused: the robot drives on, so the goal does; try again
+                        services.COMMAND.call(self._bus, RunCommand(command="cancel"))
+                        is_cancelled = True
             else:
                 ended = CANCELED if is_cancelled else ABORTED
                 status = SUCCEEDED if state.state == "reached" else ended

@@ -31,13 +31,13 @@ CLEARED = (
 class RosServices:
     """Answers the services of one robot. `map` is its newest map, if it has one."""
 
-    def __init__(self, bus: BusClient, node: GraphNode) -> None:
+    def __init__(self, bus: BusClient, node: GraphNode, *, navigates: bool = True) -> None:
         self._bus = bus
         self.map: Message | None = None
         bus.subscribe("map", self._on_map)
         for service, command in TRIGGERS.items():
             node.serve(service, TRIGGER, partial(self._trigger, command))
-        for service in CLEARED:
+        for service in CLEARED if navigates else ():
             node.serve(service, CLEAR_COSTMAP, self._clear_costmaps)
         node.serve("map_server/map", GET_MAP, self._get_map)
         node.serve("map_saver/save_map", SAVE_MAP, self._save_map)

@@ -23,6 +23,7 @@ class RosTopic:
 OUT: Mapping[str, RosTopic] = MappingProxyType(  # by the topic of the bus, whose type and bytes they have
     {
         "scan": RosTopic(name="scan", qos=SENSOR_DATA),
+        "imu": RosTopic(name="imu/data", qos=SENSOR_DATA),
         "odom": RosTopic(name="odom"),
         "pose": RosTopic(name="pose"),
         "tf": RosTopic(name="tf", qos=TRANSFORMS),
@@ -39,6 +40,8 @@ OUT: Mapping[str, RosTopic] = MappingProxyType(  # by the topic of the bus, whos
         "events": RosTopic(name="/rosout", qos=Qos(durability=TRANSIENT_LOCAL, depth=100)),
     }
 )
+
+NAVIGATION = ("local_costmap", "plan", "local_plan", "goal")  # topics of the bus that Nav2 has of its own
 
 DESCRIPTION = RosTopic(name="robot_description", qos=LATCHED)  # std_msgs/String: URDF
 DIAGNOSTICS = RosTopic(name="/diagnostics")  # diagnostic_msgs/DiagnosticArray

@@ -4,6 +4,7 @@ Source: docs/design.md of ros2/rmw_zenoh, which describes them for other impleme
 """
 
 import hashlib
+import re
 import struct
 from dataclasses import dataclass
 from typing import Self
@@ -95,6 +96,12 @@ class NodeName:
     def _token(self, session_id: str, number: int, kind: str) -> str:
         place = f"%/{_mangled(self.namespace or '/')}/{self.name}"  # % is the enclave: none
         return f"@ros2_lv/{self.domain_id}/{session_id}/0/{number}/{kind}/{place}"
+
+
+def node_name(robot: str) -> str:
+    """Return a robot's name as ROS allows it: letters, digits and single `_`, no digit at the start."""
+    name = re.sub("[-_]+", "_", robot)
+    return f"robot_{name}" if name[0].isdigit() else name
 
 
 def dds_type(type_name: str) -> str:

@@ -217,7 +217,7 @@ def test_parameters_of_the_panel_are_those_of_the_board(server: Server, client: 
     values = {"kp": 6.0, "ki": 1.0}
 
     def answer() -> None:
-        for _ in range(3):
+        for _ in range(5):
             (request,) = server.robot.received()
             assert isinstance(request, Query)
             if request.name == "parameters/set":
@@ -237,6 +237,10 @@ def test_parameters_of_the_panel_are_those_of_the_board(server: Server, client: 
     assert ask(op="getParameters", parameterNames=[], id="1") == {"kp": 6.0, "ki": 1.0}
     changed = [{"name": "kp", "value": 7.5, "type": "float64"}]
     assert ask(op="setParameters", parameters=changed, id="2") == {"kp": 7.5}
+    for value, kind in (("AAEC", "byte_array"), ([1.0, 2.0], "float64_array")):
+        wrong = [{"name": "kp", "value": value, "type": kind}]
+        assert ask(op="setParameters", parameters=wrong, id="3") == {"kp": 7.5}
+        assert server.robot.reported[-1] == "kp is a number"
     thread.join()
 
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from thumper.board.board import TelemetrySample
-from thumper.board.messages import Fault, State, Telemetry
+from thumper.board.messages import Fault, GyroscopeState, State, Telemetry
 from thumper.common.geometry import Pose2, Twist2
 from thumper.common.stamps import epoch_ns_at, host_time_s, rounded_s, stamp_ns
 from thumper.lidar.scan import Scan
@@ -125,6 +125,8 @@ def telemetry_of_extremes() -> TelemetrySample:
             rx_frames=65535,
             rx_errors=4,
             tx_dropped=0,
+            heading=65535,
+            gyroscope=GyroscopeState.READY,
         ),
     )
 

@@ -19,6 +19,7 @@ from thumper.config.robot import RobotConfig
 from thumper.ros.codec import typestore
 from thumper.ros2.gateway import RosGateway
 from thumper.ros2.node import RosNode
+from thumper.ros2.services import RosServices
 from thumper.ros2.wire import NodeName
 
 ROOT = Path(__file__).parents[3]
@@ -30,13 +31,15 @@ SIMULATION = "world=lab&x_m=1.73&y_m=0.08&yaw_deg=180"
 class Gateway:
     """The robot's end of the bus and its node in domain 7."""
 
-    def __init__(self, router: int, namespace: str = "") -> None:
+    def __init__(self, router: int, namespace: str = "", *, navigates: bool = True) -> None:
         self.robot = Robot()
         self.reported: list[str] = []
         self.bus = BusClient("r1", self.robot.address)
         session = open_ros_client(f"127.0.0.1:{router}", "")
         self.node = RosNode(NodeName(domain_id=7, name="r1", namespace=namespace), session)
-        self.gateway = RosGateway(self.bus, self.node, RobotConfig(name="r1"), self.reported.append)
+        config = RobotConfig(name="r1")
+        self.gateway = RosGateway(self.bus, self.node, config, self.reported.append, navigates=navigates)
+        RosServices(self.bus, self.node, navigates=navigates)
 
     def close(self) -> None:
         self.node.close()
@@ -54,14 +57,14 @@ def router(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
             assert process.stdout is not None
             assert process.stdout.readline() == "ready\n"
             sdk = ZenohSession.get_instance("127.0.0.1", port)  # one per process
-            get_registry(str(_definitions(tmp_path_factory.mktemp("ros"))))
+            get_registry(str(definitions(tmp_path_factory.mktemp("ros"))))
             yield port
             sdk.session.close()
         finally:
             process.terminate()
 
 
-def _definitions(folder: Path) -> Path:
+def definitions(folder: Path) -> Path:
     """Write the standard message definitions where the SDK looks for them: it would download them."""
     for name in (name for name in typestore().fielddefs if "/msg/" in name):
         text = typestore().generate_msgdef(name, ros_version=2)[0].split("=" * 80)[0]
@@ -84,12 +87,12 @@ class Live:
     def __init__(self, bus: str, tmp: Path, router: int) -> None:
         board, lidar = f"sim://ros/board?{SIMULATION}", "sim://ros/lidar"
         ports = ["--board", board, "--lidar", lidar, "--start", "1.73", "0.08", "180"]
-        self._robot = self._start(["run", *ports, "--bus", bus, "--out", str(tmp / "run")])
-        self._await(self._robot, "is running")
-        self._ros = self._start(
+        self.robot = self._start(["run", *ports, "--bus", bus, "--out", str(tmp / "run")])
+        self._await(self.robot, "is running")
+        self.ros = self._start(
             ["ros", "--bus", bus, "--router", f"127.0.0.1:{router}", "--domain", "9", "--namespace", "/live"]
         )
-        self._await(self._ros, "/live/thumper is a node of domain 9")
+        self._await(self.ros, "/live/thumper is a node of domain 9")
         self.poses: list[Any] = []
         self.odometry: list[Any] = []
         types = (("pose", "geometry_msgs/msg/PoseWithCovarianceStamped", self.poses),)
@@ -107,7 +110,7 @@ class Live:
 
     def close(self) -> None:
         self.bus.close()
-        for process in (self._ros, self._robot):
+        for process in (self.ros, self.robot):
             process.send_signal(2)
             assert process.wait(30) in (0, 130)
 

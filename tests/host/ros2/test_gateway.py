@@ -11,6 +11,7 @@ from zenoh_ros2_sdk import (
     ROS2Publisher,
     ROS2Subscriber,
     ZenohSession,
+    get_service_names_and_types,
     get_topic_info,
     get_topic_names_and_types,
 )
@@ -85,6 +86,19 @@ def test_namespace_is_that_of_node_and_topics(router: int) -> None:
     assert get_topic_info("/tf", domain_id=7) is None
     scan = echo(gateway, listen("/fleet/a/scan", "sensor_msgs/msg/LaserScan"), "scan", M.scan(SCAN))
     assert scan.ranges.size == 10
+    gateway.close()
+
+
+def test_base_for_nav2_leaves_its_names_to_it(router: int) -> None:
+    """Nav2 has goals, plans and costmaps of its own: two servers of one name would both answer."""
+    gateway = Gateway(router, "/base", navigates=False)
+    until(lambda: get_topic_info("/base/cmd_vel", domain_id=7), 20.0)
+    topics = {name for name, _ in get_topic_names_and_types(domain_id=7) if name.startswith("/base/")}
+    services = {name for name, _ in get_service_names_and_types(domain_id=7) if name.startswith("/base/")}
+    for name in ("scan", "odom", "tf", "tf_static", "map", "cmd_vel", "initialpose", "robot_description"):
+        assert f"/base/{name}" in topics
+    assert not {name for name in topics | services if "goal" in name or "plan" in name or "costmap" in name}
+    assert "/base/r1/arm" in services
     gateway.close()
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from thumper.ros.codec import typestore
-from thumper.ros2.wire import PUBLISHER, SUBSCRIPTION, Attachment, NodeName, Qos
+from thumper.ros2.wire import PUBLISHER, SUBSCRIPTION, Attachment, NodeName, Qos, node_name
 
 STRING = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
 SESSION = "aac3178e146ba6f1fc6e6a4085e77f21"
@@ -39,3 +39,7 @@ def test_attachment() -> None:
     assert Attachment.decode(raw) == attachment
     with pytest.raises(ValueError, match="not an attachment"):
         Attachment.decode(raw[:-1])
+
+
+def test_node_name_is_one_that_ros_allows() -> None:
+    assert [node_name(robot) for robot in ("lab-1", "4wd", "a_-_b")] == ["lab_1", "robot_4wd", "a_b"]
