@@ -54,11 +54,29 @@ def demo(
             raise typer.Exit(1)
 
 
+def _worlds() -> list[str]:
+    from thumper_hil.world.world_file import WORLDS
+
+    return sorted(file.stem for file in WORLDS.glob("*.toml"))
+
+
+def _lidars() -> list[str]:
+    from typing import get_args
+
+    from thumper.lidar.options import LidarModel
+
+    return list(get_args(LidarModel))
+
+
 def sim(
     board_pty: Annotated[Path, typer.Option(help="Path of the simulated board's serial port.")],
     lidar_pty: Annotated[Path, typer.Option(help="Path of the simulated lidar's serial port.")],
     world: Annotated[
-        str, typer.Option(help="Built-in world (hall, lab, lab_box), world file (TOML) or map (YAML).")
+        str,
+        typer.Option(
+            help="Built-in world (hall, lab, lab_box), world file (TOML) or map (YAML).",
+            autocompletion=_worlds,
+        ),
     ] = "lab",
     seed: Seed = 1,
     start: Annotated[
@@ -72,7 +90,13 @@ def sim(
         ),
     ] = False,
     scenario: Annotated[str, typer.Option(help="Scenario file (TOML) that schedules faults.")] = "",
-    lidar: Annotated[str, typer.Option(help="Lidar model: urg04lx or ld19.")] = "urg04lx",
+    lidar: Annotated[
+        str,
+        typer.Option(
+            help="Lidar model: urg04lx, ld19, rplidar_a1, rplidar_a2, rplidar_c1 or ydlidar_x4.",
+            autocompletion=_lidars,
+        ),
+    ] = "urg04lx",
     preset: Preset = "nominal",
 ) -> None:
     """Serve a simulated robot on two pseudo-terminals in real time, for programs that expect hardware."""

@@ -13,7 +13,7 @@ from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray, Pose2
 from thumper_hil.bench.body_trajectory import BodyTrajectory
 from thumper_hil.bench.collision import FOOTPRINT_M, ContactDetector
-from thumper_hil.bench.hardware import make_lidar, robot_params
+from thumper_hil.bench.hardware import SENSORS, SimulatedSensor, make_lidar, robot_params
 from thumper_hil.bench.leg_contacts import LegContacts
 from thumper_hil.bench.options import BenchOptions
 from thumper_hil.chip.chip import CPU_HZ
@@ -25,6 +25,9 @@ from thumper_hil.effects.preset import load_preset
 from thumper_hil.faults.catalogue import FaultError, FaultValue, fault_action
 from thumper_hil.faults.scenario import load_scenario
 from thumper_hil.faults.switches import Switches
+from thumper_hil.lidars.a5_device import A5Device
+from thumper_hil.lidars.ld19 import Ld19
+from thumper_hil.sensors.bno08x import Bno08x
 from thumper_hil.world.load_world import load_world
 from thumper_hil.world.scene import NO_SEGMENTS, Scene
 from thumper_hil.world.sills import pitch_over_sills_rad
@@ -37,9 +40,11 @@ DEFAULT_ELF = ELF_BY_BOARD[BoardModel.TREX]
 TICK_S = 0.01
 """Period at which ground truth is recorded and contacts are checked."""
 
-LIDAR_POLL_S = 0.001
+SENSOR_POLL_S = 0.001
+GYRO_BIAS_DEG_S = 15.0  # of an MPU-6050, at most 20 (data sheet, ZRO)
 MAX_TRUTH_ROWS = 720_000  # two hours: limits memory when a robot runs for days
 RADIUS_M = 0.062
+GARBLED = bytes((157 * byte + 91) % 256 for byte in range(256))  # what a wrong baud rate makes of a byte
 TRUTH_COLUMNS = ("time_s", "x_m", "y_m", "theta_rad", "left_rad_s", "right_rad_s")
 
 
@@ -84,9 +89,12 @@ class Bench:
             board=options.board,
             seed=options.seed,
         )
+        bias_deg_s = np.random.default_rng((options.seed, 0x6050)).uniform(-GYRO_BIAS_DEG_S, GYRO_BIAS_DEG_S)
+        self.chip.fit_gyroscope(bias_deg_s=float(bias_deg_s))
         self._clock_Hz = self.chip.clock_Hz
         self._tick_cycles = round(TICK_S * self._clock_Hz)
         self._reset_on_open = options.reset_on_open
+        self._seed = options.seed
         if options.reset_on_open:
             self.chip.add_bootloader(_bootloader())
         self.chip.place(options.start)
@@ -100,8 +108,11 @@ class Bench:
         self._pillars: list[tuple[float, float, float]] = []
         self._record_pose()
         self._history = WorldHistory(self.world)
-        self._lidar = make_lidar(options, preset, self.world, self._history, self._track)
-        self._lidar_bytes = bytearray()
+        self._sensors: dict[str, SimulatedSensor] = {
+            "lidar": make_lidar(options, preset, self.world, self._history, self._track)
+        }
+        self._received = {name: bytearray() for name in SENSORS}
+        self._host_baud = dict.fromkeys(SENSORS, 0)  # 0: unknown
         self._wall_start_s = time.monotonic() if options.realtime else None
 
     @property
@@ -209,8 +220,27 @@ class Bench:
         self._history.append(self.world, self.time_s)
 
     def is_plugged(self, device: str) -> bool:
-        """Return True if the USB plug of `board` or `lidar` is connected."""
-        return self._switches.board_plugged if device == "board" else self._switches.lidar_plugged
+        """Return True if the USB plug of the board or of a sensor is connected."""
+        return device not in self._switches.unplugged
+
+    def power_up(self, device: str) -> None:
+        """Switch the gyroscope on when its port is opened first. Later, bytes sent meanwhile are lost.
+
+        The lidar is on from the start.
+        """
+        if device != "imu":
+            return
+        self._refresh_pose()
+        if device in self._sensors:
+            self.sensor_available(device)
+            self._received[device].clear()
+        else:
+            self._sensors[device] = Bno08x(
+                pose_at=self._track.pose_at,
+                pitch_at=self._track.pitch_at,
+                seed=self._seed,
+                power_on_s=self.time_s,
+            )
 
     def assert_dtr(self) -> None:
         """Assert DTR, as a host does when it opens the port; with `reset_on_open` this resets the board."""
@@ -219,40 +249,57 @@ class Bench:
 
     def board_write(self, data: bytes) -> None:
         """Send bytes to the board, if it is plugged in."""
-        if self._switches.board_plugged:
+        if self.is_plugged("board"):
             self.chip.send(data)
 
     def board_read(self, limit: int) -> bytes:
         """Read up to `limit` bytes from the board; they are lost while it is unplugged."""
         data = self.chip.receive(limit)
-        return data if self._switches.board_plugged else b""
+        return data if self.is_plugged("board") else b""
 
-    def advance_for_lidar(self, until_s: float, lidar_bytes: int) -> None:
-        """Advance time to `until_s`, or until `lidar_bytes` bytes from the lidar wait to be read."""
+    def advance_for_sensor(self, name: str, until_s: float, wanted_bytes: int) -> None:
+        """Advance time to `until_s`, or until `wanted_bytes` bytes from the sensor wait to be read."""
         until_cycle = cycle_at(until_s, self._clock_Hz)
-        while self.lidar_available() < lidar_bytes and self.chip.cycle < until_cycle:
-            self.advance(min(until_s, self.time_s + LIDAR_POLL_S))
+        while self.sensor_available(name) < wanted_bytes and self.chip.cycle < until_cycle:
+            self.advance(min(until_s, self.time_s + SENSOR_POLL_S))
 
-    def lidar_write(self, data: bytes) -> None:
-        """Send bytes to the lidar now, if it is plugged in."""
+    def set_baud(self, name: str, baud: int) -> None:
+        """Set the host's baud rate on a sensor's line; 0 if it is unknown."""
+        self._host_baud[name] = baud
+
+    def set_dtr(self, name: str, level: bool) -> None:
+        """Set the line DTR of a sensor's adapter, which runs the motor of some lidars."""
+        sensor = self._sensors[name]
+        if isinstance(sensor, A5Device):
+            self._refresh_pose()
+            sensor.set_dtr(level, self.time_s)
+
+    def _is_understood(self, name: str) -> bool:
+        """Whether host and sensor use the same baud rate, as far as it matters."""
+        sensor = self._sensors[name]
+        own_baud = sensor.baud if isinstance(sensor, A5Device | Ld19) else 0
+        return 0 in {own_baud, self._host_baud[name]} or own_baud == self._host_baud[name]
+
+    def sensor_write(self, name: str, data: bytes) -> None:
+        """Send bytes to the sensor now, if it is plugged in."""
         self._refresh_pose()
-        if self._switches.lidar_plugged:
-            self._lidar.write(data, self.time_s)
+        if self.is_plugged(name) and self._is_understood(name):
+            self._sensors[name].write(data, self.time_s)
 
-    def lidar_available(self) -> int:
-        """Return the number of bytes from the lidar that wait to be read."""
+    def sensor_available(self, name: str) -> int:
+        """Return the number of bytes from the sensor that wait to be read."""
         self._refresh_pose()
-        self._lidar.advance(self.time_s)
-        sent = self._lidar.read()
-        if self._switches.lidar_plugged:
-            self._lidar_bytes += sent
-        return len(self._lidar_bytes)
+        self._sensors[name].advance(self.time_s)
+        sent = self._sensors[name].read()
+        if self.is_plugged(name):
+            self._received[name] += sent if self._is_understood(name) else sent.translate(GARBLED)
+        return len(self._received[name])
 
-    def lidar_read(self, limit: int) -> bytes:
-        """Read up to `limit` bytes from the lidar."""
-        self.lidar_available()
-        data = bytes(self._lidar_bytes[:limit])
-        del self._lidar_bytes[:limit]
+    def sensor_read(self, name: str, limit: int) -> bytes:
+        """Read up to `limit` bytes from the sensor."""
+        self.sensor_available(name)
+        data = bytes(self._received[name][:limit])
+        del self._received[name][:limit]
         return data
 
     def _apply_due_faults(self) -> None:
@@ -271,7 +318,10 @@ class Bench:
         pitch_rad = self._pitch.step(RADIUS_M * sum(truth.wheel_rad_s) / 2.0, TICK_S)
         self._track.add(truth.time_s, pose, pitch_rad + pitch_over_sills_rad(pose, self.world.sills_m))
         self._truth.append((truth.time_s, pose.x_m, pose.y_m, pose.theta_rad, *truth.wheel_rad_s))
-        self._lidar.advance(self.time_s)
+        for name, sensor in self._sensors.items():
+            if isinstance(sensor, A5Device) and not self.is_plugged(name):
+                sensor.power_off()
+            sensor.advance(self.time_s)
 
     def _refresh_pose(self) -> None:
         if self.time_s > self._track.newest_s:

@@ -1,6 +1,7 @@
 """Build the simulated robot's parts as hard as the preset says: its parameters and its lidar."""
 
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -13,17 +14,47 @@ from thumper_hil.effects.friction import floor_friction
 from thumper_hil.effects.mounting import true_mounting
 from thumper_hil.effects.preset import LidarEffects, Preset
 from thumper_hil.effects.tyres import rolling_radius_m
+from thumper_hil.lidars.a5_device import A5Device
 from thumper_hil.lidars.beams import UNDISTURBED, BeamConditions
 from thumper_hil.lidars.ld19 import Ld19
+from thumper_hil.lidars.rplidar import RplidarA1, RplidarA2, RplidarC1
 from thumper_hil.lidars.urg04lx import Urg04Lx
+from thumper_hil.lidars.ydlidar_x4 import YdlidarX4
 from thumper_hil.world.world import World
 from thumper_hil.world.world_history import WorldHistory
 
+SENSORS = ("lidar", "imu")
+"""Devices beside the board in `sim://NAME/DEVICE`."""
+
+LIDAR_MODELS = {
+    "urg04lx": Urg04Lx,
+    "ld19": Ld19,
+    "rplidar_a1": RplidarA1,
+    "rplidar_a2": RplidarA2,
+    "rplidar_c1": RplidarC1,
+    "ydlidar_x4": YdlidarX4,
+}
 BASE_FROM_LASER = Pose2(x_m=0.12)
 SILENT = LidarEffects(
     delay_s=0.0, mixed_share=0.0, loss_share=0.0, grazing_deg=90.0, surfaces=True, self_return_share=0.0
 )
 """Effects that change nothing in a world of matt surfaces."""
+
+
+class SimulatedSensor(Protocol):
+    """A sensor on a serial line of its own. The caller owns the clock."""
+
+    def write(self, data: bytes, time_s: float) -> None:
+        """Receive bytes from the host."""
+        ...
+
+    def advance(self, time_s: float) -> None:
+        """Advance time and send what ends by then."""
+        ...
+
+    def read(self) -> bytes:
+        """Return the bytes that have reached the host."""
+        ...
 
 
 def robot_params(options: BenchOptions, preset: Preset) -> RobotParams:
@@ -48,7 +79,7 @@ def robot_params(options: BenchOptions, preset: Preset) -> RobotParams:
 
 def make_lidar(
     options: BenchOptions, preset: Preset, world: World, history: WorldHistory, track: BodyTrajectory
-) -> Ld19 | Urg04Lx:
+) -> A5Device | Ld19 | Urg04Lx:
     """Return the lidar of the robot with this seed, mounted as the preset says."""
     mounting = true_mounting(BASE_FROM_LASER, preset.mount, options.seed)
     has_surfaces = bool(np.any(world.segment_surfaces) or np.any(world.circle_surfaces))
@@ -56,11 +87,11 @@ def make_lidar(
     conditions = UNDISTURBED
     if has_surfaces or world.sills_m.size or preset.lidar != SILENT or not is_level:
         conditions = BeamConditions(effects=preset.lidar, pitch_at=track.pitch_at, tilt_rad=mounting.tilt_rad)
-    model = Ld19 if options.lidar == "ld19" else Urg04Lx
-    return model(
+    lidar: A5Device | Ld19 | Urg04Lx = LIDAR_MODELS[options.lidar](
         world=history,
         pose_at=track.pose_at,
         base_from_laser=mounting.base_from_laser,
         seed=options.seed,
         conditions=replace(conditions, clock_drift=clock_drifts(preset.clock, options.seed)[1]),
     )
+    return lidar

@@ -12,7 +12,7 @@ from thumper_hil.effects.friction import floors
 from thumper_hil.effects.preset import PRESETS
 
 FULL_TURN_DEG = 360.0
-LIDARS = ("urg04lx", "ld19")
+LIDARS = ("urg04lx", "ld19", "rplidar_a1", "rplidar_a2", "rplidar_c1", "ydlidar_x4")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,7 +27,7 @@ class BenchOptions:
     charge: float | None = None  # battery charge, 0...1; None: from the robot's parameters
     board: BoardModel = BoardModel.TREX
     scenario: str = ""  # path of a TOML of faults; empty for none
-    lidar: str = "urg04lx"  # model: urg04lx or ld19
+    lidar: str = "urg04lx"  # model, one of LIDARS
     preset: str = "nominal"  # how hard the robot is to drive: nominal or hard
     floor: str = ""  # carpet, wood..., or stand for wheels in the air; empty: the preset's floor
     reset_on_open: bool = False  # opening the board's port resets it through its boot loader

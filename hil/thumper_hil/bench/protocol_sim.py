@@ -1,4 +1,4 @@
-"""pyserial's handler for `sim://NAME/board` and `sim://NAME/lidar`: ports to a simulated robot.
+"""pyserial's handler for `sim://NAME/board` and its sensors: ports to a simulated robot.
 
 Simulated time passes only during a blocking `read`; `clock_s` returns it. Otherwise the ports behave like
 real ones: a read returns the received bytes when its timeout has passed, and a write returns at once.
@@ -14,13 +14,14 @@ from serial.serialutil import PortNotOpenError, SerialBase, SerialException
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper_hil.bench.bench import Bench
+from thumper_hil.bench.hardware import SENSORS
 from thumper_hil.bench.page_controls import PageControls
 from thumper_hil.bench.registry import close_device, open_device
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-DEVICES = ("board", "lidar")
+DEVICES = ("board", *SENSORS)
 
 
 class Serial(SerialBase):
@@ -91,10 +92,12 @@ class Serial(SerialBase):
                 if self._device == "board":
                     bench.advance(step_s, board_bytes=size)
                 else:
-                    bench.advance_for_lidar(step_s, size)
+                    bench.advance_for_sensor(self._device, step_s, size)
             if bench.time_s > started_s:
                 bench.advance(bench.time_s + bench.host.wake_up_s())
-            return bench.board_read(size) if self._device == "board" else bench.lidar_read(size)
+            if self._device == "board":
+                return bench.board_read(size)
+            return bench.sensor_read(self._device, size)
 
     def write(self, data: "ReadableBuffer", /) -> int:
         """Queue bytes; no time passes here, they are transmitted at line rate later."""
@@ -103,7 +106,7 @@ class Serial(SerialBase):
             if self._device == "board":
                 bench.board_write(sent)
             else:
-                bench.lidar_write(sent)
+                bench.sensor_write(self._device, sent)
         return len(sent)
 
     def flush(self) -> None:
@@ -117,7 +120,7 @@ class Serial(SerialBase):
         if waiting and self._device == "board":
             self._world().chip.receive(waiting)
         elif waiting:
-            self._world().lidar_read(waiting)
+            self._world().sensor_read(self._device, waiting)
 
     def reset_output_buffer(self) -> None:
         """Do nothing: no bytes wait on the host's side."""
@@ -128,7 +131,8 @@ class Serial(SerialBase):
         """Number of bytes that wait on the host's side: always 0."""
         return 0
 
-    # Of the modem lines only DTR is wired, and only with `reset_on_open`: it pulls the board's reset pin.
+    # Of the modem lines only DTR is wired. It runs the motor of some lidars; with `reset_on_open` it pulls
+    # the board's reset pin.
     @property
     def cts(self) -> bool:
         """Clear to send."""
@@ -150,8 +154,11 @@ class Serial(SerialBase):
         return True
 
     def _reconfigure_port(self) -> None:
-        if self._bench is not None and self.is_open and self._device == "board":
-            self._bench.chip.set_host_baud(self.baudrate)
+        if self._bench is not None and self.is_open:
+            if self._device == "board":
+                self._bench.chip.set_host_baud(self.baudrate)
+            else:
+                self._bench.set_baud(self._device, self.baudrate)
 
     def _update_break_state(self) -> None: ...
 
@@ -160,10 +167,12 @@ class Serial(SerialBase):
     def _update_dtr_state(self) -> None:
         if self._bench is not None and self._device == "board" and self.dtr and not self._dtr_was:
             self._bench.assert_dtr()
+        if self._bench is not None and self._device != "board":
+            self._bench.set_dtr(self._device, self.dtr)
         self._dtr_was = self.dtr
 
     def _waiting(self, bench: Bench) -> int:
-        return bench.chip.available if self._device == "board" else bench.lidar_available()
+        return bench.chip.available if self._device == "board" else bench.sensor_available(self._device)
 
     @contextmanager
     def _host_call(self, bench: Bench, *, reads: bool = False) -> Iterator[Bench]:
@@ -190,7 +199,8 @@ def _parse(url: str) -> tuple[str, str, dict[str, str]]:
     device = parts.path.strip("/")
     if not parts.netloc or device not in DEVICES:
         raise ThumperError(
-            f"{url}: not a simulated device; use sim://NAME/board or sim://NAME/lidar", exit_code=EXIT_USAGE
+            f"{url}: not a simulated device; use sim://NAME/{', sim://NAME/'.join(DEVICES)}",
+            exit_code=EXIT_USAGE,
         )
     options: dict[str, str] = {}
     for name, value in parse_qsl(parts.query, keep_blank_values=True):

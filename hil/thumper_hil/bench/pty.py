@@ -66,8 +66,8 @@ def serve(board_pty: Path, lidar_pty: Path, options: Mapping[str, str]) -> None:
             _Line(
                 master=lidar_ends[0],
                 slave=lidar_ends[1],
-                to_device=bench.lidar_write,
-                from_device=lambda: bench.lidar_read(CHUNK_BYTES),
+                to_device=lambda data: bench.sensor_write("lidar", data),
+                from_device=lambda: bench.sensor_read("lidar", CHUNK_BYTES),
             ),
         )
         print(f"board {board_pty}, lidar {lidar_pty}. Press Ctrl-C to stop.", flush=True)
@@ -100,12 +100,14 @@ def _transfer(bench: Bench, lines: tuple[_Line, ...], *, reset_on_open: bool) ->
             if is_open and not was_open:
                 bench.assert_dtr()
             was_open = is_open
-        bench.chip.set_host_baud(_baud(lines[0].slave))
         bench.advance(clock.due_s(time.monotonic(), bench.time_s))
         for line in lines:
             if data := line.from_device():
                 _write(line, data)
         readable, _, _ = select.select([line.master for line in lines], [], [], STEP_S)
+        # Now, not before the wait: a client sets its rate and sends at once.
+        bench.chip.set_host_baud(_baud(lines[0].slave))
+        bench.set_baud("lidar", _baud(lines[1].slave))
         if not was_open:
             time.sleep(STEP_S)  # a terminal without a client is always "readable"
         for line in lines:

@@ -54,6 +54,7 @@ def open_device(name: str, device: str, options: Mapping[str, str]) -> Bench:
             f"the simulation {name!r} runs with other options; give the options only with its first port",
             exit_code=EXIT_USAGE,
         )
+    entry.bench.power_up(device)
     entry.open_devices.add(device)
     return entry.bench
 

@@ -1,12 +1,13 @@
 """Distribute a campaign's jobs over Dask workers and store each row when it arrives."""
 
 import logging
+import pickle
 import signal
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing import resource_tracker
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 from thumper_hil.campaign.job import run_job
@@ -15,7 +16,7 @@ from thumper_hil.campaign.result_table import RowStore
 from thumper_hil.campaign.spec import CampaignJob
 
 if TYPE_CHECKING:
-    from distributed import LocalCluster
+    from distributed import Client, Future, LocalCluster
 
 CONNECT_S = 10
 NO_PAGES: dict[str, list[str]] = {
@@ -57,11 +58,15 @@ def run_jobs(
             ) from error
         run = uuid.uuid4().hex  # for Dask, equal keys mean the same task, even across campaigns
         keys = {f"{job.key}-{run}": job.key for job in waiting}
-        futures = client.map(run_job, waiting, key=list(keys), pure=False)
+        if scheduler:
+            futures = _map_shipped(client, waiting, list(keys))
+        else:
+            futures = client.map(run_job, waiting, key=list(keys), pure=False)
         failures: list[str] = []
         for future in as_completed(futures):  # type: ignore[no-untyped-call]
             try:
-                row = future.result()
+                result = future.result()
+                row = pickle.loads(result) if scheduler else result
             except CancelledError as error:
                 raise ThumperError(
                     "the Dask scheduler has stopped; all finished drives are kept. To continue, run the same "
@@ -79,6 +84,18 @@ def run_jobs(
             f"{len(failures)} of {len(jobs)} drives could not run. The first: {failures[0]}. "
             "All others are kept; fix the cause and run the same command again"
         )
+
+
+def _map_shipped(client: "Client", jobs: list[CampaignJob], keys: list[str]) -> "list[Future[Any]]":
+    """Start jobs on workers of somebody else, which get this Thumper first. Raises ThumperError."""
+    from thumper_hil.campaign.shipping import ShippedPackage, pack, shipped_job
+
+    try:
+        client.register_plugin(ShippedPackage(pack()))
+    except RuntimeError as error:
+        raise ThumperError(str(error), exit_code=EXIT_NOT_THERE) from None
+    packed = [pickle.dumps(job) for job in jobs]
+    return list(client.map(shipped_job(), packed, key=keys, pure=False))
 
 
 def _describe(error: Exception) -> str:

@@ -2,7 +2,10 @@
 
 import hashlib
 import json
+import os
 import platform
+import shutil
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
@@ -14,11 +17,12 @@ from rich.console import Console
 from rich.table import Table
 
 from thumper.board.messages import SCHEMA_HASH
-from thumper.cli.output.run_report import draw_drive, draw_speeds
+from thumper.cli.output.run_report import draw_speeds
 from thumper.common.files import write_text
 from thumper.common.version import __version__
 from thumper.maps.map_server_io import save_map
 from thumper.maps.plot import GREEN, ORANGE, draw_grid, save_figure
+from thumper.robot.figure import draw_drive
 from thumper.runtime.drive_log import path_length_m, speed_errors
 from thumper.slam.saved_state import save_session
 from thumper_hil.bench import DEFAULT_ELF
@@ -30,6 +34,14 @@ from thumper_hil.demo.missions import (
 )
 from thumper_hil.demo.outcome import Outcome
 
+NEXT_STEPS = (  # command, what it shows
+    ("demo --ui", "the same in the browser, in real time"),
+    (
+        "explore --board 'sim://next/board?world=lab_box' --lidar sim://next/lidar",
+        "it explores the room by itself",
+    ),
+    ("tune --board 'sim://next/board?world=hall' --yes", "it identifies its motors and designs the gains"),
+)
 FOOTNOTE = (
     "Wheel speed error: ramped set-point of the firmware minus measured speed, straight run, while moving."
 )
@@ -57,6 +69,18 @@ def write_results(
     console.print(f"preset {setting['preset']}; simulation ran at {speed}", highlight=False)
     files = "map.pgm, map.yaml, map.session, missions.png, speed_control.png, table.md, summary.json"
     console.print(f"in {out}/: {files}", soft_wrap=True)
+    print_next_steps(console)
+
+
+def print_next_steps(console: Console) -> None:
+    """Print what to try next, as commands to copy."""
+    beside = os.path.relpath(Path(sys.executable).with_name("thumper"))
+    program = "thumper" if shutil.which("thumper") else min(beside, os.path.abspath(beside), key=len)
+    console.print("\nTry next:")
+    for arguments, effect in NEXT_STEPS:
+        console.print(f"  {program} {arguments}", highlight=False, soft_wrap=True)
+        console.print(f"      {effect}", highlight=False)
+    console.print("  docs/tutorials/simulated.md goes on from here.", highlight=False)
 
 
 def summarize(outcomes: Sequence[Outcome], setting: Mapping[str, int | str]) -> dict[str, Any]:

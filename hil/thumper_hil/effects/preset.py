@@ -64,7 +64,7 @@ class ClockEffects:
 @with_config(_STRICT)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LidarEffects:
-    """What both lidar models have in common: surfaces, edges, the robot's own parts, transport."""
+    """What all lidar models have in common: surfaces, edges, the robot's own parts, transport."""
 
     delay_s: NotNegative
     mixed_share: Share

@@ -130,6 +130,15 @@ def _input(number: int) -> Choice:
     )
 
 
+def _plug(device: str) -> Choice:
+    return Choice(
+        actions={
+            "ok": lambda switches: switches.unplugged.discard(device),
+            "unplugged": lambda switches: switches.unplugged.add(device),
+        }
+    )
+
+
 def _glitches(side: int) -> Amount:
     return Amount(
         apply=lambda switches, per_s: switches.chip.set_glitches(side, per_s), unit="1/s", maximum=50_000.0
@@ -188,17 +197,6 @@ FAULTS: dict[str, Choice | Amount | PoseFault] = {
             "reset": lambda switches: switches.chip.reset(),
         }
     ),
-    "board": Choice(
-        actions={
-            "ok": lambda switches: setattr(switches, "board_plugged", True),
-            "unplugged": lambda switches: setattr(switches, "board_plugged", False),
-        }
-    ),
-    "lidar": Choice(
-        actions={
-            "ok": lambda switches: setattr(switches, "lidar_plugged", True),
-            "unplugged": lambda switches: setattr(switches, "lidar_plugged", False),
-        }
-    ),
+    **{device: _plug(device) for device in ("board", "lidar", "imu")},
     "robot.carried": PoseFault(),
 }

@@ -14,8 +14,7 @@ class Switches:
     """The state of a bench's faults. The bench reads plugs and host hang; the chip gets the rest."""
 
     chip: FaultyChip
-    board_plugged: bool = True
-    lidar_plugged: bool = True
+    unplugged: set[str] = field(default_factory=set)  # board, lidar...
     host_hangs_until_s: float = 0.0
     line_loss: float = 0.0
     line_flip: float = 0.0

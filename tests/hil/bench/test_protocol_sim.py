@@ -138,12 +138,12 @@ def test_closing_all_ports_ends_the_simulation(open_sim: OpenPort) -> None:
 def run_bytes(seed: int) -> tuple[bytes, bytes, bytes]:
     """Return the output of a short drive: the bytes of both ports and the ground truth."""
     bench = armed(BenchOptions(seed=seed))
-    bench.lidar_write(b"BM\nMD0044072501000\n")
+    bench.sensor_write("lidar", b"BM\nMD0044072501000\n")
     board, lidar = bytearray(), bytearray()
     for left, right in ((120, 120), (90, -90), (200, 150)):
         push(bench, left, right, 0.4)
         board += bench.chip.receive(10_000)
-        lidar += bench.lidar_read(100_000)
+        lidar += bench.sensor_read("lidar", 100_000)
     return bytes(board), bytes(lidar), bench.truth().tobytes()
 
 

@@ -5,11 +5,16 @@ import shutil
 import signal
 import subprocess
 import sys
+import sysconfig
 import time
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from importlib.util import find_spec
+from io import BytesIO
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from benchmarks.shared.live import END_WITH_PARENT
@@ -22,6 +27,7 @@ from thumper_hil.campaign import runner
 from thumper_hil.campaign.job import run_job
 from thumper_hil.campaign.result_row import CampaignRow
 from thumper_hil.campaign.result_table import RowStore
+from thumper_hil.campaign.shipping import ShippedPackage
 from thumper_hil.campaign.spec import expand_jobs, load_campaign
 from thumper_hil.campaign.summary import markdown, summarise
 from thumper_hil.world.world_file import WORLDS
@@ -73,14 +79,24 @@ def test_tour_with_a_fault_reaches_its_goal(tmp_path: Path) -> None:
     assert "| path length [m] | SLAM pose error, worst [m] |" in markdown([summary])
 
 
+def strangers_python(folder: Path) -> Path:
+    """Return a Python with the packages of this one, but without Thumper."""
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder / "venv"], check=True)
+    (site,) = (folder / "venv").glob("lib/python*/site-packages")
+    (site / "packages.pth").write_text(sysconfig.get_path("purelib"))  # no .pth file in there counts
+    return folder / "venv/bin/python"
+
+
 @pytest.fixture
 def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """Start a scheduler and two workers, each in its own process."""
+    """Start a scheduler and two workers, each in its own process, in an environment without Thumper."""
     file = tmp_path / "scheduler.json"
+    dask: list[str | Path] = [strangers_python(tmp_path), "-m", "dask"]
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
     scheduler = subprocess.Popen(
         [
             *END_WITH_PARENT,
-            BIN / "dask",
+            *dask,
             "scheduler",
             "--port",
             "0",
@@ -89,6 +105,7 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
             file,
         ],
         stderr=subprocess.DEVNULL,
+        env=environment,
     )
     workers: list[subprocess.Popen[bytes]] = []
     try:
@@ -96,7 +113,7 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
             assert scheduler.poll() is None
             time.sleep(0.1)
         command: list[str | Path] = [
-            BIN / "dask",
+            *dask,
             "worker",
             "--scheduler-file",
             file,
@@ -106,7 +123,9 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
             "--no-nanny",  # a nanny would restart a killed worker
         ]
         workers += [
-            subprocess.Popen([*END_WITH_PARENT, *command], stderr=subprocess.DEVNULL, cwd=tmp_path)
+            subprocess.Popen(
+                [*END_WITH_PARENT, *command], stderr=subprocess.DEVNULL, cwd=tmp_path, env=environment
+            )
             for _ in range(2)
         ]
         address = file.read_text().split('"address": "')[1].split('"')[0]
@@ -191,10 +210,31 @@ def threads(workers: int | None) -> Iterator[LocalCluster]:
         yield cluster
 
 
-def test_killed_worker_loses_no_row(
+def test_worker_without_a_requirement_names_it(tmp_path: Path) -> None:
+    archive = BytesIO()
+    with zipfile.ZipFile(archive, "w") as stream:
+        needs = ["numpy>=2.0", "no-such-package<2,>=1", "nor-this; extra == 'ui'"]
+        lines = "".join(f"Requires-Dist: {one}\n" for one in needs)
+        stream.writestr("t.dist-info/METADATA", f"Name: t\nVersion: 1\n{lines}")
+    before = list(sys.path)
+    worker = SimpleNamespace(local_directory=tmp_path, name="tcp://w")
+    with pytest.raises(RuntimeError, match="worker tcp://w lacks no-such-package; install"):
+        ShippedPackage(archive.getvalue()).setup(worker)
+    assert sys.path == before
+
+
+def test_campaign_brings_thumper_to_workers_and_loses_no_row_with_one(
     tmp_path: Path, cluster: tuple[str, list[subprocess.Popen[bytes]]]
 ) -> None:
+    """Neither scheduler nor workers have Thumper; one worker is killed."""
     address, workers = cluster
+    with Client(address, timeout=20) as client:  # type: ignore[no-untyped-call]
+        client.wait_for_workers(2, timeout=60)
+        for where in (
+            client.run(find_spec, "thumper").values(),
+            [client.run_on_scheduler(find_spec, "thumper")],
+        ):
+            assert set(where) == {None}
     path = written(tmp_path)
     out = tmp_path / "out"
     run = subprocess.Popen(

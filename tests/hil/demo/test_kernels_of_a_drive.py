@@ -37,7 +37,7 @@ def use(robot: RobotLoop) -> None:
     robot.run(tasks.drive_to_goal(Goal(x_m=0.5, y_m=0.0)))
     assert mapper.localizer is not None
     assert mapper.localizer.relocalizations > 0
-    mapper.resume_from(mapper.counts(), Pose2(x_m=0.5))
+    mapper.resume_from(mapper.counts(), robot.map_and_pose()[1])
     robot.run(tasks.wait(3.0))
     assert not mapper.is_localizing
 

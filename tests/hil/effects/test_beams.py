@@ -140,7 +140,7 @@ def arrivals_s(name: str, model: Literal["urg04lx", "ld19"], delay_s: float) -> 
         lidar = open_lidar(LidarOptions(port=f"sim://{name}/lidar?world=hall&lidar={model}", model=model))
     arrived_s = []
     for _ in range(40):
-        lidar.wait_for_scan(2.0)
+        lidar.wait_for_sample(2.0)
         arrived_s.append(lidar.now_s())
     lidar.close()
     return np.array(arrived_s)
