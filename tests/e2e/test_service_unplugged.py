@@ -67,7 +67,7 @@ def is_back(service: Service) -> bool:
     return state is not None and is_telling and state.scan_age_s < 0.35
 
 
-@pytest.mark.parametrize("model", ["urg04lx", "ld19"])
+@pytest.mark.parametrize("model", ["urg04lx", "ld19", "rplidar_a2"])
 @pytest.mark.parametrize("order", ORDERS.values(), ids=ORDERS)
 @pytest.mark.parametrize("is_driving", [False, True], ids=["at rest", "driving"])
 def test_ports_come_and_go(

@@ -19,6 +19,7 @@ from thumper.runtime.requests import (
     EmergencyStop,
     GoTo,
     Heartbeat,
+    OverrideAssistance,
     Query,
     Request,
     RobotCommand,
@@ -31,7 +32,7 @@ from thumper.runtime.requests import (
 MAX_MESSAGE_BYTES = 65_536
 MAX_V_M_S, MAX_W_RAD_S = 5.0, 20.0
 MAX_SOURCE_CHARACTERS = 64
-RATES_HZ = {"heartbeat": 200.0, "velocity": 200.0, "teleop": 200.0, "gamepad": 200.0}
+RATES_HZ = {"heartbeat": 200.0, "velocity": 200.0, "teleop": 200.0, "gamepad": 200.0, "override": 200.0}
 DEFAULT_RATE_HZ = 20.0
 
 
@@ -179,6 +180,7 @@ _READERS: Mapping[str, Callable[[Message, str], Request | None]] = {
     "velocity": _velocity(TeleopSource.VELOCITY),
     "teleop": _velocity(TeleopSource.TELEOP),
     "gamepad": _velocity(TeleopSource.GAMEPAD),
+    "override": lambda msg, _source: OverrideAssistance() if msg.data else None,
     "heartbeat": lambda _msg, source: Heartbeat(source=source),
     "estop": lambda msg, _source: (
         EmergencyStop() if msg.data else None

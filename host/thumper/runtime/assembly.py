@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import TypeVar
 
 from thumper.board.board import Board
-from thumper.board.messages import Identity
+from thumper.board.gyroscope import check_gyroscope
+from thumper.board.messages import GyroscopeState, Identity
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2
 from thumper.common.kinematics import DriveGeometry
+from thumper.common.sensor import ReopenedSensor
 from thumper.common.signals import record_interrupts
 from thumper.common.stamps import epoch_ns_at
 from thumper.config.robot import RobotConfig
@@ -20,9 +22,12 @@ from thumper.lidar.open_lidar import open_lidar
 from thumper.lidar.self_returns import SelfReturnFilter
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.navigator import Navigator
+from thumper.navigation.safety.collision_monitor import CollisionMonitor
+from thumper.navigation.speed_limits import WheelRamp
 from thumper.navigation.warm_up import warm_up as warm_up_navigation
 from thumper.odometry.drive_train_monitor import DriveTrainMonitor
 from thumper.ros.to_ros import Messages
+from thumper.runtime.drive.assisted_teleop import AssistedTeleop
 from thumper.runtime.drive.drive_manager import DriveManager
 from thumper.runtime.drive.goal_limits import GoalLimits
 from thumper.runtime.drive.task_driver import TaskDriver
@@ -30,7 +35,8 @@ from thumper.runtime.loop import UNCONFIRMED, RobotLoop, RobotParts
 from thumper.runtime.publisher import Publisher
 from thumper.runtime.reconnection import Connecting, Reconnection
 from thumper.runtime.requests import LogMessage
-from thumper.runtime.sensor_inputs import SensorInputs
+from thumper.runtime.sensor_inputs import TELEMETRY_TIMEOUT_S, SensorInputs
+from thumper.runtime.sensor_table import KINDS, SensorFeed, open_feed
 from thumper.runtime.service.map_saver import MapSaver
 from thumper.runtime.service.request_handler import RequestHandler
 from thumper.runtime.service.request_queue import RequestQueue
@@ -43,6 +49,8 @@ from thumper.slam.mounting import MountCheck
 from thumper.slam.saved_state import SavedSlamState
 
 Drive = TypeVar("Drive", bound=DriveGeometry)
+
+GYROSCOPE_TIMEOUT_S = 1.5  # opening the port resets the board, which starts its gyroscope within 0.6 s
 
 
 @contextmanager
@@ -70,14 +78,21 @@ def open_robot(
         board = Board.open(config.board.port, baud=config.board.baud)
         stack.callback(board.close)
         config = replace(config, drive=geometry_of(config.drive, board.identity))
+        if config.imu.enabled and config.imu.model == "mpu6050":
+            wait_for_gyroscope(board)
         lidar = open_lidar(config.lidar)
         stack.callback(lidar.close)
+        feeds = []
+        for kind in KINDS:
+            if kind.is_wanted(config):
+                feeds.append(open_feed(kind, config))
+                stack.callback(feeds[-1].sensor.close)
         mapper = robot_mapper(config, map_from_base or Pose2())
         if isinstance(known, SavedSlamState):
             mapper.resume_from(known.counts, map_from_base)
         elif known is not None:
             mapper.localize_in(known, map_from_base)
-        robot = _wire(config, board, lidar, mapper, map_path)
+        robot = _wire(config, board, lidar, tuple(feeds), mapper, map_path)
         # A full garbage collection visits all modules and kernels: 0.1 s on a desktop, 0.4 s on a Raspberry
         # Pi, and the board stops the motors after 0.3 s. Frozen objects are not visited again.
         gc.unfreeze()  # the robots that were open before in this process
@@ -91,11 +106,17 @@ def open_robot(
             raise
         finally:
             robot.inputs.board.close()  # the present ones: the first may have been replaced
-            robot.inputs.lidar.close()
+            for sensor in robot.inputs.sensors:
+                sensor.close()
 
 
 def _wire(
-    config: RobotConfig, board: Board, lidar: LidarDriver, mapper: SlamModeSwitch, map_path: Path | None
+    config: RobotConfig,
+    board: Board,
+    lidar: LidarDriver,
+    feeds: tuple[SensorFeed, ...],
+    mapper: SlamModeSwitch,
+    map_path: Path | None,
 ) -> RobotLoop:
     """Build the parts of the robot and the loop that runs them."""
     estimator = StateEstimator(
@@ -107,7 +128,10 @@ def _wire(
         drive_train=_drive_train(board),
     )
     inputs = SensorInputs(
-        board=board, lidar=lidar, estimator=estimator, open_lidar=lambda: open_lidar(config.lidar)
+        board=board,
+        lidar=ReopenedSensor("lidar", lidar, lambda: open_lidar(config.lidar)),
+        feeds=feeds,
+        estimator=estimator,
     )
     navigator = Navigator(
         config.navigation,
@@ -122,6 +146,9 @@ def _wire(
         drive=config.drive,
         max_wheel_rad_s=config.drive.max_wheel_rad_s,
         options=config.service,
+        assisted_teleop=(
+            AssistedTeleop(collision_monitor(config), config.lidar.view) if config.service.assisted else None
+        ),
     )
     task_driver = TaskDriver(inputs, drive_manager, GoalLimits(estimator=estimator, navigator=navigator))
     publisher, queue = _publisher(config, inputs), RequestQueue()
@@ -132,6 +159,7 @@ def _wire(
         inputs=inputs,
         publisher=publisher,
         simulator=board.port.raw.simulator if isinstance(board.port.raw, HasSimulator) else None,
+        footprint=config.footprint,
         handlers={"save_map": _map_saver(estimator, queue, map_path)} if map_path else {},
     )
     return RobotLoop(
@@ -145,6 +173,22 @@ def _wire(
             reconnection=Reconnection(inputs, drive_manager, publisher, lambda: _connect(config)),
         )
     )
+
+
+def wait_for_gyroscope(board: Board) -> None:
+    """Wait until the board's gyroscope answers; raises ThumperError if it is off or does not."""
+    state, until_s = GyroscopeState.MISSING, board.now_s() + GYROSCOPE_TIMEOUT_S
+    while state is GyroscopeState.MISSING and board.now_s() < until_s:
+        for sample in board.poll(TELEMETRY_TIMEOUT_S):
+            state = sample.telemetry.gyroscope
+    check_gyroscope(state)
+
+
+def collision_monitor(config: RobotConfig) -> CollisionMonitor:
+    """Return the collision monitor of motion that the navigator does not command."""
+    limits = config.navigation.limits
+    ramp = WheelRamp.from_drive(limits, config.drive)
+    return CollisionMonitor(config.navigation.monitor, limits, config.footprint, ramp)
 
 
 def _drive_train(board: Board) -> DriveTrainMonitor:

@@ -6,7 +6,7 @@ from typing import Self
 from thumper.common.geometry import Pose2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class DriveResult:
     """How a drive to a goal ended."""
 
@@ -17,6 +17,10 @@ class DriveResult:
     path_length_m: float  # from the wheels
     map_from_base: Pose2  # estimated pose at the end
     navigation_failed: bool = False  # the navigator gave up the goal; no part of the robot failed
+
+    def __repr__(self) -> str:
+        end = "reached" if self.reached else "not reached"
+        return f"<{end}: {self.reason}; {self.path_length_m:.2f} m in {self.time_s:.1f} s>"
 
     def after(self, earlier: "Self | None") -> "Self":
         """Return this result with the time and path length of an earlier drive added."""

@@ -92,9 +92,7 @@ class RobotLoop:
 
     def map_and_pose(self) -> tuple[OccupancyGrid, Pose2]:
         """Return the map and the robot's pose in it, once there is a state."""
-        state = self.inputs.estimator.state()
-        assert state is not None
-        return self.mapper.grid(), state.map_from_base
+        return self.inputs.estimator.map_and_pose()
 
     @property
     def log(self) -> DriveLog:
@@ -239,8 +237,9 @@ class RobotLoop:
         if handler.experiments.requested and not handler.board_jobs:
             handler.experiments.run(self.control_cycle)
             wheels.read_again(self.inputs.estimator, self.inputs.board)
-        elif self.inputs.reopen_lidar():
-            self.publisher.publish_event("the lidar answers again", name="lidar")
+            return
+        for name in self.inputs.reopen_sensors():
+            self.publisher.publish_event(f"the {name} answers again", name=name)
 
     def _fail(self, failure: _Failure) -> None:
         """End what is under way, the motors first; if the loop serves clients, continue to serve."""

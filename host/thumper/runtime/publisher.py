@@ -96,6 +96,9 @@ class Publisher:
         time_s = state.time_s
         if "tf_static" not in self._latched:
             self._send("tf_static", time_s, self.messages.fixed_transforms(time_s, self._base_from_laser))
+        for feed in inputs.feeds:  # before the wheels, as the state estimator gets them
+            for sample in feed.samples:
+                self._send(feed.kind.name, sample.time_s, feed.kind.message(self.messages, sample))
         for sample in inputs.samples:
             self._send("wheels", sample.time_s, self.messages.wheels(sample))
         for scan in inputs.scans:
@@ -211,9 +214,10 @@ class Publisher:
             link_frames=telemetry.rx_frames,
             link_errors=inputs.board.receive_errors + telemetry.rx_errors,
             lost_edges=telemetry.lost_edges,
-            lidar_scans=lidar.scans,
+            lidar_scans=lidar.samples,
             lidar_errors=lidar.bad_replies + lidar.port_errors,
             lidar_restarts=lidar.restarts,
+            sensors="\n".join(feed.summary for feed in inputs.feeds),
         )
 
     def _send(self, topic: str, time_s: float, message: Message) -> None:

@@ -48,7 +48,7 @@ def parse_goals(content: Mapping[str, Any]) -> tuple[Goal, ...]:
 # The topic `command` accepts these words and no others.
 COMMANDS = (
     *("cancel", "clear_fault", "clear_costmaps", "arm", "disarm", "estop"),
-    *("record_start", "record_stop", "save_map", "localise", "map_on", "relocalise"),
+    *("record_start", "record_stop", "save_map", "explore", "localise", "map_on", "relocalise"),
 )
 
 
@@ -75,6 +75,11 @@ class Velocity:
     channel: TeleopSource
     twist: Twist2
     source: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OverrideAssistance:
+    """Manual commands may touch obstacles; it expires soon."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,6 +136,7 @@ class Query:
 Request = (
     GoTo
     | Velocity
+    | OverrideAssistance
     | Heartbeat
     | EmergencyStop
     | RobotCommand

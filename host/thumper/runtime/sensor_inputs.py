@@ -1,25 +1,24 @@
-"""Reads board and lidar once per control cycle and passes everything on to the state estimator."""
+"""Reads all sensors once per control cycle and passes everything on to the state estimator."""
 
 import math
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
+from typing import Any
 
 from thumper.board.board import Board, TelemetrySample
 from thumper.board.messages import Telemetry
-from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray
-from thumper.lidar.driver import LidarDriver
+from thumper.common.sensor import ReopenedSensor
 from thumper.lidar.scan import Scan
 from thumper.navigation.state import Transition
 from thumper.runtime.drive_log import DriveLog
+from thumper.runtime.sensor_table import SensorFeed
 from thumper.runtime.state_estimator import StateEstimator
 
 TELEMETRY_TIMEOUT_S = 0.5
 LATE_CYCLE_S = 0.15  # telemetry was lost in transit: the board must not miss commands because of it
 LATE_CYCLES = 2
 BLIND_S = 0.35  # without a new scan for this long (three revolutions), the robot must stop
-LIDAR_GONE_ERRORS = 5  # port errors in succession, without a scan between them: the port has gone
-LIDAR_RETRY_S = 1.0  # opening a lidar that answers takes up to 3 s
 MIN_SCANS = 3  # mapped before the first drive
 
 
@@ -30,12 +29,13 @@ class SensorInputs:
         self,
         *,
         board: Board,
-        lidar: LidarDriver,
+        lidar: ReopenedSensor[Scan],
+        feeds: tuple[SensorFeed, ...] = (),
         estimator: StateEstimator,
-        open_lidar: Callable[[], LidarDriver] | None = None,
     ) -> None:
         self.board = board
         self.lidar = lidar
+        self.feeds = feeds
         self.estimator = estimator
         self.telemetry: Telemetry | None = None
         self.samples: list[TelemetrySample] = []
@@ -46,9 +46,11 @@ class SensorInputs:
         self._telemetry_read_s = math.inf  # before the first telemetry nothing is outdated
         self._count_offsets = (0, 0)  # added to the board's counts, which restart at zero with the board
         self._is_new_board = False
-        self._open_lidar = open_lidar
-        self._port_errors = 0  # the lidar's count at its newest scan
-        self._next_open_s = 0.0
+
+    @property
+    def sensors(self) -> tuple[ReopenedSensor[Any], ...]:
+        """The sensors with a port of their own."""
+        return (self.lidar, *(feed.sensor for feed in self.feeds))
 
     def now_s(self) -> float:
         """Return the robot's clock [s]: that of the present board, which changes with each reconnection."""
@@ -69,19 +71,23 @@ class SensorInputs:
             samples = self.board.poll(wait_s)
         self.add_telemetry(samples)
         self.read_scans()
+        # Before the first scans are mapped, the pose is still that of the odometry.
+        state = self.estimator.state() if self.keep_log and samples and self.has_map else None
+        if state is not None:
+            self.log.add_pose(state.time_s, state.map_from_base)
         return bool(samples)
 
     def read_scans(self) -> None:
         """Read what the lidar has sent, without waiting."""
         self.scans = self.lidar.poll()
-        if self.scans:
-            self._port_errors = self.lidar.counters.port_errors
         for scan in self.scans:
             self.newest_scan = scan
             self.estimator.add_scan(scan)
 
     def add_telemetry(self, samples: list[TelemetrySample]) -> None:
         """Add telemetry that was read from the board."""
+        for feed in self.feeds:  # before the telemetry, which the samples up to now belong to
+            feed.read(self.estimator)
         self.samples = [self._with_count_offsets(sample) for sample in samples]
         if samples:
             self._telemetry_read_s = self.board.now_s()
@@ -95,38 +101,22 @@ class SensorInputs:
         """Continue with a reconnected board; if it has restarted, its counts continue from the old ones."""
         self.board, self._is_new_board = board, True
 
-    def reopen_lidar(self) -> bool:
-        """Open the lidar again if its port has gone; return whether it answers again.
+    def reopen_sensors(self) -> list[str]:
+        """Open sensors again whose port has gone; return the names of those that answer again.
 
         May block for seconds: call it only while the robot is stationary.
         """
-        gone = self.lidar.counters.port_errors - self._port_errors >= LIDAR_GONE_ERRORS
         now_s = self.board.now_s()
-        if not gone or self._open_lidar is None or now_s < self._next_open_s:
-            return False
-        self._next_open_s = now_s + LIDAR_RETRY_S
-        self.lidar.close()  # or its device name stays in use
-        try:
-            lidar = self._open_lidar()
-        except ThumperError:
-            return False
-        for counter in fields(lidar.counters):  # they count from the start of the run
-            before: int = getattr(self.lidar.counters, counter.name)
-            setattr(lidar.counters, counter.name, before + getattr(lidar.counters, counter.name))
-        lidar.counters.restarts += 1
-        self.lidar, self._port_errors = lidar, lidar.counters.port_errors
-        return True
+        return [sensor.name for sensor in self.sensors if sensor.reopen(now_s)]
 
     def log_transition(self, transition: Transition) -> None:
         """Add a transition of the navigator's state to the log."""
         if self.keep_log:
             self.log.transitions.append(transition)
 
-    def log_progress(self, plan_m: FloatArray) -> None:
-        """Add the present pose and the navigator's plan to the log."""
-        state = self.estimator.state()
-        if self.keep_log and state is not None:
-            self.log.add_pose(state.time_s, state.map_from_base)
+    def log_plan(self, plan_m: FloatArray) -> None:
+        """Add the navigator's plan to the log."""
+        if self.keep_log:
             self.log.add_plan(plan_m)
 
     @property

@@ -13,15 +13,17 @@ from thumper.board.messages import Telemetry
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.common.kinematics import DriveGeometry
 from thumper.common.stamps import rounded_s
+from thumper.imu.options import ImuOptions
+from thumper.imu.sample import ImuSample
 from thumper.lidar.deskew import scan_points
 from thumper.lidar.scan import Scan
 from thumper.lidar.scan_checks import ScanChecker, ScanDefect
 from thumper.lidar.self_returns import SelfReturnFilter
+from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.state import ScanFrames
 from thumper.odometry.drive_train import WheelTick
 from thumper.odometry.drive_train_monitor import DriveTrainMonitor
 from thumper.odometry.gyro_ekf import GyroEkf
-from thumper.odometry.imu import ImuOptions, ImuSample
 from thumper.odometry.jump_filter import JumpFilter
 from thumper.odometry.pose_buffer import PoseBuffer
 from thumper.odometry.slip_detector import GOOD_MATCH, SlipDetector
@@ -79,6 +81,7 @@ class StateEstimator:
         self._odometry: WheelOdometry | GyroEkf = WheelOdometry(drive)
         if imu is not None and imu.enabled:
             self._odometry = GyroEkf(drive, imu=imu)
+        self._board_gyroscope = imu is not None and imu.model == "mpu6050"
         self._jump_filter = JumpFilter()
         self._slip_detector = SlipDetector()
         self.mount_check = MountCheck(base_from_laser)
@@ -100,7 +103,12 @@ class StateEstimator:
         if self.drive_train is not None:
             self.drive_train.add(wheel_tick(telemetry))
         time_s = rounded_s(sample.time_s)
-        raw = self._odometry.update(time_s, telemetry.left_count, telemetry.right_count)
+        counts = (telemetry.left_count, telemetry.right_count)
+        if isinstance(self._odometry, GyroEkf):
+            gyro_rad = sample.gyro_increment_rad if self._board_gyroscope else None
+            raw = self._odometry.update(time_s, *counts, gyro_rad=gyro_rad)
+        else:
+            raw = self._odometry.update(time_s, *counts)
         jumps = self._jump_filter.jumps
         filtered = replace(raw, odom_from_base=self._jump_filter.filter(time_s, raw.odom_from_base))
         if self._newest is not None:
@@ -113,7 +121,7 @@ class StateEstimator:
     def add_imu(self, sample: ImuSample) -> None:
         """Add a gyroscope sample, before the telemetry that follows it; ignored unless enabled."""
         if isinstance(self._odometry, GyroEkf):
-            self._odometry.add_imu(sample)
+            self._odometry.add_imu(sample.as_recorded())
 
     def warnings(self) -> dict[str, str]:
         """Return the input defects so far: one line with its count per kind, keyed by the kind's name."""
@@ -127,10 +135,8 @@ class StateEstimator:
                 warnings[kind] = lines[0]
         if self.mount_check.finding is not None:
             warnings["MOUNT"] = describe(self.mount_check.finding, self._base_from_laser)
-        if isinstance(self._odometry, GyroEkf) and self._odometry.slips:
-            warnings["TURN_SLIP"] = (
-                f"{self._odometry.slips} times wheels and gyroscope disagreed: the wheels slip"
-            )
+        if isinstance(self._odometry, GyroEkf):
+            warnings |= self._odometry.warnings()
         if self._last_doubt:
             warnings["MAP"] = self._last_doubt
         return warnings
@@ -156,6 +162,12 @@ class StateEstimator:
     def odometry(self) -> OdometrySample | None:
         """The newest odometry; None before the first telemetry."""
         return self._newest
+
+    def map_and_pose(self) -> tuple[OccupancyGrid, Pose2]:
+        """Return the map and the robot's pose in it, once there is a state."""
+        state = self.state()
+        assert state is not None
+        return self.mapper.grid(), state.map_from_base
 
     def state(self) -> RobotState | None:
         """Return the state at the newest telemetry; None before the first."""

@@ -10,7 +10,7 @@ from thumper.teleop.keyboard import Action
 
 FULL = 32767.0
 LEFT_Y, RIGHT_X = 1, 2  # SDL's numbers of the axes, the same for every model ...
-B, BACK, START, LEFT_SHOULDER, RIGHT_SHOULDER = 1, 4, 6, 9, 10  # ... and of the buttons
+B, X, BACK, START, LEFT_SHOULDER, RIGHT_SHOULDER = 1, 2, 4, 6, 9, 10  # ... and of the buttons
 ACTIONS = {B: Action.ESTOP, START: Action.ARM, BACK: Action.DISARM}
 
 ENVIRONMENT = {
@@ -70,6 +70,7 @@ class Gamepad:
                 turn=-self._pad.get_axis(RIGHT_X) / FULL,
                 enable=bool(self._pad.get_button(LEFT_SHOULDER)),
                 turbo=bool(self._pad.get_button(RIGHT_SHOULDER)),
+                override=bool(self._pad.get_button(X)),
             ),
             pressed=tuple(ACTIONS[button] for button in sorted(pressed)),
         )

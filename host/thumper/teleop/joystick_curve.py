@@ -20,6 +20,7 @@ class JoystickState:
     turn: float = 0.0
     enable: bool = False  # the deadman button, which must be held to drive
     turbo: bool = False
+    override: bool = False  # drive although something is in the way
 
 
 def apply_curve(value: float, dead_zone: float, expo: float) -> float:

@@ -37,10 +37,16 @@ class TeleopLoop:
         publish: Callable[[str, Message], None],
         read: Callable[[], bytes],
         pad: GamepadSource | None,
+        *,
+        assisted: bool = True,
     ) -> None:
-        """`publish` sends a message to a topic; `read` returns what was typed since the last call."""
+        """`publish` sends a message to a topic; `read` returns what was typed since the last call.
+
+        Not `assisted`, the robot drives although something is in the way.
+        """
         options, limit = config.teleop, config.drive.max_wheel_rad_s
         self._publish, self._read, self._pad = publish, read, pad
+        self._assisted = assisted
         self._keys = KeyboardJoystick()
         self._keyboard_scaler = SpeedScaler(options, config.drive, limit)
         self._gamepad_scaler = SpeedScaler(options, config.drive, limit)
@@ -82,5 +88,7 @@ class TeleopLoop:
     ) -> Twist2 | None:
         twist = scaler.step(stick, period_s)
         if twist is not None:
+            if not self._assisted or (stick is not None and stick.override):
+                self._publish("override", flag(True))
             self._publish(topic, self._messages.twist(time.time(), twist))
         return twist

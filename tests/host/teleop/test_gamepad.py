@@ -15,7 +15,7 @@ from thumper.teleop.teleop_loop import TeleopLoop
 
 pytest.importorskip("pygame", reason="pygame is not installed (pip install thumper[gamepad])")
 PAD_TYPE, AXES, BUTTONS, HATS = 1, 6, 15, 1
-LB, RB, B, START = 9, 10, 1, 6
+LB, RB, B, X, START = 9, 10, 1, 2, 6
 PERIOD_S = 0.05
 
 
@@ -135,6 +135,42 @@ def test_unplugging_sends_one_zero_and_the_button_must_be_released(
     loop.step(5.15, PERIOD_S)
     assert twists(sent, "gamepad")[-1].v_m_s > 0.0
     again.unplug()
+
+
+def test_a_held_button_overrides_the_assistance(
+    teleop: tuple[TeleopLoop, Sent, Callable[[bytes], None]],
+) -> None:
+    loop, sent, _ = teleop
+    virtual = VirtualPad()
+    loop.step(0.0, PERIOD_S)
+    virtual.axis(1, -32767)
+    virtual.button(LB, True)
+    for k in range(3):
+        loop.step(1.0 + 0.05 * k, PERIOD_S)
+    assert "override" not in [topic for topic, _ in sent]
+    virtual.button(X, True)
+    loop.step(1.2, PERIOD_S)
+    loop.step(1.25, PERIOD_S)
+    assert [topic for topic, _ in sent[-2:]] == ["override", "gamepad"]
+    virtual.unplug()
+    loop.step(1.3, PERIOD_S)
+
+
+def test_a_driver_can_leave_the_assistance_off(gamepad: Gamepad) -> None:
+    sent: Sent = []
+    keys: list[bytes] = []
+    loop = TeleopLoop(
+        RobotConfig(),
+        lambda topic, message: sent.append((topic, message)),
+        lambda: keys.pop() if keys else b"",
+        gamepad,
+        assisted=False,
+    )
+    loop.step(0.0, PERIOD_S)  # no key is held at the start
+    keys.append(b"i")
+    loop.step(1.0, PERIOD_S)
+    loop.step(1.05, PERIOD_S)
+    assert [topic for topic, _ in sent[-2:]] == ["override", "teleop"]
 
 
 def test_the_emergency_stop_is_sent_at_once_and_zeros_follow(

@@ -9,6 +9,12 @@ WAIT_LIMIT_S = 5.0
 LIDAR_LOST = "the lidar stopped sending scans; check its cable"
 
 
+def waits_for_scan(state: RobotState) -> str:
+    """Return that the newest scan is too old to drive on; empty if it is not."""
+    age_s = state.scan_age_s
+    return f"waiting for the lidar: its newest scan is {age_s:.2f} s old" if age_s > BLIND_S else ""
+
+
 class DataAge:
     """Ask `problem` before each command. While there is a problem the robot waits, but not for ever."""
 
@@ -23,8 +29,8 @@ class DataAge:
             problem = LIDAR_LOST
         elif telemetry_age_s > TELEMETRY_S:
             problem = f"waiting: this computer is overloaded, the data is {telemetry_age_s:.2f} s old"
-        elif state.scan_age_s > BLIND_S:
-            problem = f"waiting for the lidar: its newest scan is {state.scan_age_s:.2f} s old"
+        else:
+            problem = waits_for_scan(state)
         if not problem:
             self._since_s = None
         elif self._since_s is None:

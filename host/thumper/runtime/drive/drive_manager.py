@@ -4,9 +4,10 @@ All motion passes through here. Faults, emergency stops and lost clients end a d
 override it.
 """
 
+import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from thumper.board.board import Board
@@ -19,10 +20,11 @@ from thumper.config.manual_drive import ManualDriveOptions
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
+from thumper.runtime.drive.assisted_teleop import AssistedTeleop
 from thumper.runtime.drive.data_age import DataAge
 from thumper.runtime.drive.heartbeats import HeartbeatMonitor
 from thumper.runtime.drive.manual_pwm import FeedForward, limited_twist, manual_pwm
-from thumper.runtime.drive.twist_mux import ManualCommand, TwistMux
+from thumper.runtime.drive.twist_mux import COMMAND_TIMEOUT_S, ManualCommand, TwistMux
 from thumper.runtime.requests import TeleopSource, Velocity
 from thumper.runtime.safe_stop import STOP_CYCLES
 from thumper.runtime.state_estimator import RobotState
@@ -64,12 +66,15 @@ class DriveManager:
         drive: DriveGeometry,
         max_wheel_rad_s: float,
         options: ManualDriveOptions,
+        assisted_teleop: AssistedTeleop | None = None,
     ) -> None:
         self.board = board
         self.navigator = navigator
         self._drive = drive
         self._max_wheel_rad_s = max_wheel_rad_s
         self._options = options
+        self._assisted_teleop = assisted_teleop
+        self._override_until_s = -math.inf
         self.mux = TwistMux()
         self.heartbeats = HeartbeatMonitor()
         self.mode = DriveMode.IDLE
@@ -78,6 +83,7 @@ class DriveManager:
         self.source = ""  # who sent the goal
         self.outcome: DriveOutcome | None = None  # of the last drive, once it has ended
         self.command = Twist2()  # as last sent to the wheels
+        self.stops = 0  # how often a client has stopped the robot or driven it manually
         self.is_waiting = False  # during a drive, for recent data; `reason` says for which
         self.is_stop_unconfirmed = False  # an emergency stop was requested, but the board did not confirm it
         self._data_age = DataAge()
@@ -154,6 +160,10 @@ class DriveManager:
             return
         self.mux.add(at_s, velocity)
 
+    def override_assistance(self, at_s: float) -> None:
+        """Let manual commands touch obstacles for a moment; repeat it while the operator holds the button."""
+        self._override_until_s = at_s + COMMAND_TIMEOUT_S
+
     def resend_command(self) -> None:
         """Send the last command again, because a cycle is late."""
         if self.mode is DriveMode.MANUAL:
@@ -183,10 +193,14 @@ class DriveManager:
         now_s = time.monotonic()
         manual = self.mux.active(now_s)
         if manual is not None and self.mode is not DriveMode.IDLE:
+            twist, assistance = limited_twist(manual.twist, self._options), ""
+            if self._assisted_teleop is not None and now_s > self._override_until_s:
+                assisted = self._assisted_teleop.limit(twist, state, grid)
+                twist, assistance = assisted.twist, assisted.reason
             if manual.source is TeleopSource.VELOCITY:
-                self._drive_at(manual.twist)
+                self._drive_at(twist, assistance)
             else:
-                self._drive_manually(manual, telemetry)
+                self._drive_manually(replace(manual, twist=twist), telemetry, assistance)
         elif self.mode is DriveMode.MANUAL:
             self.board.command(Command.ARM)  # back to speed control
             self._manually_armed = True
@@ -199,7 +213,7 @@ class DriveManager:
         elif self.mode is DriveMode.STOPPING:
             self._brake(telemetry)
         elif self.mode is DriveMode.HOLDING:
-            self._hold(RELEASED if self.reason == BY_PROGRAM else self.reason)
+            self._hold(RELEASED if self.reason.startswith(BY_PROGRAM) else self.reason)
         return None
 
     def _arm(self, telemetry: Telemetry | None, *, clear_fault: bool = False) -> None:
@@ -224,7 +238,7 @@ class DriveManager:
         self._disarmed_cycles = self._disarmed_cycles + 1 if telemetry.state is State.DISARMED else 0
         return "another program disarmed the board" if self._disarmed_cycles > DISARMED_CYCLES else ""
 
-    def _drive_manually(self, manual: ManualCommand, telemetry: Telemetry) -> None:
+    def _drive_manually(self, manual: ManualCommand, telemetry: Telemetry, assistance: str) -> None:
         reason = f"driven by {manual.source.name.lower()}"
         self._cancel_drive(f"overridden: {reason}", by_user=True)
         # Read the gains at each start of manual driving: they may have changed since the last one.
@@ -232,7 +246,8 @@ class DriveManager:
             self._feed_forward = FeedForward(
                 ks_pwm=self.board.get_parameter("ks"), kv_pwm_s=self.board.get_parameter("kv")
             )
-        self.mode, self.reason, self.command = DriveMode.MANUAL, reason, manual.twist
+        self.mode, self.command = DriveMode.MANUAL, manual.twist
+        self.reason = f"{reason}; {assistance}" if assistance else reason
         self._pwm = manual_pwm(
             manual.twist,
             self._drive,
@@ -243,13 +258,13 @@ class DriveManager:
         )
         self.board.set_motor_pwm(*self._pwm)
 
-    def _drive_at(self, twist: Twist2) -> None:
+    def _drive_at(self, twist: Twist2, assistance: str) -> None:
         """Follow the velocity of another program with wheel speed control; hold speed zero after it."""
         self._cancel_drive(f"overridden: {BY_PROGRAM}", by_user=True)
         if self.mode is DriveMode.MANUAL:
             self.board.command(Command.ARM)  # back to speed control
         self._manually_armed = True
-        self._hold(BY_PROGRAM, limited_twist(twist, self._options))
+        self._hold(f"{BY_PROGRAM}; {assistance}" if assistance else BY_PROGRAM, twist)
 
     def _navigate(self, state: RobotState, grid: Callable[[], OccupancyGrid]) -> NavigationOutput | None:
         assert self.goal is not None  # DRIVING has one
@@ -306,6 +321,7 @@ class DriveManager:
         self.board.set_wheel_speeds(self._speeds)
 
     def _cancel_drive(self, reason: str, *, by_user: bool = False) -> None:
+        self.stops += by_user
         if self.goal is not None:
             self.outcome = DriveOutcome(reached=False, reason=reason, by_user=by_user)
             self.goal = None

@@ -25,8 +25,14 @@ SLICES_PER_CYCLE = 3  # of the search for the next frontier while the robot is a
 LOOK_CYCLES = 5  # between two looks at whether a frontier is still one
 SAME_VIEWPOINT_M = 0.3
 PATIENCE_S = 10.0  # another frontier may be easier to reach, and show the rest of this one
+HOME_TOLERANCE_M = 0.15
 NEAR_HOME_M = 0.5  # if something stands at home now
 MapAndPose = Callable[[], tuple[OccupancyGrid, Pose2]]
+
+
+def home_at(map_from_base: Pose2) -> Goal:
+    """Return the goal of the way back to a pose, with any heading."""
+    return Goal(x_m=map_from_base.x_m, y_m=map_from_base.y_m, tolerance_m=HOME_TOLERANCE_M)
 
 
 class _Approach:

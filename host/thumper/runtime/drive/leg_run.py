@@ -6,7 +6,8 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.runtime.drive.drive_manager import DriveManager, DriveMode, DriveOutcome
 from thumper.runtime.drive.goal_limits import GoalLimits
-from thumper.runtime.drive.legs import AnyLeg, Cruise, Leg, Wait
+from thumper.runtime.drive.legs import AnyLeg, Cruise, Leg, Move, Wait
+from thumper.runtime.drive.motions import MotionEnd
 from thumper.runtime.drive.start_gate import StartGate
 from thumper.runtime.drive_result import DriveProgress, DriveResult
 from thumper.runtime.sensor_inputs import SensorInputs
@@ -41,6 +42,7 @@ class LegRun:
         self._first_s: float | None = None  # time after the first cycle
         self._anchor: RobotState | None = None  # since when the robot has stayed in one place
         self._cycles = 0
+        self._stops_before = drive_manager.stops
 
     @property
     def has_started(self) -> bool:
@@ -92,6 +94,8 @@ class LegRun:
             case Cruise():
                 manager.arm(self._inputs.telemetry)
                 manager.cruise(self.leg.twist)
+            case Move():
+                manager.arm(self._inputs.telemetry)
         self._begun = start
 
     def outcome(self) -> DriveOutcome | None:
@@ -103,10 +107,26 @@ class LegRun:
                 if self._drive_manager.mode is DriveMode.IDLE:
                     return DriveOutcome(reached=False, reason=self._drive_manager.reason)
                 return DONE if self._elapsed_s() >= self.leg.duration_s else None
+            case Move():
+                return self._follow(self.leg)
             case Wait():
                 self._cycles += 1
+                if self._drive_manager.stops > self._stops_before:
+                    return DriveOutcome(reached=False, reason=self._drive_manager.reason, by_user=True)
                 is_over = self.leg.until() or self._cycles >= self.leg.max_cycles
                 return DONE if is_over or self._elapsed_s() >= self.leg.duration_s else None
+
+    def _follow(self, leg: Move) -> DriveOutcome | None:
+        """Pass on the next command of a motion, or return how it ended."""
+        if self._drive_manager.mode is DriveMode.IDLE:
+            return DriveOutcome(reached=False, reason=self._drive_manager.reason)
+        state = self._inputs.estimator.state()
+        assert state is not None  # the leg has started
+        command = leg.motion(state)
+        if isinstance(command, MotionEnd):
+            return DriveOutcome(reached=command.done, reason=command.reason)
+        self._drive_manager.cruise(command)
+        return None
 
     def _early_end(self, leg: Leg) -> DriveOutcome | None:
         """Return how the leg itself ends the drive to its goal, if it does."""

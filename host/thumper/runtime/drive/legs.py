@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from thumper.common.geometry import Twist2
 from thumper.navigation.goal import Goal
+from thumper.runtime.drive.motions import Motion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +30,14 @@ class Cruise:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Move:
+    """One simple motion."""
+
+    motion: Motion
+    name: str = "driving"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Wait:
     """Move nothing and map: for `duration_s`, or until `until` returns True."""
 
@@ -38,4 +47,4 @@ class Wait:
     name: str = "waiting"
 
 
-AnyLeg = Leg | Cruise | Wait
+AnyLeg = Leg | Cruise | Move | Wait

@@ -82,7 +82,7 @@ class TaskDriver:
         if leg is None or not leg.has_started:
             return None
         if output is not None:
-            self._inputs.log_progress(output.plan)
+            self._inputs.log_plan(output.plan)
         is_driving = output is not None or self._drive_manager.is_waiting
         if is_driving and (progress := leg.progress()):
             self._display.progress(progress)

@@ -12,7 +12,8 @@ from dataclasses import replace
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Twist2
 from thumper.navigation.goal import Goal
-from thumper.runtime.drive.legs import AnyLeg, Cruise, Leg, Wait
+from thumper.runtime.drive.legs import AnyLeg, Cruise, Leg, Move, Wait
+from thumper.runtime.drive.motions import Motion
 from thumper.runtime.drive.waypoints import Waypoints
 from thumper.runtime.drive_result import DriveResult
 
@@ -54,6 +55,11 @@ def follow_waypoints(
 def cruise(twist: Twist2, duration_s: float) -> Task:
     """Drive at a constant speed for `duration_s`, without regard to obstacles."""
     return (yield Cruise(twist=twist, duration_s=duration_s))
+
+
+def move(motion: Motion) -> Task:
+    """Carry out one simple motion."""
+    return (yield Move(motion=motion))
 
 
 def wait(duration_s: float = 0.0) -> Task:

@@ -24,9 +24,11 @@ class Commands:
         inputs: SensorInputs,
         publisher: Publisher,
         preconditions: Preconditions,
+        explore: Callable[[str], str],
         handlers: Mapping[str, CommandHandler],
     ) -> None:
-        """`handlers` carry out the commands of other packages."""
+        """`explore` starts the exploration that a client requests; `handlers` are those of other packages."""
+        self._explore = explore
         self.handlers = dict(handlers)
         self._drive_manager = drive_manager
         self._inputs = inputs
@@ -41,8 +43,8 @@ class Commands:
             "disarm": self._disarm,
         }
 
-    def run(self, name: str) -> str:
-        """Carry out a command; raise ThumperError if it is unknown or impossible now."""
+    def run(self, name: str, source: str = "") -> str:
+        """Carry out a command of the client `source`; raise ThumperError if it is impossible now."""
         if name not in COMMANDS:
             raise ThumperError(f"unknown command {name!r}; choose from: {', '.join(COMMANDS)}")
         stops = name in ("cancel", "disarm")
@@ -52,6 +54,8 @@ class Commands:
             return self._change_mode(name)
         if command := self._drive_commands.get(name):
             return command()
+        if name == "explore":
+            return self._explore(source)
         handler = self.handlers.get(name)
         if handler is None:
             raise ThumperError(f"this run does not support {name.replace('_', ' ')}")

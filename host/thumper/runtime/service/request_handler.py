@@ -5,6 +5,7 @@ from collections.abc import Callable, Generator, Mapping
 from typing import Any, TypeVar
 
 from thumper.common.errors import ThumperError
+from thumper.navigation.footprint import Footprint
 from thumper.ros import services
 from thumper.ros.service import Service, json_object, request_content
 from thumper.ros.services import (
@@ -28,6 +29,7 @@ from thumper.runtime.requests import (
     GoTo,
     Heartbeat,
     LogMessage,
+    OverrideAssistance,
     Query,
     Request,
     RobotCommand,
@@ -42,6 +44,7 @@ from thumper.runtime.service import board_parameters, slam_mode, wheels
 from thumper.runtime.service.board_jobs import BoardJob, BoardJobQueue
 from thumper.runtime.service.commands import CommandHandler, Commands
 from thumper.runtime.service.experiments import Experiments
+from thumper.runtime.service.exploration_starter import ExplorationStarter
 from thumper.runtime.service.mission_starter import MissionStarter
 from thumper.runtime.service.preconditions import Preconditions
 from thumper.runtime.service.request_queue import RequestQueue
@@ -68,6 +71,7 @@ class RequestHandler:
         inputs: SensorInputs,
         publisher: Publisher,
         simulator: Simulator | None,
+        footprint: Footprint,
         handlers: Mapping[str, CommandHandler],
     ) -> None:
         """`handlers` carry out the commands of other packages."""
@@ -92,6 +96,13 @@ class RequestHandler:
             inputs=inputs,
             publisher=publisher,
             preconditions=self._preconditions,
+            explore=ExplorationStarter(
+                footprint=footprint,
+                task_driver=task_driver,
+                inputs=inputs,
+                publisher=publisher,
+                preconditions=self._preconditions,
+            ).start,
             handlers=handlers,
         )
         self._answers = self._answers_by_name()
@@ -148,6 +159,8 @@ class RequestHandler:
         match request:
             case Velocity():
                 self._drive_manager.add_manual_command(received_s, request)
+            case OverrideAssistance():
+                self._drive_manager.override_assistance(received_s)
             case Heartbeat():
                 self._drive_manager.heartbeats.record(request.source, received_s)
             case EmergencyStop():
@@ -238,8 +251,8 @@ class RequestHandler:
     def _follow_mission(self, content: Mapping[str, Any], source: str) -> MissionStarted:
         return MissionStarted(mission=self._missions.start(parse_goals(content), source))
 
-    def _run_command(self, request: RunCommand, _source: str) -> Text:
-        return Text(text=self._commands.run(request.command))
+    def _run_command(self, request: RunCommand, source: str) -> Text:
+        return Text(text=self._commands.run(request.command, source))
 
     def _change_simulation(self, content: Mapping[str, Any], _source: str) -> Text:
         return Text(text=self.simulation.apply(content))

@@ -1,0 +1,70 @@
+"""The sensors beside board and lidar: how each is opened, fed to the state estimator and published."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
+
+from thumper.common.sensor import ReopenedSensor, Sensor
+from thumper.config.robot import RobotConfig
+from thumper.imu.open_imu import open_imu
+from thumper.imu.sample import ImuSample
+from thumper.ros import from_ros
+from thumper.ros.codec import Message
+from thumper.ros.to_ros import Messages
+from thumper.runtime.state_estimator import StateEstimator
+
+Sample = TypeVar("Sample")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorKind(Generic[Sample]):
+    """A sensor; `name` is its table in the TOML, its topic, and its device in `sim://NAME/`."""
+
+    name: str
+    rate_Hz: float
+    is_wanted: Callable[[RobotConfig], bool]
+    open: Callable[[RobotConfig], Sensor[Sample]]
+    add: Callable[[StateEstimator, Sample], None]
+    message: Callable[[Messages, Sample], Message]
+    sample_of: Callable[[Message, int], Sample]  # from the message and its epoch [ns]
+
+
+IMU: SensorKind[ImuSample] = SensorKind(
+    name="imu",
+    rate_Hz=100.0,
+    is_wanted=lambda config: config.imu.enabled and config.imu.model == "bno08x",  # else it is the board's
+    open=lambda config: open_imu(config.imu),
+    add=StateEstimator.add_imu,
+    message=Messages.imu,
+    sample_of=from_ros.imu_of,
+)
+
+KINDS: tuple[SensorKind[Any], ...] = (IMU,)
+
+
+@dataclass(slots=True, kw_only=True)
+class SensorFeed:
+    """An open sensor of the running robot, and its samples of the newest cycle."""
+
+    kind: SensorKind[Any]
+    sensor: ReopenedSensor[Any]
+    samples: list[Any] = field(default_factory=list)
+
+    def read(self, estimator: StateEstimator) -> None:
+        """Pass on what has arrived."""
+        self.samples = self.sensor.poll()
+        for sample in self.samples:
+            self.kind.add(estimator, sample)
+
+    @property
+    def summary(self) -> str:
+        """Name, samples, errors and restarts."""
+        counters = self.sensor.counters
+        errors = counters.bad_replies + counters.port_errors
+        return f"{self.kind.name}: {counters.samples} samples, {errors} errors, {counters.restarts} restarts"
+
+
+def open_feed(kind: SensorKind[Any], config: RobotConfig) -> SensorFeed:
+    """Open a sensor; raises ThumperError if it does not answer."""
+    sensor = ReopenedSensor(kind.name, kind.open(config), lambda: kind.open(config))
+    return SensorFeed(kind=kind, sensor=sensor)

@@ -1,0 +1,72 @@
+"""A running robot explores on request, and stops on request: the real firmware in a room."""
+
+import pytest
+
+from tests.e2e.service import FAR, Service
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import Twist2
+from thumper.runtime.drive.legs import Wait
+from thumper.runtime.drive.tasks import Task
+from thumper.runtime.requests import GoTo, RobotCommand, TeleopSource, Velocity
+
+
+def explored(service: Service) -> bool:
+    return any("explored after" in event for event in service.events)
+
+
+def test_explores_and_comes_back(service: Service) -> None:
+    start = service.bench.truth()[-1]
+    answer = service.ask("command", {"command": "explore"})
+    assert "then back to" in answer["text"]
+    service.until(lambda: any(event.startswith("back") for event in service.events), max_cycles=1500)
+    assert explored(service), service.events
+    end = service.bench.truth()[-1]
+    assert abs(end[1] - start[1]) < 0.25
+    assert abs(end[2] - start[2]) < 0.25
+    assert service.bench.contacts == 0
+
+
+def test_a_cancelled_exploration_stays_cancelled(service: Service) -> None:
+    service.put(RobotCommand(name="explore"))
+    service.run_cycles(20)
+    service.put(RobotCommand(name="cancel"))
+    service.run_cycles(60)
+    assert service.mode == "idle"
+    assert any("not back" in event for event in service.events), service.events
+
+
+def test_a_robot_at_rest_between_two_frontiers_is_cancelled_too(service: Service) -> None:
+    results = []
+
+    def choose() -> Task:
+        result = yield Wait(duration_s=30.0, name="choosing a frontier")
+        results.append(result)
+        return result
+
+    service.robot._tasks.begin_at_once(choose(), "page")
+    service.run_cycles(5)
+    service.put(RobotCommand(name="cancel"))
+    service.run_cycles(2)
+    assert [result.interrupted for result in results] == [True]
+
+
+def test_manual_driving_and_goals_end_the_exploration(service: Service) -> None:
+    for request in (Velocity(channel=TeleopSource.TELEOP, twist=Twist2(w_rad_s=0.5)), GoTo(goals=(FAR,))):
+        service.put(RobotCommand(name="explore"))
+        service.run_cycles(15)
+        service.put(request)
+        service.run_cycles(5)
+        task = service.robot._tasks.task
+        assert task is None or task.leg is None or task.leg.name == "driving"
+        service.put(RobotCommand(name="cancel"))
+        service.run_cycles(30)
+        assert service.mode == "idle"
+
+
+def test_it_is_refused_while_the_robot_does_not_map(service: Service) -> None:
+    service.put(RobotCommand(name="localise"))
+    answer = service.ask("command", {"command": "explore"})
+    assert not answer["ok"]
+    assert "does not map" in answer["error"]
+    with pytest.raises(ThumperError):
+        service.robot.request_handler._commands.run("explore")
