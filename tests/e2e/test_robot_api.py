@@ -1,11 +1,13 @@
 """The `Robot` class, as a first script uses it, with the real firmware in simulation."""
 
 import math
+import re
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from thumper import Robot, ThumperError
@@ -45,6 +47,80 @@ def test_a_left_turn_is_positive() -> None:
     with Robot("sim://?world=hall") as robot:
         robot.drive(w_rad_s=0.8, duration_s=1.5)
         assert 0.6 < robot.pose.theta_rad < 1.8
+
+
+def test_a_square_of_forward_and_turn_is_closed() -> None:
+    with Robot("sim://api_square/board?world=hall", lidar="sim://api_square/lidar") as robot:
+        bench = simulation("api_square")
+        start = bench.truth()[-1]
+        for _ in range(4):
+            for result in (robot.forward(0.6), robot.turn(deg=90)):
+                assert result.reached, result.reason
+        end = bench.truth()[-1]
+    assert math.hypot(end[1] - start[1], end[2] - start[2]) < 0.03
+    assert abs(math.degrees(math.remainder(end[3] - start[3], math.tau))) < 2.0
+
+
+def test_forward_stops_before_a_wall() -> None:
+    with Robot("sim://api_wall/board?world=lab", lidar="sim://api_wall/lidar") as robot:
+        result = robot.forward(8.0, v_m_s=0.4)
+        assert not result.reached
+        assert "stopped before an obstacle" in result.reason
+        assert result.path_length_m > 1.0
+        assert simulation("api_wall").contacts == 0
+        assert robot.telemetry.state is State.DISARMED
+
+
+def test_the_first_logged_pose_is_the_start() -> None:
+    start = Pose2(x_m=3.0, y_m=-2.0, theta_rad=1.0)
+    with Robot("sim://", start=start) as robot:
+        robot.wait(0.5)
+        distances_m = np.hypot(*(robot.log.poses[:, 1:3] - (start.x_m, start.y_m)).T)
+    assert distances_m.max() < 0.05
+
+
+def test_patrol_drives_all_rounds_and_logs_every_pose() -> None:
+    with Robot("sim://") as robot:
+        result = robot.patrol([(0.4, 0.0), (0.4, -0.4)], rounds=2)
+        assert result.reached, result.reason
+        assert 1.0 < result.path_length_m < 3.0
+        robot.drive(v_m_s=0.1)
+        poses, speeds = robot.log.poses, robot.log.speeds
+    assert poses[-1, 0] - poses[0, 0] == pytest.approx(speeds[-1, 0] - speeds[0, 0], abs=0.5)
+
+
+def test_explore_maps_what_was_hidden_and_comes_back(capsys: pytest.CaptureFixture[str]) -> None:
+    with Robot("sim://?world=lab_box&x_m=2.05&y_m=0.64&yaw_deg=-147") as robot:
+        before = (robot.map.cells >= 0).sum()
+        result = robot.explore(minutes=3.0)
+        assert result.reached, result.reason
+        assert math.hypot(robot.pose.x_m, robot.pose.y_m) < 0.2
+        assert (robot.map.cells >= 0).sum() > 1.1 * before
+    assert "explored after" in capsys.readouterr().out
+
+
+def test_a_saved_map_stays_as_it_is(tmp_path: Path, lab: Robot) -> None:
+    path = lab.save_map(tmp_path / "lab")
+    with Robot("sim://?x_m=0.3&y_m=0.1", map=path) as robot:
+        assert math.hypot(robot.pose.x_m - 0.3, robot.pose.y_m - 0.1) < 0.1
+        robot.forward(0.2)
+        np.testing.assert_array_equal(robot.map.cells, load_map(path).cells)
+
+
+def test_a_plot_is_a_picture(tmp_path: Path, lab: Robot) -> None:
+    figure = lab.plot()
+    assert figure.png()[:4] == b"\x89PNG"
+    figure.savefig(tmp_path / "map.png")
+    legend = figure.axes[0].get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()][-1] == "newest scan"
+
+
+def test_the_robot_and_its_results_are_short_in_a_notebook(lab: Robot) -> None:
+    assert re.fullmatch(r"<Robot sim://robot\d+/\S+ at \(-?0\.\d+ m, .*, 7\.\d V, DISARMED>", repr(lab))
+    assert repr(Robot("sim://")).endswith("not open>")
+    with Robot("sim://") as robot:
+        assert re.fullmatch(r"<reached: turned \d+ degrees; 0\.\d+ m in \d\.\d s>", repr(robot.turn(deg=20)))
 
 
 def test_motors_are_off_after_an_error_in_the_script() -> None:
@@ -92,6 +168,18 @@ def test_each_result_has_the_time_and_length_of_its_drive() -> None:
         (lambda robot: robot.goto(cast("float", "a"), 0.0), "goto: 'a' is not a number"),
         (lambda robot: robot.wait(cast("float", "a")), "wait: 'a' is not a number"),
         (lambda robot: robot.save_map("x\0"), "save_map: .* is not a file path"),
+        (lambda robot: robot.forward(0.0), "forward: choose a distance"),
+        (lambda robot: robot.forward(1.0, v_m_s=3.0), "v_m_s: choose more than 0 and up to"),
+        (lambda robot: robot.forward(1.0, v_m_s=-0.1), "v_m_s: choose more than 0"),
+        (lambda robot: robot.turn(90), r"90 rad is 14 turns; pass degrees as deg=90"),
+        (lambda robot: robot.turn(), "turn: pass an angle"),
+        (lambda robot: robot.turn(1.0, deg=90), "rad or deg, not both"),
+        (lambda robot: robot.goto(0.5, 0.0, 90), "pass degrees as heading_deg=90"),
+        (lambda robot: robot.goto(0.5, 0.0, 1.0, heading_deg=90), "not both"),
+        (lambda robot: robot.patrol([]), "at least one place"),
+        (lambda robot: robot.patrol(cast("Any", [1.0, 2.0])), "a list of places"),
+        (lambda robot: robot.patrol([(0.5, 0.0)], rounds=0), "1 round"),
+        (lambda robot: robot.explore(minutes=-1.0), "more than 0 minutes"),
         (lambda robot: robot.wait(0.0), "more than 0 and up to 600 s"),
         (lambda robot: robot.wait(-1.0), "wait: choose a duration"),
         (lambda robot: robot.wait(math.nan), "wait: choose a duration"),
@@ -109,6 +197,7 @@ def test_invalid_numbers(call: Callable[[Robot], object], why: str, lab: Robot) 
         ({"board": None}, "port names"),
         ({"board": "sim://", "config": "x\0"}, "config: .* is not a file path"),
         ({"board": "sim://", "session": 3}, "session: 3 is not a file path"),
+        ({"board": "sim://", "map": "a.yaml", "session": "a.session"}, "pass only one"),
         ({"board": "sim://", "start": (1, 2, 0)}, "Pose2"),
         ({"board": "sim://", "start": Pose2(x_m=1e300)}, "farther than 1000 m"),
         ({"board": "sim://", "lidar": "/dev/ttyACM9"}, "leave out /dev/ttyACM9"),

@@ -44,3 +44,31 @@ def test_slam_and_navigation() -> None:
     before_m2, after_m2 = (float(area) for area in re.findall(r"known: ([\d.]+) m2", output))
     assert after_m2 > before_m2
     assert pictures == 1
+
+
+def test_the_solutions_of_the_exercises_pass_their_tests() -> None:
+    output, _ = run("exercises.ipynb")
+    assert [f"exercise {number}" in output for number in range(1, 6)] == [True] * 5
+    notebook = nbformat.read(TUTORIALS / "exercises.ipynb", as_version=4)  # type: ignore[no-untyped-call]
+    solutions = [cell for cell in notebook.cells if "solution" in cell["metadata"].get("tags", [])]
+    assert len(solutions) == 5, "nbconvert removes these for the students"
+
+
+def test_a_live_picture_follows_the_robot() -> None:
+    cells = [
+        "from thumper import Robot\nrobot = Robot('sim://').__enter__()\nrobot.show()",
+        "first = robot.pose\nprint(robot.forward(0.5))",
+        "robot.__exit__(None, None, None)",
+    ]
+    notebook = nbformat.v4.new_notebook()  # type: ignore[no-untyped-call]
+    notebook.cells = [nbformat.v4.new_code_cell(cell) for cell in cells]  # type: ignore[no-untyped-call]
+    client = NotebookClient(notebook, timeout=120, kernel_name="python3")
+    pictures: list[str] = []
+
+    def keep(cell: object, cell_index: int, execute_reply: object) -> None:
+        pictures.append(notebook.cells[0]["outputs"][-1]["data"]["image/png"])
+
+    client.on_cell_executed = keep
+    client.execute()
+    assert pictures[0] != pictures[1], "the picture of the first cell shows the drive of the second"
+    assert "reached: drove 0.5" in notebook.cells[1]["outputs"][0]["text"]

@@ -1,0 +1,101 @@
+"""Checks the arguments of `Robot`: a wrong one is a ThumperError that names the call. Pure."""
+
+import math
+from pathlib import Path
+
+from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.navigation.goal import check_place
+
+MAX_DURATION_S = 600.0
+MAX_DISTANCE_M = 50.0
+FULL_TURNS = 2.0  # no script means more, but many mean degrees
+
+
+def number(call: str, value: float) -> float:
+    """Return a finite number."""
+    result = _as_float(call, value)
+    if not math.isfinite(result):
+        raise ThumperError(f"{call}: pass finite numbers", exit_code=EXIT_USAGE)
+    return result
+
+
+def duration_s(call: str, value: float) -> float:
+    """Return a duration of more than 0 and up to `MAX_DURATION_S`."""
+    result = _as_float(call, value)
+    if not 0.0 < result <= MAX_DURATION_S:  # also refuses nan
+        raise ThumperError(
+            f"{call}: choose a duration of more than 0 and up to {MAX_DURATION_S:g} s", exit_code=EXIT_USAGE
+        )
+    return result
+
+
+def speed(call: str, name: str, value: float, highest: float) -> float:
+    """Return a speed of more than 0 and up to the configured `highest`."""
+    result = number(call, value)
+    if not 0.0 < result <= highest:
+        raise ThumperError(
+            f"{name}: choose more than 0 and up to {highest:g} ([navigation.limits])", exit_code=EXIT_USAGE
+        )
+    return result
+
+
+def distance_m(call: str, value: float) -> float:
+    """Return a distance other than 0, up to `MAX_DISTANCE_M`; negative is backward."""
+    result = number(call, value)
+    if not 0.0 < abs(result) <= MAX_DISTANCE_M:
+        raise ThumperError(
+            f"{call}: choose a distance other than 0 and up to {MAX_DISTANCE_M:g} m", exit_code=EXIT_USAGE
+        )
+    return result
+
+
+def angle_rad(call: str, rad: float | None, deg: float | None, name: str) -> float | None:
+    """Return an angle that is given in radians or in degrees; None if it is not given.
+
+    Raises
+    ------
+    ThumperError
+        Both are given, or the radians must be degrees.
+    """
+    if rad is not None and deg is not None:
+        raise ThumperError(f"{call}: pass {name}rad or {name}deg, not both", exit_code=EXIT_USAGE)
+    if deg is not None:
+        return math.radians(number(call, deg))
+    if rad is None:
+        return None
+    result = number(call, rad)
+    if abs(result) > FULL_TURNS * math.tau:
+        raise ThumperError(
+            f"{call}: {result:g} rad is {result / math.tau:.0f} turns; pass degrees as {name}deg={result:g}",
+            exit_code=EXIT_USAGE,
+        )
+    return result
+
+
+def places(call: str, values: object) -> tuple[tuple[float, float], ...]:
+    """Return places (x_m, y_m) as pairs of numbers."""
+    try:
+        pairs = tuple((number(call, x_m), number(call, y_m)) for x_m, y_m in values)  # type: ignore[attr-defined]
+    except (TypeError, ValueError) as error:
+        raise ThumperError(
+            f"{call}: pass a list of places, such as [(1.0, 0.0), (1.0, 1.0)]", exit_code=EXIT_USAGE
+        ) from error
+    if not pairs:
+        raise ThumperError(f"{call}: pass at least one place", exit_code=EXIT_USAGE)
+    for place in pairs:
+        check_place(f"{call}: the place", *place)
+    return pairs
+
+
+def file_path(name: str, value: str | Path) -> Path:
+    """Return a file path."""
+    if not isinstance(value, str | Path) or "\0" in str(value):
+        raise ThumperError(f"{name}: {value!r} is not a file path", exit_code=EXIT_USAGE)
+    return Path(value)
+
+
+def _as_float(call: str, value: float) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ThumperError(f"{call}: {value!r} is not a number", exit_code=EXIT_USAGE) from error

@@ -1,0 +1,423 @@
+"""`Robot` for scripts and notebooks: drive, go to a goal, read the map.
+
+    from thumper import Robot
+
+    with Robot("sim://") as robot:
+        robot.forward(0.5)
+        robot.turn(deg=-90)
+        robot.goto(0.5, -0.5)
+        print(robot.pose, robot.battery_V)
+
+Everything happens inside the calls. Between them the robot is stationary with its motors off, however long
+the script takes; the next call reads what has waited in the ports. On exit, whatever the reason, the motors
+stop first.
+"""
+
+import math
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack, suppress
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+from thumper.board.messages import State, Telemetry
+from thumper.common.errors import EXIT_NOT_THERE, EXIT_USAGE, ThumperError
+from thumper.common.geometry import Pose2, Twist2, wrap_angle
+from thumper.common.kinematics import WheelSpeeds
+from thumper.common.optional_packages import require_extra
+from thumper.config.robot import load_config
+from thumper.lidar.scan import Scan
+from thumper.maps.map_server_io import load_map, map_yaml_path, save_map
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.goal import check_place
+from thumper.robot import arguments
+from thumper.robot.ports import on_ports
+from thumper.runtime.assembly import collision_monitor, open_robot
+from thumper.runtime.drive import motions, tasks
+from thumper.runtime.drive.motions import Motion
+from thumper.runtime.drive.tasks import Task
+from thumper.runtime.drive.waypoints import Waypoints
+from thumper.runtime.drive_log import DriveLog
+from thumper.runtime.drive_result import DriveResult
+from thumper.runtime.loop import RobotLoop
+from thumper.runtime.requests import parse_goal
+from thumper.runtime.state_estimator import RobotState
+from thumper.slam.saved_state import SavedSlamState, load_session, save_session
+
+if TYPE_CHECKING:
+    from thumper.robot.figure import RobotFigure
+    from thumper.robot.live_figure import LiveFigure
+
+NEAR_M, NEAR_RAD = 0.1, 0.1
+DISARM_CYCLES = 3  # telemetry from before the disarming may still arrive
+
+
+class Robot:
+    """A robot on its ports, or a simulated one. Use it in a `with` statement."""
+
+    def __init__(
+        self,
+        board: str = "",
+        *,
+        lidar: str = "",
+        config: str | Path | None = None,
+        start: Pose2 | None = None,
+        map: str | Path | None = None,  # noqa: A002 - the word that users expect
+        session: str | Path | None = None,
+    ) -> None:
+        """Choose the ports; `with` opens them.
+
+        `board` is a port or "sim://", which simulates a new robot and its lidar; options follow after "?"
+        ("sim://?world=hall&seed=3"). The default ports are those of the `config` file. `start` is the robot's
+        pose at the start and defines the map frame; by default it is the origin. In a saved `map` (.yaml)
+        the robot localizes near `start`, by default anywhere, and leaves the map as it is. In a `session`
+        file it localizes too, and continues to map.
+
+        Raises
+        ------
+        ThumperError
+            An argument or the configuration is wrong.
+        """
+        if not (isinstance(board, str) and isinstance(lidar, str)):
+            raise ThumperError(
+                'Robot: board and lidar are port names, such as "/dev/ttyUSB0"', exit_code=EXIT_USAGE
+            )
+        if not (start is None or isinstance(start, Pose2)):
+            raise ThumperError(
+                "Robot: start is a thumper.common.geometry.Pose2(x_m=, y_m=, theta_rad=)",
+                exit_code=EXIT_USAGE,
+            )
+        if start is not None:
+            check_place("Robot: start", start.x_m, start.y_m)
+        if map and session:
+            raise ThumperError(
+                "Robot: map= keeps a map unchanged, session= resumes mapping: pass only one",
+                exit_code=EXIT_USAGE,
+            )
+        path = arguments.file_path
+        self._config = on_ports(load_config(path("config", config) if config else None), board, lidar)
+        self._session = path("session", session) if session else None
+        self._map = path("map", map) if map else None
+        self._start = start if start or session or map else Pose2()
+        self._stack = ExitStack()
+        self._robot_loop: RobotLoop | None = None
+        self._live_figure: LiveFigure | None = None
+        self._target: Pose2 | None = None  # of the last simple motion
+
+    def __enter__(self) -> Self:
+        """Open the ports and map the first scans; raise ThumperError if board or lidar do not answer."""
+        with ExitStack() as stack:
+            known: OccupancyGrid | SavedSlamState | None = None
+            if self._session:
+                known = load_session(self._session, self._config.mapping.resolution_m)
+            elif self._map:
+                known = load_map(self._map)
+            self._robot_loop = stack.enter_context(open_robot(self._config, self._start, known))
+            self._loop.wait_for_map()
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._robot_loop = None
+        self._stack.close()
+
+    def __repr__(self) -> str:
+        port = self._config.board.port
+        if self._robot_loop is None:
+            return f"<Robot {port}: not open>"
+        pose, telemetry = self._state.map_from_base, self._loop.inputs.telemetry
+        battery = f", {telemetry.battery_mV / 1000.0:.1f} V, {telemetry.state.name}" if telemetry else ""
+        place = f"({pose.x_m:.2f} m, {pose.y_m:.2f} m, {math.degrees(pose.theta_rad):.0f} deg)"
+        return f"<Robot {port} at {place}{battery}>"
+
+    def forward(self, distance_m: float, *, v_m_s: float = 0.25) -> DriveResult:
+        """Drive straight by `distance_m`, backward if negative, and return the result.
+
+        The robot keeps its line by the pose in the map. It stops before an obstacle that the newest scan
+        shows; the result's `reason` says so. Behind the robot, a lidar may see nothing.
+
+        Raises
+        ------
+        ThumperError
+            An invalid number, or the board has latched a fault.
+        """
+        distance_m = arguments.distance_m("forward", distance_m)
+        limits = self._config.navigation.limits
+        limits = replace(limits, v_max_m_s=arguments.speed("forward", "v_m_s", v_m_s, limits.v_max_m_s))
+        start = self._reference()
+        result = self._move(motions.drive_on_heading(distance_m, limits, start))
+        self._target = start @ Pose2(x_m=distance_m) if result.reached else None
+        return result
+
+    def turn(
+        self, rad: float | None = None, *, deg: float | None = None, w_rad_s: float = 1.0
+    ) -> DriveResult:
+        """Turn in place, counter-clockwise if positive: `turn(1.57)` or `turn(deg=90)`; return the result.
+
+        Stops before an obstacle as `forward` does.
+
+        Raises
+        ------
+        ThumperError
+            An invalid number, or the board has latched a fault.
+        """
+        angle_rad = arguments.angle_rad("turn", rad, deg, "")
+        if not angle_rad:
+            raise ThumperError(
+                "turn: pass an angle other than 0, such as turn(1.57) or turn(deg=90)", exit_code=EXIT_USAGE
+            )
+        limits = self._config.navigation.limits
+        limits = replace(limits, w_max_rad_s=arguments.speed("turn", "w_rad_s", w_rad_s, limits.w_max_rad_s))
+        start = self._reference()
+        result = self._move(motions.spin(angle_rad, limits, start))
+        self._target = start @ Pose2(theta_rad=angle_rad) if result.reached else None
+        return result
+
+    def drive(self, *, v_m_s: float = 0.0, w_rad_s: float = 0.0, duration_s: float = 1.0) -> None:
+        """Drive at this speed (forward, counter-clockwise) for `duration_s`, then stop. Ignores obstacles.
+
+        Raises
+        ------
+        ThumperError
+            An invalid number, or the board has stopped the motors; the message says why.
+        """
+        v_m_s, w_rad_s = arguments.number("drive", v_m_s), arguments.number("drive", w_rad_s)
+        duration_s = arguments.duration_s("drive", duration_s)
+        limit = self._config.service
+        if abs(v_m_s) > limit.manual_v_max_m_s or abs(w_rad_s) > limit.manual_w_max_rad_s:
+            raise ThumperError(
+                f"drive: {v_m_s:g} m/s, {w_rad_s:g} rad/s is too fast; at most {limit.manual_v_max_m_s:g} m/s"
+                f" and {limit.manual_w_max_rad_s:g} rad/s ([service] in the configuration)",
+                exit_code=EXIT_USAGE,
+            )
+        result = self._carry_out(tasks.cruise(Twist2(v_m_s=v_m_s, w_rad_s=w_rad_s), duration_s))
+        if not result.reached:
+            raise ThumperError(f"the drive ended early: {result.reason}")
+
+    def goto(
+        self,
+        x_m: float,
+        y_m: float,
+        heading_rad: float | None = None,
+        *,
+        heading_deg: float | None = None,
+        tolerance_m: float = 0.1,
+    ) -> DriveResult:
+        """Plan a path to a place in the map, drive there around obstacles and return the result.
+
+        Time and path length are those of this drive. `tolerance_m` is 0.02...1.
+
+        Raises
+        ------
+        ThumperError
+            Before anything moves: a goal in a wall or out of reach, a latched fault, an invalid number.
+        """
+        numbers = {"x_m": x_m, "y_m": y_m, "tolerance_m": tolerance_m}
+        numbers = {name: arguments.number("goto", value) for name, value in numbers.items()}
+        yaw_rad = arguments.angle_rad("goto", heading_rad, heading_deg, "heading_")
+        if yaw_rad is not None:
+            numbers["yaw_rad"] = yaw_rad
+        return self._carry_out(tasks.drive_to_goal(parse_goal(numbers)))
+
+    def patrol(
+        self, places: Iterable[tuple[float, float]], *, rounds: int = 1, tolerance_m: float = 0.1
+    ) -> DriveResult:
+        """Drive to all places (x_m, y_m) in turn, `rounds` times; end at the first that is not reached.
+
+        Raises
+        ------
+        ThumperError
+            As `goto`, for the first place.
+        """
+        if not isinstance(rounds, int) or rounds < 1:
+            raise ThumperError("patrol: choose 1 round or more", exit_code=EXIT_USAGE)
+        goals = [
+            parse_goal({"x_m": x_m, "y_m": y_m, "tolerance_m": arguments.number("patrol", tolerance_m)})
+            for x_m, y_m in arguments.places("patrol", places)
+        ]
+        return self._carry_out(tasks.follow_waypoints(Waypoints(goals=tuple(goals), rounds=rounds)))
+
+    def explore(self, *, minutes: float = 15.0) -> DriveResult:
+        """Drive from frontier to frontier until the place is mapped, or for `minutes`, then come back.
+
+        Prints a line for each frontier that it gives up, and one at the end.
+
+        Raises
+        ------
+        ThumperError
+            An invalid number, or the board has latched a fault.
+        """
+        from thumper.navigation.planners.frontier_exploration import ExplorationOptions, Explorer
+        from thumper.runtime.drive.exploration import explore, home_at
+
+        limit_s = 60.0 * arguments.number("explore", minutes)
+        if not limit_s > 0.0:
+            raise ThumperError("explore: choose more than 0 minutes", exit_code=EXIT_USAGE)
+        home = home_at(self.pose)
+        explorer = Explorer(ExplorationOptions(), self._config.footprint)
+        task = explore(explorer, self._loop.map_and_pose, home, limit_s=limit_s, report=print)
+        return self._carry_out(task)
+
+    def wait(self, duration_s: float = 1.0) -> None:
+        """Stay stationary and continue mapping for a while.
+
+        Raises
+        ------
+        ThumperError
+            An invalid duration, or the board is silent.
+        """
+        duration_s = arguments.duration_s("wait", duration_s)
+        result = self._run(tasks.wait(duration_s))
+        if not result.reached:
+            raise ThumperError(result.reason, exit_code=EXIT_NOT_THERE)
+
+    @property
+    def pose(self) -> Pose2:
+        """The robot's pose in the map."""
+        self._catch_up()
+        return self._state.map_from_base
+
+    @property
+    def map(self) -> OccupancyGrid:
+        """The map so far."""
+        self._catch_up()
+        return self._loop.mapper.grid()
+
+    @property
+    def scan(self) -> Scan:
+        """The newest scan."""
+        self._catch_up()
+        scan = self._loop.inputs.newest_scan
+        assert scan is not None  # the first scans came with __enter__
+        return scan
+
+    @property
+    def telemetry(self) -> Telemetry:
+        """The newest telemetry of the board, in its own units."""
+        self._catch_up()
+        telemetry = self._loop.inputs.telemetry
+        assert telemetry is not None
+        return telemetry
+
+    @property
+    def wheel_speeds(self) -> WheelSpeeds:
+        """The measured wheel speeds."""
+        telemetry = self.telemetry
+        return WheelSpeeds(
+            left_rad_s=telemetry.left_speed / 1000.0, right_rad_s=telemetry.right_speed / 1000.0
+        )
+
+    @property
+    def battery_V(self) -> float:
+        """The battery voltage [V]."""
+        return self.telemetry.battery_mV / 1000.0
+
+    @property
+    def log(self) -> DriveLog:
+        """Wheel speeds and poses since the start, and the plans of all `goto` calls, as arrays."""
+        return self._loop.log
+
+    def plot(self) -> "RobotFigure":
+        """Return a matplotlib figure: map, plans, driven path, newest scan and robot. A notebook shows it."""
+        self._catch_up()
+        return self._snapshot()()
+
+    def show(self) -> None:
+        """Show `plot()` in a notebook, and redraw it each second while the robot drives.
+
+        Raises
+        ------
+        ThumperError
+            IPython is missing; the message names the package.
+        """
+        require_extra("notebooks")
+        from thumper.robot.live_figure import LiveFigure
+
+        self._catch_up()
+        self._live_figure = live = LiveFigure(self._snapshot)
+        self._loop.after_cycle[:] = [live.refresh]
+
+    def save_map(self, path: str | Path) -> Path:
+        """Write PATH.yaml and PATH.pgm in map_server's format and PATH.session; return the first.
+
+        `path` may end in .yaml; any other suffix becomes part of the name.
+
+        Raises
+        ------
+        ThumperError
+            It is not a path, or cannot be written.
+        """
+        yaml_path = map_yaml_path(arguments.file_path("save_map", path))
+        save_map(self.map, yaml_path)
+        state = SavedSlamState.from_mapper(self._loop.mapper, self.pose)
+        save_session(state, yaml_path.with_suffix(".session"))
+        return yaml_path
+
+    @property
+    def _loop(self) -> RobotLoop:
+        if self._robot_loop is None:
+            raise ThumperError("the robot is not open; use `with Robot(...) as robot:`", exit_code=EXIT_USAGE)
+        return self._robot_loop
+
+    @property
+    def _state(self) -> RobotState:
+        state = self._loop.inputs.estimator.state()
+        assert state is not None
+        return state
+
+    def _catch_up(self) -> None:
+        self._loop.wait_for_map()
+
+    def _reference(self) -> Pose2:
+        """Return where the last `forward` or `turn` should have ended, if the robot is near it, or its pose.
+
+        So the errors of a sequence do not add up.
+        """
+        pose, target = self.pose, self._target
+        if target is None or pose.distance_m(target) > NEAR_M:
+            return pose
+        return target if abs(wrap_angle(pose.theta_rad - target.theta_rad)) < NEAR_RAD else pose
+
+    def _snapshot(self) -> "Callable[[], RobotFigure]":
+        """Take what there is now, and return what draws it."""
+        from thumper.robot.figure import robot_figure
+
+        state = self._state
+        return partial(
+            robot_figure,
+            self._loop.mapper.grid(),
+            self.log,
+            state.map_from_base,
+            self._config.footprint,
+            state.hits_in_map_m,
+        )
+
+    def _move(self, motion: Motion) -> DriveResult:
+        monitor = collision_monitor(self._config)
+        return self._carry_out(tasks.move(motions.before_obstacles(motion, monitor)))
+
+    def _carry_out(self, task: Task) -> DriveResult:
+        """Run a task that drives; return when the motors are off."""
+        result = self._run(task)
+        self._await_motors_off()
+        if self._live_figure is not None:
+            self._live_figure.finish()
+        return result
+
+    def _run(self, task: Task) -> DriveResult:
+        """Carry out a task; raise KeyboardInterrupt, as any Python code would, if Ctrl-C ended it."""
+        result = self._loop.run(task)
+        if result.interrupted:
+            raise KeyboardInterrupt
+        return result
+
+    def _await_motors_off(self) -> None:
+        """Wait until telemetry shows the motors off; if the board is silent, the next call reports it."""
+        if not self._are_motors_off():
+            with suppress(ThumperError):
+                self._run(tasks.wait_until(self._are_motors_off, max_cycles=DISARM_CYCLES))
+
+    def _are_motors_off(self) -> bool:
+        telemetry = self._loop.inputs.telemetry
+        return telemetry is None or telemetry.state in (State.DISARMED, State.FAULT)
