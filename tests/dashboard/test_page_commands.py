@@ -109,6 +109,14 @@ def test_joystick_is_scaled_to_the_limits(turbo: str, share: float) -> None:
     assert (twist.linear.x, twist.angular.z) == pytest.approx((share * 0.4, share * -2.0))
 
 
+def test_the_joystick_overrides_the_assistance_on_request() -> None:
+    pages = Pages()
+    assert ("override", "a") not in pages.send("a", TELEOP)
+    held = '{"kind": "teleop", "forward": 0.5, "left": 0, "turbo": false, "override": true}'
+    assert pages.send("a", held)[-2:] == [("override", "a"), ("teleop", "a")]
+    assert pages.robot.messages[-2].data is True
+
+
 def test_single_waypoint_is_a_goal() -> None:
     pages = Pages()
     assert pages.send("a", '{"kind": "waypoints", "places": [[1, 2]]}')[1] == ("mission/send", "a")

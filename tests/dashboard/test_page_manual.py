@@ -7,7 +7,7 @@ from benchmarks.shared.fake_robot import FakeRobot
 from benchmarks.shared.live import until
 from playwright.sync_api import Page, expect
 
-from thumper.runtime.requests import EmergencyStop, Query, Velocity
+from thumper.runtime.requests import EmergencyStop, OverrideAssistance, Query, Velocity
 
 PAD = """([lb, forward, stop]) => {
   const pressed = (button) => button === 4 && lb || button === stop;
@@ -89,6 +89,28 @@ def test_joystick_drives_while_held(page: Page, robot: FakeRobot) -> None:
     count = len(robot.received_of(Velocity))
     time.sleep(0.3)
     assert len(robot.received_of(Velocity)) == count  # nothing more after the release
+
+
+def test_shift_and_its_button_override_the_assistance(page: Page, robot: FakeRobot) -> None:
+    box = page.locator(".tp-stick").bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y - 0.3 * box["height"])
+    until(lambda: [v for v in robot.received_of(Velocity) if v.twist.v_m_s > 0.2])
+    assert not robot.received_of(OverrideAssistance)
+    page.keyboard.down("Shift")
+    until(lambda: robot.received_of(OverrideAssistance))
+    page.keyboard.up("Shift")
+    time.sleep(0.3)
+    robot.received.clear()
+    time.sleep(0.3)
+    assert robot.received_of(Velocity)
+    assert not robot.received_of(OverrideAssistance)
+    page.dispatch_event(".tp-override", "pointerdown", {"pointerId": 7})  # the other thumb on a phone
+    until(lambda: robot.received_of(OverrideAssistance))
+    page.mouse.up()
 
 
 def test_gamepad_needs_deadman_button_and_focus(page: Page, robot: FakeRobot) -> None:

@@ -91,6 +91,8 @@ class PageCommands:
             case EStop():
                 self._robot.publish("estop", flag(True), source=page)
             case Teleop():
+                if message.override:
+                    self._robot.publish("override", flag(True), source=page)
                 self._robot.publish("teleop", self._messages.twist(now_s, self._twist(message)), source=page)
             case InitialPose():
                 pose = Pose2(x_m=message.x_m, y_m=message.y_m, theta_rad=message.yaw_rad)
@@ -159,4 +161,6 @@ class PageCommands:
 def _starts_motion(message: PageMessage) -> bool:
     if isinstance(message, Teleop):
         return message.forward != 0.0 or message.left != 0.0
+    if isinstance(message, CommandMessage):
+        return message.name == "explore"
     return isinstance(message, GoalMessage | WaypointsMessage | ExperimentMessage)

@@ -65,13 +65,16 @@ class Teleop(_PageMessage):
     forward: Share
     left: Share
     turbo: bool
+    override: bool = False  # drive although something is in the way
 
 
 class CommandMessage(_PageMessage):
     """Run a command of the robot."""
 
     kind: Literal["command"]
-    name: Literal["cancel", "clear_fault", "arm", "disarm", "record_start", "record_stop", "save_map"]
+    name: Literal[
+        "cancel", "clear_fault", "arm", "disarm", "record_start", "record_stop", "save_map", "explore"
+    ]
 
 
 class Obstacle(_PageMessage):

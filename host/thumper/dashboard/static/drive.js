@@ -8,7 +8,7 @@ const DEADBAND = 0.1;
 const EXPO = 0.3; // share of the cubic term
 const KNOB_TRAVEL = 0.7; // of the joystick's radius
 const AXES = { forward: 1, turn: 2 }; // indices of the browser's standard gamepad mapping
-const BUTTONS = { deadman: 4, turbo: 5, stop: 1, arm: 9 };
+const BUTTONS = { deadman: 4, turbo: 5, stop: 1, override: 2, arm: 9 };
 
 // Joystick curve: deadband, then linear plus cubic (fine control at low speed).
 function applyCurve(value) {
@@ -22,13 +22,21 @@ class ManualDrive {
   constructor(root) {
     this.joystick = null; // [forward, left] while held
     this.turbo = false;
+    this.shift = false;
+    this.override = false; // drive although something is in the way, while its button or Shift is held
     this.driving = false;
     this.mustRelease = true; // ignore the gamepad's deadman button until it was seen released
     this.pressed = new Set();
     this.build(root);
     setInterval(() => this.update(), PERIOD_MS);
+    for (const [name, isDown] of [["keydown", true], ["keyup", false]]) {
+      window.addEventListener(name, (event) => { if (event.key === "Shift") this.shift = isDown; });
+    }
     document.addEventListener("visibilitychange", () => { if (document.hidden) this.release(); });
-    window.addEventListener("blur", () => this.release());
+    window.addEventListener("blur", () => {
+      this.shift = false;
+      this.release();
+    });
     window.addEventListener("pagehide", () => this.release());
     on("connected", (connected) => { if (!connected) this.release(); });
   }
@@ -38,6 +46,7 @@ class ManualDrive {
       <div class="tp-stick" role="slider" aria-label="joystick" tabindex="-1"><div class="tp-knob"></div></div>
       <div class="tp-stickside">
         <label class="tp-check"><input type="checkbox"> Turbo</label>
+        <button type="button" class="tp-override" title="Hold this button or Shift to drive although something is in the way">Hold: ignore obstacles</button>
         <div class="tp-speeds"><span></span><span></span></div>
         <div class="tp-pad"></div>
       </div>`;
@@ -49,6 +58,11 @@ class ManualDrive {
       this.turbo = event.target.checked;
       event.target.blur();
     });
+    const override = root.querySelector(".tp-override");
+    override.addEventListener("pointerdown", () => { this.override = true; });
+    for (const name of ["pointerup", "pointercancel", "pointerleave"]) {
+      override.addEventListener(name, () => { this.override = false; });
+    }
     this.area.addEventListener("pointerdown", (event) => {
       this.area.setPointerCapture(event.pointerId);
       this.moveJoystick(event);
@@ -73,6 +87,7 @@ class ManualDrive {
 
   release() {
     this.joystick = null;
+    this.override = false;
     this.knob.style.setProperty("--dx", 0);
     this.knob.style.setProperty("--dy", 0);
     if (this.driving) this.sendTeleop(0, 0, false);
@@ -97,7 +112,7 @@ class ManualDrive {
     this.gamepadStatus.textContent = `${gamepad.id.slice(0, 24)}: ${held ? "driving" : "hold LB to drive"}`;
     if (!held) this.mustRelease = false;
     if (!held || this.mustRelease) return null;
-    return [-gamepad.axes[AXES.forward], -gamepad.axes[AXES.turn], isDown(BUTTONS.turbo)];
+    return [-gamepad.axes[AXES.forward], -gamepad.axes[AXES.turn], isDown(BUTTONS.turbo), isDown(BUTTONS.override)];
   }
 
   sendOnPress(name, isDown, message) {
@@ -108,17 +123,17 @@ class ManualDrive {
 
   update() {
     const gamepad = this.readGamepad();
-    const input = this.joystick ? [...this.joystick, this.turbo] : gamepad;
+    const input = this.joystick ? [...this.joystick, this.turbo, this.override || this.shift] : gamepad;
     if (input) {
       this.driving = true;
-      this.sendTeleop(applyCurve(input[0]), applyCurve(input[1]), input[2]);
+      this.sendTeleop(applyCurve(input[0]), applyCurve(input[1]), input[2], input[3]);
     } else if (this.driving) {
       this.release();
     }
   }
 
-  sendTeleop(forward, left, turbo) {
-    send({ kind: "teleop", forward, left, turbo });
+  sendTeleop(forward, left, turbo, override = false) {
+    send({ kind: "teleop", forward, left, turbo, override: Boolean(override) });
     const limits = state.values.limits;
     if (!limits) return;
     const scale = turbo ? 1 : limits.slow;
