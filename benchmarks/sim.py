@@ -76,11 +76,11 @@ def drive_bench(command: SetWheelSpeeds, *, lidar: bool) -> tuple[float, float]:
     """Drive the whole robot in a circle in the lab; return speed and processor load."""
     bench = Bench(BenchOptions(world="lab"))
     if lidar:
-        bench.lidar_write(LIDAR_ON)
+        bench.sensor_write("lidar", LIDAR_ON)
 
     def advance(until_s: float) -> None:
         bench.advance(until_s)
-        bench.lidar_read(1_000_000)
+        bench.sensor_read("lidar", 1_000_000)
 
     return drive(bench.chip, command, advance), bench.chip.cpu_load
 

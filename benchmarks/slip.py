@@ -13,7 +13,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.figure import figure
-from benchmarks.shared.gyro_drive import driven
+from benchmarks.shared.gyro_drive import SLIP_FROM_S, driven
 
 RATES_RAD_S = (0.3, 0.5, 0.75, 1.0, 1.5, 2.0)
 LENGTHS_S = (0.2, 0.5, 1.0)
@@ -29,14 +29,15 @@ def main() -> None:
         shares = []
         for rate in RATES_RAD_S:
             runs = (
-                driven(seed, 8.5 + slip_s, slip_rad_s=rate, slip_s=slip_s) for seed in range(arguments.drives)
+                driven(seed, SLIP_FROM_S + 0.5 + slip_s, slip_rad_s=rate, slip_s=slip_s)
+                for seed in range(arguments.drives)
             )
-            seen = sum(fused.slips > 0 for _, fused, _ in runs)
+            seen = sum(fused.slip.slips > 0 for _, fused, _ in runs)
             shares.append(f"{100.0 * seen / arguments.drives:.0f}")
         rates = ", ".join(f"{rate:g}" for rate in RATES_RAD_S)
         figure(f"detected slips of {slip_s:g} s at {rates} rad/s", " / ".join(shares), "%")
     _, fused, _ = driven(1, 3600.0 * arguments.hours)
-    figure(f"slip detection: false alarms in {arguments.hours:g} h", str(fused.slips))
+    figure(f"slip detection: false alarms in {arguments.hours:g} h", str(fused.slip.slips))
 
 
 if __name__ == "__main__":

@@ -1,15 +1,20 @@
 """The demo, end to end: both missions with the real firmware, checked against ground truth."""
 
+import io
 import json
+import shlex
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from thumper.maps.map_server_io import load_map
 from thumper.slam.saved_state import load_session
+from thumper_hil.demo.results import print_next_steps
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -44,6 +49,22 @@ def test_demo_reaches_both_goals_and_writes_its_results(thumper: Run, tmp_path: 
         assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
     assert "thesis" in (tmp_path / "table.md").read_text()
     assert str(tmp_path) in done.stdout.replace("\n", "")
+
+
+def test_the_next_steps_of_the_demo_work(tmp_path: Path) -> None:
+    output = io.StringIO()
+    print_next_steps(Console(file=output))
+    commands = [shlex.split(line) for line in output.getvalue().splitlines() if " --" in line]
+    assert [command[1] for command in commands] == ["demo", "explore", "tune"]
+    for _, *arguments in commands[1:]:
+        done = subprocess.run(
+            [sys.executable, "-m", "thumper", *arguments],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_the_same_seed_gives_the_same_run(thumper: Run, tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """`--help` of each command names its options and loads no slow library."""
 
+import os
 import re
 import subprocess
 import sys
@@ -44,8 +45,37 @@ COMMANDS = {
 def test_overview_lists_the_commands(thumper: Run) -> None:
     done = thumper("--help")
     assert done.returncode == 0
-    listed = done.stdout.partition("Commands")[2]
-    assert set(re.findall(r"^│ ([a-z-]+) ", listed, re.MULTILINE)) == set(COMMANDS)
+    listed = done.stdout[done.stdout.index("Try it without hardware") :]
+    names = re.findall(r"^│ ([a-z-]+) ", listed, re.MULTILINE)
+    assert set(names) == set(COMMANDS)
+    assert names[0] == "demo"
+    assert "Others" not in done.stdout, "each command has a group"
+
+
+@pytest.mark.parametrize(
+    ("typed", "completed"),
+    [
+        ("watch po", {"pose"}),
+        ("sim --world lab", {"lab", "lab_box"}),
+        ("sim --lidar u", {"urg04lx"}),
+        ("sim --preset h", {"hard"}),
+    ],
+)
+def test_completion_has_names_of_the_robot(typed: str, completed: set[str]) -> None:
+    words = f"thumper {typed}"
+    done = subprocess.run(
+        [sys.executable, "-c", "import sys; sys.argv = ['thumper']; import thumper.__main__ as m; m.main()"],
+        env=os.environ
+        | {
+            "_THUMPER_COMPLETE": "complete_bash",
+            "COMP_WORDS": words,
+            "COMP_CWORD": str(words.count(" ")),
+        },
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert set(done.stdout.split()) == completed, done.stderr
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -92,7 +92,7 @@ def files() -> Iterator[Path]:
         for path in sorted(ROOT.glob(pattern)):
             if (
                 path != Path(__file__)
-                and "build" not in path.relative_to(ROOT).parts
+                and not {"build", "node_modules"} & set(path.relative_to(ROOT).parts)
                 and ".min." not in path.name
             ):
                 yield path

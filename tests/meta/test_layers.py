@@ -15,11 +15,12 @@ FOLDERS = {
 
 LAYERS = (
     "common",
+    "imu",
     "board lidar odometry maps",
     "slam navigation",
     "ros config",
-    "runtime doctor teleop",
-    "bus robot",
+    "runtime teleop",
+    "bus robot doctor",
     "recording dashboard ros2 __init__",
     "offline foxglove",
     "cli",
@@ -47,6 +48,7 @@ SLAM = (
 )
 RUNTIME = (
     "drive_log drive_result real_time_rate requests state_estimator",
+    "sensor_table",
     "sensor_inputs",
     "safe_stop",
     "drive",
@@ -85,6 +87,7 @@ HIL = (
     "effects",
     "chip world kinematic",
     "lidars faults",
+    "sensors",
     "bench",
     "demo campaign",
     "cli",

@@ -44,4 +44,5 @@ def test_lists_every_command() -> None:
 def test_lists_every_option_with_its_default() -> None:
     for head, options, column in (("`[bus]`", BusOptions(), 2), ("`[service]`", ManualDriveOptions(), 3)):
         listed = {row[0].strip("`"): row[column].strip('`"') for row in rows(head)}
-        assert listed == {field.name: str(getattr(options, field.name)) for field in fields(options)}
+        defaults = {field.name: getattr(options, field.name) for field in fields(options)}
+        assert listed == {name: "true" if value is True else str(value) for name, value in defaults.items()}

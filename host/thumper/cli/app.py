@@ -3,6 +3,7 @@
 import signal
 import sys
 from importlib.metadata import entry_points
+from itertools import islice
 from typing import Any, NoReturn
 
 import typer
@@ -32,39 +33,66 @@ from thumper.common.optional_packages import extra_providing, missing_package
 from thumper.common.signals import STOP_SIGNALS
 from thumper.common.version import __version__
 
-COMMANDS = (  # in the order of `thumper --help`
-    run,
-    explore,
-    goto,
-    stop,
-    teleop,
-    mode,
-    save,
-    status,
-    watch,
-    dashboard,
-    record,
-    ros,
-    foxglove,
-    replay,
-    export,
-    recover,
-    map_log,
-    plan,
-    edit,
-    doctor,
-    flash,
-)
+COMMANDS = {  # plugins of other packages add more
+    command.__name__.replace("_", "-"): command
+    for command in (
+        run,
+        explore,
+        goto,
+        stop,
+        teleop,
+        mode,
+        save,
+        status,
+        watch,
+        dashboard,
+        record,
+        ros,
+        foxglove,
+        replay,
+        export,
+        recover,
+        map_log,
+        plan,
+        edit,
+        doctor,
+        flash,
+    )
+}
+PANELS = {  # the order of `thumper --help`
+    "Try it without hardware": ("demo", "sim"),
+    "Set up a robot": ("doctor", "flash", "tune", "calibrate", "bus"),
+    "Drive": ("run", "explore", "goto", "stop", "teleop", "mode", "save"),
+    "Watch and connect": ("status", "watch", "dashboard", "ros", "foxglove"),
+    "Recordings": ("record", "replay", "export", "recover"),
+    "Maps": ("map-log", "plan", "edit"),
+    "Measure": ("campaign", "experiment"),
+}
 
 
 class PlainCommand(TyperCommand):
-    """A command whose arguments appear in capitals, in `--help` and in its usage line."""
+    """A command whose arguments appear in capitals, and whose repeated options may take pairs X Y."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         for parameter in self.params:
             if isinstance(parameter, TyperArgument) and parameter.metavar is None:
                 parameter.metavar = str(parameter.name).upper()
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Join the pairs of repeated options, `--waypoint X Y`, to X,Y: Typer has no list of pairs."""
+        pairs = {
+            name
+            for parameter in self.params
+            if getattr(parameter, "multiple", False) and parameter.metavar == "X Y"
+            for name in parameter.opts
+        }
+        words, joined = iter(args), list[str]()
+        for word in words:
+            joined.append(word)
+            if word in pairs:
+                joined.append(",".join(islice(words, 2)))
+        return super().parse_args(ctx, joined)
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """Return the pieces of the usage line; Typer puts required arguments in braces."""
@@ -102,18 +130,18 @@ def build_app() -> typer.Typer:
     ) -> None:
         pass
 
-    for command in COMMANDS:
+    commands: dict[str, Any] = {**COMMANDS, "bus": bus.app}
+    commands |= {plugin.name: plugin.load() for plugin in entry_points(group="thumper.commands")}
+    grouped = [(name, panel) for panel, names in PANELS.items() for name in names if name in commands]
+    others = [(name, "Others") for name in sorted(commands.keys() - dict(grouped).keys())]
+    for name, panel in (*grouped, *others):
+        command = commands[name]
+        if isinstance(command, typer.Typer):
+            app.add_typer(plain(command), name=name, rich_help_panel=panel)
+            continue
         # so that goto accepts negative coordinates
         settings = {"ignore_unknown_options": True} if command is goto else None
-        name = command.__name__.replace("_", "-")
-        app.command(name, cls=PlainCommand, context_settings=settings)(command)
-    app.add_typer(plain(bus.app), name="bus")
-    for plugin in sorted(entry_points(group="thumper.commands"), key=lambda point: point.name):
-        loaded = plugin.load()  # a command, or a group of commands
-        if isinstance(loaded, typer.Typer):
-            app.add_typer(plain(loaded), name=plugin.name)
-        else:
-            app.command(plugin.name, cls=PlainCommand)(loaded)
+        app.command(name, cls=PlainCommand, context_settings=settings, rich_help_panel=panel)(command)
     return app
 
 

@@ -1,11 +1,13 @@
 """`thumper doctor`: check the computer and the robot, and say how to fix what fails."""
 
 import json
+import os
 import shutil
 import sys
 from collections.abc import Iterator
 from dataclasses import asdict
 from importlib.metadata import entry_points
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -16,8 +18,8 @@ from thumper.doctor.check import Check
 
 KNOWN_USB = {
     (0x15D1, 0x0000): "Hokuyo lidar",
-    (0x10C4, 0xEA60): "CP210x (T'REX board)",
-    (0x1A86, 0x7523): "CH340 (Nano clone)",
+    (0x10C4, 0xEA60): "CP210x (T'REX board, or adapter of a lidar)",
+    (0x1A86, 0x7523): "CH340 (Nano clone, or adapter of a lidar)",
     (0x0403, 0x6001): "FTDI (Nano)",
 }
 
@@ -57,20 +59,25 @@ def _checks(board: str, lidar: str, config: Path | None, seconds: float, spin: b
     from thumper.doctor.board_checks import check_board
     from thumper.doctor.host_checks import check_set_up
     from thumper.doctor.lidar_checks import check_lidar
+    from thumper.doctor.sensor_checks import check_sensors
 
     settings = with_ports(load_config(config), board=board, lidar=lidar)
     yield from _computer()
     yield from _ports()
     yield from check_set_up(KNOWN_USB)
     lidar_checks: Iterator[Check] = iter(())
-    if lidar or config:
+    if (board or config) and os.path.realpath(settings.board.port) == os.path.realpath(settings.lidar.port):
+        fix = f"{settings.lidar.port} is also the board's port; give each device its own"
+        lidar_checks = iter([Check(verdict="fail", what="lidar", fix=fix)])
+    elif lidar or config:
         lidar_checks = check_lidar(settings.lidar, seconds=seconds)
+    sensor_checks = chain(lidar_checks, check_sensors(settings, seconds=seconds))
     if board or config:
         yield from check_board(
-            settings.board, seconds=seconds, spin=_consent if spin else None, also=lidar_checks
+            settings.board, seconds=seconds, spin=_consent if spin else None, also=sensor_checks
         )
     else:
-        yield from lidar_checks
+        yield from sensor_checks
 
 
 def _consent() -> bool:

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from thumper.navigation.goal import Goal
     from thumper.runtime.loop import RobotLoop
 
-HOME_TOLERANCE_M = 0.15
-
 
 @report_interrupt()
 def explore(
@@ -102,7 +100,7 @@ def _home(robot: "RobotLoop", *, at_start: bool) -> "Goal":
     """
     from thumper.common.errors import ThumperError
     from thumper.common.geometry import Pose2
-    from thumper.navigation.goal import Goal
+    from thumper.runtime.drive.exploration import home_at
     from thumper.slam.mapper import SwitchesMode
 
     home = Pose2()
@@ -111,4 +109,4 @@ def _home(robot: "RobotLoop", *, at_start: bool) -> "Goal":
         if state.lost:
             raise ThumperError(f"the robot does not know where it is: {state.lost}; pass --start")
         home = state.map_from_base if at_start else home
-    return Goal(x_m=home.x_m, y_m=home.y_m, tolerance_m=HOME_TOLERANCE_M)
+    return home_at(home)

@@ -27,6 +27,12 @@ def ros(
     namespace: Annotated[
         str | None, typer.Option(help="Namespace of the node, such as /robot1; overrides the configuration.")
     ] = None,
+    nav2: Annotated[
+        bool,
+        typer.Option(
+            "--nav2", help="Leave goals, plans and costmaps to Nav2, which drives the base by cmd_vel."
+        ),
+    ] = False,
     config: ConfigFile = None,
     bus: BusAddress = "",
     robot: RobotName = "",
@@ -48,7 +54,7 @@ def ros(
     from thumper.ros2.node import RosNode
     from thumper.ros2.parameters import RosParameters
     from thumper.ros2.services import RosServices
-    from thumper.ros2.wire import NodeName
+    from thumper.ros2.wire import NodeName, node_name
 
     settings = load_config(config)
     options = overridden(settings.ros, router=router, domain_id=domain_id, namespace=namespace)
@@ -59,13 +65,14 @@ def ros(
         )
     with connect(config, bus, robot) as client:
         name = NodeName(
-            domain_id=options.domain_id, name=client.robot.replace("-", "_"), namespace=options.namespace
+            domain_id=options.domain_id, name=node_name(client.robot), namespace=options.namespace
         )
         with RosNode(name, open_ros_client(options.router, options.token, options.tls)) as node:
-            RosGateway(client, node, settings, report_to_stderr)
-            answers = RosServices(client, node)
+            RosGateway(client, node, settings, report_to_stderr, navigates=not nav2)
+            answers = RosServices(client, node, navigates=not nav2)
             RosParameters(client, node)
-            NavigationActions(client, node, settings, lambda: answers.map)
+            if not nav2:
+                NavigationActions(client, node, settings, lambda: answers.map)
             watchdog = StatusWatchdog(client, report_to_stderr)
             print(
                 f"{node.name.qualified(name.name)} is a node of domain {name.domain_id} at {options.router} "

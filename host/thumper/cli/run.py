@@ -44,7 +44,7 @@ def run(
     ] = None,
     waypoint: Annotated[
         list[str] | None,
-        typer.Option(metavar="X,Y", help="Waypoint before --goal, in metres; repeat for more."),
+        typer.Option(metavar="X Y", help="Waypoint before --goal, in metres; repeat for more."),
     ] = None,
     patrol: Annotated[
         int, typer.Option(help="Number of rounds over the waypoints and the goal.", min=1, max=10_000)
@@ -96,7 +96,7 @@ def run(
     if heading is not None and goal is None:
         raise ThumperError("--heading belongs to --goal X Y", exit_code=EXIT_USAGE)
     if patrol > 1 and not places:
-        raise ThumperError("--patrol belongs to --waypoint X,Y or --goal X Y", exit_code=EXIT_USAGE)
+        raise ThumperError("--patrol belongs to --waypoint X Y or --goal X Y", exit_code=EXIT_USAGE)
     _refuse_unused(context, ("speed",) if places else ("tolerance", "clear_fault"), has_goal=bool(places))
     waypoints = _waypoints(places, heading, tolerance, patrol)
     options = RunOptions(
@@ -192,6 +192,7 @@ def _parse_place(text: str) -> tuple[float, float]:
         x_m, y_m = map(float, text.split(","))
     except ValueError as error:
         raise ThumperError(
-            f"--waypoint {text}: give X,Y in metres, as in --waypoint 1.0,-0.5", exit_code=EXIT_USAGE
+            f"--waypoint {text.replace(',', ' ')}: give X Y in metres, as in --waypoint 1.0 -0.5",
+            exit_code=EXIT_USAGE,
         ) from error
     return x_m, y_m

@@ -75,14 +75,23 @@ def _status_text(message: Any, mapping: Mapping[str, str], wheels: Mapping[str, 
         f"telemetry {max(0.0, 1e3 * m.telemetry_age_s):.0f} ms old",
         f"lidar    {m.lidar_scans} scans, {m.lidar_errors} errors, {m.lidar_restarts} restarts, "
         f"scan {max(0.0, 1e3 * m.scan_age_s):.0f} ms old",
+        *("{:<8}{}".format(*line.split(":", 1)) for line in m.sensors.splitlines()),
         f"loop     {1e3 * m.loop_late_s:.1f} ms late, busy for {1e3 * m.loop_busy_s:.1f} ms",
         f"recording {'on' if m.recording else 'off'}",
     ]
     return "\n".join(lines)
 
 
+def _topics() -> list[str]:
+    from thumper.ros.topics import TOPICS
+
+    return list(TOPICS)
+
+
 def watch(
-    topic: Annotated[str, typer.Argument(help="Topic name; docs/operate.md lists them.")],
+    topic: Annotated[
+        str, typer.Argument(help="Topic name; docs/operate.md lists them.", autocompletion=_topics)
+    ],
     as_json: AsJson = False,
     count: Annotated[int, typer.Option(help="Stop after this many messages; 0: at Ctrl-C.", min=0)] = 0,
     config: ConfigFile = None,

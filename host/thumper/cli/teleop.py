@@ -20,11 +20,14 @@ HELP = """r: arm, then hold a key to drive:   u i o    (or the arrow keys; with 
                                     m , .
 Space, Esc: EMERGENCY STOP   c: clear the fault   f: disarm   q: quit
 gamepad: hold LB to drive (RB: turbo), left stick forward, right stick turns, B: EMERGENCY STOP,
-         Start: arm, Back: disarm"""
+         Start: arm, Back: disarm, hold X: ignore obstacles"""
 
 
 def teleop(
     gamepad: Annotated[bool, typer.Option(help="Also use a gamepad, if there is one (needs pygame).")] = True,
+    assist: Annotated[
+        bool, typer.Option("--assist/--no-assist", help="Slow down and stop before obstacles.")
+    ] = True,
     config: ConfigFile = None,
     bus: BusAddress = "",
     robot: RobotName = "",
@@ -53,7 +56,9 @@ def teleop(
                 "neither a terminal nor a gamepad to drive with; start it in a terminal", exit_code=EXIT_USAGE
             )
         print(HELP)
-        loop = TeleopLoop(settings, client.publish, terminal.read if terminal else bytes, pad)
+        loop = TeleopLoop(
+            settings, client.publish, terminal.read if terminal else bytes, pad, assisted=assist
+        )
         stack.callback(loop.release)
         try:
             watchdog = StatusWatchdog(client, lambda line: latest.update(status=line))

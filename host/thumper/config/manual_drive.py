@@ -8,7 +8,10 @@ from annotated_types import Gt, Le
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ManualDriveOptions:
-    """Speed limits of manual driving."""
+    """Limits of manual driving."""
+
+    # Whether manual commands are slowed and stopped before obstacles, unless the operator overrides it.
+    assisted: bool = True
 
     # Speed limit of manual driving [m/s].
     manual_v_max_m_s: Annotated[float, Gt(0), Le(1.0)] = 0.8

@@ -20,11 +20,11 @@ from thumper.config.manual_drive import ManualDriveOptions
 from thumper.config.recording import RecordingOptions
 from thumper.config.ros import RosOptions
 from thumper.config.teleop import TeleopOptions
+from thumper.imu.options import ImuOptions
 from thumper.lidar.options import LidarOptions
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.registry import check_names
-from thumper.odometry.imu import ImuOptions
 from thumper.slam.factory import MappingOptions
 from thumper.slam.localization.options import AmclOptions
 
@@ -191,6 +191,8 @@ def config_from_json(text: str) -> RobotConfig:
 def with_ports(config: RobotConfig, *, board: str, lidar: str) -> RobotConfig:
     """Return the same robot on other ports; an empty port stays as configured.
 
+    A simulated board brings the other sensors with it.
+
     Raises
     ------
     ThumperError
@@ -198,7 +200,18 @@ def with_ports(config: RobotConfig, *, board: str, lidar: str) -> RobotConfig:
     """
     board, lidar = board or config.board.port, lidar or config.lidar.port
     check_same_robot(board, lidar)
-    return replace(config, board=replace(config.board, port=board), lidar=replace(config.lidar, port=lidar))
+    return replace(
+        config,
+        board=replace(config.board, port=board),
+        lidar=replace(config.lidar, port=lidar),
+        imu=replace(config.imu, port=_beside(board, config.imu.port, "imu")),
+    )
+
+
+def _beside(board: str, port: str, name: str) -> str:
+    """Return the port of the same simulated robot; a real robot's sensor stays on its own."""
+    url = urlsplit(board)
+    return f"sim://{url.netloc}/{name}" if url.scheme == "sim" else port
 
 
 def check_same_robot(board: str, lidar: str) -> None:

@@ -5,7 +5,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from thumper.board.board import Board
-from thumper.board.messages import Command, Telemetry
+from thumper.board.gyroscope import check_gyroscope
+from thumper.board.messages import Command, GyroscopeState, Telemetry
 from thumper.board.options import BoardOptions
 from thumper.common.errors import ThumperError
 from thumper.common.serial_port import SerialPort, open_port
@@ -67,6 +68,8 @@ def _checks(
         yield from judge_stream("telemetry", stream, jitter)
         if last is not None:
             yield judge_battery(1e-3 * last.battery_mV)
+            if last.gyroscope is not GyroscopeState.OFF:
+                yield _gyroscope(last.gyroscope)
         if spin is None:
             fix = "lift the wheels, then run with --spin"
             yield Check(verdict="warn", what="encoder directions not checked", fix=fix)
@@ -76,6 +79,17 @@ def _checks(
             yield from _spin(board, clock_s)
     except ThumperError as error:
         yield Check(verdict="fail", what="board", fix=str(error))
+
+
+def _gyroscope(state: GyroscopeState) -> Check:
+    what = f"gyroscope of the board: {state.name.lower()}"
+    try:
+        check_gyroscope(state)
+    except ThumperError as error:
+        return Check(verdict="fail", what=what, fix=str(error))
+    if state is GyroscopeState.CALIBRATING:
+        return Check(verdict="warn", what=what, fix="leave the robot still for a second, with the motors off")
+    return Check(verdict="pass", what=what)
 
 
 def _record(board: Board, clock_s: Callable[[], float], seconds: float) -> tuple[Stream, Telemetry | None]:

@@ -2,10 +2,11 @@
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from thumper.board.gyroscope import GyroIncrements
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray
 from thumper.config.robot import RobotConfig
@@ -15,8 +16,11 @@ from thumper.recording.reader import RecordedMessage, Recording
 from thumper.ros import from_ros
 from thumper.ros.codec import Message
 from thumper.ros.topics import TOPICS
+from thumper.runtime.sensor_table import KINDS
 from thumper.runtime.state_estimator import StateEstimator
 from thumper.slam.factory import PathMapper, make_mapper
+
+SENSORS = {kind.name: kind for kind in KINDS}
 
 
 @dataclass(slots=True, kw_only=True)
@@ -44,7 +48,7 @@ def replay(
     on_message: Callable[[RecordedMessage, Message], None] | None = None,
     speed: float = 0.0,
 ) -> ReplayResult:
-    """Feed wheels and scans to a new state estimator, with the recorded configuration or another one.
+    """Feed all sensors to a new state estimator, with the recorded configuration or another one.
 
     `on_message` is called with every message; `speed` is relative to real time, 0 for as fast as possible.
 
@@ -70,18 +74,23 @@ def replay(
         imu=robot.imu,
         self_returns=SelfReturnFilter(base_from_laser, robot.footprint.polygon_m()),
     )
+    gyro_increments = GyroIncrements()
     result = ReplayResult(mapper=mapper)
     compared_ns = -1
     comparable = run.from_start and config is None
     for recorded in _paced(recording.messages(), speed):
-        if on_message is None and recorded.topic not in ("wheels", "scan", "map"):
+        if on_message is None and recorded.topic not in ("wheels", "scan", "map", *SENSORS):
             continue
         try:
             message = recorded.decode()
             if recorded.topic == "wheels":
                 sample = from_ros.telemetry_of(message, run.epoch_ns)
+                sample = replace(sample, gyro_increment_rad=gyro_increments.add(sample.telemetry))
                 _add_pose(result, estimator)  # of the previous cycle, whose scans have been added since
                 estimator.add_telemetry(sample)
+            elif recorded.topic in SENSORS:
+                kind = SENSORS[recorded.topic]
+                kind.add(estimator, kind.sample_of(message, run.epoch_ns))
             elif recorded.topic == "scan":
                 estimator.add_scan(from_ros.scan_of(message, run.epoch_ns))
             elif recorded.topic == "map" and comparable and from_ros.stamp_ns_of(message) != compared_ns:

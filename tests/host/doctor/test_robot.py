@@ -87,6 +87,38 @@ def test_the_configuration_sets_ports_and_lidar_model(tmp_path: Path) -> None:
     assert "100 %" in line(checks, "beams")["what"]
 
 
+@pytest.mark.parametrize("model", ["rplidar_a1", "rplidar_a2", "rplidar_c1", "ydlidar_x4"])
+def test_a_lidar_is_asked_what_it_is(tmp_path: Path, model: str) -> None:
+    config = tmp_path / "robot.toml"
+    port = f"sim://ask{model}/lidar?lidar={model}"
+    code, checks = diagnose("--lidar", port)
+    assert code == 4
+    assert f'set [lidar] model = "{model}"' in line(checks, "lidar")["fix"]
+    board = f"sim://has{model}/board?lidar={model}"
+    config.write_text(
+        f'[board]\nport = "{board}"\n[lidar]\nport = "sim://has{model}/lidar"\nmodel = "{model}"\n'
+    )
+    _, checks = diagnose("--config", str(config))
+    name = model.replace("_", " ").upper()
+    assert line(checks, name, "firmware")["verdict"] == "pass"
+    assert line(checks, "scans", "lost")["verdict"] == "pass"
+    assert line(checks, "scans", "Hz of")["verdict"] == "pass"
+
+
+@pytest.mark.parametrize("model", ["urg04lx", "ld19"])
+def test_a_lidar_without_that_request_is_found_too(tmp_path: Path, model: str) -> None:
+    config = tmp_path / "robot.toml"
+    config.write_text(f'[lidar]\nport = "sim://find{model}/lidar?lidar={model}"\nmodel = "rplidar_c1"\n')
+    _, checks = diagnose("--config", str(config))
+    assert f'set [lidar] model = "{model}"' in line(checks, "lidar")["fix"]
+
+
+def test_the_port_of_the_board_is_not_asked_for_a_lidar() -> None:
+    code, checks = diagnose("--board", "sim://same/board", "--lidar", "sim://same/board")
+    assert code == 4
+    assert "is also the board's port" in line(checks, "lidar")["fix"]
+
+
 def test_a_missing_port_is_a_failed_check() -> None:
     code, checks = diagnose("--board", "/dev/ttyNONE7", "--lidar", "/dev/ttyNONE8")
     assert code == 4

@@ -6,34 +6,21 @@ from pathlib import Path
 import matplotlib
 
 matplotlib.use("Agg")
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from thumper.common.files import write_text
 from thumper.common.geometry import FloatArray
 from thumper.maps.map_server_io import save_map
-from thumper.maps.plot import BLUE, GREEN, ORANGE, draw_grid, save_figure
-from thumper.navigation.planners.polyline import arc_lengths
+from thumper.maps.plot import BLUE, GREEN, draw_grid, save_figure
+from thumper.robot.figure import draw_drive
 from thumper.runtime.drive_log import SPEED_COLUMNS, DriveLog, speed_errors
 from thumper.runtime.drive_result import DriveResult
 from thumper.slam.mapper import Mapper
 from thumper.slam.saved_state import SavedSlamState, save_session
 
 INK = "#1f2933"
-SHORTEST_PLAN_M = 0.1  # exploration starts with a plan to the current position
 LEGEND = {"loc": "lower center", "bbox_to_anchor": (0.56, 1.0), "ncols": 2, "frameon": False, "fontsize": 8}
 """Above the axes, between title and error; inside, it would cover the curves."""
-
-
-def draw_drive(axes: Axes, log: DriveLog) -> None:
-    """Draw the first plan (later ones thin) and the driven path by the robot's own estimate."""
-    plans = [plan for plan in log.plans if arc_lengths(plan)[-1] > SHORTEST_PLAN_M]
-    if plans:
-        for plan in plans[1:]:
-            axes.plot(*plan.T, color=ORANGE, linewidth=0.6, alpha=0.35)
-        axes.plot(*plans[0].T, "--", color=ORANGE, linewidth=1.6, label="planned at the start (thin: later)")
-    poses = log.poses
-    axes.plot(poses[:, 1], poses[:, 2], color=BLUE, linewidth=2.0, label="driven (own estimate)")
 
 
 def draw_speeds(figure: Figure, speeds: FloatArray, title: str) -> None:

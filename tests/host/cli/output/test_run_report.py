@@ -5,8 +5,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from thumper.cli.output.run_report import draw_drive, draw_speeds
+from thumper.cli.output.run_report import draw_speeds
 from thumper.common.geometry import Pose2
+from thumper.robot.figure import draw_drive
 from thumper.runtime.drive_log import DriveLog
 
 

@@ -1,0 +1,48 @@
+"""Checks of the sensors beside board and lidar: that they answer, and how they stream."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from thumper.common.errors import ThumperError
+from thumper.common.sensor import Sensor
+from thumper.config.robot import RobotConfig
+from thumper.doctor.check import Check, worst_of
+from thumper.doctor.verdicts import CABLE, RATE_FAIL_SHARE, RATE_WARN_SHARE
+from thumper.runtime.sensor_table import KINDS
+
+TIMEOUT_S = 2.0
+
+
+def check_sensors(config: RobotConfig, *, seconds: float) -> Iterator[Check]:
+    """Check each sensor that the configuration enables."""
+    for kind in KINDS:
+        if not kind.is_wanted(config):
+            continue
+        try:
+            sensor = kind.open(config)
+        except ThumperError as error:
+            yield Check(verdict="fail", what=kind.name, fix=str(error))
+            continue
+        try:
+            yield _judge(kind.name, sensor, kind.rate_Hz, seconds)
+        except ThumperError as error:
+            yield Check(verdict="fail", what=kind.name, fix=str(error))
+        finally:
+            sensor.close()
+
+
+def _judge(name: str, sensor: Sensor[Any], expected_Hz: float, seconds: float) -> Check:
+    """Read the sensor for some time; judge its rate and the damaged frames."""
+    sensor.wait_for_sample(TIMEOUT_S)
+    counters = sensor.counters
+    start_s, samples, damaged = sensor.now_s(), counters.samples, counters.bad_replies
+    while sensor.now_s() < start_s + seconds:
+        sensor.wait_for_sample(TIMEOUT_S)
+    rate_Hz = (counters.samples - samples) / (sensor.now_s() - start_s)
+    damaged = counters.bad_replies - damaged
+    error = abs(rate_Hz / expected_Hz - 1.0)
+    return Check(
+        verdict=worst_of(error > RATE_WARN_SHARE or damaged > 0, error > RATE_FAIL_SHARE),
+        what=f"{name}: {rate_Hz:.1f} Hz of {expected_Hz:g} Hz, {damaged} damaged",
+        fix="" if error <= RATE_WARN_SHARE and not damaged else CABLE,
+    )
