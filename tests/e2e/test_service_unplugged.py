@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -95,3 +96,19 @@ def test_ports_come_and_go(
     service.until(lambda: service.mode == "idle")
     assert service.ask("mission/state")["state"] == "reached"
     assert service.bench.contacts == 0
+
+
+def test_the_model_of_the_wheels_is_that_of_the_board_that_returns(
+    pluggable: Callable[[str], Service],
+) -> None:
+    service = pluggable("urg04lx")
+    monitor = service.robot.inputs.estimator.drive_train
+    assert monitor is not None
+    model = monitor.feed_forward
+    assert model is not None
+    monitor.feed_forward = replace(model, kv=2.0 * model.kv)  # as if the board before had been another one
+    service.bench.fault("board", "unplugged")
+    run_for(service, 2.0)
+    service.bench.fault("board", "ok")
+    service.until(lambda: any("the board answers again" in text for text in service.events))
+    assert monitor.feed_forward == model

@@ -9,6 +9,7 @@ import numpy as np
 
 from thumper.cli.start_map import load_start_map
 from thumper.common.errors import ThumperError
+from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig
 from thumper.maps.map_server_io import save_map
 from thumper.maps.occupancy_grid import OCCUPIED
@@ -38,10 +39,11 @@ def autosaved(robot: RobotLoop, out: Path) -> Iterator[None]:
         autosave.close(remove=is_regular and robot.inputs.has_map)
 
 
-def load_interrupted(settings: RobotConfig, out: Path) -> SavedSlamState | None:
+def load_interrupted(settings: RobotConfig, out: Path, start: Pose2 | None) -> SavedSlamState | None:
     """Return the session of the last run into `out`, if that run did not end regularly.
 
-    A session without a wall is removed: the robot cannot find its place in it.
+    It holds the pose of the robot; a start pose that was given for the earlier run is wrong by now, and a
+    line says that it is not used. A session without a wall is removed: the robot cannot find its place in it.
 
     Raises
     ------
@@ -65,6 +67,8 @@ def load_interrupted(settings: RobotConfig, out: Path) -> SavedSlamState | None:
         print("it has no walls: starting a new map", flush=True)
         path.unlink()
         return None
+    if start is not None:
+        print("--start is not used: the robot starts where that run last saw it", flush=True)
     return session
 
 

@@ -76,7 +76,7 @@ def opened_robot(options: RunOptions, settings: RobotConfig, *, serving: bool = 
     """
     known = load_start_map(settings, options.saved_map, options.session)
     start = options.start_pose
-    if known is None and not options.fresh and (session := load_interrupted(settings, options.out)):
+    if known is None and not options.fresh and (session := load_interrupted(settings, options.out, start)):
         known, start = session, session.map_from_base
     else:
         set_aside_interrupted(options.out)

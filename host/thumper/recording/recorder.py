@@ -55,7 +55,7 @@ class Recorder:
         self._file_start_s = 0.0
         self._latched: dict[str, tuple[str, bytes]] = {}  # type and CDR of the newest
         self.is_paused = False  # the disk is full
-        self.dropped = 0  # messages that found no place in the queue or on the disk, or came while it was paused
+        self.dropped = 0  # no place in the queue or on the disk, or received while paused
         self.written = 0
         self._unflushed = 0  # how many of those written are not yet safe on the disk
         self.failure = ""

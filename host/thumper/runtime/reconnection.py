@@ -9,6 +9,7 @@ from thumper.ros.to_ros import ERROR, WARN
 from thumper.runtime.drive.drive_manager import DriveManager
 from thumper.runtime.publisher import Publisher
 from thumper.runtime.sensor_inputs import SensorInputs
+from thumper.runtime.service.wheels import read_again
 
 RECONNECT_PERIOD_S = 0.1
 
@@ -63,5 +64,6 @@ class Reconnection:
     def _take(self, board: Board) -> None:
         self.reason, self._connecting = "", None
         self._inputs.replace_board(board)
+        read_again(self._inputs.estimator, board)  # another board, or one that lost its parameters
         self._drive_manager.board, self._drive_manager.reason = board, ""
         self._publisher.publish_event("the board answers again; the motors are off", name="board")

@@ -24,16 +24,19 @@ COUNTS = HitCounts(
 def test_session_of_a_crash_is_loaded_with_its_pose(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert load_interrupted(RobotConfig(), tmp_path) is None
+    assert load_interrupted(RobotConfig(), tmp_path, None) is None
     assert capsys.readouterr().out == ""
     save_session(SavedSlamState(counts=COUNTS, map_from_base=Pose2(x_m=1.0)), tmp_path / AUTOSAVE)
-    session = load_interrupted(RobotConfig(), tmp_path)
+    session = load_interrupted(RobotConfig(), tmp_path, None)
     assert session is not None
     assert session.map_from_base == Pose2(x_m=1.0)
     assert np.array_equal(session.counts.hits, COUNTS.hits)
     output = capsys.readouterr().out
     assert "the last run did not end" in output
     assert "--fresh" in output
+    assert "--start" not in output
+    load_interrupted(RobotConfig(), tmp_path, Pose2())
+    assert "--start is not used" in capsys.readouterr().out
     assert (tmp_path / AUTOSAVE).exists()  # another crash before the next save loses nothing
 
 
@@ -42,7 +45,7 @@ def test_session_without_walls_does_not_prevent_the_next_run(
 ) -> None:
     empty = replace(COUNTS, hits=np.zeros((2, 3), np.uint16), misses=np.ones((2, 3), np.uint16))
     save_session(SavedSlamState(counts=empty, map_from_base=Pose2()), tmp_path / AUTOSAVE)
-    assert load_interrupted(RobotConfig(), tmp_path) is None
+    assert load_interrupted(RobotConfig(), tmp_path, None) is None
     assert "no walls: starting a new map" in capsys.readouterr().out
     assert not (tmp_path / AUTOSAVE).exists()
 
@@ -50,7 +53,7 @@ def test_session_without_walls_does_not_prevent_the_next_run(
 def test_damaged_session_names_the_way_out(tmp_path: Path) -> None:
     (tmp_path / AUTOSAVE).write_text("no session")
     with pytest.raises(ThumperError, match="--fresh"):
-        load_interrupted(RobotConfig(), tmp_path)
+        load_interrupted(RobotConfig(), tmp_path, None)
 
 
 def test_the_next_run_does_not_overwrite_the_session_of_a_crash(

@@ -41,7 +41,7 @@ def read_feed_forward(board: Board) -> BoardWheelModel:
 
 
 def read_again(estimator: StateEstimator, board: Board) -> None:
-    """Read the board's model after an experiment, which may have changed it."""
+    """Read the board's model after an experiment or a reconnection, which may have changed it."""
     if estimator.drive_train is not None:
         with suppress(ThumperError):  # the old model stays
             estimator.drive_train.feed_forward = read_feed_forward(board)
