@@ -54,7 +54,7 @@ class Autosave:
         return self._thread is not None and self._thread.is_alive()
 
     def _save(self, session: SavedSlamState) -> None:
-        begun_s = time.monotonic()
+        begun_s = time.thread_time()
         try:
             save_session(session, self._path)
             self._has_failed = False
@@ -62,5 +62,5 @@ class Autosave:
             if not self._has_failed:
                 self._report(f"the session is not saved: {error}")
             self._has_failed = True
-        ended_s = time.monotonic()
-        self._next_s = ended_s + max(PERIOD_S, (ended_s - begun_s) / MAX_LOAD)
+        busy_s = time.thread_time() - begun_s
+        self._next_s = time.monotonic() + max(PERIOD_S, busy_s / MAX_LOAD)

@@ -23,7 +23,14 @@ SIZE_M = 0.05
 class Clock:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_s = 0.0
-        monkeypatch.setattr(autosave, "time", SimpleNamespace(monotonic=lambda: self.now_s))
+        self.busy_s = 0.0  # the computing time of a save
+        self._busy_before_s = 0.0
+        times = SimpleNamespace(monotonic=lambda: self.now_s, thread_time=self._thread_time)
+        monkeypatch.setattr(autosave, "time", times)
+
+    def _thread_time(self) -> float:
+        self._busy_before_s += self.busy_s
+        return self._busy_before_s
 
 
 def mapped(estimator: StateEstimator, k: int) -> None:
@@ -98,3 +105,19 @@ def test_a_full_disk_is_reported_once_and_tried_again(
     saver.step()
     finish()
     assert path.exists()
+
+
+@pytest.mark.parametrize(("busy_s", "period_s"), [(0.0, PERIOD_S), (1.0, 10.0)])
+def test_a_large_map_is_saved_less_often(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, busy_s: float, period_s: float
+) -> None:
+    clock, estimator, path = Clock(monkeypatch), make(), tmp_path / "a.session"
+    clock.busy_s = busy_s
+    saver = Autosave(estimator, path, lambda _: None)
+    for k, (now_s, is_due) in enumerate([(5.0, True), (4.9 + period_s, False), (5.1 + period_s, True)]):
+        path.unlink(missing_ok=True)
+        mapped(estimator, k)
+        clock.now_s = now_s
+        saver.step()
+        finish()
+        assert path.exists() == is_due
