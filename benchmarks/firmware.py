@@ -6,6 +6,7 @@ joshnewans' ros_arduino_bridge (L298, pin-change encoders). A dash means not ava
 """
 
 import re
+import shutil
 import statistics
 import subprocess
 import sys
@@ -14,11 +15,13 @@ from pathlib import Path
 
 from thumper.board.framing import FrameDecoder, encode_frame
 from thumper.board.messages import (
+    PARAMETERS,
     Command,
     CommandRequest,
     GetParameter,
     Identify,
     Message,
+    SetParameter,
     SetWheelSpeeds,
     Telemetry,
 )
@@ -26,6 +29,7 @@ from thumper_hil.bench import DEFAULT_ELF
 from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.edge_rate import max_edges_per_s
 from thumper_hil.chip.instrumented_chip import TICK_VECTOR, InstrumentedChip
+from thumper_hil.chip.native_library import CProbeReport
 from thumper_hil.chip.robot_params import RobotParams
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -33,7 +37,18 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.figure import figure
 
 FIRMWARE = DEFAULT_ELF.parents[1]
+WITHOUT = {
+    "gyroscope": (
+        "app/main.cpp",
+        '#include "board/mpu6050.hpp"',
+        f'#include "{Path(__file__).with_name("firmware_no_gyroscope.hpp")}"',
+    ),
+    "accelerometer": ("board/trex.hpp", "kHasAccelerometer = true", "kHasAccelerometer = false"),
+}
+"""A sensor, and the file, text and replacement that leave it out of the build."""
+PARAMETER = {"gyroscope": "gyroscope", "accelerometer": "tilt_limit"}
 VECTORS = {3: "right edge", 5: "left edge", 11: "control tick", 14: "millisecond", 18: "receive", 19: "send"}
+VECTORS |= {21: "analogue", 24: "I2C"}
 LOAD_S = 3.0
 FLOOD = 5
 """Requests per millisecond; together with the answers they fill the line in both directions."""
@@ -52,12 +67,68 @@ def row(what: str, here: str, aim: str, peers: str) -> None:
     figure(name.strip(), here, unit.rstrip("]"), aim=aim, peers=peers, source=source)
 
 
+def size_of(elf: Path) -> tuple[int, int]:
+    """Return flash and static SRAM [bytes]."""
+    text = subprocess.run(["avr-size", "-A", elf], capture_output=True, text=True, check=True).stdout
+    part = {name: int(size) for name, size in re.findall(r"^\.(\w+)\s+(\d+)", text, re.MULTILINE)}
+    return part["text"] + part["data"], part["data"] + part["bss"] + part.get("noinit", 0)
+
+
+def size_without(sensor: str) -> tuple[int, int]:
+    """Return flash and static SRAM [bytes] of the firmware built without a sensor."""
+    file, old, new = WITHOUT[sensor]
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "firmware"
+        shutil.copytree(FIRMWARE, copy, ignore=shutil.ignore_patterns("build"))
+        text = (copy / file).read_text(encoding="utf-8")
+        if old not in text:
+            raise ValueError(f"{file}: {old!r} is missing; update benchmarks/firmware.py")
+        (copy / file).write_text(text.replace(old, new), encoding="utf-8")
+        subprocess.run(["make", "-s", "-C", copy], check=True, capture_output=True)
+        return size_of(copy / "build" / "thumper.elf")
+
+
+def drive_with(sensors: set[str]) -> CProbeReport:
+    """Drive both wheels in closed loop for LOAD_S with these sensors in use, without other requests."""
+    chip = InstrumentedChip(DEFAULT_ELF, params=RobotParams.load(), seed=1)
+    chip.run(CPU_HZ // 5)
+    chip.fit_gyroscope()
+    for spec in PARAMETERS:
+        if spec.name in {PARAMETER[sensor] for sensor in sensors}:
+            chip.send(pack(SetParameter(index=spec.index, value=1)))
+    chip.run(chip.cycle + CPU_HZ)
+    chip.send(pack(CommandRequest(command=Command.ARM)))
+    with chip.probe() as probe:
+        for _ in range(round(LOAD_S * 20)):
+            chip.send(pack(SetWheelSpeeds(left=8000, right=6000)))
+            probe.run(chip.cycle + CPU_HZ // 20)
+        report: CProbeReport = probe.report()
+    return report
+
+
+def sensors() -> None:
+    """Print what the optional sensors cost."""
+    plain, (flash, sram) = drive_with(set()), size_of(DEFAULT_ELF)
+    for sensor in WITHOUT:
+        flash_without, sram_without = size_without(sensor)
+        row(
+            f"{sensor}: flash [bytes]",
+            str(flash - flash_without),
+            "900" if sensor == "gyroscope" else "-",
+            "-",
+        )
+        if sram != sram_without:
+            row(f"{sensor}: static SRAM [bytes]", str(sram - sram_without), "-", "-")
+        used = drive_with({sensor})
+        per_ms = (used.awake - plain.awake) / (1000 * LOAD_S)
+        row(f"{sensor}: processor cycles per millisecond", f"{per_ms:.0f}", "-", "-")
+        ticks = used.vector[TICK_VECTOR].most, plain.vector[TICK_VECTOR].most
+        row(f"{sensor}: cycles per control tick, with (without)", f"{ticks[0]} ({ticks[1]})", "-", "-")
+
+
 def sizes() -> None:
     """Print flash and static SRAM."""
-    text = subprocess.run(["avr-size", "-A", DEFAULT_ELF], capture_output=True, text=True, check=True).stdout
-    part = {name: int(size) for name, size in re.findall(r"^\.(\w+)\s+(\d+)", text, re.MULTILINE)}
-    flash = part["text"] + part["data"]
-    sram = part["data"] + part["bss"] + part.get("noinit", 0)
+    flash, sram = size_of(DEFAULT_ELF)
     row("flash [bytes]", str(flash), "12288", "bridge 6102, rosserial 15720, linorobot 24362")
     row("static SRAM [bytes]", str(sram), "768", "bridge 338, rosserial 1099, linorobot 2572")
 
@@ -164,6 +235,7 @@ def control_law(flag: str, what: str, aim: str, peers: str) -> None:
 def main() -> None:
     """Print the table."""
     sizes()
+    sensors()
     load()
     control_law(
         "-DMEASURE_PI",

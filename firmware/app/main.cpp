@@ -64,12 +64,16 @@ ISR(WDT_vect) {
   reset::Restart();
 }
 
-// The next two interrupts run longer, so they let encoders and serial port interrupt them. They cannot nest
+// The next three interrupts run longer, so they let encoders and serial port interrupt them. They cannot nest
 // in themselves: the next one is a millisecond (or a control period) away.
 ISR(TIMER0_COMPA_vect, ISR_NOBLOCK) {
   if (beeper.sounding() && !beeper.Begin()) return;
   ++milliseconds;
   adc.Step();
+}
+
+ISR(ADC_vect, ISR_NOBLOCK) {
+  if (pins::kHasAccelerometer) adc.ConvertAxis();
 }
 
 // The main loop cannot run in between, so what it has written is consistent.
@@ -122,6 +126,7 @@ void Configure(const fw::HostInterface& host) {
                     robot.IsSet(fw::Parameter::kRightMotorReversed));
   motors::SetFrequency(robot.Get(fw::Parameter::kPwmFrequency));
   adc.SetCurrentsAtA4(robot.IsSet(fw::Parameter::kCurrentsAtA4));
+  adc.UseAccelerometer(robot.IsSet(fw::Parameter::kTiltLimit) || robot.IsSet(fw::Parameter::kImpactLimit));
 }
 
 /// Copy the control tick's samples. Repeat if a tick interrupted the copy. Return the ticks since the last
@@ -208,6 +213,8 @@ int main() {
       clock_runs = true;
       host.AdvanceTime(elapsed_ms);
       host.UpdateInputs(pins::ReadInputs());
+      uint8_t axes[3];
+      if (pins::kHasAccelerometer && adc.TakeAxes(&axes)) host.UpdateAcceleration(axes);
       Apply(host);
       tick::Hold();
       if (!beeper.sounding()) drive.AfterMillisecond();

@@ -8,6 +8,8 @@
 /// single sample sees either its on or its off phase. Each reading is a sum of 32 samples over 96 ms.
 /// A conversion that has not finished after its millisecond gives no sample, and stopped() reports when there
 /// are none: the data register would keep the last value for ever.
+///
+/// If the accelerometer is used, each of these conversions is followed by one of its three axes.
 class Adc {
  public:
   struct Sums {
@@ -23,6 +25,9 @@ class Adc {
   /// wrong sample in between is one of 32.
   void SetCurrentsAtA4(bool at_a4) { currents_at_a4_ = at_a4; }
 
+  /// Read the accelerometer, too. Written by the main loop.
+  void UseAccelerometer(bool used) { axes_used_ = used; }
+
   /// Call once per millisecond from the interrupt: add the finished sample and start the next channel.
   void Step() {
     if ((ADCSRA & 1 << ADIF) == 0) {
@@ -32,7 +37,18 @@ class Adc {
       return;
     }
     silent_ms_ = 0;
-    sums_[channel_] += ADC;
+    if (on_axis_) {
+      on_axis_ = false;
+      axes_[axis_] = ADCH;
+      if (++axis_ == kAxes) axis_ = 0;
+    } else {
+      sample_ = ADC;
+    }
+    if (!axes_used_) {  // the next readings will begin a new series
+      axis_ = 0;
+      axes_[2] = 0;  // unknown
+    }
+    sums_[channel_] += sample_;
     if (++channel_ == kChannels) {
       channel_ = 0;
       if (++samples_ == fw::kAdcSamples) {
@@ -43,6 +59,21 @@ class Adc {
       }
     }
     Convert();
+  }
+
+  /// Call from the interrupt at the end of a conversion: keep its result and convert an axis.
+  void ConvertAxis() {
+    sample_ = ADC;
+    on_axis_ = true;
+    ADMUX = 1 << REFS0 | 1 << ADLAR | axis_;
+    ADCSRA = kOn | 1 << ADSC;
+  }
+
+  /// Return new readings of the accelerometer's axes, 8 bits of 5 V; false if there are none.
+  bool TakeAxes(uint8_t (*axes)[3]) const {
+    if (axis_ != 0 || !axes_used_) return false;
+    for (uint8_t axis = 0; axis < kAxes; ++axis) (*axes)[axis] = axes_[axis];
+    return true;
   }
 
   /// Return finished sums; false if there are no new ones. Call with interrupts off.
@@ -57,7 +88,7 @@ class Adc {
   bool stopped() const { return silent_ms_ == kSilent_ms; }
 
  private:
-  static constexpr uint8_t kChannels = 3;
+  static constexpr uint8_t kChannels = 3, kAxes = 3;
   static constexpr uint8_t kSilent_ms = 50;
   static constexpr uint8_t kOn = 1 << ADEN | 1 << ADPS2 | 1 << ADPS1 | 1 << ADPS0;  // 125 kHz, 104 us each
   static_assert(kChannels * fw::kAdcSamples >= 9, "the average must span more than a PWM period");
@@ -68,8 +99,9 @@ class Adc {
                             : currents_at_a4_ ? static_cast<uint8_t>(3 + channel_)
                             : channel_ == 1   ? pins::kLeftCurrentChannel
                                               : pins::kRightCurrentChannel;
-    ADMUX = 1 << REFS0 | channel;          // reference: AVCC
-    ADCSRA = kOn | 1 << ADSC | 1 << ADIF;  // writing 1 clears the flag of the last conversion
+    ADMUX = 1 << REFS0 | channel;           // reference: AVCC
+    ADCSRA = kOn | 1 << ADSC | 1 << ADIF |  // writing 1 clears the flag of the last conversion
+             (pins::kHasAccelerometer && axes_used_ ? 1 << ADIE : 0);
   }
 
   uint8_t channel_ = 0, samples_ = 0;
@@ -77,4 +109,8 @@ class Adc {
   uint16_t sums_[kChannels] = {0, 0, 0};
   Sums done_ = {0, 0, 0};
   bool ready_ = false, currents_at_a4_ = false;
+  uint16_t sample_ = 0;
+  volatile uint8_t axis_ = 0;
+  volatile uint8_t axes_[kAxes] = {0, 0, 0};
+  bool on_axis_ = false, axes_used_ = false;
 };

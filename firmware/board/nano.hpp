@@ -22,6 +22,8 @@ constexpr uint8_t kLeftEncoder = 1 << PD5 | 1 << PD6, kRightEncoder = 1 << PB0 |
 // ADC channels: battery A3, currents A6 and A7. A4 and A5 belong to the gyroscope.
 constexpr uint8_t kBatteryChannel = 3, kLeftCurrentChannel = 6, kRightCurrentChannel = 7;
 
+constexpr bool kHasAccelerometer = false;
+
 // Protecting inputs, with pull-ups: 1 at A0, 2 at A1.
 inline void StartInputs() { PORTC |= 1 << PC0 | 1 << PC1; }
 /// Return their levels: bit 0 is input 1, bit 1 is input 2.

@@ -25,6 +25,9 @@ constexpr uint8_t kLeftEncoder = 1 << PD5 | 1 << PD6, kRightEncoder = 1 << PB4 |
 // ADC channels: battery A3, currents A6 and A7. Some boards have the two currents swapped.
 constexpr uint8_t kBatteryChannel = 3, kLeftCurrentChannel = 6, kRightCurrentChannel = 7;
 
+// Accelerometer: x, y, z at ADC channels 0, 1, 2.
+constexpr bool kHasAccelerometer = true;
+
 // Protecting inputs, with pull-ups: 1 at D7, 2 at D8.
 inline void StartInputs() {
   PORTD |= 1 << PD7;

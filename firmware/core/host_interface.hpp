@@ -2,6 +2,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "core/acceleration.hpp"
 #include "core/battery.hpp"
 #include "core/config.hpp"
 #include "core/drive.hpp"
@@ -74,6 +75,8 @@ class HostInterface {
   bool TakeChange() {
     const bool changed = changed_;
     changed_ = false;
+    // Its last reading may be old: the limits change only while the motors are off.
+    if (changed && !supervisor_.armed()) acceleration_monitor_ = AccelerationMonitor();
     return changed;
   }
 
@@ -112,6 +115,13 @@ class HostInterface {
     if (first) Trip(Fault::kInput1);
     if (second) Trip(Fault::kInput2);
     input_active_ = first || second;
+  }
+
+  /// Take the accelerometer's readings of x, y and z (AccelerationMonitor).
+  void UpdateAcceleration(const uint8_t (&reading)[3]) {
+    const Fault fault = acceleration_monitor_.Step(reading, parameters_.Get(Parameter::kTiltLimit),
+                                                   parameters_.Get(Parameter::kImpactLimit));
+    if (fault != Fault::kNone) Trip(fault);
   }
 
   /// Count control ticks whose telemetry was not sent.
@@ -212,6 +222,9 @@ class HostInterface {
 
   AckStatus SetOne(uint8_t index, int16_t value) {
     if (supervisor_.armed() && index >= kFirstRobotParameter) return AckStatus::kArmed;
+    const bool of_accelerometer =
+        IsIndex(index, Parameter::kTiltLimit) || IsIndex(index, Parameter::kImpactLimit);
+    if (of_accelerometer && value != 0 && board_ != Board::kTrex) return AckStatus::kNoAccelerometer;
     const bool in_use =
         (IsIndex(index, Parameter::kGyroscope) && parameters_.IsSet(Parameter::kCurrentsAtA4)) ||
         (IsIndex(index, Parameter::kCurrentsAtA4) && parameters_.IsSet(Parameter::kGyroscope));
@@ -364,6 +377,7 @@ class HostInterface {
   EdgeMonitor edge_monitor_;
   CurrentMonitor current_monitor_;
   InputMonitor input_monitors_[2];
+  AccelerationMonitor acceleration_monitor_;
   Samples samples_ = {};
   int16_t left_mA_ = 0, right_mA_ = 0;
   DriveCommand command_ = {State::kDisarmed, 0, 0};

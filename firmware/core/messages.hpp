@@ -4,9 +4,11 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "core/flash.hpp"
+
 namespace fw {
 
-constexpr uint32_t kSchemaHash = 0xDDA45405UL;
+constexpr uint32_t kSchemaHash = 0xE46238FFUL;
 constexpr size_t kMaxHostPayload = 4;  ///< [bytes] largest payload from the host
 constexpr size_t kMaxPayload = 48;     ///< [bytes] largest payload in either direction
 
@@ -49,8 +51,10 @@ enum class Fault : uint8_t {
   kHighBattery = 13,  ///< Battery above 4.5 V per cell: another pack, or its voltage divider is broken.
   kInput1 = 14,  ///< Protecting input 1 is active: bumper, cliff sensor or emergency stop.
   kInput2 = 15,  ///< As INPUT_1, for input 2.
+  kTilted = 16,  ///< The robot was tilted beyond tilt_limit for 0.3 s while armed.
+  kImpact = 17,  ///< An impact above impact_limit while armed.
 };
-constexpr uint8_t kFaultCount = 16;
+constexpr uint8_t kFaultCount = 18;
 
 /// Result of a request.
 enum class AckStatus : uint8_t {
@@ -67,8 +71,9 @@ enum class AckStatus : uint8_t {
   kBatteryHigh = 10,  ///< Refused while the battery reads above 4.5 V per cell.
   kInputActive = 11,  ///< Refused while a protecting input is active.
   kPinsInUse = 12,  ///< Gyroscope and motor currents cannot both have A4 and A5.
+  kNoAccelerometer = 13,  ///< This board has no accelerometer.
 };
-constexpr uint8_t kAckStatusCount = 13;
+constexpr uint8_t kAckStatusCount = 14;
 
 /// Board that the firmware was built for.
 enum class Board : uint8_t {
@@ -257,14 +262,16 @@ enum class Parameter : uint8_t {
   kInput2 = 22,  ///< [ * 1.0] As input_1, for input 2.
   kGyroscope = 23,  ///< [ * 1.0] MPU-6050 at A4 and A5: 0 none, 1 its z axis points up, 2 down.
   kCurrentsAtA4 = 24,  ///< [ * 1.0] Motor currents: 0 at A6 and A7; 1 at A4 and A5, for an Uno. Then there is no gyroscope.
+  kTiltLimit = 25,  ///< [V * 51.2] Tilted if the accelerometer's z is less than this above 1.65 V; 0 = never, negative: z down.
+  kImpactLimit = 26,  ///< [V * 51.2] Impact if the accelerometer's output changes by more than this in 3 ms; 0 = never.
 };
-constexpr uint8_t kParameterCount = 25;
+constexpr uint8_t kParameterCount = 27;
 
-/// Range and default of a parameter, as wire values.
+/// Range and default of a parameter, as wire values. The table is in flash: read it with ReadFlash().
 struct ParameterRange {
   int16_t minimum, maximum, initial;
 };
-constexpr ParameterRange kParameterRanges[kParameterCount] = {
+constexpr ParameterRange kParameterRanges[kParameterCount] FW_IN_FLASH = {
     {0, 31457, 3198},  // kp
     {0, 15729, 5715},  // ki
     {0, 12800, 2470},  // ks
@@ -290,6 +297,8 @@ constexpr ParameterRange kParameterRanges[kParameterCount] = {
     {0, 2, 0},  // input_2
     {0, 2, 0},  // gyroscope
     {0, 1, 0},  // currents_at_a4
+    {-77, 77, 0},  // tilt_limit
+    {0, 154, 0},  // impact_limit
 };
 
 }  // namespace fw

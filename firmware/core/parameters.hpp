@@ -24,13 +24,14 @@ class Parameters {
 
   /// Restore the defaults.
   void Restore() {
-    for (uint8_t i = 0; i < kParameterCount; ++i) values_[i] = kParameterRanges[i].initial;
+    for (uint8_t i = 0; i < kParameterCount; ++i) values_[i] = ReadFlash(&kParameterRanges[i].initial);
   }
 
   /// Set one parameter. Out of range, return the error and change nothing.
   AckStatus Set(uint8_t index, int16_t value) {
     if (index >= kParameterCount) return AckStatus::kUnknownParameter;
-    if (value < kParameterRanges[index].minimum || value > kParameterRanges[index].maximum) {
+    const ParameterRange& range = kParameterRanges[index];
+    if (value < ReadFlash(&range.minimum) || value > ReadFlash(&range.maximum)) {
       return AckStatus::kOutOfRange;
     }
     values_[index] = value;

@@ -30,6 +30,8 @@ constexpr Event EventOf(Fault fault) {
     case Fault::kReversedRight:
     case Fault::kLostEdges:
     case Fault::kOverCurrent:
+    case Fault::kTilted:
+    case Fault::kImpact:
       return Event::kFaultArmed;
     case Fault::kEStop:
       return Event::kEStop;

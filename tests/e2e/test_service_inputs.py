@@ -1,4 +1,4 @@
-"""A manually driven robot hits a wall with a bumper at the board's input 1."""
+"""A manually driven robot hits a wall: its bumper or its accelerometer stops it."""
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from thumper.runtime.requests import RobotCommand, TeleopSource, Velocity
 
 BACK = Twist2(v_m_s=-0.3)
 WHILE_LOW = 1
+IMPACT_V = 0.5
 
 
 def test_a_bumper_stops_the_robot_at_a_wall_and_tells_why(service: Service) -> None:
@@ -27,3 +28,16 @@ def test_a_bumper_stops_the_robot_at_a_wall_and_tells_why(service: Service) -> N
     # The bumper still touches the wall.
     refused = service.ask("command", {"command": "clear_fault"})
     assert "input is active" in refused["error"]
+
+
+def test_the_accelerometer_notices_a_wall(service: Service) -> None:
+    assert service.ask("parameters/set", {"impact_limit": IMPACT_V})["ok"]
+    service.put(RobotCommand(name="arm"))
+    while service.bench.contacts == 0:
+        assert service.telemetry.fault is Fault.NONE
+        service.put(Velocity(channel=TeleopSource.GAMEPAD, twist=BACK))
+        assert service.bench.time_s < 30.0
+    service.until(lambda: service.telemetry.state is State.FAULT, max_cycles=2)
+    assert service.telemetry.fault is Fault.IMPACT
+    service.run_cycles(2)
+    assert any("felt an impact" in event for event in service.events)

@@ -316,7 +316,9 @@ class Bench:
         if self.world.legs_m.size:
             self._legs.check(pose, self.world.legs_m, TICK_S)
         pitch_rad = self._pitch.step(RADIUS_M * sum(truth.wheel_rad_s) / 2.0, TICK_S)
-        self._track.add(truth.time_s, pose, pitch_rad + pitch_over_sills_rad(pose, self.world.sills_m))
+        pitch_rad += pitch_over_sills_rad(pose, self.world.sills_m)
+        self._track.add(truth.time_s, pose, pitch_rad)
+        self.chip.set_attitude(pitch_rad=pitch_rad, roll_rad=self._switches.roll_rad)
         self._truth.append((truth.time_s, pose.x_m, pose.y_m, pose.theta_rad, *truth.wheel_rad_s))
         for name, sensor in self._sensors.items():
             if isinstance(sensor, A5Device) and not self.is_plugged(name):

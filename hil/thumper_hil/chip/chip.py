@@ -205,6 +205,10 @@ class Chip:
         """Remove the obstacle set by `hold`."""
         self._library.thumper_release(self._handle)
 
+    def set_attitude(self, *, pitch_rad: float = 0.0, roll_rad: float = 0.0) -> None:
+        """Incline the body: front down, right side down. Only the accelerometer notices."""
+        self._library.thumper_set_attitude(self._handle, pitch_rad, roll_rad)
+
     def fit_gyroscope(
         self, *, bias_deg_s: float = 0.0, upside_down: bool = False, identity: int = 0x68
     ) -> None:

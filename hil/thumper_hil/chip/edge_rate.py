@@ -18,8 +18,11 @@ from thumper_hil.chip.wiring import ENCODERS
 
 SLICE_CYCLES = CPU_HZ // 200
 REQUEST = encode_frame(Identify.ID, 7, Identify().pack())
-_INDEX = next(spec.index for spec in PARAMETERS if spec.name == "gyroscope")
-ENABLE_GYROSCOPE = encode_frame(SetParameter.ID, 8, SetParameter(index=_INDEX, value=1).pack())
+ENABLE_SENSORS = b"".join(
+    encode_frame(SetParameter.ID, 8, SetParameter(index=spec.index, value=1).pack())
+    for spec in PARAMETERS
+    if spec.name in {"gyroscope", "tilt_limit"}
+)
 SETTLE_CYCLES = CPU_HZ // 4
 CHUNK_BYTES = 4096
 CYCLES_PER_BYTE = 320  # at 500 000 baud
@@ -38,16 +41,19 @@ def counts_all(
     byte_phase: float = 0.0,
     edges: int = 20_000,
     board: BoardModel = BoardModel.TREX,
-    gyroscope: bool = False,
+    sensors: bool = False,
 ) -> bool:
-    """Return True if the firmware counts all edges while requests fill `line_share` of the line."""
+    """Return True if the firmware counts all edges while requests fill `line_share` of the line.
+
+    `sensors` switches gyroscope and accelerometer on.
+    """
     chip = InstrumentedChip(elf)
     left, right = ENCODERS[board]
     with chip.edges(left) as left_source, chip.edges(right) as right_source:
         chip.run(SETTLE_CYCLES)
-        if gyroscope:
+        if sensors:
             chip.fit_gyroscope()
-            chip.send(ENABLE_GYROSCOPE)
+            chip.send(ENABLE_SENSORS)
             chip.run(3 * SETTLE_CYCLES)
         first = 1000 + round(byte_phase * interval_cycles)
         lag = round(phase * interval_cycles)
@@ -61,7 +67,7 @@ def counts_all(
         chip.run(chip.cycle + SETTLE_CYCLES)
     frames = FrameDecoder().feed(chip.receive(CHUNK_BYTES))
     last = [Telemetry.unpack(frame.payload) for frame in frames if frame.message_id == Telemetry.ID][-1]
-    if gyroscope and last.gyroscope is not GyroscopeState.CALIBRATING:
+    if sensors and last.gyroscope is not GyroscopeState.CALIBRATING:
         raise ChipError(f"the gyroscope does not measure: {last.gyroscope.name}")
     return (last.left_count, last.right_count, last.lost_edges) == (edges, edges, 0)
 

@@ -98,6 +98,7 @@ def load_library() -> ctypes.CDLL:
         "place": (None, [chip, number, number, number]),
         "hold": (None, [chip, number, number]),
         "release": (None, [chip]),
+        "set_attitude": (None, [chip, number, number]),
         "side_faults": (
             None,
             [chip, ctypes.c_int, number, number, ctypes.c_int, ctypes.c_int, ctypes.c_int],

@@ -153,6 +153,10 @@ def _hang_host(switches: Switches, duration_s: float) -> None:
     switches.host_hangs_until_s = switches.chip.time_s + duration_s
 
 
+def _roll(switches: Switches, angle_deg: float) -> None:
+    switches.roll_rad = math.radians(angle_deg)
+
+
 FAULTS: dict[str, Choice | Amount | PoseFault] = {
     **{
         f"encoder.{side}.{channel}": _wire(SIDES[side], CHANNELS[channel])
@@ -199,4 +203,5 @@ FAULTS: dict[str, Choice | Amount | PoseFault] = {
     ),
     **{device: _plug(device) for device in ("board", "lidar", "imu")},
     "robot.carried": PoseFault(),
+    "robot.rolled": Amount(apply=_roll, unit="deg", maximum=180.0),
 }

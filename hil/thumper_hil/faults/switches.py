@@ -18,6 +18,7 @@ class Switches:
     host_hangs_until_s: float = 0.0
     line_loss: float = 0.0
     line_flip: float = 0.0
+    roll_rad: float = 0.0
     sides: list[SideFaults] = field(default_factory=lambda: [SideFaults(), SideFaults()])
 
     def change_side(self, side: int, **changes: Any) -> None:

@@ -13,6 +13,7 @@ REFUSAL_REASONS = {
     AckStatus.BATTERY_HIGH: "the battery reads above 4.5 V per cell; set battery_cells, or check its wiring",
     AckStatus.INPUT_ACTIVE: "a protecting input is active; release the bumper or emergency stop",
     AckStatus.PINS_IN_USE: "A4 and A5 are in use: gyroscope and currents_at_a4 exclude each other",
+    AckStatus.NO_ACCELEROMETER: "this board has no accelerometer; leave tilt_limit and impact_limit at 0",
     AckStatus.BATTERY_UNKNOWN: "it has not measured its battery; check the board",
     AckStatus.ARMED: "it is armed; disarm it first",
     AckStatus.BAD_PARAMETERS: "its saved parameters are unreadable; set them and save them again",
@@ -38,4 +39,6 @@ FAULT_HINTS = {
     Fault.HIGH_BATTERY: "the battery reads above 4.5 V per cell; set battery_cells, or check its wiring",
     Fault.INPUT_1: "input 1 is active (bumper, cliff sensor or emergency stop); release it",
     Fault.INPUT_2: "input 2 is active (bumper, cliff sensor or emergency stop); release it",
+    Fault.TILTED: "the robot is tilted; put it on its wheels, or check the sign of tilt_limit",
+    Fault.IMPACT: "the accelerometer felt an impact; check what the robot hit, or raise impact_limit",
 }

@@ -11,7 +11,7 @@ from struct import Struct
 from types import MappingProxyType
 from typing import ClassVar, Protocol, Self
 
-SCHEMA_HASH: int = 0xDDA45405
+SCHEMA_HASH: int = 0xE46238FF
 
 
 class Command(IntEnum):
@@ -54,6 +54,8 @@ class Fault(IntEnum):
     HIGH_BATTERY = 13  # Battery above 4.5 V per cell: another pack, or its voltage divider is broken.
     INPUT_1 = 14  # Protecting input 1 is active: bumper, cliff sensor or emergency stop.
     INPUT_2 = 15  # As INPUT_1, for input 2.
+    TILTED = 16  # The robot was tilted beyond tilt_limit for 0.3 s while armed.
+    IMPACT = 17  # An impact above impact_limit while armed.
 
 
 class AckStatus(IntEnum):
@@ -72,6 +74,7 @@ class AckStatus(IntEnum):
     BATTERY_HIGH = 10  # Refused while the battery reads above 4.5 V per cell.
     INPUT_ACTIVE = 11  # Refused while a protecting input is active.
     PINS_IN_USE = 12  # Gyroscope and motor currents cannot both have A4 and A5.
+    NO_ACCELEROMETER = 13  # This board has no accelerometer.
 
 
 class BoardModel(IntEnum):
@@ -777,5 +780,25 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         default=0.0,
         scale=1.0,
         doc="Motor currents: 0 at A6 and A7; 1 at A4 and A5, for an Uno. Then there is no gyroscope.",
+    ),
+    ParameterSpec(
+        index=25,
+        name="tilt_limit",
+        unit="V",
+        minimum=-1.5,
+        maximum=1.5,
+        default=0.0,
+        scale=51.2,
+        doc="Tilted if the accelerometer's z is less than this above 1.65 V; 0 = never, negative: z down.",
+    ),
+    ParameterSpec(
+        index=26,
+        name="impact_limit",
+        unit="V",
+        minimum=0.0,
+        maximum=3.0,
+        default=0.0,
+        scale=51.2,
+        doc="Impact if the accelerometer's output changes by more than this in 3 ms; 0 = never.",
     ),
 )

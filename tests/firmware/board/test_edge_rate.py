@@ -12,9 +12,9 @@ EDGES_PER_S = 100_000
 
 
 @pytest.mark.parametrize("board", list(BoardModel), ids=lambda board: board.name.lower())
-@pytest.mark.parametrize("gyroscope", [False, True], ids=["plain", "gyroscope"])
+@pytest.mark.parametrize("sensors", [False, True], ids=["plain", "sensors"])
 @pytest.mark.parametrize("line_share", [0.0, 0.1, 1.0])
-def test_no_edge_is_lost_in_any_phase(board: BoardModel, line_share: float, gyroscope: bool) -> None:
+def test_no_edge_is_lost_in_any_phase(board: BoardModel, line_share: float, sensors: bool) -> None:
     """The phases of the encoders to each other and to the bytes on the line. Without noise, every run
     repeats."""
     assert all(
@@ -26,7 +26,7 @@ def test_no_edge_is_lost_in_any_phase(board: BoardModel, line_share: float, gyro
             byte_phase=byte_phase,
             line_share=line_share,
             board=board,
-            gyroscope=gyroscope,
+            sensors=sensors,
         )
         for phase in PHASES
         for byte_phase in BYTE_PHASES

@@ -222,6 +222,7 @@ def test_a_spoilt_table_does_not_compile(change: str, tmp_path: Path) -> None:
             "-Werror",
             "-fsyntax-only",
             f"-I{tmp_path}",
+            f"-I{TABLE.parents[1]}",
             str(tmp_path / "table.cpp"),
         ],
         capture_output=True,

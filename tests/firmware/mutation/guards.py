@@ -103,6 +103,30 @@ GUARDS: dict[str, Guard] = {
         new="",
         test="board/test_inputs.py",
     ),
+    "readings of the accelerometer": Guard(
+        file="app/main.cpp",
+        old="if (pins::kHasAccelerometer && adc.TakeAxes(&axes)) host.UpdateAcceleration(axes);",
+        new="(void)axes;",
+        test="board/test_accelerometer.py",
+    ),
+    "an axis is no motor current": Guard(
+        file="board/adc.hpp",
+        old="    if (on_axis_) {",
+        new="    if (on_axis_ && false) {",
+        test="board/test_accelerometer.py",
+    ),
+    "z unknown while the accelerometer is off": Guard(
+        file="board/adc.hpp",
+        old="      axes_[2] = 0;  // unknown",
+        new="      // unknown",
+        test="board/test_accelerometer.py",
+    ),
+    "x first when the accelerometer is used again": Guard(
+        file="board/adc.hpp",
+        old="      axis_ = 0;\n      axes_[2]",
+        new="      axes_[2]",
+        test="board/test_accelerometer.py",
+    ),
     "start level of the left encoder": Guard(
         file="app/main.cpp", old="  left_encoder.Reset(PIND);\n", new="", test="board/test_guards.py"
     ),

@@ -42,10 +42,12 @@ SUITE = {
     "test_law": {"parameters.hpp"},
     "test_pi": {"pi.hpp"},
     "test_gyro_heading": {"gyro_heading.hpp"},
+    "test_acceleration": {"host_interface.hpp"},
 }
 """The headers that a test exercises. Together with their includes, it can detect a change in these only. The
 quick tests come first, because pytest stops at the first failure."""
 OWN = {
+    "acceleration.hpp": "test_acceleration",
     "battery.hpp": "test_ramp_battery_units",
     "beep.hpp": "test_ramp_battery_units",
     "config.hpp": "test_law",
@@ -53,6 +55,7 @@ OWN = {
     "drive.hpp": "test_quadrature",
     "feedforward.hpp": "test_model",
     "fixed.hpp": "test_law",
+    "flash.hpp": "test_host_interface",
     "framing.hpp": "test_framing",
     "gyro_heading.hpp": "test_gyro_heading",
     "host_interface.hpp": "test_host_interface",

@@ -34,6 +34,11 @@ def test_each_mutant_changes_its_line_only() -> None:
         ("rest of the left motor", "board/test_reversal.py", "test_a_turning_motor_rests_first"),
         ("protecting inputs", "board/test_inputs.py", "test_a_switch_stops_the_motors_within_a_tick"),
         (
+            "readings of the accelerometer",
+            "board/test_accelerometer.py",
+            "test_a_collision_stops_the_motors",
+        ),
+        (
             "bounded reading of requests",
             "board/test_link_noise.py",
             "test_a_host_that_never_pauses_keeps_neither_time_out_nor_watchdog_away",

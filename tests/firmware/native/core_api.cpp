@@ -4,6 +4,7 @@
 #include <cstring>
 #include <vector>
 
+#include "core/acceleration.hpp"
 #include "core/beep.hpp"
 #include "core/gyro_heading.hpp"
 #include "core/host_interface.hpp"
@@ -163,6 +164,13 @@ int current_monitor_step(int monitor, int left, int right, int limit) {
                                               static_cast<int16_t>(limit));
 }
 
+int acceleration_new() { return New<fw::AccelerationMonitor>(); }
+int acceleration_step(int monitor, int x, int y, int z, int tilt_limit, int impact_limit) {
+  const uint8_t reading[] = {static_cast<uint8_t>(x), static_cast<uint8_t>(y), static_cast<uint8_t>(z)};
+  return static_cast<int>(At<fw::AccelerationMonitor>(monitor).Step(reading, static_cast<int16_t>(tilt_limit),
+                                                                    static_cast<int16_t>(impact_limit)));
+}
+
 int gyro_new() { return New<fw::GyroHeading>(); }
 int gyro_measure(int gyro, int rate, int stationary) {
   return At<fw::GyroHeading>(gyro).Measure(static_cast<int16_t>(rate), stationary != 0);
@@ -280,6 +288,10 @@ int host_battery(int host, int reading) {
 }
 void host_inputs(int host, int levels) {
   At<Interface>(host).host.UpdateInputs(static_cast<uint8_t>(levels));
+}
+void host_acceleration(int host, int x, int y, int z) {
+  const uint8_t reading[] = {static_cast<uint8_t>(x), static_cast<uint8_t>(y), static_cast<uint8_t>(z)};
+  At<Interface>(host).host.UpdateAcceleration(reading);
 }
 void host_lose_analog(int host) { At<Interface>(host).host.LoseAnalogReadings(); }
 void host_dropped(int host, int ticks) { At<Interface>(host).host.CountDropped(static_cast<uint8_t>(ticks)); }

@@ -52,7 +52,7 @@ void RunWheel(Random& random, Sink& sink) {
     if (i % 60 == 0) {
       for (uint8_t p = 0; p < fw::kParameterCount; ++p) {
         parameters.Set(
-            p, static_cast<int16_t>(random.Between(0, fw::kParameterRanges[p].maximum >> (i % 3 * 2))));
+            p, static_cast<int16_t>(random.Between(0, fw::ReadFlash(&fw::kParameterRanges[p].maximum) >> (i % 3 * 2))));
       }
     }
     if (i % 15 == 0) target = static_cast<int16_t>(random.Between(-17000, 17000));

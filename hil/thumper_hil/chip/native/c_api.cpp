@@ -84,6 +84,9 @@ void thumper_place(Chip* chip, double x_m, double y_m, double yaw_rad) {
   chip->plant()->Place(x_m, y_m, yaw_rad);
 }
 void thumper_hold(Chip* chip, double v_m_s, double w_rad_s) { chip->plant()->Hold(v_m_s, w_rad_s); }
+void thumper_set_attitude(Chip* chip, double pitch_rad, double roll_rad) {
+  chip->plant()->SetAttitude(pitch_rad, roll_rad);
+}
 void thumper_release(Chip* chip) { chip->plant()->Release(); }
 
 }  // extern "C"

@@ -75,6 +75,7 @@ void DriveTrain::Step(const BridgeCommand (&command)[2], double dt_s) {
     turn_rad[side] = 0.5 * (before_rad_s[side] + state_.wheel_rad_s[side]) * dt_s;
     state_.wheel_rad[side] += turn_rad[side];
   }
+  speed_m_s_ = 0.0;
   if (body_moves_) MoveBody(turn_rad, dt_s);
 }
 
@@ -148,6 +149,7 @@ void DriveTrain::MoveBody(const double (&wheel_turn_rad)[2], double dt_s) {
   const double turn_rad = (right_m - left_m) / track_m_;
   const double heading_rad = state_.yaw_rad + 0.5 * turn_rad;
   const double distance_m = 0.5 * (left_m + right_m);
+  speed_m_s_ = distance_m / dt_s;
   // A turn about a point in front of the origin moves the origin sideways.
   const double centre_m = centre_m_ + centre_noise_.Step(centre_random_, dt_s);
   const double sideways_m = -centre_m * turn_rad;

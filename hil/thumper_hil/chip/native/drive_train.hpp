@@ -40,6 +40,7 @@ class DriveTrain {
   Battery& battery() { return battery_; }
 
   const RobotState& state() const { return state_; }
+  double speed_m_s() const { return speed_m_s_; }  ///< of the body, forward, in the last step
   const Battery& battery() const { return battery_; }
 
  private:
@@ -60,6 +61,7 @@ class DriveTrain {
   double centre_m_ = 0.0;  // the robot turns about this point of its x axis
   RobotState state_;
   SideFaults faults_[2];
+  double speed_m_s_ = 0.0;
   bool held_ = false, body_moves_ = true;
   double held_v_m_s_ = 0.0, held_w_rad_s_ = 0.0;
 };

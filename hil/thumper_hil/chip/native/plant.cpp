@@ -57,6 +57,7 @@ void Plant::Rearm() {
 
 avr_cycle_count_t Plant::OnTick(avr_t*, avr_cycle_count_t when, void* self) {
   Plant* plant = static_cast<Plant*>(self);
+  plant->accelerometer_.Step(plant->drive_train_.speed_m_s(), plant->YawRate(), plant->Seconds(kCyclesPerMs));
   plant->PlanTo(when + kCyclesPerMs);
   return plant->planned_to_;
 }
@@ -212,6 +213,10 @@ double Plant::AnalogIn_V(int channel) const {
     const double current_A = drive_train_.state().current_A[side];
     return (params_.board.current_zero_counts + current_A / params_.board.current_A_per_count) *
            kVoltPerCount;
+  }
+  const int axis = channel - wiring_.accelerometer_channel;
+  if (wiring_.accelerometer_channel != Wiring::kNone && axis >= 0 && axis < 3) {
+    return accelerometer_.Output_V(axis);
   }
   return 0.0;
 }

@@ -4,6 +4,7 @@
 #include "drive_train.hpp"
 #include "encoder.hpp"
 #include "faults.hpp"
+#include "mma7361.hpp"
 
 namespace thumper {
 
@@ -19,7 +20,8 @@ class Plant {
   /// Restore levels and timers after a reset of the chip (simavr clears both).
   void Rearm();
 
-  /// Return the voltage at an ADC channel: battery and motor currents, 0 on an unconnected channel.
+  /// Return the voltage at an ADC channel: battery, motor currents and accelerometer, 0 on an
+  /// unconnected channel.
   double AnalogIn_V(int channel) const;
 
   /// Return the true duration of this many cycles: the chip's clock may run fast or slow.
@@ -34,6 +36,10 @@ class Plant {
   void Place(double x_m, double y_m, double yaw_rad);
   void Hold(double v_m_s, double w_rad_s);  ///< see DriveTrain; the bumper, a switch at input 1, closes
   void Release();
+
+  /// Incline the body: `pitch` with the front down, `roll` with the right side down. Only the accelerometer
+  /// notices.
+  void SetAttitude(double pitch_rad, double roll_rad) { accelerometer_.SetAttitude(pitch_rad, roll_rad); }
 
   // Faults, effective immediately.
   void SetSideFaults(int side, const SideFaults& faults);
@@ -84,6 +90,7 @@ class Plant {
   EncoderPins encoder_[2];
   bool closed_[2] = {false, false};  // switches at the protecting inputs
   int left_current_channel_;
+  Mma7361 accelerometer_;
   bool touches_ = false;  // the bumper closes the first one, too
   BridgeCommand command_[2];
   uint64_t planned_to_;    // end of the step that `drive_train_` has already taken

@@ -31,6 +31,7 @@ struct Wiring {
   EncoderWiring encoder[2];
   SwitchWiring input[2];
   int battery_channel, current_channel[2];  // the right one is the next after the left one
+  int accelerometer_channel;                // of x; y and z are the next; kNone: no accelerometer
 };
 
 constexpr Wiring kTrexWiring = {
@@ -38,14 +39,16 @@ constexpr Wiring kTrexWiring = {
     {{'D', 5, 6}, {'B', 4, 5}},
     {{'D', 7}, {'B', 0}},
     3,
-    {6, 7}};
+    {6, 7},
+    0};
 
 constexpr Wiring kNanoWiring = {
     {{reg::kPortD, reg::kDdrD, 2, 4, Wiring::kNone}, {reg::kPortB, reg::kDdrB, 2, 4, Wiring::kNone}},
     {{'D', 5, 6}, {'B', 0, 1}},
     {{'C', 0}, {'C', 1}},
     3,
-    {6, 7}};
+    {6, 7},
+    Wiring::kNone};
 
 /// Return the wiring by the board number of the protocol's `identity`; null if unknown.
 inline const Wiring* FindWiring(int board) {
