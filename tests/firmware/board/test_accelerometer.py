@@ -46,7 +46,7 @@ def drive(chip: FaultyChip, pwm: int, seconds: float) -> None:
 
 def driving(**limits_V: float) -> FaultyChip:
     """Return a robot that drives forward with these limits."""
-    chip = robot(**limits_V)
+    chip = robot(BoardModel.TREX, **limits_V)
     send(chip, CommandRequest(command=Command.ARM))
     drive(chip, 120, 1.0)
     assert duties(chip) == [120, 120]

@@ -23,6 +23,8 @@ from thumper_hil.chip.preemption import Branch, Interrupt, SweptChip, symbol
 from thumper_hil.chip.robot_params import RobotParams
 
 TICK_S = 0.1
+BEFORE_TICK_S, WINDOW_S = 2e-4, 0.8e-3
+"""The sweep begins when the chip sleeps, so before the tick's 0.1 ms."""
 SHORTEST_REST_S = 0.0099
 OLD, NEW = (0x0102, 0x0304), (-0x0506, -0x0708)
 """Wheel speeds that share no byte."""
@@ -64,10 +66,10 @@ def frames_of(branch: Branch) -> list[Frame]:
 def telemetry_is_whole(elf: Path, interrupt: Interrupt, stride: int) -> list[str]:
     """Each telemetry message holds the samples of one tick, and every frame is sound."""
     chip = driving(elf)
-    run_to_tick(chip, 1e-4)
+    run_to_tick(chip, BEFORE_TICK_S)
     chip.receive(chip.available)
     samples = symbol(elf, "samples")
-    branches = chip.sweep(interrupt, seconds=0.7e-3, tail_s=4.5e-3, watch=(samples, samples), stride=stride)
+    branches = chip.sweep(interrupt, seconds=WINDOW_S, tail_s=4.5e-3, watch=(samples, samples), stride=stride)
     failures = [f"{branch.address:#06x}: {text}" for branch in branches for text in torn(branch, interrupt)]
     return failures if branches else ["no instruction was swept"]
 
@@ -139,10 +141,10 @@ def edges_are_counted(elf: Path, interrupt: Interrupt, stride: int) -> list[str]
     """Each edge is counted, and reaches the telemetry of the next tick."""
     chip = SweptChip(elf, params=RobotParams.load(), seed=1)
     run_for(chip, 0.3)
-    run_to_tick(chip, 1e-4)
+    run_to_tick(chip, BEFORE_TICK_S)
     samples = symbol(elf, "samples")
     branches = chip.sweep(
-        interrupt, seconds=0.7e-3, tail_s=TICK_S + 4e-3, watch=(samples, samples), stride=stride
+        interrupt, seconds=WINDOW_S, tail_s=TICK_S + 4e-3, watch=(samples, samples), stride=stride
     )
     return [f"{branch.address:#06x}: {text}" for branch in branches for text in uncounted(branch, interrupt)]
 
