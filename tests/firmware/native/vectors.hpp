@@ -51,8 +51,8 @@ void RunWheel(Random& random, Sink& sink) {
   for (uint16_t i = 0; i < 3000; ++i) {
     if (i % 60 == 0) {
       for (uint8_t p = 0; p < fw::kParameterCount; ++p) {
-        parameters.Set(
-            p, static_cast<int16_t>(random.Between(0, fw::ReadFlash(&fw::kParameterRanges[p].maximum) >> (i % 3 * 2))));
+        parameters.Set(p, static_cast<int16_t>(random.Between(
+                              0, fw::ReadFlash(&fw::kParameterRanges[p].maximum) >> (i % 3 * 2))));
       }
     }
     if (i % 15 == 0) target = static_cast<int16_t>(random.Between(-17000, 17000));
