@@ -117,7 +117,7 @@ def _boxes(placed: dict[str, Spot]) -> Iterator[str]:
         )
         title = "thumper" if name == "__init__" else name
         yield f'<text x="{middle:.0f}" y="{top + 20:.0f}" font-weight="bold" fill="#1f2933">{title}</text>'
-        for row, text in enumerate(wrap(purpose(name), 32)[:2]):
+        for row, text in enumerate(wrap(purpose(name), 31)[:2]):
             yield (
                 f'<text x="{middle:.0f}" y="{top + 39 + 16 * row:.0f}" font-size="12" fill="#475569">'
                 f"{escape(text)}</text>"

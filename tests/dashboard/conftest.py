@@ -10,6 +10,8 @@ from benchmarks.shared.fake_robot import FakeRobot
 from benchmarks.shared.live import free_port
 from playwright.sync_api import Browser, BrowserType, Page, expect, sync_playwright
 
+from tests.dashboard.built_site import ROOT, build_pages, build_robot
+
 expect.set_options(timeout=30_000)  # a machine that is busy with other tests takes its time
 
 
@@ -40,6 +42,22 @@ def browser(chromium: BrowserType) -> Iterator[Browser]:
     browser = chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
     yield browser
     browser.close()
+
+
+@pytest.fixture(scope="session")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of the documentation's site, without the robot on its front page."""
+    return build_pages(tmp_path_factory.mktemp("site"))
+
+
+@pytest.fixture(scope="session")
+def site(pages: Path) -> Path:
+    """Return the folder of the whole site."""
+    if not (ROOT / "hil/browser/node_modules/.bin/esbuild").exists():
+        pytest.skip("esbuild is not installed; `make docs` installs it")
+    done = build_robot(pages)
+    assert done.returncode == 0, done.stderr
+    return pages
 
 
 @pytest.fixture

@@ -1,50 +1,20 @@
 """The robot on the site's front page, in Chromium: it drives, and stops as the firmware decides."""
 
-import os
 import re
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from tests.dashboard.built_site import build_robot
 from thumper.board.messages import PARAMETERS
 
-ROOT = Path(__file__).parents[2]
-PATHS = os.pathsep.join(str(ROOT / folder) for folder in ("host", "hil"))
 FIRST_MOTION_MS = 10_000
 MAX_BYTES = 1_000_000
 KP = next(setting for setting in PARAMETERS if setting.name == "kp")
 MOTION_MS = 60_000  # for a busy machine, which simulates slower than real time
-
-
-def build_robot(site: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Run the script that `make docs` runs."""
-    return subprocess.run(
-        [ROOT / "scripts/build-browser", site, sys.executable],
-        env=os.environ | {"PYTHONPATH": PATHS} | environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-
-
-@pytest.fixture(scope="session")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of the built site."""
-    if not (ROOT / "hil/browser/node_modules/.bin/esbuild").exists():
-        pytest.skip("esbuild is not installed; `make docs` installs it")
-    folder = tmp_path_factory.mktemp("site")
-    shutil.copy(ROOT / "zensical.toml", folder)
-    shutil.copytree(ROOT / "docs", folder / "docs")
-    zensical = Path(sys.executable).with_name("zensical")
-    subprocess.run([zensical, "build", "--strict"], cwd=folder, check=True, capture_output=True)
-    done = build_robot(folder / "site")
-    assert done.returncode == 0, done.stderr
-    return folder / "site"
 
 
 @pytest.fixture

@@ -1,1 +1,1 @@
-"""The robot live in Foxglove: its topics, its description, commands from the panels."""
+"""The robot live in Foxglove: topics, description and commands."""

@@ -1,0 +1,30 @@
+"""Builds the documentation's site, as `make docs` does."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PATHS = os.pathsep.join(str(ROOT / folder) for folder in ("host", "hil"))
+
+
+def build_pages(folder: Path) -> Path:
+    """Build the pages in an empty folder; return the folder of the site."""
+    shutil.copy(ROOT / "zensical.toml", folder)
+    shutil.copytree(ROOT / "docs", folder / "docs")
+    zensical = Path(sys.executable).with_name("zensical")
+    subprocess.run([zensical, "build", "--strict"], cwd=folder, check=True, capture_output=True)
+    return folder / "site"
+
+
+def build_robot(site: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Add the front page's robot, and the search that works from files."""
+    return subprocess.run(
+        [ROOT / "scripts/build-browser", site, sys.executable],
+        env=os.environ | {"PYTHONPATH": PATHS} | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )

@@ -1,0 +1,156 @@
+"""The built documentation: lists and numbers as written, drawings without collisions, copy, search."""
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, expect
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+DRAWINGS = sorted(path.name for path in (DOCS / "images").glob("*.svg") if "<text" in path.read_text())
+COMMAND = re.compile(r"(thumper [a-z]|make |pytest |sudo |git |pip |cd |source |\.venv/)")
+CLEAR_PX = 6
+FENCE = re.compile(r"^ *```.*?^ *```$", re.DOTALL | re.MULTILINE)
+
+COLLISIONS = """(clear_px) => {
+  const name = (text) => text.textContent.trim();
+  const box = (node, by = 0) => {
+    const { left, right, top, bottom } = node.getBoundingClientRect();
+    return { left: left - by, right: right + by, top, bottom };
+  };
+  const inside = (a, b) => a.left >= b.left && a.right <= b.right && a.top >= b.top && a.bottom <= b.bottom;
+  const meet = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+  const all = (kind) => [...document.querySelectorAll(`${kind}:not(defs *)`)], found = [];
+  const points = all("path").flatMap((path) => {
+    const matrix = path.getScreenCTM(), length = path.getTotalLength();
+    const over = all("rect").filter((rect) => path.compareDocumentPosition(rect) & 4);
+    return Array.from({ length: Math.ceil(length / 2) + 1 }, (_, i) => {
+      const { x, y } = path.getPointAtLength(Math.min(2 * i, length)).matrixTransform(matrix);
+      return { left: x, right: x, top: y, bottom: y };
+    }).filter((point) => !over.some((rect) => inside(point, box(rect))));
+  });
+  all("text").forEach((text, i, texts) => {
+    const mine = box(text), wide = box(text, clear_px);
+    for (const other of texts.slice(i + 1))
+      if (name(other) && meet(wide, box(other))) found.push(`${name(text)} meets ${name(other)}`);
+    for (const rect of all("rect"))  // clear of an edge: all inside, or all outside
+      if (meet(wide, box(rect)) && !inside(wide, box(rect))) found.push(`${name(text)} meets an edge`);
+    if (points.some((point) => inside(point, mine)))
+      found.push(`${name(text)} meets a line`);
+  });
+  return found;
+}"""
+"""Texts less than `clear_px` beside a text or a box's edge, or on a line that is not under a box."""
+
+
+class Lists(HTMLParser):
+    """Collects the numbers of ordered items and counts the others, in a page's article."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.numbers: list[int] = []
+        self.bullets = 0
+        self._open: list[int | None] = []
+        self._in_article = False
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag == "article":
+            self._in_article = True
+        elif tag in {"ol", "ul"}:
+            self._open.append(int(dict(attrs).get("start") or 1) if tag == "ol" else None)
+        elif tag == "li" and self._in_article:
+            number = self._open[-1]
+            if number is None:
+                self.bullets += 1
+            else:
+                self.numbers.append(number)
+                self._open[-1] = number + 1
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag == "article":
+            self._in_article = False
+        elif tag in {"ol", "ul"}:
+            self._open.pop()
+
+
+def built(page: Path, pages: Path) -> Path:
+    """Return the file that a source page becomes."""
+    html = pages / page.relative_to(DOCS).with_suffix(".html")
+    return html.with_name("index.html") if page.name == "README.md" else html
+
+
+def test_lists_show_every_item_with_the_number_that_is_written(pages: Path) -> None:
+    for page in sorted(DOCS.rglob("*.md")):
+        source = FENCE.sub("", page.read_text(encoding="utf-8"))
+        lists = Lists()
+        lists.feed(built(page, pages).read_text(encoding="utf-8"))
+        assert lists.numbers == [int(one) for one in re.findall(r"^ *(\d+)\. ", source, re.MULTILINE)], page
+        assert lists.bullets == len(re.findall(r"^ *[-*] ", source, re.MULTILINE)), page
+
+
+def test_commands_are_marked_as_such() -> None:
+    """Only blocks of `sh` and `console` have a button that copies them."""
+    for page in sorted(DOCS.rglob("*.md")):
+        text = page.read_text(encoding="utf-8")
+        indented = re.findall(r"\n\n {4,}(.*)", re.sub(FENCE, "", text))
+        plain = re.findall(r"^ *```(?:text)?\n(.*)", text, re.MULTILINE)
+        assert not [line for line in indented + plain if COMMAND.match(line)], page
+        for block in re.findall(r"^ *```console\n(.*?)```", text, re.DOTALL | re.MULTILINE):
+            assert block.lstrip().startswith("$ "), page
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_labels_of_a_drawing_touch_nothing(browser: Browser, name: str) -> None:
+    page = browser.new_page()
+    page.set_content((DOCS / "images" / name).read_text(encoding="utf-8"))
+    assert page.locator("text").count() > 5
+    assert page.evaluate(COLLISIONS, CLEAR_PX) == []
+    page.close()
+
+
+def test_button_of_a_transcript_copies_its_commands_only(browser: Browser, pages: Path) -> None:
+    context = browser.new_context(permissions=["clipboard-read", "clipboard-write"])
+    page = context.new_page()
+    page.goto((pages / "flashing.html").as_uri())
+    block = page.locator(".language-console").first
+    expect(block).to_contain_text("written and verified")
+    block.hover()
+    block.get_by_role("button").first.click()
+    page.wait_for_function("async () => (await navigator.clipboard.readText()).length > 0")
+    lines = page.evaluate("navigator.clipboard.readText()").splitlines()
+    assert [line.partition(" #")[0].rstrip() for line in lines] == [
+        "make firmware",
+        "thumper flash --port /dev/ttyUSB0",
+    ]
+    context.close()
+
+
+def test_search_finds_what_to_do_with_a_lost_robot_without_a_server(browser: Browser, site: Path) -> None:
+    context = browser.new_context()
+    context.set_offline(True)
+    page = context.new_page()
+    page.goto((site / "index.html").as_uri())
+    page.get_by_role("button", name="Search").first.click()
+    page.keyboard.type("lost robot", delay=50)
+    first = page.locator("a[href*='h=lost']").first
+    expect(first).to_contain_text("A lost robot")
+    expect(first).to_have_attribute("href", re.compile(r"operate\.html\?h=lost\+robot#a-lost-robot$"))
+    context.close()
+
+
+@pytest.mark.parametrize("width", [390, 1024, 1440])
+def test_first_page_fits_the_window_and_its_buttons_lead_on(
+    browser: Browser, pages: Path, width: int
+) -> None:
+    page = browser.new_page(viewport={"width": width, "height": 900})
+    page.goto((pages / "index.html").as_uri())
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    buttons = page.locator(".hero .md-button")
+    expect(buttons).to_have_count(3)
+    for button in buttons.all():
+        expect(button).to_be_in_viewport(ratio=1)
+        target = (button.get_attribute("href") or "").removeprefix("index.html")
+        assert page.locator(target).count() == 1 if target.startswith("#") else (pages / target).exists()
+    page.close()
