@@ -28,6 +28,7 @@ from thumper_hil.faults.switches import Switches
 from thumper_hil.lidars.a5_device import A5Device
 from thumper_hil.lidars.ld19 import Ld19
 from thumper_hil.sensors.bno08x import Bno08x
+from thumper_hil.sensors.gnss_receiver import GnssReceiver
 from thumper_hil.world.load_world import load_world
 from thumper_hil.world.scene import NO_SEGMENTS, Scene
 from thumper_hil.world.sills import pitch_over_sills_rad
@@ -44,6 +45,7 @@ SENSOR_POLL_S = 0.001
 GYRO_BIAS_DEG_S = 15.0  # of an MPU-6050, at most 20 (data sheet, ZRO)
 MAX_TRUTH_ROWS = 720_000  # two hours: limits memory when a robot runs for days
 RADIUS_M = 0.062
+WALL_BEARINGS_RAD = np.arange(16) * (math.tau / 16.0)
 GARBLED = bytes((157 * byte + 91) % 256 for byte in range(256))  # what a wrong baud rate makes of a byte
 TRUTH_COLUMNS = ("time_s", "x_m", "y_m", "theta_rad", "left_rad_s", "right_rad_s")
 
@@ -94,7 +96,7 @@ class Bench:
         self._clock_Hz = self.chip.clock_Hz
         self._tick_cycles = round(TICK_S * self._clock_Hz)
         self._reset_on_open = options.reset_on_open
-        self._seed = options.seed
+        self._options = options
         if options.reset_on_open:
             self.chip.add_bootloader(_bootloader())
         self.chip.place(options.start)
@@ -224,21 +226,31 @@ class Bench:
         return device not in self._switches.unplugged
 
     def power_up(self, device: str) -> None:
-        """Switch the gyroscope on when its port is opened first. Later, bytes sent meanwhile are lost.
+        """Switch gyroscope or GPS on when its port is opened first. Later, bytes sent meanwhile are lost.
 
         The lidar is on from the start.
         """
-        if device != "imu":
+        if device not in {"imu", "gps"}:
             return
         self._refresh_pose()
         if device in self._sensors:
             self.sensor_available(device)
             self._received[device].clear()
+        elif device == "gps":
+            self._sensors[device] = GnssReceiver(
+                pose_at=self._track.pose_at,
+                wall_m=lambda x_m, y_m: float(np.min(self.world.cast(x_m, y_m, WALL_BEARINGS_RAD))),
+                faults=self._switches,
+                kind=self._options.gps,
+                rate_Hz=self._options.gps_Hz,
+                seed=self._options.seed,
+                power_on_s=self.time_s,
+            )
         else:
             self._sensors[device] = Bno08x(
                 pose_at=self._track.pose_at,
                 pitch_at=self._track.pitch_at,
-                seed=self._seed,
+                seed=self._options.seed,
                 power_on_s=self.time_s,
             )
 
@@ -277,7 +289,7 @@ class Bench:
     def _is_understood(self, name: str) -> bool:
         """Whether host and sensor use the same baud rate, as far as it matters."""
         sensor = self._sensors[name]
-        own_baud = sensor.baud if isinstance(sensor, A5Device | Ld19) else 0
+        own_baud = sensor.baud if isinstance(sensor, A5Device | Ld19 | GnssReceiver) else 0
         return 0 in {own_baud, self._host_baud[name]} or own_baud == self._host_baud[name]
 
     def sensor_write(self, name: str, data: bytes) -> None:

@@ -12,6 +12,8 @@ from thumper_hil.effects.friction import floors
 from thumper_hil.effects.preset import PRESETS
 
 FULL_TURN_DEG = 360.0
+FIX_KINDS = ("autonomous", "sbas", "rtk")
+GPS_RATES = range(1, 11)
 LIDARS = ("urg04lx", "ld19", "rplidar_a1", "rplidar_a2", "rplidar_c1", "ydlidar_x4")
 
 
@@ -28,6 +30,8 @@ class BenchOptions:
     board: BoardModel = BoardModel.TREX
     scenario: str = ""  # path of a TOML of faults; empty for none
     lidar: str = "urg04lx"  # model, one of LIDARS
+    gps: str = "sbas"  # kind of fix: autonomous, sbas or rtk
+    gps_Hz: int = 1  # epochs per second
     preset: str = "nominal"  # how hard the robot is to drive: nominal or hard
     floor: str = ""  # carpet, wood..., or stand for wheels in the air; empty: the preset's floor
     reset_on_open: bool = False  # opening the board's port resets it through its boot loader
@@ -57,6 +61,8 @@ class BenchOptions:
             "board": _board,
             "scenario": str,
             "lidar": _lidar,
+            "gps": _gps,
+            "gps_Hz": _gps_rate,
             "preset": _preset,
             "floor": _floor,
             "reset_on_open": _yes_or_no,
@@ -119,6 +125,18 @@ def _lidar(text: str) -> str:
     if text not in LIDARS:
         raise ValueError(f"give {' or '.join(LIDARS)}")
     return text
+
+
+def _gps(text: str) -> str:
+    if text not in FIX_KINDS:
+        raise ValueError(f"give {' or '.join(FIX_KINDS)}")
+    return text
+
+
+def _gps_rate(text: str) -> int:
+    if text not in {str(rate) for rate in GPS_RATES}:
+        raise ValueError("give a whole number, 1 to 10")
+    return int(text)
 
 
 def _preset(text: str) -> str:

@@ -201,7 +201,16 @@ FAULTS: dict[str, Choice | Amount | PoseFault] = {
             "reset": lambda switches: switches.chip.reset(),
         }
     ),
-    **{device: _plug(device) for device in ("board", "lidar", "imu")},
+    **{device: _plug(device) for device in ("board", "lidar", "imu", "gps")},
+    "gps.sky": Choice(
+        actions={
+            "ok": lambda switches: setattr(switches, "sky_is_blocked", False),
+            "blocked": lambda switches: setattr(switches, "sky_is_blocked", True),
+        }
+    ),
+    "gps.offset": Amount(
+        apply=lambda switches, offset_m: setattr(switches, "gps_offset_m", offset_m), unit="m", maximum=1000.0
+    ),
     "robot.carried": PoseFault(),
     "robot.rolled": Amount(apply=_roll, unit="deg", maximum=180.0),
 }

@@ -16,6 +16,8 @@ class Switches:
     chip: FaultyChip
     unplugged: set[str] = field(default_factory=set)  # board, lidar...
     host_hangs_until_s: float = 0.0
+    sky_is_blocked: bool = False  # the GPS receiver loses its fix
+    gps_offset_m: float = 0.0  # of all positions, to the east
     line_loss: float = 0.0
     line_flip: float = 0.0
     roll_rad: float = 0.0

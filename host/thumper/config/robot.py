@@ -20,6 +20,7 @@ from thumper.config.manual_drive import ManualDriveOptions
 from thumper.config.recording import RecordingOptions
 from thumper.config.ros import RosOptions
 from thumper.config.teleop import TeleopOptions
+from thumper.gps.options import GpsOptions
 from thumper.imu.options import ImuOptions
 from thumper.lidar.options import LidarOptions
 from thumper.navigation.footprint import Footprint
@@ -46,6 +47,7 @@ class RobotConfig:
     lidar: LidarOptions = field(default_factory=LidarOptions)
     drive: DriveOptions = field(default_factory=DriveOptions)
     imu: ImuOptions = field(default_factory=ImuOptions)
+    gps: GpsOptions = field(default_factory=GpsOptions)
     mapping: MappingOptions = field(default_factory=MappingOptions)
     localization: AmclOptions = field(default_factory=AmclOptions)
     footprint: Footprint = field(default_factory=Footprint)
@@ -205,6 +207,7 @@ def with_ports(config: RobotConfig, *, board: str, lidar: str) -> RobotConfig:
         board=replace(config.board, port=board),
         lidar=replace(config.lidar, port=lidar),
         imu=replace(config.imu, port=_beside(board, config.imu.port, "imu")),
+        gps=replace(config.gps, port=_beside(board, config.gps.port, "gps")),
     )
 
 

@@ -8,9 +8,11 @@ from thumper.common.sensor import Sensor
 from thumper.config.robot import RobotConfig
 from thumper.doctor.check import Check, worst_of
 from thumper.doctor.verdicts import CABLE, RATE_FAIL_SHARE, RATE_WARN_SHARE
+from thumper.gps.fix import Fix, FixStatus
 from thumper.runtime.sensor_table import KINDS
 
 TIMEOUT_S = 2.0
+NO_FIX = "put the antenna under open sky, away from walls, and wait a minute"
 
 
 def check_sensors(config: RobotConfig, *, seconds: float) -> Iterator[Check]:
@@ -31,18 +33,31 @@ def check_sensors(config: RobotConfig, *, seconds: float) -> Iterator[Check]:
             sensor.close()
 
 
-def _judge(name: str, sensor: Sensor[Any], expected_Hz: float, seconds: float) -> Check:
+def _judge(name: str, sensor: Sensor[Any], expected_Hz: float | None, seconds: float) -> Check:
     """Read the sensor for some time; judge its rate and the damaged frames."""
-    sensor.wait_for_sample(TIMEOUT_S)
+    sample = sensor.wait_for_sample(TIMEOUT_S)
     counters = sensor.counters
     start_s, samples, damaged = sensor.now_s(), counters.samples, counters.bad_replies
     while sensor.now_s() < start_s + seconds:
-        sensor.wait_for_sample(TIMEOUT_S)
+        sample = sensor.wait_for_sample(TIMEOUT_S)
     rate_Hz = (counters.samples - samples) / (sensor.now_s() - start_s)
     damaged = counters.bad_replies - damaged
-    error = abs(rate_Hz / expected_Hz - 1.0)
+    if isinstance(sample, Fix):
+        return judge_fix(sample, rate_Hz, damaged)
+    error = abs(rate_Hz / expected_Hz - 1.0) if expected_Hz else 0.0
     return Check(
         verdict=worst_of(error > RATE_WARN_SHARE or damaged > 0, error > RATE_FAIL_SHARE),
         what=f"{name}: {rate_Hz:.1f} Hz of {expected_Hz:g} Hz, {damaged} damaged",
         fix="" if error <= RATE_WARN_SHARE and not damaged else CABLE,
+    )
+
+
+def judge_fix(fix: Fix, rate_Hz: float, damaged: int) -> Check:
+    """Judge the newest fix of a GPS receiver; its rate is what the receiver is set to."""
+    has_fix = fix.status is not FixStatus.NONE
+    kind = f"{fix.status.name} fix, {fix.std_m:.2f} m" if has_fix else "no fix"
+    return Check(
+        verdict=worst_of(not has_fix or damaged > 0, fail=False),
+        what=f"gps: {rate_Hz:.1f} Hz, {kind}, {damaged} damaged",
+        fix="" if has_fix and not damaged else CABLE if damaged else NO_FIX,
     )

@@ -12,6 +12,7 @@ from thumper.board.board import TelemetrySample
 from thumper.board.messages import Fault, GyroscopeState, State, Telemetry
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.common.stamps import NS_PER_S, host_time_s
+from thumper.gps.fix import Fix, FixStatus
 from thumper.imu.sample import ImuSample
 from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import OccupancyGrid
@@ -83,6 +84,19 @@ def imu_of(msg: Message, epoch_ns: int = 0) -> ImuSample:
     if not math.isfinite(rate_rad_s) or msg.angular_velocity_covariance[0] < 0.0:
         raise ValueError("the message has no turn rate")
     return ImuSample(time_s=host_time_s(stamp_ns_of(msg), epoch_ns), yaw_rate_rad_s=rate_rad_s)
+
+
+def fix_of(msg: Message, epoch_ns: int = 0) -> Fix:
+    """Convert a NavSatFix; a status that is not of NavSatStatus raises ValueError."""
+    covariance = msg.position_covariance
+    return Fix(
+        time_s=host_time_s(stamp_ns_of(msg), epoch_ns),
+        status=FixStatus(msg.status.status),
+        latitude_deg=float(msg.latitude),
+        longitude_deg=float(msg.longitude),
+        altitude_m=float(msg.altitude),
+        variances_m2=(float(covariance[0]), float(covariance[4]), float(covariance[8])),
+    )
 
 
 def pose_of(msg: Message) -> Pose2:

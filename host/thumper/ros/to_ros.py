@@ -8,6 +8,7 @@ import numpy as np
 from thumper.board.board import TelemetrySample
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.common.stamps import NS_PER_S, stamp_ns
+from thumper.gps.fix import Fix, FixStatus
 from thumper.imu.sample import ImuSample
 from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import OccupancyGrid
@@ -16,8 +17,9 @@ from thumper.odometry.wheel_odometry import OdometrySample
 from thumper.ros.codec import Message, message
 from thumper.ros.status import Status
 
-MAP, ODOM, BASE, LASER = "map", "odom", "base_link", "laser"
+MAP, ODOM, BASE, LASER, GPS = "map", "odom", "base_link", "laser", "gps"
 UNKNOWN = 1e6  # a variance
+GPS_SERVICE, DIAGONAL_KNOWN, UNKNOWN_TYPE = 1, 2, 0  # of NavSatStatus and NavSatFix
 INFO, WARN, ERROR = 20, 30, 40  # levels of rcl_interfaces/Log
 
 # As in ROS's costmap publisher: 0 free, 1...98 inflated, 99 inscribed, 100 obstacle, -1 unknown.
@@ -77,6 +79,19 @@ class Messages:
             angular_velocity_covariance=np.diag([UNKNOWN, UNKNOWN, 0.0]).reshape(-1),
             linear_acceleration=message("geometry_msgs/msg/Vector3", x=x_m_s2, y=y_m_s2, z=z_m_s2),
             linear_acceleration_covariance=unknown if sample.acceleration_m_s2 is None else np.zeros(9),
+        )
+
+    def fix(self, fix: Fix) -> Message:
+        """Build a NavSatFix, in the frame of the antenna; it has NaN without a fix."""
+        return message(
+            "sensor_msgs/msg/NavSatFix",
+            header=self.header(fix.time_s, GPS),
+            status=message("sensor_msgs/msg/NavSatStatus", status=int(fix.status), service=GPS_SERVICE),
+            latitude=fix.latitude_deg,
+            longitude=fix.longitude_deg,
+            altitude=fix.altitude_m,
+            position_covariance=np.diag(fix.variances_m2).reshape(-1),
+            position_covariance_type=DIAGONAL_KNOWN if fix.status is not FixStatus.NONE else UNKNOWN_TYPE,
         )
 
     def odometry(self, sample: OdometrySample) -> Message:

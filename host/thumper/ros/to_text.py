@@ -9,6 +9,7 @@ import numpy as np
 
 from thumper.board.messages import Telemetry
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.gps.fix import FixStatus
 from thumper.ros import from_ros
 from thumper.ros.codec import Message
 from thumper.ros.to_json import to_json
@@ -79,6 +80,14 @@ def _transforms(msg: Message) -> str:
         f"{_pose_text(from_ros.transform_of(stamped.transform))}"
         for stamped in msg.transforms
     )
+
+
+def _fix(msg: Message) -> str:
+    fix = from_ros.fix_of(msg)
+    if fix.status is FixStatus.NONE:
+        return "no fix"
+    place = f"{fix.latitude_deg:.7f}, {fix.longitude_deg:.7f} deg"
+    return f"{place}; {fix.status.name} fix, sigma {fix.std_m:.2f} m"
 
 
 def _scan(msg: Message) -> str:
@@ -165,6 +174,7 @@ _FORMATTERS: Mapping[str, Callable[[Message], str]] = {
     "rcl_interfaces/msg/Log": lambda msg: f"{msg.name}: {msg.msg}",
     "sensor_msgs/msg/BatteryState": _battery,
     "sensor_msgs/msg/LaserScan": _scan,
+    "sensor_msgs/msg/NavSatFix": _fix,
     "std_msgs/msg/Bool": lambda msg: str(msg.data).lower(),
     "std_msgs/msg/String": lambda msg: str(msg.data),
     "tf2_msgs/msg/TFMessage": _transforms,

@@ -24,6 +24,7 @@ OUT: Mapping[str, RosTopic] = MappingProxyType(  # by the topic of the bus, whos
     {
         "scan": RosTopic(name="scan", qos=SENSOR_DATA),
         "imu": RosTopic(name="imu/data", qos=SENSOR_DATA),
+        "gps": RosTopic(name="gps/fix", qos=SENSOR_DATA),
         "odom": RosTopic(name="odom"),
         "pose": RosTopic(name="pose"),
         "tf": RosTopic(name="tf", qos=TRANSFORMS),

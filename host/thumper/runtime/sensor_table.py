@@ -6,6 +6,8 @@ from typing import Any, Generic, TypeVar
 
 from thumper.common.sensor import ReopenedSensor, Sensor
 from thumper.config.robot import RobotConfig
+from thumper.gps.fix import Fix
+from thumper.gps.open_gps import open_gps
 from thumper.imu.open_imu import open_imu
 from thumper.imu.sample import ImuSample
 from thumper.ros import from_ros
@@ -21,7 +23,7 @@ class SensorKind(Generic[Sample]):
     """A sensor; `name` is its table in the TOML, its topic, and its device in `sim://NAME/`."""
 
     name: str
-    rate_Hz: float
+    rate_Hz: float | None  # None: as it is set in the device
     is_wanted: Callable[[RobotConfig], bool]
     open: Callable[[RobotConfig], Sensor[Sample]]
     add: Callable[[StateEstimator, Sample], None]
@@ -39,7 +41,17 @@ IMU: SensorKind[ImuSample] = SensorKind(
     sample_of=from_ros.imu_of,
 )
 
-KINDS: tuple[SensorKind[Any], ...] = (IMU,)
+GPS: SensorKind[Fix] = SensorKind(
+    name="gps",
+    rate_Hz=None,
+    is_wanted=lambda config: config.gps.enabled,
+    open=lambda config: open_gps(config.gps),
+    add=StateEstimator.add_fix,
+    message=Messages.fix,
+    sample_of=from_ros.fix_of,
+)
+
+KINDS: tuple[SensorKind[Any], ...] = (IMU, GPS)
 
 
 @dataclass(slots=True, kw_only=True)

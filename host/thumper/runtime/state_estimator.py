@@ -13,6 +13,7 @@ from thumper.board.messages import Telemetry
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.common.kinematics import DriveGeometry
 from thumper.common.stamps import rounded_s
+from thumper.gps.fix import Fix
 from thumper.imu.options import ImuOptions
 from thumper.imu.sample import ImuSample
 from thumper.lidar.deskew import scan_points
@@ -82,6 +83,7 @@ class StateEstimator:
         if imu is not None and imu.enabled:
             self._odometry = GyroEkf(drive, imu=imu)
         self._board_gyroscope = imu is not None and imu.model == "mpu6050"
+        self.fix: Fix | None = None  # the newest, with or without a position
         self._jump_filter = JumpFilter()
         self._slip_detector = SlipDetector()
         self.mount_check = MountCheck(base_from_laser)
@@ -122,6 +124,10 @@ class StateEstimator:
         """Add a gyroscope sample, before the telemetry that follows it; ignored unless enabled."""
         if isinstance(self._odometry, GyroEkf):
             self._odometry.add_imu(sample.as_recorded())
+
+    def add_fix(self, fix: Fix) -> None:
+        """Add a position of the GPS receiver."""
+        self.fix = fix.as_recorded()
 
     def warnings(self) -> dict[str, str]:
         """Return the input defects so far: one line with its count per kind, keyed by the kind's name."""

@@ -1,0 +1,37 @@
+"""One position from a GPS receiver, as all drivers deliver it."""
+
+import math
+from dataclasses import dataclass, replace
+from enum import IntEnum
+
+from thumper.common.stamps import rounded_s
+
+
+class FixStatus(IntEnum):
+    """The status of sensor_msgs/NavSatStatus."""
+
+    NONE = -1
+    GPS = 0
+    SBAS = 1  # corrected by a satellite or a differential service
+    RTK = 2  # corrected by a base station on the ground
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fix:
+    """Position of the antenna; NaN without a fix."""
+
+    time_s: float  # on the host's clock, like the telemetry
+    status: FixStatus = FixStatus.NONE
+    latitude_deg: float = math.nan  # WGS 84
+    longitude_deg: float = math.nan
+    altitude_m: float = math.nan  # above the ellipsoid
+    variances_m2: tuple[float, float, float] = (math.nan, math.nan, math.nan)  # east, north, up
+
+    @property
+    def std_m(self) -> float:
+        """Standard deviation of the position along its worse horizontal axis [m]; NaN without a fix."""
+        return math.sqrt(max(self.variances_m2[:2]))
+
+    def as_recorded(self) -> "Fix":
+        """Return the fix as a recording stores it: whole nanoseconds."""
+        return replace(self, time_s=rounded_s(self.time_s))

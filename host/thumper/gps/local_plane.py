@@ -1,0 +1,77 @@
+"""The plane that touches the Earth at a datum: latitude and longitude to metres east and north, and back.
+
+Exact for the WGS 84 ellipsoid at height 0 (Hofmann-Wellenhof et al., GNSS, 8.2.2: geodetic to Cartesian to
+local-level). Height stretches distances by 1.6e-4 per kilometre.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+SEMI_MAJOR_M = 6_378_137.0
+ECCENTRICITY_2 = 6.694_379_990_14e-3
+CONVERGED_DEG = 1e-11  # a micrometre
+MAX_STEPS = 20
+MAX_DISTANCE_M = 100e3  # from the datum
+
+
+class LatLon(NamedTuple):
+    """A place on the WGS 84 ellipsoid [degrees]."""
+
+    latitude_deg: float
+    longitude_deg: float
+
+
+class EastNorth(NamedTuple):
+    """A point of the plane, from its datum [m]."""
+
+    east_m: float
+    north_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class LocalPlane:
+    """The tangent plane at `datum`."""
+
+    datum: LatLon
+
+    def to_plane(self, place: LatLon) -> EastNorth:
+        """Return the place's distance east and north of the datum."""
+        x0, y0, z0 = _cartesian_m(self.datum)
+        x, y, z = _cartesian_m(place)
+        dx, dy, dz = x - x0, y - y0, z - z0
+        latitude, longitude = (math.radians(angle) for angle in self.datum)
+        outward_m = math.cos(longitude) * dx + math.sin(longitude) * dy
+        return EastNorth(
+            east_m=-math.sin(longitude) * dx + math.cos(longitude) * dy,
+            north_m=-math.sin(latitude) * outward_m + math.cos(latitude) * dz,
+        )
+
+    def to_earth(self, point: EastNorth) -> LatLon:
+        """Return the place below a point; raises ValueError beyond 100 km."""
+        if not math.hypot(*point) <= MAX_DISTANCE_M:
+            raise ValueError(f"{math.hypot(*point) / 1000.0:.0f} km from the datum")
+        latitude = math.radians(self.datum.latitude_deg)
+        curvature = 1.0 - ECCENTRICITY_2 * math.sin(latitude) ** 2
+        north_radius_m = SEMI_MAJOR_M * (1.0 - ECCENTRICITY_2) / curvature**1.5
+        east_radius_m = SEMI_MAJOR_M / math.sqrt(curvature) * math.cos(latitude)
+        place = self.datum
+        for _ in range(MAX_STEPS):  # Newton's method with the slope at the datum
+            at = self.to_plane(place)
+            north_deg = math.degrees((point.north_m - at.north_m) / north_radius_m)
+            east_deg = math.degrees((point.east_m - at.east_m) / east_radius_m)
+            place = LatLon(place.latitude_deg + north_deg, place.longitude_deg + east_deg)
+            if max(abs(north_deg), abs(east_deg)) < CONVERGED_DEG:
+                break
+        return place
+
+
+def _cartesian_m(place: LatLon) -> tuple[float, float, float]:
+    """Return the Earth-centred coordinates of a place [m]."""
+    latitude, longitude = (math.radians(angle) for angle in place)
+    normal_m = SEMI_MAJOR_M / math.sqrt(1.0 - ECCENTRICITY_2 * math.sin(latitude) ** 2)
+    return (
+        normal_m * math.cos(latitude) * math.cos(longitude),
+        normal_m * math.cos(latitude) * math.sin(longitude),
+        normal_m * (1.0 - ECCENTRICITY_2) * math.sin(latitude),
+    )

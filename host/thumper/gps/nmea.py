@@ -1,0 +1,173 @@
+"""Driver of GPS receivers that send NMEA 0183: positions from GGA, their accuracy from GST.
+
+A receiver sends a burst of sentences per epoch. GST has the standard deviations; without it they follow from
+GGA's dilution of precision and the kind of fix. Other sentences are checked and ignored.
+"""
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import time
+from typing import Any
+
+from pynmeagps import NMEAParseError, NMEAReader  # type: ignore[import-untyped]
+
+from thumper.common.sensor import StreamSensor
+from thumper.common.serial_port import SerialPort
+from thumper.gps.fix import Fix, FixStatus
+
+SENTENCE = re.compile(rb"[!$]([A-Z][^*$!]*)\*([0-9A-Fa-f]{2})\r?")
+LONGEST_BYTES = 4096  # without the end of a line: not NMEA
+START_TIMEOUT_S = 2.5
+# Kinds of fix of GGA: status, and standard deviation at a dilution of precision of 1 [m]. An estimated
+# position (6) is the receiver's own dead reckoning, and no measurement.
+KINDS = {
+    1: (FixStatus.GPS, 2.0),
+    2: (FixStatus.SBAS, 1.0),
+    3: (FixStatus.GPS, 2.0),
+    4: (FixStatus.RTK, 0.02),
+    5: (FixStatus.RTK, 0.5),
+}
+VERTICAL = 2.0  # times the horizontal standard deviation
+MAX_CLOCK_DRIFT = 1e-4  # of the computer's clock
+JUMP_S = 1.0  # the receiver's time was set, or the day ended
+
+
+def check_sum(content: bytes) -> int:
+    """Return the exclusive or of the bytes between $ and * (NMEA 0183)."""
+    result = 0
+    for byte in content:
+        result ^= byte
+    return result
+
+
+class SentenceDecoder:
+    """Splits bytes into sentences; drops and counts those that are damaged."""
+
+    def __init__(self) -> None:
+        self._buffer = b""
+        self.good, self.bad = 0, 0
+
+    def feed(self, data: bytes) -> Iterator[Any]:
+        """Yield pynmeagps's message for each GGA and GST that ends in these bytes."""
+        *lines, self._buffer = (self._buffer + data).split(b"\n")
+        self._buffer = self._buffer[-LONGEST_BYTES:]
+        for line in lines:
+            start = max(line.rfind(b"$"), line.rfind(b"!"))
+            if start < 0:
+                continue  # between sentences: another protocol's bytes, or the end of the first one
+            match = SENTENCE.fullmatch(line, start)
+            if match is None or check_sum(match[1]) != int(match[2], 16):
+                self.bad += 1
+                continue
+            self.good += 1
+            if match[1][2:6] in {b"GGA,", b"GST,"}:
+                try:
+                    yield NMEAReader.parse(b"$" + match[1] + b"*" + match[2] + b"\r\n")
+                except (NMEAParseError, ValueError):
+                    self.good, self.bad = self.good - 1, self.bad + 1
+
+
+class NmeaDriver(StreamSensor[Fix]):
+    """A streaming GPS receiver. The constructor waits for the first sentence; `poll` never waits."""
+
+    NAME = "GPS receiver"
+    SILENT = "check its cable and [gps] baud, and that its port sends NMEA"
+
+    def __init__(self, port: SerialPort, *, latency_s: float) -> None:
+        """Read `port` until the first sentence arrives; a fix may take minutes longer.
+
+        Raises
+        ------
+        ThumperError
+            No data arrives, or none that is NMEA (exit code 3).
+        """
+        super().__init__(port)
+        self._decoder = SentenceDecoder()
+        self._latency_s = latency_s
+        self._clock = _EpochClock()
+        self._pending: tuple[time, Fix] | None = None  # waits for its GST
+        self._has_gst = False
+        self._start(
+            START_TIMEOUT_S,
+            self._recognizes,
+            foreign=f"the device on {port.url} sends no NMEA at {port.baud} baud; correct [gps] port or baud",
+        )
+
+    def _recognizes(self, data: bytes) -> bool:
+        for _ in self._decoder.feed(data):
+            pass
+        return self._decoder.good > 0
+
+    def _decode(self, data: bytes, now_s: float) -> list[Fix]:
+        fixes = []
+        for message in self._decoder.feed(data):
+            if message.msgID == "GGA":
+                fixes += self._take_pending()  # its GST is lost
+                self._pending = (message.time, self._fix_of(message, now_s))
+                if not self._has_gst:
+                    fixes += self._take_pending()
+            else:
+                self._has_gst = True
+                if self._pending is not None and self._pending[0] == message.time:
+                    self._pending = (message.time, with_gst(self._pending[1], message))
+                    fixes += self._take_pending()
+        self.counters.bad_replies = self._decoder.bad
+        return fixes
+
+    def _take_pending(self) -> list[Fix]:
+        pending, self._pending = self._pending, None
+        return [] if pending is None else [pending[1]]
+
+    def _fix_of(self, gga: Any, now_s: float) -> Fix:
+        if not isinstance(gga.time, time):  # just powered on: it has no time yet
+            return Fix(time_s=now_s - self._latency_s)
+        return fix_of_gga(gga, self._clock.measured_s(gga.time, now_s) - self._latency_s)
+
+
+class _EpochClock:
+    """Maps the receiver's time of day to the host's clock.
+
+    Data waits in the host until it is read, so the smallest lag holds for all.
+    """
+
+    def __init__(self) -> None:
+        self._lag_s = math.inf
+        self._day_s = 0.0
+
+    def measured_s(self, epoch: time, now_s: float) -> float:
+        """Return when the epoch's data would have arrived without waiting."""
+        day_s = 3600.0 * epoch.hour + 60.0 * epoch.minute + epoch.second + 1e-6 * epoch.microsecond
+        lag_s, drifted_s = now_s - day_s, self._lag_s + MAX_CLOCK_DRIFT * abs(day_s - self._day_s)
+        self._lag_s = lag_s if lag_s > drifted_s + JUMP_S else min(lag_s, drifted_s)
+        self._day_s = day_s
+        return day_s + self._lag_s
+
+
+def fix_of_gga(gga: Any, time_s: float) -> Fix:
+    """Convert a GGA sentence; its accuracy is a guess from the dilution of precision."""
+    kind = KINDS.get(gga.quality)
+    if kind is None or not isinstance(gga.lat, float) or not isinstance(gga.lon, float):
+        return Fix(time_s=time_s)
+    status, std_m = kind
+    dilution = gga.HDOP if isinstance(gga.HDOP, float) and gga.HDOP > 0.0 else 1.0
+    variance_m2 = (std_m * dilution) ** 2
+    altitude = [part for part in (gga.alt, gga.sep) if isinstance(part, float)]
+    return Fix(
+        time_s=time_s,
+        status=status,
+        latitude_deg=gga.lat,
+        longitude_deg=gga.lon,
+        altitude_m=sum(altitude) if altitude else math.nan,
+        variances_m2=(variance_m2, variance_m2, VERTICAL**2 * variance_m2),
+    )
+
+
+def with_gst(fix: Fix, gst: Any) -> Fix:
+    """Return the fix with the standard deviations of its GST sentence, where it has them."""
+    stds_m = (gst.stdLong, gst.stdLat, gst.stdAlt)
+    if fix.status is FixStatus.NONE or not all(isinstance(std, float) and std > 0.0 for std in stds_m):
+        return fix
+    east_m2, north_m2, up_m2 = (float(std) ** 2 for std in stds_m)
+    return replace(fix, variances_m2=(east_m2, north_m2, up_m2))

@@ -1,0 +1,23 @@
+"""Open the configured GPS receiver."""
+
+from thumper.common.sensor import Sensor
+from thumper.common.serial_port import open_port
+from thumper.gps.fix import Fix
+from thumper.gps.nmea import NmeaDriver
+from thumper.gps.options import GpsOptions
+
+
+def open_gps(options: GpsOptions) -> Sensor[Fix]:
+    """Open the port and wait for the receiver on it; it may not have a fix yet.
+
+    Raises
+    ------
+    ThumperError
+        The port cannot be opened, or sends no NMEA; the message says how to fix it.
+    """
+    port = open_port(options.port, baud=options.baud, name="gps")
+    try:
+        return NmeaDriver(port, latency_s=options.latency_s)
+    except BaseException:
+        port.close()
+        raise

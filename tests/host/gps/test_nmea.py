@@ -1,0 +1,68 @@
+"""Decode NMEA: u-blox's examples, real receivers, sentences in pieces, damaged and arbitrary bytes."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from thumper.gps.fix import FixStatus
+from thumper.gps.nmea import SentenceDecoder, fix_of_gga, with_gst
+
+# u-blox M8 interface description, 31.2.4 and 31.2.9.
+GGA = b"$GPGGA,092725.00,4717.11399,N,00833.91590,E,1,08,1.01,499.6,M,48.0,M,,*5B\r\n"
+GST = b"$GPGST,082356.00,1.8,,,,1.7,1.3,2.2*7E\r\n"
+RECORDED = (  # a ZED-F9P, a UM981 and a receiver that has just started (the test data of pynmeagps)
+    b"$GNGGA,103607.00,5327.03942,N,00214.42462,W,1,06,5.88,56.0,M,48.5,M,,*64\r\n"
+    b"$GNGST,103607.00,38,60,38,89,15,24,31*63\r\n"
+    b"$GNGGA,130058.00,5327.03598945,N,00214.41467156,W,1,08,7.5,36.3017,M,51.6775,M,,*5B\r\n"
+    b"$GNGLL,5327.03598945,N,-0214.41467156,W,130058.00,A,A*7E\r\n"
+    b"\xb5b\x01\x07$\x00\n$GNGGA,,,,,,0,00,99.99,,,,,,*56\r\n"
+)
+
+
+def test_the_examples_of_the_interface_description() -> None:
+    gga, gst = SentenceDecoder().feed(GGA + GST)
+    fix = with_gst(fix_of_gga(gga, 5.0), gst)
+    assert fix.status is FixStatus.GPS
+    assert fix.latitude_deg == pytest.approx(47.0 + 17.11399 / 60.0)
+    assert fix.longitude_deg == pytest.approx(8.0 + 33.91590 / 60.0)
+    assert fix.altitude_m == pytest.approx(547.6)
+    assert fix.variances_m2 == pytest.approx((1.3**2, 1.7**2, 2.2**2))  # the sentence has latitude first
+
+
+def test_sentences_of_real_receivers() -> None:
+    decoder = SentenceDecoder()
+    messages = list(decoder.feed(RECORDED))
+    assert [message.msgID for message in messages] == ["GGA", "GST", "GGA", "GGA"]
+    fix = with_gst(fix_of_gga(messages[0], 0.0), messages[1])
+    assert fix.longitude_deg == pytest.approx(-(2.0 + 14.42462 / 60.0))
+    assert fix.std_m == 24.0
+    assert fix_of_gga(messages[2], 0.0).std_m == pytest.approx(2.0 * 7.5)  # by its dilution of precision
+    assert fix_of_gga(messages[3], 0.0).status is FixStatus.NONE
+    assert decoder.bad == 1  # the binary message between
+
+
+@given(st.lists(st.integers(1, 60), min_size=1, max_size=20))
+def test_sentences_in_pieces_are_the_same_sentences(sizes: list[int]) -> None:
+    decoder, data, count = SentenceDecoder(), 3 * (GGA + GST), 0
+    for size in sizes:
+        count += len(list(decoder.feed(data[:size])))
+        data = data[size:]
+    count += len(list(decoder.feed(data)))
+    assert (count, decoder.bad) == (6, 0)
+
+
+@given(st.integers(1, len(GGA) - 6), st.integers(1, 255))
+def test_a_damaged_sentence_never_becomes_a_position(place: int, flip: int) -> None:
+    damaged = bytearray(GGA)
+    damaged[place] ^= flip
+    messages = list(SentenceDecoder().feed(bytes(damaged) + GST))
+    assert [message.msgID for message in messages][-1] == "GST"
+    assert len(messages) == 1
+
+
+@given(st.binary(max_size=300))
+def test_it_reads_on_after_arbitrary_bytes(noise: bytes) -> None:
+    decoder = SentenceDecoder()
+    list(decoder.feed(noise))
+    list(decoder.feed(GGA))  # its start may complete a false sentence
+    assert len(list(decoder.feed(GGA))) == 1
