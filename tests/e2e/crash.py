@@ -44,7 +44,7 @@ REST_M = 0.002
 class Restart:
     """What one kill and the restart after it cost."""
 
-    lost_s: float  # age of the saved session when the process was killed
+    lost_s: float  # time of mapping since the last save when the process was killed
     error_m: float  # of the pose that was found
     error_rad: float
     kept: float  # fraction of the walls before the kill that the map has after it
@@ -63,6 +63,7 @@ class CrashTest:
         threading.Thread(target=self._listen, daemon=True).start()
         until(lambda: all(port.exists() for port in self._ports))
         self._robot: subprocess.Popen[str] | None = None
+        self._mapping_since_s = time.time()
 
     def _listen(self) -> None:
         assert self._sim.stdout is not None
@@ -97,6 +98,7 @@ class CrashTest:
             assert time.monotonic() < end_s, f"not found: {_mapping(client)}"
             self._send_goal(client)
             time.sleep(1.0)
+        self._mapping_since_s = time.time()  # before, the robot only looked for its pose: nothing to save
         client.query("command", {"command": "cancel"})
         until(self._is_at_rest)
         time.sleep(0.5)
@@ -116,9 +118,9 @@ class CrashTest:
             time.sleep(0.3)  # not yet, or not there: another one next time
 
     def kill(self, client: BusClient, after_s: float) -> float:
-        """Drive for a while, then kill the robot; return how old its saved session was [s]."""
+        """Drive for a while, then kill the robot; return how long it had mapped since the last save [s]."""
         assert self._robot is not None
-        path, begun_s, end_s = self._folder / AUTOSAVE, time.time(), time.monotonic() + after_s
+        path, end_s = self._folder / AUTOSAVE, time.monotonic() + after_s
         while time.monotonic() < end_s:
             self._send_goal(client)
             time.sleep(min(1.5, max(0.0, end_s - time.monotonic())))
@@ -126,7 +128,7 @@ class CrashTest:
         killed_s = time.time()
         self._robot.wait(10)
         client.close()
-        return killed_s - (path.stat().st_mtime if path.exists() else begun_s)
+        return killed_s - max(path.stat().st_mtime if path.exists() else 0.0, self._mapping_since_s)
 
     def walls(self) -> set[tuple[int, int]]:
         """Return the cells of the saved session that beams have hit."""
