@@ -9,7 +9,7 @@ from thumper.runtime.requests import RobotCommand, TeleopSource, Velocity
 
 BACK = Twist2(v_m_s=-0.3)
 WHILE_LOW = 1
-IMPACT_V = 0.5
+IMPACT_V = 0.8
 
 
 def test_a_bumper_stops_the_robot_at_a_wall_and_tells_why(service: Service) -> None:

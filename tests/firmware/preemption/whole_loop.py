@@ -5,8 +5,9 @@ python -m tests.firmware.preemption.whole_loop --visits 4      four times: in ot
 python -m tests.firmware.preemption.whole_loop --only TICK     one interrupt
 
 The phases together pass through all that the main loop does: telemetry, every request, battery readings, a
-save, a reversal, a set of constants, the gyroscope. What counts is that nothing crashes, telemetry holds the
-samples of one tick, each tick obeys a command that was sent, a request is answered and each edge is counted.
+save, a reversal, a set of constants, gyroscope and accelerometer. What counts is that nothing crashes,
+telemetry holds the samples of one tick, each tick obeys a command that was sent, a request is answered and
+each edge is counted.
 """
 
 import argparse
@@ -74,7 +75,8 @@ def robot(elf: Path, *, drives: bool) -> SweptChip:
     run_for(chip, 0.305)
     if not drives:
         return chip
-    send(chip, SetParameter(index=INDEX["gyroscope"], value=1))
+    for sensor in ("gyroscope", "tilt_limit"):
+        send(chip, SetParameter(index=INDEX[sensor], value=1))
     send(chip, CommandRequest(command=Command.ARM))
     for _ in range(4):
         send(chip, SetWheelSpeeds(left=SPEEDS[0], right=SPEEDS[1]))
