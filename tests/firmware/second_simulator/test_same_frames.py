@@ -28,7 +28,7 @@ EDGES = 20_000
 BYTE_CYCLES = 330
 """From one byte to the next. A byte takes 320, and avr8js drops one that begins earlier."""
 
-WHEELS = tuple(zip(ENCODERS[BoardModel.TREX], (20_000, 21_500), (1600, 2000), strict=True))
+WHEELS = tuple(zip(ENCODERS[BoardModel.TREX], (20_800, 21_500), (1600, 2000), strict=True))
 """Pins of each encoder, cycles until its first edge, cycles between two."""
 
 Event = tuple[int, str, int, int]
