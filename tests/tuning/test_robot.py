@@ -70,7 +70,7 @@ def test_one_command_tunes_the_robot(tmp_path: Path, positions_m: list[float]) -
     assert all(abs(mean) <= 0.03 and std <= 0.13 for mean, std in errors)
     page = (tmp_path / "report.html").read_text()
     images = re.findall(r'src="data:image/png;base64,([^"]+)"', page)
-    assert len(images) == 13
+    assert len(images) == 17
     verdict = page[page.index("verdict") :].split("</div>")[0]
     assert 'alt=""' not in page
     assert [line in page for line in ("<b>Found:</b>", "<b>Changes:</b>", "<b>Effect:</b>")] == [True] * 3

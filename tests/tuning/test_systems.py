@@ -99,7 +99,9 @@ def test_the_impulse_response_needs_no_record_without_gaps(motor: IdentifiedMoto
 
 
 def test_models_are_compared_by_validation_fit(motor: IdentifiedMotor) -> None:
-    own, *era = motor.compare()
+    own, second, *era = motor.compare()
+    assert second.kind == "second order"
+    assert second.fit_percent > own.fit_percent - 0.5
     assert own.fit_percent == motor.validation.fit_percent
     assert [model.kind for model in era] == ["ERA, order 1", "ERA, order 2"]
     for model in era:
@@ -121,7 +123,7 @@ def test_the_export_loads_into_python_control(motor: IdentifiedMotor, tmp_path: 
             "wheel_second_order",
             counted_second_order_system(second.base, second.second_time_constant_s, PERIOD_S),
         ),
-        ("wheel_era_2", motor.compare()[2].system),
+        ("wheel_era_2", motor.compare()[3].system),
         ("closed_loop", result.loop.closed_loop),
     ):
         found = control.step_response(systems[name], TIME_S)
@@ -147,7 +149,7 @@ def test_a_richer_model_predicts_as_well_as_the_first_order() -> None:
     )
     found = identify([log])
     own, second = (
-        next(model for model in found.compare(richer=True) if model.kind == kind)
+        next(model for model in found.compare() if model.kind == kind)
         for kind in (found.compare()[0].kind, "second order")
     )
     assert second.fit_percent > own.fit_percent - 0.5

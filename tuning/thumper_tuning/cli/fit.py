@@ -78,7 +78,7 @@ def _result(
     if variants:
         result["variants"] = [
             {"kind": m.kind, "fit_percent": m.fit_percent, "time_constant_s": m.time_constant_s}
-            for m in motor.compare(richer=True)
+            for m in motor.compare(backlash=True)
         ]
     physical = physical_constants(motor, logs, resistance_Ohm)
     if physical is not None:

@@ -32,6 +32,7 @@ COLUMNS = (
     "battery_V",
 )
 SETTLE_S = 1.0
+BLOCK_TICKS = 10  # longer than the errors of a tick last
 LANE_MARGIN_M = 0.05  # overshoot at the top, and the error of the start after `return_to`
 
 Row = tuple[float, ...]  # a value per column
@@ -59,6 +60,7 @@ class TrackingError:
     acceleration_rad_s2: float
     mean_rad_s: float
     std_rad_s: float
+    std_error_rad_s: float  # standard error of that, by the spread between seconds of the drive
     max_rad_s: float
     no_preview_std_rad_s: float  # std of the set-point's change per tick: the limit without preview
 
@@ -102,7 +104,7 @@ def verify(
     return Verification(
         gains=gains,
         rows=data,
-        tracking=tuple(_tracking_error(data[data[:, 1] == a], a) for a in options.accelerations_rad_s2),
+        tracking=tuple(tracking_error(data[data[:, 1] == a], a) for a in options.accelerations_rad_s2),
     )
 
 
@@ -143,13 +145,18 @@ class _TrapezoidDrive:
             self._report_progress(len(self._rows), self._total, f"{acceleration:g} rad/s^2")
 
 
-def _tracking_error(rows: FloatArray, acceleration: float) -> TrackingError:
+def tracking_error(rows: FloatArray, acceleration: float) -> TrackingError:
+    """Return the tracking error of a ramp from its rows, shape (n, len(COLUMNS))."""
     direction = rows[:, 2]  # a lag is positive both forward and backward, so the mean cannot cancel it
     error = np.concatenate((direction * (rows[:, 3] - rows[:, 4]), direction * (rows[:, 6] - rows[:, 7])))
+    squares = ((error - error.mean()) ** 2).reshape(2, -1).mean(axis=0)  # of both wheels: they move together
+    means = [float(np.mean(part)) for part in np.array_split(squares, max(len(squares) // BLOCK_TICKS, 2))]
+    variance_error = float(np.std(means, ddof=1)) / math.sqrt(len(means))
     return TrackingError(
         acceleration_rad_s2=acceleration,
         mean_rad_s=float(error.mean()),
         std_rad_s=float(error.std()),
+        std_error_rad_s=variance_error / (2.0 * max(float(error.std()), 1e-9)),
         max_rad_s=float(np.abs(error).max()),
         no_preview_std_rad_s=float(np.std(np.diff(rows[:, 3]))),
     )

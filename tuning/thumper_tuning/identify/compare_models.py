@@ -34,6 +34,7 @@ class ComparedModel:
     kind: str
     fit_percent: float
     time_constant_s: float | None
+    second_time_constant_s: float | None = None
     system: "control.LTI | None"  # from drive without friction to counted speed; None: not linear
 
 
@@ -60,6 +61,7 @@ def compare_models(
                 kind=model.kind,
                 fit_percent=model.fit_percent,
                 time_constant_s=model.base.time_constant_s,
+                second_time_constant_s=lag_s or None,
                 system=counted_second_order_system(model.base, lag_s, period_s) if lag_s > 0.0 else None,
             )
         )

@@ -85,14 +85,14 @@ class IdentifiedMotor:
         """Return the second-order grey box (thesis, eq. 3.3, with friction), fitted to the same data."""
         return fit_second_order(list(self.segments), self.fit)
 
-    def compare(self, *, richer: bool = False) -> list[ComparedModel]:
-        """Return models of this motor with their validation fit; `richer` adds two grey boxes (seconds)."""
+    def compare(self, *, backlash: bool = False) -> list[ComparedModel]:
+        """Return models of this motor with their validation fit; `backlash` adds that grey box (seconds)."""
         segments = list(self.segments)
         return compare_models(
             segments,
             self.fit,
             self.validation.fit_percent,
-            fit_richer_models(segments, self.fit) if richer else [],
+            fit_richer_models(segments, self.fit, backlash=backlash),
             self.period_s,
         )
 

@@ -61,10 +61,12 @@ class RicherModel:
         )
 
 
-def fit_richer_models(segments: list[LogSegment], fit: Fit) -> list[RicherModel]:
-    """Fit both richer models and cross-validate them with the same blocks as the first-order fit."""
-    backlash = RicherModel(kind="backlash", base=fit.model, play_rad=0.3, motor_share=0.3)
-    found = (fit_second_order(segments, fit), _solve(segments, fit, backlash, ~fit.is_glitch))
+def fit_richer_models(segments: list[LogSegment], fit: Fit, *, backlash: bool = True) -> list[RicherModel]:
+    """Fit the richer models and cross-validate them with the same blocks as the first-order fit."""
+    found = [fit_second_order(segments, fit)]
+    if backlash:
+        start = RicherModel(kind="backlash", base=fit.model, play_rad=0.3, motor_share=0.3)
+        found.append(_solve(segments, fit, start, ~fit.is_glitch))
     return [_validated(segments, fit, model) for model in found]
 
 

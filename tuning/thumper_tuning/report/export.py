@@ -9,6 +9,7 @@ import numpy as np
 
 from thumper.common.files import write_text
 from thumper_tuning.design.gains import Design
+from thumper_tuning.identify.compare_models import era_models
 from thumper_tuning.identify.motor import IdentifiedMotor
 from thumper_tuning.identify.partial import PartialMotor
 from thumper_tuning.identify.result_json import partial_to_dict
@@ -73,8 +74,8 @@ def _systems(motor: IdentifiedMotor) -> "dict[str, control.TransferFunction]":
             second.base, second.second_time_constant_s, motor.period_s
         ),
     }
-    for model in motor.compare():
-        if model.kind.startswith("ERA") and model.system is not None:
+    for model in era_models(list(motor.segments), motor.fit):
+        if model.system is not None:
             found[f"{motor.name}_era_{len(model.system.A)}"] = _transfer_function(model.system)
     return found
 

@@ -18,11 +18,10 @@ from thumper_tuning.design.plant_family import plant_family
 from thumper_tuning.report.figures import (
     AFTER,
     BEFORE,
-    HALF,
     MEASURED,
     MODEL,
+    PANEL,
     REFERENCE,
-    WIDE,
     add_grid,
     new_figure,
 )
@@ -45,34 +44,46 @@ def _family(design: Design) -> list[SpeedLoop]:
     return [SpeedLoop.of_board(p, gains.kp, gains.ki) for p in plants if is_stable(p, gains.kp, gains.ki)]
 
 
-def step(design: Design, before: tuple[float, float] | None) -> Figure:
-    """Draw the responses to a set-point step and to a load step, PI alone: before, after, plant family."""
-    figure = new_figure(WIDE)
-    setpoint, load = figure.subplots(1, 2)
+def setpoint_step(design: Design, before: tuple[float, float] | None) -> Figure:
+    """Draw the responses to a unit step of the set-point, PI alone: before, after, plant family."""
+    figure = new_figure(PANEL)
+    axes = figure.subplots()
     ticks = round(STEP_DURATION_S / design.period_s)
     time_s = np.arange(ticks + 1) * design.period_s
     for k, loop in enumerate(_family(design)):
         label = "battery ±15 %, inertia x0.36 ... x2" if k == 0 else None
-        y = loop.step_response(ticks)
-        setpoint.plot(time_s, y, color=REFERENCE, alpha=0.25, lw=0.8, label=label)
+        axes.plot(time_s, loop.step_response(ticks), color=REFERENCE, alpha=0.25, lw=0.8, label=label)
+    _draw_responses(axes, design, before, ticks, load_pwm=0.0)
+    axes.set(title="unit step of the set-point, PI alone")
+    return figure
+
+
+def load_step(design: Design, before: tuple[float, float] | None) -> Figure:
+    """Draw the responses to a step of the load, PI alone: before and after."""
+    figure = new_figure(PANEL)
+    axes = figure.subplots()
+    _draw_responses(axes, design, before, round(STEP_DURATION_S / design.period_s), load_pwm=LOAD_STEP_PWM)
+    axes.set(title=f"load step of {LOAD_STEP_PWM:g} PWM")
+    return figure
+
+
+def _draw_responses(
+    axes: Axes, design: Design, before: tuple[float, float] | None, ticks: int, *, load_pwm: float
+) -> None:
     loops = [("after", AFTER, design.loop)]
     if before is not None:
         loops.insert(0, ("before", BEFORE, SpeedLoop.of_board(design.plant, *before)))
+    time_s = np.arange(ticks + 1) * design.period_s
     for label, color, loop in loops:
-        for axes, load_pwm in ((setpoint, 0.0), (load, LOAD_STEP_PWM)):
-            y = loop.step_response(ticks, load_pwm=load_pwm)
-            axes.plot(time_s, y, "o-", color=color, ms=3, label=label)
-    setpoint.set(xlabel="time [s]", ylabel="speed [rad/s]", title="unit step of the set-point, PI alone")
-    load.set(xlabel="time [s]", ylabel="speed [rad/s]", title=f"load step of {LOAD_STEP_PWM:g} PWM")
-    add_grid(setpoint, load)
-    setpoint.legend(fontsize=8)
-    load.legend(fontsize=8)
-    return figure
+        axes.plot(time_s, loop.step_response(ticks, load_pwm=load_pwm), "o-", color=color, ms=3, label=label)
+    axes.set(xlabel="time [s]", ylabel="speed [rad/s]")
+    add_grid(axes)
+    axes.legend()
 
 
 def bode(design: Design) -> Figure:
     """Draw the Bode plot of the open loop with its margins."""
-    figure = new_figure(HALF)
+    figure = new_figure(PANEL)
     axes = figure.subplots(2, 1, sharex=True)
     with _quiet():
         omega = design.loop.frequencies()[20:]
@@ -81,15 +92,14 @@ def bode(design: Design) -> Figure:
         )
     margins = design.margins
     axes[0].set_title(
-        f"Bode of L: gain margin {margins.gain_margin:.2f}, phase margin {margins.phase_margin_deg:.0f}°",
-        fontsize=10,
+        f"Bode of L: gain margin {margins.gain_margin:.2f}, phase margin {margins.phase_margin_deg:.0f}°"
     )
     return figure
 
 
 def nyquist(design: Design) -> Figure:
     """Draw the Nyquist plot with the disk |1 + L| < 1 / Ms, which the loop does not enter."""
-    figure = new_figure(HALF)
+    figure = new_figure(PANEL)
     axes = figure.subplots()
     with _quiet():
         control.nyquist_plot(
@@ -103,13 +113,13 @@ def nyquist(design: Design) -> Figure:
             max_curve_magnitude=6.0,
         )
     axes.set(xlim=(-2.2, 1.2), ylim=(-1.9, 1.1), aspect="equal")
-    axes.set_title(f"Nyquist of L: Ms = {design.margins.max_sensitivity:.2f}", fontsize=10)
+    axes.set_title(f"Nyquist of L: Ms = {design.margins.max_sensitivity:.2f}")
     return figure
 
 
 def sensitivity(design: Design) -> Figure:
     """Draw |S| and |T| of the nominal loop, and |S| of the plant family."""
-    figure = new_figure(HALF)
+    figure = new_figure(PANEL)
     axes = figure.subplots()
     omega = design.loop.frequencies()
     loops: list[tuple[control.TransferFunction, str, str | None]] = [
@@ -122,15 +132,15 @@ def sensitivity(design: Design) -> Figure:
         axes.loglog(omega, magnitude, color=color, alpha=alpha, lw=width, label=label)
     nominal, worst = design.margins.max_sensitivity, design.worst_case.max_sensitivity
     axes.set(xlabel="frequency [rad/s]", ylabel="magnitude", ylim=(1e-2, 4.0))
-    axes.set_title(f"sensitivity: Ms {nominal:.2f}, worst case {worst:.2f}", fontsize=10)
+    axes.set_title(f"sensitivity: Ms {nominal:.2f}, worst case {worst:.2f}")
     add_grid(axes, which="both")
-    axes.legend(fontsize=8)
+    axes.legend()
     return figure
 
 
 def pole_zero(design: Design) -> Figure:
     """Draw poles and zeros of the plant and of the closed loop in the z plane."""
-    figure = new_figure(HALF)
+    figure = new_figure(PANEL)
     axes = figure.subplots()
     _unit_circle(axes)
     with _quiet():
@@ -141,15 +151,15 @@ def pole_zero(design: Design) -> Figure:
             control.pole_zero_plot(system, ax=axes, color=color, label=label, title="", grid=False)
     _natural, damping = design.loop.damping()
     axes.set(aspect="equal", xlim=(-1.25, 1.25), ylim=(-1.25, 1.25))
-    axes.set_title(f"poles and zeros, T = {design.period_s:g} s: damping ≥ {damping.min():.2f}", fontsize=10)
+    axes.set_title(f"poles and zeros, T = {design.period_s:g} s: damping ≥ {damping.min():.2f}")
     add_grid(axes)
-    axes.legend(loc="upper right", fontsize=8)
+    axes.legend(loc="upper right")
     return figure
 
 
 def root_locus(design: Design) -> Figure:
     """Draw the closed-loop poles for all loop gains, and those of the design (squares)."""
-    figure = new_figure(HALF)
+    figure = new_figure(PANEL)
     axes = figure.subplots()
     _unit_circle(axes)
     with _quiet():
@@ -157,7 +167,7 @@ def root_locus(design: Design) -> Figure:
             design.loop.open_loop, ax=axes, grid=False, initial_gain=1.0, color=MODEL, title=""
         )
     axes.set(aspect="equal", xlim=(-1.9, 1.3), ylim=(-1.25, 1.25))
-    axes.set_title("root locus over the loop gain; squares: the design", fontsize=10)
+    axes.set_title("root locus over the loop gain; squares: the design")
     add_grid(axes)
     return figure
 

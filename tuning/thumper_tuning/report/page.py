@@ -3,6 +3,7 @@
 import base64
 import html
 import io
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +16,7 @@ from thumper_tuning.drive.verify import Verification
 from thumper_tuning.identify.motor import IdentifiedMotor
 from thumper_tuning.identify.result_json import NOT_IDENTIFIABLE
 from thumper_tuning.logs.motor_log import DriveUnit
+from thumper_tuning.report.text import tracking_change
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,11 +29,11 @@ h1{font-size:1.4em;margin:.4em 0}h2{font-size:1.15em;margin:1em 0 .4em}li{margin
 table{border-collapse:collapse;margin:.5em 0;font-size:.9em}
 td,th{border:1px solid #ccc;padding:.15em .5em;text-align:right}
 th:first-child,td:first-child{text-align:left}
-.figures{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,380px),1fr));gap:.6em}
-.figures img{width:100%;height:auto}.figures .wide{grid-column:span 2}
-@media(max-width:820px){.figures .wide{grid-column:span 1}}
-@media print{@page{margin:1cm}body{font-size:8.5pt;margin:0;padding:0}h2{break-after:avoid}
-.figures{grid-template-columns:repeat(4,1fr);gap:.2em}.figures img,table{break-inside:avoid}}"""
+.figures{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,320px),1fr));gap:.5em}
+.figures img{width:100%;height:auto}
+@media(max-width:600px){table{font-size:.8em}td,th{padding:.15em .3em}}
+@media print{@page{margin:1cm}body{font-size:8pt;margin:0;padding:0}h2{break-after:avoid}
+.figures{grid-template-columns:repeat(2,1fr);gap:.2em;margin:0 8mm}.figures img,table{break-inside:avoid}}"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,39 +48,34 @@ def write_report(
     path: Path, motors: list[IdentifiedMotor], design: Design, board: BoardResults | None = None
 ) -> Path:
     """Write the page; `board` is None for a design from logs alone."""
-    from thumper_tuning.report import figures, loop_figures
+    from thumper_tuning.report import figures
 
     old = board.before.gains if board else None
     parts = ["<h1>Wheel speed control: tuning report</h1>", _verdict(motors, design, board)]
     if board is not None:
+        both = (board.before, board.after)
         parts += ["<h2>On the robot, before and after</h2>", _tables(_tracking_table(board))]
-        tracking = figures.tracking(board.before, board.after)
-        parts += [_grid([_image(tracking, "set-point, speed, error and PWM before and after", wide=True)])]
-    parts += ["<h2>Gains and loop</h2>", _tables(_gains_table(design, old), _margins_table(design, old))]
-    step = loop_figures.step(design, (old.kp, old.ki) if old else None)
-    loop = [_image(step, "response to a step of set-point and load", wide=True)]
-    loop += [
-        _image(draw(design), f"{draw.__name__.replace('_', ' ')} plot")
-        for draw in (
-            loop_figures.bode,
-            loop_figures.nyquist,
-            loop_figures.sensitivity,
-            loop_figures.pole_zero,
-            loop_figures.root_locus,
+        parts.append(
+            _grid(
+                _image(figures.tracking(name, run, both), f"set-point, speed, error and PWM {name}")
+                for name, run in zip(("before", "after"), both, strict=True)
+            )
         )
-    ]
-    parts.append(_grid(loop))
+    parts += ["<h2>Gains and loop</h2>", _tables(_gains_table(design, old), _margins_table(design, old))]
+    parts.append(_grid(_loop_images(design, (old.kp, old.ki) if old else None)))
     for motor in motors:
         parts += [f"<h2>Motor {html.escape(motor.name)}</h2>"]
         parts += [_tables(_motor_table(motor), _models_table(motor))]
         parts += [f"<p>Note: {html.escape(warning)}.</p>" for warning in motor.warnings]
         parts.append(
             _grid(
-                [
-                    _image(figures.data_and_model(motor), "drive, measured and predicted speed", wide=True),
-                    _image(figures.static_map(motor), "steady speed over drive"),
-                    _image(figures.residuals(motor), "measured minus predicted speed", wide=True),
-                ]
+                _image(draw(motor), shows)
+                for draw, shows in (
+                    (figures.data_and_model, "drive, measured and predicted speed"),
+                    (figures.static_map, "steady speed over drive"),
+                    (figures.residuals, "measured minus predicted speed"),
+                    (figures.residual_correlation, "autocorrelation of the residuals"),
+                )
             )
         )
     parts.append(f"<p>{html.escape(NOT_IDENTIFIABLE)}.</p>")
@@ -118,8 +115,7 @@ def _verdict(motors: list[IdentifiedMotor], design: Design, board: BoardResults 
         change = change or "nothing: the board already has these gains"
         before = SpeedLoop.of_board(design.plant, old.kp, old.ki).margins()
         errors = "; ".join(
-            f"tracking error at {b.acceleration_rad_s2:g} rad/s² {b.std_rad_s:.3f} → {a.std_rad_s:.3f} rad/s"
-            for b, a in zip(board.before.tracking, board.after.tracking, strict=True)
+            tracking_change(b, a) for b, a in zip(board.before.tracking, board.after.tracking, strict=True)
         )
         gain = f"{errors}; Ms {before.max_sensitivity:.2f} → {margins.max_sensitivity:.2f}"
     lines = (("Found", found), ("Changes", change), ("Effect", gain))
@@ -127,7 +123,22 @@ def _verdict(motors: list[IdentifiedMotor], design: Design, board: BoardResults 
     return f'<div class="verdict">{text}</div>'
 
 
-def _grid(images: list[str]) -> str:
+def _loop_images(design: Design, before: tuple[float, float] | None) -> Iterator[str]:
+    from thumper_tuning.report import loop_figures
+
+    yield _image(loop_figures.setpoint_step(design, before), "response to a step of the set-point")
+    yield _image(loop_figures.load_step(design, before), "response to a step of the load")
+    for draw in (
+        loop_figures.bode,
+        loop_figures.nyquist,
+        loop_figures.sensitivity,
+        loop_figures.pole_zero,
+        loop_figures.root_locus,
+    ):
+        yield _image(draw(design), f"{draw.__name__.replace('_', ' ')} plot")
+
+
+def _grid(images: Iterable[str]) -> str:
     return f'<div class="figures">{"".join(images)}</div>'
 
 
@@ -139,12 +150,11 @@ def _unit_text(motor: IdentifiedMotor) -> str:
     return "PWM" if motor.unit is DriveUnit.PWM else motor.unit.value
 
 
-def _image(figure: "Figure", shows: str, *, wide: bool = False) -> str:
+def _image(figure: "Figure", shows: str) -> str:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=130)
     data = base64.b64encode(buffer.getvalue()).decode()
-    kind = ' class="wide"' if wide else ""
-    return f'<img alt="{shows}"{kind} src="data:image/png;base64,{data}">'
+    return f'<img alt="{shows}" src="data:image/png;base64,{data}">'
 
 
 def _models_table(motor: IdentifiedMotor) -> str:
@@ -152,12 +162,18 @@ def _models_table(motor: IdentifiedMotor) -> str:
         [
             model.kind,
             f"{model.fit_percent:.1f}",
-            f"{1e3 * model.time_constant_s:.1f}" if model.time_constant_s is not None else "-",
+            " + ".join(
+                f"{1e3 * tau_s:.1f}"
+                for tau_s in (model.time_constant_s, model.second_time_constant_s)
+                if tau_s is not None
+            )
+            or "-",
         ]
         for model in motor.compare()
     ]
     rows += [
-        [f"held-out {kind}", f"{percent:.1f}", ""] for kind, percent in motor.fit_percent_by_kind.items()
+        [f"first order, {kind}", f"{percent:.1f}", ""]
+        for kind, percent in motor.fit_percent_by_kind.items()
     ]
     return _table(["model", "validation fit [%]", "time constant [ms]"], rows)
 

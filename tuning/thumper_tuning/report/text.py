@@ -1,11 +1,14 @@
 """Results as lines of text, for the terminal and the web page."""
 
+import math
+
 from thumper_tuning.design.gains import Design
-from thumper_tuning.drive.verify import Verification
+from thumper_tuning.drive.verify import TrackingError, Verification
 from thumper_tuning.identify.motor import IdentifiedMotor
 from thumper_tuning.identify.partial import PartialMotor
 from thumper_tuning.logs.motor_log import DriveUnit
 
+NOISE_SIGMAS = 2.0  # a smaller change of the tracking error is none
 MAX_QUIET_SENSITIVITY = 2.0  # a worst-case Ms up to this needs no warning
 
 
@@ -79,6 +82,18 @@ def design_lines(design: Design) -> list[str]:
             "`--ms 1.4` or a lower control rate leaves more margin"
         )
     return lines
+
+
+def tracking_change(before: TrackingError, after: TrackingError) -> str:
+    """Return how the tracking error of a ramp changed, or that the change is within its noise."""
+    text = (
+        f"tracking error at {before.acceleration_rad_s2:g} rad/s² {before.std_rad_s:.3f} → "
+        f"{after.std_rad_s:.3f} rad/s"
+    )
+    noise_rad_s = NOISE_SIGMAS * math.hypot(before.std_error_rad_s, after.std_error_rad_s)
+    if abs(after.std_rad_s - before.std_rad_s) > noise_rad_s:
+        return text
+    return f"{text}, no change beyond the noise of ±{noise_rad_s:.3f}"
 
 
 def tracking_lines(verification: Verification) -> list[str]:
