@@ -172,8 +172,7 @@ def _models_table(motor: IdentifiedMotor) -> str:
         for model in motor.compare()
     ]
     rows += [
-        [f"first order, {kind}", f"{percent:.1f}", ""]
-        for kind, percent in motor.fit_percent_by_kind.items()
+        [f"first order, {kind}", f"{percent:.1f}", ""] for kind, percent in motor.fit_percent_by_kind.items()
     ]
     return _table(["model", "validation fit [%]", "time constant [ms]"], rows)
 
