@@ -125,8 +125,8 @@ def main() -> None:
     parser.add_argument("--floor", default="", help="the simulated floor; empty: that of the preset")
     options = parser.parse_args()
     for preset in ("nominal", "hard"):
-        relative: dict[tuple[str, str], list[float]] = defaultdict(list)
-        sigmas: dict[tuple[str, str], list[float]] = defaultdict(list)
+        relative: dict[tuple[bool, str], list[float]] = defaultdict(list)
+        sigmas: dict[tuple[bool, str], list[float]] = defaultdict(list)
         for seed in range(1, options.seeds + 1):
             found = estimated(seed, preset, options.floor)
             true = truth(seed, preset, options.floor) if found else {}
