@@ -8,6 +8,7 @@ import pytest
 
 from tests.firmware.board.boot import ROOT
 from tests.firmware.mutation.guards import GUARDS, is_noticed
+from tests.firmware.mutation.hazards import HAZARDS, chosen_test, without
 from tests.firmware.mutation.mutants import CORE, mutants
 
 SAFETY_CASE = ROOT / "docs" / "explanation" / "safety.md"
@@ -49,6 +50,17 @@ def test_a_test_of_the_safety_case_fails_without_the_guard(guard: str, file: str
     """A sample. `python -m tests.firmware.mutation.guards` removes every guard."""
     assert f"`tests/firmware/{file}::{test}`" in SAFETY_CASE.read_text(encoding="utf-8")
     assert is_noticed(replace(GUARDS[guard], test=f"{file} -k {test}"))
+
+
+def test_each_hazard_of_the_board_has_a_guard_to_remove() -> None:
+    """`python -m tests.firmware.mutation.hazards` removes them and runs the tests."""
+    section = SAFETY_CASE.read_text(encoding="utf-8").split("## Board, motors, battery")[1].split("\n## ")[0]
+    hazards = [line.split(" | ")[0].removeprefix("| ") for line in section.splitlines() if "::test_" in line]
+    assert set(hazards) - set(HAZARDS) == {"tests on a real board with wheels on the ground"}
+    for hazard, removal in HAZARDS.items():
+        assert chosen_test(hazard)
+        source = CORE.parent / removal.file
+        assert without(removal, source.read_text(encoding="utf-8"))
 
 
 def test_a_sample_of_mutants_is_killed() -> None:

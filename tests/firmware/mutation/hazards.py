@@ -1,0 +1,257 @@
+"""For each hazard guarded by the firmware: without the guard, the test that the safety case names fails.
+
+python -m tests.firmware.mutation.hazards              all, on demand (a copy of the repository for each)
+python -m tests.firmware.mutation.hazards --only TEXT  hazards that contain it
+
+guards.py removes the guards of `app` and `board` one by one; this goes through docs/explanation/safety.md.
+"""
+
+import argparse
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+from tests.firmware.board.boot import ROOT
+
+SAFETY_CASE = ROOT / "docs" / "explanation" / "safety.md"
+CHIP_LIBRARY = Path("hil/thumper_hil/chip/native/build")
+INTERFACE, MAIN, MISSION = (
+    "core/host_interface.hpp",
+    "app/main.cpp",
+    "tests/hil/faults/test_faults_mission.py::test_robot_stops_in_time_and_reports_the_cause",
+)
+
+
+class Removal(NamedTuple):
+    """A file of the firmware, a text of it, the text without the guard, and which of the tests to run."""
+
+    file: str
+    old: str
+    new: str
+    test: str  # the end of a test that the row names; "-k" may follow
+
+
+LINK = ("if (silence_ms_ >= kLinkTimeout_ms) Trip(Fault::kLinkLost);", "")
+ACCELEROMETER = ("adc.TakeAxes(&axes)) host.UpdateAcceleration(axes);", "adc.TakeAxes(&axes)) axes[0] = 0;")
+STALL = ("if (verdict == WheelMonitor::Verdict::kStall) Trip(stall);", "")
+HAZARDS: dict[str, Removal] = {
+    "the robot runs into something that no sensor saw": Removal(
+        MAIN, "host.UpdateInputs(pins::ReadInputs());", "", "test_a_switch_stops_the_motors_within_a_tick"
+    ),
+    "the robot runs into something and no switch touches it": Removal(
+        MAIN, *ACCELEROMETER, "test_a_collision_stops_the_motors"
+    ),
+    "the robot falls on its side, or somebody lifts it while it drives": Removal(
+        MAIN, *ACCELEROMETER, "test_a_robot_on_its_side_stops_after_300_ms"
+    ),
+    "the operator presses a button at an input of the board": Removal(
+        INTERFACE,
+        "AckStatus::kOk && input_active_ ?",
+        "AckStatus::kOk && false ?",
+        "test_nothing_arms_or_clears_while_an_input_is_active",
+    ),
+    "navigation keeps a dead gamepad's motors on": Removal(
+        INTERFACE,
+        "if (supervisor_.state() == State::kClosedLoop) Drive(",
+        "silence_ms_ = 0;\n        if (supervisor_.state() == State::kClosedLoop) Drive(",
+        "test_a_planner_does_not_keep_a_dead_gamepad_alive",
+    ),
+    "the robot's program is killed": Removal(INTERFACE, *LINK, "test_robot_process_killed"),
+    "the robot's program hangs": Removal(INTERFACE, *LINK, "test_robot_process_hangs"),
+    "the board's cable is cut": Removal(INTERFACE, *LINK, "test_serial_cut"),
+    "noise on the line": Removal(
+        "core/framing.hpp", " && crc == kFrameResidue", "", "test_every_single_bit_flip_is_refused"
+    ),
+    "arbitrary bytes": Removal(
+        "core/framing.hpp",
+        "if (length_ < sizeof(body_)) {",
+        "if (true) {",
+        "test_no_bytes_break_the_firmware",
+    ),
+    "a flood of requests": Removal(
+        MAIN,
+        "for (uint8_t left = 64; left != 0 && uart.Get(&byte); --left) {",
+        "while (uart.Get(&byte)) {",
+        "test_a_host_that_never_pauses_keeps_neither_time_out_nor_watchdog_away",
+    ),
+    "encoder wire cut, motor dead": Removal(INTERFACE, *STALL, f"{MISSION} -k encoder.left.b"),
+    "encoder or motor wires exchanged: the loop would run away": Removal(
+        INTERFACE,
+        "if (verdict == WheelMonitor::Verdict::kReversed) Trip(reversed);",
+        "",
+        "test_a_wheel_that_keeps_counting_the_wrong_way_is_reversed",
+    ),
+    "the same on a wheel that scrub holds in a slow counter-turn": Removal(
+        INTERFACE,
+        "           Magnitude(current_mA) * (kMaxPwm * 4 / 3) > 2 * stall_2mA * Magnitude(wheel.pwm);",
+        "           true;",
+        "test_a_dead_encoder_is_still_found",
+    ),
+    "wheel blocked: the motor burns": Removal(
+        INTERFACE, "if (verdict == WheelMonitor::Verdict::kStall)", "if (false)", f"{MISSION} -k wheels.right"
+    ),
+    "encoder signal disturbed": Removal(
+        INTERFACE,
+        "if (edge_monitor_.Step(samples_.lost_edges)) Trip(Fault::kLostEdges);",
+        "",
+        "test_lost_edges_stop_the_motors",
+    ),
+    "short in a motor": Removal(
+        INTERFACE,
+        "if (current_monitor_.Step(left_mA, right_mA, limit_mA)) Trip(Fault::kOverCurrent);",
+        "current_monitor_.Step(left_mA, right_mA, limit_mA);",
+        "test_shorted_motor_causes_over_current",
+    ),
+    "battery empty: a LiPo is ruined": Removal(
+        INTERFACE,
+        "    if (fault != Fault::kNone) Trip(fault);\n    return fault == Fault::kLowBattery;",
+        "    return fault == Fault::kLowBattery;",
+        "test_low_battery_stops_and_holds_until_charged",
+    ),
+    "analogue converter stops: empty battery and over-current go unnoticed": Removal(
+        MAIN,
+        "if (adc.stopped()) host.LoseAnalogReadings();",
+        "",
+        "test_a_stopped_converter_stops_the_motors",
+    ),
+    "wrong battery, or its divider broken: low battery goes unnoticed": Removal(
+        "core/battery.hpp",
+        "    if (high_) return Fault::kHighBattery;\n",
+        "",
+        "test_a_battery_that_reads_too_high_stops_the_motors",
+    ),
+    "directions or dimensions of another robot are set": Removal(
+        INTERFACE,
+        "if (supervisor_.armed() && index >= kFirstRobotParameter) return AckStatus::kArmed;",
+        "",
+        "test_a_parameter_of_the_robot_changes_only_with_the_motors_off",
+    ),
+    "an interrupt at a bad moment tears a command or a measurement": Removal(
+        MAIN, "} while (ticks != 0);", "} while (false);", "tears_nothing -k telemetry_is_whole-tick"
+    ),
+    "firmware hangs, interrupts on": Removal(
+        MAIN, "  watchdog::Start();\n", "", "test_a_hang_with_interrupts_on_is_recovered"
+    ),
+    "firmware hangs, interrupts off": Removal(
+        "board/watchdog.hpp",
+        "WDTCSR = 1 << WDIE | 1 << WDE | 1 << WDP2;",
+        "WDTCSR = 1 << WDIE | 1 << WDP2;",
+        "test_a_hang_with_interrupts_off_ends_safe_but_dead",
+    ),
+    "its millisecond timer stops, and the time-out with it": Removal(
+        MAIN,
+        "if (clock_runs) watchdog::Kick();",
+        "watchdog::Kick();",
+        "test_a_dead_millisecond_timer_is_noticed",
+    ),
+    "board reset while driving": Removal(
+        "core/supervisor.hpp",
+        "State state_ = State::kDisarmed;",
+        "State state_ = State::kClosedLoop;",
+        "test_reset_while_driving_disarms_the_robot",
+    ),
+    "a reset clears a fault by accident": Removal(
+        MAIN,
+        "  reset::Keep(host.supervisor().fault());\n",
+        "",
+        "test_a_latched_fault_outlasts_a_reset",
+    ),
+    "a state without a reaction to a fault": Removal(
+        "core/supervisor.hpp",
+        "static_assert(Complete(MakeTransitions()),",
+        "static_assert(Complete(MakeTransitions()) || true,",
+        "test_a_spoilt_table_does_not_compile",
+    ),
+    "power fails while gains are saved": Removal(
+        "core/store.hpp",
+        "    next_slot_ ^= 1;\n",
+        "",
+        "test_a_cut_in_a_later_save_leaves_the_old_set_or_the_new",
+    ),
+    "extreme gains or parameters": Removal(
+        "core/parameters.hpp",
+        "      return AckStatus::kOutOfRange;\n",
+        "",
+        "test_parameters_start_at_their_default_and_keep_their_range",
+    ),
+    "a motor is reversed at speed": Removal(
+        "board/motors.hpp",
+        "      left_rest_ = kRest;\n",
+        "      left_rest_ = 1;\n",
+        "test_a_turning_motor_rests_first",
+    ),
+    "manual driving ends at speed: the wheels are braked and swing back": Removal(
+        "core/drive.hpp",
+        "    controller_.TrackSpeed(speed);\n",
+        "",
+        "test_a_rolling_wheel_that_is_taken_over_does_not_swing_back",
+    ),
+}
+
+
+def named_tests(hazard: str) -> list[str]:
+    """Return the tests in a hazard's row of the safety case."""
+    row = next(
+        line for line in SAFETY_CASE.read_text(encoding="utf-8").splitlines() if f"| {hazard} |" in line
+    )
+    return re.findall(r"`(tests/[\w/]+\.py::test_\w+)`", row)
+
+
+def chosen_test(hazard: str) -> list[str]:
+    """Return pytest's arguments for a hazard; raise StopIteration if its row does not name the test."""
+    name, *selection = HAZARDS[hazard].test.split()
+    return [next(test for test in named_tests(hazard) if test.endswith(name)), *selection]
+
+
+def without(removal: Removal, text: str) -> str:
+    """Return a file's text without the guard; raise ValueError if the guard is not there once."""
+    if text.count(removal.old) != 1:
+        raise ValueError(f"{removal.file}: {removal.old.strip()!r} must occur once; update hazards.py")
+    return text.replace(removal.old, removal.new)
+
+
+def is_noticed(hazard: str) -> bool:
+    """Return whether the test fails in a copy of the repository without the guard."""
+    removal = HAZARDS[hazard]
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
+    with tempfile.TemporaryDirectory() as name:
+        copy = Path(name)
+        for file in listed.stdout.splitlines():
+            (copy / file).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / file, copy / file, follow_symlinks=False)
+        shutil.copytree(ROOT / CHIP_LIBRARY, copy / CHIP_LIBRARY)
+        path = copy / "firmware" / removal.file
+        path.write_text(without(removal, path.read_text(encoding="utf-8")), encoding="utf-8")
+        for board in ("trex", "nano"):
+            subprocess.run(
+                ["make", "-s", "-C", copy / "firmware", f"BOARD={board}"], check=True, capture_output=True
+            )
+        folders = [str(copy / folder) for folder in ("host", "hil", "tuning", "")]
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(folders)}
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:xdist", "-p", "no:cacheprovider"]
+        command += chosen_test(hazard)
+        done = subprocess.run(command, env=environment, cwd=copy, capture_output=True, check=False)
+        return done.returncode == 1
+
+
+def main() -> int:
+    """Print each hazard; return 1 if a test passes without the guard."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--only", default="", help="hazards that contain this text")
+    missed = 0
+    for hazard in HAZARDS:
+        if parser.parse_args().only in hazard:
+            noticed = is_noticed(hazard)
+            missed += not noticed
+            print(f"{'noticed' if noticed else 'MISSED'}: {hazard}", flush=True)
+    print(f"{missed} missed")
+    return int(missed > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
