@@ -59,7 +59,7 @@ def test_the_session_follows_the_edited_map(thumper: Run, tmp_path: Path) -> Non
     assert [new.read_text(), (tmp_path / "new.yaml").exists()] == ["of another map", False]
     done = thumper("edit", lab, "--rotate", "90", "--out", lab, "--force")
     assert done.returncode == 0, done.stderr
-    assert done.stdout.endswith(": " + f"{lab}, lab.pgm and lab.session\n")
+    assert done.stdout.endswith(": " + f"{lab}, lab.pgm, lab.session\n")
     said = load_session(lab.with_suffix(".session"), 0.05)
     turned = load_map(lab)
     np.testing.assert_array_equal(said.counts.grid(0.25).cells, turned.cells)

@@ -46,6 +46,7 @@ def edit(
     """
     from thumper.cli.output.folder import prepare_output
     from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.maps.annotations import annotations_path, load_annotations, save_annotations
     from thumper.maps.hit_counts import HitCounts
     from thumper.maps.map_server_io import load_rotated_map, map_yaml_path, save_map
     from thumper.slam.saved_state import SavedSlamState, save_session
@@ -57,7 +58,7 @@ def edit(
         )
     grid, yaw_rad = load_rotated_map(file)
     out = map_yaml_path(out)
-    for path in (out, out.with_suffix(".pgm"), out.with_suffix(".session")):
+    for path in (out, out.with_suffix(".pgm"), out.with_suffix(".session"), annotations_path(out)):
         if path.exists() and not force:
             raise ThumperError(
                 f"{path} already exists; choose another --out or add --force", exit_code=EXIT_USAGE
@@ -69,13 +70,16 @@ def edit(
         raise ThumperError(
             "nothing to do: give --rotate, --free, --wall, --unknown, --crop or --trim", exit_code=EXIT_USAGE
         )
+    annotations = load_annotations(annotations_path(file))
     prepare_output(out.parent)
     pose = _saved_pose(file, grid.resolution_m, math.radians(rotate))
     image = save_map(grid, out)
     session = save_session(
         SavedSlamState(counts=HitCounts.from_grid(grid), map_from_base=pose), out.with_suffix(".session")
     )
-    print(f"{file}: {', '.join(done)}; {_size_text(grid)}: {out}, {image.name} and {session.name}")
+    zones = save_annotations(annotations.rotated(math.radians(rotate)), annotations_path(out))
+    names = ", ".join((image.name, session.name, *zones))
+    print(f"{file}: {', '.join(done)}; {_size_text(grid)}: {out}, {names}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,6 +12,7 @@ from thumper.cli.options.common import AsJson, ConfigFile
 if TYPE_CHECKING:
     from thumper.cli.plan_queries import PlanAnswer
     from thumper.maps.occupancy_grid import OccupancyGrid
+    from thumper.navigation.costmap.filters import Masks
     from thumper.navigation.options import NavigationOptions
 
 KEEP_OUT_SHADE = 40  # occupancy in percent with which to draw a keep-out zone
@@ -60,7 +61,9 @@ def plan(
     from thumper.cli.plan_queries import PlanQuery, QueryPlanner, read_queries, to_csv
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.config.robot import load_config
+    from thumper.maps.annotations import annotations_path, load_annotations
     from thumper.maps.map_server_io import load_map
+    from thumper.navigation.costmap.zones import zone_masks
 
     if batch is None and (start is None or goal is None):
         raise ThumperError(
@@ -73,10 +76,11 @@ def plan(
     settings = load_config(config)
     options = _options(settings.navigation, planner, unknown, {"keepout": keepout, "speed": speed_mask})
     grid = load_map(file)
+    zones = zone_masks(load_annotations(annotations_path(file)).zones)
     queries = read_queries(batch, grid) if batch else []
     if start and goal:
         queries = [PlanQuery(start_m=start, goal_m=goal)]
-    query_planner = QueryPlanner(grid, settings, options)
+    query_planner = QueryPlanner(grid, settings, options, zones)
     if options.planner != "carrot":  # load the kernels first, so that they do not count as planning time
         query_planner.answer(queries[0], tolerance_m=tolerance, heading_deg=heading)
     answers = [query_planner.answer(query, tolerance_m=tolerance, heading_deg=heading) for query in queries]
@@ -122,9 +126,7 @@ def _text(answer: "PlanAnswer") -> str:
     )
 
 
-def _draw(
-    grid: "OccupancyGrid", keepout: "OccupancyGrid | None", answer: "PlanAnswer", png: Path, title: str
-) -> None:
+def _draw(grid: "OccupancyGrid", keepout: "Masks", answer: "PlanAnswer", png: Path, title: str) -> None:
     """Draw map, keep-out zones and path."""
     import numpy as np
 

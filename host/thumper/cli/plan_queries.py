@@ -17,7 +17,7 @@ from thumper.config.robot import RobotConfig
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.controllers.speed_limiter import SpeedLimiter
 from thumper.navigation.costmap.costmap import build_costmap
-from thumper.navigation.costmap.filters import load_masks
+from thumper.navigation.costmap.filters import CostmapFilters, load_masks
 from thumper.navigation.costmap.footprint_collision import ground_cost_at
 from thumper.navigation.goal import Goal, check_place
 from thumper.navigation.options import NavigationOptions
@@ -79,12 +79,15 @@ class PlanAnswer:
 class QueryPlanner:
     """Plans on one saved map with the robot's planner, costmap and speed limits."""
 
-    def __init__(self, grid: OccupancyGrid, settings: RobotConfig, options: NavigationOptions) -> None:
-        masks = load_masks(options.masks)
+    def __init__(
+        self, grid: OccupancyGrid, settings: RobotConfig, options: NavigationOptions, zones: CostmapFilters
+    ) -> None:
+        """`zones` are the masks of the zones that were saved with the map."""
+        masks = load_masks(options.masks) + zones
         self.keepout = masks.keepout
         self._footprint = settings.footprint
         self._planner = make_planner(options, settings.footprint)
-        self._limiter = SpeedLimiter(options.limits, approach_m_s=options.approach_m_s, mask=masks.speed)
+        self._limiter = SpeedLimiter(options.limits, approach_m_s=options.approach_m_s, masks=masks.speed)
         self._costmap = build_costmap(
             grid, np.empty((0, 2)), settings.footprint, options.costmap, masks.keepout
         )

@@ -11,6 +11,7 @@ from thumper.cli.start_map import load_start_map
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig
+from thumper.maps.annotations import annotations_path, save_annotations
 from thumper.maps.map_server_io import save_map
 from thumper.maps.occupancy_grid import OCCUPIED
 from thumper.runtime.loop import RobotLoop
@@ -28,7 +29,7 @@ def autosaved(robot: RobotLoop, out: Path) -> Iterator[None]:
     def report(text: str) -> None:
         robot.request_queue.put(LogMessage(text=text))
 
-    autosave = Autosave(robot.inputs.estimator, out / AUTOSAVE, report)
+    autosave = Autosave(robot.inputs.estimator, lambda: robot.annotations, out / AUTOSAVE, report)
     robot.after_cycle.append(autosave.step)
     is_regular = False
     try:
@@ -77,6 +78,8 @@ def set_aside_interrupted(out: Path) -> None:
     path, kept = out / AUTOSAVE, out / INTERRUPTED
     if path.exists():
         path.replace(kept)
+        if annotations_path(path).exists():
+            annotations_path(path).replace(annotations_path(kept))
         print(f"the last run did not end: --session {kept} resumes its map", flush=True)
 
 
@@ -86,5 +89,6 @@ def save_map_and_session(robot: RobotLoop, out: Path) -> list[str]:
     if state is None or not robot.inputs.has_map:
         return []
     image = save_map(robot.mapper.grid(), out / "map.yaml")
-    session = SavedSlamState.from_mapper(robot.mapper, state.map_from_base)
-    return [image.name, "map.yaml", save_session(session, out / "map.session").name]
+    session = save_session(SavedSlamState.from_mapper(robot.mapper, state.map_from_base), out / "map.session")
+    zones = save_annotations(robot.annotations, annotations_path(out / "map.yaml"))
+    return [image.name, "map.yaml", session.name, *zones]

@@ -13,11 +13,12 @@ from thumper.cli.options.record import recorded
 from thumper.cli.output.compile_progress import compile_progress
 from thumper.cli.output.drive_progress import ProgressDisplay, print_warnings
 from thumper.cli.output.folder import prepare_output
-from thumper.cli.resume import autosaved, load_interrupted, set_aside_interrupted
+from thumper.cli.resume import AUTOSAVE, autosaved, load_interrupted, set_aside_interrupted
 from thumper.cli.start_map import load_start_map
 from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig, load_config, with_ports
 from thumper.dashboard.process import dashboard_process
+from thumper.maps.annotations import annotations_path, load_annotations
 from thumper.navigation.goal import check_place
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.drive.tasks import Task
@@ -75,17 +76,18 @@ def opened_robot(options: RunOptions, settings: RobotConfig, *, serving: bool = 
     the last run did not end regularly, the robot resumes its map at the pose that was saved last.
     """
     known = load_start_map(settings, options.saved_map, options.session)
-    start = options.start_pose
+    start, path = options.start_pose, options.saved_map or options.session
     if known is None and not options.fresh and (session := load_interrupted(settings, options.out, start)):
-        known, start = session, session.map_from_base
+        known, start, path = session, session.map_from_base, options.out / AUTOSAVE
     else:
         set_aside_interrupted(options.out)
+    annotations = load_annotations(annotations_path(path)) if path else None
     map_path = options.out / "map.yaml" if serving else None
     join_bus = on_bus if serving else on_bus_if_free
     with (
         compile_progress(Console()),
         dashboard_process(options.config, settings.bus.address, wanted=options.ui),
-        open_robot(settings, start, known, map_path=map_path) as robot,
+        open_robot(settings, start, known, map_path=map_path, annotations=annotations) as robot,
         recorded(robot, settings, start, options.record, options.record_to),
         join_bus(robot, settings.name, settings.bus),
         autosaved(robot, options.out),
@@ -106,6 +108,6 @@ def run_and_report(robot: RobotLoop, task: Task, out: Path, console: Console) ->
     result = robot.run(task, ProgressDisplay(console))
     from thumper.cli.output.run_report import write_run  # matplotlib: 27 MB that no drive needs
 
-    files = write_run(out, robot.mapper, robot.log, result)
+    files = write_run(out, robot.mapper, robot.annotations, robot.log, result)
     print_warnings(robot, console)
     return FinishedRun(result=result, files=files)

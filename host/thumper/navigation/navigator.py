@@ -7,12 +7,14 @@ from collections.abc import Callable
 
 import numpy as np
 
+from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.common.kinematics import DriveGeometry
 from thumper.lidar.field_of_view import FieldOfView
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.controllers.controller import ControlRequest, ControlResult
 from thumper.navigation.costmap.costmap import Costmap
+from thumper.navigation.costmap.filters import CostmapFilters, Masks, is_kept_out, load_masks, with_keepout
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.options import NavigationOptions
@@ -52,11 +54,13 @@ class Navigator:
     ) -> None:
         self._parts = NavigatorParts.build(options, footprint, drive, view or FieldOfView())
         self._footprint, self._costmap_options = footprint, options.costmap
+        self._configured_filters = load_masks(options.masks)
         self._active: ActiveGoal | None = None
         self._state, self._reason = NavigationState.IDLE, ""
         self._last_command = Twist2()
         self._last_s: float | None = None
         self._transitions = TransitionLog(on_transition)
+        self.set_filters(CostmapFilters())
 
     @property
     def state(self) -> NavigationState:
@@ -73,9 +77,36 @@ class Navigator:
         """The costmap of the newest cycle, for display and recording."""
         return self._parts.model.costmap
 
+    @property
+    def keepout(self) -> Masks:
+        """The keep-out masks: those of the configuration and those of `set_filters`."""
+        return self._filters.keepout
+
+    def set_filters(self, filters: CostmapFilters) -> None:
+        """Replace the masks beside those of the configuration; they act from the next cycle on.
+
+        A goal under way that is in a keep-out zone now fails.
+        """
+        self._filters = self._configured_filters + filters
+        self._parts.model.set_keepout(self._filters.keepout)
+        self._parts.speed_limiter.masks = self._filters.speed
+        if self._active is None or self._state in FINAL_STATES:
+            return
+        self._parts.path.clear()  # it may lead through a new zone
+        try:
+            self._refuse_kept_out(self._active.goal)
+        except ThumperError as refusal:
+            self._fail(str(refusal))
+
     def validate_goal(self, goal: Goal, grid: OccupancyGrid) -> None:
         """Check that the planner could end a path at a goal. Raises ThumperError as `validate_goal` does."""
-        validate_goal(goal, grid, self._footprint, self._parts.planner, self._costmap_options)
+        self._refuse_kept_out(goal)
+        closed = with_keepout(grid, self._filters.keepout)
+        validate_goal(goal, closed, self._footprint, self._parts.planner, self._costmap_options)
+
+    def _refuse_kept_out(self, goal: Goal) -> None:
+        if is_kept_out(self._filters.keepout, goal.x_m, goal.y_m):
+            raise ThumperError(f"goal {goal} is in a keep-out zone: choose a goal outside it")
 
     def clear_costmaps(self, map_from_base: Pose2) -> None:
         """Forget remembered obstacles, except beside the robot out of the lidar's view, and plan again."""

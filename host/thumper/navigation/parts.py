@@ -12,7 +12,6 @@ from thumper.navigation.controllers.move_ahead import MoveAhead
 from thumper.navigation.controllers.path_follower import PathFollower
 from thumper.navigation.controllers.speed_limiter import SpeedLimiter
 from thumper.navigation.controllers.tight_passage import PoseSequenceFollower
-from thumper.navigation.costmap.filters import load_masks
 from thumper.navigation.costmap.local_model import LocalModel
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
@@ -57,9 +56,8 @@ class NavigatorParts:
         drive: DriveGeometry | None,
         view: FieldOfView,
     ) -> "NavigatorParts":
-        """Build the parts. Raises ThumperError, exit code 2, for an unknown name and an unreadable mask."""
+        """Build the parts. Raises ThumperError, exit code 2, for an unknown name."""
         padded, limits = footprint.grown(options.padding_m), options.limits
-        masks = load_masks(options.masks)
         planner, controller = make_planner(options, padded), make_controller(options, padded)
         # A search of its own: the path's may go on at the same time.
         reachability_planner = make_planner(options, padded)
@@ -81,7 +79,7 @@ class NavigatorParts:
         return cls(
             planner=planner,
             controller=controller,
-            model=LocalModel(options.costmap, options.memory, footprint, padded, masks.keepout, view),
+            model=LocalModel(options.costmap, options.memory, footprint, padded, view),
             path=PathManager(planner, options.route),
             follower=PathFollower(
                 controller,
@@ -90,7 +88,7 @@ class NavigatorParts:
                 MoveAhead(limits, padded),
                 window_m=options.costmap.window_m,
             ),
-            speed_limiter=SpeedLimiter(limits, approach_m_s=options.approach_m_s, mask=masks.speed),
+            speed_limiter=SpeedLimiter(limits, approach_m_s=options.approach_m_s),
             command_filter=CommandFilter(
                 limits=limits,
                 monitor=options.monitor,

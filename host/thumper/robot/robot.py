@@ -28,6 +28,7 @@ from thumper.common.kinematics import WheelSpeeds
 from thumper.common.optional_packages import require_extra
 from thumper.config.robot import load_config
 from thumper.lidar.scan import Scan
+from thumper.maps.annotations import Annotations, annotations_path, load_annotations, save_annotations
 from thumper.maps.map_server_io import load_map, map_yaml_path, save_map
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.goal import check_place
@@ -113,10 +114,17 @@ class Robot:
                 known = load_session(self._session, self._config.mapping.resolution_m)
             elif self._map:
                 known = load_map(self._map)
-            self._robot_loop = stack.enter_context(open_robot(self._config, self._start, known))
+            self._robot_loop = stack.enter_context(
+                open_robot(self._config, self._start, known, annotations=self._annotations())
+            )
             self._loop.wait_for_map()
             self._stack = stack.pop_all()
         return self
+
+    def _annotations(self) -> Annotations:
+        """Return the zones and places that were saved with the map."""
+        path = self._session or self._map
+        return load_annotations(annotations_path(path)) if path else Annotations()
 
     def __exit__(self, *_: object) -> None:
         self._robot_loop = None
@@ -352,6 +360,7 @@ class Robot:
         save_map(self.map, yaml_path)
         state = SavedSlamState.from_mapper(self._loop.mapper, self.pose)
         save_session(state, yaml_path.with_suffix(".session"))
+        save_annotations(self._loop.annotations, annotations_path(yaml_path))
         return yaml_path
 
     @property

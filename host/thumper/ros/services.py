@@ -93,6 +93,13 @@ class WheelsState:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RemoveAnnotation:
+    """Request of `annotation/remove`."""
+
+    name: Annotated[str, "of the zone or place"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RunCommand:
     """Request of `command`."""
 
@@ -204,6 +211,19 @@ WHEELS_STATE = Service(
     request=Empty,
     reply=WheelsState,
 )
+ANNOTATION_ADD: Service[Mapping[str, Any], Text] = Service(
+    name="annotation/add",
+    summary="adds a zone or place to the map, or replaces the one of that name",
+    request=None,
+    request_doc="a GeoJSON [feature](maps.md#zones-and-places)",
+    reply=Text,
+)
+ANNOTATION_REMOVE = Service(
+    name="annotation/remove",
+    summary="removes a zone or place",
+    request=RemoveAnnotation,
+    reply=Text,
+)
 COMMAND = Service(
     name="command",
     summary="carries out a command",
@@ -257,6 +277,8 @@ SERVICES: Mapping[str, Service[Any, Any]] = types.MappingProxyType(
             MISSION_STATE,
             MAPPING_STATE,
             WHEELS_STATE,
+            ANNOTATION_ADD,
+            ANNOTATION_REMOVE,
             COMMAND,
             SIMULATOR_WORLD,
             SIMULATOR_COMMAND,

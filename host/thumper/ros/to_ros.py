@@ -121,7 +121,7 @@ class Messages:
         return message(
             "geometry_msgs/msg/PoseStamped",
             header=self.header(time_s, MAP),
-            pose=_pose(map_from_goal.x_m, map_from_goal.y_m, map_from_goal.theta_rad),
+            pose=pose_message(map_from_goal.x_m, map_from_goal.y_m, map_from_goal.theta_rad),
         )
 
     def transforms(self, time_s: float, map_from_odom: Pose2, odom_from_base: Pose2) -> Message:
@@ -157,7 +157,7 @@ class Messages:
         headings = path[:, 2] if path.shape[1] > 2 else _headings(path)
         stamp = self.header(time_s, MAP)
         poses = [
-            message("geometry_msgs/msg/PoseStamped", header=stamp, pose=_pose(x_m, y_m, theta_rad))
+            message("geometry_msgs/msg/PoseStamped", header=stamp, pose=pose_message(x_m, y_m, theta_rad))
             for (x_m, y_m), theta_rad in zip(path[:, :2].tolist(), headings.tolist(), strict=True)
         ]
         return message("nav_msgs/msg/Path", header=stamp, poses=poses)
@@ -167,7 +167,7 @@ class Messages:
         return message(
             "geometry_msgs/msg/PoseArray",
             header=self.header(time_s, MAP),
-            poses=[_pose(*row) for row in poses.tolist()],
+            poses=[pose_message(*row) for row in poses.tolist()],
         )
 
     def twist(self, time_s: float, twist: Twist2) -> Message:
@@ -265,7 +265,7 @@ class Messages:
                 resolution=resolution_m,
                 width=columns,
                 height=rows,
-                origin=_pose(x_m, y_m, 0.0),
+                origin=pose_message(x_m, y_m, 0.0),
             ),
             data=np.ascontiguousarray(cells, dtype=np.int8).reshape(-1),
         )
@@ -273,7 +273,7 @@ class Messages:
 
 def transform(header: Message, child: str, parent_from_child: Pose2) -> Message:
     """Build a TransformStamped; the header names the parent frame."""
-    pose = _pose(parent_from_child.x_m, parent_from_child.y_m, parent_from_child.theta_rad)
+    pose = pose_message(parent_from_child.x_m, parent_from_child.y_m, parent_from_child.theta_rad)
     position = pose.position
     return message(
         "geometry_msgs/msg/TransformStamped",
@@ -297,7 +297,8 @@ def flag(value: bool) -> Message:
     return message("std_msgs/msg/Bool", data=value)
 
 
-def _pose(x_m: float, y_m: float, theta_rad: float) -> Message:
+def pose_message(x_m: float, y_m: float, theta_rad: float) -> Message:
+    """Build a Pose on the floor."""
     half_rad = 0.5 * theta_rad
     return message(
         "geometry_msgs/msg/Pose",
@@ -337,7 +338,7 @@ def _pose_with_covariance(pose: Pose2, covariance: FloatArray) -> Message:
     full[np.ix_((0, 1, 5), (0, 1, 5))] = covariance
     return message(
         "geometry_msgs/msg/PoseWithCovariance",
-        pose=_pose(pose.x_m, pose.y_m, pose.theta_rad),
+        pose=pose_message(pose.x_m, pose.y_m, pose.theta_rad),
         covariance=full.reshape(-1),
     )
 

@@ -51,6 +51,8 @@ TOPICS: Mapping[str, Topic] = MappingProxyType(
         "battery": _out("sensor_msgs/msg/BatteryState"),
         "status": _out("thumper_msgs/msg/Status", latched=True),
         "events": _out("rcl_interfaces/msg/Log"),
+        "annotations": _out("std_msgs/msg/String", latched=True),  # zones and places, GeoJSON
+        "markers": _out("visualization_msgs/msg/MarkerArray", latched=True),  # the same for RViz and Foxglove
         "session": _out("std_msgs/msg/String", latched=True),  # JSON: metadata of the run, for recordings
         "goal": _in("geometry_msgs/msg/PoseStamped"),
         "waypoints": _in("nav_msgs/msg/Path"),

@@ -1,5 +1,6 @@
 """Nav2's actions NavigateToPose, FollowWaypoints and ComputePathToPose for the robot."""
 
+import json
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -12,6 +13,9 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.common.stamps import NS_PER_S
 from thumper.config.robot import RobotConfig
+from thumper.maps.annotations import annotations_of
+from thumper.navigation.costmap.filters import CostmapFilters, load_masks
+from thumper.navigation.costmap.zones import zone_masks
 from thumper.navigation.goal import Goal, check_place
 from thumper.ros import services
 from thumper.ros.codec import Message, message
@@ -51,13 +55,19 @@ class NavigationActions:
     ) -> None:
         self._bus, self._config, self._newest_map = bus, config, newest_map
         self._pose: Message | None = None
+        self._zones = CostmapFilters()
         bus.subscribe("pose", self._on_pose)
+        bus.subscribe("annotations", self._on_annotations)
         RosAction(node, "navigate_to_pose", NAVIGATE_TO_POSE, self._navigate)
         RosAction(node, "follow_waypoints", FOLLOW_WAYPOINTS, self._follow)
         RosAction(node, "compute_path_to_pose", COMPUTE_PATH_TO_POSE, self._plan)
 
     def _on_pose(self, pose: Message) -> None:
         self._pose = pose
+
+    def _on_annotations(self, geojson: Message) -> None:
+        with suppress(ValueError, ThumperError):  # of another version
+            self._zones = zone_masks(annotations_of(json.loads(geojson.data)).zones)
 
     def _navigate(self, goal: RosGoal, feedback: Feedback) -> tuple[int, Message]:
         begin_ns = time.time_ns()
@@ -160,7 +170,6 @@ class NavigationActions:
     def _path(self, request: Message) -> tuple[np.ndarray, int, str]:
         """Return the path, shape (n, 2), error code and message. Raises ThumperError or ValueError."""
         from thumper.navigation.costmap.costmap import build_costmap
-        from thumper.navigation.costmap.filters import load_masks
         from thumper.navigation.registry import PLANNERS, make_planner
 
         none = np.empty((0, 2))
@@ -175,7 +184,7 @@ class NavigationActions:
         target = _in_map(request.goal)
         check_place("the start", start.x_m, start.y_m)
         check_place("the goal", target.x_m, target.y_m)
-        keepout = load_masks(options.masks).keepout
+        keepout = (load_masks(options.masks) + self._zones).keepout
         costmap = build_costmap(grid_of(newest), none, self._config.footprint, options.costmap, keepout)
         planner = make_planner(replace(options, planner=name), self._config.footprint)
         found = planner.plan(costmap, start, Goal(x_m=target.x_m, y_m=target.y_m, theta_rad=target.theta_rad))

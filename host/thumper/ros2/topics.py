@@ -37,6 +37,7 @@ OUT: Mapping[str, RosTopic] = MappingProxyType(  # by the topic of the bus, whos
         "cmd_vel": RosTopic(name="cmd_vel_out"),  # `cmd_vel` is the input, as with twist_mux
         "wheels": RosTopic(name="wheels"),
         "battery": RosTopic(name="battery_state"),
+        "markers": RosTopic(name="zones", qos=LATCHED),
         "status": RosTopic(name="status", qos=LATCHED),
         "events": RosTopic(name="/rosout", qos=Qos(durability=TRANSIENT_LOCAL, depth=100)),
     }

@@ -3,7 +3,7 @@
 import gc
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -20,6 +20,7 @@ from thumper.config.robot import RobotConfig
 from thumper.lidar.driver import LidarDriver
 from thumper.lidar.open_lidar import open_lidar
 from thumper.lidar.self_returns import SelfReturnFilter
+from thumper.maps.annotations import Annotations
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.navigator import Navigator
 from thumper.navigation.safety.collision_monitor import CollisionMonitor
@@ -37,6 +38,7 @@ from thumper.runtime.reconnection import Connecting, Reconnection
 from thumper.runtime.requests import LogMessage
 from thumper.runtime.sensor_inputs import TELEMETRY_TIMEOUT_S, SensorInputs
 from thumper.runtime.sensor_table import KINDS, SensorFeed, open_feed
+from thumper.runtime.service.map_annotations import MapAnnotations
 from thumper.runtime.service.map_saver import MapSaver
 from thumper.runtime.service.request_handler import RequestHandler
 from thumper.runtime.service.request_queue import RequestQueue
@@ -60,12 +62,13 @@ def open_robot(
     known: OccupancyGrid | SavedSlamState | None = None,
     *,
     map_path: Path | None = None,
+    annotations: Annotations | None = None,
 ) -> Iterator[RobotLoop]:
     """Open a robot that starts at `map_from_base`; on exit stop it and close the ports.
 
     In a `known` map it localizes and does not map; in a saved session it resumes mapping once it has
-    localized. None for the pose then means anywhere in it. With `map_path`, a .yaml, the command `save_map`
-    writes the map there.
+    localized. None for the pose then means anywhere in it. `annotations` are those of that map. With
+    `map_path`, a .yaml, the command `save_map` writes the map there.
 
     Raises
     ------
@@ -92,7 +95,8 @@ def open_robot(
             mapper.resume_from(known.counts, map_from_base)
         elif known is not None:
             mapper.localize_in(known, map_from_base)
-        robot = _wire(config, board, lidar, tuple(feeds), mapper, map_path)
+        saving = _Saving(path=map_path, annotations=annotations or Annotations())
+        robot = _wire(config, board, lidar, tuple(feeds), mapper, saving)
         # A full garbage collection visits all modules and kernels: 0.1 s on a desktop, 0.4 s on a Raspberry
         # Pi, and the board stops the motors after 0.3 s. Frozen objects are not visited again.
         gc.unfreeze()  # the robots that were open before in this process
@@ -110,13 +114,21 @@ def open_robot(
                 sensor.close()
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Saving:
+    """What was saved with the map, and where to save it."""
+
+    path: Path | None
+    annotations: Annotations
+
+
 def _wire(
     config: RobotConfig,
     board: Board,
     lidar: LidarDriver,
     feeds: tuple[SensorFeed, ...],
     mapper: SlamModeSwitch,
-    map_path: Path | None,
+    saving: _Saving,
 ) -> RobotLoop:
     """Build the parts of the robot and the loop that runs them."""
     estimator = StateEstimator(
@@ -152,6 +164,14 @@ def _wire(
     )
     task_driver = TaskDriver(inputs, drive_manager, GoalLimits(estimator=estimator, navigator=navigator))
     publisher, queue = _publisher(config, inputs), RequestQueue()
+    map_annotations = MapAnnotations(
+        saving.annotations,
+        navigator=navigator,
+        estimator=estimator,
+        footprint=config.footprint,
+        publisher=publisher,
+    )
+    saver = _map_saver(estimator, map_annotations, queue, saving.path) if saving.path else None
     handler = RequestHandler(
         request_queue=queue,
         drive_manager=drive_manager,
@@ -159,8 +179,8 @@ def _wire(
         inputs=inputs,
         publisher=publisher,
         simulator=board.port.raw.simulator if isinstance(board.port.raw, HasSimulator) else None,
-        footprint=config.footprint,
-        handlers={"save_map": _map_saver(estimator, queue, map_path)} if map_path else {},
+        annotations=map_annotations,
+        handlers={"save_map": saver} if saver else {},
     )
     return RobotLoop(
         RobotParts(
@@ -231,7 +251,9 @@ def _publisher(config: RobotConfig, inputs: SensorInputs) -> Publisher:
     )
 
 
-def _map_saver(estimator: StateEstimator, queue: RequestQueue, path: Path) -> MapSaver:
+def _map_saver(
+    estimator: StateEstimator, annotations: MapAnnotations, queue: RequestQueue, path: Path
+) -> MapSaver:
     def session() -> SavedSlamState:
         state = estimator.state()
         return SavedSlamState.from_mapper(estimator.mapper, state.map_from_base if state else None)
@@ -239,7 +261,7 @@ def _map_saver(estimator: StateEstimator, queue: RequestQueue, path: Path) -> Ma
     def report(text: str, ok: bool) -> None:
         queue.put(LogMessage(text=text, good=ok))
 
-    return MapSaver(estimator.mapper.grid, session, path, report)
+    return MapSaver(estimator.mapper.grid, session, lambda: annotations.value, path, report)
 
 
 @contextmanager

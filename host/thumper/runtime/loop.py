@@ -15,10 +15,12 @@ from dataclasses import dataclass, replace
 
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 from thumper.common.geometry import Pose2
+from thumper.maps.annotations import Annotations
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.runtime.control_cycle import ControlCycle, StepResult
 from thumper.runtime.drive.display import Display, NoDisplay
 from thumper.runtime.drive.drive_manager import DriveManager, DriveMode, DriveOutcome
+from thumper.runtime.drive.exploration import map_to_explore
 from thumper.runtime.drive.leg_run import RESTARTED
 from thumper.runtime.drive.running_task import RunningTask
 from thumper.runtime.drive.task_driver import TaskDriver
@@ -91,8 +93,13 @@ class RobotLoop:
         return self.inputs.estimator.mapper
 
     def map_and_pose(self) -> tuple[OccupancyGrid, Pose2]:
-        """Return the map and the robot's pose in it, once there is a state."""
-        return self.inputs.estimator.map_and_pose()
+        """Return the map, its keep-out zones occupied, and the robot's pose in it, once there is a state."""
+        return map_to_explore(self.inputs.estimator, self.drive_manager.navigator)()
+
+    @property
+    def annotations(self) -> Annotations:
+        """The zones and places of the map in use."""
+        return self.request_handler.annotations.value
 
     @property
     def log(self) -> DriveLog:

@@ -10,10 +10,12 @@ import numpy as np
 from thumper.board.fault_texts import FAULT_HINTS
 from thumper.board.messages import Fault
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.maps.annotations import Annotations
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.navigator import NavigationOutput
 from thumper.navigation.state import Transition
 from thumper.ros.codec import Message
+from thumper.ros.markers import markers
 from thumper.ros.status import Status
 from thumper.ros.to_ros import ERROR, INFO, WARN, Messages
 from thumper.ros.topics import TOPICS
@@ -123,6 +125,11 @@ class Publisher:
     def publish_text(self, topic: str, message: Message) -> None:
         """Publish a message without a stamp of its own; sinks receive it as of now."""
         self._send(topic, self._now_s(), message)
+
+    def publish_markers(self, annotations: Annotations) -> None:
+        """Publish zones and places for viewers."""
+        now_s = self._now_s()
+        self._send("markers", now_s, markers(self.messages, now_s, annotations))
 
     def _publish_pose(self, inputs: SensorInputs, state: RobotState) -> None:
         time_s, estimator = state.time_s, inputs.estimator

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from thumper.common.files import write_text
 from thumper.common.geometry import FloatArray
+from thumper.maps.annotations import Annotations, annotations_path, save_annotations
 from thumper.maps.map_server_io import save_map
 from thumper.maps.plot import BLUE, GREEN, draw_grid, save_figure
 from thumper.robot.figure import draw_drive
@@ -51,11 +52,14 @@ def draw_speeds(figure: Figure, speeds: FloatArray, title: str) -> None:
     axes[0].set_title(title, loc="left")
 
 
-def write_run(folder: Path, mapper: Mapper, log: DriveLog, result: DriveResult) -> list[str]:
-    """Write map, session, two pictures and summary.json of one run; return the file names."""
+def write_run(
+    folder: Path, mapper: Mapper, annotations: Annotations, log: DriveLog, result: DriveResult
+) -> list[str]:
+    """Write map, session, annotations, two pictures and summary.json of one run; return the file names."""
     grid = mapper.grid()
     save_map(grid, folder / "map.yaml")
     save_session(SavedSlamState.from_mapper(mapper, result.map_from_base), folder / "map.session")
+    zones = save_annotations(annotations, annotations_path(folder / "map.yaml"))
     picture = Figure(figsize=(8, 7), layout="constrained")
     axes = picture.subplots()
     draw_grid(axes, grid)
@@ -85,4 +89,4 @@ def write_run(folder: Path, mapper: Mapper, log: DriveLog, result: DriveResult) 
         },
     }
     write_text(folder / "summary.json", json.dumps(summary, indent=2) + "\n")
-    return ["map.pgm", "map.yaml", "map.session", "map.png", "speed_control.png", "summary.json"]
+    return ["map.pgm", "map.yaml", "map.session", *zones, "map.png", "speed_control.png", "summary.json"]

@@ -7,6 +7,7 @@ import numpy as np
 from thumper.common.resumable import Search, bands_of
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_costmap, inflation_radius_cells
+from thumper.navigation.costmap.filters import Masks
 from thumper.navigation.footprint import Footprint
 
 NO_HITS = np.empty((0, 2))
@@ -17,7 +18,7 @@ def build_band(
     rows: slice,
     footprint: Footprint,
     options: CostmapOptions,
-    keepout: OccupancyGrid | None = None,
+    keepout: Masks = (),
 ) -> Costmap:
     """Return these rows of the costmap that `build_costmap` would build of the whole grid without hits."""
     around = inflation_radius_cells(footprint, options, grid.resolution_m)

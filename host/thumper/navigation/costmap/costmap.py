@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.maps.distance_transform import squared_distances
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.navigation.costmap.filters import keepout_cells
+from thumper.navigation.costmap.filters import Masks, keepout_cells
 from thumper.navigation.costmap.inflation import (
     INSCRIBED,
     UNKNOWN,
@@ -81,9 +81,9 @@ def build_costmap(
     hits_in_map_m: FloatArray,
     footprint: Footprint,
     options: CostmapOptions,
-    keepout: OccupancyGrid | None = None,
+    keepout: Masks = (),
 ) -> Costmap:
-    """Combine map, keep-out mask and hits, shape (n, 2) [m], and inflate them.
+    """Combine map, keep-out masks and hits, shape (n, 2) [m], and inflate them.
 
     Each call marks only the hits that it is given, so an obstacle acts in the cycle that sees it and leaves
     nothing behind: clearing is the map's job. Unknown cells stay unknown (255) unless they are within the
@@ -170,7 +170,7 @@ def build_window(
     unseen_m: FloatArray,
     footprint: Footprint,
     options: CostmapOptions,
-    keepout: OccupancyGrid | None = None,
+    keepout: Masks = (),
 ) -> Costmap:
     """Return the costs of the rolling window round the robot; `unseen_m`, shape (n, 2), is closed as well.
 

@@ -6,7 +6,7 @@ two thresholds in percent. In mode `raw` it is the pixel's value. A mask may hav
 resolution than the map. It has no effect where it has no cells or its cells are unknown.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,17 +30,23 @@ class CostmapFilterOptions:
     speed: str = ""
 
 
+Masks = tuple[OccupancyGrid, ...]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CostmapFilters:
-    """The masks, loaded; None for a mask that is not configured."""
+    """The masks, loaded. Each keep-out mask closes its cells; the lowest speed of all speed masks counts."""
 
-    keepout: OccupancyGrid | None = None
-    speed: OccupancyGrid | None = None
+    keepout: Masks = ()
+    speed: Masks = ()
+
+    def __add__(self, other: "CostmapFilters") -> "CostmapFilters":
+        return CostmapFilters(keepout=self.keepout + other.keepout, speed=self.speed + other.speed)
 
 
 def load_masks(options: CostmapFilterOptions) -> CostmapFilters:
     """Read the files that the options name. Raises ThumperError, with exit code 2, if one is invalid."""
-    keepout, speed = (load_mask(Path(name)) if name else None for name in (options.keepout, options.speed))
+    keepout, speed = ((load_mask(Path(name)),) if name else () for name in (options.keepout, options.speed))
     return CostmapFilters(keepout=keepout, speed=speed)
 
 
@@ -70,19 +76,35 @@ def load_mask(yaml_path: Path) -> OccupancyGrid:
     )
 
 
-def keepout_cells(keepout: OccupancyGrid | None, grid: OccupancyGrid) -> NDArray[np.bool_]:
+def keepout_cells(keepout: Masks, grid: OccupancyGrid) -> NDArray[np.bool_]:
     """Return which cells of a grid have their centre in a keep-out zone, shape (rows, cols)."""
     closed = np.zeros(grid.cells.shape, np.bool_)
-    if keepout is None:
-        return closed
     rows, cols = grid.cells.shape
-    row = _index(grid.origin_y_m, grid.resolution_m, rows, keepout.origin_y_m, keepout.resolution_m)
-    col = _index(grid.origin_x_m, grid.resolution_m, cols, keepout.origin_x_m, keepout.resolution_m)
-    row_in = (row >= 0) & (row < keepout.cells.shape[0])
-    col_in = (col >= 0) & (col < keepout.cells.shape[1])
-    chosen = keepout.cells[np.ix_(row[row_in], col[col_in])] >= KEEPOUT_PERCENT
-    closed[np.ix_(row_in, col_in)] = chosen
+    for mask in keepout:
+        row = _index(grid.origin_y_m, grid.resolution_m, rows, mask.origin_y_m, mask.resolution_m)
+        col = _index(grid.origin_x_m, grid.resolution_m, cols, mask.origin_x_m, mask.resolution_m)
+        row_in = np.flatnonzero((row >= 0) & (row < mask.cells.shape[0]))
+        col_in = np.flatnonzero((col >= 0) & (col < mask.cells.shape[1]))
+        if len(row_in) and len(col_in):  # both are runs of neighbours
+            chosen = mask.cells[np.ix_(row[row_in], col[col_in])] >= KEEPOUT_PERCENT
+            closed[row_in[0] : row_in[-1] + 1, col_in[0] : col_in[-1] + 1] |= chosen
     return closed
+
+
+def with_keepout(grid: OccupancyGrid, keepout: Masks) -> OccupancyGrid:
+    """Return the grid with the cells of keep-out zones occupied, for searches that know no masks."""
+    if not keepout:
+        return grid
+    return replace(grid, cells=np.where(keepout_cells(keepout, grid), OCCUPIED, grid.cells).astype(np.int8))
+
+
+def is_kept_out(keepout: Masks, x_m: float, y_m: float) -> bool:
+    """Return whether a place is in a keep-out zone."""
+    for mask in keepout:
+        row, col = mask.cell_of(x_m, y_m)
+        if mask.contains(row, col) and mask.cells[row, col] >= KEEPOUT_PERCENT:
+            return True
+    return False
 
 
 def _index(
@@ -94,11 +116,13 @@ def _index(
     return index
 
 
-def speed_fractions(speed: OccupancyGrid, points_m: FloatArray) -> FloatArray:
-    """Return the fraction of the top speed that a mask allows at points, shape (n, 2) [m]; shape (n,)."""
-    cells = np.floor((points_m - (speed.origin_x_m, speed.origin_y_m)) / speed.resolution_m).astype(np.int64)
-    inside = (cells >= 0).all(axis=1) & (cells < speed.cells.shape[::-1]).all(axis=1)
+def speed_fractions(speed: Masks, points_m: FloatArray) -> FloatArray:
+    """Return the fraction of the top speed that masks allow at points, shape (n, 2) [m]; shape (n,)."""
     fractions = np.ones(len(points_m))
-    percent = speed.cells[cells[inside, 1], cells[inside, 0]]
-    fractions[inside] = np.where(percent == UNKNOWN, 1.0, 1.0 - percent / OCCUPIED)
+    for mask in speed:
+        cells = np.floor((points_m - (mask.origin_x_m, mask.origin_y_m)) / mask.resolution_m).astype(np.int64)
+        inside = (cells >= 0).all(axis=1) & (cells < mask.cells.shape[::-1]).all(axis=1)
+        percent = mask.cells[cells[inside, 1], cells[inside, 0]]
+        allowed = np.where(percent == UNKNOWN, 1.0, 1.0 - percent / OCCUPIED)
+        fractions[inside] = np.minimum(fractions[inside], allowed)
     return fractions

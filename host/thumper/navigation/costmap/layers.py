@@ -1,6 +1,6 @@
 """The global costmap, kept between cycles and updated only where a layer has changed.
 
-Layers: map, keep-out mask, hits of scan and memory; inflation over their union. Each update compares the map
+Layers: map, keep-out masks, hits of scan and memory; inflation over their union. Each update compares the map
 with the previous one row by row (a memory comparison, the only work that grows with the map). It recomputes
 distances and costs in the box round the changes, grown by the inflation radius.
 """
@@ -18,7 +18,7 @@ from thumper.navigation.costmap.costmap import (
     inflation_radius_cells,
     inflation_table,
 )
-from thumper.navigation.costmap.filters import keepout_cells
+from thumper.navigation.costmap.filters import Masks, keepout_cells
 from thumper.navigation.costmap.inflation import INSCRIBED, UNKNOWN, ByteArray
 from thumper.navigation.footprint import Footprint
 
@@ -82,12 +82,11 @@ def update_hit_layer(
 class CostmapLayers:
     """The costmap of a growing map; `update` returns the same arrays each time, updated in place."""
 
-    def __init__(
-        self, footprint: Footprint, options: CostmapOptions, keepout: OccupancyGrid | None = None
-    ) -> None:
+    def __init__(self, footprint: Footprint, options: CostmapOptions) -> None:
         self._footprint = footprint
         self._options = options
-        self._keepout = keepout
+        self._keepout: Masks = ()
+        self._has_new_keepout = False
         self._geometry: tuple[object, ...] = ()
         self._known: CellArray = np.empty((0, 0), np.int8)
         self._layers: ByteArray = np.empty((0, 0), np.uint8)
@@ -97,6 +96,10 @@ class CostmapLayers:
         self._costmap = _uninitialised(
             OccupancyGrid(cells=self._known, resolution_m=1.0, origin_x_m=0.0, origin_y_m=0.0)
         )
+
+    def set_keepout(self, keepout: Masks) -> None:
+        """Replace the keep-out masks; the next update closes and opens the cells that differ."""
+        self._keepout, self._has_new_keepout = keepout, True
 
     def update(self, grid: OccupancyGrid, hits_in_map_m: FloatArray) -> Costmap:
         """Return the costs that `build_costmap` would; the arrays are valid until the next call.
@@ -110,6 +113,8 @@ class CostmapLayers:
             self._allocate(grid)
             self._geometry = geometry
             box[:] = 0, 0, rows - 1, cols - 1
+        if self._has_new_keepout:
+            self._update_keepout(grid, box)
         update_map_layer(grid.cells, self._known, self._layers, self._options.lethal_percent, box)
         hits = self._cells_under(hits_in_map_m, grid)
         update_hit_layer(hits, self._marked, self._layers, box)
@@ -120,11 +125,23 @@ class CostmapLayers:
 
     def _allocate(self, grid: OccupancyGrid) -> None:
         self._known = np.zeros(grid.cells.shape, np.int8)
-        self._layers = np.where(keepout_cells(self._keepout, grid), KEEPOUT, 0).astype(np.uint8)
+        self._layers = np.zeros(grid.cells.shape, np.uint8)
+        self._has_new_keepout = True
         self._marked = np.empty(0, np.int64)
         self._radius = inflation_radius_cells(self._footprint, self._options, grid.resolution_m)
         self._table = inflation_table(self._footprint, self._options, grid.resolution_m)
         self._costmap = _uninitialised(grid)
+
+    def _update_keepout(self, grid: OccupancyGrid, box: NDArray[np.int64]) -> None:
+        """Set the KEEPOUT bit by the masks; grow `box` round the cells that changed."""
+        self._has_new_keepout = False
+        differs = keepout_cells(self._keepout, grid) != (self._layers & KEEPOUT != 0)
+        rows, cols = np.flatnonzero(differs.any(axis=1)), np.flatnonzero(differs.any(axis=0))
+        if len(rows) == 0:
+            return
+        self._layers[differs] ^= KEEPOUT
+        box[:2] = np.minimum(box[:2], (rows[0], cols[0]))
+        box[2:] = np.maximum(box[2:], (rows[-1], cols[-1]))
 
     def _cells_under(self, points_m: FloatArray, grid: OccupancyGrid) -> NDArray[np.int64]:
         points_m = points_m[np.isfinite(points_m).all(axis=1)]

@@ -10,6 +10,7 @@ from thumper.lidar.field_of_view import FieldOfView
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.bands import build_band
 from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_window, window_of
+from thumper.navigation.costmap.filters import Masks
 from thumper.navigation.costmap.layers import CostmapLayers
 from thumper.navigation.costmap.obstacle_memory import ObstacleMemory, ObstacleMemoryOptions
 from thumper.navigation.costmap.scan_averaging import averaged_hits
@@ -48,15 +49,14 @@ class LocalModel:
         memory: ObstacleMemoryOptions,
         footprint: Footprint,
         padded: Footprint,
-        keepout: OccupancyGrid | None,
         view: FieldOfView,
     ) -> None:
-        """`footprint` is the robot's own, `padded` the one of planning; `keepout` masks closed cells."""
+        """`footprint` is the robot's own, `padded` the one of planning."""
         self._options = options
         self._footprint = padded
-        self._keepout = keepout
+        self._keepout: Masks = ()
         self._view = view
-        self._layers = CostmapLayers(padded, options, keepout)
+        self._layers = CostmapLayers(padded, options)
         radius_m = padded.circumscribed_radius_m
         self._control_memory = ObstacleMemory(memory, memory.radius_m, view, radius_m)
         self._planning_memory = ObstacleMemory(memory, memory.planning_radius_m, view, radius_m)
@@ -69,6 +69,11 @@ class LocalModel:
         self.move_ahead_m = 0.0  # see `UnseenGround.move_ahead_m`
         self.hits_m: FloatArray = np.empty((0, 2))  # the newest scan's hits in map, averaged by surface
         self.obstacles = NO_OBSTACLES  # in map, near the robot
+
+    def set_keepout(self, keepout: Masks) -> None:
+        """Replace the keep-out masks; they act from the next cycle on."""
+        self._keepout = keepout
+        self._layers.set_keepout(keepout)
 
     def update(self, cycle: CycleInput) -> Costmap:
         """Process a cycle's map and hits; return the costmap for planning."""

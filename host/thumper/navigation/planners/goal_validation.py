@@ -109,6 +109,6 @@ def validate_goal(
             "space or set [navigation.traversal] allow_unknown = true"
         )
     raise ThumperError(
-        f"goal {goal} is inside or too near an obstacle: choose a goal at least "
-        f"{footprint.inscribed_radius_m:.2f} m from obstacles"
+        f"goal {goal} is inside or too near an obstacle or a keep-out zone: choose a goal at least "
+        f"{footprint.inscribed_radius_m:.2f} m away"
     )

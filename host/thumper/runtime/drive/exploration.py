@@ -13,10 +13,13 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.common.resumable import Search, SlicedSearch, merged
 from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.costmap.filters import with_keepout
 from thumper.navigation.goal import Goal
+from thumper.navigation.navigator import Navigator
 from thumper.runtime.drive.legs import AnyLeg, Leg, Wait
 from thumper.runtime.drive.tasks import Task
 from thumper.runtime.drive_result import DriveResult
+from thumper.runtime.state_estimator import StateEstimator
 
 if TYPE_CHECKING:
     from thumper.navigation.planners.frontier_exploration import Explorer, Frontier
@@ -28,6 +31,16 @@ PATIENCE_S = 10.0  # another frontier may be easier to reach, and show the rest 
 HOME_TOLERANCE_M = 0.15
 NEAR_HOME_M = 0.5  # if something stands at home now
 MapAndPose = Callable[[], tuple[OccupancyGrid, Pose2]]
+
+
+def map_to_explore(estimator: StateEstimator, navigator: Navigator) -> MapAndPose:
+    """Return a function for `explore`: keep-out zones are obstacles in its map."""
+
+    def now() -> tuple[OccupancyGrid, Pose2]:
+        grid, map_from_base = estimator.map_and_pose()
+        return with_keepout(grid, navigator.keepout), map_from_base
+
+    return now
 
 
 def home_at(map_from_base: Pose2) -> Goal:

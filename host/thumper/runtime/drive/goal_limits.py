@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from thumper.common.errors import ThumperError
+from thumper.navigation.costmap.filters import is_kept_out
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import Navigator
 from thumper.runtime.drive.drive_manager import GOAL_MARGIN_M
@@ -22,6 +23,10 @@ class GoalLimits:
         """Raise ThumperError with the reason if the goal cannot be driven to."""
         state = self.estimator.state()
         assert state is not None  # no goal is accepted before there is a map
+        if is_kept_out(self.navigator.keepout, state.map_from_base.x_m, state.map_from_base.y_m):
+            raise ThumperError(
+                "the robot stands in a keep-out zone: drive it out manually, or remove the zone"
+            )
         if goal.distance_m(state.map_from_base) > MAX_GOAL_DISTANCE_M:
             raise ThumperError(
                 f"goal {goal} is outside any map that could be made on the way: "

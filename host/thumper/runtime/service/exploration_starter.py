@@ -4,7 +4,7 @@ from thumper.common.errors import ThumperError
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.frontier_exploration import ExplorationOptions, Explorer
-from thumper.runtime.drive.exploration import explore, home_at
+from thumper.runtime.drive.exploration import MapAndPose, explore, home_at
 from thumper.runtime.drive.task_driver import TaskDriver
 from thumper.runtime.drive.tasks import Task
 from thumper.runtime.publisher import Publisher
@@ -23,12 +23,14 @@ class ExplorationStarter:
         *,
         footprint: Footprint,
         task_driver: TaskDriver,
+        now: MapAndPose,
         inputs: SensorInputs,
         publisher: Publisher,
         preconditions: Preconditions,
     ) -> None:
         self._footprint = footprint
         self._task_driver = task_driver
+        self._now = now
         self._inputs = inputs
         self._publisher = publisher
         self._preconditions = preconditions
@@ -49,7 +51,7 @@ class ExplorationStarter:
 
     def _explore(self, home: Goal) -> Task:
         explorer = Explorer(ExplorationOptions(), self._footprint)
-        now, report = self._inputs.estimator.map_and_pose, self._publisher.publish_event
-        result = yield from explore(explorer, now, home, limit_s=LIMIT_S, report=report)
+        report = self._publisher.publish_event
+        result = yield from explore(explorer, self._now, home, limit_s=LIMIT_S, report=report)
         self._publisher.publish_event(f"{'back' if result.reached else 'not back'}: {result.reason}")
         return result

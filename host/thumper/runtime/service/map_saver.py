@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from thumper.common.errors import ThumperError
+from thumper.maps.annotations import Annotations, annotations_path, save_annotations
 from thumper.maps.map_server_io import save_map
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.slam.saved_state import SavedSlamState, save_session
@@ -13,17 +14,19 @@ SAVED, NOT_SAVED = "map saved: ", "the map was not saved: "  # prefixes of the t
 
 
 class MapSaver:
-    """Call it to write the current map, and the session to resume from, to one folder."""
+    """Call it to write map, session, zones and places to one folder."""
 
     def __init__(
         self,
         grid: Callable[[], OccupancyGrid],
         session: Callable[[], SavedSlamState],
+        annotations: Callable[[], Annotations],
         path: Path,
         report: Callable[[str, bool], None],
     ) -> None:
         """`path` is the map's .yaml. The thread calls `report(text, ok)` with the outcome."""
-        self._grid, self._session, self._path, self._report = grid, session, path, report
+        self._grid, self._session, self._annotations = grid, session, annotations
+        self._path, self._report = path, report
         self._thread: threading.Thread | None = None
 
     def __call__(self) -> str:
@@ -32,15 +35,17 @@ class MapSaver:
             raise ThumperError("the map is being saved already; wait until it is written")
         # Not a daemon: the process must not end with half a file.
         self._thread = threading.Thread(
-            target=self._save, args=(self._grid(), self._session()), name="map-saver"
+            target=self._save, args=(self._grid(), self._session(), self._annotations()), name="map-saver"
         )
         self._thread.start()
         return f"saving the map to {self._path}"
 
-    def _save(self, grid: OccupancyGrid, session: SavedSlamState) -> None:
+    def _save(self, grid: OccupancyGrid, session: SavedSlamState, annotations: Annotations) -> None:
         try:
             image = save_map(grid, self._path)
             counts = save_session(session, self._path.with_suffix(".session"))
-            self._report(f"{SAVED}{image}, {self._path.name}, {counts.name}", True)
+            zones = save_annotations(annotations, annotations_path(self._path))
+            names = ", ".join((str(image), self._path.name, counts.name, *zones))
+            self._report(f"{SAVED}{names}", True)
         except (ThumperError, OSError) as error:
             self._report(f"{NOT_SAVED}{error}", False)

@@ -5,7 +5,6 @@ from collections.abc import Callable, Generator, Mapping
 from typing import Any, TypeVar
 
 from thumper.common.errors import ThumperError
-from thumper.navigation.footprint import Footprint
 from thumper.ros import services
 from thumper.ros.service import Service, json_object, request_content
 from thumper.ros.services import (
@@ -21,6 +20,7 @@ from thumper.ros.services import (
 )
 from thumper.ros.to_ros import ERROR, INFO, WARN
 from thumper.runtime.drive.drive_manager import DriveManager
+from thumper.runtime.drive.exploration import map_to_explore
 from thumper.runtime.drive.task_driver import TaskDriver
 from thumper.runtime.drive.waypoints import Missions
 from thumper.runtime.publisher import Publisher
@@ -45,6 +45,7 @@ from thumper.runtime.service.board_jobs import BoardJob, BoardJobQueue
 from thumper.runtime.service.commands import CommandHandler, Commands
 from thumper.runtime.service.experiments import Experiments
 from thumper.runtime.service.exploration_starter import ExplorationStarter
+from thumper.runtime.service.map_annotations import MapAnnotations
 from thumper.runtime.service.mission_starter import MissionStarter
 from thumper.runtime.service.preconditions import Preconditions
 from thumper.runtime.service.request_queue import RequestQueue
@@ -71,13 +72,14 @@ class RequestHandler:
         inputs: SensorInputs,
         publisher: Publisher,
         simulator: Simulator | None,
-        footprint: Footprint,
+        annotations: MapAnnotations,
         handlers: Mapping[str, CommandHandler],
     ) -> None:
         """`handlers` carry out the commands of other packages."""
         self.simulation = SimulatorControl(simulator)
         self.experiments = Experiments(drive_manager.heartbeats)
         self.board_jobs = BoardJobQueue()
+        self.annotations = annotations
         self._request_queue = request_queue
         self._stall_guard = StallGuard()
         self._drive_manager = drive_manager
@@ -97,8 +99,9 @@ class RequestHandler:
             publisher=publisher,
             preconditions=self._preconditions,
             explore=ExplorationStarter(
-                footprint=footprint,
+                footprint=annotations.footprint,
                 task_driver=task_driver,
+                now=map_to_explore(inputs.estimator, drive_manager.navigator),
                 inputs=inputs,
                 publisher=publisher,
                 preconditions=self._preconditions,
@@ -210,6 +213,8 @@ class RequestHandler:
                 _bind(services.MISSION_STATE, lambda find, _: self._missions.state(find.mission)),
                 _bind(services.MAPPING_STATE, lambda _, __: slam_mode.describe(self._inputs.estimator)),
                 _bind(services.WHEELS_STATE, lambda _, __: wheels.describe(self._inputs.estimator)),
+                _bind(services.ANNOTATION_ADD, self.annotations.add),
+                _bind(services.ANNOTATION_REMOVE, self.annotations.remove),
                 _bind(services.COMMAND, self._run_command),
                 _bind(services.SIMULATOR_WORLD, lambda _, __: self.simulation.describe()),
                 _bind(services.SIMULATOR_COMMAND, self._change_simulation),

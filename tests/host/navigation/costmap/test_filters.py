@@ -93,34 +93,34 @@ def test_depot_masks_have_the_values_of_their_pixels(nav_data: Path) -> None:
 def test_mask_of_another_size_and_resolution_is_aligned(tmp_path: Path) -> None:
     mask = load_mask(written(tmp_path, "trinary", [[254, 0], [254, 254]]))  # closed: x -0.5 to 0, y 2.5 to 3
     grid = OccupancyGrid(cells=np.zeros((30, 40), np.int8), resolution_m=0.1, origin_x_m=-2.0, origin_y_m=1.0)
-    rows, cols = np.nonzero(keepout_cells(mask, grid))
+    rows, cols = np.nonzero(keepout_cells((mask,), grid))
     assert (rows.min(), rows.max(), cols.min(), cols.max()) == (15, 19, 15, 19)
     assert len(rows) == 25
-    costmap = build_costmap(grid, NO_HITS, Footprint(), CostmapOptions(), mask)
-    assert ((costmap.costs == LETHAL) == keepout_cells(mask, grid)).all()
-    assert not keepout_cells(None, grid).any()
+    costmap = build_costmap(grid, NO_HITS, Footprint(), CostmapOptions(), (mask,))
+    assert ((costmap.costs == LETHAL) == keepout_cells((mask,), grid)).all()
+    assert not keepout_cells((), grid).any()
 
 
 def test_speed_fractions_of_places(tmp_path: Path) -> None:
     mask = load_mask(written(tmp_path, "scale", [[254, 127], [205, 0]]))
     places_m = np.array(((-0.75, 2.75), (-0.25, 2.75), (-0.75, 2.25), (-0.25, 2.25), (9.0, 9.0)))
-    assert speed_fractions(mask, places_m) == pytest.approx([1.0, 0.5, 0.8, 0.0, 1.0])
+    assert speed_fractions((mask,), places_m) == pytest.approx([1.0, 0.5, 0.8, 0.0, 1.0])
 
 
 def test_speed_limit_falls_before_the_zone(tmp_path: Path) -> None:
     """The zone of 50 % begins at x = -0.5; from 0.4 m/s braking to 0.2 m/s takes 0.08 + 0.15 m."""
     mask = load_mask(written(tmp_path, "scale", [[254, 127], [254, 127]]))
     limits = SpeedLimits(v_max_m_s=0.4, v_accel_m_s2=0.4, latency_s=0.2)
-    limiter = SpeedLimiter(limits, approach_m_s=0.06, mask=mask)
+    limiter = SpeedLimiter(limits, approach_m_s=0.06, masks=(mask,))
     x_m = np.arange(-0.99, -0.01, 0.005)
     path_m = np.column_stack((x_m, np.full(x_m.size, 2.5)))
     found = [limiter.limit_m_s(Pose2(x_m=float(x), y_m=2.5), path_m[i:], math.inf) for i, x in enumerate(x_m)]
     exact = np.minimum(0.4, np.sqrt(0.08**2 + 0.2**2 + 0.8 * np.maximum(0.0, -0.5 - x_m)) - 0.08)
     exact = np.where(x_m > -0.5, 0.2, np.maximum(exact, 0.2))
     assert found == pytest.approx(exact, abs=0.006)
-    assert SpeedLimiter(limits, approach_m_s=0.06, mask=None).limit_m_s(Pose2(), path_m, math.inf) == 0.4
+    assert SpeedLimiter(limits, approach_m_s=0.06).limit_m_s(Pose2(), path_m, math.inf) == 0.4
     black = load_mask(written(tmp_path, "scale", [[0, 0], [0, 0]]))
-    assert SpeedLimiter(limits, approach_m_s=0.06, mask=black).limit_m_s(
+    assert SpeedLimiter(limits, approach_m_s=0.06, masks=(black,)).limit_m_s(
         Pose2(x_m=-0.5, y_m=2.5), None, math.inf
     ) == pytest.approx(0.06)
 
@@ -130,7 +130,7 @@ def test_depot_plans_avoid_the_keepout_zones(nav_data: Path) -> None:
     maps, options = nav_data / "ros_maps", CostmapOptions()
     grid, keepout = load_map(maps / "depot.yaml"), load_mask(maps / "depot_keepout.yaml")
     planner = AStarPlanner(TraversalCostOptions(allow_unknown=False))
-    masked = build_costmap(grid, NO_HITS, Footprint(), options, keepout)
+    masked = build_costmap(grid, NO_HITS, Footprint(), options, (keepout,))
     free = build_costmap(grid, NO_HITS, Footprint(), options)
     longer = rejected = 0
     for start_col, start_row, goal_col, goal_row, *_ in np.loadtxt(
@@ -143,7 +143,7 @@ def test_depot_plans_avoid_the_keepout_zones(nav_data: Path) -> None:
             rejected += 1
             continue
         rows, cols = masked.cells_of(path_m[1:])  # a robot inside the zone may leave it
-        assert not keepout_cells(keepout, grid)[rows, cols].any()
+        assert not keepout_cells((keepout,), grid)[rows, cols].any()
         whole_m = planner.plan(free, start, goal).path_m
         assert whole_m is not None
         longer += planner.path_cost_m(masked, path_m) > planner.path_cost_m(free, whole_m) + 0.2

@@ -40,9 +40,7 @@ def cycle(time_s: float, base: Pose2, hits_m: FloatArray, map_from_odom: Pose2) 
 )
 def test_a_post_behind_the_robot_follows_a_jump_of_the_map(correction: Pose2, follows: bool) -> None:
     """The robot sees a post, turns its back to it, and then the map moves with the robot in it."""
-    model = LocalModel(
-        CostmapOptions(), ObstacleMemoryOptions(), Footprint(), Footprint(), None, FieldOfView()
-    )
+    model = LocalModel(CostmapOptions(), ObstacleMemoryOptions(), Footprint(), Footprint(), FieldOfView())
     model.update(cycle(0.0, AWAY, POST_IN_BASE, Pose2()))
     model.update(cycle(0.1, Pose2(), np.empty((0, 2)), Pose2()))
     base = correction @ Pose2()

@@ -11,6 +11,7 @@ from benchmarks.shared.telemetry import telemetry_sample
 from thumper.common.geometry import Pose2
 from thumper.common.kinematics import DriveGeometry
 from thumper.lidar.scan import Scan
+from thumper.maps.annotations import Annotations
 from thumper.runtime.service import autosave
 from thumper.runtime.service.autosave import PERIOD_S, Autosave
 from thumper.runtime.state_estimator import StateEstimator
@@ -18,6 +19,7 @@ from thumper.slam.grid.grid_mapper import GridMapper
 from thumper.slam.saved_state import load_session
 
 SIZE_M = 0.05
+NONE = Annotations()
 
 
 class Clock:
@@ -64,7 +66,7 @@ def test_it_saves_what_is_new_and_removes_the_file_at_a_regular_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock, path, estimator = Clock(monkeypatch), tmp_path / "a.session", make()
-    saver = Autosave(estimator, path, lambda _: None)
+    saver = Autosave(estimator, lambda: NONE, path, lambda _: None)
     for k in range(4):
         mapped(estimator, k)
     saver.step()
@@ -91,7 +93,7 @@ def test_a_full_disk_is_reported_once_and_tried_again(
 ) -> None:
     clock, estimator, reports = Clock(monkeypatch), make(), list[str]()
     path = tmp_path / "gone" / "a.session"
-    saver = Autosave(estimator, path, reports.append)
+    saver = Autosave(estimator, lambda: NONE, path, reports.append)
     for k in range(3):
         mapped(estimator, k)
         clock.now_s += PERIOD_S

@@ -8,6 +8,7 @@ import pytest
 
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
+from thumper.maps.annotations import Annotations
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.map_server_io import load_map, save_map
 from thumper.maps.occupancy_grid import OccupancyGrid
@@ -32,7 +33,7 @@ def test_saving_does_not_wait_for_the_disk(tmp_path: Path, monkeypatch: pytest.M
         reported.set()
 
     monkeypatch.setattr(map_saver, "save_map", slow)
-    saver = MapSaver(lambda: GRID, lambda: SESSION, tmp_path / "map.yaml", report)
+    saver = MapSaver(lambda: GRID, lambda: SESSION, Annotations, tmp_path / "map.yaml", report)
     assert "saving the map" in saver()
     with pytest.raises(ThumperError, match="already"):
         saver()
@@ -53,7 +54,7 @@ def test_an_unwritable_folder_is_reported(tmp_path: Path) -> None:
         reports.append((text, good))
         reported.set()
 
-    MapSaver(lambda: GRID, lambda: SESSION, tmp_path / "file" / "map.yaml", report)()
+    MapSaver(lambda: GRID, lambda: SESSION, Annotations, tmp_path / "file" / "map.yaml", report)()
     assert reported.wait(20.0)
     assert reports[0][0].startswith("the map was not saved")
     assert not reports[0][1]

@@ -1,0 +1,83 @@
+"""Zones and places as a MarkerArray, which RViz and Foxglove draw in the map."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from thumper.common.geometry import Pose2
+from thumper.maps.annotations import Annotations, Place, Zone, ZoneKind
+from thumper.ros.codec import Message, message
+from thumper.ros.to_ros import MAP, Messages, pose_message
+
+# Values of visualization_msgs/Marker.
+ARROW, SPHERE, LINE_STRIP, TEXT = 0, 2, 4, 9
+ADD, DELETE_ALL = 0, 3
+LINE_WIDTH_M, TEXT_HEIGHT_M, SPHERE_M, ARROW_M = 0.04, 0.2, 0.15, (0.4, 0.06, 0.06)
+RED, AMBER, BLUE = (0.82, 0.14, 0.18), (0.85, 0.55, 0.0), (0.18, 0.5, 0.97)
+
+
+def markers(messages: Messages, time_s: float, annotations: Annotations) -> Message:
+    """Build the MarkerArray; its first marker deletes those of the message before."""
+    header = messages.header(time_s, MAP)
+    found = [_marker(header, ARROW, BLUE, ARROW_M)]
+    found[0].action = DELETE_ALL
+    for number, item in enumerate(annotations):
+        found += _zone(header, number, item) if isinstance(item, Zone) else _place(header, number, item)
+    return message("visualization_msgs/msg/MarkerArray", markers=found)
+
+
+def _zone(header: Message, number: int, zone: Zone) -> Iterator[Message]:
+    colour = RED if zone.kind is ZoneKind.KEEPOUT else AMBER
+    text = zone.name if zone.kind is ZoneKind.KEEPOUT else f"{zone.name}: {zone.speed_percent} %"
+    ring = (*zone.vertices_m, zone.vertices_m[0])
+    outline = _marker(header, LINE_STRIP, colour, (LINE_WIDTH_M, 0.0, 0.0))
+    outline.points = [message("geometry_msgs/msg/Point", x=x_m, y=y_m, z=0.0) for x_m, y_m in ring]
+    outline.ns, outline.id = zone.kind.value, number
+    yield outline
+    x_m, y_m = zone.polygon_m().mean(axis=0).tolist()
+    yield _label(header, number, text, Pose2(x_m=x_m, y_m=y_m))
+
+
+def _place(header: Message, number: int, place: Place) -> Iterator[Message]:
+    shape, scale = (SPHERE, (SPHERE_M,) * 3) if place.yaw_rad is None else (ARROW, ARROW_M)
+    at = _marker(header, shape, BLUE, scale)
+    at.pose = pose_message(place.x_m, place.y_m, place.yaw_rad or 0.0)
+    at.ns, at.id = "place", number
+    yield at
+    yield _label(header, number, place.name, Pose2(x_m=place.x_m, y_m=place.y_m + TEXT_HEIGHT_M))
+
+
+def _label(header: Message, number: int, text: str, at: Pose2) -> Message:
+    label = _marker(header, TEXT, BLUE, (0.0, 0.0, TEXT_HEIGHT_M))
+    label.pose = pose_message(at.x_m, at.y_m, 0.0)
+    label.ns, label.id, label.text = "name", number, text
+    return label
+
+
+def _marker(
+    header: Message, shape: int, colour: tuple[float, float, float], scale: tuple[float, ...]
+) -> Message:
+    red, green, blue = colour
+    nothing = np.empty(0, dtype=np.uint8)
+    return message(
+        "visualization_msgs/msg/Marker",
+        header=header,
+        ns="",
+        id=0,
+        type=shape,
+        action=ADD,
+        pose=pose_message(0.0, 0.0, 0.0),
+        scale=message("geometry_msgs/msg/Vector3", x=scale[0], y=scale[1], z=scale[2]),
+        color=message("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=1.0),
+        lifetime=message("builtin_interfaces/msg/Duration", sec=0, nanosec=0),  # for ever
+        frame_locked=False,
+        points=[],
+        colors=[],
+        texture_resource="",
+        texture=message("sensor_msgs/msg/CompressedImage", header=header, format="", data=nothing),
+        uv_coordinates=[],
+        text="",
+        mesh_resource="",
+        mesh_file=message("visualization_msgs/msg/MeshFile", filename="", data=nothing),
+        mesh_use_embedded_materials=False,
+    )

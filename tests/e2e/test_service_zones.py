@@ -1,0 +1,103 @@
+"""Zones that are drawn while the robot runs: it drives round one and slowly through the other."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.e2e.service import FAR, NEAR, Service
+from thumper.common.geometry import Pose2
+from thumper.maps.annotations import Annotations, load_annotations
+from thumper.navigation.footprint import Footprint
+from thumper.navigation.speed_limits import SpeedLimits
+from thumper.ros.from_ros import path_of
+from thumper.runtime.service.map_saver import MapSaver
+from thumper.slam.saved_state import SavedSlamState
+
+KEEPOUT = [[0.7, -0.35], [0.9, -0.35], [0.9, 0.45], [0.7, 0.45]]  # across the straight line to FAR
+RUG_MIN_M, RUG_MAX_M = np.array((0.73, -0.32)), np.array((0.87, 0.42))  # less 3 cm of pose error
+SLOW = [[0.2, -2.0], [1.0, -2.0], [1.0, 2.0], [0.2, 2.0]]
+
+
+def zone(kind: str, ring: list[list[float]], **properties: Any) -> dict[str, Any]:
+    return {
+        "type": "Feature",
+        "properties": {"kind": kind, **properties},
+        "geometry": {"type": "Polygon", "coordinates": [ring]},
+    }
+
+
+def test_the_robot_drives_round_a_keepout_zone_and_slowly_in_a_slow_zone(service: Service) -> None:
+    published: dict[str, Any] = {}
+    commands: list[tuple[float, float]] = []  # x and speed
+
+    def listen(topic: str, _stamp_s: float, message: Any) -> None:
+        published[topic] = message
+        if topic == "cmd_vel":
+            commands.append((service.bench.truth()[-1, 1], message.twist.linear.x))
+
+    service.robot.publisher.add_sink(listen)
+    send = {"x_m": FAR.x_m, "y_m": FAR.y_m}
+    assert service.ask("mission/send", send)["ok"]
+    service.run_cycles(8)
+    straight_m = path_of(published["plan"])[:, 1]
+    assert service.ask("annotation/add", zone("keepout", KEEPOUT, name="rug"))["ok"]
+    assert service.ask("annotation/add", zone("slow", SLOW, speed_percent=40))["text"].endswith("'slow 1'")
+    service.until(lambda: service.mode == "idle", max_cycles=600)
+    assert service.ask("mission/state")["state"] == "reached"
+    assert np.abs(straight_m).max() < 0.4  # without the zone it would have crossed it
+    track = service.bench.truth()
+    outline_m = Footprint().outline_m(0.02)
+    for x_m, y_m, theta_rad in track[:, 1:4]:
+        outline = Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad).apply(outline_m)
+        inside = (outline > RUG_MIN_M) & (outline < RUG_MAX_M)
+        assert not inside.all(axis=1).any(), (x_m, y_m)
+    in_zone = [v_m_s for x_m, v_m_s in commands if 0.25 < x_m < 0.95]
+    assert max(in_zone) <= 0.4 * SpeedLimits().v_max_m_s + 1e-9
+    assert max(v_m_s for _, v_m_s in commands) > 0.6 * SpeedLimits().v_max_m_s
+    assert len(published["markers"].markers) == 5  # one that deletes, two of each zone
+
+
+def test_goals_and_zones_that_make_no_sense_are_refused_in_one_line(service: Service) -> None:
+    assert service.ask("annotation/add", zone("keepout", KEEPOUT, name="rug"))["ok"]
+    goal = {"x_m": 0.8, "y_m": 0.05}
+    assert service.ask("mission/send", goal)["error"] == (
+        "goal (0.80, 0.05) is in a keep-out zone: choose a goal outside it"
+    )
+    here = [[1.5, -0.2], [2.0, -0.2], [2.0, 0.3], [1.5, 0.3]]
+    assert (
+        "the robot stands in this keep-out zone"
+        in service.ask("annotation/add", zone("keepout", here))["error"]
+    )
+    assert "unknown kind" in service.ask("annotation/add", zone("lava", here))["error"]
+    assert service.ask("annotation/remove", {"name": "rug"})["text"] == "removed keep-out zone 'rug'"
+    assert "there is none" in service.ask("annotation/remove", {"name": "rug"})["error"]
+    assert service.ask("mission/send", goal)["ok"]
+    service.run_cycles(10)
+    assert service.ask("annotation/add", zone("keepout", KEEPOUT, name="rug"))["ok"]
+    service.until(lambda: service.mode == "idle")
+    assert "keep-out zone" in service.ask("mission/state")["reason"]
+
+
+def test_zones_are_saved_with_the_map(service: Service, tmp_path: Path) -> None:
+    place = {
+        "type": "Feature",
+        "properties": {"kind": "place", "name": "desk"},
+        "geometry": {"type": "Point", "coordinates": [NEAR.x_m, NEAR.y_m]},
+    }
+    assert service.ask("annotation/add", place)["text"] == "added place 'desk'"
+    assert service.ask("annotation/add", zone("keepout", KEEPOUT, name="rug"))["ok"]
+    robot = service.robot
+    reports: list[str] = []
+    MapSaver(
+        robot.mapper.grid,
+        lambda: SavedSlamState.from_mapper(robot.mapper, None),
+        lambda: robot.annotations,
+        tmp_path / "map.yaml",
+        lambda text, _ok: reports.append(text),
+    )()
+    service.until(lambda: bool(reports), max_cycles=600)
+    assert "map.geojson" in reports[0]
+    loaded = load_annotations(tmp_path / "map.geojson")
+    assert loaded == robot.annotations
+    assert loaded != Annotations()
