@@ -3,6 +3,7 @@
 It drives in a circle in a room of 4 x 3 m, so that every layer of the map has data, and keeps every request.
 """
 
+import json
 import math
 import threading
 import time
@@ -19,11 +20,12 @@ from thumper.bus.server import BusServer
 from thumper.common.geometry import Pose2, Twist2
 from thumper.config.bus import BusOptions
 from thumper.lidar.scan import Scan
+from thumper.maps.annotations import Annotations, parse_feature
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.ros.service import json_object
 from thumper.ros.services import ExperimentState
 from thumper.ros.status import Status
-from thumper.ros.to_ros import INFO, WARN, Messages
+from thumper.ros.to_ros import INFO, WARN, Messages, text
 from thumper.runtime.requests import (
     EmergencyStop,
     Heartbeat,
@@ -61,6 +63,7 @@ class FakeRobot:
     period_s: float = PERIOD_S
     lidar_scans: int = 567
     experiment: str = ""  # the one that runs
+    annotations: Annotations = field(default_factory=Annotations)
 
     def __post_init__(self) -> None:
         self.reset()
@@ -84,6 +87,8 @@ class FakeRobot:
         """Forget all requests and faults."""
         self.received.clear()
         self.fault, self.fault_words, self.fault_cure = Fault.NONE, "", ""
+        if self.annotations:
+            self._annotate(Annotations())
         self.goal, self.recording, self.battery_V, self.lidar_scans = None, False, 7.62, 567
         self.simulated_faults, self.experiment = {}, ""
         self.parameters = {spec.name: spec.default for spec in PARAMETERS}
@@ -128,7 +133,9 @@ class FakeRobot:
                 self._run_command(name)
             case Query():
                 try:
-                    answer: dict[str, Any] = {"ok": True, **self._answer(request.name, request.content)}
+                    found = self._answer_about_map(request.name, request.content)
+                    found = found or self._answer(request.name, request.content)
+                    answer: dict[str, Any] = {"ok": True, **found}
                 except ValueError as error:
                     answer = {"ok": False, "error": str(error)}
                 request.reply(answer)
@@ -142,6 +149,15 @@ class FakeRobot:
             self.recording = name == "record_start"
         elif name == "cancel":
             self.goal = None
+
+    def _answer_about_map(self, name: str, content: Mapping[str, Any]) -> dict[str, Any]:
+        if name == "annotation/add":
+            self._annotate(self.annotations.with_item(parse_feature(content)))
+            return {"text": "added"}
+        if name == "annotation/remove":
+            self._annotate(self.annotations.without(content["name"]))
+            return {"text": "removed"}
+        return {"mission": 1} if name == "mission/follow" or "place" in content else {}
 
     def _answer(self, name: str, content: Mapping[str, Any]) -> dict[str, Any]:
         answer: dict[str, Any] = {}
@@ -185,6 +201,10 @@ class FakeRobot:
             case _:
                 raise ValueError(f"no such service: {name}")
         return answer
+
+    def _annotate(self, annotations: Annotations) -> None:
+        self.annotations = annotations
+        self._send("annotations", text(json.dumps(annotations.to_geojson())))
 
     def _publish(self, cycle: int) -> None:
         now_s, messages = time.time(), self._messages

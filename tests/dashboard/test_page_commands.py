@@ -1,5 +1,6 @@
 """Control of the robot: one page has it, every page can stop the robot. No browser and no server."""
 
+import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -15,6 +16,8 @@ TURN = '{"kind": "teleop", "forward": 0, "left": 0.5, "turbo": false}'
 RELEASE = '{"kind": "teleop", "forward": 0, "left": 0, "turbo": false}'
 GOAL = '{"kind": "goal", "x_m": 1, "y_m": 2, "yaw_rad": null}'
 WAYPOINTS = '{"kind": "waypoints", "places": [[1, 2], [3, 4]]}'
+PLACE_GOAL = '{"kind": "place_goal", "name": "kitchen"}'
+PATROL = '{"kind": "patrol", "places": ["kitchen", "door"], "rounds": 2}'
 EXPERIMENT = '{"kind": "experiment", "name": "tune_wheels", "lane_m": 2}'
 POSE = '{"kind": "initial_pose", "x_m": 1, "y_m": 2, "yaw_rad": 0}'
 HEARTBEAT = '{"kind": "heartbeat", "n": 1}'
@@ -54,7 +57,7 @@ class Pages:
         return self.robot.sent
 
 
-@pytest.mark.parametrize("motion", [TELEOP, TURN, GOAL, WAYPOINTS, EXPERIMENT])
+@pytest.mark.parametrize("motion", [TELEOP, TURN, GOAL, PLACE_GOAL, WAYPOINTS, PATROL, EXPERIMENT])
 def test_page_that_starts_a_motion_guards_it(motion: str) -> None:
     pages = Pages()
     assert pages.send("a", HEARTBEAT) == []  # it only watches
@@ -66,7 +69,7 @@ def test_page_that_starts_a_motion_guards_it(motion: str) -> None:
     assert pages.send("b", HEARTBEAT) == []
 
 
-@pytest.mark.parametrize("message", [TELEOP, TURN, GOAL, WAYPOINTS, EXPERIMENT, POSE])
+@pytest.mark.parametrize("message", [TELEOP, TURN, GOAL, PLACE_GOAL, WAYPOINTS, PATROL, EXPERIMENT, POSE])
 def test_second_page_drives_only_after_it_has_taken_control(message: str) -> None:
     pages = Pages()
     pages.send("a", TELEOP)
@@ -124,6 +127,24 @@ def test_single_waypoint_is_a_goal() -> None:
 
 def test_several_waypoints_are_a_path() -> None:
     assert Pages().send("a", WAYPOINTS)[1] == ("waypoints", "a")
+
+
+def test_anyone_changes_the_map_but_only_by_a_valid_feature() -> None:
+    pages = Pages()
+    place = {
+        "type": "Feature",
+        "properties": {"kind": "place", "name": "desk"},
+        "geometry": {"type": "Point", "coordinates": [1.0, 2.0]},
+    }
+    pages.send("a", GOAL)
+    assert pages.send("b", json.dumps({"kind": "add_annotation", "feature": place})) == [
+        ("annotation/add", "b")
+    ]
+    removal = '{"kind": "remove_annotation", "name": "desk"}'
+    assert pages.send("b", removal) == [("annotation/remove", "b")]
+    place["properties"] = {"kind": "place", "name": "7"}
+    with pytest.raises(ThumperError, match="'7' is a number"):
+        pages.send("a", json.dumps({"kind": "add_annotation", "feature": place}))
 
 
 def test_obstacle_needs_the_pose() -> None:

@@ -46,7 +46,7 @@ def test_map_has_legend_and_mouse_position(page: Page) -> None:
     page.click("[data-tool=layers]")
     swatches = page.locator(".tp-layers label i")
     colours = swatches.evaluate_all("all => all.map((one) => getComputedStyle(one).backgroundColor)")
-    assert len(set(colours)) == len(colours) == 8
+    assert len(set(colours)) == len(colours) == 9
     assert "rgba(0, 0, 0, 0)" not in colours
     page.keyboard.press("Escape")
     x, y = page.evaluate("""() => {
@@ -84,7 +84,7 @@ def test_phone_layout_shows_everything(page: Page, robot: FakeRobot) -> None:
     robot.goal = Pose2(x_m=1.0, y_m=1.0)
     expect(page.locator("[data-field=mode]")).to_have_text("driving")
     assert page.evaluate("document.documentElement.scrollWidth") == 390
-    for tab in ("drive", "gains", "tune", "sim", "log", "system"):
+    for tab in ("drive", "map", "gains", "tune", "sim", "log", "system"):
         page.click(f".tp-tab-{tab}")
         stop = page.locator(".tp-estop").bounding_box()
         assert stop is not None

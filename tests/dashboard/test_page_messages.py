@@ -53,6 +53,11 @@ def test_valid_messages_are_parsed() -> None:
         {"kind": "waypoints", "places": []},
         {"kind": "waypoints", "places": [[1.0, 2.0, 3.0]]},
         {"kind": "waypoints", "places": [[0.0, 0.0]] * 51},
+        {"kind": "patrol", "places": [], "rounds": 1},
+        {"kind": "patrol", "places": ["a"], "rounds": 1001},
+        {"kind": "place_goal", "name": ""},
+        {"kind": "remove_annotation", "name": "a" * 41},
+        {"kind": "add_annotation", "feature": []},
         {"kind": "obstacle", "x_m": 0.0, "y_m": 0.0, "radius_m": 50.0},
     ],
 )

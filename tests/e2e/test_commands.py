@@ -83,6 +83,9 @@ def test_stop(thumper: Run, bus: str) -> None:
     assert "emergency stop" in thumper("stop", "--emergency", "--bus", bus).stdout
     time.sleep(0.5)
     assert "emergency stop was pressed" in thumper("status", "--bus", bus).stdout
+    nowhere = thumper("goto", "kitchen", "--bus", bus)
+    assert (nowhere.returncode, nowhere.stderr.count("\n")) == (1, 1)
+    assert "no place 'kitchen' on this map" in nowhere.stderr
     refused = thumper("goto", "1.5", "0.05", "--bus", bus)
     assert refused.returncode == 1
     assert "--clear-fault" in refused.stderr
@@ -105,6 +108,7 @@ def test_watch(thumper: Run, bus: str) -> None:
         (["flash", "--port", "/dev/null", "--hex", "none.hex"], 2, "none.hex: no such file"),
         (["watch", "nonsense"], 2, "unknown topic 'nonsense'"),
         (["goto", "nan", "0"], 2, "finite"),
+        (["goto", "1.5"], 2, "the Y is missing"),
         (["run", "--patrol", "2"], 2, "--patrol belongs to --waypoint"),
         (["run", "--bus", "0.0.0.0:7448"], 2, "set a token"),
         (["explore", "--bus", "0.0.0.0:7448"], 2, "set a token"),

@@ -11,6 +11,7 @@ from thumper.maps.annotations import Annotations, load_annotations
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.speed_limits import SpeedLimits
 from thumper.ros.from_ros import path_of
+from thumper.runtime.requests import RobotCommand
 from thumper.runtime.service.map_saver import MapSaver
 from thumper.slam.saved_state import SavedSlamState
 
@@ -79,13 +80,29 @@ def test_goals_and_zones_that_make_no_sense_are_refused_in_one_line(service: Ser
     assert "keep-out zone" in service.ask("mission/state")["reason"]
 
 
-def test_zones_are_saved_with_the_map(service: Service, tmp_path: Path) -> None:
-    place = {
+def place(name: str, x_m: float, y_m: float) -> dict[str, Any]:
+    return {
         "type": "Feature",
-        "properties": {"kind": "place", "name": "desk"},
-        "geometry": {"type": "Point", "coordinates": [NEAR.x_m, NEAR.y_m]},
+        "properties": {"kind": "place", "name": name},
+        "geometry": {"type": "Point", "coordinates": [x_m, y_m]},
     }
-    assert service.ask("annotation/add", place)["text"] == "added place 'desk'"
+
+
+def test_a_patrol_visits_the_places_in_turn(service: Service) -> None:
+    service.ask("annotation/add", place("desk", 1.5, 0.05))
+    service.ask("annotation/add", place("door", 1.2, 0.05))
+    assert service.ask("mission/send", {"place": "desk"})["ok"]
+    names = [{"place": "door"}, {"place": "desk"}]
+    assert service.ask("mission/follow", {"goals": names, "rounds": 2})["mission"] == 2
+    assert service.ask("mission/state")["legs"] == 4
+    service.until(lambda: service.ask("mission/state")["leg"] == 1, max_cycles=600)
+    assert abs(service.bench.truth()[-1, 1] - 1.2) < 0.2
+    service.put(RobotCommand(name="cancel"))
+    assert "choose from: desk, door" in service.ask("mission/send", {"place": "attic"})["error"]
+
+
+def test_zones_are_saved_with_the_map(service: Service, tmp_path: Path) -> None:
+    assert service.ask("annotation/add", place("desk", NEAR.x_m, NEAR.y_m))["text"] == "added place 'desk'"
     assert service.ask("annotation/add", zone("keepout", KEEPOUT, name="rug"))["ok"]
     robot = service.robot
     reports: list[str] = []

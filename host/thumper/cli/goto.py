@@ -11,7 +11,7 @@ from thumper.cli.options.common import BusAddress, ClearFault, ConfigFile, GoalT
 
 if TYPE_CHECKING:
     from thumper.bus.client import BusClient
-    from thumper.ros.services import MissionStatus
+    from thumper.ros.services import MissionStatus, SendMission
 
 POLL_PERIOD_S = 0.2
 LINE_PERIOD_S = 1.0
@@ -26,8 +26,8 @@ def _number(text: str) -> float:
 
 
 def goto(
-    x: Annotated[float, typer.Argument(help="X in the map [m].", parser=_number)],
-    y: Annotated[float, typer.Argument(help="Y in the map [m].", parser=_number)],
+    x: Annotated[str, typer.Argument(metavar="X|PLACE", help="X in the map [m], or the name of a place.")],
+    y: Annotated[float | None, typer.Argument(help="Y in the map [m].", parser=_number)] = None,
     yaw: Annotated[
         float | None, typer.Argument(help="Heading at the goal [degrees from x].", parser=_number)
     ] = None,
@@ -38,23 +38,20 @@ def goto(
     bus: BusAddress = "",
     robot: RobotName = "",
 ) -> None:
-    """Send a running robot to a goal and wait until it arrives. Ctrl-C cancels the goal.
+    """Send a running robot to a goal or a saved place and wait until it arrives. Ctrl-C cancels the goal.
 
     Exits with 1 if the goal is rejected or not reached.
 
-    Example: `thumper goto 1.5 -0.5 90`
+    Example: `thumper goto 1.5 -0.5 90`, `thumper goto kitchen`
     """
-    from thumper.common.errors import EXIT_INTERRUPTED, EXIT_USAGE, ThumperError
-    from thumper.navigation.goal import check_place
+    from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
     from thumper.ros import services
     from thumper.ros.services import RunCommand, SendMission
 
-    numbers = (x, y, yaw or 0.0, tolerance)
-    if not all(map(math.isfinite, numbers)):
-        raise ThumperError("the goal and --tolerance must be finite numbers", exit_code=EXIT_USAGE)
-    check_place("the goal", x, y)
-    yaw_rad = None if yaw is None else math.radians(yaw)
-    goal = SendMission(x_m=x, y_m=y, yaw_rad=yaw_rad, tolerance_m=tolerance)
+    if y is None and not x.startswith("-") and not _is_number(x):
+        goal = SendMission(place=x, tolerance_m=tolerance)
+    else:
+        goal = _position(_number(x), y, yaw, tolerance)
     with connect(config, bus, robot) as client:
         if clear_fault:
             services.COMMAND.call(client, RunCommand(command="clear_fault"))
@@ -72,6 +69,29 @@ def goto(
     if state.state != "reached":
         raise ThumperError(f"goal not reached: {state.reason}")
     print(f"reached: {state.reason}")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _position(x_m: float, y_m: float | None, yaw_deg: float | None, tolerance_m: float) -> "SendMission":
+    """Return the request to drive to a position; raise ThumperError if a number is missing or too large."""
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.navigation.goal import check_place
+    from thumper.ros.services import SendMission
+
+    if y_m is None:
+        raise ThumperError("a goal is X Y or the name of a place: the Y is missing", exit_code=EXIT_USAGE)
+    if not all(map(math.isfinite, (x_m, y_m, yaw_deg or 0.0, tolerance_m))):
+        raise ThumperError("the goal and --tolerance must be finite numbers", exit_code=EXIT_USAGE)
+    check_place("the goal", x_m, y_m)
+    yaw_rad = None if yaw_deg is None else math.radians(yaw_deg)
+    return SendMission(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, tolerance_m=tolerance_m)
 
 
 def _wait(client: "BusClient", mission: int) -> "MissionStatus":

@@ -3,6 +3,7 @@
 Each function raises ValueError if a message holds invalid values.
 """
 
+import json
 import math
 from dataclasses import asdict
 from typing import Any
@@ -10,9 +11,11 @@ from typing import Any
 import numpy as np
 
 from thumper.board.messages import Telemetry
+from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.dashboard.binary_packet import grid_png
 from thumper.dashboard.pose_history import PoseHistory
+from thumper.maps.annotations import annotations_of
 from thumper.ros.codec import Message
 from thumper.ros.from_ros import grid_of, pose_of, scan_of, stamp_ns_of, status_of, telemetry_of
 
@@ -88,6 +91,14 @@ def status(message: Message) -> dict[str, Any]:
     """Return a thumper_msgs/Status as a dictionary, with None for NaN, which JSON does not have."""
     fields = asdict(status_of(message))
     return {name: _json_number(value) for name, value in fields.items() if name != "time_s"}
+
+
+def annotations(message: Message) -> dict[str, Any]:
+    """Return zones and places, a std_msgs/String, as a GeoJSON FeatureCollection."""
+    try:
+        return annotations_of(json.loads(message.data)).to_geojson()
+    except ThumperError as error:
+        raise ValueError(str(error)) from error
 
 
 def event(message: Message) -> dict[str, Any]:

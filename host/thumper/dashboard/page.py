@@ -112,13 +112,15 @@ def _faultbox() -> None:
 
 
 def _tabs(robot: QueryClient) -> None:
-    titles = ("Drive", "Gains", "Tune", "Sim", "Log", "System")
+    titles = ("Drive", "Map", "Gains", "Tune", "Sim", "Log", "System")
     with ui.tabs().props("dense no-caps inline-label align=justify").classes("tp-tabs") as tabs:
         for title in titles:
             ui.tab(title.lower(), label=title).classes(f"tp-tab-{title.lower()}")
     with ui.tab_panels(tabs, value="drive", animated=False).props("keep-alive").classes("tp-panels"):
         with ui.tab_panel("drive"):
             _drive_panel()
+        with ui.tab_panel("map"):
+            Widget("places").classes("tp-places")
         with ui.tab_panel("gains"):
             GainsPanel(Parameters(robot))
         with ui.tab_panel("tune"):

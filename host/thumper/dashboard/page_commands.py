@@ -9,13 +9,14 @@ come and go.
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Any, Protocol
 
 import numpy as np
 
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2, Twist2
 from thumper.dashboard.page_messages import (
+    AddAnnotation,
     CommandMessage,
     EStop,
     ExperimentMessage,
@@ -24,17 +25,20 @@ from thumper.dashboard.page_messages import (
     Obstacle,
     PageHeartbeat,
     PageMessage,
+    Patrol,
+    PlaceGoal,
+    RemoveAnnotation,
     TakeControl,
     Teleop,
     WaypointsMessage,
 )
+from thumper.maps.annotations import parse_feature
 from thumper.ros import services
 from thumper.ros.codec import Message
 from thumper.ros.service import QueryClient, Service
-from thumper.ros.services import RunCommand, SendMission, StartExperiment, Text
+from thumper.ros.services import RemoveAnnotation as RemoveNamed
+from thumper.ros.services import RunCommand, SendMission, StartExperiment
 from thumper.ros.to_ros import Messages, flag
-
-RequestT = TypeVar("RequestT")
 
 PendingQuery = Callable[[], str]
 """Queries the robot, waits for its answer and returns its text; raises ThumperError."""
@@ -97,20 +101,45 @@ class PageCommands:
             case InitialPose():
                 pose = Pose2(x_m=message.x_m, y_m=message.y_m, theta_rad=message.yaw_rad)
                 self._robot.publish("initialpose", self._messages.pose(now_s, pose), source=page)
-            case WaypointsMessage():
-                return self._send_waypoints(page, message, now_s)
-            case GoalMessage():
-                goal = SendMission(x_m=message.x_m, y_m=message.y_m, yaw_rad=message.yaw_rad)
-                return self._mission(page, goal)
-            case CommandMessage():
-                return self._text_query(services.COMMAND, RunCommand(command=message.name), page)
-            case ExperimentMessage():
-                request = StartExperiment(name=message.name, lane_m=message.lane_m)
-                return self._text_query(services.EXPERIMENT_START, request, page)
-            case Obstacle():
-                pillar = {"pillar": self._pillar(message)}
-                return self._text_query(services.SIMULATOR_COMMAND, pillar, page)
+            case WaypointsMessage() if len(message.places) > 1:  # with headings to the next one each
+                self._robot.publish(
+                    "waypoints", self._messages.path(now_s, np.array(message.places)), source=page
+                )
+            case _:
+                return self._query(page, message)
         return None
+
+    def _query(self, page: str, message: PageMessage) -> PendingQuery | None:
+        """Return the query that a message needs."""
+        service: Service[Any, Any]
+        request: object
+        match message:
+            case WaypointsMessage():
+                ((x_m, y_m),) = message.places
+                service, request = services.MISSION_SEND, SendMission(x_m=x_m, y_m=y_m)
+            case GoalMessage():
+                service = services.MISSION_SEND
+                request = SendMission(x_m=message.x_m, y_m=message.y_m, yaw_rad=message.yaw_rad)
+            case PlaceGoal():
+                service, request = services.MISSION_SEND, SendMission(place=message.name)
+            case Patrol():
+                goals = [{"place": name} for name in message.places]
+                service, request = services.MISSION_FOLLOW, {"goals": goals, "rounds": message.rounds}
+            case CommandMessage():
+                service, request = services.COMMAND, RunCommand(command=message.name)
+            case ExperimentMessage():
+                service = services.EXPERIMENT_START
+                request = StartExperiment(name=message.name, lane_m=message.lane_m)
+            case Obstacle():
+                service, request = services.SIMULATOR_COMMAND, {"pillar": self._pillar(message)}
+            case AddAnnotation():
+                parse_feature(message.feature)
+                service, request = services.ANNOTATION_ADD, message.feature
+            case RemoveAnnotation():
+                service, request = services.ANNOTATION_REMOVE, RemoveNamed(name=message.name)
+            case _:
+                return None
+        return lambda: getattr(service.call(self._robot, request, source=page), "text", "")
 
     def _update_control(self, page: str, message: PageMessage) -> None:
         """Give control to a page that takes it or starts a motion; raise ThumperError if another has it."""
@@ -120,15 +149,6 @@ class PageCommands:
         if starts_motion or isinstance(message, TakeControl):
             self.operator = page  # the heartbeats of another page end, so its motion stops
 
-    def _send_waypoints(self, page: str, message: WaypointsMessage, now_s: float) -> PendingQuery | None:
-        """Send a path with headings to the next waypoint each; a single place is a goal."""
-        if len(message.places) == 1:
-            x_m, y_m = message.places[0]
-            return self._mission(page, SendMission(x_m=x_m, y_m=y_m))
-        path = self._messages.path(now_s, np.array(message.places))
-        self._robot.publish("waypoints", path, source=page)
-        return None
-
     def _pillar(self, message: Obstacle) -> dict[str, float]:
         """Return the pillar relative to the robot: the simulated world has its own frame."""
         map_from_base = self._map_from_base()
@@ -136,16 +156,6 @@ class PageCommands:
             raise ThumperError("the robot's pose is not known yet")
         pillar = map_from_base.inverse() @ Pose2(x_m=message.x_m, y_m=message.y_m)
         return {"x_m": pillar.x_m, "y_m": pillar.y_m, "radius_m": message.radius_m}
-
-    def _mission(self, page: str, goal: SendMission) -> PendingQuery:
-        def send() -> str:
-            services.MISSION_SEND.call(self._robot, goal, source=page)
-            return ""
-
-        return send
-
-    def _text_query(self, service: Service[RequestT, Text], request: RequestT, page: str) -> PendingQuery:
-        return lambda: service.call(self._robot, request, source=page).text
 
     def _send_heartbeat(self, page: str, now_s: float) -> None:
         self._robot.publish("heartbeat", self._messages.header(now_s), source=page)
@@ -163,4 +173,4 @@ def _starts_motion(message: PageMessage) -> bool:
         return message.forward != 0.0 or message.left != 0.0
     if isinstance(message, CommandMessage):
         return message.name == "explore"
-    return isinstance(message, GoalMessage | WaypointsMessage | ExperimentMessage)
+    return isinstance(message, GoalMessage | WaypointsMessage | PlaceGoal | Patrol | ExperimentMessage)

@@ -1,6 +1,6 @@
 """The messages that a page may send. All others are refused."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, ValidationError
 
@@ -9,10 +9,12 @@ from thumper.navigation.goal import FARTHEST_M
 
 MAX_MESSAGE_BYTES = 8192
 MAX_WAYPOINTS = 50
+MAX_ROUNDS = 1000
 
 Metres = Annotated[FiniteFloat, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
 Heading = Annotated[FiniteFloat, Field(ge=-6.2832, le=6.2832)]
 Place = Annotated[list[Metres], Field(min_length=2, max_length=2)]  # x, y
+Name = Annotated[str, Field(min_length=1, max_length=40)]
 Share = Annotated[FiniteFloat, Field(ge=-1.0, le=1.0)]
 
 
@@ -86,6 +88,35 @@ class Obstacle(_PageMessage):
     radius_m: Annotated[FiniteFloat, Field(ge=0.02, le=2.0)]
 
 
+class AddAnnotation(_PageMessage):
+    """Add a zone or place to the map, or replace the one of that name."""
+
+    kind: Literal["add_annotation"]
+    feature: dict[str, Any]  # GeoJSON, checked by `parse_feature`
+
+
+class RemoveAnnotation(_PageMessage):
+    """Remove a zone or place from the map."""
+
+    kind: Literal["remove_annotation"]
+    name: Name
+
+
+class PlaceGoal(_PageMessage):
+    """Drive to a place."""
+
+    kind: Literal["place_goal"]
+    name: Name
+
+
+class Patrol(_PageMessage):
+    """Drive to places in turn, some rounds."""
+
+    kind: Literal["patrol"]
+    places: Annotated[list[Name], Field(min_length=1, max_length=MAX_WAYPOINTS)]
+    rounds: Annotated[int, Field(ge=1, le=MAX_ROUNDS)]
+
+
 class TakeControl(_PageMessage):
     """Take control of the robot from the page that has it."""
 
@@ -109,6 +140,10 @@ PageMessage = (
     | Teleop
     | CommandMessage
     | Obstacle
+    | AddAnnotation
+    | RemoveAnnotation
+    | PlaceGoal
+    | Patrol
     | ExperimentMessage
     | TakeControl
 )

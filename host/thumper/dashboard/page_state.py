@@ -22,7 +22,8 @@ from thumper.ros.from_ros import path_of, poses_of
 
 GRIDS = ("map", "local_costmap")
 # The status last: a page that shows the robot has all other topics already.
-TOPICS = ("pose", *GRIDS, "scan", "plan", "local_plan", "particles", "wheels", "events", "status")
+PATHS = ("plan", "local_plan")
+TOPICS = ("pose", "annotations", *GRIDS, "scan", *PATHS, "particles", "wheels", "events", "status")
 GRID_PERIOD_S = 0.5  # a grid is sent at most this often
 MAX_WHEEL_ROWS = 600  # one minute at 10 Hz, so that a new page has charts at once
 MAX_EVENTS = 50
@@ -115,7 +116,9 @@ class PageState:
         elif name in GRIDS:
             values[name], arrays[name] = display_data.grid_data(message)
             self._grid_sent_s[name] = time.monotonic()
-        elif name in ("plan", "local_plan"):
+        elif name == "annotations":
+            values[name] = display_data.annotations(message)
+        elif name in PATHS:
             arrays[name] = path_of(message)[:, :2]
         elif name == "particles":
             arrays[name] = poses_of(message)

@@ -36,12 +36,13 @@ class ParameterValues:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SendMission:
-    """Request of `mission/send`: a goal in `map`."""
+    """Request of `mission/send`: a goal in `map`, or a saved place."""
 
-    x_m: float
-    y_m: float
+    x_m: float | None = None
+    y_m: float | None = None
     yaw_rad: Annotated[float | None, "else any heading will do"] = None
     tolerance_m: Annotated[float | None, "0.02 ... 1"] = None
+    place: Annotated[str | None, "name of a place, instead of `x_m`, `y_m` and `yaw_rad`"] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -190,7 +191,7 @@ MISSION_FOLLOW: Service[Mapping[str, Any], MissionStarted] = Service(
     name="mission/follow",
     summary="starts to drive to goals in turn, until one is not reached",
     request=None,
-    request_doc='`{"goals": [...]}`, 1 to 200, each as for `mission/send`',
+    request_doc='`{"goals": [...], "rounds": 1}`, 1 to 200, each as for `mission/send`; `rounds`, optional',
     reply=MissionStarted,
 )
 MISSION_STATE = Service(

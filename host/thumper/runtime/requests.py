@@ -8,13 +8,26 @@ from typing import Any
 
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2, Twist2
+from thumper.maps.annotations import Annotations
 from thumper.navigation.goal import Goal, check_place
 
 MAX_WAYPOINTS = 200
+MAX_LEGS = 2000  # of all rounds
 
 
-def parse_goal(content: Mapping[str, Any]) -> Goal:
-    """Return the goal in `content`: x_m, y_m and optionally yaw_rad and tolerance_m, all of them numbers."""
+def parse_goal(content: Mapping[str, Any], annotations: Annotations | None = None) -> Goal:
+    """Return the goal in `content`: x_m, y_m and optionally yaw_rad and tolerance_m, all of them numbers.
+
+    Instead of x_m, y_m and yaw_rad it may have the name of a place of `annotations`.
+    """
+    if "place" in content:
+        content = dict(content)
+        place = (annotations or Annotations()).place(str(content.pop("place")))
+        if set(content) - {"tolerance_m"}:
+            raise ThumperError("a goal at a place has place and optionally tolerance_m")
+        content |= {"x_m": place.x_m, "y_m": place.y_m}
+        if place.yaw_rad is not None:
+            content["yaw_rad"] = place.yaw_rad
     known = {"x_m", "y_m", "yaw_rad", "tolerance_m"}
     numbers = {
         name: float(value)
@@ -35,14 +48,21 @@ def parse_goal(content: Mapping[str, Any]) -> Goal:
     )
 
 
-def parse_goals(content: Mapping[str, Any]) -> tuple[Goal, ...]:
-    """Return the goals in `content`: `goals`, a list of what `parse_goal` takes."""
-    goals = content.get("goals")
-    if set(content) != {"goals"} or not isinstance(goals, list) or not 0 < len(goals) <= MAX_WAYPOINTS:
+def parse_goals(content: Mapping[str, Any], annotations: Annotations) -> tuple[tuple[Goal, ...], int]:
+    """Return the goals of `content`, a list of what `parse_goal` takes, and its rounds, by default one."""
+    goals, rounds = content.get("goals"), content.get("rounds", 1)
+    if (
+        not set(content) <= {"goals", "rounds"}
+        or not isinstance(goals, list)
+        or not 0 < len(goals) <= MAX_WAYPOINTS
+    ):
         raise ThumperError(f"pass goals, a list of 1 to {MAX_WAYPOINTS}")
     if not all(isinstance(goal, dict) for goal in goals):
         raise ThumperError("each goal is an object with x_m and y_m")
-    return tuple(parse_goal(goal) for goal in goals)
+    most = MAX_LEGS // len(goals)
+    if not isinstance(rounds, int) or isinstance(rounds, bool) or not 1 <= rounds <= most:
+        raise ThumperError(f"choose 1 to {most} rounds over {len(goals)} goals")
+    return tuple(parse_goal(goal, annotations) for goal in goals), rounds
 
 
 # The topic `command` accepts these words and no others.

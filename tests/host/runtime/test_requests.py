@@ -6,8 +6,9 @@ from typing import Any
 import pytest
 
 from thumper.common.errors import ThumperError
+from thumper.maps.annotations import Annotations, Place
 from thumper.navigation.goal import Goal
-from thumper.runtime.requests import LogMessage, TeleopSource, parse_goal
+from thumper.runtime.requests import LogMessage, TeleopSource, parse_goal, parse_goals
 
 PLACE = {"x_m": 1.0, "y_m": -2.0}
 
@@ -50,6 +51,28 @@ def test_tolerance_has_limits(tolerance_m: float, *, good: bool) -> None:
 def test_far_goal_is_refused() -> None:
     with pytest.raises(ThumperError, match="farther"):
         parse_goal({"x_m": 1e4, "y_m": 0.0})
+
+
+DESK, DOOR = Place(name="desk", x_m=1.0, y_m=2.0, yaw_rad=0.5), Place(name="door", x_m=3.0, y_m=0.0)
+SAVED = Annotations(places=(DESK, DOOR))
+
+
+def test_a_place_is_a_goal() -> None:
+    assert parse_goal({"place": "Desk"}, SAVED) == Goal(x_m=1.0, y_m=2.0, theta_rad=0.5)
+    assert parse_goal({"place": "door", "tolerance_m": 0.3}, SAVED) == Goal(x_m=3.0, y_m=0.0, tolerance_m=0.3)
+    with pytest.raises(ThumperError, match="no place 'attic' on this map; choose from: desk, door"):
+        parse_goal({"place": "attic"}, SAVED)
+    with pytest.raises(ThumperError, match="has place and optionally tolerance_m"):
+        parse_goal({"place": "desk", "x_m": 1.0}, SAVED)
+
+
+def test_goals_have_rounds() -> None:
+    goals = [{"place": "desk"}, PLACE]
+    assert parse_goals({"goals": goals}, SAVED) == ((parse_goal(goals[0], SAVED), parse_goal(PLACE)), 1)
+    assert parse_goals({"goals": goals, "rounds": 1000}, SAVED)[1] == 1000
+    for wrong in (0, 1001, 1.5, True, "2"):
+        with pytest.raises(ThumperError, match="choose 1 to 1000 rounds over 2 goals"):
+            parse_goals({"goals": goals, "rounds": wrong}, SAVED)
 
 
 def test_gamepad_outranks_the_other_source() -> None:

@@ -5,11 +5,12 @@ import { startCommands } from "./commands.js";
 import { drive } from "./drive.js";
 import { log } from "./log.js";
 import { map } from "./map_view.js";
+import { places } from "./places.js";
 import { startReadouts } from "./readouts.js";
 import { startStream, state } from "./stream.js";
 import { tune } from "./tune.js";
 
-export const widgets = { charts, drive, log, map, tune };
+export const widgets = { charts, drive, log, map, places, tune };
 
 let started = false;
 

@@ -10,6 +10,7 @@ export const LAYERS = [
   ["plan", "Plan", "plan"],
   ["local_plan", "Local plan", "local-plan"],
   ["trail", "Trail", "trail"],
+  ["annotations", "Zones and places", "keepout"],
   ["scan", "Scan", "scan"],
   ["footprint", "Robot", "robot-edge"],
 ];
@@ -231,4 +232,15 @@ export function drawArrow(context, camera, x, y, theta, name, label = "") {
     context.fillText(label, 11, -9);
   }
   context.restore();
+}
+
+export function drawCrosshair(context, px, py) {
+  context.strokeStyle = colour("text");
+  context.lineWidth = 1.5;
+  context.beginPath();
+  for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
+    context.moveTo(px + 4 * dx, py + 4 * dy);
+    context.lineTo(px + 14 * dx, py + 14 * dy);
+  }
+  context.stroke();
 }

@@ -1,8 +1,9 @@
-// Pointer tools of the map: pan, goal, waypoints, pose estimate, obstacle.
+// Tools of the map, for pointer and keyboard: pan, goal, waypoints, pose estimate, zone, place, obstacle.
 // Goal and pose work as in RViz: press at the position, drag to set the heading, release.
 
+import { AnnotationBar } from "./annotations.js";
 import { onCancel } from "./commands.js";
-import { drawArrow, LAYERS } from "./map_layers.js";
+import { drawArrow, drawCrosshair, LAYERS } from "./map_layers.js";
 import { send } from "./stream.js";
 
 const MIN_HEADING_DRAG_PX = 12; // a shorter drag sets no heading
@@ -15,15 +16,19 @@ const TOOLS = {
     title: "Pose estimate: press at the robot's position, drag to set its heading",
     key: "p",
   },
+  zone: { icon: "block", title: "Zone: click the corners of a keep-out or slow zone, then press Save", key: "z" },
+  place: { icon: "place", title: "Place: click to save a place by name, drag to set its heading", key: "l" },
   obstacle: { icon: "add_box", title: "Obstacle: click to add a pillar to the simulated world", key: "o" },
 };
 const OBSTACLE_RADIUS_M = 0.15;
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
 export class MapTools {
   constructor(view, root) {
     this.view = view;
     this.tool = "pan";
     this.waypoints = [];
+    this.crosshair = null;
     this.drag = null;
     this.pointers = new Map();
     this.addToolbar(root);
@@ -38,6 +43,9 @@ export class MapTools {
     canvas.addEventListener("pointermove", (event) => this.showCursor(this.position(event)));
     canvas.addEventListener("pointerleave", () => { this.cursor.textContent = ""; });
     document.addEventListener("keydown", (event) => this.onKey(event));
+    canvas.tabIndex = 0; // arrow keys move a cross-hair, Enter uses the tool there
+    canvas.addEventListener("keydown", (event) => this.onCanvasKey(event));
+    canvas.addEventListener("blur", () => this.setCrosshair(null));
     document.addEventListener("click", (event) => { // buttons outside the map can select a tool, too
       const name = event.target.closest?.("[data-select-tool]")?.dataset.selectTool;
       if (name) this.selectTool(name);
@@ -89,6 +97,7 @@ export class MapTools {
     this.addWaypointButton("Drive", "tp-go", () => this.driveWaypoints());
     this.addWaypointButton("Undo", "", () => this.setWaypoints(this.waypoints.slice(0, -1)));
     this.addWaypointButton("Clear", "", () => this.setWaypoints([]));
+    this.annotationBar = new AnnotationBar(root, this);
     this.selectTool("pan");
   }
 
@@ -115,6 +124,7 @@ export class MapTools {
     for (const [key, button] of Object.entries(this.buttons)) button.classList.toggle("on", key === name);
     this.view.canvas.style.cursor = name === "pan" ? "grab" : "crosshair";
     this.setWaypoints(name === "waypoints" ? this.waypoints : []);
+    this.annotationBar.update();
   }
 
   // Leave the tool without an effect and close the menu; return whether there was anything to leave.
@@ -149,9 +159,31 @@ export class MapTools {
   }
 
   onKey(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || /INPUT|TEXTAREA/.test(event.target.tagName)) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || /INPUT|TEXTAREA|SELECT/.test(event.target.tagName)) return;
     const match = Object.entries(TOOLS).find(([, { key }]) => key === event.key.toLowerCase());
     if (match && !this.buttons[match[0]].hidden) this.selectTool(match[0]);
+  }
+
+  onCanvasKey(event) {
+    if (event.key === "Enter" && this.crosshair && this.tool !== "pan") {
+      event.preventDefault();
+      this.use(...this.crosshair, null);
+    }
+    const [dx, dy] = ARROWS[event.key] ?? [0, 0];
+    if (!dx && !dy) return;
+    event.preventDefault();
+    const { camera } = this.view;
+    const step = (event.shiftKey ? 50 : 10) / camera.scale;
+    if (this.tool === "pan") camera.pan(-10 * dx, 10 * dy);
+    else this.setCrosshair((this.crosshair ?? [camera.x, camera.y]).map((metres, k) => metres + step * [dx, dy][k]));
+    this.view.dirty = true;
+  }
+
+  // Show the cross-hair of the keyboard at a place [m]; null hides it.
+  setCrosshair(place) {
+    this.crosshair = place;
+    if (place) this.showCursor(this.view.camera.toScreen(...place));
+    this.view.dirty = true;
   }
 
   // Position of the pointer on the canvas [pixels].
@@ -199,8 +231,11 @@ export class MapTools {
     const drag = this.drag;
     this.endDrag(event);
     if (!drag || event.button !== 0) return;
-    const [x, y] = this.view.camera.toMap(drag.startX, drag.startY);
-    const yaw_rad = this.heading(drag);
+    this.use(...this.view.camera.toMap(drag.startX, drag.startY), this.heading(drag));
+  }
+
+  // Use the tool at a place; `yaw_rad` is null if no heading was set.
+  use(x, y, yaw_rad) {
     if (this.tool === "goal") {
       send({ kind: "goal", x_m: x, y_m: y, yaw_rad });
       this.selectTool("pan");
@@ -209,6 +244,8 @@ export class MapTools {
       this.selectTool("pan");
     } else if (this.tool === "waypoints") {
       this.setWaypoints([...this.waypoints, [x, y]]);
+    } else if (["zone", "place"].includes(this.tool)) {
+      this.annotationBar.add([x, y], yaw_rad);
     } else if (this.tool === "obstacle") {
       send({ kind: "obstacle", x_m: x, y_m: y, radius_m: OBSTACLE_RADIUS_M });
     }
@@ -234,8 +271,10 @@ export class MapTools {
 
   draw(context, camera) {
     this.waypoints.forEach(([x, y], k) => drawArrow(context, camera, x, y, null, "goal", String(k + 1)));
-    if (!this.drag || !["goal", "pose"].includes(this.tool)) return;
+    this.annotationBar.draw(context, camera);
+    if (this.crosshair) drawCrosshair(context, ...camera.toScreen(...this.crosshair));
+    if (!this.drag || !["goal", "pose", "place"].includes(this.tool)) return;
     const [x, y] = camera.toMap(this.drag.startX, this.drag.startY);
-    drawArrow(context, camera, x, y, this.heading(this.drag), this.tool === "goal" ? "goal" : "estimate");
+    drawArrow(context, camera, x, y, this.heading(this.drag), this.tool === "pose" ? "estimate" : this.tool);
   }
 }

@@ -1,6 +1,7 @@
 // The map widget: a canvas with layers, and tools that turn a click or a drag into a command.
 
 import { colour, onThemeChange } from "./colours.js";
+import { drawAnnotations } from "./annotations.js";
 import { Camera } from "./map_camera.js";
 import * as layers from "./map_layers.js";
 import { MapTools } from "./map_tools.js";
@@ -36,6 +37,7 @@ class MapView {
       if (lidar_scans < this.scanCount) this.data.trail = []; // the count fell: the robot restarted with a new map
       this.scanCount = lidar_scans;
     }));
+    on("annotations", () => this.update(() => {}));
     on("opened", () => this.update(() => { this.data.trail = []; }));
     this.resize();
     const frame = () => {
@@ -110,6 +112,7 @@ class MapView {
       layers.drawGrid(context, camera, this.grids.local_costmap);
       layers.drawGridEdge(context, camera, this.grids.local_costmap, "local costmap");
     }
+    if (visible.annotations) drawAnnotations(context, camera);
     layers.drawRuler(context, camera);
     if (visible.trail) layers.drawLine(context, camera, data.trail, "trail", 2);
     if (visible.particles) layers.drawParticles(context, camera, data.particles);

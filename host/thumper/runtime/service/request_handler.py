@@ -251,10 +251,12 @@ class RequestHandler:
         return reply
 
     def _send_mission(self, request: SendMission, source: str) -> MissionStarted:
-        return MissionStarted(mission=self._missions.start((parse_goal(request_content(request)),), source))
+        goal = parse_goal(request_content(request), self.annotations.value)
+        return MissionStarted(mission=self._missions.start((goal,), source))
 
     def _follow_mission(self, content: Mapping[str, Any], source: str) -> MissionStarted:
-        return MissionStarted(mission=self._missions.start(parse_goals(content), source))
+        goals, rounds = parse_goals(content, self.annotations.value)
+        return MissionStarted(mission=self._missions.start(goals, source, rounds=rounds))
 
     def _run_command(self, request: RunCommand, source: str) -> Text:
         return Text(text=self._commands.run(request.command, source))
