@@ -115,7 +115,7 @@ def test_a_large_map_is_saved_less_often(
 ) -> None:
     clock, estimator, path = Clock(monkeypatch), make(), tmp_path / "a.session"
     clock.busy_s = busy_s
-    saver = Autosave(estimator, path, lambda _: None)
+    saver = Autosave(estimator, lambda: NONE, path, lambda _: None)
     for k, (now_s, is_due) in enumerate([(5.0, True), (4.9 + period_s, False), (5.1 + period_s, True)]):
         path.unlink(missing_ok=True)
         mapped(estimator, k)
