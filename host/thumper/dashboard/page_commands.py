@@ -9,7 +9,7 @@ come and go.
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -39,6 +39,8 @@ from thumper.ros.service import QueryClient, Service
 from thumper.ros.services import RemoveAnnotation as RemoveNamed
 from thumper.ros.services import RunCommand, SendMission, StartExperiment
 from thumper.ros.to_ros import Messages, flag
+
+RequestT = TypeVar("RequestT")
 
 PendingQuery = Callable[[], str]
 """Queries the robot, waits for its answer and returns its text; raises ThumperError."""
@@ -110,35 +112,35 @@ class PageCommands:
         return None
 
     def _query(self, page: str, message: PageMessage) -> PendingQuery | None:
-        """Return the query that a message needs."""
-        service: Service[Any, Any]
-        request: object
+        """Return the query that a message needs; raise ThumperError if it is wrong."""
+        query: PendingQuery | None = None
         match message:
             case WaypointsMessage():
                 ((x_m, y_m),) = message.places
-                service, request = services.MISSION_SEND, SendMission(x_m=x_m, y_m=y_m)
+                query = self._ask(services.MISSION_SEND, SendMission(x_m=x_m, y_m=y_m), page)
             case GoalMessage():
-                service = services.MISSION_SEND
-                request = SendMission(x_m=message.x_m, y_m=message.y_m, yaw_rad=message.yaw_rad)
+                goal = SendMission(x_m=message.x_m, y_m=message.y_m, yaw_rad=message.yaw_rad)
+                query = self._ask(services.MISSION_SEND, goal, page)
             case PlaceGoal():
-                service, request = services.MISSION_SEND, SendMission(place=message.name)
+                query = self._ask(services.MISSION_SEND, SendMission(place=message.name), page)
             case Patrol():
                 goals = [{"place": name} for name in message.places]
-                service, request = services.MISSION_FOLLOW, {"goals": goals, "rounds": message.rounds}
+                query = self._ask(services.MISSION_FOLLOW, {"goals": goals, "rounds": message.rounds}, page)
             case CommandMessage():
-                service, request = services.COMMAND, RunCommand(command=message.name)
+                query = self._ask(services.COMMAND, RunCommand(command=message.name), page)
             case ExperimentMessage():
-                service = services.EXPERIMENT_START
-                request = StartExperiment(name=message.name, lane_m=message.lane_m)
+                experiment = StartExperiment(name=message.name, lane_m=message.lane_m)
+                query = self._ask(services.EXPERIMENT_START, experiment, page)
             case Obstacle():
-                service, request = services.SIMULATOR_COMMAND, {"pillar": self._pillar(message)}
+                query = self._ask(services.SIMULATOR_COMMAND, {"pillar": self._pillar(message)}, page)
             case AddAnnotation():
                 parse_feature(message.feature)
-                service, request = services.ANNOTATION_ADD, message.feature
+                query = self._ask(services.ANNOTATION_ADD, message.feature, page)
             case RemoveAnnotation():
-                service, request = services.ANNOTATION_REMOVE, RemoveNamed(name=message.name)
-            case _:
-                return None
+                query = self._ask(services.ANNOTATION_REMOVE, RemoveNamed(name=message.name), page)
+        return query
+
+    def _ask(self, service: Service[RequestT, Any], request: RequestT, page: str) -> PendingQuery:
         return lambda: getattr(service.call(self._robot, request, source=page), "text", "")
 
     def _update_control(self, page: str, message: PageMessage) -> None:

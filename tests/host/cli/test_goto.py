@@ -35,6 +35,6 @@ def test_ctrl_c_cancels_the_goal(moment: str, monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(goto, "connect", connect)
     with pytest.raises(ThumperError, match="goal cancelled") as interrupted:
-        goto.goto(1.0, 0.5)
+        goto.goto("1.0", 0.5)
     assert interrupted.value.exit_code == EXIT_INTERRUPTED
     assert client.sent[-1] == "cancel"

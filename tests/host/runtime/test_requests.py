@@ -67,7 +67,7 @@ def test_a_place_is_a_goal() -> None:
 
 
 def test_goals_have_rounds() -> None:
-    goals = [{"place": "desk"}, PLACE]
+    goals: list[dict[str, Any]] = [{"place": "desk"}, PLACE]
     assert parse_goals({"goals": goals}, SAVED) == ((parse_goal(goals[0], SAVED), parse_goal(PLACE)), 1)
     assert parse_goals({"goals": goals, "rounds": 1000}, SAVED)[1] == 1000
     for wrong in (0, 1001, 1.5, True, "2"):
