@@ -133,14 +133,14 @@ def test_anyone_changes_the_map_but_only_by_a_valid_feature() -> None:
     pages = Pages()
     place = {
         "type": "Feature",
-        "properties": {"kind": "place", "name": "desk"},
+        "properties": {"kind": "place", "name": "sofa"},
         "geometry": {"type": "Point", "coordinates": [1.0, 2.0]},
     }
     pages.send("a", GOAL)
     assert pages.send("b", json.dumps({"kind": "add_annotation", "feature": place})) == [
         ("annotation/add", "b")
     ]
-    removal = '{"kind": "remove_annotation", "name": "desk"}'
+    removal = '{"kind": "remove_annotation", "name": "sofa"}'
     assert pages.send("b", removal) == [("annotation/remove", "b")]
     place["properties"] = {"kind": "place", "name": "7"}
     with pytest.raises(ThumperError, match="'7' is a number"):

@@ -16,7 +16,7 @@ import numpy as np
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2, Twist2
 from thumper.dashboard.page_messages import (
-    AddAnnotation,
+    AddToMap,
     CommandMessage,
     EStop,
     ExperimentMessage,
@@ -27,7 +27,7 @@ from thumper.dashboard.page_messages import (
     PageMessage,
     Patrol,
     PlaceGoal,
-    RemoveAnnotation,
+    RemoveFromMap,
     TakeControl,
     Teleop,
     WaypointsMessage,
@@ -36,8 +36,7 @@ from thumper.maps.annotations import parse_feature
 from thumper.ros import services
 from thumper.ros.codec import Message
 from thumper.ros.service import QueryClient, Service
-from thumper.ros.services import RemoveAnnotation as RemoveNamed
-from thumper.ros.services import RunCommand, SendMission, StartExperiment
+from thumper.ros.services import RemoveAnnotation, RunCommand, SendMission, StartExperiment
 from thumper.ros.to_ros import Messages, flag
 
 RequestT = TypeVar("RequestT")
@@ -133,11 +132,11 @@ class PageCommands:
                 query = self._ask(services.EXPERIMENT_START, experiment, page)
             case Obstacle():
                 query = self._ask(services.SIMULATOR_COMMAND, {"pillar": self._pillar(message)}, page)
-            case AddAnnotation():
+            case AddToMap():
                 parse_feature(message.feature)
                 query = self._ask(services.ANNOTATION_ADD, message.feature, page)
-            case RemoveAnnotation():
-                query = self._ask(services.ANNOTATION_REMOVE, RemoveNamed(name=message.name), page)
+            case RemoveFromMap():
+                query = self._ask(services.ANNOTATION_REMOVE, RemoveAnnotation(name=message.name), page)
         return query
 
     def _ask(self, service: Service[RequestT, Any], request: RequestT, page: str) -> PendingQuery:

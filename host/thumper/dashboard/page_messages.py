@@ -88,14 +88,14 @@ class Obstacle(_PageMessage):
     radius_m: Annotated[FiniteFloat, Field(ge=0.02, le=2.0)]
 
 
-class AddAnnotation(_PageMessage):
+class AddToMap(_PageMessage):
     """Add a zone or place to the map, or replace the one of that name."""
 
     kind: Literal["add_annotation"]
     feature: dict[str, Any]  # GeoJSON, checked by `parse_feature`
 
 
-class RemoveAnnotation(_PageMessage):
+class RemoveFromMap(_PageMessage):
     """Remove a zone or place from the map."""
 
     kind: Literal["remove_annotation"]
@@ -140,8 +140,8 @@ PageMessage = (
     | Teleop
     | CommandMessage
     | Obstacle
-    | AddAnnotation
-    | RemoveAnnotation
+    | AddToMap
+    | RemoveFromMap
     | PlaceGoal
     | Patrol
     | ExperimentMessage

@@ -51,7 +51,7 @@ class Zone:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class SavedPlace:
     """A named goal in `map`."""
 
     name: str
@@ -65,15 +65,15 @@ class Annotations:
     """The zones and places of one map. Each name exists once; upper and lower case are the same name."""
 
     zones: tuple[Zone, ...] = field(default=())
-    places: tuple[Place, ...] = field(default=())
+    places: tuple[SavedPlace, ...] = field(default=())
 
     def __bool__(self) -> bool:
         return bool(self.zones or self.places)
 
-    def __iter__(self) -> Iterator[Zone | Place]:
+    def __iter__(self) -> Iterator[Zone | SavedPlace]:
         return iter((*self.zones, *self.places))
 
-    def with_item(self, item: Zone | Place) -> "Annotations":
+    def with_item(self, item: Zone | SavedPlace) -> "Annotations":
         """Return these and `item`, which replaces the one of its name; raises ThumperError if too many."""
         if not item.name:
             assert isinstance(item, Zone)  # only zones may have no name
@@ -99,15 +99,15 @@ class Annotations:
             places=tuple(place for place in self.places if place is not item),
         )
 
-    def find(self, name: str) -> Zone | Place | None:
+    def find(self, name: str) -> Zone | SavedPlace | None:
         """Return the zone or place of that name; None if there is none."""
         wanted = name.strip().casefold()
         return next((item for item in self if item.name.casefold() == wanted), None)
 
-    def place(self, name: str) -> Place:
+    def place(self, name: str) -> SavedPlace:
         """Return the place of that name; raises ThumperError, which lists the places, if there is none."""
         item = self.find(name)
-        if not isinstance(item, Place):
+        if not isinstance(item, SavedPlace):
             names = ", ".join(place.name for place in self.places)
             cure = f"choose from: {names}" if names else "save one on the page first"
             raise ThumperError(f"no place {name!r} on this map; {cure}", exit_code=EXIT_USAGE)
@@ -192,7 +192,7 @@ def annotations_of(collection: object) -> Annotations:
     return found
 
 
-def parse_feature(feature: object) -> Zone | Place:
+def parse_feature(feature: object) -> Zone | SavedPlace:
     """Return the zone or place of one GeoJSON feature; a zone may have no name yet.
 
     Raises
@@ -212,7 +212,7 @@ def parse_feature(feature: object) -> Zone | Place:
         yaw_rad = properties.get("yaw_rad")
         if yaw_rad is not None and not _is_number(yaw_rad):
             raise ThumperError("yaw_rad is not a finite number")
-        return Place(
+        return SavedPlace(
             name=_name(properties),
             x_m=x_m,
             y_m=y_m,
@@ -275,9 +275,9 @@ def _name(properties: Mapping[str, Any]) -> str:
     raise ThumperError(f"name: {name!r} is a number; add a letter")
 
 
-def _feature(item: Zone | Place) -> dict[str, Any]:
+def _feature(item: Zone | SavedPlace) -> dict[str, Any]:
     properties: dict[str, Any] = {"name": item.name}
-    if isinstance(item, Place):
+    if isinstance(item, SavedPlace):
         properties["kind"] = "place"
         if item.yaw_rad is not None:
             properties["yaw_rad"] = item.yaw_rad

@@ -10,7 +10,7 @@ import pytest
 from thumper.common.errors import ThumperError
 from thumper.maps.annotations import (
     Annotations,
-    Place,
+    SavedPlace,
     Zone,
     ZoneKind,
     annotations_path,
@@ -23,8 +23,8 @@ STAIRS = Zone(name="stairs", kind=ZoneKind.KEEPOUT, vertices_m=((0.0, 0.0), (2.0
 RAMP = Zone(
     name="ramp", kind=ZoneKind.SLOW, vertices_m=((3.0, 0.0), (4.0, 0.0), (4.0, 1.0)), speed_percent=30
 )
-KITCHEN = Place(name="Küche 2", x_m=1.25, y_m=-0.5, yaw_rad=1.5)
-DOOR = Place(name="door", x_m=-1.0, y_m=0.0)
+KITCHEN = SavedPlace(name="Küche 2", x_m=1.25, y_m=-0.5, yaw_rad=1.5)
+DOOR = SavedPlace(name="door", x_m=-1.0, y_m=0.0)
 ALL = Annotations(zones=(STAIRS, RAMP), places=(KITCHEN, DOOR))
 
 
@@ -75,7 +75,7 @@ def test_an_invalid_file_is_refused_in_one_line(tmp_path: Path, content: Any, me
 
 
 def test_a_name_belongs_to_one_item() -> None:
-    moved = Place(name="Door", x_m=2.0, y_m=0.0)
+    moved = SavedPlace(name="Door", x_m=2.0, y_m=0.0)
     changed = ALL.with_item(moved)
     assert changed.place("DOOR") is moved
     assert [place.name for place in changed.places] == ["Küche 2", "Door"]

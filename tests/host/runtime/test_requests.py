@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from thumper.common.errors import ThumperError
-from thumper.maps.annotations import Annotations, Place
+from thumper.maps.annotations import Annotations, SavedPlace
 from thumper.navigation.goal import Goal
 from thumper.runtime.requests import LogMessage, TeleopSource, parse_goal, parse_goals
 
@@ -53,21 +53,21 @@ def test_far_goal_is_refused() -> None:
         parse_goal({"x_m": 1e4, "y_m": 0.0})
 
 
-DESK, DOOR = Place(name="desk", x_m=1.0, y_m=2.0, yaw_rad=0.5), Place(name="door", x_m=3.0, y_m=0.0)
-SAVED = Annotations(places=(DESK, DOOR))
+SOFA, DOOR = SavedPlace(name="sofa", x_m=1.0, y_m=2.0, yaw_rad=0.5), SavedPlace(name="door", x_m=3.0, y_m=0.0)
+SAVED = Annotations(places=(SOFA, DOOR))
 
 
 def test_a_place_is_a_goal() -> None:
-    assert parse_goal({"place": "Desk"}, SAVED) == Goal(x_m=1.0, y_m=2.0, theta_rad=0.5)
+    assert parse_goal({"place": "Sofa"}, SAVED) == Goal(x_m=1.0, y_m=2.0, theta_rad=0.5)
     assert parse_goal({"place": "door", "tolerance_m": 0.3}, SAVED) == Goal(x_m=3.0, y_m=0.0, tolerance_m=0.3)
-    with pytest.raises(ThumperError, match="no place 'attic' on this map; choose from: desk, door"):
+    with pytest.raises(ThumperError, match="no place 'attic' on this map; choose from: sofa, door"):
         parse_goal({"place": "attic"}, SAVED)
     with pytest.raises(ThumperError, match="has place and optionally tolerance_m"):
-        parse_goal({"place": "desk", "x_m": 1.0}, SAVED)
+        parse_goal({"place": "sofa", "x_m": 1.0}, SAVED)
 
 
 def test_goals_have_rounds() -> None:
-    goals: list[dict[str, Any]] = [{"place": "desk"}, PLACE]
+    goals: list[dict[str, Any]] = [{"place": "sofa"}, PLACE]
     assert parse_goals({"goals": goals}, SAVED) == ((parse_goal(goals[0], SAVED), parse_goal(PLACE)), 1)
     assert parse_goals({"goals": goals, "rounds": 1000}, SAVED)[1] == 1000
     for wrong in (0, 1001, 1.5, True, "2"):

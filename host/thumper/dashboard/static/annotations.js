@@ -111,7 +111,7 @@ function drawZone(context, camera, ring, kind, label) {
   context.globalAlpha = 0.22;
   context.fill();
   context.globalAlpha = 1;
-  if (kind === "slow") context.setLineDash([6, 4]); // told apart without colours, too
+  if (kind === "slow") context.setLineDash([6, 4]); // a difference that needs no colours
   context.stroke();
   if (label) {
     const middle = [0, 1].map((axis) => ring.reduce((sum, point) => sum + point[axis], 0) / ring.length);

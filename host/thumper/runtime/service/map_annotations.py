@@ -66,7 +66,7 @@ class MapAnnotations:
         return self._say(f"removed {_kind(item)} {item.name!r}")
 
     def _refuse_under_robot(self, zone: Zone) -> None:
-        """Refuse a keep-out zone that the robot stands in: it could not leave it."""
+        """Refuse a keep-out zone that the robot is in: it could not leave it."""
         state = self._estimator.state()
         if state is None:
             return
@@ -79,7 +79,7 @@ class MapAnnotations:
             margin_m = mask.resolution_m / math.sqrt(2.0)
             if (in_base @ planes[:, :2].T < planes[:, 2] + margin_m).all(axis=1).any():
                 raise ThumperError(
-                    "the robot stands in this keep-out zone: draw it beside the robot, or drive away first"
+                    "the robot is in this keep-out zone: draw it beside the robot, or drive away first"
                 )
 
     def _say(self, line: str) -> Text:
