@@ -24,9 +24,7 @@ class GoalLimits:
         state = self.estimator.state()
         assert state is not None  # no goal is accepted before there is a map
         if is_kept_out(self.navigator.keepout, state.map_from_base.x_m, state.map_from_base.y_m):
-            raise ThumperError(
-                "the robot is in a keep-out zone: drive it out manually, or remove the zone"
-            )
+            raise ThumperError("the robot is in a keep-out zone: drive it out manually, or remove the zone")
         if goal.distance_m(state.map_from_base) > MAX_GOAL_DISTANCE_M:
             raise ThumperError(
                 f"goal {goal} is outside any map that could be made on the way: "
