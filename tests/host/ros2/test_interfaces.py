@@ -12,7 +12,8 @@ from thumper.ros2.interfaces import ACTIONS, SERVICES, type_hash
 # As ROS 2 prints it: design page of rmw_zenoh; a device on a router of ROS 2 Jazzy.
 ADD_TWO_INTS = "RIHS01_e118de6bf5eeb66a2491b5bda11202e7b68f198d6f67922cf30364858239c81a"
 TRIGGER = "RIHS01_eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f"
-# From rosidl's files in builds of ROS 2 Jazzy for Python (packages ros-nav-msgs 5.3.6 and others).
+# From rosidl: files in builds of ROS 2 Jazzy for Python (packages ros-nav-msgs 5.3.6 and others), and what
+# it generates from nav2_msgs 1.3.12 and from tf2_msgs of the branch jazzy.
 JAZZY = json.loads((Path(__file__).parent / "jazzy_hashes.json").read_text())
 
 
