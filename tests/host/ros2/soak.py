@@ -7,6 +7,7 @@ Exits with 1 if memory, threads or files of `thumper ros` grow in the second hal
 
 import argparse
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -77,6 +78,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=60.0)
     minutes = parser.parse_args().minutes
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # background jobs ignore it, so would `ros`
     if minutes < MIN_MINUTES:
         parser.error(f"--minutes: at least {MIN_MINUTES}")
     port = free_port()
