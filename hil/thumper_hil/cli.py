@@ -98,6 +98,13 @@ def sim(
         ),
     ] = "urg04lx",
     preset: Preset = "nominal",
+    floor: Annotated[
+        str,
+        typer.Option(
+            help="linoleum, wood, concrete, carpet, deep_carpet, or stand: wheels in the air; "
+            "default: the preset's."
+        ),
+    ] = "",
 ) -> None:
     """Serve a simulated robot on two pseudo-terminals in real time, for programs that expect hardware."""
     from thumper_hil.bench.pty import serve
@@ -114,6 +121,7 @@ def sim(
             "scenario": scenario,
             "lidar": lidar,
             "preset": preset,
+            **({"floor": floor} if floor else {}),
             "reset_on_open": str(int(reset_on_open)),
         },
     )
