@@ -71,6 +71,7 @@ protocol: $(VENV)/.run
 reference: $(VENV)/.dev
 	$(BIN)/python scripts/generate_reference.py
 	$(BIN)/python scripts/draw_architecture.py
+	$(BIN)/python scripts/draw_badges.py
 
 docs: firmware $(VENV)/.dev
 	@$(BIN)/zensical build --clean --strict

@@ -6,12 +6,14 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import get_type_hints
 
+import pytest
+
 from tests.meta.freshness import check
 from thumper.config.robot import RobotConfig
 
 ROOT = Path(__file__).parents[2]
 GENERATE = ROOT / "scripts/generate_reference.py"
-DRAW = ROOT / "scripts/draw_architecture.py"
+DRAWINGS = [ROOT / "scripts/draw_architecture.py", ROOT / "scripts/draw_badges.py"]
 REFERENCE = ROOT / "docs/reference"
 
 
@@ -20,8 +22,9 @@ def test_the_pages_are_fresh() -> None:
     assert result.returncode == 0, result.stdout + result.stderr
 
 
-def test_the_drawing_of_the_layers_is_fresh() -> None:
-    result = check(DRAW)
+@pytest.mark.parametrize("draw", DRAWINGS, ids=lambda draw: draw.stem)
+def test_the_drawings_are_fresh(draw: Path) -> None:
+    result = check(draw)
     assert result.returncode == 0, result.stdout + result.stderr
 
 
