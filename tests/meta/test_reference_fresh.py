@@ -13,7 +13,9 @@ from thumper.config.robot import RobotConfig
 
 ROOT = Path(__file__).parents[2]
 GENERATE = ROOT / "scripts/generate_reference.py"
-DRAWINGS = [ROOT / "scripts/draw_architecture.py", ROOT / "scripts/draw_badges.py"]
+GENERATED = [
+    ROOT / "scripts" / name for name in ("draw_architecture.py", "draw_badges.py", "render_notebooks.py")
+]
 REFERENCE = ROOT / "docs/reference"
 
 
@@ -22,9 +24,9 @@ def test_the_pages_are_fresh() -> None:
     assert result.returncode == 0, result.stdout + result.stderr
 
 
-@pytest.mark.parametrize("draw", DRAWINGS, ids=lambda draw: draw.stem)
-def test_the_drawings_are_fresh(draw: Path) -> None:
-    result = check(draw)
+@pytest.mark.parametrize("script", GENERATED, ids=lambda script: script.stem)
+def test_drawings_and_notebooks_are_fresh(script: Path) -> None:
+    result = check(script)
     assert result.returncode == 0, result.stdout + result.stderr
 
 
