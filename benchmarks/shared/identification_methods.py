@@ -13,14 +13,16 @@ from thumper_tuning.identify.motor import identify
 from thumper_tuning.logs.motor_log import MotorLog
 
 STAIRS = 144  # rows before the switching
-MARKOV = 20  # samples of the impulse response
+MARKOV_S, LEAST_MARKOV = 2.0, 20  # length of the impulse response [s], and its samples at least
 Found = tuple[float, float, float]  # gain, time constant, friction
 Method = Callable[[MotorLog], Found]
 
 
 def _rows(log: MotorLog) -> tuple[FloatArray, FloatArray]:
     """Return the mean speed of each interval and the drive at each row, as the other methods use them."""
-    assert log.position_rad is not None
+    if log.position_rad is None:
+        assert log.speed_rad_s is not None
+        return log.speed_rad_s[1:], log.drive
     return np.diff(log.position_rad) / np.diff(log.time_s), log.drive
 
 
@@ -72,21 +74,22 @@ def instantaneous(log: MotorLog) -> Found:
     return float(np.exp(x[0])), float(np.exp(x[1])), 0.0
 
 
-def era(order: int) -> Method:
-    """Return python-control's eigensystem realization of the impulse response (markov), of the switching.
+def era(order: int, first_row: int) -> Method:
+    """Return python-control's eigensystem realization of the impulse response (markov), from a row on.
 
-    The mean of each direction is subtracted from drive and speed. This removes the friction, which a linear
+    In a log of both directions the mean of each is subtracted from drive and speed. This removes the
+    friction, which a linear
     model does not have.
     """
     import control
 
     def fit(log: MotorLog) -> Found:
         speed, drive = _rows(log)
-        y, u = speed[STAIRS:].copy(), drive[STAIRS:-1].copy()
-        for side in (u > 0, u < 0):
+        y, u = speed[first_row:].copy(), drive[first_row:-1].copy()
+        for side in (u > 0, u < 0) if u.min() < 0.0 < u.max() else ():
             y[side] -= y[side].mean()
             u[side] -= u[side].mean()
-        response = control.markov(y, u, MARKOV)
+        response = control.markov(y, u, max(round(MARKOV_S / log.period_s), LEAST_MARKOV))
         system, _ = control.eigensys_realization(response, order)
         poles, modes = np.linalg.eig(system.A)
         share = (system.C @ modes)[0] * np.linalg.solve(modes, system.B)[:, 0] / (1.0 - poles)
@@ -97,12 +100,17 @@ def era(order: int) -> Method:
     return fit
 
 
-METHODS: dict[str, Method] = {
-    "output error, averaged, friction (ours)": ours,
-    "least squares ARX(1,2) + sign": arx(2),
-    "least squares ARX(1,1) + sign": arx(1),
-    "regression of the acceleration": regression,
-    "output error, instantaneous, no friction": instantaneous,
-    "ERA of order 2": era(2),
-    "ERA of order 1": era(1),
-}
+OURS = "output error, averaged, friction (ours)"
+
+
+def methods(switching_from: int = 0) -> dict[str, Method]:
+    """Return the methods by name; `switching_from`: the first row that ERA uses."""
+    return {
+        OURS: ours,
+        "least squares ARX(1,2) + sign": arx(2),
+        "least squares ARX(1,1) + sign": arx(1),
+        "regression of the acceleration": regression,
+        "output error, instantaneous, no friction": instantaneous,
+        "ERA of order 2": era(2, switching_from),
+        "ERA of order 1": era(1, switching_from),
+    }

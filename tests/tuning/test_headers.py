@@ -1,5 +1,6 @@
 """Files as people write them: dialects, languages, chosen columns, guessed units, MATLAB and MCAP."""
 
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,10 @@ def assert_wheel(logs: list[MotorLog], drive_scale: float = 1.0) -> MotorLog:
         ("Čas [ms];Hodnota PWM;Otáčky [ot/min]", ";", (1e3 * TIME_S, PWM, SPEED * 9.5492966)),
         ("Czas (s),PWM,Prędkość (rad/s)", ",", (TIME_S, PWM, SPEED)),
         ("Time (µs),PWM,Encoder Position (deg)", ",", (1e6 * TIME_S, PWM, COUNTS * 0.3)),
+        ("ms,pwm,rad/s", ",", (1e3 * TIME_S, PWM, SPEED)),
+        ("time_s,pwm,rad_s", ",", (TIME_S, PWM, SPEED)),
+        ("time_s,pwm,dir,counts", ",", (TIME_S, np.abs(PWM), 1.0 * (PWM > 0.0), COUNTS)),
+        ("time_s,pwm,direction,counts", ",", (TIME_S, np.abs(PWM), np.sign(PWM), COUNTS)),
     ],
 )
 def test_headers_are_understood(
@@ -226,3 +231,51 @@ def test_qualifiers_do_not_hide_a_quantity() -> None:
         column = parse_header(header, 0)
         assert column is not None
         assert column.quantity is quantity
+
+
+def test_a_matlab_matrix_needs_only_the_roles(tmp_path: Path) -> None:
+    choices = parse_choices(["time=1:s", "drive=2:pwm", "output=3:counts"])
+    for name, matrix in (
+        ("rows", np.column_stack((TIME_S, PWM, COUNTS))),
+        ("columns", [TIME_S, PWM, COUNTS]),
+    ):
+        path = tmp_path / f"{name}.mat"
+        savemat(path, {"data": matrix})
+        assert_wheel(read_logs(path, choices=choices))
+
+
+def test_iso_dates_with_and_without_a_time_of_day(tmp_path: Path) -> None:
+    stamps = [datetime(2026, 3, 1, 12, 59, 50) + timedelta(seconds=float(t)) for t in TIME_S]
+    for header, texts in (
+        ("date,pwm,counts", [f"{s.isoformat(sep=' ', timespec='milliseconds')}" for s in stamps]),
+        ("date,time,pwm,counts", [f"{s.date()},{s.time().isoformat('milliseconds')}" for s in stamps]),
+    ):
+        rows = [f"{text},{u:g},{n:g}" for text, u, n in zip(texts, PWM, COUNTS, strict=True)]
+        path = tmp_path / "iso.csv"
+        path.write_text("\n".join([header, *rows]))
+        assert_wheel(read_logs(path))
+
+
+def test_lines_of_a_serial_monitor(tmp_path: Path) -> None:
+    """Pairs of the serial plotter, and the monitor's stamps where the lines have no time of their own."""
+    path = tmp_path / "monitor.txt"
+    rows = list(zip(TIME_S, PWM, SPEED, strict=True))
+    path.write_text(
+        "booting\n" + "\n".join(f"time:{1e3 * t:.0f} pwm:{u:g} speed:{w:.6g}" for t, u, w in rows)
+    )
+    assert_wheel(read_logs(path))
+    clock = [(datetime(2026, 3, 1, 14, 23, 10) + timedelta(seconds=float(t))).time() for t in TIME_S]
+    stamps = [time.isoformat("milliseconds") for time in clock]
+    for header, texts in (
+        (["14:23:09.900 -> pwm,rad_s"], [f"{u:g},{w:.6g}" for _, u, w in rows]),
+        ([], [f"pwm:{u:g},rad_s:{w:.6g}" for _, u, w in rows]),
+    ):
+        lines = [f"{stamp} -> {text}" for stamp, text in zip(stamps, texts, strict=True)]
+        path.write_text("\n".join([*header, *lines]))
+        assert_wheel(read_logs(path))
+
+
+def test_a_set_point_of_zero_is_no_closed_loop(tmp_path: Path) -> None:
+    for target, closed in ((0.0 * PWM, False), (0.1 * PWM, True)):
+        path = write(tmp_path / "log.csv", "time_s,Target,pwm,counts", TIME_S, target, PWM, COUNTS)
+        assert read_logs(path)[0].has_setpoint is closed

@@ -41,13 +41,17 @@ def test_one_level(fit: Fit, level: float, rows: int) -> None:
     assert "random switching" in str(result["record_next"])
 
 
-def test_full_power_in_both_directions(fit: Fit) -> None:
-    time_s = 0.05 * np.arange(400, dtype=float)
+@pytest.mark.parametrize("period_s", [0.02, 0.05])
+def test_full_power_in_both_directions(fit: Fit, period_s: float) -> None:
+    """The friction that the log does not determine is in the time constant's standard deviation."""
+    time_s = period_s * np.arange(400, dtype=float)
     pwm = 255.0 * np.sign(np.sin(2.0 * time_s))
     result = fit("time_s,pwm,counts", time_s, pwm, counts_of(time_s, pwm))
+    assert result["time_constant_s"] == pytest.approx(WHEEL.tau_s, abs=2.0 * result["time_constant_s_std"])  # type: ignore[operator]
     assert result["time_constant_s"] == pytest.approx(WHEEL.tau_s, rel=0.25)
     assert len(result["steady"]) == 2  # type: ignore[arg-type]
     assert "saturated" in str(result["record_next"])
+    assert "reverses without a rest" in str(result["warnings"])
 
 
 def test_one_direction_with_several_levels_is_a_whole_model(fit: Fit) -> None:

@@ -4,6 +4,7 @@ Gain and static friction need two levels. One level shows the time constant, the
 leads to. The model is then linear, from the drive to that speed.
 """
 
+import math
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -30,6 +31,7 @@ MIN_FIT_PERCENT = 60.0
 SETTLED_TIME_CONSTANTS = 4.0
 MAX_RELATIVE_STD = 0.5
 SAME_LEVEL = 0.03
+ASSUMED_FRICTION = 0.15  # of the drive: the share that a small geared motor loses at a half to full drive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,17 +94,23 @@ def identify_partly(logs: list[MotorLog], reason: UndeterminedError) -> PartialM
     better = instantaneous.cost < INSTANTANEOUS_COST_RATIO * mean.cost
     best = instantaneous if better and logs[0].position_rad is None else mean
     model, std = best.model, best.std
+    friction_s = _effect_of_friction_s(FitData(segments=segments, instantaneous=best is instantaneous), best)
     if best.fit_percent < MIN_FIT_PERCENT or std[1] > MAX_RELATIVE_STD:
         raise reason
     warnings = [warning for log in logs for warning in log.warnings]
     if glitches := best.glitches(segments):
         warnings.append(glitches)
+    if friction_s > 0.0:
+        warnings.append(
+            f"the drive reverses without a rest: a friction of {100 * ASSUMED_FRICTION:.0f} % of it would "
+            f"change the time constant by {1e3 * friction_s:.0f} ms; this is a part of its standard deviation"
+        )
     friction = f"static_friction_{unit.value}"
     return PartialMotor(
         name=name,
         unit=unit,
         model=model,
-        time_constant_std_s=model.time_constant_s * float(std[1]),
+        time_constant_std_s=math.hypot(model.time_constant_s * float(std[1]), friction_s),
         delay_std_s=float(std[2]) * median_window_s(segments),
         period_s=round(float(np.median([log.period_s for log in logs])), 9),
         steady=tuple(_steady_speeds(segments, model, best.use)),
@@ -247,6 +255,30 @@ def _initial(data: FitData) -> MotorModel:
             if gain > 0.0 and cost < best_cost:
                 best, best_cost = replace(unit, gain=gain), cost
     return best or MotorModel(gain=1e-9, time_constant_s=0.1, friction_forward=0.0, friction_backward=0.0)
+
+
+def _effect_of_friction_s(data: FitData, fit: _LinearFit) -> float:
+    """Return how far a friction would change the time constant; 0 if the drive does not reverse.
+
+    Friction slows a wheel down before a reversal and holds it back after it. From rest it only scales the
+    speed, so it does not matter there.
+    """
+    if not any((s.drive[1:] * s.drive[:-1] < 0.0).any() for s in data.segments):
+        return 0.0
+    friction = ASSUMED_FRICTION * max(float(np.abs(s.drive).max()) for s in data.segments)
+    start = replace(
+        fit.model,
+        gain=fit.model.gain / (1.0 - ASSUMED_FRICTION),
+        friction_forward=friction,
+        friction_backward=friction,
+    )
+    problem = _Problem(data=data, start=start)
+    x = problem.solve(
+        np.array([0.0, 0.0, start.delay_s / data.period_s]),
+        fit.use,
+        problem.scale(data.residuals(start), fit.use),
+    )
+    return abs(problem.model(x).time_constant_s - fit.model.time_constant_s)
 
 
 def _steady_speeds(segments: list[LogSegment], model: MotorModel, use: BoolArray) -> list[SteadySpeed]:

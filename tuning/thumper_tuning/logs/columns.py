@@ -24,6 +24,7 @@ class Quantity(Enum):
     CURRENT = "current"
     BATTERY = "battery"
     SETPOINT = "setpoint"
+    DIRECTION = "direction"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,6 +47,7 @@ NAMES = {
     Quantity.TIME: (
         "time", "t", "timestamp", "time stamp", "stamp", "zeit", "tijd", "tiempo", "tempo", "temps",
         "elapsed", "elapsed time", "clock", "millis", "micros", "cas", "czas",
+        "date", "datetime", "date time", "ms", "us", "sec", "seconds",
     ),
     Quantity.PWM: (
         "pwm", "duty", "dutycycle", "duty cycle", "u", "command", "cmd", "drive", "input", "throttle",
@@ -53,7 +55,7 @@ NAMES = {
     ),
     Quantity.VOLTAGE: (
         "voltage", "volt", "volts", "v", "uin", "vin", "vm", "motor voltage", "input voltage", "voltaje",
-        "tension", "tensao", "tensione", "spannung", "napeti", "napiecie",
+        "tension", "tensao", "tensione", "spannung", "napeti", "napiecie", "mv",
     ),
     Quantity.COUNTS: (
         "counts", "count", "ticks", "tick", "encoder", "enc", "position", "pos", "steps", "pulses", "angle",
@@ -66,9 +68,11 @@ NAMES = {
         "speed", "velocity", "omega", "vel", "w", "rate", "rpm", "angular velocity", "angular speed",
         "wheel speed", "velocidad", "velocidad angular", "velocidade", "vitesse", "velocita",
         "geschwindigkeit", "drehzahl", "snelheid", "toerental", "rychlost", "otacky", "predkosc", "obroty",
+        "rad s", "rads", "radps", "deg s", "rps", "rev s",
     ),
     Quantity.CURRENT: ("current", "i", "amps", "strom", "corriente", "corrente", "courant"),
     Quantity.BATTERY: ("battery", "vbat", "supply", "battery voltage", "vbatt", "bus voltage", "bateria"),
+    Quantity.DIRECTION: ("direction", "dir", "richtung", "direccion", "direcao", "sens"),
 }  # fmt: skip
 SETPOINTS = frozenset(
     ("setpoint", "target", "reference", "ref", "desired", "goal", "sp", "sollwert", "consigna")
@@ -92,6 +96,7 @@ UNITS: dict[Quantity, dict[str, float]] = {
                      **dict.fromkeys(("tr min", "ot min", "obr min"), math.pi / 30.0)},
     Quantity.CURRENT: {"a": 1.0, "ma": 1e-3},
     Quantity.BATTERY: {"v": 1.0, "mv": 1e-3},
+    Quantity.DIRECTION: {"": 1.0},
 }  # fmt: skip
 COUNT_SPEEDS = ("steps s", "counts s", "ticks s", "count s", "cps", "pulses s")
 RPM_NAMES = frozenset(("drehzahl", "toerental", "otacky", "obroty"))  # they mean turns per minute

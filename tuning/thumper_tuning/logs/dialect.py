@@ -82,15 +82,16 @@ def split_cells(line: str, separator: str) -> list[str]:
 
 
 def to_number(text: str) -> float:
-    """Return a number, also with a decimal comma, or the seconds of an ISO date; NaN for other texts."""
+    """Return a number, also with a decimal comma, or the seconds of an ISO date or time of day; else NaN."""
     text = text.strip()
     try:
         return float(text)
     except ValueError:
         pass
-    if "-" in text[1:] and ":" in text:
+    if ":" in text:
+        date = "" if "-" in text[1:] else "1970-01-01 "
         try:
-            return datetime.fromisoformat(text).timestamp()
+            return datetime.fromisoformat(date + text).timestamp()
         except ValueError:
             return float("nan")
     try:

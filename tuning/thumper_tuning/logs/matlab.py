@@ -1,4 +1,4 @@
-"""Read MATLAB files (.mat, up to version 7): vectors of one length, also as fields of structs."""
+"""Read MATLAB files (.mat, up to version 7): vectors of one length, also in structs, or one matrix."""
 
 from collections.abc import Iterator
 from io import BytesIO
@@ -17,6 +17,8 @@ MIN_ROWS = 3
 
 def read_matlab(path: Path) -> LogTable:
     """Return the vectors of the most common length; their names are the headers.
+
+    Without vectors, return the columns of the longest matrix, with the headers 1, 2, ...
 
     Raises
     ------
@@ -37,6 +39,9 @@ def read_matlab(path: Path) -> LogTable:
         raise ThumperError(f"{path}: not a MATLAB file ({error})", exit_code=EXIT_CHECK_FAILED) from error
     vectors = dict(_vectors(content))
     lengths = [len(values) for values in vectors.values() if len(values) >= MIN_ROWS]
+    matrix = max(_matrices(content), key=len, default=None)
+    if not lengths and matrix is not None:
+        return LogTable(headers=tuple(str(k + 1) for k in range(matrix.shape[1])), values=matrix)
     if not lengths:
         raise ThumperError(
             f"{path}: no vectors of numbers in it (a timeseries object: save its Time and Data as vectors)",
@@ -55,3 +60,12 @@ def _vectors(content: dict[str, Any]) -> Iterator[tuple[str, FloatArray]]:
             yield from _vectors({field: getattr(value, field) for field in value._fieldnames})
         elif isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "fiub":
             yield name, value.astype(float)
+
+
+def _matrices(content: dict[str, Any]) -> Iterator[FloatArray]:
+    """Yield the matrices with a row for each sample; a sample in each column is transposed."""
+    for value in content.values():
+        if isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in "fiub":
+            rows = value if value.shape[0] >= value.shape[1] else value.T
+            if len(rows) >= MIN_ROWS:
+                yield rows.astype(float)

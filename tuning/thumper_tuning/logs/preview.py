@@ -15,6 +15,7 @@ UNITS = {
     Quantity.SPEED: "rad/s",
     Quantity.CURRENT: "A",
     Quantity.BATTERY: "V",
+    Quantity.DIRECTION: "sign of the drive",
     Quantity.SETPOINT: "not used: only shows that the log is of a closed loop",
 }
 

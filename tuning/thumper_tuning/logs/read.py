@@ -103,7 +103,11 @@ def _motor_log(
             f"output={output.header}:UNIT"
         )
     values = {column: table.values[:, column.index] * column.scale for _, column in columns.used}
+    if columns.setpoint is not None and not np.nan_to_num(values[columns.setpoint]).any():
+        columns = replace(columns, setpoint=None)  # 0 in every row: nothing controlled the speed
     rows = _usable_rows(path, columns, values)
+    if columns.direction is not None:
+        _apply_direction(rows, columns, values[columns.direction][rows.rows])
     rows.warnings[:0] = [*table.notes, *guesses]
     if warning := check_drive(rows.drive, columns.drive_unit, columns.drive.header):
         rows.warnings.append(warning)
@@ -140,6 +144,24 @@ def _motor_log(
         columns=tuple(preview(table.headers, columns, values)),
         warnings=tuple(rows.warnings),
     )
+
+
+def _apply_direction(rows: _Rows, columns: MotorColumns, direction: FloatArray) -> None:
+    """Give the drive, and a speed without a sign, the sign that a column of directions says.
+
+    The column holds -1 and 1, or two other numbers of which the larger one is forward.
+    """
+    low, high = float(np.nanmin(direction, initial=np.inf)), float(np.nanmax(direction, initial=-np.inf))
+    if not low < high or (rows.drive < 0.0).any():
+        return
+    sign = np.sign(direction) if low < 0.0 else np.where(direction > 0.5 * (low + high), 1.0, -1.0)
+    rows.drive = rows.drive * np.where(np.isfinite(sign), sign, 0.0)
+    signed = columns.drive.header
+    if columns.output.quantity is Quantity.SPEED and not (rows.output < 0.0).any():
+        rows.output = rows.output * np.where(np.isfinite(sign), sign, 1.0)
+        signed += f" and {columns.output.header}"
+    assert columns.direction is not None
+    rows.warnings.append(f"{signed}: the sign is that of column {columns.direction.header!r}")
 
 
 def _usable_rows(path: Path, columns: MotorColumns, values: dict[Column, FloatArray]) -> _Rows:

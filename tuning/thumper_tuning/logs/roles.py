@@ -21,6 +21,7 @@ class Role(Enum):
     BATTERY = (Quantity.BATTERY,)
     CURRENT = (Quantity.CURRENT,)
     SETPOINT = (Quantity.SETPOINT,)
+    DIRECTION = (Quantity.DIRECTION,)
 
 
 ROLE_NAMES = ", ".join(role.name.lower() for role in Role)
@@ -36,6 +37,7 @@ class MotorColumns:
     battery: Column | None
     current: Column | None
     setpoint: Column | None
+    direction: Column | None
 
     @property
     def drive_unit(self) -> DriveUnit:
@@ -125,6 +127,7 @@ def motor_columns(path: Path, headers: tuple[str, ...], choices: Choices) -> dic
             battery=find(motor, Role.BATTERY),
             current=find(motor, Role.CURRENT),
             setpoint=find(motor, Role.SETPOINT),
+            direction=find(motor, Role.DIRECTION),
         )
         for motor in motors
     }
@@ -133,14 +136,20 @@ def motor_columns(path: Path, headers: tuple[str, ...], choices: Choices) -> dic
 def _best(columns: list[Column], motor: str, role: Role) -> Column | None:
     """Find a column: of a known unit first, the motor's own before a common one, in the order of the role."""
     found = [
-        (bool(column.unknown_unit), column.motor != motor, role.value.index(column.quantity), column.index)
+        (
+            bool(column.unknown_unit),
+            column.motor != motor,
+            role.value.index(column.quantity),
+            column.header.strip().lower() == "date",  # beside a column with the time of day
+            column.index,
+        )
         for column in columns
         if column.quantity in role.value and column.motor in (motor, "")
     ]
     best = min(found, default=None)
     if best is None or (best[0] and role not in (Role.TIME, Role.DRIVE, Role.OUTPUT)):
         return None
-    return next(column for column in columns if column.index == best[3])
+    return next(column for column in columns if column.index == best[-1])
 
 
 def _picked(path: Path, headers: tuple[str, ...], role: Role, text: str) -> Column:

@@ -8,8 +8,9 @@ import numpy as np
 from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.common.files import read_bytes
 from thumper.common.geometry import FloatArray
-from thumper_tuning.logs.columns import parse_header
+from thumper_tuning.logs.columns import Quantity, parse_header
 from thumper_tuning.logs.dialect import SEPARATORS, find_dialect, split_cells, to_number
+from thumper_tuning.logs.serial_monitor import pairs_to_rows, split_stamps
 
 MAX_MB = 200.0  # an hour at 100 Hz takes 20
 
@@ -32,6 +33,10 @@ def read_table(path: Path) -> LogTable:
         The file cannot be read, or holds no table of numbers.
     """
     lines = [line for line in _read_text(path).splitlines() if line.strip() and not _is_comment(line)]
+    lines, stamps_s = split_stamps(lines)
+    if (rows_of_pairs := pairs_to_rows(lines)) is not None:
+        lines = rows_of_pairs
+        stamps_s = None if stamps_s is None else np.append(np.nan, stamps_s)  # the header has none
     dialect = find_dialect(lines)
     if dialect is None:
         raise ThumperError(
@@ -43,7 +48,16 @@ def read_table(path: Path) -> LogTable:
     for k, row in enumerate(rows):
         for j, cell in enumerate(row[: len(dialect.headers)]):
             values[k, j] = to_number(cell)
-    return LogTable(headers=dialect.headers, values=values)
+    headers = dialect.headers
+    if stamps_s is not None and not any(_is_time(header) for header in headers):
+        headers = ("timestamp_s", *headers)
+        values = np.column_stack((stamps_s[dialect.first_row :], values))
+    return LogTable(headers=headers, values=values)
+
+
+def _is_time(header: str) -> bool:
+    column = parse_header(header, 0)
+    return column is not None and column.quantity is Quantity.TIME
 
 
 def _read_text(path: Path) -> str:

@@ -23,7 +23,8 @@ def motor_lines(motor: IdentifiedMotor) -> list[str]:
     )
     window = [f"  sensor window    {motor.sensor_window_s:9.4f} s"] if motor.sensor_window_s else []
     return [
-        f"{motor.name}: predicts held-out speeds to {motor.validation.fit_percent:.1f} % ({kinds})",
+        f"{motor.name}: predicts held-out speeds to {motor.validation.fit_percent:.1f} % "
+        f"(each stretch about its own mean: {kinds})",
         f"  gain             {model.gain:9.5f} +- {std.gain:.5f} rad/s per {unit}",
         f"  time constant    {model.time_constant_s:9.4f} +- {std.time_constant_s:.4f} s",
         f"  static friction  {model.friction:9.2f} +- {std.friction:.2f} {unit} ({directions})",
