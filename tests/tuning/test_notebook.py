@@ -26,7 +26,7 @@ def test_the_tutorial_runs_and_tunes() -> None:
     )
     assert by_physics == 75
     assert by_regression > 120, "the lab shows that counting biases it"
-    assert len(fitted) == 5  # both wheels, and three models of the left one
+    assert len(fitted) == 6  # both wheels, and four models of the left one
     assert all(abs(tau_ms - 79) <= 4 for tau_ms in fitted)
     assert re.findall(r"largest pole radius [\d.]+, (\w+)", text) == [*3 * ["stable"], "unstable"]
     assert float(re.findall(r"phase margin \d+ deg, Ms ([\d.]+)", text)[0]) <= 1.6
