@@ -90,6 +90,7 @@ class Check:
 
         self.until(f"/cmd_vel drives: {kind.__name__}", has_moved)
         self.node.destroy_publisher(publisher)
+        time.sleep(1.0)  # the last command is valid for 0.3 s, and replaces a goal
 
 
 def pose(check: Check, ahead_m: float) -> PoseStamped:
