@@ -28,7 +28,7 @@ int main() {
   int16_t counts = 0;
 #if defined(MEASURE_PI)
   for (int step = 0; step < kSteps; ++step) {
-    error_mrad_s = fw::Difference(Target(step), fw::SpeedFromCounts(counts));
+    error_mrad_s = fw::Difference(Target(step), fw::SpeedFromCounts(config.speed, counts));
     const int16_t error = error_mrad_s;
     GPIOR0 = 1;
     const int16_t pwm = pi.Step(config.pi, error, 0, false);
@@ -41,7 +41,7 @@ int main() {
     target_mrad_s = Target(step);
     const int16_t target = target_mrad_s;
     GPIOR0 = 1;
-    wheel.Step(config, target, counts, &sample);
+    wheel.Step(config, target, fw::SpeedFromCounts(config.speed, counts), &sample);
     GPIOR0 = 0;
     sink = sample.pwm;
     counts = Respond(counts, sample.pwm);
