@@ -38,7 +38,7 @@ class Removal(NamedTuple):
 
 LINK = ("if (silence_ms_ >= kLinkTimeout_ms) Trip(Fault::kLinkLost);", "")
 ACCELEROMETER = ("adc.TakeAxes(&axes)) host.UpdateAcceleration(axes);", "adc.TakeAxes(&axes)) axes[0] = 0;")
-STALL = ("if (verdict == WheelMonitor::Verdict::kStall) Trip(stall);", "")
+STALL = ("if (verdict == WheelMonitor::Verdict::kStall) Trip(stall);", "(void)stall;")
 HAZARDS: dict[str, Removal] = {
     "the robot runs into something that no sensor saw": Removal(
         MAIN, "host.UpdateInputs(pins::ReadInputs());", "", "test_a_switch_stops_the_motors_within_a_tick"
@@ -83,13 +83,13 @@ HAZARDS: dict[str, Removal] = {
     "encoder or motor wires exchanged: the loop would run away": Removal(
         INTERFACE,
         "if (verdict == WheelMonitor::Verdict::kReversed) Trip(reversed);",
-        "",
+        "(void)reversed;",
         "test_a_wheel_that_keeps_counting_the_wrong_way_is_reversed",
     ),
     "the same on a wheel that scrub holds in a slow counter-turn": Removal(
         INTERFACE,
         "           Magnitude(current_mA) * (kMaxPwm * 4 / 3) > 2 * stall_2mA * Magnitude(wheel.pwm);",
-        "           true;",
+        "           (static_cast<void>(current_mA), true);",
         "test_a_dead_encoder_is_still_found",
     ),
     "wheel blocked: the motor burns": Removal(
@@ -146,7 +146,7 @@ HAZARDS: dict[str, Removal] = {
     "its millisecond timer stops, and the time-out with it": Removal(
         MAIN,
         "if (clock_runs) watchdog::Kick();",
-        "watchdog::Kick();",
+        "if (clock_runs || true) watchdog::Kick();",
         "test_a_dead_millisecond_timer_is_noticed",
     ),
     "board reset while driving": Removal(
