@@ -90,6 +90,18 @@ def test_the_keyboard_alone_draws_a_zone(page: Page, robot: FakeRobot) -> None:
     assert robot.fault == 0  # no key was taken for a stop
 
 
+def test_a_question_mark_shows_the_shortcuts(page: Page, robot: FakeRobot) -> None:
+    shortcuts = page.locator(".tp-shortcuts")
+    expect(shortcuts).to_be_hidden()
+    page.keyboard.press("?")
+    expect(shortcuts).to_contain_text("ZZone")
+    page.keyboard.press("Escape")
+    expect(shortcuts).to_be_hidden()
+    page.keyboard.press("z")
+    page.keyboard.press("Escape")
+    assert robot.fault == 0  # it cancelled, it did not stop the robot
+
+
 def test_touches_draw_a_zone_on_a_phone(browser: Browser, server: Server, robot: FakeRobot) -> None:
     robot.reset()
     context = browser.new_context(viewport={"width": 390, "height": 844}, has_touch=True)

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from tests.e2e.service import FAR, NEAR, Service
 from thumper.common.geometry import Pose2
@@ -117,3 +118,38 @@ def test_zones_are_saved_with_the_map(service: Service, tmp_path: Path) -> None:
     loaded = load_annotations(tmp_path / "map.geojson")
     assert loaded == robot.annotations
     assert loaded != Annotations()
+
+
+def test_a_map_is_saved_under_a_name_and_loaded_again(
+    service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    handler, robot = service.robot.request_handler, service.robot
+    assert "saves its map at its end" in service.ask("library/save", {"name": "flat"})["error"]
+    reports: list[str] = []
+    handler._library._saver = MapSaver(
+        robot.mapper.grid,
+        lambda: SavedSlamState.from_mapper(robot.mapper, None),
+        lambda: robot.annotations,
+        tmp_path / "map.yaml",
+        lambda text, _ok: reports.append(text),
+    )
+    service.ask("annotation/add", zone("keepout", KEEPOUT, name="rug"))
+    assert service.ask("library/save", {"name": "flat"})["ok"]
+    service.until(lambda: bool(reports), max_cycles=600)
+    assert "already" in service.ask("library/save", {"name": "flat"})["error"]
+    assert "name: use" in service.ask("library/save", {"name": "../flat"})["error"]
+    assert [row["name"] for row in service.ask("library/list")["maps"]] == ["flat"]
+    service.ask("annotation/remove", {"name": "rug"})
+    assert "no map 'attic'" in service.ask("library/load", {"name": "attic"})["error"]
+    service.ask("mission/send", {"x_m": FAR.x_m, "y_m": FAR.y_m})
+    service.run_cycles(5)
+    assert "stationary" in service.ask("library/load", {"name": "flat"})["error"]
+    service.put(RobotCommand(name="cancel"))
+    service.until(lambda: service.mode == "idle")
+    before = robot.map_and_pose()[1]
+    assert "searches" in service.ask("library/load", {"name": "flat"})["text"]
+    assert robot.annotations.find("rug") is not None
+    service.run_cycles(10)
+    assert service.ask("mapping/state")["mode"] == "localising"
+    assert robot.map_and_pose()[1].distance_m(before) < 0.3

@@ -4,6 +4,7 @@ import json
 from dataclasses import dataclass
 from functools import partial
 from html import escape
+from pathlib import Path
 from typing import Any
 
 from nicegui import ui
@@ -34,11 +35,12 @@ READOUTS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageOptions:
-    """Name and footprint of the robot."""
+    """Name and footprint of the robot, and its library."""
 
     robot: str
     footprint_m: list[tuple[float, float]]
     has_password: bool = False
+    library: Path = Path()  # of a robot on this computer
 
 
 def build_page(options: PageOptions, robot: QueryClient) -> None:
@@ -121,6 +123,7 @@ def _tabs(robot: QueryClient) -> None:
             _drive_panel()
         with ui.tab_panel("map"):
             Widget("places").classes("tp-places")
+            Widget("library").classes("tp-library")
         with ui.tab_panel("gains"):
             GainsPanel(Parameters(robot))
         with ui.tab_panel("tune"):

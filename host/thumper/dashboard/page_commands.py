@@ -22,12 +22,14 @@ from thumper.dashboard.page_messages import (
     ExperimentMessage,
     GoalMessage,
     InitialPose,
+    LoadMap,
     Obstacle,
     PageHeartbeat,
     PageMessage,
     Patrol,
     PlaceGoal,
     RemoveFromMap,
+    SaveMapAs,
     TakeControl,
     Teleop,
     WaypointsMessage,
@@ -36,7 +38,7 @@ from thumper.maps.annotations import parse_feature
 from thumper.ros import services
 from thumper.ros.codec import Message
 from thumper.ros.service import QueryClient, Service
-from thumper.ros.services import RemoveAnnotation, RunCommand, SendMission, StartExperiment
+from thumper.ros.services import NamedMap, RemoveAnnotation, RunCommand, SendMission, StartExperiment
 from thumper.ros.to_ros import Messages, flag
 
 RequestT = TypeVar("RequestT")
@@ -135,6 +137,10 @@ class PageCommands:
             case AddToMap():
                 parse_feature(message.feature)
                 query = self._ask(services.ANNOTATION_ADD, message.feature, page)
+            case SaveMapAs():
+                query = self._ask(services.LIBRARY_SAVE, NamedMap(name=message.name), page)
+            case LoadMap():
+                query = self._ask(services.LIBRARY_LOAD, NamedMap(name=message.name), page)
             case RemoveFromMap():
                 query = self._ask(services.ANNOTATION_REMOVE, RemoveAnnotation(name=message.name), page)
         return query

@@ -102,6 +102,20 @@ class RemoveFromMap(_PageMessage):
     name: Name
 
 
+class SaveMapAs(_PageMessage):
+    """Save the map under a name in the robot's library."""
+
+    kind: Literal["save_as"]
+    name: Name
+
+
+class LoadMap(_PageMessage):
+    """Localize in a map of the robot's library."""
+
+    kind: Literal["load_map"]
+    name: Name
+
+
 class PlaceGoal(_PageMessage):
     """Drive to a place."""
 
@@ -142,6 +156,8 @@ PageMessage = (
     | Obstacle
     | AddToMap
     | RemoveFromMap
+    | SaveMapAs
+    | LoadMap
     | PlaceGoal
     | Patrol
     | ExperimentMessage

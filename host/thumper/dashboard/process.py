@@ -71,6 +71,7 @@ def run_dashboard(settings: "RobotConfig", options: ServerOptions, robot_address
             robot=settings.name,
             footprint_m=list(settings.footprint.vertices_m),
             has_password=bool(options.password),
+            library=Path(settings.recording.folder),
         ),
         TeleopLimits(v_m_s=service.manual_v_max_m_s, w_rad_s=service.manual_w_max_rad_s),
         settings.lidar.base_from_laser,

@@ -23,6 +23,7 @@ from thumper.config.bus import is_loopback
 from thumper.config.dashboard import ServerOptions
 from thumper.dashboard.certificate import server_tls
 from thumper.dashboard.connections import Connections
+from thumper.dashboard.library import add_library
 from thumper.dashboard.login import AccessControl
 from thumper.dashboard.page import PageOptions, build_page
 from thumper.dashboard.page_commands import PageCommands, TeleopLimits
@@ -114,6 +115,8 @@ def build_app(
             return HTMLResponse(escape(str(error)), status_code=404)
         # The report comes from the robot's files: sandbox it.
         return HTMLResponse(html, headers={"Content-Security-Policy": REPORT_POLICY})
+
+    add_library(app, robot, page.library)
 
     @ui.page("/", title=f"Thumper · {page.robot}", favicon=STATIC / "icon.svg")
     def index() -> None:

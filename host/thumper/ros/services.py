@@ -101,6 +101,21 @@ class RemoveAnnotation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LibraryContent:
+    """Reply of `library/list`."""
+
+    maps: Annotated[list[dict[str, Any]], "each with `name`, `MB` and `saved_s` (Unix time), newest first"]
+    recordings: Annotated[list[dict[str, Any]], "likewise"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NamedMap:
+    """Request of `library/save` and `library/load`."""
+
+    name: Annotated[str, "of the map"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RunCommand:
     """Request of `command`."""
 
@@ -225,6 +240,24 @@ ANNOTATION_REMOVE = Service(
     request=RemoveAnnotation,
     reply=Text,
 )
+LIBRARY_LIST = Service(
+    name="library/list",
+    summary="lists the maps and recordings in the robot's [library](recording.md#library)",
+    request=Empty,
+    reply=LibraryContent,
+)
+LIBRARY_SAVE = Service(
+    name="library/save",
+    summary="saves the map, its session, zones and places under a new name",
+    request=NamedMap,
+    reply=Text,
+)
+LIBRARY_LOAD = Service(
+    name="library/load",
+    summary="localizes in a saved map, with its zones and places",
+    request=NamedMap,
+    reply=Text,
+)
 COMMAND = Service(
     name="command",
     summary="carries out a command",
@@ -280,6 +313,9 @@ SERVICES: Mapping[str, Service[Any, Any]] = types.MappingProxyType(
             WHEELS_STATE,
             ANNOTATION_ADD,
             ANNOTATION_REMOVE,
+            LIBRARY_LIST,
+            LIBRARY_SAVE,
+            LIBRARY_LOAD,
             COMMAND,
             SIMULATOR_WORLD,
             SIMULATOR_COMMAND,

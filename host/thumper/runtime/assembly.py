@@ -38,6 +38,7 @@ from thumper.runtime.reconnection import Connecting, Reconnection
 from thumper.runtime.requests import LogMessage
 from thumper.runtime.sensor_inputs import TELEMETRY_TIMEOUT_S, SensorInputs
 from thumper.runtime.sensor_table import KINDS, SensorFeed, open_feed
+from thumper.runtime.service.library import MapStorage
 from thumper.runtime.service.map_annotations import MapAnnotations
 from thumper.runtime.service.map_saver import MapSaver
 from thumper.runtime.service.request_handler import RequestHandler
@@ -179,8 +180,7 @@ def _wire(
         inputs=inputs,
         publisher=publisher,
         simulator=board.port.raw.simulator if isinstance(board.port.raw, HasSimulator) else None,
-        annotations=map_annotations,
-        handlers={"save_map": saver} if saver else {},
+        storage=MapStorage(folder=Path(config.recording.folder), annotations=map_annotations, saver=saver),
     )
     return RobotLoop(
         RobotParts(

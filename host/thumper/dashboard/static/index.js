@@ -3,14 +3,16 @@
 import { charts } from "./charts.js";
 import { startCommands } from "./commands.js";
 import { drive } from "./drive.js";
+import { library } from "./library.js";
 import { log } from "./log.js";
 import { map } from "./map_view.js";
 import { places } from "./places.js";
 import { startReadouts } from "./readouts.js";
+import { startShortcuts } from "./shortcuts.js";
 import { startStream, state } from "./stream.js";
 import { tune } from "./tune.js";
 
-export const widgets = { charts, drive, log, map, places, tune };
+export const widgets = { charts, drive, library, log, map, places, tune };
 
 let started = false;
 
@@ -19,6 +21,7 @@ export function startPage() {
   started = true;
   startCommands();
   startReadouts();
+  startShortcuts();
   startStream();
   window.thumper = { state }; // for the browser console and for tests
 }

@@ -7,7 +7,7 @@ import { drawArrow, drawCrosshair, LAYERS } from "./map_layers.js";
 import { send } from "./stream.js";
 
 const MIN_HEADING_DRAG_PX = 12; // a shorter drag sets no heading
-const TOOLS = {
+export const TOOLS = {
   pan: { icon: "pan_tool", title: "Pan: drag to move the map, scroll or pinch to zoom", key: "v" },
   goal: { icon: "flag", title: "Goal: press at the position, drag to set the heading", key: "g" },
   waypoints: { icon: "route", title: "Waypoints: click each in order, then press Drive", key: "w" },

@@ -31,21 +31,26 @@ class MapSaver:
 
     def __call__(self) -> str:
         """Start to write and return a description at once; raise ThumperError if a write is running."""
+        return self.save_to(self._path)
+
+    def save_to(self, path: Path) -> str:
+        """Like a call, to another .yaml."""
         if self._thread is not None and self._thread.is_alive():
             raise ThumperError("the map is being saved already; wait until it is written")
         # Not a daemon: the process must not end with half a file.
-        self._thread = threading.Thread(
-            target=self._save, args=(self._grid(), self._session(), self._annotations()), name="map-saver"
-        )
+        content = (path, self._grid(), self._session(), self._annotations())
+        self._thread = threading.Thread(target=self._save, args=content, name="map-saver")
         self._thread.start()
-        return f"saving the map to {self._path}"
+        return f"saving the map to {path}"
 
-    def _save(self, grid: OccupancyGrid, session: SavedSlamState, annotations: Annotations) -> None:
+    def _save(
+        self, path: Path, grid: OccupancyGrid, session: SavedSlamState, annotations: Annotations
+    ) -> None:
         try:
-            image = save_map(grid, self._path)
-            counts = save_session(session, self._path.with_suffix(".session"))
-            zones = save_annotations(annotations, annotations_path(self._path))
-            names = ", ".join((str(image), self._path.name, counts.name, *zones))
+            image = save_map(grid, path)
+            counts = save_session(session, path.with_suffix(".session"))
+            zones = save_annotations(annotations, annotations_path(path))
+            names = ", ".join((str(image), path.name, counts.name, *zones))
             self._report(f"{SAVED}{names}", True)
         except (ThumperError, OSError) as error:
             self._report(f"{NOT_SAVED}{error}", False)

@@ -45,7 +45,7 @@ from thumper.runtime.service.board_jobs import BoardJob, BoardJobQueue
 from thumper.runtime.service.commands import CommandHandler, Commands
 from thumper.runtime.service.experiments import Experiments
 from thumper.runtime.service.exploration_starter import ExplorationStarter
-from thumper.runtime.service.map_annotations import MapAnnotations
+from thumper.runtime.service.library import MapLibrary, MapStorage
 from thumper.runtime.service.mission_starter import MissionStarter
 from thumper.runtime.service.preconditions import Preconditions
 from thumper.runtime.service.request_queue import RequestQueue
@@ -72,14 +72,12 @@ class RequestHandler:
         inputs: SensorInputs,
         publisher: Publisher,
         simulator: Simulator | None,
-        annotations: MapAnnotations,
-        handlers: Mapping[str, CommandHandler],
+        storage: MapStorage,
     ) -> None:
-        """`handlers` carry out the commands of other packages."""
         self.simulation = SimulatorControl(simulator)
         self.experiments = Experiments(drive_manager.heartbeats)
         self.board_jobs = BoardJobQueue()
-        self.annotations = annotations
+        self.annotations = storage.annotations
         self._request_queue = request_queue
         self._stall_guard = StallGuard()
         self._drive_manager = drive_manager
@@ -99,14 +97,17 @@ class RequestHandler:
             publisher=publisher,
             preconditions=self._preconditions,
             explore=ExplorationStarter(
-                footprint=annotations.footprint,
+                footprint=storage.annotations.footprint,
                 task_driver=task_driver,
                 now=map_to_explore(inputs.estimator, drive_manager.navigator),
                 inputs=inputs,
                 publisher=publisher,
                 preconditions=self._preconditions,
             ).start,
-            handlers=handlers,
+            handlers={"save_map": storage.saver} if storage.saver else {},
+        )
+        self._library = MapLibrary(
+            storage, estimator=inputs.estimator, publisher=publisher, preconditions=self._preconditions
         )
         self._answers = self._answers_by_name()
 
@@ -215,6 +216,9 @@ class RequestHandler:
                 _bind(services.WHEELS_STATE, lambda _, __: wheels.describe(self._inputs.estimator)),
                 _bind(services.ANNOTATION_ADD, self.annotations.add),
                 _bind(services.ANNOTATION_REMOVE, self.annotations.remove),
+                _bind(services.LIBRARY_LIST, self._library.content),
+                _bind(services.LIBRARY_SAVE, self._library.save),
+                _bind(services.LIBRARY_LOAD, self._library.load),
                 _bind(services.COMMAND, self._run_command),
                 _bind(services.SIMULATOR_WORLD, lambda _, __: self.simulation.describe()),
                 _bind(services.SIMULATOR_COMMAND, self._change_simulation),

@@ -1,0 +1,78 @@
+"""The maps that clients save under a name, and load into the running robot."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from thumper.common.errors import ThumperError
+from thumper.maps.annotations import annotations_path, load_annotations
+from thumper.maps.library import list_maps, list_recordings, map_path
+from thumper.maps.map_server_io import load_map
+from thumper.ros.services import Empty, LibraryContent, NamedMap, Text
+from thumper.runtime.publisher import Publisher
+from thumper.runtime.service.map_annotations import MapAnnotations
+from thumper.runtime.service.map_saver import MapSaver
+from thumper.runtime.service.preconditions import Preconditions
+from thumper.runtime.state_estimator import StateEstimator
+from thumper.slam.mode_switch import SlamModeSwitch
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapStorage:
+    """Where the robot's maps are, and what belongs to the one in use."""
+
+    folder: Path  # the library
+    annotations: MapAnnotations
+    saver: MapSaver | None  # None: this run saves its map at its end
+
+
+class MapLibrary:
+    """The folder that holds the robot's maps and recordings."""
+
+    def __init__(
+        self,
+        storage: MapStorage,
+        *,
+        estimator: StateEstimator,
+        publisher: Publisher,
+        preconditions: Preconditions,
+    ) -> None:
+        self._folder, self._saver, self._annotations = storage.folder, storage.saver, storage.annotations
+        self._estimator = estimator
+        self._publisher = publisher
+        self._preconditions = preconditions
+
+    def content(self, _request: Empty, _source: str = "") -> LibraryContent:
+        """List what there is."""
+        return LibraryContent(maps=list_maps(self._folder), recordings=list_recordings(self._folder))
+
+    def save(self, request: NamedMap, _source: str = "") -> Text:
+        """Begin to save the current map; raise ThumperError if the name is taken or none."""
+        path = map_path(self._folder, request.name)
+        if self._saver is None:
+            raise ThumperError("this run saves its map at its end; `thumper run` without a goal serves maps")
+        if path.exists():
+            raise ThumperError(f"there is a map {request.name!r} already: choose another name")
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ThumperError(f"{self._folder}: cannot be created ({error.strerror})") from error
+        return self._say(self._saver.save_to(path))
+
+    def load(self, request: NamedMap, _source: str = "") -> Text:
+        """Localize in a saved map, with its zones; raise ThumperError if that is impossible now."""
+        self._preconditions.require_serving("other maps")
+        self._preconditions.require_no_experiment()
+        self._preconditions.require_stationary("load a map")
+        path, mapper = map_path(self._folder, request.name), self._estimator.mapper
+        if not path.exists():
+            raise ThumperError(f"there is no map {request.name!r} in {self._folder}")
+        if not isinstance(mapper, SlamModeSwitch):
+            raise ThumperError("this robot's mapper cannot localize in a saved map")
+        grid, annotations = load_map(path), load_annotations(annotations_path(path))
+        mapper.localize_in(grid, None)
+        self._annotations.replace(annotations)
+        return self._say(f"loaded map {request.name!r}; the robot searches it for its pose")
+
+    def _say(self, line: str) -> Text:
+        self._publisher.publish_event(line)
+        return Text(text=line)

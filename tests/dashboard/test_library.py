@@ -1,0 +1,119 @@
+"""The library on the page: what it lists, downloads and refuses. No browser but for the list."""
+
+import asyncio
+import io
+import time
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+from benchmarks.shared.fake_robot import FakeRobot
+from benchmarks.shared.live import until
+from fastapi import FastAPI
+from httpx import ASGITransport, AsyncClient, Response
+from playwright.sync_api import Page, Route, expect
+
+from tests.dashboard.test_page_driving import queries_of
+from thumper.dashboard.library import add_library
+from thumper.maps.library import list_maps, list_recordings
+
+
+class Robot:
+    """Answers with the content of its folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def query(self, name: str, _payload: Mapping[str, Any], *, source: str = "") -> Mapping[str, Any]:
+        assert (name, source) == ("library/list", "")
+        return {"ok": True, "maps": list_maps(self.folder), "recordings": list_recordings(self.folder)}
+
+
+class Client:
+    """Sends requests to the routes."""
+
+    def __init__(self, app: FastAPI) -> None:
+        self._app = app
+
+    def get(self, path: str) -> Response:
+        async def send() -> Response:
+            async with AsyncClient(transport=ASGITransport(self._app), base_url="http://page") as client:
+                return await client.get(path)
+
+        return asyncio.run(send())
+
+
+@pytest.fixture
+def client(tmp_path: Path) -> Client:
+    folder = tmp_path / "library"
+    folder.mkdir()
+    for name in ("flat.yaml", "flat.pgm", "flat.geojson", "half.yaml", "drive_1.mcap", "drive_2.mcap.part"):
+        (folder / name).write_text(name)
+    (tmp_path / "secret.mcap").write_text("secret")
+    (folder / "robot.toml").write_text("token")
+    app = FastAPI()
+    add_library(app, Robot(folder), folder)
+    return Client(app)
+
+
+def test_it_lists_whole_maps_and_finished_recordings(client: Client) -> None:
+    content = client.get("/library").json()
+    assert [row["name"] for row in content["maps"]] == ["flat"]  # the other has no image
+    assert [row["name"] for row in content["recordings"]] == ["drive_1.mcap"]
+    assert content["maps"][0]["MB"] == 0.0
+    assert abs(content["maps"][0]["saved_s"] - time.time()) < 3600
+
+
+def test_it_downloads_maps_and_recordings(client: Client) -> None:
+    packed = zipfile.ZipFile(io.BytesIO(client.get("/library/maps/flat.zip").content))
+    assert packed.namelist() == ["flat.yaml", "flat.pgm", "flat.geojson"]
+    recording = client.get("/library/recordings/drive_1.mcap")
+    assert recording.text == "drive_1.mcap"
+    assert "attachment" in recording.headers["Content-Disposition"]
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "maps/none.zip",
+        "maps/..%2Fflat.zip",
+        "recordings/..%2Fsecret.mcap",
+        "recordings/%2e%2e",
+        "recordings/robot.toml",
+        "recordings/drive_2.mcap.part",
+        "recordings/.hidden.mcap",
+        "maps/.zip",
+    ],
+)
+def test_no_name_is_a_path(client: Client, path: str) -> None:
+    answer = client.get(f"/library/{path}")
+    assert answer.status_code in (400, 404)
+    assert "secret" not in answer.text
+    assert "token" not in answer.text
+
+
+def test_the_page_saves_and_loads_maps(page: Page, robot: FakeRobot) -> None:
+    content = {
+        "maps": [{"name": "flat", "MB": 0.4, "saved_s": time.time() - 7300}],
+        "recordings": [{"name": "drive_1.mcap", "MB": 120.5, "saved_s": time.time() - 100}],
+    }
+
+    def answer(route: Route) -> None:
+        route.fulfill(json=content)
+
+    page.route("**/library", answer)
+    page.click(".tp-tab-map")
+    expect(page.locator(".tp-library [data-list=maps] li")).to_contain_text("flat0.4 MB, 2 h ago")
+    expect(page.locator(".tp-library [data-list=recordings] li")).to_contain_text("1.mcap120.5 MB, 1 min ago")
+    page.locator(".tp-library input").fill("attic")
+    content["maps"].insert(0, {"name": "attic", "MB": 0.1, "saved_s": time.time()})
+    page.keyboard.press("Enter")
+    until(lambda: [ask.content for ask in queries_of(robot, "library/save")] == [{"name": "attic"}])
+    robot.event("map saved: attic.pgm")
+    expect(page.locator(".tp-library [data-list=maps] li")).to_have_count(2)
+    page.click("[aria-label='Load the map flat']")
+    until(lambda: [ask.content for ask in queries_of(robot, "library/load")] == [{"name": "flat"}])
+    page.click("[aria-label='Download attic']")
+    expect(page.locator(".tp-notice.bad")).to_contain_text("attic is not on this computer")
