@@ -154,3 +154,11 @@ def test_first_page_fits_the_window_and_its_buttons_lead_on(
         target = (button.get_attribute("href") or "").removeprefix("index.html")
         assert page.locator(target).count() == 1 if target.startswith("#") else (pages / target).exists()
     page.close()
+
+
+@pytest.mark.parametrize("name", ["notebooks/tuning.html", "notebooks/exercises.html", "operate.html"])
+def test_wide_formulas_and_commands_scroll_on_a_phone(browser: Browser, pages: Path, name: str) -> None:
+    page = browser.new_page(viewport={"width": 390, "height": 844})
+    page.goto((pages / name).as_uri())
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.close()

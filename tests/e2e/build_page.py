@@ -109,6 +109,7 @@ class Walk:
     def done(self, step: str) -> None:
         """Note the time at which a step is done."""
         self.took_s.append((step, time.monotonic() - self._begun_s))
+        print(f"{self.took_s[-1][1]:6.0f} s  {step}", flush=True)
 
     def write_config(self, text: str, name: str) -> None:
         """Write a configuration of the page, with the walk's bus."""
@@ -181,11 +182,14 @@ class Walk:
         )
 
 
-def follow(walk: Walk, *, install: bool) -> None:
-    """Do what the page says up to the first motion on the floor, and check each step."""
+def follow(walk: Walk, *, whole: bool) -> None:
+    """Do what the page says up to the first motion on the floor, and check each step.
+
+    Without `whole`, leave out the set-up, and the manual stop: a busy computer is too slow for its keyboard.
+    """
     todo = steps((walk.repository / PAGE).read_text(encoding="utf-8"))
     demo, _, doctor, flash, spin, run, teleop, slow, first = todo[:9]
-    if install:
+    if whole:
         walk.run(f"{demo} -C {walk.repository}")
     assert "udev" in walk.run(doctor)
     with walk.robot("stand"):
@@ -193,7 +197,8 @@ def follow(walk: Walk, *, install: bool) -> None:
         report = walk.run(spin, answer="y\n", allowed=(0, EXIT_CHECK))  # a busy computer fails its timing
         for side in ("left", "right"):
             assert re.search(rf"pass .*{side} motor forward: {side} encoder \+\d\d", report), report
-        assert "emergency stop was pressed" in walk.stop_test(run, teleop)
+        if whole:
+            assert "emergency stop was pressed" in walk.stop_test(run, teleop)
     assert "v_max_m_s = 0.2" in slow
     walk.write_config(slow, "slow.toml")
     with walk.robot("wood"):
@@ -201,13 +206,11 @@ def follow(walk: Walk, *, install: bool) -> None:
 
 
 def main() -> None:
-    """Walk in the clone and print when each step was done."""
+    """Walk in the clone; every step prints when it was done."""
     os.environ.pop("PYTHONPATH", None)  # of this repository, not of the clone
     with tempfile.TemporaryDirectory() as folder:
         walk = Walk(Path(sys.argv[1]).resolve(), Path(folder))
-        follow(walk, install=True)
-    for step, time_s in walk.took_s:
-        print(f"{time_s:6.0f} s  {step}")
+        follow(walk, whole=True)
 
 
 if __name__ == "__main__":
