@@ -134,3 +134,12 @@ def test_no_limit_no_fault(core: ctypes.CDLL) -> None:
     for number in range(300):
         feed(host, core, (number % 256, 255 - number % 256, 5 + number % 2 * 250))
     assert host.status()[:2] == (m.State.CLOSED_LOOP, m.Fault.NONE)
+
+
+def test_a_board_without_it_refuses_limits(core: ctypes.CDLL) -> None:
+    host = HostInterface(core)
+    host.handle = core.host_new_nano(core.eeprom_new())
+    for name in ("tilt_limit", "impact_limit"):
+        assert host.set(name, 1) is m.AckStatus.NO_ACCELEROMETER
+        assert host.set(name, 0) is m.AckStatus.OK
+    assert host.set("kp", 1) is m.AckStatus.OK

@@ -250,6 +250,10 @@ int host_new(int cause, int latched, int eeprom) {
   return New<Interface>(static_cast<fw::ResetCause>(cause), static_cast<fw::Fault>(latched),
                         &At<Eeprom>(eeprom));
 }
+/// The same on a Nano, after power on.
+int host_new_nano(int eeprom) {
+  return New<Interface>(fw::ResetCause::kPowerOn, fw::Fault::kNone, &At<Eeprom>(eeprom), fw::Board::kNano);
+}
 /// Feed bytes and write the answers to out (room for 30 bytes per byte fed). Return their size.
 int host_receive(int host, const uint8_t* data, int size, uint8_t* out) {
   Bytes sink;

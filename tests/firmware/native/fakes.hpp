@@ -42,8 +42,8 @@ struct Interface {
   fw::HostInterface host;
   Eeprom* eeprom;
   int handled = 0;  // valid frames
-  Interface(fw::ResetCause cause, fw::Fault latched, Eeprom* memory)
-      : host(fw::Board::kTrex, cause), eeprom(memory) {
+  Interface(fw::ResetCause cause, fw::Fault latched, Eeprom* memory, fw::Board board = fw::Board::kTrex)
+      : host(board, cause), eeprom(memory) {
     host.Start(*eeprom, latched);
   }
 };
