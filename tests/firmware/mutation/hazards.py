@@ -39,6 +39,10 @@ class Removal(NamedTuple):
 LINK = ("if (silence_ms_ >= kLinkTimeout_ms) Trip(Fault::kLinkLost);", "")
 ACCELEROMETER = ("adc.TakeAxes(&axes)) host.UpdateAcceleration(axes);", "adc.TakeAxes(&axes)) axes[0] = 0;")
 STALL = ("if (verdict == WheelMonitor::Verdict::kStall) Trip(stall);", "(void)stall;")
+OVER_CURRENT = (
+    "if (current_monitor_.Step(left_mA, right_mA, limit_mA)) Trip(Fault::kOverCurrent);",
+    "current_monitor_.Step(left_mA, right_mA, limit_mA);",
+)
 HAZARDS: dict[str, Removal] = {
     "the robot runs into something that no sensor saw": Removal(
         MAIN, "host.UpdateInputs(pins::ReadInputs());", "", "test_a_switch_stops_the_motors_within_a_tick"
@@ -92,21 +96,14 @@ HAZARDS: dict[str, Removal] = {
         "           (static_cast<void>(current_mA), true);",
         "test_a_dead_encoder_is_still_found",
     ),
-    "wheel blocked: the motor burns": Removal(
-        INTERFACE, "if (verdict == WheelMonitor::Verdict::kStall)", "if (false)", f"{MISSION} -k wheels.right"
-    ),
+    "wheel blocked: the motor burns": Removal(INTERFACE, *OVER_CURRENT, f"{MISSION} -k wheels.right"),
     "encoder signal disturbed": Removal(
         INTERFACE,
         "if (edge_monitor_.Step(samples_.lost_edges)) Trip(Fault::kLostEdges);",
         "",
         "test_lost_edges_stop_the_motors",
     ),
-    "short in a motor": Removal(
-        INTERFACE,
-        "if (current_monitor_.Step(left_mA, right_mA, limit_mA)) Trip(Fault::kOverCurrent);",
-        "current_monitor_.Step(left_mA, right_mA, limit_mA);",
-        "test_shorted_motor_causes_over_current",
-    ),
+    "short in a motor": Removal(INTERFACE, *OVER_CURRENT, "test_shorted_motor_causes_over_current"),
     "battery empty: a LiPo is ruined": Removal(
         INTERFACE,
         "    if (fault != Fault::kNone) Trip(fault);\n    return fault == Fault::kLowBattery;",
