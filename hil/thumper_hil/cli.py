@@ -74,7 +74,7 @@ def sim(
     world: Annotated[
         str,
         typer.Option(
-            help="Built-in world (hall, lab, lab_box), world file (TOML) or map (YAML).",
+            help="Built-in world (hall, lab, lab_box, yard), world file (TOML) or map (YAML).",
             autocompletion=_worlds,
         ),
     ] = "lab",

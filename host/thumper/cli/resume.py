@@ -88,7 +88,7 @@ def save_map_and_session(robot: RobotLoop, out: Path) -> list[str]:
     state = robot.inputs.estimator.state()
     if state is None or not robot.inputs.has_map:
         return []
-    image = save_map(robot.mapper.grid(), out / "map.yaml")
+    image = save_map(robot.mapper.grid(), out / "map.yaml", robot.inputs.estimator.map_datum())
     session = save_session(SavedSlamState.from_mapper(robot.mapper, state.map_from_base), out / "map.session")
     zones = save_annotations(robot.annotations, annotations_path(out / "map.yaml"))
     return [image.name, "map.yaml", session.name, *zones]

@@ -19,6 +19,7 @@ from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig, load_config, with_ports
 from thumper.dashboard.process import dashboard_process
 from thumper.maps.annotations import annotations_path, load_annotations
+from thumper.maps.map_server_io import load_datum
 from thumper.navigation.goal import check_place
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.drive.tasks import Task
@@ -77,6 +78,7 @@ def opened_robot(options: RunOptions, settings: RobotConfig, *, serving: bool = 
     """
     known = load_start_map(settings, options.saved_map, options.session)
     start, path = options.start_pose, options.saved_map or options.session
+    datum = load_datum(options.saved_map) if options.saved_map else None
     if known is None and not options.fresh and (session := load_interrupted(settings, options.out, start)):
         known, start, path = session, session.map_from_base, options.out / AUTOSAVE
     else:
@@ -87,7 +89,7 @@ def opened_robot(options: RunOptions, settings: RobotConfig, *, serving: bool = 
     with (
         compile_progress(Console()),
         dashboard_process(options.config, settings.bus.address, wanted=options.ui),
-        open_robot(settings, start, known, map_path=map_path, annotations=annotations) as robot,
+        open_robot(settings, start, known, map_path=map_path, annotations=annotations, datum=datum) as robot,
         recorded(robot, settings, start, options.record, options.record_to),
         join_bus(robot, settings.name, settings.bus),
         autosaved(robot, options.out),
@@ -108,6 +110,7 @@ def run_and_report(robot: RobotLoop, task: Task, out: Path, console: Console) ->
     result = robot.run(task, ProgressDisplay(console))
     from thumper.cli.output.run_report import write_run  # matplotlib: 27 MB that no drive needs
 
-    files = write_run(out, robot.mapper, robot.annotations, robot.log, result)
+    datum = robot.inputs.estimator.map_datum()
+    files = write_run(out, robot.mapper, robot.annotations, robot.log, result, datum)
     print_warnings(robot, console)
     return FinishedRun(result=result, files=files)

@@ -42,6 +42,10 @@ def run(
     heading: Annotated[
         float | None, typer.Option(help="Heading at --goal, in degrees from the x axis.")
     ] = None,
+    goal_gps: Annotated[
+        tuple[float, float] | None,
+        typer.Option("--goal-gps", metavar="LAT LON", help="Goal on Earth, in degrees; needs --map."),
+    ] = None,
     waypoint: Annotated[
         list[str] | None,
         typer.Option(metavar="X Y", help="Waypoint before --goal, in metres; repeat for more."),
@@ -88,6 +92,8 @@ def run(
     from thumper.cli.robot_run import RunOptions
     from thumper.common.errors import EXIT_USAGE, ThumperError
 
+    if goal_gps is not None:
+        goal = _place_of(goal_gps, goal, saved_map)
     places = [*map(_parse_place, waypoint or []), *([goal] if goal else [])]
     if not all(map(math.isfinite, (*chain(*places), *(start or ()), tolerance, heading or 0.0))):
         raise ThumperError(
@@ -183,6 +189,28 @@ def _waypoints(
     if heading_deg is not None:
         goals[-1] = replace(goals[-1], theta_rad=math.radians(heading_deg))
     return Waypoints(goals=tuple(goals), rounds=rounds)
+
+
+def _place_of(
+    goal_gps: tuple[float, float], goal: tuple[float, float] | None, saved_map: Path | None
+) -> tuple[float, float]:
+    """Return a goal on Earth as x and y in the saved map; raise ThumperError without its datum."""
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.gps.local_plane import LatLon
+    from thumper.maps.map_server_io import load_datum
+
+    place = LatLon(*goal_gps)
+    if not (abs(place.latitude_deg) <= 90.0 and abs(place.longitude_deg) <= 180.0):
+        raise ThumperError("--goal-gps takes latitude and longitude in degrees", exit_code=EXIT_USAGE)
+    if goal is not None:
+        raise ThumperError("--goal and --goal-gps are both goals: pass only one", exit_code=EXIT_USAGE)
+    datum = None if saved_map is None else load_datum(saved_map)
+    if datum is None:
+        raise ThumperError(
+            "--goal-gps needs a --map whose YAML has a datum; a run with [gps] saves one",
+            exit_code=EXIT_USAGE,
+        )
+    return datum.to_map(place)
 
 
 def _parse_place(text: str) -> tuple[float, float]:

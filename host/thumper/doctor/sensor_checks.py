@@ -55,9 +55,8 @@ def _judge(name: str, sensor: Sensor[Any], expected_Hz: float | None, seconds: f
 def judge_fix(fix: Fix, rate_Hz: float, damaged: int) -> Check:
     """Judge the newest fix of a GPS receiver; its rate is what the receiver is set to."""
     has_fix = fix.status is not FixStatus.NONE
-    kind = f"{fix.status.name} fix, {fix.std_m:.2f} m" if has_fix else "no fix"
     return Check(
         verdict=worst_of(not has_fix or damaged > 0, fail=False),
-        what=f"gps: {rate_Hz:.1f} Hz, {kind}, {damaged} damaged",
+        what=f"gps: {rate_Hz:.1f} Hz, {fix.text}, {damaged} damaged",
         fix="" if has_fix and not damaged else CABLE if damaged else NO_FIX,
     )

@@ -32,6 +32,11 @@ class Fix:
         """Standard deviation of the position along its worse horizontal axis [m]; NaN without a fix."""
         return math.sqrt(max(self.variances_m2[:2]))
 
+    @property
+    def text(self) -> str:
+        """Kind and accuracy for people."""
+        return "no fix" if self.status is FixStatus.NONE else f"{self.status.name} fix, {self.std_m:.2f} m"
+
     def as_recorded(self) -> "Fix":
         """Return the fix as a recording stores it: whole nanoseconds."""
         return replace(self, time_s=rounded_s(self.time_s))

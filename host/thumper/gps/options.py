@@ -15,4 +15,4 @@ class GpsOptions:
     baud: Annotated[int, Gt(0)] = 38_400  # ZED-F9P, NEO-M9N: 38400; NEO-M8: 9600; without effect over USB
     x_m: float = 0.0  # antenna in the robot's frame, forward
     y_m: float = 0.0  # to the left
-    latency_s: Annotated[float, Ge(0)] = 0.1  # from the measurement to its arrival
+    latency_s: Annotated[float, Ge(0)] = 0.15  # from the measurement until it is read

@@ -5,6 +5,7 @@ needs no YAML library.
 """
 
 import math
+import re
 import warnings
 from dataclasses import dataclass, replace
 from io import BytesIO
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.files import read_bytes, write_text, write_whole
+from thumper.gps.earth_reference import MapDatum
 from thumper.maps.edit import rotate
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
@@ -47,11 +49,11 @@ def map_yaml_path(name: str | Path) -> Path:
     return Path(f"{str(name).removesuffix('.yaml')}.yaml")
 
 
-def save_map(grid: OccupancyGrid, yaml_path: Path) -> Path:
+def save_map(grid: OccupancyGrid, yaml_path: Path, datum: MapDatum | None = None) -> Path:
     """Write `yaml_path` and the image beside it, with the suffix `.pgm`; return the image's path.
 
     Each file is written completely or not at all, the image first. Cells of 65 % and more become occupied,
-    cells below 19.6 % free, the rest unknown.
+    cells below 19.6 % free, the rest unknown. The place on Earth is a key that map_server ignores.
 
     Raises
     ------
@@ -71,6 +73,8 @@ def save_map(grid: OccupancyGrid, yaml_path: Path) -> Path:
         f"occupied_thresh: {OCCUPIED_THRESH}\n"
         f"free_thresh: {FREE_THRESH}\n"
     )
+    if datum is not None:
+        metadata += f"datum: {list(datum)!r}\n"
     with write_whole(pgm_path) as stream:
         stream.write(encode_pgm(image[::-1]))  # the image's first row is the map's largest y
     write_text(yaml_path, metadata)
@@ -104,6 +108,30 @@ def load_rotated_map(yaml_path: Path) -> tuple[OccupancyGrid, float]:
     rotated = rotate(replace(grid, origin_x_m=0.0, origin_y_m=0.0), metadata.yaw_rad)
     x_m, y_m = rotated.origin_x_m + grid.origin_x_m, rotated.origin_y_m + grid.origin_y_m
     return replace(rotated, origin_x_m=x_m, origin_y_m=y_m), metadata.yaw_rad
+
+
+def load_datum(yaml_path: Path) -> MapDatum | None:
+    """Read the place of a map on Earth from its YAML file; None if it has none.
+
+    Raises
+    ------
+    ThumperError
+        The file is missing, or its `datum` is not latitude, longitude [deg] and direction of x [rad].
+    """
+    content = _read(yaml_path, YAML_MAX_MB).decode("utf-8", errors="replace")
+    match = re.search(r"^datum:\s*\[(.*)\]\s*$", content, re.MULTILINE)
+    if match is None:
+        return None
+    try:
+        latitude_deg, longitude_deg, yaw_rad = map(float, match[1].split(","))
+    except ValueError:
+        latitude_deg = longitude_deg = yaw_rad = math.nan
+    if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0 and abs(yaw_rad) <= math.tau):
+        raise ThumperError(
+            f"{yaml_path}: datum = [{match[1]}] is not [latitude_deg, longitude_deg, yaw_rad]; correct it",
+            exit_code=EXIT_USAGE,
+        )
+    return MapDatum(latitude_deg, longitude_deg, yaw_rad)
 
 
 def _grid(metadata: MapMetadata, occupancy: NDArray[np.float64]) -> OccupancyGrid:

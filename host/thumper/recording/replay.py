@@ -10,6 +10,7 @@ from thumper.board.gyroscope import GyroIncrements
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray
 from thumper.config.robot import RobotConfig
+from thumper.gps.earth_reference import EarthReference
 from thumper.lidar.self_returns import SelfReturnFilter
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.recording.reader import RecordedMessage, Recording
@@ -72,6 +73,7 @@ def replay(
         base_from_laser=base_from_laser,
         mapper=mapper,
         imu=robot.imu,
+        earth=EarthReference(robot.gps) if robot.gps.enabled else None,
         self_returns=SelfReturnFilter(base_from_laser, robot.footprint.polygon_m()),
     )
     gyro_increments = GyroIncrements()

@@ -2,7 +2,7 @@
 
 import gc
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -17,6 +17,8 @@ from thumper.common.sensor import ReopenedSensor
 from thumper.common.signals import record_interrupts
 from thumper.common.stamps import epoch_ns_at
 from thumper.config.robot import RobotConfig
+from thumper.gps.earth_reference import EarthReference, MapDatum
+from thumper.gps.fix import FixStatus
 from thumper.lidar.driver import LidarDriver
 from thumper.lidar.open_lidar import open_lidar
 from thumper.lidar.self_returns import SelfReturnFilter
@@ -37,7 +39,7 @@ from thumper.runtime.publisher import Publisher
 from thumper.runtime.reconnection import Connecting, Reconnection
 from thumper.runtime.requests import LogMessage
 from thumper.runtime.sensor_inputs import TELEMETRY_TIMEOUT_S, SensorInputs
-from thumper.runtime.sensor_table import KINDS, SensorFeed, open_feed
+from thumper.runtime.sensor_table import GPS, KINDS, SensorFeed, open_feed
 from thumper.runtime.service.library import MapStorage
 from thumper.runtime.service.map_annotations import MapAnnotations
 from thumper.runtime.service.map_saver import MapSaver
@@ -53,6 +55,7 @@ from thumper.slam.saved_state import SavedSlamState
 
 Drive = TypeVar("Drive", bound=DriveGeometry)
 
+FIX_TIMEOUT_S, SAMPLE_TIMEOUT_S = 60.0, 3.0
 GYROSCOPE_TIMEOUT_S = 1.5  # opening the port resets the board, which starts its gyroscope within 0.6 s
 
 
@@ -64,12 +67,14 @@ def open_robot(
     *,
     map_path: Path | None = None,
     annotations: Annotations | None = None,
+    datum: MapDatum | None = None,
 ) -> Iterator[RobotLoop]:
     """Open a robot that starts at `map_from_base`; on exit stop it and close the ports.
 
     In a `known` map it localizes and does not map; in a saved session it resumes mapping once it has
-    localized. None for the pose then means anywhere in it. `annotations` are those of that map. With
-    `map_path`, a .yaml, the command `save_map` writes the map there.
+    localized. None for the pose then means anywhere in it; with its `datum`, a GPS says about where.
+    `annotations` are those of that map. With `map_path`, a .yaml, the command `save_map` writes the map
+    there.
 
     Raises
     ------
@@ -97,7 +102,10 @@ def open_robot(
         elif known is not None:
             mapper.localize_in(known, map_from_base)
         saving = _Saving(path=map_path, annotations=annotations or Annotations())
-        robot = _wire(config, board, lidar, tuple(feeds), mapper, saving)
+        earth = EarthReference(config.gps, datum) if config.gps.enabled else None
+        robot = _wire(config, board, lidar, tuple(feeds), mapper, saving, earth=earth)
+        if known is not None and map_from_base is None and datum is not None:
+            wait_for_fix(robot)
         # A full garbage collection visits all modules and kernels: 0.1 s on a desktop, 0.4 s on a Raspberry
         # Pi, and the board stops the motors after 0.3 s. Frozen objects are not visited again.
         gc.unfreeze()  # the robots that were open before in this process
@@ -130,6 +138,8 @@ def _wire(
     feeds: tuple[SensorFeed, ...],
     mapper: SlamModeSwitch,
     saving: _Saving,
+    *,
+    earth: EarthReference | None,
 ) -> RobotLoop:
     """Build the parts of the robot and the loop that runs them."""
     estimator = StateEstimator(
@@ -139,6 +149,7 @@ def _wire(
         imu=config.imu,
         self_returns=SelfReturnFilter(config.lidar.base_from_laser, config.footprint.polygon_m()),
         drive_train=_drive_train(board),
+        earth=earth,
     )
     inputs = SensorInputs(
         board=board,
@@ -193,6 +204,21 @@ def _wire(
             reconnection=Reconnection(inputs, drive_manager, publisher, lambda: _connect(config)),
         )
     )
+
+
+def wait_for_fix(robot: RobotLoop) -> None:
+    """Wait for the first fix, up to a minute: similar places differ only in their position on Earth."""
+    inputs = robot.inputs
+    for feed in inputs.feeds:
+        if feed.kind is not GPS:
+            continue
+        until_s = inputs.now_s() + FIX_TIMEOUT_S
+        while inputs.now_s() < until_s:
+            with suppress(ThumperError):  # unplugged: the lidar alone goes on
+                fix = feed.sensor.device.wait_for_sample(SAMPLE_TIMEOUT_S)
+                if fix.status is not FixStatus.NONE:
+                    inputs.estimator.add_fix(fix)
+                    return
 
 
 def wait_for_gyroscope(board: Board) -> None:
@@ -261,7 +287,10 @@ def _map_saver(
     def report(text: str, ok: bool) -> None:
         queue.put(LogMessage(text=text, good=ok))
 
-    return MapSaver(estimator.mapper.grid, session, lambda: annotations.value, path, report)
+    def annotated() -> Annotations:
+        return annotations.value
+
+    return MapSaver(estimator.mapper.grid, session, annotated, path, report, datum=estimator.map_datum)
 
 
 @contextmanager

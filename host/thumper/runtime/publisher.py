@@ -137,7 +137,7 @@ class Publisher:
         assert odometry is not None  # there is a state
         self._send("odom", time_s, self.messages.odometry(odometry))
         self._send("pose", time_s, self.messages.pose(time_s, state.map_from_base))
-        transforms = self.messages.transforms(time_s, mapper.map_from_odom, odometry.odom_from_base)
+        transforms = self.messages.transforms(time_s, estimator.map_from_odom, odometry.odom_from_base)
         self._send("tf", time_s, transforms)
         poses = mapper.particle_poses if isinstance(mapper, HasParticles) else None
         if poses is not None and len(poses) and time_s >= self._particles_s + PARTICLES_PERIOD_S:

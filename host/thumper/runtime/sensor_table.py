@@ -61,19 +61,23 @@ class SensorFeed:
     kind: SensorKind[Any]
     sensor: ReopenedSensor[Any]
     samples: list[Any] = field(default_factory=list)
+    newest: Any = None
 
     def read(self, estimator: StateEstimator) -> None:
         """Pass on what has arrived."""
         self.samples = self.sensor.poll()
         for sample in self.samples:
+            self.newest = sample
             self.kind.add(estimator, sample)
 
     @property
     def summary(self) -> str:
-        """Name, samples, errors and restarts."""
+        """Name, samples, errors and restarts, and the fix of a GPS."""
         counters = self.sensor.counters
         errors = counters.bad_replies + counters.port_errors
-        return f"{self.kind.name}: {counters.samples} samples, {errors} errors, {counters.restarts} restarts"
+        fix = f"; {self.newest.text}" if isinstance(self.newest, Fix) else ""
+        count = f"{counters.samples} samples, {errors} errors, {counters.restarts} restarts"
+        return f"{self.kind.name}: {count}{fix}"
 
 
 def open_feed(kind: SensorKind[Any], config: RobotConfig) -> SensorFeed:

@@ -13,6 +13,7 @@ from thumper.board.messages import Telemetry
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.common.kinematics import DriveGeometry
 from thumper.common.stamps import rounded_s
+from thumper.gps.earth_reference import EarthReference, MapDatum
 from thumper.gps.fix import Fix
 from thumper.imu.options import ImuOptions
 from thumper.imu.sample import ImuSample
@@ -29,11 +30,12 @@ from thumper.odometry.jump_filter import JumpFilter
 from thumper.odometry.pose_buffer import PoseBuffer
 from thumper.odometry.slip_detector import GOOD_MATCH, SlipDetector
 from thumper.odometry.wheel_odometry import OdometrySample, WheelOdometry
-from thumper.slam.mapper import Mapper, ReportsDoubt
+from thumper.slam.mapper import AcceptsPositionPrior, Mapper, ReportsDoubt
 from thumper.slam.mounting import MountCheck, describe
 
 MAX_SCAN_WAIT_S = 1.0  # a scan waits this long for its odometry
 MAX_WAITING_SCANS = 100  # limits memory if time stamps are wrong
+UNMATCHED_DRIFT = 0.05  # of the odometry, per metre without a matched scan
 UNUSABLE = {ScanDefect.STAMP, ScanDefect.BEAMS}
 
 
@@ -74,9 +76,11 @@ class StateEstimator:
         imu: ImuOptions | None = None,
         self_returns: SelfReturnFilter | None = None,
         drive_train: DriveTrainMonitor | None = None,
+        earth: EarthReference | None = None,
     ) -> None:
         self.mapper = mapper
         self.drive_train = drive_train
+        self.earth = earth
         self._base_from_laser = base_from_laser
         self._self_returns = self_returns
         self._odometry: WheelOdometry | GyroEkf = WheelOdometry(drive)
@@ -88,6 +92,8 @@ class StateEstimator:
         self._slip_detector = SlipDetector()
         self.mount_check = MountCheck(base_from_laser)
         self._pose_buffer = PoseBuffer()
+        self._corrected_from_odom = Pose2()  # by GPS, where no scan could be matched
+        self._matched_at_m = 0.0  # `driven_m` at the newest matched scan
         self._newest: OdometrySample | None = None
         self._waiting: deque[Scan] = deque()
         self._hits_in_map_m = np.empty((0, 2))
@@ -118,6 +124,8 @@ class StateEstimator:
         has_jumped = self._jump_filter.jumps != jumps
         self._newest = replace(filtered, twist=Twist2()) if has_jumped else filtered
         self._pose_buffer.add(self._newest)
+        if self.earth is not None:
+            self.earth.filter.predict(self._newest.odom_from_base, float(self._newest.covariance[2, 2]))
         self._map_covered_scans()
 
     def add_imu(self, sample: ImuSample) -> None:
@@ -126,8 +134,28 @@ class StateEstimator:
             self._odometry.add_imu(sample.as_recorded())
 
     def add_fix(self, fix: Fix) -> None:
-        """Add a position of the GPS receiver."""
-        self.fix = fix.as_recorded()
+        """Add a fix of the GPS receiver; without matched scans the pose follows it."""
+        self.fix = fix = fix.as_recorded()
+        if self.earth is None:
+            return
+        if isinstance(self.mapper, AcceptsPositionPrior) and (prior := self.earth.prior(fix)) is not None:
+            self.mapper.set_position_prior(*prior)
+        if not self._pose_buffer.covers(fix.time_s):
+            return
+        drift_m = UNMATCHED_DRIFT * (self.driven_m - self._matched_at_m)
+        self.earth.add(fix, self._pose_buffer.at(fix.time_s), self.map_from_odom, aligns=drift_m < fix.std_m)
+        by_gps = self.earth.map_from_odom(better_than_m=drift_m)
+        if by_gps is not None:
+            self._corrected_from_odom = self.mapper.map_from_odom.inverse() @ by_gps
+
+    def map_datum(self) -> MapDatum | None:
+        """Return the place of the map on Earth; None if no GPS has found it."""
+        return None if self.earth is None else self.earth.map_datum()
+
+    @property
+    def map_from_odom(self) -> Pose2:
+        """The correction of the odometry: by the mapper, and by GPS where no scan could be matched."""
+        return self.mapper.map_from_odom @ self._corrected_from_odom
 
     def warnings(self) -> dict[str, str]:
         """Return the input defects so far: one line with its count per kind, keyed by the kind's name."""
@@ -182,10 +210,10 @@ class StateEstimator:
         scan_age_s = self._newest.time_s - self._scan_time_s
         frames = None
         if self._map_from_scan_base is not None:
-            frames = ScanFrames(self._map_from_scan_base, self.mapper.map_from_odom)
+            frames = ScanFrames(self._map_from_scan_base, self.map_from_odom)
         return RobotState(
             time_s=self._newest.time_s,
-            map_from_base=self.mapper.map_from_odom @ self._newest.odom_from_base,
+            map_from_base=self.map_from_odom @ self._newest.odom_from_base,
             twist=self._newest.twist,
             hits_in_map_m=self._hits_in_map_m,
             scan_age_s=scan_age_s if scan_age_s > -MAX_SCAN_WAIT_S else np.inf,  # a clock was set back
@@ -211,7 +239,9 @@ class StateEstimator:
         twist = Twist2()
         if revolution_s > 0.0:
             twist = Twist2(v_m_s=motion.x_m / revolution_s, w_rad_s=motion.theta_rad / revolution_s)
-        update = self.mapper.update(odom_from_base, scan, twist)
+        update = self.mapper.update(self._corrected_from_odom @ odom_from_base, scan, twist)
+        if update.match_score >= GOOD_MATCH:  # not NaN, as of a scan that hits nothing
+            self._matched_at_m = self.driven_m
         self.mount_check.update(odom_from_base, scan)
         if update.jumped or update.match_score < GOOD_MATCH:
             self._slip_detector.reset()
@@ -223,5 +253,5 @@ class StateEstimator:
         self.scans_mapped += 1
         self._scan_time_s = scan.time_s + revolution_s
         points = scan_points(scan, twist, self._base_from_laser, scan.range_max_m)
-        self._map_from_scan_base = self.mapper.map_from_odom @ odom_from_base
+        self._map_from_scan_base = self.map_from_odom @ odom_from_base
         self._hits_in_map_m = self._map_from_scan_base.apply(points.hits_m())

@@ -99,6 +99,15 @@ class Relocalizable(Protocol):
 
 
 @runtime_checkable
+class AcceptsPositionPrior(Protocol):
+    """A mapper that a position from elsewhere, as from GPS, helps to choose between similar places."""
+
+    def set_position_prior(self, x_m: float, y_m: float, std_m: float) -> None:
+        """Expect the robot near this position in the map at the next search of the whole map."""
+        ...
+
+
+@runtime_checkable
 class SwitchesMode(Protocol):
     """A mapper that can change between mapping and localization."""
 

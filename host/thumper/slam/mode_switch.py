@@ -151,6 +151,11 @@ class SlamModeSwitch:
             raise ThumperError("a pose can be set in a saved map only: localize first", exit_code=EXIT_USAGE)
         self.localizer.set_pose(map_from_base, odom_from_base=self._odom_from_base)
 
+    def set_position_prior(self, x_m: float, y_m: float, std_m: float) -> None:
+        """Expect the robot near this position in a loaded map, when the whole map is searched."""
+        if self.localizer is not None:
+            self.localizer.set_position_prior(x_m, y_m, std_m)
+
     def relocalize(self) -> None:
         """Discard the pose and search the whole map for it at the next scan.
 

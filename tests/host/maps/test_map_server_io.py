@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from thumper.common.errors import ThumperError
-from thumper.maps.map_server_io import load_map, read_occupancy, save_map
+from thumper.maps.map_server_io import load_datum, load_map, read_occupancy, save_map
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 
@@ -142,3 +142,10 @@ def test_the_image_instead_of_the_yaml_file_is_refused(tmp_path: Path) -> None:
     image = saved(tmp_path).with_suffix(".pgm")
     with pytest.raises(ThumperError, match=r"map\.pgm: this is the map's image; pass .* \.yaml"):
         load_map(image)
+
+
+@pytest.mark.parametrize("datum", ["48.0, 11.0", "98.0, 11.0, 0.0", "nan, 11.0, 0.0", "48.0, east, 0.0"])
+def test_an_invalid_datum_is_refused(datum: str, tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text(f"image: m.pgm\ndatum: [{datum}]\n")
+    with pytest.raises(ThumperError, match=r"datum = .* is not .latitude_deg, .*; correct"):
+        load_datum(tmp_path / "m.yaml")

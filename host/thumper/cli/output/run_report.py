@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from thumper.common.files import write_text
 from thumper.common.geometry import FloatArray
+from thumper.gps.earth_reference import MapDatum
 from thumper.maps.annotations import Annotations, annotations_path, save_annotations
 from thumper.maps.map_server_io import save_map
 from thumper.maps.plot import BLUE, GREEN, draw_grid, save_figure
@@ -53,11 +54,16 @@ def draw_speeds(figure: Figure, speeds: FloatArray, title: str) -> None:
 
 
 def write_run(
-    folder: Path, mapper: Mapper, annotations: Annotations, log: DriveLog, result: DriveResult
+    folder: Path,
+    mapper: Mapper,
+    annotations: Annotations,
+    log: DriveLog,
+    result: DriveResult,
+    datum: MapDatum | None = None,
 ) -> list[str]:
     """Write map, session, annotations, two pictures and summary.json of one run; return the file names."""
     grid = mapper.grid()
-    save_map(grid, folder / "map.yaml")
+    save_map(grid, folder / "map.yaml", datum)
     save_session(SavedSlamState.from_mapper(mapper, result.map_from_base), folder / "map.session")
     zones = save_annotations(annotations, annotations_path(folder / "map.yaml"))
     picture = Figure(figsize=(8, 7), layout="constrained")

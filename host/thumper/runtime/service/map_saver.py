@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from thumper.common.errors import ThumperError
+from thumper.gps.earth_reference import MapDatum
 from thumper.maps.annotations import Annotations, annotations_path, save_annotations
 from thumper.maps.map_server_io import save_map
 from thumper.maps.occupancy_grid import OccupancyGrid
@@ -23,10 +24,12 @@ class MapSaver:
         annotations: Callable[[], Annotations],
         path: Path,
         report: Callable[[str, bool], None],
+        *,
+        datum: Callable[[], MapDatum | None] = lambda: None,
     ) -> None:
         """`path` is the map's .yaml. The thread calls `report(text, ok)` with the outcome."""
         self._grid, self._session, self._annotations = grid, session, annotations
-        self._path, self._report = path, report
+        self._path, self._report, self._datum = path, report, datum
         self._thread: threading.Thread | None = None
 
     def __call__(self) -> str:
@@ -38,16 +41,21 @@ class MapSaver:
         if self._thread is not None and self._thread.is_alive():
             raise ThumperError("the map is being saved already; wait until it is written")
         # Not a daemon: the process must not end with half a file.
-        content = (path, self._grid(), self._session(), self._annotations())
+        content = (path, self._grid(), self._session(), self._annotations(), self._datum())
         self._thread = threading.Thread(target=self._save, args=content, name="map-saver")
         self._thread.start()
         return f"saving the map to {path}"
 
     def _save(
-        self, path: Path, grid: OccupancyGrid, session: SavedSlamState, annotations: Annotations
+        self,
+        path: Path,
+        grid: OccupancyGrid,
+        session: SavedSlamState,
+        annotations: Annotations,
+        datum: MapDatum | None,
     ) -> None:
         try:
-            image = save_map(grid, path)
+            image = save_map(grid, path, datum)
             counts = save_session(session, path.with_suffix(".session"))
             zones = save_annotations(annotations, annotations_path(path))
             names = ", ".join((str(image), path.name, counts.name, *zones))

@@ -17,10 +17,12 @@ from thumper.slam.localization.alternative_poses import PRIOR_RATIO, Alternative
 from thumper.slam.localization.amcl_state import (
     NEAR_GIVEN_M,
     NEAR_GIVEN_RAD,
+    NO_PRIOR,
     RETRY_SCANS,
     GivenPose,
     MapDoubt,
     PoseEstimate,
+    PositionPrior,
     Schedule,
 )
 from thumper.slam.localization.challenge import Challenge
@@ -70,6 +72,7 @@ class Amcl:
         self._trust = PoseTrust(trusted=False)
         self._alternatives, self._challenge = AlternativePoses(), Challenge()
         self._map_search = MapSearch()
+        self._prior = NO_PRIOR
         self._found: list[PoseHypothesis] = []  # by the newest search of the whole map
         self._doubt = MapDoubt()
         self._map_from_odom = Pose2()
@@ -117,6 +120,10 @@ class Amcl:
         self._trust = PoseTrust(trusted=True)
         if odom_from_base is not None:
             self._map_from_odom = map_from_base @ odom_from_base.inverse()
+
+    def set_position_prior(self, x_m: float, y_m: float, std_m: float) -> None:
+        """Expect the robot near this position when the whole map is searched."""
+        self._prior = PositionPrior(x_m, y_m, std_m)
 
     def relocalize(self) -> None:
         """Discard the pose: the next scan is searched for in the whole map."""
@@ -291,8 +298,9 @@ class Amcl:
     def _draw_from_search(self) -> None:
         """Draw half of the particles around the best poses of the whole map, and half anywhere."""
         n, found = self._options.most_particles, self._found
-        logs = np.array([hypothesis.log for hypothesis in found])
-        odds = np.exp(SEARCH_GAIN * (logs - logs.max()))
+        logs = SEARCH_GAIN * np.array([hypothesis.log for hypothesis in found])
+        logs += [self._prior.log(hypothesis.pose) for hypothesis in found]
+        odds = np.exp(logs - logs.max())
         around, weights = draw_around(found, odds, n // 2, self._rng)
         poses = np.vstack((around, self._map.random_poses(n - n // 2, self._rng)))
         weights = np.concatenate((weights, np.full(n - n // 2, odds.min())))

@@ -24,7 +24,7 @@ def test_saving_does_not_wait_for_the_disk(tmp_path: Path, monkeypatch: pytest.M
     disk, reported = threading.Event(), threading.Event()
     reports: list[tuple[str, bool]] = []
 
-    def slow(grid: OccupancyGrid, path: Path) -> Path:
+    def slow(grid: OccupancyGrid, path: Path, _datum: object = None) -> Path:
         assert disk.wait(20.0)
         return save_map(grid, path)
 

@@ -1,0 +1,75 @@
+"""Outdoors with GPS: the start in a saved map, a goal on Earth, the datum of a new map."""
+
+import math
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from thumper.cli.app import build_app
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import Pose2
+from thumper.config.robot import RobotConfig, with_ports
+from thumper.gps.earth_reference import MapDatum
+from thumper.gps.local_plane import EastNorth, LatLon, LocalPlane
+from thumper.gps.options import GpsOptions
+from thumper.maps.map_server_io import load_datum, save_map
+from thumper.navigation.goal import Goal
+from thumper.runtime.assembly import open_robot
+from thumper.runtime.drive.tasks import drive_to_goal
+from thumper_hil.bench import simulation
+from thumper_hil.sensors.gnss_receiver import DATUM
+from thumper_hil.world.world import World
+
+YARD_DATUM = MapDatum(*DATUM, 0.0)
+IN_THE_EAST_SHED = "world=yard&x_m=8.0&y_m=0.2&yaw_deg=-70"
+GOAL_M = (7.5, -7.0)  # on open ground: the lidar reaches no wall
+
+
+@pytest.fixture
+def yard(tmp_path: Path) -> Path:
+    path = tmp_path / "yard.yaml"
+    save_map(World.load("yard").to_grid(), path, YARD_DATUM)
+    return path
+
+
+def test_a_robot_finds_its_start_among_equal_sheds_and_a_goal_on_earth(yard: Path, tmp_path: Path) -> None:
+    (tmp_path / "robot.toml").write_text("[gps]\nenabled = true\n")
+    goal = LocalPlane(DATUM).to_earth(EastNorth(*GOAL_M))
+    board = f"sim://shed/board?{IN_THE_EAST_SHED}&gps=rtk&gps_Hz=5"
+    command = ["run", "--board", board, "--lidar", "sim://shed/lidar", "--map", str(yard), "--config"]
+    command += [str(tmp_path / "robot.toml"), "--out", str(tmp_path / "out")]
+    command += ["--goal-gps", repr(goal.latitude_deg), repr(goal.longitude_deg)]
+    done = CliRunner().invoke(build_app(), command)
+    assert done.exit_code == 0, done.output
+    at = simulation("shed").truth()[-1, 1:3]
+    assert math.dist(at, GOAL_M) < 0.3
+    assert simulation("shed").contacts == 0
+    assert load_datum(tmp_path / "out" / "map.yaml") == pytest.approx(YARD_DATUM, abs=1e-9)
+
+
+def test_without_a_datum_a_goal_on_earth_is_refused(tmp_path: Path) -> None:
+    save_map(World.load("yard").to_grid(), tmp_path / "plain.yaml")
+    command = ["run", "--map", str(tmp_path / "plain.yaml"), "--goal-gps", "48.0", "11.0"]
+    done = CliRunner().invoke(build_app(), command)
+    assert isinstance(done.exception, ThumperError)
+    assert done.exception.exit_code == 2
+    assert "--goal-gps needs a --map whose YAML has a datum" in str(done.exception)
+
+
+def test_a_new_map_knows_its_place_on_earth(tmp_path: Path) -> None:
+    start = Pose2(x_m=8.0, y_m=0.2, theta_rad=math.radians(-70.0))  # of the map, in the world
+    config = with_ports(
+        RobotConfig(gps=GpsOptions(enabled=True)),
+        board=f"sim://survey/board?{IN_THE_EAST_SHED}&gps=rtk&gps_Hz=5",
+        lidar="sim://survey/lidar",
+    )
+    with open_robot(config, None) as robot:
+        while simulation("survey").time_s < 13.0:  # until the ambiguities are resolved
+            robot.step()
+        assert robot.run(drive_to_goal(Goal(x_m=2.5, y_m=0.0))).reached
+        datum = robot.inputs.estimator.map_datum()
+    assert datum is not None
+    origin = LocalPlane(DATUM).to_earth(EastNorth(start.x_m, start.y_m))
+    assert math.hypot(*LocalPlane(origin).to_plane(LatLon(*datum[:2]))) < 0.15
+    assert datum.yaw_rad == pytest.approx(start.theta_rad, abs=0.1)
