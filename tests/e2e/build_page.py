@@ -2,7 +2,7 @@
 
 Run: .venv/bin/python -m tests.e2e.build_page CLONE
 
-CLONE is a fresh clone of the repository. Run it in the foreground: Ctrl-C ends its programs. Each command is the page's own; only the two ports differ, and
+CLONE is a fresh clone of the repository. Each command is the page's own; only the two ports differ, and
 the bus has a port of its own.
 """
 
