@@ -1,6 +1,6 @@
 """SLAM on public logs of other buildings, which do not come with the project: path, CPU time and memory.
 
-Run: python benchmarks/slam_public.py [FOLDER] [--method graph|rbpf|scan_match ...] [--log NAME ...]
+Run: python benchmarks/slam_public.py [FOLDER] [--method METHOD ...] [--log NAME ...] [--seed N]
 
 FOLDER (default: slam/public in $THUMPER_DATA or ../shared/data) holds files of two GitHub repositories. Fetch
 them yourself; logs that are missing are left out:
@@ -75,7 +75,7 @@ def rows(poses: list[Pose2]) -> FloatArray:
     return np.array([(pose.x_m, pose.y_m, pose.theta_rad) for pose in poses])
 
 
-def with_wheel_errors(log: RobotLog, seed: int = 1) -> RobotLog:
+def with_wheel_errors(log: RobotLog, seed: int) -> RobotLog:
     """Return the log with odometry that errs like badly calibrated wheels."""
     rng, odometry, last, records = np.random.default_rng(seed), Pose2(), log.records[0].odom_from_base, []
     for record in log.records:
@@ -94,11 +94,11 @@ def without_odometry(log: RobotLog) -> RobotLog:
     return replace(log, records=records, has_odometry=False)
 
 
-def run(path: Path, method: Method, *, odometry: bool) -> Result:
-    """Map a log."""
+def run(path: Path, method: Method, seed: int, *, odometry: bool) -> Result:
+    """Map a log; `seed` is that of its odometry."""
     log = open_log(path)
     mapped = map_records(
-        with_wheel_errors(log) if odometry else without_odometry(log), MappingOptions(method=method)
+        with_wheel_errors(log, seed) if odometry else without_odometry(log), MappingOptions(method=method)
     )
     return Result(
         path=mapped.poses,
@@ -162,6 +162,7 @@ def main() -> None:
     methods = ("graph", "rbpf", "scan_match")
     parser.add_argument("--method", nargs="+", default=["graph", "scan_match"], choices=methods)
     parser.add_argument("--log", nargs="+", default=list(LOGS), choices=LOGS)
+    parser.add_argument("--seed", type=int, default=1, help="of the errors of the odometry")
     arguments = parser.parse_args()
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, mp_context=spawn, max_tasks_per_child=1) as pool:
@@ -169,7 +170,7 @@ def main() -> None:
             path = arguments.folder / f"{name}-corrected.log.gz"
             for method in arguments.method if has_data(path) else ():
                 for odometry in (True, False) if name == "freiburg-079" else (True,):
-                    result = pool.submit(run, path, method, odometry=odometry).result()
+                    result = pool.submit(run, path, method, arguments.seed, odometry=odometry).result()
                     report(name, method, result, arguments.folder, odometry=odometry)
 
 

@@ -35,6 +35,7 @@ BENCHMARKS: dict[str, tuple[str, ...]] = {
     "slam": ("--method scan_match", "--method graph", "--method rbpf"),
     "warm_up": ("",),
     "slam_public": ("",),
+    "slam_kidnapping": ("",),
     "slam_truth": ("--method scan_match",),
     "slam_lidars": ("--seeds 1 --method scan_match --range 4 30",),
     "slam_closed_loop": ("",),

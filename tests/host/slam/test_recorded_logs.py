@@ -60,7 +60,9 @@ def test_intel_relations_hold_in_the_first_part() -> None:
     assert relation_errors(odometry_of(part), relations).translation_m.mean() > 0.2
 
 
-@pytest.mark.parametrize(("name", "every"), [("mines-exp1.dat.gz", 10), ("mines-exp2.dat.gz", 6)])
+@pytest.mark.parametrize(
+    ("name", "every"), [("mines-exp1.dat.gz", 3), ("mines-exp1.dat.gz", 10), ("mines-exp2.dat.gz", 6)]
+)
 def test_a_drive_with_few_scans_is_not_taken_for_a_kidnapped_robot(name: str, every: int) -> None:
     """With a scan every 0.6 s, a door or a corner shows another room at once."""
     log = open_log(DATA / name)

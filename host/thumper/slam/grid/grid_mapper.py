@@ -135,7 +135,7 @@ class GridMapper:
             degenerate = degenerate_direction(predicted.theta_rad, hits_m)
             match = self._match(hits_m, predicted, moved, degenerate)
             evidence = self._matcher().evidence(points, match.pose)
-            self._kidnap.update(evidence, moved, match.pose.distance_m(predicted))
+            self._kidnap.update(evidence, hits_m, moved, self._pose.inverse() @ match.pose)
             if self._kidnap.suspect:
                 match = replace(match, pose=predicted)
             new_area = not self._is_explained(match) and evidence.contradicting_share < NEW_AREA_BELOW

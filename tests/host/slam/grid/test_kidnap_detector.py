@@ -5,7 +5,10 @@ import pytest
 from benchmarks.shared.rooms import rectangle, room_scan
 
 from thumper.common.geometry import Pose2, Twist2
+from thumper.lidar.deskew import scan_points
 from thumper.slam.grid.grid_mapper import GridMapper
+from thumper.slam.grid.kidnap_detector import SAME_VIEW
+from thumper.slam.grid.view_change import shared_view
 from thumper.slam.mode_switch import SlamModeSwitch
 
 STILL = Twist2()
@@ -94,3 +97,28 @@ def test_one_bad_scan_neither_stops_the_robot_nor_spoils_the_map() -> None:
     assert not any(lost)
     assert entered
     assert max(entered) < 0.05
+
+
+def test_scans_that_all_differ_are_bad_scans_and_no_kidnapped_robot() -> None:
+    """A lidar that tilts on rough ground sees another cut of the place at each scan."""
+    start = Pose2(x_m=0.6, y_m=-1.0)
+    mapper = GridMapper(map_from_base=start)
+    odometry, _, _ = drive(mapper, loop(start, 30), Pose2())
+    for k in range(6):
+        turned = Pose2(x_m=0.5 * (-1) ** k, y_m=0.6, theta_rad=1.3 * k)
+        bad = room_scan(turned, walls=(0.5 + 0.1 * (k % 3)) * ROOM)
+        assert not mapper.update(odometry, bad, STILL).integrated
+        assert mapper.quality().lost == ""
+    _, entered, lost = drive(mapper, loop(loop(start, 30)[-1], 10), odometry)
+    assert not any(lost)
+    assert max(entered) < 0.05
+
+
+def test_shared_view_separates_a_step_from_another_place() -> None:
+    start, step = ELSEWHERE[0], Pose2(x_m=0.2, theta_rad=0.3)
+    scans = (start, start @ step, ELSEWHERE[1])
+    before_m, after_m, other_m = (
+        scan_points(room_scan(pose, walls=ROOM), STILL, Pose2(), 80.0).hits_m() for pose in scans
+    )
+    assert shared_view(before_m, after_m, step) > 0.7
+    assert shared_view(before_m, other_m, Pose2()) < SAME_VIEW
