@@ -4,7 +4,7 @@ Run: python benchmarks/slam_kidnapping.py [LOG ...] [--cuts N]
 
 Without logs: MINES exp1 and exp2 and Intel of $THUMPER_DATA (default ../shared/data). At N scans of each log
 the robot is carried to where it was at another scan, and drives on from there: to a place that it has mapped,
-and to one that it has not. The odometry goes on as if it had stood still meanwhile. A pose is wrong if it is
+and to one that it has not. The odometry goes on as if it had been stationary. A pose is wrong if it is
 0.5 m or 0.3 rad off the path of the whole log, in the frame of that path. It is trusted if it is not lost.
 The log as it is, and with every second, third, fifth and tenth scan only, gives the false alarms.
 """
