@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Gt, Interval
 
-from thumper.common.geometry import FloatArray, Pose2
+from thumper.common.geometry import FloatArray, Pose2, wrap_angle
 from thumper.common.resumable import Search, SlicedSearch
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.costmap.inflation import INSCRIBED, MOST_INFLATED
@@ -26,6 +26,7 @@ BLOCKED_S, NARROW_S = 0.5, 2.0
 SURE_FRACTION = 0.5  # an obstacle nearer to the path than this part of the inscribed radius surely blocks it
 CHEAPER_SEARCHES = 3  # in a row must find a cheaper path before it replaces the kept one
 HALF_CELL = 0.5  # an obstacle is up to this far from the middle of its cell
+MAX_CURVE_RAD = 0.25 * math.pi  # a path that begins further to the side needs a turn on the spot
 MAX_PATH_DISTANCE_M = 0.40  # a robot further from its path than this needs a new one
 # A blocked path is kept this long while there is no other: one noisy scan must not stop the robot.
 BLOCKED_GRACE_S = 1.0
@@ -173,6 +174,16 @@ class PathManager:
         """Whether the first search for a path goes on: there is none yet, and no reason why."""
         return self.path_m is None and not self.reason and self._search.is_running
 
+    def _can_turn_to(self, path_m: FloatArray, costmap: Costmap, base: Pose2) -> bool:
+        """Return whether a path, shape (n, 2), begins ahead, or the robot has room to turn on the spot."""
+        (row,), (col,) = costmap.cells_of(np.array([(base.x_m, base.y_m)]))
+        if math.sqrt(costmap.squared_cells[row, col]) * costmap.resolution_m > self._circumscribed_m:
+            return True
+        steps_m = path_m - (base.x_m, base.y_m)
+        far = np.flatnonzero(np.hypot(*steps_m.T) > self._circumscribed_m)
+        x_m, y_m = steps_m[far[0] if far.size else -1]
+        return abs(wrap_angle(math.atan2(y_m, x_m) - base.theta_rad)) < MAX_CURVE_RAD
+
     @staticmethod
     def _is_left(path_m: FloatArray, base: Pose2) -> bool:
         return math.hypot(path_m[0, 0] - base.x_m, path_m[0, 1] - base.y_m) > MAX_PATH_DISTANCE_M
@@ -186,6 +197,7 @@ class PathManager:
         if math.isinf(old_cost):  # blocked, perhaps only by noise: no time to compare
             return False
         is_cheaper = new_cost < (1.0 - self._options.better_by) * old_cost
+        is_cheaper = is_cheaper and self._can_turn_to(new_m, costmap, base)
         self._cheaper_count = self._cheaper_count + 1 if is_cheaper else 0
         return self._cheaper_count >= CHEAPER_SEARCHES
 

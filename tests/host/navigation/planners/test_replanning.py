@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 
 from thumper.common.geometry import Pose2
 from thumper.maps.occupancy_grid import OccupancyGrid
@@ -18,9 +19,16 @@ ROBOT, GOAL = Pose2(x_m=3.1, y_m=1.0), Goal(x_m=3.1, y_m=5.0)
 PERIOD_S = 0.1
 
 
-def doors(*, left_open: bool = True, right_open: bool = True) -> Costmap:
-    """Return a wall at y = 3 m between robot and goal, with doors at x = 2 m and, a little nearer, 4 m."""
+def doors(
+    *, left_open: bool = True, right_open: bool = True, posts: tuple[tuple[int, int], ...] = ()
+) -> Costmap:
+    """Return a wall at y = 3 m between robot and goal, with doors at x = 2 m and, a little nearer, 4 m.
+
+    `posts` are occupied cells, as row and column.
+    """
     cells = np.zeros((120, 120), np.int8)
+    for post in posts:
+        cells[post] = 100
     cells[60] = 100
     if left_open:
         cells[60, 30:50] = 0
@@ -86,6 +94,18 @@ def test_a_narrow_path_gets_more_time_and_a_cheaper_one_must_stay_cheaper() -> N
     assert found == ["right", "right", "left"]
     assert door_after(manager, time_s, 1.5, doors(), robot, goal) == "left"
     assert door_after(manager, time_s + 1.5, 3.0, doors(), robot, goal) == "right"
+
+
+@pytest.mark.parametrize(("posts", "door"), [((), "right"), (((46, 66), (54, 66)), "left")])
+def test_a_cheaper_path_behind_the_robot_needs_room_to_turn(
+    posts: tuple[tuple[int, int], ...], door: str
+) -> None:
+    """The robot drives to the left door; the right one, behind it, opens. Posts stand 0.2 m beside it."""
+    manager = PathManager(AStarPlanner(TraversalCostOptions()), ReplanningOptions(), Footprint())
+    robot, goal = Pose2(x_m=3.325, y_m=2.525, theta_rad=math.pi), Goal(x_m=5.0, y_m=3.9)
+    closed, opened = doors(right_open=False, posts=posts), doors(posts=posts)
+    assert door_after(manager, 0.0, 0.1, closed, robot, goal) == "left"
+    assert door_after(manager, 0.1, 5.0, opened, robot, goal) == door
 
 
 def test_a_gap_that_may_only_look_too_narrow_is_tried_if_there_is_no_other_way() -> None:
