@@ -107,8 +107,8 @@ def test_the_loop_is_that_of_the_difference_equation() -> None:
         u[k] = kp * (1.0 - y[k]) + integral
         y[k + 1] = plant.pole * y[k] + sum(c * u[k - i] for i, c in enumerate(plant.numerator) if k >= i)
     loop = SpeedLoop.of_board(plant, kp, ki)
-    assert loop.step_response(20) == pytest.approx(y, abs=1e-9)
-    after_load = loop.step_response(60, load_pwm=10.0)
+    assert loop.step_response(20).outputs == pytest.approx(y, abs=1e-9)
+    after_load = loop.step_response(60, load_pwm=10.0).outputs
     assert after_load.sum() == pytest.approx(-10.0 / ki, rel=1e-3), "integrated error after a load: 1 / ki"
 
 
@@ -142,7 +142,7 @@ def test_dlqr_is_within_the_limit_and_near_migo() -> None:
 def test_the_control_law_integrates_before_it_acts() -> None:
     """The first response to a unit error is Kp + Ki."""
     plant = Plant(pole=0.0, numerator=(1.0,), period_s=0.1)
-    assert SpeedLoop.of_board(plant, 0.2, 0.1).step_response(2)[:2] == pytest.approx([0.0, 0.3])
+    assert SpeedLoop.of_board(plant, 0.2, 0.1).step_response(2).outputs[:2] == pytest.approx([0.0, 0.3])
 
 
 def test_pole_placement_places_the_pair() -> None:

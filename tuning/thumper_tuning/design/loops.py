@@ -165,20 +165,19 @@ class SpeedLoop:
             disk_phase_margin_deg=float(disk_deg),
         )
 
-    def step_response(self, ticks: int, *, load_pwm: float = 0.0) -> FloatArray:
+    def step_response(self, ticks: int, *, load_pwm: float = 0.0) -> "control.TimeResponseData":
         """Return the counted speed after a unit step of the set-point, or after a step of the load."""
         import control
 
-        system, size = (self.load_response, -load_pwm) if load_pwm else (self.closed_loop, 1.0)
-        response = control.step_response(system, np.arange(ticks + 1) * self.period_s)
-        return size * np.asarray(response.outputs, dtype=float).ravel()
+        system = -load_pwm * self.load_response if load_pwm else self.closed_loop
+        return control.step_response(system, np.arange(ticks + 1) * self.period_s)
 
     def step_info(self) -> StepInfo:
         """Return the characteristics of the step response by `control.step_info`, sampled once per tick."""
         import control
 
         time_s = np.arange(round(STEP_DURATION_S / self.period_s) + 1) * self.period_s
-        y = self.step_response(len(time_s) - 1)
+        y = np.asarray(self.step_response(len(time_s) - 1).outputs, dtype=float).ravel()
         itae = float(np.sum(time_s * np.abs(1.0 - y)) * self.period_s)
         if y.max() < 0.9:  # step_info needs a response that gets there
             return StepInfo(rise_time_s=math.inf, settling_time_s=math.inf, overshoot_percent=0.0, itae=itae)

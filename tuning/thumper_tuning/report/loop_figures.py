@@ -49,10 +49,9 @@ def setpoint_step(design: Design, before: tuple[float, float] | None) -> Figure:
     figure = new_figure(PANEL)
     axes = figure.subplots()
     ticks = round(STEP_DURATION_S / design.period_s)
-    time_s = np.arange(ticks + 1) * design.period_s
     for k, loop in enumerate(_family(design)):
-        label = "battery ±15 %, inertia x0.36 ... x2" if k == 0 else None
-        axes.plot(time_s, loop.step_response(ticks), color=REFERENCE, alpha=0.25, lw=0.8, label=label)
+        label = "battery ±15 %, inertia x0.36 ... x2" if k == 0 else "_"  # one entry of the legend for all
+        _plot(loop.step_response(ticks), axes, color=REFERENCE, alpha=0.25, lw=0.8, label=label)
     _draw_responses(axes, design, before, ticks, load_pwm=0.0)
     axes.set(title="unit step of the set-point, PI alone")
     return figure
@@ -73,12 +72,15 @@ def _draw_responses(
     loops = [("after", AFTER, design.loop)]
     if before is not None:
         loops.insert(0, ("before", BEFORE, SpeedLoop.of_board(design.plant, *before)))
-    time_s = np.arange(ticks + 1) * design.period_s
     for label, color, loop in loops:
-        axes.plot(time_s, loop.step_response(ticks, load_pwm=load_pwm), "o-", color=color, ms=3, label=label)
+        _plot(loop.step_response(ticks, load_pwm=load_pwm), axes, color=color, marker="o", ms=3, label=label)
     axes.set(xlabel="time [s]", ylabel="speed [rad/s]")
     add_grid(axes)
     axes.legend()
+
+
+def _plot(response: control.TimeResponseData, axes: Axes, **style: object) -> None:
+    response.plot(ax=np.array([[axes]]), plot_inputs=False, title="", legend_loc=False, **style)
 
 
 def bode(design: Design) -> Figure:
