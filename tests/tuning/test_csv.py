@@ -2,6 +2,7 @@
 
 import json
 import math
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from thumper.common.geometry import FloatArray
 from thumper_tuning.cli.fit import fit_files
 from thumper_tuning.logs.columns import Quantity, parse_header
 from thumper_tuning.logs.encoder_counts import unwrap
+from thumper_tuning.logs.read import read_logs
 
 ROWS = 500
 TIME_S = np.arange(ROWS, dtype=float) * 0.1
@@ -194,3 +196,57 @@ def test_unwrap_is_exact(bits: int) -> None:
     unwrapped, found = unwrap(true % 2.0**bits)
     assert found == bits
     assert np.diff(unwrapped) == pytest.approx(np.diff(true))
+
+
+def test_units_in_a_row_below_the_header(fit: Fit) -> None:
+    header = "Zeit,Sollwert,Stellgröße,Drehzahl\n[s],[1/min],[%],[1/min]"
+    speed_rpm = SPEED * 30.0 / math.pi
+    assert_good(fit(header, TIME_S, 0.0 * PWM, PWM / 2.55, speed_rpm, separator=";"))
+    header = "time,pwm,speed\n(ms),,(deg/s)"
+    assert_good(fit(header, 1e3 * TIME_S, PWM, np.degrees(SPEED)))
+
+
+def test_infinite_counts_are_missing(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    rows = [
+        f"{t:g},{u:g},{'inf' if k in (100, 101) else c:}"
+        for k, (t, u, c) in enumerate(zip(TIME_S, PWM, COUNTS, strict=True))
+    ]
+    path.write_text("\n".join((NAMES, *rows)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        (log,) = read_logs(path)
+    assert log.position_rad is not None
+    assert np.flatnonzero(np.isnan(log.position_rad)).tolist() == [100, 101]
+
+
+def test_a_ten_bit_pwm_is_not_at_the_limit_of_eight_bits(fit: Fit) -> None:
+    notes = str(fit(NAMES, TIME_S, 4.0 * PWM, COUNTS)["warnings"])
+    assert "beyond 255" in notes
+    assert "at its limit" not in notes
+
+
+def _sysid(path: Path, **changes: object) -> Path:
+    rows = np.column_stack((TIME_S, PWM / 34.0, COUNTS, SPEED)).tolist()
+    content = {"test": "Simple", "units": "Rotations", "unitsPerRotation": 1.0, "slow-forward": rows}
+    path.write_text(json.dumps(content | changes))
+    return path
+
+
+def test_units_per_rotation_of_a_sysid_recording(tmp_path: Path) -> None:
+    path = tmp_path / "log.json"
+    for value in (0.0, -1.0):
+        with pytest.raises(ThumperError, match="unitsPerRotation is"):
+            read_logs(_sysid(path, units="Meters", unitsPerRotation=value))
+    (log,) = read_logs(_sysid(path, units="Radians", unitsPerRotation=0))
+    assert log.position_rad is not None
+    with pytest.raises(ThumperError, match="does not increase"):
+        read_logs(_sysid(path, **{"slow-forward": [[0.0, 1.0, 2.0, 3.0]] * 30}))
+    np.testing.assert_array_equal(log.position_rad, COUNTS)
+
+
+@pytest.mark.parametrize("test", ["Elevator", "Arm"])
+def test_gravity_of_a_sysid_recording_gives_a_warning(tmp_path: Path, test: str) -> None:
+    (log,) = read_logs(_sysid(tmp_path / "log.json", test=test))
+    assert f"{test}: the model has no gravity" in str(log.warnings)
+    assert not read_logs(_sysid(tmp_path / "log.json"))[0].warnings

@@ -129,3 +129,25 @@ def test_a_wheel_that_is_determined_and_one_that_is_not(
     assert "not_determined" in printed["right"]
     with pytest.raises(ThumperError, match="right: one drive level only"):
         design([path], out=tmp_path)
+
+
+@pytest.mark.parametrize("delay_s", [0.05, 0.1])
+def test_a_drive_that_is_on_from_the_first_row(fit: Fit, delay_s: float) -> None:
+    """Noise of the speed at rest does not hide that the motor starts from rest."""
+    time_s = 0.02 * np.arange(150, dtype=float)
+    speed = 10.0 * -np.expm1(-np.clip(time_s - delay_s, 0.0, None) / 0.08)
+    speed += np.random.default_rng(1).normal(0.0, 0.03, 150)
+    result = fit("time_s,pwm,speed_rad_s", time_s, np.full(150, 200.0), speed)
+    assert result["time_constant_s"] == pytest.approx(0.08, rel=0.1)
+    assert result["delay_s"] == pytest.approx(delay_s, abs=0.012)
+    assert 0.0 < float(str(result["delay_s_std"])) < 0.01
+
+
+def test_a_start_in_motion_does_not_determine_the_delay(fit: Fit) -> None:
+    """One drive throughout shows the time constant of the run-up, but not when the drive began to act."""
+    time_s = 0.02 * np.arange(150, dtype=float)
+    speed = 10.0 - 7.0 * np.exp(-time_s / 0.2) + np.random.default_rng(1).normal(0.0, 0.03, 150)
+    result = fit("time_s,pwm,speed_rad_s", time_s, np.full(150, 200.0), speed)
+    assert result["time_constant_s"] == pytest.approx(0.2, rel=0.1)
+    assert result["delay_s"] is None
+    assert "delay_s" in str(result["not_determined"])

@@ -35,7 +35,7 @@ def fit_warnings(
         *_delay_warnings(fit),
         *_rate_warnings(segments, fit),
         *_feedback_warnings(logs, segments, fit, validation),
-        *_drive_warnings(logs[0].drive_unit, segments, fit),
+        *_drive_warnings(logs[0], segments, fit),
         *_resolution_warnings(logs, segments),
         *_friction_warnings(logs[0].drive_unit, fit),
         *_residual_warnings(segments, fit, validation),
@@ -121,8 +121,8 @@ def _feedback_warnings(
         yield "recorded in closed loop; no bias by the feedback is visible"
 
 
-def _drive_warnings(unit: DriveUnit, segments: list[LogSegment], fit: Fit) -> Iterator[str]:
-    model, std = fit.model, fit.uncertainty
+def _drive_warnings(log: MotorLog, segments: list[LogSegment], fit: Fit) -> Iterator[str]:
+    unit, model, std = log.drive_unit, fit.model, fit.uncertainty
     drive = np.concatenate([s.drive for s in segments])
     smallest = np.abs(drive[drive != 0.0]).min()
     if model.friction < -2.0 * std.friction:
@@ -134,7 +134,10 @@ def _drive_warnings(unit: DriveUnit, segments: list[LogSegment], fit: Fit) -> It
         std.friction > 0.25 * abs(model.friction)
     ):
         yield "the drive never came near the dead band: its width is extrapolated"
-    if unit is DriveUnit.PWM and float(np.mean(np.abs(drive) >= FULL_PWM)) > 0.3:
+    # A drive beyond 255 has another limit, unless it only refers to the battery's mean voltage.
+    largest = FULL_PWM * (1.0 if log.supply_V is None else 1.5)
+    is_8_bit = unit is DriveUnit.PWM and float(np.abs(drive).max()) <= largest
+    if is_8_bit and float(np.mean(np.abs(drive) >= FULL_PWM)) > 0.3:
         yield "the drive is at its limit for more than 30 % of the log: lower levels give better data"
 
 

@@ -51,7 +51,7 @@ class PartialMotor:
     unit: DriveUnit
     model: MotorModel  # linear: from the drive to the speed that it leads to, at the recorded level only
     time_constant_std_s: float
-    delay_std_s: float
+    delay_std_s: float  # inf: the delay is not determined
     period_s: float
     steady: tuple[SteadySpeed, ...]
     fit_percent: float  # of the fitted windows: too little data to hold out
@@ -95,7 +95,7 @@ def identify_partly(logs: list[MotorLog], reason: UndeterminedError) -> PartialM
     best = instantaneous if better and logs[0].position_rad is None else mean
     model, std = best.model, best.std
     friction_s = _effect_of_friction_s(FitData(segments=segments, instantaneous=best is instantaneous), best)
-    if best.fit_percent < MIN_FIT_PERCENT or std[1] > MAX_RELATIVE_STD:
+    if best.fit_percent < MIN_FIT_PERCENT or not 0.0 < std[1] <= MAX_RELATIVE_STD:
         raise reason
     warnings = [warning for log in logs for warning in log.warnings]
     if glitches := best.glitches(segments):
@@ -105,7 +105,9 @@ def identify_partly(logs: list[MotorLog], reason: UndeterminedError) -> PartialM
             f"the drive reverses without a rest: a friction of {100 * ASSUMED_FRICTION:.0f} % of it would "
             f"change the time constant by {1e3 * friction_s:.0f} ms; this is a part of its standard deviation"
         )
-    friction = f"static_friction_{unit.value}"
+    not_determined = [f"gain_rad_s_per_{unit.value}", f"static_friction_{unit.value}"]
+    if math.isinf(std[2]):
+        not_determined.append("delay_s")
     return PartialMotor(
         name=name,
         unit=unit,
@@ -116,7 +118,7 @@ def identify_partly(logs: list[MotorLog], reason: UndeterminedError) -> PartialM
         steady=tuple(_steady_speeds(segments, model, best.use)),
         fit_percent=best.fit_percent,
         warnings=tuple(warnings),
-        not_determined=(f"gain_rad_s_per_{unit.value}", friction),
+        not_determined=tuple(not_determined),
         record_next=f"{str(reason).split(';')[0].removeprefix(f'{name}: ')}; {RECORD}",
         columns=logs[0].columns,
     )
@@ -125,7 +127,7 @@ def identify_partly(logs: list[MotorLog], reason: UndeterminedError) -> PartialM
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _LinearFit:
     model: MotorModel
-    std: FloatArray  # of ln gain, ln tau, delay in windows
+    std: FloatArray  # of ln gain, ln tau, delay in windows; inf: not determined
     use: BoolArray  # no glitch
     cost: float
     fit_percent: float
@@ -155,10 +157,15 @@ def _fit(data: FitData) -> _LinearFit:
         use = ~find_glitches(residual, max(GLITCH_SIGMAS * robust, problem.least_glitch_rad_s))
         scale = problem.scale(residual, use)
     std = problem.std(x, use, scale)
-    if x[2] < SIGNIFICANT_DELAY_SIGMAS * std[2]:
-        delay_std = float(std[2])
+    # At its upper bound, or without effect (the drive never changes), the delay is not determined.
+    constant = all((s.drive == s.initial_drive).all() for s in data.segments)
+    bounded = constant or std[2] <= 0.0 or x[2] > problem.bounds(3)[1][2] - 1e-3
+    if bounded or x[2] < SIGNIFICANT_DELAY_SIGMAS * std[2]:
+        delay_std = math.inf if bounded else float(std[2])
         x = problem.solve(x[:2], use, scale)
         std = np.append(problem.std(x, use, scale), delay_std)
+    if abs(x[1]) > problem.bounds(3)[1][1] - 1e-3:
+        std[1] = math.inf  # the time constant is at a bound
     model = problem.model(x)
     residual = data.residuals(model)
     counted = use & (problem.weight > 0.0)
@@ -209,8 +216,8 @@ class _Problem:
         )
 
     def bounds(self, count: int) -> tuple[list[float], list[float]]:
-        high = [1.0, 3.0, MAX_DELAY_S / self.data.period_s + 1.0]
-        return [-1.0, -3.0, 0.0][:count], high[:count]
+        high = [1.0, 6.0, MAX_DELAY_S / self.data.period_s + 1.0]
+        return [-1.0, -6.0, 0.0][:count], high[:count]
 
     def residuals(self, x: FloatArray, use: BoolArray, scale: float) -> FloatArray:
         return (self.data.residuals(self.model(x)) * self.weight)[use] / scale

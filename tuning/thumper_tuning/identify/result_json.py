@@ -46,12 +46,13 @@ def motor_to_dict(motor: IdentifiedMotor) -> dict[str, Any]:
 def partial_to_dict(motor: PartialMotor) -> dict[str, Any]:
     """Return what a log determines, with the keys of `motor_to_dict`, and what it does not."""
     unit = motor.unit.value
+    has_delay = "delay_s" not in motor.not_determined
     return {
         "motor": motor.name,
         "time_constant_s": motor.time_constant_s,
         "time_constant_s_std": motor.time_constant_std_s,
-        "delay_s": motor.delay_s,
-        "delay_s_std": motor.delay_std_s,
+        "delay_s": motor.delay_s if has_delay else None,
+        "delay_s_std": motor.delay_std_s if has_delay else None,
         "steady": [
             {f"drive_{unit}": s.drive, "speed_rad_s": s.speed_rad_s, "speed_rad_s_std": s.std_rad_s}
             for s in motor.steady

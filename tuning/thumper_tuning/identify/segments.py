@@ -20,6 +20,7 @@ MAX_MERGED_WINDOW_S = 0.05  # ... but longer windows would hide the time constan
 MANY_ROWS, MAX_SPEED_PERIOD_S = 2000, 0.025
 AT_REST_QUANTA = 0.6
 MIN_STILL_ROWS = 6
+SLOW = 0.02  # of the usual speed: noise of a motor that has not started yet
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -137,13 +138,12 @@ def _segment(log: MotorLog, rows: slice) -> LogSegment | None:
             return None
         speed = np.diff(y) / np.diff(time_s[known])
         edge_s = time_s[known]
-        at_rest = (
-            abs(speed[0]) * (edge_s[1] - edge_s[0]) <= AT_REST_QUANTA * log.quantum_rad and drive[0] == 0.0
-        )
+        still = abs(speed[0]) * (edge_s[1] - edge_s[0]) <= AT_REST_QUANTA * log.quantum_rad
+        at_rest = (still and drive[0] == 0.0) or _starts_slow(drive, speed)
     else:
         # The window of the first row began one period earlier: its speed is the state at the start.
         speed, edge_s = y[1:], time_s[known]
-        at_rest = y[0] == 0.0 or _is_still(y[: int(np.argmax(drive[known] != 0.0))])
+        at_rest = y[0] == 0.0 or _is_still(y[: int(np.argmax(drive[known] != 0.0))]) or _starts_slow(drive, y)
     return LogSegment(
         change_s=time_s,
         drive=drive,
@@ -162,6 +162,11 @@ def _is_still(speed: FloatArray) -> bool:
     late = speed[len(speed) // 2 :]
     noise = float(np.std(late))
     return bool(abs(late.mean()) < noise and abs(speed[:2].mean()) < 2.0 * noise)
+
+
+def _starts_slow(drive: FloatArray, speed: FloatArray) -> bool:
+    """Return whether the drive is on from the first row, and the motor does not move there yet."""
+    return bool(drive[0] != 0.0 and abs(speed[0]) <= SLOW * np.percentile(np.abs(speed), 90))
 
 
 def speed_stride(log: MotorLog) -> int:

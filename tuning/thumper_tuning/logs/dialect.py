@@ -1,7 +1,7 @@
 """Find the header of a text table and its separator, by what the rows below it hold."""
 
 import csv
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 
 import numpy as np
@@ -34,7 +34,7 @@ def find_dialect(lines: list[str]) -> Dialect | None:
         found = [d for separator in SEPARATORS if (d := _read_header(line, separator, lines, number))]
         best = max(found, key=lambda dialect: dialect.recognized, default=None)
         if best is not None and best.recognized >= 2:
-            return best
+            return _with_unit_row(best, lines)
         unnamed = unnamed or best
     return unnamed or _without_header(lines)
 
@@ -50,6 +50,23 @@ def _read_header(line: str, separator: str, lines: list[str], number: int) -> Di
         return None
     recognized = sum(parse_header(header, 0) is not None for header in headers)
     return Dialect(separator=separator, headers=tuple(headers), first_row=number + 1, recognized=recognized)
+
+
+def _with_unit_row(dialect: Dialect, lines: list[str]) -> Dialect:
+    """Take the units of a row below the header, as `[s];[1/min];[%]`, into the headers."""
+    cells = split_cells(lines[dialect.first_row], dialect.separator)
+    if len(cells) != len(dialect.headers) or any(np.isfinite(to_number(cell)) for cell in cells):
+        return dialect
+    headers = list(dialect.headers)
+    for k, cell in enumerate(cells):
+        before = parse_header(headers[k], k)
+        unit = cell.strip("[]() ")
+        if unit and before is not None and not before.unit_given:
+            headers[k] += f" [{unit}]"
+    changed = [parse_header(h, k) for k, h in enumerate(headers) if h != dialect.headers[k]]
+    if not any(column and column.unit_given and not column.unknown_unit for column in changed):
+        return dialect  # text, or missing values
+    return replace(dialect, headers=tuple(headers), first_row=dialect.first_row + 1)
 
 
 def _is_numeric(row: list[str], columns: int) -> bool:

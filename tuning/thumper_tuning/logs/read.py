@@ -103,6 +103,8 @@ def _motor_log(
             f"output={output.header}:UNIT"
         )
     values = {column: table.values[:, column.index] * column.scale for _, column in columns.used}
+    output_values = values[columns.output]
+    values[columns.output] = np.where(np.isfinite(output_values), output_values, np.nan)
     if columns.setpoint is not None and not np.nan_to_num(values[columns.setpoint]).any():
         columns = replace(columns, setpoint=None)  # 0 in every row: nothing controlled the speed
     rows = _usable_rows(path, columns, values)

@@ -10,10 +10,12 @@ from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.common.files import read_text
 from thumper.common.geometry import FloatArray
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
+from thumper_tuning.logs.units import check_time
 
 MAX_MB = 200.0
 TESTS = ("slow-forward", "slow-backward", "fast-forward", "fast-backward")
 SIDES = (("left", 1, 3), ("right", 2, 4))  # name, column of the voltage, column of the position
+GRAVITY = "test type {test}: the model has no gravity, and takes it as friction: gain and friction are off"
 UNIT_RAD = {"Rotations": math.tau, "Radians": 1.0, "Degrees": math.pi / 180.0}
 
 
@@ -32,25 +34,35 @@ def read_sysid(path: Path) -> list[MotorLog]:
     try:
         data = json.loads(read_text(path, MAX_MB))
         tests = [np.array(data[name], dtype=float) for name in TESTS if data.get(name)]
-        rad = UNIT_RAD.get(data["units"], math.tau / float(data["unitsPerRotation"]))
+        rad = UNIT_RAD.get(data["units"], 0.0)
+        units_per_rotation = math.tau if rad else float(data["unitsPerRotation"])
+        gravity = GRAVITY.format(test=data["test"]) if data.get("test") in ("Elevator", "Arm") else ""
     except OSError as error:
         raise ThumperError(f"{path}: cannot read the log: {error.strerror}", exit_code=EXIT_USAGE) from error
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise ThumperError(
             f"{path}: not a SysId recording ({error}); pass a CSV file", exit_code=EXIT_CHECK_FAILED
         ) from error
+    if not 0.0 < units_per_rotation < math.inf:
+        raise ThumperError(
+            f"{path}: unitsPerRotation is {units_per_rotation:g}; set the {data['units']} per turn",
+            exit_code=EXIT_CHECK_FAILED,
+        )
+    rad = rad or math.tau / units_per_rotation
     widths = {test.shape[1] if test.ndim == 2 else 0 for test in tests}
     if not tests or len(widths) > 1 or min(widths) < 4:
         raise ThumperError(
             f"{path}: not a SysId recording (rows of {sorted(widths)} values); pass a CSV file",
             exit_code=EXIT_CHECK_FAILED,
         )
+    rows = np.concatenate(tests)
+    check_time(rows[:, 0], "time")
     if min(widths) >= 7:
         return [_log(tests, name, voltage, position, rad) for name, voltage, position in SIDES]
-    rows = np.concatenate(tests)
+    warnings = (gravity,) if gravity else ()
     if _repeats(rows[:, 2], rows[:, 3]):
-        return [_log(tests, path.stem, 1, 3, rad, is_speed=True)]
-    return [_log(tests, path.stem, 1, 2, rad)]
+        return [_log(tests, path.stem, 1, 3, rad, is_speed=True, warnings=warnings)]
+    return [_log(tests, path.stem, 1, 2, rad, warnings=warnings)]
 
 
 def _repeats(position: FloatArray, speed: FloatArray) -> bool:
@@ -63,7 +75,14 @@ def _repeats(position: FloatArray, speed: FloatArray) -> bool:
 
 
 def _log(
-    tests: list[FloatArray], name: str, voltage: int, column: int, rad: float, *, is_speed: bool = False
+    tests: list[FloatArray],
+    name: str,
+    voltage: int,
+    column: int,
+    rad: float,
+    *,
+    is_speed: bool = False,
+    warnings: tuple[str, ...] = (),
 ) -> MotorLog:
     starts_segment = np.concatenate([np.arange(len(test)) == 0 for test in tests])
     rows = np.concatenate(tests)
@@ -80,4 +99,5 @@ def _log(
         ),
         position_rad=None if is_speed else rows[:, column] * rad,
         speed_rad_s=rows[:, column] * rad if is_speed else None,
+        warnings=warnings,
     )

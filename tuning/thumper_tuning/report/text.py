@@ -38,10 +38,13 @@ def motor_lines(motor: IdentifiedMotor) -> list[str]:
 def partial_lines(motor: PartialMotor) -> list[str]:
     """Return what the log determines, what it does not, and what to record next."""
     unit = motor.unit.name if motor.unit is DriveUnit.PWM else motor.unit.value
+    delay = [f"  delay            {motor.delay_s:9.4f} +- {motor.delay_std_s:.4f} s"]
+    if "delay_s" in motor.not_determined:
+        delay = []
     return [
         f"{motor.name}: the log determines a part of the model (it explains {motor.fit_percent:.0f} %)",
         f"  time constant    {motor.time_constant_s:9.4f} +- {motor.time_constant_std_s:.4f} s",
-        f"  delay            {motor.delay_s:9.4f} +- {motor.delay_std_s:.4f} s",
+        *delay,
         *[
             f"  speed            {s.speed_rad_s:9.3f} +- {s.std_rad_s:.3f} rad/s at {s.drive:g} {unit}"
             for s in motor.steady
