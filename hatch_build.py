@@ -21,7 +21,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 BOARDS = {"trex": "firmware/build", "nano": "firmware/build/nano"}
 CHIP = "hil/thumper_hil/chip/native"
 KERNELS = {"host/thumper/kernels": "thumper/kernels", "hil/thumper_hil/kernels": "thumper_hil/kernels"}
-SET_UP = ("99-thumper.rules", "thumper.service")
+SET_UP = ("99-thumper.rules", "thumper.service", "foxglove-layout.json")
 
 
 class FirmwareHook(BuildHookInterface):  # type: ignore[type-arg]

@@ -43,7 +43,7 @@ def foxglove(
     from thumper.foxglove.token_gate import TokenGate
     from thumper.ros2.gateway import RosGateway
     from thumper.ros2.services import RosServices
-    from thumper.ros2.wire import NodeName
+    from thumper.ros2.wire import NodeName, node_name
 
     settings = load_config(config)
     pair = None if is_loopback(host) else certificate_pair(settings.dashboard)
@@ -52,7 +52,7 @@ def foxglove(
     with (
         connect(config, bus, robot) as client,
         FoxgloveNode(
-            NodeName(domain_id=0, name=client.robot), PanelParameters(client, report_to_stderr)
+            NodeName(domain_id=0, name=node_name(client.robot)), PanelParameters(client, report_to_stderr)
         ) as node,
     ):
         RosGateway(client, node, settings, report_to_stderr)

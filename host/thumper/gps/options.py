@@ -5,6 +5,8 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt
 
+from thumper.common.geometry import Pose2
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GpsOptions:
@@ -16,3 +18,8 @@ class GpsOptions:
     x_m: float = 0.0  # antenna in the robot's frame, forward
     y_m: float = 0.0  # to the left
     latency_s: Annotated[float, Ge(0)] = 0.15  # from the measurement until it is read
+
+    @property
+    def base_from_antenna(self) -> Pose2:
+        """Mounting pose of the antenna."""
+        return Pose2(x_m=self.x_m, y_m=self.y_m)

@@ -134,10 +134,18 @@ class Messages:
             ],
         )
 
-    def fixed_transforms(self, time_s: float, base_from_laser: Pose2) -> Message:
-        """Build a TFMessage with the mounting pose of the lidar."""
+    def fixed_transforms(
+        self, time_s: float, base_from_laser: Pose2, base_from_gps: Pose2 | None = None
+    ) -> Message:
+        """Build a TFMessage with the mounting poses of the lidar and, if there is one, of the GPS antenna."""
+        mounts = {LASER: base_from_laser, GPS: base_from_gps}
         return message(
-            "tf2_msgs/msg/TFMessage", transforms=[self._transform(time_s, BASE, LASER, base_from_laser)]
+            "tf2_msgs/msg/TFMessage",
+            transforms=[
+                self._transform(time_s, BASE, child, pose)
+                for child, pose in mounts.items()
+                if pose is not None
+            ],
         )
 
     def grid(self, time_s: float, grid: OccupancyGrid) -> Message:

@@ -66,7 +66,7 @@ class RosGateway:
         publisher.publish(encode(text(urdf(self._config))))
 
     def _send_static(self, publisher: MessageSink, raw: bytes) -> None:
-        """Add the wheels' links to the lidar's, so that viewers can draw the whole robot."""
+        """Add the wheels' links to the sensors', so that viewers can draw the whole robot."""
         transforms = decode(raw, TOPICS["tf_static"].type_name)
         header = transforms.transforms[0].header  # of base_link
         links = [transform(header, link, pose) for link, pose in link_poses(self._config).items()]

@@ -7,7 +7,7 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.config.robot import RobotConfig
-from thumper.ros.to_ros import BASE, LASER
+from thumper.ros.to_ros import BASE, GPS, LASER
 
 BODY_HEIGHT_M = 0.08
 WHEEL_WIDTH_M = 0.06
@@ -37,12 +37,12 @@ def wheels(config: RobotConfig) -> tuple[Wheel, Wheel]:
 
 
 def link_poses(config: RobotConfig) -> dict[str, Pose2]:
-    """Return the pose of each link but the lidar in base_link; all joints are fixed."""
+    """Return the pose of each link but the sensors' in base_link; all joints are fixed."""
     return {wheel.link: Pose2(x_m=wheel.x_m, y_m=wheel.y_m) for wheel in wheels(config)}
 
 
 def urdf(config: RobotConfig) -> str:
-    """Return the URDF: body of the footprint's box, a wheel per side, the lidar.
+    """Return the URDF: body of the footprint's box, a wheel per side, the lidar, and the GPS antenna if there is one.
 
     base_link lies on the axles' height, as in the configuration. Wheel joints are fixed: their rotation is
     in the topic `wheels`, and viewers then need no joint states.
@@ -66,6 +66,9 @@ def urdf(config: RobotConfig) -> str:
     _shape(lidar, "visual", "cylinder", (0.0, 0.0, 0.0), **disc)
     pose = config.lidar.base_from_laser
     _joint(robot, LASER, pose.x_m, pose.y_m, pose.theta_rad)
+    if config.gps.enabled:
+        SubElement(robot, "link", name=GPS)
+        _joint(robot, GPS, config.gps.x_m, config.gps.y_m, 0.0)
     indent(robot)
     return '<?xml version="1.0"?>\n' + tostring(robot, encoding="unicode") + "\n"
 

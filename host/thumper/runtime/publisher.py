@@ -50,15 +50,16 @@ class Publisher:
         *,
         robot: str,
         base_from_laser: Pose2,
+        base_from_gps: Pose2 | None,
         messages: Messages,
         now_s: Callable[[], float],
         simulated: bool = False,
     ) -> None:
-        """`now_s` is the robot's clock [s], which stamps events and texts."""
+        """`base_from_gps` is None without GPS; `now_s`, the robot's clock [s], stamps events and texts."""
         self.messages = messages
         self.recording = False
         self._robot = robot
-        self._base_from_laser = base_from_laser
+        self._base_from_laser, self._base_from_gps = base_from_laser, base_from_gps
         self._now_s = now_s
         self._simulated = simulated
         self._sinks: list[Sink] = []
@@ -97,7 +98,8 @@ class Publisher:
             return
         time_s = state.time_s
         if "tf_static" not in self._latched:
-            self._send("tf_static", time_s, self.messages.fixed_transforms(time_s, self._base_from_laser))
+            fixed = self.messages.fixed_transforms(time_s, self._base_from_laser, self._base_from_gps)
+            self._send("tf_static", time_s, fixed)
         for feed in inputs.feeds:  # before the wheels, as the state estimator gets them
             for sample in feed.samples:
                 self._send(feed.kind.name, sample.time_s, feed.kind.message(self.messages, sample))

@@ -92,7 +92,10 @@ def test_its_fixes_are_recorded_and_its_outages_survived(tmp_path: Path) -> None
         assert robot.inputs.feeds[0].sensor.counters.restarts == 1
         recorder = control.close()
     assert recorder is not None
-    messages = [each.decode() for each in Recording((recorder.files[0],)).messages() if each.topic == "gps"]
+    recorded = list(Recording((recorder.files[0],)).messages())
+    (static,) = (each.decode() for each in recorded if each.topic == "tf_static")
+    messages = [each.decode() for each in recorded if each.topic == "gps"]
+    assert {message.header.frame_id for message in messages} == {static.transforms[1].child_frame_id}
     found = [from_ros.fix_of(message) for message in messages]
     rtk = [fix for fix in found if fix.status is FixStatus.RTK and fix.std_m < 0.05]
     assert min(fix.time_s for fix in rtk) == pytest.approx(10.0, abs=1.0)

@@ -176,6 +176,12 @@ def test_odometry_and_transforms_have_frames() -> None:
     assert fixed[0].transform.translation.x == 0.12
 
 
+def test_antenna_is_a_fixed_frame() -> None:
+    _, gps = sent(MESSAGES.fixed_transforms(4.0, Pose2(), Pose2(x_m=-0.1, y_m=0.05))).transforms
+    assert (gps.header.frame_id, gps.child_frame_id) == ("base_link", "gps")
+    assert (gps.transform.translation.x, gps.transform.translation.y) == (-0.1, 0.05)
+
+
 def test_grid() -> None:
     cells = np.random.default_rng(1).integers(-1, 101, (7, 5)).astype(np.int8)
     grid = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=-1.35, origin_y_m=2.2)

@@ -21,11 +21,14 @@ from tests.host.bus.test_bus import GRID, M
 from tests.host.ros2.conftest import Gateway
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2, Twist2
+from thumper.config.robot import RobotConfig
 from thumper.config.ros import RosOptions, overridden
+from thumper.gps.options import GpsOptions
 from thumper.lidar.scan import Scan
 from thumper.ros.codec import Message
 from thumper.ros.from_ros import pose_of
 from thumper.ros.status import Status
+from thumper.ros2.urdf import urdf
 from thumper.runtime.requests import GoTo, SetPose, TeleopSource, Velocity
 
 LATCHED = QosProfile(durability=QosDurability.TRANSIENT_LOCAL, history_depth=1)
@@ -133,6 +136,18 @@ def test_static_transforms_place_every_link_of_the_description(gateway: Gateway)
     assert set(children) == {"laser", "left_wheel_link", "right_wheel_link"}
     assert {one.header.frame_id for one in message.transforms} == {"base_link"}
     assert children["left_wheel_link"].transform.translation.y == pytest.approx(0.12)
+
+
+def test_description_has_the_antenna_if_there_is_a_gps() -> None:
+    gps = GpsOptions(enabled=True, x_m=-0.1, y_m=0.05)
+    robot = ElementTree.fromstring(urdf(RobotConfig(name="r1", gps=gps)))
+    joint = robot.find("joint[@name='gps_joint']")
+    assert joint is not None
+    assert [part.attrib for part in joint] == [
+        {"link": "base_link"},
+        {"link": "gps"},
+        {"xyz": "-0.1 0.05 0", "rpy": "0 0 0"},
+    ]
 
 
 def test_clock_and_diagnostics_of_a_simulated_robot(gateway: Gateway) -> None:
