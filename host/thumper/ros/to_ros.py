@@ -138,15 +138,10 @@ class Messages:
         self, time_s: float, base_from_laser: Pose2, base_from_gps: Pose2 | None = None
     ) -> Message:
         """Build a TFMessage with the mounting poses of the lidar and, if there is one, of the GPS antenna."""
-        mounts = {LASER: base_from_laser, GPS: base_from_gps}
-        return message(
-            "tf2_msgs/msg/TFMessage",
-            transforms=[
-                self._transform(time_s, BASE, child, pose)
-                for child, pose in mounts.items()
-                if pose is not None
-            ],
-        )
+        transforms = [self._transform(time_s, BASE, LASER, base_from_laser)]
+        if base_from_gps is not None:
+            transforms.append(self._transform(time_s, BASE, GPS, base_from_gps))
+        return message("tf2_msgs/msg/TFMessage", transforms=transforms)
 
     def grid(self, time_s: float, grid: OccupancyGrid) -> Message:
         """Build an OccupancyGrid in the map."""

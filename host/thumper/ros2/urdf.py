@@ -42,7 +42,7 @@ def link_poses(config: RobotConfig) -> dict[str, Pose2]:
 
 
 def urdf(config: RobotConfig) -> str:
-    """Return the URDF: body of the footprint's box, a wheel per side, the lidar, and the GPS antenna if there is one.
+    """Return the URDF: body of the footprint's box, a wheel per side, the lidar, and the antenna of a GPS.
 
     base_link lies on the axles' height, as in the configuration. Wheel joints are fixed: their rotation is
     in the topic `wheels`, and viewers then need no joint states.
