@@ -5,6 +5,7 @@ import io
 import time
 import zipfile
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +43,8 @@ class Client:
             async with AsyncClient(transport=ASGITransport(self._app), base_url="http://page") as client:
                 return await client.get(path)
 
-        return asyncio.run(send())
+        with ThreadPoolExecutor(1) as thread:  # browser tests of this process may have left a loop running
+            return thread.submit(asyncio.run, send()).result()
 
 
 @pytest.fixture

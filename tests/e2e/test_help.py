@@ -86,7 +86,7 @@ def test_each_command_lists_its_options(thumper: Run, command: str) -> None:
 
 
 def test_help_keeps_text_in_brackets(thumper: Run) -> None:
-    assert "X in the map [m]." in thumper("goto", "--help").stdout
+    assert "X in the map [m]," in thumper("goto", "--help").stdout
 
 
 def test_goto_accepts_negative_coordinates(thumper: Run) -> None:
