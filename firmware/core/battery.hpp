@@ -26,8 +26,7 @@ class Battery {
     if (now_mV < limits.stop_mV) {
       empty_ = true;
       charged_ = false;
-    }
-    if (now_mV > limits.rearm_mV) {
+    } else if (now_mV > limits.rearm_mV) {  // also if the parameters have it below the stop limit
       empty_ = false;
       charged_ = true;
     }

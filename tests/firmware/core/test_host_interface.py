@@ -152,6 +152,16 @@ def test_low_battery_stops_and_holds_until_charged(core: ctypes.CDLL, host: Host
     assert host.command(m.Command.ARM) is m.AckStatus.OK
 
 
+def test_a_stop_voltage_above_the_one_for_arming_still_stops(core: ctypes.CDLL) -> None:
+    host = HostInterface(core, battery_mV=8000)
+    host.set("battery_stop", 3700)
+    host.set("battery_rearm", 3500)
+    assert host.command(m.Command.ARM) is m.AckStatus.OK
+    assert sum(core.host_battery(host.handle, 7200) for _ in range(200)) == 1
+    assert host.status()[:2] == (m.State.FAULT, m.Fault.LOW_BATTERY)
+    assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.BATTERY_LOW
+
+
 @pytest.mark.parametrize("spec", m.PARAMETERS, ids=lambda spec: spec.name)
 def test_parameters_start_at_their_default_and_keep_their_range(
     host: HostInterface, spec: m.ParameterSpec
