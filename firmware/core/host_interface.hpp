@@ -325,7 +325,7 @@ class HostInterface {
     if ((setpoint ^ other.setpoint_mrad_s) >= 0 || Magnitude(setpoint) > kSlow_mrad_s) return false;
     const int16_t stall_2mA = parameters_.Get(Parameter::kStallCurrent);
     return stall_2mA != 0 && Magnitude(other.setpoint_mrad_s) > 2 * Magnitude(setpoint) &&
-           Magnitude(current_mA) * (kMaxPwm * 4 / 3) > 2 * stall_2mA * Magnitude(wheel.pwm);
+           Magnitude(current_mA) * (kMaxPwm * 4 / 3) > int32_t(2) * stall_2mA * Magnitude(wheel.pwm);
   }
 
   void Watch(WheelMonitor& monitor, const SideSample& sample, bool held, Fault stall, Fault reversed) {

@@ -15,14 +15,23 @@ FOLLOWS_RAD = 0.1
 
 
 def drive(
-    left_rad_s: float, right_rad_s: float, *, wiring: str = "good", options: str = "", seconds: float = 12.0
+    left_rad_s: float,
+    right_rad_s: float,
+    *,
+    wiring: str = "good",
+    options: str = "",
+    stall_current_A: float = 15.0,
+    seconds: float = 12.0,
 ) -> tuple[Fault, float, float]:
     """Drive until a fault or for `seconds`; return the fault, the time [s] and the left wheel's rotation."""
-    name = f"counter-turn-{left_rad_s}-{right_rad_s}-{wiring}-{options}".replace("&", "-").replace("=", "-")
+    name = f"counter-turn-{left_rad_s}-{right_rad_s}-{wiring}-{options}-{stall_current_A}".replace(
+        "&", "-"
+    ).replace("=", "-")
     board = Board.open(f"sim://{name}/board?seed=2{options}", baud=500_000)
     bench: Bench = simulation(name)
     while bench.time_s < SETTLED_S:
         board.poll(0.2)
+    board.set_parameter("stall_current", stall_current_A)
     if wiring == "cut":
         for channel in (A, B):
             bench.chip.set_wire_fault(LEFT, channel, WireFault.CUT)
@@ -47,10 +56,12 @@ def test_a_wheel_held_by_the_floor_is_no_stall(left_rad_s: float, right_rad_s: f
     assert turned_rad < -FOLLOWS_RAD
 
 
-@pytest.mark.parametrize(("left_rad_s", "limit_rad"), [(-0.2, 3.5), (-0.6, 2.0)])
-def test_a_dead_encoder_is_still_found(left_rad_s: float, limit_rad: float) -> None:
+@pytest.mark.parametrize(
+    ("left_rad_s", "limit_rad", "stall_current_A"), [(-0.2, 3.5, 15.0), (-0.6, 2.0, 15.0), (-0.6, 2.0, 45.0)]
+)
+def test_a_dead_encoder_is_still_found(left_rad_s: float, limit_rad: float, stall_current_A: float) -> None:
     """A wheel that turns draws less than one that is held."""
-    fault, _, turned_rad = drive(left_rad_s, 2.0, wiring="cut")
+    fault, _, turned_rad = drive(left_rad_s, 2.0, wiring="cut", stall_current_A=stall_current_A)
     assert fault is Fault.STALL_LEFT
     assert abs(turned_rad) < limit_rad
 
