@@ -66,7 +66,7 @@ def test_valid_requests_pass(name: str, content: dict[str, Any]) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "reason"),
     [
-        ("mission/send", {"x_m": 1.0}, "missing field 'y_m'"),
+        ("command", {}, "missing field 'command'"),
         ("mission/send", {"x_m": "1", "y_m": 0.0}, "x_m: expected a number, not '1'"),
         ("mission/send", {"x_m": True, "y_m": 0.0}, "x_m: expected a number, not True"),
         ("mission/send", {"x_m": 1.0, "y_m": 0.0, "yaw_rad": None}, "yaw_rad: expected a number"),
