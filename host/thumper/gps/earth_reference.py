@@ -32,7 +32,7 @@ class EarthReference:
 
     def __init__(self, options: GpsOptions, datum: MapDatum | None = None) -> None:
         """`datum` is that of a loaded map."""
-        self._base_from_antenna = Pose2(x_m=options.x_m, y_m=options.y_m)
+        self._base_from_antenna = options.base_from_antenna
         place = None if datum is None else LatLon(datum.latitude_deg, datum.longitude_deg)
         self.filter = NavsatFilter(self._base_from_antenna, place)
         self._datum = datum

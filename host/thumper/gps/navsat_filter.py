@@ -24,7 +24,7 @@ RTK_STD_M = 0.1  # a better position is one of RTK with resolved ambiguities
 GATE = 13.8  # chi-square with 2 degrees of freedom: 0.1 % of the true positions are above
 LOST_S = 20.0  # after rejecting everything for so long, the filter is wrong and not the GPS
 NOISE_PER_M = 0.02**2  # of the odometry, variance per metre along and across [m^2/m]
-TURN_NOISE_PER_M = 0.01**2  # [rad^2/m], beside what the odometry reports
+TURN_NOISE_PER_M = 0.01**2  # [rad^2/m], in addition to what the odometry reports
 MIN_STD_M = 0.01  # of a position: receivers report less than 1 cm
 
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 from datetime import time
 from typing import Any
 
-from pynmeagps import NMEAParseError, NMEAReader  # type: ignore[import-untyped]
+from pynmeagps import NMEAParseError, NMEAReader, calc_checksum  # type: ignore[import-untyped]
 
 from thumper.common.sensor import StreamSensor
 from thumper.common.serial_port import SerialPort
@@ -34,14 +34,6 @@ MAX_CLOCK_DRIFT = 1e-4  # of the computer's clock
 JUMP_S = 1.0  # the receiver's time was set, or the day ended
 
 
-def check_sum(content: bytes) -> int:
-    """Return the exclusive or of the bytes between $ and * (NMEA 0183)."""
-    result = 0
-    for byte in content:
-        result ^= byte
-    return result
-
-
 class SentenceDecoder:
     """Splits bytes into sentences; drops and counts those that are damaged."""
 
@@ -58,7 +50,7 @@ class SentenceDecoder:
             if start < 0:
                 continue  # between sentences: another protocol's bytes, or the end of the first one
             match = SENTENCE.fullmatch(line, start)
-            if match is None or check_sum(match[1]) != int(match[2], 16):
+            if match is None or calc_checksum(match[1].decode("latin-1")) != match[2].decode().upper():
                 self.bad += 1
                 continue
             self.good += 1
