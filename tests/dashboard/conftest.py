@@ -23,8 +23,16 @@ def robot() -> Iterator[FakeRobot]:
 
 
 @pytest.fixture(scope="session")
-def server(robot: FakeRobot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    server = Server(robot.address, tmp_path_factory.mktemp("dashboard"))
+def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of maps and recordings that the server reads."""
+    return tmp_path_factory.mktemp("library")
+
+
+@pytest.fixture(scope="session")
+def server(robot: FakeRobot, library: Path) -> Iterator[Server]:
+    config = library.parent / "robot.toml"
+    config.write_text(f'[recording]\nfolder = "{library}"\n', encoding="utf-8")
+    server = Server(robot.address, library.parent, "--config", str(config))
     yield server
     server.close()
 

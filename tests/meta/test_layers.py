@@ -21,8 +21,8 @@ LAYERS = (
     "ros config",
     "runtime teleop",
     "bus robot doctor",
-    "recording dashboard ros2 __init__",
-    "offline foxglove",
+    "recording ros2 __init__",
+    "dashboard offline foxglove",
     "cli",
     "__main__",
 )

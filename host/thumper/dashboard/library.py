@@ -26,7 +26,7 @@ def add_library(app: FastAPI, robot: QueryClient, folder: Path) -> None:
 
     @app.get("/library/maps/{name}.zip")
     def download_map(name: str) -> Response:
-        files = map_files(_checked(name, ".yaml"))
+        files = map_files(map_path(folder, _checked(name)))
         if not files:
             raise _missing(name)
         packed = io.BytesIO()
@@ -39,16 +39,23 @@ def add_library(app: FastAPI, robot: QueryClient, folder: Path) -> None:
 
     @app.get("/library/recordings/{name}")
     def download_recording(name: str) -> FileResponse:
-        path = _checked(name, "")
-        if path.suffix != RECORDING or not path.is_file():
-            raise _missing(name)
+        path = library_recording(folder, name)
         return FileResponse(path, filename=path.name, media_type="application/octet-stream")
 
-    def _checked(name: str, suffix: str) -> Path:
-        try:
-            return map_path(folder, name) if suffix else folder / checked_name(name)
-        except ThumperError as error:
-            raise HTTPException(400, str(error)) from error
+
+def library_recording(folder: Path, name: str) -> Path:
+    """Return the file of a finished recording; raises HTTPException if there is none of that name."""
+    path = folder / _checked(name)
+    if path.suffix != RECORDING or not path.is_file():
+        raise _missing(name)
+    return path
+
+
+def _checked(name: str) -> str:
+    try:
+        return checked_name(name)
+    except ThumperError as error:
+        raise HTTPException(400, str(error)) from error
 
 
 def _missing(name: str) -> HTTPException:

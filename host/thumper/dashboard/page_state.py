@@ -32,8 +32,9 @@ MAX_EVENTS = 50
 class PageState:
     """The state of one robot as shown on the pages."""
 
-    def __init__(self, base_from_laser: Pose2) -> None:
+    def __init__(self, base_from_laser: Pose2, clock: Callable[[], float] = time.monotonic) -> None:
         self._base_from_laser = base_from_laser
+        self._clock = clock
         self.on_change: Callable[[], None] = lambda: None  # called for each message, on its thread
         self._lock = threading.Lock()
         self._newest: dict[str, Message] = {}
@@ -53,7 +54,7 @@ class PageState:
     def on_message(self, topic: str, message: Message) -> None:
         """Store a message of the bus. May be called from any thread."""
         with self._lock:
-            self._received_s = time.monotonic()
+            self._received_s = self._clock()
             if topic == "wheels":
                 self._wheels.append(message)
             elif topic == "events":
@@ -68,7 +69,7 @@ class PageState:
 
     def silent_s(self) -> float | None:
         """Return the time since the robot's last message [s]; None before the first."""
-        silent_s = time.monotonic() - self._received_s
+        silent_s = self._clock() - self._received_s
         return round(silent_s, 2) if np.isfinite(silent_s) else None
 
     def tick(self, extra: dict[str, Any]) -> bytes:
@@ -115,7 +116,7 @@ class PageState:
             values["pose"] = display_data.pose_list(pose)
         elif name in GRIDS:
             values[name], arrays[name] = display_data.grid_data(message)
-            self._grid_sent_s[name] = time.monotonic()
+            self._grid_sent_s[name] = self._clock()
         elif name == "annotations":
             values[name] = display_data.annotations(message)
         elif name in PATHS:
@@ -148,4 +149,4 @@ class PageState:
     def _is_due(self, name: str) -> bool:
         if name not in GRIDS:
             return True
-        return time.monotonic() - self._grid_sent_s.get(name, -np.inf) >= GRID_PERIOD_S
+        return self._clock() - self._grid_sent_s.get(name, -np.inf) >= GRID_PERIOD_S

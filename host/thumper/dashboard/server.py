@@ -28,6 +28,7 @@ from thumper.dashboard.login import AccessControl
 from thumper.dashboard.page import PageOptions, build_page
 from thumper.dashboard.page_commands import PageCommands, TeleopLimits
 from thumper.dashboard.page_state import TOPICS, PageState
+from thumper.dashboard.playback import add_playback
 from thumper.dashboard.server_limits import TimedProtocol, drop_abandoned_pages, limit_log, raise_file_limit
 from thumper.dashboard.widgets import STATIC
 from thumper.ros import services
@@ -117,6 +118,7 @@ def build_app(
         return HTMLResponse(html, headers={"Content-Security-Policy": REPORT_POLICY})
 
     add_library(app, robot, page.library)
+    add_playback(app, page.library)
 
     @ui.page("/", title=f"Thumper · {page.robot}", favicon=STATIC / "icon.svg")
     def index() -> None:

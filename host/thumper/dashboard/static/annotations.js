@@ -15,7 +15,7 @@ export function sendFeature(kind, name, points, properties = {}) {
   return send({ kind: "add_annotation", feature: { type: "Feature", properties: { ...properties, kind, name }, geometry } });
 }
 
-export const features = () => state.values.annotations?.features ?? [];
+export const features = (values = state.values) => values.annotations?.features ?? [];
 
 // The bar over the map in which a zone or place gets its name. `tools` are the map's tools.
 export class AnnotationBar {
@@ -132,7 +132,7 @@ function writeLabel(context, text, px, py) {
 }
 
 export function drawAnnotations(context, camera) {
-  for (const { properties, geometry } of features()) {
+  for (const { properties, geometry } of features(state.shown)) {
     const { kind, name, speed_percent, yaw_rad } = properties;
     if (kind === "place") {
       drawArrow(context, camera, ...geometry.coordinates, yaw_rad ?? null, "place");

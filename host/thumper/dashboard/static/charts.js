@@ -34,6 +34,11 @@ class Charts {
     new ResizeObserver(() => this.resize()).observe(grid);
     onThemeChange(() => this.plots.forEach(({ chart }) => chart.redraw(false, true)));
     on("wheels", (rows) => this.append(rows));
+    on("playback", (recording) => {
+      this.liveRows ??= this.rows;
+      this.rows = recording ? [] : this.liveRows;
+      if (!recording) this.liveRows = null;
+    });
     on("opened", () => { if (!this.frozen) this.rows = []; });
   }
 

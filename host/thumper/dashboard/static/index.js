@@ -6,6 +6,7 @@ import { drive } from "./drive.js";
 import { library } from "./library.js";
 import { log } from "./log.js";
 import { map } from "./map_view.js";
+import { addPlayback } from "./playback.js";
 import { places } from "./places.js";
 import { startReadouts } from "./readouts.js";
 import { startShortcuts } from "./shortcuts.js";
@@ -22,6 +23,7 @@ export function startPage() {
   startCommands();
   startReadouts();
   startShortcuts();
+  addPlayback();
   startStream();
   window.thumper = { state }; // for the browser console and for tests
 }

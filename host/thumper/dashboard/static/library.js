@@ -1,6 +1,7 @@
 // The robot's library: save, load and download maps, download recordings.
 
 import { notify } from "./commands.js";
+import { playRecording } from "./playback.js";
 import { on, send } from "./stream.js";
 
 const AGES = [[86400, "d"], [3600, "h"], [60, "min"], [1, "s"]];
@@ -31,19 +32,22 @@ export function library(root) {
     if (events.some(({ text }) => /^map saved|^recorded/.test(text))) refresh();
   });
 
-  function addRow(list, { name, MB, saved_s }, href, canLoad) {
+  function addButton(row, text, label, action) {
+    const button = row.appendChild(document.createElement("button"));
+    button.type = "button";
+    button.className = "tp-plain";
+    button.textContent = text;
+    button.setAttribute("aria-label", label);
+    button.addEventListener("click", action);
+  }
+
+  function addRow(list, { name, MB, saved_s }, href, isMap) {
     const row = list.appendChild(document.createElement("li"));
     const title = row.appendChild(document.createElement("label"));
     title.append(name);
     title.appendChild(document.createElement("small")).textContent = `${MB} MB, ${formatAge(saved_s)}`;
-    if (canLoad) {
-      const load = row.appendChild(document.createElement("button"));
-      load.type = "button";
-      load.className = "tp-plain";
-      load.textContent = "Load";
-      load.setAttribute("aria-label", `Load the map ${name}`);
-      load.addEventListener("click", () => send({ kind: "load_map", name }));
-    }
+    if (isMap) addButton(row, "Load", `Load the map ${name}`, () => send({ kind: "load_map", name }));
+    else addButton(row, "Play", `Play ${name}`, () => playRecording(name));
     const link = row.appendChild(document.createElement("a"));
     link.href = href;
     link.download = "";

@@ -4,7 +4,7 @@
 import { AnnotationBar } from "./annotations.js";
 import { onCancel } from "./commands.js";
 import { drawArrow, drawCrosshair, LAYERS } from "./map_layers.js";
-import { send } from "./stream.js";
+import { send, state } from "./stream.js";
 
 const MIN_HEADING_DRAG_PX = 12; // a shorter drag sets no heading
 export const TOOLS = {
@@ -119,7 +119,8 @@ export class MapTools {
     button.addEventListener("click", action);
   }
 
-  selectTool(name) {
+  selectTool(wanted) {
+    const name = state.playback ? "pan" : wanted; // no goal on the map of a recording
     this.tool = name;
     for (const [key, button] of Object.entries(this.buttons)) button.classList.toggle("on", key === name);
     this.view.canvas.style.cursor = name === "pan" ? "grab" : "crosshair";

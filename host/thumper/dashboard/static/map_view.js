@@ -38,6 +38,8 @@ class MapView {
       this.scanCount = lidar_scans;
     }));
     on("annotations", () => this.update(() => {}));
+    on("trail", (points) => this.update(() => { this.data.trail = [...points]; }));
+    on("playback", (name) => this.update(() => this.clear(name)));
     on("opened", () => this.update(() => { this.data.trail = []; }));
     this.resize();
     const frame = () => {
@@ -73,6 +75,18 @@ class MapView {
     if (hasMoved) trail.push(pose[0], pose[1]);
     if (trail.length > 2 * MAX_TRAIL_POINTS) trail.splice(0, 2);
     if (this.follow) [this.camera.x, this.camera.y] = pose;
+  }
+
+  // Before a playback, after a jump in it and after its end: forget all; keep the robot's trail for the end.
+  clear(recording) {
+    this.liveTrail ??= this.data.trail;
+    this.data = { scan: [], plan: [], local_plan: [], particles: [], trail: recording ? [] : this.liveTrail };
+    if (!recording) this.liveTrail = null;
+    this.grids = {};
+    this.receivedGrids = {};
+    this.pose = null;
+    this.scanCount = 0;
+    this.tools.cancel();
   }
 
   async setGrid(name, grid) {
@@ -116,7 +130,7 @@ class MapView {
     layers.drawRuler(context, camera);
     if (visible.trail) layers.drawLine(context, camera, data.trail, "trail", 2);
     if (visible.particles) layers.drawParticles(context, camera, data.particles);
-    const status = state.values.status;
+    const status = state.shown.status;
     if (status?.has_goal) { // without a goal, the last plan is outdated
       if (visible.plan) layers.drawLine(context, camera, data.plan, "plan", 3);
       if (visible.local_plan) layers.drawLine(context, camera, data.local_plan, "local-plan", 3);

@@ -6,6 +6,9 @@ const LINK_LOST_S = 1.5; // without a message from the robot for this long, its 
 const NO_VALUE = "–";
 const EXPERIMENTS = { identify: "identifying motors", tune: "tuning wheels" };
 
+// What a playback shows of the recording.
+const DRAWN = new Set(["mode", "reason", "distance", "pose", "heading"]);
+
 const isMissing = (value) => value === null || value === undefined;
 const formatVolts = (volts) => (isMissing(volts) ? NO_VALUE : `${volts.toFixed(2)} V`);
 const formatMetres = (metres) => (isMissing(metres) ? NO_VALUE : `${metres.toFixed(2)} m`);
@@ -61,6 +64,7 @@ function bannerContent({ status, silent_s }) {
     return ["lost", `No data from the robot for ${silent_s.toFixed(0)} s. Is \`thumper run\` still running?`];
   }
   if (!status) return ["lost", "Waiting for the robot …"];
+  if (state.playback) return ["playback", `Playback of ${state.playback}: map and charts do not show the robot`];
   return status.simulated
     ? ["simulated", "Simulated robot"]
     : ["real", "Real robot: it can move at any time"];
@@ -69,7 +73,8 @@ function bannerContent({ status, silent_s }) {
 function refresh() {
   const values = state.values;
   for (const element of document.querySelectorAll("[data-field]")) {
-    const text = String(FIELDS[element.dataset.field]?.(values) ?? "");
+    const { field } = element.dataset;
+    const text = String(FIELDS[field]?.(DRAWN.has(field) ? state.shown : values) ?? "");
     if (element.textContent !== text) element.textContent = text;
   }
   const [kind, text] = bannerContent(values);
@@ -83,6 +88,7 @@ function refresh() {
   flags.link = kind === "lost" ? "lost" : "up";
   flags.simulated = Boolean(status.simulated);
   flags.recording = Boolean(status.recording);
+  flags.playback = Boolean(state.playback);
   flags.fault = Boolean(status.fault);
   flags.batteryLow = Boolean(values.board?.battery_low);
 }
@@ -90,5 +96,6 @@ function refresh() {
 export function startReadouts() {
   on("packet", refresh);
   on("connected", refresh);
+  on("playback", refresh);
   refresh();
 }

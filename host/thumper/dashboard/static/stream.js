@@ -6,21 +6,29 @@ const STALE_MS = 1500; // without a packet for this long the display is outdated
 const MAX_PENDING_HEARTBEATS = 50;
 const MAX_EVENTS = 100; // kept for the log, which exists only after its tab was opened
 
-// Event name -> listeners. An event is a key of a packet, `packet`, `snapshot`, `connected`, `opened`
+// What a playback shows of the recording instead of the robot. All else stays live.
+const DRAWN = new Set(["annotations", "local_costmap", "local_plan", "map", "particles", "plan", "pose", "scan", "status", "trail", "wheels"]);
+const MAX_ROWS = 1200;
+
+// Event name -> listeners. An event is a key of a packet, `packet`, `snapshot`, `connected`, `opened`, `playback`
 // or `server:` and the kind of a text message.
 const listeners = new Map();
-export const state = { connected: false, pageId: "", packets: 0, rttMs: null, values: {} };
+// `values` are the robot's; `shown` are those on the map: of the recording `playback`, else the robot's.
+export const state = { connected: false, pageId: "", packets: 0, rttMs: null, values: {}, playback: "" };
+state.shown = state.values;
 
 let socket = null;
 let retries = 0;
 let lastPacketMs = 0;
+let rowsMeanwhile = []; // of the charts, during a playback
 let heartbeatNumber = 0;
 const heartbeatSentMs = new Map(); // heartbeat number -> time
 
 export function on(name, listener) {
   if (!listeners.has(name)) listeners.set(name, new Set());
   listeners.get(name).add(listener);
-  if (name in state.values) listener(state.values[name]); // a late listener gets the current value at once
+  const values = DRAWN.has(name) ? state.shown : state.values;
+  if (name in values) listener(values[name]); // a late listener gets the current value at once
   return () => listeners.get(name).delete(listener);
 }
 
@@ -28,8 +36,9 @@ function emit(name, value) {
   for (const listener of listeners.get(name) ?? []) listener(value);
 }
 
-// Send a message; return false if there is no connection.
+// Send a message; return false if there is no connection. Any command ends a playback: what follows is live.
 export function send(message) {
+  if (message.kind !== "heartbeat") showRobot();
   if (socket?.readyState !== WebSocket.OPEN) return false;
   socket.send(JSON.stringify(message));
   return true;
@@ -50,25 +59,57 @@ export function decode(buffer) {
   return { header, arrays };
 }
 
-function handlePacket(buffer) {
-  const { header, arrays } = decode(buffer);
-  lastPacketMs = performance.now();
-  state.packets += 1;
-  if (header.whole) { // a snapshot repeats events that we may already have, or comes from another run
-    delete header.whole;
-    delete state.values.events;
-    emit("snapshot", null);
-  }
+function valuesOf({ header, arrays }) {
   const values = { ...header };
   for (const [name, array] of Object.entries(arrays)) {
     values[name] = name in header ? { info: header[name], png: array } : array;
   }
-  for (const [name, value] of Object.entries(values)) {
+  return values;
+}
+
+function handlePacket(buffer) {
+  const packet = decode(buffer);
+  lastPacketMs = performance.now();
+  state.packets += 1;
+  if (packet.header.whole) { // a snapshot repeats events that we may already have, or comes from another run
+    delete packet.header.whole;
+    delete state.values.events;
+    emit("snapshot", null);
+  }
+  for (const [name, value] of Object.entries(valuesOf(packet))) {
     if (name === "events") state.values.events = [...(state.values.events ?? []), ...value].slice(-MAX_EVENTS);
     else if (name !== "wheels") state.values[name] = value;
+    if (!state.playback || !DRAWN.has(name)) emit(name, value);
+    else if (name === "wheels") rowsMeanwhile = [...rowsMeanwhile, ...value].slice(-MAX_ROWS);
+  }
+  emit("packet", packet.header);
+}
+
+// Show a recording from here on: its packets replace the robot's data. Called again after a jump in time.
+export function startPlayback(name) {
+  state.playback = name;
+  state.shown = { annotations: { features: [] } };
+  emit("playback", name);
+}
+
+// Show a decoded packet of the recording.
+export function playPacket(packet) {
+  for (const [name, value] of Object.entries(valuesOf(packet))) {
+    if (!DRAWN.has(name)) continue;
+    if (name !== "wheels") state.shown[name] = value;
     emit(name, value);
   }
-  emit("packet", header);
+}
+
+// End the playback: show the robot as it is now.
+export function showRobot() {
+  if (!state.playback) return;
+  state.playback = "";
+  state.shown = state.values;
+  emit("playback", "");
+  for (const name of DRAWN) if (name in state.values) emit(name, state.values[name]);
+  if (rowsMeanwhile.length) emit("wheels", rowsMeanwhile);
+  rowsMeanwhile = [];
 }
 
 function handleText(text) {
