@@ -15,7 +15,7 @@ FOLDERS = {
 
 LAYERS = (
     "common",
-    "gps imu",
+    "camera gps imu",
     "board lidar odometry maps",
     "slam navigation",
     "ros config",

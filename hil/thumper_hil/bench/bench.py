@@ -11,6 +11,7 @@ from thumper.board.firmware_image import firmware_image
 from thumper.board.messages import BoardModel
 from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.common.optional_packages import require_extra
 from thumper_hil.bench.body_trajectory import BodyTrajectory
 from thumper_hil.bench.collision import FOOTPRINT_M, ContactDetector
 from thumper_hil.bench.hardware import SENSORS, SimulatedSensor, make_lidar, robot_params
@@ -226,16 +227,26 @@ class Bench:
         return device not in self._switches.unplugged
 
     def power_up(self, device: str) -> None:
-        """Switch gyroscope or GPS on when its port is opened first. Later, bytes sent meanwhile are lost.
+        """Switch gyroscope, GPS or camera on when its port opens first. Later, bytes sent meanwhile are lost.
 
         The lidar is on from the start.
         """
-        if device not in {"imu", "gps"}:
+        if device not in {"imu", "gps", "camera"}:
             return
         self._refresh_pose()
         if device in self._sensors:
             self.sensor_available(device)
             self._received[device].clear()
+        elif device == "camera":
+            require_extra("camera")
+            from thumper_hil.sensors.camera import Camera  # needs OpenCV
+
+            self._sensors[device] = Camera(
+                pose_at=self._track.pose_at,
+                world=lambda: self.world,
+                seed=self._options.seed,
+                power_on_s=self.time_s,
+            )
         elif device == "gps":
             self._sensors[device] = GnssReceiver(
                 pose_at=self._track.pose_at,

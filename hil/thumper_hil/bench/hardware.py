@@ -23,7 +23,7 @@ from thumper_hil.lidars.ydlidar_x4 import YdlidarX4
 from thumper_hil.world.world import World
 from thumper_hil.world.world_history import WorldHistory
 
-SENSORS = ("lidar", "imu", "gps")
+SENSORS = ("lidar", "imu", "gps", "camera")
 """Devices beside the board in `sim://NAME/DEVICE`."""
 
 LIDAR_MODELS = {

@@ -201,7 +201,7 @@ FAULTS: dict[str, Choice | Amount | PoseFault] = {
             "reset": lambda switches: switches.chip.reset(),
         }
     ),
-    **{device: _plug(device) for device in ("board", "lidar", "imu", "gps")},
+    **{device: _plug(device) for device in ("board", "lidar", "imu", "gps", "camera")},
     "gps.sky": Choice(
         actions={
             "ok": lambda switches: setattr(switches, "sky_is_blocked", False),

@@ -22,6 +22,7 @@ from thumper_hil.world.segment_raycast import (
     mark_touched,
     polygon_clearance_m,
 )
+from thumper_hil.world.tag_shape import TagShape
 from thumper_hil.world.world_file import WorldShapes, read_world_file
 
 BORDER_M = 0.5
@@ -41,7 +42,8 @@ class World:
     `segment_surfaces` and `circle_surfaces` hold the surface of the first segments and circles; all others
     are matt. The lidar sees `legs_m`, circles of walking people, but the robot does not stop at them
     (`scene.py`). It does stop at `overhangs_m`, segments that the lidar does not see, such as the edge of a
-    low table top. `sills_m`, rows x0 y0 x1 y1 height, are seen by nobody; the wheels climb over them.
+    low table top. `sills_m`, rows x0 y0 x1 y1 height, are seen by nobody; the wheels climb over them. Only
+    the camera sees `tags`.
     """
 
     segments_m: FloatArray
@@ -55,6 +57,7 @@ class World:
     legs_m: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     overhangs_m: FloatArray = field(default_factory=lambda: np.zeros((0, 4)))
     sills_m: FloatArray = field(default_factory=lambda: np.zeros((0, 5)))
+    tags: tuple[TagShape, ...] = ()
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Self:
@@ -88,6 +91,7 @@ class World:
             circle_surfaces=np.array(shapes.circle_surfaces, np.int8),
             overhangs_m=np.vstack([np.zeros((0, 4)), *(table.edges_m() for table in shapes.tables)]),
             sills_m=np.array(shapes.sills, np.float64).reshape(-1, 5),
+            tags=shapes.tags,
         )
 
     def cast(self, x_m: ArrayLike, y_m: ArrayLike, angles_rad: ArrayLike) -> FloatArray:

@@ -15,6 +15,7 @@ from thumper.common.toml_file import load_toml
 from thumper_hil.effects.surfaces import Surface
 from thumper_hil.world.furniture import Furniture
 from thumper_hil.world.pedestrian import Pedestrian, TimedObstacle
+from thumper_hil.world.tag_shape import TagShape
 
 WORLDS = Path(__file__).resolve().parent.parent / "worlds"
 
@@ -31,6 +32,7 @@ TABLE_KEYS = {
     "person": PERSON_KEYS,
     "table": RECTANGLE_KEYS | {"leg_radius_m", "clearance_m"},
     "sill": frozenset({"name", "points_m", "height_m"}),
+    "tag": frozenset({"name", "id", "x_m", "y_m", "z_m", "yaw_deg", "size_m"}),
 }
 SURFACES = {surface.name.lower(): surface for surface in Surface}
 MAX_BASES = 8
@@ -39,6 +41,7 @@ PERSON_SPEED_M_S = 0.8
 TABLE_LEG_RADIUS_M = 0.02
 TABLE_CLEARANCE_M = 0.7
 SILL_HEIGHT_M = 0.015
+TAG_HEIGHT_M, TAG_SIZE_M, TAGS_IN_FAMILY = 0.20, 0.10, 587
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,6 +58,7 @@ class WorldShapes:
     segment_surfaces: tuple[int, ...] = ()
     box_surfaces: tuple[int, ...] = ()
     circle_surfaces: tuple[int, ...] = ()
+    tags: tuple[TagShape, ...] = ()
     map_path: Path | None = None
 
 
@@ -110,6 +114,7 @@ def _read(path: Path, parents: tuple[Path, ...]) -> WorldShapes:
         segment_surfaces=base.segment_surfaces + own.segment_surfaces,
         box_surfaces=base.box_surfaces + own.box_surfaces,
         circle_surfaces=base.circle_surfaces + own.circle_surfaces,
+        tags=base.tags + own.tags,
         map_path=own.map_path or base.map_path,
     )
 
@@ -156,6 +161,7 @@ def _parse(data: dict[str, Any], folder: Path) -> WorldShapes:
         segment_surfaces=tuple(segment_surfaces),
         box_surfaces=tuple(box_surfaces),
         circle_surfaces=tuple(circle_surfaces),
+        tags=tuple(_tag(where, table) for where, table in _tables(data, "tag")),
         map_path=folder / data["map"] if "map" in data else None,
     )
 
@@ -188,6 +194,20 @@ def _table(where: str, table: dict[str, Any]) -> Furniture:
         yaw_deg=yaw_deg,
         leg_radius_m=_positive(filled, "leg_radius_m", where),
         clearance_m=_positive(filled, "clearance_m", where),
+    )
+
+
+def _tag(where: str, table: dict[str, Any]) -> TagShape:
+    number = table.get("id", 0)
+    if not isinstance(number, int) or not 0 <= number < TAGS_IN_FAMILY:
+        raise _BadWorldError(f"{where}id = {number!r}: give a whole number, 0 to {TAGS_IN_FAMILY - 1}")
+    return TagShape(
+        number=number,
+        x_m=_number(table, "x_m", where),
+        y_m=_number(table, "y_m", where),
+        z_m=_positive({"z_m": TAG_HEIGHT_M, **table}, "z_m", where),
+        yaw_deg=_number({"yaw_deg": 0.0, **table}, "yaw_deg", where),
+        size_m=_positive({"size_m": TAG_SIZE_M, **table}, "size_m", where),
     )
 
 

@@ -9,6 +9,7 @@ EXTRAS = {  # extra of pyproject.toml: the feature it serves, the modules it ins
     "ui": ("the page", ("nicegui", "cryptography")),
     "gamepad": ("a gamepad", ("pygame",)),
     "foxglove": ("Foxglove", ("foxglove", "cryptography")),
+    "camera": ("the camera", ("cv2",)),
     "notebooks": ("a live picture", ("IPython",)),
     "campaign": ("a campaign", ("distributed", "dask")),
 }

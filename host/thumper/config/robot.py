@@ -11,6 +11,7 @@ from annotated_types import Gt, Le
 from pydantic import StringConstraints, TypeAdapter
 
 from thumper.board.options import BoardOptions
+from thumper.camera.options import CameraOptions
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.kinematics import DriveGeometry
 from thumper.common.strict_toml import read_checked
@@ -48,6 +49,7 @@ class RobotConfig:
     drive: DriveOptions = field(default_factory=DriveOptions)
     imu: ImuOptions = field(default_factory=ImuOptions)
     gps: GpsOptions = field(default_factory=GpsOptions)
+    camera: CameraOptions = field(default_factory=CameraOptions)
     mapping: MappingOptions = field(default_factory=MappingOptions)
     localization: AmclOptions = field(default_factory=AmclOptions)
     footprint: Footprint = field(default_factory=Footprint)
@@ -208,6 +210,7 @@ def with_ports(config: RobotConfig, *, board: str, lidar: str) -> RobotConfig:
         lidar=replace(config.lidar, port=lidar),
         imu=replace(config.imu, port=_beside(board, config.imu.port, "imu")),
         gps=replace(config.gps, port=_beside(board, config.gps.port, "gps")),
+        camera=replace(config.camera, port=_beside(board, config.camera.port, "camera")),
     )
 
 

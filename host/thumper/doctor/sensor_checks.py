@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
+from thumper.camera.frame import CameraFrame
 from thumper.common.errors import ThumperError
 from thumper.common.sensor import Sensor
 from thumper.config.robot import RobotConfig
@@ -44,11 +45,26 @@ def _judge(name: str, sensor: Sensor[Any], expected_Hz: float | None, seconds: f
     damaged = counters.bad_replies - damaged
     if isinstance(sample, Fix):
         return judge_fix(sample, rate_Hz, damaged)
+    if isinstance(sample, CameraFrame):
+        return _judge_frame(sample, rate_Hz, damaged)
     error = abs(rate_Hz / expected_Hz - 1.0) if expected_Hz else 0.0
     return Check(
         verdict=worst_of(error > RATE_WARN_SHARE or damaged > 0, error > RATE_FAIL_SHARE),
         what=f"{name}: {rate_Hz:.1f} Hz of {expected_Hz:g} Hz, {damaged} damaged",
         fix="" if error <= RATE_WARN_SHARE and not damaged else CABLE,
+    )
+
+
+def _judge_frame(frame: CameraFrame, rate_Hz: float, damaged: int) -> Check:
+    """Judge the newest frame of a camera; in dim light it exposes for longer, at a lower rate."""
+    try:
+        rows, columns = frame.grey().shape
+    except ValueError as error:
+        return Check(verdict="fail", what=f"camera: {error}", fix=CABLE)
+    return Check(
+        verdict=worst_of(damaged > 0, fail=False),
+        what=f"camera: {rate_Hz:.1f} Hz, {columns} x {rows} pixels, {damaged} damaged",
+        fix=CABLE if damaged else "",
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from thumper.board.board import TelemetrySample
 from thumper.board.messages import Fault, GyroscopeState, State, Telemetry
+from thumper.camera.frame import CameraFrame
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.common.stamps import NS_PER_S, host_time_s
 from thumper.gps.fix import Fix, FixStatus
@@ -97,6 +98,13 @@ def fix_of(msg: Message, epoch_ns: int = 0) -> Fix:
         altitude_m=float(msg.altitude),
         variances_m2=(float(covariance[0]), float(covariance[4]), float(covariance[8])),
     )
+
+
+def frame_of(msg: Message, epoch_ns: int = 0) -> CameraFrame:
+    """Convert a CompressedImage; any other format than JPEG raises ValueError."""
+    if "jp" not in msg.format:
+        raise ValueError(f"an image of format {msg.format!r}")
+    return CameraFrame(time_s=host_time_s(stamp_ns_of(msg), epoch_ns), jpeg=msg.data.tobytes())
 
 
 def pose_of(msg: Message) -> Pose2:

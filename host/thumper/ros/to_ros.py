@@ -6,6 +6,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from thumper.board.board import TelemetrySample
+from thumper.camera.frame import CameraFrame
+from thumper.camera.options import CameraOptions
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.common.stamps import NS_PER_S, stamp_ns
 from thumper.gps.fix import Fix, FixStatus
@@ -17,7 +19,7 @@ from thumper.odometry.wheel_odometry import OdometrySample
 from thumper.ros.codec import Message, message
 from thumper.ros.status import Status
 
-MAP, ODOM, BASE, LASER, GPS = "map", "odom", "base_link", "laser", "gps"
+MAP, ODOM, BASE, LASER, GPS, CAMERA = "map", "odom", "base_link", "laser", "gps", "camera_optical_frame"
 UNKNOWN = 1e6  # a variance
 GPS_SERVICE, DIAGONAL_KNOWN, UNKNOWN_TYPE = 1, 2, 0  # of NavSatStatus and NavSatFix
 INFO, WARN, ERROR = 20, 30, 40  # levels of rcl_interfaces/Log
@@ -94,6 +96,40 @@ class Messages:
             position_covariance_type=DIAGONAL_KNOWN if fix.status is not FixStatus.NONE else UNKNOWN_TYPE,
         )
 
+    def image(self, frame: CameraFrame) -> Message:
+        """Build a CompressedImage, in the camera's optical frame."""
+        return message(
+            "sensor_msgs/msg/CompressedImage",
+            header=self.header(frame.time_s, CAMERA),
+            format="jpeg",
+            data=np.frombuffer(frame.jpeg, np.uint8),
+        )
+
+    def camera_info(self, time_s: float, camera: CameraOptions) -> Message:
+        """Build a CameraInfo with the intrinsics of the options."""
+        matrix = camera.matrix()
+        return message(
+            "sensor_msgs/msg/CameraInfo",
+            header=self.header(time_s, CAMERA),
+            width=camera.width_px,
+            height=camera.height_px,
+            distortion_model="plumb_bob",
+            d=np.array(camera.distortion),
+            k=matrix.reshape(-1),
+            r=np.eye(3).reshape(-1),
+            p=np.column_stack([matrix, np.zeros(3)]).reshape(-1),
+            binning_x=0,
+            binning_y=0,
+            roi=message(
+                "sensor_msgs/msg/RegionOfInterest",
+                x_offset=0,
+                y_offset=0,
+                height=0,
+                width=0,
+                do_rectify=False,
+            ),
+        )
+
     def odometry(self, sample: OdometrySample) -> Message:
         """Build an Odometry (odom to base_link); only the planar covariance terms are set."""
         return message(
@@ -135,12 +171,25 @@ class Messages:
         )
 
     def fixed_transforms(
-        self, time_s: float, base_from_laser: Pose2, base_from_gps: Pose2 | None = None
+        self,
+        time_s: float,
+        base_from_laser: Pose2,
+        base_from_gps: Pose2 | None = None,
+        camera: CameraOptions | None = None,
     ) -> Message:
-        """Build a TFMessage with the mounting poses of the lidar and, if there is one, of the GPS antenna."""
+        """Build a TFMessage with the mounting poses of the lidar, and of GPS and camera if present."""
         transforms = [self._transform(time_s, BASE, LASER, base_from_laser)]
         if base_from_gps is not None:
             transforms.append(self._transform(time_s, BASE, GPS, base_from_gps))
+        if camera is not None:
+            mounted = self._transform(time_s, BASE, CAMERA, Pose2(x_m=camera.x_m, y_m=camera.y_m))
+            mounted.transform.translation.z = camera.z_m
+            roll_rad, yaw_rad = (
+                -0.5 * math.pi - math.radians(camera.pitch_deg),
+                math.radians(camera.yaw_deg),
+            )
+            mounted.transform.rotation = _rotation(roll_rad, 0.0, yaw_rad - 0.5 * math.pi)
+            transforms.append(mounted)
         return message("tf2_msgs/msg/TFMessage", transforms=transforms)
 
     def grid(self, time_s: float, grid: OccupancyGrid) -> Message:

@@ -37,6 +37,8 @@ TOPICS: Mapping[str, Topic] = MappingProxyType(
         "scan": _out("sensor_msgs/msg/LaserScan"),
         "imu": _out("sensor_msgs/msg/Imu"),
         "gps": _out("sensor_msgs/msg/NavSatFix"),
+        "camera": _out("sensor_msgs/msg/CompressedImage"),
+        "camera_info": _out("sensor_msgs/msg/CameraInfo", latched=True),
         "odom": _out("nav_msgs/msg/Odometry"),
         "pose": _out("geometry_msgs/msg/PoseWithCovarianceStamped"),
         "tf": _out("tf2_msgs/msg/TFMessage"),

@@ -272,6 +272,7 @@ def _publisher(config: RobotConfig, inputs: SensorInputs) -> Publisher:
         robot=config.name,
         base_from_laser=config.lidar.base_from_laser,
         base_from_gps=config.gps.base_from_antenna if config.gps.enabled else None,
+        camera=config.camera if config.camera.enabled else None,
         messages=Messages(epoch_ns=epoch_ns),
         now_s=inputs.now_s,
         simulated=port.is_simulated,

@@ -9,6 +9,7 @@ import numpy as np
 
 from thumper.board.fault_texts import FAULT_HINTS
 from thumper.board.messages import Fault
+from thumper.camera.options import CameraOptions
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.maps.annotations import Annotations
 from thumper.navigation.costmap.costmap import Costmap
@@ -51,15 +52,20 @@ class Publisher:
         robot: str,
         base_from_laser: Pose2,
         base_from_gps: Pose2 | None,
+        camera: CameraOptions | None,
         messages: Messages,
         now_s: Callable[[], float],
         simulated: bool = False,
     ) -> None:
-        """`base_from_gps` is None without GPS; `now_s`, the robot's clock [s], stamps events and texts."""
+        """`base_from_gps` and `camera` are None without one.
+
+        `now_s`, the robot's clock [s], stamps events and texts.
+        """
         self.messages = messages
         self.recording = False
         self._robot = robot
         self._base_from_laser, self._base_from_gps = base_from_laser, base_from_gps
+        self._camera = camera
         self._now_s = now_s
         self._simulated = simulated
         self._sinks: list[Sink] = []
@@ -98,10 +104,14 @@ class Publisher:
             return
         time_s = state.time_s
         if "tf_static" not in self._latched:
-            fixed = self.messages.fixed_transforms(time_s, self._base_from_laser, self._base_from_gps)
+            fixed = self.messages.fixed_transforms(
+                time_s, self._base_from_laser, self._base_from_gps, self._camera
+            )
             self._send("tf_static", time_s, fixed)
+            if self._camera is not None:
+                self._send("camera_info", time_s, self.messages.camera_info(time_s, self._camera))
         for feed in inputs.feeds:  # before the wheels, as the state estimator gets them
-            for sample in feed.samples:
+            for sample in feed.to_publish():
                 self._send(feed.kind.name, sample.time_s, feed.kind.message(self.messages, sample))
         for sample in inputs.samples:
             self._send("wheels", sample.time_s, self.messages.wheels(sample))

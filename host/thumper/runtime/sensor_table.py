@@ -1,9 +1,12 @@
 """The sensors beside board and lidar: how each is opened, fed to the state estimator and published."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
+from thumper.camera.frame import CameraFrame
+from thumper.camera.open_camera import open_camera
 from thumper.common.sensor import ReopenedSensor, Sensor
 from thumper.config.robot import RobotConfig
 from thumper.gps.fix import Fix
@@ -29,6 +32,9 @@ class SensorKind(Generic[Sample]):
     add: Callable[[StateEstimator, Sample], None]
     message: Callable[[Messages, Sample], Message]
     sample_of: Callable[[Message, int], Sample]  # from the message and its epoch [ns]
+    publish_Hz: Callable[[RobotConfig], float] = lambda _config: (
+        math.inf
+    )  # samples above it are not published
 
 
 IMU: SensorKind[ImuSample] = SensorKind(
@@ -51,7 +57,18 @@ GPS: SensorKind[Fix] = SensorKind(
     sample_of=from_ros.fix_of,
 )
 
-KINDS: tuple[SensorKind[Any], ...] = (IMU, GPS)
+CAMERA: SensorKind[CameraFrame] = SensorKind(
+    name="camera",
+    rate_Hz=None,
+    is_wanted=lambda config: config.camera.enabled,
+    open=lambda config: open_camera(config.camera),
+    add=lambda _estimator, _frame: None,
+    message=Messages.image,
+    sample_of=from_ros.frame_of,
+    publish_Hz=lambda config: config.camera.publish_Hz,
+)
+
+KINDS: tuple[SensorKind[Any], ...] = (IMU, GPS, CAMERA)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -62,6 +79,8 @@ class SensorFeed:
     sensor: ReopenedSensor[Any]
     samples: list[Any] = field(default_factory=list)
     newest: Any = None
+    publish_Hz: float = math.inf
+    _published_s: float = -math.inf
 
     def read(self, estimator: StateEstimator) -> None:
         """Pass on what has arrived."""
@@ -69,6 +88,15 @@ class SensorFeed:
         for sample in self.samples:
             self.newest = sample
             self.kind.add(estimator, sample)
+
+    def to_publish(self) -> list[Any]:
+        """Return the samples of the newest cycle, without those above the rate to publish."""
+        chosen = []
+        for sample in self.samples:
+            if sample.time_s >= self._published_s + 1.0 / self.publish_Hz:
+                self._published_s = sample.time_s
+                chosen.append(sample)
+        return chosen
 
     @property
     def summary(self) -> str:
@@ -83,4 +111,4 @@ class SensorFeed:
 def open_feed(kind: SensorKind[Any], config: RobotConfig) -> SensorFeed:
     """Open a sensor; raises ThumperError if it does not answer."""
     sensor = ReopenedSensor(kind.name, kind.open(config), lambda: kind.open(config))
-    return SensorFeed(kind=kind, sensor=sensor)
+    return SensorFeed(kind=kind, sensor=sensor, publish_Hz=kind.publish_Hz(config))

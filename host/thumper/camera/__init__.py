@@ -1,0 +1,1 @@
+"""Camera: drivers, frames, AprilTags and their poses."""

@@ -1,0 +1,121 @@
+"""Find AprilTags of the family 36h11 in a frame, and their poses in the plane of the robot.
+
+A square of known size gives its pose from one view, but two poses fit nearly alike: they mirror the tag's
+direction at the line of sight (Collins and Bartoli 2014, "Infinitesimal plane-based pose estimation"). Both
+are returned, the better one first.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from thumper.camera.frame import CameraFrame
+from thumper.camera.options import CameraOptions
+from thumper.common.geometry import FloatArray, Pose2
+
+UPRIGHT = 0.8  # cosine of the largest tilt between a tag's upward direction and the robot's
+MAX_ERROR_PX = 1.5  # of a corner from where the pose projects it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TagCorners:
+    """A tag in an image; corners in pixels, shape (4, 2), clockwise from the tag's top left."""
+
+    number: int
+    corners_px: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TagSighting:
+    """A tag seen from the robot, with one or two poses: x and y of its centre, theta where it faces."""
+
+    time_s: float
+    number: int
+    range_m: float  # from the lens
+    base_from_tag: tuple[Pose2, ...]  # the one that fits better first
+
+
+@cache
+def _detector() -> Any:
+    import cv2
+
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    parameters.cornerRefinementWinSize = 10  # the defaults use little of the edges of a large tag
+    parameters.relativeCornerRefinmentWinSize = 0.5  # of a cell
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    return cv2.aruco.ArucoDetector(family, parameters)
+
+
+def find_tags(grey: Any) -> list[TagCorners]:
+    """Return the tags in an image, shape (height, width), of 8 bits."""
+    corners, numbers, _ = _detector().detectMarkers(grey)
+    if numbers is None:
+        return []
+    return [
+        TagCorners(number=int(number), corners_px=np.asarray(each, np.float64).reshape(4, 2))
+        for number, each in zip(np.ravel(numbers), corners, strict=True)
+    ]
+
+
+def sightings(frame: CameraFrame, camera: CameraOptions, sizes_m: dict[int, float]) -> list[TagSighting]:
+    """Return the poses of the tags in a frame whose size is known: `sizes_m`, by number.
+
+    Raises
+    ------
+    ValueError
+        The frame is damaged, or has another size than the intrinsics.
+    """
+    grey = frame.grey()
+    if grey.shape != (camera.height_px, camera.width_px):
+        raise ValueError(f"the frame has {grey.shape[1]} x {grey.shape[0]} pixels")
+    found = []
+    for tag in find_tags(grey):
+        if tag.number not in sizes_m:
+            continue
+        poses = tag_poses(tag.corners_px, sizes_m[tag.number], camera)
+        if poses:
+            planar = tuple(_planar(camera.base_from_optical() @ pose) for pose in poses)
+            range_m = float(np.linalg.norm(poses[0][:3, 3]))
+            found.append(
+                TagSighting(time_s=frame.time_s, number=tag.number, range_m=range_m, base_from_tag=planar)
+            )
+    return found
+
+
+def tag_poses(corners_px: FloatArray, size_m: float, camera: CameraOptions) -> list[FloatArray]:
+    """Return the poses optical_from_tag, shape (4, 4), that fit the corners of an upright tag, best first.
+
+    The tag's frame: x to its right as seen, y up, z out of the wall.
+    """
+    import cv2
+
+    half_m = 0.5 * size_m
+    square_m = half_m * np.array([[-1, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]], dtype=np.float64)
+    _, turns, places, errors_px = cv2.solvePnPGeneric(
+        square_m,
+        corners_px,
+        camera.matrix(),
+        np.array(camera.distortion, dtype=np.float64),
+        flags=cv2.SOLVEPNP_IPPE_SQUARE,
+    )
+    up = camera.base_from_optical()[2, :3]  # the robot's, in the optical frame
+    found = []
+    for turn, place, error_px in zip(turns, places, np.ravel(errors_px), strict=True):
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = cv2.Rodrigues(turn)[0], np.ravel(place)
+        if error_px <= MAX_ERROR_PX and float(up @ pose[:3, 1]) > UPRIGHT:
+            found.append(pose)
+    return found
+
+
+def _planar(base_from_tag: FloatArray) -> Pose2:
+    """Project a pose to the plane; theta is where the tag faces."""
+    x_m, y_m = base_from_tag[:2, 3]
+    return Pose2(
+        x_m=float(x_m),
+        y_m=float(y_m),
+        theta_rad=float(np.arctan2(base_from_tag[1, 2], base_from_tag[0, 2])),
+    )

@@ -1,0 +1,51 @@
+"""The driver of USB cameras, on a recorded video in place of the device."""
+
+import importlib.util
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thumper.camera.v4l2 import V4l2Camera
+from thumper.common.errors import ThumperError
+from thumper.common.sensor import GONE_ERRORS, ReopenedSensor
+
+if importlib.util.find_spec("cv2") is None:
+    pytest.skip("the extra `camera` is not installed", allow_module_level=True)
+
+import cv2
+
+
+@pytest.fixture
+def video(tmp_path: Path) -> Path:
+    path = tmp_path / "camera.avi"
+    writer = cv2.VideoWriter(str(path), cv2.CAP_OPENCV_MJPEG, cv2.VideoWriter.fourcc(*"MJPG"), 30, (64, 48))
+    for grey in (40, 80, 120):
+        writer.write(np.full((48, 64, 3), grey, np.uint8))
+    writer.release()
+    return path
+
+
+def test_frames_arrive_and_an_unplugged_camera_counts_as_gone(video: Path) -> None:
+    before_s = time.monotonic()
+    camera = V4l2Camera(cv2.VideoCapture(str(video)), name="video", latency_s=0.01)
+    feed = ReopenedSensor("camera", camera, lambda: pytest.fail("opened at once"))
+    frames = []
+    while camera.counters.port_errors < GONE_ERRORS:
+        frames += feed.poll()
+    assert camera.counters.samples == 3  # the constructor took the first ones
+    for frame in frames:
+        assert before_s - 0.1 < frame.time_s < time.monotonic() - 0.01
+        assert frame.grey().shape == (48, 64)
+    camera.close()
+
+
+def test_a_camera_without_frames_is_refused(video: Path) -> None:
+    capture = cv2.VideoCapture(str(video))
+    while capture.read()[0]:
+        pass
+    with pytest.raises(ThumperError, match="no frames from the camera video; check its cable") as refusal:
+        V4l2Camera(capture, name="video", latency_s=0.0)
+    assert refusal.value.exit_code == 3
+    assert not capture.isOpened()
