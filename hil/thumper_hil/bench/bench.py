@@ -14,6 +14,7 @@ from thumper.common.geometry import FloatArray, Pose2
 from thumper.common.optional_packages import require_extra
 from thumper_hil.bench.body_trajectory import BodyTrajectory
 from thumper_hil.bench.collision import FOOTPRINT_M, ContactDetector
+from thumper_hil.bench.ground_truth import GroundTruth
 from thumper_hil.bench.hardware import SENSORS, SimulatedSensor, make_lidar, robot_params
 from thumper_hil.bench.leg_contacts import LegContacts
 from thumper_hil.bench.options import BenchOptions
@@ -44,11 +45,9 @@ TICK_S = 0.01
 
 SENSOR_POLL_S = 0.001
 GYRO_BIAS_DEG_S = 15.0  # of an MPU-6050, at most 20 (data sheet, ZRO)
-MAX_TRUTH_ROWS = 720_000  # two hours: limits memory when a robot runs for days
 RADIUS_M = 0.062
 WALL_BEARINGS_RAD = np.arange(16) * (math.tau / 16.0)
 GARBLED = bytes((157 * byte + 91) % 256 for byte in range(256))  # what a wrong baud rate makes of a byte
-TRUTH_COLUMNS = ("time_s", "x_m", "y_m", "theta_rad", "left_rad_s", "right_rad_s")
 
 
 def cycle_at(time_s: float, clock_Hz: float = CPU_HZ) -> int:
@@ -104,7 +103,7 @@ class Bench:
         self._switches = Switches(chip=self.chip)
         self._events = deque(load_scenario(Path(options.scenario)) if options.scenario else ())
         self._contact = ContactDetector(self.chip, self.world)
-        self._truth: deque[tuple[float, ...]] = deque(maxlen=MAX_TRUTH_ROWS)
+        self._truth = GroundTruth()
         self._legs = LegContacts(FOOTPRINT_M)
         self._track = BodyTrajectory()
         self._ticks = 0
@@ -139,12 +138,12 @@ class Bench:
         return self._scene.bumps + self._legs.by_people
 
     def truth(self) -> FloatArray:
-        """Return the ground truth of up to two hours at 100 Hz, shape (n, 6): columns `TRUTH_COLUMNS`.
+        """Return the ground truth of up to two hours at 100 Hz, shape (n, 6), as `ground_truth` says.
 
         The pose is in the world frame with the heading in [-pi, pi]. The wheel speeds are the true ones,
         positive forward.
         """
-        return np.array(self._truth).reshape(-1, len(TRUTH_COLUMNS))
+        return self._truth.rows()
 
     def clear_truth(self) -> None:
         """Discard the recorded ground truth, to limit memory in long runs."""
@@ -342,7 +341,7 @@ class Bench:
         pitch_rad += pitch_over_sills_rad(pose, self.world.sills_m)
         self._track.add(truth.time_s, pose, pitch_rad)
         self.chip.set_attitude(pitch_rad=pitch_rad, roll_rad=self._switches.roll_rad)
-        self._truth.append((truth.time_s, pose.x_m, pose.y_m, pose.theta_rad, *truth.wheel_rad_s))
+        self._truth.add((truth.time_s, pose.x_m, pose.y_m, pose.theta_rad, *truth.wheel_rad_s))
         for name, sensor in self._sensors.items():
             if isinstance(sensor, A5Device) and not self.is_plugged(name):
                 sensor.power_off()
