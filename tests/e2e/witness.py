@@ -40,7 +40,8 @@ class Witness(Bench):
             print(json.dumps(line), flush=True)
 
     def _true_pose(self) -> tuple[float, ...]:
-        return self._truth[-1][1:4] if self._truth else ()
+        pose = self.chip.truth().map_from_base
+        return (pose.x_m, pose.y_m, pose.theta_rad)
 
 
 if __name__ == "__main__":
