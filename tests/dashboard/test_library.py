@@ -17,8 +17,9 @@ from httpx import ASGITransport, AsyncClient, Response
 from playwright.sync_api import Page, Route, expect
 
 from tests.dashboard.test_page_driving import queries_of
+from thumper.common.errors import ThumperError
 from thumper.dashboard.library import add_library
-from thumper.maps.library import list_maps, list_recordings
+from thumper.maps.library import delete_item, list_maps, list_recordings, rename_item
 
 
 class Robot:
@@ -94,6 +95,67 @@ def test_no_name_is_a_path(client: Client, path: str) -> None:
     assert answer.status_code in (400, 404)
     assert "secret" not in answer.text
     assert "token" not in answer.text
+
+
+@pytest.fixture
+def shelf(tmp_path: Path) -> Path:
+    """A folder with a map and a recording."""
+    (tmp_path / "flat.yaml").write_text("image: flat.pgm\nresolution: 0.05\n")
+    for name in ("flat.pgm", "flat.session", "flat.geojson", "drive.mcap", "flatter.yaml"):
+        (tmp_path / name).write_text(name)
+    return tmp_path
+
+
+def test_a_map_is_renamed_with_all_its_files(shelf: Path) -> None:
+    rename_item(shelf, "flat", "attic.2")
+    kept = {"attic.2.yaml", "attic.2.pgm", "attic.2.session", "attic.2.geojson", "drive.mcap", "flatter.yaml"}
+    assert {path.name for path in shelf.iterdir()} == kept
+    assert (shelf / "attic.2.yaml").read_text() == "image: attic.2.pgm\nresolution: 0.05\n"
+    assert (shelf / "attic.2.session").read_text() == "flat.session"
+
+
+def test_a_recording_is_renamed_and_deleted(shelf: Path) -> None:
+    rename_item(shelf, "drive.mcap", "kitchen.mcap")
+    assert (shelf / "kitchen.mcap").read_text() == "drive.mcap"
+    delete_item(shelf, "kitchen.mcap")
+    delete_item(shelf, "flat")
+    assert [path.name for path in shelf.iterdir()] == ["flatter.yaml"]
+
+
+@pytest.mark.parametrize("name", ["../flat", "..", ".hidden.mcap", "a/b", "none", "", "flat\n", "flat\0"])
+def test_no_other_file_is_deleted_or_renamed(shelf: Path, name: str) -> None:
+    before = {path: path.read_bytes() for path in shelf.iterdir()}
+    (shelf.parent / "flat.yaml").write_text("outside")
+    with pytest.raises(ThumperError):
+        delete_item(shelf, name)
+    with pytest.raises(ThumperError):
+        rename_item(shelf, name, "new")
+    with pytest.raises(ThumperError):
+        rename_item(shelf, "flat", name if name != "none" else "drive.mcap")
+    (shelf / "taken.session").write_text("kept")
+    with pytest.raises(ThumperError, match=r"taken\.session already"):
+        rename_item(shelf, "flat", "taken")
+    (shelf / "taken.session").unlink()
+    assert {path: path.read_bytes() for path in shelf.iterdir()} == before
+    assert (shelf.parent / "flat.yaml").read_text() == "outside"
+
+
+def test_the_page_renames_and_deletes(page: Page, robot: FakeRobot) -> None:
+    names = [{"name": name, "MB": 0.1, "saved_s": time.time()} for name in ("flat", "attic")]
+    drives = [{"name": "drive_1.mcap", "MB": 1.0, "saved_s": time.time()}]
+    page.route("**/library", lambda route: route.fulfill(json={"maps": names, "recordings": drives}))
+    page.click(".tp-tab-map")
+    page.click("[aria-label='Rename drive_1.mcap']")
+    expect(page.locator("[aria-label='new name of drive_1.mcap']")).to_have_value("drive_1")
+    page.keyboard.type("hall")
+    page.keyboard.press("Enter")
+    renamed = [{"name": "drive_1.mcap", "new_name": "hall.mcap"}]
+    until(lambda: [ask.content for ask in queries_of(robot, "library/rename")] == renamed)
+    page.click("[aria-label='Delete flat']")
+    page.keyboard.press("Enter")  # keeps it: that button has the focus
+    page.click("[aria-label='Delete attic']")
+    page.click("[aria-label='Delete attic for good']")
+    until(lambda: [ask.content for ask in queries_of(robot, "library/delete")] == [{"name": "attic"}])
 
 
 def test_the_page_saves_and_loads_maps(page: Page, robot: FakeRobot) -> None:

@@ -149,6 +149,8 @@ def test_a_map_is_saved_under_a_name_and_loaded_again(
     service.until(lambda: service.mode == "idle")
     before = robot.map_and_pose()[1]
     assert "searches" in service.ask("library/load", {"name": "flat"})["text"]
+    assert "uses the map" in service.ask("library/delete", {"name": "flat"})["error"]
+    assert "uses the map" in service.ask("library/rename", {"name": "flat", "new_name": "attic"})["error"]
     assert robot.annotations.find("rug") is not None
     service.run_cycles(10)
     assert service.ask("mapping/state")["mode"] == "localising"

@@ -89,7 +89,9 @@ def opened_robot(options: RunOptions, settings: RobotConfig, *, serving: bool = 
     with (
         compile_progress(Console()),
         dashboard_process(options.config, settings.bus.address, wanted=options.ui),
-        open_robot(settings, start, known, map_path=map_path, annotations=annotations, datum=datum) as robot,
+        open_robot(
+            settings, start, known, map_path=map_path, annotations=annotations, datum=datum, opened=path
+        ) as robot,
         recorded(robot, settings, start, options.record, options.record_to),
         join_bus(robot, settings.name, settings.bus),
         autosaved(robot, options.out),

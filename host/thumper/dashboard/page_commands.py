@@ -18,6 +18,7 @@ from thumper.common.geometry import Pose2, Twist2
 from thumper.dashboard.page_messages import (
     AddToMap,
     CommandMessage,
+    DeleteFromLibrary,
     EStop,
     ExperimentMessage,
     GoalMessage,
@@ -29,6 +30,7 @@ from thumper.dashboard.page_messages import (
     Patrol,
     PlaceGoal,
     RemoveFromMap,
+    RenameInLibrary,
     SaveMapAs,
     TakeControl,
     Teleop,
@@ -38,7 +40,15 @@ from thumper.maps.annotations import parse_feature
 from thumper.ros import services
 from thumper.ros.codec import Message
 from thumper.ros.service import QueryClient, Service
-from thumper.ros.services import NamedMap, RemoveAnnotation, RunCommand, SendMission, StartExperiment
+from thumper.ros.services import (
+    LibraryItem,
+    NamedMap,
+    RemoveAnnotation,
+    RenameItem,
+    RunCommand,
+    SendMission,
+    StartExperiment,
+)
 from thumper.ros.to_ros import Messages, flag
 
 RequestT = TypeVar("RequestT")
@@ -137,12 +147,24 @@ class PageCommands:
             case AddToMap():
                 parse_feature(message.feature)
                 query = self._ask(services.ANNOTATION_ADD, message.feature, page)
+            case RemoveFromMap():
+                query = self._ask(services.ANNOTATION_REMOVE, RemoveAnnotation(name=message.name), page)
+            case _:
+                query = self._library_query(page, message)
+        return query
+
+    def _library_query(self, page: str, message: PageMessage) -> PendingQuery | None:
+        query: PendingQuery | None = None
+        match message:
             case SaveMapAs():
                 query = self._ask(services.LIBRARY_SAVE, NamedMap(name=message.name), page)
             case LoadMap():
                 query = self._ask(services.LIBRARY_LOAD, NamedMap(name=message.name), page)
-            case RemoveFromMap():
-                query = self._ask(services.ANNOTATION_REMOVE, RemoveAnnotation(name=message.name), page)
+            case RenameInLibrary():
+                item = RenameItem(name=message.name, new_name=message.new_name)
+                query = self._ask(services.LIBRARY_RENAME, item, page)
+            case DeleteFromLibrary():
+                query = self._ask(services.LIBRARY_DELETE, LibraryItem(name=message.name), page)
         return query
 
     def _ask(self, service: Service[RequestT, Any], request: RequestT, page: str) -> PendingQuery:

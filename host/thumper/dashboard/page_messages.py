@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, ValidationError
 
 from thumper.common.texts import shortened
+from thumper.maps.library import RECORDING
 from thumper.navigation.goal import FARTHEST_M
 
 MAX_MESSAGE_BYTES = 8192
@@ -15,6 +16,7 @@ Metres = Annotated[FiniteFloat, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
 Heading = Annotated[FiniteFloat, Field(ge=-6.2832, le=6.2832)]
 Place = Annotated[list[Metres], Field(min_length=2, max_length=2)]  # x, y
 Name = Annotated[str, Field(min_length=1, max_length=40)]
+FileName = Annotated[str, Field(min_length=1, max_length=40 + len(RECORDING))]
 Share = Annotated[FiniteFloat, Field(ge=-1.0, le=1.0)]
 
 
@@ -116,6 +118,21 @@ class LoadMap(_PageMessage):
     name: Name
 
 
+class RenameInLibrary(_PageMessage):
+    """Rename a map or recording of the robot's library."""
+
+    kind: Literal["rename"]
+    name: FileName
+    new_name: FileName
+
+
+class DeleteFromLibrary(_PageMessage):
+    """Delete a map or recording of the robot's library."""
+
+    kind: Literal["delete"]
+    name: FileName
+
+
 class PlaceGoal(_PageMessage):
     """Drive to a place."""
 
@@ -158,6 +175,8 @@ PageMessage = (
     | RemoveFromMap
     | SaveMapAs
     | LoadMap
+    | RenameInLibrary
+    | DeleteFromLibrary
     | PlaceGoal
     | Patrol
     | ExperimentMessage

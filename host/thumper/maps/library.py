@@ -1,12 +1,15 @@
 """The robot's library: one folder with its saved maps and its recordings."""
 
+import re
 from pathlib import Path
 from typing import Any
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.files import read_text, write_text
 from thumper.maps.annotations import NAME, NAME_HELP, annotations_path
 
 MAX_LISTED = 200
+MAX_DESCRIPTION_MB = 1.0
 RECORDING = ".mcap"
 MAP_SUFFIXES = (".yaml", ".pgm", ".session", ".geojson")
 
@@ -27,6 +30,55 @@ def map_files(yaml_path: Path) -> list[Path]:
     """Return the files of a map that exist: description, image, session, zones and places."""
     paths = [yaml_path, yaml_path.with_suffix(".pgm"), yaml_path.with_suffix(".session")]
     return [path for path in (*paths, annotations_path(yaml_path)) if path.is_file()]
+
+
+def item_files(folder: Path, name: str) -> list[Path]:
+    """Return the files of a map, or of a recording, whose name ends in .mcap; raises ThumperError if none."""
+    if checked_name(name).endswith(RECORDING):
+        files = [path for path in [folder / name] if path.is_file()]
+    else:
+        files = map_files(map_path(folder, name))
+    if not files:
+        raise ThumperError(f"{name} is not in {folder}")
+    return files
+
+
+def delete_item(folder: Path, name: str) -> None:
+    """Delete a map with all its files, or a recording; raises ThumperError if that fails."""
+    try:
+        for path in item_files(folder, name):  # the description first: without it the rest is no map
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        raise ThumperError(f"{name}: cannot be deleted ({error.strerror})") from error
+
+
+def rename_item(folder: Path, name: str, new_name: str) -> None:
+    """Rename a map with all its files, or a recording; raises ThumperError if that fails."""
+    files = item_files(folder, name)
+    if name.endswith(RECORDING) != checked_name(new_name).endswith(RECORDING):
+        raise ThumperError(f"the name of a recording, and of nothing else, ends in {RECORDING}")
+    stem, new_stem = name.removesuffix(RECORDING), new_name.removesuffix(RECORDING)
+    moves = {path: path.with_name(new_stem + path.name[len(stem) :]) for path in files}
+    taken = [new.name for new in moves.values() if new.exists()]
+    if taken:
+        raise ThumperError(f"there is a file {taken[0]} already: choose another name")
+    try:
+        for path, new in moves.items():
+            if path.suffix == MAP_SUFFIXES[0]:
+                _write_description(path, new)
+            else:
+                path.rename(new)
+        for path in moves:  # the old description last: until then the map has its old name, too
+            path.unlink(missing_ok=True)
+    except (OSError, UnicodeDecodeError) as error:
+        raise ThumperError(f"{name}: cannot be renamed ({error})") from error
+
+
+def _write_description(path: Path, new: Path) -> None:
+    """Write a map's description under a new name: it names the image."""
+    image = rf"^(image:\s*[\"']?){re.escape(path.stem)}\.pgm"
+    text = read_text(path, MAX_DESCRIPTION_MB)
+    write_text(new, re.sub(image, lambda found: f"{found[1]}{new.stem}.pgm", text, flags=re.MULTILINE))
 
 
 def list_maps(folder: Path) -> list[dict[str, Any]]:

@@ -116,6 +116,21 @@ class NamedMap:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LibraryItem:
+    """Request of `library/delete`."""
+
+    name: Annotated[str, "of the map; of a recording with `.mcap`"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RenameItem:
+    """Request of `library/rename`."""
+
+    name: Annotated[str, "of the map; of a recording with `.mcap`"]
+    new_name: Annotated[str, "likewise; it must be free"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RunCommand:
     """Request of `command`."""
 
@@ -258,6 +273,18 @@ LIBRARY_LOAD = Service(
     request=NamedMap,
     reply=Text,
 )
+LIBRARY_RENAME = Service(
+    name="library/rename",
+    summary="renames a map with all its files, or a recording; not the map that is loaded",
+    request=RenameItem,
+    reply=Text,
+)
+LIBRARY_DELETE = Service(
+    name="library/delete",
+    summary="deletes a map with all its files, or a recording; not the map that is loaded",
+    request=LibraryItem,
+    reply=Text,
+)
 COMMAND = Service(
     name="command",
     summary="carries out a command",
@@ -316,6 +343,8 @@ SERVICES: Mapping[str, Service[Any, Any]] = types.MappingProxyType(
             LIBRARY_LIST,
             LIBRARY_SAVE,
             LIBRARY_LOAD,
+            LIBRARY_RENAME,
+            LIBRARY_DELETE,
             COMMAND,
             SIMULATOR_WORLD,
             SIMULATOR_COMMAND,

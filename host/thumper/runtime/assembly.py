@@ -68,13 +68,14 @@ def open_robot(
     map_path: Path | None = None,
     annotations: Annotations | None = None,
     datum: MapDatum | None = None,
+    opened: Path | None = None,
 ) -> Iterator[RobotLoop]:
     """Open a robot that starts at `map_from_base`; on exit stop it and close the ports.
 
     In a `known` map it localizes and does not map; in a saved session it resumes mapping once it has
     localized. None for the pose then means anywhere in it; with its `datum`, a GPS says about where.
-    `annotations` are those of that map. With `map_path`, a .yaml, the command `save_map` writes the map
-    there.
+    `annotations` are those of that map, and `opened` is its file, which the library then protects. With
+    `map_path`, a .yaml, the command `save_map` writes the map there.
 
     Raises
     ------
@@ -101,7 +102,7 @@ def open_robot(
             mapper.resume_from(known.counts, map_from_base)
         elif known is not None:
             mapper.localize_in(known, map_from_base)
-        saving = _Saving(path=map_path, annotations=annotations or Annotations())
+        saving = _Saving(path=map_path, annotations=annotations or Annotations(), opened=opened)
         earth = EarthReference(config.gps, datum) if config.gps.enabled else None
         robot = _wire(config, board, lidar, tuple(feeds), mapper, saving, earth=earth)
         if known is not None and map_from_base is None and datum is not None:
@@ -129,6 +130,7 @@ class _Saving:
 
     path: Path | None
     annotations: Annotations
+    opened: Path | None = None
 
 
 def _wire(
@@ -191,7 +193,12 @@ def _wire(
         inputs=inputs,
         publisher=publisher,
         simulator=board.port.raw.simulator if isinstance(board.port.raw, HasSimulator) else None,
-        storage=MapStorage(folder=Path(config.recording.folder), annotations=map_annotations, saver=saver),
+        storage=MapStorage(
+            folder=Path(config.recording.folder),
+            annotations=map_annotations,
+            saver=saver,
+            opened=saving.opened,
+        ),
     )
     return RobotLoop(
         RobotParts(

@@ -1,8 +1,8 @@
-// The robot's library: save, load and download maps, download recordings.
+// The robot's library: save and load maps, play recordings; download, rename and delete both.
 
 import { notify } from "./commands.js";
 import { playRecording } from "./playback.js";
-import { on, send } from "./stream.js";
+import { on, send, state } from "./stream.js";
 
 const AGES = [[86400, "d"], [3600, "h"], [60, "min"], [1, "s"]];
 
@@ -29,37 +29,82 @@ export function library(root) {
   });
   root.querySelector("[data-refresh]").addEventListener("click", refresh);
   on("events", (events) => { // a map was written, a recording has ended
-    if (events.some(({ text }) => /^map saved|^recorded/.test(text))) refresh();
+    if (events.some(({ text }) => /^map saved|^recorded|^renamed|^deleted/.test(text))) refresh();
   });
 
-  function addButton(row, text, label, action) {
+  function addButton(row, text, label, action, icon = "") {
     const button = row.appendChild(document.createElement("button"));
     button.type = "button";
-    button.className = "tp-plain";
-    button.textContent = text;
+    button.className = icon ? "tp-icon" : "tp-plain";
+    if (icon) button.innerHTML = `<i class="material-icons">${icon}</i>`;
+    else button.textContent = text;
+    button.title = icon ? text : "";
     button.setAttribute("aria-label", label);
     button.addEventListener("click", action);
+    return button;
   }
 
-  function addRow(list, { name, MB, saved_s }, href, isMap) {
-    const row = list.appendChild(document.createElement("li"));
+  function addRow(list, item, href, isMap) {
+    showItem(list.appendChild(document.createElement("li")), item, href, isMap);
+  }
+
+  function showItem(row, item, href, isMap) {
+    const { name, MB, saved_s } = item;
+    const back = () => showItem(row, item, href, isMap);
+    row.replaceChildren();
     const title = row.appendChild(document.createElement("label"));
     title.append(name);
     title.appendChild(document.createElement("small")).textContent = `${MB} MB, ${formatAge(saved_s)}`;
     if (isMap) addButton(row, "Load", `Load the map ${name}`, () => send({ kind: "load_map", name }));
     else addButton(row, "Play", `Play ${name}`, () => playRecording(name));
-    const link = row.appendChild(document.createElement("a"));
-    link.href = href;
-    link.download = "";
-    link.className = "tp-plain tp-link";
-    link.textContent = "Download";
-    link.setAttribute("aria-label", `Download ${name}`);
-    link.addEventListener("click", async (event) => { // say why, if there is no such file here
+    addButton(row, "Download", `Download ${name}`, () => download(href), "download");
+    addButton(row, "Rename", `Rename ${name}`, () => askName(row, name, isMap, back), "edit");
+    addButton(row, "Delete", `Delete ${name}`, () => askDelete(row, name, back), "delete");
+  }
+
+  async function download(href) {
+    const found = await fetch(href, { method: "GET", headers: { Range: "bytes=0-0" } });
+    if (found.ok) location.assign(href);
+    else notify((await found.json()).detail, "bad"); // say why, if there is no such file here
+  }
+
+  // A question in the row: a dialog of the browser would hold the page, and with it the robot.
+  function askName(row, name, isMap, back) {
+    const ending = isMap ? "" : ".mcap";
+    row.replaceChildren();
+    const form = row.appendChild(document.createElement("form"));
+    form.className = "tp-buttons";
+    const field = form.appendChild(document.createElement("input"));
+    field.type = "text";
+    field.maxLength = 40;
+    field.autocomplete = "off";
+    field.value = name.slice(0, name.length - ending.length);
+    field.setAttribute("aria-label", `new name of ${name}`);
+    form.appendChild(document.createElement("button")).textContent = "Rename";
+    form.lastChild.className = "tp-go";
+    addButton(form, "Keep", `Keep the name ${name}`, back);
+    form.addEventListener("submit", (event) => {
       event.preventDefault();
-      const found = await fetch(href, { method: "GET", headers: { Range: "bytes=0-0" } });
-      if (found.ok) location.assign(href);
-      else notify((await found.json()).detail, "bad");
+      const new_name = field.value.trim() + ending;
+      if (new_name !== name && new_name !== ending) send({ kind: "rename", name, new_name });
+      back();
     });
+    field.select();
+  }
+
+  function askDelete(row, name, back) {
+    if (state.playback === name) {
+      notify(`${name} is being played: end the playback first`, "bad");
+      return;
+    }
+    row.replaceChildren();
+    row.appendChild(document.createElement("label")).textContent = `Delete ${name} for good?`;
+    const button = addButton(row, "Delete", `Delete ${name} for good`, () => {
+      send({ kind: "delete", name });
+      back();
+    });
+    button.className = "tp-plain tp-danger";
+    addButton(row, "Keep", `Keep ${name}`, back).focus();
   }
 
   async function refresh() {

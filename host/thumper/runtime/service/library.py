@@ -5,9 +5,9 @@ from pathlib import Path
 
 from thumper.common.errors import ThumperError
 from thumper.maps.annotations import annotations_path, load_annotations
-from thumper.maps.library import list_maps, list_recordings, map_path
+from thumper.maps.library import delete_item, list_maps, list_recordings, map_path, rename_item
 from thumper.maps.map_server_io import load_map
-from thumper.ros.services import Empty, LibraryContent, NamedMap, Text
+from thumper.ros.services import Empty, LibraryContent, LibraryItem, NamedMap, RenameItem, Text
 from thumper.runtime.publisher import Publisher
 from thumper.runtime.service.map_annotations import MapAnnotations
 from thumper.runtime.service.map_saver import MapSaver
@@ -23,6 +23,7 @@ class MapStorage:
     folder: Path  # the library
     annotations: MapAnnotations
     saver: MapSaver | None  # None: this run saves its map at its end
+    opened: Path | None = None  # the map or session that the run started with
 
 
 class MapLibrary:
@@ -40,6 +41,7 @@ class MapLibrary:
         self._estimator = estimator
         self._publisher = publisher
         self._preconditions = preconditions
+        self._loaded = storage.opened and storage.opened.with_suffix(".yaml")  # also of a session
 
     def content(self, _request: Empty, _source: str = "") -> LibraryContent:
         """List what there is."""
@@ -71,7 +73,28 @@ class MapLibrary:
         grid, annotations = load_map(path), load_annotations(annotations_path(path))
         mapper.localize_in(grid, None)
         self._annotations.replace(annotations)
+        self._loaded = path
         return self._say(f"loaded map {request.name!r}; the robot searches it for its pose")
+
+    def rename(self, request: RenameItem, _source: str = "") -> Text:
+        """Rename a map or recording; raise ThumperError if that is impossible."""
+        self._require_closed(request.name)
+        rename_item(self._folder, request.name, request.new_name)
+        return self._say(f"renamed {request.name} to {request.new_name}")
+
+    def delete(self, request: LibraryItem, _source: str = "") -> Text:
+        """Delete a map or recording; raise ThumperError if that is impossible."""
+        self._require_closed(request.name)
+        delete_item(self._folder, request.name)
+        return self._say(f"deleted {request.name}")
+
+    def _require_closed(self, name: str) -> None:
+        """Raise ThumperError for the map in use or being written. An unfinished recording has no name yet."""
+        path = map_path(self._folder, name)
+        if self._loaded is not None and path.resolve() == self._loaded.resolve():
+            raise ThumperError(f"the robot uses the map {name}: load another one first")
+        if self._saver is not None and path == self._saver.writes_to:
+            raise ThumperError(f"the map {name} is being written; wait until that is done")
 
     def _say(self, line: str) -> Text:
         self._publisher.publish_event(line)

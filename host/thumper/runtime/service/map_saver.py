@@ -31,6 +31,12 @@ class MapSaver:
         self._grid, self._session, self._annotations = grid, session, annotations
         self._path, self._report, self._datum = path, report, datum
         self._thread: threading.Thread | None = None
+        self._target = path  # of the newest write
+
+    @property
+    def writes_to(self) -> Path | None:
+        """The .yaml that is being written; None if none is."""
+        return self._target if self._thread is not None and self._thread.is_alive() else None
 
     def __call__(self) -> str:
         """Start to write and return a description at once; raise ThumperError if a write is running."""
@@ -40,6 +46,7 @@ class MapSaver:
         """Like a call, to another .yaml."""
         if self._thread is not None and self._thread.is_alive():
             raise ThumperError("the map is being saved already; wait until it is written")
+        self._target = path
         # Not a daemon: the process must not end with half a file.
         content = (path, self._grid(), self._session(), self._annotations(), self._datum())
         self._thread = threading.Thread(target=self._save, args=content, name="map-saver")

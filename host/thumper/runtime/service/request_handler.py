@@ -219,6 +219,8 @@ class RequestHandler:
                 _bind(services.LIBRARY_LIST, self._library.content),
                 _bind(services.LIBRARY_SAVE, self._library.save),
                 _bind(services.LIBRARY_LOAD, self._library.load),
+                _bind(services.LIBRARY_RENAME, self._library.rename),
+                _bind(services.LIBRARY_DELETE, self._library.delete),
                 _bind(services.COMMAND, self._run_command),
                 _bind(services.SIMULATOR_WORLD, lambda _, __: self.simulation.describe()),
                 _bind(services.SIMULATOR_COMMAND, self._change_simulation),
