@@ -40,9 +40,12 @@ class Client:
         self._app = app
 
     def get(self, path: str) -> Response:
+        return self.request("GET", path)
+
+    def request(self, method: str, path: str, content: Any = None) -> Response:
         async def send() -> Response:
             async with AsyncClient(transport=ASGITransport(self._app), base_url="http://page") as client:
-                return await client.get(path)
+                return await client.request(method, path, json=content)
 
         with ThreadPoolExecutor(1) as thread:  # browser tests of this process may have left a loop running
             return thread.submit(asyncio.run, send()).result()

@@ -43,7 +43,7 @@ SLAM = (
     "scan_matching saved_state",
     "grid",
     "localization particle_filter pose_graph",
-    "factory mounting",
+    "edited_map factory mounting",
     "mode_switch",
 )
 RUNTIME = (

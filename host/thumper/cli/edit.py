@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from thumper.common.geometry import Pose2
     from thumper.maps.edit import Box
     from thumper.maps.occupancy_grid import OccupancyGrid
 
@@ -46,10 +45,9 @@ def edit(
     """
     from thumper.cli.output.folder import prepare_output
     from thumper.common.errors import EXIT_USAGE, ThumperError
-    from thumper.maps.annotations import annotations_path, load_annotations, save_annotations
-    from thumper.maps.hit_counts import HitCounts
-    from thumper.maps.map_server_io import load_rotated_map, map_yaml_path, save_map
-    from thumper.slam.saved_state import SavedSlamState, save_session
+    from thumper.maps.annotations import annotations_path, load_annotations
+    from thumper.maps.map_server_io import load_rotated_map, map_yaml_path
+    from thumper.slam.edited_map import save_edited_map
 
     edits = _Edits.parse(rotate=rotate, free=free, wall=wall, unknown=unknown, crop=crop, trim=trim)
     if out.is_dir():
@@ -72,13 +70,10 @@ def edit(
         )
     annotations = load_annotations(annotations_path(file))
     prepare_output(out.parent)
-    pose = _saved_pose(file, grid.resolution_m, math.radians(rotate))
-    image = save_map(grid, out)
-    session = save_session(
-        SavedSlamState(counts=HitCounts.from_grid(grid), map_from_base=pose), out.with_suffix(".session")
+    rotation_rad = math.radians(rotate)
+    names = ", ".join(
+        save_edited_map(file, out, grid, annotations.rotated(rotation_rad), rotation_rad=rotation_rad)
     )
-    zones = save_annotations(annotations.rotated(math.radians(rotate)), annotations_path(out))
-    names = ", ".join((image.name, session.name, *zones))
     print(f"{file}: {', '.join(done)}; {_size_text(grid)}: {out}, {names}")
 
 
@@ -151,19 +146,6 @@ class _Edits:
         if self.trim:
             return map_edit.trim(grid), [*done, "trimmed"]
         return grid, done
-
-
-def _saved_pose(file: Path, resolution_m: float, rotation_rad: float) -> "Pose2 | None":
-    """Return the robot pose of the session beside the map, in the rotated map; None without one."""
-    from thumper.common.errors import ThumperError
-    from thumper.common.geometry import Pose2
-    from thumper.slam.saved_state import load_session
-
-    try:
-        pose = load_session(file.with_suffix(".session"), resolution_m).map_from_base
-    except ThumperError:  # no session, or an unusable one
-        return None
-    return Pose2(theta_rad=rotation_rad) @ pose if pose else None
 
 
 def _box(option: str, text: str) -> "Box":

@@ -16,6 +16,7 @@ from thumper.common.geometry import FloatArray, Pose2
 from thumper.dashboard.binary_packet import grid_png
 from thumper.dashboard.pose_history import PoseHistory
 from thumper.maps.annotations import annotations_of
+from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.ros.codec import Message
 from thumper.ros.from_ros import grid_of, pose_of, scan_of, stamp_ns_of, status_of, telemetry_of
 
@@ -50,14 +51,18 @@ def scan_points(message: Message, base_from_laser: Pose2, track: PoseHistory) ->
 def grid_data(message: Message) -> tuple[dict[str, Any], bytes]:
     """Return position and size of an OccupancyGrid, and its cells as a PNG."""
     grid = grid_of(message)
+    return grid_info(grid), grid_png(grid.cells)
+
+
+def grid_info(grid: OccupancyGrid) -> dict[str, Any]:
+    """Return position and size of a grid."""
     rows, columns = grid.cells.shape
-    info = {
+    return {
         "resolution_m": grid.resolution_m,
         "origin": [grid.origin_x_m, grid.origin_y_m],
         "columns": columns,
         "rows": rows,
     }
-    return info, grid_png(grid.cells)
 
 
 def wheel_row(message: Message) -> Row:

@@ -26,9 +26,7 @@ def add_library(app: FastAPI, robot: QueryClient, folder: Path) -> None:
 
     @app.get("/library/maps/{name}.zip")
     def download_map(name: str) -> Response:
-        files = map_files(map_path(folder, _checked(name)))
-        if not files:
-            raise _missing(name)
+        files = map_files(library_map(folder, name))
         packed = io.BytesIO()
         with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
             for path in files:
@@ -41,6 +39,14 @@ def add_library(app: FastAPI, robot: QueryClient, folder: Path) -> None:
     def download_recording(name: str) -> FileResponse:
         path = library_recording(folder, name)
         return FileResponse(path, filename=path.name, media_type="application/octet-stream")
+
+
+def library_map(folder: Path, name: str) -> Path:
+    """Return the .yaml of a map; raises HTTPException if there is none of that name."""
+    path = map_path(folder, _checked(name))
+    if not path.is_file():
+        raise _missing(name)
+    return path
 
 
 def library_recording(folder: Path, name: str) -> Path:

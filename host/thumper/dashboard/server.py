@@ -25,6 +25,7 @@ from thumper.dashboard.certificate import server_tls
 from thumper.dashboard.connections import Connections
 from thumper.dashboard.library import add_library
 from thumper.dashboard.login import AccessControl
+from thumper.dashboard.map_edits import add_map_edits
 from thumper.dashboard.page import PageOptions, build_page
 from thumper.dashboard.page_commands import PageCommands, TeleopLimits
 from thumper.dashboard.page_state import TOPICS, PageState
@@ -119,6 +120,7 @@ def build_app(
 
     add_library(app, robot, page.library)
     add_playback(app, page.library)
+    add_map_edits(app, page.library)
 
     @ui.page("/", title=f"Thumper · {page.robot}", favicon=STATIC / "icon.svg")
     def index() -> None:

@@ -5,6 +5,7 @@ import { startCommands } from "./commands.js";
 import { drive } from "./drive.js";
 import { library } from "./library.js";
 import { log } from "./log.js";
+import { addMapEditor } from "./map_editor.js";
 import { map } from "./map_view.js";
 import { addPlayback } from "./playback.js";
 import { places } from "./places.js";
@@ -24,6 +25,7 @@ export function startPage() {
   startReadouts();
   startShortcuts();
   addPlayback();
+  addMapEditor();
   startStream();
   window.thumper = { state }; // for the browser console and for tests
 }

@@ -1,6 +1,7 @@
 // The robot's library: save and load maps, play recordings; download, rename and delete both.
 
 import { notify } from "./commands.js";
+import { editMap } from "./map_editor.js";
 import { playRecording } from "./playback.js";
 import { on, send, state } from "./stream.js";
 
@@ -58,7 +59,8 @@ export function library(root) {
     if (isMap) addButton(row, "Load", `Load the map ${name}`, () => send({ kind: "load_map", name }));
     else addButton(row, "Play", `Play ${name}`, () => playRecording(name));
     addButton(row, "Download", `Download ${name}`, () => download(href), "download");
-    addButton(row, "Rename", `Rename ${name}`, () => askName(row, name, isMap, back), "edit");
+    if (isMap) addButton(row, "Edit", `Edit the map ${name}`, () => editMap(name, refresh), "crop_rotate");
+    addButton(row, "Rename", `Rename ${name}`, () => askName(row, name, isMap, back), "drive_file_rename_outline");
     addButton(row, "Delete", `Delete ${name}`, () => askDelete(row, name, back), "delete");
   }
 

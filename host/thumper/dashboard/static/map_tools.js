@@ -2,6 +2,7 @@
 // Goal and pose work as in RViz: press at the position, drag to set the heading, release.
 
 import { AnnotationBar } from "./annotations.js";
+import { colour } from "./colours.js";
 import { onCancel } from "./commands.js";
 import { drawArrow, drawCrosshair, LAYERS } from "./map_layers.js";
 import { send, state } from "./stream.js";
@@ -128,6 +129,14 @@ export class MapTools {
     this.annotationBar.update();
   }
 
+  // Choose boxes on a saved map: `onBox` gets their corners, x, y, x, y [m].
+  startBox(onBox) {
+    this.onBox = onBox;
+    this.corner = null;
+    this.tool = "box";
+    this.view.canvas.style.cursor = "crosshair";
+  }
+
   // Leave the tool without an effect and close the menu; return whether there was anything to leave.
   cancel() {
     const isActive = this.tool !== "pan" || !this.menu.hidden;
@@ -232,12 +241,20 @@ export class MapTools {
     const drag = this.drag;
     this.endDrag(event);
     if (!drag || event.button !== 0) return;
+    const { camera } = this.view;
+    if (this.tool === "box") {
+      this.onBox([...camera.toMap(drag.startX, drag.startY), ...camera.toMap(drag.endX, drag.endY)]);
+      return;
+    }
     this.use(...this.view.camera.toMap(drag.startX, drag.startY), this.heading(drag));
   }
 
   // Use the tool at a place; `yaw_rad` is null if no heading was set.
   use(x, y, yaw_rad) {
-    if (this.tool === "goal") {
+    if (this.tool === "box") { // by keyboard: Enter at two opposite corners
+      if (this.corner) this.onBox([...this.corner, x, y]);
+      this.corner = this.corner ? null : [x, y];
+    } else if (this.tool === "goal") {
       send({ kind: "goal", x_m: x, y_m: y, yaw_rad });
       this.selectTool("pan");
     } else if (this.tool === "pose") {
@@ -274,8 +291,19 @@ export class MapTools {
     this.waypoints.forEach(([x, y], k) => drawArrow(context, camera, x, y, null, "goal", String(k + 1)));
     this.annotationBar.draw(context, camera);
     if (this.crosshair) drawCrosshair(context, ...camera.toScreen(...this.crosshair));
+    if (this.tool === "box") this.drawBox(context, camera);
     if (!this.drag || !["goal", "pose", "place"].includes(this.tool)) return;
     const [x, y] = camera.toMap(this.drag.startX, this.drag.startY);
     drawArrow(context, camera, x, y, this.heading(this.drag), this.tool === "pose" ? "estimate" : this.tool);
+  }
+
+  drawBox(context, camera) {
+    const drag = this.drag && [this.drag.startX, this.drag.startY, this.drag.endX, this.drag.endY];
+    const keys = this.corner && this.crosshair && [...camera.toScreen(...this.corner), ...camera.toScreen(...this.crosshair)];
+    const [x0, y0, x1, y1] = drag ?? keys ?? [];
+    if (x0 === undefined) return;
+    context.strokeStyle = colour("estimate");
+    context.lineWidth = 2;
+    context.strokeRect(x0, y0, x1 - x0, y1 - y0);
   }
 }

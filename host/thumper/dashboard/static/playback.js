@@ -12,7 +12,7 @@ const SPEEDS = [1, 2, 4, 8];
 class Player {
   constructor() {
     this.bar = document.createElement("div");
-    this.bar.className = "tp-playback";
+    this.bar.className = "tp-notlive tp-playback";
     this.bar.hidden = true;
     this.bar.setAttribute("role", "group");
     this.bar.setAttribute("aria-label", "playback");
@@ -30,7 +30,7 @@ class Player {
       this.jump = setTimeout(() => this.seek(Number(this.slider.value)), SETTLE_MS);
     });
     this.endButton.addEventListener("click", showRobot);
-    on("playback", (name) => { if (!name) this.end(); });
+    on("playback", (name) => { if (name !== this.name) this.end(); });
     onCancel(() => {
       const isActive = Boolean(state.playback);
       showRobot();
@@ -71,7 +71,7 @@ class Player {
     this.request?.abort();
     const packets = await this.load(time_s);
     if (!packets) return false;
-    startPlayback(this.name);
+    startPlayback(this.name, `Playback of ${this.name}: map and charts do not show the robot`);
     this.duration_s = packets[0].header.duration_s;
     this.slider.max = this.duration_s;
     this.bar.hidden = false;

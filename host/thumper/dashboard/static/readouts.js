@@ -64,7 +64,7 @@ function bannerContent({ status, silent_s }) {
     return ["lost", `No data from the robot for ${silent_s.toFixed(0)} s. Is \`thumper run\` still running?`];
   }
   if (!status) return ["lost", "Waiting for the robot …"];
-  if (state.playback) return ["playback", `Playback of ${state.playback}: map and charts do not show the robot`];
+  if (state.playback) return ["playback", state.banner];
   return status.simulated
     ? ["simulated", "Simulated robot"]
     : ["real", "Real robot: it can move at any time"];

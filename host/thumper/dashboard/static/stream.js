@@ -13,8 +13,8 @@ const MAX_ROWS = 1200;
 // Event name -> listeners. An event is a key of a packet, `packet`, `snapshot`, `connected`, `opened`, `playback`
 // or `server:` and the kind of a text message.
 const listeners = new Map();
-// `values` are the robot's; `shown` are those on the map: of the recording `playback`, else the robot's.
-export const state = { connected: false, pageId: "", packets: 0, rttMs: null, values: {}, playback: "" };
+// `values` are the robot's; `shown` are those on the map: of the recording or saved map `playback`, else the robot's.
+export const state = { connected: false, pageId: "", packets: 0, rttMs: null, values: {}, playback: "", banner: "" };
 state.shown = state.values;
 
 let socket = null;
@@ -85,9 +85,10 @@ function handlePacket(buffer) {
   emit("packet", packet.header);
 }
 
-// Show a recording from here on: its packets replace the robot's data. Called again after a jump in time.
-export function startPlayback(name) {
+// Show a recording or saved map from here on: its packets replace the robot's data. Called again after a jump in time.
+export function startPlayback(name, banner) {
   state.playback = name;
+  state.banner = banner;
   state.shown = { annotations: { features: [] } };
   emit("playback", name);
 }
