@@ -35,7 +35,7 @@ using RightEncoder = fw::QuadratureDecoder<pins::kRightEncoder>;
 LeftEncoder left_encoder;
 RightEncoder right_encoder;
 fw::DriveCommand command;
-volatile uint8_t milliseconds = 0;
+volatile uint8_t milliseconds = 0;  // wraps
 
 // Double buffer: the main loop writes the inactive one, then makes it active.
 fw::WheelConfig configs[2];
@@ -89,7 +89,7 @@ ISR(TIMER1_COMPA_vect, ISR_NOBLOCK) {
   right_side.Step(command.mode, config, command.right, right_count, config.right_encoder_reversed,
                   &samples.right);
   samples.time_us += fw::kTick_us;
-  if (!beeper.sounding()) drive.Set(samples.left.wheel.pwm, samples.right.wheel.pwm);
+  drive.Set(samples.left.wheel.pwm, samples.right.wheel.pwm);
   ++ticks;
 }
 
@@ -101,16 +101,13 @@ void Apply(const fw::HostInterface& host) {
   const fw::DriveCommand& wanted = host.command();
   const fw::State mode = wanted.mode;
   const int16_t left = wanted.left, right = wanted.right;
+  if (host.supervisor().armed()) beeper.Sound(false);  // before a tick may drive
   ATOMIC_BLOCK(ATOMIC_FORCEON) {  // only these three stores: the encoder interrupts must not wait
     command.mode = mode;
     command.left = left;
     command.right = right;
   }
-  if (host.supervisor().armed()) {
-    beeper.Sound(false);
-  } else {
-    drive.Off();  // a tick in between would do the same
-  }
+  if (!host.supervisor().armed()) drive.Off();  // a tick in between would do the same
   reset::Keep(host.supervisor().fault());
 }
 
@@ -146,9 +143,9 @@ uint8_t Collect(fw::Samples* copy) {
 
 /// Sleep until an interrupt leaves work to do. The instruction after sei still runs with interrupts off, so
 /// no interrupt can slip in before the sleep.
-void Idle(const Mpu6050& gyroscope) {
+void Idle(const Mpu6050& gyroscope, uint8_t handled_ms) {
   cli();
-  if (ticks == 0 && milliseconds == 0 && uart.empty() && !gyroscope.due()) {
+  if (ticks == 0 && milliseconds == handled_ms && uart.empty() && !gyroscope.due()) {
     sleep_enable();
     sei();
     sleep_cpu();
@@ -180,6 +177,7 @@ int main() {
   __asm__("" : "+r"(gyroscope));  // a constant address costs 150 bytes
   host.Start(eeprom, reset::Kept());
   watchdog::Start();
+  uint8_t handled_ms = 0;
   bool clock_runs = false;
   sei();
 
@@ -192,14 +190,11 @@ int main() {
     host.StepStore(eeprom, uart);
     if (gyroscope->due()) gyroscope->Step(host.stationary());
 
-    uint8_t elapsed_ms = 0;
-    bool measured = false;
-    Adc::Sums sums = {0, 0, 0};
-    ATOMIC_BLOCK(ATOMIC_FORCEON) {
-      elapsed_ms = milliseconds;
-      milliseconds = 0;
-      measured = adc.Take(&sums);
-    }
+    const uint8_t now_ms = milliseconds;
+    const uint8_t elapsed_ms = static_cast<uint8_t>(now_ms - handled_ms);
+    handled_ms = now_ms;
+    Adc::Sums sums;
+    const bool measured = adc.Take(&sums);
     if (adc.stopped()) host.LoseAnalogReadings();
     if (measured) {
       if (host.UpdateBattery(fw::BatteryFromSum_mV(sums.battery))) beeps.Start(fw::kLowBatteryBeeps);
@@ -233,6 +228,6 @@ int main() {
       Apply(host);
       host.SendTelemetry(uart, gyroscope->heading(), gyroscope->state());
     }
-    Idle(*gyroscope);
+    Idle(*gyroscope, handled_ms);
   }
 }

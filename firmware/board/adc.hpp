@@ -76,9 +76,10 @@ class Adc {
     return true;
   }
 
-  /// Return finished sums; false if there are no new ones. Call with interrupts off.
+  /// Return finished sums; false if there are no new ones. They stay for 96 ms.
   bool Take(Sums* sums) {
     if (!ready_) return false;
+    __asm__ volatile("" ::: "memory");  // do not read them earlier
     ready_ = false;
     *sums = done_;
     return true;
@@ -108,7 +109,8 @@ class Adc {
   volatile uint8_t silent_ms_ = 0;
   uint16_t sums_[kChannels] = {0, 0, 0};
   Sums done_ = {0, 0, 0};
-  bool ready_ = false, currents_at_a4_ = false;
+  volatile bool ready_ = false;
+  bool currents_at_a4_ = false;
   uint16_t sample_ = 0;
   volatile uint8_t axis_ = 0;
   volatile uint8_t axes_[kAxes] = {0, 0, 0};

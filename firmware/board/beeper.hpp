@@ -20,7 +20,6 @@ class Beeper {
       sounding_ = on;
       End();
       on ? drive_.Disconnect() : drive_.Reconnect();
-      TCNT0 = 0;  // otherwise the counter may already be past the new, lower top
       OCR0A = on ? clock::kTone : clock::kMillisecond;
       TIMSK0 = on ? 1 << OCIE0A | 1 << OCIE0B : 1 << OCIE0A;
     }

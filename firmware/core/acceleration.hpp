@@ -34,7 +34,7 @@ class AccelerationMonitor {
  private:
   static constexpr int16_t kZero = 84;     // 1.65 V
   static constexpr uint8_t kTilted = 100;  // 0.3 s
-  uint8_t last_[3] = {0, 0, 0}, tilted_ = 0;
+  uint8_t last_[3] = {}, tilted_ = 0;
 };
 
 }  // namespace fw

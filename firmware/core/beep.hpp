@@ -10,7 +10,7 @@ class BeepPattern {
 
   /// Advance the time. Return true while the tone must sound. quiet: wheels stationary and motors off.
   bool Step(uint8_t elapsed_ms, bool quiet) {
-    if (!quiet || remaining_ms_ == 0) return false;
+    if (!quiet) return false;
     remaining_ms_ = remaining_ms_ > elapsed_ms ? static_cast<uint16_t>(remaining_ms_ - elapsed_ms) : 0;
     return remaining_ms_ % kPeriod_ms >= kPeriod_ms / 2;
   }

@@ -32,10 +32,10 @@ inline void DeriveModel(int16_t kv, int16_t ka, int16_t ramp_step_mrad_s, FeedFo
   gains->decay = 0;
   gains->mean = 0;
   if (kv == 0 || ka == 0) return;  // no time constant: the prediction is the set-point itself
-  // tau/T, Q8: 1/6 (below it the wheel settles well within a tick) to 30 ticks.
+  // tau/T, Q8: 42 (1/6: below it the wheel settles well within a tick) to 30 ticks.
   const uint32_t ka_ticks = uint32_t(ka) * kControlRate_Hz;
   const uint32_t exact = (ka_ticks << 8) / static_cast<uint16_t>(kv);
-  if (exact < 256 / 6) return;
+  if (exact < 42) return;
   const uint16_t ticks = exact < 30 * 256 ? static_cast<uint16_t>(exact) : 30 * 256;
   if (ramp_step_mrad_s != 0) {
     const uint32_t most = kMaxLead_mrad_s * 256UL / static_cast<uint16_t>(ramp_step_mrad_s);
@@ -96,8 +96,7 @@ class FeedForward {
   }
 
  private:
-  static constexpr int16_t kMaxInput_mrad_s = kMaxSpeed_mrad_s + kMaxLead_mrad_s;
-  static_assert(int64_t(INT16_MAX) * kMaxInput_mrad_s + 12800L * 6144 <= kFeedForwardMax,
+  static_assert(int64_t(INT16_MAX) * (kMaxSpeed_mrad_s + kMaxLead_mrad_s) + 12800L * 6144 <= kFeedForwardMax,
                 "the largest kv and ks must fit the feed-forward range of the PI");
 
   int16_t speed_ = 0;      // [mrad/s] model speed now

@@ -20,7 +20,7 @@ class FrameDecoder {
     }
     if (remaining_ == 0) {  // a code byte: distance to the next zero
       if (zero_due_) Append(0);
-      zero_due_ = byte != 0xFF;
+      zero_due_ = true;  // no block of 254 bytes, after which no zero is due, fits
       remaining_ = static_cast<uint8_t>(byte - 1);
     } else {
       --remaining_;
@@ -38,7 +38,7 @@ class FrameDecoder {
 
  private:
   static constexpr uint8_t kOverhead = 4;  // id, seq, CRC
-  static_assert(kMaxPayloadSize + kOverhead < 255, "lengths are kept in a byte");
+  static_assert(kMaxPayloadSize + kOverhead < 254, "one COBS block");
 
   void Append(uint8_t byte) {
     if (length_ < sizeof(body_)) {

@@ -47,9 +47,9 @@ class GyroHeading {
   static constexpr uint8_t kFrozen = 100;
   static constexpr int16_t kSpread = 33, kMaxBias = 656;  // 1 and 20 deg/s
   static constexpr int16_t kWindow = 1024;
-  // Turn of one LSB in a millisecond [rev / 2^34].
-  static constexpr int16_t kTurn = ((1ULL << 34) + 360ULL * 16400) / (360ULL * 32800);
-  static_assert(kTurn == 1455 && int64_t(kMaxBias) * kWindow * kTurn <= INT32_MAX && kWindow == 1 << 10,
+  static constexpr int16_t kTurn = 1455;  // of one LSB in a millisecond [rev / 2^34]
+  static_assert(kTurn == ((1ULL << 34) + 360ULL * 16400) / (360ULL * 32800), "rounded 2^34 / 360 / 32800");
+  static_assert(int64_t(kMaxBias) * kWindow * kTurn <= INT32_MAX && kWindow == 1 << 10,
                 "the bias must fit int32");
 
   static bool Within(int16_t value, int16_t limit) {

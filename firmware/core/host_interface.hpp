@@ -110,8 +110,8 @@ class HostInterface {
   /// Take the levels of the protecting inputs: bit 0 is input 1, bit 1 is input 2. Call about once per
   /// millisecond. An active input stops the motors, and nothing arms or clears while it stays active.
   void UpdateInputs(uint8_t levels) {
-    const bool first = input_monitors_[0].Step((levels & 1) != 0, parameters_.Get(Parameter::kInput1));
-    const bool second = input_monitors_[1].Step((levels & 2) != 0, parameters_.Get(Parameter::kInput2));
+    const bool first = input_1_.Step((levels & 1) != 0, parameters_.Get(Parameter::kInput1));
+    const bool second = input_2_.Step((levels & 2) != 0, parameters_.Get(Parameter::kInput2));
     if (first) Trip(Fault::kInput1);
     if (second) Trip(Fault::kInput2);
     input_active_ = first || second;
@@ -325,7 +325,7 @@ class HostInterface {
     if ((setpoint ^ other.setpoint_mrad_s) >= 0 || Magnitude(setpoint) > kSlow_mrad_s) return false;
     const int16_t stall_2mA = parameters_.Get(Parameter::kStallCurrent);
     return stall_2mA != 0 && Magnitude(other.setpoint_mrad_s) > 2 * Magnitude(setpoint) &&
-           Magnitude(current_mA) * (kMaxPwm * 4 / 3) > int32_t(2) * stall_2mA * Magnitude(wheel.pwm);
+           Magnitude(current_mA) * (kMaxPwm * 4 / 3) >= int32_t(2) * stall_2mA * Magnitude(wheel.pwm);
   }
 
   void Watch(WheelMonitor& monitor, const SideSample& sample, bool held, Fault stall, Fault reversed) {
@@ -376,7 +376,7 @@ class HostInterface {
   WheelMonitor left_monitor_, right_monitor_;
   EdgeMonitor edge_monitor_;
   CurrentMonitor current_monitor_;
-  InputMonitor input_monitors_[2];
+  InputMonitor input_1_, input_2_;
   AccelerationMonitor acceleration_monitor_;
   Samples samples_ = {};
   int16_t left_mA_ = 0, right_mA_ = 0;

@@ -87,7 +87,7 @@ class EdgeMonitor {
 
  private:
   static constexpr uint16_t kMaxLost = 30;
-  uint16_t starts_[3] = {0, 0, 0};
+  uint16_t starts_[3] = {};
   uint8_t ticks_ = 0;
 };
 

@@ -20,7 +20,7 @@ class ParameterStore {
  public:
   enum class Outcome : uint8_t { kEmpty, kLoaded, kUnreadable };
 
-  /// Read the newest valid set into `parameters`. Without one they stay unchanged.
+  /// Read the newest valid set into `parameters`. Without one they stay unchanged. Call it first.
   template <typename Memory>
   Outcome Load(Memory& memory, Parameters* parameters) {
     uint8_t sequence[2];
@@ -108,7 +108,7 @@ class ParameterStore {
   uint8_t image_[kSlotSize];
   uint8_t remaining_ = 0;
   bool written_ = false;
-  uint8_t next_slot_ = 0, next_sequence_ = 0;
+  uint8_t next_slot_, next_sequence_;  // set by Load()
 };
 
 }  // namespace fw

@@ -17,8 +17,7 @@ struct SpeedScale {
 /// because the chip's double has only 4 bytes: chip and host build agree bit for bit.
 constexpr uint64_t kTwoPi_nrad = 6283185307ULL;
 inline SpeedScale MakeSpeedScale(uint16_t counts_per_rev) {
-  constexpr uint32_t kTurnQ12 =
-      static_cast<uint32_t>((kTwoPi_nrad * kControlRate_Hz * 4096 + 500000) / 1000000);
+  constexpr uint32_t kTurnQ12 = static_cast<uint32_t>(kTwoPi_nrad * kControlRate_Hz * 4096 / 1000000);
   const uint32_t scale_q12 = kTurnQ12 / counts_per_rev;
   const uint32_t rest = kTurnQ12 % counts_per_rev;
   const uint16_t fraction =

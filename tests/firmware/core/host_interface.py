@@ -7,9 +7,9 @@ from cobs import cobs
 from thumper.board import messages as m
 
 
-def crc(data: bytes) -> int:
+def crc(data: bytes, start: int = 0xFFFF) -> int:
     """Return the CRC-16/X-25, computed one bit at a time."""
-    value = 0xFFFF
+    value = start
     for byte in data:
         value ^= byte
         for _ in range(8):

@@ -120,3 +120,26 @@ def test_the_largest_bias_is_20_degrees_per_second(core: ctypes.CDLL, bias: int)
         for number in range(WINDOW):
             core.gyro_measure(gyro, bias + step * (number % 2), 1)
         assert core.gyro_calibrated(gyro) == calibrates
+
+
+@pytest.mark.parametrize("driven_before", [False, True])
+def test_the_heading_starts_at_zero_and_loses_no_turn(core: ctypes.CDLL, driven_before: bool) -> None:
+    """Without a bias it rests. A bias of 1/1024 LSB turns it backwards from the first millisecond."""
+    noise = [1, -1] * (WINDOW // 2 - 1)
+    for last_two, heading in (([0, 0], 0), ([1, 0], 0xFFFF)):
+        gyro = core.gyro_new()
+        core.gyro_advance(gyro, 255)
+        assert core.gyro_heading(gyro) == 0, "no reading yet"
+        if driven_before:
+            core.gyro_measure(gyro, 0, 0)
+        for rate in [*noise, *last_two]:
+            assert not core.gyro_calibrated(gyro)
+            core.gyro_measure(gyro, rate, 1)
+        assert core.gyro_calibrated(gyro)
+        core.gyro_advance(gyro, 1)
+        assert core.gyro_heading(gyro) == heading
+
+
+def test_a_gyroscope_that_only_ever_reads_zero_has_failed(core: ctypes.CDLL) -> None:
+    gyro = core.gyro_new()
+    assert [core.gyro_measure(gyro, 0, 1) for _ in range(101)] == [1] * 100 + [0]

@@ -189,6 +189,12 @@ def test_a_steady_rate_of_lost_edges_is_detected_at_every_phase(
     assert window <= noticed <= window + rate_Hz // 10
 
 
+def test_lost_edges_at_the_start_are_noise_for_300_ms(core_at_rate: Callable[[int], ctypes.CDLL]) -> None:
+    core = core_at_rate(100)
+    monitor = core.edge_monitor_new()
+    assert [core.edge_monitor_step(monitor, 31) for _ in range(31)] == [1] * 30 + [0]
+
+
 @pytest.mark.parametrize("phase", range(6))
 @pytest.mark.parametrize("burst", [(31, 0, 0), (0, 0, 31), (15, 1, 15), (1, 29, 1)])
 def test_31_lost_edges_in_300_ms_are_noise_and_30_are_not(
@@ -371,6 +377,8 @@ HELD_mA = round(0.75 * 1000 * STALL_A * 100 / 255)
         (-200, 1000, -HELD_mA - 60, STALL_A, m.Fault.NONE),
         (-200, 1000, HELD_mA + 60, STALL_A, m.Fault.NONE),  # some boards' sensors have the other sign
         (-200, 1000, -HELD_mA + 60, STALL_A, m.Fault.STALL_LEFT),  # it turns, but it does not count
+        (-200, 1000, -500, 1.7, m.Fault.NONE),  # 75 % of 1.7 A at PWM 100
+        (-200, 1000, -499, 1.7, m.Fault.STALL_LEFT),
         (-200, 1000, -HELD_mA - 60, 0.0, m.Fault.STALL_LEFT),  # no current sensor
         (-200, 1000, 0, 0.0, m.Fault.STALL_LEFT),
         (200, 1000, HELD_mA + 60, STALL_A, m.Fault.STALL_LEFT),  # no counter-turn

@@ -1,10 +1,11 @@
 """Saved parameters are written only on request, found again, and never lost to a power failure."""
 
 import ctypes
+import struct
 
 import pytest
 
-from tests.firmware.core.host_interface import HostInterface
+from tests.firmware.core.host_interface import HostInterface, crc
 from thumper.board import messages as m
 
 SLOT_BYTES = 1 + 2 * len(m.PARAMETERS) + 2
@@ -64,6 +65,16 @@ def test_saved_parameters_survive_a_restart(core: ctypes.CDLL) -> None:
     assert again.get("kp") == wanted["kp"]
 
 
+def test_a_saved_set_is_laid_out_as_documented(core: ctypes.CDLL) -> None:
+    """Sequence, values, CRC-16 that starts from the schema's hash; no other cell is written."""
+    eeprom = core.eeprom_new()
+    host = saved(core, 1234, eeprom)
+    values = [host.get(spec.name) for spec in m.PARAMETERS]
+    body = struct.pack(f"<B{len(values)}h", 0, *values)
+    image = body + struct.pack("<H", crc(body, start=m.SCHEMA_HASH & 0xFFFF) ^ 0xFFFF)  # not complemented
+    assert cells(core, eeprom) == b"\xff" * SLOTS[0] + image + b"\xff" * (256 - SLOTS[0] - len(image))
+
+
 def test_saves_alternate_slots_and_the_newest_wins_across_the_wrap(core: ctypes.CDLL) -> None:
     eeprom = core.eeprom_new()
     host = HostInterface(core, eeprom=eeprom)
@@ -75,6 +86,7 @@ def test_saves_alternate_slots_and_the_newest_wins_across_the_wrap(core: ctypes.
         changed = {address for address in range(256) if before[address] != after[address]}
         slot = SLOTS[save % 2]
         assert changed <= set(range(slot, slot + SLOT_BYTES))
+        assert after[slot] == save % 255, "255 marks an empty slot"
         if save % 50 < 3 or save in range(250, 262):
             host = HostInterface(core, eeprom=eeprom)
             assert host.get("kp") == save

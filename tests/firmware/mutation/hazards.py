@@ -92,7 +92,7 @@ HAZARDS: dict[str, Removal] = {
     ),
     "the same on a wheel that scrub holds in a slow counter-turn": Removal(
         INTERFACE,
-        "Magnitude(current_mA) * (kMaxPwm * 4 / 3) > int32_t(2) * stall_2mA * Magnitude(wheel.pwm);",
+        "Magnitude(current_mA) * (kMaxPwm * 4 / 3) >= int32_t(2) * stall_2mA * Magnitude(wheel.pwm);",
         "(static_cast<void>(current_mA), true);",
         "test_a_dead_encoder_is_still_found",
     ),
