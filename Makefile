@@ -25,7 +25,7 @@ help:
 	@echo "make bench     run every benchmark and write the table in docs/results/benchmarks.md"
 	@echo "make results   drive the sample campaigns again and write their reports into docs/results/"
 	@echo "make soak      two simulated hours of goals and faults (half an hour); HOURS=8 for more, see docs/results/soak.md"
-	@echo "make mutation  flip every operator and constant of the firmware's core and count who notices (half an hour)"
+	@echo "make mutation  change the firmware, and what decides in the host, line by line; a test must notice (an hour)"
 
 demo: firmware chip $(VENV)/.kernels
 	@$(BIN)/thumper demo
@@ -101,8 +101,9 @@ results: firmware chip $(VENV)/.dev
 soak: firmware chip $(VENV)/.run
 	@$(BIN)/python -m thumper_hil.bench.soak --hours $(HOURS)
 
-mutation: $(VENV)/.dev
+mutation: firmware chip $(VENV)/.dev
 	@$(BIN)/python -m tests.firmware.mutation.run
+	@$(BIN)/python -m tests.firmware.mutation.guards
 	@$(BIN)/python -m tests.host.mutation.run
 
 clean:

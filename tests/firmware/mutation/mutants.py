@@ -1,6 +1,7 @@
 """All mutants of firmware/core: one operator or constant changed at a time."""
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -48,6 +49,8 @@ class Mutant:
     column: int
     old: str
     new: str
+    key: str
+    """File and changed code: names the mutant although its line moves."""
 
     def __str__(self) -> str:
         return f"{self.file}:{self.line}:{self.column + 1}: {self.old.strip()} -> {self.new.strip()}"
@@ -69,12 +72,25 @@ def mutants() -> list[Mutant]:
 
 def _of_file(path: Path) -> Iterator[Mutant]:
     inside_assert = False  # inside a static_assert, which only states a condition
+    seen = Counter[str]()
     for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
         inside_assert = inside_assert or "static_assert(" in line
         code = COMMENT.sub("", line)
+        seen[code.strip()] += 1
         if not inside_assert and "template <" not in line and "__attribute__" not in line and '"' not in code:
             for match in TOKEN.finditer(code):
                 old = match[0]
                 new = OPERATORS.get(old) or str(int(old, 0) + 1)
-                yield Mutant(file=path.name, line=number, column=match.start(), old=old, new=new)
+                change = f" «{old.strip()} → {new.strip()}» "
+                key = " ".join(
+                    (path.name + ": " + code[: match.start()] + change + code[match.end() :]).split()
+                )
+                yield Mutant(
+                    file=path.name,
+                    line=number,
+                    column=match.start(),
+                    old=old,
+                    new=new,
+                    key=key if seen[code.strip()] == 1 else f"{key} (no. {seen[code.strip()]})",
+                )
         inside_assert = inside_assert and not line.rstrip().endswith(");")

@@ -10,6 +10,7 @@ from tests.firmware.board.boot import ROOT
 from tests.firmware.mutation.guards import GUARDS, is_noticed
 from tests.firmware.mutation.hazards import HAZARDS, chosen_test, without
 from tests.firmware.mutation.mutants import CORE, mutants
+from tests.firmware.mutation.survivors import Tally, listed_survivors
 
 SAFETY_CASE = ROOT / "docs" / "explanation" / "safety.md"
 
@@ -63,11 +64,38 @@ def test_each_hazard_of_the_board_has_a_guard_to_remove() -> None:
         assert without(removal, source.read_text(encoding="utf-8"))
 
 
-def test_a_sample_of_mutants_is_killed() -> None:
+def test_each_listed_survivor_is_a_mutant_and_no_two_have_the_same_name() -> None:
+    keys = [mutant.key for mutant in mutants()]
+    assert len(set(keys)) == len(keys)
+    assert listed_survivors().keys() <= set(keys), "update survivors.toml"
+
+
+def test_a_sample_of_mutants_is_noticed_unless_listed() -> None:
     """Also checks that the suite passes without a change. Runs in its own process, so that no test module is
-    imported yet. `make mutation` runs all; docs/firmware.md lists the survivors and why they survive."""
-    command = [sys.executable, "-m", "tests.firmware.mutation.run", "--jobs", "1"]
-    command += ["--only", "pi.hpp", "--sample", "3", "--seed", "4"]
+    imported yet. `make mutation` runs all."""
+    command = [sys.executable, "-m", "tests.firmware.mutation.run", "--jobs", "1", "--sample", "6"]
     result = subprocess.run(command, capture_output=True, text=True, check=False, cwd=CORE.parents[1])
     assert result.returncode == 0, result.stdout + result.stderr
-    assert result.stdout == "3 of 3 mutants killed, 100.0 %\n"
+
+
+def test_a_survivor_that_is_not_listed_and_a_listed_one_that_is_noticed_fail(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    every = mutants()
+    listed, other = (
+        next(mutant for mutant in every if (mutant.key in listed_survivors()) is wanted)
+        for wanted in (True, False)
+    )
+    tally = Tally(every)
+    tally.add(listed, "")
+    tally.add(other, "some test")
+    assert tally.wrong == []
+    tally.add(other, "")
+    tally.add(listed, "some test")
+    assert [line.partition(":")[0] for line in tally.wrong] == [
+        "not noticed and not listed",
+        "listed, but noticed by some test",
+    ]
+    gone = Tally([mutant for mutant in every if mutant != listed])
+    assert gone.wrong == [f"listed, but no such mutant: {listed.key}"]
+    assert listed.key.partition(": ")[2] in capsys.readouterr().out
