@@ -1,6 +1,6 @@
 """Hits and misses per cell: how many beams ended in it, and how many crossed it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,17 +36,26 @@ class HitCounts:
 
     def limit_observations(self, occupied_fraction: float) -> "HitCounts":
         """Return the same map with at most `MAX_OBSERVATIONS` per cell, so that new scans can change it."""
-        total = self.hits.astype(np.int32) + self.misses
-        share = MAX_OBSERVATIONS * (self.hits / np.maximum(total, 1))
-        occupied = self.hits >= np.float32(occupied_fraction) * total
-        hits = np.where(occupied, np.ceil(share), np.floor(share)).astype(np.uint16)
-        old = total > MAX_OBSERVATIONS
-        return HitCounts(
-            hits=np.where(old, hits, self.hits),
-            misses=np.where(old, MAX_OBSERVATIONS - hits, self.misses),
-            first_cell=self.first_cell,
-            resolution_m=self.resolution_m,
-        )
+        old = np.nonzero(self.hits.astype(np.int32) + self.misses > MAX_OBSERVATIONS)
+        hits, misses = self.hits.astype(np.uint16), self.misses.astype(np.uint16)
+        old_hits = hits[old].astype(np.int32)
+        total = old_hits + misses[old]
+        share = MAX_OBSERVATIONS * (old_hits / total)
+        occupied = old_hits >= np.float32(occupied_fraction) * total
+        hits[old] = np.where(occupied, np.ceil(share), np.floor(share))
+        misses[old] = MAX_OBSERVATIONS - hits[old]
+        return replace(self, hits=hits, misses=misses)
+
+    def crop_to_known(self) -> "HitCounts":
+        """Return the same map without the empty rows and columns around what was observed."""
+        known = (self.hits > 0) | (self.misses > 0)
+        rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+        if not rows.size:
+            return replace(self, hits=self.hits[:0, :0], misses=self.misses[:0, :0])
+        box = np.s_[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
+        row, col = self.first_cell
+        first_cell = row + int(rows[0]), col + int(cols[0])
+        return replace(self, hits=self.hits[box], misses=self.misses[box], first_cell=first_cell)
 
     def grid(self, occupied_fraction: float) -> OccupancyGrid:
         """Return the map; a cell with at least this share of hits is occupied."""

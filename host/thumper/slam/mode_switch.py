@@ -44,6 +44,7 @@ class SlamModeSwitch:
         self._odom_from_base: Pose2 | None = None  # at the newest scan
         self._map_from_base: Pose2 | None = None  # at the newest scan
         self._loaded: HitCounts | None = None  # the map in use, if it is not the mapper's own
+        self._continued: HitGrid | None = None  # made from `_loaded` before the robot moves
         self._resume_when_confirmed = False
         self._preparation = SlicedSearch[LikelihoodField]()
         self.localizer: Amcl | None = None
@@ -124,7 +125,8 @@ class SlamModeSwitch:
             The map has no occupied cell.
         """
         self._start_localizer(grid, map_from_base)
-        self._loaded, self._resume_when_confirmed = HitCounts.from_grid(grid), False
+        self._loaded, self._continued = HitCounts.from_grid(grid), None
+        self._resume_when_confirmed = False
 
     def resume_from(self, counts: HitCounts, map_from_base: Pose2 | None) -> None:
         """Resume mapping in a saved map, as soon as the robot's pose in it is confirmed.
@@ -134,10 +136,11 @@ class SlamModeSwitch:
         Raises
         ------
         ThumperError
-            The map has no occupied cell.
+            The map has no occupied cell, or another resolution than the mapper.
         """
         self._start_localizer(counts.grid(self._mapping.occupied_fraction), map_from_base)
-        self._loaded, self._resume_when_confirmed = counts, True
+        self._loaded, self._continued = counts, self._grid_from(counts)
+        self._resume_when_confirmed = True
 
     def set_pose(self, map_from_base: Pose2) -> None:
         """Restart localization at an approximate pose; the next scan refines it.
@@ -183,13 +186,9 @@ class SlamModeSwitch:
         if quality.lost:
             raise ThumperError(f"mapping from a wrong pose would spoil the map: {quality.lost}")
         if self._loaded is not None:
-            options = self._mapping
-            hit_grid = HitGrid.from_counts(
-                self._loaded, options.resolution_m, options.reach_m, options.occupied_fraction
-            )
-            mapper = GridMapper(options, base_from_laser=self._base_from_laser)
-            mapper.replace_map(hit_grid, localizer.map_from_base)
-            self._mapper, self._loaded = mapper, None
+            mapper = GridMapper(self._mapping, base_from_laser=self._base_from_laser)
+            mapper.replace_map(self._continued or self._grid_from(self._loaded), localizer.map_from_base)
+            self._mapper, self._loaded, self._continued = mapper, None, None
         self._mapper.resume_at(localizer.map_from_base, localizer.map_from_odom, quality.covariance)
         self.localizer, self._resume_when_confirmed = None, False
 
@@ -205,6 +204,10 @@ class SlamModeSwitch:
         if self._resume_when_confirmed and confirmed and not self.quality().lost:
             self.resume_mapping()
         return update
+
+    def _grid_from(self, counts: HitCounts) -> HitGrid:
+        options = self._mapping
+        return HitGrid.from_counts(counts, options.resolution_m, options.reach_m, options.occupied_fraction)
 
     def _own_map_after_kidnapping(self) -> LikelihoodField | None:
         """Return the mapper's map prepared for localization, some scans after a kidnapping."""

@@ -83,6 +83,23 @@ def test_tightly_cropped_map_has_distances_behind_its_walls() -> None:
     np.testing.assert_allclose(inner, whole, atol=1e-6)
 
 
+def test_map_does_not_grow_with_each_restart() -> None:
+    mapper = mapped()
+    assert isinstance(mapper, GridMapper)
+    first = again = HitGrid.from_counts(mapper.counts(), SIZE_M, 0.5, 0.25)
+    for _ in range(3):
+        again = HitGrid.from_counts(again.counts(), SIZE_M, 0.5, 0.25)
+    assert again.corner_m == first.corner_m
+    np.testing.assert_array_equal(again.hits, first.hits)
+    np.testing.assert_allclose(again.distance_m, again.distance_from_scratch())
+
+
+def test_empty_map_stays_empty() -> None:
+    empty = np.zeros((40, 30), dtype=np.uint8)
+    counts = HitCounts(hits=empty, misses=empty, first_cell=(-5, -5), resolution_m=SIZE_M)
+    assert not HitGrid.from_counts(counts, SIZE_M, 0.5, 0.25).occupied().any()
+
+
 @pytest.mark.parametrize(
     ("harm", "word"),
     [

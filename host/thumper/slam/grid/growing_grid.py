@@ -18,7 +18,7 @@ from thumper.slam.grid.ray_casting import GridBeams
 from thumper.slam.grid.scan_inserter import HitCells, insert_scan, occupancy
 from thumper.slam.scan_matching.distance_field import (
     DistanceField,
-    add_obstacle,
+    add_obstacles,
     insertion_rule,
     metric_distances,
 )
@@ -73,14 +73,13 @@ class HitGrid:
                 exit_code=EXIT_USAGE,
             )
         grid = cls(resolution_m, max_distance_m, occupied_fraction)
-        counts = counts.limit_observations(occupied_fraction)
+        counts = counts.crop_to_known().limit_observations(occupied_fraction)
         edge = grid.max_distance_cells + 2  # the map may end at its walls, but their distances do not
         (row, col), hits, misses = counts.first_cell, counts.hits, counts.misses
         grid._first_row, grid._first_col = row - edge, col - edge
         grid._grow(hits.shape[0] + 2 * edge, hits.shape[1] + 2 * edge, 0, 0)
         grid.hits[edge:-edge, edge:-edge], grid.misses[edge:-edge, edge:-edge] = hits, misses
-        for row, col in np.argwhere(grid.occupied()):
-            add_obstacle(int(row), int(col), grid.distance_m, grid._rule)
+        add_obstacles(np.argwhere(grid.occupied()), grid.distance_m, grid._rule)
         return grid
 
     def counts(self) -> HitCounts:
@@ -146,15 +145,16 @@ class HitGrid:
 
     def occupied(self) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
         """Return the mask of occupied cells, shape (rows, columns)."""
-        hits = self.hits.astype(np.float32)  # exact up to 2^24
-        return (self.hits > 0) & (hits >= np.float32(self.occupied_fraction) * (hits + self.misses))
+        occupied = self.hits > 0
+        hits = self.hits[occupied].astype(np.float32)  # exact up to 2^24
+        occupied[occupied] = hits >= np.float32(self.occupied_fraction) * (hits + self.misses[occupied])
+        return occupied
 
     def distance_from_scratch(self) -> np.ndarray[tuple[int, int], np.dtype[np.float32]]:
         """Return the distance field computed from the counts alone; `distance_m` always equals it."""
         rows, cols = self.hits.shape
         distance_m = np.full((rows, cols), self.max_distance_m, dtype=np.float32)
-        for row, col in np.argwhere(self.occupied()):
-            add_obstacle(int(row), int(col), distance_m, self._rule)
+        add_obstacles(np.argwhere(self.occupied()), distance_m, self._rule)
         return distance_m
 
     def grid(self, *, percent: bool) -> OccupancyGrid:

@@ -80,6 +80,13 @@ def add_obstacle(row: int, col: int, distance: LevelArray, rule: InsertionRule) 
 
 
 @kernel
+def add_obstacles(cells: NDArray[np.int64], distance: LevelArray, rule: InsertionRule) -> None:
+    """Lower the distances around cells (row, column), shape (n, 2), that are occupied."""
+    for i in range(len(cells)):
+        add_obstacle(cells[i, 0], cells[i, 1], distance, rule)
+
+
+@kernel
 def remove_obstacle(row: int, col: int, distance: LevelArray, rule: InsertionRule) -> None:
     """Recompute the distances, shape (rows, columns), around a cell that became free."""
     if distance.size == 0:
