@@ -191,7 +191,8 @@ class Navigator:
         self._parts.command_filter.update(cycle, self._parts.model)
         active.recovery.update(cycle, self._parts.model, costmap)
 
-        self._parts.path.update(cycle.time_s, costmap, cycle.map_from_base, active.goal)
+        window = self._parts.model.local_costmap
+        self._parts.path.update(cycle.time_s, costmap, cycle.map_from_base, active.goal, window)
         request = self._control_request(cycle)
 
         active.checker.update(cycle.map_from_base)

@@ -80,7 +80,7 @@ class NavigatorParts:
             planner=planner,
             controller=controller,
             model=LocalModel(options.costmap, options.memory, footprint, padded, view),
-            path=PathManager(planner, options.route),
+            path=PathManager(planner, options.route, padded),
             follower=PathFollower(
                 controller,
                 PoseSequenceFollower(options.manoeuvre, limits, padded, lattice),

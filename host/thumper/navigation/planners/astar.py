@@ -1,6 +1,7 @@
 """The A* planner: the cheapest grid path with clearance, shortened and smoothed."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.common.resumable import Search, run_to_end
@@ -84,11 +85,17 @@ def _shortened(ground: CellCosts, points: FloatArray) -> Search[FloatArray]:
     return path
 
 
+def is_off(costmap: Costmap, points_m: FloatArray) -> NDArray[np.bool_]:
+    """Return which points, shape (n, 2), are off the costmap."""
+    rows, cols = costmap.cells_of(points_m)
+    height, width = costmap.costs.shape
+    off: NDArray[np.bool_] = (rows < 0) | (cols < 0) | (rows >= height) | (cols >= width)
+    return off
+
+
 def is_blocked(costmap: Costmap, path_m: FloatArray) -> bool:
     """Return whether a path point, shape (n, 2), is inside an inscribed zone or off the map."""
-    rows, cols = costmap.cells_of(path_m)
-    inside = (rows >= 0) & (cols >= 0) & (rows < costmap.costs.shape[0]) & (cols < costmap.costs.shape[1])
-    if not inside.all():
+    if is_off(costmap, path_m).any():
         return True
-    costs = costmap.costs[rows, cols]
+    costs = costmap.costs[costmap.cells_of(path_m)]
     return bool(((costs >= INSCRIBED) & (costs != UNKNOWN)).any())

@@ -1,22 +1,32 @@
 """Replan when necessary, and switch to another path only if it is clearly cheaper."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import Enum
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Gt, Interval
 
-from thumper.common.geometry import FloatArray, Pose2
-from thumper.common.resumable import SlicedSearch
+from thumper.common.geometry import FloatArray, Pose2, wrap_angle
+from thumper.common.resumable import Search, SlicedSearch
 from thumper.navigation.costmap.costmap import Costmap
+from thumper.navigation.costmap.inflation import INSCRIBED, MOST_INFLATED
+from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
-from thumper.navigation.planners.astar import is_blocked
+from thumper.navigation.planners.astar import is_blocked, is_off
 from thumper.navigation.planners.planner import Planner, PlanResult
 from thumper.navigation.planners.polyline import arc_lengths, nearest_vertex, project_onto
 
-TINY_M = 1e-9
+TINY_M, TINY_S = 1e-9, 1e-6
 BLOCKED_PERIOD_S = 0.3  # least time between two plans while the path is blocked
+# A path blocked for less is kept: noise closes and opens a cell from scan to scan. In a gap that may only
+# look too narrow, the controller gets more time.
+BLOCKED_S, NARROW_S = 0.5, 2.0
+SURE_FRACTION = 0.5  # an obstacle nearer to the path than this part of the inscribed radius surely blocks it
+CHEAPER_SEARCHES = 3  # in a row must find a cheaper path before it replaces the kept one
+HALF_CELL = 0.5  # an obstacle is up to this far from the middle of its cell
+MAX_CURVE_RAD = 0.25 * math.pi  # a path that begins further to the side needs a turn on the spot
 MAX_PATH_DISTANCE_M = 0.40  # a robot further from its path than this needs a new one
 # A blocked path is kept this long while there is no other: one noisy scan must not stop the robot.
 BLOCKED_GRACE_S = 1.0
@@ -32,53 +42,122 @@ class ReplanningOptions:
     better_by: Annotated[float, Interval(ge=0, lt=1)] = 0.10
 
 
+class Blockage(Enum):
+    """Whether obstacles block a path."""
+
+    NONE = "none"
+    NARROW = "narrow"  # the robot may fit
+    SURE = "sure"
+
+
 class PathManager:
     """The path being followed, from near the robot to the goal."""
 
-    def __init__(self, planner: Planner, options: ReplanningOptions) -> None:
+    def __init__(self, planner: Planner, options: ReplanningOptions, footprint: Footprint) -> None:
+        """`footprint` is the one of planning, padding included."""
         self._planner = planner
         self._options = options
+        self._inscribed_m = footprint.inscribed_radius_m
+        self._circumscribed_m = footprint.circumscribed_radius_m
         self.path_m: FloatArray | None = None  # shape (n, 2)
         self.reason = ""  # why there is no path, or where it ends if not at the goal
         self._search = SlicedSearch[PlanResult]()  # of a new path; takes several cycles in a large map
-        self._planned_s = self._valid_s = -math.inf
+        self._planned_s = self._valid_s = self._open_s = -math.inf
+        self._cheaper_count = 0  # searches in a row that found a clearly cheaper path
 
     def clear(self) -> None:
         """Forget the path; the next `update` plans."""
         self.path_m, self.reason = None, ""
-        self._planned_s = self._valid_s = -math.inf
+        self._planned_s = self._valid_s = self._open_s = -math.inf
+        self._cheaper_count = 0
         self._search.stop()
 
-    def update(self, time_s: float, costmap: Costmap, map_from_base: Pose2, goal: Goal) -> None:
-        """Bring `path_m`, shape (n, 2), and `reason` up to date; `path_m` is None if there is no path."""
+    def update(
+        self,
+        time_s: float,
+        costmap: Costmap,
+        map_from_base: Pose2,
+        goal: Goal,
+        window: Costmap | None = None,
+    ) -> None:
+        """Bring `path_m`, shape (n, 2), and `reason` up to date; `path_m` is None if there is no path.
+
+        `window` has the finer costs round the robot, which decide whether the kept path is blocked there.
+        """
         if self.path_m is not None:
             self.path_m = _pruned(self.path_m, map_from_base)
-        invalid = self.path_m is None or self._is_invalid(self.path_m, costmap, map_from_base)
-        if not invalid:
-            self._valid_s = time_s
+        invalid = self._is_given_up(time_s, costmap, map_from_base, window)
         goes_on = self._search.is_running
         if not goes_on:
             age_s = time_s - self._planned_s
             if age_s < (BLOCKED_PERIOD_S if invalid else self._options.period_s):
                 return
             self._planned_s = time_s
-            self._search.start(self._planner.search(costmap, map_from_base, goal))
+            self._search.start(self._search_path(costmap, map_from_base, goal))
         result = self._search.advance()
         if result is None:
             return
         if result.path_m is None:
+            self._cheaper_count = 0
             if invalid and time_s - self._valid_s > BLOCKED_GRACE_S:
                 self.path_m, self.reason = None, result.reason
             return
         new_m = result.path_m
         if goes_on:  # the world has changed since the search began
             new_m = _pruned(new_m, map_from_base)
-            if self._is_invalid(new_m, costmap, map_from_base):
+            if (
+                self._is_left(new_m, map_from_base)
+                or self._blockage(new_m, costmap, map_from_base, window) is Blockage.SURE
+            ):
                 self._planned_s = -math.inf
                 return
-        if self.path_m is None or invalid or self._is_cheaper(new_m, self.path_m, costmap, map_from_base):
+        if self.path_m is None or invalid or self._is_cheaper_for_long(new_m, costmap, map_from_base):
             self.path_m, self.reason = new_m, result.reason
+            self._valid_s = self._open_s = time_s
+            self._cheaper_count = 0
+
+    def _search_path(self, costmap: Costmap, base: Pose2, goal: Goal) -> Search[PlanResult]:
+        """Search a path; if there is none, one through gaps that may only look too narrow in coarse cells."""
+        result = yield from self._planner.search(costmap, base, goal)
+        if not result.unreachable:
+            return result
+        least_cells = self._inscribed_m / costmap.resolution_m - HALF_CELL
+        narrow = (costmap.costs == INSCRIBED) & (costmap.squared_cells > max(0.0, least_cells) ** 2)
+        costs = costmap.costs.copy()
+        costs[narrow] = MOST_INFLATED
+        second = yield from self._planner.search(replace(costmap, costs=costs), base, goal)
+        return result if second.path_m is None else second
+
+    def _is_given_up(self, time_s: float, costmap: Costmap, base: Pose2, window: Costmap | None) -> bool:
+        """Return whether there is no path, or another must replace it: it is left, or blocked for long."""
+        if self.path_m is None or self._is_left(self.path_m, base):
+            return True
+        blockage = self._blockage(self.path_m, costmap, base, window)
+        if blockage is not Blockage.SURE:
+            self._open_s = time_s
+        if blockage is Blockage.NONE:
             self._valid_s = time_s
+        return time_s - self._open_s >= BLOCKED_S - TINY_S or time_s - self._valid_s >= NARROW_S - TINY_S
+
+    def _blockage(
+        self, path_m: FloatArray, costmap: Costmap, base: Pose2, window: Costmap | None
+    ) -> Blockage:
+        """Return whether a path, shape (n, 2), is blocked beyond the robot, which is where it is already.
+
+        An obstacle well inside the robot's width blocks it. One at its edge may be the coarseness of the
+        cells: it counts where the finer window says so, too, so the robot drives nearer to look.
+        """
+        ahead_m = path_m[np.hypot(*(path_m - (base.x_m, base.y_m)).T) > self._circumscribed_m]
+        if not is_blocked(costmap, ahead_m):
+            return Blockage.NONE
+        if is_off(costmap, ahead_m).any():
+            return Blockage.SURE
+        rows, cols = costmap.cells_of(ahead_m)
+        room_m = math.sqrt(costmap.squared_cells[rows, cols].min()) * costmap.resolution_m
+        if room_m < SURE_FRACTION * self._inscribed_m:
+            return Blockage.SURE
+        is_narrow = window is None or is_blocked(window, ahead_m[~is_off(window, ahead_m)])
+        return Blockage.NARROW if is_narrow else Blockage.NONE
 
     def remaining_m(self, map_from_base: Pose2) -> float:
         """Return the distance left to the end of the path [m]; inf without a path."""
@@ -95,15 +174,32 @@ class PathManager:
         """Whether the first search for a path goes on: there is none yet, and no reason why."""
         return self.path_m is None and not self.reason and self._search.is_running
 
-    def _is_invalid(self, path_m: FloatArray, costmap: Costmap, map_from_base: Pose2) -> bool:
-        distance_m = math.hypot(path_m[0, 0] - map_from_base.x_m, path_m[0, 1] - map_from_base.y_m)
-        return distance_m > MAX_PATH_DISTANCE_M or is_blocked(costmap, path_m[1:])
+    def _can_turn_to(self, path_m: FloatArray, costmap: Costmap, base: Pose2) -> bool:
+        """Return whether a path, shape (n, 2), begins ahead, or the robot has room to turn on the spot."""
+        (row,), (col,) = costmap.cells_of(np.array([(base.x_m, base.y_m)]))
+        if math.sqrt(costmap.squared_cells[row, col]) * costmap.resolution_m > self._circumscribed_m:
+            return True
+        steps_m = path_m - (base.x_m, base.y_m)
+        far = np.flatnonzero(np.hypot(*steps_m.T) > self._circumscribed_m)
+        x_m, y_m = steps_m[far[0] if far.size else -1]
+        return abs(wrap_angle(math.atan2(y_m, x_m) - base.theta_rad)) < MAX_CURVE_RAD
 
-    def _is_cheaper(self, new_m: FloatArray, old_m: FloatArray, costmap: Costmap, base: Pose2) -> bool:
-        joined_m = np.vstack(((base.x_m, base.y_m), old_m))
+    @staticmethod
+    def _is_left(path_m: FloatArray, base: Pose2) -> bool:
+        return math.hypot(path_m[0, 0] - base.x_m, path_m[0, 1] - base.y_m) > MAX_PATH_DISTANCE_M
+
+    def _is_cheaper_for_long(self, new_m: FloatArray, costmap: Costmap, base: Pose2) -> bool:
+        """Return whether several searches in a row have found a path clearly cheaper than the kept one."""
+        assert self.path_m is not None
+        joined_m = np.vstack(((base.x_m, base.y_m), self.path_m))
         new_cost = self._planner.path_cost_m(costmap, new_m)
         old_cost = self._planner.path_cost_m(costmap, joined_m)
-        return new_cost < (1.0 - self._options.better_by) * old_cost
+        if math.isinf(old_cost):  # blocked, perhaps only by noise: no time to compare
+            return False
+        is_cheaper = new_cost < (1.0 - self._options.better_by) * old_cost
+        is_cheaper = is_cheaper and self._can_turn_to(new_m, costmap, base)
+        self._cheaper_count = self._cheaper_count + 1 if is_cheaper else 0
+        return self._cheaper_count >= CHEAPER_SEARCHES
 
 
 def _pruned(path_m: FloatArray, map_from_base: Pose2) -> FloatArray:

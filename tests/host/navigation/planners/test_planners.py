@@ -139,7 +139,7 @@ def test_path_has_two_points_even_in_the_goals_own_cell(planner: Planner, away_m
     assert path_m is not None
     assert len(path_m) >= 2
     assert path_m[0] == pytest.approx((START.x_m, START.y_m), abs=0.001)
-    manager = PathManager(planner, ReplanningOptions())
+    manager = PathManager(planner, ReplanningOptions(), Footprint())
     manager.update(0.0, costmap, START, goal)
     assert manager.remaining_m(START) == pytest.approx(away_m, abs=0.051)
 
@@ -201,7 +201,7 @@ def test_projection_lies_between_the_points() -> None:
 
 def test_remaining_distance_shrinks_as_the_robot_drives() -> None:
     """It shrinks by the distance driven, wherever between the path's points the robot is."""
-    manager = PathManager(AStarPlanner(TraversalCostOptions()), ReplanningOptions())
+    manager = PathManager(AStarPlanner(TraversalCostOptions()), ReplanningOptions(), Footprint())
     costmap, goal = costmap_of(np.zeros((60, 60), np.int8)), Goal(x_m=2.5, y_m=1.525)
     left_m = []
     for step in range(30):

@@ -71,7 +71,7 @@ def test_no_slice_of_astar_closes_more_cells_than_its_budget(monkeypatch: pytest
 
 
 def test_a_path_that_takes_several_cycles_is_the_same() -> None:
-    costmap, manager = hall(shut=False), PathManager(AStarPlanner(OPTIONS), ReplanningOptions())
+    costmap, manager = hall(shut=False), PathManager(AStarPlanner(OPTIONS), ReplanningOptions(), Footprint())
     cycles = 0
     while manager.path_m is None:
         manager.update(0.1 * cycles, costmap, START, GOAL)
@@ -84,7 +84,7 @@ def test_a_path_that_takes_several_cycles_is_the_same() -> None:
 
 
 def test_a_path_that_was_blocked_while_the_search_went_on_is_searched_again() -> None:
-    costmap, manager = hall(shut=False), PathManager(AStarPlanner(OPTIONS), ReplanningOptions())
+    costmap, manager = hall(shut=False), PathManager(AStarPlanner(OPTIONS), ReplanningOptions(), Footprint())
     manager.update(0.0, costmap, START, GOAL)
     assert manager.path_m is None
     costmap.costs[:] = hall(shut=True).costs
