@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray
+from thumper.navigation.planners.polyline import winding_numbers
 
 
 class RouteChanges(NamedTuple):
@@ -41,18 +42,6 @@ def count_route_changes(plans: Iterable[FloatArray], obstacles_m: FloatArray) ->
                 earlier.append(sides)
         last_m = plan_m
     return RouteChanges(changes, flips)
-
-
-def winding_numbers(loop_m: FloatArray, points_m: FloatArray) -> NDArray[np.int64]:
-    """Return how often a closed polyline, shape (n, 2), winds round each point, shape (k, 2)."""
-    after_m = np.roll(loop_m, -1, axis=0)
-    x_m, y_m = points_m[:, :1], points_m[:, 1:]
-    upward = (loop_m[:, 1] <= y_m) & (after_m[:, 1] > y_m)
-    downward = (loop_m[:, 1] > y_m) & (after_m[:, 1] <= y_m)
-    step_m = after_m - loop_m
-    left = step_m[:, 0] * (y_m - loop_m[:, 1]) - step_m[:, 1] * (x_m - loop_m[:, 0])
-    counts: NDArray[np.int64] = (upward & (left > 0.0)).sum(1) - (downward & (left < 0.0)).sum(1)
-    return counts
 
 
 def _is_rest_of(plan_m: FloatArray, whole_m: FloatArray) -> bool:

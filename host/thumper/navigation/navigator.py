@@ -187,7 +187,7 @@ class Navigator:
         if stop := self._check_inputs(cycle):
             return self._fail(stop.reason) if stop.final else self._pause(active, stop.reason)
 
-        costmap = self._parts.model.update(cycle)
+        costmap = self._parts.model.update(cycle, self._parts.command_filter.are_static)
         self._parts.command_filter.update(cycle, self._parts.model)
         active.recovery.update(cycle, self._parts.model, costmap)
 

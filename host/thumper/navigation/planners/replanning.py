@@ -16,7 +16,7 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar import is_blocked, is_off
 from thumper.navigation.planners.planner import Planner, PlanResult
-from thumper.navigation.planners.polyline import arc_lengths, nearest_vertex, project_onto
+from thumper.navigation.planners.polyline import arc_lengths, nearest_vertex, project_onto, winding_numbers
 
 TINY_M, TINY_S = 1e-9, 1e-6
 BLOCKED_PERIOD_S = 0.3  # least time between two plans while the path is blocked
@@ -111,7 +111,7 @@ class PathManager:
             ):
                 self._planned_s = -math.inf
                 return
-        if self.path_m is None or invalid or self._is_cheaper_for_long(new_m, costmap, map_from_base):
+        if self.path_m is None or invalid or self._is_better(new_m, costmap, map_from_base):
             self.path_m, self.reason = new_m, result.reason
             self._valid_s = self._open_s = time_s
             self._cheaper_count = 0
@@ -188,18 +188,36 @@ class PathManager:
     def _is_left(path_m: FloatArray, base: Pose2) -> bool:
         return math.hypot(path_m[0, 0] - base.x_m, path_m[0, 1] - base.y_m) > MAX_PATH_DISTANCE_M
 
-    def _is_cheaper_for_long(self, new_m: FloatArray, costmap: Costmap, base: Pose2) -> bool:
-        """Return whether several searches in a row have found a path clearly cheaper than the kept one."""
+    def _is_better(self, new_m: FloatArray, costmap: Costmap, base: Pose2) -> bool:
+        """Return whether a path replaces the kept one, which nothing blocks for long.
+
+        On the same side of all obstacles it must be clearly cheaper. On another side it must have been so in
+        several searches in a row: noise must not send the robot back and forth.
+        """
         assert self.path_m is not None
         joined_m = np.vstack(((base.x_m, base.y_m), self.path_m))
         new_cost = self._planner.path_cost_m(costmap, new_m)
         old_cost = self._planner.path_cost_m(costmap, joined_m)
+        is_cheaper = new_cost < (1.0 - self._options.better_by) * old_cost
+        if is_cheaper and _is_same_side(new_m, joined_m, costmap):
+            return True
         if math.isinf(old_cost):  # blocked, perhaps only by noise: no time to compare
             return False
-        is_cheaper = new_cost < (1.0 - self._options.better_by) * old_cost
         is_cheaper = is_cheaper and self._can_turn_to(new_m, costmap, base)
         self._cheaper_count = self._cheaper_count + 1 if is_cheaper else 0
         return self._cheaper_count >= CHEAPER_SEARCHES
+
+
+def _is_same_side(new_m: FloatArray, old_m: FloatArray, costmap: Costmap) -> bool:
+    """Return whether two paths, shape (n, 2), pass all obstacles on the same sides (homotopy class)."""
+    loop_m = np.vstack((old_m, new_m[::-1]))
+    (low_row, high_row), (low_col, high_col) = (
+        (max(0, cells.min()), cells.max() + 1) for cells in costmap.cells_of(loop_m)
+    )
+    rows, cols = np.nonzero(costmap.squared_cells[low_row:high_row, low_col:high_col] == 0)
+    corner_m = np.array((costmap.origin_x_m, costmap.origin_y_m))
+    cells = np.column_stack((cols + low_col, rows + low_row)) + HALF_CELL
+    return not winding_numbers(loop_m, corner_m + cells * costmap.resolution_m).any()
 
 
 def _pruned(path_m: FloatArray, map_from_base: Pose2) -> FloatArray:
