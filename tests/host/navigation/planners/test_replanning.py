@@ -12,6 +12,7 @@ from thumper.navigation.costmap.inflation import INSCRIBED
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar import AStarPlanner
+from thumper.navigation.planners.polyline import resample
 from thumper.navigation.planners.replanning import BLOCKED_S, NARROW_S, PathManager, ReplanningOptions
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions
 
@@ -94,6 +95,16 @@ def test_a_narrow_path_gets_more_time_and_a_cheaper_one_must_stay_cheaper() -> N
     assert found == ["right", "right", "left"]
     assert door_after(manager, time_s, 1.5, doors(), robot, goal) == "left"
     assert door_after(manager, time_s + 1.5, 3.0, doors(), robot, goal) == "right"
+
+
+def test_a_cheaper_path_on_the_same_side_is_taken_at_once() -> None:
+    """A path with a detour, found before the robot has seen the hall, is not driven to its end."""
+    manager = PathManager(AStarPlanner(TraversalCostOptions()), ReplanningOptions(), Footprint())
+    robot, goal = Pose2(x_m=3.0, y_m=1.0), Goal(x_m=5.0, y_m=1.0)
+    detour_m = np.array(((3.0, 1.0), (4.0, 2.2), (5.0, 1.0)))
+    manager.path_m = resample(detour_m, 0.05)
+    manager.update(0.0, doors(), robot, goal)
+    assert manager.path_m[:, 1].max() < 1.1
 
 
 @pytest.mark.parametrize(("posts", "door"), [((), "right"), (((46, 66), (54, 66)), "left")])
