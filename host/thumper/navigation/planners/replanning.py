@@ -198,11 +198,11 @@ class PathManager:
         joined_m = np.vstack(((base.x_m, base.y_m), self.path_m))
         new_cost = self._planner.path_cost_m(costmap, new_m)
         old_cost = self._planner.path_cost_m(costmap, joined_m)
+        if math.isinf(old_cost):  # blocked, perhaps only by noise: no time to compare
+            return False
         is_cheaper = new_cost < (1.0 - self._options.better_by) * old_cost
         if is_cheaper and _is_same_side(new_m, joined_m, costmap):
             return True
-        if math.isinf(old_cost):  # blocked, perhaps only by noise: no time to compare
-            return False
         is_cheaper = is_cheaper and self._can_turn_to(new_m, costmap, base)
         self._cheaper_count = self._cheaper_count + 1 if is_cheaper else 0
         return self._cheaper_count >= CHEAPER_SEARCHES
